@@ -1,0 +1,66 @@
+//! Parse, dispatch, and turn the outcome into an exit code.
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use crate::commands;
+
+/// How a command that did not fail ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// Exit code 0.
+    Ok,
+    /// Finished, but the user should read the warnings: exit code 3.
+    Warnings,
+}
+
+/// Simulate a hydro-turbine governor's servo system, and find out why it differs from the real one.
+#[derive(Debug, Parser)]
+#[command(version, arg_required_else_help = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Validate a parameter file and print the merged unit.
+    Check(commands::check::Args),
+    /// Say what is in a bag: topics, types, counts, rates, gaps, health.
+    Info(commands::info::Args),
+    /// Simulate recordings and compare with what was measured.
+    Replay(commands::replay::Args),
+    /// Run the twin as a ROS 2 node.
+    #[cfg(feature = "node")]
+    Run(commands::run::Args),
+    /// Publish a recording over DDS with its timing.
+    #[cfg(feature = "node")]
+    Play(commands::play::Args),
+    /// Record from DDS into a bag.
+    #[cfg(feature = "node")]
+    Record(commands::record::Args),
+}
+
+/// Runs the command line; exit codes: 0 ok, 1 error, 2 usage, 3 finished with warnings.
+pub fn main() -> ExitCode {
+    let outcome = match Cli::parse().command {
+        Command::Check(args) => commands::check::run(&args),
+        Command::Info(args) => commands::info::run(&args),
+        Command::Replay(args) => commands::replay::run(&args),
+        #[cfg(feature = "node")]
+        Command::Run(args) => commands::run::run(&args),
+        #[cfg(feature = "node")]
+        Command::Play(args) => commands::play::run(&args),
+        #[cfg(feature = "node")]
+        Command::Record(args) => commands::record::run(&args),
+    };
+    match outcome {
+        Ok(Outcome::Ok) => ExitCode::SUCCESS,
+        Ok(Outcome::Warnings) => ExitCode::from(3),
+        Err(error) => {
+            eprintln!("govtwin: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}

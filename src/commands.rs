@@ -1,0 +1,11 @@
+//! One file per command: its arguments, and what it does.
+
+pub mod check;
+pub mod info;
+#[cfg(feature = "node")]
+pub mod play;
+#[cfg(feature = "node")]
+pub mod record;
+pub mod replay;
+#[cfg(feature = "node")]
+pub mod run;

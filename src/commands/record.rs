@@ -1,0 +1,12 @@
+//! `govtwin record`.
+
+use crate::cli::Outcome;
+
+/// Arguments of `govtwin record`.
+#[derive(Debug, clap::Args)]
+pub struct Args {}
+
+/// Not built yet.
+pub fn run(_args: &Args) -> anyhow::Result<Outcome> {
+    anyhow::bail!("not built yet")
+}

@@ -1,0 +1,31 @@
+//! A digital twin of a hydro-turbine governor's servo system.
+//!
+//! The data flow and the floors of the house are drawn in `ARCHITECTURE.md`.
+
+// words
+pub mod frame;
+pub mod parameters;
+pub mod recording;
+pub mod state;
+pub mod units;
+
+// physics
+pub mod plant;
+pub mod solver;
+
+// corrections
+pub mod effects;
+
+// heart
+pub mod twin;
+
+// judgement
+pub mod metrics;
+pub mod report;
+
+// edges
+pub mod bag;
+pub mod msg;
+#[cfg(feature = "node")]
+pub mod node;
+pub mod params;

@@ -1,0 +1,99 @@
+//! A recording: frames in time order, with a name and the dynamic process that they show.
+
+use crate::frame::{EsvState, Frame};
+use crate::units::seconds_from_nanos;
+
+/// The four dynamic processes of a governor (Liu et al. 2025, section 4.2).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Process {
+    /// From closed to speed-no-load.
+    Startup,
+    /// On load, towards a larger opening.
+    LoadIncrease,
+    /// Down to closed, with the emergency shutdown valve.
+    Shutdown,
+    /// A sudden closure from load, by command.
+    LoadRejection,
+}
+
+impl Process {
+    /// All four, in the order in which tables and pictures show them.
+    pub const ALL: [Self; 4] = [Self::Startup, Self::LoadIncrease, Self::Shutdown, Self::LoadRejection];
+
+    /// The name in file names and keys.
+    #[must_use]
+    pub fn id(self) -> &'static str {
+        match self {
+            Self::Startup => "startup",
+            Self::LoadIncrease => "load_increase",
+            Self::Shutdown => "shutdown",
+            Self::LoadRejection => "load_rejection",
+        }
+    }
+
+    /// The name in words.
+    #[must_use]
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Startup => "start-up",
+            Self::LoadIncrease => "load increase",
+            Self::Shutdown => "shutdown",
+            Self::LoadRejection => "load rejection",
+        }
+    }
+
+    /// Recognises the process from the inputs alone; a file's name plays no part.
+    ///
+    /// An ESV trip is a shutdown; a command that starts below 2 % and rises above 5 % is a start-up;
+    /// a command that falls by more than 20 % of the stroke within two seconds is a load rejection;
+    /// everything else is a change of load.
+    #[must_use]
+    pub fn of(frames: &[Frame]) -> Self {
+        let command = |frame: &Frame| frame.inputs.opening_command_pu;
+        if frames.iter().any(|frame| frame.inputs.esv == EsvState::Shutdown) {
+            return Self::Shutdown;
+        }
+        let starts_closed = frames.first().is_some_and(|first| command(first) < 0.02);
+        if starts_closed && frames.iter().any(|frame| command(frame) > 0.05) {
+            return Self::Startup;
+        }
+        let mut oldest = 0;
+        for frame in frames {
+            while seconds_from_nanos(frame.time_ns - frames[oldest].time_ns) > 2.0 {
+                oldest += 1;
+            }
+            if command(&frames[oldest]) - command(frame) > 0.20 {
+                return Self::LoadRejection;
+            }
+        }
+        Self::LoadIncrease
+    }
+}
+
+/// Frames in strictly rising time order, with a name for people.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recording {
+    /// What people call it: the file or folder name.
+    pub name: String,
+    /// The process that the inputs show.
+    pub process: Process,
+    /// The rows.
+    pub frames: Vec<Frame>,
+}
+
+impl Recording {
+    /// Names the frames and recognises their process.
+    #[must_use]
+    pub fn new(name: impl Into<String>, frames: Vec<Frame>) -> Self {
+        Self { name: name.into(), process: Process::of(&frames), frames }
+    }
+
+    /// Time from the first to the last frame, s.
+    #[must_use]
+    pub fn duration_s(&self) -> f64 {
+        match (self.frames.first(), self.frames.last()) {
+            (Some(first), Some(last)) => seconds_from_nanos(last.time_ns - first.time_ns),
+            _ => 0.0,
+        }
+    }
+}
