@@ -2,6 +2,7 @@
 
 pub mod check;
 pub mod info;
+pub mod output;
 #[cfg(feature = "node")]
 pub mod play;
 #[cfg(feature = "node")]
