@@ -1,1 +1,147 @@
-//! Parameter files: the only place that knows YAML.
+//! Parameter files: the shipped unit, overlays over it, and errors that say the way out.
+//!
+//! A file holds only what differs from the shipped unit, or from the file that its `base` names:
+//!
+//! ```yaml
+//! name: unit 2 after the overhaul
+//! base: station.yaml                  # optional, beside this file
+//! source: overhaul protocol           # optional, for every value of the file
+//! oil:
+//!   bulk_modulus_pa: 1.1e9            # a bare number keeps the tolerance
+//!   density_kg_m3: {value: 865.0, unit: kg/m3, tol: 0.01, source: laboratory}
+//! sensors:
+//!   spool_position_pu: {noise: 5.0e-4}
+//! ```
+//!
+//! Keys and physical ranges are those of [`crate::parameters::ENTRIES`]. A tolerance is the standard
+//! deviation from unit to unit: relative, or with `abs: true` in the parameter's unit, or with
+//! `log: true` of the natural logarithm; `tol: ~` takes it away.
+
+mod error;
+mod merge;
+mod sheet;
+mod suggest;
+mod yaml;
+
+use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
+
+use crate::parameters::{ENTRIES, Unit};
+
+pub use error::{ParamsError, Problem};
+pub use sheet::{Origin, SENSOR_ENTRIES, SensorEntry, Sheet};
+
+/// Text of the shipped sheet.
+const REFERENCE: &str = include_str!("../params/reference_unit.yaml");
+
+/// More than any parameter file holds; guards against being handed a bag.
+const LARGEST_FILE_BYTES: u64 = 1 << 20;
+
+#[expect(clippy::expect_used, reason = "the text is part of the program; a test reads it")]
+static SHIPPED: LazyLock<Sheet> = LazyLock::new(|| read_reference().expect("the shipped sheet is whole"));
+
+/// The reference unit as shipped with the program.
+#[must_use]
+pub fn reference() -> Unit {
+    SHIPPED.unit.clone()
+}
+
+/// The shipped sheet with the sources of its values.
+#[must_use]
+pub fn reference_sheet() -> Sheet {
+    SHIPPED.clone()
+}
+
+/// The unit that a parameter file describes.
+///
+/// # Errors
+/// When the file or one of its bases cannot be read, or holds anything that is not right; all
+/// problems of a file come at once.
+pub fn load(path: &Path) -> Result<Unit, ParamsError> {
+    load_sheet(path).map(|sheet| sheet.unit)
+}
+
+/// Like [`load`], with the sources of the values.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_sheet(path: &Path) -> Result<Sheet, ParamsError> {
+    load_over(path, &mut Vec::new())
+}
+
+/// Loads `path` over its bases; `open` holds the files that are being loaded, to find a circle.
+fn load_over(path: &Path, open: &mut Vec<PathBuf>) -> Result<Sheet, ParamsError> {
+    let identity = path.canonicalize().map_err(|source| ParamsError::Read { path: path.to_path_buf(), source })?;
+    let text = read(path)?;
+    let invalid = |problems| ParamsError::Invalid { path: path.to_path_buf(), problems };
+    let document = yaml::parse(&text).map_err(|error| {
+        let message = format!("this is not YAML: {}", error.message);
+        invalid(vec![Problem { line: error.line, key: String::new(), message }])
+    })?;
+    open.push(identity);
+    let mut sheet = match document.text("base") {
+        None => reference_sheet(),
+        Some(base) => {
+            let base = path.parent().unwrap_or(Path::new("")).join(base);
+            let at_base =
+                |message| invalid(vec![Problem { line: document.line(&["base"]), key: "base".to_owned(), message }]);
+            let known =
+                base.canonicalize().map_err(|error| at_base(format!("cannot read {}: {error}", base.display())))?;
+            if open.contains(&known) {
+                return Err(at_base(format!(
+                    "{} rests on itself; one file of the circle must drop `base`",
+                    base.display()
+                )));
+            }
+            load_over(&base, open)?
+        }
+    };
+    let problems = merge::merge(&document, Some(path), &mut sheet);
+    if !problems.is_empty() {
+        return Err(invalid(problems));
+    }
+    sheet.files.push(path.to_path_buf());
+    Ok(sheet)
+}
+
+fn read(path: &Path) -> Result<String, ParamsError> {
+    let failed = |source| ParamsError::Read { path: path.to_path_buf(), source };
+    let bytes = std::fs::metadata(path).map_err(failed)?.len();
+    if bytes > LARGEST_FILE_BYTES {
+        let message = format!("it has {bytes} bytes, parameter files a few thousand; is it a recording?");
+        return Err(failed(std::io::Error::other(message)));
+    }
+    std::fs::read_to_string(path).map_err(failed)
+}
+
+fn read_reference() -> Result<Sheet, Vec<Problem>> {
+    let document = yaml::parse(REFERENCE)
+        .map_err(|error| vec![Problem { line: error.line, key: String::new(), message: error.message }])?;
+    let mut sheet = Sheet::blank();
+    let mut problems = merge::merge(&document, None, &mut sheet);
+    let sensors = SENSOR_ENTRIES.iter().map(|entry| format!("sensors.{}", entry.name));
+    for key in ENTRIES.iter().map(|entry| entry.key.to_owned()).chain(sensors) {
+        if !sheet.origins.contains_key(&key) {
+            problems.push(Problem { line: None, key, message: "missing from the shipped sheet".to_owned() });
+        }
+    }
+    if problems.is_empty() { Ok(sheet) } else { Err(problems) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::parameters::Tolerance;
+
+    #[test]
+    fn the_shipped_sheet_is_whole() {
+        let sheet = read_reference().unwrap();
+        let unit = reference();
+        assert_eq!(unit, sheet.unit);
+        assert_eq!(unit.parameters.oil.density_kg_m3, 870.0);
+        assert_eq!(unit.parameters.servomotor.load_slope_n, 2.5e5);
+        assert_eq!(unit.sensors.servomotor_position_pu.step, 6.1e-5);
+        let leakage = ENTRIES.iter().position(|entry| entry.key == "distributing_valve.leakage_m3_s_pa").unwrap();
+        assert_eq!(unit.tolerances[leakage], Some(Tolerance::LogNormal(0.3)));
+    }
+}

@@ -1,0 +1,79 @@
+//! What can be wrong with a parameter file, told so that its reader can mend it.
+
+use std::fmt;
+use std::path::PathBuf;
+
+/// One thing wrong in a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Problem {
+    /// Line, counted from 1, where it is known.
+    pub line: Option<usize>,
+    /// Dotted key, such as `oil.density_kg_m3`; empty where it concerns the whole file.
+    pub key: String,
+    /// What was found, what is expected, and the way out.
+    pub message: String,
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if !self.key.is_empty() {
+            write!(f, "{}: ", self.key)?;
+        }
+        f.write_str(&self.message)
+    }
+}
+
+/// A parameter file that cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum ParamsError {
+    /// The file cannot be read.
+    #[error("cannot read the parameter file {}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The file cannot be written.
+    #[error("cannot write the parameter file {}: {source}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The content is wrong; all problems of the file at once.
+    #[error("{}", list(path, problems))]
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, in the order of the file.
+        problems: Vec<Problem>,
+    },
+}
+
+impl ParamsError {
+    /// What is wrong in the file's content; empty where it could not be read or written at all.
+    #[must_use]
+    pub fn problems(&self) -> &[Problem] {
+        match self {
+            Self::Invalid { problems, .. } => problems,
+            Self::Read { .. } | Self::Write { .. } => &[],
+        }
+    }
+}
+
+/// One line a problem, each beginning with `file:line:` as compilers do, so that editors can jump to it.
+fn list(path: &std::path::Path, problems: &[Problem]) -> String {
+    let noun = if problems.len() == 1 { "problem" } else { "problems" };
+    let mut text = format!("{} {noun} in the parameter file {}", problems.len(), path.display());
+    for problem in problems {
+        text.push_str("\n  ");
+        text.push_str(&path.display().to_string());
+        if let Some(line) = problem.line {
+            text.push_str(&format!(":{line}"));
+        }
+        text.push_str(&format!(": {problem}"));
+    }
+    text
+}

@@ -1,0 +1,82 @@
+//! A unit together with where each of its values comes from.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use crate::parameters::{ENTRIES, Parameters, Sensor, Sensors, Unit};
+
+/// Where a value was read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Origin {
+    /// The file; `None` for the sheet shipped with the program.
+    pub file: Option<PathBuf>,
+    /// Line, counted from 1, where it is known.
+    pub line: Option<usize>,
+    /// What the file names as the value's source; empty where it names none.
+    pub source: String,
+}
+
+/// A unit as merged from a file, its bases and the shipped sheet.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sheet {
+    /// What the file calls the unit; empty where it gives no name.
+    pub name: String,
+    /// The unit itself.
+    pub unit: Unit,
+    /// The files that were merged, the lowest base first; the shipped sheet is below them all.
+    pub files: Vec<PathBuf>,
+    /// Where each key was last set, by dotted key.
+    pub origins: BTreeMap<String, Origin>,
+}
+
+impl Sheet {
+    /// A sheet that says nothing yet.
+    pub(super) fn blank() -> Self {
+        Self {
+            name: String::new(),
+            unit: Unit {
+                parameters: Parameters::default(),
+                tolerances: vec![None; ENTRIES.len()],
+                sensors: Sensors::default(),
+                effects: Vec::new(),
+            },
+            files: Vec::new(),
+            origins: BTreeMap::new(),
+        }
+    }
+}
+
+/// One transducer of [`Sensors`], for files and tables.
+pub struct SensorEntry {
+    /// Name of the signal, with its unit suffix.
+    pub name: &'static str,
+    /// Unit of noise and step.
+    pub unit: &'static str,
+    /// Largest noise or step that makes sense.
+    pub max: f64,
+    /// Reads it.
+    pub get: fn(&Sensors) -> Sensor,
+    /// Writes it, unchecked.
+    pub set: fn(&mut Sensors, Sensor),
+}
+
+macro_rules! sensors {
+    ($($field:ident [$unit:literal] $max:literal),* $(,)?) => {
+        /// Every transducer, in the order of the data sheet.
+        pub const SENSOR_ENTRIES: &[SensorEntry] = &[$(SensorEntry {
+            name: stringify!($field),
+            unit: $unit,
+            max: $max,
+            get: |sensors| sensors.$field,
+            set: |sensors, sensor| sensors.$field = sensor,
+        }),*];
+    };
+}
+
+sensors! {
+    spool_position_pu ["pu"] 0.2,
+    servomotor_position_pu ["pu"] 0.2,
+    pilot_valve_position_pu ["pu"] 0.2,
+    tank_pressure_pa ["Pa"] 1.0e6,
+    control_pressure_pa ["Pa"] 1.0e6,
+}
