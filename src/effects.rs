@@ -1,5 +1,8 @@
 //! The effect catalogue: what a real unit may do beyond the nominal model, as switches of the same twin.
 
+use crate::parameters::EffectSetting;
+use crate::plant::Plant;
+
 /// One parameter of an effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EffectParameter {
@@ -28,3 +31,6 @@ pub struct EffectSpec {
 
 /// Every effect that the twin can switch on. None is built yet.
 pub const CATALOGUE: &[EffectSpec] = &[];
+
+/// Builds a list of effects into a plant; unknown ids are ignored because parameter files are checked at the edge.
+pub fn apply(_settings: &[EffectSetting], _plant: &mut Plant) {}

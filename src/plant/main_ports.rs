@@ -1,0 +1,144 @@
+//! The main ports: rectangular windows between spool, supply, return and the servomotor's chambers.
+//!
+//! `x_eff = x − h_0` for `x > h_0`, `x + h_0` for `x < −h_0`, 0 between. `x_eff ≥ 0`: `Q_1 = C_d w x_eff √(2 (P_s − P_1)/ρ)` into
+//! the opening chamber, `Q_2 = C_d w x_eff √(2 (P_2 − P_t)/ρ)` out of the closing one; `x_eff < 0` the other way round
+//! (Merritt 1967, section 5.1). A line loss `R Q²` before the feeding port is in series with it, so that
+//! no algebraic loop remains: both share the drop from the tank to the chamber.
+
+use crate::parameters;
+use crate::plant::orifice::{Flow, in_series, root};
+use crate::plant::supply::Supply;
+
+/// Law and parameters of the main ports.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MainPorts {
+    /// Flow per spool travel and root of pressure drop when opening, m²/(s √Pa).
+    pub opening_gain: f64,
+    /// The same when closing.
+    pub closing_gain: f64,
+    /// Overlap on the opening side, m.
+    pub opening_overlap_m: f64,
+    /// Overlap on the closing side, m.
+    pub closing_overlap_m: f64,
+    /// Steady flow force per port travel and pressure drop, m: `2 C_d w cos θ` where it counts, 0 on the sheet.
+    pub flow_force_m: f64,
+    /// The theoretical flow-force coefficient `2 C_d w cos 69°`, m (Merritt 1967, section 5.6).
+    pub theoretical_flow_force_m: f64,
+}
+
+/// Flows into the two chambers, and what the servomotor draws from the tank.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PortFlows {
+    /// Into the opening chamber; slope against its own pressure.
+    pub opening: Flow,
+    /// Into the closing chamber; slope against its own pressure.
+    pub closing: Flow,
+    /// Out of the tank, m³/s.
+    pub drawn_m3_s: f64,
+}
+
+impl MainPorts {
+    /// From the sheet.
+    #[must_use]
+    pub fn new(p: &parameters::MainPorts, esv: &parameters::Esv, oil: &parameters::Oil) -> Self {
+        let gain = esv.discharge_coefficient * p.width_m * (2.0 / oil.density_kg_m3).sqrt();
+        Self {
+            opening_gain: gain,
+            closing_gain: gain,
+            opening_overlap_m: p.overlap_m,
+            closing_overlap_m: p.overlap_m,
+            flow_force_m: 0.0,
+            theoretical_flow_force_m: 2.0 * esv.discharge_coefficient * p.width_m * 69.0_f64.to_radians().cos(),
+        }
+    }
+
+    /// Travel beyond the overlap `x_eff`, m.
+    #[inline]
+    #[must_use]
+    pub fn travel_m(&self, position_m: f64) -> f64 {
+        position_m - position_m.clamp(-self.closing_overlap_m, self.opening_overlap_m)
+    }
+
+    /// Flows at a travel beyond the overlap.
+    #[inline]
+    #[must_use]
+    pub fn flows(&self, travel_m: f64, opening_pa: f64, closing_pa: f64, tank_pa: f64, supply: &Supply) -> PortFlows {
+        let return_pa = supply.return_pressure_pa;
+        if travel_m == 0.0 {
+            let none = Flow { m3_s: 0.0, slope_m3_s_pa: 0.0 };
+            return PortFlows { opening: none, closing: none, drawn_m3_s: 0.0 };
+        }
+        if travel_m > 0.0 {
+            let free = self.opening_gain * travel_m;
+            let fed = feed(in_series(free, supply.line_root), tank_pa - opening_pa);
+            PortFlows { opening: fed, closing: drain(free, closing_pa - return_pa), drawn_m3_s: fed.m3_s }
+        } else {
+            let free = -self.closing_gain * travel_m;
+            let fed = feed(in_series(free, supply.line_root), tank_pa - closing_pa);
+            PortFlows { opening: drain(free, opening_pa - return_pa), closing: fed, drawn_m3_s: fed.m3_s }
+        }
+    }
+
+    /// Steady flow force on the spool, N, + opens; it acts towards closing the port.
+    #[inline]
+    #[must_use]
+    pub fn flow_force_n(&self, travel_m: f64, opening_pa: f64, closing_pa: f64, supply_pa: f64, return_pa: f64) -> f64 {
+        if self.flow_force_m == 0.0 {
+            return 0.0;
+        }
+        let drops_pa = if travel_m >= 0.0 {
+            (supply_pa - opening_pa) + (closing_pa - return_pa)
+        } else {
+            (supply_pa - closing_pa) + (opening_pa - return_pa)
+        };
+        -self.flow_force_m * travel_m * drops_pa.max(0.0)
+    }
+}
+
+#[inline]
+fn feed(conductance: f64, drop_pa: f64) -> Flow {
+    let (value, slope) = root(drop_pa);
+    Flow { m3_s: conductance * value, slope_m3_s_pa: -conductance * slope }
+}
+
+#[inline]
+fn drain(conductance: f64, drop_pa: f64) -> Flow {
+    let (value, slope) = root(drop_pa);
+    Flow { m3_s: -conductance * value, slope_m3_s_pa: -conductance * slope }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::plant::fixture::plant;
+
+    #[test]
+    fn the_overlap_is_dead_and_the_rest_is_free() {
+        let ports = plant().main_ports;
+        assert_eq!(ports.travel_m(1.9e-4), 0.0);
+        assert_eq!(ports.travel_m(-1.9e-4), 0.0);
+        assert!((ports.travel_m(1.2e-3) - 1.0e-3).abs() < 1e-15);
+        assert!((ports.travel_m(-1.2e-3) + 1.0e-3).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_line_loss_and_the_port_share_the_drop() {
+        let plant = plant();
+        let mut supply = plant.supply;
+        supply.line_root = 2.753e9_f64.sqrt();
+        let flows = plant.main_ports.flows(5e-3, 2.0e6, 3.0e6, 6.3e6, &supply);
+        let q = flows.opening.m3_s;
+        let at_valve_pa = supply.pressure_pa(6.3e6, q);
+        let free = plant.main_ports.opening_gain * 5e-3 * (at_valve_pa - 2.0e6).sqrt();
+        assert!((q - free).abs() < 1e-9 * q);
+        assert_eq!(flows.drawn_m3_s, q);
+    }
+
+    #[test]
+    fn directions_mirror() {
+        let plant = plant();
+        let open = plant.main_ports.flows(2e-3, 3.0e6, 3.4e6, 6.3e6, &plant.supply);
+        let close = plant.main_ports.flows(-2e-3, 3.4e6, 3.0e6, 6.3e6, &plant.supply);
+        assert_eq!(open.opening, close.closing);
+        assert_eq!(open.closing, close.opening);
+    }
+}

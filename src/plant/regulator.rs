@@ -1,0 +1,128 @@
+//! The regulator: two discrete loops that turn the opening command into a valve current.
+//!
+//! Every large-loop period: `e = Y_pid − Y`; `u_c = K1 e + C_p` for `e ≥ Z_u`, `K1 e + C_n` for `e ≤ Z_l`, 0 between;
+//! `u_y = sat(u_c)`. Every small-loop period: `u = sat(K2 (u_y − y − y_r) + I_r)`, limits ±1 pu.
+//! Source: Liu et al. 2025, equations 1 to 4. The large loop holds its output between its instants.
+
+use crate::parameters;
+
+/// Law and parameters of the regulator.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Regulator {
+    p: parameters::Regulator,
+    /// Small-loop ticks in one large-loop period.
+    pub ticks_per_large_loop: u64,
+}
+
+impl Regulator {
+    /// From the sheet.
+    #[must_use]
+    pub fn new(p: &parameters::Regulator) -> Self {
+        let mut regulator = Self { p: *p, ticks_per_large_loop: 1 };
+        regulator.set_large_loop_period(p.large_loop_period_s);
+        regulator
+    }
+
+    /// Period of the small loop, s.
+    #[must_use]
+    pub fn small_loop_period_s(&self) -> f64 {
+        self.p.small_loop_period_s
+    }
+
+    /// Period of the large loop, s.
+    #[must_use]
+    pub fn large_loop_period_s(&self) -> f64 {
+        self.p.large_loop_period_s
+    }
+
+    /// Sets the large loop's period, rounded to whole small-loop periods, at least one.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at least 1, and a cast saturates")]
+    pub fn set_large_loop_period(&mut self, period_s: f64) {
+        self.p.large_loop_period_s = period_s;
+        self.ticks_per_large_loop = (period_s / self.p.small_loop_period_s).round().max(1.0) as u64;
+    }
+
+    /// The dead band on the servomotor error, pu: lower and upper edge.
+    #[must_use]
+    pub fn deadband_pu(&self) -> (f64, f64) {
+        (self.p.deadband_lower_pu, self.p.deadband_upper_pu)
+    }
+
+    /// The large loop: spool demand `u_y`, pu.
+    #[inline]
+    #[must_use]
+    pub fn spool_command_pu(&self, command_pu: f64, servomotor_reading_pu: f64) -> f64 {
+        let e = command_pu - servomotor_reading_pu;
+        let u_c = if e >= self.p.deadband_upper_pu {
+            self.p.position_gain * e + self.p.compensation_positive_pu
+        } else if e <= self.p.deadband_lower_pu {
+            self.p.position_gain * e + self.p.compensation_negative_pu
+        } else {
+            0.0
+        };
+        u_c.clamp(self.p.spool_command_min_pu, self.p.spool_command_max_pu)
+    }
+
+    /// The small loop: valve current `u`, pu.
+    #[inline]
+    #[must_use]
+    pub fn valve_current_pu(&self, spool_command_pu: f64, spool_reading_pu: f64) -> f64 {
+        let u = self.p.spool_gain * (spool_command_pu - spool_reading_pu - self.p.spool_reference_pu)
+            + self.p.current_reference_pu;
+        u.clamp(-1.0, 1.0)
+    }
+
+    /// The spool reading at which the small loop rests with this current, pu.
+    #[must_use]
+    pub fn resting_reading_pu(&self, spool_command_pu: f64, valve_current_pu: f64) -> f64 {
+        spool_command_pu - self.p.spool_reference_pu
+            + (self.p.current_reference_pu - valve_current_pu) / self.p.spool_gain
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sheet() -> Regulator {
+        Regulator::new(&parameters::Regulator {
+            position_gain: 30.0,
+            spool_gain: 8.0,
+            deadband_upper_pu: 0.0005,
+            deadband_lower_pu: -0.0005,
+            compensation_positive_pu: 0.015,
+            compensation_negative_pu: -0.015,
+            spool_command_min_pu: -1.0,
+            spool_command_max_pu: 1.0,
+            spool_reference_pu: 0.0,
+            current_reference_pu: 0.0,
+            large_loop_period_s: 0.010,
+            small_loop_period_s: 0.001,
+        })
+    }
+
+    #[test]
+    fn the_dead_band_is_closed_at_its_edges() {
+        let regulator = sheet();
+        assert_eq!(regulator.spool_command_pu(0.0004, 0.0), 0.0);
+        assert_eq!(regulator.spool_command_pu(0.0005, 0.0), 0.03);
+        assert_eq!(regulator.spool_command_pu(-0.0005, 0.0), -0.03);
+    }
+
+    #[test]
+    fn both_loops_saturate() {
+        let regulator = sheet();
+        assert_eq!(regulator.spool_command_pu(1.0, 0.0), 1.0);
+        assert_eq!(regulator.spool_command_pu(0.0, 1.0), -1.0);
+        assert_eq!(regulator.valve_current_pu(1.0, 0.0), 1.0);
+        assert_eq!(regulator.valve_current_pu(-1.0, 0.0), -1.0);
+        assert_eq!(regulator.ticks_per_large_loop, 10);
+    }
+
+    #[test]
+    fn the_resting_reading_inverts_the_small_loop() {
+        let regulator = sheet();
+        let reading_pu = regulator.resting_reading_pu(0.1, 0.02);
+        assert!((regulator.valve_current_pu(0.1, reading_pu) - 0.02).abs() < 1e-15);
+    }
+}

@@ -1,0 +1,174 @@
+//! The main distributing valve's spool and its control chamber; x > 0 opens.
+//!
+//! `(V_0 + A x)(1/β) P' = Q_e − A x' − C_l (P − P_s) − C_r (P − P_t)`;
+//! `m x'' = P A − P_s A_cons + m g − F_k − B x' − F_f`, `F_k = k (δ_0 + x)` for `x > −δ_0`, else 0; `x_min ≤ x ≤ x_max`.
+//! Source: Liu et al. 2025, equations 14 to 18 (A = A_ctrl, P = P_ctrl, the constant-pressure chamber at P_s).
+//! C_r, free air and Coulomb friction are 0 on the sheet; effects set them.
+
+use crate::parameters;
+
+/// Standard atmosphere, Pa: gauge pressures count from it.
+const ATMOSPHERE_PA: f64 = 101_325.0;
+
+/// Law and parameters of the spool and its control chamber.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spool {
+    /// Moving mass `m`, kg.
+    pub mass_kg: f64,
+    /// Viscous damping `B`, N s/m.
+    pub viscous_damping_n_s_m: f64,
+    /// Control-chamber area `A_ctrl`, m².
+    pub control_area_m2: f64,
+    /// Constant-pressure area `A_cons`, m².
+    pub constant_area_m2: f64,
+    /// Spring stiffness `k`, N/m.
+    pub spring_stiffness_n_m: f64,
+    /// Spring pre-compression `δ_0`, m.
+    pub spring_precompression_m: f64,
+    /// Leakage from supply into the chamber `C_l`, m³/(s Pa).
+    pub leakage_m3_s_pa: f64,
+    /// Leakage from the chamber to return `C_r`, m³/(s Pa).
+    pub return_leakage_m3_s_pa: f64,
+    /// Chamber volume at neutral `V_0`, m³.
+    pub control_volume_m3: f64,
+    /// Inverse bulk modulus of air-free oil, 1/Pa.
+    pub compressibility_1_pa: f64,
+    /// Volume share of free air at atmospheric pressure.
+    pub free_air_share: f64,
+    /// Stroke of 1 pu, m.
+    pub reference_stroke_m: f64,
+    /// Stop on the closing side, m.
+    pub stroke_min_m: f64,
+    /// Stop on the opening side, m.
+    pub stroke_max_m: f64,
+    /// Weight towards opening `m g`, N.
+    pub weight_n: f64,
+    /// Coulomb friction, N.
+    pub coulomb_friction_n: f64,
+    /// Friction at rest over Coulomb friction, at least 1.
+    pub static_ratio: f64,
+    /// Gain of the spool transducer.
+    pub reading_gain: f64,
+    /// Offset of the spool transducer, pu.
+    pub reading_bias_pu: f64,
+}
+
+impl Spool {
+    /// From the sheet.
+    #[must_use]
+    pub fn new(p: &parameters::DistributingValve, oil: &parameters::Oil) -> Self {
+        Self {
+            mass_kg: p.spool_mass_kg,
+            viscous_damping_n_s_m: p.viscous_damping_n_s_m,
+            control_area_m2: p.control_area_m2,
+            constant_area_m2: p.constant_pressure_area_m2,
+            spring_stiffness_n_m: p.spring_stiffness_n_m,
+            spring_precompression_m: p.spring_precompression_m,
+            leakage_m3_s_pa: p.leakage_m3_s_pa,
+            return_leakage_m3_s_pa: 0.0,
+            control_volume_m3: p.control_volume_m3,
+            compressibility_1_pa: 1.0 / oil.bulk_modulus_pa,
+            free_air_share: 0.0,
+            reference_stroke_m: p.reference_stroke_m,
+            stroke_min_m: p.stroke_min_m,
+            stroke_max_m: p.stroke_max_m,
+            weight_n: p.spool_mass_kg * p.gravity_m_s2,
+            coulomb_friction_n: 0.0,
+            static_ratio: 1.0,
+            reading_gain: 1.0,
+            reading_bias_pu: 0.0,
+        }
+    }
+
+    /// What the transducer shows at a position, pu.
+    #[inline]
+    #[must_use]
+    pub fn reading_pu(&self, position_m: f64) -> f64 {
+        self.reading_gain * position_m / self.reference_stroke_m + self.reading_bias_pu
+    }
+
+    /// The position at which the transducer shows a reading, m.
+    #[inline]
+    #[must_use]
+    pub fn position_m(&self, reading_pu: f64) -> f64 {
+        (reading_pu - self.reading_bias_pu) / self.reading_gain * self.reference_stroke_m
+    }
+
+    /// Volume that one Pa more compresses, m³/Pa.
+    ///
+    /// Free air follows the isothermal gas law (Merritt 1967, section 2.4).
+    #[inline]
+    #[must_use]
+    pub fn compliance_m3_pa(&self, position_m: f64, pressure_pa: f64) -> f64 {
+        let volume_m3 = self.control_volume_m3 + self.control_area_m2 * position_m;
+        volume_m3 * compressibility_1_pa(self.compressibility_1_pa, self.free_air_share, pressure_pa)
+    }
+
+    /// Force of the centring spring towards closing, N.
+    #[inline]
+    #[must_use]
+    pub fn spring_force_n(&self, position_m: f64) -> f64 {
+        self.spring_stiffness_n_m * (self.spring_precompression_m + position_m).max(0.0)
+    }
+
+    /// Net leakage into the chamber, m³/s.
+    #[inline]
+    #[must_use]
+    pub fn leakage_m3_s(&self, pressure_pa: f64, supply_pa: f64, return_pa: f64) -> f64 {
+        self.leakage_m3_s_pa * (supply_pa - pressure_pa) + self.return_leakage_m3_s_pa * (return_pa - pressure_pa)
+    }
+
+    /// Force of the chambers, the weight and the spring, N, + opens.
+    #[inline]
+    #[must_use]
+    pub fn static_force_n(&self, position_m: f64, pressure_pa: f64, supply_pa: f64) -> f64 {
+        pressure_pa * self.control_area_m2 - supply_pa * self.constant_area_m2 + self.weight_n
+            - self.spring_force_n(position_m)
+    }
+
+    /// Control-chamber pressure that balances the forces at rest, Pa.
+    #[must_use]
+    pub fn balance_pressure_pa(&self, position_m: f64, supply_pa: f64) -> f64 {
+        -self.static_force_n(position_m, 0.0, supply_pa) / self.control_area_m2
+    }
+}
+
+/// Inverse bulk modulus of oil with free air, 1/Pa.
+#[inline]
+#[must_use]
+pub fn compressibility_1_pa(oil_1_pa: f64, free_air_share: f64, pressure_pa: f64) -> f64 {
+    if free_air_share == 0.0 {
+        return oil_1_pa;
+    }
+    let absolute_pa = (pressure_pa + ATMOSPHERE_PA).max(0.1 * ATMOSPHERE_PA);
+    oil_1_pa + free_air_share * ATMOSPHERE_PA / (absolute_pa * absolute_pa)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_balance_pressure_balances() {
+        let unit = crate::plant::fixture::plant();
+        for position_m in [-0.015, -0.004, 0.0, 0.012] {
+            let pressure_pa = unit.spool.balance_pressure_pa(position_m, 6.3e6);
+            assert!(unit.spool.static_force_n(position_m, pressure_pa, 6.3e6).abs() < 1e-8);
+        }
+    }
+
+    #[test]
+    fn the_spring_pushes_one_way_only() {
+        let mut spool = crate::plant::fixture::plant().spool;
+        spool.spring_precompression_m = 0.005;
+        assert_eq!(spool.spring_force_n(-0.006), 0.0);
+        assert!((spool.spring_force_n(0.001) - 0.006 * spool.spring_stiffness_n_m).abs() < 1e-9);
+    }
+
+    #[test]
+    fn free_air_softens_low_pressures_most() {
+        let at = |pressure_pa: f64| compressibility_1_pa(1e-9, 0.02, pressure_pa);
+        assert!(at(0.0) > at(1e6) && at(1e6) > at(6e6) && at(6e6) > 1e-9);
+        assert_eq!(compressibility_1_pa(1e-9, 0.0, 0.0), 1e-9);
+    }
+}

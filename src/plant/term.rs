@@ -1,0 +1,164 @@
+//! Terms: what an effect adds to the plant where no block has a coefficient for it.
+//!
+//! A term stands at one point of the chain, sees the signal there and the state of the last tick, and
+//! returns the signal that goes on. Its memory lives in the twin's state and advances once a tick.
+
+use std::fmt;
+use std::sync::Arc;
+
+use crate::state::State;
+
+/// Where in the chain a term stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Point {
+    /// The opening command on its way to the regulator, pu.
+    Command,
+    /// The ESV's opening, 1 normal, 0 shutdown.
+    EsvOpening,
+    /// The regulator's current to the proportional valve, pu.
+    ValveCurrent,
+    /// The servomotor's transducer, pu.
+    ServomotorReading,
+    /// Force on the spool, N, + opens.
+    SpoolForce,
+    /// Flow into the control chamber, m³/s.
+    ChamberFlow,
+    /// Force on the piston, N, + opens.
+    ServomotorForce,
+    /// Flow into the opening chamber, m³/s.
+    OpeningFlow,
+    /// Flow into the closing chamber, m³/s.
+    ClosingFlow,
+}
+
+/// Number of points.
+pub const POINTS: usize = 9;
+
+/// What a term may look at.
+#[derive(Clone, Copy, Debug)]
+pub struct View<'a> {
+    /// Time since the first frame, s.
+    pub time_s: f64,
+    /// Length of a tick, s.
+    pub tick_s: f64,
+    /// State at the start of the tick.
+    pub state: &'a State,
+    /// Tank pressure, Pa gauge.
+    pub tank_pressure_pa: f64,
+    /// Spool reading, pu.
+    pub spool_reading_pu: f64,
+    /// Servomotor reading, pu.
+    pub servomotor_reading_pu: f64,
+}
+
+/// A law that stands at one point of the chain.
+pub trait Term: fmt::Debug + Send + Sync {
+    /// Where it stands.
+    fn point(&self) -> Point;
+
+    /// How many numbers it remembers.
+    fn memory_len(&self) -> usize {
+        0
+    }
+
+    /// Sets its memory for a signal that has long been constant.
+    fn reset(&self, _signal: f64, _memory: &mut [f64]) {}
+
+    /// The signal that goes on; called once a tick.
+    fn apply(&self, signal: f64, view: &View<'_>, memory: &mut [f64]) -> f64;
+}
+
+/// All terms of a plant, by point and in the order in which effects added them.
+#[derive(Clone, Debug, Default)]
+pub struct Terms {
+    list: Vec<(Arc<dyn Term>, usize)>,
+    ranges: [(usize, usize); POINTS],
+    memory_len: usize,
+}
+
+impl Terms {
+    /// Adds a term; terms at one point act in the order in which they were added.
+    pub fn push(&mut self, term: Arc<dyn Term>) {
+        let at = self.ranges[term.point() as usize].1;
+        let start = self.memory_len;
+        self.memory_len += term.memory_len();
+        let point = term.point() as usize;
+        self.list.insert(at, (term, start));
+        self.ranges[point].1 += 1;
+        for range in &mut self.ranges[point + 1..] {
+            range.0 += 1;
+            range.1 += 1;
+        }
+    }
+
+    /// Numbers that all terms remember together.
+    #[must_use]
+    pub fn memory_len(&self) -> usize {
+        self.memory_len
+    }
+
+    /// True when nothing stands at the point.
+    #[inline]
+    #[must_use]
+    pub fn is_empty_at(&self, point: Point) -> bool {
+        let (from, to) = self.ranges[point as usize];
+        from == to
+    }
+
+    /// Sets the memories at a point for a constant signal; returns what comes out.
+    pub fn reset(&self, point: Point, signal: f64, memory: &mut [f64]) {
+        let (from, to) = self.ranges[point as usize];
+        for (term, start) in &self.list[from..to] {
+            term.reset(signal, &mut memory[*start..*start + term.memory_len()]);
+        }
+    }
+
+    /// Passes a signal through all terms at a point.
+    #[inline]
+    #[must_use]
+    pub fn apply(&self, point: Point, mut signal: f64, view: &View<'_>, memory: &mut [f64]) -> f64 {
+        let (from, to) = self.ranges[point as usize];
+        for (term, start) in &self.list[from..to] {
+            signal = term.apply(signal, view, &mut memory[*start..*start + term.memory_len()]);
+        }
+        signal
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Debug)]
+    struct Affine(Point, f64, f64);
+
+    impl Term for Affine {
+        fn point(&self) -> Point {
+            self.0
+        }
+        fn apply(&self, signal: f64, _view: &View<'_>, _memory: &mut [f64]) -> f64 {
+            self.1 * signal + self.2
+        }
+    }
+
+    #[test]
+    fn terms_act_at_their_point_in_the_order_added() {
+        let mut terms = Terms::default();
+        terms.push(Arc::new(Affine(Point::ServomotorReading, 1.0, 1.0)));
+        terms.push(Arc::new(Affine(Point::Command, 1.0, 10.0)));
+        terms.push(Arc::new(Affine(Point::ServomotorReading, 2.0, 0.0)));
+        let state = State::default();
+        let view = View {
+            time_s: 0.0,
+            tick_s: 1e-3,
+            state: &state,
+            tank_pressure_pa: 6.3e6,
+            spool_reading_pu: 0.0,
+            servomotor_reading_pu: 0.0,
+        };
+        assert_eq!(terms.apply(Point::ServomotorReading, 3.0, &view, &mut []), 8.0);
+        assert_eq!(terms.apply(Point::Command, 3.0, &view, &mut []), 13.0);
+        assert_eq!(terms.apply(Point::EsvOpening, 3.0, &view, &mut []), 3.0);
+        assert!(terms.is_empty_at(Point::SpoolForce) && !terms.is_empty_at(Point::Command));
+    }
+}

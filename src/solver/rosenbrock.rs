@@ -1,0 +1,57 @@
+//! ROS2, an L-stable linearly implicit Runge–Kutta method of order 2 (Verwer et al. 1999, SIAM J. Sci. Comput. 20(4)).
+//!
+//! `(I − γhJ) k_1 = f(y)`, `(I − γhJ) k_2 = f(y + h k_1) − 2 k_1`, `y ← y + h (3 k_1 + k_2)/2`, γ = 1 + 1/√2. The Jacobian
+//! is taken by forward differences; ROS2 keeps order 2 with any approximation of it.
+
+use nalgebra::SMatrix;
+
+use crate::plant::rates::{confine, rates};
+use crate::plant::{Drive, Plant};
+use crate::solver::steps;
+use crate::state::{DIMENSION, State, Vector};
+
+/// Typical sizes of the states, for difference steps.
+const SCALES: [f64; DIMENSION] = [1.0, 400.0, 1e6, 1e-2, 0.1, 1e6, 1e6, 0.1, 0.1];
+
+/// Steps of one tick.
+#[derive(Clone, Debug)]
+pub struct Rosenbrock {
+    count: u32,
+    step_s: f64,
+}
+
+impl Rosenbrock {
+    /// Whole steps of at most `max_step_s` in a tick.
+    #[must_use]
+    pub fn new(tick_s: f64, max_step_s: f64) -> Self {
+        let (count, step_s) = steps(tick_s, max_step_s);
+        Self { count, step_s }
+    }
+
+    /// Advances by one tick.
+    pub fn advance(&self, plant: &Plant, state: &mut State, drive: &Drive) {
+        let h = self.step_s;
+        let gamma = 1.0 + std::f64::consts::FRAC_1_SQRT_2;
+        let mut drive = *drive;
+        for _ in 0..self.count {
+            let y = state.to_vector();
+            let f = |y: &Vector| rates(plant, &State::from_vector(y), &drive).to_vector();
+            let f_0 = f(&y);
+            let mut system = SMatrix::<f64, DIMENSION, DIMENSION>::identity();
+            for (j, scale) in SCALES.iter().enumerate() {
+                let delta = 1e-7 * scale;
+                let mut moved = y;
+                moved[j] += delta;
+                let column = (f(&moved) - f_0) * (-gamma * h / delta);
+                system.set_column(j, &(system.column(j) + column));
+            }
+            let lu = system.lu();
+            let Some(k_1) = lu.solve(&f_0) else { return };
+            let second = f(&(y + h * k_1)) - 2.0 * k_1;
+            let Some(k_2) = lu.solve(&second) else { return };
+            *state = State::from_vector(&(y + h * (1.5 * k_1 + 0.5 * k_2)));
+            confine(plant, state);
+            drive.time_s += h;
+        }
+    }
+}
