@@ -1,0 +1,247 @@
+//! Where things go in a picture: ranges of the axes, rectangles of the panels, rows of words.
+
+use super::picture::{Axis, Event, Panel, Picture, Shape};
+
+/// Height of a panel's title row, px.
+pub const TITLE_PX: f64 = 24.0;
+/// Height of one row of legend or event names, px.
+pub const ROW_PX: f64 = 16.0;
+/// Height of the tick labels below a panel, px.
+const TICKS_PX: f64 = 20.0;
+/// Height of an axis name, px.
+const NAME_PX: f64 = 17.0;
+/// Space between panels, px.
+const GAP_PX: f64 = 12.0;
+/// Space right of a plot, which half a tick label may fill, px.
+const RIGHT_PX: f64 = 20.0;
+
+/// Estimated width of words, px: the average letter of a sans-serif face is a little over half its size wide.
+#[expect(clippy::cast_precision_loss, reason = "labels are short")]
+pub fn words_px(words: &str, size_px: f64) -> f64 {
+    words.chars().count() as f64 * size_px * 0.55
+}
+
+/// One panel's place, px from the picture's top left, and its ranges.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Place {
+    /// Left, top, right, bottom of the plot itself.
+    pub plot: [f64; 4],
+    /// Top of the title row.
+    pub top: f64,
+    /// Left end of the title.
+    pub left: f64,
+    /// Rows that the legend fills below the title; 0 where it fits beside it.
+    pub legend_rows: usize,
+    /// Horizontal range.
+    pub x: [f64; 2],
+    /// Vertical range.
+    pub y: [f64; 2],
+    /// Whether tick labels are drawn below.
+    pub labels_x: bool,
+}
+
+/// The places of all panels, and the picture's height, px.
+#[expect(clippy::cast_precision_loss, reason = "counts of panels and pixels are small")]
+pub fn places(picture: &Picture, event_rows: usize) -> (Vec<Place>, f64) {
+    let columns = picture.columns.max(1) as usize;
+    let width = (f64::from(picture.width_px) - GAP_PX * (columns - 1) as f64) / columns as f64;
+    let shared_x = picture.shared_x.then(|| union(picture.panels.iter().map(|panel| x_range(panel))));
+    let rows = picture.panels.len().div_ceil(columns);
+    let mut places: Vec<Place> = Vec::with_capacity(picture.panels.len());
+    let mut top = 0.0;
+    for (row, panels) in picture.panels.chunks(columns).enumerate() {
+        let labels_x = !picture.shared_x || row + 1 == rows;
+        let mut bottom = top;
+        for (column, panel) in panels.iter().enumerate() {
+            let left = (width + GAP_PX) * column as f64;
+            let column_of = |i: usize| i % columns == column;
+            let labels = picture.panels.iter().enumerate().filter(|(i, _)| column_of(*i)).map(|(_, p)| label_px(&p.y));
+            let plot_left = left + labels.fold(0.0, f64::max);
+            let plot_right = left + width - RIGHT_PX;
+            let legend_rows = legend_rows(panel, plot_right - plot_left);
+            let above = if row == 0 { event_rows } else { 0 };
+            let plot_top = top + TITLE_PX + ROW_PX * (legend_rows + above) as f64;
+            let plot_bottom = plot_top + f64::from(panel.height_px);
+            let x = shared_x.unwrap_or_else(|| x_range(panel));
+            let y = y_range(panel, x);
+            let plot = [plot_left, plot_top, plot_right, plot_bottom];
+            places.push(Place { plot, top, left: plot_left, legend_rows, x, y, labels_x });
+            let name = if panel.x.name.is_empty() { 0.0 } else { NAME_PX };
+            bottom = f64::max(bottom, plot_bottom + if labels_x { TICKS_PX + name } else { 4.0 });
+        }
+        top = bottom + GAP_PX;
+    }
+    (places, (top - GAP_PX).max(1.0))
+}
+
+/// Width of the labels left of a plot, px.
+fn label_px(axis: &Axis) -> f64 {
+    let longest = axis.categories.iter().map(|name| words_px(name, 11.5)).fold(0.0, f64::max);
+    if axis.categories.is_empty() { 56.0 } else { longest + 14.0 }
+}
+
+/// Width of one legend entry, px.
+pub fn legend_px(label: &str) -> f64 {
+    words_px(label, 12.0) + 34.0
+}
+
+fn legend_rows(panel: &Panel, width: f64) -> usize {
+    let labels = || panel.marks.iter().map(|mark| mark.label.as_str()).filter(|label| !label.is_empty());
+    let total: f64 = labels().map(legend_px).sum();
+    if total + words_px(&panel.title, 13.5) + 16.0 <= width {
+        return 0;
+    }
+    let (mut rows, mut used) = (1, 0.0);
+    for label in labels() {
+        let needed = legend_px(label);
+        if used > 0.0 && used + needed > width {
+            rows += 1;
+            used = 0.0;
+        }
+        used += needed;
+    }
+    rows
+}
+
+/// A row for each event's name, so that no two run into each other; `at` turns x into px.
+pub fn event_rows(events: &[Event], at: impl Fn(f64) -> f64) -> Vec<usize> {
+    let mut ends: Vec<f64> = Vec::new();
+    let row_of = |event: &Event| {
+        let start = at(event.x);
+        let end = start + words_px(&event.label, 11.5) + 12.0;
+        let free = ends.iter().position(|&taken| taken <= start);
+        let row = free.unwrap_or(ends.len());
+        if free.is_none() {
+            ends.push(end);
+        } else {
+            ends[row] = end;
+        }
+        row
+    };
+    events.iter().map(row_of).collect()
+}
+
+fn union(ranges: impl Iterator<Item = [f64; 2]>) -> [f64; 2] {
+    ranges.fold([f64::INFINITY, f64::NEG_INFINITY], |all, [low, high]| [all[0].min(low), all[1].max(high)])
+}
+
+/// A range that can be drawn: finite and not empty.
+fn sound([low, high]: [f64; 2]) -> [f64; 2] {
+    if !(low.is_finite() && high.is_finite() && low <= high) {
+        return [0.0, 1.0];
+    }
+    let least = 1e-9 * low.abs().max(high.abs()).max(1e-3);
+    if high - low < least { [low - least.max(0.5e-3), high + least.max(0.5e-3)] } else { [low, high] }
+}
+
+/// The horizontal range of a panel alone.
+pub fn x_range(panel: &Panel) -> [f64; 2] {
+    if let Some(range) = panel.x.range {
+        return sound(range);
+    }
+    if let Some(range) = category_range(&panel.x) {
+        return range;
+    }
+    let all = union(panel.marks.iter().map(|mark| span(&mark.shape, 0, [f64::NEG_INFINITY, f64::INFINITY])));
+    let airy = panel.marks.iter().all(|mark| !matches!(mark.shape, Shape::Line(_) | Shape::Band(_)));
+    if airy { padded(sound(all), true) } else { sound(all) }
+}
+
+/// The vertical range of a panel whose horizontal one is settled.
+fn y_range(panel: &Panel, x: [f64; 2]) -> [f64; 2] {
+    if let Some(range) = panel.y.range {
+        return sound(range);
+    }
+    if let Some(range) = category_range(&panel.y) {
+        return range;
+    }
+    let all = union(panel.marks.iter().map(|mark| span(&mark.shape, 1, x)));
+    let bars = panel.marks.iter().any(|mark| matches!(mark.shape, Shape::Blocks(_)));
+    padded(sound(all), bars)
+}
+
+#[expect(clippy::cast_precision_loss, reason = "a handful of categories")]
+fn category_range(axis: &Axis) -> Option<[f64; 2]> {
+    (!axis.categories.is_empty()).then(|| [-0.5, axis.categories.len() as f64 - 0.5])
+}
+
+/// A little air at both ends, but not below bars that stand on zero.
+fn padded([low, high]: [f64; 2], bars: bool) -> [f64; 2] {
+    let air = 0.06 * (high - low);
+    [if bars && low == 0.0 { low } else { low - air }, if bars && high == 0.0 { high } else { high + air }]
+}
+
+/// Least and greatest finite coordinate of a shape along an axis (0 x, 1 y), within a horizontal range.
+#[expect(clippy::cast_precision_loss, reason = "a heat map has few cells")]
+fn span(shape: &Shape, axis: usize, x: [f64; 2]) -> [f64; 2] {
+    let mut all = [f64::INFINITY, f64::NEG_INFINITY];
+    let mut take = |at_x: f64, value: f64| {
+        if value.is_finite() && at_x >= x[0] && at_x <= x[1] {
+            all = [all[0].min(value), all[1].max(value)];
+        }
+    };
+    match shape {
+        Shape::Line(points) | Shape::Dots(points) => points.iter().for_each(|p| take(p[0], p[axis])),
+        Shape::Band(points) => points.iter().for_each(|p| {
+            take(p[0], p[axis]);
+            take(p[0], p[2 * axis]);
+        }),
+        Shape::Blocks(blocks) => blocks.iter().for_each(|b| {
+            take(b[0].max(x[0]), b[2 * axis]);
+            take(b[1].min(x[1]), b[2 * axis + 1]);
+        }),
+        Shape::Segments(segments) => segments.iter().for_each(|s| {
+            take(s[0].max(x[0]), s[axis]);
+            take(s[2].min(x[1]), s[axis + 2]);
+        }),
+        Shape::Words(words) => words.iter().for_each(|(p, _)| take(p[0], p[axis])),
+        Shape::Cells { rows, .. } => {
+            let across = rows.first().map_or(0, Vec::len);
+            let count = if axis == 0 { across } else { rows.len() };
+            all = [-0.5, count as f64 - 0.5];
+        }
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{event_rows, places, x_range};
+    use crate::report::ink::Ink;
+    use crate::report::picture::{Event, Panel, Picture};
+
+    #[test]
+    fn stacked_panels_share_one_horizontal_range_and_never_overlap() {
+        let panel = |to: f64| Panel::new("a").line(Ink::Measured, "m", vec![[0.0, 1.0], [to, 2.0]]);
+        let picture = Picture::stacked("", vec![panel(5.0), panel(9.0), panel(7.0)]);
+        let (places, height) = places(&picture, 0);
+        assert!(places.iter().all(|place| place.x == [0.0, 9.0]));
+        assert!(places.windows(2).all(|pair| pair[0].plot[3] < pair[1].top));
+        assert!(places[2].plot[3] < height && places[2].labels_x && !places[0].labels_x);
+    }
+
+    #[test]
+    fn ranges_are_drawable_whatever_the_data() {
+        for values in [vec![], vec![[f64::NAN, 1.0]], vec![[3.0, 3.0]], vec![[0.0, f64::INFINITY], [0.0, 0.0]]] {
+            let picture = Picture::stacked("", vec![Panel::new("a").line(Ink::Measured, "", values)]);
+            let (places, _) = places(&picture, 0);
+            for [low, high] in [places[0].x, places[0].y] {
+                assert!(low.is_finite() && high.is_finite() && low < high);
+            }
+        }
+    }
+
+    #[test]
+    fn the_vertical_range_follows_the_horizontal_window() {
+        let points = vec![[0.0, 0.0], [1.0, 1.0], [2.0, 100.0]];
+        let panel = Panel::new("a").line(Ink::Measured, "", points).x_range(0.0, 1.5);
+        assert!(super::y_range(&panel, x_range(&panel))[1] < 2.0);
+    }
+
+    #[test]
+    fn names_of_close_events_take_rows_of_their_own() {
+        let event = |x: f64| Event { x, label: "ESV trip".into(), ink: Ink::Alarm };
+        let rows = event_rows(&[event(1.0), event(1.1), event(60.0)], |x| 10.0 * x);
+        assert_eq!(rows, [0, 1, 0]);
+    }
+}

@@ -1,0 +1,287 @@
+//! A self-contained HTML page made of blocks: the only file that knows the HTML library.
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+use super::draw::Svg;
+use super::ink::Ink;
+use super::table::Table;
+
+/// How a note sounds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tone {
+    /// Good to know.
+    Plain,
+    /// Something went well.
+    Good,
+    /// Read this before believing the figures.
+    Warning,
+}
+
+/// One number that the reader came for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct KeyFigure {
+    /// What it is, such as `RMSE of the spool`.
+    pub name: String,
+    /// The value, such as `0.0041`.
+    pub value: String,
+    /// Its unit; empty where there is none.
+    pub unit: String,
+    /// One more line, such as the span over recordings.
+    pub hint: String,
+}
+
+impl KeyFigure {
+    /// A figure without hint.
+    #[must_use]
+    pub fn new(name: impl Into<String>, value: impl Into<String>, unit: impl Into<String>) -> Self {
+        Self { name: name.into(), value: value.into(), unit: unit.into(), hint: String::new() }
+    }
+
+    /// The same with one more line.
+    #[must_use]
+    pub fn hint(mut self, hint: impl Into<String>) -> Self {
+        self.hint = hint.into();
+        self
+    }
+}
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Block {
+    Lead(String),
+    Heading(String),
+    Paragraph(String),
+    KeyFigures(Vec<KeyFigure>),
+    Figure { svg: Svg, caption: String },
+    Table { table: Table, caption: String },
+    Facts(Vec<(String, String)>),
+    Note { tone: Tone, text: String },
+    Details { summary: String, blocks: Blocks },
+}
+
+/// What stands on a page, in reading order.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Blocks(Vec<Block>);
+
+impl Blocks {
+    /// Nothing yet.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// The one sentence to take away, set large.
+    pub fn lead(&mut self, text: impl Into<String>) {
+        self.0.push(Block::Lead(text.into()));
+    }
+
+    /// A heading; the page's contents list it.
+    pub fn heading(&mut self, text: impl Into<String>) {
+        self.0.push(Block::Heading(text.into()));
+    }
+
+    /// A paragraph.
+    pub fn paragraph(&mut self, text: impl Into<String>) {
+        self.0.push(Block::Paragraph(text.into()));
+    }
+
+    /// The numbers that the reader came for, side by side.
+    pub fn key_figures(&mut self, figures: impl IntoIterator<Item = KeyFigure>) {
+        self.0.push(Block::KeyFigures(figures.into_iter().collect()));
+    }
+
+    /// A picture with words below it.
+    pub fn figure(&mut self, svg: Svg, caption: impl Into<String>) {
+        self.0.push(Block::Figure { svg, caption: caption.into() });
+    }
+
+    /// A table with words above it.
+    pub fn table(&mut self, table: Table, caption: impl Into<String>) {
+        self.0.push(Block::Table { table, caption: caption.into() });
+    }
+
+    /// Names and values in two columns: provenance, settings.
+    pub fn facts(&mut self, facts: impl IntoIterator<Item = (impl Into<String>, impl Into<String>)>) {
+        let facts = facts.into_iter().map(|(name, value)| (name.into(), value.into()));
+        self.0.push(Block::Facts(facts.collect()));
+    }
+
+    /// A remark set apart.
+    pub fn note(&mut self, tone: Tone, text: impl Into<String>) {
+        self.0.push(Block::Note { tone, text: text.into() });
+    }
+
+    /// Blocks behind a line that opens them.
+    pub fn details(&mut self, summary: impl Into<String>, blocks: Blocks) {
+        self.0.push(Block::Details { summary: summary.into(), blocks });
+    }
+}
+
+/// A page under a title. Everything it needs is inside: no scripts, fonts or links.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Page {
+    /// Title of the page.
+    pub title: String,
+    /// One line below the title.
+    pub subtitle: String,
+    /// What stands on it.
+    pub body: Blocks,
+}
+
+impl Page {
+    /// An empty page.
+    #[must_use]
+    pub fn new(title: impl Into<String>, subtitle: impl Into<String>) -> Self {
+        Self { title: title.into(), subtitle: subtitle.into(), body: Blocks::new() }
+    }
+
+    /// The page as HTML.
+    #[must_use]
+    pub fn to_html(&self) -> String {
+        let headings: Vec<&str> = self.body.0.iter().filter_map(heading_of).collect();
+        let light = Ink::declarations(false);
+        let dark = Ink::declarations(true);
+        let inks = format!(
+            ":root{{color-scheme:light dark;{light}}}@media screen and (prefers-color-scheme:dark){{:root{{{dark}}}}}"
+        );
+        let page = html! {
+            (DOCTYPE)
+            html lang="en" {
+                head {
+                    meta charset="utf-8";
+                    meta name="viewport" content="width=device-width, initial-scale=1";
+                    title { (self.title) }
+                    style { (PreEscaped(inks)) (PreEscaped(include_str!("page.css"))) }
+                }
+                body {
+                    main {
+                        header {
+                            h1 { (self.title) }
+                            @if !self.subtitle.is_empty() { p.subtitle { (self.subtitle) } }
+                            @if headings.len() > 2 {
+                                nav { @for heading in &headings { a href={ "#" (slug(heading)) } { (heading) } } }
+                            }
+                        }
+                        (blocks(&self.body))
+                        footer { "govtwin " (env!("CARGO_PKG_VERSION")) }
+                    }
+                }
+            }
+        };
+        page.into_string()
+    }
+}
+
+fn heading_of(block: &Block) -> Option<&str> {
+    if let Block::Heading(text) = block { Some(text) } else { None }
+}
+
+/// The anchor of a heading.
+fn slug(heading: &str) -> String {
+    heading.chars().map(|c| if c.is_alphanumeric() { c.to_ascii_lowercase() } else { '-' }).collect()
+}
+
+fn blocks(blocks: &Blocks) -> Markup {
+    html! { @for item in &blocks.0 { (block(item)) } }
+}
+
+fn block(block: &Block) -> Markup {
+    html! {
+        @match block {
+            Block::Lead(text) => p.lead { (text) },
+            Block::Heading(text) => h2 id=(slug(text)) { (text) },
+            Block::Paragraph(text) => p { (text) },
+            Block::KeyFigures(figures) => dl.key-figures {
+                @for figure in figures {
+                    div {
+                        dt { (figure.name) }
+                        dd { (figure.value) @if !figure.unit.is_empty() { " " span.unit { (figure.unit) } } }
+                        @if !figure.hint.is_empty() { dd.hint { (figure.hint) } }
+                    }
+                }
+            },
+            Block::Figure { svg, caption } => figure {
+                div.picture { (PreEscaped(svg.as_str())) }
+                @if !caption.is_empty() { figcaption { (caption) } }
+            },
+            Block::Table { table, caption } => (table_markup(table, caption)),
+            Block::Facts(facts) => dl.facts { @for (name, value) in facts { dt { (name) } dd { (value) } } },
+            Block::Note { tone, text } => p.note.(tone_class(*tone)) role="note" { (text) },
+            Block::Details { summary, blocks: inner } => details { summary { (summary) } (blocks(inner)) },
+        }
+    }
+}
+
+fn tone_class(tone: Tone) -> &'static str {
+    match tone {
+        Tone::Plain => "plain",
+        Tone::Good => "good",
+        Tone::Warning => "warning",
+    }
+}
+
+fn table_markup(table: &Table, caption: &str) -> Markup {
+    let class = |numbers: bool| if numbers { "number" } else { "words" };
+    html! {
+        div.table {
+            table {
+                @if !caption.is_empty() { caption { (caption) } }
+                thead { tr { @for column in table.columns() { th.(class(column.numbers)) scope="col" { (column.name) } } } }
+                tbody {
+                    @for row in table.rows() {
+                        tr.strong[row.strong] {
+                            @for (cell, column) in row.cells.iter().zip(table.columns()) {
+                                td.(class(column.numbers)) { (cell) }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Blocks, KeyFigure, Page, Tone};
+    use crate::report::draw::svg;
+    use crate::report::ink::Ink;
+    use crate::report::picture::{Panel, Picture};
+    use crate::report::table::Table;
+
+    fn page() -> Page {
+        let mut page = Page::new("Replay <of> \"bags\"", "measured & simulated");
+        let panel = Panel::new("Position, pu").line(Ink::Measured, "a <b>", vec![[0.0, 0.0], [1.0, 1.0]]);
+        page.body.figure(svg(&Picture::stacked("a & \"b\"", vec![panel])).unwrap(), "caption");
+        page.body.key_figures([KeyFigure::new("R²", "0.99", "").hint("overall")]);
+        let mut table = Table::new().words("a").numbers("b");
+        table.strong_row(["<script>alert(1)</script>", "2"]);
+        let mut inner = Blocks::new();
+        inner.table(table, "t");
+        page.body.details("more", inner);
+        page.body.note(Tone::Warning, "care");
+        page
+    }
+
+    #[test]
+    fn everything_is_escaped_and_inside() {
+        let html = page().to_html();
+        assert!(html.contains("Replay &lt;of&gt;") && html.contains("&lt;script&gt;"));
+        assert!(
+            !html.contains("<script") && !html.contains("<link") && !html.contains("@import") && !html.contains("src=")
+        );
+        let outside = html.replace("http://www.w3.org/2000/svg", "");
+        assert!(!outside.contains("http"), "a page fetches nothing");
+    }
+
+    #[test]
+    fn pictures_take_the_inks_of_the_page() {
+        let html = page().to_html();
+        assert!(html.contains(&format!("stroke=\"{}\"", Ink::Measured.css())));
+        assert!(html.contains(&Ink::declarations(true)));
+    }
+
+    #[test]
+    fn same_content_same_bytes() {
+        assert_eq!(page().to_html(), page().to_html());
+    }
+}
