@@ -1,1 +1,144 @@
-//! Bags: recordings in and out of MCAP files as rosbag2 writes them.
+//! Bags: recordings in and out of files as rosbag2 writes them.
+//!
+//! [`read`] turns a bag into a [`Recording`]: decoded, checked, aligned. [`messages`] gives what is in
+//! it as it is, in log-time order. [`Writer`] makes one that rosbag2, Foxglove and `PlotJuggler` open.
+//! What was damaged, dropped or moved is counted and placed in [`Health`].
+
+pub mod cdr;
+
+mod align;
+mod chunk;
+mod error;
+mod health;
+mod mcap_file;
+mod merge;
+mod metadata;
+mod order;
+mod read;
+mod source;
+mod streams;
+mod topic;
+mod writer;
+
+use std::fmt;
+
+use crate::recording::Recording;
+
+pub use error::BagError;
+pub use health::{Damage, FileHealth, Health, StreamHealth, Warning};
+pub use merge::{Messages, messages};
+pub use read::read;
+pub use topic::{Qos, RawMessage, TopicInfo};
+pub use writer::{Topic, Writer, WriterOptions};
+
+/// A recording with what is to be said of its bag.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Loaded {
+    /// The rows.
+    pub recording: Recording,
+    /// What was damaged, dropped, late or doubled.
+    pub health: Health,
+}
+
+/// The four streams that a recording is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Stream {
+    /// `governor_msgs/msg/GovernorCommand`.
+    Command,
+    /// `governor_msgs/msg/EsvState`.
+    Esv,
+    /// `sensor_msgs/msg/FluidPressure`.
+    TankPressure,
+    /// `governor_msgs/msg/ServoState`.
+    ServoState,
+}
+
+impl Stream {
+    /// All four, in the order of health reports.
+    pub const ALL: [Self; 4] = [Self::Command, Self::Esv, Self::TankPressure, Self::ServoState];
+
+    /// The three that act on the servo system.
+    pub const INPUTS: [Self; 3] = [Self::Command, Self::Esv, Self::TankPressure];
+}
+
+impl fmt::Display for Stream {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Command => "command",
+            Self::Esv => "esv",
+            Self::TankPressure => "tank_pressure",
+            Self::ServoState => "servo_state",
+        })
+    }
+}
+
+/// Topic names of the four streams.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Topics {
+    /// Topic of [`Stream::Command`].
+    pub command: String,
+    /// Topic of [`Stream::Esv`].
+    pub esv: String,
+    /// Topic of [`Stream::TankPressure`].
+    pub tank_pressure: String,
+    /// Topic of [`Stream::ServoState`].
+    pub servo_state: String,
+}
+
+impl Default for Topics {
+    fn default() -> Self {
+        Self {
+            command: "/governor/command".into(),
+            esv: "/governor/esv".into(),
+            tank_pressure: "/governor/tank_pressure".into(),
+            servo_state: "/plant/servo_state".into(),
+        }
+    }
+}
+
+impl Topics {
+    /// The topic of a stream.
+    #[must_use]
+    pub fn of(&self, stream: Stream) -> &str {
+        match stream {
+            Stream::Command => &self.command,
+            Stream::Esv => &self.esv,
+            Stream::TankPressure => &self.tank_pressure,
+            Stream::ServoState => &self.servo_state,
+        }
+    }
+}
+
+/// What the inputs do between their samples. The ESV always holds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Interpolation {
+    /// Command and tank pressure hold until the next sample.
+    #[default]
+    Hold,
+    /// Command and tank pressure run straight from sample to sample. Rows are added on a grid that
+    /// starts at the first row, so that the twin sees the slope. It looks ahead: not for live use.
+    Linear {
+        /// Time between added rows, ns; at least 1.
+        period_ns: i64,
+    },
+}
+
+/// How a bag is to be read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ReadOptions {
+    /// Where the streams are.
+    pub topics: Topics,
+    /// What the inputs do between samples.
+    pub interpolation: Interpolation,
+    /// Streams without which the bag is refused; the three inputs by default.
+    ///
+    /// For others that are absent a constant stands in, and the health says so: command NaN, ESV
+    /// normal, tank pressure NaN, measured signals NaN.
+    pub required: Vec<Stream>,
+}
+
+impl Default for ReadOptions {
+    fn default() -> Self {
+        Self { topics: Topics::default(), interpolation: Interpolation::default(), required: Stream::INPUTS.to_vec() }
+    }
+}

@@ -1,6 +1,45 @@
 //! Wire types: the ROS 2 messages that the twin reads and writes, as `serde` structs in field order.
 
+pub mod definition;
+pub mod type_hash;
+
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
+
+use crate::units::NANOS_PER_SECOND;
+
+/// A ROS 2 message type: what it is called and how it is defined, beside its Rust struct.
+pub trait Interface: Serialize + DeserializeOwned {
+    /// Full ROS 2 name, `package/msg/Type`.
+    const TYPE_NAME: &'static str;
+
+    /// The time of the value, where the message carries a header.
+    fn stamp(&self) -> Option<Time>;
+}
+
+/// Ties a struct with a header to its ROS 2 name.
+macro_rules! stamped {
+    ($($type:ident = $name:literal),+ $(,)?) => {$(
+        impl Interface for $type {
+            const TYPE_NAME: &'static str = $name;
+
+            fn stamp(&self) -> Option<Time> {
+                Some(self.header.stamp)
+            }
+        }
+
+        #[cfg(feature = "node")]
+        impl ros2_client::Message for $type {}
+    )+};
+}
+
+stamped! {
+    GovernorCommand = "governor_msgs/msg/GovernorCommand",
+    EsvState = "governor_msgs/msg/EsvState",
+    ServoState = "governor_msgs/msg/ServoState",
+    FluidPressure = "sensor_msgs/msg/FluidPressure",
+    JointState = "sensor_msgs/msg/JointState",
+}
 
 /// `builtin_interfaces/msg/Time`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -11,6 +50,26 @@ pub struct Time {
     pub nanosec: u32,
 }
 
+impl Time {
+    /// Nanoseconds since the epoch; `None` where `nanosec` is not below one second.
+    #[must_use]
+    pub fn nanos(self) -> Option<i64> {
+        let nanosec = i64::from(self.nanosec);
+        (nanosec < NANOS_PER_SECOND).then(|| i64::from(self.sec) * NANOS_PER_SECOND + nanosec)
+    }
+
+    /// From nanoseconds since the epoch; times that `sec` cannot hold (before 1901, after 2038) stop at its ends.
+    #[must_use]
+    pub fn from_nanos(time_ns: i64) -> Self {
+        let nanosec = u32::try_from(time_ns.rem_euclid(NANOS_PER_SECOND)).unwrap_or_default();
+        match i32::try_from(time_ns.div_euclid(NANOS_PER_SECOND)) {
+            Ok(sec) => Self { sec, nanosec },
+            Err(_) if time_ns < 0 => Self { sec: i32::MIN, nanosec: 0 },
+            Err(_) => Self { sec: i32::MAX, nanosec: 999_999_999 },
+        }
+    }
+}
+
 /// `std_msgs/msg/Header`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Header {
@@ -18,6 +77,14 @@ pub struct Header {
     pub stamp: Time,
     /// Coordinate frame or device.
     pub frame_id: String,
+}
+
+impl Header {
+    /// A header with this time and no frame.
+    #[must_use]
+    pub fn at(time_ns: i64) -> Self {
+        Self { stamp: Time::from_nanos(time_ns), frame_id: String::new() }
+    }
 }
 
 /// `governor_msgs/msg/GovernorCommand`.

@@ -1,0 +1,151 @@
+//! What can be wrong with a bag: each error says the path, what was expected, what was found, and the way out.
+
+use std::path::{Path, PathBuf};
+
+use super::Stream;
+use crate::msg::definition::DefinitionError;
+
+/// Why a bag cannot be read or written.
+#[derive(Debug, thiserror::Error)]
+pub enum BagError {
+    /// The operating system refused.
+    #[error("{path}: cannot {action}: {source}")]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What was tried, as a verb.
+        action: &'static str,
+        /// The system's own words.
+        source: std::io::Error,
+    },
+    /// The path holds something else.
+    #[error("{path}: not a bag: expected {expected}, found {found}")]
+    NotABag {
+        /// The file or folder.
+        path: PathBuf,
+        /// What a bag would have here.
+        expected: &'static str,
+        /// What stands here.
+        found: String,
+    },
+    /// `metadata.yaml` cannot be used.
+    #[error("{path}: {problem}; without this file the folder's .mcap files are read in the order of their names")]
+    Metadata {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// A bag in sqlite3 storage, which this build cannot read.
+    #[error(
+        "{path}: a sqlite3 bag, which this build cannot read; build with `--features sqlite`, or convert it once: \
+         `ros2 bag convert -i BAG -o OUT.yaml` with `storage_id: mcap`"
+    )]
+    Sqlite {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The database is not one of rosbag2.
+    #[error("{path}: cannot be read as a sqlite3 bag: {problem}")]
+    Database {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// No message was found.
+    #[error("{path}: the bag holds no message{lost}")]
+    Empty {
+        /// The bag.
+        path: PathBuf,
+        /// What was damaged, where something was.
+        lost: String,
+    },
+    /// Needed streams are missing.
+    #[error("{path}: {}; topics present: {present}", missing.join("; "))]
+    Missing {
+        /// The bag.
+        path: PathBuf,
+        /// Each missing stream with topic, type and, where there is one, the nearest topic.
+        missing: Vec<String>,
+        /// The topics of the bag with their types.
+        present: String,
+    },
+    /// A topic carries another type.
+    #[error("{path}: topic `{topic}`: expected type `{expected}`, found {found}; name another topic for `{stream}`")]
+    Type {
+        /// The bag.
+        path: PathBuf,
+        /// The topic.
+        topic: String,
+        /// The stream that it should carry.
+        stream: Stream,
+        /// The type that the stream has.
+        expected: String,
+        /// What the topic has.
+        found: String,
+    },
+    /// Not one message of a needed topic is usable.
+    #[error("{path}: topic `{topic}`: none of its {messages} messages is usable: {first}")]
+    Unusable {
+        /// The bag.
+        path: PathBuf,
+        /// The topic.
+        topic: String,
+        /// How many there are.
+        messages: u64,
+        /// What is wrong with the first.
+        first: String,
+    },
+    /// Resampling would make too many rows.
+    #[error(
+        "{path}: a row every {period_ns} ns over {duration_s} s makes more than {limit} rows; choose a longer period"
+    )]
+    TooManyRows {
+        /// The bag.
+        path: PathBuf,
+        /// The period asked for, ns.
+        period_ns: i64,
+        /// How long the recording is, s.
+        duration_s: f64,
+        /// The most rows that are made.
+        limit: usize,
+    },
+    /// The output is there already and is no bag.
+    #[error("{path}: exists and is not a bag; name another folder, or remove it")]
+    InTheWay {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// The MCAP library refused.
+    #[error("{path}: cannot write MCAP: {source}")]
+    Mcap {
+        /// The file.
+        path: PathBuf,
+        /// The library's own words.
+        source: mcap::McapError,
+    },
+    /// A message cannot be encoded.
+    #[error("topic `{topic}`: cannot encode: {problem}")]
+    Encode {
+        /// The topic.
+        topic: String,
+        /// What is wrong.
+        problem: String,
+    },
+    /// A type without definition.
+    #[error(transparent)]
+    Definition(#[from] DefinitionError),
+}
+
+impl BagError {
+    /// For `map_err` on what the operating system does.
+    pub(super) fn io(path: &Path, action: &'static str) -> impl FnOnce(std::io::Error) -> Self {
+        move |source| Self::Io { path: path.to_owned(), action, source }
+    }
+
+    /// For `map_err` on what the MCAP library writes.
+    pub(super) fn mcap(path: &Path) -> impl FnOnce(mcap::McapError) -> Self {
+        move |source| Self::Mcap { path: path.to_owned(), source }
+    }
+}

@@ -1,0 +1,160 @@
+//! `metadata.yaml` beside a bag's files, as rosbag2 writes it (version 9, Jazzy) and as it reads older ones.
+
+use serde::{Deserialize, Serialize};
+
+/// Its name.
+pub(super) const FILE_NAME: &str = "metadata.yaml";
+
+/// What the reader needs of any version.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Metadata {
+    pub(super) version: u32,
+    pub(super) relative_file_paths: Vec<String>,
+    pub(super) message_count: u64,
+    pub(super) compression_mode: String,
+}
+
+impl Metadata {
+    /// Reads the parts that matter, whatever the version; the rest may be anything.
+    pub(super) fn parse(text: &str) -> Result<Self, String> {
+        let outer: Outer<ReadInformation> =
+            serde_yaml::from_str(text).map_err(|error| format!("cannot be read: {error}"))?;
+        let information = outer.rosbag2_bagfile_information;
+        Ok(Self {
+            version: information.version,
+            relative_file_paths: information.relative_file_paths,
+            message_count: information.message_count,
+            compression_mode: information.compression_mode,
+        })
+    }
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+struct Outer<T> {
+    rosbag2_bagfile_information: T,
+}
+
+#[derive(Debug, Deserialize)]
+struct ReadInformation {
+    version: u32,
+    #[serde(default)]
+    relative_file_paths: Vec<String>,
+    #[serde(default)]
+    message_count: u64,
+    #[serde(default)]
+    compression_mode: String,
+}
+
+/// One topic of a written bag.
+#[derive(Clone, Debug)]
+pub(super) struct TopicSummary {
+    pub(super) name: String,
+    pub(super) type_name: String,
+    pub(super) offered_qos_profiles: String,
+    pub(super) type_hash: String,
+    pub(super) message_count: u64,
+}
+
+/// What a written bag says of itself.
+#[derive(Clone, Debug)]
+pub(super) struct Summary {
+    pub(super) file_name: String,
+    pub(super) starting_time_ns: i64,
+    pub(super) duration_ns: i64,
+    pub(super) message_count: u64,
+    pub(super) topics: Vec<TopicSummary>,
+}
+
+impl Summary {
+    /// The text of `metadata.yaml`.
+    pub(super) fn to_yaml(&self) -> Result<String, String> {
+        let starting_time = || Since { nanoseconds_since_epoch: self.starting_time_ns };
+        let duration = || Nanoseconds { nanoseconds: self.duration_ns };
+        let information = WriteInformation {
+            version: 9,
+            storage_identifier: "mcap",
+            duration: duration(),
+            starting_time: starting_time(),
+            message_count: self.message_count,
+            topics_with_message_count: self.topics.iter().map(WriteTopic::new).collect::<Result<_, _>>()?,
+            compression_format: "",
+            compression_mode: "",
+            relative_file_paths: [&self.file_name],
+            files: [WriteFile {
+                path: &self.file_name,
+                starting_time: starting_time(),
+                duration: duration(),
+                message_count: self.message_count,
+            }],
+            custom_data: None,
+            ros_distro: "jazzy",
+        };
+        serde_yaml::to_string(&Outer { rosbag2_bagfile_information: information }).map_err(|error| error.to_string())
+    }
+}
+
+#[derive(Debug, Serialize)]
+struct WriteInformation<'a> {
+    version: u32,
+    storage_identifier: &'a str,
+    duration: Nanoseconds,
+    starting_time: Since,
+    message_count: u64,
+    topics_with_message_count: Vec<WriteTopic<'a>>,
+    compression_format: &'a str,
+    compression_mode: &'a str,
+    relative_file_paths: [&'a str; 1],
+    files: [WriteFile<'a>; 1],
+    custom_data: Option<()>,
+    ros_distro: &'a str,
+}
+
+#[derive(Debug, Serialize)]
+struct Nanoseconds {
+    nanoseconds: i64,
+}
+
+#[derive(Debug, Serialize)]
+struct Since {
+    nanoseconds_since_epoch: i64,
+}
+
+#[derive(Debug, Serialize)]
+struct WriteFile<'a> {
+    path: &'a str,
+    starting_time: Since,
+    duration: Nanoseconds,
+    message_count: u64,
+}
+
+#[derive(Debug, Serialize)]
+struct WriteTopic<'a> {
+    topic_metadata: WriteTopicMetadata<'a>,
+    message_count: u64,
+}
+
+#[derive(Debug, Serialize)]
+struct WriteTopicMetadata<'a> {
+    name: &'a str,
+    #[serde(rename = "type")]
+    type_name: &'a str,
+    serialization_format: &'a str,
+    offered_qos_profiles: serde_yaml::Value,
+    type_description_hash: &'a str,
+}
+
+impl<'a> WriteTopic<'a> {
+    fn new(topic: &'a TopicSummary) -> Result<Self, String> {
+        let profiles = if topic.offered_qos_profiles.is_empty() { "[]" } else { &topic.offered_qos_profiles };
+        Ok(Self {
+            topic_metadata: WriteTopicMetadata {
+                name: &topic.name,
+                type_name: &topic.type_name,
+                serialization_format: "cdr",
+                offered_qos_profiles: serde_yaml::from_str(profiles).map_err(|error| error.to_string())?,
+                type_description_hash: &topic.type_hash,
+            },
+            message_count: topic.message_count,
+        })
+    }
+}

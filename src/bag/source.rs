@@ -1,0 +1,211 @@
+//! Where a bag's files are: a single file, a folder with or without `metadata.yaml`, split bags.
+
+use std::fs;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::mcap_file::{self, OnMessage};
+use super::metadata::{self, Metadata};
+use super::topic::TopicInfo;
+use super::{BagError, FileHealth, Warning};
+
+const SQLITE_MAGIC: &[u8] = b"SQLite format 3\0";
+const ZSTD_MAGIC: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];
+
+/// A bag's files in order, and what is to be said of how they were found.
+#[derive(Debug)]
+pub(super) struct Source {
+    /// What people call the bag.
+    pub(super) name: String,
+    /// The path that was asked for.
+    pub(super) path: PathBuf,
+    /// The files, oldest first.
+    pub(super) files: Vec<PathBuf>,
+    /// What `metadata.yaml` says, where there is one.
+    pub(super) metadata: Option<Metadata>,
+    /// Files that are missing, metadata that cannot be used.
+    pub(super) warnings: Vec<Warning>,
+}
+
+/// Which storage a file is in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Storage {
+    /// MCAP.
+    Mcap,
+    /// rosbag2's sqlite3.
+    Sqlite,
+}
+
+/// Finds the files of a bag.
+///
+/// # Errors
+/// Where there is nothing at the path, or something that is no bag.
+pub(super) fn open(path: &Path) -> Result<Source, BagError> {
+    let kind = fs::metadata(path).map_err(BagError::io(path, "open"))?;
+    let name = path.file_stem().or_else(|| path.file_name()).unwrap_or(path.as_os_str());
+    let mut source = Source {
+        name: name.to_string_lossy().into_owned(),
+        path: path.to_owned(),
+        files: vec![],
+        metadata: None,
+        warnings: vec![],
+    };
+    if kind.is_dir() {
+        folder(path, &mut source)?;
+    } else {
+        source.files.push(path.to_owned());
+    }
+    for file in &source.files {
+        storage_of(file)?;
+    }
+    Ok(source)
+}
+
+/// Finds the files of a folder: those that `metadata.yaml` names, or else all that look like a bag's.
+fn folder(path: &Path, source: &mut Source) -> Result<(), BagError> {
+    // A dot in a folder's name is no suffix.
+    if let Some(name) = path.file_name() {
+        source.name = name.to_string_lossy().into_owned();
+    }
+    let file = path.join(metadata::FILE_NAME);
+    match fs::read_to_string(&file) {
+        Ok(text) => match Metadata::parse(&text) {
+            Ok(metadata) => {
+                for relative in &metadata.relative_file_paths {
+                    let wanted = path.join(relative);
+                    if wanted.is_file() {
+                        source.files.push(wanted);
+                    } else {
+                        source.warnings.push(Warning::FileMissing { path: wanted });
+                    }
+                }
+                source.metadata = Some(metadata);
+            }
+            Err(problem) => source.warnings.push(Warning::Metadata { problem }),
+        },
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
+        Err(error) => source.warnings.push(Warning::Metadata { problem: error.to_string() }),
+    }
+    if source.files.is_empty() {
+        source.files = files_like_a_bag(path)?;
+    }
+    if source.files.is_empty() {
+        return Err(BagError::NotABag {
+            path: path.to_owned(),
+            expected: "metadata.yaml or .mcap files in the folder; name the bag's own folder or file",
+            found: describe_folder(path)?,
+        });
+    }
+    Ok(())
+}
+
+/// The `.mcap` files of a folder, or else its `.db3` files, by name with numbers in numeric order.
+fn files_like_a_bag(path: &Path) -> Result<Vec<PathBuf>, BagError> {
+    let mut entries = entries_of(path)?;
+    entries.retain(|entry| entry.is_file());
+    for suffix in ["mcap", "db3"] {
+        let mut files: Vec<PathBuf> = entries.iter().filter(|entry| has_suffix(entry, suffix)).cloned().collect();
+        if !files.is_empty() {
+            files.sort_by_key(|file| natural_key(&file.to_string_lossy()));
+            return Ok(files);
+        }
+    }
+    Ok(vec![])
+}
+
+fn has_suffix(path: &Path, suffix: &str) -> bool {
+    path.extension().is_some_and(|found| found.eq_ignore_ascii_case(suffix))
+}
+
+fn entries_of(path: &Path) -> Result<Vec<PathBuf>, BagError> {
+    let entries = fs::read_dir(path).map_err(BagError::io(path, "list"))?;
+    let mut found = vec![];
+    for entry in entries {
+        found.push(entry.map_err(BagError::io(path, "list"))?.path());
+    }
+    found.sort();
+    Ok(found)
+}
+
+/// `bag_10` after `bag_2`: runs of digits compare as numbers.
+fn natural_key(name: &str) -> Vec<(u64, String)> {
+    let mut key = vec![];
+    let mut rest = name;
+    while !rest.is_empty() {
+        let text_len = rest.find(|letter: char| letter.is_ascii_digit()).unwrap_or(rest.len());
+        let (text, digits) = rest.split_at(text_len);
+        let digits_len = digits.find(|letter: char| !letter.is_ascii_digit()).unwrap_or(digits.len());
+        key.push((0, text.to_owned()));
+        key.push((digits[..digits_len].parse().unwrap_or(u64::MAX), digits[..digits_len].to_owned()));
+        rest = &digits[digits_len..];
+    }
+    key
+}
+
+fn describe_folder(path: &Path) -> Result<String, BagError> {
+    let names: Vec<String> = entries_of(path)?
+        .iter()
+        .filter_map(|entry| entry.file_name())
+        .map(|name| name.to_string_lossy().into_owned())
+        .collect();
+    Ok(match names.len() {
+        0 => "an empty folder".to_owned(),
+        1..=5 => format!("a folder with {}", names.join(", ")),
+        count => format!("a folder with {} and {} more", names[..5].join(", "), count - 5),
+    })
+}
+
+/// Tells the storage of a file by its first bytes; its name plays no part.
+fn storage_of(path: &Path) -> Result<Storage, BagError> {
+    let file = fs::File::open(path).map_err(BagError::io(path, "open"))?;
+    let mut head = vec![];
+    file.take(512).read_to_end(&mut head).map_err(BagError::io(path, "read"))?;
+    if head.starts_with(mcap::MAGIC) {
+        return Ok(Storage::Mcap);
+    }
+    if head.starts_with(SQLITE_MAGIC) {
+        return Ok(Storage::Sqlite);
+    }
+    let found = if head.is_empty() {
+        "an empty file".to_owned()
+    } else if head.starts_with(ZSTD_MAGIC) {
+        "a file compressed as a whole with zstd; unpack it first: `zstd -d FILE`".to_owned()
+    } else if head.starts_with(b"#ROSBAG V") {
+        "a ROS 1 bag; convert it first: `rosbags-convert --src FILE --dst OUT`".to_owned()
+    } else if let Ok(text) = std::str::from_utf8(&head[..head.len().min(64)]) {
+        format!("text that begins with {:?}", text.lines().next().unwrap_or_default())
+    } else {
+        format!("a file that begins with the bytes {:02x?}", &head[..head.len().min(8)])
+    };
+    let expected = "an MCAP file (first bytes 89 4d 43 41 50), a sqlite3 bag, or a bag folder";
+    Err(BagError::NotABag { path: path.to_owned(), expected, found })
+}
+
+impl Source {
+    /// Reads all files in order, hands on each message, and gives their health and topics.
+    ///
+    /// # Errors
+    /// Where the operating system refuses, or a file is in a storage that this build cannot read.
+    pub(super) fn scan(
+        &self,
+        on_message: &mut OnMessage<'_>,
+    ) -> Result<(Vec<FileHealth>, Vec<Arc<TopicInfo>>), BagError> {
+        let mut files = vec![];
+        let mut topics: Vec<Arc<TopicInfo>> = vec![];
+        for path in &self.files {
+            let (health, channels) = match storage_of(path)? {
+                Storage::Mcap => mcap_file::scan(path, on_message)?,
+                Storage::Sqlite => return Err(BagError::Sqlite { path: path.clone() }),
+            };
+            files.push(health);
+            for topic in channels.topics() {
+                if !topics.iter().any(|known| **known == **topic) {
+                    topics.push(Arc::clone(topic));
+                }
+            }
+        }
+        topics.sort_by(|a, b| a.name.cmp(&b.name));
+        Ok((files, topics))
+    }
+}

@@ -1,0 +1,91 @@
+//! Topics and messages as they stand in a bag, undecoded.
+
+use std::sync::Arc;
+
+/// What a bag says of one topic.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
+pub struct TopicInfo {
+    /// Name, `/governor/command`.
+    pub name: String,
+    /// Full type name, `package/msg/Type`; empty where the bag does not say.
+    pub type_name: String,
+    /// Encoding of the messages, `cdr`.
+    pub encoding: String,
+    /// Language of the schema, `ros2msg`.
+    pub schema_encoding: String,
+    /// The schema.
+    pub schema: Vec<u8>,
+    /// Quality of service as YAML, as rosbag2 keeps it; empty where the bag does not say.
+    pub offered_qos_profiles: String,
+    /// REP-2016 hash of the type; empty where the bag does not say.
+    pub type_hash: String,
+}
+
+/// One message as it stands in a bag.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RawMessage {
+    /// Its topic.
+    pub topic: Arc<TopicInfo>,
+    /// When it was recorded, ns.
+    pub log_time_ns: i64,
+    /// When it was published, ns; the log time where the bag does not know.
+    pub publish_time_ns: i64,
+    /// Running number of the publisher, 0 where the bag does not know.
+    pub sequence: u32,
+    /// The encoded message.
+    pub data: Vec<u8>,
+}
+
+/// A message still in the reader's buffer.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RawView<'a> {
+    pub(super) topic: &'a Arc<TopicInfo>,
+    pub(super) log_time_ns: i64,
+    pub(super) publish_time_ns: i64,
+    pub(super) sequence: u32,
+    pub(super) data: &'a [u8],
+}
+
+impl RawView<'_> {
+    pub(super) fn to_owned(self) -> RawMessage {
+        RawMessage {
+            topic: Arc::clone(self.topic),
+            log_time_ns: self.log_time_ns,
+            publish_time_ns: self.publish_time_ns,
+            sequence: self.sequence,
+            data: self.data.to_vec(),
+        }
+    }
+}
+
+/// The parts of a ROS 2 quality of service that matter to whom replays a bag.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Qos {
+    /// Lost samples are sent again.
+    pub reliable: bool,
+    /// Late joiners get the last samples.
+    pub transient_local: bool,
+    /// Samples kept.
+    pub depth: u32,
+}
+
+impl Qos {
+    /// Best effort, last five: `rmw_qos_profile_sensor_data`.
+    pub const SENSOR: Self = Self { reliable: false, transient_local: false, depth: 5 };
+    /// Reliable, last ten: the default of ROS 2.
+    pub const DEFAULT: Self = Self { reliable: true, transient_local: false, depth: 10 };
+
+    /// As rosbag2 keeps it in a channel's metadata.
+    #[must_use]
+    pub fn to_yaml(self) -> String {
+        let reliability = if self.reliable { "reliable" } else { "best_effort" };
+        let durability = if self.transient_local { "transient_local" } else { "volatile" };
+        let depth = self.depth;
+        format!(
+            "- history: keep_last\n  depth: {depth}\n  reliability: {reliability}\n  durability: {durability}\n  \
+             deadline:\n    sec: 9223372036\n    nsec: 854775807\n  lifespan:\n    sec: 9223372036\n    nsec: \
+             854775807\n  liveliness: automatic\n  liveliness_lease_duration:\n    sec: 9223372036\n    nsec: \
+             854775807\n  avoid_ros_namespace_conventions: false"
+        )
+    }
+}

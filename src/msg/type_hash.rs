@@ -1,0 +1,91 @@
+//! REP-2016 type hashes (RIHS01): how ROS 2 since Iron tells two definitions of one name apart.
+
+use std::fmt::Write;
+
+use sha2::{Digest, Sha256};
+
+use super::definition::{Count, Definition, DefinitionError, Field, closure_of};
+
+/// The hash of a type that the crate carries, as `RIHS01_` and 64 hexadecimal digits.
+///
+/// # Errors
+/// On a type that the crate does not carry.
+pub fn type_hash(type_name: &str) -> Result<String, DefinitionError> {
+    Ok(hash_of(&closure_of(type_name)?))
+}
+
+/// The hash of a type with its dependencies, the type first.
+///
+/// It is SHA-256 over the JSON of `type_description_interfaces/TypeDescription` with the separators
+/// `, ` and `: `, referenced types sorted by name, default values and comments left out.
+#[must_use]
+pub fn hash_of(closure: &[Definition]) -> String {
+    let Some((own, referenced)) = closure.split_first() else { return String::new() };
+    let mut referenced: Vec<&Definition> = referenced.iter().collect();
+    referenced.sort_by(|a, b| a.type_name.cmp(&b.type_name));
+    let own = description(own);
+    let referenced = referenced.into_iter().map(description).collect::<Vec<_>>().join(", ");
+    let json = format!("{{\"type_description\": {own}, \"referenced_type_descriptions\": [{referenced}]}}");
+    let mut hash = String::from("RIHS01_");
+    for byte in Sha256::digest(json.as_bytes()) {
+        // Writing to a `String` cannot fail.
+        let _ = write!(hash, "{byte:02x}");
+    }
+    hash
+}
+
+fn description(definition: &Definition) -> String {
+    let mut fields = definition.fields.iter().map(field).collect::<Vec<_>>().join(", ");
+    if fields.is_empty() {
+        // An empty structure is not allowed in C; the IDL generator puts this member in.
+        fields = field(&Field {
+            name: "structure_needs_at_least_one_member".into(),
+            base: "uint8".into(),
+            string_bound: 0,
+            count: Count::One,
+        });
+    }
+    format!("{{\"type_name\": \"{}\", \"fields\": [{fields}]}}", definition.type_name)
+}
+
+fn field(field: &Field) -> String {
+    let (series, capacity) = match field.count {
+        Count::One => (0, 0),
+        Count::Exactly(count) => (48, count),
+        Count::AtMost(bound) => (96, bound),
+        Count::Any => (144, 0),
+    };
+    let nested = if field.base.contains('/') { field.base.as_str() } else { "" };
+    let id = base_id(&field.base, field.string_bound > 0) + series;
+    format!(
+        "{{\"name\": \"{}\", \"type\": {{\"type_id\": {id}, \"capacity\": {capacity}, \"string_capacity\": {}, \
+         \"nested_type_name\": \"{nested}\"}}}}",
+        field.name, field.string_bound
+    )
+}
+
+/// Numbers of `type_description_interfaces/msg/FieldType`.
+fn base_id(base: &str, bounded: bool) -> u16 {
+    match (base, bounded) {
+        ("int8", _) => 2,
+        ("uint8", _) => 3,
+        ("int16", _) => 4,
+        ("uint16", _) => 5,
+        ("int32", _) => 6,
+        ("uint32", _) => 7,
+        ("int64", _) => 8,
+        ("uint64", _) => 9,
+        ("float32", _) => 10,
+        ("float64", _) => 11,
+        ("long double", _) => 12,
+        ("char", _) => 3, // `char` in a .msg file is an alias of uint8
+        ("wchar", _) => 14,
+        ("bool", _) => 15,
+        ("byte", _) => 16,
+        ("string", false) => 17,
+        ("wstring", false) => 18,
+        ("string", true) => 21,
+        ("wstring", true) => 22,
+        _ => 1, // a nested type
+    }
+}
