@@ -1,0 +1,127 @@
+//! The few calls by which a thread asks for real time: absolute sleep, locked memory, priority, a core of its own.
+
+use std::io;
+use std::num::NonZeroU64;
+
+use rustix::mm::{MlockAllFlags, mlockall};
+use rustix::thread::{ClockId, CpuSet, clock_nanosleep_absolute, sched_setaffinity, set_current_timer_slack};
+use rustix::time::{Timespec, clock_gettime};
+
+use crate::units::NANOS_PER_SECOND;
+
+/// What a thread asks of the system.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Wishes {
+    /// Core to stay on.
+    pub cpu: Option<usize>,
+    /// `SCHED_FIFO` priority, 1 to 99; 0 asks for none.
+    pub priority: u8,
+}
+
+/// Nanoseconds of the clock that never jumps.
+#[must_use]
+pub fn monotonic_ns() -> i64 {
+    nanos(clock_gettime(ClockId::Monotonic))
+}
+
+/// Nanoseconds since the epoch, as the system believes.
+#[must_use]
+pub fn wall_ns() -> i64 {
+    nanos(clock_gettime(ClockId::Realtime))
+}
+
+/// Sleeps until this time of the monotonic clock; at once where it is past.
+pub fn sleep_until(deadline_ns: i64) {
+    let request = Timespec {
+        tv_sec: deadline_ns.div_euclid(NANOS_PER_SECOND),
+        tv_nsec: deadline_ns.rem_euclid(NANOS_PER_SECOND),
+    };
+    // A signal may end the sleep early: sleep again. Any other error cannot happen with a valid time.
+    while clock_nanosleep_absolute(ClockId::Monotonic, &request) == Err(rustix::io::Errno::INTR) {}
+}
+
+/// Keeps all memory of the process, present and future, in RAM.
+///
+/// # Errors
+/// When the limit on locked memory (`ulimit -l`) is too low.
+pub fn lock_memory() -> io::Result<()> {
+    Ok(mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE)?)
+}
+
+/// Asks for what this thread wishes and returns what was granted, a plain sentence for each wish.
+#[must_use]
+pub fn claim(wishes: Wishes) -> Vec<Result<String, String>> {
+    let mut said = Vec::new();
+    // The kernel may otherwise round a wake-up of an ordinary thread by 50 us.
+    let _ = set_current_timer_slack(NonZeroU64::new(1));
+    if let Some(cpu) = wishes.cpu {
+        said.push(match pin_to(cpu) {
+            Ok(()) => Ok(format!("pinned to core {cpu}")),
+            Err(error) => Err(format!("not pinned to core {cpu}: {error}; any core may run the loop")),
+        });
+    }
+    if wishes.priority > 0 {
+        said.push(match set_fifo(wishes.priority) {
+            Ok(()) => Ok(format!("SCHED_FIFO priority {}", wishes.priority)),
+            Err(error) => Err(format!(
+                "no real-time priority: {error}; other programs may delay the loop (allow it with `ulimit -r`, \
+                 CAP_SYS_NICE or root)"
+            )),
+        });
+    }
+    said
+}
+
+/// Resident memory of this process in bytes; 0 where the system does not say.
+#[must_use]
+pub fn resident_bytes() -> u64 {
+    let pages = std::fs::read_to_string("/proc/self/statm")
+        .ok()
+        .and_then(|statm| statm.split_whitespace().nth(1).and_then(|pages| pages.parse::<u64>().ok()));
+    pages.unwrap_or(0) * rustix::param::page_size() as u64
+}
+
+fn nanos(time: Timespec) -> i64 {
+    time.tv_sec * NANOS_PER_SECOND + time.tv_nsec
+}
+
+fn pin_to(cpu: usize) -> io::Result<()> {
+    if cpu >= CpuSet::MAX_CPU {
+        return Err(io::Error::other("no such core"));
+    }
+    let mut set = CpuSet::new();
+    set.set(cpu);
+    Ok(sched_setaffinity(None, &set)?)
+}
+
+#[expect(unsafe_code, reason = "no safe library in use offers the scheduling policy")]
+fn set_fifo(priority: u8) -> io::Result<()> {
+    let parameter = libc::sched_param { sched_priority: i32::from(priority) };
+    // SAFETY: `parameter` is a whole `sched_param` that outlives the call, which only reads it; 0 is this thread.
+    let outcome = unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &raw const parameter) };
+    if outcome == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Wishes, claim, monotonic_ns, resident_bytes, sleep_until};
+
+    #[test]
+    fn a_sleep_ends_at_or_after_its_deadline() {
+        let deadline_ns = monotonic_ns() + 2_000_000;
+        sleep_until(deadline_ns);
+        assert!(monotonic_ns() >= deadline_ns);
+        sleep_until(deadline_ns - 1_000_000_000);
+    }
+
+    #[test]
+    fn a_wish_that_cannot_be_granted_is_said_in_words() {
+        let said = claim(Wishes { cpu: Some(100_000), priority: 0 });
+        assert!(matches!(&said[..], [Err(words)] if words.contains("core 100000")));
+    }
+
+    #[test]
+    fn resident_memory_is_that_of_a_program() {
+        assert!(resident_bytes() > 100_000);
+    }
+}

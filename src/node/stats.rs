@@ -1,0 +1,189 @@
+//! What the integration thread counts as it runs, and the report at its end; nothing here takes memory after start.
+
+use std::fmt::Write;
+
+use hdrhistogram::Histogram;
+use serde::Serialize;
+
+/// Longest time that is told apart, ns; longer ones count as this.
+const LONGEST_NS: u64 = 60_000_000_000;
+
+/// Counts of the integration thread.
+#[derive(Clone, Debug)]
+pub struct Stats {
+    lateness: Histogram<u64>,
+    work: Histogram<u64>,
+    input_age: Histogram<u64>,
+    /// Ticks done.
+    pub ticks: u64,
+    /// Ticks whose work ended after the next tick's deadline.
+    pub overruns: u64,
+    /// Ticks left out after a long stall; the twin stepped over them in one.
+    pub skipped: u64,
+    /// Results that found the way out full.
+    pub lost_outputs: u64,
+}
+
+/// Percentiles of one quantity, us.
+#[derive(Clone, Copy, Debug, Serialize, PartialEq)]
+pub struct Percentiles {
+    /// Median.
+    pub p50_us: f64,
+    /// 99 %.
+    pub p99_us: f64,
+    /// 99.9 %.
+    pub p99_9_us: f64,
+    /// Largest.
+    pub max_us: f64,
+}
+
+/// The report of a run.
+#[derive(Clone, Debug, Serialize, PartialEq)]
+pub struct Summary {
+    /// Ticks done.
+    pub ticks: u64,
+    /// Wake-up after the deadline.
+    pub lateness: Percentiles,
+    /// Time from wake-up to the tick's end.
+    pub work: Percentiles,
+    /// Age of the oldest input at each tick.
+    pub input_age: Percentiles,
+    /// See [`Stats::overruns`].
+    pub overruns: u64,
+    /// See [`Stats::skipped`].
+    pub skipped: u64,
+    /// See [`Stats::lost_outputs`].
+    pub lost_outputs: u64,
+    /// Resident memory of the process, bytes.
+    pub resident_bytes: u64,
+}
+
+impl Default for Stats {
+    fn default() -> Self {
+        let histogram = || {
+            // Bounds and digits are constants within the library's limits.
+            Histogram::new_with_bounds(1, LONGEST_NS, 3).unwrap_or_else(|_| unreachable!("constant bounds"))
+        };
+        Self {
+            lateness: histogram(),
+            work: histogram(),
+            input_age: histogram(),
+            ticks: 0,
+            overruns: 0,
+            skipped: 0,
+            lost_outputs: 0,
+        }
+    }
+}
+
+impl Stats {
+    /// Counts one wake-up: its deadline, when it came, when its work ended, and the period, ns.
+    pub fn woke(&mut self, deadline_ns: i64, woke_ns: i64, done_ns: i64, period_ns: i64) {
+        self.lateness.saturating_record(positive(woke_ns - deadline_ns));
+        self.work.saturating_record(positive(done_ns - woke_ns));
+        self.overruns += u64::from(done_ns - deadline_ns > period_ns);
+    }
+
+    /// Counts one tick with the age of its oldest input, ns; ages before the first inputs are left out.
+    pub fn ticked(&mut self, input_age_ns: i64) {
+        self.ticks += 1;
+        if input_age_ns != i64::MAX {
+            self.input_age.saturating_record(positive(input_age_ns));
+        }
+    }
+
+    /// Largest lateness so far, us.
+    #[must_use]
+    pub fn worst_lateness_us(&self) -> f64 {
+        micros(self.lateness.max())
+    }
+
+    /// The report.
+    #[must_use]
+    pub fn summary(&self, resident_bytes: u64) -> Summary {
+        Summary {
+            ticks: self.ticks,
+            lateness: percentiles(&self.lateness),
+            work: percentiles(&self.work),
+            input_age: percentiles(&self.input_age),
+            overruns: self.overruns,
+            skipped: self.skipped,
+            lost_outputs: self.lost_outputs,
+            resident_bytes,
+        }
+    }
+}
+
+impl Summary {
+    /// The report in words.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let mut text = format!(
+            "{} ticks, {} overruns, {} skipped, {} results lost, {:.1} MiB resident\n",
+            self.ticks,
+            self.overruns,
+            self.skipped,
+            self.lost_outputs,
+            megabytes(self.resident_bytes)
+        );
+        // Writing to a `String` cannot fail.
+        let _ = writeln!(text, "{:<22}{:>12}{:>12}{:>12}{:>12}", "us", "p50", "p99", "p99.9", "max");
+        for (name, row) in
+            [("wake-up lateness", self.lateness), ("work per tick", self.work), ("age of oldest input", self.input_age)]
+        {
+            let _ = writeln!(
+                text,
+                "{name:<22}{:>12.1}{:>12.1}{:>12.1}{:>12.1}",
+                row.p50_us, row.p99_us, row.p99_9_us, row.max_us
+            );
+        }
+        text
+    }
+}
+
+/// Percentiles of a histogram of nanoseconds; zeros where it is empty.
+fn percentiles(histogram: &Histogram<u64>) -> Percentiles {
+    let at = |quantile| if histogram.is_empty() { 0.0 } else { micros(histogram.value_at_quantile(quantile)) };
+    Percentiles { p50_us: at(0.5), p99_us: at(0.99), p99_9_us: at(0.999), max_us: at(1.0) }
+}
+
+fn positive(value_ns: i64) -> u64 {
+    u64::try_from(value_ns).unwrap_or(0)
+}
+
+#[expect(clippy::cast_precision_loss, reason = "for people to read")]
+fn micros(value_ns: u64) -> f64 {
+    value_ns as f64 * 1e-3
+}
+
+#[expect(clippy::cast_precision_loss, reason = "for people to read")]
+fn megabytes(bytes: u64) -> f64 {
+    bytes as f64 / 1_048_576.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Stats;
+
+    #[test]
+    fn percentiles_of_a_known_run() {
+        let mut stats = Stats::default();
+        for tick in 1..=1000_i64 {
+            stats.woke(0, tick * 1000, tick * 1000 + 500, 1_000_000);
+            stats.ticked(2_000_000);
+        }
+        let summary = stats.summary(0);
+        assert!((summary.lateness.p50_us - 500.0).abs() < 1.0, "{summary:?}");
+        assert!((summary.lateness.p99_us - 990.0).abs() < 2.0);
+        assert!((summary.lateness.max_us - 1000.0).abs() < 2.0);
+        assert!((summary.input_age.p99_9_us - 2000.0).abs() < 3.0);
+        assert_eq!((summary.ticks, summary.overruns), (1000, 1));
+    }
+
+    #[test]
+    fn an_empty_run_reports_zeros() {
+        let summary = Stats::default().summary(0);
+        assert_eq!(summary.lateness.max_us.to_bits(), 0.0_f64.to_bits());
+        assert!(summary.text().contains("0 ticks"));
+    }
+}
