@@ -6,6 +6,7 @@
 pub mod frame;
 pub mod parameters;
 pub mod recording;
+pub mod signal;
 pub mod state;
 pub mod units;
 
@@ -21,6 +22,7 @@ pub mod twin;
 
 // judgement
 pub mod metrics;
+pub mod replay;
 pub mod report;
 
 // edges

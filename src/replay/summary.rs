@@ -1,0 +1,243 @@
+//! The figures of a replay for machines: the schema `govtwin-replay/1`.
+//!
+//! ```json
+//! {"schema": "govtwin-replay/1",
+//!  "program": "govtwin 0.1.0",
+//!  "parameters": {"name": "…", "files": ["unit.yaml"],
+//!                 "changed": {"oil.bulk_modulus_pa": 1.1e9}, "effects": [{"id": "…", "values": [0.1]}]},
+//!  "cut": "none", "inputs_between_samples": "hold",
+//!  "recordings": [{"name": "startup_01", "path": "bags/startup_01.mcap", "bytes": 121174, "origin": "…",
+//!                  "process": "startup", "rows": 1250, "start_ns": 1780008000000000000, "duration_s": 249.8,
+//!                  "warnings": ["…"], "signals": [SIGNAL, …]}],
+//!  "processes": [{"process": "startup", "recordings": 4, "signals": [SIGNAL, …]}],
+//!  "overall": {"recordings": 16, "signals": [SIGNAL, …]}}
+//! ```
+//!
+//! A SIGNAL is `{"name": "spool_position_pu", "unit": "pu", "stands_in": false, "rows": 1250,
+//! "left_out": 0, "mae": …, "rmse": …, "r2": …, "bias": …, "max_abs": …}`: figures of
+//! [`crate::metrics`] in the unit, `null` where the data cannot say or the signal stands in at the
+//! cut. `bias` is simulated − measured. Figures of processes and overall are over all their rows.
+//! `changed` holds what differs from the shipped unit. `origin` is what the bag's folder says of
+//! where its data comes from, `null` where it says nothing. Keys may be added to a version, and
+//! never change their meaning. The same bags and parameters give the same bytes.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use super::{Replayed, Scores, stands_in};
+use crate::parameters::{ENTRIES, Unit};
+use crate::recording::Process;
+use crate::signal::Signal;
+use crate::twin::Cut;
+
+/// Name and version of the schema.
+pub const SCHEMA: &str = "govtwin-replay/1";
+
+/// All figures of one replay.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Summary {
+    /// [`SCHEMA`].
+    pub schema: &'static str,
+    /// Program and version.
+    pub program: &'static str,
+    /// What was simulated.
+    pub parameters: Parameters,
+    /// Name of the cut.
+    pub cut: &'static str,
+    /// `hold` or `linear`.
+    pub inputs_between_samples: &'static str,
+    /// Recording by recording, in the order given.
+    pub recordings: Vec<Recorded>,
+    /// Process by process, those that occur.
+    pub processes: Vec<Group>,
+    /// Everything.
+    pub overall: Group,
+}
+
+/// The unit that was simulated, as its difference from the shipped one.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Parameters {
+    /// What its file calls it.
+    pub name: String,
+    /// The files that it was merged from; none for the shipped unit.
+    pub files: Vec<String>,
+    /// Values that differ from the shipped unit, by dotted key.
+    pub changed: BTreeMap<&'static str, f64>,
+    /// Effects beyond the nominal model.
+    pub effects: Vec<Effect>,
+}
+
+impl Parameters {
+    /// Compares a unit with the shipped one.
+    #[must_use]
+    pub fn new(name: String, files: Vec<String>, unit: &Unit, shipped: &Unit) -> Self {
+        let changed = ENTRIES
+            .iter()
+            .map(|entry| (entry.key, (entry.get)(&unit.parameters), (entry.get)(&shipped.parameters)))
+            .filter(|(_, own, other)| own.to_bits() != other.to_bits())
+            .map(|(key, own, _)| (key, own))
+            .collect();
+        let effect =
+            |effect: &crate::parameters::EffectSetting| Effect { id: effect.id.clone(), values: effect.values.clone() };
+        Self { name, files, changed, effects: unit.effects.iter().map(effect).collect() }
+    }
+}
+
+/// An effect that was switched on.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Effect {
+    /// Its id in the catalogue.
+    pub id: String,
+    /// Its parameters, in the order of its specification.
+    pub values: Vec<f64>,
+}
+
+/// Where a recording came from, and what its reader had to say.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Provenance {
+    /// The path as given.
+    pub path: String,
+    /// Size of its files.
+    pub bytes: u64,
+    /// What its folder says of where the data comes from.
+    pub origin: Option<String>,
+    /// What a user should read.
+    pub warnings: Vec<String>,
+}
+
+/// Figures of one recording.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Recorded {
+    /// Its name.
+    pub name: String,
+    /// The path as given.
+    pub path: String,
+    /// Size of its files.
+    pub bytes: u64,
+    /// What its folder says of where the data comes from.
+    pub origin: Option<String>,
+    /// Id of its process.
+    pub process: &'static str,
+    /// Frames.
+    pub rows: usize,
+    /// Time of the first frame, ns.
+    pub start_ns: i64,
+    /// From the first to the last frame, s.
+    pub duration_s: f64,
+    /// What a user should read.
+    pub warnings: Vec<String>,
+    /// Figures, signal by signal.
+    pub signals: Vec<SignalFigures>,
+}
+
+/// Figures over all rows of several recordings.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Group {
+    /// Id of their process; absent for everything.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub process: Option<&'static str>,
+    /// How many recordings.
+    pub recordings: usize,
+    /// Figures, signal by signal.
+    pub signals: Vec<SignalFigures>,
+}
+
+/// Figures of one signal.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SignalFigures {
+    /// [`Signal::id`].
+    pub name: &'static str,
+    /// Unit of the figures; that of `r2` is 1.
+    pub unit: &'static str,
+    /// The measured signal stands in for the simulated one, which is therefore not judged.
+    pub stands_in: bool,
+    /// Rows compared.
+    pub rows: u64,
+    /// Measured rows for which the twin has no finite value.
+    pub left_out: u64,
+    /// Mean absolute error.
+    pub mae: f64,
+    /// Root mean square error.
+    pub rmse: f64,
+    /// Coefficient of determination.
+    pub r2: f64,
+    /// Mean of simulated − measured.
+    pub bias: f64,
+    /// Largest absolute error.
+    pub max_abs: f64,
+}
+
+/// Pools recordings into groups.
+#[must_use]
+pub fn summarise(
+    parameters: Parameters,
+    cut: Cut,
+    inputs_between_samples: &'static str,
+    replayed: &[(&Replayed, &Provenance)],
+) -> Summary {
+    let group = |process: Option<Process>| {
+        let mut scores = Scores::default();
+        let mut recordings = 0;
+        for (one, _) in replayed {
+            if process.is_none_or(|process| one.recording.process == process) {
+                scores.merge(&one.scores);
+                recordings += 1;
+            }
+        }
+        Group { process: process.map(Process::id), recordings, signals: signals(&scores, cut) }
+    };
+    let recorded = |(one, from): &(&Replayed, &Provenance)| Recorded {
+        name: one.recording.name.clone(),
+        path: from.path.clone(),
+        bytes: from.bytes,
+        origin: from.origin.clone(),
+        process: one.recording.process.id(),
+        rows: one.recording.frames.len(),
+        start_ns: one.recording.frames.first().map_or(0, |frame| frame.time_ns),
+        duration_s: one.recording.duration_s(),
+        warnings: from.warnings.clone(),
+        signals: signals(&one.scores, cut),
+    };
+    Summary {
+        schema: SCHEMA,
+        program: concat!("govtwin ", env!("CARGO_PKG_VERSION")),
+        parameters,
+        cut: cut_id(cut),
+        inputs_between_samples,
+        recordings: replayed.iter().map(recorded).collect(),
+        processes: Process::ALL.into_iter().map(|p| group(Some(p))).filter(|group| group.recordings > 0).collect(),
+        overall: group(None),
+    }
+}
+
+/// The name of a cut on the command line and in figures.
+#[must_use]
+pub fn cut_id(cut: Cut) -> &'static str {
+    match cut {
+        Cut::None => "none",
+        Cut::Servomotor => "servomotor",
+        Cut::Spool => "spool",
+    }
+}
+
+fn signals(scores: &Scores, cut: Cut) -> Vec<SignalFigures> {
+    let one = |signal: Signal| {
+        let figures = scores.figures(signal);
+        let stands_in = stands_in(cut) == Some(signal);
+        let judged = |value: f64| if stands_in { f64::NAN } else { value };
+        SignalFigures {
+            name: signal.id(),
+            unit: signal.unit(),
+            stands_in,
+            rows: figures.count,
+            left_out: figures.skipped,
+            mae: judged(figures.mae),
+            rmse: judged(figures.rmse),
+            r2: judged(figures.r2),
+            bias: judged(figures.bias),
+            max_abs: judged(figures.max_abs),
+        }
+    };
+    Signal::ALL.into_iter().map(one).collect()
+}

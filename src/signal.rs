@@ -1,0 +1,76 @@
+//! The measured signals by name: what to call each, its unit, and where it stands in a row.
+
+use crate::frame::Signals;
+use crate::parameters::{Sensor, Sensors};
+
+/// One of the signals that a recording may hold and a twin simulates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Signal {
+    /// Servomotor position `Y`.
+    ServomotorPosition,
+    /// Main distributing valve spool position `y`.
+    SpoolPosition,
+    /// Proportional (pilot) valve position `x_p`.
+    PilotValvePosition,
+    /// Control-chamber pressure `P_ctrl`.
+    ControlPressure,
+}
+
+impl Signal {
+    /// All four; the positions, by which a twin is judged first, lead.
+    pub const ALL: [Self; 4] =
+        [Self::ServomotorPosition, Self::SpoolPosition, Self::PilotValvePosition, Self::ControlPressure];
+
+    /// The name in keys, with its unit.
+    #[must_use]
+    pub fn id(self) -> &'static str {
+        match self {
+            Self::ServomotorPosition => "servomotor_position_pu",
+            Self::SpoolPosition => "spool_position_pu",
+            Self::PilotValvePosition => "pilot_valve_position_pu",
+            Self::ControlPressure => "control_pressure_pa",
+        }
+    }
+
+    /// The name in words.
+    #[must_use]
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::ServomotorPosition => "Servomotor position",
+            Self::SpoolPosition => "Spool position",
+            Self::PilotValvePosition => "Pilot-valve position",
+            Self::ControlPressure => "Control pressure",
+        }
+    }
+
+    /// The SI unit.
+    #[must_use]
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::ServomotorPosition | Self::SpoolPosition | Self::PilotValvePosition => "pu",
+            Self::ControlPressure => "Pa",
+        }
+    }
+
+    /// Its value in a row, in its unit.
+    #[must_use]
+    pub fn of(self, signals: &Signals) -> f64 {
+        match self {
+            Self::ServomotorPosition => signals.servomotor_position_pu,
+            Self::SpoolPosition => signals.spool_position_pu,
+            Self::PilotValvePosition => signals.pilot_valve_position_pu,
+            Self::ControlPressure => signals.control_pressure_pa,
+        }
+    }
+
+    /// Its transducer.
+    #[must_use]
+    pub fn sensor(self, sensors: &Sensors) -> Sensor {
+        match self {
+            Self::ServomotorPosition => sensors.servomotor_position_pu,
+            Self::SpoolPosition => sensors.spool_position_pu,
+            Self::PilotValvePosition => sensors.pilot_valve_position_pu,
+            Self::ControlPressure => sensors.control_pressure_pa,
+        }
+    }
+}
