@@ -1,5 +1,6 @@
 //! Parse, dispatch, and turn the outcome into an exit code.
 
+use std::io::Write as _;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -59,7 +60,8 @@ pub fn main() -> ExitCode {
         Ok(Outcome::Ok) => ExitCode::SUCCESS,
         Ok(Outcome::Warnings) => ExitCode::from(3),
         Err(error) => {
-            eprintln!("govtwin: {error:#}");
+            // Where even standard error is closed there is nobody left to tell.
+            let _ = writeln!(std::io::stderr(), "govtwin: {error:#}");
             ExitCode::FAILURE
         }
     }

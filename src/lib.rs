@@ -27,6 +27,7 @@ pub mod report;
 
 // edges
 pub mod bag;
+pub mod files;
 pub mod msg;
 #[cfg(feature = "node")]
 pub mod node;

@@ -17,10 +17,13 @@
 //! deviation from unit to unit: relative, or with `abs: true` in the parameter's unit, or with
 //! `log: true` of the natural logarithm; `tol: ~` takes it away.
 
+mod consistency;
 mod error;
 mod merge;
+mod number;
 mod sheet;
 mod suggest;
+mod write;
 mod yaml;
 
 use std::path::{Path, PathBuf};
@@ -29,7 +32,9 @@ use std::sync::LazyLock;
 use crate::parameters::{ENTRIES, Unit};
 
 pub use error::{ParamsError, Problem};
+pub use number::{number_text, quantity_text, tolerance_text};
 pub use sheet::{Origin, SENSOR_ENTRIES, SensorEntry, Sheet};
+pub use write::{Overlay, write};
 
 /// Text of the shipped sheet.
 const REFERENCE: &str = include_str!("../params/reference_unit.yaml");
@@ -74,10 +79,7 @@ fn load_over(path: &Path, open: &mut Vec<PathBuf>) -> Result<Sheet, ParamsError>
     let identity = path.canonicalize().map_err(|source| ParamsError::Read { path: path.to_path_buf(), source })?;
     let text = read(path)?;
     let invalid = |problems| ParamsError::Invalid { path: path.to_path_buf(), problems };
-    let document = yaml::parse(&text).map_err(|error| {
-        let message = format!("this is not YAML: {}", error.message);
-        invalid(vec![Problem { line: error.line, key: String::new(), message }])
-    })?;
+    let document = parse(&text).map_err(invalid)?;
     open.push(identity);
     let mut sheet = match document.text("base") {
         None => reference_sheet(),
@@ -104,6 +106,21 @@ fn load_over(path: &Path, open: &mut Vec<PathBuf>) -> Result<Sheet, ParamsError>
     Ok(sheet)
 }
 
+/// The shipped sheet with `text` over it, without bases; `path` is where the text stands or will stand.
+fn sheet_over_reference(text: &str, path: &Path) -> Result<Sheet, Vec<Problem>> {
+    let document = parse(text)?;
+    let mut sheet = reference_sheet();
+    let problems = merge::merge(&document, Some(path), &mut sheet);
+    if problems.is_empty() { Ok(sheet) } else { Err(problems) }
+}
+
+fn parse(text: &str) -> Result<yaml::Document, Vec<Problem>> {
+    yaml::parse(text).map_err(|error| {
+        let message = format!("this is not YAML: {}", error.message);
+        vec![Problem { line: error.line, key: String::new(), message }]
+    })
+}
+
 fn read(path: &Path) -> Result<String, ParamsError> {
     let failed = |source| ParamsError::Read { path: path.to_path_buf(), source };
     let bytes = std::fs::metadata(path).map_err(failed)?.len();
@@ -115,8 +132,7 @@ fn read(path: &Path) -> Result<String, ParamsError> {
 }
 
 fn read_reference() -> Result<Sheet, Vec<Problem>> {
-    let document = yaml::parse(REFERENCE)
-        .map_err(|error| vec![Problem { line: error.line, key: String::new(), message: error.message }])?;
+    let document = parse(REFERENCE)?;
     let mut sheet = Sheet::blank();
     let mut problems = merge::merge(&document, None, &mut sheet);
     let sensors = SENSOR_ENTRIES.iter().map(|entry| format!("sensors.{}", entry.name));

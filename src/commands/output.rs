@@ -24,26 +24,9 @@ pub fn warn(text: &str) {
     let _ = writeln!(io::stderr().lock(), "govtwin: warning: {text}");
 }
 
-/// Writes a file under a temporary name and renames it, so that nothing half-written is ever seen.
-///
-/// Missing folders on the way are made.
+/// Writes a file, whole or not at all, making missing folders on the way.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    let folder = match path.parent() {
-        Some(folder) if folder != Path::new("") => folder,
-        _ => Path::new("."),
-    };
-    std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
-    let write = || -> io::Result<()> {
-        let mut file = tempfile::Builder::new().prefix(".govtwin-").suffix(".tmp").tempfile_in(folder)?;
-        file.write_all(bytes)?;
-        file.as_file().sync_all()?;
-        // Temporary files are private; a result is for whoever may read its folder.
-        #[cfg(unix)]
-        file.as_file().set_permissions(std::os::unix::fs::PermissionsExt::from_mode(0o644))?;
-        file.persist(path)?;
-        Ok(())
-    };
-    write().with_context(|| format!("cannot write {}", path.display()))
+    govtwin::files::write_atomically(path, bytes).with_context(|| format!("cannot write {}", path.display()))
 }
 
 /// A progress bar on standard error that shows itself only on a terminal, and only after a second of work.

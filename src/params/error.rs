@@ -66,14 +66,10 @@ impl ParamsError {
 /// One line a problem, each beginning with `file:line:` as compilers do, so that editors can jump to it.
 fn list(path: &std::path::Path, problems: &[Problem]) -> String {
     let noun = if problems.len() == 1 { "problem" } else { "problems" };
-    let mut text = format!("{} {noun} in the parameter file {}", problems.len(), path.display());
-    for problem in problems {
-        text.push_str("\n  ");
-        text.push_str(&path.display().to_string());
-        if let Some(line) = problem.line {
-            text.push_str(&format!(":{line}"));
-        }
-        text.push_str(&format!(": {problem}"));
-    }
-    text
+    let path = path.display();
+    let lines = problems.iter().map(|problem| match problem.line {
+        Some(line) => format!("\n  {path}:{line}: {problem}"),
+        None => format!("\n  {path}: {problem}"),
+    });
+    format!("{} {noun} in the parameter file {path}{}", problems.len(), lines.collect::<String>())
 }

@@ -1,0 +1,130 @@
+//! Writes an overlay: a file that holds only what differs, and that reads back to the last bit.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use crate::effects::CATALOGUE;
+use crate::files::write_atomically;
+use crate::parameters::{ENTRIES, Tolerance, Unit};
+
+use super::error::{ParamsError, Problem};
+use super::merge::{name_of, section_of};
+use super::number::number_text;
+use super::sheet::SENSOR_ENTRIES;
+use super::{reference, sheet_over_reference};
+
+/// What an overlay file says.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Overlay {
+    /// The unit; the file holds what of it differs from the shipped one.
+    pub unit: Unit,
+    /// What the unit is called; left out where empty.
+    pub name: String,
+    /// The source of all values; left out where empty.
+    pub source: String,
+    /// Lines of comment at the head of the file.
+    pub head: Vec<String>,
+    /// Comments behind values, such as confidence intervals, by key; a key with a comment is always written.
+    pub comments: BTreeMap<String, String>,
+}
+
+/// Writes `overlay` to `path`, whole or not at all; nothing is written that would not read back as the same unit.
+///
+/// # Errors
+/// When a value is out of its range or at odds with another, a comment belongs to no key, an effect is not in the
+/// catalogue, or the file cannot be written.
+pub fn write(path: &Path, overlay: &Overlay) -> Result<(), ParamsError> {
+    let text = text(overlay);
+    let invalid = |problems| ParamsError::Invalid { path: path.to_path_buf(), problems };
+    let sheet = sheet_over_reference(&text, path).map_err(invalid)?;
+    let unknown = overlay.comments.keys().find(|key| ENTRIES.iter().all(|entry| entry.key != **key));
+    if let Some(key) = unknown {
+        let message = "a comment for a key that does not exist".to_owned();
+        return Err(invalid(vec![Problem { line: None, key: key.clone(), message }]));
+    }
+    if sheet.unit != overlay.unit {
+        let message = "the unit has effects or values that a parameter file cannot hold".to_owned();
+        return Err(invalid(vec![Problem { line: None, key: String::new(), message }]));
+    }
+    write_atomically(path, text.as_bytes()).map_err(|source| ParamsError::Write { path: path.to_path_buf(), source })
+}
+
+fn text(overlay: &Overlay) -> String {
+    let shipped = reference();
+    let unit = &overlay.unit;
+    let mut lines: Vec<String> = overlay.head.iter().map(|comment| line(0, "", "", comment)).collect();
+    for (key, value) in [("name", &overlay.name), ("source", &overlay.source)] {
+        if !value.is_empty() {
+            // YAML's double-quoted text is a superset of JSON's.
+            lines.push(line(0, key, &serde_json::Value::from(value.as_str()).to_string(), ""));
+        }
+    }
+
+    let mut section = "";
+    for (entry, (tolerance, shipped_tolerance)) in ENTRIES.iter().zip(unit.tolerances.iter().zip(&shipped.tolerances)) {
+        let value = (entry.get)(&unit.parameters);
+        let comment = overlay.comments.get(entry.key);
+        let same = value.to_bits() == (entry.get)(&shipped.parameters).to_bits() && tolerance == shipped_tolerance;
+        if same && comment.is_none() {
+            continue;
+        }
+        if section != section_of(entry) {
+            section = section_of(entry);
+            lines.push(line(0, section, "", ""));
+        }
+        let mut value = number_text(value);
+        if tolerance != shipped_tolerance {
+            value = format!("{{value: {value}, unit: \"{}\", tol: {}}}", entry.unit, tolerance_yaml(*tolerance));
+        }
+        lines.push(line(2, name_of(entry), &value, comment.map_or("", String::as_str)));
+    }
+
+    let differing = SENSOR_ENTRIES.iter().filter(|entry| (entry.get)(&unit.sensors) != (entry.get)(&shipped.sensors));
+    for (index, entry) in differing.enumerate() {
+        if index == 0 {
+            lines.push(line(0, "sensors", "", ""));
+        }
+        let sensor = (entry.get)(&unit.sensors);
+        let value = format!("{{noise: {}, step: {}}}", number_text(sensor.noise), number_text(sensor.step));
+        lines.push(line(2, entry.name, &value, ""));
+    }
+
+    for (index, setting) in unit.effects.iter().enumerate() {
+        if index == 0 {
+            lines.push(line(0, "effects", "", ""));
+        }
+        let known = CATALOGUE.iter().find(|spec| spec.id == setting.id).map_or(&[][..], |spec| spec.parameters);
+        let values = known.iter().zip(&setting.values);
+        let values: Vec<String> =
+            values.map(|(known, value)| format!("{}: {}", known.name, number_text(*value))).collect();
+        lines.push(line(2, &setting.id, &format!("{{{}}}", values.join(", ")), ""));
+    }
+    lines.push(String::new());
+    lines.join("\n")
+}
+
+/// What stands behind `tol:`.
+fn tolerance_yaml(tolerance: Option<Tolerance>) -> String {
+    match tolerance {
+        None => "~".to_owned(),
+        Some(Tolerance::Relative(spread)) => number_text(spread),
+        Some(Tolerance::Absolute(spread)) => format!("{}, abs: true", number_text(spread)),
+        Some(Tolerance::LogNormal(spread)) => format!("{}, log: true", number_text(spread)),
+    }
+}
+
+/// One line: indentation, key, value, comment, each where it is there.
+fn line(indent: usize, key: &str, value: &str, comment: &str) -> String {
+    // A line break in a comment would let its rest be read as keys.
+    let comment = comment.split_whitespace().collect::<Vec<_>>().join(" ");
+    let mut parts = Vec::new();
+    if !key.is_empty() {
+        parts.push(format!("{key}:"));
+    }
+    parts.push(value.to_owned());
+    if !comment.is_empty() {
+        parts.push(format!("# {comment}"));
+    }
+    parts.retain(|part| !part.is_empty());
+    format!("{:indent$}{}", "", parts.join(" "))
+}
