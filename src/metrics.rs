@@ -14,7 +14,7 @@
 /// Takes pairs one by one, in constant memory; parts of a data set can be merged into the whole.
 ///
 /// The spread of the measured values is kept about their running mean (Welford 1962; merged after
-/// Chan, Golub and `LeVeque` 1983), so that a large offset costs no digits.
+/// Chan, Golub and LeVeque 1983), so that a large offset costs no digits.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Accumulator {
     count: u64,
