@@ -3,6 +3,7 @@
 pub mod esv;
 #[cfg(test)]
 pub mod fixture;
+pub mod friction;
 pub mod main_ports;
 pub mod orifice;
 pub mod proportional_valve;

@@ -11,11 +11,13 @@ use crate::solver::split::Split;
 use crate::state::State;
 
 /// How the continuous plant is integrated.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Method {
-    /// The split linearly implicit method, the default: fastest within 1e-4 pu.
-    #[default]
-    Split,
+    /// The split linearly implicit method, the default at 0.5 ms: the fastest within 1e-4 pu.
+    Split {
+        /// Greatest step of the spool stage, s.
+        max_step_s: f64,
+    },
     /// Explicit Runge–Kutta of order 4 with steps of at most this many seconds: the reference at 50 µs.
     Rk4 {
         /// Greatest step, s.
@@ -26,6 +28,12 @@ pub enum Method {
         /// Greatest step, s.
         max_step_s: f64,
     },
+}
+
+impl Default for Method {
+    fn default() -> Self {
+        Self::Split { max_step_s: split::SPOOL_STEP_S }
+    }
 }
 
 /// A method prepared for a plant and a tick.
@@ -44,7 +52,7 @@ impl Solver {
     #[must_use]
     pub fn new(method: Method, plant: &Plant, tick_s: f64) -> Self {
         match method {
-            Method::Split => Self::Split(Split::new(plant, tick_s)),
+            Method::Split { max_step_s } => Self::Split(Split::new(plant, tick_s, max_step_s)),
             Method::Rk4 { max_step_s } => Self::Rk4(Rk4::new(tick_s, max_step_s)),
             Method::Rosenbrock { max_step_s } => Self::Rosenbrock(Rosenbrock::new(tick_s, max_step_s)),
         }
@@ -52,7 +60,7 @@ impl Solver {
 
     /// Advances the state by one tick under a drive that holds.
     #[inline]
-    pub fn advance(&mut self, plant: &Plant, state: &mut State, drive: &Drive) {
+    pub fn advance(&self, plant: &Plant, state: &mut State, drive: &Drive) {
         match self {
             Self::Split(split) => split.advance(plant, state, drive),
             Self::Rk4(rk4) => rk4.advance(plant, state, drive),
@@ -61,7 +69,7 @@ impl Solver {
     }
 
     /// Advances the servomotor alone by one tick; the spool is wherever the caller put it.
-    pub fn advance_piston(&mut self, plant: &Plant, state: &mut State, drive: &Drive) {
+    pub fn advance_piston(&self, plant: &Plant, state: &mut State, drive: &Drive) {
         match self {
             Self::Split(split) => split.advance_piston(plant, state, drive),
             Self::Rk4(_) | Self::Rosenbrock(_) => {
@@ -70,16 +78,6 @@ impl Solver {
                 state.spool_position_m = given.spool_position_m;
                 state.spool_velocity_m_s = given.spool_velocity_m_s;
             }
-        }
-    }
-
-    /// How far the servomotor lags behind the tick, s; it takes longer steps than the spool.
-    #[inline]
-    #[must_use]
-    pub fn piston_lag_s(&self) -> f64 {
-        match self {
-            Self::Split(split) => split.piston_lag_s(),
-            Self::Rk4(_) | Self::Rosenbrock(_) => 0.0,
         }
     }
 }

@@ -38,7 +38,7 @@ pub struct Twin {
     cut: Cut,
     tick_ns: i64,
     tick_s: f64,
-    fresh: Solver,
+    solver: Solver,
     now: Now,
 }
 
@@ -46,7 +46,6 @@ pub struct Twin {
 #[derive(Clone, Debug)]
 struct Now {
     running: bool,
-    solver: Solver,
     state: State,
     memory: Vec<f64>,
     ticks: u64,
@@ -72,10 +71,9 @@ impl Twin {
         let mut plant = Plant::new(&unit.parameters);
         effects::apply(&unit.effects, &mut plant);
         let tick_s = plant.regulator.small_loop_period_s();
-        let fresh = Solver::new(method, &plant, tick_s);
+        let solver = Solver::new(method, &plant, tick_s);
         let now = Now {
             running: false,
-            solver: fresh.clone(),
             state: State::default(),
             memory: vec![0.0; plant.terms.memory_len()],
             ticks: 0,
@@ -93,7 +91,7 @@ impl Twin {
             cut: Cut::None,
             tick_ns: nanos_from_seconds(tick_s).max(1),
             tick_s,
-            fresh,
+            solver,
             now,
         }
     }
@@ -146,7 +144,6 @@ impl Twin {
         let plant = &*self.plant;
         let now = &mut self.now;
         now.running = true;
-        now.solver.clone_from(&self.fresh);
         now.ticks = 0;
         now.time_ns = frame.time_ns;
         now.measured = frame.measured;
@@ -261,9 +258,9 @@ impl Twin {
         if self.cut == Cut::Spool {
             let position_m = plant.spool.position_m(spool_reading_pu);
             now.state.spool_position_m = position_m.clamp(plant.spool.stroke_min_m, plant.spool.stroke_max_m);
-            now.solver.advance_piston(plant, &mut now.state, &drive);
+            self.solver.advance_piston(plant, &mut now.state, &drive);
         } else {
-            now.solver.advance(plant, &mut now.state, &drive);
+            self.solver.advance(plant, &mut now.state, &drive);
         }
         now.ticks += 1;
         now.time_ns += self.tick_ns;
@@ -305,11 +302,10 @@ impl Twin {
     }
 }
 
-/// Piston position `after_s` past the last tick, pu; the piston's longer steps are bridged by its speed.
+/// Piston position `after_s` past the last tick, pu.
 fn piston_position_pu(plant: &Plant, now: &Now, after_s: f64) -> f64 {
     let servo = &plant.servomotor;
-    let ahead_s = now.solver.piston_lag_s() + after_s;
-    let position_m = now.state.servomotor_position_m + now.state.servomotor_velocity_m_s * ahead_s;
+    let position_m = now.state.servomotor_position_m + now.state.servomotor_velocity_m_s * after_s;
     position_m.clamp(0.0, servo.stroke_m) / servo.stroke_m
 }
 

@@ -10,10 +10,16 @@ pub const NANOS_PER_SECOND: i64 = 1_000_000_000;
 /// of the control chamber at about 0.1 ms and is far below every working pressure drop.
 pub const LAMINAR_PRESSURE_DROP_PA: f64 = 1.0e4;
 
-/// Speed below which Coulomb friction is smoothed where a method needs a slope, in m/s.
+/// Speed below which friction is viscous, in m/s: the core of every friction law here.
 ///
-/// At 0.2 mm/s the servomotor would need an hour for its stroke, so the smoothing cannot be seen.
-pub const FRICTION_SMOOTHING_M_S: f64 = 2.0e-4;
+/// At 0.2 mm/s the servomotor would need most of an hour for its stroke, and the small loop's noise alone
+/// moves the spool faster.
+pub const FRICTION_CORE_M_S: f64 = 2.0e-4;
+
+/// Speed at which friction has fallen by 1/e from its value at rest, in m/s.
+///
+/// Of the order of 1 mm/s for lubricated steel (Armstrong-Hélouvry et al. 1994, table 2).
+pub const STRIBECK_SPEED_M_S: f64 = 2.0e-3;
 
 /// Seconds as a whole number of nanoseconds, to the nearest.
 #[must_use]

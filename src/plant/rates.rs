@@ -2,12 +2,10 @@
 
 use crate::plant::{Drive, Plant};
 use crate::state::State;
-use crate::units::FRICTION_SMOOTHING_M_S;
 
 /// Rate of change of every state under a drive that holds.
 ///
-/// Coulomb friction is smoothed by `tanh(v/v_0)`, v_0 = [`FRICTION_SMOOTHING_M_S`]. At a stop a speed into
-/// it counts as zero. The units are the state's per second.
+/// At a stop a speed into it counts as zero. The units are the state's per second.
 #[must_use]
 pub fn rates(plant: &Plant, state: &State, drive: &Drive) -> State {
     let supply = &plant.supply;
@@ -40,7 +38,7 @@ pub fn rates(plant: &Plant, state: &State, drive: &Drive) -> State {
         + ports.flow_force_n(travel_m, p_1, p_2, supply_pa, return_pa)
         + drive.spool_force_n
         - spool.viscous_damping_n_s_m * viscosity * v
-        - spool.coulomb_friction_n * (v / FRICTION_SMOOTHING_M_S).tanh();
+        - spool.friction.force_n(v);
 
     let cross_m3_s = servo.cross_leakage_m3_s_pa * (p_1 - p_2);
     let opening_m3_s = flows.opening.m3_s - cross_m3_s + drive.opening_flow_m3_s;
@@ -48,7 +46,7 @@ pub fn rates(plant: &Plant, state: &State, drive: &Drive) -> State {
     let piston_force_n = p_1 * servo.opening_area_m2 - p_2 * servo.closing_area_m2 - servo.load_n(z)
         + drive.servomotor_force_n
         - servo.damping_n_s_m(z, w, viscosity) * w
-        - servo.coulomb_friction_n * (w / FRICTION_SMOOTHING_M_S).tanh();
+        - servo.friction.force_n(w);
 
     State {
         pilot_position_pu: pilot_rate,

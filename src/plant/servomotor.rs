@@ -6,6 +6,7 @@
 //! closed end and stiction beyond Coulomb's are 0 on the sheet; effects set them.
 
 use crate::parameters;
+use crate::plant::friction::Friction;
 
 /// Law and parameters of the servomotor.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,10 +25,8 @@ pub struct Servomotor {
     pub mass_kg: f64,
     /// Viscous damping `B_s`, N s/m.
     pub viscous_damping_n_s_m: f64,
-    /// Coulomb friction `F_c`, N.
-    pub coulomb_friction_n: f64,
-    /// Friction at rest over Coulomb friction, at least 1.
-    pub static_ratio: f64,
+    /// Friction.
+    pub friction: Friction,
     /// Load towards closing at Y = 0, N.
     pub load_closed_n: f64,
     /// Load added at Y = 1, N.
@@ -52,8 +51,7 @@ impl Servomotor {
             compressibility_1_pa: 1.0 / oil.bulk_modulus_pa,
             mass_kg: p.moving_mass_kg,
             viscous_damping_n_s_m: p.viscous_damping_n_s_m,
-            coulomb_friction_n: p.coulomb_friction_n,
-            static_ratio: 1.0,
+            friction: Friction { coulomb_n: p.coulomb_friction_n, static_ratio: 1.0 },
             load_closed_n: p.load_closed_n,
             load_slope_n: p.load_slope_n,
             cross_leakage_m3_s_pa: 0.0,

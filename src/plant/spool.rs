@@ -6,6 +6,7 @@
 //! C_r, free air and Coulomb friction are 0 on the sheet; effects set them.
 
 use crate::parameters;
+use crate::plant::friction::Friction;
 
 /// Standard atmosphere, Pa: gauge pressures count from it.
 const ATMOSPHERE_PA: f64 = 101_325.0;
@@ -43,10 +44,8 @@ pub struct Spool {
     pub stroke_max_m: f64,
     /// Weight towards opening `m g`, N.
     pub weight_n: f64,
-    /// Coulomb friction, N.
-    pub coulomb_friction_n: f64,
-    /// Friction at rest over Coulomb friction, at least 1.
-    pub static_ratio: f64,
+    /// Friction.
+    pub friction: Friction,
     /// Gain of the spool transducer.
     pub reading_gain: f64,
     /// Offset of the spool transducer, pu.
@@ -73,8 +72,7 @@ impl Spool {
             stroke_min_m: p.stroke_min_m,
             stroke_max_m: p.stroke_max_m,
             weight_n: p.spool_mass_kg * p.gravity_m_s2,
-            coulomb_friction_n: 0.0,
-            static_ratio: 1.0,
+            friction: Friction { coulomb_n: 0.0, static_ratio: 1.0 },
             reading_gain: 1.0,
             reading_bias_pu: 0.0,
         }

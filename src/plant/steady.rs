@@ -79,7 +79,7 @@ fn moving_speed_m_s(plant: &Plant, travel_m: f64, z: f64, drive: &Drive) -> f64 
     } else {
         supply_pa * servo.closing_area_m2 - return_pa * servo.opening_area_m2 + servo.load_n(z)
     };
-    let drive_n = stalled_n - servo.coulomb_friction_n;
+    let drive_n = stalled_n - servo.friction.coulomb_n;
     let at_end = if direction > 0.0 { z >= servo.stroke_m } else { z <= 0.0 };
     if drive_n <= 0.0 || at_end {
         return 0.0;
