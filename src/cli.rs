@@ -6,15 +6,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 
 use crate::commands;
-
-/// How a command that did not fail ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Outcome {
-    /// Exit code 0.
-    Ok,
-    /// Finished, but the user should read the warnings: exit code 3.
-    Warnings,
-}
+pub use crate::commands::Outcome;
 
 /// Simulate a hydro-turbine governor's servo system, and find out why it differs from the real one.
 #[derive(Debug, Parser)]

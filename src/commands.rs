@@ -10,3 +10,12 @@ pub mod record;
 pub mod replay;
 #[cfg(feature = "node")]
 pub mod run;
+
+/// How a command that did not fail ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// Exit code 0.
+    Ok,
+    /// Finished, but the user should read the warnings: exit code 3.
+    Warnings,
+}

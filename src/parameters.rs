@@ -175,12 +175,12 @@ pub enum Tolerance {
     LogNormal(f64),
 }
 
-/// White noise and quantisation of one transducer, in the signal's unit.
+/// White noise and quantisation of one transducer.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sensor {
-    /// One standard deviation.
+    /// One standard deviation, in the signal's unit.
     pub noise: f64,
-    /// Least step.
+    /// Least step, in the signal's unit.
     pub step: f64,
 }
 

@@ -8,7 +8,7 @@ use govtwin::parameters::{ENTRIES, Tolerance};
 use govtwin::params::{self, Origin, SENSOR_ENTRIES, Sheet, number_text, quantity_text, tolerance_text};
 use serde_json::{Value, json};
 
-use crate::cli::Outcome;
+use crate::commands::Outcome;
 use crate::commands::output::print;
 
 /// Arguments of `govtwin check`.

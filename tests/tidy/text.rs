@@ -1,0 +1,187 @@
+//! Rules on single files: who knows which library, heads, lengths, imports, layout, places.
+
+use crate::source::Source;
+
+/// Libraries, and the only places that name them.
+const KNOWN_BY: &[(&str, &[&str])] = &[
+    ("serde_yaml", &["src/params/yaml.rs", "src/bag/metadata.rs", "tests/"]),
+    ("mcap", &["src/bag/", "src/bag.rs", "tests/", "benches/"]),
+    ("ros2_client", &["src/node/", "src/node.rs", "src/msg/", "src/msg.rs"]),
+    ("rustdds", &["src/node/", "src/node.rs", "src/msg/", "src/msg.rs"]),
+    ("ros2args", &["src/node/", "src/node.rs", "src/commands/"]),
+    ("libc", &["src/node/realtime.rs"]),
+    ("rustix", &["src/node/realtime.rs"]),
+    ("signal_hook", &["src/node/", "src/node.rs", "src/commands/"]),
+    ("lightgbm3", &["src/residual/booster.rs", "src/residual/booster/"]),
+    ("plotters", &["src/report/", "src/report.rs"]),
+    ("maud", &["src/report/", "src/report.rs"]),
+    ("indicatif", &["src/commands/"]),
+    ("anyhow", &["src/cli.rs", "src/commands/", "tests/", "benches/"]),
+    ("clap", &["src/cli.rs", "src/commands/"]),
+];
+
+/// Most lines of code in a source file: blank lines, comments and unit tests are not counted.
+const LONGEST_CODE: usize = 300;
+/// Most lines of any Rust file, everything counted.
+const LONGEST_FILE: usize = 450;
+
+/// Files that name a library which is not theirs to know.
+pub fn who_knows_what(sources: &[Source]) -> Vec<String> {
+    let mut breaches = Vec::new();
+    for source in sources {
+        for (library, places) in KNOWN_BY.iter().filter(|(_, places)| !places.iter().any(|place| source.is_at(place))) {
+            let names = |code: &str| {
+                code.match_indices(&format!("{library}::"))
+                    .any(|(at, _)| !code[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_' || c == ':'))
+                    || code.trim() == format!("use {library};")
+            };
+            let lines = source.code().filter(|(_, code)| names(code));
+            breaches.extend(lines.map(|(line, _)| {
+                format!("{}:{line}: names `{library}`, which only {} may know", source.path, places.join(", "))
+            }));
+        }
+    }
+    breaches
+}
+
+/// Files that do not begin with a sentence on what they are for.
+pub fn heads(sources: &[Source]) -> Vec<String> {
+    let headless = |source: &&Source| {
+        let paragraph: Vec<&str> =
+            source.text.lines().map_while(|line| line.strip_prefix("//! ")).map(str::trim).collect();
+        let text = paragraph.join(" ");
+        !(text.ends_with(['.', ':']) && text.split(' ').count() >= 3)
+    };
+    let breach = |source: &Source| format!("{}: must begin with `//! ` and a sentence on what it is for", source.path);
+    sources.iter().filter(headless).map(breach).collect()
+}
+
+/// Files that have grown too long to be one thing.
+pub fn lengths(sources: &[Source]) -> Vec<String> {
+    let breach = |source: &Source| {
+        let code = source.code().filter(|(_, code)| !code.trim().is_empty()).count();
+        let all = source.text.lines().count();
+        let long = all > LONGEST_FILE || (source.path.starts_with("src/") && code > LONGEST_CODE);
+        long.then(|| {
+            let limits = format!("{LONGEST_CODE} and {LONGEST_FILE} are the most");
+            format!("{}: {code} lines of code, {all} in all; {limits}", source.path)
+        })
+    };
+    sources.iter().filter_map(breach).collect()
+}
+
+/// Imports of everything, outside unit tests.
+pub fn globs(sources: &[Source]) -> Vec<String> {
+    let breaches = |source: &Source| {
+        let lines: Vec<usize> = source
+            .code()
+            .filter(|(_, code)| {
+                code.trim_start().trim_start_matches("pub ").starts_with("use ") && code.contains("::*")
+            })
+            .map(|(line, _)| line)
+            .collect();
+        lines
+            .into_iter()
+            .map(|line| format!("{}:{line}: imports everything; name what is used", source.path))
+            .collect::<Vec<_>>()
+    };
+    sources.iter().flat_map(breaches).collect()
+}
+
+/// Files in the other layout for modules.
+pub fn layout(sources: &[Source]) -> Vec<String> {
+    let old = |source: &&Source| source.path.ends_with("/mod.rs") || source.path.ends_with("prelude.rs");
+    sources
+        .iter()
+        .filter(old)
+        .map(|source| format!("{}: modules are `foo.rs` and `foo/`, without prelude", source.path))
+        .collect()
+}
+
+/// Text that names a place on one machine, or the host of a package registry.
+pub fn places(sources: &[Source]) -> Vec<String> {
+    // In pieces, so that this list does not find itself.
+    let forbidden: Vec<String> = [
+        ["/wo", "rk/"],
+        ["/ro", "ot/"],
+        ["/ho", "me/"],
+        ["/Us", "ers/"],
+        ["index.crates", ".io"],
+        ["static.crates", ".io"],
+        ["files.python", "hosted.org"],
+        ["pypi", ".org"],
+        ["deb.debian", ".org"],
+        ["archive.ubuntu", ".com"],
+        ["registry.npm", "js.org"],
+    ]
+    .iter()
+    .map(|pieces| pieces.concat())
+    .collect();
+    let mut breaches = Vec::new();
+    for source in sources {
+        for (index, line) in source.text.lines().enumerate() {
+            if let Some(place) = forbidden.iter().find(|place| line.contains(place.as_str())) {
+                breaches.push(format!("{}:{}: names `{place}`", source.path, index + 1));
+            }
+        }
+    }
+    breaches
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(path: &str, text: &str) -> [Source; 1] {
+        [Source::new(path, text)]
+    }
+
+    #[test]
+    fn a_library_out_of_place_is_seen() {
+        assert_eq!(who_knows_what(&at("src/params/merge.rs", "use serde_yaml::Value;")).len(), 1);
+        assert_eq!(who_knows_what(&at("src/twin.rs", "let x = libc::time();")).len(), 1);
+        assert_eq!(who_knows_what(&at("src/report.rs", "use mcap;")).len(), 1);
+        assert!(who_knows_what(&at("src/params/yaml.rs", "use serde_yaml::Value;")).is_empty());
+        assert!(who_knows_what(&at("src/twin.rs", "use crate::mcap::x; // mcap::y\nnot_libc::z();")).is_empty());
+    }
+
+    #[test]
+    fn a_file_without_head_is_seen() {
+        for text in
+            ["", "use x;", "//! Two words.", "//! No full stop at all\nuse x;", "// A plain comment is no head."]
+        {
+            assert_eq!(heads(&at("src/a.rs", text)).len(), 1, "{text}");
+        }
+        assert!(heads(&at("src/a.rs", "//! What it is for,\n//! over two lines.\n//!\n//! More")).is_empty());
+    }
+
+    #[test]
+    fn a_long_file_is_seen() {
+        let tests = |count| format!("\n#[cfg(test)]\nmod tests {{\n{}}}\n", "    x\n".repeat(count));
+        assert_eq!(lengths(&at("src/a.rs", &"x\n".repeat(301))).len(), 1);
+        assert_eq!(lengths(&at("src/a.rs", &("x\n".repeat(250) + &tests(200)))).len(), 1);
+        assert_eq!(lengths(&at("tests/a.rs", &"x\n".repeat(451))).len(), 1);
+        assert!(lengths(&at("src/a.rs", &("x\n".repeat(290) + &"\n// y\n".repeat(30) + &tests(50)))).is_empty());
+    }
+
+    #[test]
+    fn a_glob_import_is_seen() {
+        assert_eq!(globs(&at("src/a.rs", "use crate::frame::*;")).len(), 1);
+        assert_eq!(globs(&at("src/a.rs", "pub use frame::{a::*, b};")).len(), 1);
+        assert!(globs(&at("src/a.rs", "use x::y;\n#[cfg(test)]\nmod tests {\n    use super::*;\n}\n")).is_empty());
+    }
+
+    #[test]
+    fn the_other_layout_is_seen() {
+        assert_eq!(layout(&at("src/bag/mod.rs", "")).len(), 1);
+        assert_eq!(layout(&at("src/prelude.rs", "")).len(), 1);
+        assert!(layout(&at("src/bag/model.rs", "")).is_empty());
+    }
+
+    #[test]
+    fn a_place_on_a_machine_is_seen() {
+        assert_eq!(places(&at("README.md", &format!("see {}x/y", "/ho".to_owned() + "me/"))).len(), 1);
+        assert_eq!(places(&at("scripts/a", &format!("get {}", "pypi".to_owned() + ".org/x"))).len(), 1);
+        assert!(places(&at("README.md", "see https://docs.rs/mcap and ~/bags")).is_empty());
+    }
+}
