@@ -8,6 +8,7 @@ pub mod cdr;
 
 mod align;
 mod chunk;
+mod collect;
 mod error;
 mod health;
 mod mcap_file;
@@ -15,9 +16,12 @@ mod merge;
 mod metadata;
 mod order;
 mod read;
+mod record_file;
+mod segment;
 mod source;
 mod streams;
 mod topic;
+mod unfinished;
 mod writer;
 
 use std::fmt;

@@ -28,14 +28,6 @@ pub enum BagError {
         /// What stands here.
         found: String,
     },
-    /// `metadata.yaml` cannot be used.
-    #[error("{path}: {problem}; without this file the folder's .mcap files are read in the order of their names")]
-    Metadata {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        problem: String,
-    },
     /// A bag in sqlite3 storage, which this build cannot read.
     #[error(
         "{path}: a sqlite3 bag, which this build cannot read; build with `--features sqlite`, or convert it once: \
@@ -81,7 +73,7 @@ pub enum BagError {
         /// The stream that it should carry.
         stream: Stream,
         /// The type that the stream has.
-        expected: String,
+        expected: &'static str,
         /// What the topic has.
         found: String,
     },
@@ -97,6 +89,12 @@ pub enum BagError {
         /// What is wrong with the first.
         first: String,
     },
+    /// There is no instant at which every input has a value.
+    #[error("{path}: the inputs do not overlap: no stamp lies after the first value of every input")]
+    NoOverlap {
+        /// The bag.
+        path: PathBuf,
+    },
     /// Resampling would make too many rows.
     #[error(
         "{path}: a row every {period_ns} ns over {duration_s} s makes more than {limit} rows; choose a longer period"
@@ -111,8 +109,8 @@ pub enum BagError {
         /// The most rows that are made.
         limit: usize,
     },
-    /// The output is there already and is no bag.
-    #[error("{path}: exists and is not a bag; name another folder, or remove it")]
+    /// The output is there already.
+    #[error("{path}: is there already; name another folder, or move it away")]
     InTheWay {
         /// The folder.
         path: PathBuf,
@@ -125,11 +123,11 @@ pub enum BagError {
         /// The library's own words.
         source: mcap::McapError,
     },
-    /// A message cannot be encoded.
-    #[error("topic `{topic}`: cannot encode: {problem}")]
+    /// A message, or the metadata, cannot be encoded.
+    #[error("cannot encode {what}: {problem}")]
     Encode {
-        /// The topic.
-        topic: String,
+        /// The type of the message, or the file.
+        what: String,
         /// What is wrong.
         problem: String,
     },

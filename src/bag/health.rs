@@ -49,10 +49,22 @@ pub struct FileHealth {
     pub finished: bool,
     /// Messages read.
     pub messages: u64,
+    /// Messages that the file's own summary counts; `None` without one.
+    pub stated_messages: Option<u64>,
     /// Names of metadata records.
     pub metadata: Vec<String>,
     /// What could not be read.
     pub damage: Vec<Damage>,
+}
+
+impl FileHealth {
+    /// What a user should read about the file.
+    pub fn warnings(&self) -> impl Iterator<Item = Warning> {
+        let damage = self.damage.iter();
+        let damage = damage.map(|damage| Warning::Damaged { path: self.path.clone(), damage: damage.clone() });
+        let stated = self.stated_messages.filter(|stated| *stated != self.messages);
+        damage.chain(stated.map(|stated| Warning::Count { path: self.path.clone(), stated, read: self.messages }))
+    }
 }
 
 /// A part of a file that could not be read.
@@ -64,6 +76,8 @@ pub struct Damage {
     pub lost_bytes: u64,
     /// What was found.
     pub problem: String,
+    /// How often, from here on.
+    pub places: u64,
     /// Messages read from the damaged part all the same.
     pub recovered_messages: u64,
     /// Log time of the last message before it that was read, ns.
@@ -91,7 +105,7 @@ pub struct StreamHealth {
     pub bad_stamps: u64,
     /// Values dropped because they are not finite or physically impossible.
     pub bad_values: u64,
-    /// Samples left out because the clock restarted and the longer part was read.
+    /// Samples left out because the clock jumped and the run with more samples was read.
     pub other_run: u64,
     /// The first of the dropped, with place, unit and limits.
     pub first_fault: Option<String>,
@@ -115,6 +129,15 @@ pub enum Warning {
         #[serde(flatten)]
         damage: Damage,
     },
+    /// A file's own count and the messages read differ.
+    Count {
+        /// The file.
+        path: PathBuf,
+        /// What the file's summary says.
+        stated: u64,
+        /// What was read.
+        read: u64,
+    },
     /// A file that `metadata.yaml` names is not there.
     FileMissing {
         /// The file.
@@ -136,14 +159,25 @@ pub enum Warning {
         /// The first of them.
         first: String,
     },
-    /// The clock of the stamps was set back.
-    ClockRestart {
+    /// Samples arrived after later ones.
+    Late {
+        /// The topic.
+        topic: String,
+        /// How many.
+        count: u64,
+        /// Messages of the topic.
+        of: u64,
+    },
+    /// The clock of the stamps was set back or forward.
+    ClockJump {
         /// The topic on which it shows first.
         topic: String,
         /// From this stamp, ns.
         from_ns: i64,
         /// To this stamp, ns.
         to_ns: i64,
+        /// How often it jumped.
+        jumps: u64,
         /// Samples left out, over all streams.
         left_out: u64,
     },
@@ -169,8 +203,11 @@ impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Damaged { path, damage } => {
-                let Damage { at_byte, lost_bytes, problem, recovered_messages, last_good_ns } = damage;
+                let Damage { at_byte, lost_bytes, problem, places, recovered_messages, last_good_ns } = damage;
                 write!(f, "{}: {problem} at byte {at_byte}: {lost_bytes} bytes lost", path.display())?;
+                if *places > 1 {
+                    write!(f, " in {places} places from there on")?;
+                }
                 if *recovered_messages > 0 {
                     write!(f, ", {recovered_messages} messages of the damaged part recovered")?;
                 }
@@ -178,6 +215,9 @@ impl fmt::Display for Warning {
                     Some(time_ns) => write!(f, "; last message before it logged at {time_ns} ns"),
                     None => write!(f, "; no message before it"),
                 }
+            }
+            Self::Count { path, stated, read } => {
+                write!(f, "{}: its summary counts {stated} messages, {read} could be read", path.display())
             }
             Self::FileMissing { path } => {
                 write!(
@@ -190,11 +230,17 @@ impl fmt::Display for Warning {
             Self::Dropped { topic, count, of, first } => {
                 write!(f, "{topic}: dropped from {count} of {of} messages; first: {first}")
             }
-            Self::ClockRestart { topic, from_ns, to_ns, left_out } => write!(
-                f,
-                "{topic}: time runs backwards from {from_ns} ns to {to_ns} ns: the clock restarted; the longer run is \
-                 read, {left_out} samples of the others are left out"
-            ),
+            Self::Late { topic, count, of } => {
+                write!(f, "{topic}: {count} of {of} samples arrived after later ones; put in the order of their stamps")
+            }
+            Self::ClockJump { topic, from_ns, to_ns, jumps, left_out } => {
+                let way = if to_ns < from_ns { "backwards" } else { "forwards" };
+                write!(
+                    f,
+                    "{topic}: time jumps {way} from {from_ns} ns to {to_ns} ns (jumps in all: {jumps}); the run with \
+                     most samples is read, {left_out} samples of the others are left out"
+                )
+            }
             Self::Filled { topic, with } => write!(f, "{topic}: not in the bag; {with} stands in for it"),
             Self::Gap { topic, longest_s, count } => {
                 write!(f, "{topic}: {count} gaps, the longest {longest_s:.3} s; values hold across them")

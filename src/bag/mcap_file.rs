@@ -1,34 +1,43 @@
 //! One MCAP file from start to end: every record that is whole, and an account of what is not.
 
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::{BufReader, Read};
-use std::path::Path;
+use std::io;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use mcap::records::{Record, op};
 
 use super::chunk::{self, Records};
-use super::topic::{RawView, TopicInfo};
+use super::record_file::{HEAD_LEN, RecordFile, Step};
+use super::segment::Segment;
+use super::topic::{OnMessage, RawView, TopicInfo};
 use super::{BagError, Damage, FileHealth};
 
-/// Opcode and length.
-const HEAD_LEN: u64 = 9;
+/// More entries of damage than this say nothing more.
+const DAMAGE_LIMIT: usize = 32;
 
-/// What a scan hands on: each message in file order.
-pub(super) type OnMessage<'a> = dyn FnMut(RawView<'_>) + 'a;
+/// What a scan finds in a file besides its messages.
+#[derive(Debug)]
+pub(super) struct ScannedFile {
+    pub(super) health: FileHealth,
+    pub(super) channels: Channels,
+    pub(super) segments: Vec<Segment>,
+}
 
 /// Reads a whole file, hands on its messages in file order, and says how the file is.
 ///
 /// # Errors
-/// Where the operating system refuses, or the file is no MCAP file. Damage is no error.
-pub(super) fn scan(path: &Path, on_message: &mut OnMessage<'_>) -> Result<(FileHealth, Channels), BagError> {
-    let file = File::open(path).map_err(BagError::io(path, "open"))?;
-    let bytes = file.metadata().map_err(BagError::io(path, "read"))?.len();
-    let health = FileHealth { path: path.to_owned(), bytes, storage: "mcap", ..FileHealth::default() };
-    let mut scan = Scan { channels: Channels::default(), health, last_good_ns: None, in_summary: false };
-    scan.run(BufReader::with_capacity(1 << 16, file), on_message).map_err(BagError::io(path, "read"))?;
-    Ok((scan.health, scan.channels))
+/// Where the operating system refuses. Damage is no error.
+pub(super) fn scan(path: &Path, on_message: &mut OnMessage<'_>) -> Result<ScannedFile, BagError> {
+    let mut file = RecordFile::open(path).map_err(BagError::io(path, "open"))?;
+    let health = FileHealth { path: path.to_owned(), bytes: file.end(), storage: "mcap", ..FileHealth::default() };
+    let mut scan = Scan {
+        data_end: file.end(),
+        found: ScannedFile { health, channels: Channels::default(), segments: vec![] },
+        last_good_ns: None,
+    };
+    scan.summary(&mut file).and_then(|()| scan.data(&mut file, on_message)).map_err(BagError::io(path, "read"))?;
+    Ok(scan.found)
 }
 
 /// Schemas and channels met so far.
@@ -49,15 +58,15 @@ impl Channels {
     }
 
     /// Takes in a schema or channel record; others pass by.
-    pub(super) fn take_in(&mut self, record: Record<'_>) {
+    fn take_in(&mut self, record: Record<'_>) {
         match record {
             Record::Schema { header, data } => {
                 self.schemas.insert(header.id, (header.name, header.encoding, data.into_owned()));
             }
-            Record::Channel(channel) => {
+            Record::Channel(mut channel) => {
                 let (type_name, schema_encoding, schema) =
                     self.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
-                let text = |key: &str| channel.metadata.get(key).cloned().unwrap_or_default();
+                let mut text = |key: &str| channel.metadata.remove(key).unwrap_or_default();
                 let info = TopicInfo {
                     type_name,
                     schema_encoding,
@@ -67,7 +76,7 @@ impl Channels {
                     name: channel.topic,
                     encoding: channel.message_encoding,
                 };
-                // The summary repeats channels; the same `Arc` stays so that comparing is cheap.
+                // Summary and data both hold the channel; the same `Arc` stays so that comparing is cheap.
                 if self.topics.get(&channel.id).is_none_or(|known| **known != info) {
                     self.topics.insert(channel.id, Arc::new(info));
                 }
@@ -77,124 +86,220 @@ impl Channels {
     }
 }
 
-struct Scan {
+/// Loads segments of a scanned file again.
+#[derive(Debug)]
+pub(super) struct Loader {
+    path: PathBuf,
+    file: RecordFile,
     channels: Channels,
-    health: FileHealth,
+}
+
+impl Loader {
+    /// Opens a scanned file.
+    pub(super) fn open(path: &Path, channels: Channels) -> Result<Self, BagError> {
+        let file = RecordFile::open(path).map_err(BagError::io(path, "open"))?;
+        Ok(Self { path: path.to_owned(), file, channels })
+    }
+
+    /// Hands on the messages of a segment in file order; damage was told by the scan.
+    pub(super) fn load(&mut self, segment: &Segment, on_message: &mut OnMessage<'_>) -> Result<(), BagError> {
+        self.walk(segment, on_message).map_err(BagError::io(&self.path, "read"))
+    }
+
+    fn walk(&mut self, segment: &Segment, on_message: &mut OnMessage<'_>) -> io::Result<()> {
+        let mut body = vec![];
+        let mut records = Records::default();
+        self.file.seek(segment.at)?;
+        while self.file.at() < segment.end {
+            let (opcode, len) = match self.file.next(&mut body)? {
+                Step::Record(opcode) => (opcode, body.len() as u64),
+                Step::Cut { opcode, stated_len } => (opcode, stated_len),
+                Step::Nonsense | Step::End { .. } => return Ok(()),
+            };
+            if opcode == op::CHUNK {
+                // What is whole is in `records` even where the chunk is damaged.
+                let _ = chunk::read(&body, len, &mut records);
+                for (opcode, data) in records.iter() {
+                    self.hand_on(opcode, data, on_message);
+                }
+            } else {
+                self.hand_on(opcode, &body, on_message);
+            }
+            if body.len() as u64 != len {
+                return Ok(());
+            }
+        }
+        Ok(())
+    }
+
+    fn hand_on(&self, opcode: u8, body: &[u8], on_message: &mut OnMessage<'_>) {
+        if opcode == op::MESSAGE
+            && let Ok(record) = mcap::parse_record(opcode, body)
+            && let Some(message) = view(&self.channels, &record)
+        {
+            on_message(message);
+        }
+    }
+}
+
+/// One message on a known channel, as records hold it.
+fn view<'a>(channels: &'a Channels, record: &'a Record<'_>) -> Option<RawView<'a>> {
+    let Record::Message { header, data } = record else { return None };
+    Some(RawView {
+        topic: channels.get(header.channel_id)?,
+        log_time_ns: i64::try_from(header.log_time).unwrap_or(i64::MAX),
+        publish_time_ns: i64::try_from(header.publish_time).unwrap_or(i64::MAX),
+        sequence: header.sequence,
+        data,
+    })
+}
+
+struct Scan {
+    /// Where the messages end at the latest.
+    data_end: u64,
+    found: ScannedFile,
     last_good_ns: Option<i64>,
-    in_summary: bool,
 }
 
 impl Scan {
-    fn run(&mut self, mut reader: impl Read, on_message: &mut OnMessage<'_>) -> std::io::Result<()> {
-        let mut at = mcap::MAGIC.len() as u64;
-        let mut magic = [0; 8];
-        reader.read_exact(&mut magic)?;
-        let mut body = Vec::new();
+    /// Reads what the end of a finished file says of it: channels, counts, whether there is an index.
+    fn summary(&mut self, file: &mut RecordFile) -> io::Result<()> {
+        let start = file.summary_start()?;
+        self.found.health.finished = start.is_some();
+        if let Some(Some(start)) = start {
+            self.data_end = start;
+            file.seek(start)?;
+            let mut body = vec![];
+            while let Step::Record(opcode) = file.next(&mut body)? {
+                match mcap::parse_record(opcode, &body) {
+                    Ok(Record::ChunkIndex(_)) => self.found.health.indexed = true,
+                    Ok(Record::Statistics(counts)) => self.found.health.stated_messages = Some(counts.message_count),
+                    Ok(Record::Footer(_)) | Err(_) => break,
+                    Ok(record) => self.found.channels.take_in(record),
+                }
+            }
+        }
+        file.seek(mcap::MAGIC.len() as u64)
+    }
+
+    fn data(&mut self, file: &mut RecordFile, on_message: &mut OnMessage<'_>) -> io::Result<()> {
+        let mut body = vec![];
         let mut records = Records::default();
         loop {
-            let mut head = [0; HEAD_LEN as usize];
-            let found = read_up_to(&mut reader, &mut head)?;
-            if found < head.len() {
-                self.damage(at, found as u64, "the file ends without a footer, its writer did not finish".into(), 0);
-                return Ok(());
-            }
-            let opcode = head[0];
-            let len = u64::from_le_bytes([head[1], head[2], head[3], head[4], head[5], head[6], head[7], head[8]]);
-            body.clear();
-            reader.by_ref().take(len).read_to_end(&mut body)?;
-            let whole = body.len() as u64 == len;
-            if opcode == op::CHUNK {
-                self.chunk(at, &body, len, &mut records, on_message);
-            } else if whole {
-                self.record(at, opcode, &body, on_message);
-            }
-            if !whole {
-                if opcode != op::CHUNK {
-                    let problem = format!("the file ends inside a record (opcode {opcode:#04x}, {len} bytes)");
-                    self.damage(at, HEAD_LEN + body.len() as u64, problem, 0);
+            let at = file.at();
+            let step = file.next(&mut body)?;
+            match step {
+                Step::Record(op::DATA_END) if self.found.health.finished => return Ok(()),
+                Step::Record(op::FOOTER) => return Ok(()),
+                Step::Record(op::CHUNK) => self.chunk(at, &body, body.len() as u64, &mut records, on_message),
+                Step::Record(opcode) => self.bare(at, opcode, &body, on_message),
+                Step::End { left } => {
+                    if !self.found.health.finished {
+                        self.damage(at, left, "the file ends without a footer: its writer did not finish", 0);
+                    }
+                    return Ok(());
                 }
-                return Ok(());
+                Step::Cut { .. } | Step::Nonsense => {
+                    if let Some(next) = file.find_chunk(at + 1)? {
+                        self.damage(at, next - at, "not a record; reading went on at the next chunk", 0);
+                        continue;
+                    }
+                    match step {
+                        Step::Cut { opcode: op::CHUNK, stated_len } => {
+                            self.chunk(at, &body, stated_len, &mut records, on_message);
+                        }
+                        Step::Cut { .. } => {
+                            self.damage(at, self.data_end.saturating_sub(at), "the file ends inside a record", 0);
+                        }
+                        _ => self.damage(at, self.data_end.saturating_sub(at), "not a record", 0),
+                    }
+                    return Ok(());
+                }
             }
-            if opcode == op::FOOTER {
-                let found = read_up_to(&mut reader, &mut magic)?;
-                self.health.finished = found == magic.len() && magic == mcap::MAGIC;
-                return Ok(());
-            }
-            at += HEAD_LEN + len;
         }
     }
 
     fn chunk(&mut self, at: u64, body: &[u8], len: u64, records: &mut Records, on_message: &mut OnMessage<'_>) {
         let result = chunk::read(body, len, records);
-        let before = self.health.messages;
+        let mut segment = Segment::new(at, len);
         let last_good_ns = self.last_good_ns;
         for (opcode, data) in records.iter() {
-            self.record(at, opcode, data, on_message);
+            self.record(at, opcode, data, &mut segment, on_message);
         }
-        self.health.chunks += 1;
-        self.health.uncompressed_bytes += records.len() as u64;
+        let recovered = segment.messages();
+        self.keep(segment);
+        let health = &mut self.found.health;
+        health.chunks += 1;
+        health.uncompressed_bytes += records.len() as u64;
+        let compression = chunk::compression(body).map_or("", |(name, _)| name);
+        if let Err(place) = health.compressions.binary_search_by(|known| known.as_str().cmp(compression)) {
+            health.compressions.insert(place, compression.to_owned());
+        }
         if let Err(error) = result {
             let problem =
                 if (body.len() as u64) < len { "the file ends inside a chunk".into() } else { error.to_string() };
-            let recovered = self.health.messages - before;
-            self.damage(at, HEAD_LEN + body.len() as u64, problem, recovered);
-            if let Some(damage) = self.health.damage.last_mut() {
-                damage.last_good_ns = last_good_ns;
-            }
+            self.last_good_ns = last_good_ns.or(self.last_good_ns);
+            self.damage(at, (HEAD_LEN + body.len()) as u64, &problem, recovered);
         }
     }
 
-    fn record(&mut self, at: u64, opcode: u8, body: &[u8], on_message: &mut OnMessage<'_>) {
-        // Attachments hold nothing that is wanted here, and unknown opcodes are to be ignored.
-        if opcode == op::ATTACHMENT {
+    /// A record outside of any chunk.
+    fn bare(&mut self, at: u64, opcode: u8, body: &[u8], on_message: &mut OnMessage<'_>) {
+        let mut segment = Segment::bare(at, body.len() as u64);
+        self.record(at, opcode, body, &mut segment, on_message);
+        self.keep(segment);
+    }
+
+    fn keep(&mut self, segment: Segment) {
+        let segments = &mut self.found.segments;
+        if segment.messages() > 0 && !segments.last_mut().is_some_and(|last| last.absorb(&segment)) {
+            segments.push(segment);
+        }
+    }
+
+    fn record(&mut self, at: u64, opcode: u8, body: &[u8], segment: &mut Segment, on_message: &mut OnMessage<'_>) {
+        // Indexes point to what is read anyway, and unknown opcodes are to be ignored.
+        if matches!(opcode, op::ATTACHMENT | op::MESSAGE_INDEX) {
             return;
         }
         match mcap::parse_record(opcode, body) {
-            Ok(Record::Message { header, data }) => {
-                let Some(topic) = self.channels.get(header.channel_id) else {
-                    let problem = format!("a message on channel {}, which was never announced", header.channel_id);
-                    self.damage(at, body.len() as u64, problem, 0);
+            Ok(record @ Record::Message { .. }) => {
+                let Some(message) = view(&self.found.channels, &record) else {
+                    self.damage(at, body.len() as u64, "messages on a channel that is announced nowhere", 0);
                     return;
                 };
-                let log_time_ns = i64::try_from(header.log_time).unwrap_or(i64::MAX);
-                let publish_time_ns = i64::try_from(header.publish_time).unwrap_or(i64::MAX);
-                on_message(RawView { topic, log_time_ns, publish_time_ns, sequence: header.sequence, data: &data });
-                self.health.messages += 1;
-                self.last_good_ns = Some(log_time_ns);
+                on_message(message);
+                segment.count(message.log_time_ns);
+                self.last_good_ns = Some(message.log_time_ns);
+                self.found.health.messages += 1;
             }
             Ok(Record::Header(header)) => {
-                self.health.profile = header.profile;
-                self.health.library = header.library;
+                self.found.health.profile = header.profile;
+                self.found.health.library = header.library;
             }
-            Ok(Record::ChunkIndex(index)) => {
-                self.health.indexed = true;
-                if let Err(place) = self.health.compressions.binary_search(&index.compression) {
-                    self.health.compressions.insert(place, index.compression);
-                }
-            }
-            Ok(Record::Metadata(metadata)) => self.health.metadata.push(metadata.name),
-            Ok(Record::DataEnd(_)) => self.in_summary = true,
-            Ok(record) => self.channels.take_in(record),
-            Err(error) => self.damage(at, body.len() as u64, error.to_string(), 0),
+            Ok(Record::Metadata(metadata)) => self.found.health.metadata.push(metadata.name),
+            Ok(record) => self.found.channels.take_in(record),
+            Err(error) => self.damage(at, body.len() as u64, &error.to_string(), 0),
         }
     }
 
-    fn damage(&mut self, at_byte: u64, lost_bytes: u64, problem: String, recovered_messages: u64) {
-        let last_good_ns = self.last_good_ns;
-        self.health.damage.push(Damage { at_byte, lost_bytes, problem, recovered_messages, last_good_ns });
-    }
-}
-
-/// Fills as much of the buffer as there is.
-fn read_up_to(reader: &mut impl Read, buffer: &mut [u8]) -> std::io::Result<usize> {
-    let mut filled = 0;
-    while filled < buffer.len() {
-        match reader.read(&mut buffer[filled..]) {
-            Ok(0) => break,
-            Ok(count) => filled += count,
-            Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
-            Err(error) => return Err(error),
+    /// Notes damage; what repeats is one entry.
+    fn damage(&mut self, at_byte: u64, lost_bytes: u64, problem: &str, recovered_messages: u64) {
+        let full = self.found.health.damage.len() == DAMAGE_LIMIT;
+        match self.found.health.damage.last_mut() {
+            Some(last) if full || (last.problem == problem && recovered_messages == 0) => {
+                last.lost_bytes += lost_bytes;
+                last.recovered_messages += recovered_messages;
+                last.places += 1;
+            }
+            _ => self.found.health.damage.push(Damage {
+                at_byte,
+                lost_bytes,
+                problem: problem.to_owned(),
+                places: 1,
+                recovered_messages,
+                last_good_ns: self.last_good_ns,
+            }),
         }
     }
-    Ok(filled)
 }

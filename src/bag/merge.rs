@@ -1,17 +1,60 @@
-//! All messages of a bag in log-time order.
+//! All messages of a bag in log-time order, loading only the pieces that overlap.
 
+use std::cmp::Ordering;
+use std::collections::{BinaryHeap, VecDeque};
 use std::path::Path;
+use std::sync::Arc;
 
-use super::topic::RawMessage;
+use super::mcap_file::Loader;
+use super::segment::Segment;
+use super::topic::{RawMessage, TopicInfo};
 use super::{BagError, FileHealth, Warning, source};
 
 /// The messages of a bag in log-time order; messages of one time stay in file order.
 #[derive(Debug)]
 pub struct Messages {
-    messages: std::vec::IntoIter<RawMessage>,
     files: Vec<FileHealth>,
+    topics: Vec<Arc<TopicInfo>>,
     warnings: Vec<Warning>,
+    loaders: Vec<Loader>,
+    /// Segments not loaded yet with the number of their file, by the time of their first message.
+    waiting: VecDeque<(usize, Segment)>,
+    loaded: BinaryHeap<Entry>,
 }
+
+/// A loaded message with its place in the order, earliest greatest.
+#[derive(Debug)]
+struct Entry {
+    /// File, place of the segment in it, number in the segment.
+    place: (usize, u64, usize),
+    message: RawMessage,
+}
+
+impl Entry {
+    fn key(&self) -> (i64, (usize, u64, usize)) {
+        (self.message.log_time_ns, self.place)
+    }
+}
+
+impl Ord for Entry {
+    fn cmp(&self, other: &Self) -> Ordering {
+        other.key().cmp(&self.key())
+    }
+}
+
+impl PartialOrd for Entry {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Entry {
+    fn eq(&self, other: &Self) -> bool {
+        self.key() == other.key()
+    }
+}
+
+impl Eq for Entry {}
 
 impl Messages {
     /// How the files are.
@@ -20,29 +63,77 @@ impl Messages {
         &self.files
     }
 
+    /// The topics by name.
+    #[must_use]
+    pub fn topics(&self) -> &[Arc<TopicInfo>] {
+        &self.topics
+    }
+
     /// What a user should read before the messages.
     #[must_use]
     pub fn warnings(&self) -> &[Warning] {
         &self.warnings
     }
+
+    /// Loads every segment that may hold a message before the earliest one loaded.
+    fn fill(&mut self) -> Result<(), BagError> {
+        while let Some((_, next)) = self.waiting.front() {
+            if self.loaded.peek().is_some_and(|earliest| earliest.message.log_time_ns < next.first_ns) {
+                break;
+            }
+            let Some((file, segment)) = self.waiting.pop_front() else { break };
+            let Some(loader) = self.loaders.get_mut(file) else { continue };
+            let loaded = &mut self.loaded;
+            let mut number = 0;
+            loader.load(&segment, &mut |message| {
+                loaded.push(Entry { place: (file, segment.at, number), message: message.to_owned() });
+                number += 1;
+            })?;
+        }
+        Ok(())
+    }
 }
 
 impl Iterator for Messages {
-    type Item = RawMessage;
+    type Item = Result<RawMessage, BagError>;
 
-    fn next(&mut self) -> Option<RawMessage> {
-        self.messages.next()
+    fn next(&mut self) -> Option<Self::Item> {
+        if let Err(error) = self.fill() {
+            // Said once; then the end.
+            self.waiting.clear();
+            self.loaded.clear();
+            return Some(Err(error));
+        }
+        self.loaded.pop().map(|entry| Ok(entry.message))
     }
 }
 
 /// Gives all messages of a bag, of any type, in log-time order.
 ///
+/// The bag is read twice: once to find what is where and what is damaged, once for the messages. Only
+/// pieces that overlap in time are in memory at once.
+///
 /// # Errors
-/// Where there is no bag at the path. Damage is no error.
+/// Where there is no bag at the path. Damage is no error. An item is an error where the operating
+/// system refuses later on.
 pub fn messages(path: &Path) -> Result<Messages, BagError> {
     let source = source::open(path)?;
-    let mut messages = vec![];
-    let (files, _) = source.scan(&mut |message| messages.push(message.to_owned()))?;
-    messages.sort_by_key(|message| message.log_time_ns);
-    Ok(Messages { messages: messages.into_iter(), files, warnings: source.warnings })
+    let scanned = source.scan(&mut |_| {})?;
+    let mut warnings = source.warnings;
+    warnings.extend(scanned.files.iter().flat_map(FileHealth::warnings));
+    let mut loaders = vec![];
+    let mut waiting = vec![];
+    for (number, (path, (_, channels, segments))) in source.files.iter().zip(scanned.parts).enumerate() {
+        loaders.push(Loader::open(path, channels)?);
+        waiting.extend(segments.into_iter().map(|segment| (number, segment)));
+    }
+    waiting.sort_by_key(|(number, segment)| (segment.first_ns, *number, segment.at));
+    Ok(Messages {
+        files: scanned.files,
+        topics: scanned.topics,
+        warnings,
+        loaders,
+        waiting: waiting.into(),
+        loaded: BinaryHeap::new(),
+    })
 }

@@ -50,6 +50,7 @@ struct ReadInformation {
 pub(super) struct TopicSummary {
     pub(super) name: String,
     pub(super) type_name: String,
+    pub(super) encoding: String,
     pub(super) offered_qos_profiles: String,
     pub(super) type_hash: String,
     pub(super) message_count: u64,
@@ -150,7 +151,7 @@ impl<'a> WriteTopic<'a> {
             topic_metadata: WriteTopicMetadata {
                 name: &topic.name,
                 type_name: &topic.type_name,
-                serialization_format: "cdr",
+                serialization_format: &topic.encoding,
                 offered_qos_profiles: serde_yaml::from_str(profiles).map_err(|error| error.to_string())?,
                 type_description_hash: &topic.type_hash,
             },

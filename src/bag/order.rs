@@ -1,14 +1,129 @@
-//! Samples into the order of their stamps: late ones put in place, repeated ones dropped, all counted.
+//! Samples into the order of their stamps: clock jumps found, late ones put in place, repeated ones dropped.
 
 use super::StreamHealth;
-use super::streams::{Sample, Value};
+use super::streams::{Sample, Value, note};
+use crate::units::NANOS_PER_SECOND;
+
+/// A stamp this far behind its predecessor is a clock set back; less is a late sample.
+const SET_BACK_NS: i64 = NANOS_PER_SECOND;
+
+/// A stamp that runs this far ahead of the time of recording is a clock set forward; less may be a
+/// recording that was played fast.
+const SET_FORWARD_NS: i64 = 600 * NANOS_PER_SECOND;
+
+/// Clocks of several streams that jump within this time of recording jump together.
+const TOGETHER_NS: i64 = 2 * NANOS_PER_SECOND;
+
+/// A jump of the clock that stamps one stream.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Jump {
+    /// The first sample after it.
+    index: usize,
+    log_time_ns: i64,
+    pub(super) topic: String,
+    pub(super) from_ns: i64,
+    pub(super) to_ns: i64,
+}
+
+fn jumps<V>(before: &Sample<V>, after: &Sample<V>) -> bool {
+    let stamp_step_ns = after.stamp_ns.saturating_sub(before.stamp_ns);
+    let log_step_ns = after.log_time_ns.saturating_sub(before.log_time_ns);
+    stamp_step_ns < -SET_BACK_NS || stamp_step_ns.saturating_sub(log_step_ns) > SET_FORWARD_NS
+}
+
+/// Drops single samples whose stamp jumps away while the next one is back: a bad stamp, no new clock.
+pub(super) fn drop_strays<V: Value>(samples: &mut Vec<Sample<V>>, health: &mut StreamHealth) {
+    let mut kept: Vec<Sample<V>> = Vec::with_capacity(samples.len());
+    for (index, sample) in samples.iter().enumerate() {
+        let stray = match (kept.last(), samples.get(index + 1)) {
+            (Some(before), Some(after)) => (jumps(before, sample) || jumps(sample, after)) && !jumps(before, after),
+            (Some(before), None) => jumps(before, sample),
+            (None, Some(after)) => {
+                jumps(sample, after) && !samples.get(index + 2).is_some_and(|next| jumps(after, next))
+            }
+            (None, None) => false,
+        };
+        if stray {
+            health.bad_stamps += 1;
+            let fault = format!("stamp {} ns is far from its neighbours", sample.stamp_ns);
+            note(health, sample.log_time_ns, &fault);
+        } else {
+            kept.push(*sample);
+        }
+    }
+    *samples = kept;
+}
+
+/// Finds the jumps of a stream whose samples come in the order of arrival.
+pub(super) fn jumps_of<V>(samples: &[Sample<V>], topic: &str) -> Vec<Jump> {
+    let mut found = vec![];
+    let mut newest: Option<&Sample<V>> = None;
+    for (index, sample) in samples.iter().enumerate() {
+        match newest {
+            Some(before) if jumps(before, sample) => {
+                found.push(Jump {
+                    index,
+                    log_time_ns: sample.log_time_ns,
+                    topic: topic.to_owned(),
+                    from_ns: before.stamp_ns,
+                    to_ns: sample.stamp_ns,
+                });
+                newest = Some(sample);
+            }
+            // A late sample is no measure for its successor.
+            Some(before) if sample.stamp_ns < before.stamp_ns => {}
+            _ => newest = Some(sample),
+        }
+    }
+    found
+}
+
+/// The jumps of all streams by time of recording, those of one moment as one: its first.
+pub(super) fn together(mut jumps: Vec<Jump>) -> Vec<Jump> {
+    jumps.sort_by_key(|jump| jump.log_time_ns);
+    jumps.dedup_by(|later, first| later.log_time_ns.saturating_sub(first.log_time_ns) <= TOGETHER_NS);
+    jumps
+}
+
+/// The run of each sample: how many of the common jumps lie before it.
+///
+/// A stream's own jump decides where it has one at that moment, the time of recording where it has none.
+pub(super) fn runs<V>(samples: &[Sample<V>], own: &[Jump], common: &[Jump]) -> Vec<usize> {
+    let mut own = own.iter().peekable();
+    let mut run = 0;
+    let mut runs = Vec::with_capacity(samples.len());
+    for (index, sample) in samples.iter().enumerate() {
+        while let Some(jump) = common.get(run) {
+            while own.next_if(|mine| mine.log_time_ns < jump.log_time_ns).is_some() {}
+            let mine = own.peek().filter(|mine| mine.log_time_ns.saturating_sub(jump.log_time_ns) <= TOGETHER_NS);
+            let passed = match mine {
+                Some(mine) => index >= mine.index,
+                None => sample.log_time_ns >= jump.log_time_ns,
+            };
+            if !passed {
+                break;
+            }
+            run += 1;
+        }
+        runs.push(run);
+    }
+    runs
+}
+
+/// Keeps the samples of one run; counts the others.
+pub(super) fn keep_run<V: Value>(samples: &mut Vec<Sample<V>>, runs: &[usize], run: usize, health: &mut StreamHealth) {
+    let all = samples.len();
+    let mut runs = runs.iter();
+    samples.retain(|_| runs.next().is_some_and(|mine| *mine == run));
+    health.other_run = (all - samples.len()) as u64;
+}
 
 /// Sorts samples by stamp and leaves one for each stamp.
 ///
 /// `samples` come in the order of arrival. Of samples with one stamp the last to arrive stays.
-pub(super) fn by_stamp<V: Value>(mut samples: Vec<Sample<V>>, health: &mut StreamHealth) -> Vec<Sample<V>> {
+pub(super) fn by_stamp<V: Value>(samples: &mut Vec<Sample<V>>, health: &mut StreamHealth) {
     let mut newest_ns = i64::MIN;
-    for sample in &samples {
+    for sample in samples.iter() {
         if sample.stamp_ns < newest_ns {
             health.late += 1;
         }
@@ -16,20 +131,20 @@ pub(super) fn by_stamp<V: Value>(mut samples: Vec<Sample<V>>, health: &mut Strea
     }
     // Stable: arrival order stays within one stamp.
     samples.sort_by_key(|sample| sample.stamp_ns);
-    let mut kept: Vec<Sample<V>> = Vec::with_capacity(samples.len());
-    for sample in samples {
-        match kept.last_mut() {
-            Some(last) if last.stamp_ns == sample.stamp_ns => {
-                if last.value.same(sample.value) {
-                    health.duplicates += 1;
-                } else {
-                    health.conflicts += 1;
-                }
-                *last = sample;
-            }
-            _ => kept.push(sample),
+    samples.dedup_by(|later, kept| {
+        let doubled = later.stamp_ns == kept.stamp_ns;
+        if doubled && later.value.same(kept.value) {
+            health.duplicates += 1;
+        } else if doubled {
+            health.conflicts += 1;
+            note(
+                health,
+                later.log_time_ns,
+                &format!("a second value for stamp {} ns; the later one stays", later.stamp_ns),
+            );
+            *kept = *later;
         }
-    }
-    health.kept = kept.len() as u64;
-    kept
+        doubled
+    });
+    health.kept = samples.len() as u64;
 }

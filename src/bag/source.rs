@@ -5,9 +5,10 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::mcap_file::{self, OnMessage};
+use super::mcap_file::{self, Channels, ScannedFile};
 use super::metadata::{self, Metadata};
-use super::topic::TopicInfo;
+use super::segment::Segment;
+use super::topic::{OnMessage, TopicInfo};
 use super::{BagError, FileHealth, Warning};
 
 const SQLITE_MAGIC: &[u8] = b"SQLite format 3\0";
@@ -18,8 +19,6 @@ const ZSTD_MAGIC: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];
 pub(super) struct Source {
     /// What people call the bag.
     pub(super) name: String,
-    /// The path that was asked for.
-    pub(super) path: PathBuf,
     /// The files, oldest first.
     pub(super) files: Vec<PathBuf>,
     /// What `metadata.yaml` says, where there is one.
@@ -44,13 +43,8 @@ pub(super) enum Storage {
 pub(super) fn open(path: &Path) -> Result<Source, BagError> {
     let kind = fs::metadata(path).map_err(BagError::io(path, "open"))?;
     let name = path.file_stem().or_else(|| path.file_name()).unwrap_or(path.as_os_str());
-    let mut source = Source {
-        name: name.to_string_lossy().into_owned(),
-        path: path.to_owned(),
-        files: vec![],
-        metadata: None,
-        warnings: vec![],
-    };
+    let mut source =
+        Source { name: name.to_string_lossy().into_owned(), files: vec![], metadata: None, warnings: vec![] };
     if kind.is_dir() {
         folder(path, &mut source)?;
     } else {
@@ -182,30 +176,38 @@ fn storage_of(path: &Path) -> Result<Storage, BagError> {
     Err(BagError::NotABag { path: path.to_owned(), expected, found })
 }
 
+/// What is in a bag besides its messages.
+#[derive(Debug)]
+pub(super) struct Scanned {
+    pub(super) files: Vec<FileHealth>,
+    /// Topics by name; two entries of one name where the bag gives it two types.
+    pub(super) topics: Vec<Arc<TopicInfo>>,
+    /// For each file, what it takes to load its messages again.
+    pub(super) parts: Vec<(Storage, Channels, Vec<Segment>)>,
+}
+
 impl Source {
     /// Reads all files in order, hands on each message, and gives their health and topics.
     ///
     /// # Errors
     /// Where the operating system refuses, or a file is in a storage that this build cannot read.
-    pub(super) fn scan(
-        &self,
-        on_message: &mut OnMessage<'_>,
-    ) -> Result<(Vec<FileHealth>, Vec<Arc<TopicInfo>>), BagError> {
-        let mut files = vec![];
-        let mut topics: Vec<Arc<TopicInfo>> = vec![];
+    pub(super) fn scan(&self, on_message: &mut OnMessage<'_>) -> Result<Scanned, BagError> {
+        let mut scanned = Scanned { files: vec![], topics: vec![], parts: vec![] };
         for path in &self.files {
-            let (health, channels) = match storage_of(path)? {
+            let storage = storage_of(path)?;
+            let ScannedFile { health, channels, segments } = match storage {
                 Storage::Mcap => mcap_file::scan(path, on_message)?,
                 Storage::Sqlite => return Err(BagError::Sqlite { path: path.clone() }),
             };
-            files.push(health);
             for topic in channels.topics() {
-                if !topics.iter().any(|known| **known == **topic) {
-                    topics.push(Arc::clone(topic));
+                if !scanned.topics.iter().any(|known| known.name == topic.name && known.type_name == topic.type_name) {
+                    scanned.topics.push(Arc::clone(topic));
                 }
             }
+            scanned.files.push(health);
+            scanned.parts.push((storage, channels, segments));
         }
-        topics.sort_by(|a, b| a.name.cmp(&b.name));
-        Ok((files, topics))
+        scanned.topics.sort_by(|a, b| a.name.cmp(&b.name));
+        Ok(scanned)
     }
 }

@@ -172,9 +172,8 @@ pub(super) fn decode<V: Value>(data: &[u8], log_time_ns: i64, health: &mut Strea
 }
 
 /// Keeps the first fault of a stream with its place.
-fn note(health: &mut StreamHealth, log_time_ns: i64, fault: &str) {
+pub(super) fn note(health: &mut StreamHealth, log_time_ns: i64, fault: &str) {
     if health.first_fault.is_none() {
-        let number = health.messages;
-        health.first_fault = Some(format!("{fault} (message {number} of the topic, logged at {log_time_ns} ns)"));
+        health.first_fault = Some(format!("{fault} (logged at {log_time_ns} ns)"));
     }
 }

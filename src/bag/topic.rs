@@ -46,6 +46,9 @@ pub(super) struct RawView<'a> {
     pub(super) data: &'a [u8],
 }
 
+/// Takes each message as it is read.
+pub(super) type OnMessage<'a> = dyn FnMut(RawView<'_>) + 'a;
+
 impl RawView<'_> {
     pub(super) fn to_owned(self) -> RawMessage {
         RawMessage {

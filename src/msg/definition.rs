@@ -1,5 +1,7 @@
 //! Message definitions: the `.msg` texts of every wire type, and a reader of that language.
 
+use std::fmt::{self, Write};
+
 /// The texts that this crate carries, by full name. The standard ones are common interfaces of ROS 2
 /// without their comments; those of `governor_msgs` are the very files that the package installs.
 const TEXTS: &[(&str, &str)] = &[
@@ -145,7 +147,8 @@ fn field(kind: &str, name: &str, package: &str) -> Option<Field> {
         Some((kind, bound)) => (kind, bound.parse().ok()?),
         None => (kind, 0),
     };
-    Some(Field { name: name.into(), base: full_name(kind, package), string_bound, count })
+    let is_base = kind.chars().all(|letter| letter.is_ascii_alphanumeric() || "_/".contains(letter));
+    is_base.then(|| Field { name: name.into(), base: full_name(kind, package), string_bound, count })
 }
 
 /// `Header` in `std_msgs`, `std_msgs/Header` and `std_msgs/msg/Header` all become the last; primitives stay.
@@ -195,7 +198,8 @@ pub fn schema_of(type_name: &str) -> Result<String, DefinitionError> {
     for dependency in closure_of(type_name)?.iter().skip(1) {
         let name = dependency.type_name.replace("/msg/", "/");
         let text = text_of(&dependency.type_name)?;
-        schema.push_str(&format!("{SEPARATOR}\nMSG: {name}\n{text}"));
+        // Writing to a `String` cannot fail.
+        let _ = write!(schema, "{SEPARATOR}\nMSG: {name}\n{text}");
     }
     Ok(schema)
 }
@@ -217,4 +221,50 @@ pub fn parse_schema(type_name: &str, schema: &str) -> Result<Vec<Definition>, De
         }
     }
     parts.iter().map(|(name, text)| Definition::parse(name, text)).collect()
+}
+
+/// The first way in which two readings of one type differ on the wire, in words; `None` where they agree.
+///
+/// Both lists begin with the type and hold its dependencies in any order. Constants and comments
+/// are not on the wire.
+#[must_use]
+pub fn difference(expected: &[Definition], found: &[Definition]) -> Option<String> {
+    let (first, first_found) = (expected.first()?, found.first()?);
+    let mut pairs = vec![(first, first_found)];
+    pairs.extend(expected.iter().skip(1).filter_map(|definition| {
+        found.iter().find(|other| other.type_name == definition.type_name).map(|other| (definition, other))
+    }));
+    for (expected, found) in pairs {
+        for place in 0..expected.fields.len().max(found.fields.len()) {
+            let (wanted, there) = (expected.fields.get(place), found.fields.get(place));
+            if wanted != there {
+                let show =
+                    |field: Option<&Field>| field.map_or_else(|| "nothing".to_owned(), |field| format!("`{field}`"));
+                return Some(format!(
+                    "field {} of `{}` is {}, expected {}",
+                    place + 1,
+                    expected.type_name,
+                    show(there),
+                    show(wanted)
+                ));
+            }
+        }
+    }
+    None
+}
+
+impl fmt::Display for Field {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.base)?;
+        if self.string_bound > 0 {
+            write!(f, "<={}", self.string_bound)?;
+        }
+        match self.count {
+            Count::One => {}
+            Count::Exactly(count) => write!(f, "[{count}]")?,
+            Count::AtMost(bound) => write!(f, "[<={bound}]")?,
+            Count::Any => f.write_str("[]")?,
+        }
+        write!(f, " {}", self.name)
+    }
 }

@@ -1,0 +1,190 @@
+//! The four streams while a bag is read: each takes its own messages, then they become samples on one clock.
+
+use std::sync::Arc;
+
+use super::align::{self, Streams};
+use super::order::{self, Jump};
+use super::streams::{Command, Pressure, Sample, Value, decode};
+use super::topic::{RawView, TopicInfo};
+use super::{ReadOptions, Stream, StreamHealth, Topics, Warning};
+use crate::frame::{EsvState, Signals};
+use crate::msg::Interface;
+use crate::msg::definition;
+
+/// One stream.
+pub(super) struct Collector<V> {
+    stream: Stream,
+    samples: Vec<Sample<V>>,
+    health: StreamHealth,
+}
+
+/// What the rest of the reader needs of a stream, whatever its value.
+pub(super) trait AnyCollector {
+    fn stream(&self) -> Stream;
+    fn type_name(&self) -> &'static str;
+    fn health(&self) -> &StreamHealth;
+    fn is_empty(&self) -> bool;
+    /// Takes the message if it is on this stream's topic.
+    fn take(&mut self, message: RawView<'_>) -> bool;
+    /// What the topic carries instead of the stream's type.
+    fn foreign_type(&self, topic: &TopicInfo) -> Option<String>;
+    /// Puts samples into the order of arrival, drops stray stamps, gives the jumps of the clock.
+    fn arrive(&mut self) -> Vec<Jump>;
+    /// The run of each sample between the common jumps.
+    fn runs(&self, own: &[Jump], common: &[Jump]) -> Vec<usize>;
+    fn keep_run(&mut self, runs: &[usize], run: usize);
+    /// Puts samples into the order of their stamps.
+    fn sort(&mut self);
+}
+
+impl<V: Value> Collector<V> {
+    fn new(stream: Stream, topics: &Topics) -> Self {
+        let health = StreamHealth { topic: topics.of(stream).to_owned(), ..StreamHealth::default() };
+        Self { stream, samples: vec![], health }
+    }
+}
+
+impl<V: Value> AnyCollector for Collector<V> {
+    fn stream(&self) -> Stream {
+        self.stream
+    }
+
+    fn type_name(&self) -> &'static str {
+        V::Message::TYPE_NAME
+    }
+
+    fn health(&self) -> &StreamHealth {
+        &self.health
+    }
+
+    fn is_empty(&self) -> bool {
+        self.samples.is_empty()
+    }
+
+    fn take(&mut self, message: RawView<'_>) -> bool {
+        let mine = message.topic.name == self.health.topic;
+        if mine && let Some(sample) = decode(message.data, message.log_time_ns, &mut self.health) {
+            self.samples.push(sample);
+        }
+        mine
+    }
+
+    fn foreign_type(&self, topic: &TopicInfo) -> Option<String> {
+        if topic.type_name != V::Message::TYPE_NAME {
+            return Some(format!("`{}`", topic.type_name));
+        }
+        if topic.encoding != "cdr" {
+            return Some(format!("that type, but encoded as `{}` instead of `cdr`", topic.encoding));
+        }
+        // A schema in another language, or none, leaves the name as the only witness.
+        let schema = std::str::from_utf8(&topic.schema).ok().filter(|_| topic.schema_encoding == "ros2msg")?;
+        let found = definition::parse_schema(&topic.type_name, schema).ok()?;
+        let expected = definition::closure_of(V::Message::TYPE_NAME).ok()?;
+        definition::difference(&expected, &found).map(|difference| format!("another version of it: {difference}"))
+    }
+
+    fn arrive(&mut self) -> Vec<Jump> {
+        self.samples.sort_by_key(|sample| sample.log_time_ns);
+        order::drop_strays(&mut self.samples, &mut self.health);
+        order::jumps_of(&self.samples, &self.health.topic)
+    }
+
+    fn runs(&self, own: &[Jump], common: &[Jump]) -> Vec<usize> {
+        order::runs(&self.samples, own, common)
+    }
+
+    fn keep_run(&mut self, runs: &[usize], run: usize) {
+        order::keep_run(&mut self.samples, runs, run, &mut self.health);
+    }
+
+    fn sort(&mut self) {
+        order::by_stamp(&mut self.samples, &mut self.health);
+        align::pace(&self.samples, &mut self.health);
+    }
+}
+
+/// All four.
+pub(super) struct Collected {
+    command: Collector<Command>,
+    esv: Collector<EsvState>,
+    tank_pressure: Collector<Pressure>,
+    servo_state: Collector<Signals>,
+}
+
+impl Collected {
+    pub(super) fn new(options: &ReadOptions) -> Self {
+        Self {
+            command: Collector::new(Stream::Command, &options.topics),
+            esv: Collector::new(Stream::Esv, &options.topics),
+            tank_pressure: Collector::new(Stream::TankPressure, &options.topics),
+            servo_state: Collector::new(Stream::ServoState, &options.topics),
+        }
+    }
+
+    pub(super) fn all(&self) -> [&dyn AnyCollector; 4] {
+        [&self.command, &self.esv, &self.tank_pressure, &self.servo_state]
+    }
+
+    fn all_mut(&mut self) -> [&mut dyn AnyCollector; 4] {
+        [&mut self.command, &mut self.esv, &mut self.tank_pressure, &mut self.servo_state]
+    }
+
+    pub(super) fn take(&mut self, message: RawView<'_>) {
+        let _ = self.command.take(message)
+            || self.esv.take(message)
+            || self.tank_pressure.take(message)
+            || self.servo_state.take(message);
+    }
+
+    /// Leaves the samples of one clock, each stream in the order of its stamps.
+    ///
+    /// Where the clock of the stamps jumps, the run between two jumps that has most samples stays.
+    pub(super) fn settle(&mut self) -> Option<Warning> {
+        let own = self.all_mut().map(AnyCollector::arrive);
+        let common = order::together(own.concat());
+        let warning = common.first().map(|first| {
+            let mut of = 0;
+            let runs: Vec<Vec<usize>> =
+                self.all().iter().zip(&own).map(|(stream, own)| stream.runs(own, &common)).collect();
+            let mut sizes = vec![0_u64; common.len() + 1];
+            for run in runs.iter().flatten() {
+                sizes[*run] += 1;
+                of += 1;
+            }
+            let most = sizes.iter().copied().max().unwrap_or_default();
+            let longest = sizes.iter().position(|size| *size == most).unwrap_or_default();
+            for (stream, runs) in self.all_mut().into_iter().zip(&runs) {
+                stream.keep_run(runs, longest);
+            }
+            Warning::ClockJump {
+                topic: first.topic.clone(),
+                from_ns: first.from_ns,
+                to_ns: first.to_ns,
+                jumps: common.len() as u64,
+                left_out: of - most,
+            }
+        });
+        for stream in self.all_mut() {
+            stream.sort();
+        }
+        warning
+    }
+
+    /// The samples, and the health of each stream.
+    pub(super) fn finish(self) -> (Streams, Vec<StreamHealth>) {
+        let Self { command, esv, tank_pressure, servo_state } = self;
+        let health = vec![command.health, esv.health, tank_pressure.health, servo_state.health];
+        let streams = Streams {
+            command: command.samples,
+            esv: esv.samples,
+            tank_pressure: tank_pressure.samples,
+            servo_state: servo_state.samples,
+        };
+        (streams, health)
+    }
+}
+
+/// The topic of this name.
+pub(super) fn topic_named<'a>(topics: &'a [Arc<TopicInfo>], name: &str) -> Option<&'a TopicInfo> {
+    topics.iter().find(|topic| topic.name == name).map(AsRef::as_ref)
+}

@@ -1,0 +1,139 @@
+//! The records of an MCAP file as they lie in it, each looked at before it is believed.
+
+use std::fs::File;
+use std::io::{self, BufReader, Read};
+use std::path::Path;
+
+use mcap::records::op;
+
+use super::chunk;
+
+/// A record's head: opcode and length.
+pub(super) const HEAD_LEN: usize = 9;
+
+/// The largest record that is believed, bytes; rosbag2 makes chunks of less than 1 MB.
+pub(super) const RECORD_LIMIT: usize = 1 << 30;
+
+/// Footer record and closing magic.
+const TAIL_LEN: u64 = HEAD_LEN as u64 + 20 + mcap::MAGIC.len() as u64;
+
+/// How far one look for the next chunk goes, bytes.
+const WINDOW_LEN: usize = 1 << 16;
+
+/// What stands at a place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Step {
+    /// A whole record; its body was read.
+    Record(u8),
+    /// A record that says it is longer than what is left; what is left was read, up to the limit.
+    Cut { opcode: u8, stated_len: u64 },
+    /// No record can begin here.
+    Nonsense,
+    /// Nothing: the file ends here, `left` bytes short of a head.
+    End { left: u64 },
+}
+
+/// An MCAP file, read record by record.
+#[derive(Debug)]
+pub(super) struct RecordFile {
+    reader: BufReader<File>,
+    at: u64,
+    end: u64,
+}
+
+impl RecordFile {
+    /// Opens a file at its first record, behind the magic.
+    pub(super) fn open(path: &Path) -> io::Result<Self> {
+        let file = File::open(path)?;
+        let end = file.metadata()?.len();
+        let mut this = Self { reader: BufReader::with_capacity(WINDOW_LEN, file), at: 0, end };
+        this.seek(mcap::MAGIC.len() as u64)?;
+        Ok(this)
+    }
+
+    /// Where the next record is read.
+    pub(super) fn at(&self) -> u64 {
+        self.at
+    }
+
+    /// Size of the file.
+    pub(super) fn end(&self) -> u64 {
+        self.end
+    }
+
+    /// Goes to a place.
+    pub(super) fn seek(&mut self, at: u64) -> io::Result<()> {
+        let offset = i64::try_from(i128::from(at) - i128::from(self.at)).map_err(io::Error::other)?;
+        self.reader.seek_relative(offset)?;
+        self.at = at;
+        Ok(())
+    }
+
+    /// Reads the record here into `body` and goes behind it.
+    pub(super) fn next(&mut self, body: &mut Vec<u8>) -> io::Result<Step> {
+        body.clear();
+        let left = self.end.saturating_sub(self.at);
+        if left < HEAD_LEN as u64 {
+            return Ok(Step::End { left });
+        }
+        let mut head = [0; HEAD_LEN];
+        self.reader.read_exact(&mut head)?;
+        self.at += HEAD_LEN as u64;
+        let [opcode, len @ ..] = head;
+        let stated_len = u64::from_le_bytes(len);
+        // Opcodes up to 0x0f are in use, those from 0x80 are anybody's, the others are reserved.
+        if opcode == 0 || (0x10..0x80).contains(&opcode) {
+            return Ok(Step::Nonsense);
+        }
+        let left = left - HEAD_LEN as u64;
+        if opcode == op::ATTACHMENT && stated_len <= left {
+            // It holds nothing that is wanted here, and may be large.
+            self.seek(self.at + stated_len)?;
+            return Ok(Step::Record(opcode));
+        }
+        let len = stated_len.min(left).min(RECORD_LIMIT as u64);
+        self.reader.by_ref().take(len).read_to_end(body)?;
+        self.at += body.len() as u64;
+        let whole = body.len() as u64 == stated_len;
+        Ok(if whole { Step::Record(opcode) } else { Step::Cut { opcode, stated_len } })
+    }
+
+    /// Looks for the next place from `from` on where a chunk could begin.
+    pub(super) fn find_chunk(&mut self, from: u64) -> io::Result<Option<u64>> {
+        let mut at = from;
+        let mut window = Vec::with_capacity(WINDOW_LEN);
+        while at < self.end {
+            self.seek(at)?;
+            window.clear();
+            self.reader.by_ref().take(WINDOW_LEN as u64).read_to_end(&mut window)?;
+            self.at += window.len() as u64;
+            let found = (0..window.len()).find(|&place| {
+                window[place] == op::CHUNK && chunk::looks_like_one(&window[place..], self.end - at - place as u64)
+            });
+            if let Some(place) = found {
+                let found = at + place as u64;
+                self.seek(found)?;
+                return Ok(Some(found));
+            }
+            // A chunk that begins in the last bytes is seen whole in the next window.
+            let step = if window.len() > chunk::LOOK_LEN { window.len() - chunk::LOOK_LEN } else { window.len() };
+            at += step.max(1) as u64;
+        }
+        Ok(None)
+    }
+
+    /// Where the summary begins, if the file ends as a finished file does; `Some(None)` without a summary.
+    pub(super) fn summary_start(&mut self) -> io::Result<Option<Option<u64>>> {
+        let Some(at) = self.end.checked_sub(TAIL_LEN).filter(|at| *at >= mcap::MAGIC.len() as u64) else {
+            return Ok(None);
+        };
+        self.seek(at)?;
+        let mut tail = vec![];
+        self.reader.by_ref().take(TAIL_LEN).read_to_end(&mut tail)?;
+        self.at += tail.len() as u64;
+        let footer =
+            tail.strip_suffix(mcap::MAGIC).and_then(|tail| tail.strip_prefix(&[op::FOOTER, 20, 0, 0, 0, 0, 0, 0, 0]));
+        let start = footer.and_then(|footer| footer.first_chunk()).map(|start| u64::from_le_bytes(*start));
+        Ok(start.map(|start| (start > 0 && start < at).then_some(start)))
+    }
+}
