@@ -1,7 +1,53 @@
 //! The effect catalogue: what a real unit may do beyond the nominal model, as switches of the same twin.
+//!
+//! An effect is one file and one line of [`CATALOGUE`]. Applied with its neutral values it leaves the
+//! plant as it is, to the last bit.
+
+pub mod backlash;
+pub mod command_delay;
+pub mod port_overlap;
 
 use crate::parameters::EffectSetting;
 use crate::plant::Plant;
+
+/// The stage of the chain in which an effect sits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Stage {
+    /// The discrete regulator and the command's way to it.
+    Regulator,
+    /// The proportional (pilot) valve.
+    PilotValve,
+    /// The emergency shutdown valve.
+    Esv,
+    /// Control chamber and spool.
+    Spool,
+    /// Main ports, servomotor and its load.
+    Servomotor,
+    /// Tank, line and oil supply.
+    Supply,
+    /// Transducers and clocks.
+    Sensor,
+}
+
+impl Stage {
+    /// All stages, along the chain.
+    pub const ALL: [Self; 7] =
+        [Self::Regulator, Self::PilotValve, Self::Esv, Self::Spool, Self::Servomotor, Self::Supply, Self::Sensor];
+
+    /// The id in reports and labels.
+    #[must_use]
+    pub fn id(self) -> &'static str {
+        match self {
+            Self::Regulator => "regulator",
+            Self::PilotValve => "pilot_valve",
+            Self::Esv => "esv",
+            Self::Spool => "spool",
+            Self::Servomotor => "servomotor",
+            Self::Supply => "supply",
+            Self::Sensor => "sensor",
+        }
+    }
+}
 
 /// One parameter of an effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,21 +62,41 @@ pub struct EffectParameter {
     pub min: f64,
     /// Largest value that makes physical sense.
     pub max: f64,
+    /// Value of a moderate fault: where searches start, and the scale of their steps.
+    pub typical: f64,
     /// What it is.
     pub doc: &'static str,
 }
 
-/// What the rest of the house needs to know of an effect.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// An effect: what it is called, what it needs, and how it enters the plant.
+#[derive(Clone, Copy, Debug)]
 pub struct EffectSpec {
     /// Its id, a contract with reports and parameter files.
     pub id: &'static str,
+    /// Where it sits.
+    pub stage: Stage,
+    /// The source file, whose head is the effect's documentation.
+    pub source: &'static str,
     /// Its parameters; [`crate::parameters::EffectSetting::values`] has their order.
     pub parameters: &'static [EffectParameter],
+    /// Builds it into a plant; one value for each parameter.
+    pub apply: fn(&[f64], &mut Plant),
 }
 
-/// Every effect that the twin can switch on. None is built yet.
-pub const CATALOGUE: &[EffectSpec] = &[];
+/// Every effect that the twin can switch on, by stage along the chain.
+pub const CATALOGUE: &[EffectSpec] = &[command_delay::SPEC, port_overlap::SPEC, backlash::SPEC];
 
-/// Builds a list of effects into a plant; unknown ids are ignored because parameter files are checked at the edge.
-pub fn apply(_settings: &[EffectSetting], _plant: &mut Plant) {}
+/// The effect with this id.
+#[must_use]
+pub fn find(id: &str) -> Option<&'static EffectSpec> {
+    CATALOGUE.iter().find(|spec| spec.id == id)
+}
+
+/// Builds a list of effects into a plant; settings that the catalogue does not know are for the edge to refuse.
+pub fn apply(settings: &[EffectSetting], plant: &mut Plant) {
+    for setting in settings {
+        if let Some(spec) = find(&setting.id) {
+            (spec.apply)(&setting.values, plant);
+        }
+    }
+}

@@ -47,16 +47,19 @@ impl Merge<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::EffectParameter;
+    use crate::effects::{EffectParameter, Stage};
     use crate::params::sheet::Sheet;
     use crate::params::yaml;
 
     const CATALOGUE: &[EffectSpec] = &[EffectSpec {
         id: "backlash",
+        stage: Stage::Servomotor,
+        source: "",
         parameters: &[
-            EffectParameter { name: "width_pu", unit: "pu", neutral: 0.0, min: 0.0, max: 0.1, doc: "" },
-            EffectParameter { name: "delay_s", unit: "s", neutral: 0.0, min: 0.0, max: 1.0, doc: "" },
+            EffectParameter { name: "width_pu", unit: "pu", neutral: 0.0, min: 0.0, max: 0.1, typical: 0.01, doc: "" },
+            EffectParameter { name: "delay_s", unit: "s", neutral: 0.0, min: 0.0, max: 1.0, typical: 0.1, doc: "" },
         ],
+        apply: |_, _| {},
     }];
 
     fn read(text: &str) -> (Vec<EffectSetting>, Vec<String>) {

@@ -1,0 +1,65 @@
+//! Play between the servomotor's piston and its position transducer.
+//!
+//! `Y_r` stays while `|Y − Y_r| ≤ b/2` and is dragged at the edge of the gap otherwise: the play operator
+//! (Krasnosel'skii & Pokrovskii 1989; Tao & Kokotović 1996, section 2.2). The regulator reads `Y_r`, and so does the recording.
+//!
+//! | symbol | meaning | unit |
+//! |---|---|---|
+//! | b | width of the gap `play_pu` | pu of stroke |
+//! | Y, Y_r | piston position, reading | pu |
+//!
+//! Without it the real reading starts late after each reversal and stays behind by b until the next. Limits:
+//! a gap without mass or friction of its own; it starts in mid-gap.
+
+use std::sync::Arc;
+
+use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::plant::Plant;
+use crate::plant::term::{Point, Term, View};
+
+/// The effect.
+pub const SPEC: EffectSpec = EffectSpec {
+    id: "backlash",
+    stage: Stage::Servomotor,
+    source: include_str!("backlash.rs"),
+    parameters: &[EffectParameter {
+        name: "play_pu",
+        unit: "pu",
+        neutral: 0.0,
+        min: 0.0,
+        max: 0.03,
+        typical: 2.0e-3,
+        doc: "play between piston and transducer, pu of stroke",
+    }],
+    apply,
+};
+
+fn apply(values: &[f64], plant: &mut Plant) {
+    if values[0] > 0.0 {
+        plant.terms.push(Arc::new(Play { half_width_pu: 0.5 * values[0] }));
+    }
+}
+
+#[derive(Debug)]
+struct Play {
+    half_width_pu: f64,
+}
+
+impl Term for Play {
+    fn point(&self) -> Point {
+        Point::ServomotorReading
+    }
+
+    fn memory_len(&self) -> usize {
+        1
+    }
+
+    fn reset(&self, signal: f64, memory: &mut [f64]) {
+        memory[0] = signal;
+    }
+
+    fn apply(&self, signal: f64, _view: &View<'_>, memory: &mut [f64]) -> f64 {
+        memory[0] = memory[0].clamp(signal - self.half_width_pu, signal + self.half_width_pu);
+        memory[0]
+    }
+}

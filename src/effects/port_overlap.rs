@@ -1,0 +1,36 @@
+//! Extra overlap of the main ports: the spool's lands are longer, or the ports narrower, than drawn.
+//!
+//! `h_0 → h_0 + Δh` on both sides of neutral (Merritt 1967, section 5.1).
+//!
+//! | symbol | meaning | unit |
+//! |---|---|---|
+//! | Δh | extra overlap `extra_overlap_m` | m |
+//!
+//! Without it the simulated servomotor starts earlier than the real one after each rest or reversal, and
+//! the real spool wanders further before the servomotor follows. Limits: both sides alike, sharp edges.
+
+use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::plant::Plant;
+
+/// The effect.
+pub const SPEC: EffectSpec = EffectSpec {
+    id: "port_overlap",
+    stage: Stage::Servomotor,
+    source: include_str!("port_overlap.rs"),
+    parameters: &[EffectParameter {
+        name: "extra_overlap_m",
+        unit: "m",
+        neutral: 0.0,
+        min: -2.0e-4,
+        max: 2.0e-3,
+        typical: 2.0e-4,
+        doc: "extra overlap of the main ports, each side of neutral",
+    }],
+    apply,
+};
+
+fn apply(values: &[f64], plant: &mut Plant) {
+    let ports = &mut plant.main_ports;
+    ports.opening_overlap_m = (ports.opening_overlap_m + values[0]).max(0.0);
+    ports.closing_overlap_m = (ports.closing_overlap_m + values[0]).max(0.0);
+}
