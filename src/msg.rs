@@ -41,6 +41,21 @@ stamped! {
     JointState = "sensor_msgs/msg/JointState",
 }
 
+/// `rosgraph_msgs/msg/Clock`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Clock {
+    /// Simulated time.
+    pub clock: Time,
+}
+
+impl Interface for Clock {
+    const TYPE_NAME: &'static str = "rosgraph_msgs/msg/Clock";
+
+    fn stamp(&self) -> Option<Time> {
+        Some(self.clock)
+    }
+}
+
 /// `builtin_interfaces/msg/Time`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Time {

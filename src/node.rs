@@ -10,10 +10,23 @@
 //! Only the integration thread runs in real time. It shares nothing with the others but two wait-free
 //! rings; it never touches DDS, a lock or the allocator.
 
+pub mod arguments;
+pub mod bus;
 pub mod core;
+pub mod diagnostics;
+pub mod environment;
+pub mod intake;
 pub mod integration;
+pub mod journal;
+pub mod listener;
+pub mod live;
+pub mod messages;
+pub mod parameters;
 pub mod realtime;
+pub mod services;
+pub mod settings;
 pub mod stats;
+pub mod words;
 
 #[cfg(not(target_os = "linux"))]
 compile_error!("the node needs Linux; build the rest with --no-default-features");

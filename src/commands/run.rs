@@ -1,12 +1,158 @@
-//! `govtwin run`.
+//! `govtwin run`: the twin as a ROS 2 node.
 
+use std::io::Write;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+use anyhow::{Context, ensure};
+use govtwin::node::arguments::Arguments;
+use govtwin::node::core::{Input, OnStale};
+use govtwin::node::environment::Environment;
+use govtwin::node::live::{self, Ended, Options};
+use govtwin::node::realtime::Wishes;
+use govtwin::node::settings::Settings;
+use govtwin::params;
+use serde_json::json;
+
+use super::output;
 use crate::cli::Outcome;
 
 /// Arguments of `govtwin run`.
 #[derive(Debug, clap::Args)]
-pub struct Args {}
+pub struct Args {
+    /// Parameter file of the unit; the shipped unit by default.
+    #[arg(long, value_name = "FILE")]
+    params: Option<PathBuf>,
+    /// Ticks of the model per second.
+    #[arg(long, value_name = "HZ", default_value_t = 1000.0)]
+    rate: f64,
+    /// Published states per second.
+    #[arg(long, value_name = "HZ", default_value_t = 100.0)]
+    publish_rate: f64,
+    /// Keep the integration thread on this core.
+    #[arg(long, value_name = "CORE")]
+    cpu: Option<usize>,
+    /// `SCHED_FIFO` priority of the integration thread, 1 to 99; 0 for an ordinary thread.
+    #[arg(long, value_name = "N", default_value_t = 80, value_parser = clap::value_parser!(u8).range(0..=99))]
+    priority: u8,
+    /// End after so many seconds; run until told to stop by default.
+    #[arg(long, value_name = "S")]
+    duration: Option<f64>,
+    /// An input older than this is stale; the ESV state comes only once a second.
+    #[arg(long, value_name = "S", default_value_t = 2.5)]
+    stale_after: f64,
+    /// Hold a stale input for so long before the fail-safe.
+    #[arg(long, value_name = "S", default_value_t = 1.0)]
+    hold: f64,
+    /// The fail-safe: treat a stale input as an ESV trip, hold it for ever, or stop the node.
+    #[arg(long, value_name = "WHAT", default_value = "trip", value_parser = OnStale::NAMES)]
+    on_stale: String,
+    /// Write a bag of the inputs as the twin took them and of its estimates.
+    #[arg(long, value_name = "DIR")]
+    bag: Option<PathBuf>,
+    /// Write the figures of the run as JSON.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// What every ROS 2 program takes: `-r FROM:=TO`, `-p NAME:=VALUE`, `--params-file FILE`, `--log-level LEVEL`.
+    #[arg(long, num_args = 0.., allow_hyphen_values = true, value_terminator = "--", value_name = "ARGS")]
+    ros_args: Vec<String>,
+}
 
-/// Not built yet.
-pub fn run(_args: &Args) -> anyhow::Result<Outcome> {
-    anyhow::bail!("not built yet")
+/// Runs the node until a signal, its duration or the fail-safe ends it.
+pub fn run(args: &Args) -> anyhow::Result<Outcome> {
+    ensure!((1.0..=10_000.0).contains(&args.rate), "--rate is {}: expected 1 to 10000 Hz", args.rate);
+    ensure!(
+        (0.1..=args.rate).contains(&args.publish_rate),
+        "--publish-rate is {}: expected 0.1 Hz to --rate, {} Hz",
+        args.publish_rate,
+        args.rate
+    );
+    ensure!(
+        (0.001..=86_400.0).contains(&args.stale_after),
+        "--stale-after is {}: expected 0.001 to 86400 s",
+        args.stale_after
+    );
+    ensure!((0.0..=86_400.0).contains(&args.hold), "--hold is {}: expected 0 to 86400 s", args.hold);
+    let settings = Settings {
+        rate_hz: args.rate,
+        publish_rate_hz: args.publish_rate,
+        stale_after_s: args.stale_after,
+        hold_s: args.hold,
+        on_stale: OnStale::named(&args.on_stale).unwrap_or_default(),
+        use_sim_time: false,
+        wishes: Wishes { cpu: args.cpu, priority: args.priority },
+    };
+    let unit = args.params.as_deref().map_or_else(|| Ok(params::reference()), params::load)?;
+    let options = Options {
+        environment: Environment::of_process()?,
+        arguments: Arguments::parse(&args.ros_args, "govtwin")?,
+        unit,
+        settings,
+        duration: duration(args.duration, "--duration")?,
+        bag: args.bag.clone(),
+    };
+    let stop = stop_on_signals()?;
+    let ended = live::run(&options, &stop, &mut |level, words| {
+        // Where even standard error is closed there is nobody left to tell.
+        let _ = writeln!(std::io::stderr().lock(), "govtwin: {level:?}: {words}");
+    })?;
+    if let Some(path) = &args.json {
+        let text = serde_json::to_string_pretty(&figures(&ended))?;
+        output::write_atomically(path, text.as_bytes())?;
+    }
+    output::print(&text(&ended))?;
+    Ok(if ended.by_fail_safe { Outcome::Warnings } else { Outcome::Ok })
+}
+
+/// A flag that SIGINT and SIGTERM set.
+pub fn stop_on_signals() -> anyhow::Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+        // A second signal ends the process at once, should leaving hang.
+        signal_hook::flag::register_conditional_shutdown(signal, 1, Arc::clone(&stop))
+            .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&stop)))
+            .context("cannot listen to signals")?;
+    }
+    Ok(stop)
+}
+
+/// Seconds from the command line as a duration.
+pub fn duration(seconds_s: Option<f64>, flag: &str) -> anyhow::Result<Option<Duration>> {
+    let convert = |seconds_s| {
+        Duration::try_from_secs_f64(seconds_s).with_context(|| format!("{flag} is {seconds_s}: expected seconds"))
+    };
+    seconds_s.map(convert).transpose()
+}
+
+fn figures(ended: &Ended) -> serde_json::Value {
+    let inputs: serde_json::Map<String, serde_json::Value> = Input::ALL
+        .into_iter()
+        .map(|input| {
+            let counts = ended.counts[input as usize];
+            let row = json!({"used": counts.used, "refused": counts.all_refused(), "restarts": counts.restarts});
+            (input.topic().to_owned(), row)
+        })
+        .collect();
+    json!({
+        "loop": ended.summary,
+        "inputs": inputs,
+        "lost_publications": ended.lost_publications,
+        "ended_by_fail_safe": ended.by_fail_safe,
+        "bag": ended.bag,
+    })
+}
+
+fn text(ended: &Ended) -> String {
+    let mut text = ended.summary.text();
+    for input in Input::ALL {
+        let counts = ended.counts[input as usize];
+        let (topic, used, refused) = (input.topic(), counts.used, counts.all_refused());
+        text.push_str(&format!("{topic:<24}{used:>8} used {refused:>8} refused\n"));
+    }
+    if let Some(bag) = &ended.bag {
+        text.push_str(&format!("bag: {}\n", bag.display()));
+    }
+    text
 }

@@ -73,7 +73,6 @@ pub struct Integrator {
     next_publish_ns: i64,
     clock_ns: Option<i64>,
     news: bool,
-    stop: bool,
 }
 
 impl Integrator {
@@ -93,7 +92,6 @@ impl Integrator {
             next_publish_ns: time_ns,
             clock_ns: None,
             news: false,
-            stop: false,
         };
         (integrator, Ends { events: event_in, outputs: output_out })
     }
@@ -141,7 +139,7 @@ impl Integrator {
             self.time_ns = wall_ns() + period_ns;
             self.next_publish_ns = self.time_ns;
         }
-        while !stop.load(Ordering::Relaxed) && !self.stop {
+        while !stop.load(Ordering::Relaxed) && !self.stats.ended_by_fail_safe {
             sleep_until(deadline_ns);
             let woke_ns = monotonic_ns();
             let behind_ns = woke_ns - deadline_ns;
@@ -188,7 +186,7 @@ impl Integrator {
     fn tick(&mut self, now_ns: i64) {
         let tick = self.core.tick(self.time_ns, now_ns);
         self.stats.ticked(tick.input_age_ns);
-        self.stop |= tick.stop;
+        self.stats.ended_by_fail_safe |= tick.stop;
         let publish = tick.estimate.is_some() && self.time_ns >= self.next_publish_ns;
         if publish {
             while self.next_publish_ns <= self.time_ns {

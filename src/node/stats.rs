@@ -22,6 +22,8 @@ pub struct Stats {
     pub skipped: u64,
     /// Results that found the way out full.
     pub lost_outputs: u64,
+    /// Whether the fail-safe asked the node to end.
+    pub ended_by_fail_safe: bool,
 }
 
 /// Percentiles of one quantity, us.
@@ -72,6 +74,7 @@ impl Default for Stats {
             overruns: 0,
             skipped: 0,
             lost_outputs: 0,
+            ended_by_fail_safe: false,
         }
     }
 }

@@ -1,0 +1,231 @@
+//! The node on DDS: participant, names, topics and their QoS; the only file that opens and closes them.
+
+use std::collections::BTreeMap;
+
+use ros2_client::parameters::raw;
+use ros2_client::qos::{Durability, History, Reliability, WhenFull};
+use ros2_client::{
+    Context, CreateError, Gid, Message, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher, QosProfile,
+    Server, ServiceMapping, ServiceTypeName, Subscription,
+};
+use ros2args::Ros2ArgsError;
+use rustdds::{DomainParticipantBuilder, GUID, RTPSEntity};
+use serde::Serialize;
+
+use super::arguments::Arguments;
+use super::environment::Environment;
+use crate::msg::Interface;
+
+/// The node cannot come on the bus.
+#[derive(Debug, thiserror::Error)]
+pub enum BusError {
+    /// No participant.
+    #[error("cannot join DDS domain {domain}: {reason}")]
+    Join {
+        /// The domain.
+        domain: u16,
+        /// What RustDDS says.
+        reason: String,
+    },
+    /// A name that is none.
+    #[error("`{name}` is no ROS 2 name: {reason}")]
+    Name {
+        /// The name.
+        name: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// An endpoint could not be made.
+    #[error("cannot open `{topic}`: {source}")]
+    Open {
+        /// The topic or service.
+        topic: String,
+        /// What the client library says.
+        source: CreateError,
+    },
+    /// The arguments.
+    #[error(transparent)]
+    Arguments(#[from] Ros2ArgsError),
+}
+
+/// Best effort, the newest ten: what inputs are read with. It matches every writer.
+#[must_use]
+pub fn best_effort() -> QosProfile {
+    QosProfile { history: History::KeepLast { depth: 10 }, ..QosProfile::subscription_default() }
+}
+
+/// Reliable, so that every reader matches, but never waiting: where the window is full the sample is dropped.
+#[must_use]
+pub fn reliable() -> QosProfile {
+    QosProfile {
+        reliability: Reliability::Reliable { when_full: WhenFull::Fail },
+        durability: Durability::Volatile,
+        history: History::KeepLast { depth: 10 },
+        ..QosProfile::publisher_default()
+    }
+}
+
+/// A node on the bus.
+pub struct Bus {
+    // Dropped in this order: peers hear that the node goes, then that its participant goes.
+    node: Node,
+    context: Context,
+    arguments: Arguments,
+}
+
+impl Bus {
+    /// Joins the domain and announces the node.
+    ///
+    /// # Errors
+    /// When there is no network to join, or the node's name is none.
+    pub fn open(environment: &Environment, arguments: Arguments) -> Result<Self, BusError> {
+        let join = |reason: String| BusError::Join { domain: environment.domain, reason };
+        let mut builder = DomainParticipantBuilder::new(environment.domain);
+        if let Some(networks) = &environment.only_networks {
+            builder = builder.with_only_networks(networks.iter().copied());
+        }
+        let participant = builder.build().map_err(|error| join(error.to_string()))?;
+        let context = Context::from_domain_participant(participant).map_err(|error| join(error.to_string()))?;
+        let name = NodeName::new(&arguments.namespace, &arguments.name)
+            .map_err(|error| BusError::Name { name: arguments.full_name(), reason: error.to_string() })?;
+        let options = NodeOptions::new().enable_rosout(arguments.rosout);
+        let node = context.new_node(name, options).map_err(|error| join(error.to_string()))?;
+        Ok(Self { node, context, arguments })
+    }
+
+    /// The node's arguments.
+    #[must_use]
+    pub fn arguments(&self) -> &Arguments {
+        &self.arguments
+    }
+
+    /// The client library's node.
+    #[must_use]
+    pub fn node(&self) -> &Node {
+        &self.node
+    }
+
+    /// Listens to a topic, best effort.
+    ///
+    /// # Errors
+    /// On a name that is none, or when DDS refuses.
+    pub fn subscribe<M: Interface + 'static>(&mut self, topic: &str) -> Result<Subscription<M>, BusError> {
+        let (full_name, topic) = self.topic(topic, M::TYPE_NAME, &best_effort())?;
+        self.node.create_subscription(&topic, None).map_err(|source| BusError::Open { topic: full_name, source })
+    }
+
+    /// Opens a topic for writing; `type_name` is the full ROS 2 name of `M`.
+    ///
+    /// # Errors
+    /// On a name that is none, or when DDS refuses.
+    pub fn publish<M: Serialize>(
+        &mut self,
+        topic: &str,
+        type_name: &str,
+        qos: &QosProfile,
+    ) -> Result<Publisher<M>, BusError> {
+        let (full_name, topic) = self.topic(topic, type_name, qos)?;
+        self.node.create_publisher(&topic, None).map_err(|source| BusError::Open { topic: full_name, source })
+    }
+
+    /// Opens a service; `type_name` is `package/Type`.
+    ///
+    /// # Errors
+    /// On a name that is none, or when DDS refuses.
+    pub fn serve<Request, Response>(
+        &mut self,
+        mapping: ServiceMapping,
+        service: &str,
+        type_name: &str,
+    ) -> Result<Server<Request, Response>, BusError>
+    where
+        Request: Message + Clone + 'static,
+        Response: Message + Clone + 'static,
+    {
+        let full_name = self.arguments.resolve(service)?;
+        let name = parse_name(&full_name)?;
+        let (package, base) = split_type(type_name);
+        let type_name = ServiceTypeName::new(package, base);
+        self.node
+            .create_server(mapping, &name, &type_name, reliable(), reliable())
+            .map_err(|source| BusError::Open { topic: full_name, source })
+    }
+
+    /// Opens `/parameter_events`.
+    ///
+    /// # Errors
+    /// When DDS refuses.
+    pub fn parameter_events(&mut self) -> Result<Publisher<raw::ParameterEvent>, BusError> {
+        let topic = self.context.get_parameter_events_topic();
+        let open = |source| BusError::Open { topic: "/parameter_events".to_owned(), source };
+        self.node.create_publisher(&topic, None).map_err(open)
+    }
+
+    /// What others write: for each writer's id, its topic and type as ROS 2 names them.
+    #[must_use]
+    pub fn writers(&self) -> BTreeMap<Gid, (String, String)> {
+        let writers = self.context.domain_participant().discovered_writers();
+        let named = writers.into_iter().filter_map(|writer| {
+            let data = writer.publication_topic_data;
+            let topic = data.topic_name.strip_prefix("rt")?.to_owned();
+            Some((Gid::from(data.key), (topic, ros_type(&data.type_name))))
+        });
+        named.collect()
+    }
+
+    /// How many readers other participants have on this topic, given by its full name.
+    #[must_use]
+    pub fn readers_of(&self, full_name: &str) -> usize {
+        let own = self.context.domain_participant();
+        let own_prefix = prefix_of(own.guid());
+        let dds_name = format!("rt{full_name}");
+        let readers = own.discovered_readers();
+        let others = readers.iter().map(|reader| &reader.subscription_topic_data);
+        others.filter(|data| *data.topic_name() == dds_name && prefix_of(data.key()) != own_prefix).count()
+    }
+
+    fn topic(&self, topic: &str, type_name: &str, qos: &QosProfile) -> Result<(String, rustdds::Topic), BusError> {
+        let full_name = self.arguments.resolve(topic)?;
+        let name = parse_name(&full_name)?;
+        let (package, base) = split_type(type_name);
+        match self.node.create_topic(&name, MessageTypeName::new(package, base), qos) {
+            Ok(topic) => Ok((full_name, topic)),
+            Err(source) => Err(BusError::Open { topic: full_name, source }),
+        }
+    }
+}
+
+/// The part of an id that all endpoints of a participant share.
+fn prefix_of(id: GUID) -> Vec<u8> {
+    id.to_bytes()[..12].to_vec()
+}
+
+fn parse_name(full_name: &str) -> Result<Name, BusError> {
+    Name::parse(full_name).map_err(|error| BusError::Name { name: full_name.to_owned(), reason: error.to_string() })
+}
+
+/// `package/msg/Type` or `package/Type` as package and type.
+fn split_type(type_name: &str) -> (&str, &str) {
+    let (package, _) = type_name.split_once('/').unwrap_or(("", type_name));
+    let (_, base) = type_name.rsplit_once('/').unwrap_or(("", type_name));
+    (package, base)
+}
+
+/// The DDS name of a type as ROS 2 writes it: `pkg::msg::dds_::Type_` is `pkg/msg/Type`.
+fn ros_type(dds_name: &str) -> String {
+    let plain = dds_name.replace("::dds_::", "::").replace("::", "/");
+    plain.strip_suffix('_').unwrap_or(&plain).to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{ros_type, split_type};
+
+    #[test]
+    fn type_names_in_both_worlds() {
+        assert_eq!(split_type("sensor_msgs/msg/JointState"), ("sensor_msgs", "JointState"));
+        assert_eq!(split_type("rcl_interfaces/GetParameters"), ("rcl_interfaces", "GetParameters"));
+        assert_eq!(ros_type("sensor_msgs::msg::dds_::JointState_"), "sensor_msgs/msg/JointState");
+        assert_eq!(ros_type("Other"), "Other");
+    }
+}

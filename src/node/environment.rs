@@ -1,0 +1,154 @@
+//! What the environment of a ROS 2 program asks for, and how far this node can follow.
+
+use std::net::{IpAddr, Ipv4Addr};
+
+use ros2_client::ServiceMapping;
+
+/// Highest domain whose ports exist.
+const LARGEST_DOMAIN: u16 = 232;
+
+/// An environment that cannot be followed.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum EnvironmentError {
+    /// `ROS_DOMAIN_ID` is not a domain.
+    #[error("ROS_DOMAIN_ID is `{0}`: expected a whole number from 0 to {LARGEST_DOMAIN}")]
+    Domain(String),
+    /// The middleware speaks another protocol than DDS.
+    #[error("RMW_IMPLEMENTATION is `{0}`, which does not speak DDS; set it to rmw_fastrtps_cpp or rmw_cyclonedds_cpp")]
+    Middleware(String),
+}
+
+/// The environment, read once.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Environment {
+    /// DDS domain.
+    pub domain: u16,
+    /// Addresses to use; `None` for all.
+    pub only_networks: Option<Vec<IpAddr>>,
+    /// How services of the peers are laid out on DDS.
+    pub service_mappings: Vec<ServiceMapping>,
+    /// What could not be followed, in words.
+    pub remarks: Vec<String>,
+}
+
+impl Environment {
+    /// Reads the environment of this process.
+    ///
+    /// # Errors
+    /// On a domain that does not exist, or a middleware that is not DDS.
+    pub fn of_process() -> Result<Self, EnvironmentError> {
+        Self::read(|name| std::env::var(name).ok())
+    }
+
+    /// Reads the environment that `get` describes.
+    ///
+    /// # Errors
+    /// As [`Environment::of_process`].
+    pub fn read(get: impl Fn(&str) -> Option<String>) -> Result<Self, EnvironmentError> {
+        let set = |name: &str| get(name).map(|value| value.trim().to_owned()).filter(|value| !value.is_empty());
+        let mut remarks = Vec::new();
+        let domain = match set("ROS_DOMAIN_ID") {
+            None => 0,
+            Some(text) => match text.parse::<u16>() {
+                Ok(domain) if domain <= LARGEST_DOMAIN => domain,
+                _ => return Err(EnvironmentError::Domain(text)),
+            },
+        };
+        let localhost = match set("ROS_LOCALHOST_ONLY") {
+            // Where both are set the older one counts, as in rcl.
+            Some(text) => text == "1",
+            None => match set("ROS_AUTOMATIC_DISCOVERY_RANGE").as_deref() {
+                None | Some("SUBNET" | "SYSTEM_DEFAULT") => false,
+                Some("LOCALHOST") => true,
+                Some("OFF") => {
+                    remarks.push(
+                        "ROS_AUTOMATIC_DISCOVERY_RANGE=OFF cannot be followed: RustDDS always discovers; \
+                         taken as LOCALHOST"
+                            .to_owned(),
+                    );
+                    true
+                }
+                Some(other) => {
+                    remarks.push(format!(
+                        "ROS_AUTOMATIC_DISCOVERY_RANGE is `{other}`: expected SUBNET, LOCALHOST, OFF or \
+                         SYSTEM_DEFAULT; taken as SUBNET"
+                    ));
+                    false
+                }
+            },
+        };
+        if localhost {
+            remarks.push(
+                "local host only: other machines are neither announced to nor listed, but RustDDS still binds its \
+                 ports on all addresses; a firewall must keep strangers out"
+                    .to_owned(),
+            );
+        }
+        if let Some(peers) = set("ROS_STATIC_PEERS") {
+            remarks.push(format!(
+                "ROS_STATIC_PEERS={peers} cannot be followed: RustDDS has no list of peers; only multicast and this \
+                 machine are searched"
+            ));
+        }
+        let service_mappings = match set("RMW_IMPLEMENTATION") {
+            None => vec![ServiceMapping::Enhanced, ServiceMapping::Cyclone],
+            Some(name) if name.contains("cyclone") => vec![ServiceMapping::Cyclone],
+            Some(name) if name.contains("fastrtps") || name.contains("connext") => vec![ServiceMapping::Enhanced],
+            Some(name) => return Err(EnvironmentError::Middleware(name)),
+        };
+        let only_networks = localhost.then(|| vec![IpAddr::V4(Ipv4Addr::LOCALHOST)]);
+        Ok(Self { domain, only_networks, service_mappings, remarks })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ros2_client::ServiceMapping;
+
+    use super::{Environment, EnvironmentError};
+
+    fn read(pairs: &[(&str, &str)]) -> Result<Environment, EnvironmentError> {
+        Environment::read(|name| pairs.iter().find(|(key, _)| *key == name).map(|(_, value)| (*value).to_owned()))
+    }
+
+    #[test]
+    fn nothing_set_is_domain_0_on_all_networks_for_both_middlewares() {
+        let environment = read(&[]).unwrap();
+        assert_eq!((environment.domain, environment.only_networks), (0, None));
+        assert_eq!(environment.service_mappings, [ServiceMapping::Enhanced, ServiceMapping::Cyclone]);
+        assert!(environment.remarks.is_empty());
+    }
+
+    #[test]
+    fn a_domain_out_of_range_is_refused() {
+        assert_eq!(read(&[("ROS_DOMAIN_ID", "42")]).unwrap().domain, 42);
+        for bad in ["233", "-1", "x", "1.5"] {
+            assert_eq!(read(&[("ROS_DOMAIN_ID", bad)]), Err(EnvironmentError::Domain(bad.to_owned())));
+        }
+    }
+
+    #[test]
+    fn local_host_is_followed_and_its_limit_said() {
+        for pair in [("ROS_LOCALHOST_ONLY", "1"), ("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")] {
+            let environment = read(&[pair]).unwrap();
+            assert!(environment.only_networks.is_some());
+            assert!(environment.remarks[0].contains("firewall"));
+        }
+        let both = read(&[("ROS_LOCALHOST_ONLY", "0"), ("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")]).unwrap();
+        assert_eq!(both.only_networks, None);
+    }
+
+    #[test]
+    fn what_cannot_be_followed_is_said() {
+        assert!(read(&[("ROS_STATIC_PEERS", "10.0.0.1")]).unwrap().remarks[0].contains("ROS_STATIC_PEERS"));
+        assert!(read(&[("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")]).unwrap().remarks[0].contains("OFF"));
+        assert!(matches!(read(&[("RMW_IMPLEMENTATION", "rmw_zenoh_cpp")]), Err(EnvironmentError::Middleware(_))));
+    }
+
+    #[test]
+    fn the_middleware_chooses_the_service_mapping() {
+        let mapping = |name| read(&[("RMW_IMPLEMENTATION", name)]).unwrap().service_mappings;
+        assert_eq!(mapping("rmw_cyclonedds_cpp"), [ServiceMapping::Cyclone]);
+        assert_eq!(mapping("rmw_fastrtps_cpp"), [ServiceMapping::Enhanced]);
+    }
+}

@@ -1,0 +1,224 @@
+//! Checks on what peers send: every number finite and in range, stamps in order, types as agreed.
+
+use crate::frame::EsvState;
+use crate::msg::{self, Header};
+use crate::units::NANOS_PER_SECOND;
+
+use super::core::{Heard, Input};
+
+/// Opening commands beyond these are no commands, pu; the regulator itself limits what lies between.
+const OPENING_RANGE_PU: (f64, f64) = (-0.5, 1.5);
+
+/// Tank pressures beyond these are no pressures, Pa gauge.
+const PRESSURE_RANGE_PA: (f64, f64) = (0.0, 1.0e8);
+
+/// A stamp further back than this is a source that started again, not a sample that came late, ns.
+const RESTART_NS: i64 = NANOS_PER_SECOND;
+
+/// Why a sample was not used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Refusal {
+    /// Not a finite number.
+    NotFinite,
+    /// A number that cannot be.
+    OutOfRange,
+    /// `nanosec` of a second or more.
+    BadStamp,
+    /// Older than the sample before it.
+    Late,
+    /// Its bytes are not of the agreed type.
+    Undecodable,
+    /// Its sender announced another type on the topic.
+    ForeignType,
+}
+
+impl Refusal {
+    /// All reasons, in the order of their counts.
+    pub const ALL: [Self; 6] =
+        [Self::NotFinite, Self::OutOfRange, Self::BadStamp, Self::Late, Self::Undecodable, Self::ForeignType];
+
+    /// The reason in words.
+    #[must_use]
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::NotFinite => "not a finite number",
+            Self::OutOfRange => "out of range",
+            Self::BadStamp => "a stamp that is no time",
+            Self::Late => "older than the sample before it",
+            Self::Undecodable => "not of the agreed type",
+            Self::ForeignType => "from a sender of another type",
+        }
+    }
+}
+
+/// Counts of one topic.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Samples used.
+    pub used: u64,
+    /// Times at which the source started again.
+    pub restarts: u64,
+    refused: [u64; 6],
+}
+
+impl Counts {
+    /// Samples refused for this reason.
+    #[must_use]
+    pub fn refused(&self, refusal: Refusal) -> u64 {
+        self.refused[refusal as usize]
+    }
+
+    /// Samples refused.
+    #[must_use]
+    pub fn all_refused(&self) -> u64 {
+        self.refused.iter().sum()
+    }
+}
+
+/// The gate of one topic.
+#[derive(Clone, Debug, Default)]
+pub struct Gate {
+    counts: Counts,
+    newest_ns: Option<i64>,
+}
+
+impl Gate {
+    /// Counts so far.
+    #[must_use]
+    pub fn counts(&self) -> Counts {
+        self.counts
+    }
+
+    /// Counts a sample that never became a message. Returns whether it is the first of its kind.
+    pub fn refuse(&mut self, refusal: Refusal) -> bool {
+        let count = &mut self.counts.refused[refusal as usize];
+        *count += 1;
+        *count == 1
+    }
+
+    /// Lets a stamped value through or refuses it.
+    fn pass(&mut self, header: &Header, heard: Result<Heard, Refusal>) -> Result<Heard, Refusal> {
+        let outcome = heard.and_then(|heard| {
+            let stamp_ns = header.stamp.nanos().ok_or(Refusal::BadStamp)?;
+            // Senders without a clock leave the stamp at zero.
+            if stamp_ns != 0 {
+                let behind_ns = self.newest_ns.map_or(0, |newest_ns| newest_ns.saturating_sub(stamp_ns));
+                if behind_ns > RESTART_NS {
+                    self.counts.restarts += 1;
+                } else if behind_ns > 0 {
+                    return Err(Refusal::Late);
+                }
+                self.newest_ns = Some(stamp_ns);
+            }
+            Ok(heard)
+        });
+        match outcome {
+            Ok(_) => self.counts.used += 1,
+            Err(refusal) => self.counts.refused[refusal as usize] += 1,
+        }
+        outcome
+    }
+}
+
+/// A message that the node listens to.
+pub trait Intake {
+    /// The input that it feeds.
+    const INPUT: Input;
+
+    /// Checks a message against what may be.
+    ///
+    /// # Errors
+    /// With the reason for which it is not used.
+    fn check(&self, gate: &mut Gate) -> Result<Heard, Refusal>;
+}
+
+impl Intake for msg::GovernorCommand {
+    const INPUT: Input = Input::Command;
+
+    fn check(&self, gate: &mut Gate) -> Result<Heard, Refusal> {
+        gate.pass(&self.header, in_range(self.opening, OPENING_RANGE_PU).map(Heard::Command))
+    }
+}
+
+impl Intake for msg::EsvState {
+    const INPUT: Input = Input::Esv;
+
+    fn check(&self, gate: &mut Gate) -> Result<Heard, Refusal> {
+        let state = match self.state {
+            Self::SHUTDOWN => Ok(EsvState::Shutdown),
+            Self::NORMAL => Ok(EsvState::Normal),
+            _ => Err(Refusal::OutOfRange),
+        };
+        gate.pass(&self.header, state.map(Heard::Esv))
+    }
+}
+
+impl Intake for msg::FluidPressure {
+    const INPUT: Input = Input::TankPressure;
+
+    fn check(&self, gate: &mut Gate) -> Result<Heard, Refusal> {
+        gate.pass(&self.header, in_range(self.fluid_pressure, PRESSURE_RANGE_PA).map(Heard::TankPressure))
+    }
+}
+
+fn in_range(value: f64, (least, largest): (f64, f64)) -> Result<f64, Refusal> {
+    match value {
+        value if !value.is_finite() => Err(Refusal::NotFinite),
+        value if value < least || value > largest => Err(Refusal::OutOfRange),
+        value => Ok(value),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::{any, proptest};
+
+    use super::{Gate, Intake, Refusal};
+    use crate::msg::{EsvState, FluidPressure, GovernorCommand, Header, Time};
+    use crate::node::core::Heard;
+
+    fn command(sec: i32, nanosec: u32, opening: f64) -> GovernorCommand {
+        GovernorCommand { header: Header { stamp: Time { sec, nanosec }, frame_id: String::new() }, opening }
+    }
+
+    #[test]
+    fn numbers_that_cannot_be_are_refused_and_counted() {
+        let mut gate = Gate::default();
+        assert_eq!(command(1, 0, 0.5).check(&mut gate), Ok(Heard::Command(0.5)));
+        for (opening, refusal) in
+            [(f64::NAN, Refusal::NotFinite), (f64::INFINITY, Refusal::NotFinite), (7.0, Refusal::OutOfRange)]
+        {
+            assert_eq!(command(2, 0, opening).check(&mut gate), Err(refusal));
+        }
+        let esv = EsvState { header: Header::default(), state: 2 };
+        assert_eq!(esv.check(&mut Gate::default()), Err(Refusal::OutOfRange));
+        let pressure = FluidPressure { fluid_pressure: -1.0, ..FluidPressure::default() };
+        assert_eq!(pressure.check(&mut Gate::default()), Err(Refusal::OutOfRange));
+        let counts = gate.counts();
+        assert_eq!((counts.used, counts.refused(Refusal::NotFinite), counts.all_refused()), (1, 2, 3));
+    }
+
+    #[test]
+    fn stamps_keep_their_order_and_a_long_way_back_is_a_restart() {
+        let mut gate = Gate::default();
+        assert!(command(100, 0, 0.1).check(&mut gate).is_ok());
+        assert!(command(100, 0, 0.2).check(&mut gate).is_ok(), "an equal stamp is no step back");
+        assert_eq!(command(99, 900_000_000, 0.3).check(&mut gate), Err(Refusal::Late));
+        assert_eq!(command(100, 1_000_000_000, 0.3).check(&mut gate), Err(Refusal::BadStamp));
+        assert!(command(10, 0, 0.4).check(&mut gate).is_ok());
+        assert_eq!(gate.counts().restarts, 1);
+        assert!(command(0, 0, 0.4).check(&mut gate).is_ok(), "no stamp, no order");
+    }
+
+    proptest! {
+        #[test]
+        fn whatever_comes_is_used_in_range_or_counted(sec: i32, nanosec: u32, opening in any::<f64>()) {
+            let mut gate = Gate::default();
+            match command(sec, nanosec, opening).check(&mut gate) {
+                Ok(Heard::Command(value)) => assert!(value.is_finite() && value.abs() <= 1.5),
+                Ok(other) => panic!("{other:?}"),
+                Err(refusal) => assert_eq!(gate.counts().refused(refusal), 1),
+            }
+        }
+    }
+}

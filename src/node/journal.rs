@@ -1,0 +1,93 @@
+//! The node's own bag: inputs as the twin took them, stamped with the tick at which they took effect, and estimates.
+//!
+//! A replay of this bag gives the estimates again, to the last bit: time is data, and the twin never
+//! learns whether a frame came from a bus or from a file.
+
+use std::path::{Path, PathBuf};
+
+use super::core::{Input, Tick};
+use super::messages;
+use crate::bag::{BagError, Qos, Topic, Writer, WriterOptions};
+use crate::frame::Inputs;
+use crate::msg::{EsvState, FluidPressure, GovernorCommand, JointState, ServoState};
+use crate::parameters::Parameters;
+
+/// Topic names of a journal.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Names {
+    /// Names of the inputs, in the order of [`Input::ALL`].
+    pub inputs: [String; 3],
+    /// Name of the simulated servo state.
+    pub servo_state: String,
+    /// Name of the simulated joint state.
+    pub joint_states: String,
+}
+
+/// A bag in the making.
+#[derive(Debug)]
+pub struct Journal {
+    writer: Writer,
+    command: Topic<GovernorCommand>,
+    esv: Topic<EsvState>,
+    tank_pressure: Topic<FluidPressure>,
+    servo_state: Topic<ServoState>,
+    joint_states: Topic<JointState>,
+    previous: Option<Inputs>,
+}
+
+impl Journal {
+    /// Begins a bag.
+    ///
+    /// # Errors
+    /// Where something is in the way, or the system refuses.
+    pub fn create(folder: &Path, names: &Names) -> Result<Self, BagError> {
+        let mut writer = Writer::create(folder, WriterOptions { keep_unfinished: true, ..WriterOptions::default() })?;
+        Ok(Self {
+            command: writer.topic(&names.inputs[Input::Command as usize], Qos::SENSOR)?,
+            esv: writer.topic(&names.inputs[Input::Esv as usize], Qos::SENSOR)?,
+            tank_pressure: writer.topic(&names.inputs[Input::TankPressure as usize], Qos::SENSOR)?,
+            servo_state: writer.topic(&names.servo_state, Qos::DEFAULT)?,
+            joint_states: writer.topic(&names.joint_states, Qos::DEFAULT)?,
+            previous: None,
+            writer,
+        })
+    }
+
+    /// Writes what a tick took and gave.
+    ///
+    /// # Errors
+    /// Where the system refuses.
+    pub fn write(&mut self, tick: &Tick, parameters: &Parameters) -> Result<(), BagError> {
+        let Some(estimate) = &tick.estimate else { return Ok(()) };
+        let (inputs, time_ns) = (&tick.frame.inputs, tick.frame.time_ns);
+        let before = self.previous.replace(*inputs);
+        let changed = |same: fn(&Inputs, &Inputs) -> bool| before.is_none_or(|before| !same(&before, inputs));
+        if changed(|a, b| a.opening_command_pu.to_bits() == b.opening_command_pu.to_bits()) {
+            self.writer.write(self.command, time_ns, &messages::command(inputs, time_ns))?;
+        }
+        if changed(|a, b| a.esv == b.esv) {
+            self.writer.write(self.esv, time_ns, &messages::esv(inputs, time_ns))?;
+        }
+        if changed(|a, b| a.tank_pressure_pa.to_bits() == b.tank_pressure_pa.to_bits()) {
+            self.writer.write(self.tank_pressure, time_ns, &messages::tank_pressure(inputs, time_ns))?;
+        }
+        self.writer.write(self.servo_state, time_ns, &messages::servo_state(estimate))?;
+        self.writer.write(self.joint_states, time_ns, &messages::joint_state(estimate, parameters))
+    }
+
+    /// Closes the open chunk, so that a crash loses nothing written before.
+    ///
+    /// # Errors
+    /// Where the system refuses.
+    pub fn flush(&mut self) -> Result<(), BagError> {
+        self.writer.flush()
+    }
+
+    /// Completes the bag and gives its folder.
+    ///
+    /// # Errors
+    /// Where the system refuses.
+    pub fn finish(self) -> Result<PathBuf, BagError> {
+        self.writer.finish()
+    }
+}

@@ -1,0 +1,226 @@
+//! The thread that hears: samples are checked and become events, parameter calls are answered.
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::sync::Mutex;
+use std::sync::mpsc::Sender;
+
+use futures::channel::oneshot;
+use futures::stream::{LocalBoxStream, StreamExt, select_all};
+use ros2_client::log::LogLevel;
+use ros2_client::parameters::raw;
+use ros2_client::{Gid, MessageInfo, Publisher, ReadError, Subscription};
+use rtrb::Producer;
+
+use super::bus::{Bus, BusError};
+use super::core::{Heard, Input};
+use super::environment::Environment;
+use super::intake::{Counts, Gate, Intake, Refusal};
+use super::integration::{Event, Output};
+use super::parameters::Store;
+use super::realtime::{monotonic_ns, wall_ns};
+use super::services::{Aftermath, Desk, ParameterServices};
+use super::settings::Settings;
+use crate::msg::{Clock, EsvState, FluidPressure, GovernorCommand, Interface};
+
+/// What the other threads tell the keeper.
+#[derive(Debug, Clone)]
+pub enum News {
+    /// A result worth keeping or telling.
+    Output(Output),
+    /// Words for people.
+    Said(LogLevel, String),
+}
+
+/// Everything that the node hears through.
+pub struct Ears {
+    command: Subscription<GovernorCommand>,
+    esv: Subscription<EsvState>,
+    tank_pressure: Subscription<FluidPressure>,
+    clock: Option<Subscription<Clock>>,
+    services: Vec<ParameterServices>,
+    parameter_events: Publisher<raw::ParameterEvent>,
+}
+
+impl Ears {
+    /// Opens all endpoints.
+    ///
+    /// # Errors
+    /// When DDS refuses one.
+    pub fn open(bus: &mut Bus, environment: &Environment, settings: &Settings) -> Result<Self, BusError> {
+        let services = environment.service_mappings.iter().map(|&mapping| ParameterServices::open(bus, mapping));
+        let services = services.collect::<Result<_, _>>()?;
+        Ok(Self {
+            services,
+            command: bus.subscribe(Input::Command.topic())?,
+            esv: bus.subscribe(Input::Esv.topic())?,
+            tank_pressure: bus.subscribe(Input::TankPressure.topic())?,
+            clock: if settings.use_sim_time { Some(bus.subscribe("/clock")?) } else { None },
+            parameter_events: bus.parameter_events()?,
+        })
+    }
+}
+
+/// What the listener works with.
+pub struct Listener<'a> {
+    /// The bus.
+    pub bus: &'a Bus,
+    /// Where events go.
+    pub events: RefCell<Producer<Event>>,
+    /// Where words go.
+    pub news: Sender<News>,
+    /// Counts of the inputs, for whoever asks.
+    pub counts: &'a Mutex<[Counts; 3]>,
+    gates: RefCell<[Gate; 3]>,
+    senders: RefCell<BTreeMap<Gid, bool>>,
+    full: RefCell<bool>,
+}
+
+/// What one arrival asks for once it was looked at.
+enum Arrival {
+    Done,
+    Answered(Aftermath),
+}
+
+impl<'a> Listener<'a> {
+    /// A listener that has heard nothing yet.
+    #[must_use]
+    pub fn new(bus: &'a Bus, events: Producer<Event>, news: Sender<News>, counts: &'a Mutex<[Counts; 3]>) -> Self {
+        Self {
+            bus,
+            events: RefCell::new(events),
+            news,
+            counts,
+            gates: RefCell::default(),
+            senders: RefCell::default(),
+            full: RefCell::new(false),
+        }
+    }
+
+    /// Hears until told to stop.
+    pub fn run(&self, ears: &Ears, store: Store, environment: &Environment, stop: oneshot::Receiver<()>) {
+        let desk = Desk::new(store, &environment.service_mappings);
+        let mut streams: Vec<LocalBoxStream<'_, Arrival>> =
+            vec![self.input(&ears.command), self.input(&ears.esv), self.input(&ears.tank_pressure)];
+        if let Some(clock) = &ears.clock {
+            let ticks = clock.async_stream().map(|sample| {
+                if let Some(time_ns) = sample.ok().and_then(|(clock, _)| clock.clock.nanos()) {
+                    self.tell(Heard::Clock(time_ns));
+                }
+                Arrival::Done
+            });
+            streams.push(ticks.boxed_local());
+        }
+        for services in &ears.services {
+            let answers = services.answers(&desk).into_iter();
+            streams.extend(answers.map(|answers| answers.map(Arrival::Answered).boxed_local()));
+        }
+        let mut arrivals = select_all(streams).take_until(stop);
+        futures::executor::block_on(async {
+            while let Some(arrival) = arrivals.next().await {
+                if let Arrival::Answered(aftermath) = arrival {
+                    self.follow_up(&aftermath, &desk, &ears.parameter_events);
+                }
+            }
+        });
+    }
+
+    /// The stream of one input.
+    fn input<'s, M: Interface + Intake + 'static>(
+        &'s self,
+        subscription: &'s Subscription<M>,
+    ) -> LocalBoxStream<'s, Arrival> {
+        let samples = subscription.async_stream().map(|sample| {
+            self.sample(sample);
+            Arrival::Done
+        });
+        samples.boxed_local()
+    }
+
+    /// Checks one sample and passes it on.
+    fn sample<M: Interface + Intake>(&self, sample: Result<(M, MessageInfo), ReadError>) {
+        let input = M::INPUT;
+        let mut gates = self.gates.borrow_mut();
+        let gate = &mut gates[input as usize];
+        let refused = match sample {
+            Err(ReadError::Deserialization { .. }) => Some((Refusal::Undecodable, gate.refuse(Refusal::Undecodable))),
+            Err(error) => {
+                self.say(LogLevel::Warn, format!("{}: {error}", input.topic()));
+                None
+            }
+            Ok((_, info)) if self.is_foreign(info.publisher_gid(), M::TYPE_NAME, input) => {
+                gate.refuse(Refusal::ForeignType);
+                None
+            }
+            Ok((message, _)) => match message.check(gate) {
+                Ok(heard) => {
+                    self.tell(heard);
+                    None
+                }
+                Err(refusal) => Some((refusal, gate.counts().refused(refusal) == 1)),
+            },
+        };
+        if let Some((refusal, true)) = refused {
+            let words = format!("{}: a sample was refused: {}; more are only counted", input.topic(), refusal.words());
+            self.say(LogLevel::Warn, words);
+        }
+        if let Ok(mut counts) = self.counts.lock() {
+            counts[input as usize] = gate.counts();
+        }
+    }
+
+    /// Whether a sender announced another type than ours; asked once for each sender.
+    fn is_foreign(&self, sender: Gid, expected: &str, input: Input) -> bool {
+        if let Some(&foreign) = self.senders.borrow().get(&sender) {
+            return foreign;
+        }
+        // Not listed yet: believed, and asked again at its next sample.
+        let Some((topic, found)) = self.bus.writers().remove(&sender) else { return false };
+        let foreign = found != expected;
+        if foreign {
+            self.say(
+                LogLevel::Error,
+                format!(
+                    "{topic}: a sender publishes `{found}`, expected `{expected}`; its samples are not used ({})",
+                    input.topic()
+                ),
+            );
+        }
+        self.senders.borrow_mut().insert(sender, foreign);
+        foreign
+    }
+
+    fn tell(&self, heard: Heard) {
+        let lost = self.events.borrow_mut().push(Event { arrived_ns: monotonic_ns(), heard }).is_err();
+        if lost && !self.full.replace(true) {
+            self.say(LogLevel::Error, "the integration thread does not keep up: inputs are lost".to_owned());
+        }
+    }
+
+    fn follow_up(&self, aftermath: &Aftermath, desk: &Desk, publisher: &Publisher<raw::ParameterEvent>) {
+        for words in &aftermath.words {
+            self.say(LogLevel::Info, words.clone());
+        }
+        if aftermath.changed.is_empty() {
+            return;
+        }
+        let settings = desk.store.borrow().settings();
+        self.tell(Heard::Policy(settings.policy()));
+        self.tell(Heard::PublishPeriod(settings.publish_period_ns()));
+        let event = raw::ParameterEvent {
+            stamp: ros2_client::builtin_interfaces::Time::from_nanos(wall_ns()),
+            node: self.bus.arguments().full_name(),
+            new_parameters: Vec::new(),
+            changed_parameters: aftermath.changed.clone(),
+            deleted_parameters: Vec::new(),
+        };
+        if publisher.publish(event).is_err() {
+            self.say(LogLevel::Warn, "a parameter event was lost".to_owned());
+        }
+    }
+
+    fn say(&self, level: LogLevel, words: String) {
+        // The keeper outlives this thread; were it gone there would be nobody to tell.
+        let _ = self.news.send(News::Said(level, words));
+    }
+}

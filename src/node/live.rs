@@ -1,0 +1,302 @@
+//! The running node: opens the bus, starts the threads, keeps the books, and leaves in the right order.
+
+use std::path::PathBuf;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::time::{Duration, Instant};
+
+use futures::channel::oneshot;
+use ros2_client::log::LogLevel;
+use ros2_client::{Publisher, RosoutRaw};
+use rtrb::Consumer;
+
+use super::arguments::Arguments;
+use super::bus::{Bus, BusError, reliable};
+use super::core::{Core, Input, Notices};
+use super::diagnostics::{self, DiagnosticArray};
+use super::environment::Environment;
+use super::intake::Counts;
+use super::integration::{Integrator, Output};
+use super::journal::{Journal, Names};
+use super::listener::{Ears, Listener, News};
+use super::parameters::Store;
+use super::realtime::{claim, lock_memory, resident_bytes, wall_ns};
+use super::settings::Settings;
+use super::stats::Summary;
+use super::{messages, words};
+use crate::bag::BagError;
+use crate::msg::{Interface, JointState, ServoState};
+use crate::parameters::{Parameters, Unit};
+use crate::twin::Twin;
+
+/// Where words go.
+pub type Say<'a> = &'a mut dyn FnMut(LogLevel, &str);
+
+/// How the node is to run.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// The environment.
+    pub environment: Environment,
+    /// What stands behind `--ros-args`.
+    pub arguments: Arguments,
+    /// The unit to simulate.
+    pub unit: Unit,
+    /// Settings before `--ros-args`.
+    pub settings: Settings,
+    /// End after so long.
+    pub duration: Option<Duration>,
+    /// Folder of the bag to write.
+    pub bag: Option<PathBuf>,
+}
+
+/// How a run ended.
+#[derive(Debug, Clone)]
+pub struct Ended {
+    /// The integration thread's figures.
+    pub summary: Summary,
+    /// What came in, for each input.
+    pub counts: [Counts; 3],
+    /// Whether the fail-safe ended the node.
+    pub by_fail_safe: bool,
+    /// The bag that was written.
+    pub bag: Option<PathBuf>,
+    /// Published states that DDS did not take at once.
+    pub lost_publications: u64,
+}
+
+/// The node cannot run.
+#[derive(Debug, thiserror::Error)]
+pub enum NodeError {
+    /// The bus.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    /// The bag.
+    #[error(transparent)]
+    Bag(#[from] BagError),
+    /// A parameter behind `--ros-args`.
+    #[error("--ros-args -p {0}")]
+    Parameter(String),
+    /// A thread could not be started.
+    #[error("cannot start a thread: {0}")]
+    Thread(#[from] std::io::Error),
+}
+
+/// The node's mouth.
+struct Mouth {
+    servo_state: Publisher<ServoState>,
+    joint_states: Publisher<JointState>,
+}
+
+/// Runs the node until `stop`, its duration or the fail-safe ends it.
+///
+/// # Errors
+/// When the bus cannot be joined, a parameter is wrong or the bag cannot be written.
+pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, NodeError> {
+    let least = log_level(options.arguments.log_level);
+    let store = parameters(options, say)?;
+    let (settings, unit) = (store.settings(), store.unit().clone());
+    for remark in options.environment.remarks.iter().chain(&options.arguments.remarks) {
+        say(LogLevel::Warn, remark);
+    }
+    let mut bus = Bus::open(&options.environment, options.arguments.clone())?;
+    // All endpoints are made before anything runs: announcements in a burst later may be lost.
+    let ears = Ears::open(&mut bus, &options.environment, &settings)?;
+    let mouth = Mouth {
+        servo_state: bus.publish("sim/servo_state", ServoState::TYPE_NAME, &reliable())?,
+        joint_states: bus.publish("sim/joint_states", JointState::TYPE_NAME, &reliable())?,
+    };
+    let health = bus.publish("/diagnostics", diagnostics::TYPE_NAME, &reliable())?;
+    let journal = options.bag.as_ref().map(|folder| Journal::create(folder, &names(&bus)?).map_err(NodeError::from));
+    let journal = journal.transpose()?;
+    match lock_memory() {
+        Ok(()) => say(LogLevel::Info, "memory locked"),
+        Err(error) => say(LogLevel::Warn, &format!("memory not locked: {error}; a page fault may delay the loop")),
+    }
+    let core = Core::new(Twin::new(&unit), settings.policy(), unit.parameters.oil.tank_pressure_pa);
+    let (integrator, ends) = Integrator::new(core, settings.pace(), 0);
+    let counts = Mutex::new(<[Counts; 3]>::default());
+    let (news, heard) = channel();
+    let (stop_listening, listening) = oneshot::channel();
+    let ending = AtomicBool::new(false);
+    let (bus_ref, ears_ref, mouth_ref, counts_ref, ending_ref) = (&bus, &ears, &mouth, &counts, &ending);
+    let mut keeper =
+        Keeper { bus: bus_ref, health, counts: counts_ref, settings, parameters: unit.parameters, journal, least, say };
+
+    let (stats, lost_publications, outcome) = std::thread::scope(|scope| {
+        let listener = Listener::new(bus_ref, ends.events, news.clone(), counts_ref);
+        let environment = &options.environment;
+        let hearing = std::thread::Builder::new()
+            .name("hear".to_owned())
+            .spawn_scoped(scope, move || listener.run(ears_ref, store, environment, listening))?;
+        let (outputs, telling) = (ends.outputs, news.clone());
+        let publishing = std::thread::Builder::new()
+            .name("publish".to_owned())
+            .spawn_scoped(scope, move || publish(outputs, mouth_ref, &unit.parameters, &telling))?;
+        let publisher = publishing.thread().clone();
+        let stepping = std::thread::Builder::new().name("step".to_owned()).spawn_scoped(scope, move || {
+            for said in claim(settings.wishes) {
+                let (level, words) = match said {
+                    Ok(words) => (LogLevel::Info, words),
+                    Err(words) => (LogLevel::Warn, words),
+                };
+                let _ = news.send(News::Said(level, words));
+            }
+            // From here on this thread touches nothing that can wait.
+            drop(news);
+            integrator.run(ending_ref, &publisher)
+        })?;
+        let until = options.duration.map(|duration| Instant::now() + duration);
+        let done = || {
+            stop.load(Ordering::Relaxed) || until.is_some_and(|until| Instant::now() >= until) || stepping.is_finished()
+        };
+        let mut outcome = keeper.keep(&heard, done);
+        ending.store(true, Ordering::Relaxed);
+        let _ = stop_listening.send(());
+        let stats = stepping.join().unwrap_or_default();
+        let lost_publications = publishing.join().unwrap_or(0);
+        let _ = hearing.join();
+        outcome = outcome.and(keeper.drain(&heard));
+        Ok::<_, std::io::Error>((stats, lost_publications, outcome))
+    })?;
+    outcome?;
+    let resident = resident_bytes();
+    let bag = keeper.journal.take().map(Journal::finish).transpose()?;
+    drop(keeper);
+    // Endpoints first, then the node, then the participant: peers see each of them go.
+    drop((ears, mouth));
+    drop(bus);
+    let counts = counts.into_inner().unwrap_or_default();
+    let by_fail_safe = !stop.load(Ordering::Relaxed) && stats.ended_by_fail_safe;
+    Ok(Ended { summary: stats.summary(resident), counts, by_fail_safe, bag, lost_publications })
+}
+
+/// The node's parameters with what was given at start.
+fn parameters(options: &Options, say: Say<'_>) -> Result<Store, NodeError> {
+    let mut store = Store::new(&options.settings, &options.unit);
+    for (name, given) in &options.arguments.parameters {
+        if store.value(name) == ros2_client::ParameterValue::NotSet {
+            let reason = store.preset(name, given).err().unwrap_or_default();
+            say(LogLevel::Warn, &format!("--ros-args -p {name}: {reason}"));
+        } else {
+            store.preset(name, given).map_err(NodeError::Parameter)?;
+        }
+    }
+    Ok(store)
+}
+
+fn names(bus: &Bus) -> Result<Names, BusError> {
+    let resolve = |topic: &str| bus.arguments().resolve(topic);
+    let [command, esv, tank_pressure] = Input::ALL.map(Input::topic);
+    Ok(Names {
+        inputs: [resolve(command)?, resolve(esv)?, resolve(tank_pressure)?],
+        servo_state: resolve("sim/servo_state")?,
+        joint_states: resolve("sim/joint_states")?,
+    })
+}
+
+/// The thread that speaks: results out to DDS, and on to the keeper. Returns how many DDS did not take.
+fn publish(mut outputs: Consumer<Output>, mouth: &Mouth, parameters: &Parameters, news: &Sender<News>) -> u64 {
+    let mut lost = 0;
+    loop {
+        let last = outputs.is_abandoned();
+        while let Ok(output) = outputs.pop() {
+            if let (true, Some(estimate)) = (output.publish, &output.tick.estimate) {
+                let state = mouth.servo_state.publish(messages::servo_state(estimate)).is_err();
+                let joints = mouth.joint_states.publish(messages::joint_state(estimate, parameters)).is_err();
+                lost += u64::from(state) + u64::from(joints);
+            }
+            let _ = news.send(News::Output(output));
+        }
+        if last {
+            return lost;
+        }
+        std::thread::park_timeout(Duration::from_millis(100));
+    }
+}
+
+fn log_level(level: ros2args::LogLevel) -> LogLevel {
+    match level {
+        ros2args::LogLevel::Debug => LogLevel::Debug,
+        ros2args::LogLevel::Info => LogLevel::Info,
+        ros2args::LogLevel::Warn => LogLevel::Warn,
+        ros2args::LogLevel::Error => LogLevel::Error,
+        ros2args::LogLevel::Fatal => LogLevel::Fatal,
+    }
+}
+
+/// The books: words, bag, diagnostics.
+struct Keeper<'a> {
+    bus: &'a Bus,
+    health: Publisher<DiagnosticArray>,
+    counts: &'a Mutex<[Counts; 3]>,
+    settings: Settings,
+    parameters: Parameters,
+    journal: Option<Journal>,
+    least: LogLevel,
+    say: Say<'a>,
+}
+
+impl Keeper<'_> {
+    /// Keeps the books until `done`.
+    fn keep(&mut self, news: &Receiver<News>, done: impl Fn() -> bool) -> Result<(), NodeError> {
+        let second = Duration::from_secs(1);
+        let mut next = Instant::now() + second;
+        let (mut newest, mut tripped) = (None, false);
+        while !done() {
+            match news.recv_timeout(Duration::from_millis(20)) {
+                Ok(item) => {
+                    if let News::Output(output) = &item {
+                        let notices = output.tick.notices;
+                        tripped = (tripped || notices.has(Notices::FAIL_SAFE)) && !notices.has(Notices::RELEASED);
+                        newest = Some(*output);
+                    }
+                    self.take(&item)?;
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => break,
+            }
+            if Instant::now() >= next {
+                next += second;
+                if let Some(journal) = &mut self.journal {
+                    journal.flush()?;
+                }
+                let counts = self.counts.lock().map(|counts| *counts).unwrap_or_default();
+                let name = self.bus.arguments().full_name();
+                let array = diagnostics::compile(&name, wall_ns(), newest.as_ref(), tripped, &counts);
+                // Nobody may be listening; the next second brings the next one.
+                let _ = self.health.publish(array);
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes what is left once all threads have ended.
+    fn drain(&mut self, news: &Receiver<News>) -> Result<(), NodeError> {
+        news.try_iter().try_for_each(|item| self.take(&item))
+    }
+
+    fn take(&mut self, item: &News) -> Result<(), NodeError> {
+        match item {
+            News::Said(level, words) => self.tell(*level, words),
+            News::Output(output) => {
+                for (level, words) in words::of(output.tick.notices, &self.settings) {
+                    self.tell(level, &words);
+                }
+                if let Some(journal) = &mut self.journal {
+                    journal.write(&output.tick, &self.parameters)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn tell(&mut self, level: LogLevel, words: &str) {
+        if level < self.least {
+            return;
+        }
+        (self.say)(level, words);
+        let stamp = ros2_client::builtin_interfaces::Time::from_nanos(wall_ns());
+        self.bus.node().rosout_raw(stamp, level, &self.bus.arguments().name, words, file!(), "", line!());
+    }
+}

@@ -1,0 +1,56 @@
+//! Estimates and inputs as the messages that leave the node.
+
+use crate::frame::{Estimate, EsvState, Inputs};
+use crate::msg::{self, Header};
+use crate::parameters::Parameters;
+
+/// Names of the two joints, in the order of [`joint_state`].
+pub const JOINTS: [&str; 2] = ["spool", "servomotor"];
+
+/// The simulated signals, in the units of a plant's own topic.
+#[must_use]
+pub fn servo_state(estimate: &Estimate) -> msg::ServoState {
+    msg::ServoState {
+        header: Header::at(estimate.time_ns),
+        spool_position: estimate.signals.spool_position_pu,
+        servomotor_position: estimate.signals.servomotor_position_pu,
+        pilot_valve_position: estimate.signals.pilot_valve_position_pu,
+        control_pressure: estimate.signals.control_pressure_pa,
+    }
+}
+
+/// Spool and servomotor in metres and metres per second.
+#[must_use]
+pub fn joint_state(estimate: &Estimate, parameters: &Parameters) -> msg::JointState {
+    let spool_m = estimate.signals.spool_position_pu * parameters.distributing_valve.reference_stroke_m;
+    let servomotor_m = estimate.signals.servomotor_position_pu * parameters.servomotor.stroke_m;
+    msg::JointState {
+        header: Header::at(estimate.time_ns),
+        name: JOINTS.map(str::to_owned).to_vec(),
+        position: vec![spool_m, servomotor_m],
+        velocity: vec![estimate.spool_velocity_m_s, estimate.servomotor_velocity_m_s],
+        effort: Vec::new(),
+    }
+}
+
+/// The command as a message stamped `time_ns`.
+#[must_use]
+pub fn command(inputs: &Inputs, time_ns: i64) -> msg::GovernorCommand {
+    msg::GovernorCommand { header: Header::at(time_ns), opening: inputs.opening_command_pu }
+}
+
+/// The ESV's state as a message stamped `time_ns`.
+#[must_use]
+pub fn esv(inputs: &Inputs, time_ns: i64) -> msg::EsvState {
+    let state = match inputs.esv {
+        EsvState::Shutdown => msg::EsvState::SHUTDOWN,
+        EsvState::Normal => msg::EsvState::NORMAL,
+    };
+    msg::EsvState { header: Header::at(time_ns), state }
+}
+
+/// The tank pressure as a message stamped `time_ns`.
+#[must_use]
+pub fn tank_pressure(inputs: &Inputs, time_ns: i64) -> msg::FluidPressure {
+    msg::FluidPressure { header: Header::at(time_ns), fluid_pressure: inputs.tank_pressure_pa, variance: 0.0 }
+}

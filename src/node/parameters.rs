@@ -1,0 +1,329 @@
+//! The node's ROS 2 parameters: a table with units, ranges and reasons, and the rules for changing them.
+
+use ros2_client::parameters::{ParameterValue, raw};
+
+use super::arguments::Given;
+use super::core::OnStale;
+use super::settings::Settings;
+use crate::parameters::{ENTRIES, Unit, entry};
+
+/// Prefix of the plant's parameters.
+const UNIT_PREFIX: &str = "unit.";
+
+/// What a value may be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Domain {
+    Bool,
+    Real(f64, f64),
+    Whole(i64, i64),
+    Choice(&'static [&'static str]),
+}
+
+/// One parameter.
+#[derive(Clone, Debug)]
+struct Entry {
+    name: String,
+    value: ParameterValue,
+    domain: Domain,
+    read_only: bool,
+    description: String,
+}
+
+/// All parameters of the node, in the order of their names.
+#[derive(Clone, Debug)]
+pub struct Store {
+    entries: Vec<Entry>,
+    unit: Unit,
+}
+
+impl Store {
+    /// The table for these settings and this unit.
+    #[must_use]
+    pub fn new(settings: &Settings, unit: &Unit) -> Self {
+        let mut entries = Vec::new();
+        let mut add = |name: &str, value, domain, read_only, description: &str| {
+            entries.push(Entry {
+                name: name.to_owned(),
+                value,
+                domain,
+                read_only,
+                description: description.to_owned(),
+            });
+        };
+        let real = ParameterValue::Double;
+        let cpu = settings.wishes.cpu.and_then(|cpu| i64::try_from(cpu).ok()).unwrap_or(-1);
+        let priority = i64::from(settings.wishes.priority);
+        add("rate", real(settings.rate_hz), Domain::Real(1.0, 10_000.0), true, "Ticks of the model per second [Hz]");
+        let publish_rate = Domain::Real(0.1, 10_000.0);
+        add("publish_rate", real(settings.publish_rate_hz), publish_rate, false, "Published states per second [Hz]");
+        let seconds = Domain::Real(0.001, 86_400.0);
+        add("stale_after", real(settings.stale_after_s), seconds, false, "An input older than this is stale [s]");
+        let hold = "How long a stale input is held before the fail-safe [s]";
+        add("hold", real(settings.hold_s), Domain::Real(0.0, 86_400.0), false, hold);
+        let on_stale = ParameterValue::String(settings.on_stale.name().to_owned());
+        let choices = Domain::Choice(&OnStale::NAMES);
+        add("on_stale", on_stale, choices, false, "Fail-safe: trip the ESV, hold for ever, or stop the node");
+        let simulated = ParameterValue::Boolean(settings.use_sim_time);
+        add("use_sim_time", simulated, Domain::Bool, true, "Follow /clock instead of the machine's clock");
+        let cpu_doc = "Core of the integration thread, -1 for any";
+        add("cpu", ParameterValue::Integer(cpu), Domain::Whole(-1, 1023), true, cpu_doc);
+        let priority_doc = "SCHED_FIFO priority of the integration thread, 0 for none";
+        add("priority", ParameterValue::Integer(priority), Domain::Whole(0, 99), true, priority_doc);
+        for row in ENTRIES {
+            let description = format!("{} [{}]", row.doc.trim(), row.unit);
+            let value = real((row.get)(&unit.parameters));
+            add(&format!("{UNIT_PREFIX}{}", row.key), value, Domain::Real(row.min, row.max), true, &description);
+        }
+        entries.sort_by(|a, b| a.name.cmp(&b.name));
+        Self { entries, unit: unit.clone() }
+    }
+
+    /// The settings as they stand.
+    #[must_use]
+    pub fn settings(&self) -> Settings {
+        let real = |name| match self.value(name) {
+            ParameterValue::Double(value) => value,
+            _ => f64::NAN,
+        };
+        let whole = |name| match self.value(name) {
+            ParameterValue::Integer(value) => value,
+            _ => 0,
+        };
+        let on_stale = match self.value("on_stale") {
+            ParameterValue::String(name) => OnStale::named(&name).unwrap_or_default(),
+            _ => OnStale::default(),
+        };
+        Settings {
+            rate_hz: real("rate"),
+            publish_rate_hz: real("publish_rate"),
+            stale_after_s: real("stale_after"),
+            hold_s: real("hold"),
+            on_stale,
+            use_sim_time: self.value("use_sim_time") == ParameterValue::Boolean(true),
+            wishes: super::realtime::Wishes {
+                cpu: usize::try_from(whole("cpu")).ok(),
+                priority: u8::try_from(whole("priority")).unwrap_or(0),
+            },
+        }
+    }
+
+    /// The unit with what was set before start.
+    #[must_use]
+    pub fn unit(&self) -> &Unit {
+        &self.unit
+    }
+
+    /// Sets a parameter before start; read-only ones too.
+    ///
+    /// # Errors
+    /// In words, on a name that is not there or a value that may not be.
+    pub fn preset(&mut self, name: &str, given: &Given) -> Result<(), String> {
+        let index = self.find(name).ok_or_else(|| self.unknown(name))?;
+        let domain = self.entries[index].domain;
+        let value = match (domain, given) {
+            (Domain::Real(..), Given::Number(value)) => ParameterValue::Double(*value),
+            #[expect(clippy::cast_possible_truncation, reason = "checked to be whole; out of range is refused below")]
+            (Domain::Whole(..), Given::Number(value)) if value.fract() == 0.0 => ParameterValue::Integer(*value as i64),
+            (Domain::Bool, Given::Bool(value)) => ParameterValue::Boolean(*value),
+            (Domain::Choice(_), Given::Text(text)) => ParameterValue::String(text.clone()),
+            (_, given) => return Err(format!("`{name}` is {}, not {given:?}", domain.words())),
+        };
+        domain.check(name, &value)?;
+        if let (Some(key), ParameterValue::Double(number)) = (name.strip_prefix(UNIT_PREFIX), &value)
+            && let Some(row) = entry(key)
+        {
+            (row.set)(&mut self.unit.parameters, *number);
+        }
+        self.entries[index].value = value;
+        Ok(())
+    }
+
+    /// Sets one parameter of the running node.
+    ///
+    /// # Errors
+    /// In words for the caller.
+    pub fn set(&mut self, name: &str, value: ParameterValue) -> Result<(), String> {
+        let index = self.check(name, &value)?;
+        self.entries[index].value = value;
+        Ok(())
+    }
+
+    /// Whether [`Store::set`] would succeed.
+    ///
+    /// # Errors
+    /// As [`Store::set`].
+    pub fn check(&self, name: &str, value: &ParameterValue) -> Result<usize, String> {
+        let index = self.find(name).ok_or_else(|| self.unknown(name))?;
+        let entry = &self.entries[index];
+        if entry.read_only {
+            return Err(format!("`{name}` is read-only: give it at start with `--ros-args -p {name}:=VALUE`"));
+        }
+        entry.domain.check(name, value).map(|()| index)
+    }
+
+    /// The value, `NotSet` where there is no such parameter.
+    #[must_use]
+    pub fn value(&self, name: &str) -> ParameterValue {
+        self.find(name).map_or(ParameterValue::NotSet, |index| self.entries[index].value.clone())
+    }
+
+    /// The descriptor; of an unknown parameter only its name.
+    #[must_use]
+    pub fn describe(&self, name: &str) -> raw::ParameterDescriptor {
+        let mut descriptor = raw::ParameterDescriptor {
+            name: name.to_owned(),
+            r#type: raw::ParameterType::NOT_SET,
+            description: String::new(),
+            additional_constraints: String::new(),
+            read_only: false,
+            dynamic_typing: false,
+            floating_point_range: Vec::new(),
+            integer_range: Vec::new(),
+        };
+        if let Some(index) = self.find(name) {
+            let entry = &self.entries[index];
+            descriptor.r#type = ParameterValue::to_parameter_type_raw(&entry.value);
+            descriptor.description.clone_from(&entry.description);
+            descriptor.read_only = entry.read_only;
+            match entry.domain {
+                Domain::Real(from_value, to_value) => {
+                    descriptor.floating_point_range.push(raw::FloatingPointRange { from_value, to_value, step: 0.0 });
+                }
+                Domain::Whole(from_value, to_value) => {
+                    descriptor.integer_range.push(raw::IntegerRange { from_value, to_value, step: 1 });
+                }
+                Domain::Bool => {}
+                Domain::Choice(_) => descriptor.additional_constraints = entry.domain.words(),
+            }
+        }
+        descriptor
+    }
+
+    /// Names with their prefixes, as `ListParameters` wants them: under any of `prefixes`, at most `depth` levels
+    /// deep (0: any).
+    #[must_use]
+    pub fn list(&self, prefixes: &[String], depth: u64) -> (Vec<String>, Vec<String>) {
+        let shallow = |rest: &str| depth == 0 || (rest.matches('.').count() as u64) < depth;
+        let wanted = |name: &str| {
+            let under = |prefix: &String| {
+                name == prefix
+                    || name.strip_prefix(prefix.as_str()).and_then(|rest| rest.strip_prefix('.')).is_some_and(shallow)
+            };
+            if prefixes.is_empty() { shallow(name) } else { prefixes.iter().any(under) }
+        };
+        let names: Vec<String> =
+            self.entries.iter().map(|entry| &entry.name).filter(|name| wanted(name)).cloned().collect();
+        let mut namespaces: Vec<String> =
+            names.iter().filter_map(|name| name.rsplit_once('.').map(|(namespace, _)| namespace.to_owned())).collect();
+        namespaces.dedup();
+        (names, namespaces)
+    }
+
+    fn find(&self, name: &str) -> Option<usize> {
+        self.entries.binary_search_by(|entry| entry.name.as_str().cmp(name)).ok()
+    }
+
+    fn unknown(&self, name: &str) -> String {
+        let near = |entry: &&Entry| strsim::jaro_winkler(&entry.name, name);
+        let nearest = self.entries.iter().max_by(|a, b| near(a).total_cmp(&near(b)));
+        let hint = nearest.map(|entry| format!("; did you mean `{}`?", entry.name)).unwrap_or_default();
+        format!("there is no parameter `{name}`{hint}")
+    }
+}
+
+impl Domain {
+    fn words(self) -> String {
+        match self {
+            Self::Bool => "true or false".to_owned(),
+            Self::Real(least, largest) => format!("a number from {least} to {largest}"),
+            Self::Whole(least, largest) => format!("a whole number from {least} to {largest}"),
+            Self::Choice(names) => format!("one of {}", names.join(", ")),
+        }
+    }
+
+    fn check(self, name: &str, value: &ParameterValue) -> Result<(), String> {
+        let right = match (self, value) {
+            (Self::Bool, ParameterValue::Boolean(_)) => true,
+            (Self::Real(least, largest), ParameterValue::Double(value)) => (least..=largest).contains(value),
+            (Self::Whole(least, largest), ParameterValue::Integer(value)) => (least..=largest).contains(value),
+            (Self::Choice(names), ParameterValue::String(value)) => names.contains(&value.as_str()),
+            _ => false,
+        };
+        if right { Ok(()) } else { Err(format!("`{name}` is {}, not {value:?}", self.words())) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ros2_client::parameters::ParameterValue;
+
+    use super::{Given, Settings, Store};
+    use crate::node::core::OnStale;
+
+    fn store() -> Store {
+        Store::new(&Settings::default(), &crate::params::reference())
+    }
+
+    #[test]
+    fn settings_go_in_and_come_out_unchanged() {
+        assert_eq!(store().settings(), Settings::default());
+    }
+
+    #[test]
+    fn what_is_set_is_in_range_of_its_type_and_not_read_only() {
+        let mut store = store();
+        assert_eq!(store.set("hold", ParameterValue::Double(3.0)), Ok(()));
+        assert_eq!(store.settings().hold_s.to_bits(), 3.0_f64.to_bits());
+        assert_eq!(store.set("on_stale", ParameterValue::String("hold".to_owned())), Ok(()));
+        assert_eq!(store.settings().on_stale, OnStale::Hold);
+        for (name, value, word) in [
+            ("hold", ParameterValue::Double(-1.0), "from 0"),
+            ("hold", ParameterValue::Double(f64::NAN), "NaN"),
+            ("hold", ParameterValue::Integer(1), "a number"),
+            ("hold", ParameterValue::NotSet, "a number"),
+            ("on_stale", ParameterValue::String("panic".to_owned()), "trip, hold, stop"),
+            ("rate", ParameterValue::Double(500.0), "read-only"),
+            ("hodl", ParameterValue::Double(1.0), "did you mean `hold`?"),
+        ] {
+            let reason = store.set(name, value).unwrap_err();
+            assert!(reason.contains(word), "{reason}");
+        }
+    }
+
+    #[test]
+    fn presets_reach_the_settings_and_the_unit() {
+        let mut store = store();
+        store.preset("rate", &Given::Number(500.0)).unwrap();
+        store.preset("use_sim_time", &Given::Bool(true)).unwrap();
+        store.preset("priority", &Given::Number(0.0)).unwrap();
+        store.preset("unit.oil.density_kg_m3", &Given::Number(865.0)).unwrap();
+        let settings = store.settings();
+        assert!(settings.use_sim_time && settings.wishes.priority == 0);
+        assert_eq!(settings.pace().period_ns, 2_000_000);
+        assert_eq!(store.unit().parameters.oil.density_kg_m3.to_bits(), 865.0_f64.to_bits());
+        assert!(store.preset("priority", &Given::Number(0.5)).unwrap_err().contains("whole"));
+        assert!(store.preset("unit.oil.density_kg_m3", &Given::Number(-1.0)).is_err());
+    }
+
+    #[test]
+    fn descriptors_tell_range_unit_and_read_only() {
+        let store = store();
+        let hold = store.describe("hold");
+        assert!(hold.description.ends_with("[s]") && !hold.read_only);
+        assert_eq!(hold.floating_point_range[0].from_value.to_bits(), 0.0_f64.to_bits());
+        assert!(store.describe("on_stale").additional_constraints.contains("trip"));
+        assert!(store.describe("unit.oil.density_kg_m3").read_only);
+        assert_eq!(store.describe("nothing").r#type, 0);
+    }
+
+    #[test]
+    fn lists_by_prefix_and_depth() {
+        let store = store();
+        let (names, prefixes) = store.list(&["unit.oil".to_owned()], 0);
+        assert!(names.iter().all(|name| name.starts_with("unit.oil.")) && !names.is_empty());
+        assert_eq!(prefixes, ["unit.oil"]);
+        let (names, prefixes) = store.list(&[], 1);
+        assert!(names.contains(&"hold".to_owned()) && names.iter().all(|name| !name.contains('.')));
+        assert!(prefixes.is_empty());
+    }
+}

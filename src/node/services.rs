@@ -1,0 +1,251 @@
+//! The six parameter services of a ROS 2 node, for callers on Fast DDS and on Cyclone DDS alike.
+//!
+//! The two middlewares lay a service call out differently on DDS, and nothing on the wire says which.
+//! A call read the wrong way decodes into other, valid-looking numbers. So a server answers only callers
+//! whose vendor speaks its own layout; the vendor stands in the first two bytes of the caller's id. Where
+//! `RMW_IMPLEMENTATION` does not decide, both layouts are served side by side and each caller is heard
+//! by exactly one of them.
+
+use std::cell::RefCell;
+
+use futures::stream::{LocalBoxStream, StreamExt};
+use ros2_client::parameters::raw;
+use ros2_client::rcl_interfaces::{
+    DescribeParametersRequest, DescribeParametersResponse, GetParameterTypesRequest, GetParameterTypesResponse,
+    GetParametersRequest, GetParametersResponse, ListParametersRequest, ListParametersResponse, ListParametersResult,
+    SetParametersAtomicallyResponse, SetParametersRequest, SetParametersResponse,
+};
+use ros2_client::{Gid, Message, ParameterValue, Server, ServiceMapping};
+
+use super::bus::{Bus, BusError};
+use super::parameters::Store;
+
+/// Vendor of Cyclone DDS, the first two bytes of its ids.
+const CYCLONE: [u8; 2] = [0x01, 0x10];
+
+/// Vendor of RustDDS, whose callers choose a layout for themselves.
+const RUST_DDS: [u8; 2] = [0x01, 0x12];
+
+/// Most names or values that a call may hold; the node has fewer than a hundred.
+const MOST_ITEMS: usize = 1000;
+
+/// One layout of the six services.
+pub struct ParameterServices {
+    mapping: ServiceMapping,
+    get: Server<GetParametersRequest, GetParametersResponse>,
+    get_types: Server<GetParameterTypesRequest, GetParameterTypesResponse>,
+    list: Server<ListParametersRequest, ListParametersResponse>,
+    set: Server<SetParametersRequest, SetParametersResponse>,
+    set_atomically: Server<SetParametersRequest, SetParametersAtomicallyResponse>,
+    describe: Server<DescribeParametersRequest, DescribeParametersResponse>,
+}
+
+/// What answering a call left to do.
+#[derive(Debug, Clone, Default)]
+pub struct Aftermath {
+    /// Parameters that changed.
+    pub changed: Vec<raw::Parameter>,
+    /// Words for the log.
+    pub words: Vec<String>,
+}
+
+/// What the answers share.
+pub struct Desk {
+    /// The parameters.
+    pub store: RefCell<Store>,
+    mappings: Vec<ServiceMapping>,
+    strangers: RefCell<Vec<[u8; 2]>>,
+}
+
+impl Desk {
+    /// A desk for these parameters, serving these layouts.
+    #[must_use]
+    pub fn new(store: Store, mappings: &[ServiceMapping]) -> Self {
+        Self { store: RefCell::new(store), mappings: mappings.to_vec(), strangers: RefCell::default() }
+    }
+
+    /// Whether a server of `mapping` is the one to answer this caller.
+    fn is_for(&self, mapping: ServiceMapping, vendor: [u8; 2]) -> bool {
+        match vendor {
+            CYCLONE => mapping == ServiceMapping::Cyclone,
+            RUST_DDS => self.mappings.first() == Some(&mapping),
+            _ => mapping == ServiceMapping::Enhanced,
+        }
+    }
+
+    /// Words for a caller whom no server answers, the first time.
+    fn turn_away(&self, vendor: [u8; 2]) -> Option<String> {
+        if self.mappings.iter().any(|&mapping| self.is_for(mapping, vendor)) {
+            return None;
+        }
+        let mut strangers = self.strangers.borrow_mut();
+        if strangers.contains(&vendor) {
+            return None;
+        }
+        strangers.push(vendor);
+        Some(format!(
+            "a service call from DDS vendor {:02x}.{:02x} is not answered: its layout is not the one that \
+             RMW_IMPLEMENTATION asks for; leave that variable unset to serve Fast DDS and Cyclone DDS both",
+            vendor[0], vendor[1]
+        ))
+    }
+}
+
+impl ParameterServices {
+    /// Opens the six services under the node's name.
+    ///
+    /// # Errors
+    /// When DDS refuses.
+    pub fn open(bus: &mut Bus, mapping: ServiceMapping) -> Result<Self, BusError> {
+        Ok(Self {
+            mapping,
+            get: bus.serve(mapping, "~/get_parameters", "rcl_interfaces/GetParameters")?,
+            get_types: bus.serve(mapping, "~/get_parameter_types", "rcl_interfaces/GetParameterTypes")?,
+            list: bus.serve(mapping, "~/list_parameters", "rcl_interfaces/ListParameters")?,
+            set: bus.serve(mapping, "~/set_parameters", "rcl_interfaces/SetParameters")?,
+            set_atomically: bus.serve(
+                mapping,
+                "~/set_parameters_atomically",
+                "rcl_interfaces/SetParametersAtomically",
+            )?,
+            describe: bus.serve(mapping, "~/describe_parameters", "rcl_interfaces/DescribeParameters")?,
+        })
+    }
+
+    /// Answers calls as they come; each item says what an answer left to do.
+    pub fn answers<'a>(&'a self, desk: &'a Desk) -> Vec<LocalBoxStream<'a, Aftermath>> {
+        let mapping = self.mapping;
+        vec![
+            answer(mapping, &self.get, desk, |request, desk, _| {
+                let store = desk.store.borrow();
+                let values = request.names.iter().take(MOST_ITEMS).map(|name| store.value(name).into());
+                GetParametersResponse { values: values.collect() }
+            }),
+            answer(mapping, &self.get_types, desk, |request, desk, _| {
+                let store = desk.store.borrow();
+                let types = request
+                    .names
+                    .iter()
+                    .take(MOST_ITEMS)
+                    .map(|name| ParameterValue::to_parameter_type_raw(&store.value(name)));
+                GetParameterTypesResponse { values: types.collect() }
+            }),
+            answer(mapping, &self.list, desk, |request, desk, _| {
+                let (names, prefixes) = desk.store.borrow().list(&request.prefixes, request.depth);
+                ListParametersResponse { result: ListParametersResult { names, prefixes } }
+            }),
+            answer(mapping, &self.describe, desk, |request, desk, _| {
+                let store = desk.store.borrow();
+                let values = request.names.iter().take(MOST_ITEMS).map(|name| store.describe(name));
+                DescribeParametersResponse { values: values.collect() }
+            }),
+            answer(mapping, &self.set, desk, |request, desk, aftermath| {
+                let items = request.parameter.into_iter().take(MOST_ITEMS);
+                SetParametersResponse { results: items.map(|item| set(&[item], desk, aftermath)).collect() }
+            }),
+            answer(mapping, &self.set_atomically, desk, |request, desk, aftermath| {
+                let few = request.parameter.len() <= MOST_ITEMS;
+                let items = if few { request.parameter.as_slice() } else { &[] };
+                SetParametersAtomicallyResponse { result: set(items, desk, aftermath) }
+            }),
+        ]
+    }
+}
+
+/// Sets all or none.
+fn set(items: &[raw::Parameter], desk: &Desk, aftermath: &mut Aftermath) -> raw::SetParametersResult {
+    let mut store = desk.store.borrow_mut();
+    let values: Vec<ParameterValue> = items.iter().map(|item| item.value.clone().into()).collect();
+    let refused = items.iter().zip(&values).find_map(|(item, value)| store.check(&item.name, value).err());
+    if let Some(reason) = refused {
+        return raw::SetParametersResult { successful: false, reason };
+    }
+    for (item, value) in items.iter().zip(values) {
+        aftermath.words.push(format!("parameter `{}` set to {value:?}", item.name));
+        // Checked above.
+        let _ = store.set(&item.name, value);
+        aftermath.changed.push(item.clone());
+    }
+    raw::SetParametersResult { successful: true, reason: String::new() }
+}
+
+/// The stream that answers one service.
+fn answer<'a, Request, Response>(
+    mapping: ServiceMapping,
+    server: &'a Server<Request, Response>,
+    desk: &'a Desk,
+    respond: impl Fn(Request, &Desk, &mut Aftermath) -> Response + 'a,
+) -> LocalBoxStream<'a, Aftermath>
+where
+    Request: Message + 'static,
+    Response: Message + 'static,
+{
+    let answered = server.receive_request_stream().map(move |call| {
+        let mut aftermath = Aftermath::default();
+        // A call in the other layout often does not decode; the other server has it.
+        let Ok((id, request)) = call else { return aftermath };
+        let vendor = vendor_of(id.writer_gid);
+        if desk.is_for(mapping, vendor) {
+            let response = respond(request, desk, &mut aftermath);
+            if let Err(error) = server.send_response(id, response) {
+                aftermath.words.push(format!("an answer to a service call was lost: {error}"));
+            }
+        } else {
+            aftermath.words.extend(desk.turn_away(vendor));
+        }
+        aftermath
+    });
+    answered.boxed_local()
+}
+
+fn vendor_of(id: Gid) -> [u8; 2] {
+    let bytes = id.to_bytes16();
+    [bytes[0], bytes[1]]
+}
+
+#[cfg(test)]
+mod tests {
+    use ros2_client::ServiceMapping::{Cyclone, Enhanced};
+    use ros2_client::parameters::{ParameterValue, raw};
+
+    use super::{Aftermath, Desk, set};
+    use crate::node::parameters::Store;
+    use crate::node::settings::Settings;
+
+    fn desk(mappings: &[ros2_client::ServiceMapping]) -> Desk {
+        Desk::new(Store::new(&Settings::default(), &crate::params::reference()), mappings)
+    }
+
+    #[test]
+    fn each_caller_is_answered_by_exactly_one_layout() {
+        let both = desk(&[Enhanced, Cyclone]);
+        for vendor in [[1, 0x0f], [1, 0x10], [1, 0x12], [1, 1], [9, 9]] {
+            let answering = [Enhanced, Cyclone].into_iter().filter(|&mapping| both.is_for(mapping, vendor)).count();
+            assert_eq!(answering, 1, "{vendor:?}");
+            assert_eq!(both.turn_away(vendor), None);
+        }
+    }
+
+    #[test]
+    fn a_caller_of_the_other_layout_is_turned_away_once_in_words() {
+        let cyclone_only = desk(&[Cyclone]);
+        assert!(!cyclone_only.is_for(Cyclone, [1, 0x0f]));
+        assert!(cyclone_only.turn_away([1, 0x0f]).unwrap().contains("RMW_IMPLEMENTATION"));
+        assert_eq!(cyclone_only.turn_away([1, 0x0f]), None);
+        assert!(cyclone_only.is_for(Cyclone, [1, 0x12]));
+    }
+
+    #[test]
+    fn an_atomic_set_changes_all_or_nothing() {
+        let desk = desk(&[Enhanced]);
+        let item =
+            |name: &str, value| raw::Parameter { name: name.to_owned(), value: ParameterValue::Double(value).into() };
+        let mut aftermath = Aftermath::default();
+        let outcome = set(&[item("hold", 4.0), item("stale_after", -1.0)], &desk, &mut aftermath);
+        assert!(!outcome.successful && outcome.reason.contains("stale_after") && aftermath.changed.is_empty());
+        assert_eq!(desk.store.borrow().value("hold"), ParameterValue::Double(1.0));
+        let outcome = set(&[item("hold", 4.0), item("stale_after", 3.0)], &desk, &mut aftermath);
+        assert!(outcome.successful && aftermath.changed.len() == 2);
+        assert_eq!(desk.store.borrow().value("hold"), ParameterValue::Double(4.0));
+    }
+}

@@ -1,0 +1,59 @@
+//! What happened, said once and plainly.
+
+use ros2_client::log::LogLevel;
+
+use super::core::{Input, Notices, OnStale};
+use super::settings::Settings;
+
+/// The news of a tick in words, with how urgent they are.
+#[must_use]
+pub fn of(notices: Notices, settings: &Settings) -> Vec<(LogLevel, String)> {
+    let mut said = Vec::new();
+    if notices.has(Notices::RESET) {
+        said.push((LogLevel::Warn, "time jumped back: the twin forgot everything and waits for inputs".to_owned()));
+    }
+    for input in Input::ALL {
+        let topic = input.topic();
+        if notices.has(Notices::stale(input)) {
+            let then = match settings.on_stale {
+                OnStale::Hold => "its last value is held".to_owned(),
+                OnStale::Trip => format!("its last value is held for {} s, then the ESV trips", settings.hold_s),
+                OnStale::Stop => format!("its last value is held for {} s, then the node stops", settings.hold_s),
+            };
+            let words = format!("{topic}: nothing heard for {} s; {then}", settings.stale_after_s);
+            said.push((LogLevel::Warn, words));
+        }
+        if notices.has(Notices::recovered(input)) {
+            said.push((LogLevel::Info, format!("{topic}: heard again")));
+        }
+    }
+    if notices.has(Notices::FAIL_SAFE) {
+        let what = match settings.on_stale {
+            OnStale::Stop => "the node stops",
+            _ => "taken as an ESV trip until all inputs are back",
+        };
+        said.push((LogLevel::Error, format!("fail-safe: inputs are missing; {what}")));
+    }
+    if notices.has(Notices::RELEASED) {
+        said.push((LogLevel::Info, "fail-safe released: all inputs are back".to_owned()));
+    }
+    if notices.has(Notices::STARTED) {
+        said.push((LogLevel::Info, "the twin runs, from the steady state of its first inputs".to_owned()));
+    }
+    said
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{LogLevel, Notices, of};
+    use crate::node::core::Input;
+    use crate::node::settings::Settings;
+
+    #[test]
+    fn a_stale_input_is_named_with_its_limits() {
+        let said = of(Notices::stale(Input::Esv), &Settings::default());
+        let expected = "governor/esv: nothing heard for 2.5 s; its last value is held for 1 s, then the ESV trips";
+        assert_eq!(said, [(LogLevel::Warn, expected.to_owned())]);
+        assert!(of(Notices::default(), &Settings::default()).is_empty());
+    }
+}
