@@ -51,7 +51,8 @@ pub(super) fn align(
             let duration_s = seconds_from_nanos(end_ns.saturating_sub(begin_ns));
             return Err(BagError::TooManyRows { path: path.to_owned(), period_ns, duration_s, limit: ROW_LIMIT });
         }
-        times_ns.extend((1..=count as i64).map(|step| begin_ns + step * period_ns));
+        times_ns
+            .extend(std::iter::successors(Some(begin_ns + period_ns), |time_ns| Some(time_ns + period_ns)).take(count));
         times_ns.sort_unstable();
     }
     times_ns.dedup();

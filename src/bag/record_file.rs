@@ -123,6 +123,10 @@ impl RecordFile {
     }
 
     /// Where the summary begins, if the file ends as a finished file does; `Some(None)` without a summary.
+    #[expect(
+        clippy::option_option,
+        reason = "a finished file may or may not have a summary, an unfinished one is neither"
+    )]
     pub(super) fn summary_start(&mut self) -> io::Result<Option<Option<u64>>> {
         let Some(at) = self.end.checked_sub(TAIL_LEN).filter(|at| *at >= mcap::MAGIC.len() as u64) else {
             return Ok(None);

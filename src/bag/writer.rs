@@ -1,7 +1,7 @@
 //! Writing a bag folder as rosbag2 does: one MCAP file and `metadata.yaml`, whole or not at all.
 
 use std::collections::BTreeMap;
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::BufWriter;
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
@@ -12,6 +12,7 @@ use super::metadata::{self, Summary, TopicSummary};
 use super::topic::{Qos, RawMessage, TopicInfo};
 use super::unfinished::Unfinished;
 use super::{BagError, cdr};
+use crate::files::write_atomically;
 use crate::msg::{Interface, definition, type_hash};
 
 /// How a bag is to be written.
@@ -75,6 +76,7 @@ impl Writer {
     ///
     /// # Errors
     /// Where something is in the way, or the operating system refuses.
+    #[expect(clippy::disallowed_methods, reason = "inside a folder that takes its name only when it is whole")]
     pub fn create(dir: &Path, options: WriterOptions) -> Result<Self, BagError> {
         let folder = Unfinished::create(dir, options)?;
         let file_name = format!("{}_0.mcap", folder.name());
@@ -152,7 +154,7 @@ impl Writer {
         let file = file.map_err(|error| BagError::io(&file_path, "write")(error.into_error()))?;
         file.sync_all().map_err(BagError::io(&file_path, "write"))?;
         let yaml_path = folder.path().join(metadata::FILE_NAME);
-        fs::write(&yaml_path, yaml).map_err(BagError::io(&yaml_path, "write"))?;
+        write_atomically(&yaml_path, yaml.as_bytes()).map_err(BagError::io(&yaml_path, "write"))?;
         folder.complete()
     }
 

@@ -68,7 +68,7 @@ fn field(field: &Field) -> String {
 fn base_id(base: &str, bounded: bool) -> u16 {
     match (base, bounded) {
         ("int8", _) => 2,
-        ("uint8", _) => 3,
+        ("uint8" | "char", _) => 3, // `char` in a .msg file is an alias of uint8
         ("int16", _) => 4,
         ("uint16", _) => 5,
         ("int32", _) => 6,
@@ -78,7 +78,6 @@ fn base_id(base: &str, bounded: bool) -> u16 {
         ("float32", _) => 10,
         ("float64", _) => 11,
         ("long double", _) => 12,
-        ("char", _) => 3, // `char` in a .msg file is an alias of uint8
         ("wchar", _) => 14,
         ("bool", _) => 15,
         ("byte", _) => 16,

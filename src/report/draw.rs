@@ -225,7 +225,7 @@ fn draw_mark(canvas: &Canvas, plot: &Plot, mark: &Mark, place: &Place) -> Result
             }
         }
         Shape::Cells { rows, full, below, decimals } => {
-            draw_cells(canvas, plot, place, mark, (rows, *full, *below, *decimals))?
+            draw_cells(canvas, plot, place, mark, (rows, *full, *below, *decimals))?;
         }
     }
     Ok(())

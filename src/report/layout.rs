@@ -45,7 +45,7 @@ pub struct Place {
 pub fn places(picture: &Picture, event_rows: usize) -> (Vec<Place>, f64) {
     let columns = picture.columns.max(1) as usize;
     let width = (f64::from(picture.width_px) - GAP_PX * (columns - 1) as f64) / columns as f64;
-    let shared_x = picture.shared_x.then(|| union(picture.panels.iter().map(|panel| x_range(panel))));
+    let shared_x = picture.shared_x.then(|| union(picture.panels.iter().map(x_range)));
     let rows = picture.panels.len().div_ceil(columns);
     let mut places: Vec<Place> = Vec::with_capacity(picture.panels.len());
     let mut top = 0.0;
