@@ -1,5 +1,6 @@
 //! One file per command: its arguments, and what it does.
 
+pub mod bags;
 pub mod check;
 pub mod info;
 pub mod output;

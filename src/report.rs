@@ -5,9 +5,11 @@
 //! HTML library. Colours are roles ([`ink::Ink`]) that the page turns into light or dark ones.
 
 pub mod draw;
+mod dress;
 pub mod ink;
 mod layout;
 pub mod page;
 pub mod picture;
+pub mod replay;
 pub mod table;
 mod thin;

@@ -1,12 +1,210 @@
-//! `govtwin replay`.
+//! `govtwin replay`: simulate recordings and compare with what was measured.
 
+mod simulated;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use clap::ValueEnum;
+use govtwin::bag::{self, Interpolation, ReadOptions, Stream};
+use govtwin::parameters::Unit;
+use govtwin::params::{self, Sheet};
+use govtwin::replay::Replayed;
+use govtwin::replay::summary::{Parameters, Provenance, Summary, summarise};
+use govtwin::report::replay::{Pictures, page, process_table, reason_for_dashes};
+use govtwin::twin::{Cut, Twin};
+use govtwin::units::nanos_from_seconds;
+use rayon::iter::{IntoParallelIterator, IntoParallelRefIterator, ParallelIterator};
+
+use super::bags::{self, Bag};
+use super::output::{Progress, print, warn, write_atomically};
 use crate::cli::Outcome;
 
-/// Arguments of `govtwin replay`.
+/// Simulate recordings and compare with what was measured.
+///
+/// Prints MAE, RMSE and R² of servomotor and spool per process and overall. With --out, also writes
+/// replay.html (pictures), replay.json (all figures) and, for each recording, a bag with the
+/// simulated state on /sim/servo_state beside everything that was recorded.
 #[derive(Debug, clap::Args)]
-pub struct Args {}
+pub struct Args {
+    /// Bags: files, bag folders, or folders that hold bags. A folder without metadata.yaml stands
+    /// for the separate bags in it.
+    #[arg(value_name = "BAG", required = true)]
+    bags: Vec<PathBuf>,
+    /// Parameter file of the unit; without it the shipped reference unit.
+    #[arg(long, value_name = "FILE")]
+    params: Option<PathBuf>,
+    /// The measured signal that stands in for the simulated one, so that a stage is judged by its own input.
+    #[arg(long, value_enum, default_value_t = CutAt::None)]
+    cut: CutAt,
+    /// What command and tank pressure do between two recorded samples.
+    #[arg(long, value_enum, default_value_t = Between::Hold)]
+    rate_of_inputs: Between,
+    /// Folder for the page, the figures and the simulated bags; made where missing.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
 
-/// Not built yet.
-pub fn run(_args: &Args) -> anyhow::Result<Outcome> {
-    anyhow::bail!("not built yet")
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum CutAt {
+    /// Everything is simulated.
+    None,
+    /// The measured servomotor position feeds the regulator: judges the spool (the paper's mode).
+    Servomotor,
+    /// The measured spool position drives the servomotor: judges the servomotor stage alone.
+    Spool,
+}
+
+impl CutAt {
+    fn cut(self) -> Cut {
+        match self {
+            Self::None => Cut::None,
+            Self::Servomotor => Cut::Servomotor,
+            Self::Spool => Cut::Spool,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Between {
+    /// They hold, as for the live node.
+    Hold,
+    /// They run straight from sample to sample, which a slow recording of a fast command needs.
+    Linear,
+}
+
+/// One bag, replayed, with what was drawn of it.
+struct Result {
+    replayed: Replayed,
+    provenance: Provenance,
+    pictures: Option<Pictures>,
+}
+
+/// Runs the command.
+pub fn run(args: &Args) -> anyhow::Result<Outcome> {
+    let sheet = match &args.params {
+        Some(path) => params::load_sheet(path)?,
+        None => params::reference_sheet(),
+    };
+    let bags = bags::find(&args.bags)?;
+    if let Some(out) = &args.out {
+        refuse_to_overwrite(out, &bags)?;
+    }
+    let results = replay_all(args, &sheet.unit, &bags)?;
+    let together: Vec<_> = results.iter().map(|one| (&one.replayed, &one.provenance)).collect();
+    let between = if args.rate_of_inputs == Between::Hold { "hold" } else { "linear" };
+    let summary = summarise(parameters(&sheet), args.cut.cut(), between, &together);
+    print(&process_table(&summary).to_text())?;
+    if let Some(reason) = reason_for_dashes(&summary) {
+        print(&format!("{reason}\n"))?;
+    }
+    match &args.out {
+        Some(out) => write_all(out, &summary, &results, &bags, &sheet.unit)?,
+        None => print("Add --out DIR for pictures, all figures and bags with the simulated state.\n")?,
+    }
+    let mut outcome = Outcome::Ok;
+    for one in &summary.recordings {
+        for warning in &one.warnings {
+            warn(&format!("{}: {warning}", one.name));
+            outcome = Outcome::Warnings;
+        }
+    }
+    Ok(outcome)
+}
+
+/// Replays every bag, in parallel, with results in the order of the bags; all that cannot be read are named at once.
+fn replay_all(args: &Args, unit: &Unit, bags: &[Bag]) -> anyhow::Result<Vec<Result>> {
+    let twin = Twin::new(unit).with_cut(args.cut.cut());
+    let mut options = ReadOptions::default();
+    if args.rate_of_inputs == Between::Linear {
+        let period_ns = nanos_from_seconds(unit.parameters.regulator.large_loop_period_s).max(1);
+        options.interpolation = Interpolation::Linear { period_ns };
+    }
+    if args.cut != CutAt::None {
+        options.required.push(Stream::ServoState);
+    }
+    let progress = Progress::new(bags.len(), "recordings");
+    let results: Vec<anyhow::Result<Result>> = bags
+        .par_iter()
+        .map(|bag| {
+            let result = replay(bag, &options, twin.clone(), args.out.is_some().then_some(unit));
+            progress.step();
+            result
+        })
+        .collect();
+    drop(progress);
+    let mut whole = vec![];
+    let mut errors = vec![];
+    for result in results {
+        match result {
+            Ok(result) => whole.push(result),
+            Err(error) => errors.push(format!("{error:#}")),
+        }
+    }
+    match errors.len() {
+        0 => Ok(whole),
+        1 => anyhow::bail!("{}", errors.remove(0)),
+        count => anyhow::bail!("{count} of {} bags cannot be replayed:\n  {}", bags.len(), errors.join("\n  ")),
+    }
+}
+
+fn replay(bag: &Bag, options: &ReadOptions, mut twin: Twin, draw_for: Option<&Unit>) -> anyhow::Result<Result> {
+    let mut loaded = bag::read(&bag.path, options)?;
+    loaded.recording.name.clone_from(&bag.name);
+    let provenance = Provenance {
+        path: bag.path.display().to_string(),
+        bytes: loaded.health.files.iter().map(|file| file.bytes).sum(),
+        origin: None,
+        warnings: loaded.health.warnings.iter().map(ToString::to_string).collect(),
+    };
+    let replayed = Replayed::new(&mut twin, loaded.recording);
+    let pictures = draw_for.map(|unit| Pictures::draw(&replayed, &unit.sensors)).transpose()?;
+    Ok(Result { replayed, provenance, pictures })
+}
+
+fn parameters(sheet: &Sheet) -> Parameters {
+    let files = sheet.files.iter().map(|path| path.display().to_string()).collect();
+    Parameters::new(sheet.name.clone(), files, &sheet.unit, &params::reference())
+}
+
+/// A bag that is read must not be replaced by the one that is written.
+fn refuse_to_overwrite(out: &Path, bags: &[Bag]) -> anyhow::Result<()> {
+    for bag in bags {
+        let target = out.join(&bag.name);
+        if let (Ok(from), Ok(to)) = (bag.path.canonicalize(), target.canonicalize())
+            && from.starts_with(&to)
+        {
+            anyhow::bail!(
+                "--out {}: the simulated bag would take the place of {}, which is read; choose another folder",
+                out.display(),
+                bag.path.display()
+            );
+        }
+    }
+    Ok(())
+}
+
+/// Writes the bags, the page and the figures.
+fn write_all(out: &Path, summary: &Summary, results: &[Result], bags: &[Bag], unit: &Unit) -> anyhow::Result<()> {
+    let progress = Progress::new(bags.len(), "bags written");
+    let pairs: Vec<_> = results.iter().zip(bags).collect();
+    let written: anyhow::Result<Vec<()>> = pairs
+        .into_par_iter()
+        .map(|(one, bag)| {
+            simulated::write(&bag.path, &out.join(&bag.name), &one.replayed)?;
+            progress.step();
+            Ok(())
+        })
+        .collect();
+    drop(progress);
+    written?;
+    let replayed: Vec<&Replayed> = results.iter().map(|one| &one.replayed).collect();
+    let pictures: Vec<Pictures> = results.iter().filter_map(|one| one.pictures.clone()).collect();
+    let page = page(summary, &replayed, &pictures, &unit.sensors)?;
+    let html_path = out.join("replay.html");
+    write_atomically(&html_path, page.to_html().as_bytes())?;
+    let mut json = serde_json::to_string_pretty(summary).context("cannot write the figures as JSON")?;
+    json.push('\n');
+    write_atomically(&out.join("replay.json"), json.as_bytes())?;
+    print(&format!("Pictures: {}\n", html_path.display()))
 }

@@ -10,7 +10,8 @@ use plotters::element::{Circle, PathElement, Polygon, Rectangle};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, FontDesc, FontFamily, FontStyle, RGBAColor, RGBColor, ShapeStyle};
 
-use super::ink::{Ink, hex};
+use super::dress::dressed;
+use super::ink::Ink;
 use super::layout::{self, Place, ROW_PX, TITLE_PX, legend_px, words_px};
 use super::picture::{Axis, Mark, Panel, Picture, Shape};
 use super::table::fixed;
@@ -79,17 +80,6 @@ fn draw(picture: &Picture) -> Result<String, Failure> {
         canvas.present()?;
     }
     Ok(text)
-}
-
-/// Turns the library's fixed colours into the page's inks, and its fixed size into one that scales.
-fn dressed(text: &str, picture: &Picture) -> String {
-    let body = text.split_once("viewBox").map_or("", |(_, rest)| rest);
-    let name: String = picture.description.replace('&', "&amp;").replace('"', "&quot;").replace('<', "&lt;");
-    let mut svg = format!("<svg role=\"img\" aria-label=\"{name}\" stroke-linejoin=\"round\" viewBox{body}");
-    for ink in Ink::ALL {
-        svg = svg.replace(&format!("\"{}\"", hex(ink.rgb())), &format!("\"{}\"", ink.css()));
-    }
-    svg.replace(" opacity=\"1\"", "").replace(" \"/>", "\"/>").replace(" stroke=\"none\"", "")
 }
 
 fn draw_panel(canvas: &Canvas, picture: &Picture, panel: &Panel, place: &Place) -> Result<(), Failure> {

@@ -220,12 +220,18 @@ fn tone_class(tone: Tone) -> &'static str {
 }
 
 fn table_markup(table: &Table, caption: &str) -> Markup {
+    let groups = table.groups();
     let class = |numbers: bool| if numbers { "number" } else { "words" };
     html! {
         div.table {
             table {
                 @if !caption.is_empty() { caption { (caption) } }
-                thead { tr { @for column in table.columns() { th.(class(column.numbers)) scope="col" { (column.name) } } } }
+                thead {
+                    @if !groups.is_empty() {
+                        tr { @for (name, columns) in &groups { th.group[!name.is_empty()] colspan=(columns) scope="colgroup" { (name) } } }
+                    }
+                    tr { @for column in table.columns() { th.(class(column.numbers)) scope="col" { (column.name) } } }
+                }
                 tbody {
                     @for row in table.rows() {
                         tr.strong[row.strong] {

@@ -9,6 +9,7 @@ pub struct Table {
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Column {
+    pub(super) group: String,
     pub(super) name: String,
     pub(super) numbers: bool,
 }
@@ -29,14 +30,20 @@ impl Table {
     /// Adds a column of words, set to the left.
     #[must_use]
     pub fn words(mut self, name: impl Into<String>) -> Self {
-        self.columns.push(Column { name: name.into(), numbers: false });
+        self.columns.push(Column { group: String::new(), name: name.into(), numbers: false });
         self
     }
 
     /// Adds a column of numbers, set to the right.
     #[must_use]
-    pub fn numbers(mut self, name: impl Into<String>) -> Self {
-        self.columns.push(Column { name: name.into(), numbers: true });
+    pub fn numbers(self, name: impl Into<String>) -> Self {
+        self.numbers_of("", name)
+    }
+
+    /// Adds a column of numbers below a head that neighbours of the same group share.
+    #[must_use]
+    pub fn numbers_of(mut self, group: impl Into<String>, name: impl Into<String>) -> Self {
+        self.columns.push(Column { group: group.into(), name: name.into(), numbers: true });
         self
     }
 
@@ -55,6 +62,14 @@ impl Table {
         self.rows.push(Row { cells, strong });
     }
 
+    /// The heads above the columns, each with the columns below it; none where no column has a group.
+    pub(super) fn groups(&self) -> Vec<(&str, usize)> {
+        if self.columns.iter().all(|column| column.group.is_empty()) {
+            return Vec::new();
+        }
+        self.columns.chunk_by(|a, b| a.group == b.group).map(|of| (of[0].group.as_str(), of.len())).collect()
+    }
+
     pub(super) fn columns(&self) -> &[Column] {
         &self.columns
     }
@@ -66,17 +81,11 @@ impl Table {
     /// The table in plain characters, a rule under the head and above the rows that stand out.
     #[must_use]
     pub fn to_text(&self) -> String {
-        let length = |text: &str| text.chars().count();
-        let widths: Vec<usize> = (0..self.columns.len())
-            .map(|i| {
-                let cells = self.rows.iter().map(|row| length(&row.cells[i]));
-                cells.fold(length(&self.columns[i].name), usize::max)
-            })
-            .collect();
+        let widths = self.widths();
         let line = |cells: &mut dyn Iterator<Item = &str>| {
             let mut text = String::new();
             for (i, cell) in cells.enumerate() {
-                let gap = " ".repeat(widths[i] - length(cell));
+                let gap = " ".repeat(widths[i].saturating_sub(length(cell)));
                 let (before, after) = if self.columns[i].numbers { (gap.as_str(), "") } else { ("", gap.as_str()) };
                 text += &format!("{}{before}{cell}{after}", if i == 0 { "" } else { "  " });
             }
@@ -84,7 +93,9 @@ impl Table {
             text + "\n"
         };
         let rule = "─".repeat(widths.iter().sum::<usize>() + 2 * widths.len().saturating_sub(1)) + "\n";
-        let mut text = line(&mut self.columns.iter().map(|column| column.name.as_str())) + &rule;
+        let mut text = self.group_line(&widths);
+        text += &line(&mut self.columns.iter().map(|column| column.name.as_str()));
+        text += &rule;
         let mut strong = true;
         for row in &self.rows {
             if row.strong && !strong {
@@ -95,6 +106,40 @@ impl Table {
         }
         text
     }
+
+    /// The widest cell of each column, the first of a group making room for the group's head.
+    fn widths(&self) -> Vec<usize> {
+        let mut widths: Vec<usize> = (0..self.columns.len())
+            .map(|i| {
+                let cells = self.rows.iter().map(|row| length(&row.cells[i]));
+                cells.fold(length(&self.columns[i].name), usize::max)
+            })
+            .collect();
+        let mut start = 0;
+        for (group, columns) in self.groups() {
+            let room = widths[start..start + columns].iter().sum::<usize>() + 2 * (columns - 1);
+            widths[start] += (length(group) + 1).saturating_sub(room);
+            start += columns;
+        }
+        widths
+    }
+
+    fn group_line(&self, widths: &[usize]) -> String {
+        let (mut text, mut start) = (String::new(), 0);
+        for (group, columns) in self.groups() {
+            let room = widths[start..start + columns].iter().sum::<usize>() + 2 * (columns - 1);
+            let gap = if start == 0 { "" } else { "  " };
+            let head = if group.is_empty() { String::new() } else { format!("{group} ") };
+            let fill = if group.is_empty() { " " } else { "╌" };
+            text += &format!("{gap}{head}{}", fill.repeat(room - length(&head)));
+            start += columns;
+        }
+        if text.is_empty() { text } else { text + "\n" }
+    }
+}
+
+fn length(text: &str) -> usize {
+    text.chars().count()
 }
 
 /// A value with a number of significant digits, without an exponent for everyday sizes; a dash for NaN.
@@ -141,6 +186,13 @@ mod tests {
         let expected =
             "process   MAE, pu\n─────────────────\nstart-up  0.00123\n─────────────────\noverall        12\n";
         assert_eq!(table.to_text(), expected);
+    }
+
+    #[test]
+    fn columns_of_a_group_share_a_head() {
+        let mut table = Table::new().words("p").numbers_of("spool", "MAE").numbers_of("spool", "R²");
+        table.row(["a", "0.5", "0.9"]);
+        assert_eq!(table.to_text(), "   spool ╌╌\np  MAE   R²\n───────────\na  0.5  0.9\n");
     }
 
     #[test]

@@ -1,0 +1,125 @@
+//! Which bags a command line names: files, bag folders, and folders that hold many bags.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+
+/// Folders within folders deeper than this are a mistake, or a circle of links.
+const DEEPEST: usize = 16;
+
+/// One bag to read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Bag {
+    /// Where it is.
+    pub path: PathBuf,
+    /// What to call it: the file or folder name, with as many parents as tell it from the others.
+    pub name: String,
+}
+
+/// All bags that the paths name, each once, in the order given and by name within a folder.
+///
+/// A folder with `metadata.yaml` is one bag; any other stands for the bags in it, however deep.
+pub fn find(paths: &[PathBuf]) -> anyhow::Result<Vec<Bag>> {
+    let mut found = vec![];
+    for path in paths {
+        let before = found.len();
+        collect(path, 0, &mut found)?;
+        if found.len() == before && path.is_dir() {
+            anyhow::bail!(
+                "{}: no bag in this folder: expected `metadata.yaml`, or .mcap files in it or below it",
+                path.display()
+            );
+        }
+    }
+    let mut seen = BTreeSet::new();
+    found.retain(|path| seen.insert(path.canonicalize().unwrap_or_else(|_| path.clone())));
+    let names = names(&found);
+    Ok(found.into_iter().zip(names).map(|(path, name)| Bag { path, name }).collect())
+}
+
+fn collect(path: &Path, depth: usize, found: &mut Vec<PathBuf>) -> anyhow::Result<()> {
+    if !path.is_dir() || path.join("metadata.yaml").is_file() {
+        found.push(path.to_owned());
+        return Ok(());
+    }
+    if depth > DEEPEST {
+        anyhow::bail!("{}: folders go deeper than {DEEPEST} levels; is there a circle of links?", path.display());
+    }
+    let reading = || format!("cannot read the folder {}", path.display());
+    let mut entries = vec![];
+    for entry in path.read_dir().with_context(reading)? {
+        entries.push(entry.with_context(reading)?.path());
+    }
+    entries.sort();
+    for entry in entries {
+        let hidden = entry.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
+        let is_mcap = entry.extension().is_some_and(|suffix| suffix.eq_ignore_ascii_case("mcap"));
+        if !hidden && (entry.is_dir() || is_mcap) {
+            collect(&entry, depth + 1, found)?;
+        }
+    }
+    Ok(())
+}
+
+/// The shortest names that differ: a file's name without suffix, then with its folder, and so on.
+fn names(paths: &[PathBuf]) -> Vec<String> {
+    let parts: Vec<Vec<String>> = paths.iter().map(|path| parts(path)).collect();
+    let name = |i: usize, levels: usize| parts[i][parts[i].len().saturating_sub(levels)..].join("/");
+    let deepest = parts.iter().map(Vec::len).max().unwrap_or(0);
+    (0..paths.len())
+        .map(|i| {
+            let alone = |levels: &usize| (0..paths.len()).all(|k| k == i || name(k, *levels) != name(i, *levels));
+            name(i, (1..deepest).find(alone).unwrap_or(deepest))
+        })
+        .collect()
+}
+
+/// The parts of a path that name it, from the root down.
+fn parts(path: &Path) -> Vec<String> {
+    let full = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    let stem = if full.is_dir() { full.file_name() } else { full.file_stem() };
+    let parents = full.parent().map(Path::components).into_iter().flatten();
+    let normal = parents.filter_map(|part| match part {
+        std::path::Component::Normal(name) => Some(name),
+        _ => None,
+    });
+    normal.chain(stem).map(|name| name.to_string_lossy().into_owned()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::find;
+
+    fn names(paths: &[std::path::PathBuf]) -> Vec<String> {
+        find(paths).unwrap().into_iter().map(|bag| bag.name).collect()
+    }
+
+    #[test]
+    fn folders_are_bags_or_hold_bags_and_names_differ() {
+        let dir = tempfile::tempdir().unwrap();
+        let root = dir.path();
+        for file in
+            ["one/shutdown.mcap", "two/shutdown.mcap", "two/startup.mcap", "whole/metadata.yaml", "whole/w_0.mcap"]
+        {
+            std::fs::create_dir_all(root.join(file).parent().unwrap()).unwrap();
+            std::fs::write(root.join(file), "").unwrap();
+        }
+        std::fs::create_dir(root.join(".part.unfinished")).unwrap();
+        std::fs::write(root.join(".part.unfinished/part_0.mcap"), "").unwrap();
+        assert_eq!(names(&[root.to_owned()]), ["one/shutdown", "two/shutdown", "startup", "whole"]);
+        // The same bag named twice is read once.
+        assert_eq!(names(&[root.join("two"), root.join("two/../two/startup.mcap")]), ["shutdown", "startup"]);
+    }
+
+    #[test]
+    fn a_folder_without_bags_is_an_error() {
+        let dir = tempfile::tempdir().unwrap();
+        assert!(find(&[dir.path().to_owned()]).unwrap_err().to_string().contains("no bag in this folder"));
+    }
+
+    #[test]
+    fn a_path_that_is_not_there_is_left_to_the_reader() {
+        assert_eq!(names(&["/nowhere/a.mcap".into()]), ["a"]);
+    }
+}

@@ -1,0 +1,67 @@
+//! The bag of a replay: everything that was recorded, and the simulated state beside it.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use govtwin::bag::{self, Qos, RawMessage, Stream, Topics, Writer, WriterOptions};
+use govtwin::frame::Estimate;
+use govtwin::msg::{Header, ServoState};
+use govtwin::replay::Replayed;
+use govtwin::signal::Signal;
+
+/// Topic of the simulated state.
+pub const TOPIC: &str = "/sim/servo_state";
+
+/// Writes the bag folder `dir`: a copy of the bag at `source`, and [`TOPIC`].
+///
+/// The simulated state is given wherever the real one was measured, or where nothing was, in every
+/// row. Its stamps are those of the rows; its log times follow the recorded messages' own clock. A
+/// simulated state that the bag already holds is left behind.
+pub fn write(source: &Path, dir: &Path, replayed: &Replayed) -> anyhow::Result<PathBuf> {
+    let failed = || format!("cannot write the simulated bag {}", dir.display());
+    if let Some(parent) = dir.parent() {
+        std::fs::create_dir_all(parent).with_context(failed)?;
+    }
+    let messages: Vec<RawMessage> = bag::messages(source)?.filter(|message| message.topic.name != TOPIC).collect();
+    let lag_ns = lag_ns(&messages);
+    let mut writer = Writer::create(dir, WriterOptions { replace: true, ..WriterOptions::default() })?;
+    let topic = writer.topic::<ServoState>(TOPIC, Qos::SENSOR)?;
+    let recorded = replayed.recording.frames.iter().zip(&replayed.estimates);
+    let measured = recorded.clone().any(|(frame, _)| Signal::ALL.iter().any(|s| s.of(&frame.measured).is_finite()));
+    let mut estimates = recorded
+        .filter(|(frame, _)| !measured || Signal::ALL.iter().any(|s| s.of(&frame.measured).is_finite()))
+        .map(|(_, estimate)| estimate)
+        .peekable();
+    for message in messages {
+        while let Some(estimate) = estimates.next_if(|e| e.time_ns.saturating_add(lag_ns) < message.log_time_ns) {
+            writer.write(topic, estimate.time_ns.saturating_add(lag_ns), &state(estimate))?;
+        }
+        writer.copy(&message)?;
+    }
+    for estimate in estimates {
+        writer.write(topic, estimate.time_ns.saturating_add(lag_ns), &state(estimate))?;
+    }
+    Ok(writer.finish()?)
+}
+
+/// How much later than its stamp the first message of the known topics was logged, ns.
+fn lag_ns(messages: &[RawMessage]) -> i64 {
+    let topics = Topics::default();
+    let known = |message: &&RawMessage| Stream::ALL.iter().any(|stream| topics.of(*stream) == message.topic.name);
+    // All four types begin with their header, which is all that is read here.
+    let lag_ns = |message: &RawMessage| {
+        let stamp_ns = bag::cdr::decode::<Header>(&message.data).ok()?.stamp.nanos()?;
+        Some(message.log_time_ns.saturating_sub(stamp_ns))
+    };
+    messages.iter().filter(known).find_map(lag_ns).unwrap_or(0)
+}
+
+fn state(estimate: &Estimate) -> ServoState {
+    ServoState {
+        header: Header { frame_id: "govtwin".into(), ..Header::at(estimate.time_ns) },
+        spool_position: estimate.signals.spool_position_pu,
+        servomotor_position: estimate.signals.servomotor_position_pu,
+        pilot_valve_position: estimate.signals.pilot_valve_position_pu,
+        control_pressure: estimate.signals.control_pressure_pa,
+    }
+}

@@ -1,0 +1,150 @@
+//! The page of a replay: pictures of measured, simulated and difference, then the figures.
+
+mod curves;
+mod tables;
+
+use super::draw::{DrawError, svg};
+use super::page::{Blocks, KeyFigure, Page, Tone};
+use super::table::{fixed, significant};
+use crate::parameters::Sensors;
+use crate::recording::Process;
+use crate::replay::Replayed;
+use crate::replay::summary::Summary;
+use crate::signal::Signal;
+use tables::{errors, figures, recording_table, thousands};
+
+pub use curves::Pictures;
+pub use tables::{process_table, reason_for_dashes};
+
+/// The page: `pictures` stand in the order of the summary's recordings, `replayed` too.
+///
+/// # Errors
+/// Where a picture cannot be drawn.
+pub fn page(
+    summary: &Summary,
+    replayed: &[&Replayed],
+    pictures: &[Pictures],
+    sensors: &Sensors,
+) -> Result<Page, DrawError> {
+    let mode = match summary.cut {
+        "none" => "closed loop".to_owned(),
+        cut => format!("cut at the {cut}"),
+    };
+    let unit = match summary.parameters.name.as_str() {
+        "" => "the shipped reference unit",
+        name => name,
+    };
+    let mut page = Page::new("Replay: measured and simulated", format!("{unit}, {mode}"));
+    let body = &mut page.body;
+    opening(body, summary);
+    for process in Process::ALL {
+        let of_process = || summary.recordings.iter().zip(pictures).filter(|(one, _)| one.process == process.id());
+        let count = of_process().count();
+        if count == 0 {
+            continue;
+        }
+        let mut title = process.title().to_owned();
+        title[..1].make_ascii_uppercase();
+        body.heading(title);
+        let mut others = Blocks::new();
+        for (i, (one, pictures)) in of_process().enumerate() {
+            let into = if i == 0 { &mut *body } else { &mut others };
+            show(into, &one.name, pictures);
+        }
+        if count > 1 {
+            let noun = if count == 2 { "recording" } else { "recordings" };
+            body.details(format!("{} more {noun} of this process", count - 1), others);
+        }
+    }
+    body.heading("Figures");
+    body.table(process_table(summary), "Over all rows of a process; MAE and RMSE in pu of stroke.");
+    body.figure(svg(&errors(summary, replayed, sensors))?, "Left: RMSE by process. Right: how the differences are spread over all rows; the outermost bars hold all that lies further out.");
+    let mut inner = Blocks::new();
+    inner.table(
+        recording_table(summary),
+        "MAE, RMSE, bias (mean of simulated − measured) and largest error in pu of stroke.",
+    );
+    body.details("Every recording", inner);
+    closing(body, summary);
+    Ok(page)
+}
+
+fn opening(body: &mut Blocks, summary: &Summary) {
+    let judged = |signal: Signal| figures(&summary.overall, signal).filter(|figures| figures.rmse.is_finite());
+    let said: Vec<String> = [
+        (Signal::ServomotorPosition, "the servomotor", "its stroke"),
+        (Signal::SpoolPosition, "the spool", "its reference stroke"),
+    ]
+    .into_iter()
+    .filter_map(|(signal, what, of)| judged(signal).map(|f| (100.0 * f.rmse, what, of)))
+    .map(|(percent, what, of)| format!("{what} to within {} % of {of}", significant(percent, 2)))
+    .collect();
+    if said.is_empty() {
+        body.lead("Nothing to compare: no position was measured and simulated at once.");
+    } else {
+        body.lead(format!("The twin follows {} (RMSE over all rows).", said.join(" and ")));
+    }
+    let mut key = vec![];
+    for (signal, name) in [(Signal::ServomotorPosition, "servomotor"), (Signal::SpoolPosition, "spool")] {
+        if let Some(f) = figures(&summary.overall, signal) {
+            let largest = format!("MAE {}, largest {}", significant(f.mae, 2), significant(f.max_abs, 2));
+            key.push(KeyFigure::new(format!("RMSE, {name}"), significant(f.rmse, 3), "pu").hint(largest));
+            key.push(KeyFigure::new(format!("R², {name}"), fixed(f.r2, 5), ""));
+        }
+    }
+    let seconds: f64 = summary.recordings.iter().map(|one| one.duration_s).sum();
+    let rows: usize = summary.recordings.iter().map(|one| one.rows).sum();
+    let hint = format!("{} rows, {} min", thousands(rows as u64), significant(seconds / 60.0, 3));
+    key.push(KeyFigure::new("recordings", summary.recordings.len().to_string(), "").hint(hint));
+    body.key_figures(key);
+    let mut origins: Vec<&str> = summary.recordings.iter().filter_map(|one| one.origin.as_deref()).collect();
+    origins.dedup();
+    for origin in origins {
+        body.note(Tone::Plain, origin);
+    }
+    if let Some(reason) = reason_for_dashes(summary) {
+        body.note(Tone::Plain, reason);
+    }
+    let warned: Vec<_> = summary.recordings.iter().filter(|one| !one.warnings.is_empty()).collect();
+    for one in warned.iter().take(5) {
+        body.note(Tone::Warning, format!("{}: {}", one.name, one.warnings.join("; ")));
+    }
+    if warned.len() > 5 {
+        body.note(Tone::Warning, format!("{} more recordings have warnings; see the JSON.", warned.len() - 5));
+    }
+}
+
+fn show(body: &mut Blocks, name: &str, pictures: &Pictures) {
+    let band = "Grey band: twice the standard deviation of the transducer's noise and step.";
+    body.figure(pictures.whole.clone(), format!("{name}. {band}"));
+    if let Some(close_up) = &pictures.close_up {
+        body.figure(close_up.clone(), format!("{name}, the liveliest stretch. {band}"));
+    }
+    if let Some(pilot) = &pictures.pilot {
+        let mut inner = Blocks::new();
+        inner.figure(pilot.clone(), format!("{name}, pilot signals. {band}"));
+        body.details(format!("Pilot signals of {name}"), inner);
+    }
+}
+
+fn closing(body: &mut Blocks, summary: &Summary) {
+    let mut inner = Blocks::new();
+    let files = summary.parameters.files.join(", ");
+    let mut facts = vec![
+        ("program".to_owned(), summary.program.to_owned()),
+        (
+            "parameter files".to_owned(),
+            if files.is_empty() { "none: the shipped reference unit".into() } else { files },
+        ),
+        ("cut".to_owned(), summary.cut.to_owned()),
+        ("inputs between samples".to_owned(), summary.inputs_between_samples.to_owned()),
+    ];
+    facts.extend(summary.parameters.changed.iter().map(|(key, value)| ((*key).to_owned(), value.to_string())));
+    facts.extend(summary.parameters.effects.iter().map(|e| (format!("effect {}", e.id), format!("{:?}", e.values))));
+    inner.facts(facts);
+    inner.paragraph(
+        "MAE = mean |y − ŷ|, RMSE = √ mean (y − ŷ)², R² = 1 − Σ(y − ŷ)² / Σ(y − ȳ)², with y measured and ŷ simulated \
+         (Liu et al. 2025, section 4.2). Rows at which a signal was not measured do not count for it.",
+    );
+    body.details("How these figures were made", inner);
+}

@@ -1,0 +1,218 @@
+//! The pictures of one recording: measured, simulated and their difference over time.
+
+use crate::frame::EsvState;
+use crate::parameters::{Sensor, Sensors};
+use crate::recording::Recording;
+use crate::replay::Replayed;
+use crate::report::draw::{DrawError, Svg, svg};
+use crate::report::ink::Ink;
+use crate::report::picture::{Event, Panel, Picture, Span};
+use crate::signal::Signal;
+use crate::units::seconds_from_nanos;
+
+/// Half height of the panel that shows the spool at rest: the dead band's jumps, and the range of
+/// −3.5 % to 2 % that Liu et al. 2025 find hardest (section 4.2), pu.
+const NEAR_NEUTRAL_PU: f64 = 0.06;
+
+/// Recordings longer than this get a second picture of their liveliest stretch, s.
+const LONG_S: f64 = 60.0;
+
+/// Length of that stretch, s.
+const CLOSE_UP_S: f64 = 20.0;
+
+/// The pictures of one recording.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Pictures {
+    /// The whole recording.
+    pub whole: Svg,
+    /// Its liveliest stretch, where the whole is too long to show it.
+    pub close_up: Option<Svg>,
+    /// The pilot signals, where they were measured.
+    pub pilot: Option<Svg>,
+}
+
+impl Pictures {
+    /// Draws them.
+    ///
+    /// # Errors
+    /// Where a picture cannot be drawn.
+    pub fn draw(replayed: &Replayed, sensors: &Sensors) -> Result<Self, DrawError> {
+        let curves = Curves::new(replayed);
+        let window_s = replayed.recording.duration_s() > LONG_S;
+        let close_up = window_s.then(|| curves.liveliest_s());
+        let pilot = curves.has(Signal::PilotValvePosition) || curves.has(Signal::ControlPressure);
+        Ok(Self {
+            whole: svg(&curves.positions(sensors, None))?,
+            close_up: close_up.map(|window_s| svg(&curves.positions(sensors, Some(window_s)))).transpose()?,
+            pilot: pilot.then(|| svg(&curves.pilot(sensors, close_up))).transpose()?,
+        })
+    }
+}
+
+/// One recording as curves over seconds from its start.
+struct Curves<'a> {
+    replayed: &'a Replayed,
+    time_s: Vec<f64>,
+}
+
+impl<'a> Curves<'a> {
+    fn new(replayed: &'a Replayed) -> Self {
+        let frames = &replayed.recording.frames;
+        let start_ns = frames.first().map_or(0, |frame| frame.time_ns);
+        Self { replayed, time_s: frames.iter().map(|frame| seconds_from_nanos(frame.time_ns - start_ns)).collect() }
+    }
+
+    fn has(&self, signal: Signal) -> bool {
+        self.replayed.recording.frames.iter().any(|frame| signal.of(&frame.measured).is_finite())
+    }
+
+    fn measured(&self, signal: Signal, scale: f64) -> Vec<[f64; 2]> {
+        let frames = self.replayed.recording.frames.iter().map(|frame| signal.of(&frame.measured) * scale);
+        self.time_s.iter().zip(frames).filter(|(_, y)| y.is_finite()).map(|(&t, y)| [t, y]).collect()
+    }
+
+    fn simulated(&self, signal: Signal, scale: f64) -> Vec<[f64; 2]> {
+        let estimates = self.replayed.estimates.iter().map(|estimate| signal.of(&estimate.signals) * scale);
+        self.time_s.iter().zip(estimates).map(|(&t, y)| [t, y]).collect()
+    }
+
+    fn difference(&self, signal: Signal, scale: f64) -> Vec<[f64; 2]> {
+        let pairs = self.replayed.recording.frames.iter().zip(&self.replayed.estimates);
+        let difference = pairs.map(|(f, e)| (signal.of(&e.signals) - signal.of(&f.measured)) * scale);
+        self.time_s.iter().zip(difference).filter(|(_, y)| y.is_finite()).map(|(&t, y)| [t, y]).collect()
+    }
+
+    /// The command as the regulator sees it, held from row to row.
+    fn command(&self) -> Vec<[f64; 2]> {
+        let mut points: Vec<[f64; 2]> = Vec::new();
+        for (&time_s, frame) in self.time_s.iter().zip(&self.replayed.recording.frames) {
+            let value = frame.inputs.opening_command_pu;
+            match points.last() {
+                Some(&[_, last]) if last.to_bits() == value.to_bits() => {}
+                Some(&[_, last]) => points.extend([[time_s, last], [time_s, value]]),
+                None => points.push([time_s, value]),
+            }
+        }
+        let last = points.last().map_or(f64::NAN, |point| point[1]);
+        points.extend(self.time_s.last().map(|&end_s| [end_s, last]));
+        points
+    }
+
+    /// The stretch of [`CLOSE_UP_S`] in which the spool travels most, a quarter of it before the travel.
+    fn liveliest_s(&self) -> [f64; 2] {
+        let spool = if self.has(Signal::SpoolPosition) {
+            self.measured(Signal::SpoolPosition, 1.0)
+        } else {
+            self.simulated(Signal::SpoolPosition, 1.0)
+        };
+        let mut travelled = vec![0.0];
+        for pair in spool.windows(2) {
+            // Small moves are noise and chatter.
+            let move_pu = (pair[1][1] - pair[0][1]).abs();
+            travelled.push(travelled[travelled.len() - 1] + if move_pu > 0.01 { move_pu } else { 0.0 });
+        }
+        let (mut best, mut best_travel, mut start) = (0.0, -1.0, 0);
+        for (point, &here) in spool.iter().zip(&travelled) {
+            while point[0] - spool[start][0] > 0.75 * CLOSE_UP_S {
+                start += 1;
+            }
+            if here - travelled[start] > best_travel + 1e-9 {
+                best_travel = here - travelled[start];
+                best = spool[start][0];
+            }
+        }
+        let end_s = self.time_s.last().copied().unwrap_or(0.0);
+        let from_s = (best - 0.25 * CLOSE_UP_S).min(end_s - CLOSE_UP_S).max(0.0);
+        [from_s, from_s + CLOSE_UP_S]
+    }
+
+    fn compared(&self, signal: Signal, title: &str, scale: f64) -> Panel {
+        let panel = if self.has(signal) {
+            Panel::new(title).thick_line(Ink::Measured, "measured", self.measured(signal, scale))
+        } else {
+            Panel::new(title)
+        };
+        panel.line(Ink::Simulated, "simulated", self.simulated(signal, scale)).x_name("time from the start, s")
+    }
+
+    fn missed(&self, signal: Signal, unit: &str, scale: f64, sensors: &Sensors) -> Panel {
+        let noise = 2.0 * spread(signal.sensor(sensors)) * scale;
+        let end_s = self.time_s.last().copied().unwrap_or(0.0);
+        Panel::new(format!("Simulated − measured, {unit}"))
+            .height(84)
+            .band(Ink::Band, "±2σ of the transducer", vec![[0.0, -noise, noise], [end_s, -noise, noise]])
+            .line(Ink::Difference, "difference", self.difference(signal, scale))
+            .x_name("time from the start, s")
+    }
+
+    fn positions(&self, sensors: &Sensors, window_s: Option<[f64; 2]>) -> Picture {
+        let servomotor = self.compared(Signal::ServomotorPosition, "Guide-vane opening, pu of stroke", 1.0);
+        let servomotor = Panel {
+            marks: [Panel::new("").line(Ink::Command, "command", self.command()).marks, servomotor.marks].concat(),
+            ..servomotor
+        };
+        let spool = |title: &str| self.compared(Signal::SpoolPosition, title, 1.0);
+        let mut panels = vec![servomotor.height(180)];
+        if self.has(Signal::ServomotorPosition) {
+            panels.push(self.missed(Signal::ServomotorPosition, "pu of stroke", 1.0, sensors));
+        }
+        panels.push(spool("Spool position, pu of reference stroke").height(150));
+        panels.push(
+            spool("Spool near neutral, pu of reference stroke").height(110).y_range(-NEAR_NEUTRAL_PU, NEAR_NEUTRAL_PU),
+        );
+        if self.has(Signal::SpoolPosition) {
+            panels.push(self.missed(Signal::SpoolPosition, "pu of reference stroke", 1.0, sensors));
+        }
+        self.stacked("positions", panels, window_s)
+    }
+
+    fn pilot(&self, sensors: &Sensors, window_s: Option<[f64; 2]>) -> Picture {
+        let mut panels = vec![];
+        for (signal, unit, scale) in
+            [(Signal::PilotValvePosition, "pu of stroke", 1.0), (Signal::ControlPressure, "MPa", 1e-6)]
+        {
+            if self.has(signal) {
+                panels.push(self.compared(signal, &format!("{}, {unit}", signal.title()), scale).height(130));
+                panels.push(self.missed(signal, unit, scale, sensors));
+            }
+        }
+        self.stacked("pilot signals", panels, window_s)
+    }
+
+    fn stacked(&self, what: &str, panels: Vec<Panel>, window_s: Option<[f64; 2]>) -> Picture {
+        let Recording { name, process, .. } = &self.replayed.recording;
+        let panels = match window_s {
+            Some([from_s, to_s]) => panels.into_iter().map(|panel| panel.x_range(from_s, to_s)).collect(),
+            None => panels,
+        };
+        let description = format!("Recording {name}, {}: measured and simulated {what} over time", process.title());
+        let mut picture = Picture::stacked(description, panels);
+        let inside = |x: f64| window_s.is_none_or(|[from_s, to_s]| x >= from_s && x <= to_s);
+        let mut tripped_s = None;
+        for (i, frame) in self.replayed.recording.frames.iter().enumerate() {
+            let (now_s, esv) = (self.time_s[i], frame.inputs.esv);
+            match (tripped_s, esv) {
+                (None, EsvState::Shutdown) => {
+                    tripped_s = Some(now_s);
+                    picture.events.push(Event { x: now_s, label: "ESV trips".into(), ink: Ink::Alarm });
+                }
+                (Some(from_s), EsvState::Normal) => {
+                    tripped_s = None;
+                    picture.spans.push(Span { x: [from_s, now_s], ink: Ink::Alarm });
+                    picture.events.push(Event { x: now_s, label: "ESV normal".into(), ink: Ink::Good });
+                }
+                _ => {}
+            }
+        }
+        if let (Some(from_s), Some(&end_s)) = (tripped_s, self.time_s.last()) {
+            picture.spans.push(Span { x: [from_s, end_s], ink: Ink::Alarm });
+        }
+        picture.events.retain(|event| inside(event.x));
+        picture
+    }
+}
+
+/// Standard deviation of noise and quantisation together, in the sensor's unit.
+pub fn spread(sensor: Sensor) -> f64 {
+    (sensor.noise.powi(2) + sensor.step.powi(2) / 12.0).sqrt()
+}

@@ -1,0 +1,120 @@
+//! The tables of a replay, and the pictures of its figures.
+
+use super::curves::spread;
+use crate::parameters::Sensors;
+use crate::recording::Process;
+use crate::replay::Replayed;
+use crate::replay::summary::{Group, SignalFigures, Summary};
+use crate::report::ink::Ink;
+use crate::report::picture::{Panel, Picture};
+use crate::report::table::{Table, fixed};
+use crate::signal::Signal;
+
+/// What the table says of a group.
+pub fn figures(group: &Group, signal: Signal) -> Option<&SignalFigures> {
+    group.signals.iter().find(|figures| figures.name == signal.id())
+}
+
+/// Why a signal has dashes for figures, where a cut takes it from the recording.
+#[must_use]
+pub fn reason_for_dashes(summary: &Summary) -> Option<String> {
+    let cut = summary.overall.signals.iter().find(|figures| figures.stands_in)?;
+    let signal = Signal::ALL.into_iter().find(|signal| signal.id() == cut.name)?;
+    Some(format!(
+        "Cut at the {}: the measured {} stands in for the simulated one, which therefore cannot be judged.",
+        summary.cut,
+        signal.title().to_lowercase(),
+    ))
+}
+
+/// The figures per process and overall.
+#[must_use]
+pub fn process_table(summary: &Summary) -> Table {
+    let mut table = Table::new().words("process").numbers("recordings").numbers("rows");
+    for name in ["servomotor", "spool"] {
+        table = table.numbers_of(name, "MAE, pu").numbers_of(name, "RMSE, pu").numbers_of(name, "R²");
+    }
+    for group in summary.processes.iter().chain([&summary.overall]) {
+        let process = group.process.and_then(|id| Process::ALL.into_iter().find(|process| process.id() == id));
+        let rows = group.signals.iter().take(2).map(|figures| figures.rows).max().unwrap_or(0);
+        let mut cells = vec![process.map_or("overall", Process::title).to_owned(), group.recordings.to_string()];
+        cells.push(thousands(rows));
+        for signal in [Signal::ServomotorPosition, Signal::SpoolPosition] {
+            cells.extend(figures(group, signal).map(figure_cells).unwrap_or_default());
+        }
+        match process {
+            Some(_) => table.row(cells),
+            None => table.strong_row(cells),
+        }
+    }
+    table
+}
+
+pub fn recording_table(summary: &Summary) -> Table {
+    let mut table = Table::new().words("recording").words("process").numbers("rows").numbers("length, s");
+    for name in ["servomotor", "spool"] {
+        for figure in ["MAE", "RMSE", "R²", "bias", "largest"] {
+            table = table.numbers_of(name, figure);
+        }
+    }
+    for one in &summary.recordings {
+        let mut cells =
+            vec![one.name.clone(), one.process.replace('_', " "), one.rows.to_string(), fixed(one.duration_s, 1)];
+        for figures in one.signals.iter().take(2) {
+            cells.extend(figure_cells(figures));
+            cells.extend([fixed(figures.bias, 5), fixed(figures.max_abs, 5)]);
+        }
+        table.row(cells);
+    }
+    table
+}
+
+fn figure_cells(figures: &SignalFigures) -> Vec<String> {
+    vec![fixed(figures.mae, 5), fixed(figures.rmse, 5), fixed(figures.r2, 5)]
+}
+
+/// A whole number with its thousands set apart.
+#[must_use]
+pub fn thousands(number: u64) -> String {
+    let digits = number.to_string();
+    let mut text = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i) % 3 == 0 {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+/// RMSE by process, and how the differences are spread.
+pub fn errors(summary: &Summary, replayed: &[&Replayed], sensors: &Sensors) -> Picture {
+    let mut panels = vec![];
+    let titles = summary.processes.iter().filter_map(|group| {
+        group.process.and_then(|id| Process::ALL.into_iter().find(|process| process.id() == id)).map(Process::title)
+    });
+    let titles: Vec<&str> = titles.collect();
+    for (signal, name) in [(Signal::ServomotorPosition, "servomotor"), (Signal::SpoolPosition, "spool")] {
+        let Some(overall) = figures(&summary.overall, signal).filter(|f| f.rmse.is_finite()) else { continue };
+        let rmse: Vec<f64> =
+            summary.processes.iter().filter_map(|group| figures(group, signal)).map(|f| f.rmse).collect();
+        panels.push(
+            Panel::new(format!("RMSE of the {name}, pu"))
+                .x_categories(titles.clone())
+                .bars(Ink::Difference, "", &rmse, 0, 1)
+                .level(Ink::Text, "noise of the transducer", spread(signal.sensor(sensors))),
+        );
+        let differences: Vec<f64> = replayed
+            .iter()
+            .flat_map(|one| one.recording.frames.iter().zip(&one.estimates))
+            .map(|(frame, estimate)| signal.of(&estimate.signals) - signal.of(&frame.measured))
+            .collect();
+        let reach = (3.0 * overall.rmse).max(4.0 * spread(signal.sensor(sensors)));
+        panels.push(
+            Panel::new(format!("Differences of the {name}, share of rows"))
+                .histogram(Ink::Difference, "", &differences, [-reach, reach], 61)
+                .x_name("simulated − measured, pu"),
+        );
+    }
+    Picture::grid("Errors by process and their spread", 2, panels)
+}
