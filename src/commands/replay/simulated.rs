@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use govtwin::bag::{self, Qos, RawMessage, Stream, Topics, Writer, WriterOptions};
+use govtwin::bag::{self, BagError, Qos, Stream, Topics, Writer, WriterOptions};
 use govtwin::frame::Estimate;
 use govtwin::msg::{Header, ServoState};
 use govtwin::replay::Replayed;
@@ -22,8 +22,7 @@ pub fn write(source: &Path, dir: &Path, replayed: &Replayed) -> anyhow::Result<P
     if let Some(parent) = dir.parent() {
         std::fs::create_dir_all(parent).with_context(failed)?;
     }
-    let messages: Vec<RawMessage> = bag::messages(source)?.filter(|message| message.topic.name != TOPIC).collect();
-    let lag_ns = lag_ns(&messages);
+    let lag_ns = lag_ns(source)?;
     let mut writer = Writer::create(dir, WriterOptions { replace: true, ..WriterOptions::default() })?;
     let topic = writer.topic::<ServoState>(TOPIC, Qos::SENSOR)?;
     let recorded = replayed.recording.frames.iter().zip(&replayed.estimates);
@@ -32,7 +31,11 @@ pub fn write(source: &Path, dir: &Path, replayed: &Replayed) -> anyhow::Result<P
         .filter(|(frame, _)| !measured || Signal::ALL.iter().any(|s| s.of(&frame.measured).is_finite()))
         .map(|(_, estimate)| estimate)
         .peekable();
-    for message in messages {
+    for message in bag::messages(source)? {
+        let message = message?;
+        if message.topic.name == TOPIC {
+            continue;
+        }
         while let Some(estimate) = estimates.next_if(|e| e.time_ns.saturating_add(lag_ns) < message.log_time_ns) {
             writer.write(topic, estimate.time_ns.saturating_add(lag_ns), &state(estimate))?;
         }
@@ -45,15 +48,19 @@ pub fn write(source: &Path, dir: &Path, replayed: &Replayed) -> anyhow::Result<P
 }
 
 /// How much later than its stamp the first message of the known topics was logged, ns.
-fn lag_ns(messages: &[RawMessage]) -> i64 {
+fn lag_ns(source: &Path) -> Result<i64, BagError> {
     let topics = Topics::default();
-    let known = |message: &&RawMessage| Stream::ALL.iter().any(|stream| topics.of(*stream) == message.topic.name);
-    // All four types begin with their header, which is all that is read here.
-    let lag_ns = |message: &RawMessage| {
-        let stamp_ns = bag::cdr::decode::<Header>(&message.data).ok()?.stamp.nanos()?;
-        Some(message.log_time_ns.saturating_sub(stamp_ns))
-    };
-    messages.iter().filter(known).find_map(lag_ns).unwrap_or(0)
+    for message in bag::messages(source)? {
+        let message = message?;
+        if Stream::ALL.iter().any(|stream| topics.of(*stream) == message.topic.name) {
+            // All four types begin with their header, which is all that is read here.
+            let header = bag::cdr::decode::<Header>(&message.data).ok();
+            if let Some(stamp_ns) = header.and_then(|header| header.stamp.nanos()) {
+                return Ok(message.log_time_ns.saturating_sub(stamp_ns));
+            }
+        }
+    }
+    Ok(0)
 }
 
 fn state(estimate: &Estimate) -> ServoState {

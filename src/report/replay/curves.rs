@@ -98,31 +98,37 @@ impl<'a> Curves<'a> {
         points
     }
 
-    /// The stretch of [`CLOSE_UP_S`] in which the spool travels most, a quarter of it before the travel.
+    /// The stretch of [`CLOSE_UP_S`] in which the servomotor travels farthest, a little rest before it.
     fn liveliest_s(&self) -> [f64; 2] {
-        let spool = if self.has(Signal::SpoolPosition) {
-            self.measured(Signal::SpoolPosition, 1.0)
-        } else {
-            self.simulated(Signal::SpoolPosition, 1.0)
-        };
-        let mut travelled = vec![0.0];
-        for pair in spool.windows(2) {
-            // Small moves are noise and chatter.
-            let move_pu = (pair[1][1] - pair[0][1]).abs();
-            travelled.push(travelled[travelled.len() - 1] + if move_pu > 0.01 { move_pu } else { 0.0 });
-        }
-        let (mut best, mut best_travel, mut start) = (0.0, -1.0, 0);
-        for (point, &here) in spool.iter().zip(&travelled) {
-            while point[0] - spool[start][0] > 0.75 * CLOSE_UP_S {
-                start += 1;
-            }
-            if here - travelled[start] > best_travel + 1e-9 {
-                best_travel = here - travelled[start];
-                best = spool[start][0];
-            }
-        }
         let end_s = self.time_s.last().copied().unwrap_or(0.0);
-        let from_s = (best - 0.25 * CLOSE_UP_S).min(end_s - CLOSE_UP_S).max(0.0);
+        let position = if self.has(Signal::ServomotorPosition) {
+            self.measured(Signal::ServomotorPosition, 1.0)
+        } else {
+            self.simulated(Signal::ServomotorPosition, 1.0)
+        };
+        let within = |from_s: f64, to_s: f64| {
+            let (start, end) =
+                (position.partition_point(|p| p[0] < from_s), position.partition_point(|p| p[0] <= to_s));
+            &position[start..end]
+        };
+        let travel = |points: &[[f64; 2]]| {
+            let (low, high) =
+                points.iter().fold((f64::MAX, f64::MIN), |(low, high), p| (low.min(p[1]), high.max(p[1])));
+            high - low
+        };
+        let (mut best_s, mut best_pu) = (0.0, 0.0);
+        let mut from_s = 0.0;
+        while from_s < end_s {
+            let travel_pu = travel(within(from_s, from_s + 0.8 * CLOSE_UP_S));
+            if travel_pu > 1.02 * best_pu {
+                (best_s, best_pu) = (from_s, travel_pu);
+            }
+            from_s += 1.0;
+        }
+        let stretch = within(best_s, end_s);
+        let moves = |p: &&[f64; 2]| (p[1] - stretch[0][1]).abs() > 0.03 * best_pu;
+        let begins_s = stretch.iter().find(moves).map_or(best_s, |p| p[0]);
+        let from_s = (begins_s - 0.2 * CLOSE_UP_S).min(end_s - CLOSE_UP_S).max(0.0);
         [from_s, from_s + CLOSE_UP_S]
     }
 
