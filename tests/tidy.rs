@@ -43,6 +43,17 @@ fn libraries_are_known_only_where_they_belong() {
 }
 
 #[test]
+fn nothing_below_the_edges_reaches_out() {
+    hold(&text::reach(&rust(), floors::below_edges));
+}
+
+#[test]
+fn every_effect_is_in_the_catalogue() {
+    let catalogue: Vec<(&str, &str)> = govtwin::effects::CATALOGUE.iter().map(|spec| (spec.id, spec.source)).collect();
+    hold(&text::unregistered(&rust(), &catalogue));
+}
+
+#[test]
 fn quantities_carry_their_units_in_their_names() {
     hold(&names::field_breaches(&rust()));
     hold(&names::entry_breaches());

@@ -18,7 +18,7 @@ use rayon::iter::{IntoParallelIterator, IntoParallelRefIterator, ParallelIterato
 
 use super::bags::{self, Bag};
 use super::output::{Progress, print, warn, write_atomically};
-use crate::cli::Outcome;
+use crate::commands::Outcome;
 
 /// Simulate recordings and compare with what was measured.
 ///

@@ -1,4 +1,4 @@
-//! `govtwin run`: the twin as a ROS 2 node.
+//! `govtwin run`: runs the twin as a ROS 2 node.
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -17,7 +17,7 @@ use govtwin::params;
 use serde_json::json;
 
 use super::output;
-use crate::cli::Outcome;
+use crate::commands::Outcome;
 
 /// Arguments of `govtwin run`.
 #[derive(Debug, clap::Args)]

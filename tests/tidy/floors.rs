@@ -20,6 +20,11 @@ fn depth(module: &str) -> Option<usize> {
     FLOORS.iter().position(|(_, modules)| modules.contains(&module))
 }
 
+/// Whether a file stands below the edges, where nothing reaches outside the process.
+pub fn below_edges(path: &str) -> bool {
+    module_of(path).and_then(depth).is_some_and(|depth| FLOORS[depth].0 != "entry" && FLOORS[depth].0 != "edges")
+}
+
 /// Uses of a higher floor, and circles on one floor. Unit tests may stand on any floor.
 pub fn breaches(sources: &[Source]) -> Vec<String> {
     let mut breaches = Vec::new();

@@ -1,6 +1,7 @@
 //! Units in names: a quantity that is a plain number says its unit where it is used.
 
-use govtwin::parameters::{ENTRIES, Entry};
+use govtwin::effects::CATALOGUE;
+use govtwin::parameters::ENTRIES;
 
 use crate::source::Source;
 
@@ -21,6 +22,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("src/msg.rs", "names are those of the messages, which state the units"),
     ("src/metrics.rs", "errors are in the unit of what is compared"),
     ("src/replay/", "errors are in the unit of what is compared"),
+    ("src/commands/", "fields are flags, whose help names the unit"),
     ("src/report/", "places on paper, and values in the unit of their axis"),
 ];
 
@@ -88,24 +90,27 @@ fn doc_unit(doc: &str) -> bool {
     symbols.peek().is_some() && symbols.all(|symbol| SYMBOLS.contains(&symbol))
 }
 
-/// Parameters whose key does not end in the unit that their entry states.
+/// Parameters, of plant and effects, whose name does not end in the unit that they state.
 pub fn entry_breaches() -> Vec<String> {
-    ENTRIES.iter().filter_map(entry_breach).collect()
+    let plant = ENTRIES.iter().map(|entry| (entry.key.to_owned(), entry.unit));
+    let effects = CATALOGUE.iter().flat_map(|spec| {
+        spec.parameters.iter().map(|parameter| (format!("{}.{}", spec.id, parameter.name), parameter.unit))
+    });
+    plant.chain(effects).filter_map(|(key, unit)| entry_breach(&key, unit)).collect()
 }
 
-fn entry_breach(entry: &Entry) -> Option<String> {
-    let parts: Vec<String> = entry
-        .unit
+fn entry_breach(key: &str, unit: &str) -> Option<String> {
+    let parts: Vec<String> = unit
         .to_lowercase()
         .split(|c: char| !c.is_alphanumeric())
         .filter(|part| !part.is_empty())
         .map(str::to_owned)
         .collect();
     let suffix = format!("_{}", parts.join("_"));
-    // A ratio of two per-unit values has no unit, and says so with `_pu`; plain gains and ratios say nothing.
-    let right = entry.key.ends_with(&suffix)
-        || (entry.unit == "1" && !UNITS.iter().any(|unit| *unit != "pu" && entry.key.ends_with(&format!("_{unit}"))));
-    (!right).then(|| format!("`{}` is in {}; its name must end in `{suffix}`", entry.key, entry.unit))
+    // What has no unit must not seem to have one; `_pu` marks a ratio of two per-unit values.
+    let seems = UNITS.iter().any(|known| *known != "pu" && key.ends_with(&format!("_{known}")));
+    let right = key.ends_with(&suffix) || (unit == "1" && !seems);
+    (!right).then(|| format!("`{key}` is in {unit}; its name must end in `{suffix}`"))
 }
 
 #[cfg(test)]
@@ -142,11 +147,10 @@ mod tests {
 
     #[test]
     fn a_parameter_in_another_unit_is_seen() {
-        let entry = |key, unit| Entry { key, unit, min: 0.0, max: 1.0, doc: "", get: |_| 0.0, set: |_, _| {} };
-        assert!(entry_breach(&entry("oil.pressure_bar", "Pa")).is_some());
-        assert!(entry_breach(&entry("oil.pressure_pa", "1")).is_some());
-        assert!(entry_breach(&entry("oil.pressure", "Pa")).is_some());
-        assert!(entry_breach(&entry("oil.leakage_m3_s_pa", "m3/(s Pa)")).is_none());
-        assert!(entry_breach(&entry("valve.damping_ratio", "1")).is_none());
+        assert!(entry_breach("oil.pressure_bar", "Pa").is_some());
+        assert!(entry_breach("oil.pressure_pa", "1").is_some());
+        assert!(entry_breach("oil.pressure", "Pa").is_some());
+        assert!(entry_breach("oil.leakage_m3_s_pa", "m3/(s Pa)").is_none());
+        assert!(entry_breach("valve.damping_ratio", "1").is_none());
     }
 }

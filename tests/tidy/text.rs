@@ -25,6 +25,45 @@ const LONGEST_CODE: usize = 300;
 /// Most lines of any Rust file, everything counted.
 const LONGEST_FILE: usize = 450;
 
+/// Ways to the world outside the process, which only the edges and what stands above them may take.
+const WORLD: &[&str] = &["fs", "net", "env", "process", "thread"];
+
+/// Uses of the world outside the process below the edges, and unsafe code outside its one file.
+pub fn reach(sources: &[Source], below_edges: impl Fn(&str) -> bool) -> Vec<String> {
+    let mut breaches = Vec::new();
+    for source in sources.iter().filter(|source| source.path.starts_with("src/")) {
+        for (line, code) in source.code() {
+            let at = format!("{}:{line}", source.path);
+            let words = || code.split(|c: char| !(c.is_alphanumeric() || c == '_'));
+            if words().any(|word| word == "unsafe" || word == "unsafe_code") && source.path != "src/node/realtime.rs" {
+                breaches.push(format!("{at}: unsafe code belongs in src/node/realtime.rs"));
+            }
+            let Some((_, path)) = code.split_once("std::") else { continue };
+            let group = path.strip_prefix('{').unwrap_or(path.split("::").next().unwrap_or_default());
+            let outside = group.split(',').find_map(|name| {
+                let name = name.trim().split(|c: char| !(c.is_alphanumeric() || c == '_')).next().unwrap_or_default();
+                WORLD.contains(&name).then(|| name.to_owned())
+            });
+            if let (Some(name), true) = (outside, below_edges(&source.path)) {
+                breaches.push(format!("{at}: `std::{name}` below the edges; let an edge do it"));
+            }
+        }
+    }
+    breaches
+}
+
+/// Effects whose file is not in the catalogue under its own name.
+pub fn unregistered(sources: &[Source], catalogue: &[(&str, &str)]) -> Vec<String> {
+    let mut breaches = Vec::new();
+    for source in sources.iter().filter(|source| source.text.contains("\npub const SPEC: EffectSpec")) {
+        let stem = source.path.rsplit('/').next().and_then(|name| name.strip_suffix(".rs")).unwrap_or_default();
+        if !catalogue.iter().any(|(id, text)| *id == stem && *text == source.text) {
+            breaches.push(format!("{}: the catalogue holds no effect `{stem}` with this source", source.path));
+        }
+    }
+    breaches
+}
+
 /// Files that name a library which is not theirs to know.
 pub fn who_knows_what(sources: &[Source]) -> Vec<String> {
     let mut breaches = Vec::new();
@@ -143,6 +182,28 @@ mod tests {
         assert_eq!(who_knows_what(&at("src/report.rs", "use mcap;")).len(), 1);
         assert!(who_knows_what(&at("src/params/yaml.rs", "use serde_yaml::Value;")).is_empty());
         assert!(who_knows_what(&at("src/twin.rs", "use crate::mcap::x; // mcap::y\nnot_libc::z();")).is_empty());
+    }
+
+    #[test]
+    fn a_way_out_below_the_edges_is_seen() {
+        let below = |path: &str| path == "src/twin.rs";
+        for code in ["use std::fs;", "let x = std::env::var(y);", "use std::{fmt, net};", "use std::thread::spawn;"] {
+            assert_eq!(reach(&at("src/twin.rs", code), below).len(), 1, "{code}");
+            assert!(reach(&at("src/params.rs", code), below).is_empty(), "{code}");
+        }
+        assert!(reach(&at("src/twin.rs", "use std::sync::Arc;\nuse std::fmt::Write;\n// std::fs"), below).is_empty());
+        assert_eq!(reach(&at("src/bag.rs", "unsafe { x() }"), below).len(), 1);
+        assert_eq!(reach(&at("src/bag.rs", "#![allow(unsafe_code)]"), below).len(), 1);
+        assert!(reach(&at("src/node/realtime.rs", "unsafe { x() }"), below).is_empty());
+    }
+
+    #[test]
+    fn an_effect_outside_the_catalogue_is_seen() {
+        let file = at("src/effects/a.rs", "//! A.\n\npub const SPEC: EffectSpec = EffectSpec {};\n");
+        assert_eq!(unregistered(&file, &[]).len(), 1);
+        assert_eq!(unregistered(&file, &[("b", &file[0].text)]).len(), 1);
+        assert_eq!(unregistered(&file, &[("a", "other")]).len(), 1);
+        assert!(unregistered(&file, &[("a", &file[0].text)]).is_empty());
     }
 
     #[test]

@@ -15,10 +15,7 @@ impl Merge<'_> {
     fn effect_of(&mut self, catalogue: &[EffectSpec], section: &str, id: &str, node: &Node) {
         let path = [section, id];
         let Some(spec) = catalogue.iter().find(|spec| spec.id == id) else {
-            return match catalogue {
-                [] => self.problem(&path, "unknown effect; this version has none yet, remove it"),
-                _ => self.unknown(&path, catalogue.iter().map(|spec| spec.id)),
-            };
+            return self.unknown(&path, catalogue.iter().map(|spec| spec.id));
         };
         let known: Vec<&str> = spec.parameters.iter().map(|parameter| parameter.name).collect();
         let Node::Map(map) = node else {
