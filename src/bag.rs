@@ -9,6 +9,8 @@ pub mod cdr;
 mod align;
 mod chunk;
 mod collect;
+#[cfg(feature = "sqlite")]
+mod db3;
 mod error;
 mod health;
 mod mcap_file;

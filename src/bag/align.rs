@@ -14,7 +14,7 @@ use crate::frame::{EsvState, Frame, Inputs, Signals};
 use crate::units::{NANOS_PER_SECOND, seconds_from_nanos};
 
 /// The most rows that resampling may make: 100 s at 1 µs, a day at 1 ms, about 8 GB.
-const ROW_LIMIT: usize = 100_000_000;
+const ROW_LIMIT: i64 = 100_000_000;
 
 /// The four streams, each strictly rising in stamp. An absent input is one sample at the beginning of time.
 #[derive(Debug, Default)]
@@ -46,13 +46,12 @@ pub(super) fn align(
         (interpolation, times_ns.first(), times_ns.last())
     {
         let period_ns = period_ns.max(1);
-        let count = usize::try_from(end_ns.saturating_sub(begin_ns) / period_ns).unwrap_or(usize::MAX);
+        let count = end_ns.saturating_sub(begin_ns) / period_ns;
         if count > ROW_LIMIT {
             let duration_s = seconds_from_nanos(end_ns.saturating_sub(begin_ns));
             return Err(BagError::TooManyRows { path: path.to_owned(), period_ns, duration_s, limit: ROW_LIMIT });
         }
-        times_ns
-            .extend(std::iter::successors(Some(begin_ns + period_ns), |time_ns| Some(time_ns + period_ns)).take(count));
+        times_ns.extend((1..=count).map(|step| begin_ns + step * period_ns));
         times_ns.sort_unstable();
     }
     times_ns.dedup();

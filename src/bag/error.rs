@@ -107,7 +107,7 @@ pub enum BagError {
         /// How long the recording is, s.
         duration_s: f64,
         /// The most rows that are made.
-        limit: usize,
+        limit: i64,
     },
     /// The output is there already.
     #[error("{path}: is there already; name another folder, or move it away")]

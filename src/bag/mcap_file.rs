@@ -8,7 +8,7 @@ use std::sync::Arc;
 use mcap::records::{Record, op};
 
 use super::chunk::{self, Records};
-use super::record_file::{HEAD_LEN, RecordFile, Step};
+use super::record_file::{HEAD_LEN, RecordFile, Step, Tail};
 use super::segment::Segment;
 use super::topic::{OnMessage, RawView, TopicInfo};
 use super::{BagError, Damage, FileHealth};
@@ -48,6 +48,12 @@ pub(super) struct Channels {
 }
 
 impl Channels {
+    /// Channels that are known beforehand.
+    #[cfg(feature = "sqlite")]
+    pub(super) fn of(topics: BTreeMap<u16, Arc<TopicInfo>>) -> Self {
+        Self { schemas: BTreeMap::new(), topics }
+    }
+
     /// The topics in the order of their channel numbers.
     pub(super) fn topics(&self) -> impl Iterator<Item = &Arc<TopicInfo>> {
         self.topics.values()
@@ -164,9 +170,9 @@ struct Scan {
 impl Scan {
     /// Reads what the end of a finished file says of it: channels, counts, whether there is an index.
     fn summary(&mut self, file: &mut RecordFile) -> io::Result<()> {
-        let start = file.summary_start()?;
-        self.found.health.finished = start.is_some();
-        if let Some(Some(start)) = start {
+        let tail = file.tail()?;
+        self.found.health.finished = tail != Tail::Unfinished;
+        if let Tail::Summary(start) = tail {
             self.data_end = start;
             file.seek(start)?;
             let mut body = vec![];

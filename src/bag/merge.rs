@@ -5,9 +5,10 @@ use std::collections::{BinaryHeap, VecDeque};
 use std::path::Path;
 use std::sync::Arc;
 
-use super::mcap_file::Loader;
+use super::mcap_file::{self, Channels};
 use super::segment::Segment;
-use super::topic::{RawMessage, TopicInfo};
+use super::source::Storage;
+use super::topic::{OnMessage, RawMessage, TopicInfo};
 use super::{BagError, FileHealth, Warning, source};
 
 /// The messages of a bag in log-time order; messages of one time stay in file order.
@@ -20,6 +21,34 @@ pub struct Messages {
     /// Segments not loaded yet with the number of their file, by the time of their first message.
     waiting: VecDeque<(usize, Segment)>,
     loaded: BinaryHeap<Entry>,
+}
+
+/// Loads pieces of one file.
+#[derive(Debug)]
+enum Loader {
+    Mcap(mcap_file::Loader),
+    #[cfg(feature = "sqlite")]
+    Sqlite(super::db3::Loader),
+}
+
+impl Loader {
+    fn open(path: &Path, storage: Storage, channels: Channels) -> Result<Self, BagError> {
+        match storage {
+            Storage::Mcap => mcap_file::Loader::open(path, channels).map(Self::Mcap),
+            #[cfg(feature = "sqlite")]
+            Storage::Sqlite => super::db3::Loader::open(path).map(Self::Sqlite),
+            #[cfg(not(feature = "sqlite"))]
+            Storage::Sqlite => Err(BagError::Sqlite { path: path.to_owned() }),
+        }
+    }
+
+    fn load(&mut self, segment: &Segment, on_message: &mut OnMessage<'_>) -> Result<(), BagError> {
+        match self {
+            Self::Mcap(loader) => loader.load(segment, on_message),
+            #[cfg(feature = "sqlite")]
+            Self::Sqlite(loader) => loader.load(segment, on_message),
+        }
+    }
 }
 
 /// A loaded message with its place in the order, earliest greatest.
@@ -123,8 +152,8 @@ pub fn messages(path: &Path) -> Result<Messages, BagError> {
     warnings.extend(scanned.files.iter().flat_map(FileHealth::warnings));
     let mut loaders = vec![];
     let mut waiting = vec![];
-    for (number, (path, (_, channels, segments))) in source.files.iter().zip(scanned.parts).enumerate() {
-        loaders.push(Loader::open(path, channels)?);
+    for (number, (path, (storage, channels, segments))) in source.files.iter().zip(scanned.parts).enumerate() {
+        loaders.push(Loader::open(path, storage, channels)?);
         waiting.extend(segments.into_iter().map(|segment| (number, segment)));
     }
     waiting.sort_by_key(|(number, segment)| (segment.first_ns, *number, segment.at));

@@ -17,6 +17,9 @@ pub(super) const RECORD_LIMIT: usize = 1 << 30;
 /// Footer record and closing magic.
 const TAIL_LEN: u64 = HEAD_LEN as u64 + 20 + mcap::MAGIC.len() as u64;
 
+/// Opcode and length of a footer.
+const FOOTER_HEAD: &[u8] = &[op::FOOTER, 20, 0, 0, 0, 0, 0, 0, 0];
+
 /// How far one look for the next chunk goes, bytes.
 const WINDOW_LEN: usize = 1 << 16;
 
@@ -31,6 +34,17 @@ pub(super) enum Step {
     Nonsense,
     /// Nothing: the file ends here, `left` bytes short of a head.
     End { left: u64 },
+}
+
+/// How a file ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Tail {
+    /// Without a footer: whoever wrote it did not finish.
+    Unfinished,
+    /// As a finished file without a summary.
+    NoSummary,
+    /// As a finished file whose summary begins at this byte.
+    Summary(u64),
 }
 
 /// An MCAP file, read record by record.
@@ -122,22 +136,20 @@ impl RecordFile {
         Ok(None)
     }
 
-    /// Where the summary begins, if the file ends as a finished file does; `Some(None)` without a summary.
-    #[expect(
-        clippy::option_option,
-        reason = "a finished file may or may not have a summary, an unfinished one is neither"
-    )]
-    pub(super) fn summary_start(&mut self) -> io::Result<Option<Option<u64>>> {
+    /// Says how the file ends.
+    pub(super) fn tail(&mut self) -> io::Result<Tail> {
         let Some(at) = self.end.checked_sub(TAIL_LEN).filter(|at| *at >= mcap::MAGIC.len() as u64) else {
-            return Ok(None);
+            return Ok(Tail::Unfinished);
         };
         self.seek(at)?;
         let mut tail = vec![];
         self.reader.by_ref().take(TAIL_LEN).read_to_end(&mut tail)?;
         self.at += tail.len() as u64;
-        let footer =
-            tail.strip_suffix(mcap::MAGIC).and_then(|tail| tail.strip_prefix(&[op::FOOTER, 20, 0, 0, 0, 0, 0, 0, 0]));
-        let start = footer.and_then(|footer| footer.first_chunk()).map(|start| u64::from_le_bytes(*start));
-        Ok(start.map(|start| (start > 0 && start < at).then_some(start)))
+        let footer = tail.strip_suffix(mcap::MAGIC).and_then(|tail| tail.strip_prefix(FOOTER_HEAD));
+        Ok(match footer.and_then(|footer| footer.first_chunk()).map(|start| u64::from_le_bytes(*start)) {
+            None => Tail::Unfinished,
+            Some(start) if start > 0 && start < at => Tail::Summary(start),
+            Some(_) => Tail::NoSummary,
+        })
     }
 }

@@ -30,6 +30,12 @@ impl Segment {
         Self { bare: true, ..Self::new(at, len) }
     }
 
+    /// A range of rows, without messages yet.
+    #[cfg(feature = "sqlite")]
+    pub(super) fn rows(at: u64, end: u64) -> Self {
+        Self { at, end, first_ns: i64::MAX, messages: 0, bare: false }
+    }
+
     /// A message is in it.
     pub(super) fn count(&mut self, log_time_ns: i64) {
         self.first_ns = self.first_ns.min(log_time_ns);

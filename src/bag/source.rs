@@ -197,6 +197,9 @@ impl Source {
             let storage = storage_of(path)?;
             let ScannedFile { health, channels, segments } = match storage {
                 Storage::Mcap => mcap_file::scan(path, on_message)?,
+                #[cfg(feature = "sqlite")]
+                Storage::Sqlite => super::db3::scan(path, on_message)?,
+                #[cfg(not(feature = "sqlite"))]
                 Storage::Sqlite => return Err(BagError::Sqlite { path: path.clone() }),
             };
             for topic in channels.topics() {

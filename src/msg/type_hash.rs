@@ -68,7 +68,8 @@ fn field(field: &Field) -> String {
 fn base_id(base: &str, bounded: bool) -> u16 {
     match (base, bounded) {
         ("int8", _) => 2,
-        ("uint8" | "char", _) => 3, // `char` in a .msg file is an alias of uint8
+        // `char` in a .msg file is an alias of uint8.
+        ("uint8" | "char", _) => 3,
         ("int16", _) => 4,
         ("uint16", _) => 5,
         ("int32", _) => 6,
