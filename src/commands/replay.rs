@@ -1,5 +1,6 @@
 //! `govtwin replay`: simulate recordings and compare with what was measured.
 
+mod origin;
 mod simulated;
 
 use std::path::{Path, PathBuf};
@@ -98,6 +99,11 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     if let Some(reason) = reason_for_dashes(&summary) {
         print(&format!("{reason}\n"))?;
     }
+    let mut origins: Vec<&str> = summary.recordings.iter().filter_map(|one| one.origin.as_deref()).collect();
+    origins.dedup();
+    for origin in origins {
+        print(&format!("{origin}\n"))?;
+    }
     match &args.out {
         Some(out) => write_all(out, &summary, &results, &bags, &sheet.unit)?,
         None => print("Add --out DIR for pictures, all figures and bags with the simulated state.\n")?,
@@ -154,7 +160,7 @@ fn replay(bag: &Bag, options: &ReadOptions, mut twin: Twin, draw_for: Option<&Un
     let provenance = Provenance {
         path: bag.path.display().to_string(),
         bytes: loaded.health.files.iter().map(|file| file.bytes).sum(),
-        origin: None,
+        origin: origin::of(&bag.path),
         warnings: loaded.health.warnings.iter().map(ToString::to_string).collect(),
     };
     let replayed = Replayed::new(&mut twin, loaded.recording);

@@ -89,7 +89,7 @@ mod tests {
 
     fn signal() -> impl Strategy<Value = Vec<[f64; 2]>> {
         prop::collection::vec(-1.0..1.0, 2..3000)
-            .prop_map(|ys| ys.into_iter().enumerate().map(|(i, y)| [f64::from(i as u32) * 0.01, y]).collect())
+            .prop_map(|ys| (0_u32..).zip(ys).map(|(i, y)| [f64::from(i) * 0.01, y]).collect())
     }
 
     #[test]

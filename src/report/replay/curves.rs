@@ -98,9 +98,18 @@ impl<'a> Curves<'a> {
         points
     }
 
-    /// The stretch of [`CLOSE_UP_S`] in which the servomotor travels farthest, a little rest before it.
+    /// The stretch of [`CLOSE_UP_S`] around an ESV trip, else that in which the servomotor travels
+    /// farthest, a little rest before it.
     fn liveliest_s(&self) -> [f64; 2] {
         let end_s = self.time_s.last().copied().unwrap_or(0.0);
+        let around = |begins_s: f64| {
+            let from_s = (begins_s - 0.2 * CLOSE_UP_S).min(end_s - CLOSE_UP_S).max(0.0);
+            [from_s, from_s + CLOSE_UP_S]
+        };
+        let tripped = self.replayed.recording.frames.iter().position(|frame| frame.inputs.esv == EsvState::Shutdown);
+        if let Some(trip) = tripped.filter(|&trip| trip > 0) {
+            return around(self.time_s[trip]);
+        }
         let position = if self.has(Signal::ServomotorPosition) {
             self.measured(Signal::ServomotorPosition, 1.0)
         } else {
@@ -128,8 +137,7 @@ impl<'a> Curves<'a> {
         let stretch = within(best_s, end_s);
         let moves = |p: &&[f64; 2]| (p[1] - stretch[0][1]).abs() > 0.03 * best_pu;
         let begins_s = stretch.iter().find(moves).map_or(best_s, |p| p[0]);
-        let from_s = (begins_s - 0.2 * CLOSE_UP_S).min(end_s - CLOSE_UP_S).max(0.0);
-        [from_s, from_s + CLOSE_UP_S]
+        around(begins_s)
     }
 
     fn compared(&self, signal: Signal, title: &str, scale: f64) -> Panel {

@@ -35,7 +35,7 @@ pub fn process_table(summary: &Summary) -> Table {
         table = table.numbers_of(name, "MAE, pu").numbers_of(name, "RMSE, pu").numbers_of(name, "R²");
     }
     for group in summary.processes.iter().chain([&summary.overall]) {
-        let process = group.process.and_then(|id| Process::ALL.into_iter().find(|process| process.id() == id));
+        let process = group.process.and_then(process_of);
         let rows = group.signals.iter().take(2).map(|figures| figures.rows).max().unwrap_or(0);
         let mut cells = vec![process.map_or("overall", Process::title).to_owned(), group.recordings.to_string()];
         cells.push(thousands(rows));
@@ -51,15 +51,19 @@ pub fn process_table(summary: &Summary) -> Table {
 }
 
 pub fn recording_table(summary: &Summary) -> Table {
-    let mut table = Table::new().words("recording").words("process").numbers("rows").numbers("length, s");
+    let mut table = Table::new().words("recording").words("process").numbers("rows").numbers("s");
     for name in ["servomotor", "spool"] {
         for figure in ["MAE", "RMSE", "R²", "bias", "largest"] {
             table = table.numbers_of(name, figure);
         }
     }
     for one in &summary.recordings {
-        let mut cells =
-            vec![one.name.clone(), one.process.replace('_', " "), one.rows.to_string(), fixed(one.duration_s, 1)];
+        let mut cells = vec![
+            one.name.clone(),
+            process_of(one.process).map_or(one.process, Process::title).to_owned(),
+            one.rows.to_string(),
+            fixed(one.duration_s, 1),
+        ];
         for figures in one.signals.iter().take(2) {
             cells.extend(figure_cells(figures));
             cells.extend([fixed(figures.bias, 5), fixed(figures.max_abs, 5)]);
@@ -67,6 +71,11 @@ pub fn recording_table(summary: &Summary) -> Table {
         table.row(cells);
     }
     table
+}
+
+/// The process of an id.
+fn process_of(id: &str) -> Option<Process> {
+    Process::ALL.into_iter().find(|process| process.id() == id)
 }
 
 fn figure_cells(figures: &SignalFigures) -> Vec<String> {
@@ -79,7 +88,7 @@ pub fn thousands(number: u64) -> String {
     let digits = number.to_string();
     let mut text = String::new();
     for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i) % 3 == 0 {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
             text.push(',');
         }
         text.push(digit);
@@ -90,9 +99,7 @@ pub fn thousands(number: u64) -> String {
 /// RMSE by process, and how the differences are spread.
 pub fn errors(summary: &Summary, replayed: &[&Replayed], sensors: &Sensors) -> Picture {
     let mut panels = vec![];
-    let titles = summary.processes.iter().filter_map(|group| {
-        group.process.and_then(|id| Process::ALL.into_iter().find(|process| process.id() == id)).map(Process::title)
-    });
+    let titles = summary.processes.iter().filter_map(|group| group.process.and_then(process_of).map(Process::title));
     let titles: Vec<&str> = titles.collect();
     for (signal, name) in [(Signal::ServomotorPosition, "servomotor"), (Signal::SpoolPosition, "spool")] {
         let Some(overall) = figures(&summary.overall, signal).filter(|f| f.rmse.is_finite()) else { continue };
