@@ -4,8 +4,31 @@
 //! plant as it is, to the last bit.
 
 pub mod backlash;
+pub mod chamber_leak;
+pub mod clock_offset;
 pub mod command_delay;
+pub mod cushion;
+pub mod entrained_air;
+pub mod esv_delay;
+pub mod esv_slow;
+pub mod feedback_lag;
+pub mod flow_force;
+pub mod load;
+pub mod lvdt_bias;
+pub mod lvdt_gain;
+pub mod pilot_filter;
 pub mod port_overlap;
+pub mod pv_bandwidth;
+pub mod pv_hysteresis;
+pub mod pv_null_shift;
+pub mod pv_overlap;
+pub mod regulator_cycle;
+pub mod servo_friction;
+pub mod servo_leak;
+pub mod spool_friction;
+pub mod spring;
+pub mod supply_loss;
+pub mod viscosity;
 
 use crate::parameters::EffectSetting;
 use crate::plant::Plant;
@@ -84,7 +107,34 @@ pub struct EffectSpec {
 }
 
 /// Every effect that the twin can switch on, by stage along the chain.
-pub const CATALOGUE: &[EffectSpec] = &[command_delay::SPEC, port_overlap::SPEC, backlash::SPEC];
+pub const CATALOGUE: &[EffectSpec] = &[
+    command_delay::SPEC,
+    regulator_cycle::SPEC,
+    pv_overlap::SPEC,
+    pv_null_shift::SPEC,
+    pv_hysteresis::SPEC,
+    pv_bandwidth::SPEC,
+    pilot_filter::SPEC,
+    esv_delay::SPEC,
+    esv_slow::SPEC,
+    spool_friction::SPEC,
+    entrained_air::SPEC,
+    chamber_leak::SPEC,
+    spring::SPEC,
+    flow_force::SPEC,
+    viscosity::SPEC,
+    port_overlap::SPEC,
+    backlash::SPEC,
+    servo_friction::SPEC,
+    servo_leak::SPEC,
+    cushion::SPEC,
+    load::SPEC,
+    supply_loss::SPEC,
+    lvdt_gain::SPEC,
+    lvdt_bias::SPEC,
+    feedback_lag::SPEC,
+    clock_offset::SPEC,
+];
 
 /// The effect with this id.
 #[must_use]
@@ -92,10 +142,12 @@ pub fn find(id: &str) -> Option<&'static EffectSpec> {
     CATALOGUE.iter().find(|spec| spec.id == id)
 }
 
-/// Builds a list of effects into a plant; settings that the catalogue does not know are for the edge to refuse.
+/// Builds effects into a plant in the catalogue's order, so that the order of the list does not matter.
+///
+/// Settings that the catalogue does not know are for the edge to refuse.
 pub fn apply(settings: &[EffectSetting], plant: &mut Plant) {
-    for setting in settings {
-        if let Some(spec) = find(&setting.id) {
+    for spec in CATALOGUE {
+        for setting in settings.iter().filter(|setting| setting.id == spec.id) {
             (spec.apply)(&setting.values, plant);
         }
     }

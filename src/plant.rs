@@ -65,6 +65,8 @@ pub struct Plant {
     pub main_ports: MainPorts,
     /// The guide-vane servomotor.
     pub servomotor: Servomotor,
+    /// How far the inputs' stamps run behind the plant's, s: a replay hands inputs on earlier by this much.
+    pub lookahead_s: f64,
     /// What effects add that no block's coefficient expresses.
     pub terms: Terms,
 }
@@ -81,6 +83,7 @@ impl Plant {
             spool: Spool::new(&p.distributing_valve, &p.oil),
             main_ports: MainPorts::new(&p.main_ports, &p.esv, &p.oil),
             servomotor: Servomotor::new(&p.servomotor, &p.oil),
+            lookahead_s: 0.0,
             terms: Terms::default(),
         }
     }

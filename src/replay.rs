@@ -2,17 +2,49 @@
 
 pub mod summary;
 
-use crate::frame::Estimate;
+use crate::frame::{Estimate, Frame, Inputs, Signals};
 use crate::metrics::{Accumulator, Figures};
 use crate::recording::Recording;
 use crate::signal::Signal;
 use crate::twin::{Cut, Twin};
+use crate::units::nanos_from_seconds;
 
 /// Runs a recording through a twin from its start; one estimate for each frame.
+///
+/// Where the twin's plant has an input clock of its own ([`crate::plant::Plant::lookahead_s`]), commands and
+/// ESV edges reach the twin earlier than their rows.
 #[must_use]
 pub fn simulate(twin: &mut Twin, recording: &Recording) -> Vec<Estimate> {
     twin.reset();
+    let lookahead_ns = nanos_from_seconds(twin.plant().lookahead_s);
+    // Behind a spool cut neither command nor ESV counts.
+    if lookahead_ns > 0 && twin.cut() != Cut::Spool {
+        return simulate_ahead(twin, &recording.frames, lookahead_ns);
+    }
     recording.frames.iter().map(|frame| twin.step(frame)).collect()
+}
+
+/// The same with commands and ESV edges handed on earlier by `lookahead_ns`, between rows where they fall there.
+fn simulate_ahead(twin: &mut Twin, frames: &[Frame], lookahead_ns: i64) -> Vec<Estimate> {
+    let mut ahead = frames.iter().map(|frame| (frame.time_ns.saturating_sub(lookahead_ns), frame.inputs)).peekable();
+    let mut newest = match frames.first() {
+        Some(first) => first.inputs,
+        None => return vec![],
+    };
+    let mut estimates = Vec::with_capacity(frames.len());
+    for frame in frames {
+        while let Some((time_ns, inputs)) = ahead.next_if(|(time_ns, _)| *time_ns <= frame.time_ns) {
+            newest = inputs;
+            if time_ns < frame.time_ns && !estimates.is_empty() {
+                let inputs = Inputs { tank_pressure_pa: f64::NAN, ..newest };
+                // Only the inputs matter between rows.
+                let _ = twin.step(&Frame { time_ns, inputs, measured: Signals::NONE });
+            }
+        }
+        let inputs = Inputs { tank_pressure_pa: frame.inputs.tank_pressure_pa, ..newest };
+        estimates.push(twin.step(&Frame { inputs, ..*frame }));
+    }
+    estimates
 }
 
 /// The signal that a cut takes from the recording, and that therefore says nothing about the twin.

@@ -109,6 +109,12 @@ impl Twin {
         &self.plant
     }
 
+    /// Where recorded signals stand in for simulated ones.
+    #[must_use]
+    pub fn cut(&self) -> Cut {
+        self.cut
+    }
+
     /// The continuous state at the last tick.
     #[must_use]
     pub fn state(&self) -> &State {
@@ -184,6 +190,8 @@ impl Twin {
         terms.reset(Point::EsvOpening, drive.esv_opening_pu, &mut now.memory);
         terms.reset(Point::ValveCurrent, now.valve_current_pu, &mut now.memory);
         terms.reset(Point::ServomotorReading, position_pu, &mut now.memory);
+        terms.reset(Point::RegulatorServomotor, position_pu, &mut now.memory);
+        terms.reset(Point::RegulatorSpool, plant.spool.reading_pu(now.state.spool_position_m), &mut now.memory);
         for point in
             [Point::SpoolForce, Point::ChamberFlow, Point::ServomotorForce, Point::OpeningFlow, Point::ClosingFlow]
         {
@@ -240,10 +248,20 @@ impl Twin {
         let open = f64::from(u8::from(now.inputs.esv == EsvState::Normal));
         let esv_opening_pu = terms.apply(Point::EsvOpening, open, &view, memory);
         let command_pu = terms.apply(Point::Command, now.inputs.opening_command_pu, &view, memory);
-        if now.ticks.is_multiple_of(plant.regulator.ticks_per_large_loop) {
-            now.spool_command_pu = plant.regulator.spool_command_pu(command_pu, servomotor_reading_pu);
+        let servomotor_read_pu = terms.apply(Point::RegulatorServomotor, servomotor_reading_pu, &view, memory);
+        let spool_read_pu = terms.apply(Point::RegulatorSpool, spool_reading_pu, &view, memory);
+        let mut spool_command_pu = now.spool_command_pu;
+        if let Some(share) = plant.regulator.large_loop_share(now.ticks) {
+            let moved_pu = if share == 0.0 || self.cut != Cut::None {
+                0.0
+            } else {
+                share * self.tick_s * before.servomotor_velocity_m_s / plant.servomotor.stroke_m
+            };
+            now.spool_command_pu = plant.regulator.spool_command_pu(command_pu, servomotor_read_pu + moved_pu);
+            // Until the large loop runs within the tick, its old output holds.
+            spool_command_pu = now.spool_command_pu + share * (spool_command_pu - now.spool_command_pu);
         }
-        now.valve_current_pu = plant.regulator.valve_current_pu(now.spool_command_pu, spool_reading_pu);
+        now.valve_current_pu = plant.regulator.valve_current_pu(spool_command_pu, spool_read_pu);
         let drive = Drive {
             time_s,
             valve_current_pu: terms.apply(Point::ValveCurrent, now.valve_current_pu, &view, memory),

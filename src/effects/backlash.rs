@@ -1,7 +1,8 @@
 //! Play between the servomotor's piston and its position transducer.
 //!
 //! `Y_r` stays while `|Y − Y_r| ≤ b/2` and is dragged at the edge of the gap otherwise: the play operator
-//! (Krasnosel'skii & Pokrovskii 1989; Tao & Kokotović 1996, section 2.2). The regulator reads `Y_r`, and so does the recording.
+//! (Krasnosel'skii & Pokrovskii 1989, *Systems with Hysteresis*, section 2; Tao & Kokotović 1996, *Adaptive Control of Systems with
+//! Actuator and Sensor Nonlinearities*, section 2.2). The regulator reads `Y_r`, and so does the recording.
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|
@@ -15,7 +16,8 @@ use std::sync::Arc;
 
 use crate::effects::{EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
-use crate::plant::term::{Point, Term, View};
+use crate::plant::term::Point;
+use crate::plant::term::play::Play;
 
 /// The effect.
 pub const SPEC: EffectSpec = EffectSpec {
@@ -36,30 +38,6 @@ pub const SPEC: EffectSpec = EffectSpec {
 
 fn apply(values: &[f64], plant: &mut Plant) {
     if values[0] > 0.0 {
-        plant.terms.push(Arc::new(Play { half_width_pu: 0.5 * values[0] }));
-    }
-}
-
-#[derive(Debug)]
-struct Play {
-    half_width_pu: f64,
-}
-
-impl Term for Play {
-    fn point(&self) -> Point {
-        Point::ServomotorReading
-    }
-
-    fn memory_len(&self) -> usize {
-        1
-    }
-
-    fn reset(&self, signal: f64, memory: &mut [f64]) {
-        memory[0] = signal;
-    }
-
-    fn apply(&self, signal: f64, _view: &View<'_>, memory: &mut [f64]) -> f64 {
-        memory[0] = memory[0].clamp(signal - self.half_width_pu, signal + self.half_width_pu);
-        memory[0]
+        plant.terms.push(Arc::new(Play::new(Point::ServomotorReading, values[0])));
     }
 }

@@ -1,6 +1,6 @@
 //! Extra overlap of the main ports: the spool's lands are longer, or the ports narrower, than drawn.
 //!
-//! `h_0 → h_0 + Δh` on both sides of neutral (Merritt 1967, section 5.1).
+//! `h_0 → h_0 + Δh` on both sides of neutral (Merritt 1967, *Hydraulic Control Systems*, section 5.1).
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|

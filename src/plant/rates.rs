@@ -12,6 +12,7 @@ pub fn rates(plant: &Plant, state: &State, drive: &Drive) -> State {
     let return_pa = supply.return_pressure_pa;
     let (spool, ports, servo) = (&plant.spool, &plant.main_ports, &plant.servomotor);
     let viscosity = supply.viscosity(drive.time_s);
+    let fluidity = 1.0 / viscosity;
 
     let x = state.spool_position_m.clamp(spool.stroke_min_m, spool.stroke_max_m);
     let v = inward(state.spool_velocity_m_s, state.spool_position_m, spool.stroke_min_m, spool.stroke_max_m);
@@ -32,15 +33,15 @@ pub fn rates(plant: &Plant, state: &State, drive: &Drive) -> State {
     let p = state.control_pressure_pa;
     let pilot = valve.flow(valve.opening_pu(state.pilot_position_pu.clamp(-1.0, 1.0)), p, supply_pa, return_pa);
     let q_e = plant.esv.flow(drive.esv_opening_pu, pilot, p, return_pa).m3_s;
-    let net_m3_s =
-        q_e + spool.leakage_m3_s(p, supply_pa, return_pa) + drive.chamber_flow_m3_s - spool.control_area_m2 * v;
+    let net_m3_s = q_e + fluidity * spool.leakage_m3_s(p, supply_pa, return_pa) + drive.chamber_flow_m3_s
+        - spool.control_area_m2 * v;
     let spool_force_n = spool.static_force_n(x, p, supply_pa)
         + ports.flow_force_n(travel_m, p_1, p_2, supply_pa, return_pa)
         + drive.spool_force_n
         - spool.viscous_damping_n_s_m * viscosity * v
         - spool.friction.force_n(v);
 
-    let cross_m3_s = servo.cross_leakage_m3_s_pa * (p_1 - p_2);
+    let cross_m3_s = fluidity * servo.cross_leakage_m3_s_pa * (p_1 - p_2);
     let opening_m3_s = flows.opening.m3_s - cross_m3_s + drive.opening_flow_m3_s;
     let closing_m3_s = flows.closing.m3_s + cross_m3_s + drive.closing_flow_m3_s;
     let piston_force_n = p_1 * servo.opening_area_m2 - p_2 * servo.closing_area_m2 - servo.load_n(z)

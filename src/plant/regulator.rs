@@ -10,17 +10,18 @@ use crate::parameters;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Regulator {
     p: parameters::Regulator,
-    /// Small-loop ticks in one large-loop period.
-    pub ticks_per_large_loop: u64,
+    ticks_per_large_loop: u64,
+    /// The same for a period that an effect lengthened, any number; 0 where none did.
+    lengthened_ticks_count: f64,
 }
 
 impl Regulator {
     /// From the sheet.
     #[must_use]
     pub fn new(p: &parameters::Regulator) -> Self {
-        let mut regulator = Self { p: *p, ticks_per_large_loop: 1 };
-        regulator.set_large_loop_period(p.large_loop_period_s);
-        regulator
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at least 1, and a cast saturates")]
+        let ticks_per_large_loop = (p.large_loop_period_s / p.small_loop_period_s).round().max(1.0) as u64;
+        Self { p: *p, ticks_per_large_loop, lengthened_ticks_count: 0.0 }
     }
 
     /// Period of the small loop, s.
@@ -29,17 +30,23 @@ impl Regulator {
         self.p.small_loop_period_s
     }
 
-    /// Period of the large loop, s.
-    #[must_use]
-    pub fn large_loop_period_s(&self) -> f64 {
-        self.p.large_loop_period_s
+    /// Lengthens the large loop's period, which then need not be a whole number of ticks.
+    pub fn lengthen_large_loop(&mut self, by_s: f64) {
+        let ticks = self.lengthened_ticks_count.max(self.ticks_per_large_loop as f64);
+        self.lengthened_ticks_count = ticks + (by_s / self.p.small_loop_period_s).max(0.0);
     }
 
-    /// Sets the large loop's period, rounded to whole small-loop periods, at least one.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at least 1, and a cast saturates")]
-    pub fn set_large_loop_period(&mut self, period_s: f64) {
-        self.p.large_loop_period_s = period_s;
-        self.ticks_per_large_loop = (period_s / self.p.small_loop_period_s).round().max(1.0) as u64;
+    /// Share of a tick that passes before the large loop runs in it; `None` where it does not run.
+    #[inline]
+    #[must_use]
+    pub fn large_loop_share(&self, tick: u64) -> Option<f64> {
+        if self.lengthened_ticks_count == 0.0 {
+            return tick.is_multiple_of(self.ticks_per_large_loop).then_some(0.0);
+        }
+        let (tick, period) = (tick as f64, self.lengthened_ticks_count);
+        // Rounding may put one instant into two neighbouring ticks, which does no harm, but never into none.
+        let share = ((tick / period - 1e-9).ceil() * period - tick).max(0.0);
+        (share < 1.0).then_some(share)
     }
 
     /// The dead band on the servomotor error, pu: lower and upper edge.
@@ -116,7 +123,21 @@ mod tests {
         assert_eq!(regulator.spool_command_pu(0.0, 1.0), -1.0);
         assert_eq!(regulator.valve_current_pu(1.0, 0.0), 1.0);
         assert_eq!(regulator.valve_current_pu(-1.0, 0.0), -1.0);
-        assert_eq!(regulator.ticks_per_large_loop, 10);
+    }
+
+    #[test]
+    fn the_large_loop_keeps_its_period() {
+        let mut regulator = sheet();
+        let runs = |regulator: &Regulator| -> Vec<f64> {
+            (0..2000).filter_map(|tick| regulator.large_loop_share(tick).map(|share| tick as f64 + share)).collect()
+        };
+        let nominal = runs(&regulator);
+        assert!(nominal.len() == 200 && nominal.windows(2).all(|pair| pair[1] - pair[0] == 10.0));
+        regulator.lengthen_large_loop(0.0133);
+        let mut slow = runs(&regulator);
+        slow.dedup_by(|b, a| (*b - *a).abs() < 1e-6);
+        assert_eq!(slow.len(), 86);
+        assert!(slow.windows(2).all(|pair| (pair[1] - pair[0] - 23.3).abs() < 1e-6));
     }
 
     #[test]

@@ -62,9 +62,13 @@ pub fn steady(plant: &Plant, servomotor_position_m: f64, spool_position_m: Optio
 /// The pilot valve's position at which it passes exactly what leaks, pu.
 fn resting_pilot_position_pu(plant: &Plant, control_pa: f64, supply_pa: f64, return_pa: f64) -> f64 {
     let valve = &plant.proportional_valve;
-    let wanted_m3_s = -plant.spool.leakage_m3_s(control_pa, supply_pa, return_pa);
+    let leaked_m3_s = plant.spool.leakage_m3_s(control_pa, supply_pa, return_pa) / plant.supply.viscosity(0.0);
+    let wanted_m3_s = -leaked_m3_s;
     let full = valve.flow(1.0_f64.copysign(wanted_m3_s), control_pa, supply_pa, return_pa).m3_s;
-    let opening_pu = if full == 0.0 { 0.0 } else { (wanted_m3_s / full).abs().min(1.0).copysign(wanted_m3_s) };
+    let share = if full == 0.0 { 0.0 } else { (wanted_m3_s / full).abs().min(1.0) };
+    // Behind a restriction the flow saturates with the opening: s²/(1 + n² s²) = share²/(1 + n²), solved for s.
+    let n = if wanted_m3_s > 0.0 { valve.filling_restriction * valve.conductance } else { 0.0 };
+    let opening_pu = (share / (1.0 + n * n * (1.0 - share * share)).sqrt()).copysign(wanted_m3_s);
     let edge_pu = if wanted_m3_s == 0.0 { 0.0 } else { valve.overlap_pu.copysign(wanted_m3_s) };
     (opening_pu + edge_pu + valve.null_shift_pu).clamp(-1.0, 1.0)
 }

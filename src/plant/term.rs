@@ -3,6 +3,9 @@
 //! A term stands at one point of the chain, sees the signal there and the state of the last tick, and
 //! returns the signal that goes on. Its memory lives in the twin's state and advances once a tick.
 
+pub mod delay;
+pub mod play;
+
 use std::fmt;
 use std::sync::Arc;
 
@@ -15,6 +18,10 @@ pub enum Point {
     Command,
     /// The ESV's opening, 1 normal, 0 shutdown.
     EsvOpening,
+    /// The servomotor's reading as the regulator takes it in, pu.
+    RegulatorServomotor,
+    /// The spool's reading as the regulator takes it in, pu.
+    RegulatorSpool,
     /// The regulator's current to the proportional valve, pu.
     ValveCurrent,
     /// The servomotor's transducer, pu.
@@ -32,7 +39,7 @@ pub enum Point {
 }
 
 /// Number of points.
-pub const POINTS: usize = 9;
+pub const POINTS: usize = 11;
 
 /// What a term may look at.
 #[derive(Clone, Copy, Debug)]
@@ -105,7 +112,7 @@ impl Terms {
         from == to
     }
 
-    /// Sets the memories at a point for a constant signal; returns what comes out.
+    /// Sets the memories at a point for a signal that has long been constant.
     pub fn reset(&self, point: Point, signal: f64, memory: &mut [f64]) {
         let (from, to) = self.ranges[point as usize];
         for (term, start) in &self.list[from..to] {

@@ -24,6 +24,32 @@ pub const SPOOL_STEP_S: f64 = 5.0e-4;
 /// Weight of a step's end in its mean.
 const THETA: f64 = 0.5;
 
+/// What holds over a tick besides the drive.
+#[derive(Clone, Copy, Debug)]
+struct Held {
+    /// Pressure at the valve, Pa.
+    supply_pa: f64,
+    /// Force on the spool beyond its own block's, N.
+    outside_n: f64,
+    oil: Oil,
+}
+
+/// How thick the oil is, relative to the sheet's.
+#[derive(Clone, Copy, Debug)]
+struct Oil {
+    viscosity_ratio: f64,
+    /// The inverse: how readily it leaks.
+    fluidity_ratio: f64,
+}
+
+impl Oil {
+    #[inline]
+    fn at(plant: &Plant, time_s: f64) -> Self {
+        let viscosity_ratio = plant.supply.viscosity(time_s);
+        Self { viscosity_ratio, fluidity_ratio: 1.0 / viscosity_ratio }
+    }
+}
+
 /// Step lengths, and the pilot valve's exact step.
 #[derive(Clone, Debug)]
 pub struct Split {
@@ -43,7 +69,7 @@ impl Split {
 
     /// Advances by one tick.
     pub fn advance(&self, plant: &Plant, state: &mut State, drive: &Drive) {
-        let viscosity = plant.supply.viscosity(drive.time_s);
+        let oil = Oil::at(plant, drive.time_s);
         let supply_pa = supply_pressure_pa(plant, state, drive);
         let travel_m = plant.main_ports.travel_m(state.spool_position_m);
         let outside_n = drive.spool_force_n
@@ -54,32 +80,26 @@ impl Split {
                 supply_pa,
                 plant.supply.return_pressure_pa,
             );
+        let held = Held { supply_pa, outside_n, oil };
         let mut travel_sum_m = 0.0;
         for _ in 0..self.count {
             let start_m = state.spool_position_m;
-            self.spool_step(plant, state, drive, supply_pa, viscosity, outside_n);
+            self.spool_step(plant, state, drive, &held);
             travel_sum_m += plant.main_ports.travel_m(0.5 * (start_m + state.spool_position_m));
         }
-        self.piston_step(plant, state, drive, viscosity, travel_sum_m / f64::from(self.count));
+        self.piston_step(plant, state, drive, oil, travel_sum_m / f64::from(self.count));
     }
 
     /// Advances the servomotor alone by one tick; the spool is where the caller put it.
     pub fn advance_piston(&self, plant: &Plant, state: &mut State, drive: &Drive) {
         let travel_m = plant.main_ports.travel_m(state.spool_position_m);
-        self.piston_step(plant, state, drive, plant.supply.viscosity(drive.time_s), travel_m);
+        self.piston_step(plant, state, drive, Oil::at(plant, drive.time_s), travel_m);
     }
 
     #[inline]
-    fn spool_step(
-        &self,
-        plant: &Plant,
-        state: &mut State,
-        drive: &Drive,
-        supply_pa: f64,
-        viscosity: f64,
-        outside_n: f64,
-    ) {
+    fn spool_step(&self, plant: &Plant, state: &mut State, drive: &Drive, held: &Held) {
         let (spool, valve) = (&plant.spool, &plant.proportional_valve);
+        let (supply_pa, leaking) = (held.supply_pa, held.oil.fluidity_ratio);
         let return_pa = plant.supply.return_pressure_pa;
         let (h, theta) = (self.step_s, THETA);
 
@@ -93,16 +113,17 @@ impl Split {
         let pilot = valve.flow(valve.opening_pu(mean_pu), p, supply_pa, return_pa);
         let entering = plant.esv.flow(drive.esv_opening_pu, pilot, p, return_pa);
         let net = Flow {
-            m3_s: entering.m3_s + spool.leakage_m3_s(p, supply_pa, return_pa) + drive.chamber_flow_m3_s,
-            slope_m3_s_pa: entering.slope_m3_s_pa - spool.leakage_m3_s_pa - spool.return_leakage_m3_s_pa,
+            m3_s: entering.m3_s + leaking * spool.leakage_m3_s(p, supply_pa, return_pa) + drive.chamber_flow_m3_s,
+            slope_m3_s_pa: entering.slope_m3_s_pa - leaking * (spool.leakage_m3_s_pa + spool.return_leakage_m3_s_pa),
         };
         let (gain, fill_pa) = chamber(net, theta * h, spool.compliance_m3_pa(x, p));
 
         let a = spool.control_area_m2;
         let inertia = spool.mass_kg / (theta * h);
-        let force_n = spool.static_force_n(x, p + fill_pa, supply_pa) + outside_n;
+        let force_n = spool.static_force_n(x, p + fill_pa, supply_pa) + held.outside_n;
         let stiffness = if x > -spool.spring_precompression_m { spool.spring_stiffness_n_m } else { 0.0 };
-        let resistance = inertia + a * a * gain + theta * h * stiffness + spool.viscous_damping_n_s_m * viscosity;
+        let resistance =
+            inertia + a * a * gain + theta * h * stiffness + spool.viscous_damping_n_s_m * held.oil.viscosity_ratio;
         let mut v_theta = spool.friction.speed_m_s(inertia * v + force_n, resistance, v);
 
         let mut next_m = x + h * v_theta;
@@ -119,13 +140,13 @@ impl Split {
     }
 
     #[inline]
-    fn piston_step(&self, plant: &Plant, state: &mut State, drive: &Drive, viscosity: f64, travel_m: f64) {
+    fn piston_step(&self, plant: &Plant, state: &mut State, drive: &Drive, oil: Oil, travel_m: f64) {
         let servo = &plant.servomotor;
         let (h, theta) = (self.tick_s, THETA);
         let (z, w) = (state.servomotor_position_m, state.servomotor_velocity_m_s);
         let (p_1, p_2) = (state.opening_pressure_pa, state.closing_pressure_pa);
         let flows = plant.main_ports.flows(travel_m, p_1, p_2, drive.tank_pressure_pa, &plant.supply);
-        let leak = servo.cross_leakage_m3_s_pa;
+        let leak = oil.fluidity_ratio * servo.cross_leakage_m3_s_pa;
         let opening = Flow {
             m3_s: flows.opening.m3_s - leak * (p_1 - p_2) + drive.opening_flow_m3_s,
             slope_m3_s_pa: flows.opening.slope_m3_s_pa - leak,
@@ -144,7 +165,7 @@ impl Split {
             + a_1 * a_1 * gain_1
             + a_2 * a_2 * gain_2
             + theta * h * servo.load_slope_n / servo.stroke_m
-            + servo.damping_n_s_m(z, w, viscosity);
+            + servo.damping_n_s_m(z, w, oil.viscosity_ratio);
         let mut w_theta = servo.friction.speed_m_s(inertia * w + force_n, resistance, w);
 
         let mut next_m = z + h * w_theta;

@@ -1,0 +1,34 @@
+//! Leakage from the control chamber to return: a worn land, a bad seal, a valve not quite shut.
+//!
+//! `Q_l = C_r (P_ctrl − P_t)` leaves the chamber: laminar flow through a gap (Merritt 1967, *Hydraulic Control Systems*, chapter 3).
+//!
+//! | symbol | meaning | unit |
+//! |---|---|---|
+//! | C_r | leakage coefficient to return `leakage_m3_s_pa` | m³/(s Pa) |
+//!
+//! Without it the real pilot valve stands open at rest and the spool off its demand towards closing; it opens slower and closes faster.
+//! Limits: laminar, independent of the spool's place; the positions confuse it with a null shift of the pilot valve.
+
+use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::plant::Plant;
+
+/// The effect.
+pub const SPEC: EffectSpec = EffectSpec {
+    id: "chamber_leak",
+    stage: Stage::Spool,
+    source: include_str!("chamber_leak.rs"),
+    parameters: &[EffectParameter {
+        name: "leakage_m3_s_pa",
+        unit: "m3/(s Pa)",
+        neutral: 0.0,
+        min: 0.0,
+        max: 2.0e-10,
+        typical: 5.0e-12,
+        doc: "leakage coefficient from the control chamber to return",
+    }],
+    apply,
+};
+
+fn apply(values: &[f64], plant: &mut Plant) {
+    plant.spool.return_leakage_m3_s_pa += values[0];
+}

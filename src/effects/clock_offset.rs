@@ -1,0 +1,49 @@
+//! Clocks that disagree: the stamps of command and ESV run ahead of, or behind, the plant's own.
+//!
+//! A command stamped t acted on the plant at `t − δ` of the plant's clock (Mills 1991, IEEE Transactions on Communications 39(10), clock offset).
+//!
+//! | symbol | meaning | unit |
+//! |---|---|---|
+//! | δ | stamps of command and ESV less the plant's `offset_s` | s |
+//!
+//! Without it the real unit seems to act δ before it was told, or |δ| too late, and alike to commands and trips: the sign and the
+//! ESV tell it from a delay of the command. Limits: constant; one that would need the future (δ > 0) works in replay, which
+//! shifts the inputs, and means nothing to a live node.
+
+use std::sync::Arc;
+
+use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::plant::Plant;
+use crate::plant::term::Point;
+use crate::plant::term::delay::Delay;
+
+/// The effect.
+pub const SPEC: EffectSpec = EffectSpec {
+    id: "clock_offset",
+    stage: Stage::Sensor,
+    source: include_str!("clock_offset.rs"),
+    parameters: &[EffectParameter {
+        name: "offset_s",
+        unit: "s",
+        neutral: 0.0,
+        min: -0.5,
+        max: 0.5,
+        typical: 0.03,
+        doc: "stamps of command and ESV less those of the plant's signals",
+    }],
+    apply,
+};
+
+fn apply(values: &[f64], plant: &mut Plant) {
+    let offset_s = values[0];
+    if offset_s == 0.0 {
+        return;
+    }
+    // Whole ticks are looked ahead, the rest of the last one is waited for again.
+    let tick_s = plant.regulator.small_loop_period_s();
+    let ahead_s = (offset_s / tick_s).ceil().max(0.0) * tick_s;
+    plant.lookahead_s += ahead_s;
+    for point in [Point::Command, Point::EsvOpening] {
+        plant.terms.push(Arc::new(Delay::new(point, ahead_s - offset_s, tick_s)));
+    }
+}

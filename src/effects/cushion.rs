@@ -1,0 +1,50 @@
+//! A cushion at the closed end of the servomotor's stroke: the outlet narrows and the last part of closing is slow.
+//!
+//! `F = K (1 − Y/L) w²` against closing for `Y < L`: the drop over an outlet whose drag grows towards the end
+//! (orifice law: Merritt 1967, *Hydraulic Control Systems*, chapter 3; slow closure of guide vanes: IEC 61362:2012, cushioning).
+//!
+//! | symbol | meaning | unit |
+//! |---|---|---|
+//! | K | strength at the very end `strength_n_s2_m2` | N s²/m² |
+//! | L | length of the cushion from the closed end `length_pu` | pu of stroke |
+//! | Y, w | piston position, piston speed | pu, m/s |
+//!
+//! Without it the simulated servomotor runs into its closed end at full speed while the real one slows down over the last part of
+//! the stroke, in shutdowns and rejections only. Limits: closing only; no cushion at the open end.
+
+use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::plant::Plant;
+
+/// The effect.
+pub const SPEC: EffectSpec = EffectSpec {
+    id: "cushion",
+    stage: Stage::Servomotor,
+    source: include_str!("cushion.rs"),
+    parameters: &[
+        EffectParameter {
+            name: "strength_n_s2_m2",
+            unit: "N s2/m2",
+            neutral: 0.0,
+            min: 0.0,
+            max: 5.0e9,
+            typical: 1.0e8,
+            doc: "cushion force per speed squared at the very end",
+        },
+        EffectParameter {
+            name: "length_pu",
+            unit: "pu",
+            neutral: 0.1,
+            min: 0.005,
+            max: 0.5,
+            typical: 0.1,
+            doc: "length of the cushion from the closed end, pu of stroke",
+        },
+    ],
+    apply,
+};
+
+fn apply(values: &[f64], plant: &mut Plant) {
+    let servo = &mut plant.servomotor;
+    servo.cushion_n_s2_m2 += values[0];
+    servo.cushion_length_m = values[1] * servo.stroke_m;
+}

@@ -1,0 +1,42 @@
+//! Dead time of the emergency shutdown valve: relay, solenoid and pilot stage act late.
+//!
+//! The valve does at t what its solenoid was told at `t − T` (IEC 61362:2012, dead times of governing systems).
+//!
+//! | symbol | meaning | unit |
+//! |---|---|---|
+//! | T | dead time `delay_s` | s |
+//!
+//! Without it the simulated spool falls to its closing stop a time T before the real one after a trip; nothing else differs.
+//! Limits: the same for trip and release; within the tick in which the dead time ends the valve counts as partly switched, so that the
+//! response is continuous in T.
+
+use std::sync::Arc;
+
+use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::plant::Plant;
+use crate::plant::term::Point;
+use crate::plant::term::delay::Delay;
+
+/// The effect.
+pub const SPEC: EffectSpec = EffectSpec {
+    id: "esv_delay",
+    stage: Stage::Esv,
+    source: include_str!("esv_delay.rs"),
+    parameters: &[EffectParameter {
+        name: "delay_s",
+        unit: "s",
+        neutral: 0.0,
+        min: 0.0,
+        max: 3.0,
+        typical: 0.3,
+        doc: "time from the ESV's signal to its switching",
+    }],
+    apply,
+};
+
+fn apply(values: &[f64], plant: &mut Plant) {
+    if values[0] > 0.0 {
+        let tick_s = plant.regulator.small_loop_period_s();
+        plant.terms.push(Arc::new(Delay::new(Point::EsvOpening, values[0], tick_s)));
+    }
+}

@@ -1,0 +1,35 @@
+//! A wrong gain of the spool's transducer: a bad calibration, an ageing oscillator.
+//!
+//! `y_r = g y`; the regulator and the recording both read `y_r` (Isermann 2006, *Fault-Diagnosis Systems*, sensor faults: changed gain).
+//!
+//! | symbol | meaning | unit |
+//! |---|---|---|
+//! | g | reading over position `gain_ratio` | 1 |
+//! | y, y_r | spool position, reading | pu |
+//!
+//! Without it the real spool reading has another value at the stops, and the servomotor moves at 1/g of the speed that the reading
+//! promises in slow movements. Limits: linear.
+
+use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::plant::Plant;
+
+/// The effect.
+pub const SPEC: EffectSpec = EffectSpec {
+    id: "lvdt_gain",
+    stage: Stage::Sensor,
+    source: include_str!("lvdt_gain.rs"),
+    parameters: &[EffectParameter {
+        name: "gain_ratio",
+        unit: "1",
+        neutral: 1.0,
+        min: 0.5,
+        max: 2.0,
+        typical: 1.08,
+        doc: "reading of the spool's transducer over the true position",
+    }],
+    apply,
+};
+
+fn apply(values: &[f64], plant: &mut Plant) {
+    plant.spool.reading_gain *= values[0];
+}

@@ -1,0 +1,35 @@
+//! A pilot valve that follows its current slower, or faster, than specified: thick oil, dirt, a weak amplifier.
+//!
+//! `x_p'' + 2 ζ r ω_n x_p' + (r ω_n)² x_p = K (r ω_n)² u` (Liu et al. 2025, equation 5; Merritt 1967, *Hydraulic Control Systems*, chapter 5).
+//!
+//! | symbol | meaning | unit |
+//! |---|---|---|
+//! | r | natural frequency over the sheet's `frequency_ratio` | 1 |
+//! | ζ, ω_n | damping ratio and natural frequency of the sheet | 1, rad/s |
+//!
+//! Without it the real spool starts a few milliseconds later than the simulated one and rings about its demand, in all manoeuvres
+//! alike. Limits: linear; the damping ratio stays.
+
+use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::plant::Plant;
+
+/// The effect.
+pub const SPEC: EffectSpec = EffectSpec {
+    id: "pv_bandwidth",
+    stage: Stage::PilotValve,
+    source: include_str!("pv_bandwidth.rs"),
+    parameters: &[EffectParameter {
+        name: "frequency_ratio",
+        unit: "1",
+        neutral: 1.0,
+        min: 0.03,
+        max: 3.0,
+        typical: 0.4,
+        doc: "natural frequency of the pilot valve over the sheet's",
+    }],
+    apply,
+};
+
+fn apply(values: &[f64], plant: &mut Plant) {
+    plant.proportional_valve.natural_frequency_rad_s *= values[0];
+}

@@ -1,0 +1,36 @@
+//! A shifted null of the pilot valve: at zero current it passes oil, after wear, a tired spring or a drifted amplifier.
+//!
+//! `s = x_p − n`: the hydraulic null lies at the valve position n (Merritt 1967, *Hydraulic Control Systems*, chapter 5;
+//! Jelali & Kroll 2003, *Hydraulic Servo-systems*, chapter 4, null bias).
+//!
+//! | symbol | meaning | unit |
+//! |---|---|---|
+//! | n | valve position at which no oil passes `null_shift_pu` | pu of valve stroke |
+//!
+//! Without it the real spool stands off its demand by n/K2 at rest, which the large loop turns into an
+//! offset of the servomotor inside the dead band. Limits: in the positions it equals an error of the regulator's current
+//! reference, which the sheet lets vary; the pilot valve's own signal tells them apart.
+
+use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::plant::Plant;
+
+/// The effect.
+pub const SPEC: EffectSpec = EffectSpec {
+    id: "pv_null_shift",
+    stage: Stage::PilotValve,
+    source: include_str!("pv_null_shift.rs"),
+    parameters: &[EffectParameter {
+        name: "null_shift_pu",
+        unit: "pu",
+        neutral: 0.0,
+        min: -0.3,
+        max: 0.3,
+        typical: 0.03,
+        doc: "valve position at which no oil passes",
+    }],
+    apply,
+};
+
+fn apply(values: &[f64], plant: &mut Plant) {
+    plant.proportional_valve.null_shift_pu += values[0];
+}

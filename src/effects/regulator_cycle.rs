@@ -1,0 +1,38 @@
+//! A regulator whose large loop runs slower than specified: it samples command and position, and holds its demand longer.
+//!
+//! `u_y(t) = u_y(t_k)` for `t_k ≤ t < t_k + T_l + ΔT`: sample and hold (Åström & Wittenmark 1997,
+//! *Computer-Controlled Systems*, section 1.2); the small loop keeps its pace.
+//!
+//! | symbol | meaning | unit |
+//! |---|---|---|
+//! | ΔT | time added to the large loop's period T_l `extra_period_s` | s |
+//!
+//! Without it the real spool moves in steps at a period of its own, the servomotor lags by half of it in ramps, and the
+//! loop hunts where the simulated one settles. Limits: instants count from the first frame, as the true phase is
+//! unknown; a run between two ticks takes effect within the tick, so that the response is continuous in ΔT.
+
+use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::plant::Plant;
+
+/// The effect.
+pub const SPEC: EffectSpec = EffectSpec {
+    id: "regulator_cycle",
+    stage: Stage::Regulator,
+    source: include_str!("regulator_cycle.rs"),
+    parameters: &[EffectParameter {
+        name: "extra_period_s",
+        unit: "s",
+        neutral: 0.0,
+        min: 0.0,
+        max: 0.5,
+        typical: 0.04,
+        doc: "time added to the period of the large loop",
+    }],
+    apply,
+};
+
+fn apply(values: &[f64], plant: &mut Plant) {
+    if values[0] > 0.0 {
+        plant.regulator.lengthen_large_loop(values[0]);
+    }
+}

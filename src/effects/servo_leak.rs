@@ -1,0 +1,35 @@
+//! Leakage across the servomotor's piston: a worn ring or a scored cylinder.
+//!
+//! `Q_l = C_p (P_1 − P_2)` from the opening into the closing chamber: laminar flow through a gap (Merritt 1967, *Hydraulic Control Systems*, chapters 3 and 6).
+//!
+//! | symbol | meaning | unit |
+//! |---|---|---|
+//! | C_p | leakage coefficient across the piston `leakage_m3_s_pa` | m³/(s Pa) |
+//! | P_1, P_2 | pressures of the opening and the closing chamber | Pa |
+//!
+//! Without it the real piston creeps under load while the ports are shut, so that the regulator corrects again and again, and it runs
+//! slower against the load. Limits: laminar, the same along the stroke.
+
+use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::plant::Plant;
+
+/// The effect.
+pub const SPEC: EffectSpec = EffectSpec {
+    id: "servo_leak",
+    stage: Stage::Servomotor,
+    source: include_str!("servo_leak.rs"),
+    parameters: &[EffectParameter {
+        name: "leakage_m3_s_pa",
+        unit: "m3/(s Pa)",
+        neutral: 0.0,
+        min: 0.0,
+        max: 2.0e-8,
+        typical: 5.0e-10,
+        doc: "leakage coefficient across the piston",
+    }],
+    apply,
+};
+
+fn apply(values: &[f64], plant: &mut Plant) {
+    plant.servomotor.cross_leakage_m3_s_pa += values[0];
+}

@@ -1,0 +1,50 @@
+//! Dry friction of the spool: silt, a bent sleeve, side forces of unrelieved lands.
+//!
+//! `F_f = F_c (1 + (r − 1) e^(−|v|/v_s)) sat(v/v_0)` against the motion (Armstrong-Hélouvry, Dupont & Canudas de Wit 1994,
+//! Automatica 30(7), section 2; hydraulic lock: Merritt 1967, *Hydraulic Control Systems*, chapter 11).
+//!
+//! | symbol | meaning | unit |
+//! |---|---|---|
+//! | F_c | Coulomb friction `coulomb_n` | N |
+//! | r | friction at rest over Coulomb friction `static_ratio` | 1 |
+//! | v, v_s, v_0 | speed, Stribeck speed 2 mm/s, end of the viscous core 0.2 mm/s | m/s |
+//!
+//! Without it the control pressure of the real unit swings wider about the balance, and the spool waits before each
+//! small movement. The positions show little: the small loop has force to spare. Limits: no presliding, no memory beyond the speed.
+
+use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::plant::Plant;
+
+/// The effect.
+pub const SPEC: EffectSpec = EffectSpec {
+    id: "spool_friction",
+    stage: Stage::Spool,
+    source: include_str!("spool_friction.rs"),
+    parameters: &[
+        EffectParameter {
+            name: "coulomb_n",
+            unit: "N",
+            neutral: 0.0,
+            min: 0.0,
+            max: 8000.0,
+            typical: 400.0,
+            doc: "Coulomb friction of the spool",
+        },
+        EffectParameter {
+            name: "static_ratio",
+            unit: "1",
+            neutral: 1.0,
+            min: 1.0,
+            max: 3.0,
+            typical: 1.3,
+            doc: "friction at rest over Coulomb friction",
+        },
+    ],
+    apply,
+};
+
+fn apply(values: &[f64], plant: &mut Plant) {
+    let friction = &mut plant.spool.friction;
+    friction.coulomb_n += values[0];
+    friction.static_ratio *= values[1];
+}

@@ -1,0 +1,48 @@
+//! A tired or broken centring spring of the spool: less stiffness, or less pre-compression.
+//!
+//! `F_k = (1 − a) k (δ_0 − d + x)` while compressed, else 0 (Liu et al. 2025, equation 17; Wahl 1963, *Mechanical Springs*, set and relaxation).
+//!
+//! | symbol | meaning | unit |
+//! |---|---|---|
+//! | a | share of the stiffness lost `stiffness_loss_share` | 1 |
+//! | d | pre-compression lost `preload_loss_m` | m |
+//!
+//! Without it the simulated control pressure is higher than the real one at every place of the spool, by k d/A and
+//! more the further it opens; the positions show it only where the pressure reaches its limits, in trips above all. Limits: linear coils.
+
+use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::plant::Plant;
+
+/// The effect.
+pub const SPEC: EffectSpec = EffectSpec {
+    id: "spring",
+    stage: Stage::Spool,
+    source: include_str!("spring.rs"),
+    parameters: &[
+        EffectParameter {
+            name: "stiffness_loss_share",
+            unit: "1",
+            neutral: 0.0,
+            min: 0.0,
+            max: 0.95,
+            typical: 0.3,
+            doc: "share of the spring's stiffness lost",
+        },
+        EffectParameter {
+            name: "preload_loss_m",
+            unit: "m",
+            neutral: 0.0,
+            min: 0.0,
+            max: 0.1,
+            typical: 0.01,
+            doc: "pre-compression lost",
+        },
+    ],
+    apply,
+};
+
+fn apply(values: &[f64], plant: &mut Plant) {
+    let spool = &mut plant.spool;
+    spool.spring_stiffness_n_m *= 1.0 - values[0];
+    spool.spring_precompression_m = (spool.spring_precompression_m - values[1]).max(0.0);
+}

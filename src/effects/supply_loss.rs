@@ -1,0 +1,36 @@
+//! A loss in the line between tank and valve: a throttled shut-off valve, a clogged strainer, a line too narrow.
+//!
+//! `P_s = P_tank − R Q²` with Q what the servomotor draws (Merritt 1967, *Hydraulic Control Systems*, chapter 3; Idelchik 2007,
+//! *Handbook of Hydraulic Resistance*).
+//!
+//! | symbol | meaning | unit |
+//! |---|---|---|
+//! | R | quadratic loss of the line `loss_pa_s2_m6` | Pa s²/m⁶ |
+//! | Q | flow out of the tank | m³/s |
+//!
+//! Without it the simulated servomotor is too fast in large movements and right in small ones, most at the spool's stops. Limits: no inertia of
+//! the oil in the line, no accumulator behind the loss.
+
+use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::plant::Plant;
+
+/// The effect.
+pub const SPEC: EffectSpec = EffectSpec {
+    id: "supply_loss",
+    stage: Stage::Supply,
+    source: include_str!("supply_loss.rs"),
+    parameters: &[EffectParameter {
+        name: "loss_pa_s2_m6",
+        unit: "Pa s2/m6",
+        neutral: 0.0,
+        min: 0.0,
+        max: 5.0e10,
+        typical: 2.0e9,
+        doc: "quadratic loss of the line between tank and valve",
+    }],
+    apply,
+};
+
+fn apply(values: &[f64], plant: &mut Plant) {
+    plant.supply.line_root = plant.supply.line_root.hypot(values[0].max(0.0).sqrt());
+}
