@@ -29,6 +29,13 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     govtwin::files::write_atomically(path, bytes).with_context(|| format!("cannot write {}", path.display()))
 }
 
+/// Writes a line for the person who waits to standard error.
+#[cfg(feature = "node")]
+pub fn say(text: &str) {
+    // Where even standard error is closed there is nobody left to tell.
+    let _ = writeln!(io::stderr().lock(), "govtwin: {text}");
+}
+
 /// A progress bar on standard error that shows itself only on a terminal, and only after a second of work.
 pub struct Progress {
     bar: ProgressBar,

@@ -1,12 +1,107 @@
-//! `govtwin play`.
+//! `govtwin play`: a recording over DDS, with its timing.
 
+use std::path::PathBuf;
+
+use anyhow::ensure;
+use govtwin::bag;
+use govtwin::node::arguments::Arguments;
+use govtwin::node::bus::Bus;
+use govtwin::node::environment::Environment;
+use govtwin::node::player::{Options, Played, Player};
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::output;
+use super::run::{duration, stop_on_signals};
 use crate::cli::Outcome;
 
 /// Arguments of `govtwin play`.
 #[derive(Debug, clap::Args)]
-pub struct Args {}
+pub struct Args {
+    /// The recording: a bag folder or an MCAP file.
+    #[arg(value_name = "BAG")]
+    bag: PathBuf,
+    /// Speed, 2 for twice as fast.
+    #[arg(long = "rate", value_name = "FACTOR", default_value_t = 1.0)]
+    speed: f64,
+    /// Start again at the end, until told to stop.
+    #[arg(long = "loop")]
+    repeat: bool,
+    /// Publish the recording's time on `/clock`, so often and before each message.
+    #[arg(long = "clock", value_name = "HZ", num_args = 0..=1, default_missing_value = "100", require_equals = true)]
+    clock_hz: Option<f64>,
+    /// Only these topics, by their names in the recording.
+    #[arg(long, value_name = "TOPIC", num_args = 1..)]
+    topics: Vec<String>,
+    /// Only the first seconds of the recording.
+    #[arg(long = "duration", value_name = "S")]
+    duration_s: Option<f64>,
+    /// Wait so long for somebody to listen; 0 not to wait.
+    #[arg(long = "wait", value_name = "S", default_value_t = 10.0)]
+    wait_s: f64,
+    /// What every ROS 2 program takes: `-r FROM:=TO`, `-r __ns:=/NAME`.
+    #[arg(long, num_args = 0.., allow_hyphen_values = true, value_terminator = "--", value_name = "ARGS")]
+    ros_args: Vec<String>,
+}
 
-/// Not built yet.
-pub fn run(_args: &Args) -> anyhow::Result<Outcome> {
-    anyhow::bail!("not built yet")
+/// Plays a recording to its end, or until a signal.
+pub fn run(args: &Args) -> anyhow::Result<Outcome> {
+    ensure!((1e-3..=1e3).contains(&args.speed), "--rate is {}: expected 0.001 to 1000", args.speed);
+    let clock_ok = args.clock_hz.is_none_or(|hz| (0.1..=10_000.0).contains(&hz));
+    ensure!(clock_ok, "--clock is {:?}: expected 0.1 to 10000 Hz", args.clock_hz);
+    let wait = duration(Some(args.wait_s), "--wait")?.unwrap_or_default();
+    let options = Options { speed: args.speed, repeat: args.repeat, clock_hz: args.clock_hz, wait };
+    let read = bag::messages(&args.bag)?;
+    for warning in read.warnings() {
+        output::warn(&warning.to_string());
+    }
+    let mut messages = read.collect::<Result<Vec<_>, _>>()?;
+    messages.retain(|message| args.topics.is_empty() || args.topics.contains(&message.topic.name));
+    if let (Some(first), Some(limit)) = (messages.first(), duration(args.duration_s, "--duration")?) {
+        let end_ns = first.log_time_ns.saturating_add(i64::try_from(limit.as_nanos()).unwrap_or(i64::MAX));
+        messages.retain(|message| message.log_time_ns <= end_ns);
+    }
+    ensure!(!messages.is_empty(), "{}: nothing to play{}", args.bag.display(), none_of(&args.topics));
+    let environment = Environment::of_process()?;
+    for remark in &environment.remarks {
+        output::warn(remark);
+    }
+    let stop = stop_on_signals()?;
+    let mut bus = Bus::open(&environment, Arguments::parse(&args.ros_args, "govtwin_play")?)?;
+    let player = Player::open(&mut bus, &messages, &options)?;
+    for topic in &player.left_out {
+        output::warn(&format!("{topic} is not played: its type is not one of this program's"));
+    }
+    if !options.wait.is_zero() && !player.wait(&bus, &options, &stop) {
+        output::warn(&format!("nobody listened within {} s; playing all the same", args.wait_s));
+    }
+    let length_ms = |from: i64, to: i64| u64::try_from((to - from) / 1_000_000).unwrap_or(0);
+    let total = messages.first().zip(messages.last()).map_or(0, |(a, b)| length_ms(a.log_time_ns, b.log_time_ns));
+    let bar = ProgressBar::new(total);
+    if let Ok(style) = ProgressStyle::with_template("{bar:40} {msg} {percent}%, {eta} left") {
+        bar.set_style(style);
+    }
+    let played = player.play(&options, &stop, &mut |time_s| {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a time in a recording, in ms")]
+        bar.set_position((time_s * 1e3) as u64);
+        bar.set_message(format!("{time_s:.1} s"));
+    });
+    bar.finish_and_clear();
+    drop(player);
+    drop(bus);
+    output::print(&text(&played))?;
+    Ok(if played.lost > 0 { Outcome::Warnings } else { Outcome::Ok })
+}
+
+fn none_of(topics: &[String]) -> String {
+    if topics.is_empty() { String::new() } else { format!(" on {}", topics.join(", ")) }
+}
+
+fn text(played: &Played) -> String {
+    let mut text = String::new();
+    for (topic, count) in &played.messages {
+        text.push_str(&format!("{topic:<24}{count:>8} published\n"));
+    }
+    let (lost, passes, delay_ms) = (played.lost, played.passes, played.worst_delay_s * 1e3);
+    text.push_str(&format!("{lost} lost, {passes} passes, at most {delay_ms:.1} ms behind its time\n"));
+    text
 }

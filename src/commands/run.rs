@@ -26,11 +26,11 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
     /// Ticks of the model per second.
-    #[arg(long, value_name = "HZ", default_value_t = 1000.0)]
-    rate: f64,
+    #[arg(long = "rate", value_name = "HZ", default_value_t = 1000.0)]
+    rate_hz: f64,
     /// Published states per second.
-    #[arg(long, value_name = "HZ", default_value_t = 100.0)]
-    publish_rate: f64,
+    #[arg(long = "publish-rate", value_name = "HZ", default_value_t = 100.0)]
+    publish_rate_hz: f64,
     /// Keep the integration thread on this core.
     #[arg(long, value_name = "CORE")]
     cpu: Option<usize>,
@@ -38,14 +38,14 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 80, value_parser = clap::value_parser!(u8).range(0..=99))]
     priority: u8,
     /// End after so many seconds; run until told to stop by default.
-    #[arg(long, value_name = "S")]
-    duration: Option<f64>,
+    #[arg(long = "duration", value_name = "S")]
+    duration_s: Option<f64>,
     /// An input older than this is stale; the ESV state comes only once a second.
-    #[arg(long, value_name = "S", default_value_t = 2.5)]
-    stale_after: f64,
+    #[arg(long = "stale-after", value_name = "S", default_value_t = 2.5)]
+    stale_after_s: f64,
     /// Hold a stale input for so long before the fail-safe.
-    #[arg(long, value_name = "S", default_value_t = 1.0)]
-    hold: f64,
+    #[arg(long = "hold", value_name = "S", default_value_t = 1.0)]
+    hold_s: f64,
     /// The fail-safe: treat a stale input as an ESV trip, hold it for ever, or stop the node.
     #[arg(long, value_name = "WHAT", default_value = "trip", value_parser = OnStale::NAMES)]
     on_stale: String,
@@ -62,24 +62,24 @@ pub struct Args {
 
 /// Runs the node until a signal, its duration or the fail-safe ends it.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    ensure!((1.0..=10_000.0).contains(&args.rate), "--rate is {}: expected 1 to 10000 Hz", args.rate);
+    ensure!((1.0..=10_000.0).contains(&args.rate_hz), "--rate is {}: expected 1 to 10000 Hz", args.rate_hz);
     ensure!(
-        (0.1..=args.rate).contains(&args.publish_rate),
+        (0.1..=args.rate_hz).contains(&args.publish_rate_hz),
         "--publish-rate is {}: expected 0.1 Hz to --rate, {} Hz",
-        args.publish_rate,
-        args.rate
+        args.publish_rate_hz,
+        args.rate_hz
     );
     ensure!(
-        (0.001..=86_400.0).contains(&args.stale_after),
+        (0.001..=86_400.0).contains(&args.stale_after_s),
         "--stale-after is {}: expected 0.001 to 86400 s",
-        args.stale_after
+        args.stale_after_s
     );
-    ensure!((0.0..=86_400.0).contains(&args.hold), "--hold is {}: expected 0 to 86400 s", args.hold);
+    ensure!((0.0..=86_400.0).contains(&args.hold_s), "--hold is {}: expected 0 to 86400 s", args.hold_s);
     let settings = Settings {
-        rate_hz: args.rate,
-        publish_rate_hz: args.publish_rate,
-        stale_after_s: args.stale_after,
-        hold_s: args.hold,
+        rate_hz: args.rate_hz,
+        publish_rate_hz: args.publish_rate_hz,
+        stale_after_s: args.stale_after_s,
+        hold_s: args.hold_s,
         on_stale: OnStale::named(&args.on_stale).unwrap_or_default(),
         use_sim_time: false,
         wishes: Wishes { cpu: args.cpu, priority: args.priority },
@@ -90,7 +90,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         arguments: Arguments::parse(&args.ros_args, "govtwin")?,
         unit,
         settings,
-        duration: duration(args.duration, "--duration")?,
+        duration: duration(args.duration_s, "--duration")?,
         bag: args.bag.clone(),
     };
     let stop = stop_on_signals()?;

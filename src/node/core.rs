@@ -149,8 +149,8 @@ pub struct Tick {
     pub notices: Notices,
     /// The fail-safe asks the node to end.
     pub stop: bool,
-    /// Age of the oldest input, ns; the largest value while one is missing.
-    pub input_age_ns: i64,
+    /// Ages of the inputs, ns; `None` for one never heard.
+    pub ages_ns: [Option<i64>; 3],
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -222,7 +222,7 @@ impl Core {
         if std::mem::take(&mut self.reset) {
             notices.add(Notices::RESET);
         }
-        let (mut complete, mut overdue, mut oldest_ns) = (true, false, 0);
+        let (mut complete, mut overdue, mut ages_ns) = (true, false, [None; 3]);
         for input in Input::ALL {
             let held = &mut self.held[input as usize];
             let age_ns = now_ns.saturating_sub(held.heard_ns.unwrap_or(began_ns));
@@ -233,7 +233,7 @@ impl Core {
             }
             complete &= held.heard_ns.is_some();
             overdue |= age_ns > self.policy.stale_after_ns.saturating_add(self.policy.hold_ns);
-            oldest_ns = oldest_ns.max(if held.heard_ns.is_some() { age_ns } else { i64::MAX });
+            ages_ns[input as usize] = held.heard_ns.map(|_| age_ns);
         }
         let fail_safe = overdue && self.policy.on_stale != OnStale::Hold;
         if fail_safe != self.fail_safe {
@@ -256,7 +256,7 @@ impl Core {
             self.previous = Some(inputs);
         }
         let stop = fail_safe && self.policy.on_stale == OnStale::Stop;
-        Tick { frame, estimate, inputs_changed, notices, stop, input_age_ns: oldest_ns }
+        Tick { frame, estimate, inputs_changed, notices, stop, ages_ns }
     }
 }
 

@@ -185,7 +185,7 @@ impl Integrator {
     /// One tick at the model's next time; `now_ns` is the time on which ages are counted.
     fn tick(&mut self, now_ns: i64) {
         let tick = self.core.tick(self.time_ns, now_ns);
-        self.stats.ticked(tick.input_age_ns);
+        self.stats.ticked(&tick.ages_ns);
         self.stats.ended_by_fail_safe |= tick.stop;
         let publish = tick.estimate.is_some() && self.time_ns >= self.next_publish_ns;
         if publish {

@@ -27,7 +27,7 @@ use crate::msg::{Clock, EsvState, FluidPressure, GovernorCommand, Interface};
 #[derive(Debug, Clone)]
 pub enum News {
     /// A result worth keeping or telling.
-    Output(Output),
+    Output(Box<Output>),
     /// Words for people.
     Said(LogLevel, String),
 }

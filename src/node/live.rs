@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use futures::channel::oneshot;
 use ros2_client::log::LogLevel;
@@ -21,7 +21,7 @@ use super::integration::{Integrator, Output};
 use super::journal::{Journal, Names};
 use super::listener::{Ears, Listener, News};
 use super::parameters::Store;
-use super::realtime::{claim, lock_memory, resident_bytes, wall_ns};
+use super::realtime::{Until, claim, lock_memory, resident_bytes, wall_ns};
 use super::settings::Settings;
 use super::stats::Summary;
 use super::{messages, words};
@@ -146,10 +146,8 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
             drop(news);
             integrator.run(ending_ref, &publisher)
         })?;
-        let until = options.duration.map(|duration| Instant::now() + duration);
-        let done = || {
-            stop.load(Ordering::Relaxed) || until.is_some_and(|until| Instant::now() >= until) || stepping.is_finished()
-        };
+        let until = Until::after(options.duration);
+        let done = || stop.load(Ordering::Relaxed) || until.is_past() || stepping.is_finished();
         let mut outcome = keeper.keep(&heard, done);
         ending.store(true, Ordering::Relaxed);
         let _ = stop_listening.send(());
@@ -206,7 +204,7 @@ fn publish(mut outputs: Consumer<Output>, mouth: &Mouth, parameters: &Parameters
                 let joints = mouth.joint_states.publish(messages::joint_state(estimate, parameters)).is_err();
                 lost += u64::from(state) + u64::from(joints);
             }
-            let _ = news.send(News::Output(output));
+            let _ = news.send(News::Output(Box::new(output)));
         }
         if last {
             return lost;
@@ -241,7 +239,7 @@ impl Keeper<'_> {
     /// Keeps the books until `done`.
     fn keep(&mut self, news: &Receiver<News>, done: impl Fn() -> bool) -> Result<(), NodeError> {
         let second = Duration::from_secs(1);
-        let mut next = Instant::now() + second;
+        let mut next = Until::after(Some(second));
         let (mut newest, mut tripped) = (None, false);
         while !done() {
             match news.recv_timeout(Duration::from_millis(20)) {
@@ -249,15 +247,14 @@ impl Keeper<'_> {
                     if let News::Output(output) = &item {
                         let notices = output.tick.notices;
                         tripped = (tripped || notices.has(Notices::FAIL_SAFE)) && !notices.has(Notices::RELEASED);
-                        newest = Some(*output);
+                        newest = Some(**output);
                     }
                     self.take(&item)?;
                 }
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,
             }
-            if Instant::now() >= next {
-                next += second;
+            if next.comes_round(second) {
                 if let Some(journal) = &mut self.journal {
                     journal.flush()?;
                 }

@@ -249,7 +249,20 @@ impl Domain {
             (Self::Choice(names), ParameterValue::String(value)) => names.contains(&value.as_str()),
             _ => false,
         };
-        if right { Ok(()) } else { Err(format!("`{name}` is {}, not {value:?}", self.words())) }
+        if right { Ok(()) } else { Err(format!("`{name}` is {}, not {}", self.words(), words_of(value))) }
+    }
+}
+
+/// A value as a person would write it.
+#[must_use]
+pub fn words_of(value: &ParameterValue) -> String {
+    match value {
+        ParameterValue::NotSet => "nothing".to_owned(),
+        ParameterValue::Boolean(value) => value.to_string(),
+        ParameterValue::Integer(value) => format!("the whole number {value}"),
+        ParameterValue::Double(value) => value.to_string(),
+        ParameterValue::String(value) => format!("`{value}`"),
+        _ => "an array".to_owned(),
     }
 }
 

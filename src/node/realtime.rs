@@ -2,6 +2,7 @@
 
 use std::io;
 use std::num::NonZeroU64;
+use std::time::Duration;
 
 use rustix::mm::{MlockAllFlags, mlockall};
 use rustix::thread::{ClockId, CpuSet, clock_nanosleep_absolute, sched_setaffinity, set_current_timer_slack};
@@ -38,6 +39,38 @@ pub fn sleep_until(deadline_ns: i64) {
     };
     // A signal may end the sleep early: sleep again. Any other error cannot happen with a valid time.
     while clock_nanosleep_absolute(ClockId::Monotonic, &request) == Err(rustix::io::Errno::INTR) {}
+}
+
+/// Sleeps so long.
+pub fn pause(duration: Duration) {
+    sleep_until(monotonic_ns().saturating_add(whole_ns(duration)));
+}
+
+/// A time to come, or never.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Until(Option<i64>);
+
+impl Until {
+    /// So long from now; never where there is no duration.
+    #[must_use]
+    pub fn after(duration: Option<Duration>) -> Self {
+        Self(duration.map(|duration| monotonic_ns().saturating_add(whole_ns(duration))))
+    }
+
+    /// Whether it is past.
+    #[must_use]
+    pub fn is_past(self) -> bool {
+        self.0.is_some_and(|until_ns| monotonic_ns() >= until_ns)
+    }
+
+    /// Whether it is past; then it is the same duration later again.
+    pub fn comes_round(&mut self, duration: Duration) -> bool {
+        let past = self.is_past();
+        if past {
+            self.0 = self.0.map(|until_ns| until_ns.saturating_add(whole_ns(duration)).max(monotonic_ns()));
+        }
+        past
+    }
 }
 
 /// Keeps all memory of the process, present and future, in RAM.
@@ -79,6 +112,10 @@ pub fn resident_bytes() -> u64 {
         .ok()
         .and_then(|statm| statm.split_whitespace().nth(1).and_then(|pages| pages.parse::<u64>().ok()));
     pages.unwrap_or(0) * rustix::param::page_size() as u64
+}
+
+fn whole_ns(duration: Duration) -> i64 {
+    i64::try_from(duration.as_nanos()).unwrap_or(i64::MAX)
 }
 
 fn nanos(time: Timespec) -> i64 {

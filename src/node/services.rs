@@ -18,7 +18,7 @@ use ros2_client::rcl_interfaces::{
 use ros2_client::{Gid, Message, ParameterValue, Server, ServiceMapping};
 
 use super::bus::{Bus, BusError};
-use super::parameters::Store;
+use super::parameters::{Store, words_of};
 
 /// Vendor of Cyclone DDS, the first two bytes of its ids.
 const CYCLONE: [u8; 2] = [0x01, 0x10];
@@ -161,7 +161,7 @@ fn set(items: &[raw::Parameter], desk: &Desk, aftermath: &mut Aftermath) -> raw:
         return raw::SetParametersResult { successful: false, reason };
     }
     for (item, value) in items.iter().zip(values) {
-        aftermath.words.push(format!("parameter `{}` set to {value:?}", item.name));
+        aftermath.words.push(format!("parameter `{}` set to {}", item.name, words_of(&value)));
         // Checked above.
         let _ = store.set(&item.name, value);
         aftermath.changed.push(item.clone());

@@ -13,7 +13,7 @@ const LONGEST_NS: u64 = 60_000_000_000;
 pub struct Stats {
     lateness: Histogram<u64>,
     work: Histogram<u64>,
-    input_age: Histogram<u64>,
+    ages: [Histogram<u64>; 3],
     /// Ticks done.
     pub ticks: u64,
     /// Ticks whose work ended after the next tick's deadline.
@@ -48,8 +48,12 @@ pub struct Summary {
     pub lateness: Percentiles,
     /// Time from wake-up to the tick's end.
     pub work: Percentiles,
-    /// Age of the oldest input at each tick.
-    pub input_age: Percentiles,
+    /// Age of the newest command at each tick.
+    pub command_age: Percentiles,
+    /// Age of the newest ESV state at each tick.
+    pub esv_age: Percentiles,
+    /// Age of the newest tank pressure at each tick.
+    pub tank_pressure_age: Percentiles,
     /// See [`Stats::overruns`].
     pub overruns: u64,
     /// See [`Stats::skipped`].
@@ -70,7 +74,7 @@ impl Default for Stats {
         Self {
             lateness: histogram(),
             work: histogram(),
-            input_age: histogram(),
+            ages: [histogram(), histogram(), histogram()],
             ticks: 0,
             overruns: 0,
             skipped: 0,
@@ -88,11 +92,13 @@ impl Stats {
         self.overruns += u64::from(done_ns - deadline_ns > period_ns);
     }
 
-    /// Counts one tick with the age of its oldest input, ns; ages before the first inputs are left out.
-    pub fn ticked(&mut self, input_age_ns: i64) {
+    /// Counts one tick with the ages of its inputs, ns; an input never heard has none.
+    pub fn ticked(&mut self, ages_ns: &[Option<i64>; 3]) {
         self.ticks += 1;
-        if input_age_ns != i64::MAX {
-            self.input_age.saturating_record(positive(input_age_ns));
+        for (histogram, age_ns) in self.ages.iter_mut().zip(ages_ns) {
+            if let Some(age_ns) = age_ns {
+                histogram.saturating_record(positive(*age_ns));
+            }
         }
     }
 
@@ -109,7 +115,9 @@ impl Stats {
             ticks: self.ticks,
             lateness: percentiles(&self.lateness),
             work: percentiles(&self.work),
-            input_age: percentiles(&self.input_age),
+            command_age: percentiles(&self.ages[0]),
+            esv_age: percentiles(&self.ages[1]),
+            tank_pressure_age: percentiles(&self.ages[2]),
             overruns: self.overruns,
             skipped: self.skipped,
             lost_outputs: self.lost_outputs,
@@ -132,9 +140,13 @@ impl Summary {
         );
         // Writing to a `String` cannot fail.
         let _ = writeln!(text, "{:<22}{:>12}{:>12}{:>12}{:>12}", "us", "p50", "p99", "p99.9", "max");
-        for (name, row) in
-            [("wake-up lateness", self.lateness), ("work per tick", self.work), ("age of oldest input", self.input_age)]
-        {
+        for (name, row) in [
+            ("wake-up lateness", self.lateness),
+            ("work per tick", self.work),
+            ("age of command", self.command_age),
+            ("age of ESV state", self.esv_age),
+            ("age of tank pressure", self.tank_pressure_age),
+        ] {
             let _ = writeln!(
                 text,
                 "{name:<22}{:>12.1}{:>12.1}{:>12.1}{:>12.1}",
@@ -174,13 +186,14 @@ mod tests {
         let mut stats = Stats::default();
         for tick in 1..=1000_i64 {
             stats.woke(0, tick * 1000, tick * 1000 + 500, 1_000_000);
-            stats.ticked(2_000_000);
+            stats.ticked(&[Some(2_000_000), None, None]);
         }
         let summary = stats.summary(0);
         assert!((summary.lateness.p50_us - 500.0).abs() < 1.0, "{summary:?}");
         assert!((summary.lateness.p99_us - 990.0).abs() < 2.0);
         assert!((summary.lateness.max_us - 1000.0).abs() < 2.0);
-        assert!((summary.input_age.p99_9_us - 2000.0).abs() < 3.0);
+        assert!((summary.command_age.p99_9_us - 2000.0).abs() < 3.0);
+        assert_eq!(summary.esv_age.max_us.to_bits(), 0.0_f64.to_bits());
         assert_eq!((summary.ticks, summary.overruns), (1000, 1));
     }
 

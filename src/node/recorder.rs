@@ -1,0 +1,222 @@
+//! Writing what is heard on DDS into a bag.
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use futures::channel::oneshot;
+use futures::stream::{LocalBoxStream, StreamExt, select_all};
+use ros2_client::{Gid, Subscription};
+
+use super::bus::{Bus, BusError};
+use super::realtime::{Until, pause, wall_ns};
+use crate::bag::{BagError, Qos, Topic, Writer, WriterOptions};
+use crate::msg::{EsvState, FluidPressure, GovernorCommand, Interface, JointState, ServoState};
+
+/// Topics recorded where none are named, with their types.
+pub const DEFAULT_TOPICS: [(&str, &str); 6] = [
+    ("governor/command", GovernorCommand::TYPE_NAME),
+    ("governor/esv", EsvState::TYPE_NAME),
+    ("governor/tank_pressure", FluidPressure::TYPE_NAME),
+    ("plant/servo_state", ServoState::TYPE_NAME),
+    ("sim/servo_state", ServoState::TYPE_NAME),
+    ("sim/joint_states", JointState::TYPE_NAME),
+];
+
+/// A recording cannot be made.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordError {
+    /// The bus.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    /// The bag.
+    #[error(transparent)]
+    Bag(#[from] BagError),
+    /// A type whose definition this crate does not carry.
+    #[error("`{topic}` is of type `{type_name}`; only {known} can be recorded")]
+    UnknownType {
+        /// The topic.
+        topic: String,
+        /// Its type.
+        type_name: String,
+        /// The types that can be.
+        known: String,
+    },
+    /// The thread could not be started.
+    #[error("cannot start a thread: {0}")]
+    Thread(std::io::Error),
+}
+
+/// What was recorded.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Recorded {
+    /// Messages by topic.
+    pub messages: BTreeMap<String, u64>,
+    /// Samples that did not decode.
+    pub undecodable: u64,
+    /// Senders of another type, whose samples were left out: topic and type.
+    pub foreign: Vec<(String, String)>,
+    /// The bag.
+    pub bag: PathBuf,
+}
+
+/// The bag in the making, shared by all tracks.
+struct Deck<'a> {
+    bus: &'a Bus,
+    writer: Writer,
+    recorded: Recorded,
+    senders: BTreeMap<Gid, bool>,
+    failed: Option<BagError>,
+}
+
+/// One topic that is recorded.
+trait Track: Send {
+    fn tape<'a>(&'a self, deck: &'a RefCell<Deck<'_>>) -> LocalBoxStream<'a, ()>;
+}
+
+struct Tape<M> {
+    name: String,
+    subscription: Subscription<M>,
+    topic: Topic<M>,
+}
+
+impl<M: Interface + Send + 'static> Track for Tape<M> {
+    fn tape<'a>(&'a self, deck: &'a RefCell<Deck<'_>>) -> LocalBoxStream<'a, ()> {
+        let samples = self.subscription.async_stream().map(move |sample| {
+            let mut deck = deck.borrow_mut();
+            match sample {
+                Ok((message, info)) if deck.believes(info.publisher_gid(), &self.name, M::TYPE_NAME) => {
+                    deck.write(&self.name, self.topic, &message);
+                }
+                Ok(_) => {}
+                Err(_) => deck.recorded.undecodable += 1,
+            }
+        });
+        samples.boxed_local()
+    }
+}
+
+impl Deck<'_> {
+    /// Whether a sender announced the type that the topic should have; asked once for each.
+    fn believes(&mut self, sender: Gid, name: &str, expected: &str) -> bool {
+        if let Some(&right) = self.senders.get(&sender) {
+            return right;
+        }
+        let Some((_, found)) = self.bus.writers().remove(&sender) else { return true };
+        let right = found == expected;
+        self.senders.insert(sender, right);
+        if !right {
+            self.recorded.foreign.push((name.to_owned(), found));
+        }
+        right
+    }
+
+    fn write<M: Interface>(&mut self, name: &str, topic: Topic<M>, message: &M) {
+        match self.writer.write(topic, wall_ns(), message) {
+            Ok(()) => *self.recorded.messages.entry(name.to_owned()).or_default() += 1,
+            Err(error) => self.failed = self.failed.take().or(Some(error)),
+        }
+    }
+}
+
+/// Records `topics`, names with types, until `stop` or for `duration`; `ready` is called once all ears are open.
+///
+/// # Errors
+/// When the bus or the bag refuses; what was heard before stays in the bag's `.unfinished` folder.
+pub fn record(
+    bus: &mut Bus,
+    topics: &[(String, String)],
+    folder: &Path,
+    duration: Option<Duration>,
+    stop: &AtomicBool,
+    ready: &mut dyn FnMut(),
+) -> Result<Recorded, RecordError> {
+    let mut writer = Writer::create(folder, WriterOptions { keep_unfinished: true, ..WriterOptions::default() })?;
+    let tracks = topics.iter().map(|(topic, type_name)| track(bus, &mut writer, topic, type_name));
+    let tracks = tracks.collect::<Result<Vec<_>, _>>()?;
+    ready();
+    let until = Until::after(duration);
+    let bus = &*bus;
+    let (stop_taping, taping) = oneshot::channel();
+    let (writer, mut recorded) = std::thread::scope(|scope| {
+        let tape = std::thread::Builder::new()
+            .name("tape".to_owned())
+            .spawn_scoped(scope, move || run(bus, &tracks, writer, taping))
+            .map_err(RecordError::Thread)?;
+        while !stop.load(Ordering::Relaxed) && !until.is_past() && !tape.is_finished() {
+            pause(Duration::from_millis(20));
+        }
+        let _ = stop_taping.send(());
+        let thread_died = || RecordError::Thread(std::io::Error::other("the recording thread ended early"));
+        let (writer, recorded) = tape.join().map_err(|_| thread_died())??;
+        Ok::<_, RecordError>((writer, recorded))
+    })?;
+    recorded.bag = writer.finish()?;
+    Ok(recorded)
+}
+
+/// Tapes all tracks until told to stop, closing a chunk each second.
+fn run(
+    bus: &Bus,
+    tracks: &[Box<dyn Track>],
+    writer: Writer,
+    stop: oneshot::Receiver<()>,
+) -> Result<(Writer, Recorded), BagError> {
+    let deck =
+        RefCell::new(Deck { bus, writer, recorded: Recorded::default(), senders: BTreeMap::new(), failed: None });
+    let second = Duration::from_secs(1);
+    let mut next = Until::after(Some(second));
+    {
+        // A ticker is not needed: with nothing heard there is nothing to flush.
+        let mut heard = select_all(tracks.iter().map(|track| track.tape(&deck))).take_until(stop);
+        futures::executor::block_on(async {
+            while heard.next().await.is_some() {
+                let mut deck = deck.borrow_mut();
+                if next.comes_round(second) {
+                    deck.failed = deck.failed.take().or(deck.writer.flush().err());
+                }
+                if deck.failed.is_some() {
+                    break;
+                }
+            }
+        });
+    }
+    let deck = deck.into_inner();
+    match deck.failed {
+        Some(error) => Err(error),
+        None => Ok((deck.writer, deck.recorded)),
+    }
+}
+
+/// Opens a track for a type that this crate knows.
+fn track(bus: &mut Bus, writer: &mut Writer, topic: &str, type_name: &str) -> Result<Box<dyn Track>, RecordError> {
+    fn open<M: Interface + Send + 'static>(
+        bus: &mut Bus,
+        writer: &mut Writer,
+        topic: &str,
+    ) -> Result<Box<dyn Track>, RecordError> {
+        let name = bus.arguments().resolve(topic).map_err(BusError::from)?;
+        Ok(Box::new(Tape { subscription: bus.subscribe::<M>(topic)?, topic: writer.topic(&name, Qos::DEFAULT)?, name }))
+    }
+    match type_name {
+        GovernorCommand::TYPE_NAME => open::<GovernorCommand>(bus, writer, topic),
+        EsvState::TYPE_NAME => open::<EsvState>(bus, writer, topic),
+        ServoState::TYPE_NAME => open::<ServoState>(bus, writer, topic),
+        FluidPressure::TYPE_NAME => open::<FluidPressure>(bus, writer, topic),
+        JointState::TYPE_NAME => open::<JointState>(bus, writer, topic),
+        _ => Err(RecordError::UnknownType {
+            topic: topic.to_owned(),
+            type_name: type_name.to_owned(),
+            known: [
+                GovernorCommand::TYPE_NAME,
+                EsvState::TYPE_NAME,
+                ServoState::TYPE_NAME,
+                FluidPressure::TYPE_NAME,
+                JointState::TYPE_NAME,
+            ]
+            .join(", "),
+        }),
+    }
+}

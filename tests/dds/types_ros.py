@@ -1,0 +1,116 @@
+"""The messages of a servo bench as Cyclone DDS types, under the names that ROS 2 gives them on DDS."""
+
+from dataclasses import dataclass
+
+from cyclonedds.idl import IdlStruct
+from cyclonedds.idl.annotations import final
+from cyclonedds.idl.types import array, bounded_str, float64, int32, int64, sequence, uint8, uint32, uint64  # noqa: F401
+
+
+@dataclass
+class Time(IdlStruct, typename="builtin_interfaces::msg::dds_::Time_"):
+    sec: int32
+    nanosec: uint32
+
+
+@dataclass
+class Header(IdlStruct, typename="std_msgs::msg::dds_::Header_"):
+    stamp: Time
+    frame_id: str
+
+
+@dataclass
+class GovernorCommand(IdlStruct, typename="governor_msgs::msg::dds_::GovernorCommand_"):
+    header: Header
+    opening: float64
+
+
+@dataclass
+class EsvState(IdlStruct, typename="governor_msgs::msg::dds_::EsvState_"):
+    header: Header
+    state: uint8
+
+
+@dataclass
+class ServoState(IdlStruct, typename="governor_msgs::msg::dds_::ServoState_"):
+    header: Header
+    spool_position: float64
+    servomotor_position: float64
+    pilot_valve_position: float64
+    control_pressure: float64
+
+
+@dataclass
+class FluidPressure(IdlStruct, typename="sensor_msgs::msg::dds_::FluidPressure_"):
+    header: Header
+    fluid_pressure: float64
+    variance: float64
+
+
+@dataclass
+class JointState(IdlStruct, typename="sensor_msgs::msg::dds_::JointState_"):
+    header: Header
+    name: sequence[str]
+    position: sequence[float64]
+    velocity: sequence[float64]
+    effort: sequence[float64]
+
+
+@dataclass
+class Clock(IdlStruct, typename="rosgraph_msgs::msg::dds_::Clock_"):
+    clock: Time
+
+
+@dataclass
+class ParameterValue(IdlStruct, typename="rcl_interfaces::msg::dds_::ParameterValue_"):
+    type: uint8
+    bool_value: bool
+    integer_value: int64
+    double_value: float64
+    string_value: str
+    byte_array_value: sequence[uint8]
+    bool_array_value: sequence[bool]
+    integer_array_value: sequence[int64]
+    double_array_value: sequence[float64]
+    string_array_value: sequence[str]
+
+
+@dataclass
+class Parameter(IdlStruct, typename="rcl_interfaces::msg::dds_::Parameter_"):
+    name: str
+    value: ParameterValue
+
+
+@dataclass
+class SetParametersResult(IdlStruct, typename="rcl_interfaces::msg::dds_::SetParametersResult_"):
+    successful: bool
+    reason: str
+
+
+# A service call as rmw_cyclonedds lays it out: the caller's half id and a running number, then the call.
+@dataclass
+class GetParametersRequest(IdlStruct, typename="rcl_interfaces::srv::dds_::GetParameters_Request_"):
+    caller: uint64
+    number: int64
+    names: sequence[str]
+
+
+@dataclass
+class GetParametersResponse(IdlStruct, typename="rcl_interfaces::srv::dds_::GetParameters_Response_"):
+    caller: uint64
+    number: int64
+    values: sequence[ParameterValue]
+
+
+@dataclass
+class SetParametersRequest(IdlStruct, typename="rcl_interfaces::srv::dds_::SetParameters_Request_"):
+    caller: uint64
+    number: int64
+    parameters: sequence[Parameter]
+
+
+@dataclass
+class SetParametersResponse(IdlStruct, typename="rcl_interfaces::srv::dds_::SetParameters_Response_"):
+    caller: uint64
+    number: int64
+    results: sequence[SetParametersResult]

@@ -1,0 +1,80 @@
+//! The integration thread's wake-ups take no memory and give none back.
+#![cfg(feature = "node")]
+#![expect(unsafe_code, reason = "an allocator that counts is the proof")]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+use govtwin::frame::EsvState;
+use govtwin::node::core::{Core, Heard, OnStale, Policy};
+use govtwin::node::integration::{Event, Integrator, Pace};
+use govtwin::params;
+use govtwin::twin::Twin;
+
+thread_local! {
+    static CALLS: Cell<u64> = const { Cell::new(0) };
+}
+
+struct Counting;
+
+// SAFETY: every call goes to the system's allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        CALLS.with(|calls| calls.set(calls.get() + 1));
+        // SAFETY: the caller's own promise.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        CALLS.with(|calls| calls.set(calls.get() + 1));
+        // SAFETY: the caller's own promise.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+const MS: i64 = 1_000_000;
+
+fn calls_of(work: impl FnOnce()) -> u64 {
+    let before = CALLS.with(Cell::get);
+    work();
+    CALLS.with(Cell::get) - before
+}
+
+fn run(simulated: bool) -> u64 {
+    let policy = Policy { stale_after_ns: 100 * MS, hold_ns: 50 * MS, on_stale: OnStale::Trip };
+    let core = Core::new(Twin::new(&params::reference()), policy, 6.3e6);
+    let pace = Pace { period_ns: MS, publish_period_ns: 10 * MS, simulated };
+    let (mut integrator, mut ends) = Integrator::new(core, pace, 0);
+    calls_of(|| {
+        for step in 0..3000_i64 {
+            let now_ns = step * MS;
+            let mut tell = |heard| ends.events.push(Event { arrived_ns: now_ns, heard }).unwrap();
+            // Inputs with a silence in between, so that start, fail-safe and recovery are all in.
+            if !(1000..1500).contains(&step) {
+                tell(Heard::Command(if step < 500 { 0.3 } else { 0.5 }));
+                tell(Heard::Esv(EsvState::Normal));
+                tell(Heard::TankPressure(6.2e6));
+            }
+            if step == 2000 {
+                tell(Heard::Policy(policy));
+                tell(Heard::PublishPeriod(5 * MS));
+            }
+            if simulated {
+                // A jump back at the end of every second.
+                tell(Heard::Clock((step % 1000) * MS));
+            }
+            integrator.turn(now_ns);
+            while ends.outputs.pop().is_ok() {}
+        }
+    })
+}
+
+#[test]
+fn no_wake_up_calls_the_allocator() {
+    assert_eq!(calls_of(|| drop(std::hint::black_box(Box::new(1)))), 2, "the counter counts");
+    assert_eq!(run(false), 0);
+    assert_eq!(run(true), 0);
+}

@@ -1,0 +1,163 @@
+//! Live equals replay: what the node recorded gives its estimates again, to the last bit.
+#![cfg(feature = "node")]
+
+use govtwin::bag::{self, ReadOptions, Topics};
+use govtwin::frame::{EsvState, Frame, Signals};
+use govtwin::node::core::{Core, Heard, OnStale, Policy};
+use govtwin::node::integration::{Ends, Event, Integrator, Output, Pace};
+use govtwin::node::journal::{Journal, Names};
+use govtwin::params;
+use govtwin::twin::Twin;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+const MS: i64 = 1_000_000;
+const START_NS: i64 = 1_790_100_100_123_456_789;
+
+fn names() -> Names {
+    Names {
+        inputs: ["/governor/command", "/governor/esv", "/governor/tank_pressure"].map(str::to_owned),
+        servo_state: "/sim/servo_state".to_owned(),
+        joint_states: "/sim/joint_states".to_owned(),
+    }
+}
+
+fn integrator(pace: Pace, start_ns: i64) -> (Integrator, Ends) {
+    let policy = Policy { stale_after_ns: 400 * MS, hold_ns: 200 * MS, on_stale: OnStale::Trip };
+    let core = Core::new(Twin::new(&params::reference()), policy, 6.3e6);
+    Integrator::new(core, pace, start_ns)
+}
+
+fn tell(ends: &mut Ends, arrived_ns: i64, heard: Heard) {
+    ends.events.push(Event { arrived_ns, heard }).unwrap();
+}
+
+/// Twelve seconds of a bench: steps and a ramp at a ragged rate, pressure dips, an ESV trip, a silence that
+/// trips the fail-safe, ticks left out after a stall.
+fn scripted(publish_period_ns: i64, record: &mut dyn FnMut(&Output)) -> u64 {
+    let pace = Pace { period_ns: MS, publish_period_ns, simulated: false };
+    let (mut integrator, mut ends) = integrator(pace, START_NS);
+    let mut random = ChaCha8Rng::seed_from_u64(7);
+    let mut recorded = 0;
+    let mut step = 0;
+    while step < 12_000_i64 {
+        let now_ns = step * MS;
+        let silent = (9000..10_000).contains(&step);
+        if step > 20 && !silent && random.random_bool(0.11) {
+            let opening = match step {
+                ..2000 => 0.3,
+                2000..5000 => 0.3 + 1e-4 * (step - 2000) as f64,
+                _ => 0.45,
+            };
+            tell(&mut ends, now_ns, Heard::Command(opening));
+        }
+        if step > 35 && !silent && step % 50 == 0 {
+            tell(&mut ends, now_ns, Heard::TankPressure(6.3e6 - random.random_range(0.0..4.0e5)));
+        }
+        if !silent && step % 250 == 0 {
+            let trip = (6000..7500).contains(&step);
+            tell(&mut ends, now_ns, Heard::Esv(if trip { EsvState::Shutdown } else { EsvState::Normal }));
+        }
+        if step == 3333 {
+            integrator.skip(120);
+            step += 120;
+        }
+        integrator.turn(step * MS);
+        while let Ok(output) = ends.outputs.pop() {
+            record(&output);
+            recorded += 1;
+        }
+        step += 1;
+    }
+    assert_eq!(integrator.stats().lost_outputs, 0);
+    recorded
+}
+
+/// Replays a journal as `govtwin replay` would, and compares each estimate's bits with the recorded ones.
+fn assert_replays(folder: &std::path::Path, at_least: usize) {
+    let topics = Topics { servo_state: "/sim/servo_state".to_owned(), ..Topics::default() };
+    let loaded = bag::read(folder, &ReadOptions { topics, ..ReadOptions::default() }).unwrap();
+    let mut twin = Twin::new(&params::reference());
+    let mut compared = 0;
+    for row in &loaded.recording.frames {
+        let estimate = twin.step(&Frame { measured: Signals::NONE, ..*row }).signals;
+        let bits = |signals: &Signals| {
+            [
+                signals.spool_position_pu,
+                signals.servomotor_position_pu,
+                signals.pilot_valve_position_pu,
+                signals.control_pressure_pa,
+            ]
+            .map(f64::to_bits)
+        };
+        assert_eq!(bits(&estimate), bits(&row.measured), "at {} ns", row.time_ns - START_NS);
+        compared += 1;
+    }
+    assert!(compared >= at_least, "only {compared} rows");
+}
+
+#[test]
+fn what_the_node_recorded_replays_to_the_last_bit() {
+    for publish_ms in [1, 7, 10] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("live");
+        let unit = params::reference();
+        let mut journal = Journal::create(&path, &names()).unwrap();
+        let mut tripped = false;
+        let recorded = scripted(publish_ms * MS, &mut |output| {
+            tripped |= output.tick.frame.inputs.esv == EsvState::Shutdown;
+            journal.write(&output.tick, &unit.parameters).unwrap();
+        });
+        journal.finish().unwrap();
+        assert!(tripped && recorded > 1300);
+        assert_replays(&path, 1300);
+    }
+}
+
+#[test]
+fn with_a_simulated_clock_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("simulated");
+    let unit = params::reference();
+    let mut journal = Journal::create(&path, &names()).unwrap();
+    let (mut integrator, mut ends) = integrator(Pace { period_ns: MS, publish_period_ns: 10 * MS, simulated: true }, 0);
+    for step in 0..400_i64 {
+        let clock_ns = START_NS + step * 10 * MS;
+        tell(&mut ends, 0, Heard::Clock(clock_ns));
+        tell(&mut ends, 0, Heard::Command(if step < 100 { 0.2 } else { 0.6 }));
+        tell(&mut ends, 0, Heard::TankPressure(6.3e6));
+        tell(&mut ends, 0, Heard::Esv(EsvState::Normal));
+        if step % 3 == 0 {
+            integrator.turn(0);
+        }
+    }
+    while let Ok(output) = ends.outputs.pop() {
+        journal.write(&output.tick, &unit.parameters).unwrap();
+    }
+    journal.finish().unwrap();
+    assert_replays(&path, 390);
+}
+
+#[test]
+fn inputs_that_repeat_themselves_change_nothing() {
+    let mut estimates = [Vec::new(), Vec::new()];
+    for (repeat, estimates) in [1, 5].into_iter().zip(&mut estimates) {
+        let (mut integrator, mut ends) =
+            integrator(Pace { period_ns: MS, publish_period_ns: MS, simulated: false }, START_NS);
+        for step in 0..2000_i64 {
+            if step % 100 == 0 {
+                for _ in 0..repeat {
+                    tell(&mut ends, step * MS, Heard::Command(0.3 + 0.1 * f64::from(u8::from(step >= 1000))));
+                    tell(&mut ends, step * MS, Heard::TankPressure(6.3e6));
+                    tell(&mut ends, step * MS, Heard::Esv(EsvState::Normal));
+                }
+            }
+            integrator.turn(step * MS);
+            while let Ok(output) = ends.outputs.pop() {
+                estimates.push(output.tick.estimate.unwrap().signals.servomotor_position_pu.to_bits());
+            }
+        }
+    }
+    assert_eq!(estimates[0], estimates[1]);
+    assert_eq!(estimates[0].len(), 2000);
+}
