@@ -39,8 +39,8 @@ pub struct Args {
     #[arg(long = "wait", value_name = "S", default_value_t = 10.0)]
     wait_s: f64,
     /// What every ROS 2 program takes: `-r FROM:=TO`, `-r __ns:=/NAME`.
-    #[arg(long, num_args = 0.., allow_hyphen_values = true, value_terminator = "--", value_name = "ARGS")]
-    ros_args: Vec<String>,
+    #[arg(long = "ros-args", num_args = 0.., allow_hyphen_values = true, value_terminator = "--", value_name = "ARGS")]
+    ros: Vec<String>,
 }
 
 /// Plays a recording to its end, or until a signal.
@@ -49,7 +49,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let clock_ok = args.clock_hz.is_none_or(|hz| (0.1..=10_000.0).contains(&hz));
     ensure!(clock_ok, "--clock is {:?}: expected 0.1 to 10000 Hz", args.clock_hz);
     let wait = duration(Some(args.wait_s), "--wait")?.unwrap_or_default();
-    let options = Options { speed: args.speed, repeat: args.repeat, clock_hz: args.clock_hz, wait };
+    let options = Options { speed_ratio: args.speed, repeat: args.repeat, clock_hz: args.clock_hz, wait };
     let read = bag::messages(&args.bag)?;
     for warning in read.warnings() {
         output::warn(&warning.to_string());
@@ -66,7 +66,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         output::warn(remark);
     }
     let stop = stop_on_signals()?;
-    let mut bus = Bus::open(&environment, Arguments::parse(&args.ros_args, "govtwin_play")?)?;
+    let mut bus = Bus::open(&environment, Arguments::parse(&args.ros, "govtwin_play")?)?;
     let player = Player::open(&mut bus, &messages, &options)?;
     for topic in &player.left_out {
         output::warn(&format!("{topic} is not played: its type is not one of this program's"));

@@ -31,8 +31,8 @@ pub struct Args {
     #[arg(long = "wait", value_name = "S", default_value_t = 10.0)]
     wait_s: f64,
     /// What every ROS 2 program takes: `-r FROM:=TO`, `-r __ns:=/NAME`.
-    #[arg(long, num_args = 0.., allow_hyphen_values = true, value_terminator = "--", value_name = "ARGS")]
-    ros_args: Vec<String>,
+    #[arg(long = "ros-args", num_args = 0.., allow_hyphen_values = true, value_terminator = "--", value_name = "ARGS")]
+    ros: Vec<String>,
 }
 
 /// Records until a signal or the duration ends it.
@@ -44,7 +44,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         output::warn(remark);
     }
     let stop = stop_on_signals()?;
-    let mut bus = Bus::open(&environment, Arguments::parse(&args.ros_args, "govtwin_record")?)?;
+    let mut bus = Bus::open(&environment, Arguments::parse(&args.ros, "govtwin_record")?)?;
     let topics = topics(args, &bus, wait, &stop)?;
     let recorded = record(&mut bus, &topics, &args.out, length, &stop, &mut || {
         output::say("recording");

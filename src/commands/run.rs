@@ -56,8 +56,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
     /// What every ROS 2 program takes: `-r FROM:=TO`, `-p NAME:=VALUE`, `--params-file FILE`, `--log-level LEVEL`.
-    #[arg(long, num_args = 0.., allow_hyphen_values = true, value_terminator = "--", value_name = "ARGS")]
-    ros_args: Vec<String>,
+    #[arg(long = "ros-args", num_args = 0.., allow_hyphen_values = true, value_terminator = "--", value_name = "ARGS")]
+    ros: Vec<String>,
 }
 
 /// Runs the node until a signal, its duration or the fail-safe ends it.
@@ -87,7 +87,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let unit = args.params.as_deref().map_or_else(|| Ok(params::reference()), params::load)?;
     let options = Options {
         environment: Environment::of_process()?,
-        arguments: Arguments::parse(&args.ros_args, "govtwin")?,
+        arguments: Arguments::parse(&args.ros, "govtwin")?,
         unit,
         settings,
         duration: duration(args.duration_s, "--duration")?,

@@ -70,8 +70,8 @@ impl Arguments {
         if args.log_config_file.is_some() {
             remarks.push("--log-config-file is not followed: there is one log, on standard error".to_owned());
         }
-        let levels = args.log_levels.iter().filter(|level| level.logger_name.as_ref().is_none_or(|of| *of == name));
-        let log_level = levels.last().map_or(LogLevel::Info, |level| level.level);
+        let mut levels = args.log_levels.iter().filter(|level| level.logger_name.as_ref().is_none_or(|of| *of == name));
+        let log_level = levels.next_back().map_or(LogLevel::Info, |level| level.level);
         let rosout = args.logging_output.rosout.unwrap_or(true);
         Ok(Self { namespace, name, parameters, log_level, rosout, remarks, rules })
     }

@@ -22,7 +22,7 @@ const SETTLE: Duration = Duration::from_millis(700);
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
     /// Speed, 1 for the recording's own.
-    pub speed: f64,
+    pub speed_ratio: f64,
     /// Start again at the end.
     pub repeat: bool,
     /// Publish `/clock` so often, Hz, and before each message.
@@ -127,7 +127,7 @@ impl<'a> Player<'a> {
             played.passes += 1;
             let begin_ns = monotonic_ns();
             #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "days of nanoseconds fit")]
-            let due = |time_ns: i64| begin_ns + ((time_ns - first.log_time_ns) as f64 / options.speed) as i64;
+            let due = |time_ns: i64| begin_ns + ((time_ns - first.log_time_ns) as f64 / options.speed_ratio) as i64;
             let mut next_clock_ns = first.log_time_ns;
             for message in self.messages {
                 if let (Some(clock), Some(hz)) = (&self.clock, options.clock_hz) {
