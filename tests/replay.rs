@@ -1,11 +1,17 @@
 //! Replay through the library: what is compared, and that nothing but time and inputs decides.
 
-use govtwin::frame::{EsvState, Frame, Inputs, Signals};
+use std::path::Path;
+use std::process::Command;
+
+use govtwin::bag::{self, ReadOptions};
+use govtwin::frame::{Estimate, EsvState, Frame, Inputs, Signals};
 use govtwin::parameters::Unit;
 use govtwin::recording::Recording;
-use govtwin::replay::{Replayed, Scores};
+use govtwin::replay::{Replayed, Scores, simulate};
 use govtwin::signal::Signal;
-use govtwin::twin::Twin;
+use govtwin::twin::{Cut, Twin};
+use proptest::prelude::{Strategy, prop};
+use proptest::{prop_assert_eq, proptest};
 
 fn recording(unit: &Unit) -> Recording {
     let frame = |i: i32| Frame {
@@ -39,4 +45,192 @@ fn only_rows_that_were_measured_count() {
     twice.merge(&replayed.scores);
     assert_eq!(twice.figures(Signal::ServomotorPosition).count, 100);
     assert_eq!(Scores::of(&replayed.recording, &[]), Scores::default());
+}
+
+/// Bits of an estimate, so that nothing rounds a difference away.
+fn bits(estimate: &Estimate) -> Vec<u64> {
+    let signals = &estimate.signals;
+    [
+        signals.spool_position_pu,
+        signals.servomotor_position_pu,
+        signals.pilot_valve_position_pu,
+        signals.control_pressure_pa,
+        estimate.spool_velocity_m_s,
+        estimate.servomotor_velocity_m_s,
+        estimate.opening_chamber_pressure_pa,
+        estimate.closing_chamber_pressure_pa,
+        estimate.spool_command_pu,
+        estimate.valve_current_pu,
+    ]
+    .map(f64::to_bits)
+    .to_vec()
+}
+
+/// A recording at an uneven rate with jumps of the command, trips, and a wandering pressure.
+fn recordings() -> impl Strategy<Value = Recording> {
+    let row = (1_000_000_i64..300_000_000, 0.0..1.0, prop::bool::weighted(0.1), 5.5e6..7.0e6);
+    prop::collection::vec(row, 2..30).prop_map(|rows| {
+        let mut time_ns = 1_700_000_000_000_000_000;
+        let frame = |(step_ns, opening_command_pu, tripped, tank_pressure_pa)| {
+            time_ns += step_ns;
+            let esv = if tripped { EsvState::Shutdown } else { EsvState::Normal };
+            let inputs = Inputs { opening_command_pu, esv, tank_pressure_pa };
+            let measured = Signals { servomotor_position_pu: 0.5, spool_position_pu: 0.0, ..Signals::NONE };
+            Frame { time_ns, inputs, measured }
+        };
+        Recording::new("drawn", rows.into_iter().map(frame).collect())
+    })
+}
+
+/// The same recording with rows between its own that only repeat what holds; where its own rows went.
+fn with_repeated_rows(recording: &Recording, shares: &[f64]) -> (Recording, Vec<usize>) {
+    let (mut frames, mut own) = (vec![], vec![]);
+    for (i, frame) in recording.frames.iter().enumerate() {
+        own.push(frames.len());
+        frames.push(*frame);
+        let Some(next) = recording.frames.get(i + 1) else { break };
+        let span_ns = next.time_ns - frame.time_ns;
+        let mut times_ns: Vec<i64> =
+            shares.iter().map(|share| frame.time_ns + (share * span_ns as f64) as i64).collect();
+        times_ns.sort_unstable();
+        frames.extend(times_ns.into_iter().map(|time_ns| Frame { time_ns, measured: Signals::NONE, ..*frame }));
+    }
+    (Recording { frames, ..recording.clone() }, own)
+}
+
+proptest! {
+    #![proptest_config(proptest::test_runner::Config::with_cases(48))]
+
+    #[test]
+    fn rows_that_repeat_what_holds_change_nothing(
+        recording in recordings(),
+        shares in prop::collection::vec(0.0..1.0, 1..6),
+    ) {
+        let unit = govtwin::params::reference();
+        let (denser, own) = with_repeated_rows(&recording, &shares);
+        for cut in [Cut::None, Cut::Servomotor] {
+            let mut twin = Twin::new(&unit).with_cut(cut);
+            let plain = simulate(&mut twin, &recording);
+            let dense = simulate(&mut twin, &denser);
+            for (estimate, &at) in plain.iter().zip(&own) {
+                prop_assert_eq!(bits(estimate), bits(&dense[at]));
+            }
+        }
+    }
+
+    #[test]
+    fn a_twin_that_was_cloned_on_the_way_goes_on_alike(recording in recordings(), cut in prop::sample::select(vec![Cut::None, Cut::Servomotor, Cut::Spool])) {
+        let mut twin = Twin::new(&govtwin::params::reference()).with_cut(cut);
+        let whole = simulate(&mut twin, &recording);
+        let (first, second) = recording.frames.split_at(recording.frames.len() / 2);
+        twin.reset();
+        let mut estimates: Vec<Estimate> = first.iter().map(|frame| twin.step(frame)).collect();
+        let mut heir = twin.clone();
+        drop(twin);
+        estimates.extend(second.iter().map(|frame| heir.step(frame)));
+        prop_assert_eq!(whole.iter().map(bits).collect::<Vec<_>>(), estimates.iter().map(bits).collect::<Vec<_>>());
+    }
+}
+
+#[test]
+fn a_shipped_recording_in_thousandths_of_a_second_is_the_same_to_the_bit() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/reference/load_rejection_01.mcap");
+    let recording = bag::read(&path, &ReadOptions::default()).unwrap().recording;
+    let shares: Vec<f64> = (1..200).map(|i| f64::from(i) / 200.0).collect();
+    let (denser, own) = with_repeated_rows(&recording, &shares);
+    let mut twin = Twin::new(&govtwin::params::reference());
+    let plain = simulate(&mut twin, &recording);
+    let dense = simulate(&mut twin, &denser);
+    assert!(plain.iter().zip(&own).all(|(estimate, &at)| bits(estimate) == bits(&dense[at])));
+}
+
+/// All files below a folder with their content.
+fn contents(dir: &Path, found: &mut Vec<(String, Vec<u8>)>) {
+    let mut entries: Vec<_> = std::fs::read_dir(dir).unwrap().map(|entry| entry.unwrap().path()).collect();
+    entries.sort();
+    for path in entries {
+        if path.is_dir() {
+            contents(&path, found);
+        } else {
+            found.push((path.file_name().unwrap().to_string_lossy().into_owned(), std::fs::read(&path).unwrap()));
+        }
+    }
+}
+
+#[test]
+fn the_number_of_threads_changes_no_byte() {
+    let dir = tempfile::tempdir().unwrap();
+    let bags = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/practice/case_01");
+    let written = |threads: &str| {
+        let out = dir.path().join(threads);
+        let output = Command::new(env!("CARGO_BIN_EXE_govtwin"))
+            .env("RAYON_NUM_THREADS", threads)
+            .args(["replay", bags.to_str().unwrap(), "--out", out.to_str().unwrap()])
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let mut found = vec![];
+        contents(&out, &mut found);
+        found
+    };
+    let one = written("1");
+    assert_eq!(one.len(), 2 + 2 * 4, "page, figures, and four bags of two files");
+    assert!(one == written("4"), "files differ between one thread and four");
+}
+
+#[test]
+fn a_cut_shows_dashes_and_says_why() {
+    let bag = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/reference/startup_01.mcap");
+    for (cut, word, dashes_first) in
+        [("servomotor", "measured servomotor position", true), ("spool", "measured spool position", false)]
+    {
+        let output = Command::new(env!("CARGO_BIN_EXE_govtwin"))
+            .args(["replay", bag.to_str().unwrap(), "--cut", cut])
+            .output()
+            .unwrap();
+        let text = String::from_utf8(output.stdout).unwrap();
+        assert!(output.status.success() && text.contains(word) && text.contains("cannot be judged"), "{text}");
+        let overall = text.lines().find(|line| line.starts_with("overall")).unwrap();
+        let figures: Vec<bool> = overall.split_whitespace().skip(3).map(|cell| cell == "–").collect();
+        assert_eq!(figures, [[dashes_first; 3], [!dashes_first; 3]].concat(), "{overall}");
+    }
+}
+
+/// Every key of a JSON value, at any depth.
+fn keys(value: &serde_json::Value, found: &mut std::collections::BTreeSet<String>) {
+    match value {
+        serde_json::Value::Object(fields) => fields.iter().for_each(|(key, value)| {
+            found.insert(key.clone());
+            keys(value, found);
+        }),
+        serde_json::Value::Array(values) => values.iter().for_each(|value| keys(value, found)),
+        _ => {}
+    }
+}
+
+#[test]
+fn every_key_of_the_figures_is_documented_with_its_schema() {
+    let documented: String =
+        include_str!("../src/replay/summary.rs").lines().filter(|line| line.starts_with("//!")).collect();
+    let dir = tempfile::tempdir().unwrap();
+    let params = dir.path().join("unit.yaml");
+    std::fs::write(&params, "name: unit 2\noil:\n  bulk_modulus_pa: 1.1e9\n").unwrap();
+    let bag = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/reference/startup_01.mcap");
+    let output = Command::new(env!("CARGO_BIN_EXE_govtwin"))
+        .args(["replay", bag.to_str().unwrap(), "--params", params.to_str().unwrap(), "--out"])
+        .arg(dir.path())
+        .output()
+        .unwrap();
+    assert!(output.status.success());
+    let text = std::fs::read_to_string(dir.path().join("replay.json")).unwrap();
+    let figures: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let mut found = std::collections::BTreeSet::new();
+    keys(&figures, &mut found);
+    assert!(found.len() > 25, "{found:?}");
+    for key in found {
+        assert!(documented.contains(&format!("\"{key}\"")), "{key} is not documented");
+    }
+    assert!(documented.contains(figures["schema"].as_str().unwrap()));
+    assert_eq!(figures["parameters"]["changed"]["oil.bulk_modulus_pa"], 1.1e9);
+    assert!(figures["recordings"][0]["origin"].as_str().unwrap().contains("Synthetic"));
 }
