@@ -39,11 +39,12 @@ fn apply(values: &[f64], plant: &mut Plant) {
     if offset_s == 0.0 {
         return;
     }
-    // Whole ticks are looked ahead, the rest of the last one is waited for again.
-    let tick_s = plant.regulator.small_loop_period_s();
-    let ahead_s = (offset_s / tick_s).ceil().max(0.0) * tick_s;
+    // Whole periods of the large loop are looked ahead, and what was too much of the last one is waited for again.
+    let (tick_s, grid_ticks) = (plant.regulator.small_loop_period_s(), plant.regulator.ticks_per_large_loop());
+    let grid_s = tick_s * grid_ticks as f64;
+    let ahead_s = (offset_s / grid_s).ceil().max(0.0) * grid_s;
     plant.lookahead_s += ahead_s;
-    for point in [Point::Command, Point::EsvOpening] {
-        plant.terms.push(Arc::new(Delay::new(point, ahead_s - offset_s, tick_s)));
+    for (point, grid_ticks) in [(Point::Command, grid_ticks), (Point::EsvOpening, 1)] {
+        plant.terms.push(Arc::new(Delay::new(point, ahead_s - offset_s, tick_s, grid_ticks)));
     }
 }

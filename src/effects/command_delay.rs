@@ -7,7 +7,8 @@
 //! | T | delay `delay_s` | s |
 //!
 //! Without it the simulated servomotor leads the real one by T in every ramp, while the response to the ESV is on time.
-//! Limits: constant; between ticks the command is interpolated linearly.
+//! Limits: constant; between two runs of the large loop the command is interpolated linearly, so that the response is
+//! smooth in T.
 
 use std::sync::Arc;
 
@@ -35,7 +36,7 @@ pub const SPEC: EffectSpec = EffectSpec {
 
 fn apply(values: &[f64], plant: &mut Plant) {
     if values[0] > 0.0 {
-        let tick_s = plant.regulator.small_loop_period_s();
-        plant.terms.push(Arc::new(Delay::new(Point::Command, values[0], tick_s)));
+        let (tick_s, grid_ticks) = (plant.regulator.small_loop_period_s(), plant.regulator.ticks_per_large_loop());
+        plant.terms.push(Arc::new(Delay::new(Point::Command, values[0], tick_s, grid_ticks)));
     }
 }

@@ -37,6 +37,6 @@ pub const SPEC: EffectSpec = EffectSpec {
 fn apply(values: &[f64], plant: &mut Plant) {
     if values[0] > 0.0 {
         let tick_s = plant.regulator.small_loop_period_s();
-        plant.terms.push(Arc::new(Delay::new(Point::EsvOpening, values[0], tick_s)));
+        plant.terms.push(Arc::new(Delay::new(Point::EsvOpening, values[0], tick_s, 1)));
     }
 }

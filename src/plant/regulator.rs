@@ -30,6 +30,12 @@ impl Regulator {
         self.p.small_loop_period_s
     }
 
+    /// Whole ticks between two runs of the large loop on the sheet.
+    #[must_use]
+    pub fn ticks_per_large_loop(&self) -> usize {
+        usize::try_from(self.ticks_per_large_loop).unwrap_or(usize::MAX)
+    }
+
     /// Lengthens the large loop's period, which then need not be a whole number of ticks.
     pub fn lengthen_large_loop(&mut self, by_s: f64) {
         let ticks = self.lengthened_ticks_count.max(self.ticks_per_large_loop as f64);

@@ -1,4 +1,4 @@
-//! A pure delay of any length; between ticks the signal is interpolated linearly.
+//! A pure delay of any length; between the points of a grid of whole ticks the signal is interpolated linearly.
 
 use crate::plant::term::{Point, Term, View};
 
@@ -8,18 +8,23 @@ use crate::plant::term::{Point, Term, View};
 #[derive(Clone, Debug)]
 pub struct Delay {
     point: Point,
-    whole: usize,
+    grid_ticks: usize,
+    whole_ticks: usize,
     share: f64,
 }
 
 impl Delay {
     /// A delay at a point, for ticks of `tick_s`; a time below 0 counts as 0.
+    ///
+    /// What is read only every `grid_ticks` wants a grid as wide, or the response stands still while the delay
+    /// grows by less.
     #[must_use]
-    pub fn new(point: Point, delay_s: f64, tick_s: f64) -> Self {
-        let ticks = (delay_s / tick_s).clamp(0.0, 1e5);
+    pub fn new(point: Point, delay_s: f64, tick_s: f64, grid_ticks: usize) -> Self {
+        let grid_ticks = grid_ticks.max(1);
+        let points = (delay_s / (tick_s * grid_ticks as f64)).clamp(0.0, 1e5);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped above")]
-        let whole = ticks.floor() as usize;
-        Self { point, whole, share: ticks - ticks.floor() }
+        let whole_ticks = points.floor() as usize * grid_ticks;
+        Self { point, grid_ticks, whole_ticks, share: points - points.floor() }
     }
 }
 
@@ -29,7 +34,7 @@ impl Term for Delay {
     }
 
     fn memory_len(&self) -> usize {
-        self.whole + 3
+        self.whole_ticks + self.grid_ticks + 2
     }
 
     fn reset(&self, signal: f64, memory: &mut [f64]) {
@@ -45,8 +50,8 @@ impl Term for Delay {
         let newest = wrapped(place[0] as usize + 1);
         place[0] = newest as f64;
         ring[newest] = signal;
-        let later = ring[wrapped(newest + length - self.whole)];
-        let earlier = ring[wrapped(newest + length - self.whole - 1)];
+        let later = ring[wrapped(newest + length - self.whole_ticks)];
+        let earlier = ring[wrapped(newest + length - self.whole_ticks - self.grid_ticks)];
         later + self.share * (earlier - later)
     }
 }
@@ -56,8 +61,8 @@ mod tests {
     use super::*;
     use crate::state::State;
 
-    fn ramp_after(delay_s: f64) -> Vec<f64> {
-        let delay = Delay::new(Point::Command, delay_s, 1e-3);
+    fn ramp_after(delay_s: f64, grid_ticks: usize) -> Vec<f64> {
+        let delay = Delay::new(Point::Command, delay_s, 1e-3, grid_ticks);
         let mut memory = vec![0.0; delay.memory_len()];
         delay.reset(0.0, &mut memory);
         let state = State::default();
@@ -69,15 +74,17 @@ mod tests {
             spool_reading_pu: 0.0,
             servomotor_reading_pu: 0.0,
         };
-        (0..40).map(|k| delay.apply(f64::from(k), &view, &mut memory)).collect()
+        (0..60).map(|k| delay.apply(f64::from(k), &view, &mut memory)).collect()
     }
 
     #[test]
     fn a_ramp_comes_out_later_by_the_delay() {
         for delay_s in [0.0, 4e-4, 1e-3, 7.25e-3, 20e-3] {
-            for (k, out) in ramp_after(delay_s).iter().enumerate() {
-                let expected = (k as f64 - delay_s * 1e3).max(0.0);
-                assert!((out - expected).abs() < 1e-9, "{delay_s} s, tick {k}: {out}, not {expected}");
+            for (grid_ticks, settled) in [(1, 22), (10, 30)] {
+                for (k, out) in ramp_after(delay_s, grid_ticks).iter().enumerate().skip(settled) {
+                    let expected = k as f64 - delay_s * 1e3;
+                    assert!((out - expected).abs() < 1e-9, "{delay_s} s, tick {k}: {out}, not {expected}");
+                }
             }
         }
     }
