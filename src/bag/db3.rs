@@ -50,7 +50,7 @@ pub(super) fn scan(path: &Path, on_message: &mut OnMessage<'_>) -> Result<Scanne
             last_good_ns,
         });
     }
-    let channels = Channels::of(topics.into_iter().map(|(id, topic)| (id, topic)).collect());
+    let channels = Channels::of(topics.into_iter().collect());
     Ok(ScannedFile { health, channels, segments })
 }
 
