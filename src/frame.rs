@@ -20,6 +20,19 @@ pub struct Inputs {
     pub tank_pressure_pa: f64,
 }
 
+impl Inputs {
+    /// Takes what is finite of new inputs; the rest stays in force.
+    pub fn renew(&mut self, new: &Self) {
+        self.esv = new.esv;
+        if new.opening_command_pu.is_finite() {
+            self.opening_command_pu = new.opening_command_pu;
+        }
+        if new.tank_pressure_pa.is_finite() {
+            self.tank_pressure_pa = new.tank_pressure_pa;
+        }
+    }
+}
+
 /// Positions and pilot signals of the servo system, measured or simulated; NaN where not available.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Signals {

@@ -51,6 +51,7 @@ struct Now {
     ticks: u64,
     time_ns: i64,
     inputs: Inputs,
+    coming: Inputs,
     measured: Signals,
     measured_ns: i64,
     spool_command_pu: f64,
@@ -72,13 +73,15 @@ impl Twin {
         effects::apply(&unit.effects, &mut plant);
         let tick_s = plant.regulator.small_loop_period_s();
         let solver = Solver::new(method, &plant, tick_s);
+        let none = Inputs { opening_command_pu: 0.0, esv: EsvState::Normal, tank_pressure_pa: 0.0 };
         let now = Now {
             running: false,
             state: State::default(),
             memory: vec![0.0; plant.terms.memory_len()],
             ticks: 0,
             time_ns: 0,
-            inputs: Inputs { opening_command_pu: 0.0, esv: EsvState::Normal, tank_pressure_pa: 0.0 },
+            inputs: none,
+            coming: none,
             measured: Signals::NONE,
             measured_ns: 0,
             spool_command_pu: 0.0,
@@ -160,7 +163,8 @@ impl Twin {
             esv: frame.inputs.esv,
             tank_pressure_pa: first_finite([frame.inputs.tank_pressure_pa, self.nominal_tank_pressure_pa, 0.0]),
         };
-        let position_pu = first_finite([measured_pu, now.inputs.opening_command_pu, 0.0]);
+        now.coming = now.inputs;
+        let position_pu = first_finite([measured_pu, now.inputs.opening_command_pu, 0.0]).clamp(0.0, 1.0);
 
         // At rest when the error sits in the dead band; else on its way as measured.
         let error_pu = now.inputs.opening_command_pu - position_pu;
@@ -200,15 +204,13 @@ impl Twin {
     }
 
     /// Takes a frame's inputs and measured signals as far as they are finite.
+    ///
+    /// Inputs of a frame between two ticks wait for the later one.
     fn take(&mut self, frame: &Frame) {
         let now = &mut self.now;
-        let inputs = &frame.inputs;
-        now.inputs.esv = inputs.esv;
-        if inputs.opening_command_pu.is_finite() {
-            now.inputs.opening_command_pu = inputs.opening_command_pu;
-        }
-        if inputs.tank_pressure_pa.is_finite() {
-            now.inputs.tank_pressure_pa = inputs.tank_pressure_pa;
+        now.coming.renew(&frame.inputs);
+        if frame.time_ns <= now.time_ns {
+            now.inputs = now.coming;
         }
         let measured = &frame.measured;
         if measured.servomotor_position_pu.is_finite() {
@@ -282,6 +284,7 @@ impl Twin {
         }
         now.ticks += 1;
         now.time_ns += self.tick_ns;
+        now.inputs = now.coming;
         let position_pu = piston_position_pu(plant, now, 0.0);
         now.servomotor_reading_pu = terms.apply(Point::ServomotorReading, position_pu, &view, &mut now.memory);
     }

@@ -1,5 +1,6 @@
 //! The steady state at a servomotor position: every force balanced, no net flow anywhere.
 
+use crate::plant::rates::confine;
 use crate::plant::{Drive, Plant};
 use crate::state::State;
 
@@ -41,6 +42,7 @@ pub fn steady(plant: &Plant, servomotor_position_m: f64, spool_position_m: Optio
         state.closing_pressure_pa = 0.5 * supply_pa;
         state.opening_pressure_pa =
             (load_n + servo.closing_area_m2 * state.closing_pressure_pa) / servo.opening_area_m2;
+        confine(plant, &mut state);
         return state;
     }
     let w = moving_speed_m_s(plant, travel_m, z, drive);
@@ -56,6 +58,8 @@ pub fn steady(plant: &Plant, servomotor_position_m: f64, spool_position_m: Optio
         state.opening_pressure_pa = return_pa - opening_root * opening_root.abs();
         state.closing_pressure_pa = supply_pa + closing_root * closing_root.abs();
     }
+    // Without pressure in the tank a load may ask for less than a vacuum.
+    confine(plant, &mut state);
     state
 }
 

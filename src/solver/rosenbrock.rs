@@ -1,7 +1,7 @@
 //! ROS2, an L-stable linearly implicit Runge–Kutta method of order 2 (Verwer et al. 1999, SIAM J. Sci. Comput. 20(4)).
 //!
 //! `(I − γhJ) k_1 = f(y)`, `(I − γhJ) k_2 = f(y + h k_1) − 2 k_1`, `y ← y + h (3 k_1 + k_2)/2`, γ = 1 + 1/√2. The Jacobian
-//! is taken by forward differences; ROS2 keeps order 2 with any approximation of it.
+//! is taken by one-sided differences; ROS2 keeps order 2 with any approximation of it.
 
 use nalgebra::SMatrix;
 
@@ -9,9 +9,6 @@ use crate::plant::rates::{confine, rates};
 use crate::plant::{Drive, Plant};
 use crate::solver::steps;
 use crate::state::{DIMENSION, State, Vector};
-
-/// Typical sizes of the states, for difference steps.
-const SCALES: [f64; DIMENSION] = [1.0, 400.0, 1e6, 1e-2, 0.1, 1e6, 1e6, 0.1, 0.1];
 
 /// Steps of one tick.
 #[derive(Clone, Debug)]
@@ -38,8 +35,7 @@ impl Rosenbrock {
             let f = |y: &Vector| rates(plant, &State::from_vector(y), &drive).to_vector();
             let f_0 = f(&y);
             let mut system = SMatrix::<f64, DIMENSION, DIMENSION>::identity();
-            for (j, scale) in SCALES.iter().enumerate() {
-                let delta = 1e-7 * scale;
+            for (j, delta) in deltas(plant, state).iter().enumerate() {
                 let mut moved = y;
                 moved[j] += delta;
                 let column = (f(&moved) - f_0) * (-gamma * h / delta);
@@ -54,4 +50,26 @@ impl Rosenbrock {
             drive.time_s += h;
         }
     }
+}
+
+/// Difference steps, a ten-millionth of each state's typical size.
+///
+/// A body at a stop is moved into the stop: away from it the rates jump, and a difference over a jump is no slope.
+fn deltas(plant: &Plant, state: &State) -> Vector {
+    let into = |position: f64, max: f64| if position >= max { 1.0 } else { -1.0 };
+    let pilot = into(state.pilot_position_pu, 1.0);
+    let spool = into(state.spool_position_m, plant.spool.stroke_max_m);
+    let piston = into(state.servomotor_position_m, plant.servomotor.stroke_m);
+    1e-7 * State {
+        pilot_position_pu: pilot,
+        pilot_rate_pu_s: 400.0 * pilot,
+        control_pressure_pa: 1e6,
+        spool_position_m: 1e-2 * spool,
+        spool_velocity_m_s: 0.1 * spool,
+        opening_pressure_pa: 1e6,
+        closing_pressure_pa: 1e6,
+        servomotor_position_m: 0.1 * piston,
+        servomotor_velocity_m_s: 0.1 * piston,
+    }
+    .to_vector()
 }
