@@ -148,7 +148,7 @@ impl<'a> Listener<'a> {
                 self.say(LogLevel::Warn, format!("{}: {error}", input.topic()));
                 None
             }
-            Ok((_, info)) if self.is_foreign(info.publisher_gid(), M::TYPE_NAME, input) => {
+            Ok((_, info)) if self.is_foreign(info.publisher_gid(), M::TYPE_NAME) => {
                 gate.refuse(Refusal::ForeignType);
                 None
             }
@@ -170,22 +170,13 @@ impl<'a> Listener<'a> {
     }
 
     /// Whether a sender announced another type than ours; asked once for each sender.
-    fn is_foreign(&self, sender: Gid, expected: &str, input: Input) -> bool {
+    fn is_foreign(&self, sender: Gid, expected: &str) -> bool {
         if let Some(&foreign) = self.senders.borrow().get(&sender) {
             return foreign;
         }
         // Not listed yet: believed, and asked again at its next sample.
-        let Some((topic, found)) = self.bus.writers().remove(&sender) else { return false };
+        let Some((_, found)) = self.bus.writers().remove(&sender) else { return false };
         let foreign = found != expected;
-        if foreign {
-            self.say(
-                LogLevel::Error,
-                format!(
-                    "{topic}: a sender publishes `{found}`, expected `{expected}`; its samples are not used ({})",
-                    input.topic()
-                ),
-            );
-        }
         self.senders.borrow_mut().insert(sender, foreign);
         foreign
     }

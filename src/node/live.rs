@@ -1,5 +1,6 @@
 //! The running node: opens the bus, starts the threads, keeps the books, and leaves in the right order.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -8,7 +9,7 @@ use std::time::Duration;
 
 use futures::channel::oneshot;
 use ros2_client::log::LogLevel;
-use ros2_client::{Publisher, RosoutRaw};
+use ros2_client::{Gid, Publisher, RosoutRaw};
 use rtrb::Consumer;
 
 use super::arguments::Arguments;
@@ -26,7 +27,7 @@ use super::settings::Settings;
 use super::stats::Summary;
 use super::{messages, words};
 use crate::bag::BagError;
-use crate::msg::{Interface, JointState, ServoState};
+use crate::msg::{EsvState, FluidPressure, GovernorCommand, Interface, JointState, ServoState};
 use crate::parameters::{Parameters, Unit};
 use crate::twin::Twin;
 
@@ -120,8 +121,17 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
     let (stop_listening, listening) = oneshot::channel();
     let ending = AtomicBool::new(false);
     let (bus_ref, ears_ref, mouth_ref, counts_ref, ending_ref) = (&bus, &ears, &mouth, &counts, &ending);
-    let mut keeper =
-        Keeper { bus: bus_ref, health, counts: counts_ref, settings, parameters: unit.parameters, journal, least, say };
+    let mut keeper = Keeper {
+        bus: bus_ref,
+        health,
+        counts: counts_ref,
+        settings,
+        parameters: unit.parameters,
+        journal,
+        strangers: BTreeSet::new(),
+        least,
+        say,
+    };
 
     let (stats, lost_publications, outcome) = std::thread::scope(|scope| {
         let listener = Listener::new(bus_ref, ends.events, news.clone(), counts_ref);
@@ -231,6 +241,7 @@ struct Keeper<'a> {
     settings: Settings,
     parameters: Parameters,
     journal: Option<Journal>,
+    strangers: BTreeSet<Gid>,
     least: LogLevel,
     say: Say<'a>,
 }
@@ -258,6 +269,7 @@ impl Keeper<'_> {
                 if let Some(journal) = &mut self.journal {
                     journal.flush()?;
                 }
+                self.look_for_strangers();
                 let counts = self.counts.lock().map(|counts| *counts).unwrap_or_default();
                 let name = self.bus.arguments().full_name();
                 let array = diagnostics::compile(&name, wall_ns(), newest.as_ref(), tripped, &counts);
@@ -266,6 +278,20 @@ impl Keeper<'_> {
             }
         }
         Ok(())
+    }
+
+    /// Tells of senders that announce another type on an input's topic; some middlewares match them, none can be used.
+    fn look_for_strangers(&mut self) {
+        let types = [GovernorCommand::TYPE_NAME, EsvState::TYPE_NAME, FluidPressure::TYPE_NAME];
+        let names = Input::ALL.map(|input| self.bus.arguments().resolve(input.topic()).unwrap_or_default());
+        for (sender, (topic, found)) in self.bus.writers() {
+            let expected = names.iter().zip(types).find(|(name, _)| **name == topic).map(|(_, expected)| expected);
+            if expected.is_some_and(|expected| expected != found) && self.strangers.insert(sender) {
+                let expected = expected.unwrap_or_default();
+                let words = format!("{topic}: a sender publishes `{found}`, expected `{expected}`; it is not heard");
+                self.tell(LogLevel::Error, &words);
+            }
+        }
     }
 
     /// Takes what is left once all threads have ended.

@@ -182,12 +182,10 @@ def main():
         bench.drive(0.5, 0.50)
         stranger = DomainParticipant(DOMAIN)
         foreign = DataWriter(stranger, Topic(stranger, "rt/governor/command", ros.FluidPressure), qos=RELIABLE)
-        wait_for(lambda: len(foreign.get_matched_subscriptions()) > 0, 5)
-        for _ in range(20):
-            foreign.write(ros.FluidPressure(now(), 0.0, 0.0))
-            time.sleep(0.01)
-        states, _ = bench.drive(0.2, 0.50)
-        check("a sender of another type is not heard", states[-1].servomotor_position > 0.2,
+        # Cyclone itself does not match it to the node; the node must say why nothing comes.
+        foreign.write(ros.FluidPressure(now(), 0.0, 0.0))
+        states, _ = bench.drive(3.0, 0.50)
+        check("a sender of another type disturbs nothing", abs(states[-1].servomotor_position - 0.5) < 2e-3,
               f"({states[-1].servomotor_position:.4f})")
 
         node.send_signal(signal.SIGINT)

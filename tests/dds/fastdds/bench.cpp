@@ -1,0 +1,155 @@
+// A bench on Fast DDS against a running `govtwin run`: it commands, listens and asks for parameters.
+//
+// Prints what it checked and exits with the number of checks that failed. Usage: bench DOMAIN
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <string>
+#include <thread>
+
+#include <fastdds/dds/domain/DomainParticipant.hpp>
+#include <fastdds/dds/domain/DomainParticipantFactory.hpp>
+#include <fastdds/dds/publisher/DataWriter.hpp>
+#include <fastdds/dds/publisher/Publisher.hpp>
+#include <fastdds/dds/subscriber/DataReader.hpp>
+#include <fastdds/dds/subscriber/SampleInfo.hpp>
+#include <fastdds/dds/subscriber/Subscriber.hpp>
+#include <fastrtps/rtps/common/WriteParams.h>
+
+#include "benchPubSubTypes.h"
+
+using namespace eprosima::fastdds::dds;
+using eprosima::fastrtps::types::ReturnCode_t;
+using std::chrono::duration;
+using std::chrono::milliseconds;
+using std::chrono::steady_clock;
+
+static int failed = 0;
+
+static void check(const char* what, bool right, const std::string& detail = "") {
+    std::printf("%s %s %s\n", right ? "ok  " : "FAIL", what, detail.c_str());
+    failed += right ? 0 : 1;
+}
+
+static std_msgs::msg::dds_::Header_ now() {
+    const auto ns = std::chrono::system_clock::now().time_since_epoch() / std::chrono::nanoseconds(1);
+    std_msgs::msg::dds_::Header_ header;
+    header.stamp().sec(static_cast<int32_t>(ns / 1000000000));
+    header.stamp().nanosec(static_cast<uint32_t>(ns % 1000000000));
+    return header;
+}
+
+int main(int argc, char** argv) {
+    const int domain = argc > 1 ? std::atoi(argv[1]) : 0;
+    auto* participant = DomainParticipantFactory::get_instance()->create_participant(domain, PARTICIPANT_QOS_DEFAULT);
+    if (participant == nullptr) {
+        std::printf("FAIL cannot join domain %d\n", domain);
+        return 1;
+    }
+    auto* publisher = participant->create_publisher(PUBLISHER_QOS_DEFAULT);
+    auto* subscriber = participant->create_subscriber(SUBSCRIBER_QOS_DEFAULT);
+    auto topic = [&](const char* name, TypeSupport type) {
+        type.register_type(participant);
+        return participant->create_topic(name, type.get_type_name(), TOPIC_QOS_DEFAULT);
+    };
+    auto writer = [&](const char* name, TypeSupport type) {
+        DataWriterQos qos = DATAWRITER_QOS_DEFAULT;
+        qos.reliability().kind = RELIABLE_RELIABILITY_QOS;
+        return publisher->create_datawriter(topic(name, type), qos);
+    };
+    auto reader = [&](const char* name, TypeSupport type, bool reliable) {
+        DataReaderQos qos = DATAREADER_QOS_DEFAULT;
+        qos.reliability().kind = reliable ? RELIABLE_RELIABILITY_QOS : BEST_EFFORT_RELIABILITY_QOS;
+        qos.history().depth = 10;
+        return subscriber->create_datareader(topic(name, type), qos);
+    };
+    using namespace governor_msgs::msg::dds_;
+    auto* command = writer("rt/governor/command", TypeSupport(new GovernorCommand_PubSubType()));
+    auto* esv = writer("rt/governor/esv", TypeSupport(new EsvState_PubSubType()));
+    auto* pressure = writer("rt/governor/tank_pressure", TypeSupport(new sensor_msgs::msg::dds_::FluidPressure_PubSubType()));
+    auto* states = reader("rt/sim/servo_state", TypeSupport(new ServoState_PubSubType()), false);
+    using namespace rcl_interfaces::srv::dds_;
+    auto* call = writer("rq/govtwin/get_parametersRequest", TypeSupport(new GetParameters_Request_PubSubType()));
+    auto* replies = reader("rr/govtwin/get_parametersReply", TypeSupport(new GetParameters_Response_PubSubType()), true);
+
+    ServoState_ state;
+    SampleInfo info;
+    int count = 0;
+    auto drive = [&](double seconds, double opening, uint8_t valve) {
+        const auto begin = steady_clock::now();
+        const int steps = static_cast<int>(seconds * 100);
+        for (int step = 0; step < steps; ++step) {
+            GovernorCommand_ sample;
+            sample.header(now());
+            sample.opening(opening);
+            command->write(&sample);
+            if (step % 10 == 0) {
+                sensor_msgs::msg::dds_::FluidPressure_ oil;
+                oil.header(now());
+                oil.fluid_pressure(6.3e6);
+                pressure->write(&oil);
+            }
+            if (step % 50 == 0) {
+                EsvState_ solenoid;
+                solenoid.header(now());
+                solenoid.state(valve);
+                esv->write(&solenoid);
+            }
+            while (states->take_next_sample(&state, &info) == ReturnCode_t::RETCODE_OK) {
+                count += info.valid_data ? 1 : 0;
+            }
+            std::this_thread::sleep_until(begin + milliseconds(10 * (step + 1)));
+        }
+    };
+
+    for (int wait = 0; wait < 100; ++wait) {
+        SubscriptionMatchedStatus matched;
+        states->get_subscription_matched_status(matched);
+        PublicationMatchedStatus heard;
+        command->get_publication_matched_status(heard);
+        if (matched.current_count > 0 && heard.current_count > 0) break;
+        std::this_thread::sleep_for(milliseconds(100));
+    }
+    drive(2.0, 0.30, 1);
+    check("states arrive", count > 100, "(" + std::to_string(count) + " in 2 s)");
+    check("the servomotor stands at the first command", std::fabs(state.servomotor_position() - 0.30) < 2e-3,
+          "(" + std::to_string(state.servomotor_position()) + ")");
+    double widest = 0.0;
+    count = 0;
+    for (int piece = 0; piece < 40; ++piece) {
+        drive(0.1, 0.50, 1);
+        widest = std::fmax(widest, state.spool_position());
+    }
+    check("a step is followed to the new opening", std::fabs(state.servomotor_position() - 0.50) < 2e-3,
+          "(" + std::to_string(state.servomotor_position()) + ")");
+    check("the spool opened on the way", widest > 0.05, "(" + std::to_string(widest) + ")");
+
+    bool answered = false;
+    for (int attempt = 0; attempt < 10 && !answered; ++attempt) {
+        GetParameters_Request_ request;
+        request.names({"hold", "unit.servomotor.stroke_m"});
+        eprosima::fastrtps::rtps::WriteParams params;
+        call->write(&request, params);
+        const auto until = steady_clock::now() + milliseconds(500);
+        while (steady_clock::now() < until && !answered) {
+            GetParameters_Response_ response;
+            while (replies->take_next_sample(&response, &info) == ReturnCode_t::RETCODE_OK) {
+                const bool mine = info.valid_data && info.related_sample_identity == params.sample_identity();
+                if (mine && response.values().size() == 2 && response.values()[1].double_value() == 0.6) {
+                    answered = true;
+                }
+            }
+            std::this_thread::sleep_for(milliseconds(10));
+        }
+    }
+    check("a Fast DDS caller gets parameters, its call named in the answer", answered);
+
+    drive(3.0, 0.50, 0);
+    check("an ESV trip closes", state.servomotor_position() < 0.3,
+          "(" + std::to_string(state.servomotor_position()) + ")");
+    participant->delete_contained_entities();
+    DomainParticipantFactory::get_instance()->delete_participant(participant);
+    std::printf("%d failed\n", failed);
+    return failed;
+}

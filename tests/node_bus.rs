@@ -1,0 +1,92 @@
+//! Two participants on this machine: the node hears, answers, tells strangers apart and leaves.
+#![cfg(feature = "node")]
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use govtwin::msg::{EsvState, FluidPressure, GovernorCommand, Header, Interface, ServoState};
+use govtwin::node::arguments::Arguments;
+use govtwin::node::bus::{Bus, reliable};
+use govtwin::node::core::Input;
+use govtwin::node::environment::Environment;
+use govtwin::node::intake::Refusal;
+use govtwin::node::live::{self, Options};
+use govtwin::node::realtime::{Wishes, wall_ns};
+use govtwin::node::settings::Settings;
+use govtwin::params;
+
+/// A domain of its own, so that tests that run beside this one are not heard.
+fn environment() -> Environment {
+    let domain = 101 + std::process::id() % 100;
+    Environment::read(|name| match name {
+        "ROS_DOMAIN_ID" => Some(domain.to_string()),
+        "ROS_LOCALHOST_ONLY" => Some("1".to_owned()),
+        _ => None,
+    })
+    .unwrap()
+}
+
+fn wait_for(what: &str, mut condition: impl FnMut() -> bool) {
+    let until = Instant::now() + Duration::from_secs(30);
+    while !condition() {
+        assert!(Instant::now() < until, "{what}: waited 30 s in vain");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+#[test]
+fn the_node_hears_its_peers_tells_strangers_apart_and_leaves() {
+    let environment = environment();
+    let words: Vec<String> = ["-r", "__ns:=/unit7", "-r", "governor/command:=/bench/y"].map(str::to_owned).to_vec();
+    let options = Options {
+        arguments: Arguments::parse(&words, "govtwin").unwrap(),
+        environment: environment.clone(),
+        unit: params::reference(),
+        settings: Settings { wishes: Wishes::default(), ..Settings::default() },
+        duration: None,
+        bag: None,
+    };
+    let mut peer = Bus::open(&environment, Arguments::parse(&[], "bench").unwrap()).unwrap();
+    let command = peer.publish("/bench/y", GovernorCommand::TYPE_NAME, &reliable()).unwrap();
+    let esv = peer.publish("/unit7/governor/esv", EsvState::TYPE_NAME, &reliable()).unwrap();
+    let pressure = peer.publish("/unit7/governor/tank_pressure", FluidPressure::TYPE_NAME, &reliable()).unwrap();
+    let stranger = peer.publish::<FluidPressure>("/bench/y", FluidPressure::TYPE_NAME, &reliable()).unwrap();
+    let states = peer.subscribe::<ServoState>("/unit7/sim/servo_state").unwrap();
+    let there = |peer: &Bus| peer.writers().values().any(|(topic, _)| topic == "/unit7/sim/servo_state");
+
+    let stop = AtomicBool::new(false);
+    let (ended, said) = std::thread::scope(|scope| {
+        let node = scope.spawn(|| {
+            let mut said = Vec::new();
+            let ended = live::run(&options, &stop, &mut |_, words| said.push(words.to_owned()));
+            (ended, said)
+        });
+        wait_for("the node comes", || there(&peer) && peer.readers_of("/bench/y") > 0);
+        let mut last = None;
+        let mut rounds = 0;
+        wait_for("states come back", || {
+            let header = Header::at(wall_ns());
+            command.publish(GovernorCommand { header: header.clone(), opening: 0.4 }).unwrap();
+            esv.publish(EsvState { header: header.clone(), state: EsvState::NORMAL }).unwrap();
+            let oil = FluidPressure { header, fluid_pressure: 6.3e6, variance: 0.0 };
+            pressure.publish(oil.clone()).unwrap();
+            stranger.publish(FluidPressure { fluid_pressure: 1.0, ..oil }).unwrap();
+            while let Ok(Some((state, _))) = states.take() {
+                last = Some(state);
+            }
+            rounds += 1;
+            rounds > 150 && last.is_some()
+        });
+        let position_pu = last.unwrap().servomotor_position;
+        assert!((position_pu - 0.4).abs() < 2e-3, "the stranger's 1.0 was not taken: {position_pu}");
+        stop.store(true, Ordering::Relaxed);
+        node.join().unwrap()
+    });
+    let ended = ended.unwrap();
+    let counts = ended.counts[Input::Command as usize];
+    assert!(counts.used > 10 && counts.refused(Refusal::ForeignType) > 10, "{counts:?}");
+    assert!(ended.summary.ticks > 100 && ended.summary.lost_outputs == 0);
+    let stranger_told = |words: &String| words.contains("/bench/y") && words.contains("sensor_msgs/msg/FluidPressure");
+    assert_eq!(said.iter().filter(|words| stranger_told(words)).count(), 1, "{said:?}");
+    wait_for("the node goes", || !there(&peer));
+}
