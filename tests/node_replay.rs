@@ -1,8 +1,10 @@
 //! Live equals replay: what the node recorded gives its estimates again, to the last bit.
 #![cfg(feature = "node")]
 
-use govtwin::bag::{self, ReadOptions, Topics};
-use govtwin::frame::{EsvState, Frame, Signals};
+#[path = "support/journal.rs"]
+mod journal;
+
+use govtwin::frame::EsvState;
 use govtwin::node::core::{Core, Heard, OnStale, Policy};
 use govtwin::node::integration::{Ends, Event, Integrator, Output, Pace};
 use govtwin::node::journal::{Journal, Names};
@@ -10,6 +12,8 @@ use govtwin::params;
 use govtwin::twin::Twin;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+
+use journal::assert_replays;
 
 const MS: i64 = 1_000_000;
 const START_NS: i64 = 1_790_100_100_123_456_789;
@@ -71,29 +75,6 @@ fn scripted(publish_period_ns: i64, record: &mut dyn FnMut(&Output)) -> u64 {
     }
     assert_eq!(integrator.stats().lost_outputs, 0);
     recorded
-}
-
-/// Replays a journal as `govtwin replay` would, and compares each estimate's bits with the recorded ones.
-fn assert_replays(folder: &std::path::Path, at_least: usize) {
-    let topics = Topics { servo_state: "/sim/servo_state".to_owned(), ..Topics::default() };
-    let loaded = bag::read(folder, &ReadOptions { topics, ..ReadOptions::default() }).unwrap();
-    let mut twin = Twin::new(&params::reference());
-    let mut compared = 0;
-    for row in &loaded.recording.frames {
-        let estimate = twin.step(&Frame { measured: Signals::NONE, ..*row }).signals;
-        let bits = |signals: &Signals| {
-            [
-                signals.spool_position_pu,
-                signals.servomotor_position_pu,
-                signals.pilot_valve_position_pu,
-                signals.control_pressure_pa,
-            ]
-            .map(f64::to_bits)
-        };
-        assert_eq!(bits(&estimate), bits(&row.measured), "at {} ns", row.time_ns - START_NS);
-        compared += 1;
-    }
-    assert!(compared >= at_least, "only {compared} rows");
 }
 
 #[test]

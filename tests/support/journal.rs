@@ -1,0 +1,29 @@
+//! Replaying a node's own bag, for tests.
+
+use govtwin::bag::{self, ReadOptions, Topics};
+use govtwin::frame::{Frame, Signals};
+use govtwin::params;
+use govtwin::twin::Twin;
+
+/// Replays a journal as `govtwin replay` would, and compares each estimate's bits with the recorded ones.
+pub fn assert_replays(folder: &std::path::Path, at_least: usize) {
+    let topics = Topics { servo_state: "/sim/servo_state".to_owned(), ..Topics::default() };
+    let loaded = bag::read(folder, &ReadOptions { topics, ..ReadOptions::default() }).unwrap();
+    let mut twin = Twin::new(&params::reference());
+    let mut compared = 0;
+    for row in &loaded.recording.frames {
+        let estimate = twin.step(&Frame { measured: Signals::NONE, ..*row }).signals;
+        let bits = |signals: &Signals| {
+            [
+                signals.spool_position_pu,
+                signals.servomotor_position_pu,
+                signals.pilot_valve_position_pu,
+                signals.control_pressure_pa,
+            ]
+            .map(f64::to_bits)
+        };
+        assert_eq!(bits(&estimate), bits(&row.measured), "at {} ns", row.time_ns);
+        compared += 1;
+    }
+    assert!(compared >= at_least, "only {compared} rows");
+}
