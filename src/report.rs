@@ -3,6 +3,22 @@
 //! A [`picture::Picture`] holds panels, a panel holds marks; [`draw::svg`] is the only place that
 //! knows the plotting library. A [`page::Page`] holds blocks; it is the only place that knows the
 //! HTML library. Colours are roles ([`ink::Ink`]) that the page turns into light or dark ones.
+//!
+//! ```
+//! use govtwin::report::draw::svg;
+//! use govtwin::report::ink::Ink;
+//! use govtwin::report::page::Page;
+//! use govtwin::report::picture::{Panel, Picture};
+//!
+//! let panel = Panel::new("Spool position, pu")
+//!     .thick_line(Ink::Measured, "measured", vec![[0.0, 0.0], [1.0, 0.4]])
+//!     .line(Ink::Simulated, "simulated", vec![[0.0, 0.0], [1.0, 0.38]])
+//!     .x_name("time, s");
+//! let mut page = Page::new("One second", "of a spool");
+//! page.body.figure(svg(&Picture::stacked("The spool opens", vec![panel]))?, "It opens.");
+//! assert!(page.to_html().starts_with("<!DOCTYPE html>"));
+//! # Ok::<(), govtwin::report::draw::DrawError>(())
+//! ```
 
 pub mod draw;
 mod dress;

@@ -4,7 +4,7 @@
 //! {"schema": "govtwin-replay/1",
 //!  "program": "govtwin 0.1.0",
 //!  "parameters": {"name": "…", "files": ["unit.yaml"],
-//!                 "changed": {"oil.bulk_modulus_pa": 1.1e9}, "effects": [{"id": "…", "values": [0.1]}]},
+//!                 "changed": {"oil.bulk_modulus_pa": 1.1e9}, "effects": [{"id": "backlash", "parameters": {"play_pu": 0.002}}]},
 //!  "cut": "none", "inputs_between_samples": "hold",
 //!  "recordings": [{"name": "startup_01", "path": "bags/startup_01.mcap", "bytes": 121174, "origin": "…",
 //!                  "process": "startup", "rows": 1250, "start_ns": 1780008000000000000, "duration_s": 249.8,
@@ -26,7 +26,8 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::{Replayed, Scores, stands_in};
-use crate::parameters::{ENTRIES, Unit};
+use crate::effects;
+use crate::parameters::{ENTRIES, EffectSetting, Unit};
 use crate::recording::Process;
 use crate::signal::Signal;
 use crate::twin::Cut;
@@ -78,8 +79,11 @@ impl Parameters {
             .filter(|(_, own, other)| own.to_bits() != other.to_bits())
             .map(|(key, own, _)| (key, own))
             .collect();
-        let effect =
-            |effect: &crate::parameters::EffectSetting| Effect { id: effect.id.clone(), values: effect.values.clone() };
+        let effect = |effect: &EffectSetting| {
+            let names = effects::find(&effect.id).map(|spec| spec.parameters).unwrap_or_default();
+            let named = names.iter().map(|parameter| parameter.name).zip(effect.values.iter().copied());
+            Effect { id: effect.id.clone(), parameters: named.collect() }
+        };
         Self { name, files, changed, effects: unit.effects.iter().map(effect).collect() }
     }
 }
@@ -89,8 +93,8 @@ impl Parameters {
 pub struct Effect {
     /// Its id in the catalogue.
     pub id: String,
-    /// Its parameters, in the order of its specification.
-    pub values: Vec<f64>,
+    /// Its parameters by name, with their units in it.
+    pub parameters: BTreeMap<&'static str, f64>,
 }
 
 /// Where a recording came from, and what its reader had to say.

@@ -5,13 +5,13 @@ mod tables;
 
 use super::draw::{DrawError, svg};
 use super::page::{Blocks, KeyFigure, Page, Tone};
-use super::table::{fixed, significant};
+use super::table::significant;
 use crate::parameters::Sensors;
 use crate::recording::Process;
 use crate::replay::Replayed;
 use crate::replay::summary::Summary;
 use crate::signal::Signal;
-use tables::{errors, figures, recording_table, thousands};
+use tables::{errors, figures, r2_words, recording_table, thousands};
 
 pub use curves::Pictures;
 pub use tables::{process_table, reason_for_dashes};
@@ -89,12 +89,12 @@ fn opening(body: &mut Blocks, summary: &Summary) {
         if let Some(f) = figures(&summary.overall, signal) {
             let largest = format!("MAE {}, largest {}", significant(f.mae, 2), significant(f.max_abs, 2));
             key.push(KeyFigure::new(format!("RMSE, {name}"), significant(f.rmse, 3), "pu").hint(largest));
-            key.push(KeyFigure::new(format!("R², {name}"), fixed(f.r2, 5), ""));
+            key.push(KeyFigure::new(format!("R², {name}"), r2_words(f.r2), ""));
         }
     }
     let seconds: f64 = summary.recordings.iter().map(|one| one.duration_s).sum();
     let rows: usize = summary.recordings.iter().map(|one| one.rows).sum();
-    let hint = format!("{} rows, {} min", thousands(rows as u64), significant(seconds / 60.0, 3));
+    let hint = format!("{} rows, {} min", thousands(rows as u64), significant(seconds / 60.0, 2));
     key.push(KeyFigure::new("recordings", summary.recordings.len().to_string(), "").hint(hint));
     body.key_figures(key);
     let mut origins: Vec<&str> = summary.recordings.iter().filter_map(|one| one.origin.as_deref()).collect();
@@ -140,7 +140,10 @@ fn closing(body: &mut Blocks, summary: &Summary) {
         ("inputs between samples".to_owned(), summary.inputs_between_samples.to_owned()),
     ];
     facts.extend(summary.parameters.changed.iter().map(|(key, value)| ((*key).to_owned(), value.to_string())));
-    facts.extend(summary.parameters.effects.iter().map(|e| (format!("effect {}", e.id), format!("{:?}", e.values))));
+    for effect in &summary.parameters.effects {
+        let named = effect.parameters.iter().map(|(name, value)| format!("{name} {value}"));
+        facts.push((format!("effect {}", effect.id), named.collect::<Vec<_>>().join(", ")));
+    }
     inner.facts(facts);
     inner.paragraph(
         "MAE = mean |y − ŷ|, RMSE = √ mean (y − ŷ)², R² = 1 − Σ(y − ŷ)² / Σ(y − ȳ)², with y measured and ŷ simulated \

@@ -79,7 +79,12 @@ fn process_of(id: &str) -> Option<Process> {
 }
 
 fn figure_cells(figures: &SignalFigures) -> Vec<String> {
-    vec![fixed(figures.mae, 5), fixed(figures.rmse, 5), fixed(figures.r2, 5)]
+    vec![fixed(figures.mae, 5), fixed(figures.rmse, 5), r2_words(figures.r2)]
+}
+
+/// R² cut off rather than rounded, so that only a perfect twin shows a one.
+pub fn r2_words(r2: f64) -> String {
+    fixed((r2 * 1e5).floor() / 1e5, 5)
 }
 
 /// A whole number with its thousands set apart.
