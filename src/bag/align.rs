@@ -11,7 +11,7 @@
 use super::streams::{Command, Pressure, Sample};
 use super::{BagError, Interpolation};
 use crate::frame::{EsvState, Frame, Inputs, Signals};
-use crate::units::{NANOS_PER_SECOND, seconds_from_nanos};
+use crate::units::seconds_from_nanos;
 
 /// The most rows that resampling may make: 100 s at 1 µs, a day at 1 ms, about 8 GB.
 const ROW_LIMIT: i64 = 100_000_000;
@@ -132,16 +132,4 @@ impl<'a, V: Copy> Cursor<'a, V> {
 #[expect(clippy::cast_precision_loss, reason = "a share of an interval needs no more digits than f64 has")]
 fn share(part_ns: i64, whole_ns: i64) -> f64 {
     if whole_ns > 0 { part_ns as f64 / whole_ns as f64 } else { 0.0 }
-}
-
-/// Rate, gaps and the longest gap of one stream.
-pub(super) fn pace<V>(samples: &[Sample<V>], health: &mut super::StreamHealth) {
-    let mut intervals_ns: Vec<i64> =
-        samples.windows(2).map(|pair| pair[1].stamp_ns.saturating_sub(pair[0].stamp_ns)).collect();
-    intervals_ns.sort_unstable();
-    let Some(&median_ns) = intervals_ns.get(intervals_ns.len() / 2) else { return };
-    health.rate_hz = seconds_from_nanos(NANOS_PER_SECOND) / seconds_from_nanos(median_ns.max(1));
-    let long = intervals_ns.partition_point(|interval_ns| *interval_ns <= median_ns.saturating_mul(5));
-    health.gaps = (intervals_ns.len() - long) as u64;
-    health.longest_gap_s = intervals_ns.last().map_or(0.0, |longest_ns| seconds_from_nanos(*longest_ns));
 }

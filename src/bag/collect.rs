@@ -1,9 +1,8 @@
 //! The four streams while a bag is read: each takes its own messages, then they become samples on one clock.
 
-use std::sync::Arc;
-
-use super::align::{self, Streams};
+use super::align::Streams;
 use super::order::{self, Jump};
+use super::pace::Pace;
 use super::streams::{Command, Pressure, Sample, Value, decode};
 use super::topic::{RawView, TopicInfo};
 use super::{ReadOptions, Stream, StreamHealth, Topics, Warning};
@@ -99,7 +98,11 @@ impl<V: Value> AnyCollector for Collector<V> {
 
     fn sort(&mut self) {
         order::by_stamp(&mut self.samples, &mut self.health);
-        align::pace(&self.samples, &mut self.health);
+        let mut pace = Pace::default();
+        for sample in &self.samples {
+            pace.push(sample.stamp_ns);
+        }
+        self.health.pace = pace.finish();
     }
 }
 
@@ -182,9 +185,4 @@ impl Collected {
         };
         (streams, health)
     }
-}
-
-/// The topic of this name.
-pub(super) fn topic_named<'a>(topics: &'a [Arc<TopicInfo>], name: &str) -> Option<&'a TopicInfo> {
-    topics.iter().find(|topic| topic.name == name).map(AsRef::as_ref)
 }

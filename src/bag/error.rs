@@ -28,6 +28,15 @@ pub enum BagError {
         /// What stands here.
         found: String,
     },
+    /// Messages compressed one by one, which only rosbag2 itself unpacks.
+    #[error(
+        "{path}: rosbag2 compressed the messages one by one (compression_mode: message); convert it once: `ros2 bag \
+         convert -i BAG -o OUT.yaml` with `storage_id: mcap`"
+    )]
+    Compressed {
+        /// The folder.
+        path: PathBuf,
+    },
     /// A bag in sqlite3 storage, which this build cannot read.
     #[error(
         "{path}: a sqlite3 bag, which this build cannot read; build with `--features sqlite`, or convert it once: \
@@ -89,11 +98,13 @@ pub enum BagError {
         /// What is wrong with the first.
         first: String,
     },
-    /// There is no instant at which every input has a value.
-    #[error("{path}: the inputs do not overlap: no stamp lies after the first value of every input")]
-    NoOverlap {
+    /// None of the streams is there, and none was required.
+    #[error("{path}: none of the four streams has a sample; topics present: {present}")]
+    NoRows {
         /// The bag.
         path: PathBuf,
+        /// The topics of the bag with their types.
+        present: String,
     },
     /// Resampling would make too many rows.
     #[error(

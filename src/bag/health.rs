@@ -5,6 +5,8 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
+use super::survey::PaceSurvey;
+
 /// Everything worth knowing about a bag besides its values.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Health {
@@ -109,12 +111,8 @@ pub struct StreamHealth {
     pub other_run: u64,
     /// The first of the dropped, with place, unit and limits.
     pub first_fault: Option<String>,
-    /// Samples per second, from the median interval.
-    pub rate_hz: f64,
-    /// Intervals longer than five times the median.
-    pub gaps: u64,
-    /// The longest interval, s.
-    pub longest_gap_s: f64,
+    /// How evenly the stamps of the samples in use follow each other.
+    pub pace: PaceSurvey,
 }
 
 /// Something that a user should read.

@@ -214,8 +214,15 @@ impl Scan {
                         Step::Cut { opcode: op::CHUNK, stated_len } => {
                             self.chunk(at, &body, stated_len, &mut records, on_message);
                         }
-                        Step::Cut { .. } => {
-                            self.damage(at, self.data_end.saturating_sub(at), "the file ends inside a record", 0);
+                        Step::Cut { opcode, .. } => {
+                            let problem = match opcode {
+                                op::MESSAGE => "the file ends inside a message",
+                                op::MESSAGE_INDEX..=op::CHUNK_INDEX | op::STATISTICS..=op::SUMMARY_OFFSET => {
+                                    "the file ends inside an index, which holds no message"
+                                }
+                                _ => "the file ends inside a record",
+                            };
+                            self.damage(at, self.data_end.saturating_sub(at), problem, 0);
                         }
                         _ => self.damage(at, self.data_end.saturating_sub(at), "not a record", 0),
                     }

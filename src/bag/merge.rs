@@ -148,8 +148,7 @@ impl Iterator for Messages {
 pub fn messages(path: &Path) -> Result<Messages, BagError> {
     let source = source::open(path)?;
     let scanned = source.scan(&mut |_| {})?;
-    let mut warnings = source.warnings;
-    warnings.extend(scanned.files.iter().flat_map(FileHealth::warnings));
+    let warnings = source.all_warnings(&scanned.files);
     let mut loaders = vec![];
     let mut waiting = vec![];
     for (number, (path, (storage, channels, segments))) in source.files.iter().zip(scanned.parts).enumerate() {

@@ -8,9 +8,8 @@ pub(super) const FILE_NAME: &str = "metadata.yaml";
 /// What the reader needs of any version.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Metadata {
-    pub(super) version: u32,
     pub(super) relative_file_paths: Vec<String>,
-    pub(super) message_count: u64,
+    pub(super) message_count: Option<u64>,
     pub(super) compression_mode: String,
 }
 
@@ -21,7 +20,6 @@ impl Metadata {
             serde_yaml::from_str(text).map_err(|error| format!("cannot be read: {error}"))?;
         let information = outer.rosbag2_bagfile_information;
         Ok(Self {
-            version: information.version,
             relative_file_paths: information.relative_file_paths,
             message_count: information.message_count,
             compression_mode: information.compression_mode,
@@ -36,11 +34,9 @@ struct Outer<T> {
 
 #[derive(Debug, Deserialize)]
 struct ReadInformation {
-    version: u32,
     #[serde(default)]
     relative_file_paths: Vec<String>,
-    #[serde(default)]
-    message_count: u64,
+    message_count: Option<u64>,
     #[serde(default)]
     compression_mode: String,
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::align;
-use super::collect::{AnyCollector, Collected, topic_named};
+use super::collect::{AnyCollector, Collected};
 use super::source;
 use super::streams::{Command, Pressure};
 use super::topic::TopicInfo;
@@ -28,7 +28,8 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Loaded, BagError> {
     check_streams(path, &collected, options, &scanned.topics)?;
     let jump = collected.settle();
     let (mut streams, healths) = collected.finish();
-    let mut health = Health { files: scanned.files, streams: healths, warnings: source.warnings };
+    let warnings = source.all_warnings(&scanned.files);
+    let mut health = Health { files: scanned.files, streams: healths, warnings };
     warn(&mut health);
     health.warnings.extend(jump);
     let mut filled = |stream: Stream, with| {
@@ -52,14 +53,13 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Loaded, BagError> {
     }
     let frames = align::align(&streams, options.interpolation, path)?;
     if frames.is_empty() {
-        return Err(BagError::NoOverlap { path: path.to_owned() });
+        return Err(BagError::NoRows { path: path.to_owned(), present: present(&scanned.topics) });
     }
     Ok(Loaded { recording: Recording::new(source.name, frames), health })
 }
 
 /// Turns counts into warnings.
 fn warn(health: &mut Health) {
-    health.warnings.extend(health.files.iter().flat_map(FileHealth::warnings));
     for stream in &health.streams {
         let count = stream.undecodable + stream.bad_stamps + stream.bad_values + stream.duplicates + stream.conflicts;
         let topic = || stream.topic.clone();
@@ -70,8 +70,8 @@ fn warn(health: &mut Health) {
         if stream.late > 0 {
             health.warnings.push(Warning::Late { topic: topic(), count: stream.late, of: stream.messages });
         }
-        if stream.gaps > 0 && stream.longest_gap_s > GAP_WORTH_A_WORD_S {
-            let (count, longest_s) = (stream.gaps, stream.longest_gap_s);
+        if stream.pace.gaps > 0 && stream.pace.longest_gap_s > GAP_WORTH_A_WORD_S {
+            let (count, longest_s) = (stream.pace.gaps, stream.pace.longest_gap_s);
             health.warnings.push(Warning::Gap { topic: topic(), longest_s, count });
         }
     }
@@ -96,8 +96,9 @@ fn check_streams(
     let mut missing = vec![];
     for stream in collected.all() {
         let name = options.topics.of(stream.stream());
-        let topic = topic_named(topics, name);
-        if let Some(found) = topic.and_then(|topic| stream.foreign_type(topic)) {
+        // A bag may hold one name with two types; none of them may be foreign.
+        let mut mine = topics.iter().filter(|topic| topic.name == name);
+        if let Some(found) = mine.find_map(|topic| stream.foreign_type(topic)) {
             return Err(BagError::Type {
                 path: path.to_owned(),
                 topic: name.to_owned(),
@@ -121,14 +122,19 @@ fn check_streams(
     if missing.is_empty() {
         return Ok(());
     }
+    Err(BagError::Missing { path: path.to_owned(), missing, present: present(topics) })
+}
+
+/// The topics of a bag in words.
+fn present(topics: &[Arc<TopicInfo>]) -> String {
     let present: Vec<String> = topics.iter().map(|topic| format!("{} ({})", topic.name, topic.type_name)).collect();
-    Err(BagError::Missing { path: path.to_owned(), missing, present: present.join(", ") })
+    present.join(", ")
 }
 
 /// Says which topic is missing, and which one may have been meant: one of the type, or else one of a like name.
 fn describe_missing(stream: &dyn AnyCollector, wanted: &str, topics: &[Arc<TopicInfo>]) -> String {
     let type_name = stream.type_name();
-    if topic_named(topics, wanted).is_some() {
+    if topics.iter().any(|topic| topic.name == wanted) {
         return format!("topic `{wanted}` ({type_name}) has no message");
     }
     let likeness = |topic: &TopicInfo| {

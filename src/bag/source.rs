@@ -66,6 +66,9 @@ fn folder(path: &Path, source: &mut Source) -> Result<(), BagError> {
     match fs::read_to_string(&file) {
         Ok(text) => match Metadata::parse(&text) {
             Ok(metadata) => {
+                if metadata.compression_mode.eq_ignore_ascii_case("message") {
+                    return Err(BagError::Compressed { path: path.to_owned() });
+                }
                 for relative in &metadata.relative_file_paths {
                     let wanted = path.join(relative);
                     if wanted.is_file() {
@@ -187,6 +190,19 @@ pub(super) struct Scanned {
 }
 
 impl Source {
+    /// Everything to be said of how the files were found and how they are.
+    pub(super) fn all_warnings(&self, files: &[FileHealth]) -> Vec<Warning> {
+        let mut warnings: Vec<Warning> = files.iter().flat_map(FileHealth::warnings).collect();
+        let read: u64 = files.iter().map(|file| file.messages).sum();
+        let stated = self.metadata.as_ref().and_then(|metadata| metadata.message_count);
+        if let Some(stated) = stated.filter(|stated| *stated != read) {
+            let problem = format!("counts {stated} messages, the files hold {read}");
+            warnings.push(Warning::Metadata { problem });
+        }
+        warnings.extend(self.warnings.iter().cloned());
+        warnings
+    }
+
     /// Reads all files in order, hands on each message, and gives their health and topics.
     ///
     /// # Errors

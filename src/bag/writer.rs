@@ -80,7 +80,6 @@ impl Writer {
         let folder = Unfinished::create(dir, options)?;
         let file_name = format!("{}_0.mcap", folder.name());
         let file_path = folder.path().join(&file_name);
-        #[expect(clippy::disallowed_methods, reason = "the folder around it has a temporary name")]
         let file = File::create(&file_path).map_err(BagError::io(&file_path, "create"))?;
         let file = mcap::WriteOptions::new()
             .profile("ros2")

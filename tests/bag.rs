@@ -1,0 +1,25 @@
+//! Bags, from outside: what is read, what is written, and what happens to everything that is wrong with them.
+
+#[path = "bag/align.rs"]
+mod align;
+#[path = "bag/any_bytes.rs"]
+mod any_bytes;
+#[path = "bag/damage.rs"]
+mod damage;
+#[path = "bag/errors.rs"]
+mod errors;
+#[path = "bag/info.rs"]
+mod info;
+#[path = "bag/make.rs"]
+mod make;
+#[path = "bag/order.rs"]
+mod order;
+#[path = "bag/read.rs"]
+mod read;
+#[path = "bag/shipped.rs"]
+mod shipped;
+#[cfg(feature = "sqlite")]
+#[path = "bag/sqlite.rs"]
+mod sqlite;
+#[path = "bag/write.rs"]
+mod write;
