@@ -125,6 +125,8 @@ parameters! {
         stroke_min_m ["m"] -1.0 ..= 0.0,
         /// Stop on the opening side.
         stroke_max_m ["m"] 0.0 ..= 1.0,
+        /// Yield of the stops under force; 0 where they are taken as rigid.
+        stop_compliance_m_n ["m/N"] 0.0 ..= 1.0e-6,
         /// Gravity along the spool, + towards opening.
         gravity_m_s2 ["m/s2"] -10.0 ..= 10.0,
     }
@@ -155,6 +157,8 @@ parameters! {
         load_closed_n ["N"] -1.0e8 ..= 1.0e8,
         /// Load added at Y = 1, linear in between.
         load_slope_n ["N"] -1.0e8 ..= 1.0e8,
+        /// Yield of the end stops under force; 0 where they are taken as rigid.
+        stop_compliance_m_n ["m/N"] 0.0 ..= 1.0e-6,
     }
 }
 

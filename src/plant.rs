@@ -36,6 +36,8 @@ pub struct Drive {
     pub esv_opening_pu: f64,
     /// Measured tank pressure, Pa gauge.
     pub tank_pressure_pa: f64,
+    /// How far chatter blurs the edges of the main ports, m; 0 unless the twin is a mean.
+    pub edge_blur_m: f64,
     /// Force on the spool beyond the blocks', N, + opens.
     pub spool_force_n: f64,
     /// Flow into the control chamber beyond the blocks', m³/s.

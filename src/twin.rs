@@ -24,6 +24,10 @@ pub enum Cut {
     Spool,
 }
 
+/// Blur of the port edges per standard deviation of the spool's demand: 0.8 for the shape of the blurred edge times
+/// 0.4, the share of the demand's noise that the spool follows (measured on simulated units).
+const CHATTER_BLUR: f64 = 0.32;
+
 /// The simulated servo system of one unit.
 ///
 /// Integration runs on a grid of whole small-loop periods (1 ms) counted from the first frame; a
@@ -55,6 +59,7 @@ struct Now {
     measured: Signals,
     measured_ns: i64,
     spool_command_pu: f64,
+    spool_command_sd_pu: f64,
     valve_current_pu: f64,
     servomotor_reading_pu: f64,
 }
@@ -85,6 +90,7 @@ impl Twin {
             measured: Signals::NONE,
             measured_ns: 0,
             spool_command_pu: 0.0,
+            spool_command_sd_pu: 0.0,
             valve_current_pu: 0.0,
             servomotor_reading_pu: 0.0,
         };
@@ -103,6 +109,16 @@ impl Twin {
     #[must_use]
     pub fn with_cut(mut self, cut: Cut) -> Self {
         self.cut = cut;
+        self
+    }
+
+    /// The same twin as the mean over transducer noise inside the loop, one standard deviation in pu of stroke.
+    ///
+    /// The dead band decides on a noisy reading; its mean is smooth in every parameter, which a search
+    /// needs, and the estimate then carries the demand's standard deviation.
+    #[must_use]
+    pub fn with_dither(mut self, servomotor_noise_pu: f64) -> Self {
+        Arc::make_mut(&mut self.plant).regulator.dither_pu = servomotor_noise_pu;
         self
     }
 
@@ -137,6 +153,12 @@ impl Twin {
     /// there never was one, the command is the measured position and the tank pressure the sheet's.
     #[must_use]
     pub fn step(&mut self, frame: &Frame) -> Estimate {
+        self.advance(frame);
+        self.estimate(frame.time_ns)
+    }
+
+    /// The same without the estimate, for rows at which nobody looks.
+    pub fn advance(&mut self, frame: &Frame) {
         if self.now.running {
             while frame.time_ns - self.now.time_ns >= self.tick_ns {
                 self.tick(frame);
@@ -145,7 +167,6 @@ impl Twin {
         } else {
             self.start(frame);
         }
-        self.estimate(frame.time_ns)
     }
 
     /// Sets the steady state that a first frame describes.
@@ -187,7 +208,7 @@ impl Twin {
         };
         now.state = steady(plant, position_pu * plant.servomotor.stroke_m, spool_position_m, &drive);
         now.valve_current_pu = (now.state.pilot_position_pu / plant.proportional_valve.gain_pu).clamp(-1.0, 1.0);
-        now.spool_command_pu = 0.0;
+        (now.spool_command_pu, now.spool_command_sd_pu) = (0.0, 0.0);
         now.servomotor_reading_pu = position_pu;
         let terms = &plant.terms;
         terms.reset(Point::Command, now.inputs.opening_command_pu, &mut now.memory);
@@ -230,7 +251,7 @@ impl Twin {
         let time_s = seconds_from_ticks(now.ticks, self.tick_s);
         let spool_reading_pu = match self.cut {
             Cut::Spool => standing_in_pu(now.measured.spool_position_pu, now.measured_ns, next, now.time_ns),
-            Cut::None | Cut::Servomotor => plant.spool.reading_pu(now.state.spool_position_m),
+            Cut::None | Cut::Servomotor => spool_reading_pu(plant, now, 0.0),
         };
         let servomotor_reading_pu = if self.cut == Cut::Servomotor && now.measured.servomotor_position_pu.is_finite() {
             now.measured.servomotor_position_pu
@@ -259,7 +280,8 @@ impl Twin {
             } else {
                 share * self.tick_s * before.servomotor_velocity_m_s / plant.servomotor.stroke_m
             };
-            now.spool_command_pu = plant.regulator.spool_command_pu(command_pu, servomotor_read_pu + moved_pu);
+            (now.spool_command_pu, now.spool_command_sd_pu) =
+                plant.regulator.dithered_command_pu(command_pu, servomotor_read_pu + moved_pu);
             // Until the large loop runs within the tick, its old output holds.
             spool_command_pu = now.spool_command_pu + share * (spool_command_pu - now.spool_command_pu);
         }
@@ -269,6 +291,7 @@ impl Twin {
             valve_current_pu: terms.apply(Point::ValveCurrent, now.valve_current_pu, &view, memory),
             esv_opening_pu,
             tank_pressure_pa: now.inputs.tank_pressure_pa,
+            edge_blur_m: CHATTER_BLUR * now.spool_command_sd_pu * plant.spool.reference_stroke_m,
             spool_force_n: terms.apply(Point::SpoolForce, 0.0, &view, memory),
             chamber_flow_m3_s: terms.apply(Point::ChamberFlow, 0.0, &view, memory),
             servomotor_force_n: terms.apply(Point::ServomotorForce, 0.0, &view, memory),
@@ -294,12 +317,7 @@ impl Twin {
         let (plant, now) = (&*self.plant, &self.now);
         let since_s = seconds_from_nanos(time_ns - now.time_ns).max(0.0);
         let state = &now.state;
-        let spool = &plant.spool;
-        let spool_m = if self.cut == Cut::Spool {
-            state.spool_position_m
-        } else {
-            state.spool_position_m + state.spool_velocity_m_s * since_s
-        };
+        let moving_s = if self.cut == Cut::Spool { 0.0 } else { since_s };
         let moved_pu = if since_s > 0.0 {
             piston_position_pu(plant, now, since_s) - piston_position_pu(plant, now, 0.0)
         } else {
@@ -308,7 +326,7 @@ impl Twin {
         Estimate {
             time_ns,
             signals: Signals {
-                spool_position_pu: spool.reading_pu(spool_m.clamp(spool.stroke_min_m, spool.stroke_max_m)),
+                spool_position_pu: spool_reading_pu(plant, now, moving_s),
                 servomotor_position_pu: now.servomotor_reading_pu + moved_pu,
                 pilot_valve_position_pu: state.pilot_position_pu,
                 control_pressure_pa: state.control_pressure_pa,
@@ -318,16 +336,28 @@ impl Twin {
             opening_chamber_pressure_pa: state.opening_pressure_pa,
             closing_chamber_pressure_pa: state.closing_pressure_pa,
             spool_command_pu: now.spool_command_pu,
+            spool_command_sd_pu: now.spool_command_sd_pu,
             valve_current_pu: now.valve_current_pu,
         }
     }
+}
+
+/// What the spool's transducer shows `after_s` past the last tick, pu.
+fn spool_reading_pu(plant: &Plant, now: &Now, after_s: f64) -> f64 {
+    let (spool, state) = (&plant.spool, &now.state);
+    let position_m =
+        (state.spool_position_m + state.spool_velocity_m_s * after_s).clamp(spool.stroke_min_m, spool.stroke_max_m);
+    let yield_m = spool.stop_yield_m(position_m, state.control_pressure_pa, now.inputs.tank_pressure_pa);
+    spool.reading_pu(position_m + yield_m)
 }
 
 /// Piston position `after_s` past the last tick, pu.
 fn piston_position_pu(plant: &Plant, now: &Now, after_s: f64) -> f64 {
     let servo = &plant.servomotor;
     let position_m = now.state.servomotor_position_m + now.state.servomotor_velocity_m_s * after_s;
-    position_m.clamp(0.0, servo.stroke_m) / servo.stroke_m
+    let position_m = position_m.clamp(0.0, servo.stroke_m);
+    let yield_m = servo.stop_yield_m(position_m, now.state.opening_pressure_pa, now.state.closing_pressure_pa);
+    (position_m + yield_m) / servo.stroke_m
 }
 
 /// A measured signal at a time between its last row and the next, pu.

@@ -6,10 +6,16 @@
 
 use crate::parameters;
 
+/// Standard deviations beyond which a branch of the dead band is certain.
+const FAR: f64 = 6.0;
+
 /// Law and parameters of the regulator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Regulator {
     p: parameters::Regulator,
+    /// Noise of the servomotor reading inside the loop, one standard deviation, pu; 0 for a twin that is one
+    /// realisation, the sheet's for one that is the mean of many.
+    pub dither_pu: f64,
     ticks_per_large_loop: u64,
     /// The same for a period that an effect lengthened, any number; 0 where none did.
     lengthened_ticks_count: f64,
@@ -21,7 +27,7 @@ impl Regulator {
     pub fn new(p: &parameters::Regulator) -> Self {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at least 1, and a cast saturates")]
         let ticks_per_large_loop = (p.large_loop_period_s / p.small_loop_period_s).round().max(1.0) as u64;
-        Self { p: *p, ticks_per_large_loop, lengthened_ticks_count: 0.0 }
+        Self { p: *p, dither_pu: 0.0, ticks_per_large_loop, lengthened_ticks_count: 0.0 }
     }
 
     /// Period of the small loop, s.
@@ -76,6 +82,40 @@ impl Regulator {
         u_c.clamp(self.p.spool_command_min_pu, self.p.spool_command_max_pu)
     }
 
+    /// Mean and standard deviation of the large loop's demand over the noise of the reading, pu.
+    ///
+    /// With `n ~ N(0, σ²)` on the error, `a = (e − Z_u)/σ`, `b = (Z_l − e)/σ`: each branch of the law contributes
+    /// `(K1 e + C) Φ ± K1 σ φ` to the mean, and its square likewise. Noise smooths the dead band as dither does
+    /// (Gelb & Vander Velde 1968, *Multiple-Input Describing Functions*, section 7.2); the limits act on the mean.
+    #[must_use]
+    pub fn dithered_command_pu(&self, command_pu: f64, servomotor_reading_pu: f64) -> (f64, f64) {
+        let sigma = self.dither_pu;
+        let e = command_pu - servomotor_reading_pu;
+        let gain = self.p.position_gain;
+        let a = (e - self.p.deadband_upper_pu) / sigma;
+        let b = (self.p.deadband_lower_pu - e) / sigma;
+        if sigma <= 0.0 || a > FAR || b > FAR {
+            let sd_pu = if sigma > 0.0 { gain * sigma } else { 0.0 };
+            return (self.spool_command_pu(command_pu, servomotor_reading_pu), sd_pu);
+        }
+        if a < -FAR && b < -FAR {
+            return (0.0, 0.0);
+        }
+        let spread = gain * sigma;
+        let branch = |level: f64, z: f64, side: f64| {
+            let (phi, density) = (normal_cdf(z), normal_density(z));
+            let mean = level * phi + side * spread * density;
+            let square =
+                level * level * phi + 2.0 * side * level * spread * density + spread * spread * (phi - z * density);
+            (mean, square)
+        };
+        let (up, up_square) = branch(gain * e + self.p.compensation_positive_pu, a, 1.0);
+        let (down, down_square) = branch(gain * e + self.p.compensation_negative_pu, b, -1.0);
+        let mean = up + down;
+        let sd_pu = (up_square + down_square - mean * mean).max(0.0).sqrt();
+        (mean.clamp(self.p.spool_command_min_pu, self.p.spool_command_max_pu), sd_pu)
+    }
+
     /// The small loop: valve current `u`, pu.
     #[inline]
     #[must_use]
@@ -91,6 +131,14 @@ impl Regulator {
         spool_command_pu - self.p.spool_reference_pu
             + (self.p.current_reference_pu - valve_current_pu) / self.p.spool_gain
     }
+}
+
+fn normal_cdf(z: f64) -> f64 {
+    0.5 * statrs::function::erf::erfc(-z * std::f64::consts::FRAC_1_SQRT_2)
+}
+
+fn normal_density(z: f64) -> f64 {
+    (-0.5 * z * z).exp() / (2.0 * std::f64::consts::PI).sqrt()
 }
 
 #[cfg(test)]
@@ -151,5 +199,25 @@ mod tests {
         let regulator = sheet();
         let reading_pu = regulator.resting_reading_pu(0.1, 0.02);
         assert!((regulator.valve_current_pu(0.1, reading_pu) - 0.02).abs() < 1e-15);
+    }
+
+    #[test]
+    fn the_dithered_command_is_the_mean_over_the_noise() {
+        let mut regulator = sheet();
+        regulator.dither_pu = 1.5e-4;
+        for e in [-9e-4, -5e-4, -3e-4, 0.0, 2e-4, 5e-4, 6e-4, 2e-3] {
+            // A midpoint sum over ±8 standard deviations.
+            let (n, mut mean, mut square) = (200_000, 0.0, 0.0);
+            for k in 0..n {
+                let z = -8.0 + 16.0 * (f64::from(k) + 0.5) / f64::from(n);
+                let u = regulator.spool_command_pu(e + z * regulator.dither_pu, 0.0);
+                let weight = normal_density(z) * 16.0 / f64::from(n);
+                mean += weight * u;
+                square += weight * u * u;
+            }
+            let (got, sd) = regulator.dithered_command_pu(e, 0.0);
+            assert!((got - mean).abs() < 1e-6, "{e}: {got} {mean}");
+            assert!((sd - (square - mean * mean).max(0.0).sqrt()).abs() < 1e-5, "{e}: {sd}");
+        }
     }
 }

@@ -31,6 +31,8 @@ pub struct Servomotor {
     pub load_closed_n: f64,
     /// Load added at Y = 1, N.
     pub load_slope_n: f64,
+    /// Yield of the end stops, m/N.
+    pub stop_compliance_m_n: f64,
     /// Laminar leakage from the opening into the closing chamber, m³/(s Pa).
     pub cross_leakage_m3_s_pa: f64,
     /// Cushion force per speed squared at the closed end, N s²/m².
@@ -54,6 +56,7 @@ impl Servomotor {
             friction: Friction { coulomb_n: p.coulomb_friction_n, static_ratio: 1.0 },
             load_closed_n: p.load_closed_n,
             load_slope_n: p.load_slope_n,
+            stop_compliance_m_n: p.stop_compliance_m_n,
             cross_leakage_m3_s_pa: 0.0,
             cushion_n_s2_m2: 0.0,
             cushion_length_m: 0.0,
@@ -79,6 +82,18 @@ impl Servomotor {
     #[must_use]
     pub fn closing_compliance_m3_pa(&self, position_m: f64) -> f64 {
         (self.dead_volume_m3 + self.closing_area_m2 * (self.stroke_m - position_m)) * self.compressibility_1_pa
+    }
+
+    /// How far a force into the end stop that the piston touches bends it, m.
+    #[inline]
+    #[must_use]
+    pub fn stop_yield_m(&self, position_m: f64, opening_pa: f64, closing_pa: f64) -> f64 {
+        if self.stop_compliance_m_n == 0.0 || (position_m > 0.0 && position_m < self.stroke_m) {
+            return 0.0;
+        }
+        let force_n = opening_pa * self.opening_area_m2 - closing_pa * self.closing_area_m2 - self.load_n(position_m);
+        let into = if position_m <= 0.0 { force_n.min(0.0) } else { force_n.max(0.0) };
+        self.stop_compliance_m_n * into
     }
 
     /// Damping at a position and speed, the cushion's included, N s/m.

@@ -42,6 +42,8 @@ pub struct Spool {
     pub stroke_min_m: f64,
     /// Stop on the opening side, m.
     pub stroke_max_m: f64,
+    /// Yield of the stops, m/N.
+    pub stop_compliance_m_n: f64,
     /// Weight towards opening `m g`, N.
     pub weight_n: f64,
     /// Friction.
@@ -71,6 +73,7 @@ impl Spool {
             reference_stroke_m: p.reference_stroke_m,
             stroke_min_m: p.stroke_min_m,
             stroke_max_m: p.stroke_max_m,
+            stop_compliance_m_n: p.stop_compliance_m_n,
             weight_n: p.spool_mass_kg * p.gravity_m_s2,
             friction: Friction { coulomb_n: 0.0, static_ratio: 1.0 },
             reading_gain: 1.0,
@@ -122,6 +125,18 @@ impl Spool {
     pub fn static_force_n(&self, position_m: f64, pressure_pa: f64, supply_pa: f64) -> f64 {
         pressure_pa * self.control_area_m2 - supply_pa * self.constant_area_m2 + self.weight_n
             - self.spring_force_n(position_m)
+    }
+
+    /// How far a force into the stop that the spool touches bends it, m; the chambers' quasi-steady force counts.
+    #[inline]
+    #[must_use]
+    pub fn stop_yield_m(&self, position_m: f64, pressure_pa: f64, supply_pa: f64) -> f64 {
+        if self.stop_compliance_m_n == 0.0 || (position_m > self.stroke_min_m && position_m < self.stroke_max_m) {
+            return 0.0;
+        }
+        let force_n = self.static_force_n(position_m, pressure_pa, supply_pa);
+        let into = if position_m <= self.stroke_min_m { force_n.min(0.0) } else { force_n.max(0.0) };
+        self.stop_compliance_m_n * into
     }
 
     /// Control-chamber pressure that balances the forces at rest, Pa.

@@ -85,7 +85,8 @@ impl Split {
         for _ in 0..self.count {
             let start_m = state.spool_position_m;
             self.spool_step(plant, state, drive, &held);
-            travel_sum_m += plant.main_ports.travel_m(0.5 * (start_m + state.spool_position_m));
+            let middle_m = 0.5 * (start_m + state.spool_position_m);
+            travel_sum_m += plant.main_ports.blurred_travel_m(middle_m, drive.edge_blur_m);
         }
         self.piston_step(plant, state, drive, oil, travel_sum_m / f64::from(self.count));
     }
