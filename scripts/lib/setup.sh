@@ -68,8 +68,10 @@ need_cmake() {
     python3 -c 'import ensurepip, venv' 2>/dev/null || need_packages "to install CMake from PyPI" python3 python3-venv
     say "setup: installing CMake (found: ${version:-none}, needed for LightGBM: $MIN_CMAKE) from PyPI into $tools"
     rm -rf "$tools/python"
-    python3 -m venv "$tools/python"
-    "$tools/python/bin/pip" install --quiet "cmake>=$MIN_CMAKE"
+    if ! { python3 -m venv "$tools/python" && "$tools/python/bin/pip" install --quiet "cmake>=$MIN_CMAKE"; }; then
+        say "setup: CMake could not be installed; all goes on but what builds LightGBM"
+        return 0
+    fi
     # Only cmake goes on the path: the rest of the environment would shadow the machine's Python.
     ln -sf ../python/bin/cmake "$tools/bin/cmake"
 }
@@ -119,13 +121,14 @@ need_rustup() {
     # The distribution's rustup would push its own, older cargo off the machine; that one may be in use.
     if command -v apt-get >/dev/null && ! have_package cargo && ! have_package rustc; then
         apt_update
-        if [ -n "$(apt-cache policy rustup 2>/dev/null | sed -n 's/^ *Candidate: *\([^(].*\)/\1/p')" ]; then
+        if apt-cache policy rustup 2>/dev/null | awk '$1 == "Candidate:" && $2 != "(none)" { found = 1 } END { exit !found }'; then
             need_packages "to install Rust" rustup
             return 0
         fi
     fi
     need_packages "to fetch Rust" curl ca-certificates
     say "setup: installing rustup with its official installer, into ~/.cargo and ~/.rustup"
-    curl --proto '=https' --tlsv1.2 -sSf https://sh.rustup.rs | sh -s -- -y --no-modify-path --default-toolchain none
+    curl --proto '=https' --tlsv1.2 -sSf https://sh.rustup.rs | sh -s -- -y --no-modify-path --default-toolchain none ||
+        fail "rustup could not be fetched; install Rust $MIN_RUST or newer by hand and run this again"
     export PATH="$HOME/.cargo/bin:$PATH"
 }
