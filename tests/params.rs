@@ -281,6 +281,27 @@ fn what_could_not_be_read_back_is_not_written() {
     assert!(!path.exists());
 }
 
+/// The text between a line and the next line that closes the block, of a file of the project.
+fn block(file: &str, opening: &str) -> String {
+    let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(file)).unwrap();
+    let (_, rest) = text.split_once(&format!("{opening}\n")).unwrap_or_else(|| panic!("{file} has {opening}"));
+    rest.split_once("```").unwrap().0.to_owned()
+}
+
+#[test]
+fn what_the_readme_shows_is_so() {
+    let unit = load(&block("README.md", "```yaml")).unwrap();
+    assert_eq!(unit.parameters.oil.bulk_modulus_pa, 1.1e9);
+    assert_eq!(unit.effects.len(), 1);
+
+    let told = block("README.md", "```text");
+    let slips = "name: x\noil:\n  bulk_modulus: 1.1e9\n  density_kg_m3: {value: 8650.0}\neffects:\n  backlsh: {play_pu: 0.004}\n";
+    for problem in problems(slips) {
+        let (line, problem) = problem.split_once(' ').unwrap();
+        assert!(told.contains(&format!("unit2.yaml:{line}: {problem}\n")), "{problem} in\n{told}");
+    }
+}
+
 proptest! {
     /// Any valid unit survives writing and reading to the last bit.
     #[test]

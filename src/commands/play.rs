@@ -12,7 +12,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::output;
 use super::run::{duration, stop_on_signals};
-use crate::cli::Outcome;
+use crate::commands::Outcome;
 
 /// Arguments of `govtwin play`.
 #[derive(Debug, clap::Args)]

@@ -13,7 +13,7 @@ use govtwin::node::recorder::{DEFAULT_TOPICS, record};
 
 use super::output;
 use super::run::{duration, stop_on_signals};
-use crate::cli::Outcome;
+use crate::commands::Outcome;
 
 /// Arguments of `govtwin record`.
 #[derive(Debug, clap::Args)]
