@@ -20,6 +20,8 @@ struct Cli {
 enum Command {
     /// Validate a parameter file and print the merged unit.
     Check(commands::check::Args),
+    /// List what a real unit may do beyond the nominal model, or document one such effect.
+    Effects(commands::effects::Args),
     /// Say what is in a bag: topics, types, counts, rates, gaps, health.
     Info(commands::info::Args),
     /// Simulate recordings and compare with what was measured.
@@ -39,6 +41,7 @@ enum Command {
 pub fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Check(args) => commands::check::run(&args),
+        Command::Effects(args) => commands::effects::run(&args),
         Command::Info(args) => commands::info::run(&args),
         Command::Replay(args) => commands::replay::run(&args),
         #[cfg(feature = "node")]

@@ -2,6 +2,7 @@
 
 pub mod bags;
 pub mod check;
+pub mod effects;
 pub mod info;
 pub mod output;
 #[cfg(feature = "node")]

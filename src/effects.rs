@@ -106,6 +106,53 @@ pub struct EffectSpec {
     pub apply: fn(&[f64], &mut Plant),
 }
 
+/// What the head of an effect's file says, in plain words.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Head {
+    /// What it is.
+    pub summary: String,
+    /// Its equation and where it comes from.
+    pub equation: String,
+    /// Symbol, meaning and unit, symbol by symbol.
+    pub symbols: Vec<[String; 3]>,
+    /// What the gap looks like where the twin lacks it.
+    pub symptom: String,
+    /// What it leaves out.
+    pub limits: String,
+}
+
+impl EffectSpec {
+    /// Reads the head of its file.
+    #[must_use]
+    pub fn head(&self) -> Head {
+        let lines = self.source.lines().map_while(|line| line.strip_prefix("//!")).map(str::trim);
+        let mut paragraphs = vec![String::new()];
+        let mut symbols = Vec::new();
+        for line in lines {
+            let mut cells = line.split('|').map(|cell| cell.trim().to_owned());
+            match (line.strip_prefix('|'), paragraphs.last_mut()) {
+                (Some(_), _) => {
+                    symbols.extend(cells.next().and_then(|_| Some([cells.next()?, cells.next()?, cells.next()?])))
+                }
+                (None, Some(paragraph)) if !line.is_empty() && !paragraph.is_empty() => {
+                    paragraph.push(' ');
+                    paragraph.push_str(line);
+                }
+                (None, Some(paragraph)) if !line.is_empty() => paragraph.push_str(line),
+                (None, Some(paragraph)) if !paragraph.is_empty() => paragraphs.push(String::new()),
+                (None, _) => {}
+            }
+        }
+        let mut paragraphs = paragraphs.into_iter();
+        let mut next = || paragraphs.next().unwrap_or_default();
+        let (summary, equation, last) = (next(), next(), next());
+        let (symptom, limits) = last.split_once(" Limits: ").unwrap_or((&last, ""));
+        // The first two rows of the table are its head.
+        let symbols = symbols.split_off(2.min(symbols.len()));
+        Head { summary, equation, symbols, symptom: symptom.to_owned(), limits: limits.to_owned() }
+    }
+}
+
 /// Every effect that the twin can switch on, by stage along the chain.
 pub const CATALOGUE: &[EffectSpec] = &[
     command_delay::SPEC,
@@ -150,5 +197,25 @@ pub fn apply(settings: &[EffectSetting], plant: &mut Plant) {
         for setting in settings.iter().filter(|setting| setting.id == spec.id) {
             (spec.apply)(&setting.values, plant);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_head_is_read_in_its_parts() {
+        for spec in CATALOGUE {
+            let head = spec.head();
+            for part in [&head.summary, &head.equation, &head.symptom, &head.limits] {
+                assert!(part.len() > 10 && !part.contains('\n') && part.ends_with('.'), "{}: {part}", spec.id);
+            }
+            assert!(head.symptom.starts_with("Without it ") && !head.symptom.contains("Limits"), "{}", spec.id);
+            assert!(head.symbols.len() >= spec.parameters.len(), "{}", spec.id);
+            assert!(head.symbols.iter().flatten().all(|cell| !cell.is_empty()), "{}: {:?}", spec.id, head.symbols);
+        }
+        let head = find("port_overlap").map(EffectSpec::head).unwrap_or_default();
+        assert_eq!(head.symbols, [["Δh", "extra overlap `extra_overlap_m`", "m"].map(str::to_owned)]);
     }
 }

@@ -34,6 +34,7 @@ use crate::parameters::{ENTRIES, Unit};
 pub use error::{ParamsError, Problem};
 pub use number::{number_text, quantity_text, tolerance_text};
 pub use sheet::{Origin, SENSOR_ENTRIES, SensorEntry, Sheet};
+pub use suggest::nearest;
 pub use write::{Overlay, write};
 
 /// Text of the shipped sheet.

@@ -1,7 +1,7 @@
 //! A cushion at the closed end of the servomotor's stroke: the outlet narrows and the last part of closing is slow.
 //!
 //! `F = K (1 − Y/L) w²` against closing for `Y < L`: the drop over an outlet whose drag grows towards the end
-//! (orifice law: Merritt 1967, *Hydraulic Control Systems*, chapter 3; slow closure of guide vanes: IEC 61362:2012, cushioning).
+//! (orifice law: Merritt 1967, *Hydraulic Control Systems*, chapter 3; cushion time of servomotors: ASME PTC 29-2005).
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|

@@ -1,6 +1,6 @@
 //! Dead time of the emergency shutdown valve: relay, solenoid and pilot stage act late.
 //!
-//! The valve does at t what its solenoid was told at `t − T` (IEC 61362:2012, dead times of governing systems).
+//! The valve does at t what its solenoid was told at `t − T` (dead time: ASME PTC 29-2005, *Speed-Governing Systems for Hydraulic Turbine-Generator Units*).
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|

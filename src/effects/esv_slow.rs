@@ -1,7 +1,7 @@
 //! An emergency shutdown valve that travels slowly from one end to the other: a sticky spool, a weak spring, a throttled pilot.
 //!
 //! `ds/dt = ±1/T` until s reaches 1 (normal) or 0 (shutdown); pilot oil passes in proportion to s, the drain to 1 − s
-//! (IEC 61362:2012, valve operating times; Merritt 1967, *Hydraulic Control Systems*, chapter 5, spool valves).
+//! (port areas in proportion to the travel: Merritt 1967, *Hydraulic Control Systems*, chapter 5).
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|

@@ -1,7 +1,7 @@
 //! Dry friction of the spool: silt, a bent sleeve, side forces of unrelieved lands.
 //!
 //! `F_f = F_c (1 + (r − 1) e^(−|v|/v_s)) sat(v/v_0)` against the motion (Armstrong-Hélouvry, Dupont & Canudas de Wit 1994,
-//! Automatica 30(7), section 2; hydraulic lock: Merritt 1967, *Hydraulic Control Systems*, chapter 11).
+//! Automatica 30(7), section 2; hydraulic lock: Merritt 1967, *Hydraulic Control Systems*, chapter 5).
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|

@@ -1,0 +1,161 @@
+//! `govtwin effects`: what the catalogue holds, and the documentation of one effect.
+
+use anyhow::bail;
+use govtwin::effects::{CATALOGUE, EffectParameter, EffectSpec, Stage};
+use govtwin::params::{nearest, number_text, quantity_text};
+use serde_json::{Value, json};
+
+use crate::commands::Outcome;
+use crate::commands::output::print;
+
+/// Arguments of `govtwin effects`.
+#[derive(Debug, clap::Args)]
+#[command(after_long_help = HELP)]
+pub struct Args {
+    /// Show the documentation of this effect.
+    id: Option<String>,
+    /// Print JSON instead of text.
+    #[arg(long)]
+    json: bool,
+}
+
+const HELP: &str = "\
+An effect is something that a real unit may do beyond the nominal model: a dead zone, a delay, a clogged filter. Each has
+one to three parameters and a neutral value at which it vanishes exactly. Named in a parameter file it is simulated by
+every command that takes parameters:
+
+  effects:
+    port_overlap: {extra_overlap_m: 2.0e-4}
+    esv_delay: {delay_s: 0.3}
+
+A parameter that is not given is neutral. Effects combine; their order does not matter.
+
+Exit codes: 0 ok, 1 no such effect, 2 wrong usage.";
+
+/// Prints the catalogue, or one effect.
+pub fn run(args: &Args) -> anyhow::Result<Outcome> {
+    let text = match (&args.id, args.json) {
+        (None, false) => table(),
+        (None, true) => to_text(&json!({"schema": "govtwin-effects/1", "effects": entries(CATALOGUE)})),
+        (Some(id), json) => {
+            let Some(spec) = govtwin::effects::find(id) else {
+                let way_out = match nearest(id, CATALOGUE.iter().map(|spec| spec.id)) {
+                    Some(near) => format!("did you mean `{near}`?"),
+                    None => "`govtwin effects` lists them".to_owned(),
+                };
+                bail!("there is no effect `{id}`; {way_out}");
+            };
+            if json { to_text(&entry(spec)) } else { page(spec) }
+        }
+    };
+    print(&text)?;
+    Ok(Outcome::Ok)
+}
+
+fn table() -> String {
+    let mut text = String::new();
+    for stage in Stage::ALL {
+        text.push_str(&format!("{}\n", stage.id()));
+        for spec in CATALOGUE.iter().filter(|spec| spec.stage == stage) {
+            let summary = spec.head().summary;
+            text.push_str(&format!("  {:16} {}\n", spec.id, plain(&summary)));
+            for parameter in spec.parameters {
+                text.push_str(&format!("  {:16}   {}: {}\n", "", parameter.name, range(parameter)));
+            }
+        }
+    }
+    text.push_str("\n`govtwin effects ID` shows equation, source, symptom and limits.\n");
+    text
+}
+
+fn page(spec: &EffectSpec) -> String {
+    let head = spec.head();
+    let mut text = format!("{} (stage {})\n\n{}\n\n", spec.id, spec.stage.id(), wrapped(&head.summary));
+    text.push_str(&format!("Equation\n{}\n\n", wrapped(&head.equation)));
+    let width = |k: usize| head.symbols.iter().map(|row| plain(&row[k]).chars().count()).max().unwrap_or(0);
+    let (first, second) = (width(0), width(1));
+    for [symbol, meaning, unit] in &head.symbols {
+        text.push_str(&format!("  {:first$}  {:second$}  {unit}\n", plain(symbol), plain(meaning)));
+    }
+    text.push_str("\nParameters\n");
+    for parameter in spec.parameters {
+        text.push_str(&format!("  {}: {}\n    {}\n", parameter.name, parameter.doc, range(parameter)));
+    }
+    text.push_str(&format!("\nSymptom\n{}\n\nLimits\n{}\n\n", wrapped(&head.symptom), wrapped(&head.limits)));
+    text.push_str("In a parameter file\n");
+    for line in snippet(spec).lines() {
+        text.push_str(&format!("  {line}\n"));
+    }
+    text
+}
+
+/// The lines that switch it on in a parameter file, at its typical size.
+fn snippet(spec: &EffectSpec) -> String {
+    let values: Vec<String> = spec
+        .parameters
+        .iter()
+        .map(|parameter| format!("{}: {}", parameter.name, number_text(parameter.typical)))
+        .collect();
+    format!("effects:\n  {}: {{{}}}\n", spec.id, values.join(", "))
+}
+
+fn range(parameter: &EffectParameter) -> String {
+    format!(
+        "neutral {}, range {} to {}, typical {}",
+        number_text(parameter.neutral),
+        number_text(parameter.min),
+        quantity_text(parameter.max, parameter.unit),
+        quantity_text(parameter.typical, parameter.unit),
+    )
+}
+
+fn entries(specs: &[EffectSpec]) -> Vec<Value> {
+    specs.iter().map(entry).collect()
+}
+
+fn entry(spec: &EffectSpec) -> Value {
+    let head = spec.head();
+    let parameters: Vec<Value> = spec
+        .parameters
+        .iter()
+        .map(|p| {
+            json!({
+                "name": p.name, "unit": p.unit, "doc": p.doc,
+                "neutral": p.neutral, "min": p.min, "max": p.max, "typical": p.typical,
+            })
+        })
+        .collect();
+    let symbols: Vec<Value> = head
+        .symbols
+        .iter()
+        .map(|[symbol, meaning, unit]| json!({"symbol": symbol, "meaning": plain(meaning), "unit": unit}))
+        .collect();
+    json!({
+        "id": spec.id, "stage": spec.stage.id(), "summary": plain(&head.summary), "equation": head.equation,
+        "symbols": symbols, "parameters": parameters, "symptom": plain(&head.symptom), "limits": plain(&head.limits),
+        "yaml": snippet(spec),
+    })
+}
+
+fn to_text(value: &Value) -> String {
+    format!("{value:#}\n")
+}
+
+/// Without the marks of code and emphasis.
+fn plain(text: &str) -> String {
+    text.replace(['`', '*'], "")
+}
+
+/// Lines of at most 98 characters, indented by two.
+fn wrapped(text: &str) -> String {
+    let mut lines = vec![String::from(" ")];
+    for word in plain(text).split(' ') {
+        if let Some(line) = lines.last_mut().filter(|line| line.chars().count() + 1 + word.chars().count() <= 100) {
+            line.push(' ');
+            line.push_str(word);
+        } else {
+            lines.push(format!("  {word}"));
+        }
+    }
+    lines.join("\n")
+}
