@@ -209,7 +209,7 @@ mod tests {
         for spec in CATALOGUE {
             let head = spec.head();
             for part in [&head.summary, &head.equation, &head.symptom, &head.limits] {
-                assert!(part.len() > 10 && !part.contains('\n') && part.ends_with('.'), "{}: {part}", spec.id);
+                assert!(part.len() > 6 && !part.contains('\n') && part.ends_with('.'), "{}: {part}", spec.id);
             }
             assert!(head.symptom.starts_with("Without it ") && !head.symptom.contains("Limits"), "{}", spec.id);
             assert!(head.symbols.len() >= spec.parameters.len(), "{}", spec.id);

@@ -76,6 +76,12 @@ impl Twin {
     pub fn with_method(unit: &Unit, method: Method) -> Self {
         let mut plant = Plant::new(&unit.parameters);
         effects::apply(&unit.effects, &mut plant);
+        Self::of_plant(plant, unit.parameters.oil.tank_pressure_pa, method)
+    }
+
+    /// The same of a plant that no unit describes, such as one with terms of its own.
+    #[must_use]
+    pub fn of_plant(plant: Plant, nominal_tank_pressure_pa: f64, method: Method) -> Self {
         let tick_s = plant.regulator.small_loop_period_s();
         let solver = Solver::new(method, &plant, tick_s);
         let none = Inputs { opening_command_pu: 0.0, esv: EsvState::Normal, tank_pressure_pa: 0.0 };
@@ -96,7 +102,7 @@ impl Twin {
         };
         Self {
             plant: Arc::new(plant),
-            nominal_tank_pressure_pa: unit.parameters.oil.tank_pressure_pa,
+            nominal_tank_pressure_pa,
             cut: Cut::None,
             tick_ns: nanos_from_seconds(tick_s).max(1),
             tick_s,
