@@ -134,9 +134,10 @@ impl Integrator {
     #[must_use]
     pub fn run(mut self, stop: &AtomicBool, listener: &Thread) -> Stats {
         let period_ns = self.pace.period_ns;
-        let mut deadline_ns = monotonic_ns() + period_ns;
+        // Deadlines lie on whole periods of the monotonic clock, so that loops on one machine can keep clear of each other.
+        let mut deadline_ns = (monotonic_ns() / period_ns + 2) * period_ns;
         if !self.pace.simulated {
-            self.time_ns = wall_ns() + period_ns;
+            self.time_ns = wall_ns() + (deadline_ns - monotonic_ns());
             self.next_publish_ns = self.time_ns;
         }
         while !stop.load(Ordering::Relaxed) && !self.stats.ended_by_fail_safe {
