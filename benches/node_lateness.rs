@@ -14,7 +14,7 @@ use futures::StreamExt;
 use govtwin::bag::{self, cdr};
 use govtwin::msg::{EsvState, FluidPressure, GovernorCommand, Header, Interface, ServoState};
 use govtwin::node::arguments::Arguments;
-use govtwin::node::bus::{Bus, reliable};
+use govtwin::node::bus::Bus;
 use govtwin::node::environment::Environment;
 use govtwin::node::realtime::{
     Until, Wishes, claim, lock_memory, monotonic_ns, pause, resident_bytes, sleep_until, wall_ns,
@@ -51,9 +51,9 @@ struct Seen {
 fn peer(seconds: u64) -> Seen {
     let environment = Environment::read(|name| (name == "ROS_DOMAIN_ID").then(|| DOMAIN.to_owned())).expect("a domain");
     let mut bus = Bus::open(&environment, Arguments::parse(&[], "bench").expect("a name")).expect("a bus");
-    let command = bus.publish("governor/command", GovernorCommand::TYPE_NAME, &reliable()).expect("a topic");
-    let esv = bus.publish("governor/esv", EsvState::TYPE_NAME, &reliable()).expect("a topic");
-    let pressure = bus.publish("governor/tank_pressure", FluidPressure::TYPE_NAME, &reliable()).expect("a topic");
+    let command = bus.publish("governor/command", GovernorCommand::TYPE_NAME).expect("a topic");
+    let esv = bus.publish("governor/esv", EsvState::TYPE_NAME).expect("a topic");
+    let pressure = bus.publish("governor/tank_pressure", FluidPressure::TYPE_NAME).expect("a topic");
     let states = bus.subscribe::<ServoState>("sim/servo_state").expect("a topic");
     let until = Until::after(Some(Duration::from_secs(20)));
     while bus.readers_of("/governor/command") == 0 {

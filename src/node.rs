@@ -23,6 +23,7 @@ pub mod live;
 pub mod messages;
 pub mod parameters;
 pub mod player;
+pub mod qos;
 pub mod realtime;
 pub mod recorder;
 pub mod services;

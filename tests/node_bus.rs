@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use govtwin::msg::{EsvState, FluidPressure, GovernorCommand, Header, Interface, ServoState};
 use govtwin::node::arguments::Arguments;
-use govtwin::node::bus::{Bus, reliable};
+use govtwin::node::bus::Bus;
 use govtwin::node::core::Input;
 use govtwin::node::environment::Environment;
 use govtwin::node::intake::Refusal;
@@ -47,10 +47,10 @@ fn the_node_hears_its_peers_tells_strangers_apart_and_leaves() {
         bag: None,
     };
     let mut peer = Bus::open(&environment, Arguments::parse(&[], "bench").unwrap()).unwrap();
-    let command = peer.publish("/bench/y", GovernorCommand::TYPE_NAME, &reliable()).unwrap();
-    let esv = peer.publish("/unit7/governor/esv", EsvState::TYPE_NAME, &reliable()).unwrap();
-    let pressure = peer.publish("/unit7/governor/tank_pressure", FluidPressure::TYPE_NAME, &reliable()).unwrap();
-    let stranger = peer.publish::<FluidPressure>("/bench/y", FluidPressure::TYPE_NAME, &reliable()).unwrap();
+    let command = peer.publish("/bench/y", GovernorCommand::TYPE_NAME).unwrap();
+    let esv = peer.publish("/unit7/governor/esv", EsvState::TYPE_NAME).unwrap();
+    let pressure = peer.publish("/unit7/governor/tank_pressure", FluidPressure::TYPE_NAME).unwrap();
+    let stranger = peer.publish::<FluidPressure>("/bench/y", FluidPressure::TYPE_NAME).unwrap();
     let states = peer.subscribe::<ServoState>("/unit7/sim/servo_state").unwrap();
     let there = |peer: &Bus| peer.writers().values().any(|(topic, _)| topic == "/unit7/sim/servo_state");
 

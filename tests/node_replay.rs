@@ -102,10 +102,11 @@ fn with_a_simulated_clock_too() {
     let unit = params::reference();
     let mut journal = Journal::create(&path, &names()).unwrap();
     let (mut integrator, mut ends) = integrator(Pace { period_ns: MS, publish_period_ns: 10 * MS, simulated: true }, 0);
-    for step in 0..400_i64 {
-        let clock_ns = START_NS + step * 10 * MS;
+    for step in 0..800_i64 {
+        // Half-way the clock jumps back to the beginning, as a recording that is played again.
+        let clock_ns = START_NS + step % 400 * 10 * MS;
         tell(&mut ends, 0, Heard::Clock(clock_ns));
-        tell(&mut ends, 0, Heard::Command(if step < 100 { 0.2 } else { 0.6 }));
+        tell(&mut ends, 0, Heard::Command(if step % 400 < 100 { 0.2 } else { 0.6 }));
         tell(&mut ends, 0, Heard::TankPressure(6.3e6));
         tell(&mut ends, 0, Heard::Esv(EsvState::Normal));
         if step % 3 == 0 {
@@ -115,8 +116,11 @@ fn with_a_simulated_clock_too() {
     while let Ok(output) = ends.outputs.pop() {
         journal.write(&output.tick, &unit.parameters).unwrap();
     }
-    journal.finish().unwrap();
-    assert_replays(&path, 390);
+    let bags = journal.finish().unwrap();
+    assert_eq!(bags, [path.clone(), folder.path().join("simulated_2")]);
+    for bag in bags {
+        assert_replays(&bag, 390);
+    }
 }
 
 #[test]

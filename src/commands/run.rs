@@ -140,7 +140,7 @@ fn figures(ended: &Ended) -> serde_json::Value {
         "inputs": inputs,
         "lost_publications": ended.lost_publications,
         "ended_by_fail_safe": ended.by_fail_safe,
-        "bag": ended.bag,
+        "bags": ended.bags,
     })
 }
 
@@ -151,7 +151,7 @@ fn text(ended: &Ended) -> String {
         let (topic, used, refused) = (input.topic(), counts.used, counts.all_refused());
         text.push_str(&format!("{topic:<24}{used:>8} used {refused:>8} refused\n"));
     }
-    if let Some(bag) = &ended.bag {
+    for bag in &ended.bags {
         text.push_str(&format!("bag: {}\n", bag.display()));
     }
     text

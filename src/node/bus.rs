@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 
 use ros2_client::parameters::raw;
-use ros2_client::qos::{Durability, History, Reliability, WhenFull};
 use ros2_client::{
     Context, CreateError, Gid, Message, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher, QosProfile,
     Server, ServiceMapping, ServiceTypeName, Subscription,
@@ -14,6 +13,7 @@ use serde::Serialize;
 
 use super::arguments::Arguments;
 use super::environment::Environment;
+use super::qos::{self, best_effort, reliable};
 use crate::msg::Interface;
 
 /// The node cannot come on the bus.
@@ -43,26 +43,12 @@ pub enum BusError {
         /// What the client library says.
         source: CreateError,
     },
+    /// A `qos_overrides` parameter.
+    #[error("{0}")]
+    Qos(String),
     /// The arguments.
     #[error(transparent)]
     Arguments(#[from] Ros2ArgsError),
-}
-
-/// Best effort, the newest ten: what inputs are read with. It matches every writer.
-#[must_use]
-pub fn best_effort() -> QosProfile {
-    QosProfile { history: History::KeepLast { depth: 10 }, ..QosProfile::subscription_default() }
-}
-
-/// Reliable, so that every reader matches, but never waiting: where the window is full the sample is dropped.
-#[must_use]
-pub fn reliable() -> QosProfile {
-    QosProfile {
-        reliability: Reliability::Reliable { when_full: WhenFull::Fail },
-        durability: Durability::Volatile,
-        history: History::KeepLast { depth: 10 },
-        ..QosProfile::publisher_default()
-    }
 }
 
 /// A node on the bus.
@@ -110,21 +96,16 @@ impl Bus {
     /// # Errors
     /// On a name that is none, or when DDS refuses.
     pub fn subscribe<M: Interface + 'static>(&mut self, topic: &str) -> Result<Subscription<M>, BusError> {
-        let (full_name, topic) = self.topic(topic, M::TYPE_NAME, &best_effort())?;
+        let (full_name, topic) = self.topic(topic, M::TYPE_NAME, "subscription", best_effort())?;
         self.node.create_subscription(&topic, None).map_err(|source| BusError::Open { topic: full_name, source })
     }
 
-    /// Opens a topic for writing; `type_name` is the full ROS 2 name of `M`.
+    /// Opens a topic for writing, reliable but never waiting; `type_name` is the full ROS 2 name of `M`.
     ///
     /// # Errors
     /// On a name that is none, or when DDS refuses.
-    pub fn publish<M: Serialize>(
-        &mut self,
-        topic: &str,
-        type_name: &str,
-        qos: &QosProfile,
-    ) -> Result<Publisher<M>, BusError> {
-        let (full_name, topic) = self.topic(topic, type_name, qos)?;
+    pub fn publish<M: Serialize>(&mut self, topic: &str, type_name: &str) -> Result<Publisher<M>, BusError> {
+        let (full_name, topic) = self.topic(topic, type_name, "publisher", reliable())?;
         self.node.create_publisher(&topic, None).map_err(|source| BusError::Open { topic: full_name, source })
     }
 
@@ -184,11 +165,18 @@ impl Bus {
         others.filter(|data| *data.topic_name() == dds_name && prefix_of(data.key()) != own_prefix).count()
     }
 
-    fn topic(&self, topic: &str, type_name: &str, qos: &QosProfile) -> Result<(String, rustdds::Topic), BusError> {
+    fn topic(
+        &self,
+        topic: &str,
+        type_name: &str,
+        role: &str,
+        qos: QosProfile,
+    ) -> Result<(String, rustdds::Topic), BusError> {
         let full_name = self.arguments.resolve(topic)?;
+        let qos = qos::overridden(&self.arguments.parameters, &full_name, role, qos).map_err(BusError::Qos)?;
         let name = parse_name(&full_name)?;
         let (package, base) = split_type(type_name);
-        match self.node.create_topic(&name, MessageTypeName::new(package, base), qos) {
+        match self.node.create_topic(&name, MessageTypeName::new(package, base), &qos) {
             Ok(topic) => Ok((full_name, topic)),
             Err(source) => Err(BusError::Open { topic: full_name, source }),
         }

@@ -5,7 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::core::{Input, Tick};
+use super::core::{Input, Notices, Tick};
 use super::messages;
 use crate::bag::{BagError, Qos, Topic, Writer, WriterOptions};
 use crate::frame::Inputs;
@@ -23,9 +23,17 @@ pub struct Names {
     pub joint_states: String,
 }
 
-/// A bag in the making.
+/// The bag in the making, and those before it.
 #[derive(Debug)]
 pub struct Journal {
+    folder: PathBuf,
+    names: Names,
+    finished: Vec<PathBuf>,
+    bag: Bag,
+}
+
+#[derive(Debug)]
+struct Bag {
     writer: Writer,
     command: Topic<GovernorCommand>,
     esv: Topic<EsvState>,
@@ -41,6 +49,46 @@ impl Journal {
     /// # Errors
     /// Where something is in the way, or the system refuses.
     pub fn create(folder: &Path, names: &Names) -> Result<Self, BagError> {
+        let bag = Bag::create(folder, names)?;
+        Ok(Self { folder: folder.to_owned(), names: names.clone(), finished: Vec::new(), bag })
+    }
+
+    /// Writes what a tick took and gave.
+    ///
+    /// Where time jumped back a new bag begins, `FOLDER_2` and so on: within a bag time only rises.
+    ///
+    /// # Errors
+    /// Where the system refuses.
+    pub fn write(&mut self, tick: &Tick, parameters: &Parameters) -> Result<(), BagError> {
+        if tick.notices.has(Notices::RESET) && self.bag.previous.is_some() {
+            let mut name = self.folder.file_name().unwrap_or_default().to_owned();
+            name.push(format!("_{}", self.finished.len() + 2));
+            let next = Bag::create(&self.folder.with_file_name(name), &self.names)?;
+            self.finished.push(std::mem::replace(&mut self.bag, next).writer.finish()?);
+        }
+        self.bag.write(tick, parameters)
+    }
+
+    /// Closes the open chunk, so that a crash loses nothing written before.
+    ///
+    /// # Errors
+    /// Where the system refuses.
+    pub fn flush(&mut self) -> Result<(), BagError> {
+        self.bag.writer.flush()
+    }
+
+    /// Completes the bag and gives the folders of all.
+    ///
+    /// # Errors
+    /// Where the system refuses.
+    pub fn finish(mut self) -> Result<Vec<PathBuf>, BagError> {
+        self.finished.push(self.bag.writer.finish()?);
+        Ok(self.finished)
+    }
+}
+
+impl Bag {
+    fn create(folder: &Path, names: &Names) -> Result<Self, BagError> {
         let mut writer = Writer::create(folder, WriterOptions { keep_unfinished: true, ..WriterOptions::default() })?;
         Ok(Self {
             command: writer.topic(&names.inputs[Input::Command as usize], Qos::SENSOR)?,
@@ -53,11 +101,7 @@ impl Journal {
         })
     }
 
-    /// Writes what a tick took and gave.
-    ///
-    /// # Errors
-    /// Where the system refuses.
-    pub fn write(&mut self, tick: &Tick, parameters: &Parameters) -> Result<(), BagError> {
+    fn write(&mut self, tick: &Tick, parameters: &Parameters) -> Result<(), BagError> {
         let Some(estimate) = &tick.estimate else { return Ok(()) };
         let (inputs, time_ns) = (&tick.frame.inputs, tick.frame.time_ns);
         let before = self.previous.replace(*inputs);
@@ -73,21 +117,5 @@ impl Journal {
         }
         self.writer.write(self.servo_state, time_ns, &messages::servo_state(estimate))?;
         self.writer.write(self.joint_states, time_ns, &messages::joint_state(estimate, parameters))
-    }
-
-    /// Closes the open chunk, so that a crash loses nothing written before.
-    ///
-    /// # Errors
-    /// Where the system refuses.
-    pub fn flush(&mut self) -> Result<(), BagError> {
-        self.writer.flush()
-    }
-
-    /// Completes the bag and gives its folder.
-    ///
-    /// # Errors
-    /// Where the system refuses.
-    pub fn finish(self) -> Result<PathBuf, BagError> {
-        self.writer.finish()
     }
 }

@@ -13,7 +13,7 @@ use ros2_client::{Gid, Publisher, RosoutRaw};
 use rtrb::Consumer;
 
 use super::arguments::Arguments;
-use super::bus::{Bus, BusError, reliable};
+use super::bus::{Bus, BusError};
 use super::core::{Core, Input, Notices};
 use super::diagnostics::{self, DiagnosticArray};
 use super::environment::Environment;
@@ -25,7 +25,7 @@ use super::parameters::Store;
 use super::realtime::{Until, claim, lock_memory, resident_bytes, wall_ns};
 use super::settings::Settings;
 use super::stats::Summary;
-use super::{messages, words};
+use super::{messages, qos, words};
 use crate::bag::BagError;
 use crate::msg::{EsvState, FluidPressure, GovernorCommand, Interface, JointState, ServoState};
 use crate::parameters::{Parameters, Unit};
@@ -60,8 +60,8 @@ pub struct Ended {
     pub counts: [Counts; 3],
     /// Whether the fail-safe ended the node.
     pub by_fail_safe: bool,
-    /// The bag that was written.
-    pub bag: Option<PathBuf>,
+    /// The bags that were written.
+    pub bags: Vec<PathBuf>,
     /// Published states that DDS did not take at once.
     pub lost_publications: u64,
 }
@@ -104,10 +104,10 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
     // All endpoints are made before anything runs: announcements in a burst later may be lost.
     let ears = Ears::open(&mut bus, &options.environment, &settings)?;
     let mouth = Mouth {
-        servo_state: bus.publish("sim/servo_state", ServoState::TYPE_NAME, &reliable())?,
-        joint_states: bus.publish("sim/joint_states", JointState::TYPE_NAME, &reliable())?,
+        servo_state: bus.publish("sim/servo_state", ServoState::TYPE_NAME)?,
+        joint_states: bus.publish("sim/joint_states", JointState::TYPE_NAME)?,
     };
-    let health = bus.publish("/diagnostics", diagnostics::TYPE_NAME, &reliable())?;
+    let health = bus.publish("/diagnostics", diagnostics::TYPE_NAME)?;
     let journal = options.bag.as_ref().map(|folder| Journal::create(folder, &names(&bus)?).map_err(NodeError::from));
     let journal = journal.transpose()?;
     match lock_memory() {
@@ -169,21 +169,23 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
     })?;
     outcome?;
     let resident = resident_bytes();
-    let bag = keeper.journal.take().map(Journal::finish).transpose()?;
+    let bags = keeper.journal.take().map(Journal::finish).transpose()?.unwrap_or_default();
     drop(keeper);
     // Endpoints first, then the node, then the participant: peers see each of them go.
     drop((ears, mouth));
     drop(bus);
     let counts = counts.into_inner().unwrap_or_default();
     let by_fail_safe = !stop.load(Ordering::Relaxed) && stats.ended_by_fail_safe;
-    Ok(Ended { summary: stats.summary(resident), counts, by_fail_safe, bag, lost_publications })
+    Ok(Ended { summary: stats.summary(resident), counts, by_fail_safe, bags, lost_publications })
 }
 
 /// The node's parameters with what was given at start.
 fn parameters(options: &Options, say: Say<'_>) -> Result<Store, NodeError> {
     let mut store = Store::new(&options.settings, &options.unit);
     for (name, given) in &options.arguments.parameters {
-        if store.value(name) == ros2_client::ParameterValue::NotSet {
+        if name.starts_with(qos::PREFIX) {
+            // The bus knows what to do with them.
+        } else if store.value(name) == ros2_client::ParameterValue::NotSet {
             let reason = store.preset(name, given).err().unwrap_or_default();
             say(LogLevel::Warn, &format!("--ros-args -p {name}: {reason}"));
         } else {

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use ros2_client::Publisher;
 
-use super::bus::{Bus, BusError, reliable};
+use super::bus::{Bus, BusError};
 use super::realtime::{Until, monotonic_ns, pause, sleep_until};
 use crate::bag::{RawMessage, cdr};
 use crate::msg::{Clock, EsvState, FluidPressure, GovernorCommand, Interface, JointState, ServoState, Time};
@@ -58,7 +58,7 @@ impl<M: Interface> Outlet for Publisher<M> {
 /// Opens an outlet for a type that this crate knows.
 fn outlet(bus: &mut Bus, topic: &str, type_name: &str) -> Result<Option<Box<dyn Outlet>>, BusError> {
     fn open<M: Interface + 'static>(bus: &mut Bus, topic: &str) -> Result<Option<Box<dyn Outlet>>, BusError> {
-        Ok(Some(Box::new(bus.publish::<M>(topic, M::TYPE_NAME, &reliable())?)))
+        Ok(Some(Box::new(bus.publish::<M>(topic, M::TYPE_NAME)?)))
     }
     match type_name {
         GovernorCommand::TYPE_NAME => open::<GovernorCommand>(bus, topic),
@@ -97,7 +97,7 @@ impl<'a> Player<'a> {
             }
         }
         let clock = match options.clock_hz {
-            Some(_) => Some(bus.publish("/clock", Clock::TYPE_NAME, &reliable())?),
+            Some(_) => Some(bus.publish("/clock", Clock::TYPE_NAME)?),
             None => None,
         };
         Ok(Self { outlets, clock, messages, left_out })

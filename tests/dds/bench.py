@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """A bench on Cyclone DDS against a running `govtwin run`: it commands, listens, asks, and watches the node go.
 
-Usage: bench.py GOVTWIN   (the binary; needs PyPI `cyclonedds` 11; ROS_DOMAIN_ID picks the domain)
+Usage: bench.py GOVTWIN [LOG]   (the binary; needs PyPI `cyclonedds` 11; ROS_DOMAIN_ID picks the domain)
 Exits 0 when everything was as it should be, 1 otherwise, 77 where cyclonedds is missing.
 """
 
@@ -10,6 +10,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 
 try:
@@ -125,7 +126,7 @@ def wait_for(condition, seconds):
 def main():
     binary = sys.argv[1]
     bench = Bench()
-    log = open("/tmp/govtwin-bench.log" if len(sys.argv) < 3 else sys.argv[2], "w+")
+    log = open(sys.argv[2], "w+") if len(sys.argv) > 2 else tempfile.TemporaryFile("w+")
     node = subprocess.Popen([binary, "run", "--stale-after", "1.5", "--hold", "0.5"], stderr=log, stdout=log)
     try:
         announced = wait_for(lambda: bench.endpoints_of("rt/sim/servo_state"), 15)

@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 
 from cyclonedds.idl import IdlStruct
-from cyclonedds.idl.annotations import final
-from cyclonedds.idl.types import array, bounded_str, float64, int32, int64, sequence, uint8, uint32, uint64  # noqa: F401
+from cyclonedds.idl.types import float64, int32, int64, sequence, uint8, uint32, uint64
 
 
 @dataclass
