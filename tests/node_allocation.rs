@@ -1,9 +1,5 @@
 //! The integration thread's wake-ups take no memory and give none back.
 #![cfg(feature = "node")]
-#![expect(unsafe_code, reason = "an allocator that counts is the proof")]
-
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 
 use govtwin::frame::EsvState;
 use govtwin::node::core::{Core, Heard, OnStale, Policy};
@@ -11,39 +7,15 @@ use govtwin::node::integration::{Event, Integrator, Pace};
 use govtwin::params;
 use govtwin::twin::Twin;
 
-thread_local! {
-    static CALLS: Cell<u64> = const { Cell::new(0) };
-}
-
-struct Counting;
-
-// SAFETY: every call goes to the system's allocator unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        CALLS.with(|calls| calls.set(calls.get() + 1));
-        // SAFETY: the caller's own promise.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        CALLS.with(|calls| calls.set(calls.get() + 1));
-        // SAFETY: the caller's own promise.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
 const MS: i64 = 1_000_000;
 
-fn calls_of(work: impl FnOnce()) -> u64 {
-    let before = CALLS.with(Cell::get);
-    work();
-    CALLS.with(Cell::get) - before
+/// Memory taken, and memory taken less memory given back.
+fn calls_of(work: impl FnOnce()) -> (u64, i64) {
+    let info = allocation_counter::measure(work);
+    (info.count_total, info.count_current)
 }
 
-fn run(simulated: bool) -> u64 {
+fn run(simulated: bool) -> (u64, i64) {
     let policy = Policy { stale_after_ns: 100 * MS, hold_ns: 50 * MS, on_stale: OnStale::Trip };
     let core = Core::new(Twin::new(&params::reference()), policy, 6.3e6);
     let pace = Pace { period_ns: MS, publish_period_ns: 10 * MS, simulated };
@@ -74,7 +46,7 @@ fn run(simulated: bool) -> u64 {
 
 #[test]
 fn no_wake_up_calls_the_allocator() {
-    assert_eq!(calls_of(|| drop(std::hint::black_box(Box::new(1)))), 2, "the counter counts");
-    assert_eq!(run(false), 0);
-    assert_eq!(run(true), 0);
+    assert_eq!(calls_of(|| drop(std::hint::black_box(Box::new(1)))), (1, 0), "the counter counts");
+    assert_eq!(run(false), (0, 0));
+    assert_eq!(run(true), (0, 0));
 }
