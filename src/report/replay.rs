@@ -77,12 +77,12 @@ fn opening(body: &mut Blocks, summary: &Summary) {
     ]
     .into_iter()
     .filter_map(|(signal, what, of)| judged(signal).map(|f| (100.0 * f.rmse, what, of)))
-    .map(|(percent, what, of)| format!("{what} to within {} % of {of}", significant(percent, 2)))
+    .map(|(percent, what, of)| format!("{what} by {} % of {of}", significant(percent, 2)))
     .collect();
     if said.is_empty() {
         body.lead("Nothing to compare: no position was measured and simulated at once.");
     } else {
-        body.lead(format!("The twin follows {} (RMSE over all rows).", said.join(" and ")));
+        body.lead(format!("The twin misses {} (RMSE over all rows).", said.join(" and ")));
     }
     let mut key = vec![];
     for (signal, name) in [(Signal::ServomotorPosition, "servomotor"), (Signal::SpoolPosition, "spool")] {
