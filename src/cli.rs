@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 
 use crate::commands;
-pub use crate::commands::Outcome;
+use crate::commands::Outcome;
 
 /// Simulate a hydro-turbine governor's servo system, and find out why it differs from the real one.
 #[derive(Debug, Parser)]

@@ -132,7 +132,7 @@ impl EffectSpec {
             let mut cells = line.split('|').map(|cell| cell.trim().to_owned());
             match (line.strip_prefix('|'), paragraphs.last_mut()) {
                 (Some(_), _) => {
-                    symbols.extend(cells.next().and_then(|_| Some([cells.next()?, cells.next()?, cells.next()?])))
+                    symbols.extend(cells.next().and_then(|_| Some([cells.next()?, cells.next()?, cells.next()?])));
                 }
                 (None, Some(paragraph)) if !line.is_empty() && !paragraph.is_empty() => {
                     paragraph.push(' ');

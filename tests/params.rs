@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use govtwin::parameters::{ENTRIES, Tolerance, Unit};
 use govtwin::params::{self, Overlay, ParamsError};
-use proptest::prelude::{Strategy as _, any, prop, prop_assert_eq, proptest};
+use proptest::prelude::{any, prop, prop_assert_eq, proptest};
 
 fn write(folder: &Path, name: &str, text: &str) -> PathBuf {
     let path = folder.join(name);

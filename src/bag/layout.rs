@@ -64,6 +64,10 @@ impl Layout {
 
     /// Walks over a message, hands on each floating-point number with the number of its name, and
     /// gives the stamp. `None` where the bytes are not of this layout.
+    #[expect(
+        clippy::option_option,
+        reason = "bytes may be of this layout or not, and the layout may have a stamp or not"
+    )]
     pub(super) fn walk(&self, data: &[u8], on_float: &mut dyn FnMut(usize, f64)) -> Option<Option<Time>> {
         let [0, order @ (0 | 1), _, _, body @ ..] = data else { return None };
         let mut walk = Walk { body, at: 0, little: *order == 1 };

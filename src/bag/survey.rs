@@ -86,14 +86,14 @@ pub struct PaceSurvey {
     pub repeated: u64,
 }
 
-/// Least, middle and most.
+/// Least, middle and most of some quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Spread {
-    /// The least.
+    /// The least, in the quantity's unit.
     pub least: f64,
-    /// The median.
+    /// The median, in the quantity's unit.
     pub median: f64,
-    /// The most.
+    /// The most, in the quantity's unit.
     pub most: f64,
 }
 
@@ -108,9 +108,9 @@ pub struct FieldSurvey {
     pub nan: u64,
     /// Values that are infinite.
     pub infinite: u64,
-    /// The least finite value; `None` where there is none.
+    /// The least finite value, `None` where there is none, in the field's unit.
     pub least: Option<f64>,
-    /// The greatest finite value; `None` where there is none.
+    /// The greatest finite value, `None` where there is none, in the field's unit.
     pub most: Option<f64>,
 }
 

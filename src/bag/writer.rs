@@ -76,6 +76,7 @@ impl Writer {
     ///
     /// # Errors
     /// Where something is in the way, or the operating system refuses.
+    #[expect(clippy::disallowed_methods, reason = "inside a folder that takes its name only when it is whole")]
     pub fn create(dir: &Path, options: WriterOptions) -> Result<Self, BagError> {
         let folder = Unfinished::create(dir, options)?;
         let file_name = format!("{}_0.mcap", folder.name());

@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::bags;
 use super::output::{Progress, print};
-use crate::cli::Outcome;
+use crate::commands::Outcome;
 
 /// Say what is in a bag: topics, types, counts, rates, gaps, jitter, health.
 ///

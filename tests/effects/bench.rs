@@ -7,8 +7,11 @@ use govtwin::recording::Recording;
 use govtwin::replay;
 use govtwin::twin::{Cut, Twin};
 
-/// Command and ESV at the corners of straight lines, s and pu, process by process.
-const PROCESSES: [(&str, &[(f64, f64, EsvState)]); 4] = [
+/// Time in s, command in pu and ESV where a straight line ends.
+type Corner = (f64, f64, EsvState);
+
+/// The corners process by process.
+const PROCESSES: [(&str, &[Corner]); 4] = [
     (
         "startup",
         &[(0.0, 0.0, NORMAL), (0.5, 0.0, NORMAL), (2.0, 0.2, NORMAL), (3.5, 0.13, NORMAL), (5.0, 0.15, NORMAL)],
