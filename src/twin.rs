@@ -1,5 +1,7 @@
 //! The heart: one step of the twin, from a frame to an estimate.
 
+mod readings;
+
 use std::sync::Arc;
 
 use crate::effects;
@@ -11,6 +13,8 @@ use crate::plant::{Drive, Plant};
 use crate::solver::{Method, Solver};
 use crate::state::State;
 use crate::units::{nanos_from_seconds, seconds_from_nanos};
+
+use readings::{piston_position_pu, spool_reading_pu, standing_in_pu};
 
 /// Where recorded signals stand in for simulated ones, so that one stage is judged by its own input.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -346,38 +350,6 @@ impl Twin {
             valve_current_pu: now.valve_current_pu,
         }
     }
-}
-
-/// What the spool's transducer shows `after_s` past the last tick, pu.
-fn spool_reading_pu(plant: &Plant, now: &Now, after_s: f64) -> f64 {
-    let (spool, state) = (&plant.spool, &now.state);
-    let position_m =
-        (state.spool_position_m + state.spool_velocity_m_s * after_s).clamp(spool.stroke_min_m, spool.stroke_max_m);
-    let yield_m = spool.stop_yield_m(position_m, state.control_pressure_pa, now.inputs.tank_pressure_pa);
-    spool.reading_pu(position_m + yield_m)
-}
-
-/// Piston position `after_s` past the last tick, pu.
-fn piston_position_pu(plant: &Plant, now: &Now, after_s: f64) -> f64 {
-    let servo = &plant.servomotor;
-    let position_m = now.state.servomotor_position_m + now.state.servomotor_velocity_m_s * after_s;
-    let position_m = position_m.clamp(0.0, servo.stroke_m);
-    let yield_m = servo.stop_yield_m(position_m, now.state.opening_pressure_pa, now.state.closing_pressure_pa);
-    (position_m + yield_m) / servo.stroke_m
-}
-
-/// A measured signal at a time between its last row and the next, pu.
-fn standing_in_pu(last_pu: f64, last_ns: i64, next: &Frame, time_ns: i64) -> f64 {
-    let next_pu = next.measured.spool_position_pu;
-    let span_ns = next.time_ns - last_ns;
-    if !last_pu.is_finite() {
-        return 0.0;
-    }
-    if !next_pu.is_finite() || span_ns <= 0 {
-        return last_pu;
-    }
-    let share = seconds_from_nanos(time_ns - last_ns) / seconds_from_nanos(span_ns);
-    last_pu + (next_pu - last_pu) * share
 }
 
 fn first_finite(candidates: [f64; 3]) -> f64 {
