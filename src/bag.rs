@@ -1,6 +1,6 @@
 //! Bags: recordings in and out of files as rosbag2 writes them.
 //!
-//! [`read`] turns a bag into a [`Recording`]: decoded, checked, aligned. [`messages`] gives what is in
+//! [`read()`] turns a bag into a [`Recording`]: decoded, checked, aligned. [`messages`] gives what is in
 //! it as it is, in log-time order. [`Writer`] makes one that rosbag2, Foxglove and `PlotJuggler` open.
 //! What was damaged, dropped or moved is counted and placed in [`Health`].
 
