@@ -185,7 +185,7 @@ def main():
         foreign = DataWriter(stranger, Topic(stranger, "rt/governor/command", ros.FluidPressure), qos=RELIABLE)
         # Cyclone itself does not match it to the node; the node must say why nothing comes.
         foreign.write(ros.FluidPressure(now(), 0.0, 0.0))
-        states, _ = bench.drive(3.0, 0.50)
+        states, _ = bench.drive(5.0, 0.50)
         check("a sender of another type disturbs nothing", abs(states[-1].servomotor_position - 0.5) < 2e-3,
               f"({states[-1].servomotor_position:.4f})")
 
