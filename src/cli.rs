@@ -22,6 +22,8 @@ enum Command {
     Check(commands::check::Args),
     /// List what a real unit may do beyond the nominal model, or document one such effect.
     Effects(commands::effects::Args),
+    /// Make synthetic recordings of the four processes, with chosen effects, for trying a bench or a diagnosis.
+    Generate(commands::generate::Args),
     /// Say what is in a bag: topics, types, counts, rates, gaps, health.
     Info(commands::info::Args),
     /// Simulate recordings and compare with what was measured.
@@ -42,6 +44,7 @@ pub fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Check(args) => commands::check::run(&args),
         Command::Effects(args) => commands::effects::run(&args),
+        Command::Generate(args) => commands::generate::run(&args),
         Command::Info(args) => commands::info::run(&args),
         Command::Replay(args) => commands::replay::run(&args),
         #[cfg(feature = "node")]

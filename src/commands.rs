@@ -3,6 +3,7 @@
 pub mod bags;
 pub mod check;
 pub mod effects;
+pub mod generate;
 pub mod info;
 pub mod output;
 #[cfg(feature = "node")]

@@ -21,6 +21,7 @@ pub mod effects;
 pub mod twin;
 
 // judgement
+pub mod generate;
 pub mod metrics;
 pub mod replay;
 pub mod report;

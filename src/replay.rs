@@ -37,8 +37,7 @@ fn simulate_ahead(twin: &mut Twin, frames: &[Frame], lookahead_ns: i64) -> Vec<E
             newest = inputs;
             if time_ns < frame.time_ns && !estimates.is_empty() {
                 let inputs = Inputs { tank_pressure_pa: f64::NAN, ..newest };
-                // Only the inputs matter between rows.
-                let _ = twin.step(&Frame { time_ns, inputs, measured: Signals::NONE });
+                twin.advance(&Frame { time_ns, inputs, measured: Signals::NONE });
             }
         }
         let inputs = Inputs { tank_pressure_pa: frame.inputs.tank_pressure_pa, ..newest };

@@ -128,6 +128,15 @@ impl Writer {
         self.put(id, message.log_time_ns, message.publish_time_ns, message.sequence, &message.data)
     }
 
+    /// Adds a record about the whole bag, which a reader shows beside its topics.
+    ///
+    /// # Errors
+    /// Where the operating system refuses.
+    pub fn describe(&mut self, name: &str, values: BTreeMap<String, String>) -> Result<(), BagError> {
+        let record = Metadata { name: name.into(), metadata: values };
+        self.file.write_metadata(&record).map_err(BagError::mcap(&self.file_path))
+    }
+
     /// Closes the open chunk and hands everything to the operating system.
     ///
     /// # Errors
