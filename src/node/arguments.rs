@@ -1,5 +1,7 @@
 //! `--ros-args`: names, remappings, parameters and log level as every ROS 2 program takes them.
 
+use std::fmt;
+
 use ros2args::{LogLevel, ParamAssignment, Ros2Args, Ros2ArgsError, build_node_fqn, expand_topic_name};
 
 /// A value given for a parameter before start.
@@ -11,6 +13,16 @@ pub enum Given {
     Number(f64),
     /// Text.
     Text(String),
+}
+
+impl fmt::Display for Given {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Bool(value) => write!(f, "{value}"),
+            Self::Number(value) => write!(f, "{value}"),
+            Self::Text(text) => write!(f, "`{text}`"),
+        }
+    }
 }
 
 /// The arguments of one node, resolved.

@@ -119,6 +119,12 @@ impl Notices {
         Self(input.bit() << 3)
     }
 
+    /// This input was never heard and is overdue.
+    #[must_use]
+    pub fn missing(input: Input) -> Self {
+        Self(input.bit() << 10)
+    }
+
     /// Whether `other` is among them.
     #[must_use]
     pub fn has(self, other: Self) -> bool {
@@ -229,7 +235,11 @@ impl Core {
             let stale = age_ns > self.policy.stale_after_ns;
             if stale != held.stale {
                 held.stale = stale;
-                notices.add(if stale { Notices::stale(input) } else { Notices::recovered(input) });
+                notices.add(match (stale, held.heard_ns) {
+                    (true, Some(_)) => Notices::stale(input),
+                    (true, None) => Notices::missing(input),
+                    (false, _) => Notices::recovered(input),
+                });
             }
             complete &= held.heard_ns.is_some();
             overdue |= age_ns > self.policy.stale_after_ns.saturating_add(self.policy.hold_ns);

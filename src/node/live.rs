@@ -112,7 +112,12 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
     let journal = journal.transpose()?;
     match lock_memory() {
         Ok(()) => say(LogLevel::Info, "memory locked"),
-        Err(error) => say(LogLevel::Warn, &format!("memory not locked: {error}; a page fault may delay the loop")),
+        Err(error) => say(
+            LogLevel::Warn,
+            &format!(
+                "memory not locked: {error}; a page fault may delay the loop (allow it with `ulimit -l`, CAP_IPC_LOCK or root)"
+            ),
+        ),
     }
     let core = Core::new(Twin::new(&unit), settings.policy(), unit.parameters.oil.tank_pressure_pa);
     let (integrator, ends) = Integrator::new(core, settings.pace(), 0);

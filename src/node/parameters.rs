@@ -126,7 +126,7 @@ impl Store {
             (Domain::Whole(..), Given::Number(value)) if value.fract() == 0.0 => ParameterValue::Integer(*value as i64),
             (Domain::Bool, Given::Bool(value)) => ParameterValue::Boolean(*value),
             (Domain::Choice(_), Given::Text(text)) => ParameterValue::String(text.clone()),
-            (_, given) => return Err(format!("`{name}` is {}, not {given:?}", domain.words())),
+            (_, given) => return Err(format!("`{name}` is {}, not {given}", domain.words())),
         };
         domain.check(name, &value)?;
         if let (Some(key), ParameterValue::Double(number)) = (name.strip_prefix(UNIT_PREFIX), &value)

@@ -54,7 +54,7 @@ pub fn overridden(
             }
             _ => {
                 return Err(format!(
-                    "{name} is {given:?}: expected reliability (reliable, best_effort), durability (volatile, \
+                    "{name} is {given}: expected reliability (reliable, best_effort), durability (volatile, \
                      transient_local), history (keep_last) or depth (1 to 10000)"
                 ));
             }

@@ -14,6 +14,10 @@ pub fn of(notices: Notices, settings: &Settings) -> Vec<(LogLevel, String)> {
     }
     for input in Input::ALL {
         let topic = input.topic();
+        if notices.has(Notices::missing(input)) {
+            let words = format!("{topic}: nothing heard yet, after {} s", settings.stale_after_s);
+            said.push((LogLevel::Warn, words));
+        }
         if notices.has(Notices::stale(input)) {
             let then = match settings.on_stale {
                 OnStale::Hold => "its last value is held".to_owned(),
@@ -24,7 +28,7 @@ pub fn of(notices: Notices, settings: &Settings) -> Vec<(LogLevel, String)> {
             said.push((LogLevel::Warn, words));
         }
         if notices.has(Notices::recovered(input)) {
-            said.push((LogLevel::Info, format!("{topic}: heard again")));
+            said.push((LogLevel::Info, format!("{topic}: heard")));
         }
     }
     if notices.has(Notices::FAIL_SAFE) {
