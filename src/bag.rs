@@ -20,6 +20,7 @@ mod metadata;
 mod order;
 mod pace;
 mod read;
+mod record;
 mod record_file;
 mod segment;
 mod source;

@@ -1,20 +1,60 @@
 //! Chunks: their heads, and the records inside, decompressed and checked against the CRC, whole or cut short.
 
-use mcap::McapError;
-use mcap::records::op;
-use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use std::io::{self, Read};
 
-use super::record_file::{HEAD_LEN, RECORD_LIMIT};
+use mcap::records::op;
+
+use super::record_file::HEAD_LEN;
+
+/// The most that a chunk may hold, bytes; rosbag2 makes chunks of less than 1 MB.
+const CHUNK_LIMIT: u64 = 1 << 28;
 
 /// Body of a chunk before the name of its compression: times, size, CRC, length of the name.
 const FIXED_LEN: usize = 8 + 8 + 8 + 4 + 4;
 
-/// The name of a chunk's compression, and how long its head is; `None` where this cannot be a chunk.
-pub(super) fn compression(body: &[u8]) -> Option<(&str, usize)> {
-    let (head, rest) = body.split_at_checked(FIXED_LEN)?;
-    let len = u32::from_le_bytes(head.get(28..)?.try_into().ok()?);
-    let name = std::str::from_utf8(rest.get(..usize::try_from(len).ok()?)?).ok()?;
-    Some((name, FIXED_LEN + name.len() + 8))
+/// The head of a chunk, and its data as far as they are there.
+struct Chunk<'a> {
+    unpacked_len: u64,
+    crc: u32,
+    compression: &'a str,
+    packed_len: u64,
+    packed: &'a [u8],
+}
+
+impl<'a> Chunk<'a> {
+    fn parse(body: &'a [u8]) -> Option<Self> {
+        let (head, rest) = body.split_at_checked(FIXED_LEN)?;
+        let (unpacked_len, rest_of_head) = head.get(16..)?.split_first_chunk()?;
+        let (crc, name_len) = rest_of_head.split_first_chunk()?;
+        let name_len = u32::from_le_bytes(name_len.try_into().ok()?);
+        let (name, rest) = rest.split_at_checked(usize::try_from(name_len).ok()?)?;
+        let (packed_len, packed) = rest.split_first_chunk()?;
+        let packed_len = u64::from_le_bytes(*packed_len);
+        Some(Self {
+            unpacked_len: u64::from_le_bytes(*unpacked_len),
+            crc: u32::from_le_bytes(*crc),
+            compression: std::str::from_utf8(name).ok()?,
+            packed_len,
+            packed: usize::try_from(packed_len).ok().and_then(|len| packed.get(..len)).unwrap_or(packed),
+        })
+    }
+
+    /// Unpacks as much as there is, at most one byte more than there should be.
+    fn unpack(&self, bytes: &mut Vec<u8>) -> io::Result<()> {
+        let limit = self.unpacked_len.min(CHUNK_LIMIT) + 1;
+        match self.compression {
+            "" => self.packed.take(limit).read_to_end(bytes),
+            "zstd" => zstd::Decoder::with_buffer(self.packed)?.take(limit).read_to_end(bytes),
+            "lz4" => lz4::Decoder::new(self.packed)?.take(limit).read_to_end(bytes),
+            other => Err(io::Error::other(format!("compressed with `{other}`, expected `zstd`, `lz4` or nothing"))),
+        }
+        .map(|_| ())
+    }
+}
+
+/// The name of a chunk's compression; `None` where this cannot be a chunk.
+pub(super) fn compression(body: &[u8]) -> Option<&str> {
+    Chunk::parse(body).map(|chunk| chunk.compression)
 }
 
 /// Bytes that [`looks_like_one`] needs.
@@ -27,12 +67,10 @@ pub(super) fn looks_like_one(bytes: &[u8], left_in_file: u64) -> bool {
     if opcode != op::CHUNK || len > left_in_file.saturating_sub(HEAD_LEN as u64) {
         return false;
     }
-    let Some((name, head_len)) = compression(body).filter(|(name, _)| ["", "lz4", "zstd"].contains(name)) else {
-        return false;
-    };
-    let at = FIXED_LEN + name.len();
-    let packed = body.get(at..at + 8).and_then(|bytes| bytes.try_into().ok()).map(u64::from_le_bytes);
-    packed.and_then(|packed| packed.checked_add(head_len as u64)) == Some(len)
+    Chunk::parse(body).is_some_and(|chunk| {
+        let head_len = (FIXED_LEN + chunk.compression.len() + 8) as u64;
+        ["", "lz4", "zstd"].contains(&chunk.compression) && chunk.packed_len.checked_add(head_len) == Some(len)
+    })
 }
 
 /// One record of a chunk: its opcode and where its body lies in [`Records::bytes`].
@@ -57,58 +95,65 @@ impl Records {
 
     /// Bytes of the records, their heads included.
     pub(super) fn len(&self) -> usize {
-        self.bytes.len() + HEAD_LEN * self.places.len()
+        self.bytes.len()
     }
 
-    fn clear(&mut self) {
-        self.bytes.clear();
-        self.places.clear();
-    }
-
-    fn push(&mut self, opcode: u8, data: &[u8]) {
-        let start = self.bytes.len();
-        self.bytes.extend_from_slice(data);
-        self.places.push(Place { opcode, start, end: self.bytes.len() });
+    /// Finds the records in the bytes; false where the bytes end inside one.
+    fn find(&mut self) -> bool {
+        let mut at = 0;
+        while let Some((&[opcode, ref len @ ..], rest)) = self.bytes[at..].split_first_chunk::<HEAD_LEN>() {
+            let Some(len) = usize::try_from(u64::from_le_bytes(*len)).ok().filter(|len| *len <= rest.len()) else {
+                return false;
+            };
+            let start = at + HEAD_LEN;
+            self.places.push(Place { opcode, start, end: start + len });
+            at = start + len;
+        }
+        at == self.bytes.len()
     }
 }
 
-/// Reads the records of a chunk from the body of its record into `records`.
+/// Reads the records of a chunk from the body of its record into `records`; an error is in words.
 ///
 /// `stated_len` is the length that the record's head gives; a shorter `body` is a chunk cut off at
 /// the end of the file. Of such a chunk every record that is whole is kept, and its CRC cannot be
 /// checked. A whole chunk with a wrong CRC yields nothing, for nobody can say which record is wrong.
-pub(super) fn read(body: &[u8], stated_len: u64, records: &mut Records) -> Result<(), McapError> {
-    records.clear();
-    let cut = (body.len() as u64) < stated_len;
-    let result = feed(body, stated_len, records);
-    if result.is_err() && !cut {
-        records.clear();
+pub(super) fn read(body: &[u8], stated_len: u64, records: &mut Records) -> Result<(), String> {
+    records.bytes.clear();
+    records.places.clear();
+    let chunk = Chunk::parse(body);
+    if (body.len() as u64) < stated_len {
+        if let Some(chunk) = chunk {
+            // What was unpacked before the end is kept.
+            let _ = chunk.unpack(&mut records.bytes);
+            records.find();
+        }
+        return Err("the file ends inside a chunk".into());
+    }
+    let chunk = chunk.ok_or("a chunk without a readable head")?;
+    let result = unpack_whole(&chunk, &mut records.bytes);
+    if result.is_err() {
+        records.bytes.clear();
+    } else if !records.find() {
+        return Err("a chunk ends inside a record".into());
     }
     result
 }
 
-fn feed(body: &[u8], stated_len: u64, records: &mut Records) -> Result<(), McapError> {
-    let options = LinearReaderOptions::default()
-        .with_skip_start_magic(true)
-        .with_skip_end_magic(true)
-        .with_validate_chunk_crcs(true)
-        .with_record_length_limit(RECORD_LIMIT);
-    let mut reader = LinearReader::new_with_options(options);
-    let mut head = [op::CHUNK; HEAD_LEN];
-    head[1..].copy_from_slice(&stated_len.to_le_bytes());
-    reader.insert(HEAD_LEN).copy_from_slice(&head);
-    reader.notify_read(HEAD_LEN);
-    let mut rest = body;
-    while let Some(event) = reader.next_event() {
-        match event? {
-            LinearReadEvent::ReadRequest(wanted) => {
-                let (now, later) = rest.split_at(wanted.min(rest.len()));
-                reader.insert(now.len()).copy_from_slice(now);
-                reader.notify_read(now.len());
-                rest = later;
-            }
-            LinearReadEvent::Record { data, opcode } => records.push(opcode, data),
-        }
+fn unpack_whole(chunk: &Chunk<'_>, bytes: &mut Vec<u8>) -> Result<(), String> {
+    if chunk.unpacked_len > CHUNK_LIMIT {
+        return Err(format!("a chunk that says it holds {} bytes, more than any should", chunk.unpacked_len));
+    }
+    if chunk.packed.len() as u64 != chunk.packed_len {
+        return Err("a chunk that says it is longer than its record".into());
+    }
+    chunk.unpack(bytes).map_err(|error| format!("a chunk cannot be unpacked ({error})"))?;
+    if bytes.len() as u64 != chunk.unpacked_len {
+        return Err(format!("a chunk of {} bytes unpacks to another length", chunk.unpacked_len));
+    }
+    let crc = crc32fast::hash(bytes);
+    if chunk.crc != 0 && crc != chunk.crc {
+        return Err(format!("a chunk fails its CRC (expected {:08x}, found {crc:08x})", chunk.crc));
     }
     Ok(())
 }

@@ -5,9 +5,10 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use mcap::records::{Record, op};
+use mcap::records::op;
 
 use super::chunk::{self, Records};
+use super::record::{Record, parse};
 use super::record_file::{HEAD_LEN, RecordFile, Step, Tail};
 use super::segment::Segment;
 use super::topic::{OnMessage, RawView, TopicInfo};
@@ -59,36 +60,43 @@ impl Channels {
         self.topics.values()
     }
 
-    pub(super) fn get(&self, channel_id: u16) -> Option<&Arc<TopicInfo>> {
-        self.topics.get(&channel_id)
-    }
-
     /// Takes in a schema or channel record; others pass by.
-    fn take_in(&mut self, record: Record<'_>) {
+    fn take_in(&mut self, record: &Record<'_>) {
         match record {
-            Record::Schema { header, data } => {
-                self.schemas.insert(header.id, (header.name, header.encoding, data.into_owned()));
+            Record::Schema { id, name, encoding, data } => {
+                self.schemas.insert(*id, ((*name).to_owned(), (*encoding).to_owned(), data.to_vec()));
             }
-            Record::Channel(mut channel) => {
-                let (type_name, schema_encoding, schema) =
-                    self.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
-                let mut text = |key: &str| channel.metadata.remove(key).unwrap_or_default();
+            Record::Channel { id, schema_id, topic, encoding, metadata } => {
+                let (type_name, schema_encoding, schema) = self.schemas.get(schema_id).cloned().unwrap_or_default();
+                let text = |key: &str| metadata.get(key).copied().unwrap_or_default().to_owned();
                 let info = TopicInfo {
+                    name: (*topic).to_owned(),
                     type_name,
+                    encoding: (*encoding).to_owned(),
                     schema_encoding,
                     schema,
                     offered_qos_profiles: text("offered_qos_profiles"),
                     type_hash: text("topic_type_hash"),
-                    name: channel.topic,
-                    encoding: channel.message_encoding,
                 };
                 // Summary and data both hold the channel; the same `Arc` stays so that comparing is cheap.
-                if self.topics.get(&channel.id).is_none_or(|known| **known != info) {
-                    self.topics.insert(channel.id, Arc::new(info));
+                if self.topics.get(id).is_none_or(|known| **known != info) {
+                    self.topics.insert(*id, Arc::new(info));
                 }
             }
             _ => {}
         }
+    }
+
+    /// One message on a known channel.
+    fn view<'a>(&'a self, record: &Record<'a>) -> Option<RawView<'a>> {
+        let Record::Message { channel_id, sequence, log_time_ns, publish_time_ns, data } = *record else { return None };
+        Some(RawView {
+            topic: self.topics.get(&channel_id)?,
+            log_time_ns: i64::try_from(log_time_ns).unwrap_or(i64::MAX),
+            publish_time_ns: i64::try_from(publish_time_ns).unwrap_or(i64::MAX),
+            sequence,
+            data,
+        })
     }
 }
 
@@ -139,25 +147,10 @@ impl Loader {
     }
 
     fn hand_on(&self, opcode: u8, body: &[u8], on_message: &mut OnMessage<'_>) {
-        if opcode == op::MESSAGE
-            && let Ok(record) = mcap::parse_record(opcode, body)
-            && let Some(message) = view(&self.channels, &record)
-        {
+        if let Some(message) = parse(opcode, body).and_then(|record| self.channels.view(&record)) {
             on_message(message);
         }
     }
-}
-
-/// One message on a known channel, as records hold it.
-fn view<'a>(channels: &'a Channels, record: &'a Record<'_>) -> Option<RawView<'a>> {
-    let Record::Message { header, data } = record else { return None };
-    Some(RawView {
-        topic: channels.get(header.channel_id)?,
-        log_time_ns: i64::try_from(header.log_time).unwrap_or(i64::MAX),
-        publish_time_ns: i64::try_from(header.publish_time).unwrap_or(i64::MAX),
-        sequence: header.sequence,
-        data,
-    })
 }
 
 struct Scan {
@@ -177,11 +170,11 @@ impl Scan {
             file.seek(start)?;
             let mut body = vec![];
             while let Step::Record(opcode) = file.next(&mut body)? {
-                match mcap::parse_record(opcode, &body) {
-                    Ok(Record::ChunkIndex(_)) => self.found.health.indexed = true,
-                    Ok(Record::Statistics(counts)) => self.found.health.stated_messages = Some(counts.message_count),
-                    Ok(Record::Footer(_)) | Err(_) => break,
-                    Ok(record) => self.found.channels.take_in(record),
+                match parse(opcode, &body) {
+                    Some(Record::ChunkIndex) => self.found.health.indexed = true,
+                    Some(Record::Statistics { messages }) => self.found.health.stated_messages = Some(messages),
+                    Some(Record::Footer) | None => break,
+                    Some(record) => self.found.channels.take_in(&record),
                 }
             }
         }
@@ -244,13 +237,11 @@ impl Scan {
         let health = &mut self.found.health;
         health.chunks += 1;
         health.uncompressed_bytes += records.len() as u64;
-        let compression = chunk::compression(body).map_or("", |(name, _)| name);
+        let compression = chunk::compression(body).unwrap_or_default();
         if let Err(place) = health.compressions.binary_search_by(|known| known.as_str().cmp(compression)) {
             health.compressions.insert(place, compression.to_owned());
         }
-        if let Err(error) = result {
-            let problem =
-                if (body.len() as u64) < len { "the file ends inside a chunk".into() } else { error.to_string() };
+        if let Err(problem) = result {
             self.last_good_ns = last_good_ns.or(self.last_good_ns);
             self.damage(at, (HEAD_LEN + body.len()) as u64, &problem, recovered);
         }
@@ -271,13 +262,9 @@ impl Scan {
     }
 
     fn record(&mut self, at: u64, opcode: u8, body: &[u8], segment: &mut Segment, on_message: &mut OnMessage<'_>) {
-        // Indexes point to what is read anyway, and unknown opcodes are to be ignored.
-        if matches!(opcode, op::ATTACHMENT | op::MESSAGE_INDEX) {
-            return;
-        }
-        match mcap::parse_record(opcode, body) {
-            Ok(record @ Record::Message { .. }) => {
-                let Some(message) = view(&self.found.channels, &record) else {
+        match parse(opcode, body) {
+            Some(record @ Record::Message { .. }) => {
+                let Some(message) = self.found.channels.view(&record) else {
                     self.damage(at, body.len() as u64, "messages on a channel that is announced nowhere", 0);
                     return;
                 };
@@ -286,13 +273,13 @@ impl Scan {
                 self.last_good_ns = Some(message.log_time_ns);
                 self.found.health.messages += 1;
             }
-            Ok(Record::Header(header)) => {
-                self.found.health.profile = header.profile;
-                self.found.health.library = header.library;
+            Some(Record::Header { profile, library }) => {
+                self.found.health.profile = profile.to_owned();
+                self.found.health.library = library.to_owned();
             }
-            Ok(Record::Metadata(metadata)) => self.found.health.metadata.push(metadata.name),
-            Ok(record) => self.found.channels.take_in(record),
-            Err(error) => self.damage(at, body.len() as u64, &error.to_string(), 0),
+            Some(Record::Metadata { name }) => self.found.health.metadata.push(name.to_owned()),
+            Some(record) => self.found.channels.take_in(&record),
+            None => self.damage(at, body.len() as u64, "a record that does not hold what it should", 0),
         }
     }
 

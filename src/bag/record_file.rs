@@ -12,7 +12,7 @@ use super::chunk;
 pub(super) const HEAD_LEN: usize = 9;
 
 /// The largest record that is believed, bytes; rosbag2 makes chunks of less than 1 MB.
-pub(super) const RECORD_LIMIT: usize = 1 << 30;
+pub(super) const RECORD_LIMIT: usize = 1 << 28;
 
 /// Footer record and closing magic.
 const TAIL_LEN: u64 = HEAD_LEN as u64 + 20 + mcap::MAGIC.len() as u64;

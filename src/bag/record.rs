@@ -1,0 +1,107 @@
+//! The records of MCAP that matter here, read with every length checked against the bytes there are.
+//!
+//! The `mcap` crate's own parser reserves whatever a damaged length asks for, up to 4 GiB, and cannot
+//! read an attachment of fewer than four bytes; so damage has to be met before it.
+
+use std::collections::BTreeMap;
+
+use mcap::records::op;
+
+/// A record's body, as far as it is used.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) enum Record<'a> {
+    /// The file's profile and writer.
+    Header { profile: &'a str, library: &'a str },
+    /// A schema by its number.
+    Schema { id: u16, name: &'a str, encoding: &'a str, data: &'a [u8] },
+    /// A channel by its number.
+    Channel { id: u16, schema_id: u16, topic: &'a str, encoding: &'a str, metadata: BTreeMap<&'a str, &'a str> },
+    /// A message.
+    Message { channel_id: u16, sequence: u32, log_time_ns: u64, publish_time_ns: u64, data: &'a [u8] },
+    /// How many messages the file says it has.
+    Statistics { messages: u64 },
+    /// Metadata of this name.
+    Metadata { name: &'a str },
+    /// One of the index of chunks.
+    ChunkIndex,
+    /// The end.
+    Footer,
+    /// Anything else.
+    Other,
+}
+
+/// Reads a record; `None` where its body is not what its opcode says.
+pub(super) fn parse(opcode: u8, body: &[u8]) -> Option<Record<'_>> {
+    let mut fields = Fields(body);
+    Some(match opcode {
+        op::HEADER => Record::Header { profile: fields.text()?, library: fields.text()? },
+        op::SCHEMA => {
+            let (id, name, encoding) = (fields.u16()?, fields.text()?, fields.text()?);
+            Record::Schema { id, name, encoding, data: fields.sized()? }
+        }
+        op::CHANNEL => Record::Channel {
+            id: fields.u16()?,
+            schema_id: fields.u16()?,
+            topic: fields.text()?,
+            encoding: fields.text()?,
+            metadata: fields.map()?,
+        },
+        op::MESSAGE => Record::Message {
+            channel_id: fields.u16()?,
+            sequence: fields.u32()?,
+            log_time_ns: fields.u64()?,
+            publish_time_ns: fields.u64()?,
+            data: fields.0,
+        },
+        op::STATISTICS => Record::Statistics { messages: fields.u64()? },
+        op::METADATA => Record::Metadata { name: fields.text()? },
+        op::CHUNK_INDEX => Record::ChunkIndex,
+        op::FOOTER => Record::Footer,
+        _ => Record::Other,
+    })
+}
+
+/// What is left of a body.
+struct Fields<'a>(&'a [u8]);
+
+impl<'a> Fields<'a> {
+    fn take<const LEN: usize>(&mut self) -> Option<[u8; LEN]> {
+        let (taken, rest) = self.0.split_first_chunk()?;
+        self.0 = rest;
+        Some(*taken)
+    }
+
+    fn u16(&mut self) -> Option<u16> {
+        self.take().map(u16::from_le_bytes)
+    }
+
+    fn u32(&mut self) -> Option<u32> {
+        self.take().map(u32::from_le_bytes)
+    }
+
+    fn u64(&mut self) -> Option<u64> {
+        self.take().map(u64::from_le_bytes)
+    }
+
+    /// Bytes behind their length.
+    fn sized(&mut self) -> Option<&'a [u8]> {
+        let len = usize::try_from(self.u32()?).ok()?;
+        let (taken, rest) = self.0.split_at_checked(len)?;
+        self.0 = rest;
+        Some(taken)
+    }
+
+    fn text(&mut self) -> Option<&'a str> {
+        std::str::from_utf8(self.sized()?).ok()
+    }
+
+    /// Texts by texts behind their length in bytes.
+    fn map(&mut self) -> Option<BTreeMap<&'a str, &'a str>> {
+        let mut pairs = Fields(self.sized()?);
+        let mut map = BTreeMap::new();
+        while !pairs.0.is_empty() {
+            map.insert(pairs.text()?, pairs.text()?);
+        }
+        Some(map)
+    }
+}
