@@ -1,0 +1,306 @@
+//! What each effect does to the plant, against closed forms: the size of what it is named after.
+
+#[path = "effects/bench.rs"]
+mod bench;
+
+use bench::{recording, simulate, with};
+use govtwin::effects;
+use govtwin::frame::{Estimate, EsvState, Frame, Inputs, Signals};
+use govtwin::parameters::EffectSetting;
+use govtwin::plant::Plant;
+use govtwin::recording::Recording;
+use govtwin::replay;
+use govtwin::twin::{Cut, Twin};
+
+const TANK_PA: f64 = 6.3e6;
+const RETURN_PA: f64 = 0.1e6;
+
+fn setting(id: &str, values: &[f64]) -> EffectSetting {
+    EffectSetting { id: id.to_owned(), values: values.to_vec() }
+}
+
+fn plant(id: &str, values: &[f64]) -> Plant {
+    let mut plant = Plant::new(&govtwin::params::reference().parameters);
+    effects::apply(&[setting(id, values)], &mut plant);
+    plant
+}
+
+/// One row for each hundredth of a second, command and ESV by time.
+fn course(seconds: i64, opening_pu: impl Fn(f64) -> f64, trip_s: f64) -> Recording {
+    let row = |i: i64| {
+        let at_s = i as f64 * 0.01;
+        let esv = if at_s < trip_s { EsvState::Normal } else { EsvState::Shutdown };
+        let inputs = Inputs { opening_command_pu: opening_pu(at_s), esv, tank_pressure_pa: TANK_PA };
+        let start = Signals { servomotor_position_pu: opening_pu(0.0), ..Signals::NONE };
+        Frame { time_ns: i * 10_000_000, inputs, measured: if i == 0 { start } else { Signals::NONE } }
+    };
+    Recording::new("course", (0..seconds * 100).map(row).collect())
+}
+
+fn run(effects: &[EffectSetting], recording: &Recording) -> Vec<Estimate> {
+    replay::simulate(&mut Twin::new(&with(effects)), recording)
+}
+
+fn rests_at(opening_pu: f64) -> Recording {
+    course(4, |_| opening_pu, f64::INFINITY)
+}
+
+fn ramp(at_s: f64) -> f64 {
+    0.2 + 0.05 * (at_s - 1.0).clamp(0.0, 8.0)
+}
+
+#[test]
+fn a_command_delay_moves_the_answer_in_time() {
+    let recording = course(12, ramp, f64::INFINITY);
+    let nominal = run(&[], &recording);
+    for (delay_s, rows) in [(0.05, 5), (0.2, 20)] {
+        let late = run(&[setting("command_delay", &[delay_s])], &recording);
+        for (late, nominal) in late[rows..].iter().zip(&nominal) {
+            let apart_pu = late.signals.servomotor_position_pu - nominal.signals.servomotor_position_pu;
+            assert!(apart_pu.abs() < 1e-9, "{delay_s} s: {apart_pu:e}");
+        }
+    }
+}
+
+#[test]
+fn a_clock_offset_is_the_same_recording_with_other_stamps() {
+    let recording = recording();
+    let nominal = simulate(&[], Cut::None);
+    let offset_rows = 7;
+    // What the plant did at t stands beside the inputs of 70 ms before: their stamps are late by as much.
+    let frames = recording.frames.iter().enumerate().map(|(i, frame)| {
+        let inputs = Inputs {
+            tank_pressure_pa: frame.inputs.tank_pressure_pa,
+            ..recording.frames[i.saturating_sub(offset_rows)].inputs
+        };
+        Frame { inputs, ..*frame }
+    });
+    let shifted = Recording::new("shifted", frames.collect());
+    let found = run(&[setting("clock_offset", &[0.07])], &shifted);
+    // The last inputs have not come yet.
+    for (found, nominal) in found.iter().zip(&nominal) {
+        let apart_pu = found.signals.spool_position_pu - nominal.signals.spool_position_pu;
+        assert!(apart_pu.abs() < 1e-9, "{apart_pu:e} at {}", found.time_ns);
+    }
+}
+
+#[test]
+fn a_slower_cycle_holds_the_demand_longer() {
+    let recording = course(12, ramp, f64::INFINITY);
+    let changes = |effects: &[EffectSetting]| {
+        let ramping = &run(effects, &recording)[200..800];
+        ramping.windows(2).filter(|pair| pair[0].spool_command_pu != pair[1].spool_command_pu).count()
+    };
+    assert!(changes(&[]) > 590);
+    let slow = changes(&[setting("regulator_cycle", &[0.05])]);
+    assert!((99..=100).contains(&slow), "{slow} demands in 6 s at 60 ms");
+}
+
+#[test]
+fn the_esv_acts_late_or_slowly() {
+    let recording = course(4, |_| 0.5, 1.0);
+    let falls_s = |effects: &[EffectSetting]| {
+        let estimates = run(effects, &recording);
+        let fallen = estimates.iter().find(|estimate| estimate.signals.spool_position_pu < -0.5).unwrap();
+        fallen.time_ns as f64 * 1e-9
+    };
+    let nominal_s = falls_s(&[]);
+    assert!((falls_s(&[setting("esv_delay", &[0.3])]) - nominal_s - 0.3).abs() < 1e-9);
+    // Linear travel opens half the drain after half the travel: it lags by less than all of it.
+    let slow_s = falls_s(&[setting("esv_slow", &[0.3])]) - nominal_s;
+    assert!((0.05..0.3).contains(&slow_s), "{slow_s}");
+}
+
+#[test]
+fn faults_of_the_pilot_valve_have_their_size() {
+    let flow = |plant: &Plant, x_p: f64, p: f64| {
+        let valve = &plant.proportional_valve;
+        valve.flow(valve.opening_pu(x_p), p, TANK_PA, RETURN_PA).m3_s
+    };
+    let nominal = plant("lvdt_gain", &[1.0]);
+    let dead = plant("pv_overlap", &[0.05]);
+    assert_eq!(flow(&dead, 0.049, 3e6), 0.0);
+    assert!((flow(&dead, 0.25, 3e6) - flow(&nominal, 0.20, 3e6)).abs() < 1e-15);
+    let shifted = plant("pv_null_shift", &[0.03]);
+    assert_eq!(flow(&shifted, 0.03, 3e6), 0.0);
+    let clogged = plant("pilot_filter", &[3.0]);
+    for s in [0.1, 1.0] {
+        let share = flow(&clogged, s, 3e6) / flow(&nominal, s, 3e6);
+        assert!((share - 1.0 / (1.0 + 9.0 * s * s).sqrt()).abs() < 1e-12, "{s}: {share}");
+        assert_eq!(flow(&clogged, -s, 3e6), flow(&nominal, -s, 3e6));
+    }
+
+    // At rest the small loop holds the valve at its null: K2 times the spool's standoff.
+    let rest = run(&[setting("pv_null_shift", &[0.03])], &rests_at(0.5)).pop().unwrap();
+    let nominal = run(&[], &rests_at(0.5)).pop().unwrap();
+    let standoff_pu = rest.signals.spool_position_pu - nominal.signals.spool_position_pu;
+    assert!((standoff_pu + 0.03 / 8.0).abs() < 1e-4, "{standoff_pu}");
+}
+
+#[test]
+fn hysteresis_is_as_wide_as_it_says() {
+    let recording = course(12, |at_s| 0.5 + 0.02 * (2.0 * at_s).sin(), f64::INFINITY);
+    let estimates = run(&[setting("pv_hysteresis", &[0.06])], &recording);
+    // Where the current has held for a while the valve has followed it, to within half the width.
+    let (mut behind, mut ahead) = (0.0_f64, 0.0_f64);
+    for rows in estimates[100..].windows(3) {
+        let current_pu = rows[2].valve_current_pu;
+        if rows.iter().all(|row| (row.valve_current_pu - current_pu).abs() < 1e-3) {
+            let apart_pu = current_pu - rows[2].signals.pilot_valve_position_pu;
+            (behind, ahead) = (behind.max(apart_pu), ahead.max(-apart_pu));
+        }
+    }
+    assert!((0.029..0.031).contains(&behind) && (0.029..0.031).contains(&ahead), "{behind} {ahead}");
+}
+
+#[test]
+fn forces_and_leaks_of_the_spool_show_in_the_pilot_signals() {
+    let signals = |effects: &[EffectSetting]| run(effects, &rests_at(0.5)).pop().unwrap().signals;
+    let nominal = signals(&[]);
+    let sheet = govtwin::params::reference().parameters.distributing_valve;
+
+    let tired = signals(&[setting("spring", &[0.2, 0.005])]);
+    let lost_n =
+        sheet.spring_stiffness_n_m * (sheet.spring_precompression_m - 0.8 * (sheet.spring_precompression_m - 0.005));
+    let lower_pa = nominal.control_pressure_pa - tired.control_pressure_pa;
+    assert!((lower_pa - lost_n / sheet.control_area_m2).abs() < 2e3, "{lower_pa}");
+
+    let leaking = signals(&[setting("chamber_leak", &[5e-12])]);
+    let lost_m3_s = 5e-12 * (nominal.control_pressure_pa - RETURN_PA);
+    let valve = plant("chamber_leak", &[5e-12]).proportional_valve;
+    let found_m3_s = valve.flow(leaking.pilot_valve_position_pu, leaking.control_pressure_pa, TANK_PA, RETURN_PA).m3_s;
+    let nominal_m3_s =
+        valve.flow(nominal.pilot_valve_position_pu, nominal.control_pressure_pa, TANK_PA, RETURN_PA).m3_s;
+    assert!((found_m3_s - nominal_m3_s - lost_m3_s).abs() < 0.02 * lost_m3_s, "{found_m3_s} {lost_m3_s}");
+}
+
+#[test]
+fn backlash_parts_the_reading_from_the_piston_by_half_the_gap() {
+    let recording = course(20, |at_s| 0.5 + 0.05 * at_s.sin(), f64::INFINITY);
+    let mut twin = Twin::new(&with(&[setting("backlash", &[0.004])]));
+    let stroke_m = twin.plant().servomotor.stroke_m;
+    let mut widest_pu = 0.0_f64;
+    for frame in &recording.frames {
+        let reading_pu = twin.step(frame).signals.servomotor_position_pu;
+        let apart_pu = reading_pu - twin.state().servomotor_position_m / stroke_m;
+        assert!(apart_pu.abs() <= 0.002 + 1e-12);
+        widest_pu = widest_pu.max(apart_pu.abs());
+    }
+    assert!((widest_pu - 0.002).abs() < 1e-12);
+}
+
+#[test]
+fn a_lagging_transducer_trails_a_ramp_by_its_time_constant() {
+    let recording = course(12, ramp, f64::INFINITY);
+    let mut twin = Twin::new(&with(&[setting("feedback_lag", &[0.08])]));
+    let stroke_m = twin.plant().servomotor.stroke_m;
+    let mut trailing_pu = f64::NAN;
+    for frame in &recording.frames[..800] {
+        let reading_pu = twin.step(frame).signals.servomotor_position_pu;
+        trailing_pu = twin.state().servomotor_position_m / stroke_m - reading_pu;
+    }
+    assert!((trailing_pu - 0.08 * 0.05).abs() < 2e-5, "{trailing_pu}");
+}
+
+#[test]
+fn a_wrong_transducer_of_the_spool_shows_at_its_stop() {
+    let stop_pu =
+        |effects: &[EffectSetting]| run(effects, &course(4, |_| 0.5, 1.0)).pop().unwrap().signals.spool_position_pu;
+    let nominal_pu = stop_pu(&[]);
+    assert!((stop_pu(&[setting("lvdt_bias", &[0.03])]) - nominal_pu - 0.03).abs() < 1e-9);
+    assert!((stop_pu(&[setting("lvdt_gain", &[1.08])]) - 1.08 * nominal_pu).abs() < 1e-9);
+}
+
+/// Steady speed of the piston at a spool position, m/s.
+fn speed_m_s(effects: &[EffectSetting], spool_pu: f64) -> f64 {
+    let measured = Signals { spool_position_pu: spool_pu, servomotor_position_pu: 0.5, ..Signals::NONE };
+    let inputs = Inputs { opening_command_pu: 0.5, esv: EsvState::Normal, tank_pressure_pa: TANK_PA };
+    let mut twin = Twin::new(&with(effects)).with_cut(Cut::Spool);
+    let step = |i: i64| twin.step(&Frame { time_ns: i * 10_000_000, inputs, measured });
+    (0..100).map(step).last().unwrap().servomotor_velocity_m_s
+}
+
+#[test]
+fn forces_on_the_piston_change_its_speed_by_the_balance() {
+    let p = govtwin::params::reference().parameters;
+    let (servo, oil) = (p.servomotor, p.oil);
+    let (a_o, a_c) = (servo.opening_area_m2, servo.closing_area_m2);
+    let conductance = p.esv.discharge_coefficient * p.main_ports.width_m * (2.0 / oil.density_kg_m3).sqrt();
+    // P_s A_o − P_t A_c − load − friction = (A_o³ + A_c³) w²/G² + R A_o³ w² + B w, at mid stroke on average.
+    let miss_n = |w: f64, spool_pu: f64, extra_n: f64, loss: f64| {
+        let g = conductance * (spool_pu * p.distributing_valve.reference_stroke_m - p.main_ports.overlap_m);
+        let z_pu = 0.5 + w / servo.stroke_m;
+        let drive_n = TANK_PA * a_o
+            - RETURN_PA * a_c
+            - servo.load_closed_n
+            - servo.load_slope_n * z_pu
+            - servo.coulomb_friction_n
+            - extra_n;
+        drive_n
+            - (a_o.powi(3) + a_c.powi(3)) / (g * g) * w * w
+            - loss * a_o.powi(3) * w * w
+            - servo.viscous_damping_n_s_m * w
+    };
+    for (effects, extra_n, loss) in [
+        (vec![], 0.0, 0.0),
+        (vec![setting("servo_friction", &[6e4, 1.0])], 6e4, 0.0),
+        (vec![setting("load", &[0.4])], 0.4 * (servo.load_closed_n + 0.55 * servo.load_slope_n), 0.0),
+        (vec![setting("supply_loss", &[2e9])], 0.0, 2e9),
+    ] {
+        let w = speed_m_s(&effects, 0.4);
+        let miss = miss_n(w, 0.4, extra_n, loss);
+        assert!(w > 0.01 && miss.abs() < 1.5e4, "{effects:?}: {w} m/s leaves {miss} N of 1.2e6");
+    }
+    let overlap = speed_m_s(&[setting("port_overlap", &[3e-4])], 0.3 + 3e-4 / 0.015);
+    assert!((overlap / speed_m_s(&[], 0.3) - 1.0).abs() < 1e-9);
+}
+
+#[test]
+fn a_leaking_piston_creeps_under_its_load() {
+    let p = govtwin::params::reference().parameters.servomotor;
+    let leak = 5e-10;
+    let w = speed_m_s(&[setting("servo_leak", &[leak])], 0.0);
+    // With the ports shut what leaves one chamber enters the other; unequal areas bring them to one pressure.
+    assert!(w < 0.0 && speed_m_s(&[], 0.0).abs() < 1e-6);
+    let load_n = p.load_closed_n + 0.5 * p.load_slope_n;
+    assert!(w.abs() < leak * load_n / p.closing_area_m2.powi(2), "{w}");
+}
+
+#[test]
+fn a_cushion_slows_only_the_end_of_closing() {
+    let trip = course(12, |_| 0.5, 1.0);
+    let speed_at = |effects: &[EffectSetting], opening_pu: f64| {
+        let estimates = run(effects, &trip);
+        let there = estimates.iter().find(|estimate| estimate.signals.servomotor_position_pu < opening_pu).unwrap();
+        there.servomotor_velocity_m_s
+    };
+    let cushion = [setting("cushion", &[3e8, 0.15])];
+    assert_eq!(speed_at(&cushion, 0.2), speed_at(&[], 0.2));
+    let share = speed_at(&cushion, 0.01) / speed_at(&[], 0.01);
+    assert!((0.2..0.8).contains(&share), "{share}");
+}
+
+#[test]
+fn cold_oil_warms() {
+    let supply = plant("viscosity", &[3.0, 20.0]).supply;
+    assert_eq!(supply.viscosity(0.0), 4.0);
+    assert!((supply.viscosity(20.0) - 1.0 - 3.0 / std::f64::consts::E).abs() < 1e-12);
+    let cold = speed_m_s(&[setting("viscosity", &[3.0, 1e3])], 0.4);
+    assert!(cold < 0.99 * speed_m_s(&[], 0.4));
+}
+
+#[test]
+fn air_friction_and_flow_forces_enter_their_laws() {
+    let airy = plant("entrained_air", &[0.03]).spool;
+    let share = 0.03 * 101_325.0 * 1.0e9 / (3e6_f64 + 101_325.0).powi(2);
+    let nominal = plant("entrained_air", &[0.0]).spool;
+    assert!((airy.compliance_m3_pa(0.0, 3e6) / nominal.compliance_m3_pa(0.0, 3e6) - 1.0 - share).abs() < 1e-12);
+    let sticky = plant("spool_friction", &[400.0, 1.3]).spool.friction;
+    assert!((sticky.force_n(1.0) - 400.0).abs() < 1e-9 && (sticky.size_n(0.0) - 520.0).abs() < 1e-9);
+    let ports = plant("flow_force", &[1.0]).main_ports;
+    // 2 C_d w cos 69° x Δp, both edges.
+    let expected_n = -2.0 * 0.62 * 0.030 * 69.0_f64.to_radians().cos() * 0.005 * (4.3e6 + 2.9e6);
+    assert!((ports.flow_force_n(0.005, 2.0e6, 3.0e6, TANK_PA, RETURN_PA) - expected_n).abs() < 1e-9);
+    let slow = plant("pv_bandwidth", &[0.4]).proportional_valve;
+    assert!((slow.natural_frequency_rad_s - 0.4 * 377.0).abs() < 1e-12);
+}
