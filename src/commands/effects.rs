@@ -57,8 +57,9 @@ fn table() -> String {
     for stage in Stage::ALL {
         text.push_str(&format!("{}\n", stage.id()));
         for spec in CATALOGUE.iter().filter(|spec| spec.stage == stage) {
-            let summary = spec.head().summary;
-            text.push_str(&format!("  {:16} {}\n", spec.id, plain(&summary)));
+            let summary = plain(&spec.head().summary);
+            let name = summary.split(':').next().unwrap_or_default().trim_end_matches('.');
+            text.push_str(&format!("  {:16} {name}\n", spec.id));
             for parameter in spec.parameters {
                 text.push_str(&format!("  {:16}   {}: {}\n", "", parameter.name, range(parameter)));
             }

@@ -14,6 +14,7 @@ use govtwin::node::live::{self, Ended, Options};
 use govtwin::node::realtime::Wishes;
 use govtwin::node::settings::Settings;
 use govtwin::params;
+use govtwin::twin::Twin;
 use serde_json::json;
 
 use super::output;
@@ -84,7 +85,13 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         use_sim_time: false,
         wishes: Wishes { cpu: args.cpu, priority: args.priority },
     };
-    let unit = args.params.as_deref().map_or_else(|| Ok(params::reference()), params::load)?;
+    let mut unit = args.params.as_deref().map_or_else(|| Ok(params::reference()), params::load)?;
+    if Twin::new(&unit).plant().lookahead_s > 0.0 {
+        unit.effects.retain(|setting| setting.id != "clock_offset");
+        output::warn(
+            "the effect clock_offset asks for inputs from the future, which has no meaning live; it is left out",
+        );
+    }
     let options = Options {
         environment: Environment::of_process()?,
         arguments: Arguments::parse(&args.ros, "govtwin")?,
