@@ -7,6 +7,9 @@ use crate::msg::{Time, type_hash};
 /// Types nested deeper than this are a circle, which no message can be.
 const DEEPEST: usize = 24;
 
+/// Types with more fields than this, those of nested types included, are not walked.
+const MOST_FIELDS: usize = 10_000;
+
 /// One step of the walk.
 #[derive(Clone, Debug, PartialEq)]
 enum Node {
@@ -44,8 +47,9 @@ impl Layout {
         let types = schema
             .and_then(|schema| parse_schema(&topic.type_name, schema).ok())
             .or_else(|| closure_of(&topic.type_name).ok())?;
-        let mut names = vec![];
-        let root = structure(types.first()?, &types, "", &mut names, 0)?;
+        let mut build = Build { types: &types, names: vec![], fields: 0 };
+        let root = build.structure(types.first()?, "", 0)?;
+        let names = build.names;
         let first = types.first()?.fields.first();
         let stamped = first.is_some_and(|first| {
             first.count == Count::One
@@ -83,41 +87,46 @@ impl Layout {
     }
 }
 
-fn structure(
-    definition: &Definition,
-    types: &[Definition],
-    path: &str,
-    names: &mut Vec<String>,
-    depth: usize,
-) -> Option<Node> {
-    if depth > DEEPEST {
-        return None;
-    }
-    let mut nodes = vec![];
-    for field in &definition.fields {
-        let path = if path.is_empty() { field.name.clone() } else { format!("{path}.{}", field.name) };
-        let one = match field.base.as_str() {
-            "bool" | "byte" | "char" | "int8" | "uint8" => Node::Skip(1),
-            "int16" | "uint16" => Node::Skip(2),
-            "int32" | "uint32" => Node::Skip(4),
-            "int64" | "uint64" => Node::Skip(8),
-            "float32" | "float64" => {
-                names.push(path);
-                Node::Float { size: if field.base == "float32" { 4 } else { 8 }, name: names.len() - 1 }
+/// A layout in the making.
+struct Build<'a> {
+    types: &'a [Definition],
+    names: Vec<String>,
+    fields: usize,
+}
+
+impl Build<'_> {
+    fn structure(&mut self, definition: &Definition, path: &str, depth: usize) -> Option<Node> {
+        let mut nodes = vec![];
+        for field in &definition.fields {
+            self.fields += 1;
+            if depth > DEEPEST || self.fields > MOST_FIELDS {
+                return None;
             }
-            "string" => Node::Text,
-            nested => {
-                let nested = types.iter().find(|definition| definition.type_name == nested)?;
-                structure(nested, types, &path, names, depth + 1)?
-            }
-        };
-        nodes.push(if field.count == Count::One { one } else { Node::Many(field.count, Box::new(one)) });
+            let path = if path.is_empty() { field.name.clone() } else { format!("{path}.{}", field.name) };
+            let one = match field.base.as_str() {
+                "bool" | "byte" | "char" | "int8" | "uint8" => Node::Skip(1),
+                "int16" | "uint16" => Node::Skip(2),
+                "int32" | "uint32" => Node::Skip(4),
+                "int64" | "uint64" => Node::Skip(8),
+                "float32" | "float64" => {
+                    self.names.push(path);
+                    Node::Float { size: if field.base == "float32" { 4 } else { 8 }, name: self.names.len() - 1 }
+                }
+                "string" => Node::Text,
+                nested => {
+                    let types = self.types;
+                    let nested = types.iter().find(|definition| definition.type_name == nested)?;
+                    self.structure(nested, &path, depth + 1)?
+                }
+            };
+            nodes.push(if field.count == Count::One { one } else { Node::Many(field.count, Box::new(one)) });
+        }
+        if nodes.is_empty() {
+            // An empty structure has one byte on the wire.
+            nodes.push(Node::Skip(1));
+        }
+        Some(Node::Struct(nodes))
     }
-    if nodes.is_empty() {
-        // An empty structure has one byte on the wire.
-        nodes.push(Node::Skip(1));
-    }
-    Some(Node::Struct(nodes))
 }
 
 #[derive(Clone, Copy)]

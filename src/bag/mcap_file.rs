@@ -274,8 +274,8 @@ impl Scan {
                 self.found.health.messages += 1;
             }
             Some(Record::Header { profile, library }) => {
-                self.found.health.profile = profile.to_owned();
-                self.found.health.library = library.to_owned();
+                profile.clone_into(&mut self.found.health.profile);
+                library.clone_into(&mut self.found.health.library);
             }
             Some(Record::Metadata { name }) => self.found.health.metadata.push(name.to_owned()),
             Some(record) => self.found.channels.take_in(&record),

@@ -229,11 +229,13 @@ pub fn parse_schema(type_name: &str, schema: &str) -> Result<Vec<Definition>, De
 /// are not on the wire.
 #[must_use]
 pub fn difference(expected: &[Definition], found: &[Definition]) -> Option<String> {
-    let (first, first_found) = (expected.first()?, found.first()?);
-    let mut pairs = vec![(first, first_found)];
-    pairs.extend(expected.iter().skip(1).filter_map(|definition| {
-        found.iter().find(|other| other.type_name == definition.type_name).map(|other| (definition, other))
-    }));
+    let mut pairs = vec![(expected.first()?, found.first()?)];
+    for (place, definition) in expected.iter().enumerate().skip(1) {
+        // Of a name that is defined twice the first definition counts, on both sides.
+        let named = |other: &&Definition| other.type_name == definition.type_name;
+        let known = expected[..place].iter().any(|other| named(&other));
+        pairs.extend(found.iter().skip(1).find(named).filter(|_| !known).map(|other| (definition, other)));
+    }
     for (expected, found) in pairs {
         for place in 0..expected.fields.len().max(found.fields.len()) {
             let (wanted, there) = (expected.fields.get(place), found.fields.get(place));

@@ -84,3 +84,19 @@ fn a_foreign_bag_is_surveyed_without_judging_it() {
     assert_eq!(output.status.code(), Some(0));
     assert!(text(&output.stdout).contains("not of the servo system"));
 }
+
+#[test]
+fn types_that_contain_themselves_are_not_walked() {
+    let text = "A a\nB b\n===\nMSG: a_msgs/A\nA a\nB b\n===\nMSG: a_msgs/B\nA a\nB b\nfloat64 x\n";
+    let mut file = std::io::Cursor::new(vec![]);
+    let mut writer = mcap::Writer::new(&mut file).unwrap();
+    let schema = writer.add_schema("a_msgs/msg/A", "ros2msg", text.as_bytes()).unwrap();
+    let id = writer.add_channel(schema, "/a", "cdr", &std::collections::BTreeMap::new()).unwrap();
+    let header = mcap::records::MessageHeader { channel_id: id, sequence: 0, log_time: 1, publish_time: 1 };
+    writer.write_to_known_channel(&header, &[0, 1, 0, 0, 1, 2, 3, 4]).unwrap();
+    writer.finish().unwrap();
+    drop(writer);
+    let (_folder, path) = in_file(&file.into_inner());
+    let topic = &bag::survey(&path).unwrap().topics[0];
+    assert_eq!((topic.readable, topic.messages), (false, 1));
+}
