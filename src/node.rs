@@ -3,12 +3,18 @@
 //! Threads and what passes between them:
 //!
 //! ```text
-//! DDS ─▶ intake ──events──▶ integration ──outputs──▶ output ─▶ DDS
-//!        checks    ring     Core → Twin     ring        └────▶ keeper: bag, words, /diagnostics
+//!  DDS ─▶ hear ───events───▶ step ────outputs───▶ publish ─▶ DDS
+//!         `listener` ring    `integration` ring   `live`
+//!         checks, answers    `core` → Twin        └─news─▶ keeper: words, /rosout, /diagnostics, bag
 //! ```
 //!
-//! Only the integration thread runs in real time. It shares nothing with the others but two wait-free
-//! rings; it never touches DDS, a lock or the allocator.
+//! Only `step` runs in real time. It shares nothing with the others but two wait-free rings; it never touches
+//! DDS, a lock or the allocator. The model's time is the count of its steps, or `/clock` where
+//! `use_sim_time` is set; what arrives takes effect at the next step.
+//!
+//! What it does not do: REP-2016 type hashes are not announced (Iron and later warn, data flows); a
+//! publisher's lease, deadline and lifespan are not judged, silence is, by arrival; `ROS_STATIC_PEERS` and DDS
+//! security cannot be followed.
 
 pub mod arguments;
 pub mod bus;
