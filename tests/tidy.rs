@@ -48,6 +48,12 @@ fn nothing_below_the_edges_reaches_out() {
 }
 
 #[test]
+fn the_readme_names_every_command() {
+    let text = |path: &str| tree().into_iter().find(|source| source.path == path).expect("the file is there").text;
+    hold(&text::unnamed_commands(&text("src/cli.rs"), &text("README.md")));
+}
+
+#[test]
 fn every_effect_is_in_the_catalogue() {
     let catalogue: Vec<(&str, &str)> = govtwin::effects::CATALOGUE.iter().map(|spec| (spec.id, spec.source)).collect();
     hold(&text::unregistered(&rust(), &catalogue));

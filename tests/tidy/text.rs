@@ -52,6 +52,19 @@ pub fn reach(sources: &[Source], below_edges: impl Fn(&str) -> bool) -> Vec<Stri
     breaches
 }
 
+/// Commands of the command line that the README does not name.
+pub fn unnamed_commands(cli: &str, readme: &str) -> Vec<String> {
+    let named = |command: &str| {
+        readme.contains(&format!("`govtwin {command}`")) || readme.contains(&format!("`govtwin {command} "))
+    };
+    cli.split("(commands::")
+        .skip(1)
+        .filter_map(|rest| rest.split_once("::Args)").map(|(command, _)| command))
+        .filter(|command| !named(command))
+        .map(|command| format!("README.md: does not name `govtwin {command}`"))
+        .collect()
+}
+
 /// Effects whose file is not in the catalogue under its own name.
 pub fn unregistered(sources: &[Source], catalogue: &[(&str, &str)]) -> Vec<String> {
     let mut breaches = Vec::new();
@@ -195,6 +208,16 @@ mod tests {
         assert_eq!(reach(&at("src/bag.rs", "unsafe { x() }"), below).len(), 1);
         assert_eq!(reach(&at("src/bag.rs", "#![allow(unsafe_code)]"), below).len(), 1);
         assert!(reach(&at("src/node/realtime.rs", "unsafe { x() }"), below).is_empty());
+    }
+
+    #[test]
+    fn a_command_without_a_word_in_the_readme_is_seen() {
+        let cli = "enum Command {\n    Run(commands::run::Args),\n    Dig(commands::dig::Args),\n}\nCommand::Run(args) => commands::run::run(&args)";
+        assert_eq!(
+            unnamed_commands(cli, "`govtwin run` and `govtwin digest`"),
+            ["README.md: does not name `govtwin dig`"]
+        );
+        assert!(unnamed_commands(cli, "`govtwin run`, `govtwin dig HOLE`").is_empty());
     }
 
     #[test]
