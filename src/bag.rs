@@ -1,12 +1,27 @@
 //! Bags: recordings in and out of files as rosbag2 writes them.
 //!
 //! [`read()`] turns a bag into a [`Recording`]: decoded, checked, aligned. [`messages`] gives what is in
-//! it as it is, in log-time order. [`Writer`] makes one that rosbag2, Foxglove and `PlotJuggler` open.
-//! What was damaged, dropped or moved is counted and placed in [`Health`].
+//! it as it is, in log-time order. [`survey()`] says what is in any bag. [`Writer`] makes one that rosbag2,
+//! Foxglove and PlotJuggler open. What was damaged, dropped or moved is counted and placed in [`Health`].
+//!
+//! # From streams to rows
+//! Streams have their own rates and jitter. The rule that makes rows of them:
+//!
+//! 1. A value's time is its `header.stamp`. Log time only orders arrival.
+//! 2. Late samples go to their place. Of samples with one stamp the last logged stays. Values that are
+//!    not finite or physically impossible, and stamps far from their neighbours, are dropped. Where the
+//!    clock of the stamps jumps, the run with most samples is read. All of it is counted.
+//! 3. There is one row for each distinct stamp of any stream, and one for each point of the grid where
+//!    linear interpolation is asked for; rows rise strictly in time.
+//! 4. An input is the newest value at or before the row. Under linear interpolation, command and
+//!    pressure run straight between their samples instead; the ESV always holds.
+//! 5. `measured` is there only in rows whose time is the stamp of a servo state; it is never interpolated.
+//! 6. Rows begin when every input has a value.
 
 pub mod cdr;
 
 mod align;
+mod channels;
 mod chunk;
 mod collect;
 #[cfg(feature = "sqlite")]

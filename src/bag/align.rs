@@ -1,12 +1,4 @@
-//! The alignment rule: four streams with their own rates and jitter become rows.
-//!
-//! 1. A value's time is its `header.stamp`. Log time only orders arrival.
-//! 2. There is one row for each distinct stamp of any stream, and one for each point of the grid
-//!    where linear interpolation is asked for; rows rise strictly in time.
-//! 3. An input is the newest value at or before the row. Under linear interpolation, command and
-//!    pressure run straight between their samples instead; the ESV always holds.
-//! 4. `measured` is there only in rows whose time is the stamp of a servo state; it is never interpolated.
-//! 5. Rows begin when every input has a value.
+//! Rows out of streams, by points 3 to 6 of the rule that `bag` states.
 
 use super::streams::{Command, Pressure, Sample};
 use super::{BagError, Interpolation};

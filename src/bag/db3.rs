@@ -6,7 +6,8 @@ use std::sync::Arc;
 
 use rusqlite::{Connection, OpenFlags, Row};
 
-use super::mcap_file::{Channels, ScannedFile};
+use super::channels::Channels;
+use super::mcap_file::ScannedFile;
 use super::segment::Segment;
 use super::topic::{OnMessage, RawView, TopicInfo};
 use super::{BagError, Damage, FileHealth};

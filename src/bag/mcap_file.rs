@@ -1,17 +1,16 @@
 //! One MCAP file from start to end: every record that is whole, and an account of what is not.
 
-use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use mcap::records::op;
 
+use super::channels::Channels;
 use super::chunk::{self, Records};
 use super::record::{Record, parse};
 use super::record_file::{HEAD_LEN, RecordFile, Step, Tail};
 use super::segment::Segment;
-use super::topic::{OnMessage, RawView, TopicInfo};
+use super::topic::OnMessage;
 use super::{BagError, Damage, FileHealth};
 
 /// More entries of damage than this say nothing more.
@@ -39,65 +38,6 @@ pub(super) fn scan(path: &Path, on_message: &mut OnMessage<'_>) -> Result<Scanne
     };
     scan.summary(&mut file).and_then(|()| scan.data(&mut file, on_message)).map_err(BagError::io(path, "read"))?;
     Ok(scan.found)
-}
-
-/// Schemas and channels met so far.
-#[derive(Debug, Default)]
-pub(super) struct Channels {
-    schemas: BTreeMap<u16, (String, String, Vec<u8>)>,
-    topics: BTreeMap<u16, Arc<TopicInfo>>,
-}
-
-impl Channels {
-    /// Channels that are known beforehand.
-    #[cfg(feature = "sqlite")]
-    pub(super) fn of(topics: BTreeMap<u16, Arc<TopicInfo>>) -> Self {
-        Self { schemas: BTreeMap::new(), topics }
-    }
-
-    /// The topics in the order of their channel numbers.
-    pub(super) fn topics(&self) -> impl Iterator<Item = &Arc<TopicInfo>> {
-        self.topics.values()
-    }
-
-    /// Takes in a schema or channel record; others pass by.
-    fn take_in(&mut self, record: &Record<'_>) {
-        match record {
-            Record::Schema { id, name, encoding, data } => {
-                self.schemas.insert(*id, ((*name).to_owned(), (*encoding).to_owned(), data.to_vec()));
-            }
-            Record::Channel { id, schema_id, topic, encoding, metadata } => {
-                let (type_name, schema_encoding, schema) = self.schemas.get(schema_id).cloned().unwrap_or_default();
-                let text = |key: &str| metadata.get(key).copied().unwrap_or_default().to_owned();
-                let info = TopicInfo {
-                    name: (*topic).to_owned(),
-                    type_name,
-                    encoding: (*encoding).to_owned(),
-                    schema_encoding,
-                    schema,
-                    offered_qos_profiles: text("offered_qos_profiles"),
-                    type_hash: text("topic_type_hash"),
-                };
-                // Summary and data both hold the channel; the same `Arc` stays so that comparing is cheap.
-                if self.topics.get(id).is_none_or(|known| **known != info) {
-                    self.topics.insert(*id, Arc::new(info));
-                }
-            }
-            _ => {}
-        }
-    }
-
-    /// One message on a known channel.
-    fn view<'a>(&'a self, record: &Record<'a>) -> Option<RawView<'a>> {
-        let Record::Message { channel_id, sequence, log_time_ns, publish_time_ns, data } = *record else { return None };
-        Some(RawView {
-            topic: self.topics.get(&channel_id)?,
-            log_time_ns: i64::try_from(log_time_ns).unwrap_or(i64::MAX),
-            publish_time_ns: i64::try_from(publish_time_ns).unwrap_or(i64::MAX),
-            sequence,
-            data,
-        })
-    }
 }
 
 /// Loads segments of a scanned file again.

@@ -5,7 +5,8 @@ use std::collections::{BinaryHeap, VecDeque};
 use std::path::Path;
 use std::sync::Arc;
 
-use super::mcap_file::{self, Channels};
+use super::channels::Channels;
+use super::mcap_file;
 use super::segment::Segment;
 use super::source::Storage;
 use super::topic::{OnMessage, RawMessage, TopicInfo};

@@ -30,8 +30,8 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Loaded, BagError> {
     let (mut streams, healths) = collected.finish();
     let warnings = source.all_warnings(&scanned.files);
     let mut health = Health { files: scanned.files, streams: healths, warnings };
-    warn(&mut health);
     health.warnings.extend(jump);
+    warn(&mut health);
     let mut filled = |stream: Stream, with| {
         let topic = options.topics.of(stream).to_owned();
         health.warnings.push(Warning::Filled { topic, with });

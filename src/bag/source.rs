@@ -5,7 +5,8 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::mcap_file::{self, Channels, ScannedFile};
+use super::channels::Channels;
+use super::mcap_file::{self, ScannedFile};
 use super::metadata::{self, Metadata};
 use super::segment::Segment;
 use super::topic::{OnMessage, TopicInfo};
