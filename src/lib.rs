@@ -21,10 +21,12 @@ pub mod effects;
 pub mod twin;
 
 // judgement
+pub mod diagnosis;
 pub mod generate;
 pub mod metrics;
 pub mod replay;
 pub mod report;
+pub mod tuning;
 
 // edges
 pub mod bag;

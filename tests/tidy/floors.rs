@@ -8,7 +8,7 @@ use crate::source::Source;
 const FLOORS: &[(&str, &[&str])] = &[
     ("entry", &["main", "cli", "commands"]),
     ("edges", &["bag", "files", "msg", "node", "params"]),
-    ("judgement", &["generate", "metrics", "replay", "report"]),
+    ("judgement", &["diagnosis", "generate", "metrics", "replay", "report", "tuning"]),
     ("heart", &["twin"]),
     ("corrections", &["effects"]),
     ("physics", &["plant", "solver"]),

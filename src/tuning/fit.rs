@@ -1,0 +1,275 @@
+//! Bounded, prior-weighted least squares over simulations: Gauss–Newton with Levenberg's damping.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use crate::frame::Estimate;
+use crate::parameters::Unit;
+use crate::signal::Signal;
+use crate::tuning::knob::{Knob, unit_at};
+use crate::tuning::noise::{Noise, Whitener};
+use crate::tuning::trial::Trial;
+use crate::twin::Twin;
+
+/// Step of a forward difference, in units of a knob.
+const DIFFERENCE: f64 = 0.02;
+
+/// A set of trials with the noise to expect of them, against which units are judged.
+#[derive(Clone, Debug)]
+pub struct Bench {
+    /// The recordings.
+    pub trials: Vec<Trial>,
+    /// Filters, by trial and by signal.
+    whiteners: Vec<Vec<Whitener>>,
+    dither_pu: f64,
+}
+
+/// Misses of one unit: by trial, all signals one behind another, made independent and of unit size.
+pub type Misses = Vec<DVector<f64>>;
+
+impl Bench {
+    /// Prepares trials; the noise is laid out along a reference unit's simulation.
+    #[must_use]
+    pub fn new(trials: Vec<Trial>, reference: &Unit, noise: &Noise) -> Self {
+        let dither_pu = reference.sensors.servomotor_position_pu.noise;
+        let mut bench = Self { trials, whiteners: Vec::new(), dither_pu };
+        bench.whiteners = (0..bench.trials.len())
+            .into_par_iter()
+            .map(|index| {
+                let trial = &bench.trials[index];
+                let estimates = bench.simulate(reference, index);
+                Signal::ALL
+                    .into_iter()
+                    .filter(|&signal| trial.has[signal as usize])
+                    .map(|signal| Whitener::new(trial, signal, &noise[signal as usize], &estimates))
+                    .collect()
+            })
+            .collect();
+        bench
+    }
+
+    /// One trial through the mean twin of a unit.
+    #[must_use]
+    pub fn simulate(&self, unit: &Unit, trial: usize) -> Vec<Estimate> {
+        let mut twin = Twin::new(unit).with_dither(self.dither_pu);
+        self.trials[trial].run(&mut twin)
+    }
+
+    /// Misses of a unit in one trial.
+    #[must_use]
+    pub fn misses(&self, unit: &Unit, trial: usize) -> DVector<f64> {
+        let estimates = self.simulate(unit, trial);
+        let data = &self.trials[trial];
+        let count = data.samples.len();
+        let signals = Signal::ALL.into_iter().filter(|&signal| data.has[signal as usize]);
+        let mut all = Vec::with_capacity(count * self.whiteners[trial].len());
+        for (signal, whitener) in signals.zip(&self.whiteners[trial]) {
+            let start = all.len();
+            all.extend(
+                data.samples
+                    .iter()
+                    .zip(&estimates)
+                    .map(|(&row, estimate)| signal.of(&data.frames[row].measured) - signal.of(&estimate.signals)),
+            );
+            whitener.apply(&mut all[start..]);
+        }
+        DVector::from_vec(all)
+    }
+
+    /// Misses of several units in all trials, in parallel, in order.
+    #[must_use]
+    pub fn misses_of(&self, units: &[Unit]) -> Vec<Misses> {
+        let jobs = units.len() * self.trials.len();
+        let flat: Vec<DVector<f64>> = (0..jobs)
+            .into_par_iter()
+            .map(|job| self.misses(&units[job / self.trials.len()], job % self.trials.len()))
+            .collect();
+        flat.chunks(self.trials.len().max(1)).map(<[_]>::to_vec).collect()
+    }
+}
+
+/// Sum of squares of misses.
+#[must_use]
+pub fn square(misses: &Misses) -> f64 {
+    misses.iter().map(DVector::norm_squared).sum()
+}
+
+/// A fit: positions of the knobs, what it cost, and the local picture around it.
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// Position of each knob.
+    pub positions: Vec<f64>,
+    /// Sum of squares of the misses.
+    pub square: f64,
+    /// Sum of squares of the priors.
+    pub prior: f64,
+    /// Misses at the positions.
+    pub misses: Misses,
+    /// Change of the misses per unit of each knob, by trial.
+    pub slopes: Vec<DMatrix<f64>>,
+}
+
+fn beside(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
+    let mut both = DMatrix::zeros(a.nrows(), a.ncols() + b.ncols());
+    both.columns_mut(0, a.ncols()).copy_from(a);
+    both.columns_mut(a.ncols(), b.ncols()).copy_from(b);
+    both
+}
+
+/// Slopes of the misses about a position, by every knob from the `first` on.
+#[must_use]
+pub fn slopes(
+    bench: &Bench,
+    base: &Unit,
+    knobs: &[Knob],
+    positions: &[f64],
+    first: usize,
+    at: &Misses,
+) -> Vec<DMatrix<f64>> {
+    let mut steps = Vec::with_capacity(knobs.len());
+    let units: Vec<Unit> = (first..knobs.len())
+        .map(|k| {
+            let mut moved = positions.to_vec();
+            let step = if positions[k] + DIFFERENCE > knobs[k].range(base).1 { -DIFFERENCE } else { DIFFERENCE };
+            moved[k] += step;
+            steps.push(step);
+            unit_at(base, knobs, &moved)
+        })
+        .collect();
+    let moved = bench.misses_of(&units);
+    (0..at.len())
+        .map(|trial| {
+            let columns: Vec<DVector<f64>> =
+                (0..steps.len()).map(|k| (&moved[k][trial] - &at[trial]) / steps[k]).collect();
+            DMatrix::from_columns(&columns)
+        })
+        .collect()
+}
+
+fn prior_square(knobs: &[Knob], positions: &[f64]) -> f64 {
+    knobs.iter().zip(positions).filter(|(knob, _)| knob.has_prior()).map(|(_, p)| p * p).sum()
+}
+
+/// Fits the knobs from a start.
+///
+/// `known` are slopes for the leading knobs that are good enough to be kept all along, which saves most of the work.
+#[must_use]
+pub fn fit(
+    bench: &Bench,
+    base: &Unit,
+    knobs: &[Knob],
+    start: &[f64],
+    rounds: usize,
+    known: Option<&[DMatrix<f64>]>,
+) -> Fit {
+    let mut positions = start.to_vec();
+    let mut misses = bench.misses_of(&[unit_at(base, knobs, &positions)]).pop().unwrap_or_default();
+    let slopes = |positions: &[f64], misses: &Misses| match known {
+        None => slopes(bench, base, knobs, positions, 0, misses),
+        Some(known) => {
+            let kept = known.first().map_or(0, DMatrix::ncols);
+            let fresh = slopes(bench, base, knobs, positions, kept, misses);
+            known.iter().zip(&fresh).map(|(a, b)| beside(a, b)).collect()
+        }
+    };
+    let mut slope = slopes(&positions, &misses);
+    let mut cost = square(&misses) + prior_square(knobs, &positions);
+    let mut damping = 1e-3;
+    for _ in 0..rounds {
+        let (hessian, gradient) = normal(knobs, &positions, &misses, &slope);
+        let mut improved = false;
+        // A few dampings at once cost one round of parallel simulations.
+        let candidates: Vec<Vec<f64>> = [damping, damping * 30.0, damping * 1000.0]
+            .into_iter()
+            .map(|damping| step(base, knobs, &positions, &hessian, &gradient, damping))
+            .collect();
+        let units: Vec<Unit> = candidates.iter().map(|c| unit_at(base, knobs, c)).collect();
+        let mut best = None;
+        for (k, trial) in bench.misses_of(&units).into_iter().enumerate() {
+            let total = square(&trial) + prior_square(knobs, &candidates[k]);
+            if total < best.as_ref().map_or(cost, |&(_, best_cost, _): &(usize, f64, Misses)| best_cost) {
+                best = Some((k, total, trial));
+            }
+        }
+        if let Some((k, total, trial)) = best {
+            let gain = cost - total;
+            positions.clone_from(&candidates[k]);
+            misses = trial;
+            cost = total;
+            damping *= [0.1, 3.0, 100.0][k];
+            improved = gain > 1e-3 * (1.0 + 1e-4 * cost);
+            slope = slopes(&positions, &misses);
+        } else {
+            damping *= 1e4;
+        }
+        if !improved {
+            break;
+        }
+    }
+    Fit { square: square(&misses), prior: prior_square(knobs, &positions), positions, misses, slopes: slope }
+}
+
+/// Normal matrix and gradient, priors included.
+#[must_use]
+pub fn normal(
+    knobs: &[Knob],
+    positions: &[f64],
+    misses: &Misses,
+    slope: &[DMatrix<f64>],
+) -> (DMatrix<f64>, DVector<f64>) {
+    let n = knobs.len();
+    let (mut hessian, mut gradient) = (DMatrix::zeros(n, n), DVector::zeros(n));
+    for (j, r) in slope.iter().zip(misses) {
+        hessian += j.tr_mul(j);
+        gradient += j.tr_mul(r);
+    }
+    for (k, knob) in knobs.iter().enumerate() {
+        if knob.has_prior() {
+            hessian[(k, k)] += 1.0;
+            gradient[k] += positions[k];
+        }
+    }
+    (hessian, gradient)
+}
+
+/// The damped step inside the bounds: knobs that it would push through a bound stay on it.
+fn step(
+    base: &Unit,
+    knobs: &[Knob],
+    positions: &[f64],
+    hessian: &DMatrix<f64>,
+    gradient: &DVector<f64>,
+    damping: f64,
+) -> Vec<f64> {
+    let n = knobs.len();
+    let mut free = vec![true; n];
+    loop {
+        let mut h = hessian.clone();
+        let mut g = gradient.clone();
+        for k in 0..n {
+            h[(k, k)] *= 1.0 + damping;
+            h[(k, k)] += 1e-9;
+            if !free[k] {
+                h.row_mut(k).fill(0.0);
+                h.column_mut(k).fill(0.0);
+                h[(k, k)] = 1.0;
+                g[k] = 0.0;
+            }
+        }
+        let Some(cholesky) = h.cholesky() else { return positions.to_vec() };
+        let change = cholesky.solve(&g);
+        let mut next: Vec<f64> = positions.iter().zip(change.iter()).map(|(p, c)| p - c).collect();
+        let mut hit = false;
+        for k in 0..n {
+            let (low, high) = knobs[k].range(base);
+            if free[k] && (next[k] <= low && positions[k] <= low || next[k] >= high && positions[k] >= high) {
+                free[k] = false;
+                hit = true;
+            }
+            next[k] = next[k].clamp(low, high);
+        }
+        if !hit {
+            return next;
+        }
+    }
+}

@@ -1,0 +1,113 @@
+//! Knobs: what a fit may turn, in units of what is known of it beforehand.
+
+use crate::effects::EffectParameter;
+use crate::parameters::{ENTRIES, Entry, Tolerance, Unit};
+
+/// Farthest that a fit may go from the sheet, in standard deviations.
+const FARTHEST: f64 = 6.0;
+
+/// Something that a fit may turn; position 0 is the nominal or neutral value.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Knob {
+    /// A parameter of the sheet, by its place in [`ENTRIES`]; 1 is one standard deviation of its tolerance.
+    Parameter {
+        /// Place in [`ENTRIES`].
+        index: usize,
+        /// What the sheet says of its spread.
+        tolerance: Tolerance,
+    },
+    /// A parameter of an effect; 1 is its typical size.
+    Effect {
+        /// Place in the unit's list of effects.
+        effect: usize,
+        /// Place in the effect's list of parameters.
+        parameter: usize,
+        /// Its specification.
+        spec: &'static EffectParameter,
+    },
+}
+
+impl Knob {
+    /// A knob for each parameter that the unit's sheet gives a tolerance for.
+    #[must_use]
+    pub fn nuisances(unit: &Unit) -> Vec<Self> {
+        (0..ENTRIES.len())
+            .filter_map(|index| unit.tolerances[index].map(|tolerance| Self::Parameter { index, tolerance }))
+            .collect()
+    }
+
+    /// True where the sheet's tolerance speaks for positions near 0.
+    #[must_use]
+    pub fn has_prior(&self) -> bool {
+        matches!(self, Self::Parameter { .. })
+    }
+
+    /// The key in parameter files, and the unit.
+    #[must_use]
+    pub fn key(&self, unit: &Unit) -> (String, &'static str) {
+        match *self {
+            Self::Parameter { index, .. } => (ENTRIES[index].key.to_owned(), ENTRIES[index].unit),
+            Self::Effect { effect, spec, .. } => (format!("{}.{}", unit.effects[effect].id, spec.name), spec.unit),
+        }
+    }
+
+    /// The value at a position, in the parameter's unit.
+    #[must_use]
+    pub fn value(&self, unit: &Unit, position: f64) -> f64 {
+        match *self {
+            Self::Parameter { index, tolerance } => {
+                let entry: &Entry = &ENTRIES[index];
+                let nominal = (entry.get)(&unit.parameters);
+                let value = match tolerance {
+                    Tolerance::Relative(share) => nominal * (1.0 + share * position),
+                    Tolerance::Absolute(size) => nominal + size * position,
+                    Tolerance::LogNormal(share) => nominal * (share * position).exp(),
+                };
+                value.clamp(entry.min, entry.max)
+            }
+            Self::Effect { spec, .. } => spec.neutral + (spec.typical - spec.neutral) * position,
+        }
+    }
+
+    /// The positions between which the value makes physical sense.
+    #[must_use]
+    pub fn range(&self, unit: &Unit) -> (f64, f64) {
+        match *self {
+            Self::Parameter { index, tolerance } => {
+                let entry = &ENTRIES[index];
+                let nominal = (entry.get)(&unit.parameters);
+                let position = |value: f64| match tolerance {
+                    Tolerance::Relative(share) => (value / nominal - 1.0) / share,
+                    Tolerance::Absolute(size) => (value - nominal) / size,
+                    Tolerance::LogNormal(share) => (value.max(f64::MIN_POSITIVE) / nominal).ln() / share,
+                };
+                let (a, b) = (position(entry.min), position(entry.max));
+                (a.min(b).clamp(-FARTHEST, 0.0), a.max(b).clamp(0.0, FARTHEST))
+            }
+            Self::Effect { spec, .. } => {
+                let scale = spec.typical - spec.neutral;
+                let (a, b) = ((spec.min - spec.neutral) / scale, (spec.max - spec.neutral) / scale);
+                (a.min(b), a.max(b))
+            }
+        }
+    }
+
+    /// Turns the unit's parameter to a position.
+    pub fn turn(&self, base: &Unit, unit: &mut Unit, position: f64) {
+        let value = self.value(base, position);
+        match *self {
+            Self::Parameter { index, .. } => (ENTRIES[index].set)(&mut unit.parameters, value),
+            Self::Effect { effect, parameter, .. } => unit.effects[effect].values[parameter] = value,
+        }
+    }
+}
+
+/// The unit with all knobs at their positions.
+#[must_use]
+pub fn unit_at(base: &Unit, knobs: &[Knob], positions: &[f64]) -> Unit {
+    let mut unit = base.clone();
+    for (knob, &position) in knobs.iter().zip(positions) {
+        knob.turn(base, &mut unit, position);
+    }
+    unit
+}

@@ -1,0 +1,123 @@
+//! Noise: what a right twin may still miss, and the filter that makes misses independent and of unit size.
+
+use crate::frame::Estimate;
+use crate::parameters::Sensors;
+use crate::signal::Signal;
+use crate::tuning::trial::Trial;
+
+/// How a signal's miss behaves when the model is right: white noise, chatter, and a slow wandering.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SignalNoise {
+    /// White noise of transducer and quantisation, one standard deviation, in the signal's unit.
+    pub white: f64,
+    /// Chatter per standard deviation of the regulator's demand, signal unit per pu.
+    pub chatter: f64,
+    /// Slow part of the chatter, signal unit per pu.
+    pub chatter_wander: f64,
+    /// Share of the command's doubt between samples that reaches the signal, signal unit per pu.
+    pub doubt: f64,
+    /// Wandering, one standard deviation, in the signal's unit.
+    pub wander: f64,
+    /// Correlation time of the wandering, s.
+    pub wander_time_s: f64,
+}
+
+/// The noise of all of [`Signal::ALL`].
+pub type Noise = [SignalNoise; Signal::ALL.len()];
+
+/// The noise to expect of a unit with these transducers.
+#[must_use]
+pub fn expected(sensors: &Sensors) -> Noise {
+    Signal::ALL.map(|signal| {
+        let sensor = signal.sensor(sensors);
+        let white = (sensor.noise * sensor.noise + sensor.step * sensor.step / 12.0).sqrt();
+        match signal {
+            Signal::ServomotorPosition => {
+                SignalNoise { white, chatter: 0.01, chatter_wander: 0.01, doubt: 1.0, wander: 5e-5, wander_time_s: 1.0 }
+            }
+            Signal::SpoolPosition => {
+                SignalNoise { white, chatter: 0.3, chatter_wander: 0.3, doubt: 10.0, wander: 6e-4, wander_time_s: 0.3 }
+            }
+            Signal::PilotValvePosition => SignalNoise {
+                white: (white * white + 25.0e-6_f64).sqrt(),
+                chatter: 5.0,
+                chatter_wander: 0.5,
+                doubt: 50.0,
+                wander: 2.0e-3,
+                wander_time_s: 0.05,
+            },
+            Signal::ControlPressure => SignalNoise {
+                white,
+                chatter: 1.0e6,
+                chatter_wander: 3e5,
+                doubt: 1e6,
+                wander: 2.0e3,
+                wander_time_s: 0.5,
+            },
+        }
+    })
+}
+
+/// The filter of one signal in one trial: gains and scales, fixed so that it is linear in the misses.
+#[derive(Clone, Debug)]
+pub struct Whitener {
+    decay: Vec<f64>,
+    gain: Vec<f64>,
+    scale: Vec<f64>,
+}
+
+impl Whitener {
+    /// The steady innovations filter of wandering seen through white noise and chatter.
+    ///
+    /// `d ← a d + w`, `miss = d + n`: the scalar Kalman filter (Anderson & Moore 1979, section 3.1), whose innovations over
+    /// their standard deviation are independent and of unit size when the model is right.
+    #[must_use]
+    pub fn new(trial: &Trial, signal: Signal, noise: &SignalNoise, reference: &[Estimate]) -> Self {
+        let count = trial.samples.len();
+        let (mut decay, mut gain, mut scale) =
+            (Vec::with_capacity(count), Vec::with_capacity(count), Vec::with_capacity(count));
+        let mut spread = noise.wander * noise.wander;
+        let mut last_ns = None;
+        // Chatter outlives the demand that set it off by the spool's settling time.
+        let mut ringing: f64 = 0.0;
+        for (k, (&row, estimate)) in trial.samples.iter().zip(reference).enumerate() {
+            let frame = &trial.frames[row];
+            let step_s = last_ns.map_or(0.0, |last_ns| crate::units::seconds_from_nanos(frame.time_ns - last_ns));
+            last_ns = Some(frame.time_ns);
+            let a = (-step_s / noise.wander_time_s).exp();
+            ringing = (ringing * (-step_s / 0.03).exp()).max(estimate.spool_command_sd_pu);
+            let doubt = noise.doubt * trial.command_doubt_pu[k];
+            let chatter = noise.chatter * ringing;
+            let drift = noise.chatter_wander * ringing;
+            spread = a * a * spread + (1.0 - a * a) * (noise.wander * noise.wander + drift * drift + doubt * doubt);
+            if signal.of(&frame.measured).is_finite() {
+                let total = spread + noise.white * noise.white + chatter * chatter;
+                let k_gain = spread / total;
+                decay.push(a);
+                gain.push(k_gain);
+                scale.push(1.0 / total.sqrt());
+                spread *= 1.0 - k_gain;
+            } else {
+                decay.push(a);
+                gain.push(0.0);
+                scale.push(0.0);
+            }
+        }
+        Self { decay, gain, scale }
+    }
+
+    /// Turns misses into innovations over their standard deviation, in place; a miss that is not finite becomes 0.
+    pub fn apply(&self, misses: &mut [f64]) {
+        let mut state = 0.0;
+        for (k, miss) in misses.iter_mut().enumerate() {
+            state *= self.decay[k];
+            if self.scale[k] == 0.0 || !miss.is_finite() {
+                *miss = 0.0;
+                continue;
+            }
+            let innovation = *miss - state;
+            state += self.gain[k] * innovation;
+            *miss = innovation * self.scale[k];
+        }
+    }
+}

@@ -1,0 +1,78 @@
+//! A trial: one recording made ready to be simulated many times and compared at its samples.
+
+use crate::frame::{Estimate, Frame};
+use crate::recording::{Process, Recording};
+use crate::signal::Signal;
+use crate::twin::Twin;
+use crate::units::{nanos_from_seconds, seconds_from_nanos};
+
+/// One recording, its rows at which something was measured, and which signals it has.
+#[derive(Clone, Debug)]
+pub struct Trial {
+    /// What people call it.
+    pub name: String,
+    /// The process that it shows.
+    pub process: Process,
+    /// All rows.
+    pub frames: Vec<Frame>,
+    /// Indices of the rows at which something was measured.
+    pub samples: Vec<usize>,
+    /// Typical time between samples, s.
+    pub period_s: f64,
+    /// Whether each of [`Signal::ALL`] was measured at all.
+    pub has: [bool; Signal::ALL.len()],
+    /// How far the command may stray from a straight line between samples, pu, at each sample.
+    pub command_doubt_pu: Vec<f64>,
+}
+
+impl Trial {
+    /// Prepares a recording.
+    #[must_use]
+    pub fn new(recording: Recording) -> Self {
+        let Recording { name, process, frames } = recording;
+        let samples: Vec<usize> = (0..frames.len())
+            .filter(|&row| Signal::ALL.iter().any(|signal| signal.of(&frames[row].measured).is_finite()))
+            .collect();
+        let has = Signal::ALL.map(|signal| samples.iter().any(|&row| signal.of(&frames[row].measured).is_finite()));
+        let mut periods_ns: Vec<i64> =
+            samples.windows(2).map(|pair| frames[pair[1]].time_ns - frames[pair[0]].time_ns).collect();
+        periods_ns.sort_unstable();
+        let period_s = periods_ns.get(periods_ns.len() / 2).map_or(0.0, |&period_ns| seconds_from_nanos(period_ns));
+        let command = |row: usize| frames[row].inputs.opening_command_pu;
+        let mut command_doubt_pu = vec![0.0; samples.len()];
+        for k in 1..samples.len().saturating_sub(1) {
+            let bend = command(samples[k - 1]) - 2.0 * command(samples[k]) + command(samples[k + 1]);
+            command_doubt_pu[k] = 0.25 * bend.abs();
+        }
+        Self { name, process, frames, samples, period_s, has, command_doubt_pu }
+    }
+
+    /// Simulates the trial; one estimate for each sample.
+    ///
+    /// A plant whose inputs have a clock of their own reads commands and ESV ahead of their rows.
+    #[must_use]
+    pub fn run(&self, twin: &mut Twin) -> Vec<Estimate> {
+        twin.reset();
+        let lookahead_ns = nanos_from_seconds(twin.plant().lookahead_s);
+        let mut estimates = Vec::with_capacity(self.samples.len());
+        let mut samples = self.samples.iter().peekable();
+        let mut source = 0;
+        for (row, frame) in self.frames.iter().enumerate() {
+            let mut frame = *frame;
+            if lookahead_ns > 0 {
+                while self.frames.get(source + 1).is_some_and(|next| next.time_ns <= frame.time_ns + lookahead_ns) {
+                    source += 1;
+                }
+                let inputs = &self.frames[source].inputs;
+                frame.inputs.opening_command_pu = inputs.opening_command_pu;
+                frame.inputs.esv = inputs.esv;
+            }
+            if samples.next_if(|&&sample| sample == row).is_some() {
+                estimates.push(twin.step(&frame));
+            } else {
+                twin.advance(&frame);
+            }
+        }
+        estimates
+    }
+}
