@@ -1,0 +1,285 @@
+//! What a diagnosis says: the verdict and the evidence for it.
+
+use crate::effects::Stage;
+use crate::parameters::Unit;
+use crate::recording::Process;
+use crate::signal::Signal;
+
+/// The five things that a diagnosis may say.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// The effects are named, all present at once.
+    Named,
+    /// One of a few effects that these recordings cannot tell apart.
+    Class,
+    /// A gap that nothing in the catalogue explains.
+    Unknown,
+    /// Nothing beyond noise and tolerances.
+    NoGap,
+    /// The recordings do not move the unit enough to tell.
+    NotExcited,
+}
+
+impl Verdict {
+    /// The word in reports.
+    #[must_use]
+    pub fn id(self) -> &'static str {
+        match self {
+            Self::Named => "named",
+            Self::Class => "class",
+            Self::Unknown => "unknown",
+            Self::NoGap => "no_gap",
+            Self::NotExcited => "not_excited",
+        }
+    }
+}
+
+/// A value with the interval that holds the truth nine times in ten.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Interval {
+    /// Best value.
+    pub value: f64,
+    /// Lower end.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+}
+
+/// A parameter as fitted.
+#[derive(Clone, Debug)]
+pub struct Fitted {
+    /// Name with its unit suffix; for the sheet's parameters the key of parameter files.
+    pub name: String,
+    /// Unit.
+    pub unit: &'static str,
+    /// Fitted value, in the unit.
+    pub value: Interval,
+    /// Value of the sheet, or the neutral value of an effect.
+    pub sheet: f64,
+    /// Distance from the sheet in standard deviations of its tolerance, or from neutral in typical sizes.
+    pub position: f64,
+    /// Share of what is known of it that these recordings said: 0 where the tolerance alone speaks, 1 where the recordings do.
+    pub information: f64,
+    /// True where it stands on a bound.
+    pub at_bound: bool,
+}
+
+/// An effect that the verdict blames, or a rival in a class.
+#[derive(Clone, Debug)]
+pub struct Blame {
+    /// Its id.
+    pub id: String,
+    /// Where it sits.
+    pub stage: Stage,
+    /// Probability that it is present.
+    pub probability: f64,
+    /// Its fitted parameters.
+    pub parameters: Vec<Fitted>,
+    /// Share of the gap that it closes on its own, on processes left out of the fit.
+    pub closure: Interval,
+}
+
+/// One row of the ranking.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ranked {
+    /// An effect's id, `unknown` or `none`.
+    pub id: String,
+    /// Probability.
+    pub probability: f64,
+}
+
+/// The gap in one signal.
+#[derive(Clone, Debug)]
+pub struct SignalGap {
+    /// Which signal.
+    pub signal: Signal,
+    /// What a right twin would still miss, RMS in the signal's unit.
+    pub noise_floor: f64,
+    /// RMS miss with the sheet's values.
+    pub delivered: f64,
+    /// RMS miss after refitting within tolerances.
+    pub refitted: f64,
+    /// RMS miss with the blamed effects.
+    pub with_effects: f64,
+}
+
+/// A test that would tell rivals apart.
+#[derive(Clone, Debug)]
+pub struct Experiment {
+    /// Ids of the rivals.
+    pub separates: Vec<String>,
+    /// What to do, in words.
+    pub test: String,
+    /// Expected distance between the rivals' answers, in standard deviations of the noise.
+    pub separation: f64,
+}
+
+/// One channel of one recording, as found.
+#[derive(Clone, Debug)]
+pub struct Channel {
+    /// Recording.
+    pub recording: String,
+    /// Signal.
+    pub signal: Signal,
+    /// Samples with a value.
+    pub samples: usize,
+    /// Typical rate, Hz.
+    pub rate_hz: f64,
+    /// Smallest step between different values, signal unit.
+    pub step: f64,
+    /// Noise from sample to sample where the unit stands still, signal unit; NaN where it never does.
+    pub noise: f64,
+    /// What is wrong with it, in words; empty where nothing is.
+    pub troubles: Vec<String>,
+}
+
+/// How well an effect could be seen at all.
+#[derive(Clone, Debug)]
+pub struct Visible {
+    /// Effect.
+    pub id: &'static str,
+    /// Name of the parameter that sizes it.
+    pub parameter: &'static str,
+    /// Its unit.
+    pub unit: &'static str,
+    /// Smallest deviation from neutral that would stand out, in the parameter's unit; infinite where none would.
+    pub smallest: f64,
+    /// A moderate fault, as deviation from neutral.
+    pub typical: f64,
+}
+
+/// One part of a cut through the squared gap.
+#[derive(Clone, Debug)]
+pub struct Part {
+    /// What the part holds, in words.
+    pub name: String,
+    /// Samples in it.
+    pub samples: usize,
+    /// Share of the squared gap of the refitted twin; all parts of a cut sum to 1.
+    pub refitted: f64,
+    /// The same for the twin with the effects, as a share of the refitted gap.
+    pub with_effects: f64,
+}
+
+/// One way of cutting the squared gap of one signal into parts.
+#[derive(Clone, Debug)]
+pub struct Ledger {
+    /// Which signal.
+    pub signal: Signal,
+    /// By what: process, phase, direction, spool band, end zones, ESV.
+    pub by: &'static str,
+    /// The parts; together they are the whole.
+    pub parts: Vec<Part>,
+}
+
+/// A stage driven by the recorded signals at its input.
+#[derive(Clone, Debug)]
+pub struct StageTest {
+    /// What is driven, in words.
+    pub stage: &'static str,
+    /// Signal that it is judged by.
+    pub signal: Signal,
+    /// RMS miss, signal unit.
+    pub rmse: f64,
+    /// Misses made white: mean square, 1 where only noise is left.
+    pub excess: f64,
+}
+
+/// A free term placed in one equation: how much it would explain, and what it looks like.
+#[derive(Clone, Debug)]
+pub struct Latent {
+    /// Where it stands, in words.
+    pub place: &'static str,
+    /// Stage.
+    pub stage: Stage,
+    /// Unit of the term.
+    pub unit: &'static str,
+    /// Share of the gap beyond noise that it would explain.
+    pub explains: f64,
+    /// Its shape against what it depends on.
+    pub curves: Vec<Curve>,
+}
+
+/// A recovered shape.
+#[derive(Clone, Debug)]
+pub struct Curve {
+    /// What it is drawn against, with the unit.
+    pub against: &'static str,
+    /// Points of the free term.
+    pub points: Vec<(f64, f64)>,
+    /// The named effect at the same points, where one is blamed and stands there.
+    pub named: Vec<(f64, f64)>,
+}
+
+/// An effect tried alone on top of the refitted twin.
+#[derive(Clone, Debug)]
+pub struct Tried {
+    /// Ids, one or more.
+    pub ids: Vec<String>,
+    /// By how much the cost fell, prior included.
+    pub gain: f64,
+    /// The same on processes left out of the fit.
+    pub held_out_gain: f64,
+    /// Fitted parameters.
+    pub parameters: Vec<Fitted>,
+}
+
+/// One recording as it was and as the twins have it, at the rows where something was measured.
+#[derive(Clone, Debug)]
+pub struct Trace {
+    /// Recording.
+    pub name: String,
+    /// Process.
+    pub process: Process,
+    /// Time since the first row, s.
+    pub time_s: Vec<f64>,
+    /// Signals: measured, delivered, refitted, with effects.
+    pub signals: Vec<(Signal, [Vec<f64>; 4])>,
+}
+
+/// All that a diagnosis says.
+#[derive(Clone, Debug)]
+pub struct Diagnosis {
+    /// Verdict.
+    pub verdict: Verdict,
+    /// The stage of the gap and the probability of each; the stage is none where there is no gap.
+    pub stage: Option<Stage>,
+    /// Probability of each stage.
+    pub stages: Vec<(Stage, f64)>,
+    /// Effects that the verdict blames.
+    pub blamed: Vec<Blame>,
+    /// The whole catalogue, `unknown` and `none`, most probable first.
+    pub ranking: Vec<Ranked>,
+    /// The gap in each signal.
+    pub gap: Vec<SignalGap>,
+    /// Share of the gap that the blamed effects close together, on processes left out of the fit.
+    pub closure: Interval,
+    /// Tests that would tell more.
+    pub experiments: Vec<Experiment>,
+    /// The unit refitted without any effect.
+    pub refitted: Unit,
+    /// The unit refitted with the blamed effects.
+    pub fitted: Unit,
+    /// The sheet's parameters as fitted in `fitted`.
+    pub parameters: Vec<Fitted>,
+    /// Channels as found.
+    pub channels: Vec<Channel>,
+    /// What could be seen at all.
+    pub visible: Vec<Visible>,
+    /// Pairs of effects that these recordings cannot tell apart, with how alike they look, 0 to 1.
+    pub alike: Vec<(String, String, f64)>,
+    /// The squared gap in parts.
+    pub ledgers: Vec<Ledger>,
+    /// Stages driven by recorded signals.
+    pub stage_tests: Vec<StageTest>,
+    /// Free terms.
+    pub latents: Vec<Latent>,
+    /// What was tried, best first.
+    pub tried: Vec<Tried>,
+    /// Traces for pictures.
+    pub traces: Vec<Trace>,
+    /// What a reader must know beside the verdict.
+    pub notes: Vec<String>,
+    /// Number of simulated recordings that it took.
+    pub simulations: usize,
+}
