@@ -1,11 +1,12 @@
-//! No allocation in a step: a counting global allocator watches a twin from its first step on.
+//! No allocation in a step: a counting global allocator watches a twin from its first step on, bare and with everything on.
 
 #[path = "support/rows.rs"]
 mod rows;
 
 use allocation_counter::measure;
+use govtwin::effects::CATALOGUE;
 use govtwin::frame::{Frame, Signals};
-use govtwin::parameters::Unit;
+use govtwin::parameters::{EffectSetting, Unit};
 use govtwin::recording::Process;
 use govtwin::solver::Method;
 use govtwin::twin::{Cut, Twin};
@@ -13,10 +14,10 @@ use govtwin::twin::{Cut, Twin};
 use rows::{process, run};
 
 /// Every method and cut, with measured signals on every other row.
-fn watch(unit: &Unit) {
+fn watch(unit: &Unit, dither_pu: f64) {
     for method in [Method::default(), Method::Rk4 { max_step_s: 1.0e-4 }, Method::Rosenbrock { max_step_s: 2.5e-4 }] {
         for cut in [Cut::None, Cut::Servomotor, Cut::Spool] {
-            let mut twin = Twin::with_method(unit, method).with_cut(cut);
+            let mut twin = Twin::with_method(unit, method).with_cut(cut).with_dither(dither_pu);
             for which in Process::ALL {
                 let mut rows = rows::rows(4.0, 10_000_000, |time_s| process(which, time_s));
                 let estimates = run(&twin, &rows);
@@ -44,7 +45,17 @@ fn watch(unit: &Unit) {
 
 #[test]
 fn a_step_does_not_allocate() {
-    watch(&govtwin::params::reference());
+    watch(&govtwin::params::reference(), 0.0);
+}
+
+#[test]
+fn nor_does_it_as_a_mean_over_noise_with_every_effect() {
+    let typical = |spec: &govtwin::effects::EffectSpec| EffectSetting {
+        id: spec.id.to_owned(),
+        values: spec.parameters.iter().map(|parameter| parameter.typical).collect(),
+    };
+    let unit = Unit { effects: CATALOGUE.iter().map(typical).collect(), ..govtwin::params::reference() };
+    watch(&unit, unit.sensors.servomotor_position_pu.noise);
 }
 
 #[test]

@@ -1,10 +1,12 @@
 //! Repeatability: how rows arrive, clones and restarts change nothing, to the last bit.
 
+use govtwin::effects::CATALOGUE;
 use govtwin::frame::{Estimate, Frame, Signals};
+use govtwin::parameters::{EffectSetting, Unit};
 use govtwin::recording::Process;
 use govtwin::solver::Method;
 use govtwin::twin::{Cut, Twin};
-use proptest::prelude::{ProptestConfig, prop};
+use proptest::prelude::{ProptestConfig, any, prop};
 use proptest::sample::select;
 use proptest::{prop_assert_eq, proptest};
 
@@ -23,6 +25,19 @@ fn twin(method: Method, cut: Cut) -> Twin {
     Twin::with_method(&govtwin::params::reference(), method).with_cut(cut)
 }
 
+/// The same, or one with the memory of every effect and with noise inside the loop.
+fn bare_or_full(full: bool, method: Method, cut: Cut) -> Twin {
+    if !full {
+        return twin(method, cut);
+    }
+    let typical = |spec: &govtwin::effects::EffectSpec| EffectSetting {
+        id: spec.id.to_owned(),
+        values: spec.parameters.iter().map(|parameter| parameter.typical).collect(),
+    };
+    let unit = Unit { effects: CATALOGUE.iter().map(typical).collect(), ..govtwin::params::reference() };
+    Twin::with_method(&unit, method).with_cut(cut).with_dither(1.5e-4)
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
 
@@ -31,9 +46,10 @@ proptest! {
     fn chunking_changes_nothing(
         which in select(Process::ALL.to_vec()), method in select(METHODS.to_vec()),
         cut in select(vec![Cut::None, Cut::Servomotor]), offsets_ns in prop::collection::vec(1i64..20_000_000, 150),
+        full in any::<bool>(),
     ) {
         let sparse = recorded(which);
-        let mut twin = twin(method, cut);
+        let mut twin = bare_or_full(full, method, cut);
         let alone: Vec<Estimate> = sparse.iter().map(|row| twin.step(row)).collect();
         twin.reset();
         for (k, row) in sparse.iter().enumerate() {
@@ -51,10 +67,10 @@ proptest! {
     #[test]
     fn a_clone_goes_on_as_its_original_does(
         which in select(Process::ALL.to_vec()), method in select(METHODS.to_vec()),
-        cut in select(vec![Cut::None, Cut::Servomotor, Cut::Spool]), at in 1usize..140,
+        cut in select(vec![Cut::None, Cut::Servomotor, Cut::Spool]), at in 1usize..140, full in any::<bool>(),
     ) {
         let rows = recorded(which);
-        let mut original = twin(method, cut);
+        let mut original = bare_or_full(full, method, cut);
         for row in &rows[..at] {
             let _ = original.step(row);
         }
