@@ -16,6 +16,7 @@ pub mod flow_force;
 pub mod load;
 pub mod lvdt_bias;
 pub mod lvdt_gain;
+pub mod own;
 pub mod pilot_filter;
 pub mod port_overlap;
 pub mod pv_bandwidth;
@@ -30,7 +31,9 @@ pub mod spring;
 pub mod supply_loss;
 pub mod viscosity;
 
-use crate::parameters::EffectSetting;
+use std::fmt;
+
+use crate::parameters::Unit;
 use crate::plant::Plant;
 
 /// The stage of the chain in which an effect sits.
@@ -92,7 +95,7 @@ pub struct EffectParameter {
 }
 
 /// An effect: what it is called, what it needs, and how it enters the plant.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub struct EffectSpec {
     /// Its id, a contract with reports and parameter files.
     pub id: &'static str,
@@ -103,7 +106,13 @@ pub struct EffectSpec {
     /// Its parameters; [`crate::parameters::EffectSetting::values`] has their order.
     pub parameters: &'static [EffectParameter],
     /// Builds it into a plant; one value for each parameter.
-    pub apply: fn(&[f64], &mut Plant),
+    pub apply: &'static (dyn Fn(&[f64], &mut Plant) + Send + Sync),
+}
+
+impl fmt::Debug for EffectSpec {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("EffectSpec").field("id", &self.id).field("stage", &self.stage).finish_non_exhaustive()
+    }
 }
 
 /// What the head of an effect's file says, in plain words.
@@ -189,12 +198,20 @@ pub fn find(id: &str) -> Option<&'static EffectSpec> {
     CATALOGUE.iter().find(|spec| spec.id == id)
 }
 
-/// Builds effects into a plant in the catalogue's order, so that the order of the list does not matter.
+/// The effect with this id, of the catalogue or of the unit's owner.
+#[must_use]
+pub fn find_in(unit: &Unit, id: &str) -> Option<&'static EffectSpec> {
+    find(id).or_else(|| unit.own_effects.iter().find(|own| own.id == id).and_then(|own| own::spec(own).ok()))
+}
+
+/// Builds a unit's effects into its plant in the catalogue's order, so that the order of the list does not matter;
+/// then the owner's.
 ///
-/// Settings that the catalogue does not know are for the edge to refuse.
-pub fn apply(settings: &[EffectSetting], plant: &mut Plant) {
-    for spec in CATALOGUE {
-        for setting in settings.iter().filter(|setting| setting.id == spec.id) {
+/// Settings that nobody knows, and definitions that are not right, are for the edge to refuse.
+pub fn apply(unit: &Unit, plant: &mut Plant) {
+    let own = unit.own_effects.iter().filter_map(|own| own::spec(own).ok());
+    for spec in CATALOGUE.iter().chain(own) {
+        for setting in unit.effects.iter().filter(|setting| setting.id == spec.id) {
             (spec.apply)(&setting.values, plant);
         }
     }

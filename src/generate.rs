@@ -62,7 +62,7 @@ pub fn recording(scenario: &Scenario) -> Recording {
 #[must_use]
 pub fn streams(scenario: &Scenario) -> Streams {
     let mut plant = Plant::new(&scenario.unit.parameters);
-    effects::apply(&scenario.unit.effects, &mut plant);
+    effects::apply(&scenario.unit, &mut plant);
     streams_of(plant, scenario)
 }
 

@@ -212,6 +212,42 @@ pub struct EffectSetting {
     pub values: Vec<f64>,
 }
 
+/// A term with an expression in the state: an effect that a unit's owner adds to the catalogue.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OwnEffect {
+    /// Its id, unlike all of the catalogue's.
+    pub id: String,
+    /// What it is, in a sentence.
+    pub doc: String,
+    /// Id of the point of the chain to whose signal it adds.
+    pub at: String,
+    /// Id of the stage in which it sits; empty for the stage of its point.
+    pub stage: String,
+    /// What it adds, in the unit of its point.
+    pub expression: String,
+    /// Its parameters.
+    pub parameters: Vec<OwnParameter>,
+}
+
+/// One parameter of an [`OwnEffect`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct OwnParameter {
+    /// Name in files and in the expression.
+    pub name: String,
+    /// Unit, `1` where there is none.
+    pub unit: String,
+    /// Value at which the effect vanishes exactly, in the parameter's unit.
+    pub neutral: f64,
+    /// Smallest value that makes physical sense, in the parameter's unit.
+    pub min: f64,
+    /// Largest value that makes physical sense, in the parameter's unit.
+    pub max: f64,
+    /// Value of a moderate fault, in the parameter's unit.
+    pub typical: f64,
+    /// What it is.
+    pub doc: String,
+}
+
 /// A unit: what its data sheet and its owner say of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unit {
@@ -223,4 +259,6 @@ pub struct Unit {
     pub sensors: Sensors,
     /// Effects beyond the nominal model.
     pub effects: Vec<EffectSetting>,
+    /// Effects of the owner's, beside those of the catalogue; [`Unit::effects`] switches them on.
+    pub own_effects: Vec<OwnEffect>,
 }

@@ -29,7 +29,7 @@ mod yaml;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
-use crate::parameters::{ENTRIES, Unit};
+use crate::parameters::{ENTRIES, OwnEffect, Unit};
 
 pub use error::{ParamsError, Problem};
 pub use number::{number_text, quantity_text, tolerance_text};
@@ -73,6 +73,20 @@ pub fn load(path: &Path) -> Result<Unit, ParamsError> {
 /// As [`load`].
 pub fn load_sheet(path: &Path) -> Result<Sheet, ParamsError> {
     load_over(path, &mut Vec::new())
+}
+
+/// The owner's effects that a parameter file defines: hypotheses for a fit or a diagnosis to try.
+///
+/// # Errors
+/// As [`load`], and when the file defines none.
+pub fn load_candidates(path: &Path) -> Result<Vec<OwnEffect>, ParamsError> {
+    let own = load(path)?.own_effects;
+    if own.is_empty() {
+        let message = "no effect of your own in it: expected `at`, `expression` and `parameters` below an id";
+        let problem = Problem { line: None, key: "effects".to_owned(), message: message.to_owned() };
+        return Err(ParamsError::Invalid { path: path.to_path_buf(), problems: vec![problem] });
+    }
+    Ok(own)
 }
 
 /// Loads `path` over its bases; `open` holds the files that are being loaded, to find a circle.

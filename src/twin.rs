@@ -79,7 +79,7 @@ impl Twin {
     #[must_use]
     pub fn with_method(unit: &Unit, method: Method) -> Self {
         let mut plant = Plant::new(&unit.parameters);
-        effects::apply(&unit.effects, &mut plant);
+        effects::apply(unit, &mut plant);
         Self::of_plant(plant, unit.parameters.oil.tank_pressure_pa, method)
     }
 

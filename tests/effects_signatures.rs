@@ -6,7 +6,7 @@ mod bench;
 use bench::{recording, simulate, with};
 use govtwin::effects;
 use govtwin::frame::{Estimate, EsvState, Frame, Inputs, Signals};
-use govtwin::parameters::EffectSetting;
+use govtwin::parameters::{EffectSetting, Unit};
 use govtwin::plant::Plant;
 use govtwin::recording::Recording;
 use govtwin::replay;
@@ -21,7 +21,8 @@ fn setting(id: &str, values: &[f64]) -> EffectSetting {
 
 fn plant(id: &str, values: &[f64]) -> Plant {
     let mut plant = Plant::new(&govtwin::params::reference().parameters);
-    effects::apply(&[setting(id, values)], &mut plant);
+    let unit = Unit { effects: vec![setting(id, values)], ..govtwin::params::reference() };
+    effects::apply(&unit, &mut plant);
     plant
 }
 

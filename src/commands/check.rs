@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use govtwin::effects::CATALOGUE;
-use govtwin::parameters::{ENTRIES, Tolerance};
+use govtwin::effects::find_in;
+use govtwin::parameters::{ENTRIES, Tolerance, Unit};
 use govtwin::params::{self, Origin, SENSOR_ENTRIES, Sheet, number_text, quantity_text, tolerance_text};
 use serde_json::{Value, json};
 
@@ -37,6 +37,9 @@ A parameter file holds only what differs from the shipped unit:
 `tol` is the standard deviation from unit to unit, the prior of a fit: a share of the value; with `abs: true` in the
 value's unit; with `log: true` of its natural logarithm. `tol: ~` takes a tolerance away. `unit` is
 optional and must be the one expected: nothing is converted. All values are SI, pressures are gauge.
+
+Effects stand below `effects:`, those of `govtwin effects` as `backlash: {play_pu: 0.004}`; one of your own, with an
+expression in the state, as in docs/own_effect.md.
 
 Unknown keys, wrong types and units, values outside their physical range and values that contradict each other are
 errors, all of a file at once. To see every key with its unit and the shipped values, check an empty file.
@@ -160,17 +163,24 @@ fn table(file: &Path, sheet: &Sheet, rows: &[Row]) -> String {
         lines.push("effects: none".to_owned());
     }
     for setting in &sheet.unit.effects {
-        let values: Vec<String> = effect_values(&setting.id, &setting.values)
+        let values: Vec<String> = effect_values(&sheet.unit, &setting.id, &setting.values)
             .map(|(name, unit, value)| format!("{name} {}", quantity_text(value, unit)))
             .collect();
         lines.push(format!("effect {}: {}", setting.id, values.join(", ")));
+        if let Some(own) = sheet.unit.own_effects.iter().find(|own| own.id == setting.id) {
+            lines.push(format!("  adds to {}: {}", own.at, own.expression));
+        }
     }
     lines.push(String::new());
     lines.join("\n")
 }
 
-fn effect_values<'a>(id: &str, values: &'a [f64]) -> impl Iterator<Item = (&'static str, &'static str, f64)> + 'a {
-    let known = CATALOGUE.iter().find(|spec| spec.id == id).map_or(&[][..], |spec| spec.parameters);
+fn effect_values<'a>(
+    unit: &Unit,
+    id: &str,
+    values: &'a [f64],
+) -> impl Iterator<Item = (&'static str, &'static str, f64)> + 'a {
+    let known = find_in(unit, id).map_or(&[][..], |spec| spec.parameters);
     known.iter().zip(values).map(|(parameter, value)| (parameter.name, parameter.unit, *value))
 }
 
@@ -197,8 +207,8 @@ fn to_json(sheet: &Sheet, rows: &[Row]) -> Value {
         .effects
         .iter()
         .map(|setting| {
-            let values =
-                effect_values(&setting.id, &setting.values).map(|(name, _, value)| (name.to_owned(), json!(value)));
+            let values = effect_values(&sheet.unit, &setting.id, &setting.values)
+                .map(|(name, _, value)| (name.to_owned(), json!(value)));
             (setting.id.clone(), Value::Object(values.collect()))
         })
         .collect();

@@ -12,7 +12,7 @@ use govtwin::frame::EsvState;
 use govtwin::generate::noise::{Dice, Purpose};
 use govtwin::generate::streams::Streams;
 use govtwin::generate::{self, Scenario};
-use govtwin::parameters::{EffectSetting, Unit};
+use govtwin::parameters::Unit;
 use govtwin::params::{self, Overlay};
 use govtwin::recording::Process;
 use govtwin::{msg, units};
@@ -110,7 +110,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         Some(path) => params::load(path)?,
         None => params::reference(),
     };
-    effect::add(&args.effects, &mut unit.effects)?;
+    effect::add(&args.effects, &mut unit)?;
     if args.spread == Switch::On {
         unit = generate::spread(&unit, args.seed);
     }
@@ -140,7 +140,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let mut lines = written?;
     let truth = args.out.join("truth.yaml");
     params::write(&truth, &label(args, &unit))?;
-    lines.push(format!("{}: the unit simulated, {}", truth.display(), effects_text(&unit.effects)));
+    lines.push(format!("{}: the unit simulated, {}", truth.display(), effects_text(&unit)));
     print(&format!("{}\n", lines.join("\n")))?;
     Ok(Outcome::Ok)
 }
@@ -245,15 +245,15 @@ fn label(args: &Args, unit: &Unit) -> Overlay {
             if args.spread == Switch::On { "on" } else { "off" },
             if args.rich { "recorded" } else { "not recorded" },
         ),
-        effects_text(&unit.effects),
+        effects_text(unit),
     ];
     let name = "synthetic unit".to_owned();
     Overlay { unit: unit.clone(), name, source: String::new(), head, comments: BTreeMap::new() }
 }
 
-fn effects_text(effects: &[EffectSetting]) -> String {
-    if effects.is_empty() {
+fn effects_text(unit: &Unit) -> String {
+    if unit.effects.is_empty() {
         return "no effect beyond the sheet".to_owned();
     }
-    format!("with {}", effects.iter().map(effect::text).collect::<Vec<_>>().join("; "))
+    format!("with {}", unit.effects.iter().map(|setting| effect::text(unit, setting)).collect::<Vec<_>>().join("; "))
 }

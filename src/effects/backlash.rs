@@ -33,7 +33,7 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 2.0e-3,
         doc: "play between piston and transducer, pu of stroke",
     }],
-    apply,
+    apply: &apply,
 };
 
 fn apply(values: &[f64], plant: &mut Plant) {

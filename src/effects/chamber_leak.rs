@@ -26,7 +26,7 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 5.0e-12,
         doc: "leakage coefficient from the control chamber to return",
     }],
-    apply,
+    apply: &apply,
 };
 
 fn apply(values: &[f64], plant: &mut Plant) {

@@ -31,7 +31,7 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 0.03,
         doc: "stamps of command and ESV less those of the plant's signals",
     }],
-    apply,
+    apply: &apply,
 };
 
 fn apply(values: &[f64], plant: &mut Plant) {

@@ -31,7 +31,7 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 0.05,
         doc: "delay between the issue of the command and its use by the regulator",
     }],
-    apply,
+    apply: &apply,
 };
 
 fn apply(values: &[f64], plant: &mut Plant) {

@@ -40,7 +40,7 @@ pub const SPEC: EffectSpec = EffectSpec {
             doc: "length of the cushion from the closed end, pu of stroke",
         },
     ],
-    apply,
+    apply: &apply,
 };
 
 fn apply(values: &[f64], plant: &mut Plant) {

@@ -29,7 +29,7 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 0.03,
         doc: "volume share of free air at atmospheric pressure",
     }],
-    apply,
+    apply: &apply,
 };
 
 fn apply(values: &[f64], plant: &mut Plant) {

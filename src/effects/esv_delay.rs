@@ -31,7 +31,7 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 0.3,
         doc: "time from the ESV's signal to its switching",
     }],
-    apply,
+    apply: &apply,
 };
 
 fn apply(values: &[f64], plant: &mut Plant) {

@@ -31,7 +31,7 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 0.3,
         doc: "time that the ESV needs from one end of its travel to the other",
     }],
-    apply,
+    apply: &apply,
 };
 
 fn apply(values: &[f64], plant: &mut Plant) {

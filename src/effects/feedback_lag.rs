@@ -31,7 +31,7 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 0.05,
         doc: "time constant of the servomotor's transducer",
     }],
-    apply,
+    apply: &apply,
 };
 
 fn apply(values: &[f64], plant: &mut Plant) {

@@ -27,7 +27,7 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 1.0,
         doc: "flow force over the theoretical one of sharp-edged ports",
     }],
-    apply,
+    apply: &apply,
 };
 
 fn apply(values: &[f64], plant: &mut Plant) {

@@ -27,7 +27,7 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 0.4,
         doc: "guide-vane load above the sheet's, relative",
     }],
-    apply,
+    apply: &apply,
 };
 
 fn apply(values: &[f64], plant: &mut Plant) {

@@ -27,7 +27,7 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 0.03,
         doc: "offset of the spool's transducer",
     }],
-    apply,
+    apply: &apply,
 };
 
 fn apply(values: &[f64], plant: &mut Plant) {

@@ -27,7 +27,7 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 1.08,
         doc: "reading of the spool's transducer over the true position",
     }],
-    apply,
+    apply: &apply,
 };
 
 fn apply(values: &[f64], plant: &mut Plant) {

@@ -26,7 +26,7 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 2.0e-4,
         doc: "extra overlap of the main ports, each side of neutral",
     }],
-    apply,
+    apply: &apply,
 };
 
 fn apply(values: &[f64], plant: &mut Plant) {

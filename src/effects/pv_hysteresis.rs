@@ -33,7 +33,7 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 0.05,
         doc: "total width of the hysteresis loop on the valve current",
     }],
-    apply,
+    apply: &apply,
 };
 
 fn apply(values: &[f64], plant: &mut Plant) {

@@ -28,7 +28,7 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 0.03,
         doc: "valve position at which no oil passes",
     }],
-    apply,
+    apply: &apply,
 };
 
 fn apply(values: &[f64], plant: &mut Plant) {

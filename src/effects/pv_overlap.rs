@@ -28,7 +28,7 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 0.05,
         doc: "half width of the dead zone around the pilot valve's null",
     }],
-    apply,
+    apply: &apply,
 };
 
 fn apply(values: &[f64], plant: &mut Plant) {

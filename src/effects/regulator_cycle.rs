@@ -28,7 +28,7 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 0.04,
         doc: "time added to the period of the large loop",
     }],
-    apply,
+    apply: &apply,
 };
 
 fn apply(values: &[f64], plant: &mut Plant) {

@@ -27,7 +27,7 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 5.0e-10,
         doc: "leakage coefficient across the piston",
     }],
-    apply,
+    apply: &apply,
 };
 
 fn apply(values: &[f64], plant: &mut Plant) {

@@ -40,7 +40,7 @@ pub const SPEC: EffectSpec = EffectSpec {
             doc: "friction at rest over Coulomb friction",
         },
     ],
-    apply,
+    apply: &apply,
 };
 
 fn apply(values: &[f64], plant: &mut Plant) {

@@ -38,7 +38,7 @@ pub const SPEC: EffectSpec = EffectSpec {
             doc: "pre-compression lost",
         },
     ],
-    apply,
+    apply: &apply,
 };
 
 fn apply(values: &[f64], plant: &mut Plant) {

@@ -28,7 +28,7 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 2.0e9,
         doc: "quadratic loss of the line between tank and valve",
     }],
-    apply,
+    apply: &apply,
 };
 
 fn apply(values: &[f64], plant: &mut Plant) {

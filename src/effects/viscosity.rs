@@ -39,7 +39,7 @@ pub const SPEC: EffectSpec = EffectSpec {
             doc: "time constant with which the oil warms",
         },
     ],
-    apply,
+    apply: &apply,
 };
 
 fn apply(values: &[f64], plant: &mut Plant) {

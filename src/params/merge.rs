@@ -1,6 +1,7 @@
 //! Lays what one file says over a sheet, and collects everything that is wrong with it.
 
 mod effect;
+mod own_effect;
 mod parameter;
 mod sensor;
 

@@ -39,6 +39,7 @@ impl Sheet {
                 tolerances: vec![None; ENTRIES.len()],
                 sensors: Sensors::default(),
                 effects: Vec::new(),
+                own_effects: Vec::new(),
             },
             files: Vec::new(),
             origins: BTreeMap::new(),

@@ -1,9 +1,11 @@
 //! Writes an overlay: a file that holds only what differs, and that reads back to the last bit.
 
+mod effects;
+
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use crate::effects::CATALOGUE;
+use crate::effects::find_in;
 use crate::files::write_atomically;
 use crate::parameters::{ENTRIES, Tolerance, Unit};
 
@@ -24,7 +26,8 @@ pub struct Overlay {
     pub source: String,
     /// Lines of comment at the head of the file.
     pub head: Vec<String>,
-    /// Comments behind values, such as confidence intervals, by key; a key with a comment is always written.
+    /// Comments behind values, such as confidence intervals, by key, for effects `id.parameter`; a key with a comment is
+    /// always written.
     pub comments: BTreeMap<String, String>,
 }
 
@@ -37,7 +40,12 @@ pub fn write(path: &Path, overlay: &Overlay) -> Result<(), ParamsError> {
     let text = text(overlay);
     let invalid = |problems| ParamsError::Invalid { path: path.to_path_buf(), problems };
     let sheet = sheet_over_reference(&text, path).map_err(invalid)?;
-    let unknown = overlay.comments.keys().find(|key| ENTRIES.iter().all(|entry| entry.key != **key));
+    let of_effect = |key: &str| {
+        let (id, name) = key.split_once('.').unwrap_or_default();
+        let set = overlay.unit.effects.iter().any(|setting| setting.id == id);
+        set && find_in(&overlay.unit, id).is_some_and(|spec| spec.parameters.iter().any(|p| p.name == name))
+    };
+    let unknown = overlay.comments.keys().find(|key| ENTRIES.iter().all(|entry| entry.key != **key) && !of_effect(key));
     if let Some(key) = unknown {
         let message = "a comment for a key that does not exist".to_owned();
         return Err(invalid(vec![Problem { line: None, key: key.clone(), message }]));
@@ -55,8 +63,7 @@ fn text(overlay: &Overlay) -> String {
     let mut lines: Vec<String> = overlay.head.iter().map(|comment| line(0, "", "", comment)).collect();
     for (key, value) in [("name", &overlay.name), ("source", &overlay.source)] {
         if !value.is_empty() {
-            // YAML's double-quoted text is a superset of JSON's.
-            lines.push(line(0, key, &serde_json::Value::from(value.as_str()).to_string(), ""));
+            lines.push(line(0, key, &quoted(value), ""));
         }
     }
 
@@ -89,15 +96,9 @@ fn text(overlay: &Overlay) -> String {
         lines.push(line(2, entry.name, &value, ""));
     }
 
-    for (index, setting) in unit.effects.iter().enumerate() {
-        if index == 0 {
-            lines.push(line(0, "effects", "", ""));
-        }
-        let known = CATALOGUE.iter().find(|spec| spec.id == setting.id).map_or(&[][..], |spec| spec.parameters);
-        let values = known.iter().zip(&setting.values);
-        let values: Vec<String> =
-            values.map(|(known, value)| format!("{}: {}", known.name, number_text(*value))).collect();
-        lines.push(line(2, &setting.id, &format!("{{{}}}", values.join(", ")), ""));
+    if !unit.effects.is_empty() {
+        lines.push(line(0, "effects", "", ""));
+        unit.effects.iter().for_each(|setting| effects::push(&mut lines, overlay, setting));
     }
     lines.push(String::new());
     lines.join("\n")
@@ -111,6 +112,11 @@ fn tolerance_yaml(tolerance: Option<Tolerance>) -> String {
         Some(Tolerance::Absolute(spread)) => format!("{}, abs: true", number_text(spread)),
         Some(Tolerance::LogNormal(spread)) => format!("{}, log: true", number_text(spread)),
     }
+}
+
+/// Text in quotes: YAML's double-quoted text is a superset of JSON's.
+fn quoted(text: &str) -> String {
+    serde_json::Value::from(text).to_string()
 }
 
 /// One line: indentation, key, value, comment, each where it is there.

@@ -39,7 +39,42 @@ pub enum Point {
 }
 
 /// Number of points.
-pub const POINTS: usize = 11;
+pub const POINTS: usize = Point::ALL.len();
+
+impl Point {
+    /// All points, along the chain as the variants stand.
+    pub const ALL: [Self; 11] = [
+        Self::Command,
+        Self::EsvOpening,
+        Self::RegulatorServomotor,
+        Self::RegulatorSpool,
+        Self::ValveCurrent,
+        Self::ServomotorReading,
+        Self::SpoolForce,
+        Self::ChamberFlow,
+        Self::ServomotorForce,
+        Self::OpeningFlow,
+        Self::ClosingFlow,
+    ];
+
+    /// The name in files, with its unit.
+    #[must_use]
+    pub fn id(self) -> &'static str {
+        match self {
+            Self::Command => "command_pu",
+            Self::EsvOpening => "esv_opening_pu",
+            Self::RegulatorServomotor => "regulator_servomotor_pu",
+            Self::RegulatorSpool => "regulator_spool_pu",
+            Self::ValveCurrent => "valve_current_pu",
+            Self::ServomotorReading => "servomotor_reading_pu",
+            Self::SpoolForce => "spool_force_n",
+            Self::ChamberFlow => "chamber_flow_m3_s",
+            Self::ServomotorForce => "servomotor_force_n",
+            Self::OpeningFlow => "opening_flow_m3_s",
+            Self::ClosingFlow => "closing_flow_m3_s",
+        }
+    }
+}
 
 /// What a term may look at.
 #[derive(Clone, Copy, Debug)]

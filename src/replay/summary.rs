@@ -80,7 +80,7 @@ impl Parameters {
             .map(|(key, own, _)| (key, own))
             .collect();
         let effect = |effect: &EffectSetting| {
-            let names = effects::find(&effect.id).map(|spec| spec.parameters).unwrap_or_default();
+            let names = effects::find_in(unit, &effect.id).map(|spec| spec.parameters).unwrap_or_default();
             let named = names.iter().map(|parameter| parameter.name).zip(effect.values.iter().copied());
             Effect { id: effect.id.clone(), parameters: named.collect() }
         };

@@ -1,26 +1,25 @@
 //! Effects as a command line names them: `ID=VALUE[,VALUE…]` or `ID.parameter=VALUE`.
 
 use anyhow::{Context, bail};
-use govtwin::effects::{CATALOGUE, EffectParameter, EffectSpec};
-use govtwin::parameters::EffectSetting;
+use govtwin::effects::{CATALOGUE, EffectParameter, EffectSpec, find_in};
+use govtwin::parameters::{EffectSetting, Unit};
 use govtwin::params::{nearest, number_text, quantity_text};
 
-/// Adds what the arguments name to a list of effects; parameters not named stay as they are, or neutral.
-pub fn add(arguments: &[String], effects: &mut Vec<EffectSetting>) -> anyhow::Result<()> {
+/// Adds what the arguments name to a unit's effects; parameters not named stay as they are, or neutral.
+pub fn add(arguments: &[String], unit: &mut Unit) -> anyhow::Result<()> {
     for argument in arguments {
-        add_one(argument, effects).with_context(|| format!("--effect {argument}"))?;
+        add_one(argument, unit).with_context(|| format!("--effect {argument}"))?;
     }
     Ok(())
 }
 
-fn add_one(argument: &str, effects: &mut Vec<EffectSetting>) -> anyhow::Result<()> {
+fn add_one(argument: &str, unit: &mut Unit) -> anyhow::Result<()> {
     let Some((place, values)) = argument.split_once('=') else {
         bail!("expected ID=VALUE, such as `port_overlap=2e-4`; `govtwin effects` lists ids and parameters");
     };
     let (id, name) = place.split_once('.').map_or((place, None), |(id, name)| (id, Some(name)));
-    let Some(spec) = govtwin::effects::find(id) else {
-        bail!("there is no effect `{id}`{}", hint(id, CATALOGUE.iter().map(|spec| spec.id)));
-    };
+    let spec = known(unit, id)?;
+    let effects = &mut unit.effects;
     let values: Vec<&str> = values.split(',').map(str::trim).collect();
     let first = match name {
         None => 0,
@@ -43,7 +42,17 @@ fn add_one(argument: &str, effects: &mut Vec<EffectSetting>) -> anyhow::Result<(
     Ok(())
 }
 
-fn neutral(spec: &EffectSpec) -> EffectSetting {
+/// The effect with this id, of the catalogue or of the unit's owner.
+pub fn known(unit: &Unit, id: &str) -> anyhow::Result<&'static EffectSpec> {
+    let own = unit.own_effects.iter().map(|own| own.id.as_str());
+    match find_in(unit, id) {
+        Some(spec) => Ok(spec),
+        None => bail!("there is no effect `{id}`{}", hint(id, CATALOGUE.iter().map(|spec| spec.id).chain(own))),
+    }
+}
+
+/// The effect switched on, but neutral.
+pub fn neutral(spec: &EffectSpec) -> EffectSetting {
     EffectSetting {
         id: spec.id.to_owned(),
         values: spec.parameters.iter().map(|parameter| parameter.neutral).collect(),
@@ -71,8 +80,8 @@ fn hint<'a>(word: &str, known: impl Iterator<Item = &'a str>) -> String {
 }
 
 /// An effect with its values, in words.
-pub fn text(setting: &EffectSetting) -> String {
-    let known = govtwin::effects::find(&setting.id).map_or(&[][..], |spec| spec.parameters);
+pub fn text(unit: &Unit, setting: &EffectSetting) -> String {
+    let known = find_in(unit, &setting.id).map_or(&[][..], |spec| spec.parameters);
     let values: Vec<String> = known
         .iter()
         .zip(&setting.values)
@@ -86,9 +95,9 @@ mod tests {
     use super::*;
 
     fn read(arguments: &[&str]) -> anyhow::Result<Vec<EffectSetting>> {
-        let mut effects = vec![];
-        add(&arguments.iter().map(|argument| (*argument).to_owned()).collect::<Vec<_>>(), &mut effects)?;
-        Ok(effects)
+        let mut unit = govtwin::params::reference();
+        add(&arguments.iter().map(|argument| (*argument).to_owned()).collect::<Vec<_>>(), &mut unit)?;
+        Ok(unit.effects)
     }
 
     #[test]

@@ -1,6 +1,6 @@
-//! One effect of a file, read by its specification in the catalogue.
+//! One effect of a file, read by its specification in the catalogue or by the owner's own.
 
-use crate::effects::{CATALOGUE, EffectSpec};
+use crate::effects::{CATALOGUE, EffectSpec, find_in};
 use crate::parameters::EffectSetting;
 use crate::params::yaml::Node;
 
@@ -8,14 +8,22 @@ use super::{Merge, get};
 
 impl Merge<'_> {
     pub(super) fn effect(&mut self, section: &str, id: &str, node: &Node) {
-        self.effect_of(CATALOGUE, section, id, node);
+        match node {
+            Node::Map(map) if get(map, "expression").is_some() || get(map, "at").is_some() => {
+                self.own_effect(section, id, map);
+            }
+            _ => self.effect_of(CATALOGUE, section, id, node),
+        }
     }
 
     /// The catalogue is an argument so that tests can bring their own.
     fn effect_of(&mut self, catalogue: &[EffectSpec], section: &str, id: &str, node: &Node) {
         let path = [section, id];
-        let Some(spec) = catalogue.iter().find(|spec| spec.id == id) else {
-            return self.unknown(&path, catalogue.iter().map(|spec| spec.id));
+        let found = catalogue.iter().find(|spec| spec.id == id);
+        let Some(spec) = found.or_else(|| find_in(&self.sheet.unit, id)) else {
+            let own = self.sheet.unit.own_effects.iter().map(|own| own.id.clone()).collect::<Vec<_>>();
+            let known = catalogue.iter().map(|spec| spec.id).chain(own.iter().map(String::as_str));
+            return self.unknown_effect(&path, known);
         };
         let known: Vec<&str> = spec.parameters.iter().map(|parameter| parameter.name).collect();
         let Node::Map(map) = node else {
@@ -33,11 +41,30 @@ impl Merge<'_> {
             });
         }
         if self.problems.len() == before {
-            let effects = &mut self.sheet.unit.effects;
-            effects.retain(|setting| setting.id != id);
-            effects.push(EffectSetting { id: id.to_owned(), values });
+            self.set_effect(EffectSetting { id: id.to_owned(), values });
             self.record(&path, None);
         }
+    }
+
+    /// Takes an effect over, in the place of what lies below; an owner's definition stays beside its setting.
+    pub(super) fn set_effect(&mut self, setting: EffectSetting) {
+        let unit = &mut self.sheet.unit;
+        unit.effects.retain(|known| known.id != setting.id);
+        if let Some(at) = unit.own_effects.iter().position(|own| own.id == setting.id) {
+            let own = unit.own_effects.remove(at);
+            unit.own_effects.push(own);
+        }
+        unit.effects.push(setting);
+    }
+
+    fn unknown_effect<'k>(&mut self, path: &[&str], known: impl Iterator<Item = &'k str>) {
+        let known: Vec<&str> = known.collect();
+        let near = path.last().and_then(|id| crate::params::nearest(id, known.iter().copied()));
+        let hint = near.map_or_else(
+            || format!("known are {}; an effect of your own needs `at` and `expression`", known.join(", ")),
+            |near| format!("did you mean `{near}`?"),
+        );
+        self.problem(path, format!("unknown key; {hint}"));
     }
 }
 
@@ -56,7 +83,7 @@ mod tests {
             EffectParameter { name: "width_pu", unit: "pu", neutral: 0.0, min: 0.0, max: 0.1, typical: 0.01, doc: "" },
             EffectParameter { name: "delay_s", unit: "s", neutral: 0.0, min: 0.0, max: 1.0, typical: 0.1, doc: "" },
         ],
-        apply: |_, _| {},
+        apply: &|_, _| {},
     }];
 
     fn read(text: &str) -> (Vec<EffectSetting>, Vec<String>) {
