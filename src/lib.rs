@@ -21,6 +21,7 @@ pub mod effects;
 pub mod twin;
 
 // judgement
+pub mod battery;
 pub mod diagnosis;
 pub mod generate;
 pub mod metrics;

@@ -8,7 +8,7 @@ use crate::source::Source;
 const FLOORS: &[(&str, &[&str])] = &[
     ("entry", &["main", "cli", "commands"]),
     ("edges", &["bag", "files", "msg", "node", "params"]),
-    ("judgement", &["diagnosis", "generate", "metrics", "replay", "report", "tuning"]),
+    ("judgement", &["battery", "diagnosis", "generate", "metrics", "replay", "report", "tuning"]),
     ("heart", &["twin"]),
     ("corrections", &["effects"]),
     ("physics", &["plant", "solver"]),

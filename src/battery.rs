@@ -1,0 +1,225 @@
+//! A battery of synthetic units whose faults are known: made apart from the twin, with other equations for every effect.
+//!
+//! A diagnosis that is tried on the twin's own effects proves little. The plants here ([`rig`]) share the sheet and the chain with the
+//! twin and nothing else. Everything follows from seeds.
+
+pub mod bench;
+pub mod dice;
+pub mod faults;
+pub mod laws;
+pub mod oddities;
+pub mod plan;
+pub mod rig;
+
+use crate::battery::bench::Bench;
+use crate::battery::dice::{Draw, Question};
+use crate::battery::faults::{Faults, STRANGERS};
+use crate::battery::oddities::Oddities;
+use crate::effects::{Stage, find};
+use crate::frame::{Inputs, Signals};
+use crate::generate::spread;
+use crate::generate::streams::Streams;
+use crate::parameters::Unit;
+use crate::recording::{Process, Recording};
+use crate::signal::Signal;
+
+/// Length of a recording, in ticks of 1 ms.
+const LENGTH_TICKS: i64 = 40_000;
+/// Smallest and largest size of an effect over its typical one.
+const SIZES: (f64, f64) = (0.5, 2.5);
+/// What a right twin may miss of a signal, in the order of [`Signal::ALL`]: transducers, and chatter of the spool.
+const FLOORS: [f64; 4] = [1.6e-4, 5.0e-3, 7.0e-2, 1.3e4];
+
+/// What kind of unit a case is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Within its tolerances.
+    Sound,
+    /// One effect of the catalogue.
+    Single(String),
+    /// Two of them at once.
+    Pair(String, String),
+    /// Something that no catalogue lists.
+    Stranger(String),
+    /// One effect of the catalogue, to be diagnosed without it.
+    LeftOut(String),
+}
+
+impl Kind {
+    /// The word in labels.
+    #[must_use]
+    pub fn id(&self) -> &'static str {
+        match self {
+            Self::Sound => "sound",
+            Self::Single(_) => "single",
+            Self::Pair(..) => "pair",
+            Self::Stranger(_) => "stranger",
+            Self::LeftOut(_) => "left_out",
+        }
+    }
+
+    /// Ids of what is in the unit.
+    #[must_use]
+    pub fn ids(&self) -> Vec<&str> {
+        match self {
+            Self::Sound => vec![],
+            Self::Single(id) | Self::Stranger(id) | Self::LeftOut(id) => vec![id],
+            Self::Pair(a, b) => vec![a, b],
+        }
+    }
+}
+
+/// One case, before it is made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Case {
+    /// Name of its folder; says nothing of what is in it.
+    pub name: String,
+    /// What is in it.
+    pub kind: Kind,
+    /// Rate of command and servo state, Hz.
+    pub rate_hz: f64,
+    /// Whether the pilot signals are recorded.
+    pub rich: bool,
+    /// Decides all else.
+    pub seed: u64,
+}
+
+/// One thing that is truly in a unit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Truth {
+    /// Its id.
+    pub id: String,
+    /// Where it sits.
+    pub stage: Stage,
+    /// Size, as the first parameter of the effect counts it.
+    pub size: f64,
+    /// Unit of the size.
+    pub unit: String,
+    /// What it is.
+    pub meaning: String,
+}
+
+/// What is known of a unit, for the scorer alone.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Label {
+    /// Name of the case.
+    pub name: String,
+    /// What is in it.
+    pub effects: Vec<Truth>,
+    /// Whether the catalogue that the diagnosis may use holds all of it.
+    pub listed: bool,
+    /// How far the strongest signal moves over its noise floor, RMS; NaN where nobody measured it, 0 for a sound unit.
+    pub strength_ratio: f64,
+}
+
+/// A case as made: four recordings by stream, and the label.
+#[derive(Clone, Debug)]
+pub struct Made {
+    /// Streams by process.
+    pub streams: Vec<(Process, Streams)>,
+    /// The truth.
+    pub label: Label,
+}
+
+impl Made {
+    /// The recordings, as a reader of their bags would align them.
+    #[must_use]
+    pub fn recordings(&self) -> Vec<Recording> {
+        self.streams.iter().map(|(process, streams)| Recording::new(process.id(), streams.rows())).collect()
+    }
+}
+
+/// Makes a case of a type of unit.
+#[must_use]
+pub fn make(unit: &Unit, case: &Case) -> Made {
+    let (bench, effects) = bench(unit, case);
+    let runs: Vec<(Process, Streams, Vec<Inputs>)> = Process::ALL
+        .into_iter()
+        .map(|process| {
+            let (streams, inputs) = bench.record(process);
+            (process, streams, inputs)
+        })
+        .collect();
+    let strength_ratio = if effects.is_empty() {
+        0.0
+    } else {
+        runs.iter().map(|(process, _, inputs)| strength(&bench, *process, inputs)).fold(0.0, f64::max)
+    };
+    let listed = matches!(case.kind, Kind::Sound | Kind::Single(_) | Kind::Pair(..));
+    let label = Label { name: case.name.clone(), effects, listed, strength_ratio };
+    Made { streams: runs.into_iter().map(|(process, streams, _)| (process, streams)).collect(), label }
+}
+
+/// The plant of a case on its bench, and what is in it.
+fn bench(unit: &Unit, case: &Case) -> (Bench, Vec<Truth>) {
+    let mut sound = unit.clone();
+    sound.effects.clear();
+    let parameters = spread(&sound, case.seed).parameters;
+    let mut sizes = Draw::new(case.seed, Question::Size, 0);
+    let mut faults = Faults::default();
+    let mut effects = Vec::new();
+    for id in case.kind.ids() {
+        let truth = truth(id, &mut sizes);
+        if let Some(truth) = truth.filter(|truth| faults.add(id, truth.size)) {
+            effects.push(truth);
+        }
+    }
+    #[expect(clippy::cast_possible_truncation, reason = "a period in ticks")]
+    let row_ticks = (1000.0 / case.rate_hz).round().max(1.0) as i64;
+    let bench = Bench {
+        parameters,
+        sensors: unit.sensors,
+        faults,
+        odd: Oddities::draw(&parameters, &mut Draw::new(case.seed, Question::Oddities, 0)),
+        row_ticks,
+        rich: case.rich,
+        ticks: LENGTH_TICKS,
+        seed: case.seed,
+    };
+    (bench, effects)
+}
+
+/// Draws how much of an effect or a stranger there is.
+fn truth(id: &str, draw: &mut Draw) -> Option<Truth> {
+    let factor = draw.log_between(SIZES.0, SIZES.1);
+    let negative = draw.chance(0.5);
+    let of = |stage, size, unit: &str, meaning: &str| {
+        Some(Truth { id: id.to_owned(), stage, size, unit: unit.to_owned(), meaning: meaning.to_owned() })
+    };
+    if let Some(stranger) = STRANGERS.iter().find(|stranger| stranger.id == id) {
+        return of(stranger.stage, stranger.typical * factor, stranger.unit, stranger.meaning);
+    }
+    let spec = find(id)?;
+    let first = spec.parameters.first()?;
+    // A ratio below 1 goes on by powers, so that it never reaches 0.
+    let size = if first.neutral > 0.0 && first.typical < first.neutral {
+        first.neutral * (first.typical / first.neutral).powf(factor)
+    } else {
+        let mirrored = 2.0 * first.neutral - first.typical;
+        let both = mirrored >= first.min && mirrored - first.min > 0.5 * (first.typical - first.neutral);
+        let sign = if negative && both { -1.0 } else { 1.0 };
+        first.neutral + sign * factor * (first.typical - first.neutral)
+    };
+    of(spec.stage, size.clamp(first.min, first.max), first.unit, first.doc)
+}
+
+/// RMS by which the faults move the strongest recorded signal under the same inputs, over its noise floor.
+fn strength(bench: &Bench, process: Process, inputs: &[Inputs]) -> f64 {
+    let sound = Bench { faults: Faults::default(), ..bench.clone() };
+    let mut with = bench.readings(process, inputs);
+    let without = sound.readings(process, inputs);
+    // A clock that is off moves the stamps, not the plant: what was shown under an input is shown that much later.
+    #[expect(clippy::cast_possible_truncation, reason = "a shift in command periods")]
+    let shift = (bench.faults.clock_offset_s * 100.0).round() as isize;
+    if shift != 0 && !with.is_empty() {
+        let last = with.len() - 1;
+        let at = |k: usize| k.saturating_add_signed(shift).min(last);
+        with = (0..=last).map(|k| with[at(k)]).collect();
+    }
+    let recorded = if bench.rich { &Signal::ALL[..] } else { &Signal::ALL[..2] };
+    let moved = |signal: Signal| {
+        let square = |(a, b): (&Signals, &Signals)| (signal.of(a) - signal.of(b)).powi(2);
+        (with.iter().zip(&without).map(square).sum::<f64>() / with.len().max(1) as f64).sqrt()
+    };
+    recorded.iter().map(|&signal| moved(signal) / FLOORS[signal as usize]).fold(0.0, f64::max)
+}

@@ -1,0 +1,58 @@
+//! What is odd about every plant of the battery, faults or not: small, within what a sheet never says.
+
+use crate::battery::dice::Draw;
+use crate::parameters::Parameters;
+
+/// Small deviations from the nominal model's structure.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Oddities {
+    /// Overlap of each of the four edges over the sheet's.
+    pub(super) overlap_shares: [f64; 4],
+    pub(super) edge_radius_m: f64,
+    /// Inertance of the oil in the line, Pa s²/m³.
+    pub(super) line_inertance: f64,
+    pub(super) node_volume_m3: f64,
+    /// Damping of the node, Pa s/m³.
+    pub(super) node_resistance_pa_s_m3: f64,
+    pub(super) pilot_curvature_ratio: f64,
+    pub(super) filling_gain: f64,
+    pub(super) draining_gain: f64,
+    pub(super) esv_travel_s: f64,
+    pub(super) spool_friction_n: f64,
+    pub(super) piston_bend_m: f64,
+    pub(super) flow_force_ratio: f64,
+    pub(super) load_ripple_ratio: f64,
+    pub(super) spool_stop_n_m: f64,
+    pub(super) piston_stop_n_m: f64,
+    pub(super) lvdt_lag_s: f64,
+    pub(super) feedback_lag_s: f64,
+}
+
+impl Oddities {
+    /// Draws them; the stops yield as the unit's parameters say.
+    #[must_use]
+    pub fn draw(p: &Parameters, draw: &mut Draw) -> Self {
+        let line_inertance = draw.between(5e4, 1.2e5);
+        let node_volume_m3 = draw.between(0.04, 0.08);
+        let wave = (line_inertance * p.oil.bulk_modulus_pa / node_volume_m3).sqrt();
+        Self {
+            overlap_shares: std::array::from_fn(|_| 1.0 + 0.02 * draw.normal()),
+            edge_radius_m: draw.between(4e-6, 1e-5),
+            line_inertance,
+            node_volume_m3,
+            node_resistance_pa_s_m3: draw.between(0.6, 1.0) * wave,
+            pilot_curvature_ratio: 0.01 * draw.normal(),
+            filling_gain: 1.0 + 0.005 * draw.normal(),
+            draining_gain: 1.0 + 0.005 * draw.normal(),
+            esv_travel_s: draw.between(1.5e-3, 3e-3),
+            spool_friction_n: draw.between(3.0, 15.0),
+            piston_bend_m: draw.between(3e-5, 8e-5),
+            flow_force_ratio: draw.between(0.0, 0.05),
+            load_ripple_ratio: 0.01 * draw.normal(),
+            spool_stop_n_m: 1.0 / p.distributing_valve.stop_compliance_m_n.max(1e-9),
+            piston_stop_n_m: 1.0 / p.servomotor.stop_compliance_m_n.max(3e-11),
+            lvdt_lag_s: draw.between(1e-4, 3e-4),
+            feedback_lag_s: draw.between(1e-4, 3e-4),
+        }
+    }
+}

@@ -1,0 +1,142 @@
+//! Which cases a battery has: sound units, single effects, pairs, strangers, and effects that the catalogue will lack.
+
+use crate::battery::dice::{Draw, Question};
+use crate::battery::faults::STRANGERS;
+use crate::battery::{Case, Kind};
+use crate::effects::CATALOGUE;
+
+/// Which rates a battery's recordings have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rates {
+    /// 100 Hz, as on a bench.
+    Bench,
+    /// 5 Hz, as in a plant's archive.
+    Plant,
+    /// Two thirds at 100 Hz, one third at 5 Hz.
+    Both,
+}
+
+#[derive(Clone, Copy)]
+enum Slot {
+    Sound,
+    Single,
+    Pair,
+    Stranger,
+    LeftOut,
+}
+
+/// How kinds follow each other, so that a short battery has some of each.
+const PATTERN: [Slot; 20] = [
+    Slot::Single,
+    Slot::Sound,
+    Slot::Single,
+    Slot::Pair,
+    Slot::LeftOut,
+    Slot::Single,
+    Slot::Stranger,
+    Slot::Single,
+    Slot::LeftOut,
+    Slot::Pair,
+    Slot::Sound,
+    Slot::Single,
+    Slot::Sound,
+    Slot::Single,
+    Slot::Single,
+    Slot::Pair,
+    Slot::LeftOut,
+    Slot::Stranger,
+    Slot::Single,
+    Slot::Single,
+];
+
+/// The first `count` cases of a seed's battery; a longer battery begins with the shorter one.
+///
+/// Each part goes through all effects before one comes again.
+#[must_use]
+pub fn plan(count: usize, seed: u64, rates: Rates) -> Vec<Case> {
+    let mut draw = Draw::new(seed, Question::Plan, 0);
+    let ids: Vec<&str> = CATALOGUE.iter().map(|spec| spec.id).collect();
+    let strangers: Vec<&str> = STRANGERS.iter().map(|stranger| stranger.id).collect();
+    let mut singles = Deck::new(ids.clone(), &mut draw);
+    let mut left_out = Deck::new(ids.clone(), &mut draw);
+    let mut firsts = Deck::new(ids, &mut draw);
+    let mut strangers = Deck::new(strangers, &mut draw);
+    (0..count)
+        .map(|place| {
+            let kind = match PATTERN[place % PATTERN.len()] {
+                Slot::Sound => Kind::Sound,
+                Slot::Single => Kind::Single(singles.next(&mut draw)),
+                Slot::LeftOut => Kind::LeftOut(left_out.next(&mut draw)),
+                Slot::Stranger => Kind::Stranger(strangers.next(&mut draw)),
+                Slot::Pair => {
+                    let first = firsts.next(&mut draw);
+                    let second = loop {
+                        let second = CATALOGUE[draw.below(CATALOGUE.len())].id;
+                        if second != first {
+                            break second.to_owned();
+                        }
+                    };
+                    Kind::Pair(first, second)
+                }
+            };
+            // Drawn whether needed or not, so that the rates asked for change nothing else.
+            let (slow, rich, seed) = (draw.chance(1.0 / 3.0), draw.chance(0.3), draw.seed());
+            let slow = match rates {
+                Rates::Bench => false,
+                Rates::Plant => true,
+                Rates::Both => slow,
+            };
+            Case { name: format!("case_{:03}", place + 1), kind, rate_hz: if slow { 5.0 } else { 100.0 }, rich, seed }
+        })
+        .collect()
+}
+
+/// Ids dealt in random order, again and again.
+struct Deck {
+    ids: Vec<&'static str>,
+    dealt: usize,
+}
+
+impl Deck {
+    fn new(mut ids: Vec<&'static str>, draw: &mut Draw) -> Self {
+        draw.shuffle(&mut ids);
+        Self { ids, dealt: 0 }
+    }
+
+    fn next(&mut self, draw: &mut Draw) -> String {
+        if self.dealt == self.ids.len() {
+            draw.shuffle(&mut self.ids);
+            self.dealt = 0;
+        }
+        self.dealt += 1;
+        self.ids[self.dealt - 1].to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_longer_battery_begins_with_the_shorter_and_covers_every_effect() {
+        let (short, long) = (plan(12, 7, Rates::Both), plan(200, 7, Rates::Both));
+        assert_eq!(short, long[..12]);
+        assert_ne!(short, plan(12, 8, Rates::Both));
+        for spec in CATALOGUE {
+            let single = |case: &&Case| matches!(&case.kind, Kind::Single(id) if id == spec.id);
+            assert!(long.iter().filter(single).count() >= 3, "{}", spec.id);
+            assert!(long.iter().any(|case| matches!(&case.kind, Kind::LeftOut(id) if id == spec.id)), "{}", spec.id);
+        }
+        for stranger in STRANGERS {
+            assert!(long.iter().any(|case| case.kind == Kind::Stranger(stranger.id.to_owned())));
+        }
+        let kinds: Vec<&str> = short.iter().map(|case| case.kind.id()).collect();
+        for kind in ["sound", "single", "pair", "stranger", "left_out"] {
+            assert!(kinds.contains(&kind), "{kind}");
+        }
+        assert!(long.iter().all(|case| !matches!(&case.kind, Kind::Pair(a, b) if a == b)));
+        let slow = long.iter().filter(|case| case.rate_hz == 5.0).count();
+        assert!((40..100).contains(&slow), "{slow}");
+        assert!(plan(12, 7, Rates::Plant).iter().all(|case| case.rate_hz == 5.0));
+    }
+}

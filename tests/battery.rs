@@ -1,0 +1,62 @@
+//! The battery: its plants are the twin's kind, not the twin; its faults show; its seeds decide everything.
+
+use govtwin::battery::{Case, Kind, make};
+use govtwin::generate::spread;
+use govtwin::parameters::EffectSetting;
+use govtwin::params;
+use govtwin::recording::Recording;
+use govtwin::signal::Signal;
+use govtwin::twin::Twin;
+
+fn case(kind: Kind, seed: u64) -> Case {
+    Case { name: "case".into(), kind, rate_hz: 100.0, rich: false, seed }
+}
+
+/// RMS miss of a signal by a twin.
+fn rms(twin: &mut Twin, recording: &Recording, signal: Signal) -> f64 {
+    twin.reset();
+    let (mut sum, mut count) = (0.0, 0);
+    for frame in &recording.frames {
+        let miss = signal.of(&frame.measured) - signal.of(&twin.step(frame).signals);
+        if miss.is_finite() {
+            sum += miss * miss;
+            count += 1;
+        }
+    }
+    (sum / f64::from(count)).sqrt()
+}
+
+#[test]
+fn a_sound_plant_is_the_twins_kind_but_not_the_twin() {
+    let unit = params::reference();
+    for seed in [2, 3] {
+        let made = make(&unit, &case(Kind::Sound, seed));
+        let mut twin = Twin::new(&spread(&unit, seed));
+        for recording in made.recordings() {
+            let miss = rms(&mut twin, &recording, Signal::ServomotorPosition);
+            // The transducer's noise alone is 1.5e-4.
+            assert!((1.5e-4..3.5e-4).contains(&miss), "{}: {miss}", recording.name);
+            assert!(rms(&mut twin, &recording, Signal::SpoolPosition) < 8e-3);
+        }
+    }
+}
+
+#[test]
+fn a_seed_decides_everything_and_a_fault_shows() {
+    let unit = params::reference();
+    let backlash = case(Kind::Single("backlash".into()), 5);
+    let made = make(&unit, &backlash);
+    assert_eq!(made.streams, make(&unit, &backlash).streams);
+    let truth = &made.label.effects[0];
+    assert!(truth.id == "backlash" && truth.stage.id() == "servomotor" && truth.unit == "pu");
+    assert!(made.label.listed && made.label.strength_ratio > 1.0, "{}", made.label.strength_ratio);
+    assert!(!make(&unit, &case(Kind::LeftOut("backlash".into()), 5)).label.listed);
+
+    // The contact gap is the play operator's kind: with it the twin comes close, without it it does not.
+    let mut spread_unit = spread(&unit, 5);
+    let recording = &made.recordings()[1];
+    let without = rms(&mut Twin::new(&spread_unit), recording, Signal::ServomotorPosition);
+    spread_unit.effects = vec![EffectSetting { id: "backlash".into(), values: vec![truth.size] }];
+    let with = rms(&mut Twin::new(&spread_unit), recording, Signal::ServomotorPosition);
+    assert!(with < 0.7 * without, "{with} {without}");
+}
