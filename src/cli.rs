@@ -28,6 +28,12 @@ enum Command {
     Info(commands::info::Args),
     /// Simulate recordings and compare with what was measured.
     Replay(commands::replay::Args),
+    /// Train a model of what the twin misses.
+    #[cfg(feature = "residual")]
+    Train(commands::train::Args),
+    /// Compare the twin, data-only models and hybrids as the paper does.
+    #[cfg(feature = "residual")]
+    Compare(commands::compare::Args),
     /// Run the twin as a ROS 2 node.
     #[cfg(feature = "node")]
     Run(commands::run::Args),
@@ -47,6 +53,10 @@ pub fn main() -> ExitCode {
         Command::Generate(args) => commands::generate::run(&args),
         Command::Info(args) => commands::info::run(&args),
         Command::Replay(args) => commands::replay::run(&args),
+        #[cfg(feature = "residual")]
+        Command::Train(args) => commands::train::run(&args),
+        #[cfg(feature = "residual")]
+        Command::Compare(args) => commands::compare::run(&args),
         #[cfg(feature = "node")]
         Command::Run(args) => commands::run::run(&args),
         #[cfg(feature = "node")]

@@ -2,9 +2,13 @@
 
 pub mod bags;
 pub mod check;
+#[cfg(feature = "residual")]
+pub mod compare;
 pub mod effects;
 pub mod generate;
 pub mod info;
+#[cfg(feature = "residual")]
+pub mod learn;
 pub mod output;
 #[cfg(feature = "node")]
 pub mod play;
@@ -13,6 +17,8 @@ pub mod record;
 pub mod replay;
 #[cfg(feature = "node")]
 pub mod run;
+#[cfg(feature = "residual")]
+pub mod train;
 
 /// How a command that did not fail ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -16,12 +16,14 @@ pub mod solver;
 
 // corrections
 pub mod effects;
+pub mod residual;
 
 // heart
 pub mod twin;
 
 // judgement
 pub mod battery;
+pub mod comparison;
 pub mod diagnosis;
 pub mod generate;
 pub mod metrics;

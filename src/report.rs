@@ -20,6 +20,7 @@
 //! # Ok::<(), govtwin::report::draw::DrawError>(())
 //! ```
 
+pub mod comparison;
 pub mod draw;
 mod dress;
 pub mod ink;

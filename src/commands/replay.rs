@@ -1,6 +1,6 @@
 //! `govtwin replay`: simulate recordings and compare with what was measured.
 
-mod origin;
+pub mod origin;
 mod simulated;
 
 use std::path::{Path, PathBuf};

@@ -8,9 +8,9 @@ use crate::source::Source;
 const FLOORS: &[(&str, &[&str])] = &[
     ("entry", &["main", "cli", "commands"]),
     ("edges", &["bag", "files", "msg", "node", "params"]),
-    ("judgement", &["battery", "diagnosis", "generate", "metrics", "replay", "report", "tuning"]),
+    ("judgement", &["battery", "comparison", "diagnosis", "generate", "metrics", "replay", "report", "tuning"]),
     ("heart", &["twin"]),
-    ("corrections", &["effects"]),
+    ("corrections", &["effects", "residual"]),
     ("physics", &["plant", "solver"]),
     ("words", &["frame", "parameters", "recording", "signal", "state", "units"]),
 ];

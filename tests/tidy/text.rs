@@ -13,6 +13,8 @@ const KNOWN_BY: &[(&str, &[&str])] = &[
     ("rustix", &["src/node/realtime.rs"]),
     ("signal_hook", &["src/node/", "src/node.rs", "src/commands/"]),
     ("lightgbm3", &["src/residual/booster.rs", "src/residual/booster/"]),
+    ("egobox_gp", &["src/residual/search.rs"]),
+    ("linfa", &["src/residual/search.rs"]),
     ("plotters", &["src/report/", "src/report.rs"]),
     ("maud", &["src/report/", "src/report.rs"]),
     ("indicatif", &["src/commands/"]),

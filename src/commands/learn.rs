@@ -1,0 +1,224 @@
+//! What `train` and `compare` share: their arguments, the recordings made ready, the searches and their journal.
+
+pub mod journal;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use clap::ValueEnum;
+use govtwin::bag::{self, ReadOptions, Stream};
+use govtwin::comparison::summary::Searched;
+use govtwin::params::{self, Sheet};
+use govtwin::recording::Recording;
+use govtwin::replay::simulate;
+use govtwin::residual::history::{LONGEST_PERIOD_NS, SHORTEST_PERIOD_NS};
+use govtwin::residual::model::Learned;
+use govtwin::residual::prepare::{Cleaning, Prepared, prepare};
+use govtwin::residual::row::Opening;
+use govtwin::residual::search::{Dimension, Trial, bayesian, random, slices};
+use govtwin::residual::split::{Split, folds};
+use govtwin::residual::table::{Layout, Table, slowest_period_ns, table};
+use govtwin::residual::{features, training};
+use govtwin::signal::Signal;
+use govtwin::twin::{Cut, Twin};
+use govtwin::units::{nanos_from_seconds, seconds_from_nanos};
+use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
+
+use super::bags::{self, Bag};
+use super::output::{Progress, warn};
+use super::replay::origin;
+use journal::Journal;
+
+/// What both commands take.
+#[derive(Debug, clap::Args)]
+#[group(id = "learning")]
+pub struct Args {
+    /// Bags: files, bag folders, or folders that hold bags.
+    #[arg(value_name = "BAG", required = true)]
+    bags: Vec<PathBuf>,
+    /// Parameter file of the unit; without it the shipped reference unit.
+    #[arg(long, value_name = "FILE")]
+    params: Option<PathBuf>,
+    /// The signal to correct.
+    #[arg(long, value_enum, default_value_t = Corrected::Spool)]
+    signal: Corrected,
+    /// Training period, s; without it the slowest usual spacing among the recordings.
+    #[arg(long = "period", value_name = "S")]
+    period_s: Option<f64>,
+    /// Evaluations of each search.
+    #[arg(long, value_name = "N", default_value_t = 50)]
+    pub iterations: usize,
+    /// Decides every draw.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// A tenth of the evaluations: to see that everything works.
+    #[arg(long)]
+    quick: bool,
+    /// Folder for what comes out; made where missing. Evaluations done before are taken from there.
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Corrected {
+    /// Main distributing valve spool.
+    Spool,
+    /// Guide-vane servomotor.
+    Servomotor,
+}
+
+/// Where the guide-vane opening comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum CutAt {
+    /// Everything is simulated: what the node does.
+    None,
+    /// The measured servomotor position feeds the regulator (the paper's mode).
+    Servomotor,
+}
+
+/// Everything that training needs.
+pub struct Ready {
+    /// The unit.
+    pub sheet: Sheet,
+    /// Recordings, prepared.
+    pub recordings: Vec<Recording>,
+    /// What preparation found.
+    pub cleanings: Vec<Cleaning>,
+    /// The rows.
+    pub table: Table,
+    /// What the folders say of where the data comes from.
+    pub origin: Option<String>,
+}
+
+impl Args {
+    /// Evaluations of a search, and how many of them chance chooses first.
+    pub fn budget(&self) -> (usize, usize) {
+        let budget = if self.quick { self.iterations.div_ceil(10) } else { self.iterations }.max(1);
+        (budget, budget.div_ceil(5).max(3).min(budget))
+    }
+
+    /// Reads, prepares and simulates the recordings, and makes the rows.
+    pub fn ready(&self, cut: CutAt) -> anyhow::Result<Ready> {
+        let sheet = match &self.params {
+            Some(path) => params::load_sheet(path)?,
+            None => params::reference_sheet(),
+        };
+        let signal = match self.signal {
+            Corrected::Spool => Signal::SpoolPosition,
+            Corrected::Servomotor => Signal::ServomotorPosition,
+        };
+        let (cut, opening) = match cut {
+            CutAt::None => (Cut::None, Opening::Simulated),
+            CutAt::Servomotor => (Cut::Servomotor, Opening::Measured),
+        };
+        if signal == Signal::ServomotorPosition && cut == Cut::Servomotor {
+            bail!(
+                "--signal servomotor with --cut servomotor: the measured signal stands in for the simulated one, so nothing is left to correct; use --cut none"
+            );
+        }
+        let bags = bags::find(&self.bags)?;
+        let mut origins: Vec<String> = bags.iter().filter_map(|bag| origin::of(&bag.path)).collect();
+        origins.dedup();
+        let Prepared { recordings, cleanings } = prepare(read(&bags)?, signal);
+        let twin = Twin::new(&sheet.unit).with_cut(cut);
+        let estimates: Vec<_> = recordings.par_iter().map(|one| simulate(&mut twin.clone(), one)).collect();
+        let period_ns = match self.period_s {
+            Some(period_s) => nanos_from_seconds(period_s),
+            None => slowest_period_ns(&recordings, signal),
+        };
+        if !(SHORTEST_PERIOD_NS..=LONGEST_PERIOD_NS).contains(&period_ns) {
+            bail!(
+                "the training period is {} s; 0.002 to 2 s are possible. Does every bag hold /plant/servo_state? See --period",
+                seconds_from_nanos(period_ns)
+            );
+        }
+        let table = table(&recordings, &estimates, Layout { signal, opening, period_ns, features: features::all() });
+        for cleaning in cleanings.iter().filter(|cleaning| !cleaning.is_clean()) {
+            warn(&format!("{}: {}", cleaning.name, cleaning.words()));
+        }
+        if table.left_out > 0 {
+            warn(&format!("{} samples have a feature that is not a finite number: left out", table.left_out));
+        }
+        Ok(Ready { sheet, recordings, cleanings, table, origin: (!origins.is_empty()).then(|| origins.join(" ")) })
+    }
+
+    /// Searches for hyperparameters with the Gaussian process, or at random; evaluations in the journal are not repeated.
+    pub fn search(&self, table: &Table, split: &Split, learned: Learned, job: Job) -> anyhow::Result<Searched> {
+        let folds = folds(table, &split.train);
+        let (budget, initial) = self.budget();
+        let mut journal = Journal::open(&self.out.join("search.json"), table, &split.train, learned, self.seed);
+        let progress = Progress::new(budget, job.noun);
+        let space = &training::SPACE;
+        let trials = search(space, job.kind, [initial, budget], self.seed, |point| {
+            let loss = if let Some(loss) = journal.known(point) {
+                loss
+            } else {
+                let loss = training::loss(table, &folds, learned, &training::at(point), self.seed)?;
+                journal.keep(point, loss)?;
+                loss
+            };
+            progress.step();
+            Ok(loss)
+        })?;
+        Ok(searched(space, job, &trials))
+    }
+}
+
+/// One search.
+#[derive(Clone, Copy)]
+pub struct Job {
+    /// Id of the model that it is for.
+    pub id: &'static str,
+    /// `bayesian` or `random`.
+    pub kind: &'static str,
+    /// What the progress bar counts.
+    pub noun: &'static str,
+}
+
+/// Runs a search of either kind.
+pub fn search(
+    space: &[Dimension],
+    kind: &str,
+    [initial, budget]: [usize; 2],
+    seed: u64,
+    objective: impl FnMut(&[f64]) -> anyhow::Result<f64>,
+) -> anyhow::Result<Vec<Trial>> {
+    if kind == "random" {
+        random(space, budget, seed, objective)
+    } else {
+        bayesian(space, initial, budget, seed, objective)
+    }
+}
+
+/// A search as it is reported.
+pub fn searched(space: &[Dimension], job: Job, trials: &[Trial]) -> Searched {
+    let slices = if job.kind == "bayesian" { slices(space, trials) } else { vec![] };
+    Searched {
+        id: job.id,
+        kind: job.kind,
+        dimensions: space.iter().map(|dimension| dimension.name).collect(),
+        points: trials.iter().map(|trial| trial.values.clone()).collect(),
+        losses: trials.iter().map(|trial| trial.loss).collect(),
+        slices: slices.into_iter().map(|slice| (slice.name, slice.points)).collect(),
+    }
+}
+
+fn read(bags: &[Bag]) -> anyhow::Result<Vec<Recording>> {
+    let options = ReadOptions { required: vec![Stream::ServoState], ..ReadOptions::default() };
+    let read = |bag: &Bag| -> anyhow::Result<Recording> {
+        let mut loaded = bag::read(&bag.path, &options)?;
+        loaded.recording.name.clone_from(&bag.name);
+        for warning in &loaded.health.warnings {
+            warn(&format!("{}: {warning}", bag.name));
+        }
+        Ok(loaded.recording)
+    };
+    bags.iter().map(read).collect()
+}
+
+/// Figures as JSON, whole or not at all.
+pub fn write_json(path: &Path, figures: &impl serde::Serialize) -> anyhow::Result<()> {
+    let mut json = serde_json::to_string_pretty(figures).context("cannot write the figures as JSON")?;
+    json.push('\n');
+    super::output::write_atomically(path, json.as_bytes())
+}

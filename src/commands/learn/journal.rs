@@ -1,0 +1,54 @@
+//! Evaluations that were done before, so that a search that was ended goes on where it stopped.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use govtwin::residual::table::Table;
+use sha2::{Digest, Sha256};
+
+use crate::commands::output::write_atomically;
+
+/// A point is known by its bits.
+type Known = BTreeMap<String, f64>;
+
+/// The journal of one kind of evaluation, in a file that holds several.
+pub struct Journal {
+    path: PathBuf,
+    key: String,
+    all: BTreeMap<String, Known>,
+}
+
+impl Journal {
+    /// Opens the journal; a file that is missing or is none counts as empty. Other rows, another seed or another version of the
+    /// program never share evaluations.
+    pub fn open(path: &Path, table: &Table, rows: &[usize], learned: impl std::fmt::Debug, seed: u64) -> Self {
+        let mut hash = Sha256::new();
+        hash.update(format!("{} {learned:?} {seed} {:?}", env!("CARGO_PKG_VERSION"), table.layout));
+        for &row in rows {
+            let mark = &table.marks[row];
+            for value in table.row(row).iter().chain([&mark.measured, &mark.model]) {
+                hash.update(value.to_bits().to_le_bytes());
+            }
+            hash.update(mark.process.id());
+        }
+        let key = hash.finalize().iter().take(16).map(|byte| format!("{byte:02x}")).collect();
+        let text = std::fs::read_to_string(path).unwrap_or_default();
+        Self { path: path.to_owned(), key, all: serde_json::from_str(&text).unwrap_or_default() }
+    }
+
+    /// The loss of a point, where it was evaluated before.
+    pub fn known(&self, point: &[f64]) -> Option<f64> {
+        self.all.get(&self.key)?.get(&words(point)).copied()
+    }
+
+    /// Keeps an evaluation.
+    pub fn keep(&mut self, point: &[f64], loss: f64) -> anyhow::Result<()> {
+        self.all.entry(self.key.clone()).or_default().insert(words(point), loss);
+        write_atomically(&self.path, serde_json::to_string(&self.all)?.as_bytes())
+    }
+}
+
+fn words(point: &[f64]) -> String {
+    let words: Vec<String> = point.iter().map(f64::to_string).collect();
+    words.join(" ")
+}

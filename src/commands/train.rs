@@ -1,0 +1,119 @@
+//! `govtwin train`: a model of what the twin misses, found by Bayesian optimisation, judged on rows that it never saw.
+
+use anyhow::{Context, bail};
+use govtwin::comparison::contenders::{self, mechanism, trained};
+use govtwin::comparison::summary::{Covered, Scored, Searched, covered};
+use govtwin::comparison::{Contender, Standing};
+use govtwin::report::comparison::{models_table, search_blocks};
+use govtwin::report::page::{Page, Tone};
+use govtwin::residual::booster::Hyperparameters;
+use govtwin::residual::model::Learned;
+use govtwin::residual::prepare::Cleaning;
+use govtwin::residual::split::seven_to_three;
+use govtwin::residual::training;
+use serde::Serialize;
+
+use super::learn::{self, CutAt, Job, write_json};
+use super::output::{print, write_atomically};
+use crate::commands::Outcome;
+
+/// Train a model of what the twin misses.
+///
+/// Learns measured − simulated from the inputs and from the twin's own output (Liu et al. 2025): the first 70 % of each
+/// process teach, the last 30 % judge. Hyperparameters come from Bayesian optimisation on five folds by time inside the
+/// teaching part. Writes DIR/model.residual for `run --residual` and `replay --residual`, and the trace of the search with the surrogate's
+/// picture beside random search at the same budget as DIR/train.html and DIR/train.json.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    learn: learn::Args,
+    /// Where the guide-vane opening comes from; a model runs only where it comes from there again.
+    #[arg(long, value_enum, default_value_t = CutAt::None)]
+    cut: CutAt,
+    /// No search: the hyperparameters that a person would take.
+    #[arg(long)]
+    manual: bool,
+}
+
+#[derive(Serialize)]
+struct Trained {
+    schema: &'static str,
+    program: &'static str,
+    origin: Option<String>,
+    recordings: Vec<Cleaning>,
+    hyperparameters: std::collections::BTreeMap<String, f64>,
+    models: Vec<Scored>,
+    searches: Vec<Searched>,
+    band: Option<Covered>,
+}
+
+/// Runs the command.
+pub fn run(args: &Args) -> anyhow::Result<Outcome> {
+    let ready = args.learn.ready(args.cut)?;
+    let table = &ready.table;
+    let split = seven_to_three(table);
+    if split.test.is_empty() {
+        bail!("no rows are left to judge on: {} rows were found; give more or longer recordings", table.marks.len());
+    }
+    let mut searches = vec![];
+    let mut with = Hyperparameters::MANUAL;
+    if !args.manual {
+        let job = |kind, noun| Job { id: "hybrid", kind, noun };
+        for job in [job("bayesian", "evaluations, Bayesian"), job("random", "evaluations, random")] {
+            searches.push(args.learn.search(table, &split, Learned::Residual, job)?);
+        }
+        let (point, _) = searches[0].best().context("no evaluation of the search succeeded")?;
+        with = training::at(point);
+    }
+    let unit = &ready.sheet.unit;
+    let rows = (&split.train[..], &split.test[..]);
+    let (mut model, estimates) = trained(table, rows, Learned::Residual, &with, args.learn.seed, unit)?;
+    let names: Vec<&str> = ready.recordings.iter().map(|one| one.name.as_str()).collect();
+    model.training.insert("recordings".to_owned(), names.join(", "));
+    model.training.insert("unit".to_owned(), ready.sheet.name.clone());
+    model.training.extend(ready.origin.iter().map(|origin| ("origin".to_owned(), origin.clone())));
+    let band = model.band.map(|band| covered(table, &split.test, &estimates, &band));
+    let forest = model.forest()?;
+    let guarded = contenders::estimates(&forest, table, &split.test, Learned::Residual, Some(&model.guard));
+    let standings = [
+        mechanism(table, &split.test),
+        Contender { id: "hybrid", title: "hybrid", estimates },
+        Contender { id: "guarded", title: "hybrid, guarded", estimates: guarded },
+    ]
+    .map(|contender| Standing::of(table, &split.test, &contender));
+    let text = model.to_text().context("the model holds a number that is not finite")?;
+    let path = args.learn.out.join("model.residual");
+    write_atomically(&path, text.as_bytes())?;
+
+    let scored: Vec<Scored> = standings.iter().map(Scored::from).collect();
+    let table_of_models = models_table(&scored, model.unit.as_str());
+    print(&table_of_models.to_text())?;
+    if let Some(origin) = &ready.origin {
+        print(&format!("{origin}\n"))?;
+    }
+    if let Some(band) = &band {
+        let (stated, found) = (100.0 * band.coverage_share, 100.0 * band.overall_share);
+        print(&format!("Band: {stated:.0} % stated, {found:.1} % of the judging rows inside.\n"))?;
+    }
+    let mut page =
+        Page::new("Training of the residual", format!("{} rows teach, {} judge", rows.0.len(), rows.1.len()));
+    if let Some(origin) = &ready.origin {
+        page.body.note(Tone::Plain, origin.clone());
+    }
+    page.body.table(table_of_models, "On the last 30 % of each process, which nobody was trained on.");
+    search_blocks(&mut page.body, &searches)?;
+    write_atomically(&args.learn.out.join("train.html"), page.to_html().as_bytes())?;
+    let figures = Trained {
+        schema: "govtwin-training/1",
+        program: concat!("govtwin ", env!("CARGO_PKG_VERSION")),
+        origin: ready.origin,
+        recordings: ready.cleanings,
+        hyperparameters: model.hyperparameters,
+        models: scored,
+        searches,
+        band,
+    };
+    write_json(&args.learn.out.join("train.json"), &figures)?;
+    print(&format!("Model: {}\n", path.display()))?;
+    Ok(Outcome::Ok)
+}

@@ -1,0 +1,135 @@
+//! The paper's comparison of models: who predicts the rows that nobody was trained on best, process by process.
+//!
+//! ```json
+//! {"schema": "govtwin-comparison/1", "program": "govtwin 0.1.0", "origin": "Synthetic data: …",
+//!  "settings": {"signal": "spool_position_pu", "cut": "servomotor", "period_ns": 200000000, "seed": 1, …},
+//!  "rows": {"train": 16305, "test": 6948, "purged": 40, "left_out": 0},
+//!  "recordings": [{"name": "startup_01", "samples": 1300, "missing": {"count": 0, "first_s": []}, …}],
+//!  "models": [{"id": "mbm", "title": "MBM", "overall": FIGURES, "processes": [{"process": "startup", …FIGURES}, …]}, …],
+//!  "ranking": ["mdhm", …],
+//!  "claims": [{"what": "…", "paper": "43.9 to 68.3", "here": "…", "unit": "%"}],
+//!  "left_out_process": [{"process": "startup", "models": [{"id": "mbm", …FIGURES}, …]}, …],
+//!  "searches": [{"id": "mdhm", "kind": "bayesian", "trials": […], "slices": […]}, …],
+//!  "importance": [{"feature": "model.rate", "group": "model", "gain_share": 0.21}, …],
+//!  "band": {"coverage_share": 0.9, "measured": [{"process": "startup", "coverage_share": 0.93, "mean_half_width": 0.011}, …]}}
+//! ```
+//!
+//! FIGURES are `rows`, `mae`, `rmse` and `r2` of [`crate::metrics`], in the signal's unit, `null` where the data cannot say.
+
+#[cfg(feature = "residual")]
+pub mod contenders;
+pub mod summary;
+
+use crate::metrics::{Accumulator, Figures};
+use crate::recording::Process;
+use crate::residual::table::Table;
+
+/// A model's word for some rows of a table.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Contender {
+    /// Its id in results.
+    pub id: &'static str,
+    /// What tables and pictures call it.
+    pub title: &'static str,
+    /// Its estimate of the signal for each row.
+    pub estimates: Vec<f64>,
+}
+
+/// How far a model is off, in each process and over all.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Standing {
+    /// Its id.
+    pub id: &'static str,
+    /// Its title.
+    pub title: &'static str,
+    /// The processes that have rows, in their usual order.
+    pub processes: Vec<(Process, Figures)>,
+    /// Over all rows.
+    pub overall: Figures,
+}
+
+impl Standing {
+    /// Compares estimates with what was measured at `rows`.
+    #[must_use]
+    pub fn of(table: &Table, rows: &[usize], contender: &Contender) -> Self {
+        let pairs = |process: Option<Process>| {
+            let of_process = rows
+                .iter()
+                .zip(&contender.estimates)
+                .map(|(&row, estimate)| (&table.marks[row], *estimate))
+                .filter(|(mark, _)| process.is_none_or(|process| mark.process == process));
+            Accumulator::of(of_process.map(|(mark, estimate)| (mark.measured, estimate))).figures()
+        };
+        let of_process = |process| (process, pairs(Some(process)));
+        Self {
+            id: contender.id,
+            title: contender.title,
+            processes: Process::ALL.map(of_process).into_iter().filter(|(_, figures)| figures.count > 0).collect(),
+            overall: pairs(None),
+        }
+    }
+
+    /// The figures of one process.
+    #[must_use]
+    pub fn process(&self, process: Process) -> Option<&Figures> {
+        self.processes.iter().find(|(own, _)| *own == process).map(|(_, figures)| figures)
+    }
+
+    /// Mean of R² over processes, as the paper averages it.
+    #[must_use]
+    #[expect(clippy::cast_precision_loss, reason = "four processes")]
+    pub fn mean_r2(&self) -> f64 {
+        self.processes.iter().map(|(_, figures)| figures.r2).sum::<f64>() / self.processes.len() as f64
+    }
+}
+
+/// By how much `ours` is below `theirs`, percent: lowest and highest over processes.
+#[must_use]
+pub fn reduction(ours: &Standing, theirs: &Standing, figure: fn(&Figures) -> f64) -> [f64; 2] {
+    let of = |(process, own): &(Process, Figures)| {
+        theirs.process(*process).map(|other| 100.0 * (1.0 - figure(own) / figure(other)))
+    };
+    let reductions = ours.processes.iter().filter_map(of);
+    reductions.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Contender, Standing, reduction};
+    use crate::recording::Process;
+    use crate::residual::features;
+    use crate::residual::row::Opening;
+    use crate::residual::table::{Layout, Mark, Table};
+    use crate::signal::Signal;
+
+    fn table() -> Table {
+        let mark = |frame: usize| Mark {
+            recording: 0,
+            frame,
+            process: if frame < 10 { Process::Startup } else { Process::Shutdown },
+            time_ns: 0,
+            measured: frame as f64,
+            model: frame as f64 + 1.0,
+            motion: 0.0,
+        };
+        let (signal, opening) = (Signal::SpoolPosition, Opening::Simulated);
+        let layout = Layout { signal, opening, period_ns: 200_000_000, features: features::all() };
+        Table { layout, values: vec![], marks: (0..20).map(mark).collect(), left_out: 0 }
+    }
+
+    #[test]
+    fn figures_and_reductions_in_closed_form() {
+        let table = table();
+        let rows: Vec<usize> = (0..20).collect();
+        let off = |by: [f64; 2]| {
+            let estimates = rows.iter().map(|&row| row as f64 + by[row / 10]).collect();
+            Standing::of(&table, &rows, &Contender { id: "a", title: "A", estimates })
+        };
+        let (ours, theirs) = (off([0.25, -0.5]), off([1.0, 1.0]));
+        assert_eq!(ours.process(Process::Startup).unwrap().mae, 0.25);
+        assert_eq!(ours.process(Process::LoadIncrease), None);
+        assert_eq!(ours.overall.mae, 0.375);
+        assert_eq!(reduction(&ours, &theirs, |figures| figures.mae), [50.0, 75.0]);
+        assert!(ours.mean_r2() < 1.0 && ours.mean_r2() > theirs.mean_r2());
+    }
+}

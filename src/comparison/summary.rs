@@ -1,0 +1,236 @@
+//! The figures of a comparison for machines; the schema stands in [`crate::comparison`].
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use super::{Standing, reduction};
+use crate::metrics::Figures;
+use crate::recording::Process;
+use crate::residual::band::Band;
+use crate::residual::prepare::Cleaning;
+use crate::residual::table::Table;
+
+/// Name and version of the schema.
+pub const SCHEMA: &str = "govtwin-comparison/1";
+
+/// All figures of one comparison.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Summary {
+    /// [`SCHEMA`].
+    pub schema: &'static str,
+    /// Program and version.
+    pub program: &'static str,
+    /// What the recordings' folder says of where they come from.
+    pub origin: Option<String>,
+    /// Everything that was chosen.
+    pub settings: BTreeMap<&'static str, String>,
+    /// How many rows did what.
+    pub rows: BTreeMap<&'static str, u64>,
+    /// What preparation found.
+    pub recordings: Vec<Cleaning>,
+    /// Every model.
+    pub models: Vec<Scored>,
+    /// Ids of the hybrids, the smallest MAE over all rows first.
+    pub ranking: Vec<&'static str>,
+    /// The paper's claims beside what is found here.
+    pub claims: Vec<Claim>,
+    /// Every process left out of training in turn.
+    pub left_out_process: Vec<Unseen>,
+    /// Searches for hyperparameters.
+    pub searches: Vec<Searched>,
+    /// Features of the MDHM, the strongest first.
+    pub importance: Vec<Importance>,
+    /// The MDHM's band on rows that nobody was trained on.
+    pub band: Option<Covered>,
+}
+
+/// One model's figures.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Scored {
+    /// Its id.
+    pub id: &'static str,
+    /// Its title.
+    pub title: &'static str,
+    /// Over all rows.
+    pub overall: Score,
+    /// Process by process.
+    pub processes: Vec<OfProcess>,
+}
+
+/// Figures in the signal's unit.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Score {
+    /// Rows.
+    pub rows: u64,
+    /// Mean absolute error, in the signal's unit, pu or Pa.
+    pub mae: f64,
+    /// Root mean square error, in the signal's unit, pu or Pa.
+    pub rmse: f64,
+    /// Coefficient of determination, a share of 1.
+    pub r2: f64,
+}
+
+/// Figures of one process.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct OfProcess {
+    /// Its id.
+    pub process: &'static str,
+    /// The figures.
+    #[serde(flatten)]
+    pub score: Score,
+}
+
+/// A claim of the paper, and the same figure here.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Claim {
+    /// What is claimed.
+    pub what: &'static str,
+    /// In the paper, on another plant's data.
+    pub paper: &'static str,
+    /// Here, on synthetic data.
+    pub here: String,
+    /// The unit of both.
+    pub unit: &'static str,
+}
+
+/// Figures on a process that no model has seen.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Unseen {
+    /// Its id.
+    pub process: &'static str,
+    /// The models.
+    pub models: Vec<Scored>,
+}
+
+/// A search's trace.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Searched {
+    /// Id of the model that it was for.
+    pub id: &'static str,
+    /// `bayesian` or `random`.
+    pub kind: &'static str,
+    /// Names of the dimensions.
+    pub dimensions: Vec<&'static str>,
+    /// Values of each trial.
+    pub points: Vec<Vec<f64>>,
+    /// Mean absolute error over the folds, in the signal's unit.
+    pub losses: Vec<f64>,
+    /// What the surrogate makes of them: per dimension value, middle, low and high.
+    pub slices: BTreeMap<&'static str, Vec<[f64; 4]>>,
+}
+
+impl Searched {
+    /// The trial with the smallest loss: its values and its loss.
+    #[must_use]
+    pub fn best(&self) -> Option<(&[f64], f64)> {
+        let trials = self.points.iter().map(Vec::as_slice).zip(self.losses.iter().copied());
+        trials.min_by(|a, b| a.1.total_cmp(&b.1))
+    }
+
+    /// The smallest loss after each trial.
+    #[must_use]
+    pub fn best_so_far(&self) -> Vec<f64> {
+        let lower = |low: &mut f64, loss: &f64| {
+            *low = low.min(*loss);
+            Some(*low)
+        };
+        self.losses.iter().scan(f64::INFINITY, lower).collect()
+    }
+}
+
+/// How much of the trees' gain is a feature's.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Importance {
+    /// Its name.
+    pub feature: String,
+    /// Its group in Table 1.
+    pub group: &'static str,
+    /// Its share of all gain.
+    pub gain_share: f64,
+}
+
+/// A band's stated coverage beside the measured one.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Covered {
+    /// Stated.
+    pub coverage_share: f64,
+    /// Measured over all rows.
+    pub overall_share: f64,
+    /// Measured in each process.
+    pub processes: Vec<CoveredIn>,
+}
+
+/// Measured coverage of one process.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct CoveredIn {
+    /// Its id.
+    pub process: &'static str,
+    /// Share of rows inside the band.
+    pub coverage_share: f64,
+    /// Mean half width, in the signal's unit, pu or Pa.
+    pub mean_half_width: f64,
+}
+
+impl From<&Figures> for Score {
+    fn from(figures: &Figures) -> Self {
+        Self { rows: figures.count, mae: figures.mae, rmse: figures.rmse, r2: figures.r2 }
+    }
+}
+
+impl From<&Standing> for Scored {
+    fn from(standing: &Standing) -> Self {
+        let of = |(process, figures): &(Process, Figures)| OfProcess { process: process.id(), score: figures.into() };
+        Self {
+            id: standing.id,
+            title: standing.title,
+            overall: (&standing.overall).into(),
+            processes: standing.processes.iter().map(of).collect(),
+        }
+    }
+}
+
+/// The paper's claims for its hybrid, beside the figures here.
+#[must_use]
+pub fn claims(hybrid: &Standing, mechanism: &Standing, data: &Standing) -> Vec<Claim> {
+    let span = |theirs: &Standing, figure: fn(&Figures) -> f64| {
+        let [low, high] = reduction(hybrid, theirs, figure);
+        format!("{low:.1} to {high:.1}")
+    };
+    let claim = |what, paper, here, unit| Claim { what, paper, here, unit };
+    vec![
+        claim("R² of the MDHM, mean over processes", "0.990", format!("{:.3}", hybrid.mean_r2()), ""),
+        claim("MAE of the MDHM below MBM", "43.9 to 68.3", span(mechanism, |figures| figures.mae), "%"),
+        claim("MAE of the MDHM below DDM", "38.1 to 86.9", span(data, |figures| figures.mae), "%"),
+        claim("RMSE of the MDHM below MBM", "32.0 to 59.1", span(mechanism, |figures| figures.rmse), "%"),
+        claim("RMSE of the MDHM below DDM", "30.4 to 77.0", span(data, |figures| figures.rmse), "%"),
+    ]
+}
+
+/// How much of the rows a band holds.
+#[must_use]
+#[expect(clippy::cast_precision_loss, reason = "counts of rows")]
+pub fn covered(table: &Table, rows: &[usize], estimates: &[f64], band: &Band) -> Covered {
+    let share = |process: Option<Process>| {
+        let (mut count, mut inside, mut width) = (0_u64, 0_u64, 0.0);
+        for (&row, estimate) in rows.iter().zip(estimates) {
+            let mark = &table.marks[row];
+            if process.is_none_or(|process| process == mark.process) {
+                let half_width = band.half_width(mark.motion);
+                count += 1;
+                inside += u64::from((mark.measured - estimate).abs() <= half_width);
+                width += half_width;
+            }
+        }
+        (count > 0).then(|| (inside as f64 / count as f64, width / count as f64))
+    };
+    let of = |process: Process| {
+        let (coverage_share, mean_half_width) = share(Some(process))?;
+        Some(CoveredIn { process: process.id(), coverage_share, mean_half_width })
+    };
+    Covered {
+        coverage_share: band.coverage_share,
+        overall_share: share(None).map_or(f64::NAN, |(share, _)| share),
+        processes: Process::ALL.into_iter().filter_map(of).collect(),
+    }
+}

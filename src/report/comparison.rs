@@ -1,0 +1,186 @@
+//! The page of a comparison: the views of the paper's Figures 12 to 16, the searches, and what the paper does not show.
+
+mod pictures;
+mod searches;
+
+use super::draw::{DrawError, svg};
+use super::page::{Blocks, KeyFigure, Page, Tone};
+use super::table::{Table, fixed, significant};
+use crate::comparison::Contender;
+use crate::comparison::summary::{Scored, Summary};
+use crate::recording::Process;
+use crate::residual::table::Table as Rows;
+
+pub use searches::search_blocks;
+
+/// What the pictures are drawn of.
+pub struct Shown<'a> {
+    /// All rows.
+    pub rows: &'a Rows,
+    /// Indices of those that judge.
+    pub judging: &'a [usize],
+    /// The models' words for them.
+    pub contenders: &'a [Contender],
+}
+
+impl Shown<'_> {
+    /// The models with these ids, in this order.
+    fn of(&self, ids: &[&str]) -> Vec<&Contender> {
+        ids.iter().filter_map(|id| self.contenders.iter().find(|contender| contender.id == *id)).collect()
+    }
+}
+
+/// Ids of the hybrids, in the paper's ranking.
+pub const HYBRIDS: [&str; 4] = ["mdhm", "lightgbm", "lstm", "tcn"];
+
+/// The figures of models, process by process.
+#[must_use]
+pub fn models_table(models: &[Scored], unit: &str) -> Table {
+    let mut table = Table::new().words("model").words("process").numbers("rows");
+    for name in [format!("MAE, {unit}"), format!("RMSE, {unit}"), "R²".to_owned()] {
+        table = table.numbers(name);
+    }
+    for model in models {
+        let cells = |process: &str, score: &crate::comparison::summary::Score| {
+            let figures = [fixed(score.mae, 5), fixed(score.rmse, 5), fixed(score.r2, 4)];
+            [vec![model.title.to_owned(), process.to_owned(), score.rows.to_string()], figures.to_vec()].concat()
+        };
+        for one in &model.processes {
+            table.row(cells(title(one.process), &one.score));
+        }
+        table.strong_row(cells("all rows", &model.overall));
+    }
+    table
+}
+
+/// The words for a process's id.
+fn title(id: &str) -> &str {
+    match Process::ALL.into_iter().find(|process| process.id() == id) {
+        Some(process) => process.title(),
+        None => id,
+    }
+}
+
+/// The page.
+///
+/// # Errors
+/// Where a picture cannot be drawn.
+pub fn page(summary: &Summary, shown: &Shown) -> Result<Page, DrawError> {
+    let unit = shown.rows.layout.signal.unit();
+    let mut page = Page::new(
+        "Comparison of models",
+        format!("{}, on rows that no model was trained on", shown.rows.layout.signal.title()),
+    );
+    let body = &mut page.body;
+    opening(body, summary);
+    body.heading("Traces");
+    body.figure(
+        svg(&pictures::traces(shown))?,
+        "Measured, MBM, DDM and MDHM in each process, a stretch of the judging rows (after Figure 12).",
+    );
+    body.heading("Errors");
+    body.figure(svg(&pictures::bars(summary, unit))?, "MAE, RMSE and R² by process (after Figure 13).");
+    body.table(models_table(&summary.models, unit), "Rows of the last 30 % of each process.");
+    body.heading("Hybrids");
+    body.figure(
+        svg(&pictures::residuals(shown))?,
+        "Simulated − measured of the hybrids over the judging rows (after Figure 14).",
+    );
+    body.figure(
+        svg(&pictures::spreads(shown))?,
+        "The same as histograms with kernel density estimates (after Figure 15).",
+    );
+    body.figure(svg(&pictures::heatmap(summary))?, "Figures of the hybrids by process (after Figure 16).");
+    body.heading("A process left out");
+    body.paragraph("What the paper does not show: each process left out of training in turn and judged on. The hyperparameters are the manual ones, since a search would have seen the process. The guard fades corrections where rows lie outside what was trained.");
+    body.figure(svg(&pictures::left_out(summary, unit))?, "MAE on the process that was left out.");
+    body.table(left_out_table(summary, unit), "");
+    body.heading("Features");
+    body.figure(
+        svg(&pictures::importance(summary))?,
+        "Share of the trees' gain in the MDHM, the strongest features, and Table 1's groups.",
+    );
+    body.heading("Searches");
+    search_blocks(body, &summary.searches)?;
+    closing(body, summary);
+    Ok(page)
+}
+
+fn opening(body: &mut Blocks, summary: &Summary) {
+    let order: Vec<&str> = summary.ranking.iter().map(|id| model_title(summary, id)).collect();
+    body.lead(format!("Hybrids by MAE over all judging rows: {}.", order.join(" < ")));
+    if let Some(origin) = &summary.origin {
+        body.note(Tone::Plain, origin.clone());
+    }
+    let of = |id: &str| summary.models.iter().find(|model| model.id == id);
+    let key = ["mbm", "ddm", "mdhm"].iter().filter_map(|id| of(id)).map(|model| {
+        KeyFigure::new(format!("MAE, {}", model.title), significant(model.overall.mae, 3), "").hint(format!(
+            "RMSE {}, R² {}",
+            significant(model.overall.rmse, 3),
+            fixed(model.overall.r2, 4)
+        ))
+    });
+    body.key_figures(key);
+    let mut table =
+        Table::new().words("claim").numbers("paper, another plant").numbers("here, synthetic data").words("unit");
+    for claim in &summary.claims {
+        table.row([claim.what, claim.paper, &claim.here, claim.unit]);
+    }
+    body.table(table, "The paper's claims on its own plant's data, which is confidential, beside the figures on these recordings; spans are over processes.");
+    if let Some(band) = &summary.band {
+        let said: Vec<String> = band
+            .processes
+            .iter()
+            .map(|one| format!("{} {} %", title(one.process), fixed(100.0 * one.coverage_share, 1)))
+            .collect();
+        body.paragraph(format!(
+            "Conformal band of the MDHM: {} % stated, {} % of the judging rows inside ({}).",
+            fixed(100.0 * band.coverage_share, 0),
+            fixed(100.0 * band.overall_share, 1),
+            said.join(", ")
+        ));
+    }
+}
+
+fn model_title<'a>(summary: &'a Summary, id: &'a str) -> &'a str {
+    summary.models.iter().find(|model| model.id == id).map_or(id, |model| model.title)
+}
+
+fn left_out_table(summary: &Summary, unit: &str) -> Table {
+    let mut table = Table::new().words("left out").words("model");
+    for name in [format!("MAE, {unit}"), format!("RMSE, {unit}"), "R²".to_owned()] {
+        table = table.numbers(name);
+    }
+    for unseen in &summary.left_out_process {
+        for model in &unseen.models {
+            let score = &model.overall;
+            table.row([
+                title(unseen.process).to_owned(),
+                model.title.to_owned(),
+                fixed(score.mae, 5),
+                fixed(score.rmse, 5),
+                fixed(score.r2, 4),
+            ]);
+        }
+    }
+    table
+}
+
+fn closing(body: &mut Blocks, summary: &Summary) {
+    let mut inner = Blocks::new();
+    inner.facts(summary.settings.iter().map(|(name, value)| (*name, value.clone())));
+    inner.facts(summary.rows.iter().map(|(name, count)| (format!("rows: {name}"), count.to_string())));
+    let found: Vec<(String, String)> = summary
+        .recordings
+        .iter()
+        .map(|one| {
+            (one.name.clone(), if one.is_clean() { format!("{} samples, clean", one.samples) } else { one.words() })
+        })
+        .collect();
+    inner.facts(found);
+    inner.paragraph(
+        "Each process is cut for itself: the first 70 % of its rows in time teach, the last 30 % judge; where the cut falls inside a \
+         recording, rows whose windows reach across it are left out. Searches see five folds by time inside the teaching part only.",
+    );
+    body.details("How these figures were made", inner);
+}

@@ -1,0 +1,78 @@
+//! The trace of searches for hyperparameters, and the surrogate's picture.
+
+use crate::comparison::summary::Searched;
+use crate::report::draw::{DrawError, svg};
+use crate::report::ink::Ink;
+use crate::report::page::Blocks;
+use crate::report::picture::{Mark, Panel, Picture, Shape};
+use crate::report::table::{Table, significant};
+
+/// Shows searches: traces, what they found, and the surrogate along each dimension.
+///
+/// # Errors
+/// Where a picture cannot be drawn.
+pub fn search_blocks(body: &mut Blocks, searches: &[Searched]) -> Result<(), DrawError> {
+    if searches.is_empty() {
+        return Ok(());
+    }
+    body.figure(
+        svg(&traces(searches))?,
+        "Best cross-validated MAE so far, and every evaluation as a dot: Bayesian optimisation beside random search with as many \
+         evaluations and the same first points.",
+    );
+    for search in searches.iter().filter(|search| !search.slices.is_empty()) {
+        body.figure(
+            svg(&surrogate(search))?,
+            format!("{}: what the Gaussian process makes of all evaluations, along each hyperparameter through the best point, with two standard deviations.", search.id),
+        );
+    }
+    let mut table = Table::new().words("search").words("kind").numbers("evaluations").numbers("best MAE").words("at");
+    for search in searches {
+        let Some((point, loss)) = search.best() else { continue };
+        let at = search.dimensions.iter().zip(point).map(|(name, value)| format!("{name} {}", significant(*value, 3)));
+        let at: Vec<String> = at.collect();
+        table.row([
+            search.id.to_owned(),
+            search.kind.to_owned(),
+            search.losses.len().to_string(),
+            significant(loss, 5),
+            at.join(", "),
+        ]);
+    }
+    body.table(table, "What the searches found: mean absolute error over the validation rows of five folds.");
+    Ok(())
+}
+
+#[expect(clippy::cast_precision_loss, reason = "tens of evaluations")]
+fn numbered(values: &[f64]) -> Vec<[f64; 2]> {
+    values.iter().enumerate().map(|(k, value)| [k as f64 + 1.0, *value]).collect()
+}
+
+fn traces(searches: &[Searched]) -> Picture {
+    let mut ids: Vec<&str> = searches.iter().map(|search| search.id).collect();
+    ids.dedup();
+    let panel = |id: &str| {
+        let mut panel = Panel::new(format!("{id}: MAE over the folds")).x_name("evaluation").height(190);
+        for search in searches.iter().filter(|search| search.id == id) {
+            let ink = if search.kind == "random" { Ink::Measured } else { Ink::Simulated };
+            panel =
+                panel.line(ink, search.kind, numbered(&search.best_so_far())).dots(ink, "", numbered(&search.losses));
+        }
+        panel
+    };
+    Picture::grid("Searches for hyperparameters", 2, ids.into_iter().map(panel).collect())
+}
+
+fn surrogate(search: &Searched) -> Picture {
+    let panel = |(name, points): (&&'static str, &Vec<[f64; 4]>)| {
+        let band = points.iter().map(|[value, _, low, high]| [*value, *low, *high]).collect();
+        let middle = points.iter().map(|[value, middle, ..]| [*value, *middle]).collect();
+        let mut panel = Panel::new(*name).height(110).band(Ink::Band, "", band).line(Ink::Simulated, "", middle);
+        let known = search.dimensions.iter().position(|dimension| dimension == name);
+        if let (Some(index), Some((best, loss))) = (known, search.best()) {
+            panel = panel.mark(Mark::new(Shape::Dots(vec![[best[index], loss]]), Ink::Alarm, ""));
+        }
+        panel
+    };
+    Picture::grid(format!("Surrogate of the search for {}", search.id), 3, search.slices.iter().map(panel).collect())
+}

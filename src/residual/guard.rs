@@ -1,0 +1,130 @@
+//! Guard rails of a learned correction: clamped to what was trained, faded out of its support, off on bad input.
+//!
+//! A tree gives its outermost leaf for anything far away. The support is the box of the training rows' features; a row
+//! outside by the share `d` of a side is corrected by the weight `1 − (d − 0.05)/0.25` between 5 % and 30 %, and not at all beyond.
+
+use serde::{Deserialize, Serialize};
+
+/// A row may leave the box by this share of its side with its full correction.
+const FREE_SHARE: f64 = 0.05;
+
+/// From there on the correction fades to zero over this share.
+const FADE_SHARE: f64 = 0.25;
+
+/// Where a model knows its way: the training rows' box, and the corrections seen there.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Guard {
+    /// Lowest and highest of each feature, in its unit.
+    pub support: Vec<[f64; 2]>,
+    /// Lowest and highest target, in the signal's unit.
+    pub range: [f64; 2],
+}
+
+/// What the guard did to rows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Counts {
+    /// Rows seen.
+    pub rows: u64,
+    /// Corrections cut to the trained range.
+    pub clamped: u64,
+    /// Corrections lessened because the row lies outside the support.
+    pub faded: u64,
+    /// Rows so far outside that there was no correction.
+    pub outside: u64,
+    /// Rows with a feature that is not a finite number: no correction.
+    pub bad: u64,
+}
+
+impl Counts {
+    /// Adds what another guard did.
+    pub fn add(&mut self, other: &Self) {
+        self.rows += other.rows;
+        self.clamped += other.clamped;
+        self.faded += other.faded;
+        self.outside += other.outside;
+        self.bad += other.bad;
+    }
+}
+
+impl Guard {
+    /// The box and range of training rows; rows of features stand one after the other in `values`.
+    #[must_use]
+    pub fn of(values: &[f64], features: usize, targets: &[f64]) -> Self {
+        let empty = [f64::INFINITY, f64::NEG_INFINITY];
+        let widen = |[low, high]: [f64; 2], value: f64| [low.min(value), high.max(value)];
+        let mut support = vec![empty; features];
+        for row in values.chunks_exact(features.max(1)) {
+            for (side, value) in support.iter_mut().zip(row) {
+                *side = widen(*side, *value);
+            }
+        }
+        Self { support, range: targets.iter().copied().fold(empty, widen) }
+    }
+
+    /// The weight of a correction at a row, 1 inside the support; `None` for a row that is not finite.
+    #[must_use]
+    pub fn weight(&self, row: &[f64]) -> Option<f64> {
+        let mut farthest: f64 = 0.0;
+        for (value, [low, high]) in row.iter().zip(&self.support) {
+            if !value.is_finite() {
+                return None;
+            }
+            let over = (low - value).max(value - high);
+            if over > 0.0 {
+                // A feature that never moved in training has no scale: its own size, or a percent, stands in.
+                let side = (high - low).max(1e-2 * low.abs().max(1.0));
+                farthest = farthest.max(over / side);
+            }
+        }
+        Some((1.0 - (farthest - FREE_SHARE) / FADE_SHARE).clamp(0.0, 1.0))
+    }
+
+    /// The correction that may be applied, and its weight, counted. `raw` is the trees' word for the row.
+    pub fn apply(&self, raw: f64, row: &[f64], counts: &mut Counts) -> (f64, f64) {
+        counts.rows += 1;
+        let Some(weight) = self.weight(row).filter(|_| raw.is_finite()) else {
+            counts.bad += 1;
+            return (0.0, 0.0);
+        };
+        counts.outside += u64::from(weight == 0.0);
+        counts.faded += u64::from(weight > 0.0 && weight < 1.0);
+        let [low, high] = self.range;
+        counts.clamped += u64::from(raw < low || raw > high);
+        (weight * raw.max(low).min(high), weight)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::any;
+    use proptest::{prop_assert, proptest};
+
+    use super::{Counts, Guard};
+
+    fn guard() -> Guard {
+        Guard::of(&[0.0, 10.0, 1.0, 20.0], 2, &[-0.1, 0.2])
+    }
+
+    #[test]
+    fn full_inside_faded_near_off_far_and_on_bad_input() {
+        let (guard, mut counts) = (guard(), Counts::default());
+        assert_eq!(guard.apply(0.15, &[0.5, 15.0], &mut counts), (0.15, 1.0));
+        assert_eq!(guard.apply(0.9, &[0.5, 15.0], &mut counts), (0.2, 1.0));
+        assert_eq!(guard.apply(0.15, &[1.04, 15.0], &mut counts).1, 1.0);
+        let (value, weight) = guard.apply(0.1, &[1.175, 15.0], &mut counts);
+        assert!((weight - 0.5).abs() < 1e-12 && (value - 0.05).abs() < 1e-12);
+        assert_eq!(guard.apply(0.1, &[0.5, 30.0], &mut counts), (0.0, 0.0));
+        assert_eq!(guard.apply(0.1, &[f64::NAN, 15.0], &mut counts), (0.0, 0.0));
+        assert_eq!(guard.apply(f64::NAN, &[0.5, 15.0], &mut counts), (0.0, 0.0));
+        assert_eq!(counts, Counts { rows: 7, clamped: 1, faded: 1, outside: 1, bad: 2 });
+    }
+
+    proptest! {
+        #[test]
+        fn no_correction_ever_leaves_the_trained_range(raw in any::<f64>(), a in any::<f64>(), b in any::<f64>()) {
+            let (value, weight) = guard().apply(raw, &[a, b], &mut Counts::default());
+            prop_assert!((-0.1..=0.2).contains(&value) && (0.0..=1.0).contains(&weight));
+        }
+    }
+}

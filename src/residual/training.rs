@@ -1,0 +1,251 @@
+//! From a table to a model: cross-validated loss, the search's space, the final fit with its guard and band.
+
+use std::collections::BTreeMap;
+
+use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
+
+use super::band::Band;
+use super::booster::{self, FEWEST_ROWS, Hyperparameters, TrainError, grow};
+use super::forest::{Forest, Tree};
+use super::guard::Guard;
+use super::model::{Learned, Model, fingerprint};
+use super::search::Dimension;
+use super::split::{Split, folds};
+use super::table::Table;
+use crate::parameters::Unit;
+
+/// Share of rows that a model's band is to cover.
+pub const COVERAGE_SHARE: f64 = 0.9;
+
+const fn dimension(
+    name: &'static str,
+    group: &'static str,
+    range: [f64; 2],
+    logarithmic: bool,
+    whole: bool,
+) -> Dimension {
+    Dimension { name, group, range, logarithmic, whole }
+}
+
+/// The space of the search, in the paper's three groups; set before any test row was seen.
+pub const SPACE: [Dimension; 9] = [
+    dimension("num_iterations", "complexity", [50.0, 400.0], true, true),
+    dimension("learning_rate", "complexity", [0.01, 0.3], true, false),
+    dimension("max_depth", "complexity", [3.0, 12.0], false, true),
+    dimension("num_leaves", "complexity", [7.0, 127.0], true, true),
+    dimension("min_data_in_leaf", "regularisation", [5.0, 200.0], true, true),
+    dimension("lambda_l1", "regularisation", [1e-3, 10.0], true, false),
+    dimension("lambda_l2", "regularisation", [1e-3, 10.0], true, false),
+    dimension("bagging_fraction", "sampling", [0.5, 1.0], false, false),
+    dimension("feature_fraction", "sampling", [0.3, 1.0], false, false),
+];
+
+/// The hyperparameters at a point of [`SPACE`].
+#[must_use]
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "whole numbers from 3 to 400, by the space"
+)]
+pub fn at(point: &[f64]) -> Hyperparameters {
+    let value = |index: usize| point.get(index).copied().unwrap_or_else(|| SPACE[index].value(0.5));
+    let whole = |index: usize| value(index).round() as u32;
+    Hyperparameters {
+        num_iterations: whole(0),
+        learning_rate: value(1),
+        max_depth: whole(2),
+        num_leaves: whole(3),
+        min_data_in_leaf: whole(4),
+        lambda_l1: value(5),
+        lambda_l2: value(6),
+        bagging_fraction: value(7),
+        feature_fraction: value(8),
+    }
+}
+
+/// What the rows are to teach.
+#[must_use]
+pub fn targets(table: &Table, rows: &[usize], learned: Learned) -> Vec<f64> {
+    let of = |&row: &usize| match learned {
+        Learned::Residual => table.marks[row].residual(),
+        Learned::Signal => table.marks[row].measured,
+    };
+    rows.iter().map(of).collect()
+}
+
+/// Grows trees on some rows of a table.
+///
+/// # Errors
+/// As [`grow`].
+pub fn fit(
+    table: &Table,
+    rows: &[usize],
+    learned: Learned,
+    with: &Hyperparameters,
+    seed: u64,
+) -> Result<(Vec<Tree>, Vec<f64>), TrainError> {
+    let width = table.layout.features.len();
+    let grown = grow(&table.select(rows), width, &targets(table, rows, learned), with, seed)?;
+    Ok((grown.trees, grown.importance))
+}
+
+/// Misses of rows that the trees were not trained on: the row, and target − prediction.
+///
+/// # Errors
+/// As [`grow`], and where every fold has too few rows.
+pub fn out_of_fold(
+    table: &Table,
+    folds: &[Split],
+    learned: Learned,
+    with: &Hyperparameters,
+    seed: u64,
+) -> Result<Vec<(usize, f64)>, TrainError> {
+    let most = folds.iter().map(|fold| fold.train.len()).max().unwrap_or(0);
+    if most < FEWEST_ROWS {
+        return Err(TrainError::TooFew { found: most });
+    }
+    // The first folds of few recordings may be too short to teach anything.
+    let long_enough: Vec<&Split> = folds.iter().filter(|fold| fold.train.len() >= FEWEST_ROWS).collect();
+    let of = |fold: &&Split| -> Result<Vec<(usize, f64)>, TrainError> {
+        let (trees, _) = fit(table, &fold.train, learned, with, seed)?;
+        let forest = walkable(&trees, table)?;
+        let targets = targets(table, &fold.test, learned);
+        let miss = |(&row, target): (&usize, f64)| (row, target - forest.value(table.row(row)));
+        Ok(fold.test.iter().zip(targets).map(miss).collect())
+    };
+    let misses: Result<Vec<_>, _> = long_enough.par_iter().map(of).collect();
+    Ok(misses?.concat())
+}
+
+fn walkable(trees: &[Tree], table: &Table) -> Result<Forest, TrainError> {
+    Forest::new(trees, table.layout.features.len()).map_err(|error| TrainError::Library(error.to_string()))
+}
+
+/// Mean absolute error over the validation rows of all folds: the search's objective (MAE, as the paper's step 5).
+///
+/// # Errors
+/// As [`out_of_fold`].
+pub fn loss(
+    table: &Table,
+    folds: &[Split],
+    learned: Learned,
+    with: &Hyperparameters,
+    seed: u64,
+) -> Result<f64, TrainError> {
+    let misses = out_of_fold(table, folds, learned, with, seed)?;
+    if misses.is_empty() {
+        return Err(TrainError::TooFew { found: 0 });
+    }
+    #[expect(clippy::cast_precision_loss, reason = "counts of rows")]
+    let count = misses.len() as f64;
+    Ok(misses.iter().map(|(_, miss)| miss.abs()).sum::<f64>() / count)
+}
+
+/// Trains the final model on `rows`, with its guard from the same rows and its band from their cross-validation.
+///
+/// # Errors
+/// As [`grow`].
+pub fn model(
+    table: &Table,
+    rows: &[usize],
+    learned: Learned,
+    with: &Hyperparameters,
+    seed: u64,
+    unit: &Unit,
+) -> Result<Model, TrainError> {
+    let (trees, importance) = fit(table, rows, learned, with, seed)?;
+    let misses = out_of_fold(table, &folds(table, rows), learned, with, seed).unwrap_or_default();
+    let misses: Vec<(f64, f64)> = misses.into_iter().map(|(row, miss)| (table.marks[row].motion, miss)).collect();
+    let layout = &table.layout;
+    let features: Vec<String> = layout.features.iter().map(super::features::Feature::name).collect();
+    let guard = Guard::of(&table.select(rows), features.len(), &targets(table, rows, learned));
+    Ok(Model {
+        program: concat!("govtwin ", env!("CARGO_PKG_VERSION")).to_owned(),
+        signal: layout.signal.id().to_owned(),
+        unit: layout.signal.unit().to_owned(),
+        learned,
+        opening: layout.opening,
+        period_ns: layout.period_ns,
+        twin: fingerprint(unit),
+        features,
+        guard,
+        band: Band::of(&misses, COVERAGE_SHARE),
+        importance,
+        booster: booster::NAME.to_owned(),
+        hyperparameters: named(with),
+        training: BTreeMap::from([("rows".to_owned(), rows.len().to_string()), ("seed".to_owned(), seed.to_string())]),
+        trees,
+    })
+}
+
+/// Hyperparameters by the library's names.
+#[must_use]
+pub fn named(with: &Hyperparameters) -> BTreeMap<String, f64> {
+    let value = serde_json::to_value(with).unwrap_or_default();
+    let fields = value.as_object().into_iter().flatten();
+    fields.filter_map(|(name, value)| Some((name.clone(), value.as_f64()?))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{SPACE, at, loss, model, named};
+    use crate::residual::booster::{Hyperparameters, TrainError};
+    use crate::residual::corrector::Corrector;
+    use crate::residual::model::{Learned, Model};
+    use crate::residual::split::{folds, seven_to_three};
+    use crate::residual::table::tests::{of, recording};
+    use crate::twin::Twin;
+
+    fn quick() -> Hyperparameters {
+        Hyperparameters { num_iterations: 40, learning_rate: 0.15, ..Hyperparameters::MANUAL }
+    }
+
+    /// A gap that the features can tell: the sign of the command's error against its middle.
+    fn gap(frame: &crate::frame::Frame, _: f64) -> f64 {
+        if frame.inputs.opening_command_pu > 0.4 { 0.02 } else { -0.01 }
+    }
+
+    #[test]
+    fn a_model_trained_saved_and_run_live_closes_a_gap_it_has_not_seen() {
+        let recordings: Vec<_> = (0..4).map(|k| recording(&format!("{k}"), 500 * k, 400, gap)).collect();
+        let table = of(&recordings);
+        let split = seven_to_three(&table);
+        let unit = crate::params::reference();
+        let trained = model(&table, &split.train, Learned::Residual, &quick(), 1, &unit).unwrap();
+        let model = Model::from_text(&trained.to_text().unwrap()).unwrap();
+        assert_eq!(model, trained);
+        let mut corrector = Corrector::new(&model).unwrap();
+        let mut twin = Twin::new(&unit);
+        let last = &recordings[3];
+        let (mut before, mut after, mut covered) = (0.0, 0.0, 0);
+        for frame in &last.frames {
+            let correction = corrector.step(frame, &twin.step(frame));
+            let measured = frame.measured.spool_position_pu;
+            before += (measured - correction.uncorrected).abs();
+            after += (measured - correction.corrected).abs();
+            covered += usize::from((measured - correction.corrected).abs() <= correction.half_width);
+        }
+        assert!(after < 0.2 * before, "{after} against {before}");
+        assert!(covered > 300, "{covered} of 400");
+    }
+
+    #[test]
+    fn too_little_data_is_said() {
+        let table = of(&[recording("a", 0, 60, gap)]);
+        let split = seven_to_three(&table);
+        let unit = crate::params::reference();
+        let error = model(&table, &split.train, Learned::Residual, &quick(), 1, &unit).unwrap_err();
+        assert_eq!(error, TrainError::TooFew { found: 42 });
+        assert!(loss(&table, &folds(&table, &split.train), Learned::Residual, &quick(), 1).is_err());
+    }
+
+    #[test]
+    fn points_of_the_space_are_hyperparameters() {
+        let point: Vec<f64> = SPACE.iter().map(|dimension| dimension.value(1.0)).collect();
+        let with = at(&point);
+        let named = named(&with);
+        for (dimension, value) in SPACE.iter().zip(point) {
+            assert!((named[dimension.name] - value).abs() < 1e-9, "{}", dimension.name);
+        }
+    }
+}
