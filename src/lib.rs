@@ -23,6 +23,7 @@ pub mod twin;
 
 // judgement
 pub mod battery;
+pub mod blind;
 pub mod comparison;
 pub mod diagnosis;
 pub mod generate;

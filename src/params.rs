@@ -19,6 +19,7 @@
 
 mod consistency;
 mod error;
+pub mod labels;
 mod merge;
 mod number;
 mod sheet;

@@ -4,7 +4,7 @@ use govtwin::battery::{Case, Kind, make};
 use govtwin::generate::spread;
 use govtwin::parameters::EffectSetting;
 use govtwin::params;
-use govtwin::recording::Recording;
+use govtwin::recording::{Process, Recording};
 use govtwin::signal::Signal;
 use govtwin::twin::Twin;
 
@@ -34,8 +34,9 @@ fn a_sound_plant_is_the_twins_kind_but_not_the_twin() {
         let mut twin = Twin::new(&spread(&unit, seed));
         for recording in made.recordings() {
             let miss = rms(&mut twin, &recording, Signal::ServomotorPosition);
-            // The transducer's noise alone is 1.5e-4.
-            assert!((1.5e-4..3.5e-4).contains(&miss), "{}: {miss}", recording.name);
+            // The transducer's noise alone is 1.5e-4; in a trip the elastic stop lets the spool open its ports further.
+            let most = if recording.process == Process::Shutdown { 6e-4 } else { 3e-4 };
+            assert!((1.5e-4..most).contains(&miss), "{}: {miss}", recording.name);
             assert!(rms(&mut twin, &recording, Signal::SpoolPosition) < 8e-3);
         }
     }
@@ -46,7 +47,9 @@ fn a_seed_decides_everything_and_a_fault_shows() {
     let unit = params::reference();
     let backlash = case(Kind::Single("backlash".into()), 5);
     let made = make(&unit, &backlash);
-    assert_eq!(made.streams, make(&unit, &backlash).streams);
+    // As text, since a signal that is not recorded is NaN.
+    let again = make(&unit, &backlash);
+    assert_eq!(format!("{:?}", made.streams), format!("{:?}", again.streams));
     let truth = &made.label.effects[0];
     assert!(truth.id == "backlash" && truth.stage.id() == "servomotor" && truth.unit == "pu");
     assert!(made.label.listed && made.label.strength_ratio > 1.0, "{}", made.label.strength_ratio);

@@ -27,7 +27,7 @@ pub struct Faults {
     /// Strength of the cushion at the very end, N s²/m².
     pub(super) cushion: f64,
     pub(super) load_ratio: f64,
-    /// Quadratic loss of the line, Pa s²/m⁶.
+    /// Quadratic loss of the line, Pa s²/(m³ m³).
     pub(super) supply_loss: f64,
     pub(super) lvdt_gain: f64,
     pub(super) lvdt_bias_pu: f64,
@@ -63,7 +63,7 @@ pub const STRANGERS: &[Stranger] = &[
     Stranger {
         id: "lvdt_cubic",
         stage: Stage::Sensor,
-        typical: 0.08,
+        typical: 0.04,
         unit: "pu",
         meaning: "cubic error of the spool transducer at full stroke",
     },
@@ -84,7 +84,7 @@ pub const STRANGERS: &[Stranger] = &[
     Stranger {
         id: "gain_drift",
         stage: Stage::PilotValve,
-        typical: 0.5,
+        typical: 0.35,
         unit: "1",
         meaning: "share of the pilot valve's flow gain lost while it warms",
     },
@@ -98,7 +98,7 @@ pub const STRANGERS: &[Stranger] = &[
     Stranger {
         id: "command_dropout",
         stage: Stage::Regulator,
-        typical: 0.3,
+        typical: 0.1,
         unit: "s",
         meaning: "length of gaps in which the command is not renewed",
     },
@@ -112,9 +112,9 @@ pub const STRANGERS: &[Stranger] = &[
     Stranger {
         id: "relief",
         stage: Stage::Spool,
-        typical: 5.0e-11,
+        typical: 1.0e-9,
         unit: "m3/(s Pa)",
-        meaning: "leakage of the control chamber above 3.6 MPa only",
+        meaning: "leakage of the control chamber above 3.35 MPa only",
     },
 ];
 

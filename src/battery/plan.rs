@@ -16,6 +16,18 @@ pub enum Rates {
     Both,
 }
 
+/// What the positions hardly show: more of these units have the pilot signals recorded.
+const HIDDEN: [&str; 8] = [
+    "pv_hysteresis",
+    "pv_null_shift",
+    "spool_friction",
+    "entrained_air",
+    "chamber_leak",
+    "spring",
+    "flow_force",
+    "relief",
+];
+
 #[derive(Clone, Copy)]
 enum Slot {
     Sound,
@@ -80,7 +92,9 @@ pub fn plan(count: usize, seed: u64, rates: Rates) -> Vec<Case> {
                 }
             };
             // Drawn whether needed or not, so that the rates asked for change nothing else.
-            let (slow, rich, seed) = (draw.chance(1.0 / 3.0), draw.chance(0.3), draw.seed());
+            let (slow, rich, seed) = (draw.chance(1.0 / 3.0), draw.between(0.0, 1.0), draw.seed());
+            let hidden = kind.ids().iter().any(|id| HIDDEN.contains(id));
+            let rich = rich < if hidden { 0.7 } else { 0.3 };
             let slow = match rates {
                 Rates::Bench => false,
                 Rates::Plant => true,

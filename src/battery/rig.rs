@@ -260,7 +260,7 @@ impl Rig {
         let leaks_m3_s = (dv.leakage_m3_s_pa * (y[NODE] - control_pa)
             - f.chamber_leak_m3_s_pa * (1.0 + 0.3 * share) * gap(control_pa - return_pa, 3.2e6))
             / viscosity
-            - f.relief_m3_s_pa * (control_pa - 3.6e6).max(0.0);
+            - f.relief_m3_s_pa * (control_pa - 3.35e6).max(0.0);
         let soft_1_pa = compressibility_1_pa + gas_compressibility_1_pa(f.air_share, control_pa);
         d[CONTROL] = (passed_m3_s + leaks_m3_s - dv.control_area_m2 * y[SPOOL_SPEED])
             / ((dv.control_volume_m3 + dv.control_area_m2 * x) * soft_1_pa);

@@ -13,8 +13,8 @@ pub(super) enum Node {
     Number(f64),
     /// Text, quoted or not.
     Text(String),
-    /// A list; no key takes one.
-    List,
+    /// A list; labels have them, parameter files do not.
+    List(Vec<Node>),
     /// Keys and values in the order of the file.
     Map(Vec<(String, Node)>),
 }
@@ -27,7 +27,7 @@ impl Node {
             Self::Bool(value) => format!("the truth value {value}"),
             Self::Number(value) => format!("the number {value}"),
             Self::Text(text) => format!("the text \"{}\"", shorten(text)),
-            Self::List => "a list".to_owned(),
+            Self::List(_) => "a list".to_owned(),
             Self::Map(_) => "a mapping".to_owned(),
         }
     }
@@ -97,7 +97,7 @@ fn convert(value: Value) -> Node {
         Value::Bool(value) => Node::Bool(value),
         Value::Number(value) => Node::Number(value.as_f64().unwrap_or(f64::NAN)),
         Value::String(text) => Node::Text(text),
-        Value::Sequence(_) => Node::List,
+        Value::Sequence(items) => Node::List(items.into_iter().map(convert).collect()),
         Value::Mapping(mapping) => {
             Node::Map(mapping.into_iter().map(|(key, value)| (key_text(&key), convert(value))).collect())
         }

@@ -1,0 +1,184 @@
+//! What a diagnosis said, as far as it is scored: read from a report, or written as one by a baseline.
+
+use serde::{Deserialize, Serialize};
+
+use crate::diagnosis::outcome::Verdict;
+
+/// The part of `report.json` that is scored.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Said {
+    /// The verdict's word.
+    pub verdict: String,
+    /// Where the gap lies.
+    #[serde(default)]
+    pub location: Location,
+    /// What the verdict blames.
+    #[serde(default)]
+    pub effects: Vec<Blamed>,
+    /// The whole catalogue, `unknown` and `none`.
+    #[serde(default)]
+    pub ranking: Vec<Rank>,
+    /// The gap.
+    #[serde(default)]
+    pub gap: Gap,
+    /// Time that it took, s.
+    #[serde(default)]
+    pub seconds: Option<f64>,
+}
+
+/// Where the gap lies.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Location {
+    /// Id of the stage; none where there is no gap.
+    #[serde(default)]
+    pub stage: Option<String>,
+}
+
+/// One effect blamed.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Blamed {
+    /// Its id.
+    pub id: String,
+    /// Its parameters; the first is its size.
+    #[serde(default)]
+    pub parameters: Vec<Size>,
+}
+
+/// A parameter with its interval, both in the unit of the effect's parameter.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Size {
+    /// Its value; the unit is the parameter's own.
+    #[serde(default)]
+    pub value: Option<f64>,
+    /// The interval that holds the truth nine times in ten.
+    #[serde(default)]
+    pub ci90: Option<[Option<f64>; 2]>,
+}
+
+/// One row of the ranking.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Rank {
+    /// An effect's id, `unknown` or `none`.
+    pub id: String,
+    /// Probability.
+    #[serde(default)]
+    pub probability: Option<f64>,
+}
+
+/// The gap as far as it is scored.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Gap {
+    /// What the blamed effects close of it.
+    #[serde(default)]
+    pub closure: Size,
+}
+
+/// A report that cannot be scored.
+#[derive(Debug, thiserror::Error)]
+pub enum SaidError {
+    /// Not JSON, or not of the contract.
+    #[error("expected a report of the schema govtwin-diagnosis/1: {0}")]
+    Malformed(#[from] serde_json::Error),
+    /// A verdict that nobody knows.
+    #[error("expected a verdict `named`, `class`, `unknown`, `no_gap` or `not_excited`, found `{0}`")]
+    Verdict(String),
+}
+
+impl Said {
+    /// Reads a report.
+    ///
+    /// # Errors
+    /// When it is not of the contract.
+    pub fn read(json: &str) -> Result<Self, SaidError> {
+        let said: Self = serde_json::from_str(json)?;
+        if said.verdict().is_none() {
+            return Err(SaidError::Verdict(said.verdict));
+        }
+        Ok(said)
+    }
+
+    /// As JSON of the contract.
+    #[must_use]
+    pub fn to_json(&self) -> String {
+        serde_json::to_string_pretty(self).unwrap_or_default() + "\n"
+    }
+
+    /// The verdict.
+    #[must_use]
+    pub fn verdict(&self) -> Option<Verdict> {
+        [Verdict::Named, Verdict::Class, Verdict::Unknown, Verdict::NoGap, Verdict::NotExcited]
+            .into_iter()
+            .find(|verdict| verdict.id() == self.verdict)
+    }
+
+    /// Whether it says that something is there.
+    #[must_use]
+    pub fn detects(&self) -> bool {
+        matches!(self.verdict(), Some(Verdict::Named | Verdict::Class | Verdict::Unknown))
+    }
+
+    /// Probability given to an id; 0 where the ranking lacks it.
+    #[must_use]
+    pub fn probability(&self, id: &str) -> f64 {
+        self.ranking.iter().find(|rank| rank.id == id).and_then(|rank| rank.probability).unwrap_or(0.0)
+    }
+
+    /// The most probable id of all; `none` where the ranking is empty.
+    #[must_use]
+    pub fn first(&self) -> &str {
+        let mut best: Option<&Rank> = None;
+        for rank in &self.ranking {
+            if best.is_none_or(|best| rank.probability > best.probability) {
+                best = Some(rank);
+            }
+        }
+        best.map_or("none", |rank| rank.id.as_str())
+    }
+
+    /// The one word that the verdict comes down to: an effect's id, `unknown` or `none`.
+    #[must_use]
+    pub fn word(&self) -> &str {
+        match self.verdict() {
+            Some(Verdict::Named | Verdict::Class) => {
+                let likelier = |a: &&Blamed, b: &&Blamed| {
+                    // Of equals the first, as the report lists them.
+                    self.probability(&a.id).total_cmp(&self.probability(&b.id)).then(std::cmp::Ordering::Greater)
+                };
+                self.effects.iter().max_by(likelier).map_or("unknown", |effect| effect.id.as_str())
+            }
+            Some(Verdict::Unknown) => "unknown",
+            _ => "none",
+        }
+    }
+
+    /// Whether an effect is blamed.
+    #[must_use]
+    pub fn blames(&self, id: &str) -> bool {
+        self.effects.iter().any(|effect| effect.id == id)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_report_of_the_contract_is_read() {
+        let report = r#"{"schema": "govtwin-diagnosis/1", "verdict": "named",
+            "location": {"stage": "servomotor", "probability": {"servomotor": 0.97}},
+            "effects": [{"id": "port_overlap", "stage": "servomotor", "probability": 0.93,
+                "parameters": [{"name": "extra_overlap_m", "value": 3.1e-4, "ci90": [2.8e-4, null], "unit": "m"}],
+                "closure": {"value": 0.91, "ci90": [0.87, 0.94]}}],
+            "ranking": [{"id": "unknown", "probability": 0.04}, {"id": "port_overlap", "probability": 0.93}],
+            "gap": {"signals": [], "closure": {"value": 0.91, "ci90": [0.87, 0.94]}}, "seconds": 41.0}"#;
+        let said = Said::read(report).unwrap();
+        assert!(said.detects() && said.first() == "port_overlap" && said.word() == "port_overlap");
+        assert_eq!(said.effects[0].parameters[0].ci90, Some([Some(2.8e-4), None]));
+        assert_eq!(said.probability("backlash"), 0.0);
+        assert_eq!(Said::read(&said.to_json()).unwrap(), said);
+        assert!(matches!(Said::read(r#"{"verdict": "perhaps"}"#), Err(SaidError::Verdict(_))));
+        assert!(matches!(Said::read("{"), Err(SaidError::Malformed(_))));
+        let silent = Said::read(r#"{"verdict": "no_gap", "location": {"stage": null}}"#).unwrap();
+        assert!(silent.word() == "none" && !silent.detects() && silent.first() == "none");
+    }
+}

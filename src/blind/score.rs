@@ -1,0 +1,340 @@
+//! The measures: how right the diagnoses of a set of units were.
+
+use std::collections::BTreeMap;
+
+use crate::battery::Label;
+use crate::blind::said::Said;
+use crate::blind::statistics::{Bin, Measured, reliability};
+use crate::diagnosis::outcome::Verdict;
+
+/// Strength from which an effect must be seen, over the noise floor.
+const VISIBLE_RATIO: f64 = 3.0;
+/// A class with more members is no answer.
+const LARGEST_CLASS: usize = 3;
+
+/// One unit: what was said of it, and what is so.
+#[derive(Clone, Debug)]
+pub struct Scored {
+    /// What was said.
+    pub said: Said,
+    /// What is so.
+    pub label: Label,
+    /// Closure on recordings that the diagnosis never saw; none where nobody tried.
+    pub realised_closure: Option<f64>,
+}
+
+/// One measure with its target.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Measure {
+    /// Key in files.
+    pub id: &'static str,
+    /// What it is.
+    pub name: &'static str,
+    /// Its value.
+    pub measured: Measured,
+    /// The target, in words; empty where there is none.
+    pub target: &'static str,
+    /// Whether the value reaches the target; none without target or cases.
+    pub reached: Option<bool>,
+}
+
+/// The score of one method.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Score {
+    /// All measures.
+    pub measures: Vec<Measure>,
+    /// How often each word was said of each truth.
+    pub confusion: Confusion,
+    /// Probabilities said against how often it was so.
+    pub reliability: Vec<Bin>,
+}
+
+/// Truths by words: counts.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Confusion {
+    /// What is so: `none`, effects, `outside`.
+    pub truths: Vec<String>,
+    /// What was said: `none`, effects, `unknown`.
+    pub words: Vec<String>,
+    /// Counts by truth, then by word.
+    pub counts: Vec<Vec<usize>>,
+}
+
+impl Scored {
+    fn sound(&self) -> bool {
+        self.label.effects.is_empty()
+    }
+
+    fn single(&self) -> bool {
+        self.label.listed && self.label.effects.len() == 1
+    }
+
+    fn pair(&self) -> bool {
+        self.label.listed && self.label.effects.len() > 1
+    }
+
+    /// Strong enough to be seen; where nobody measured the strength, every effect counts.
+    fn visible(&self) -> bool {
+        let strength = self.label.strength_ratio;
+        !self.sound() && (strength.is_nan() || strength >= VISIBLE_RATIO)
+    }
+
+    fn says(&self, verdict: Verdict) -> bool {
+        self.said.verdict() == Some(verdict)
+    }
+
+    fn stage_is_right(&self) -> bool {
+        let stage = self.said.location.stage.as_deref();
+        self.label.effects.iter().any(|truth| Some(truth.stage.id()) == stage)
+    }
+
+    fn first_truth(&self) -> &str {
+        self.label.effects.first().map_or("none", |truth| truth.id.as_str())
+    }
+
+    fn blamed_in_small_class(&self) -> bool {
+        self.said.blames(self.first_truth()) && self.said.effects.len() <= LARGEST_CLASS
+    }
+
+    /// Whether an id of the ranking is true of the unit.
+    fn holds(&self, id: &str) -> bool {
+        match id {
+            "none" => self.sound(),
+            "unknown" => !self.label.listed,
+            id => self.label.listed && self.label.effects.iter().any(|truth| truth.id == id),
+        }
+    }
+
+    /// Whether the claimed interval of the size holds the truth; none where the right effect is not blamed with one.
+    fn size_is_covered(&self) -> Option<bool> {
+        let truth = self.label.effects.first().filter(|_| self.single())?;
+        let blamed = self.said.effects.iter().find(|effect| effect.id == truth.id)?;
+        let [low, high] = blamed.parameters.first()?.ci90?;
+        Some((low?..=high?).contains(&truth.size))
+    }
+
+    fn closure_is_covered(&self) -> Option<bool> {
+        let realised = self.realised_closure.filter(|_| self.says(Verdict::Named))?;
+        let [low, high] = self.said.gap.closure.ci90?;
+        Some((low?..=high?).contains(&realised))
+    }
+}
+
+/// Scores a set of units.
+#[must_use]
+pub fn score(cases: &[Scored]) -> Score {
+    let mut pairs = Vec::new();
+    for case in cases {
+        pairs.extend(case.said.ranking.iter().map(|rank| (rank.probability.unwrap_or(0.0), case.holds(&rank.id))));
+    }
+    Score { measures: measures(cases), confusion: confusion(cases), reliability: reliability(&pairs) }
+}
+
+fn measures(cases: &[Scored]) -> Vec<Measure> {
+    let all = || cases.iter();
+    let singles = || all().filter(|case| case.single());
+    let visible_singles = || singles().filter(|case| case.visible());
+    let pairs = || all().filter(|case| case.pair());
+    let shares = |named: &Scored| named.label.effects.iter().filter(|truth| named.said.blames(&truth.id)).count();
+    let at_least = |measured: Measured, least: f64| (measured.cases > 0).then_some(measured.value >= least);
+    let at_most = |measured: Measured, most: f64| (measured.cases > 0).then_some(measured.value <= most);
+    let within = |measured: Measured, low: f64, high: f64| {
+        (measured.cases > 0).then_some((low..=high).contains(&measured.value))
+    };
+    let probabilities: Vec<f64> = singles().map(|case| case.said.probability(case.first_truth())).collect();
+    let seconds: Vec<f64> = all().filter_map(|case| case.said.seconds).collect();
+
+    let false_alarm = Measured::of(all().filter(|case| case.sound()).map(|case| case.said.detects()));
+    let detection = Measured::of(all().filter(|case| case.visible()).map(|case| case.said.detects()));
+    let first = Measured::of(singles().map(|case| case.said.word() == case.first_truth()));
+    let visible_first = Measured::of(visible_singles().map(|case| case.said.word() == case.first_truth()));
+    let in_class = Measured::of(singles().map(Scored::blamed_in_small_class));
+    let visible_in_class = Measured::of(visible_singles().map(Scored::blamed_in_small_class));
+    let stage = Measured::of(all().filter(|case| !case.sound()).map(Scored::stage_is_right));
+    let visible_stage = Measured::of(all().filter(|case| case.visible()).map(Scored::stage_is_right));
+    let probability = Measured::mean(&probabilities);
+    let both = Measured::of(pairs().map(|case| shares(case) == case.label.effects.len()));
+    let one = Measured::of(pairs().map(|case| shares(case) > 0));
+    let unknown = Measured::of(all().filter(|case| !case.label.listed).map(|case| case.says(Verdict::Unknown)));
+    let placed = Measured::of(
+        all().filter(|case| !case.label.listed && case.says(Verdict::Unknown)).map(Scored::stage_is_right),
+    );
+    let false_unknown = Measured::of(all().filter(|case| case.label.listed).map(|case| case.says(Verdict::Unknown)));
+    let closure = Measured::of(all().filter_map(Scored::closure_is_covered));
+    let size = Measured::of(all().filter_map(Scored::size_is_covered));
+    let time = Measured::mean(&seconds);
+    let row = |id, name, measured, target, reached| Measure { id, name, measured, target, reached };
+    vec![
+        row("false_alarm", "false alarm on sound units", false_alarm, "≤ 2 %", at_most(false_alarm, 0.02)),
+        row("detection", "detection at ≥ 3 times the noise", detection, "≥ 95 %", at_least(detection, 0.95)),
+        row("single_first", "right single effect first", first, "≥ 85 %", at_least(first, 0.85)),
+        row("single_first_visible", "… of those at ≥ 3 times the noise", visible_first, "", None),
+        row(
+            "single_in_class",
+            "right single effect in a class of at most 3",
+            in_class,
+            "≥ 95 %",
+            at_least(in_class, 0.95),
+        ),
+        row("single_in_class_visible", "… of those at ≥ 3 times the noise", visible_in_class, "", None),
+        row("stage", "stage right", stage, "≥ 95 %", at_least(stage, 0.95)),
+        row("stage_visible", "… of those at ≥ 3 times the noise", visible_stage, "", None),
+        row("probability", "mean probability on the true effect", probability, "≥ 0.85", at_least(probability, 0.85)),
+        row("pair_both", "pairs: both named", both, "≥ 60 %", at_least(both, 0.60)),
+        row("pair_one", "pairs: at least one named", one, "≥ 95 %", at_least(one, 0.95)),
+        row("unknown", "outside the catalogue called unknown", unknown, "≥ 80 %", at_least(unknown, 0.80)),
+        row("unknown_stage", "… and placed in the right stage", placed, "", None),
+        row("false_unknown", "false unknown", false_unknown, "≤ 5 %", at_most(false_unknown, 0.05)),
+        row(
+            "closure_coverage",
+            "closure on fresh recordings inside the 90 % interval",
+            closure,
+            "85–95 %",
+            within(closure, 0.85, 0.95),
+        ),
+        row("size_coverage", "true size inside the 90 % interval", size, "", None),
+        row("seconds", "time for one unit, s", time, "≤ 60 s", at_most(time, 60.0)),
+    ]
+}
+
+fn confusion(cases: &[Scored]) -> Confusion {
+    let mut counts: BTreeMap<(usize, String), BTreeMap<(usize, String), usize>> = BTreeMap::new();
+    let place = |word: &str| {
+        let order = match word {
+            "none" => 0,
+            "outside" | "unknown" => 2,
+            _ => 1,
+        };
+        (order, word.to_owned())
+    };
+    for case in cases.iter().filter(|case| !case.pair()) {
+        let truth = if case.label.listed { case.first_truth() } else { "outside" };
+        *counts.entry(place(truth)).or_default().entry(place(case.said.word())).or_default() += 1;
+    }
+    let mut words: Vec<(usize, String)> = counts.values().flat_map(|row| row.keys().cloned()).collect();
+    words.sort();
+    words.dedup();
+    Confusion {
+        truths: counts.keys().map(|(_, truth)| truth.clone()).collect(),
+        counts: counts
+            .values()
+            .map(|row| words.iter().map(|word| row.get(word).copied().unwrap_or(0)).collect())
+            .collect(),
+        words: words.into_iter().map(|(_, word)| word).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::battery::Truth;
+    use crate::blind::said::{Blamed, Gap, Location, Rank, Size};
+    use crate::effects::Stage;
+
+    fn truth(id: &str, stage: Stage) -> Truth {
+        Truth { id: id.into(), stage, size: 1.0, unit: "1".into(), meaning: String::new() }
+    }
+
+    /// A case: true ids, listed, strength, verdict, stage said, blamed ids with a probability each.
+    fn case(
+        truths: &[&str],
+        listed: bool,
+        strength: f64,
+        verdict: &str,
+        stage: &str,
+        blamed: &[(&str, f64)],
+    ) -> Scored {
+        let size = |low, high| Size { value: Some(1.0), ci90: Some([Some(low), Some(high)]) };
+        let mut ranking: Vec<Rank> =
+            blamed.iter().map(|(id, p)| Rank { id: (*id).into(), probability: Some(*p) }).collect();
+        ranking.push(Rank { id: "unknown".into(), probability: Some(if verdict == "unknown" { 0.95 } else { 0.01 }) });
+        ranking.push(Rank { id: "none".into(), probability: Some(if verdict == "no_gap" { 0.95 } else { 0.01 }) });
+        let effects = blamed.iter().map(|(id, _)| Blamed { id: (*id).into(), parameters: vec![size(0.9, 1.2)] });
+        Scored {
+            said: Said {
+                verdict: verdict.into(),
+                location: Location { stage: (!stage.is_empty()).then(|| stage.into()) },
+                effects: effects.collect(),
+                ranking,
+                gap: Gap { closure: size(0.8, 0.95) },
+                seconds: Some(10.0),
+            },
+            label: Label {
+                name: String::new(),
+                effects: truths.iter().map(|id| truth(id, Stage::Servomotor)).collect(),
+                listed,
+                strength_ratio: strength,
+            },
+            realised_closure: Some(0.9),
+        }
+    }
+
+    fn hand_made() -> Vec<Scored> {
+        vec![
+            case(&[], true, 0.0, "no_gap", "", &[]),
+            case(&[], true, 0.0, "named", "esv", &[("esv_slow", 0.8)]),
+            case(&["backlash"], true, 9.0, "named", "servomotor", &[("backlash", 0.9)]),
+            case(&["load"], true, 4.0, "class", "servomotor", &[("servo_leak", 0.5), ("load", 0.4)]),
+            case(&["load"], true, 1.0, "no_gap", "", &[]),
+            case(&["load", "backlash"], true, 9.0, "named", "servomotor", &[("load", 0.9), ("backlash", 0.8)]),
+            case(&["load", "backlash"], true, 9.0, "named", "servomotor", &[("load", 0.9)]),
+            case(&["surge"], false, 9.0, "unknown", "servomotor", &[]),
+            case(&["cushion"], false, f64::NAN, "named", "supply", &[("supply_loss", 0.6)]),
+        ]
+    }
+
+    #[test]
+    fn measures_are_those_counted_by_hand() {
+        let score = score(&hand_made());
+        let of = |id: &str| score.measures.iter().find(|measure| measure.id == id).unwrap();
+        for (id, hits, cases) in [
+            ("false_alarm", 1, 2),
+            ("detection", 6, 6),
+            ("single_first", 1, 3),
+            ("single_first_visible", 1, 2),
+            ("single_in_class", 2, 3),
+            ("single_in_class_visible", 2, 2),
+            ("stage", 5, 7),
+            ("stage_visible", 5, 6),
+            ("pair_both", 1, 2),
+            ("pair_one", 2, 2),
+            ("unknown", 1, 2),
+            ("unknown_stage", 1, 1),
+            ("false_unknown", 0, 7),
+            ("closure_coverage", 5, 5),
+            ("size_coverage", 2, 2),
+        ] {
+            assert_eq!(of(id).measured, Measured::share(hits, cases), "{id}");
+        }
+        assert!((of("probability").measured.value - (0.9 + 0.4 + 0.0) / 3.0).abs() < 1e-12);
+        assert_eq!(of("seconds").measured.value, 10.0);
+        assert_eq!(of("false_alarm").reached, Some(false));
+        assert_eq!(of("detection").reached, Some(true));
+        assert_eq!(of("stage_visible").reached, None);
+    }
+
+    #[test]
+    fn the_confusion_counts_every_unit_but_pairs_once() {
+        let confusion = score(&hand_made()).confusion;
+        assert_eq!(confusion.truths, ["none", "backlash", "load", "outside"]);
+        assert_eq!(confusion.words, ["none", "backlash", "esv_slow", "servo_leak", "supply_loss", "unknown"]);
+        assert_eq!(confusion.counts.iter().flatten().sum::<usize>(), 7);
+        assert_eq!(confusion.counts[2], [1, 0, 0, 1, 0, 0]);
+    }
+
+    #[test]
+    fn reliability_asks_what_was_so() {
+        // Of "none" at 0.95 one of two was so, of "unknown" at 0.95 the one; of the effects at 0.9 all three.
+        let bins = score(&hand_made()).reliability;
+        let last = bins.last().unwrap();
+        assert_eq!(last.was, Measured::share(5, 6));
+        assert!((last.said_probability - (3.0 * 0.95 + 3.0 * 0.9) / 6.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn nothing_scored_is_no_number() {
+        for measure in score(&[]).measures {
+            assert!(measure.measured.value.is_nan() && measure.reached.is_none(), "{}", measure.id);
+        }
+    }
+}
