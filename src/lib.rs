@@ -22,6 +22,7 @@ pub mod residual;
 pub mod twin;
 
 // judgement
+pub mod baselines;
 pub mod battery;
 pub mod blind;
 pub mod comparison;

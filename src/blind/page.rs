@@ -1,1 +1,231 @@
-//! The page of a score.
+//! The page of a score: the measures beside their targets, who was taken for whom, how far probabilities can be trusted.
+
+use crate::blind::score::{Confusion, Measure, Score, Scored};
+use crate::blind::statistics::{Bin, Measured};
+use crate::report::draw::{DrawError, svg};
+use crate::report::ink::Ink;
+use crate::report::page::{KeyFigure, Page, Tone};
+use crate::report::picture::{Mark, Panel, Picture, Shape};
+use crate::report::table::{Table, significant};
+
+/// One method with its score, the diagnosis first.
+#[derive(Clone, Debug)]
+pub struct Method {
+    /// What people call it.
+    pub name: String,
+    /// Its score.
+    pub score: Score,
+}
+
+/// The page; `cases` are those of the first method.
+///
+/// # Errors
+/// Where a picture cannot be drawn.
+pub fn page(methods: &[Method], cases: &[Scored], subtitle: &str) -> Result<Page, DrawError> {
+    let mut page = Page::new("Blind check: what was said against what is so", subtitle);
+    let body = &mut page.body;
+    let Some(first) = methods.first() else {
+        body.note(Tone::Warning, "Nothing was scored.");
+        return Ok(page);
+    };
+    let judged = first.score.measures.iter().filter(|measure| measure.reached.is_some()).count();
+    let reached = first.score.measures.iter().filter(|measure| measure.reached == Some(true)).count();
+    body.lead(format!("{reached} of {judged} targets reached on {} units whose faults were withheld.", cases.len()));
+    let shown = ["false_alarm", "detection", "single_first", "unknown"];
+    body.key_figures(first.score.measures.iter().filter(|measure| shown.contains(&measure.id)).map(|measure| {
+        let value = percent(measure.measured.value);
+        let hint = format!("{} of {} units; target {}", interval(measure), measure.measured.cases, measure.target);
+        KeyFigure::new(measure.name, value, "%").hint(hint)
+    }));
+    body.note(
+        Tone::Plain,
+        "All units are synthetic: made by simulators that share the data sheet with the twin, but not its equations.",
+    );
+    body.heading("Measures");
+    body.figure(
+        svg(&measures_picture(first))?,
+        "Shares with Wilson's 95 % intervals; green where the target is reached, red where it is missed, grey without target.",
+    );
+    body.table(
+        measures_table(methods),
+        "Value, 95 % interval, number of units; the baselines go through the same harness.",
+    );
+    body.heading("Who was taken for whom");
+    body.figure(
+        svg(&confusion_picture(&first.score.confusion))?,
+        "Rows: what is in the unit. Columns: the first word of the verdict. Units with two effects are not in it.",
+    );
+    body.heading("Probabilities");
+    body.figure(
+        svg(&reliability_picture(methods))?,
+        "How often it was so when a probability was given; on the diagonal the probabilities mean what they say.",
+    );
+    body.heading("Units");
+    body.table(
+        cases_table(cases),
+        "Strength: RMS by which the faults move the strongest recorded signal, over its noise floor.",
+    );
+    Ok(page)
+}
+
+fn percent(share: f64) -> String {
+    significant(100.0 * share, 3)
+}
+
+/// A value as text: percent for shares, plain for times and probabilities.
+fn value_text(measure: &Measure) -> String {
+    match measure.id {
+        "seconds" | "probability" => significant(measure.measured.value, 3),
+        _ if measure.measured.cases == 0 => "–".to_owned(),
+        _ => format!("{} %", percent(measure.measured.value)),
+    }
+}
+
+fn interval(measure: &Measure) -> String {
+    let Measured { low, high, cases, .. } = measure.measured;
+    match measure.id {
+        _ if cases == 0 => String::new(),
+        "seconds" | "probability" => format!("[{}, {}]", significant(low, 3), significant(high, 3)),
+        _ => format!("[{}, {}]", percent(low), percent(high)),
+    }
+}
+
+/// The table of measures: targets, the diagnosis, the baselines.
+#[must_use]
+pub fn measures_table(methods: &[Method]) -> Table {
+    let mut table = Table::new().words("measure").words("target");
+    for (place, method) in methods.iter().enumerate() {
+        table = table.numbers_of(method.name.as_str(), "value").numbers_of(method.name.as_str(), "95 %");
+        if place == 0 {
+            table = table.numbers_of(method.name.as_str(), "units").words("");
+        }
+    }
+    let Some(first) = methods.first() else { return table };
+    for (row, measure) in first.score.measures.iter().enumerate() {
+        let mut cells = vec![measure.name.to_owned(), measure.target.to_owned()];
+        for (place, method) in methods.iter().enumerate() {
+            let Some(own) = method.score.measures.get(row) else { continue };
+            cells.extend([value_text(own), interval(own)]);
+            if place == 0 {
+                let mark = match own.reached {
+                    Some(true) => "reached",
+                    Some(false) => "missed",
+                    None => "",
+                };
+                cells.extend([own.measured.cases.to_string(), mark.to_owned()]);
+            }
+        }
+        table.row(cells);
+    }
+    table
+}
+
+fn measures_picture(method: &Method) -> Picture {
+    let shares: Vec<&Measure> = method
+        .score
+        .measures
+        .iter()
+        .filter(|measure| measure.id != "seconds" && measure.measured.cases > 0)
+        .rev()
+        .collect();
+    let height = |place: usize| place as f64;
+    let mut panel = Panel::new("share of units, or mean probability")
+        .height(26 * u32::try_from(shares.len().max(4)).unwrap_or(10))
+        .x_range(0.0, 1.0)
+        .y_range(-0.6, shares.len().max(1) as f64 - 0.4)
+        .y_categories(shares.iter().map(|measure| measure.name));
+    for (ink, wanted) in [(Ink::Good, Some(true)), (Ink::Alarm, Some(false)), (Ink::Muted, None)] {
+        let own = || shares.iter().enumerate().filter(|(_, measure)| measure.reached == wanted);
+        let lines = own().map(|(k, m)| [m.measured.low.max(0.0), height(k), m.measured.high.min(1.0), height(k)]);
+        let dots = own().map(|(k, m)| [m.measured.value, height(k)]).collect();
+        panel = panel.mark(Mark { width_px: 3.0, ..Mark::new(Shape::Segments(lines.collect()), ink, "") }).mark(Mark {
+            width_px: 4.5,
+            opacity: 1.0,
+            ..Mark::new(Shape::Dots(dots), ink, "")
+        });
+    }
+    Picture::grid("Measures with their intervals", 1, vec![panel])
+}
+
+fn confusion_picture(confusion: &Confusion) -> Picture {
+    let rows: Vec<Vec<f64>> = confusion
+        .counts
+        .iter()
+        .rev()
+        .map(|row| row.iter().map(|&count| if count == 0 { f64::NAN } else { count as f64 }).collect())
+        .collect();
+    let full = confusion.counts.iter().flatten().copied().max().unwrap_or(1) as f64;
+    let numbered: Vec<String> = confusion.words.iter().enumerate().map(|(k, _)| (k + 1).to_string()).collect();
+    let side = confusion.words.iter().enumerate().map(|(k, word)| format!("{} {word}", k + 1));
+    let legend = side.collect::<Vec<_>>().join(", ");
+    let panel = Panel::new("units")
+        .height(24 * u32::try_from(rows.len().max(4)).unwrap_or(10))
+        .x_name(if confusion.words.len() > 8 { legend } else { "said".to_owned() })
+        .x_categories(if confusion.words.len() > 8 { numbered } else { confusion.words.clone() })
+        .y_categories(confusion.truths.iter().rev().cloned())
+        .mark(Mark::new(Shape::Cells { rows, full, below: Ink::Alarm, decimals: 0 }, Ink::Simulated, ""));
+    Picture::grid("What is in a unit against what was said of it", 1, vec![panel])
+}
+
+fn reliability_picture(methods: &[Method]) -> Picture {
+    let mut panel = Panel::new("how often it was so")
+        .height(300)
+        .x_name("probability said")
+        .x_range(0.0, 1.0)
+        .y_range(0.0, 1.0)
+        .mark(Mark::new(Shape::Segments(vec![[0.0, 0.0, 1.0, 1.0]]), Ink::Muted, "what it should be"));
+    for (place, (method, ink)) in methods.iter().zip(Ink::SERIES).enumerate() {
+        let point = |bin: &Bin| [bin.said_probability, bin.was.value];
+        let points: Vec<[f64; 2]> = method.score.reliability.iter().map(point).collect();
+        panel = panel.line(ink, &method.name, points.clone());
+        if place == 0 {
+            let whiskers = method
+                .score
+                .reliability
+                .iter()
+                .map(|b| [b.said_probability, b.was.low, b.said_probability, b.was.high]);
+            panel = panel.dots(ink, "", points).mark(Mark::new(Shape::Segments(whiskers.collect()), ink, ""));
+        }
+    }
+    Picture::grid("Reliability of the probabilities", 1, vec![panel])
+}
+
+/// Case by case: what is so, what was said.
+#[must_use]
+pub fn cases_table(cases: &[Scored]) -> Table {
+    let mut table = Table::new()
+        .words("unit")
+        .words("what is in it")
+        .numbers("strength")
+        .words("verdict")
+        .words("blamed")
+        .words("stage")
+        .numbers("p(truth)")
+        .words("");
+    for case in cases {
+        let truths: Vec<&str> = case.label.effects.iter().map(|truth| truth.id.as_str()).collect();
+        let mut truth = if truths.is_empty() { "nothing".to_owned() } else { truths.join(" + ") };
+        if !case.label.listed {
+            truth += " (not in the catalogue)";
+        }
+        let blamed: Vec<&str> = case.said.effects.iter().map(|effect| effect.id.as_str()).collect();
+        let true_word = match truths.first() {
+            _ if !case.label.listed => "unknown",
+            None => "none",
+            Some(first) => first,
+        };
+        let right = case.said.word() == true_word
+            || (case.label.listed && truths.iter().any(|truth| case.said.word() == *truth));
+        table.row([
+            case.label.name.clone(),
+            truth,
+            significant(case.label.strength_ratio, 2),
+            case.said.verdict.clone(),
+            blamed.join(", "),
+            case.said.location.stage.clone().unwrap_or_default(),
+            significant(case.said.probability(true_word), 2),
+            if right { String::new() } else { "wrong".to_owned() },
+        ]);
+    }
+    table
+}

@@ -8,7 +8,21 @@ use crate::source::Source;
 const FLOORS: &[(&str, &[&str])] = &[
     ("entry", &["main", "cli", "commands"]),
     ("edges", &["bag", "files", "msg", "node", "params"]),
-    ("judgement", &["battery", "blind", "comparison", "diagnosis", "generate", "metrics", "replay", "report", "tuning"]),
+    (
+        "judgement",
+        &[
+            "baselines",
+            "battery",
+            "blind",
+            "comparison",
+            "diagnosis",
+            "generate",
+            "metrics",
+            "replay",
+            "report",
+            "tuning",
+        ],
+    ),
     ("heart", &["twin"]),
     ("corrections", &["effects", "residual"]),
     ("physics", &["plant", "solver"]),

@@ -1,0 +1,95 @@
+//! Plain ways to find the effect, against which the diagnosis must prove itself.
+//!
+//! All get what the diagnosis gets: simulator, tolerances, noise model, the nominal model refitted. They differ in the rule that
+//! turns misses into a verdict. None can say `unknown` but by finding nothing.
+
+pub mod bank;
+pub mod free;
+pub mod ground;
+pub mod least_squares;
+pub mod sparse;
+
+use crate::baselines::ground::Ground;
+use crate::blind::said::{Blamed, Location, Rank, Said, Size};
+use crate::diagnosis::outcome::Verdict;
+use crate::effects::EffectSpec;
+
+/// A baseline: a name and a rule.
+#[derive(Clone, Copy, Debug)]
+pub struct Baseline {
+    /// Its key in files.
+    pub id: &'static str,
+    /// What it does.
+    pub name: &'static str,
+    /// Its rule.
+    pub judge: fn(&Ground) -> Said,
+}
+
+/// All baselines.
+pub const BASELINES: &[Baseline] = &[
+    Baseline { id: "least_squares", name: "least squares and BIC over the catalogue", judge: least_squares::judge },
+    Baseline { id: "bank", name: "nearest residual in a bank of models", judge: bank::judge },
+    Baseline { id: "sparse", name: "sparse regression on the discrepancy", judge: sparse::judge },
+    Baseline { id: "free", name: "everything fitted freely", judge: free::judge },
+];
+
+/// What a rule found of one effect.
+#[derive(Clone, Debug)]
+struct Found {
+    spec: &'static EffectSpec,
+    /// Logarithm of how much better the effect explains the misses than nothing does, whatever the rule counts, 1.
+    evidence: f64,
+    /// Position of its size and the standard deviation of it, in typical sizes.
+    size: Option<(f64, f64)>,
+    blamed: bool,
+}
+
+/// A verdict: probabilities in proportion to `exp(evidence)`, with nothing at evidence 0.
+fn said(found: &[Found]) -> Said {
+    let highest = found.iter().map(|one| one.evidence).fold(0.0, f64::max);
+    let weight = |evidence: f64| (evidence - highest).exp();
+    let sum: f64 = weight(0.0) + found.iter().map(|one| weight(one.evidence)).sum::<f64>();
+    let rank = |id: &str, evidence: f64| Rank { id: id.to_owned(), probability: Some(weight(evidence) / sum) };
+    let mut ranking: Vec<Rank> = found.iter().map(|one| rank(one.spec.id, one.evidence)).collect();
+    ranking.push(rank("none", 0.0));
+    ranking.sort_by(|a, b| b.probability.unwrap_or(0.0).total_cmp(&a.probability.unwrap_or(0.0)));
+    let mut blamed: Vec<&Found> = found.iter().filter(|one| one.blamed).collect();
+    blamed.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+    let verdict = if blamed.is_empty() { Verdict::NoGap } else { Verdict::Named };
+    Said {
+        verdict: verdict.id().to_owned(),
+        location: Location { stage: blamed.first().map(|one| one.spec.stage.id().to_owned()) },
+        effects: blamed.iter().map(|one| blame(one)).collect(),
+        ranking,
+        ..Said::default()
+    }
+}
+
+fn blame(found: &Found) -> Blamed {
+    let first = found.spec.parameters.first();
+    let size = first.zip(found.size).map(|(parameter, (position, deviation))| {
+        let at = |position: f64| parameter.neutral + (parameter.typical - parameter.neutral) * position;
+        let (a, b) = (at(position - 1.645 * deviation), at(position + 1.645 * deviation));
+        Size { value: Some(at(position)), ci90: Some([Some(a.min(b)), Some(a.max(b))]) }
+    });
+    Blamed { id: found.spec.id.to_owned(), parameters: size.into_iter().collect() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::find;
+
+    #[test]
+    fn evidence_becomes_probabilities_and_a_verdict() {
+        let found =
+            |id: &str, evidence, blamed| Found { spec: find(id).unwrap(), evidence, size: Some((2.0, 0.1)), blamed };
+        let verdict = said(&[found("backlash", 2.0_f64.ln(), true), found("pv_bandwidth", 0.0, false)]);
+        assert!(verdict.word() == "backlash" && verdict.location.stage.as_deref() == Some("servomotor"));
+        assert!((verdict.probability("backlash") - 0.5).abs() < 1e-12);
+        assert!((verdict.probability("none") - 0.25).abs() < 1e-12);
+        let [low, high] = verdict.effects[0].parameters[0].ci90.unwrap();
+        assert!(low.unwrap() < 4.0e-3 && high.unwrap() > 4.0e-3);
+        assert_eq!(said(&[found("backlash", -1.0, false)]).word(), "none");
+    }
+}

@@ -1,0 +1,31 @@
+//! Nearest residual in a bank of simulated models: whichever model misses least is the verdict.
+//!
+//! A bank of fault models with the smallest residual as verdict is the oldest form of model-based isolation (Willsky 1976,
+//! Automatica 12(6)). Models stand at fixed sizes; nothing is refitted.
+
+use crate::baselines::ground::Ground;
+use crate::baselines::{Found, said};
+use crate::blind::said::Said;
+use crate::tuning::fit::square;
+
+/// The rule.
+#[must_use]
+pub fn judge(ground: &Ground) -> Said {
+    let nominal = square(&ground.fit.misses);
+    let best = ground.best_tries();
+    let least = best.iter().map(|one| square(&one.misses)).fold(nominal, f64::min);
+    let variance = (least / ground.count()).max(1e-9);
+    let found: Vec<Found> = best
+        .into_iter()
+        .map(|one| {
+            let miss = square(&one.misses);
+            Found {
+                spec: one.spec,
+                evidence: 0.5 * (nominal - miss) / variance,
+                size: None,
+                blamed: miss == least && miss < nominal,
+            }
+        })
+        .collect();
+    said(&found)
+}

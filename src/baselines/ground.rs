@@ -1,0 +1,143 @@
+//! What all baselines stand on: the nominal model refitted, and the effects tried on top of it at fixed sizes.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::effects::EffectSpec;
+use crate::parameters::{EffectSetting, Unit};
+use crate::recording::Recording;
+use crate::tuning::fit::{Bench, Fit, Misses, fit, square};
+use crate::tuning::knob::{Knob, unit_at};
+use crate::tuning::noise::expected;
+use crate::tuning::trial::Trial;
+
+/// Sizes at which effects are tried, in typical ones.
+const SIZES: [f64; 4] = [0.3, 1.0, 3.0, -1.0];
+
+/// The refit and the tries.
+#[derive(Clone, Debug)]
+pub struct Ground {
+    /// The recordings with their noise.
+    pub bench: Bench,
+    /// The sheet.
+    pub base: Unit,
+    /// Its tolerances.
+    pub knobs: Vec<Knob>,
+    /// The refit.
+    pub fit: Fit,
+    /// All tries.
+    pub tries: Vec<Try>,
+}
+
+/// One effect at one size on top of the refit.
+#[derive(Clone, Debug)]
+pub struct Try {
+    /// The effect.
+    pub spec: &'static EffectSpec,
+    /// The unit with the effect in it, neutral.
+    pub base: Unit,
+    /// Knobs of tolerances, then of the effect.
+    pub knobs: Vec<Knob>,
+    /// Positions of all knobs.
+    pub positions: Vec<f64>,
+    /// Misses.
+    pub misses: Misses,
+}
+
+impl Ground {
+    /// Refits the nominal model and tries every effect of a catalogue.
+    #[must_use]
+    pub fn new(recordings: Vec<Recording>, unit: &Unit, catalogue: &[&'static EffectSpec]) -> Self {
+        let noise = expected(&unit.sensors);
+        let knobs = Knob::nuisances(unit);
+        let trials = recordings.into_iter().map(Trial::new).collect();
+        let first = Bench::new(trials, unit, &noise);
+        let rough = fit(&first, unit, &knobs, &vec![0.0; knobs.len()], 4, None);
+        let bench = Bench::new(first.trials, &unit_at(unit, &knobs, &rough.positions), &noise);
+        let fit = fit(&bench, unit, &knobs, &rough.positions, 4, None);
+        let mut tries = Vec::new();
+        for &spec in catalogue {
+            let mut base = unit.clone();
+            let effect = base.effects.len();
+            let values = spec.parameters.iter().map(|parameter| parameter.neutral).collect();
+            base.effects.push(EffectSetting { id: spec.id.to_owned(), values });
+            let mut all = knobs.clone();
+            let own = spec.parameters.iter().enumerate();
+            all.extend(own.map(|(parameter, spec)| Knob::Effect { effect, parameter, spec }));
+            for size in SIZES {
+                let mut positions = fit.positions.clone();
+                for (k, knob) in all[knobs.len()..].iter().enumerate() {
+                    let (low, high) = knob.range(&base);
+                    positions.push(if k == 0 { size } else { 1.0 }.clamp(low, high));
+                }
+                if positions[knobs.len()] != 0.0 {
+                    tries.push(Try { spec, base: base.clone(), knobs: all.clone(), positions, misses: Vec::new() });
+                }
+            }
+        }
+        let units: Vec<Unit> = tries.iter().map(|one| unit_at(&one.base, &one.knobs, &one.positions)).collect();
+        for (one, misses) in tries.iter_mut().zip(bench.misses_of(&units)) {
+            one.misses = misses;
+        }
+        Self { bench, base: unit.clone(), knobs, fit, tries }
+    }
+
+    /// Number of values compared.
+    #[must_use]
+    pub fn count(&self) -> f64 {
+        self.fit.misses.iter().map(DVector::len).sum::<usize>() as f64
+    }
+
+    /// Variance of the refit's misses, 1 where the noise model is right.
+    #[must_use]
+    pub fn variance(&self) -> f64 {
+        (square(&self.fit.misses) / self.count()).max(1e-9)
+    }
+
+    /// For each effect the try whose misses are smallest.
+    #[must_use]
+    pub fn best_tries(&self) -> Vec<&Try> {
+        let mut best: Vec<&Try> = Vec::new();
+        for one in &self.tries {
+            match best.last_mut() {
+                Some(last) if last.spec.id == one.spec.id => {
+                    if square(&one.misses) < square(&last.misses) {
+                        *last = one;
+                    }
+                }
+                _ => best.push(one),
+            }
+        }
+        best
+    }
+
+    /// Change of the misses for one typical size of each effect's best try, after what the tolerances can explain is taken out:
+    /// Gram matrix of the effects, and their products with the misses.
+    #[must_use]
+    pub fn projected(&self, tries: &[&Try]) -> (DMatrix<f64>, DVector<f64>) {
+        let (n, m) = (self.knobs.len(), tries.len());
+        let mut gram = DMatrix::zeros(n + m, n + m);
+        let mut product = DVector::zeros(n + m);
+        for (trial, misses) in self.fit.misses.iter().enumerate() {
+            let columns: Vec<DVector<f64>> =
+                tries.iter().map(|one| (&one.misses[trial] - misses) / one.positions[n]).collect();
+            let mut all = DMatrix::zeros(misses.len(), n + m);
+            all.columns_mut(0, n).copy_from(&self.fit.slopes[trial]);
+            for (k, column) in columns.iter().enumerate() {
+                all.set_column(n + k, column);
+            }
+            gram += all.tr_mul(&all);
+            product += all.tr_mul(misses);
+        }
+        for k in 0..n {
+            gram[(k, k)] += 1.0;
+            product[k] += self.fit.positions[k];
+        }
+        let (a, b) = (gram.view((0, 0), (n, n)).into_owned(), gram.view((0, n), (n, m)).into_owned());
+        let Some(inverse) = a.try_inverse() else {
+            return (gram.view((n, n), (m, m)).into_owned(), product.rows(n, m).into_owned());
+        };
+        let reduced = gram.view((n, n), (m, m)) - b.tr_mul(&(&inverse * &b));
+        let left = product.rows(n, m) - b.tr_mul(&(&inverse * product.rows(0, n)));
+        (reduced, left)
+    }
+}

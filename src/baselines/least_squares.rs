@@ -1,0 +1,42 @@
+//! Least squares and BIC over the catalogue: each effect fitted with the tolerances, the best by Schwarz's criterion is the verdict.
+//!
+//! `BIC = n ln(S/n) + k ln n` (Schwarz 1978, Annals of Statistics 6(2)).
+
+use crate::baselines::ground::Ground;
+use crate::baselines::{Found, said};
+use crate::blind::said::Said;
+use crate::tuning::fit::{fit, normal};
+
+/// Rounds of a fit.
+const ROUNDS: usize = 3;
+
+/// The rule.
+#[must_use]
+pub fn judge(ground: &Ground) -> Said {
+    let n = ground.count();
+    let criterion = |cost: f64, extra: usize| n * (cost / n).ln() + extra as f64 * n.ln();
+    let nominal = criterion(ground.fit.square + ground.fit.prior, 0);
+    let variance = ground.variance();
+    let mut found: Vec<Found> = ground
+        .best_tries()
+        .into_iter()
+        .map(|one| {
+            let fitted = fit(&ground.bench, &one.base, &one.knobs, &one.positions, ROUNDS, Some(&ground.fit.slopes));
+            let extra = one.knobs.len() - ground.knobs.len();
+            let (hessian, _) = normal(&one.knobs, &fitted.positions, &fitted.misses, &fitted.slopes);
+            let place = ground.knobs.len();
+            let deviation = hessian.try_inverse().map(|spread| (variance * spread[(place, place)].max(0.0)).sqrt());
+            Found {
+                spec: one.spec,
+                evidence: 0.5 * (nominal - criterion(fitted.square + fitted.prior, extra)),
+                size: deviation.map(|deviation| (fitted.positions[place], deviation)),
+                blamed: false,
+            }
+        })
+        .collect();
+    let best = (0..found.len()).max_by(|&a, &b| found[a].evidence.total_cmp(&found[b].evidence));
+    if let Some(best) = best.filter(|&k| found[k].evidence > 0.0) {
+        found[best].blamed = true;
+    }
+    said(&found)
+}
