@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::effects::EffectSpec;
 use crate::parameters::{EffectSetting, Unit};
 use crate::recording::Recording;
-use crate::tuning::fit::{Bench, Fit, Misses, fit, square};
+use crate::tuning::fit::{Bench, Effort, Fit, Misses, fit, square};
 use crate::tuning::knob::{Knob, unit_at};
 use crate::tuning::noise::expected;
 use crate::tuning::trial::Trial;
@@ -51,9 +51,9 @@ impl Ground {
         let knobs = Knob::nuisances(unit);
         let trials = recordings.into_iter().map(Trial::new).collect();
         let first = Bench::new(trials, unit, &noise);
-        let rough = fit(&first, unit, &knobs, &vec![0.0; knobs.len()], 4, None);
+        let rough = fit(&first, unit, &knobs, &vec![0.0; knobs.len()], Effort { rounds: 4, ..Effort::FULL }, None);
         let bench = Bench::new(first.trials, &unit_at(unit, &knobs, &rough.positions), &noise);
-        let fit = fit(&bench, unit, &knobs, &rough.positions, 4, None);
+        let fit = fit(&bench, unit, &knobs, &rough.positions, Effort { rounds: 4, ..Effort::FULL }, None);
         let mut tries = Vec::new();
         for &spec in catalogue {
             let mut base = unit.clone();

@@ -5,7 +5,7 @@
 use crate::baselines::ground::Ground;
 use crate::baselines::{Found, said};
 use crate::blind::said::Said;
-use crate::tuning::fit::{fit, normal};
+use crate::tuning::fit::{Effort, fit, normal};
 
 /// Rounds of a fit.
 const ROUNDS: usize = 3;
@@ -21,9 +21,16 @@ pub fn judge(ground: &Ground) -> Said {
         .best_tries()
         .into_iter()
         .map(|one| {
-            let fitted = fit(&ground.bench, &one.base, &one.knobs, &one.positions, ROUNDS, Some(&ground.fit.slopes));
+            let fitted = fit(
+                &ground.bench,
+                &one.base,
+                &one.knobs,
+                &one.positions,
+                Effort { rounds: ROUNDS, ..Effort::SCOUT },
+                Some(&ground.fit.slopes),
+            );
             let extra = one.knobs.len() - ground.knobs.len();
-            let (hessian, _) = normal(&one.knobs, &fitted.positions, &fitted.misses, &fitted.slopes);
+            let (hessian, _) = normal(&one.knobs, &fitted.positions, &fitted.misses, &fitted.slopes, 1.0);
             let place = ground.knobs.len();
             let deviation = hessian.try_inverse().map(|spread| (variance * spread[(place, place)].max(0.0)).sqrt());
             Found {

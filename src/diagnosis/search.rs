@@ -1,130 +1,179 @@
-//! Which: every effect of the catalogue tried in turn, nuisance parameters refitted with it.
+//! Which: every effect of the catalogue tried in turn and together, the sheet's parameters refitted with it.
 
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
-use crate::effects::{CATALOGUE, EffectSpec};
+use crate::effects::EffectSpec;
 use crate::parameters::{EffectSetting, Unit};
-use crate::tuning::fit::{Bench, Fit, Misses, fit, normal, square};
+use crate::tuning::fit::{Bench, Effort, Fit, Misses, fit, normal, slopes, square};
 use crate::tuning::knob::{Knob, unit_at};
 use crate::tuning::noise::Noise;
 use crate::tuning::trial::Trial;
 
 /// Sizes at which an effect is tried first, in units of its typical size.
-const SIZES: [f64; 4] = [0.3, 1.0, 3.0, -1.0];
+const SIZES: [f64; 9] = [0.1, 0.3, 1.0, 3.0, 10.0, -0.1, -0.3, -1.0, -3.0];
 
-/// The nominal model refitted: the zero from which every effect is judged.
+/// Temperatures through which fits far from the sheet cool.
+pub const COOLING: [f64; 3] = [50.0, 5.0, 1.0];
+
+/// A model with all its knobs fitted: the sheet's tolerances, then the parameters of its effects.
 #[derive(Clone, Debug)]
-pub struct Nominal {
-    /// The unit as the sheet has it.
-    pub base: Unit,
-    /// The sheet's tolerances.
-    pub knobs: Vec<Knob>,
-    /// The refit.
-    pub fit: Fit,
-}
-
-/// Refits the nominal model; the noise is laid out anew along the refitted trajectory.
-#[must_use]
-pub fn nominal(trials: Vec<Trial>, unit: &Unit, noise: &Noise) -> (Bench, Nominal) {
-    let knobs = Knob::nuisances(unit);
-    let first = Bench::new(trials, unit, noise);
-    let rough = fit(&first, unit, &knobs, &vec![0.0; knobs.len()], 5, None);
-    let bench = Bench::new(first.trials, &unit_at(unit, &knobs, &rough.positions), noise);
-    let fine = fit(&bench, unit, &knobs, &rough.positions, 5, None);
-    (bench, Nominal { base: unit.clone(), knobs, fit: fine })
-}
-
-/// One or more effects added to the nominal model, with all knobs fitted together.
-#[derive(Clone, Debug)]
-pub struct Candidate {
-    /// The effects.
+pub struct Model {
+    /// The effects beyond those of the unit itself.
     pub effects: Vec<&'static EffectSpec>,
     /// The unit with the effects in it, neutral.
     pub base: Unit,
-    /// The sheet's tolerances, then the effects' parameters.
+    /// What was fitted.
     pub knobs: Vec<Knob>,
     /// The fit.
     pub fit: Fit,
-    /// By how much the cost fell from the model without the last effect.
-    pub gain: f64,
+}
+
+impl Model {
+    /// Squares of misses and priors together.
+    #[must_use]
+    pub fn cost(&self) -> f64 {
+        self.fit.square + self.fit.prior
+    }
+
+    /// The unit as fitted.
+    #[must_use]
+    pub fn unit(&self) -> Unit {
+        unit_at(&self.base, &self.knobs, &self.fit.positions)
+    }
+
+    /// Ids of the effects.
+    #[must_use]
+    pub fn ids(&self) -> Vec<&'static str> {
+        self.effects.iter().map(|effect| effect.id).collect()
+    }
+
+    /// Fits on from here with all the care that a report needs.
+    #[must_use]
+    pub fn refined(&self, bench: &Bench, effort: Effort) -> Self {
+        let fit = fit(bench, &self.base, &self.knobs, &self.fit.positions, effort, Some(&self.fit.slopes));
+        if fit.square + fit.prior <= self.cost() { Self { fit, ..self.clone() } } else { self.clone() }
+    }
+}
+
+/// Refits the model of the sheet; the noise is laid out anew along the refitted trajectory.
+///
+/// Returns the bench, the refitted model, and the same model unfitted.
+#[must_use]
+pub fn nominal(trials: Vec<Trial>, unit: &Unit, noise: &Noise) -> (Bench, Model, Model) {
+    let knobs = Knob::nuisances(unit);
+    let zeros: Vec<f64> = knobs.iter().map(|knob| knob.start(unit)).collect();
+    let first = Bench::new(trials, unit, noise);
+    let start = cooled(&first, unit, &knobs, &zeros, 3);
+    let bench = Bench::new(first.trials, &unit_at(unit, &knobs, &start.positions), noise);
+    let fine = fit(&bench, unit, &knobs, &start.positions, Effort::FULL, None);
+    let misses = bench.misses_of(&[unit_at(unit, &knobs, &zeros)]).pop().unwrap_or_default();
+    let slopes = slopes(&bench, unit, &knobs, &zeros, 0, &misses);
+    let sheet =
+        Fit { square: square(&misses), prior: zeros.iter().map(|p| p * p).sum(), positions: zeros, misses, slopes };
+    let model = |fit| Model { effects: Vec::new(), base: unit.clone(), knobs: knobs.clone(), fit };
+    (bench, model(fine), model(sheet))
+}
+
+/// A fit through the temperatures of [`COOLING`].
+fn cooled(bench: &Bench, unit: &Unit, knobs: &[Knob], start: &[f64], rounds: usize) -> Fit {
+    let effort = |temperature| Effort { rounds, refresh: 2, temperature };
+    let hot = fit(bench, unit, knobs, start, effort(COOLING[0]), None);
+    let warm = fit(bench, unit, knobs, &hot.positions, effort(COOLING[1]), Some(&hot.slopes));
+    fit(bench, unit, knobs, &warm.positions, effort(COOLING[2]), Some(&warm.slopes))
 }
 
 /// The least cost that refitting the leading knobs alone could reach from these misses, to first order.
-fn projected(knobs: &[Knob], positions: &[f64], misses: &Misses, slopes: &[DMatrix<f64>]) -> f64 {
+fn projected(knobs: &[Knob], positions: &[f64], misses: &Misses, slopes: &[DMatrix<f64>], temperature: f64) -> f64 {
     let n = slopes.first().map_or(0, DMatrix::ncols);
-    let (hessian, gradient) = normal(&knobs[..n], &positions[..n], misses, slopes);
-    let total = square(misses) + positions[..n].iter().map(|p| p * p).sum::<f64>();
+    let (hessian, gradient) = normal(&knobs[..n], &positions[..n], misses, slopes, temperature);
+    let prior: f64 = knobs[..n].iter().zip(positions).filter(|(k, _)| k.has_prior()).map(|(_, p)| p * p).sum();
     match (hessian + DMatrix::identity(n, n) * 1e-9).cholesky() {
-        Some(cholesky) => total - gradient.dot(&cholesky.solve(&gradient)),
-        None => total,
+        Some(cholesky) => square(misses) / temperature + prior - gradient.dot(&cholesky.solve(&gradient)),
+        None => square(misses) / temperature + prior,
     }
 }
 
-/// Adds each effect of the catalogue to a model in turn, screens sizes, refines the best start.
+/// The model with one more effect, its parameters at a size in units of the typical one.
+fn with_effect(from: &Model, spec: &'static EffectSpec, size: f64) -> Option<(Unit, Vec<Knob>, Vec<f64>)> {
+    let mut base = from.base.clone();
+    let effect = base.effects.len();
+    base.effects.push(EffectSetting {
+        id: spec.id.to_owned(),
+        values: spec.parameters.iter().map(|parameter| parameter.neutral).collect(),
+    });
+    let mut knobs = from.knobs.clone();
+    let mut positions = from.fit.positions.clone();
+    for (parameter, spec) in spec.parameters.iter().enumerate() {
+        let knob = Knob::Effect { effect, parameter, spec };
+        let (low, high) = knob.range(&base);
+        positions.push(if parameter == 0 { size } else { 1.0 }.clamp(low, high));
+        knobs.push(knob);
+    }
+    let placed = positions.get(from.knobs.len()).copied();
+    // What the bounds cut short is tried at another size.
+    (placed == Some(size)).then_some((base, knobs, positions))
+}
+
+/// A place to start from: a model, and the temperatures through which a fit from there cools.
+#[derive(Clone, Copy, Debug)]
+pub struct Start<'a> {
+    /// The model.
+    pub model: &'a Model,
+    /// Temperatures, highest first.
+    pub ladder: &'a [f64],
+}
+
+/// Adds each effect to a model in turn: from each of the starts, screens sizes, then scouts the best. Best first.
 #[must_use]
-pub fn extend(bench: &Bench, base: &Unit, knobs: &[Knob], from: &Fit, skip: &[&str], refine: usize) -> Vec<Candidate> {
-    let cost = from.square + from.prior;
-    let specs: Vec<&EffectSpec> = CATALOGUE.iter().filter(|spec| !skip.contains(&spec.id)).collect();
-    let mut starts: Vec<(usize, Unit, Vec<Knob>, Vec<f64>)> = Vec::new();
-    for (index, spec) in specs.iter().enumerate() {
-        let mut unit = base.clone();
-        let effect = unit.effects.len();
-        unit.effects.push(EffectSetting {
-            id: spec.id.to_owned(),
-            values: spec.parameters.iter().map(|p| p.neutral).collect(),
-        });
-        let mut all = knobs.to_vec();
-        for (parameter, spec) in spec.parameters.iter().enumerate() {
-            all.push(Knob::Effect { effect, parameter, spec });
-        }
-        for size in SIZES {
-            let mut positions = from.positions.clone();
-            for (k, knob) in all[knobs.len()..].iter().enumerate() {
-                let (low, high) = knob.range(&unit);
-                let wanted = if k == 0 { size } else { 1.0 };
-                positions.push(wanted.clamp(low, high));
-            }
-            if positions[knobs.len()] != 0.0 {
-                starts.push((index, unit.clone(), all.clone(), positions));
-            }
-        }
-    }
-    let units: Vec<Unit> = starts.iter().map(|(_, unit, all, at)| unit_at(unit, all, at)).collect();
-    let screened: Vec<f64> =
-        bench.misses_of(&units).iter().map(|misses| projected(knobs, &from.positions, misses, &from.slopes)).collect();
-    let mut best: Vec<Option<usize>> = vec![None; specs.len()];
-    for (k, (index, ..)) in starts.iter().enumerate() {
-        if best[*index].is_none_or(|b| screened[k] < screened[b]) {
-            best[*index] = Some(k);
-        }
-    }
-    let mut order: Vec<usize> = best.into_iter().flatten().collect();
-    order.sort_by(|&a, &b| screened[a].total_cmp(&screened[b]));
-    order
-        .into_iter()
-        .enumerate()
-        .map(|(rank, k)| {
-            let (index, unit, all, at) = &starts[k];
-            let rounds = if rank < refine { 6 } else { 3 };
-            let fit = fit(bench, unit, all, at, rounds, Some(&from.slopes));
-            Candidate {
-                effects: vec![specs[*index]],
-                base: unit.clone(),
-                knobs: all.clone(),
-                gain: cost - fit.square - fit.prior,
-                fit,
-            }
+pub fn extend(bench: &Bench, starts: &[Start<'_>], catalogue: &[&'static EffectSpec]) -> Vec<Model> {
+    let mut models: Vec<Model> = catalogue
+        .par_iter()
+        .filter_map(|spec| {
+            starts
+                .iter()
+                .filter(|start| !start.model.effects.iter().any(|effect| effect.id == spec.id))
+                .filter_map(|start| scout(bench, *start, spec))
+                .min_by(|a, b| a.cost().total_cmp(&b.cost()))
         })
-        .collect()
+        .collect();
+    models.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
+    models
 }
 
-/// Standard deviations of the knobs about a fit.
-#[must_use]
-pub fn deviations(knobs: &[Knob], fit: &Fit) -> DVector<f64> {
-    let (hessian, _) = normal(knobs, &fit.positions, &fit.misses, &fit.slopes);
-    let n = knobs.len();
-    match (hessian + DMatrix::identity(n, n) * 1e-9).try_inverse() {
-        Some(inverse) => inverse.diagonal().map(|v| v.max(0.0).sqrt()),
-        None => DVector::from_element(n, f64::INFINITY),
+/// The model with one effect more, at the best of several sizes, fitted quickly.
+fn scout(bench: &Bench, start: Start<'_>, spec: &'static EffectSpec) -> Option<Model> {
+    let from = start.model;
+    let hottest = start.ladder.first().copied().unwrap_or(1.0);
+    let price = |size: f64| {
+        let (base, knobs, positions) = with_effect(from, spec, size)?;
+        let misses = bench.misses_of(&[unit_at(&base, &knobs, &positions)]).pop()?;
+        Some((projected(&from.knobs, &from.fit.positions, &misses, &from.fit.slopes, hottest), size))
+    };
+    let cheaper = |a: &(f64, f64), b: &(f64, f64)| a.0.total_cmp(&b.0);
+    let mut best = SIZES.into_iter().filter_map(price).min_by(cheaper)?;
+    for factor in [1.8, 1.35, 1.16] {
+        best = [best.1 * factor, best.1 / factor].into_iter().filter_map(price).chain([best]).min_by(cheaper)?;
     }
+    let (base, knobs, mut positions) = with_effect(from, spec, best.1)?;
+    let mut slopes = from.fit.slopes.clone();
+    let mut fitted = None;
+    for &temperature in start.ladder {
+        let found = fit(bench, &base, &knobs, &positions, Effort { temperature, ..Effort::SCOUT }, Some(&slopes));
+        positions.clone_from(&found.positions);
+        slopes.clone_from(&found.slopes);
+        fitted = Some(found);
+    }
+    let effects = from.effects.iter().copied().chain([spec]).collect();
+    Some(Model { effects, base, knobs, fit: fitted? })
+}
+
+/// Standard deviations of the knobs about a fit, and the correlations between them.
+#[must_use]
+pub fn covariance(knobs: &[Knob], fit: &Fit) -> DMatrix<f64> {
+    let (hessian, _) = normal(knobs, &fit.positions, &fit.misses, &fit.slopes, 1.0);
+    let n = knobs.len();
+    (hessian + DMatrix::identity(n, n) * 1e-9)
+        .try_inverse()
+        .unwrap_or_else(|| DMatrix::from_diagonal(&DVector::from_element(n, f64::INFINITY)))
 }

@@ -20,7 +20,8 @@ pub fn rates(plant: &Plant, state: &State, drive: &Drive) -> State {
     let w = inward(state.servomotor_velocity_m_s, state.servomotor_position_m, 0.0, servo.stroke_m);
     let (p_1, p_2) = (state.opening_pressure_pa, state.closing_pressure_pa);
 
-    let travel_m = ports.travel_m(x);
+    let p = state.control_pressure_pa;
+    let travel_m = ports.travel_m(x + spool.stop_yield_m(x, p, drive.tank_pressure_pa));
     let flows = ports.flows(travel_m, p_1, p_2, drive.tank_pressure_pa, supply);
     let supply_pa = supply.pressure_pa(drive.tank_pressure_pa, flows.drawn_m3_s);
 
@@ -30,7 +31,6 @@ pub fn rates(plant: &Plant, state: &State, drive: &Drive) -> State {
     let pilot_rate = inward(pilot_rate, state.pilot_position_pu, -1.0, 1.0);
     pilot_pull = inward(pilot_pull, state.pilot_position_pu, -1.0, 1.0);
 
-    let p = state.control_pressure_pa;
     let pilot = valve.flow(valve.opening_pu(state.pilot_position_pu.clamp(-1.0, 1.0)), p, supply_pa, return_pa);
     let q_e = plant.esv.flow(drive.esv_opening_pu, pilot, p, return_pa).m3_s;
     let net_m3_s = q_e + fluidity * spool.leakage_m3_s(p, supply_pa, return_pa) + drive.chamber_flow_m3_s

@@ -85,7 +85,9 @@ impl Split {
         for _ in 0..self.count {
             let start_m = state.spool_position_m;
             self.spool_step(plant, state, drive, &held);
-            let middle_m = 0.5 * (start_m + state.spool_position_m);
+            let yield_m =
+                plant.spool.stop_yield_m(state.spool_position_m, state.control_pressure_pa, drive.tank_pressure_pa);
+            let middle_m = 0.5 * (start_m + state.spool_position_m) + yield_m;
             travel_sum_m += plant.main_ports.blurred_travel_m(middle_m, drive.edge_blur_m);
         }
         self.piston_step(plant, state, drive, oil, travel_sum_m / f64::from(self.count));

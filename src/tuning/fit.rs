@@ -12,7 +12,7 @@ use crate::tuning::trial::Trial;
 use crate::twin::Twin;
 
 /// Step of a forward difference, in units of a knob.
-const DIFFERENCE: f64 = 0.02;
+const DIFFERENCE: f64 = 0.05;
 
 /// A set of trials with the noise to expect of them, against which units are judged.
 #[derive(Clone, Debug)]
@@ -139,9 +139,11 @@ pub fn slopes(
     let moved = bench.misses_of(&units);
     (0..at.len())
         .map(|trial| {
-            let columns: Vec<DVector<f64>> =
-                (0..steps.len()).map(|k| (&moved[k][trial] - &at[trial]) / steps[k]).collect();
-            DMatrix::from_columns(&columns)
+            let mut slope = DMatrix::zeros(at[trial].len(), steps.len());
+            for (k, step) in steps.iter().enumerate() {
+                slope.set_column(k, &((&moved[k][trial] - &at[trial]) / *step));
+            }
+            slope
         })
         .collect()
 }
@@ -150,63 +152,99 @@ fn prior_square(knobs: &[Knob], positions: &[f64]) -> f64 {
     knobs.iter().zip(positions).filter(|(knob, _)| knob.has_prior()).map(|(_, p)| p * p).sum()
 }
 
+/// How much work a fit may be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Effort {
+    /// Steps at most.
+    pub rounds: usize,
+    /// All slopes are measured anew after so many steps; between, they are corrected by what the steps showed.
+    pub refresh: usize,
+    /// By what the squares of the misses are divided: above 1, what is known beforehand weighs more. A fit that cools from a high
+    /// temperature gives a strange parameter its due before it stretches familiar ones beyond what the sheet allows.
+    pub temperature: f64,
+}
+
+impl Effort {
+    /// Enough to tell whether a model is worth more.
+    pub const SCOUT: Self = Self { rounds: 4, refresh: 100, temperature: 1.0 };
+    /// Enough for the figures of a report.
+    pub const FULL: Self = Self { rounds: 12, refresh: 2, temperature: 1.0 };
+}
+
 /// Fits the knobs from a start.
 ///
-/// `known` are slopes for the leading knobs that are good enough to be kept all along, which saves most of the work.
+/// `known` are slopes for the leading knobs, good enough to begin with, which saves most of the work. Between measurements the
+/// slopes follow Broyden (1965): the least change that agrees with the step just made.
 #[must_use]
 pub fn fit(
     bench: &Bench,
     base: &Unit,
     knobs: &[Knob],
     start: &[f64],
-    rounds: usize,
+    effort: Effort,
     known: Option<&[DMatrix<f64>]>,
 ) -> Fit {
     let mut positions = start.to_vec();
     let mut misses = bench.misses_of(&[unit_at(base, knobs, &positions)]).pop().unwrap_or_default();
-    let slopes = |positions: &[f64], misses: &Misses| match known {
-        None => slopes(bench, base, knobs, positions, 0, misses),
+    let mut slope = match known {
+        None => slopes(bench, base, knobs, &positions, 0, &misses),
         Some(known) => {
             let kept = known.first().map_or(0, DMatrix::ncols);
-            let fresh = slopes(bench, base, knobs, positions, kept, misses);
+            let fresh = slopes(bench, base, knobs, &positions, kept, &misses);
             known.iter().zip(&fresh).map(|(a, b)| beside(a, b)).collect()
         }
     };
-    let mut slope = slopes(&positions, &misses);
-    let mut cost = square(&misses) + prior_square(knobs, &positions);
+    let mut cost = square(&misses) / effort.temperature + prior_square(knobs, &positions);
     let mut damping = 1e-3;
-    for _ in 0..rounds {
-        let (hessian, gradient) = normal(knobs, &positions, &misses, &slope);
-        let mut improved = false;
-        // A few dampings at once cost one round of parallel simulations.
-        let candidates: Vec<Vec<f64>> = [damping, damping * 30.0, damping * 1000.0]
-            .into_iter()
-            .map(|damping| step(base, knobs, &positions, &hessian, &gradient, damping))
-            .collect();
-        let units: Vec<Unit> = candidates.iter().map(|c| unit_at(base, knobs, c)).collect();
-        let mut best = None;
-        for (k, trial) in bench.misses_of(&units).into_iter().enumerate() {
-            let total = square(&trial) + prior_square(knobs, &candidates[k]);
-            if total < best.as_ref().map_or(cost, |&(_, best_cost, _): &(usize, f64, Misses)| best_cost) {
-                best = Some((k, total, trial));
+    let mut fresh = known.is_none();
+    let mut age = 0;
+    for _ in 0..effort.rounds {
+        let (hessian, gradient) = normal(knobs, &positions, &misses, &slope, effort.temperature);
+        let mut gain = 0.0;
+        for _ in 0..3 {
+            let candidate = step(base, knobs, &positions, &hessian, &gradient, damping);
+            let trial = bench.misses_of(&[unit_at(base, knobs, &candidate)]).pop().unwrap_or_default();
+            correct(&mut slope, &positions, &candidate, &misses, &trial);
+            let total = square(&trial) / effort.temperature + prior_square(knobs, &candidate);
+            if total < cost {
+                gain = cost - total;
+                (positions, misses, cost) = (candidate, trial, total);
+                damping *= 0.1;
+                break;
             }
+            damping *= 30.0;
         }
-        if let Some((k, total, trial)) = best {
-            let gain = cost - total;
-            positions.clone_from(&candidates[k]);
-            misses = trial;
-            cost = total;
-            damping *= [0.1, 3.0, 100.0][k];
-            improved = gain > 1e-3 * (1.0 + 1e-4 * cost);
-            slope = slopes(&positions, &misses);
-        } else {
-            damping *= 1e4;
-        }
-        if !improved {
+        age += 1;
+        let small = gain <= 1e-2 + 1e-6 * cost;
+        if small && (fresh || effort.refresh > effort.rounds) {
             break;
+        }
+        fresh = false;
+        if small || age >= effort.refresh {
+            slope = slopes(bench, base, knobs, &positions, 0, &misses);
+            (fresh, age, damping) = (true, 0, 1e-3);
+        } else if let Some(kept) = known.and_then(<[_]>::first).map(DMatrix::ncols) {
+            // An effect's own slopes bend most and are few.
+            let tail = slopes(bench, base, knobs, &positions, kept, &misses);
+            for (slope, tail) in slope.iter_mut().zip(&tail) {
+                slope.columns_mut(kept, tail.ncols()).copy_from(tail);
+            }
         }
     }
     Fit { square: square(&misses), prior: prior_square(knobs, &positions), positions, misses, slopes: slope }
+}
+
+/// Corrects slopes by the change of the misses that a step brought (Broyden 1965, equation 4.5).
+fn correct(slopes: &mut [DMatrix<f64>], from: &[f64], to: &[f64], before: &Misses, after: &Misses) {
+    let step = DVector::from_iterator(from.len(), to.iter().zip(from).map(|(b, a)| b - a));
+    let length = step.norm_squared();
+    if length == 0.0 {
+        return;
+    }
+    for ((slope, before), after) in slopes.iter_mut().zip(before).zip(after) {
+        let surprise = after - before - &*slope * &step;
+        slope.ger(1.0 / length, &surprise, &step, 1.0);
+    }
 }
 
 /// Normal matrix and gradient, priors included.
@@ -216,6 +254,7 @@ pub fn normal(
     positions: &[f64],
     misses: &Misses,
     slope: &[DMatrix<f64>],
+    temperature: f64,
 ) -> (DMatrix<f64>, DVector<f64>) {
     let n = knobs.len();
     let (mut hessian, mut gradient) = (DMatrix::zeros(n, n), DVector::zeros(n));
@@ -223,6 +262,8 @@ pub fn normal(
         hessian += j.tr_mul(j);
         gradient += j.tr_mul(r);
     }
+    hessian /= temperature;
+    gradient /= temperature;
     for (k, knob) in knobs.iter().enumerate() {
         if knob.has_prior() {
             hessian[(k, k)] += 1.0;

@@ -51,6 +51,15 @@ impl Knob {
         }
     }
 
+    /// Where a fit starts: off the sheet where the sheet's value is a bound at which nothing can be felt.
+    #[must_use]
+    pub fn start(&self, unit: &Unit) -> f64 {
+        match self {
+            Self::Parameter { .. } if self.range(unit).0 == 0.0 => 0.5,
+            _ => 0.0,
+        }
+    }
+
     /// The value at a position, in the parameter's unit.
     #[must_use]
     pub fn value(&self, unit: &Unit, position: f64) -> f64 {

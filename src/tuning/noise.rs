@@ -5,6 +5,20 @@ use crate::parameters::Sensors;
 use crate::signal::Signal;
 use crate::tuning::trial::Trial;
 
+/// Of so many misses one counts as news: what a model leaves out shows in the same way for long, so that its errors are no independent
+/// witnesses even where the noise is. The likelihood is raised to one over this power (a power posterior; Grünwald & van Ommen 2017).
+pub const ALIKE: f64 = 20.0;
+
+/// From so many standard deviations on, a miss counts by its size rather than by its square: sudden events that come a little early or late
+/// are many deviations off, and say little (pseudo-Huber; Charbonnier et al. 1997).
+const OUTLYING: f64 = 8.0;
+
+/// The number whose square is what a miss costs.
+fn tamed(miss: f64) -> f64 {
+    let cost = 2.0 * OUTLYING * OUTLYING * ((1.0 + (miss / OUTLYING).powi(2)).sqrt() - 1.0);
+    (cost / ALIKE).sqrt().copysign(miss)
+}
+
 /// How a signal's miss behaves when the model is right: white noise, chatter, and a slow wandering.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SignalNoise {
@@ -117,7 +131,7 @@ impl Whitener {
             }
             let innovation = *miss - state;
             state += self.gain[k] * innovation;
-            *miss = innovation * self.scale[k];
+            *miss = tamed(innovation * self.scale[k]);
         }
     }
 }
