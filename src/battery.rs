@@ -27,8 +27,10 @@ use crate::signal::Signal;
 const LENGTH_TICKS: i64 = 40_000;
 /// Smallest and largest size of an effect over its typical one.
 const SIZES: (f64, f64) = (0.5, 2.5);
+/// Added to a seed for another course of the same plant.
+const ANOTHER_DAY: u64 = 0x5eed_0dd5;
 /// What a right twin may miss of a signal, in the order of [`Signal::ALL`]: transducers, and chatter of the spool.
-const FLOORS: [f64; 4] = [1.6e-4, 5.0e-3, 7.0e-2, 1.3e4];
+pub const FLOORS: [f64; 4] = [1.6e-4, 5.0e-3, 7.0e-2, 1.3e4];
 
 /// What kind of unit a case is.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -148,6 +150,14 @@ pub fn make(unit: &Unit, case: &Case) -> Made {
     let listed = matches!(case.kind, Kind::Sound | Kind::Single(_) | Kind::Pair(..));
     let label = Label { name: case.name.clone(), effects, listed, strength_ratio };
     Made { streams: runs.into_iter().map(|(process, streams, _)| (process, streams)).collect(), label }
+}
+
+/// Recordings of the same plant on another day: what no diagnosis has seen.
+#[must_use]
+pub fn exam(unit: &Unit, case: &Case) -> Vec<Recording> {
+    let (bench, _) = bench(unit, case);
+    let another = Bench { seed: case.seed.wrapping_add(ANOTHER_DAY), ..bench };
+    Process::ALL.into_iter().map(|process| Recording::new(process.id(), another.record(process).0.rows())).collect()
 }
 
 /// The plant of a case on its bench, and what is in it.

@@ -3,6 +3,7 @@
 //! The scorer is the only one that sees labels ([`crate::battery::Label`]); what it judges is [`said::Said`], read back from
 //! reports, so that a diagnosis made elsewhere or long ago is scored alike.
 
+pub mod exam;
 pub mod page;
 pub mod said;
 pub mod score;

@@ -18,6 +18,8 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Diagnose every unit of a folder, and score it where the truth is known.
+    Blind(commands::blind::Args),
     /// Validate a parameter file and print the merged unit.
     Check(commands::check::Args),
     /// List what a real unit may do beyond the nominal model, or document one such effect.
@@ -48,6 +50,7 @@ enum Command {
 /// Runs the command line; exit codes: 0 ok, 1 error, 2 usage, 3 finished with warnings.
 pub fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
+        Command::Blind(args) => commands::blind::run(&args),
         Command::Check(args) => commands::check::run(&args),
         Command::Effects(args) => commands::effects::run(&args),
         Command::Generate(args) => commands::generate::run(&args),

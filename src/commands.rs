@@ -1,6 +1,7 @@
 //! One file per command: its arguments, and what it does.
 
 pub mod bags;
+pub mod blind;
 pub mod check;
 #[cfg(feature = "residual")]
 pub mod compare;

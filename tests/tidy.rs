@@ -90,3 +90,8 @@ fn nothing_names_a_machine_or_a_registry() {
 fn dependencies_are_licensed_and_come_from_the_registry() {
     hold(&licences::breaches());
 }
+
+#[test]
+fn no_method_of_judging_knows_a_label() {
+    hold(&text::peeks(&rust()));
+}

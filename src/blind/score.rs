@@ -152,7 +152,7 @@ fn measures(cases: &[Scored]) -> Vec<Measure> {
     let visible_in_class = Measured::of(visible_singles().map(Scored::blamed_in_small_class));
     let stage = Measured::of(all().filter(|case| !case.sound()).map(Scored::stage_is_right));
     let visible_stage = Measured::of(all().filter(|case| case.visible()).map(Scored::stage_is_right));
-    let probability = Measured::mean(&probabilities);
+    let probability = Measured::mean_probability(&probabilities);
     let both = Measured::of(pairs().map(|case| shares(case) == case.label.effects.len()));
     let one = Measured::of(pairs().map(|case| shares(case) > 0));
     let unknown = Measured::of(all().filter(|case| !case.label.listed).map(|case| case.says(Verdict::Unknown)));

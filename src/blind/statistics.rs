@@ -41,6 +41,13 @@ impl Measured {
         Self::share(hits, count)
     }
 
+    /// A mean of probabilities, whose interval stays between 0 and 1.
+    #[must_use]
+    pub fn mean_probability(values: &[f64]) -> Self {
+        let mean = Self::mean(values);
+        Self { low: mean.low.max(0.0), high: mean.high.min(1.0), ..mean }
+    }
+
     /// A mean with the interval of a normal one.
     #[must_use]
     pub fn mean(values: &[f64]) -> Self {

@@ -155,7 +155,7 @@ fn within(option: &str, value: f64, min: f64, max: f64, unit: &str) -> anyhow::R
 /// Simulates a scenario and writes its bag.
 fn record(scenario: &Scenario, dir: &Path) -> anyhow::Result<String> {
     let streams = generate::streams(scenario);
-    let path = write(scenario, &streams, dir).with_context(|| format!("cannot write {}", dir.display()))?;
+    let path = write(scenario.process, scenario.seed, &streams, dir)?;
     let rows = streams.servo_state.len();
     Ok(format!("{}: {rows} rows of servo state at {} Hz", path.display(), scenario.rate_hz))
 }
@@ -168,7 +168,12 @@ enum Message {
     ServoState(msg::ServoState),
 }
 
-fn write(scenario: &Scenario, streams: &Streams, dir: &Path) -> anyhow::Result<PathBuf> {
+/// Writes the messages of a process as a bag folder that says it is synthetic.
+pub fn write(process: Process, seed: u64, streams: &Streams, dir: &Path) -> anyhow::Result<PathBuf> {
+    put(process, seed, streams, dir).with_context(|| format!("cannot write {}", dir.display()))
+}
+
+fn put(process: Process, seed: u64, streams: &Streams, dir: &Path) -> anyhow::Result<PathBuf> {
     let mut bag = Writer::create(dir, WriterOptions::default())?;
     let topics = Topics::default();
     let command = bag.topic(&topics.command, Qos::DEFAULT)?;
@@ -178,11 +183,11 @@ fn write(scenario: &Scenario, streams: &Streams, dir: &Path) -> anyhow::Result<P
     let about = [
         ("synthetic", "true".to_owned()),
         ("generator", concat!("govtwin ", env!("CARGO_PKG_VERSION"), " generate").to_owned()),
-        ("process", scenario.process.id().to_owned()),
+        ("process", process.id().to_owned()),
         ("note", "simulated, not measured; for trying benches and diagnoses".to_owned()),
     ];
     bag.describe("govtwin", about.map(|(key, value)| (key.to_owned(), value)).into_iter().collect::<BTreeMap<_, _>>())?;
-    for (log_time_ns, message) in messages(scenario, streams) {
+    for (log_time_ns, message) in messages(process, seed, streams) {
         match &message {
             Message::Command(message) => bag.write(command, log_time_ns, message)?,
             Message::Esv(message) => bag.write(esv, log_time_ns, message)?,
@@ -194,8 +199,8 @@ fn write(scenario: &Scenario, streams: &Streams, dir: &Path) -> anyhow::Result<P
 }
 
 /// All messages in the order in which a recorder would have got them.
-fn messages(scenario: &Scenario, streams: &Streams) -> Vec<(i64, Message)> {
-    let mut draws = Dice { seed: scenario.seed, process: scenario.process }.of(Purpose::LogTime);
+fn messages(process: Process, seed: u64, streams: &Streams) -> Vec<(i64, Message)> {
+    let mut draws = Dice { seed, process }.of(Purpose::LogTime);
     let mut all: Vec<(i64, Message)> = vec![];
     let mut put = |stamp_ns: i64, message| {
         all.push((stamp_ns + units::nanos_from_seconds(draws.between(1.5e-4, 9.0e-4)), message));

@@ -124,6 +124,21 @@ pub fn lengths(sources: &[Source]) -> Vec<String> {
     sources.iter().filter_map(breach).collect()
 }
 
+/// Uses of what is truly in a unit by those who judge it: the scorer alone may know.
+pub fn peeks(sources: &[Source]) -> Vec<String> {
+    let judges = ["src/diagnosis", "src/tuning", "src/baselines", "src/commands/diagnose"];
+    let truth = ["battery::", "Label", "labels::", "Truth"];
+    let mut breaches = Vec::new();
+    for source in sources.iter().filter(|source| judges.iter().any(|judge| source.path.starts_with(judge))) {
+        for (line, code) in source.code() {
+            if truth.iter().any(|word| code.contains(word)) {
+                breaches.push(format!("{}:{line}: who judges a unit must not know what is in it", source.path));
+            }
+        }
+    }
+    breaches
+}
+
 /// Imports of everything, outside unit tests.
 pub fn globs(sources: &[Source]) -> Vec<String> {
     let breaches = |source: &Source| {
@@ -248,6 +263,13 @@ mod tests {
         assert_eq!(lengths(&at("src/a.rs", &("x\n".repeat(250) + &tests(200)))).len(), 1);
         assert_eq!(lengths(&at("tests/a.rs", &"x\n".repeat(451))).len(), 1);
         assert!(lengths(&at("src/a.rs", &("x\n".repeat(290) + &"\n// y\n".repeat(30) + &tests(50)))).is_empty());
+    }
+
+    #[test]
+    fn a_peek_at_the_answers_is_seen() {
+        assert_eq!(peeks(&at("src/diagnosis/search.rs", "use crate::battery::Label;")).len(), 1);
+        assert_eq!(peeks(&at("src/baselines/bank.rs", "let x = labels::read(t);")).len(), 1);
+        assert!(peeks(&at("src/blind/score.rs", "use crate::battery::Label;")).is_empty());
     }
 
     #[test]

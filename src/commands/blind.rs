@@ -1,0 +1,125 @@
+//! `govtwin blind`: diagnose every unit of a folder, and score it where the truth is known.
+
+mod battery;
+mod cases;
+mod method;
+mod scoring;
+
+use std::path::PathBuf;
+
+use anyhow::bail;
+use clap::ValueEnum;
+use govtwin::battery::plan::Rates;
+use govtwin::params;
+
+use self::cases::find;
+use self::method::methods;
+use super::output::{Progress, print, warn};
+use crate::commands::Outcome;
+
+/// Arguments of `govtwin blind`.
+#[derive(Debug, clap::Args)]
+#[command(after_long_help = HELP)]
+pub struct Args {
+    /// Folder of units: each folder in it with bags is one unit. With --generate it is made.
+    #[arg(value_name = "DIR")]
+    dir: PathBuf,
+    /// The units' data sheet; without it the shipped reference unit.
+    #[arg(long, value_name = "FILE")]
+    params: Option<PathBuf>,
+    /// Folder for reports and score; without it the folder of units.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// What is truly in the units: scores the reports.
+    #[arg(long, value_name = "FILE", conflicts_with = "generate")]
+    labels: Option<PathBuf>,
+    /// First makes this many units with known faults, and scores at the end.
+    #[arg(long, value_name = "N")]
+    generate: Option<usize>,
+    /// Decides every draw of --generate.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Rate of the recordings that --generate makes, Hz.
+    #[arg(long = "rate", value_enum, default_value_t = Rate::Both)]
+    rate_hz: Rate,
+    /// Judge by the baselines too.
+    #[arg(long)]
+    baselines: bool,
+    /// Judge by the baselines only.
+    #[arg(long)]
+    baselines_only: bool,
+}
+
+const HELP: &str = "\
+Each unit's reports stand in OUT/UNIT; those that are there already are kept, so that a check that was broken off goes on where it
+stopped. With --labels or --generate, OUT/score.json and OUT/score.html hold all measures with 95 % intervals.
+
+--generate makes the units with a simulator of its own, which shares the data sheet with the twin but not its equations: bristle
+friction, contact gaps, rounded edges, polytropic gas, inertia in lines. It makes sound units, single effects, pairs, faults that no
+catalogue lists, and effects that the catalogue is then made to lack. DIR/answers/keys.sha256 commits to the answers before the first
+diagnosis; DIR/answers/labels.yaml is written after the last one, and closure is checked on recordings made after that.
+
+Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 finished with warnings.";
+
+/// Rates of a battery.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Rate {
+    /// As on a bench.
+    #[value(name = "100")]
+    Bench,
+    /// As in a plant's archive.
+    #[value(name = "5")]
+    Plant,
+    /// A third of the units at 5 Hz.
+    Both,
+}
+
+/// Runs the command.
+pub fn run(args: &Args) -> anyhow::Result<Outcome> {
+    let unit = match &args.params {
+        Some(path) => params::load(path)?,
+        None => params::reference(),
+    };
+    let made = match args.generate {
+        Some(0) => bail!("--generate: expected at least 1 unit, found 0"),
+        Some(count) => {
+            let rates = match args.rate_hz {
+                Rate::Bench => Rates::Bench,
+                Rate::Plant => Rates::Plant,
+                Rate::Both => Rates::Both,
+            };
+            Some(battery::make(&args.dir, &unit, count, args.seed, rates)?)
+        }
+        None => None,
+    };
+    let out = args.out.as_ref().unwrap_or(&args.dir);
+    let mut cases = find(&args.dir)?;
+    if let Some(made) = &made {
+        made.restrict(&mut cases);
+    }
+    let methods = methods(args.baselines, args.baselines_only);
+    let progress = Progress::new(cases.len(), "units");
+    let mut outcome = Outcome::Ok;
+    for case in &cases {
+        // One unit after the other: each is parallel in itself, and its figures do not depend on the threads.
+        if let Err(error) = method::judge(case, &unit, &methods, out) {
+            warn(&format!("{}: {error:#}", case.name));
+            outcome = Outcome::Warnings;
+        }
+        progress.step();
+    }
+    drop(progress);
+    let labels = match (&made, &args.labels) {
+        (Some(made), _) => Some(made.answers()?),
+        (None, Some(path)) => Some(scoring::read_labels(path)?),
+        (None, None) => None,
+    };
+    let Some(labels) = labels else {
+        print(&scoring::verdicts(&cases, &methods, out)?.to_text())?;
+        print("Add --labels FILE to score the verdicts.\n")?;
+        return Ok(outcome);
+    };
+    let exams = made.as_ref().map(|made| made.exams(out, &unit));
+    scoring::score_all(&labels, exams.as_ref(), &methods, &args.dir, out)?;
+    Ok(outcome)
+}

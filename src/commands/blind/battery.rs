@@ -1,0 +1,89 @@
+//! A battery on disk: bags for the diagnosis, answers for the scorer alone.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use govtwin::battery::plan::{Rates, plan};
+use govtwin::battery::{self, Case as Plan, Kind, Label};
+use govtwin::blind::exam;
+use govtwin::parameters::Unit;
+use govtwin::params::{self, labels};
+use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
+use sha2::{Digest, Sha256};
+
+use super::cases::Case;
+use crate::commands::generate;
+use crate::commands::output::{Progress, write_atomically};
+
+/// A battery that was made; its labels are in no file yet.
+#[derive(Debug)]
+pub struct Battery {
+    dir: PathBuf,
+    plans: Vec<Plan>,
+    labels: Vec<Label>,
+    seed: u64,
+}
+
+/// Makes the bags that are not there yet, and commits to the answers.
+pub fn make(dir: &Path, unit: &Unit, count: usize, seed: u64, rates: Rates) -> anyhow::Result<Battery> {
+    let plans = plan(count, seed, rates);
+    let progress = Progress::new(plans.len(), "units made");
+    let labels: anyhow::Result<Vec<Label>> = plans
+        .par_iter()
+        .map(|case| {
+            let made = battery::make(unit, case);
+            for (process, streams) in &made.streams {
+                let bag = dir.join(&case.name).join(process.id());
+                if !bag.join("metadata.yaml").is_file() {
+                    generate::write(*process, case.seed, streams, &bag)?;
+                }
+            }
+            progress.step();
+            Ok(made.label)
+        })
+        .collect();
+    let battery = Battery { dir: dir.to_owned(), plans, labels: labels?, seed };
+    let key: String = Sha256::digest(battery.text().as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect();
+    write_atomically(&dir.join("answers/keys.sha256"), format!("{key}  labels.yaml\n").as_bytes())?;
+    Ok(battery)
+}
+
+impl Battery {
+    /// Takes from the catalogue of each unit what it is to be diagnosed without, and drops units of other batteries.
+    pub fn restrict(&self, cases: &mut Vec<Case>) {
+        cases.retain(|case| self.plans.iter().any(|plan| plan.name == case.name));
+        for case in cases {
+            let plan = self.plans.iter().find(|plan| plan.name == case.name);
+            case.without = plan.and_then(|plan| match &plan.kind {
+                Kind::LeftOut(id) => Some(id.clone()),
+                _ => None,
+            });
+        }
+    }
+
+    fn text(&self) -> String {
+        format!("# Seed {}.\n{}", self.seed, labels::write(&self.labels))
+    }
+
+    /// Writes the answers, now that nobody diagnoses any more, and hands them out.
+    pub fn answers(&self) -> anyhow::Result<Vec<Label>> {
+        let path = self.dir.join("answers/labels.yaml");
+        write_atomically(&path, self.text().as_bytes())?;
+        super::scoring::read_labels(&path)
+    }
+
+    /// Closure that came true, for every unit whose reports say what to try, on recordings that are made now.
+    pub fn exams(&self, out: &Path, sheet: &Unit) -> BTreeMap<String, f64> {
+        let realised: Vec<Option<(String, f64)>> = self
+            .plans
+            .par_iter()
+            .map(|plan| {
+                let at = |file: &str| params::load(&out.join(&plan.name).join(file)).ok();
+                let (refitted, improved) = (at("refitted.yaml")?, at("fitted.yaml")?);
+                let closure = exam::closure(battery::exam(sheet, plan), &refitted, &improved)?;
+                Some((plan.name.clone(), closure))
+            })
+            .collect();
+        realised.into_iter().flatten().collect()
+    }
+}

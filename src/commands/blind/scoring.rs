@@ -1,0 +1,101 @@
+//! The scorer: opens the labels, reads the reports back, writes score and page.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::Context;
+use govtwin::battery::Label;
+use govtwin::blind::page::{self, measures_table};
+use govtwin::blind::score::{Measure, Score, Scored, score};
+use govtwin::blind::statistics::Measured;
+use govtwin::params::labels;
+use govtwin::report::table::{Table, significant};
+use serde_json::{Value, json};
+
+use super::cases::Case;
+use super::method::Method;
+use crate::commands::output::{print, warn, write_atomically};
+
+/// Opens a label file.
+pub fn read_labels(path: &Path) -> anyhow::Result<Vec<Label>> {
+    let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+    labels::read(&text).with_context(|| path.display().to_string())
+}
+
+/// What every method said of every unit, where nobody knows the truth.
+pub fn verdicts(cases: &[Case], methods: &[Method], out: &Path) -> anyhow::Result<Table> {
+    let mut table =
+        Table::new().words("unit").words("method").words("verdict").words("blamed").words("stage").numbers("p");
+    for case in cases {
+        for method in methods {
+            let Some(said) = method.said(out, &case.name)? else { continue };
+            let blamed: Vec<&str> = said.effects.iter().map(|effect| effect.id.as_str()).collect();
+            table.row([
+                case.name.clone(),
+                method.name().to_owned(),
+                said.verdict.clone(),
+                blamed.join(", "),
+                said.location.stage.clone().unwrap_or_default(),
+                significant(said.probability(said.word()), 2),
+            ]);
+        }
+    }
+    Ok(table)
+}
+
+/// Scores all methods, prints the table, writes `score.json` and `score.html`.
+pub fn score_all(
+    labels: &[Label],
+    exams: Option<&BTreeMap<String, f64>>,
+    methods: &[Method],
+    dir: &Path,
+    out: &Path,
+) -> anyhow::Result<()> {
+    let mut scores = Vec::new();
+    let mut first = Vec::new();
+    for (place, method) in methods.iter().enumerate() {
+        let mut cases = Vec::new();
+        for label in labels {
+            let Some(said) = method.said(out, &label.name)? else {
+                warn(&format!("{}: {} said nothing; not counted", label.name, method.name()));
+                continue;
+            };
+            // The improved twins are the diagnosis's own.
+            let realised_closure = exams.filter(|_| place == 0).and_then(|exams| exams.get(&label.name)).copied();
+            cases.push(Scored { said, label: label.clone(), realised_closure });
+        }
+        scores.push(page::Method { name: method.name().to_owned(), score: score(&cases) });
+        if place == 0 {
+            first = cases;
+        }
+    }
+    print(&page::cases_table(&first).to_text())?;
+    print("\n")?;
+    print(&measures_table(&scores).to_text())?;
+    let all: serde_json::Map<String, Value> =
+        scores.iter().map(|method| (method.name.clone(), score_json(&method.score))).collect();
+    let whole = json!({"schema": "govtwin-blind/1", "units": labels.len(), "methods": all, "closures": exams});
+    write_atomically(&out.join("score.json"), (serde_json::to_string_pretty(&whole)? + "\n").as_bytes())?;
+    let name = dir.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    let page = page::page(&scores, &first, &format!("{name}, {} units", first.len()))?;
+    write_atomically(&out.join("score.html"), page.to_html().as_bytes())?;
+    print(&format!("\n{} and score.json beside it\n", out.join("score.html").display()))
+}
+
+fn score_json(score: &Score) -> Value {
+    let measured = |m: &Measured| json!({"value": m.value, "ci95": [m.low, m.high], "units": m.cases});
+    let measure = |m: &Measure| {
+        let mut value = measured(&m.measured);
+        value["target"] = m.target.into();
+        value["reached"] = m.reached.into();
+        (m.id.to_owned(), value)
+    };
+    let bins: Vec<Value> =
+        score.reliability.iter().map(|bin| json!({"said": bin.said_probability, "was": measured(&bin.was)})).collect();
+    let confusion = &score.confusion;
+    json!({
+        "measures": score.measures.iter().map(measure).collect::<serde_json::Map<_, _>>(),
+        "reliability": bins,
+        "confusion": {"truths": confusion.truths, "words": confusion.words, "counts": confusion.counts},
+    })
+}
