@@ -112,6 +112,8 @@ pub struct Label {
     pub listed: bool,
     /// How far the strongest signal moves over its noise floor, RMS; NaN where nobody measured it, 0 for a sound unit.
     pub strength_ratio: f64,
+    /// Rate of the recordings, Hz; NaN where nobody said.
+    pub rate_hz: f64,
 }
 
 /// A case as made: four recordings by stream, and the label.
@@ -148,7 +150,7 @@ pub fn make(unit: &Unit, case: &Case) -> Made {
         runs.iter().map(|(process, _, inputs)| strength(&bench, *process, inputs)).fold(0.0, f64::max)
     };
     let listed = matches!(case.kind, Kind::Sound | Kind::Single(_) | Kind::Pair(..));
-    let label = Label { name: case.name.clone(), effects, listed, strength_ratio };
+    let label = Label { name: case.name.clone(), effects, listed, strength_ratio, rate_hz: case.rate_hz };
     Made { streams: runs.into_iter().map(|(process, streams, _)| (process, streams)).collect(), label }
 }
 

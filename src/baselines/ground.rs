@@ -49,9 +49,10 @@ impl Ground {
     pub fn new(recordings: Vec<Recording>, unit: &Unit, catalogue: &[&'static EffectSpec]) -> Self {
         let noise = expected(&unit.sensors);
         let knobs = Knob::nuisances(unit);
+        let start: Vec<f64> = knobs.iter().map(|knob| knob.start(unit)).collect();
         let trials = recordings.into_iter().map(Trial::new).collect();
         let first = Bench::new(trials, unit, &noise);
-        let rough = fit(&first, unit, &knobs, &vec![0.0; knobs.len()], Effort { rounds: 4, ..Effort::FULL }, None);
+        let rough = fit(&first, unit, &knobs, &start, Effort { rounds: 4, ..Effort::FULL }, None);
         let bench = Bench::new(first.trials, &unit_at(unit, &knobs, &rough.positions), &noise);
         let fit = fit(&bench, unit, &knobs, &rough.positions, Effort { rounds: 4, ..Effort::FULL }, None);
         let mut tries = Vec::new();

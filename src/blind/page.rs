@@ -17,11 +17,11 @@ pub struct Method {
     pub score: Score,
 }
 
-/// The page; `cases` are those of the first method.
+/// The page; `cases` are those of the first method, `parts` the scores of some of them, such as those of one rate.
 ///
 /// # Errors
 /// Where a picture cannot be drawn.
-pub fn page(methods: &[Method], cases: &[Scored], subtitle: &str) -> Result<Page, DrawError> {
+pub fn page(methods: &[Method], cases: &[Scored], parts: &[Method], subtitle: &str) -> Result<Page, DrawError> {
     let mut page = Page::new("Blind check: what was said against what is so", subtitle);
     let body = &mut page.body;
     let Some(first) = methods.first() else {
@@ -50,6 +50,9 @@ pub fn page(methods: &[Method], cases: &[Scored], subtitle: &str) -> Result<Page
         measures_table(methods),
         "Value, 95 % interval, number of units; the baselines go through the same harness.",
     );
+    if parts.len() > 1 {
+        body.table(measures_table(parts), "The same by part of the units.");
+    }
     body.heading("Who was taken for whom");
     body.figure(
         svg(&confusion_picture(&first.score.confusion))?,
@@ -95,9 +98,12 @@ fn interval(measure: &Measure) -> String {
 pub fn measures_table(methods: &[Method]) -> Table {
     let mut table = Table::new().words("measure").words("target");
     for (place, method) in methods.iter().enumerate() {
-        table = table.numbers_of(method.name.as_str(), "value").numbers_of(method.name.as_str(), "95 %");
+        // The first has room for its intervals; those of the others are in the file of figures.
         if place == 0 {
-            table = table.numbers_of(method.name.as_str(), "units").words("");
+            let name = method.name.as_str();
+            table = table.numbers_of(name, "value").numbers_of(name, "95 %").numbers_of(name, "units").words("");
+        } else {
+            table = table.numbers(method.name.as_str());
         }
     }
     let Some(first) = methods.first() else { return table };
@@ -105,8 +111,9 @@ pub fn measures_table(methods: &[Method]) -> Table {
         let mut cells = vec![measure.name.to_owned(), measure.target.to_owned()];
         for (place, method) in methods.iter().enumerate() {
             let Some(own) = method.score.measures.get(row) else { continue };
-            cells.extend([value_text(own), interval(own)]);
+            cells.push(value_text(own));
             if place == 0 {
+                cells.push(interval(own));
                 let mark = match own.reached {
                     Some(true) => "reached",
                     Some(false) => "missed",

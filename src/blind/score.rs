@@ -264,6 +264,7 @@ mod tests {
                 effects: truths.iter().map(|id| truth(id, Stage::Servomotor)).collect(),
                 listed,
                 strength_ratio: strength,
+                rate_hz: 100.0,
             },
             realised_closure: Some(0.9),
         }

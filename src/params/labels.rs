@@ -32,7 +32,7 @@ fn wrong(place: &str, expected: &'static str, found: Option<&Node>) -> LabelsErr
     LabelsError::Shape { place: place.to_owned(), expected, found }
 }
 
-/// Reads labels by case; `strength` may be absent.
+/// Reads labels by case; `strength` and `rate_hz` may be absent.
 ///
 /// # Errors
 /// When the text is not YAML, or a case is not as the practice labels have it.
@@ -55,11 +55,12 @@ fn label(name: &str, node: &Node) -> Result<Label, LabelsError> {
         Some(Node::List(effects)) => effects.iter().map(|effect| truth(name, effect)).collect::<Result<_, _>>()?,
         other => return Err(wrong(&format!("{name}.effects"), "a list", other)),
     };
-    let strength_ratio = match get(node, "strength") {
-        Some(Node::Number(strength)) => *strength,
+    let number = |key: &str| match get(node, key) {
+        Some(Node::Number(number)) => *number,
         _ => f64::NAN,
     };
-    Ok(Label { name: name.to_owned(), effects, listed, strength_ratio })
+    let (strength_ratio, rate_hz) = (number("strength"), number("rate_hz"));
+    Ok(Label { name: name.to_owned(), effects, listed, strength_ratio, rate_hz })
 }
 
 fn truth(name: &str, node: &Node) -> Result<Truth, LabelsError> {
@@ -96,6 +97,9 @@ pub fn write(labels: &[Label]) -> String {
         if label.strength_ratio.is_finite() {
             text += &format!("  strength: {:.3}\n", label.strength_ratio);
         }
+        if label.rate_hz.is_finite() {
+            text += &format!("  rate_hz: {}\n", label.rate_hz);
+        }
         text += if label.effects.is_empty() { "  effects: []\n" } else { "  effects:\n" };
         for truth in &label.effects {
             let (stage, unit, meaning) = (truth.stage.id(), quoted(&truth.unit), quoted(&truth.meaning));
@@ -121,8 +125,13 @@ mod tests {
             unit: "Pa s2/m6".into(),
             meaning: "a \"loss\", line".into(),
         };
-        let of =
-            |name: &str, effects, listed, strength_ratio| Label { name: name.into(), effects, listed, strength_ratio };
+        let of = |name: &str, effects, listed, strength_ratio| Label {
+            name: name.into(),
+            effects,
+            listed,
+            strength_ratio,
+            rate_hz: 5.0,
+        };
         let labels = vec![
             of("case_01", vec![], true, 0.0),
             of("case_02", vec![truth("supply_loss", Stage::Supply, 2.753e9)], true, 4.5),

@@ -23,6 +23,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("src/metrics.rs", "errors are in the unit of what is compared"),
     ("src/residual/", "corrections, ranges and bands are in the unit of the signal that is corrected"),
     ("src/comparison/", "errors are in the unit of what is compared"),
+    ("src/blind/", "shares and means of what is counted; sizes in the unit of their effect"),
     ("src/replay/", "errors are in the unit of what is compared"),
     ("src/commands/", "fields are flags, whose help names the unit"),
     ("src/report/", "places on paper, and values in the unit of their axis"),

@@ -69,15 +69,30 @@ pub fn score_all(
             first = cases;
         }
     }
+    let mut parts: Vec<page::Method> = Vec::new();
+    for (name, rate_hz) in [("100 Hz", 100.0), ("5 Hz", 5.0)] {
+        let own: Vec<Scored> = first.iter().filter(|case| case.label.rate_hz == rate_hz).cloned().collect();
+        if !own.is_empty() {
+            parts.push(page::Method { name: name.to_owned(), score: score(&own) });
+        }
+    }
     print(&page::cases_table(&first).to_text())?;
     print("\n")?;
     print(&measures_table(&scores).to_text())?;
     let all: serde_json::Map<String, Value> =
         scores.iter().map(|method| (method.name.clone(), score_json(&method.score))).collect();
-    let whole = json!({"schema": "govtwin-blind/1", "units": labels.len(), "methods": all, "closures": exams});
+    let rates: serde_json::Map<String, Value> =
+        parts.iter().map(|part| (part.name.clone(), score_json(&part.score))).collect();
+    let whole = json!({
+        "schema": "govtwin-blind/1",
+        "units": labels.len(),
+        "methods": all,
+        "by_rate": rates,
+        "closures": exams,
+    });
     write_atomically(&out.join("score.json"), (serde_json::to_string_pretty(&whole)? + "\n").as_bytes())?;
     let name = dir.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-    let page = page::page(&scores, &first, &format!("{name}, {} units", first.len()))?;
+    let page = page::page(&scores, &first, &parts, &format!("{name}, {} units", first.len()))?;
     write_atomically(&out.join("score.html"), page.to_html().as_bytes())?;
     print(&format!("\n{} and score.json beside it\n", out.join("score.html").display()))
 }

@@ -1,0 +1,89 @@
+//! `govtwin blind` on units whose reports are there already: the score is the one counted by hand, and nothing is judged anew.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use govtwin::baselines::BASELINES;
+use serde_json::Value;
+
+fn report(verdict: &str, blamed: &[(&str, f64)]) -> String {
+    let effects: Vec<String> = blamed
+        .iter()
+        .map(|(id, _)| format!(r#"{{"id": "{id}", "parameters": [{{"value": 1.0, "ci90": [0.9, 1.2]}}]}}"#))
+        .collect();
+    let ranking: Vec<String> =
+        blamed.iter().map(|(id, p)| format!(r#"{{"id": "{id}", "probability": {p}}}"#)).collect();
+    format!(
+        r#"{{"schema": "govtwin-diagnosis/1", "verdict": "{verdict}", "location": {{"stage": "servomotor"}},
+            "effects": [{}], "ranking": [{}], "seconds": 12.0}}"#,
+        effects.join(", "),
+        ranking.join(", ")
+    )
+}
+
+fn unit(dir: &Path, name: &str, report: &str) {
+    let folder = dir.join(name);
+    fs::create_dir_all(&folder).unwrap();
+    // Named, never read: the reports are there.
+    fs::write(folder.join("startup.mcap"), "").unwrap();
+    fs::write(folder.join("report.json"), report).unwrap();
+    for baseline in BASELINES {
+        fs::write(folder.join(format!("baseline_{}.json", baseline.id)), report).unwrap();
+    }
+}
+
+#[test]
+fn reports_that_are_there_are_scored_and_kept() {
+    let dir = tempfile::tempdir().unwrap();
+    unit(dir.path(), "case_1", &report("no_gap", &[]));
+    unit(dir.path(), "case_2", &report("named", &[("backlash", 0.9)]));
+    unit(dir.path(), "case_3", &report("named", &[("load", 0.6)]));
+    let labels = dir.path().join("labels.yaml");
+    fs::write(
+        &labels,
+        "case_1: {listed: true, effects: []}\n\
+         case_2: {listed: true, effects: [{id: backlash, stage: servomotor, size: 1.0, unit: pu}]}\n\
+         case_3: {listed: false, effects: [{id: surge, stage: servomotor, size: 2.0, unit: N}]}\n",
+    )
+    .unwrap();
+    let out = Command::new(env!("CARGO_BIN_EXE_govtwin"))
+        .args(["blind", dir.path().to_str().unwrap(), "--baselines", "--labels", labels.to_str().unwrap()])
+        .output()
+        .unwrap();
+    let (stdout, stderr) = (String::from_utf8_lossy(&out.stdout), String::from_utf8_lossy(&out.stderr));
+    assert_eq!(out.status.code(), Some(0), "{stdout}{stderr}");
+    assert!(stdout.contains("surge (not in the catalogue)"), "{stdout}");
+    let score: Value = serde_json::from_str(&fs::read_to_string(dir.path().join("score.json")).unwrap()).unwrap();
+    let methods = score["methods"].as_object().unwrap();
+    assert!(methods.len() >= BASELINES.len());
+    for (name, method) in methods {
+        let value = |id: &str| method["measures"][id]["value"].as_f64().unwrap();
+        assert_eq!((value("false_alarm"), value("single_first"), value("unknown")), (0.0, 1.0, 0.0), "{name}");
+        assert_eq!((value("size_coverage"), value("seconds")), (1.0, 12.0), "{name}");
+    }
+    assert!(fs::read_to_string(dir.path().join("score.html")).unwrap().starts_with("<!DOCTYPE html>"));
+    assert_eq!(
+        fs::read_to_string(dir.path().join("case_2/report.json")).unwrap(),
+        report("named", &[("backlash", 0.9)])
+    );
+}
+
+#[test]
+fn slips_say_the_way_out() {
+    let dir = tempfile::tempdir().unwrap();
+    let run = |more: &[&str]| {
+        let out = Command::new(env!("CARGO_BIN_EXE_govtwin"))
+            .args([&["blind", dir.path().to_str().unwrap()], more].concat())
+            .output()
+            .unwrap();
+        (out.status.code(), String::from_utf8_lossy(&out.stderr).into_owned())
+    };
+    let (code, words) = run(&[]);
+    assert!(code == Some(1) && words.contains("expected folders with .mcap files"), "{words}");
+    let (code, words) = run(&["--generate", "0"]);
+    assert!(code == Some(1) && words.contains("at least 1 unit"), "{words}");
+    unit(dir.path(), "case_1", &report("perhaps", &[]));
+    let (code, words) = run(&["--baselines"]);
+    assert!(code == Some(1) && words.contains("found `perhaps`"), "{words}");
+}
