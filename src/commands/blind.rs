@@ -46,7 +46,7 @@ pub struct Args {
     #[arg(long)]
     baselines: bool,
     /// Judge by the baselines only.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "baselines")]
     baselines_only: bool,
 }
 
@@ -102,7 +102,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let mut outcome = Outcome::Ok;
     for case in &cases {
         // One unit after the other: each is parallel in itself, and its figures do not depend on the threads.
-        if let Err(error) = method::judge(case, &unit, &methods, out) {
+        if let Err(error) = method::judge(case, &unit, args.params.as_deref(), &methods, out) {
             warn(&format!("{}: {error:#}", case.name));
             outcome = Outcome::Warnings;
         }

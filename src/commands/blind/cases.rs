@@ -7,7 +7,7 @@ use govtwin::bag::{self, ReadOptions};
 use govtwin::effects::{CATALOGUE, EffectSpec};
 use govtwin::recording::Recording;
 
-use crate::commands::bags;
+use crate::commands::bags::{self, Bag};
 
 /// One unit to diagnose.
 #[derive(Clone, Debug)]
@@ -40,10 +40,15 @@ pub fn find(dir: &Path) -> anyhow::Result<Vec<Case>> {
 }
 
 impl Case {
+    /// Its bags, by name.
+    pub fn bags(&self) -> anyhow::Result<Vec<Bag>> {
+        bags::find(std::slice::from_ref(&self.dir))
+    }
+
     /// Its recordings, by name.
     pub fn recordings(&self) -> anyhow::Result<Vec<Recording>> {
-        let bags = bags::find(std::slice::from_ref(&self.dir))?;
-        bags.iter()
+        self.bags()?
+            .iter()
             .map(|one| {
                 let mut loaded = bag::read(&one.path, &ReadOptions::default())?;
                 loaded.recording.name.clone_from(&one.name);

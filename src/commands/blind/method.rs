@@ -1,9 +1,10 @@
-//! The methods that judge a unit: the diagnosis, and the baselines. Neither sees a label.
+//! The methods that judge a unit: the diagnosis, in a process of its own that is given bags and nothing else, and the baselines.
 
 use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use govtwin::baselines::ground::Ground;
 use govtwin::baselines::{BASELINES, Baseline};
 use govtwin::blind::said::Said;
@@ -15,6 +16,8 @@ use crate::commands::output::write_atomically;
 /// A method that says something of a unit.
 #[derive(Clone, Copy, Debug)]
 pub enum Method {
+    /// `govtwin diagnose`.
+    Diagnosis,
     /// One of the baselines.
     Baseline(&'static Baseline),
 }
@@ -23,6 +26,7 @@ impl Method {
     /// Its name in tables.
     pub fn name(self) -> &'static str {
         match self {
+            Self::Diagnosis => "govtwin",
             Self::Baseline(baseline) => baseline.id,
         }
     }
@@ -30,6 +34,7 @@ impl Method {
     /// Where it leaves what it said of a unit.
     pub fn report(self, out: &Path, case: &str) -> PathBuf {
         match self {
+            Self::Diagnosis => out.join(case).join("report.json"),
             Self::Baseline(baseline) => out.join(case).join(format!("baseline_{}.json", baseline.id)),
         }
     }
@@ -46,12 +51,13 @@ impl Method {
 }
 
 /// The methods asked for.
-pub fn methods(_baselines: bool, _only: bool) -> Vec<Method> {
-    BASELINES.iter().map(Method::Baseline).collect()
+pub fn methods(baselines: bool, baselines_only: bool) -> Vec<Method> {
+    let others = BASELINES.iter().map(Method::Baseline).filter(|_| baselines || baselines_only);
+    Some(Method::Diagnosis).filter(|_| !baselines_only).into_iter().chain(others).collect()
 }
 
 /// Lets every method judge a unit, unless its report is there already.
-pub fn judge(case: &Case, unit: &Unit, methods: &[Method], out: &Path) -> anyhow::Result<()> {
+pub fn judge(case: &Case, unit: &Unit, params: Option<&Path>, methods: &[Method], out: &Path) -> anyhow::Result<()> {
     let ground: OnceCell<Ground> = OnceCell::new();
     for method in methods {
         let path = method.report(out, &case.name);
@@ -59,6 +65,7 @@ pub fn judge(case: &Case, unit: &Unit, methods: &[Method], out: &Path) -> anyhow
             continue;
         }
         match method {
+            Method::Diagnosis => diagnose(case, params, &out.join(&case.name))?,
             Method::Baseline(baseline) => {
                 if ground.get().is_none() {
                     let made = Ground::new(case.recordings()?, unit, &case.catalogue());
@@ -69,6 +76,26 @@ pub fn judge(case: &Case, unit: &Unit, methods: &[Method], out: &Path) -> anyhow
                 write_atomically(&path, (baseline.judge)(ground).to_json().as_bytes())?;
             }
         }
+    }
+    Ok(())
+}
+
+/// Runs `govtwin diagnose` on the bags of a unit.
+fn diagnose(case: &Case, params: Option<&Path>, out: &Path) -> anyhow::Result<()> {
+    let program = std::env::current_exe().context("cannot find this program's own file")?;
+    let mut command = Command::new(program);
+    command.arg("diagnose").arg("--out").arg(out);
+    if let Some(params) = params {
+        command.arg("--params").arg(params);
+    }
+    if let Some(without) = &case.without {
+        command.arg("--without").arg(without);
+    }
+    command.args(case.bags()?.into_iter().map(|bag| bag.path));
+    let ended = command.stdin(Stdio::null()).output().context("cannot start the diagnosis")?;
+    if !matches!(ended.status.code(), Some(0 | 3)) {
+        let words = String::from_utf8_lossy(&ended.stderr);
+        bail!("the diagnosis failed: {}", words.trim());
     }
     Ok(())
 }
