@@ -27,7 +27,10 @@ impl Measured {
         let spread = 1.0 + Z * Z / n;
         let middle = (share + Z * Z / (2.0 * n)) / spread;
         let half = Z / spread * (share * (1.0 - share) / n + Z * Z / (4.0 * n * n)).sqrt();
-        Self { cases, value: share, low: (middle - half).max(0.0), high: (middle + half).min(1.0) }
+        // Exact where rounding would leave a trace.
+        let low = if hits == 0 { 0.0 } else { middle - half };
+        let high = if hits == cases { 1.0 } else { middle + half };
+        Self { cases, value: share, low, high }
     }
 
     /// The share of cases that are so.
