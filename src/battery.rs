@@ -235,3 +235,55 @@ fn strength(bench: &Bench, process: Process, inputs: &[Inputs]) -> f64 {
     };
     recorded.iter().map(|&signal| moved(signal) / FLOORS[signal as usize]).fold(0.0, f64::max)
 }
+
+#[cfg(test)]
+mod tests {
+    use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
+
+    use super::*;
+    use crate::parameters::EffectSetting;
+    use crate::tuning::trial::Trial;
+    use crate::twin::Twin;
+
+    /// Each fault is the catalogue's effect in kind and size, though not in its equation: the twin with the effect comes
+    /// near to what its transducer's noise allows, and not all the way in every case.
+    #[test]
+    fn faults_are_the_catalogues_in_kind_but_not_in_law() {
+        let unit = crate::params::reference();
+        let shown_by = [
+            ("command_delay", Process::LoadRejection),
+            ("regulator_cycle", Process::LoadRejection),
+            ("esv_delay", Process::Shutdown),
+            ("esv_slow", Process::Shutdown),
+            ("viscosity", Process::LoadRejection),
+            ("port_overlap", Process::LoadRejection),
+            ("servo_friction", Process::LoadRejection),
+            ("servo_leak", Process::LoadIncrease),
+            ("cushion", Process::Shutdown),
+            ("load", Process::LoadRejection),
+            ("supply_loss", Process::LoadRejection),
+            ("lvdt_gain", Process::LoadRejection),
+            ("feedback_lag", Process::LoadRejection),
+        ];
+        shown_by.par_iter().for_each(|&(id, process)| {
+            let kind = Kind::Single(id.to_owned());
+            let case = Case { name: String::new(), kind, rate_hz: 100.0, rich: false, seed: 21 };
+            let (bench, effects) = bench(&unit, &case);
+            let trial = Trial::new(Recording::new(id, bench.record(process).0.rows()));
+            let miss = |effects: Vec<EffectSetting>| {
+                let unit = Unit { parameters: bench.parameters, effects, ..unit.clone() };
+                let estimates = trial.run(&mut Twin::new(&unit));
+                let square = estimates.iter().zip(&trial.samples).map(|(estimate, &row)| {
+                    (trial.frames[row].measured.servomotor_position_pu - estimate.signals.servomotor_position_pu)
+                        .powi(2)
+                });
+                (square.sum::<f64>() / estimates.len() as f64).sqrt()
+            };
+            let without = miss(vec![]);
+            let mut values: Vec<f64> = find(id).unwrap().parameters.iter().map(|p| p.typical).collect();
+            values[0] = effects[0].size;
+            let with = miss(vec![EffectSetting { id: id.to_owned(), values }]);
+            assert!(with < 0.55 * without, "{id}: {with} with, {without} without");
+        });
+    }
+}

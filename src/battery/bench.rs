@@ -108,8 +108,7 @@ impl Bench {
             arrived_pu: start_pu,
             next_tick: -SETTLING_TICKS,
             demand_pu: 0.0,
-            loop_last_pu: 0.0,
-            loop_share: 0.0,
+            plays_pu: [0.0; 4],
             gap_until: 0,
         };
         let mut clock = Draw::new(self.seed, crate::battery::dice::Question::Time, 16 + place);
@@ -211,8 +210,7 @@ struct Controller {
     arrived_pu: f64,
     next_tick: i64,
     demand_pu: f64,
-    loop_last_pu: f64,
-    loop_share: f64,
+    plays_pu: [f64; 4],
     gap_until: i64,
 }
 
@@ -241,7 +239,7 @@ impl Controller {
         let wanted_pu = p.spool_gain * (self.demand_pu - spool_pu - p.spool_reference_pu) + p.current_reference_pu;
         let current_pu = wanted_pu.clamp(-1.0, 1.0);
         if faults.pv_hysteresis_pu > 0.0 {
-            rounded_loop(current_pu, &mut self.loop_last_pu, &mut self.loop_share, faults.pv_hysteresis_pu)
+            rounded_loop(current_pu, &mut self.plays_pu, faults.pv_hysteresis_pu)
         } else {
             current_pu
         }

@@ -88,19 +88,18 @@ pub fn gas_compressibility_1_pa(share: f64, pressure_pa: f64) -> f64 {
     share / (POLYTROPIC_EXPONENT * ATMOSPHERE_PA) * ratio.powf(-1.0 - 1.0 / POLYTROPIC_EXPONENT)
 }
 
-/// Bouc–Wen hysteresis (Wen 1976, Journal of the Engineering Mechanics Division 102(2)), a rounded loop.
+/// Widths of the plays of a rounded loop, over the loop's.
+const PLAY_SHARES: [f64; 4] = [0.4, 0.8, 1.2, 1.6];
+
+/// A rounded hysteresis loop: Prandtl and Ishlinskii's sum of plays (Visintin 1994, *Differential Models of Hysteresis*, chapter III).
 ///
-/// Returns what remains of `input` past a loop of `width`; `share` is its memory, −1 to 1. All in the unit of the input.
-pub fn rounded_loop(input: f64, last: &mut f64, share: &mut f64, width: f64) -> f64 {
-    let half = 0.5 * width;
-    let steps = 4;
-    let change = (input - *last) / f64::from(steps);
-    for _ in 0..steps {
-        *share += (change - 0.5 * (change.abs() * *share * share.abs() + change * *share * *share)) / half;
-        *share = share.clamp(-1.0, 1.0);
+/// Unlike Bouc and Wen's it does not creep under dither. `plays` is its memory; all in the unit of the input.
+pub fn rounded_loop(input: f64, plays: &mut [f64; PLAY_SHARES.len()], width: f64) -> f64 {
+    for (play, share) in plays.iter_mut().zip(PLAY_SHARES) {
+        let half = 0.5 * share * width;
+        *play = play.clamp(input - half, input + half);
     }
-    *last = input;
-    input - half * *share
+    plays.iter().sum::<f64>() / PLAY_SHARES.len() as f64
 }
 
 #[cfg(test)]
@@ -138,12 +137,12 @@ mod tests {
 
     #[test]
     fn the_loop_is_as_wide_as_it_says() {
-        let (mut last, mut share) = (0.0, 0.0);
+        let mut plays = [0.0; 4];
         let mut sweep = |from: i32, to: i32| {
             let mut out = 0.0;
             for k in 0..=1000 {
                 let input = f64::from(from) + f64::from(to - from) * f64::from(k) / 1000.0;
-                out = input - rounded_loop(input, &mut last, &mut share, 0.1);
+                out = input - rounded_loop(input, &mut plays, 0.1);
             }
             out
         };
