@@ -24,6 +24,8 @@ enum Command {
     Check(commands::check::Args),
     /// List what a real unit may do beyond the nominal model, or document one such effect.
     Effects(commands::effects::Args),
+    /// Fit parameters and chosen effects to recordings, and say how far they are determined.
+    Fit(commands::fit::Args),
     /// Make synthetic recordings of the four processes, with chosen effects, for trying a bench or a diagnosis.
     Generate(commands::generate::Args),
     /// Say what is in a bag: topics, types, counts, rates, gaps, health.
@@ -53,6 +55,7 @@ pub fn main() -> ExitCode {
         Command::Blind(args) => commands::blind::run(&args),
         Command::Check(args) => commands::check::run(&args),
         Command::Effects(args) => commands::effects::run(&args),
+        Command::Fit(args) => commands::fit::run(&args),
         Command::Generate(args) => commands::generate::run(&args),
         Command::Info(args) => commands::info::run(&args),
         Command::Replay(args) => commands::replay::run(&args),

@@ -6,6 +6,7 @@ pub mod check;
 #[cfg(feature = "residual")]
 pub mod compare;
 pub mod effects;
+pub mod fit;
 pub mod generate;
 pub mod info;
 #[cfg(feature = "residual")]

@@ -169,7 +169,7 @@ fn slips_name_the_way_out() {
         ("value: 3.0e3", "value: 3.0e6", "outside the physical range"),
         ("typical: 5.0e3,", "typcal: 5.0e3,", "did you mean `typical`?"),
         ("my_stiction:", "backlash:", "that the catalogue does not have"),
-        ("    doc: Dry", "    dco: Dry", "did you mean `doc`?"),
+        ("    doc: Dry", "    docs: Dry", "did you mean `doc`?"),
         ("c_n: {", "tanh: {", "a name of its own"),
     ] {
         let error = with(from, to);

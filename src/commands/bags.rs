@@ -1,9 +1,15 @@
-//! Which bags a command line names: files, bag folders, and folders that hold many bags.
+//! Which bags a command line names: files, bag folders, and folders that hold many bags; and all of them read for a fit.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use govtwin::bag::{self, Interpolation, ReadOptions, Stream};
+use govtwin::tuning::admission::{Admitted, admit};
+use govtwin::tuning::trial::Trial;
+use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
+
+use super::output::Progress;
 
 /// Folders within folders deeper than this are a mistake, or a circle of links.
 const DEEPEST: usize = 16;
@@ -15,6 +21,56 @@ pub struct Bag {
     pub path: PathBuf,
     /// What to call it: the file or folder name, with as many parents as tell it from the others.
     pub name: String,
+}
+
+/// Recordings ready for a fit or a diagnosis, and what there is to say of them.
+pub struct Trials {
+    /// Those that can be used, in the order of the command line.
+    pub trials: Vec<Trial>,
+    /// Warnings, each with the name of its recording.
+    pub warnings: Vec<String>,
+}
+
+/// Reads all bags that the paths name; what cannot be used is left out with a warning, as long as something is left.
+///
+/// Command and pressure run straight from sample to sample, on a grid as fine as the small loop's.
+pub fn read_trials(paths: &[PathBuf]) -> anyhow::Result<Trials> {
+    let bags = find(paths)?;
+    let mut options =
+        ReadOptions { interpolation: Interpolation::Linear { period_ns: 1_000_000 }, ..ReadOptions::default() };
+    options.required = vec![Stream::Command, Stream::ServoState];
+    let progress = Progress::new(bags.len(), "recordings read");
+    let read: Vec<(Result<Admitted, String>, Vec<String>)> = bags
+        .par_iter()
+        .map(|bag| {
+            let result = match bag::read(&bag.path, &options) {
+                Err(error) => (Err(error.to_string()), vec![]),
+                Ok(mut loaded) => {
+                    loaded.recording.name.clone_from(&bag.name);
+                    (admit(loaded.recording), loaded.health.warnings.iter().map(ToString::to_string).collect())
+                }
+            };
+            progress.step();
+            result
+        })
+        .collect();
+    drop(progress);
+    let (mut trials, mut warnings, mut refused) = (vec![], vec![], vec![]);
+    for (bag, (admitted, notes)) in bags.iter().zip(read) {
+        match admitted {
+            Ok(admitted) => {
+                let named = notes.into_iter().chain(admitted.notes).map(|note| format!("{}: {note}", bag.name));
+                warnings.extend(named);
+                trials.push(admitted.trial);
+            }
+            Err(reason) => refused.push(format!("{}: {reason}", bag.name)),
+        }
+    }
+    if trials.is_empty() {
+        anyhow::bail!("no recording can be used:\n  {}", refused.join("\n  "));
+    }
+    warnings.extend(refused.into_iter().map(|reason| format!("{reason} (left out)")));
+    Ok(Trials { trials, warnings })
 }
 
 /// All bags that the paths name, each once, in the order given and by name within a folder.

@@ -5,6 +5,8 @@ use crate::parameters::{ENTRIES, Entry, Tolerance, Unit};
 
 /// Farthest that a fit may go from the sheet, in standard deviations.
 const FARTHEST: f64 = 6.0;
+/// The same for a parameter of which nothing is known, in steps.
+const FARTHEST_FREE: f64 = 60.0;
 
 /// Something that a fit may turn; position 0 is the nominal or neutral value.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,6 +17,13 @@ pub enum Knob {
         index: usize,
         /// What the sheet says of its spread.
         tolerance: Tolerance,
+    },
+    /// A parameter of the sheet of which nothing is known beforehand but its physical range.
+    Free {
+        /// Place in [`ENTRIES`].
+        index: usize,
+        /// What 1 is.
+        step: Tolerance,
     },
     /// A parameter of an effect; 1 is its typical size.
     Effect {
@@ -36,6 +45,18 @@ impl Knob {
             .collect()
     }
 
+    /// A knob for a parameter that the sheet is not believed in: searched over its physical range, without a prior.
+    #[must_use]
+    pub fn free(unit: &Unit, index: usize) -> Self {
+        let entry = &ENTRIES[index];
+        let usual = if (entry.get)(&unit.parameters) > 0.0 && entry.min >= 0.0 {
+            Tolerance::LogNormal(0.1)
+        } else {
+            Tolerance::Absolute(0.01 * (entry.max - entry.min))
+        };
+        Self::Free { index, step: unit.tolerances[index].unwrap_or(usual) }
+    }
+
     /// True where the sheet's tolerance speaks for positions near 0.
     #[must_use]
     pub fn has_prior(&self) -> bool {
@@ -46,7 +67,9 @@ impl Knob {
     #[must_use]
     pub fn key(&self, unit: &Unit) -> (String, &'static str) {
         match *self {
-            Self::Parameter { index, .. } => (ENTRIES[index].key.to_owned(), ENTRIES[index].unit),
+            Self::Parameter { index, .. } | Self::Free { index, .. } => {
+                (ENTRIES[index].key.to_owned(), ENTRIES[index].unit)
+            }
             Self::Effect { effect, spec, .. } => (format!("{}.{}", unit.effects[effect].id, spec.name), spec.unit),
         }
     }
@@ -64,7 +87,7 @@ impl Knob {
     #[must_use]
     pub fn value(&self, unit: &Unit, position: f64) -> f64 {
         match *self {
-            Self::Parameter { index, tolerance } => {
+            Self::Parameter { index, tolerance } | Self::Free { index, step: tolerance } => {
                 let entry: &Entry = &ENTRIES[index];
                 let nominal = (entry.get)(&unit.parameters);
                 let value = match tolerance {
@@ -82,7 +105,7 @@ impl Knob {
     #[must_use]
     pub fn range(&self, unit: &Unit) -> (f64, f64) {
         match *self {
-            Self::Parameter { index, tolerance } => {
+            Self::Parameter { index, tolerance } | Self::Free { index, step: tolerance } => {
                 let entry = &ENTRIES[index];
                 let nominal = (entry.get)(&unit.parameters);
                 let position = |value: f64| match tolerance {
@@ -91,7 +114,8 @@ impl Knob {
                     Tolerance::LogNormal(share) => (value.max(f64::MIN_POSITIVE) / nominal).ln() / share,
                 };
                 let (a, b) = (position(entry.min), position(entry.max));
-                (a.min(b).clamp(-FARTHEST, 0.0), a.max(b).clamp(0.0, FARTHEST))
+                let farthest = if self.has_prior() { FARTHEST } else { FARTHEST_FREE };
+                (a.min(b).clamp(-farthest, 0.0), a.max(b).clamp(0.0, farthest))
             }
             Self::Effect { spec, .. } => {
                 let scale = spec.typical - spec.neutral;
@@ -101,11 +125,24 @@ impl Knob {
         }
     }
 
+    /// Where the knob stands in the unit that it belongs to.
+    #[must_use]
+    pub fn position(&self, unit: &Unit) -> f64 {
+        match *self {
+            Self::Parameter { .. } | Self::Free { .. } => 0.0,
+            Self::Effect { effect, parameter, spec } => {
+                (unit.effects[effect].values[parameter] - spec.neutral) / (spec.typical - spec.neutral)
+            }
+        }
+    }
+
     /// Turns the unit's parameter to a position.
     pub fn turn(&self, base: &Unit, unit: &mut Unit, position: f64) {
         let value = self.value(base, position);
         match *self {
-            Self::Parameter { index, .. } => (ENTRIES[index].set)(&mut unit.parameters, value),
+            Self::Parameter { index, .. } | Self::Free { index, .. } => {
+                (ENTRIES[index].set)(&mut unit.parameters, value);
+            }
             Self::Effect { effect, parameter, .. } => unit.effects[effect].values[parameter] = value,
         }
     }

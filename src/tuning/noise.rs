@@ -36,6 +36,21 @@ pub struct SignalNoise {
     pub wander_time_s: f64,
 }
 
+impl SignalNoise {
+    /// The same noise, so many times as large.
+    #[must_use]
+    pub fn scaled(self, ratio: f64) -> Self {
+        Self {
+            white: self.white * ratio,
+            chatter: self.chatter * ratio,
+            chatter_wander: self.chatter_wander * ratio,
+            doubt: self.doubt * ratio,
+            wander: self.wander * ratio,
+            wander_time_s: self.wander_time_s,
+        }
+    }
+}
+
 /// The noise of all of [`Signal::ALL`].
 pub type Noise = [SignalNoise; Signal::ALL.len()];
 

@@ -1,0 +1,61 @@
+"""Compares a fit by govtwin with scipy's least_squares on the residuals that govtwin serves."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+from scipy.optimize import least_squares
+
+# A forward difference of the fit itself takes 0.02; central ones are a check of its slopes as well.
+STEP = 0.01
+
+served = subprocess.Popen(sys.argv[1:], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+ours = json.loads(served.stdout.readline())
+low, high = np.array(ours["ranges"]).T
+asked = 0
+
+
+def residuals(positions):
+    global asked
+    asked += 1
+    served.stdin.write(json.dumps(list(map(float, positions))) + "\n")
+    served.stdin.flush()
+    return np.array(json.loads(served.stdout.readline()))
+
+
+def slopes(positions):
+    columns = []
+    for k in range(len(positions)):
+        ends = []
+        for step in (-STEP, STEP):
+            moved = np.array(positions)
+            moved[k] = np.clip(moved[k] + step, low[k], high[k])
+            ends.append((moved[k], residuals(moved)))
+        columns.append((ends[1][1] - ends[0][1]) / (ends[1][0] - ends[0][0]))
+    return np.stack(columns, axis=1)
+
+
+own = np.array(ours["positions"])
+own_cost = float(np.sum(residuals(own) ** 2))
+assert abs(own_cost - ours["cost"]) < 1e-6 * ours["cost"], (own_cost, ours["cost"])
+
+# An independent start: the sheet, effects at their typical size.
+start = np.array([1.0 if "." in key and key.split(".")[0] == "backlash" else 0.0 for key in ours["keys"]])
+start = np.clip(start, low + 1e-6, high - 1e-6)
+found = least_squares(residuals, start, jac=slopes, bounds=(low, high), xtol=1e-8, ftol=1e-10, x_scale=1.0, max_nfev=40)
+served.stdin.close()
+served.wait()
+
+covariance = np.linalg.inv(found.jac.T @ found.jac + 1e-9 * np.eye(len(own)))
+deviations = np.sqrt(np.diag(covariance))
+apart = np.abs(own - found.x) / deviations
+worst = int(np.argmax(apart))
+cost = 2.0 * found.cost
+print(f"check_fit: {len(own)} knobs, {len(found.fun)} residuals, {asked} simulations asked by scipy ({found.message})")
+print(f"check_fit: sum of squares {own_cost:.4f} by govtwin, {cost:.4f} by scipy, difference {own_cost - cost:+.4f}")
+print(f"check_fit: farthest apart is {ours['keys'][worst]}: {apart[worst]:.3f} of its standard deviation; RMS {np.sqrt(np.mean(apart**2)):.3f}")
+# A cost within 0.1 of the least is within a third of a standard deviation in every direction.
+if own_cost - cost > 0.1 or apart[worst] > 0.33:
+    sys.exit("check_fit: FAILED: the two do not agree within 0.1 of cost and a third of a standard deviation")
+print("check_fit: ok: they agree within 0.1 of cost and a third of a standard deviation")

@@ -1,0 +1,183 @@
+//! `govtwin fit`: parameters and chosen effects fitted to recordings by bounded, prior-weighted least squares.
+
+mod figures;
+mod serve;
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use anyhow::bail;
+use govtwin::parameters::{ENTRIES, Unit};
+use govtwin::params::{self, Overlay, Sheet, nearest, number_text};
+use govtwin::tuning::calibration::{Calibration, calibrate, parts};
+use govtwin::tuning::fit::Bench;
+use govtwin::tuning::knob::Knob;
+use govtwin::tuning::noise;
+
+use super::bags;
+use super::generate::effect;
+use super::output::{Progress, print, warn, write_atomically};
+use crate::commands::Outcome;
+
+/// Fit parameters and chosen effects to recordings, and say how far they are determined.
+///
+/// Every parameter with a tolerance in the data sheet is fitted, and held back by it: the sum of squared misses, each over
+/// the noise to be expected, and of squared distances from the sheet, each over its tolerance, is made least.
+#[derive(Debug, clap::Args)]
+#[command(after_long_help = HELP)]
+pub struct Args {
+    /// Bags: files, bag folders, or folders that hold bags.
+    #[arg(value_name = "BAG", required = true)]
+    bags: Vec<PathBuf>,
+    /// Parameter file of the unit; without it the shipped reference unit.
+    #[arg(long, value_name = "FILE")]
+    params: Option<PathBuf>,
+    /// An effect to fit as well, of `govtwin effects` or of the parameter file.
+    #[arg(long = "effect", value_name = "ID")]
+    effects: Vec<String>,
+    /// A parameter of the sheet to fit without a tolerance, over its whole physical range.
+    #[arg(long = "free", value_name = "KEY")]
+    free: Vec<String>,
+    /// A file with effects of your own to fit as well (docs/own_effect.md).
+    #[arg(long = "candidate", value_name = "FILE")]
+    candidates: Vec<PathBuf>,
+    /// From how many starts to search.
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u16).range(1..=100))]
+    starts: u16,
+    /// Print JSON instead of a table.
+    #[arg(long)]
+    json: bool,
+    /// Folder for fitted.yaml and fit.json; made where missing.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// After the fit, answer each line of knob positions on standard input with the residuals, as JSON: for other solvers.
+    #[arg(long, hide = true)]
+    serve: bool,
+}
+
+const HELP: &str = "\
+`learned` is how much the recordings said beyond the sheet: 1 − variance after over variance before the fit. Intervals
+hold 90 %, are local, and are widened where the twin misses more than the noise to be expected.
+
+DIR/fitted.yaml is a parameter file that every command takes, with the intervals as comments. Signals that a recording lacks
+are passed over; recordings of several rates go together.
+
+Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 finished with warnings: a parameter at a bound, too little
+excitation, a recording left out, or a gap that no fitted parameter explains.";
+
+/// Fits, prints the tables, writes the files.
+pub fn run(args: &Args) -> anyhow::Result<Outcome> {
+    let mut sheet = match &args.params {
+        Some(path) => params::load_sheet(path)?,
+        None => params::reference_sheet(),
+    };
+    for path in &args.candidates {
+        adopt(&params::load(path)?, params::load_candidates(path)?, &mut sheet.unit)?;
+    }
+    let knobs = knobs(args, &mut sheet.unit)?;
+    let bags::Trials { trials, mut warnings } = bags::read_trials(&args.bags)?;
+    let starts = usize::from(args.starts);
+    let progress = Progress::new(parts(starts), "parts of the fit");
+    let expected = noise::expected(&sheet.unit.sensors);
+    let (bench, fitted) = calibrate(trials, &sheet.unit, knobs, &expected, starts, &|| progress.step());
+    drop(progress);
+    if !fitted.fit.square.is_finite() {
+        bail!("the misses are not finite; do the recordings belong to this parameter file?");
+    }
+    if args.serve {
+        serve::serve(&bench, &sheet.unit, &fitted)?;
+        return Ok(Outcome::Ok);
+    }
+    let parameter_warnings = fitted.warnings();
+    warnings.extend(parameter_warnings);
+    let json = format!("{:#}\n", figures::json(&bench, &sheet, &fitted, &warnings));
+    if let Some(out) = &args.out {
+        // All is worked out before the first file, and each file is whole.
+        params::write(&out.join("fitted.yaml"), &overlay(&bench, &sheet, &fitted))?;
+        write_atomically(&out.join("fit.json"), json.as_bytes())?;
+    }
+    print(&if args.json { json } else { figures::text(&bench, &sheet.unit, &fitted) })?;
+    if let (Some(out), false) = (&args.out, args.json) {
+        print(&format!("\nFitted parameters: {}\n", out.join("fitted.yaml").display()))?;
+    }
+    for warning in &warnings {
+        warn(warning);
+    }
+    Ok(if warnings.is_empty() { Outcome::Ok } else { Outcome::Warnings })
+}
+
+/// Takes the effects that a file defines into a unit, with the values that the file gives them.
+fn adopt(from: &Unit, candidates: Vec<govtwin::parameters::OwnEffect>, unit: &mut Unit) -> anyhow::Result<()> {
+    for own in candidates {
+        if unit.own_effects.iter().any(|known| known.id == own.id && *known != own) {
+            bail!("`{}` is defined twice, and not alike; give one of the two another id", own.id);
+        }
+        if unit.own_effects.iter().all(|known| known.id != own.id) {
+            unit.effects.extend(from.effects.iter().find(|setting| setting.id == own.id).cloned());
+            unit.own_effects.push(own);
+        }
+    }
+    Ok(())
+}
+
+/// What to turn: tolerances, free parameters, effects.
+fn knobs(args: &Args, unit: &mut Unit) -> anyhow::Result<Vec<Knob>> {
+    let mut free = vec![];
+    for key in &args.free {
+        let Some(index) = ENTRIES.iter().position(|entry| entry.key == key) else {
+            let near = nearest(key, ENTRIES.iter().map(|entry| entry.key));
+            let hint = near.map_or("`govtwin check` lists them".to_owned(), |near| format!("did you mean `{near}`?"));
+            bail!("--free {key}: there is no such parameter; {hint}");
+        };
+        free.push(index);
+    }
+    let mut knobs = Knob::nuisances(unit);
+    knobs.retain(|knob| !matches!(knob, Knob::Parameter { index, .. } if free.contains(index)));
+    free.sort_unstable();
+    free.dedup();
+    knobs.extend(free.into_iter().map(|index| Knob::free(unit, index)));
+    let candidates = if args.candidates.is_empty() { &[] } else { &unit.own_effects[..] };
+    let mut ids: Vec<String> = candidates.iter().map(|own| own.id.clone()).collect();
+    ids.splice(0..0, args.effects.iter().cloned());
+    let mut seen: Vec<&str> = vec![];
+    for id in &ids {
+        if seen.contains(&id.as_str()) {
+            continue;
+        }
+        seen.push(id);
+        let spec = effect::known(unit, id)?;
+        let at = unit.effects.iter().position(|setting| setting.id == *id).unwrap_or_else(|| {
+            unit.effects.push(effect::neutral(spec));
+            unit.effects.len() - 1
+        });
+        knobs.extend(spec.parameters.iter().enumerate().map(|(parameter, spec)| Knob::Effect {
+            effect: at,
+            parameter,
+            spec,
+        }));
+    }
+    if knobs.is_empty() {
+        bail!("nothing to fit: the sheet gives no tolerance; name parameters with --free or an effect with --effect");
+    }
+    Ok(knobs)
+}
+
+/// The fitted unit as a parameter file.
+fn overlay(bench: &Bench, sheet: &Sheet, fitted: &Calibration) -> Overlay {
+    let comment = |row: &govtwin::tuning::calibration::Row| {
+        let [low, high] = row.ci90.map(number_text);
+        let bound = if row.at_bound { ", at a bound" } else { "" };
+        (row.key.clone(), format!("ci90 [{low}, {high}], sheet {}{bound}", number_text(row.sheet)))
+    };
+    let names: Vec<&str> = bench.trials.iter().map(|trial| trial.name.as_str()).collect();
+    Overlay {
+        unit: fitted.unit.clone(),
+        name: sheet.name.clone(),
+        source: format!("govtwin fit on {}", names.join(", ")),
+        head: vec![
+            format!("Fitted by govtwin {} fit; behind each value its 90 % interval.", env!("CARGO_PKG_VERSION")),
+            format!("Left over, in times the noise to be expected: {}.", figures::leftover(fitted)),
+        ],
+        comments: fitted.rows.iter().map(comment).collect::<BTreeMap<_, _>>(),
+    }
+}

@@ -1,0 +1,140 @@
+//! What a fit says: tables for a terminal, all figures as JSON.
+
+use govtwin::parameters::Unit;
+use govtwin::params::{Sheet, quantity_text};
+use govtwin::report::table::{Table, fixed, significant};
+use govtwin::signal::Signal;
+use govtwin::tuning::calibration::{Calibration, Row};
+use govtwin::tuning::fit::Bench;
+use serde_json::{Value, json};
+
+/// Correlations that a terminal shows.
+const SHOWN: usize = 5;
+
+/// Tables and sentences.
+pub fn text(bench: &Bench, base: &Unit, fitted: &Calibration) -> String {
+    let mut table =
+        Table::new().words("key").words("unit").numbers("sheet").numbers("fitted").numbers("ci90 from").numbers("to");
+    for name in ["sd from sheet", "learned"] {
+        table = table.numbers(name);
+    }
+    table = table.words("");
+    for row in &fitted.rows {
+        let [low, high] = row.ci90.map(|end| significant(end, 4));
+        let deviation = row.deviation.map_or_else(|| "free".to_owned(), |sd| format!("{sd:+.2}"));
+        let cells =
+            [row.key.clone(), row.unit.to_owned(), significant(row.sheet, 4), significant(row.fitted, 4), low, high];
+        let last = [deviation, fixed(row.learned, 2), if row.at_bound { "at bound".to_owned() } else { String::new() }];
+        table.row(cells.into_iter().chain(last));
+    }
+    let mut text = format!("{}\n{}", table.to_text(), misses(bench, base, fitted).to_text());
+    let costs: Vec<String> = fitted.starts.iter().map(|cost| significant(*cost, 5)).collect();
+    text += &format!(
+        "\nLeft over, in times the noise to be expected: {}. Costs of the starts: {}.\n",
+        leftover(fitted),
+        costs.join(", ")
+    );
+    for pair in fitted.correlations.iter().take(SHOWN) {
+        text += &format!("Correlated {:+.2}: {} and {}\n", pair.coefficient, pair.keys[0], pair.keys[1]);
+    }
+    text += "\n";
+    for sentence in fitted.identifiability() {
+        text += &format!("{sentence}\n");
+    }
+    text
+}
+
+/// What each signal misses over the noise to be expected.
+pub fn leftover(fitted: &Calibration) -> String {
+    let ratios = Signal::ALL.into_iter().zip(fitted.leftover);
+    let words = ratios.filter_map(|(signal, ratio)| Some(format!("{} {:.2}", signal.id(), ratio?)));
+    words.collect::<Vec<_>>().join(", ")
+}
+
+/// Root mean square misses of the mean twin, per recording and signal, before and after.
+struct Miss {
+    recording: String,
+    signal: Signal,
+    samples: usize,
+    sheet: f64,
+    fitted: f64,
+}
+
+fn all_misses(bench: &Bench, base: &Unit, fitted: &Calibration) -> Vec<Miss> {
+    let mut all = vec![];
+    for (index, trial) in bench.trials.iter().enumerate() {
+        let [before, after] = [base, &fitted.unit].map(|unit| bench.simulate(unit, index));
+        for signal in Signal::ALL.into_iter().filter(|&signal| trial.has[signal as usize]) {
+            let squares = |estimates: &[govtwin::frame::Estimate]| {
+                let misses = trial
+                    .samples
+                    .iter()
+                    .zip(estimates)
+                    .map(|(&row, estimate)| signal.of(&trial.frames[row].measured) - signal.of(&estimate.signals));
+                let finite: Vec<f64> = misses.filter(|miss| miss.is_finite()).map(|miss| miss * miss).collect();
+                (finite.len(), (finite.iter().sum::<f64>() / finite.len().max(1) as f64).sqrt())
+            };
+            let ((samples, sheet), (_, fitted)) = (squares(&before), squares(&after));
+            all.push(Miss { recording: trial.name.clone(), signal, samples, sheet, fitted });
+        }
+    }
+    all
+}
+
+fn misses(bench: &Bench, base: &Unit, fitted: &Calibration) -> Table {
+    let mut table = Table::new().words("recording").words("signal").numbers("samples");
+    table = table.numbers_of("RMSE", "sheet").numbers_of("RMSE", "fitted");
+    for miss in all_misses(bench, base, fitted) {
+        let figures = [miss.sheet, miss.fitted].map(|rmse| quantity_text_short(rmse, miss.signal.unit()));
+        let words = [miss.recording, miss.signal.id().to_owned(), miss.samples.to_string()];
+        table.row(words.into_iter().chain(figures));
+    }
+    table
+}
+
+fn quantity_text_short(value: f64, unit: &str) -> String {
+    format!("{} {unit}", significant(value, 3))
+}
+
+/// All figures.
+pub fn json(bench: &Bench, sheet: &Sheet, fitted: &Calibration, warnings: &[String]) -> Value {
+    let recordings: Vec<Value> = bench
+        .trials
+        .iter()
+        .map(|trial| {
+            json!({"name": trial.name, "process": trial.process.id(), "samples": trial.samples.len(), "period_s": trial.period_s})
+        })
+        .collect();
+    let misses: Vec<Value> = all_misses(bench, &sheet.unit, fitted)
+        .into_iter()
+        .map(|miss| {
+            json!({
+                "recording": miss.recording, "signal": miss.signal.id(), "samples": miss.samples,
+                "rmse": {"sheet": miss.sheet, "fitted": miss.fitted},
+            })
+        })
+        .collect();
+    let correlations: Vec<Value> =
+        fitted.correlations.iter().map(|pair| json!({"keys": pair.keys, "coefficient": pair.coefficient})).collect();
+    json!({
+        "schema": "govtwin-fit/1",
+        "name": sheet.name,
+        "recordings": recordings,
+        "parameters": fitted.rows.iter().map(parameter).collect::<Vec<Value>>(),
+        "misses": misses,
+        "cost": {"misses": fitted.fit.square, "prior": fitted.fit.prior, "starts": fitted.starts},
+        "leftover": Signal::ALL.into_iter().zip(fitted.leftover).filter_map(|(signal, ratio)| Some((signal.id(), ratio?)))
+            .collect::<std::collections::BTreeMap<_, _>>(),
+        "correlations": correlations,
+        "identifiability": fitted.identifiability(),
+        "warnings": warnings,
+    })
+}
+
+fn parameter(row: &Row) -> Value {
+    json!({
+        "key": row.key, "unit": row.unit, "sheet": row.sheet, "fitted": row.fitted, "ci90": row.ci90,
+        "sd_from_sheet": row.deviation, "at_bound": row.at_bound, "learned": row.learned,
+        "text": quantity_text(row.fitted, row.unit),
+    })
+}

@@ -1,0 +1,366 @@
+//! Calibration: a fit from several starts, with what it is worth: intervals, correlations, bounds, what the data said.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::parameters::Unit;
+use crate::signal::Signal;
+use crate::tuning::fit::{Bench, Effort, Fit, Misses, fit, normal};
+use crate::tuning::knob::{Knob, unit_at};
+use crate::tuning::noise::Noise;
+use crate::tuning::trial::Trial;
+
+/// Half width of a 90 % interval, in standard deviations.
+const NINETY: f64 = 1.645;
+/// Work of each start, before the noise is laid out anew.
+const ROUGH: Effort = Effort { rounds: 5, refresh: 2, temperature: 1.0 };
+/// Work of a round of the polish, whose slopes are given.
+const FINE: Effort = Effort { rounds: 12, refresh: 100, temperature: 1.0 };
+/// Most rounds of the polish, each with slopes from both sides.
+const POLISH_ROUNDS: u32 = 8;
+/// A polish that gains less, in units of cost, is at its end.
+const ENOUGH: f64 = 0.02;
+/// Sizes at which effects start, in turn.
+const SIZES: [f64; 4] = [1.0, 0.3, -1.0, 3.0];
+/// How far nuisance parameters start from the sheet from the second start on, in standard deviations.
+const SCATTER: f64 = 0.7;
+/// Nearer to a bound than this share of the range is at the bound.
+const AT_BOUND_SHARE: f64 = 1e-3;
+/// How far to either side slopes are taken for the intervals, in units of a knob.
+const WIDE_STEP: f64 = 0.1;
+/// What the twin as a mean over chatter adds to every doubt: with it, 90 % intervals held for 90 % of 184 parameters
+/// planted in eight generated units.
+const MEAN_TWIN_DOUBT: f64 = 1.35;
+/// Length over which misses may go together, s.
+const BLOCK_S: f64 = 10.0;
+/// Correlations from here on are told.
+const STRONG: f64 = 0.7;
+
+/// One knob after the fit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row {
+    /// Key in parameter files; for effects `id.parameter`.
+    pub key: String,
+    /// Unit of the values.
+    pub unit: &'static str,
+    /// Value before the fit, in the parameter's unit.
+    pub sheet: f64,
+    /// Fitted value, in the parameter's unit.
+    pub fitted: f64,
+    /// 90 % interval, in the parameter's unit.
+    pub ci90: [f64; 2],
+    /// Distance from the sheet in standard deviations of its tolerance; none where the sheet gives none.
+    pub deviation: Option<f64>,
+    /// Whether it ended at a bound.
+    pub at_bound: bool,
+    /// How much the data said: 1 − posterior over prior variance, 0 nothing, 1 all.
+    pub learned: f64,
+}
+
+/// Two knobs that the data tell apart badly.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Correlation {
+    /// Keys of the two.
+    pub keys: [String; 2],
+    /// Their correlation after the fit, −1 to 1.
+    pub coefficient: f64,
+}
+
+/// A fit and what it is worth.
+#[derive(Clone, Debug)]
+pub struct Calibration {
+    /// The fitted unit.
+    pub unit: Unit,
+    /// What was turned.
+    pub knobs: Vec<Knob>,
+    /// The fit itself.
+    pub fit: Fit,
+    /// Each knob, in order.
+    pub rows: Vec<Row>,
+    /// Strong correlations, the strongest first.
+    pub correlations: Vec<Correlation>,
+    /// Cost of each start after its first rounds.
+    pub starts: Vec<f64>,
+    /// What the fitted twin misses over the noise to be expected, for each of [`Signal::ALL`]: 1 where the model is right;
+    /// none where a signal was not measured.
+    pub leftover: [Option<f64>; Signal::ALL.len()],
+}
+
+/// Fits the knobs from several starts; `step` is called as each part of the work ends, [`parts`] times in all.
+#[must_use]
+pub fn calibrate(
+    trials: Vec<Trial>,
+    base: &Unit,
+    knobs: Vec<Knob>,
+    noise: &Noise,
+    starts: usize,
+    step: &dyn Fn(),
+) -> (Bench, Calibration) {
+    let first = Bench::new(trials, base, noise);
+    step();
+    let mut rough: Option<(f64, Vec<f64>)> = None;
+    let mut costs = Vec::new();
+    for number in 0..starts.max(1) {
+        let found = fit(&first, base, &knobs, &start(base, &knobs, number), ROUGH, None);
+        let cost = found.square + found.prior;
+        costs.push(cost);
+        if rough.as_ref().is_none_or(|(best, _)| cost < *best) {
+            rough = Some((cost, found.positions));
+        }
+        step();
+    }
+    let positions = rough.map(|(_, positions)| positions).unwrap_or_default();
+    // Chatter depends on the parameters: the noise is laid out along the best start. A signal that misses more than it
+    // should then counts for less, so that neither fit nor intervals trust it beyond what it is worth.
+    let unit = unit_at(base, &knobs, &positions);
+    let bench = Bench::new(first.trials, &unit, noise);
+    let expected = fit(&bench, base, &knobs, &positions, ROUGH, None);
+    let leftover = leftover(&bench, &expected.misses);
+    step();
+    let widened: Noise =
+        std::array::from_fn(|signal| noise[signal].scaled(leftover[signal].map_or(1.0, |ratio| ratio.max(1.0))));
+    let bench = Bench::new(bench.trials, &unit, &widened);
+    let found = fit(&bench, base, &knobs, &expected.positions, Effort::FULL, None);
+    let found = polish(&bench, base, &knobs, found);
+    let slopes = Slopes::about(&bench, base, &knobs, &found, WIDE_STEP);
+    step();
+    let calibration = judge(&bench, base, knobs, found, &slopes, costs, leftover);
+    (bench, calibration)
+}
+
+/// Root mean square of the misses of each signal; the sharpest whitening leaves 1.
+fn leftover(bench: &Bench, misses: &Misses) -> [Option<f64>; Signal::ALL.len()] {
+    let mut sums = [(0.0, 0_usize); Signal::ALL.len()];
+    for (trial, misses) in bench.trials.iter().zip(misses) {
+        let signals = Signal::ALL.into_iter().filter(|&signal| trial.has[signal as usize]);
+        for (signal, of_signal) in signals.zip(misses.as_slice().chunks(trial.samples.len().max(1))) {
+            for miss in of_signal.iter().filter(|miss| **miss != 0.0) {
+                sums[signal as usize].0 += miss * miss;
+                sums[signal as usize].1 += 1;
+            }
+        }
+    }
+    sums.map(|(sum, count)| (count > 0).then(|| (sum / count as f64).sqrt()))
+}
+
+/// The last way down, by slopes from both sides: one-sided ones end where a jump on their side hides what is left.
+fn polish(bench: &Bench, base: &Unit, knobs: &[Knob], mut found: Fit) -> Fit {
+    for round in 0..POLISH_ROUNDS {
+        let narrow = WIDE_STEP / f64::from(1_u32 << (round % 3));
+        let slopes = Slopes::about(bench, base, knobs, &found, narrow);
+        let next = fit(bench, base, knobs, &found.positions, FINE, Some(&slopes.slopes));
+        let gain = found.square + found.prior - next.square - next.prior;
+        found = next;
+        if gain < ENOUGH && round > 1 {
+            break;
+        }
+    }
+    found
+}
+
+/// Slopes of the misses by every knob, and how far they may be wrong.
+struct Slopes {
+    /// By trial.
+    slopes: Vec<DMatrix<f64>>,
+    /// Sum of squares of each column's error, over all trials.
+    errors: DVector<f64>,
+}
+
+impl Slopes {
+    /// From both sides of a fit; where the two sides differ, the slope is in doubt.
+    ///
+    /// Stops and dead bands put small jumps into the misses, which over many samples would pass for knowledge of what
+    /// the recordings cannot tell apart, such as the factors of a product.
+    fn about(bench: &Bench, base: &Unit, knobs: &[Knob], fit: &Fit, wide: f64) -> Self {
+        let mut errors = DVector::zeros(knobs.len());
+        let mut columns = vec![Vec::with_capacity(knobs.len()); bench.trials.len()];
+        for (k, knob) in knobs.iter().enumerate() {
+            let (low, high) = knob.range(base);
+            let mut places = [-wide, wide].map(|step| (fit.positions[k] + step).clamp(low, high));
+            // At a bound both places lie on its one side.
+            for place in &mut places {
+                if *place == fit.positions[k] {
+                    *place = if *place == low { low + 0.5 * wide } else { high - 0.5 * wide };
+                }
+            }
+            let units = places.map(|place| {
+                let mut moved = fit.positions.clone();
+                moved[k] = place;
+                unit_at(base, knobs, &moved)
+            });
+            let misses = bench.misses_of(&units);
+            for (trial, at) in fit.misses.iter().enumerate() {
+                let side = |end: usize| (&misses[end][trial] - at) / (places[end] - fit.positions[k]);
+                let (one, other) = (side(0), side(1));
+                errors[k] += 0.25 * (&one - &other).norm_squared();
+                columns[trial].push(0.5 * (one + other));
+            }
+        }
+        Self { slopes: columns.iter().map(|columns| DMatrix::from_columns(columns)).collect(), errors }
+    }
+}
+
+/// How often [`calibrate`] reports progress.
+#[must_use]
+pub fn parts(starts: usize) -> usize {
+    starts.max(1) + 3
+}
+
+/// The first start is the sheet with effects of typical size; the others scatter around it, the same each time.
+fn start(base: &Unit, knobs: &[Knob], number: usize) -> Vec<f64> {
+    let place = |(k, knob): (usize, &Knob)| {
+        let (low, high) = knob.range(base);
+        let wanted = match knob {
+            Knob::Effect { .. } if number == 0 && knob.position(base) != 0.0 => knob.position(base),
+            Knob::Effect { .. } => SIZES[number % SIZES.len()],
+            _ if number == 0 => knob.start(base),
+            // Additive recurrence with the golden section: even, and without a generator.
+            _ => SCATTER * (2.0 * ((k * 7 + number * 3 + 1) as f64 * 0.618_033_988_75).fract() - 1.0),
+        };
+        wanted.clamp(low, high)
+    };
+    knobs.iter().enumerate().map(place).collect()
+}
+
+fn judge(
+    bench: &Bench,
+    base: &Unit,
+    knobs: Vec<Knob>,
+    fit: Fit,
+    slopes: &Slopes,
+    starts: Vec<f64>,
+    leftover: [Option<f64>; Signal::ALL.len()],
+) -> Calibration {
+    let covariance = covariance(bench, &knobs, &fit, slopes);
+    let rows = knobs.iter().enumerate().map(|(k, knob)| {
+        let (low, high) = knob.range(base);
+        let position = fit.positions[k];
+        let sd = covariance[(k, k)].max(0.0).sqrt();
+        let (key, unit) = knob.key(base);
+        let value = |position: f64| knob.value(base, position.clamp(low, high));
+        let ends = [value(position - NINETY * sd), value(position + NINETY * sd)];
+        let prior_variance = if knob.has_prior() { 1.0 } else { (high - low).powi(2) / 12.0 };
+        Row {
+            key,
+            unit,
+            sheet: knob.value(base, knob.position(base)),
+            fitted: value(position),
+            ci90: [ends[0].min(ends[1]), ends[0].max(ends[1])],
+            deviation: knob.has_prior().then_some(position),
+            at_bound: (position - low).min(high - position) <= AT_BOUND_SHARE * (high - low),
+            learned: (1.0 - sd * sd / prior_variance).clamp(0.0, 1.0),
+        }
+    });
+    let rows: Vec<Row> = rows.collect();
+    let mut correlations = Vec::new();
+    for i in 0..knobs.len() {
+        for j in i + 1..knobs.len() {
+            let coefficient = covariance[(i, j)] / (covariance[(i, i)] * covariance[(j, j)]).sqrt();
+            if coefficient.abs() >= STRONG {
+                correlations.push(Correlation { keys: [rows[i].key.clone(), rows[j].key.clone()], coefficient });
+            }
+        }
+    }
+    correlations.sort_by(|a, b| b.coefficient.abs().total_cmp(&a.coefficient.abs()));
+    let unit = unit_at(base, &knobs, &fit.positions);
+    Calibration { unit, knobs, fit, rows, correlations, starts, leftover }
+}
+
+/// Covariance of the positions about the fit, priors included.
+///
+/// What slopes in doubt seem to know is taken off (errors in variables: Fuller 1987, *Measurement Error Models*,
+/// section 2.2). Misses that lie close together may still go together: scores are summed over blocks before they are
+/// squared (Newey & West 1987), and where that says more, intervals widen by it.
+fn covariance(bench: &Bench, knobs: &[Knob], fit: &Fit, slopes: &Slopes) -> DMatrix<f64> {
+    let n = knobs.len();
+    let (hessian, _) = normal(knobs, &fit.positions, &fit.misses, &slopes.slopes, 1.0);
+    let prior = DVector::from_fn(n, |k, _| f64::from(u8::from(knobs[k].has_prior())));
+    let mut scores = DMatrix::from_diagonal(&prior);
+    for ((trial, slopes), misses) in bench.trials.iter().zip(&slopes.slopes).zip(&fit.misses) {
+        let count = trial.samples.len();
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small count")]
+        let block = ((BLOCK_S / trial.period_s.max(1e-3)) as usize).max(1);
+        for from in (0..count).step_by(block) {
+            let length = block.min(count - from);
+            let mut score = DVector::zeros(n);
+            for start in (0..misses.len()).step_by(count) {
+                score += slopes.rows(start + from, length).tr_mul(&misses.rows(start + from, length));
+            }
+            scores += &score * score.transpose();
+        }
+    }
+    let invert = |matrix: DMatrix<f64>| matrix.cholesky().map(|cholesky| cholesky.inverse());
+    let tiny = DMatrix::identity(n, n) * 1e-6;
+    let known = hessian.clone() - DMatrix::from_diagonal(&prior) - DMatrix::from_diagonal(&slopes.errors);
+    let mut parts = known.symmetric_eigen();
+    parts.eigenvalues.apply(|value| *value = value.max(0.0));
+    let known = parts.recompose() + DMatrix::from_diagonal(&prior);
+    let (Some(plain), Some(careful)) = (invert(hessian + &tiny), invert(known + tiny)) else {
+        return DMatrix::identity(n, n) * f64::INFINITY;
+    };
+    let robust = &plain * scores * &plain;
+    let widen = DVector::from_fn(n, |k, _| (robust[(k, k)] / plain[(k, k)]).max(1.0).sqrt());
+    let widen = DVector::from_fn(n, |k, _| {
+        let widened = MEAN_TWIN_DOUBT * widen[k];
+        // Recordings never take away what the sheet says.
+        if prior[k] > 0.0 { widened.min(1.0 / careful[(k, k)].sqrt()) } else { widened }
+    });
+    DMatrix::from_fn(n, n, |i, j| careful[(i, j)] * widen[i] * widen[j])
+}
+
+impl Calibration {
+    /// What the recordings could and could not tell, in sentences.
+    #[must_use]
+    pub fn identifiability(&self) -> Vec<String> {
+        let keys = |of: &dyn Fn(&Row) -> bool| {
+            let keys: Vec<String> =
+                self.rows.iter().filter(|row| of(row)).map(|row| format!("`{}`", row.key)).collect();
+            keys.join(", ")
+        };
+        let mut words = Vec::new();
+        let groups: [(&str, f64, f64); 3] = [
+            ("Well determined by these recordings", 0.9, 1.1),
+            ("Narrowed down", 0.3, 0.9),
+            ("Not seen by these recordings, so left where the sheet has them", -1.0, 0.3),
+        ];
+        for (title, from, to) in groups {
+            let named = keys(&|row| (from..to).contains(&row.learned));
+            if !named.is_empty() {
+                words.push(format!("{title}: {named}."));
+            }
+        }
+        for pair in self.correlations.iter().filter(|pair| pair.coefficient.abs() > 0.95) {
+            let [one, other] = &pair.keys;
+            let what = if pair.coefficient > 0.0 { "both up or both down" } else { "one up and the other down" };
+            words.push(format!(
+                "`{one}` and `{other}` cannot be told apart: {what} fits as well (r = {:.2}).",
+                pair.coefficient
+            ));
+        }
+        words
+    }
+
+    /// What the user should know before using the fit, in sentences.
+    #[must_use]
+    pub fn warnings(&self) -> Vec<String> {
+        let mut words = Vec::new();
+        for row in self.rows.iter().filter(|row| row.at_bound && row.learned > 0.05) {
+            words.push(format!(
+                "`{}` ended at a bound ({} {}): the truth may lie beyond, or another effect is fitted with it",
+                row.key, row.fitted, row.unit
+            ));
+        }
+        for row in self.rows.iter().filter(|row| row.deviation.is_none() && row.learned < 0.3 && !row.at_bound) {
+            words.push(format!("`{}`: too little excitation; these recordings do not determine it", row.key));
+        }
+        for (signal, ratio) in Signal::ALL.into_iter().zip(self.leftover) {
+            if let Some(ratio) = ratio.filter(|ratio| *ratio > 2.0) {
+                words.push(format!(
+                    "{} misses by {ratio:.1} times the noise to be expected: something is missing that no fitted parameter \
+                     replaces; intervals are widened by as much",
+                    signal.id()
+                ));
+            }
+        }
+        words
+    }
+}

@@ -1,0 +1,80 @@
+//! Fits: planted parameters come back within their intervals.
+
+use govtwin::generate::{Scenario, recording, spread};
+use govtwin::parameters::{ENTRIES, EffectSetting, Unit};
+use govtwin::params;
+use govtwin::recording::Process;
+use govtwin::tuning::calibration::{Calibration, calibrate};
+use govtwin::tuning::knob::Knob;
+use govtwin::tuning::noise;
+use govtwin::tuning::trial::Trial;
+
+/// A unit within tolerance with one effect, and its recordings.
+fn plant(effect: &str, value: f64, seed: u64) -> (Unit, Vec<Trial>) {
+    let mut unit = spread(&params::reference(), seed);
+    unit.effects.push(EffectSetting { id: effect.to_owned(), values: vec![value] });
+    let record = |process| {
+        recording(&Scenario { unit: unit.clone(), process, rate_hz: 100.0, duration_s: 30.0, rich: false, seed })
+    };
+    let trials = Process::ALL.into_iter().map(|process| Trial::new(record(process))).collect();
+    (unit, trials)
+}
+
+/// The shipped sheet with the effect fitted to recordings.
+fn fitted(effect: &str, trials: Vec<Trial>) -> Calibration {
+    let mut base = params::reference();
+    let spec = govtwin::effects::find(effect).unwrap();
+    base.effects.push(EffectSetting { id: effect.to_owned(), values: vec![spec.parameters[0].neutral] });
+    let mut knobs = Knob::nuisances(&base);
+    knobs.push(Knob::Effect { effect: 0, parameter: 0, spec: &spec.parameters[0] });
+    let noise = noise::expected(&base.sensors);
+    calibrate(trials, &base, knobs, &noise, 1, &|| {}).1
+}
+
+#[test]
+fn planted_parameters_come_back_within_their_intervals() {
+    // None of these units had a part in the choice of the intervals' width.
+    let planted = [("backlash", 0.003, 21), ("feedback_lag", 0.04, 22), ("chamber_leak", 6e-12, 23)];
+    let (mut inside, mut all) = (0, 0);
+    for (effect, value, seed) in planted {
+        let (truth, trials) = plant(effect, value, seed);
+        let fit = fitted(effect, trials);
+        for (row, knob) in fit.rows.iter().zip(&fit.knobs) {
+            let [low, high] = row.ci90;
+            let planted = match *knob {
+                Knob::Parameter { index, .. } | Knob::Free { index, .. } => (ENTRIES[index].get)(&truth.parameters),
+                Knob::Effect { .. } => {
+                    // Twice the interval: one of three may miss the 90 %.
+                    let half = 0.5 * (high - low);
+                    assert!((row.fitted - value).abs() < 2.0 * half, "{row:?}, not {value}");
+                    assert!(row.learned > 0.95, "{row:?}");
+                    value
+                }
+            };
+            println!("{effect} {}: {planted:.4e} in [{low:.4e}, {high:.4e}]", row.key);
+            inside += usize::from((low..=high).contains(&planted));
+            all += 1;
+        }
+        let servomotor = fit.leftover[0].unwrap();
+        assert!((0.7..1.3).contains(&servomotor), "{effect}: {servomotor} times the noise left over");
+        assert!(fit.identifiability().iter().any(|words| words.contains(effect)), "{:?}", fit.identifiability());
+    }
+    println!("{inside} of {all}");
+    assert!(inside * 100 >= all * 80, "{inside} of {all} within 90 % intervals");
+}
+
+#[test]
+fn a_free_parameter_moves_as_far_as_the_recordings_say() {
+    let mut unit = params::reference();
+    unit.parameters.servomotor.load_closed_n *= 2.0;
+    let scenario =
+        Scenario { unit, process: Process::LoadRejection, rate_hz: 50.0, duration_s: 30.0, rich: false, seed: 5 };
+    let base = params::reference();
+    let index = ENTRIES.iter().position(|entry| entry.key == "servomotor.load_closed_n").unwrap();
+    let noise = noise::expected(&base.sensors);
+    let trials = vec![Trial::new(recording(&scenario))];
+    let (_, fit) = calibrate(trials, &base, vec![Knob::free(&base, index)], &noise, 2, &|| {});
+    let row = &fit.rows[0];
+    assert_eq!((row.deviation, row.at_bound), (None, false));
+    assert!((row.fitted / 3.0e5 - 1.0).abs() < 0.05, "{row:?}");
+}
