@@ -33,7 +33,6 @@ fn fitted(effect: &str, trials: Vec<Trial>) -> Calibration {
 
 #[test]
 fn planted_parameters_come_back_within_their_intervals() {
-    // None of these units had a part in the choice of the intervals' width.
     let planted = [("backlash", 0.003, 21), ("feedback_lag", 0.04, 22), ("chamber_leak", 6e-12, 23)];
     let (mut inside, mut all) = (0, 0);
     for (effect, value, seed) in planted {
@@ -60,7 +59,7 @@ fn planted_parameters_come_back_within_their_intervals() {
         assert!(fit.identifiability().iter().any(|words| words.contains(effect)), "{:?}", fit.identifiability());
     }
     println!("{inside} of {all}");
-    assert!(inside * 100 >= all * 80, "{inside} of {all} within 90 % intervals");
+    assert!(inside * 100 >= all * 90, "{inside} of {all} within 90 % intervals");
 }
 
 #[test]

@@ -57,7 +57,7 @@ pub struct Args {
 
 const HELP: &str = "\
 `learned` is how much the recordings said beyond the sheet: 1 − variance after over variance before the fit. Intervals
-hold 90 %, are local, and are widened where the twin misses more than the noise to be expected.
+hold 90 % or more, are local, and count twenty misses as one, as what a model lacks shows in many samples alike.
 
 DIR/fitted.yaml is a parameter file that every command takes, with the intervals as comments. Signals that a recording lacks
 are passed over; recordings of several rates go together.

@@ -6,7 +6,7 @@ use crate::parameters::Unit;
 use crate::signal::Signal;
 use crate::tuning::fit::{Bench, Effort, Fit, Misses, fit, normal};
 use crate::tuning::knob::{Knob, unit_at};
-use crate::tuning::noise::Noise;
+use crate::tuning::noise::{ALIKE, Noise};
 use crate::tuning::trial::Trial;
 
 /// Half width of a 90 % interval, in standard deviations.
@@ -27,9 +27,6 @@ const SCATTER: f64 = 0.7;
 const AT_BOUND_SHARE: f64 = 1e-3;
 /// How far to either side slopes are taken for the intervals, in units of a knob.
 const WIDE_STEP: f64 = 0.1;
-/// What the twin as a mean over chatter adds to every doubt: with it, 90 % intervals held for 90 % of 184 parameters
-/// planted in eight generated units.
-const MEAN_TWIN_DOUBT: f64 = 1.35;
 /// Length over which misses may go together, s.
 const BLOCK_S: f64 = 10.0;
 /// Correlations from here on are told.
@@ -76,6 +73,8 @@ pub struct Calibration {
     pub fit: Fit,
     /// Each knob, in order.
     pub rows: Vec<Row>,
+    /// Standard deviation of each knob's position, 1.
+    pub deviations: Vec<f64>,
     /// Strong correlations, the strongest first.
     pub correlations: Vec<Correlation>,
     /// Cost of each start after its first rounds.
@@ -127,7 +126,7 @@ pub fn calibrate(
     (bench, calibration)
 }
 
-/// Root mean square of the misses of each signal; the sharpest whitening leaves 1.
+/// Root mean square of the misses of each signal, over the noise to be expected.
 fn leftover(bench: &Bench, misses: &Misses) -> [Option<f64>; Signal::ALL.len()] {
     let mut sums = [(0.0, 0_usize); Signal::ALL.len()];
     for (trial, misses) in bench.trials.iter().zip(misses) {
@@ -139,7 +138,7 @@ fn leftover(bench: &Bench, misses: &Misses) -> [Option<f64>; Signal::ALL.len()] 
             }
         }
     }
-    sums.map(|(sum, count)| (count > 0).then(|| (sum / count as f64).sqrt()))
+    sums.map(|(sum, count)| (count > 0).then(|| (ALIKE * sum / count as f64).sqrt()))
 }
 
 /// The last way down, by slopes from both sides: one-sided ones end where a jump on their side hides what is left.
@@ -262,7 +261,8 @@ fn judge(
     }
     correlations.sort_by(|a, b| b.coefficient.abs().total_cmp(&a.coefficient.abs()));
     let unit = unit_at(base, &knobs, &fit.positions);
-    Calibration { unit, knobs, fit, rows, correlations, starts, leftover }
+    let deviations = covariance.diagonal().iter().map(|variance| variance.max(0.0).sqrt()).collect();
+    Calibration { unit, knobs, fit, rows, deviations, correlations, starts, leftover }
 }
 
 /// Covariance of the positions about the fit, priors included.
@@ -300,9 +300,8 @@ fn covariance(bench: &Bench, knobs: &[Knob], fit: &Fit, slopes: &Slopes) -> DMat
     let robust = &plain * scores * &plain;
     let widen = DVector::from_fn(n, |k, _| (robust[(k, k)] / plain[(k, k)]).max(1.0).sqrt());
     let widen = DVector::from_fn(n, |k, _| {
-        let widened = MEAN_TWIN_DOUBT * widen[k];
         // Recordings never take away what the sheet says.
-        if prior[k] > 0.0 { widened.min(1.0 / careful[(k, k)].sqrt()) } else { widened }
+        if prior[k] > 0.0 { widen[k].min(1.0 / careful[(k, k)].sqrt()) } else { widen[k] }
     });
     DMatrix::from_fn(n, n, |i, j| careful[(i, j)] * widen[i] * widen[j])
 }

@@ -18,7 +18,10 @@ pub fn serve(bench: &Bench, base: &Unit, fitted: &Calibration) -> anyhow::Result
     let ranges: Vec<(f64, f64)> = fitted.knobs.iter().map(|knob| knob.range(base)).collect();
     let keys: Vec<String> = fitted.knobs.iter().map(|knob| knob.key(base).0).collect();
     let cost = fitted.fit.square + fitted.fit.prior;
-    writeln!(stdout, "{}", json!({"keys": keys, "ranges": ranges, "positions": fitted.fit.positions, "cost": cost}))?;
+    let head = json!({
+        "keys": keys, "ranges": ranges, "positions": fitted.fit.positions, "deviations": fitted.deviations, "cost": cost,
+    });
+    writeln!(stdout, "{head}")?;
     for line in std::io::stdin().lock().lines() {
         let positions: Vec<f64> =
             serde_json::from_str(&line?).context("expected a list of positions, one number for each knob")?;
