@@ -72,12 +72,8 @@ impl Solver {
     pub fn advance_piston(&self, plant: &Plant, state: &mut State, drive: &Drive) {
         match self {
             Self::Split(split) => split.advance_piston(plant, state, drive),
-            Self::Rk4(_) | Self::Rosenbrock(_) => {
-                let given = *state;
-                self.advance(plant, state, drive);
-                state.spool_position_m = given.spool_position_m;
-                state.spool_velocity_m_s = given.spool_velocity_m_s;
-            }
+            Self::Rk4(rk4) => rk4.advance_piston(plant, state, drive),
+            Self::Rosenbrock(rosenbrock) => rosenbrock.advance_piston(plant, state, drive),
         }
     }
 }

@@ -72,6 +72,22 @@ pub fn rates(plant: &Plant, state: &State, drive: &Drive) -> State {
     }
 }
 
+/// A law of change, whole or in part.
+pub type Rates = fn(&Plant, &State, &Drive) -> State;
+
+/// The same of the servomotor alone, while pilot valve and spool stand where somebody else put them.
+#[must_use]
+pub fn piston_rates(plant: &Plant, state: &State, drive: &Drive) -> State {
+    State {
+        pilot_position_pu: 0.0,
+        pilot_rate_pu_s: 0.0,
+        control_pressure_pa: 0.0,
+        spool_position_m: 0.0,
+        spool_velocity_m_s: 0.0,
+        ..rates(plant, state, drive)
+    }
+}
+
 /// Puts a state back inside its stops: no position beyond one, no speed into one, no pressure below vacuum.
 pub fn confine(plant: &Plant, state: &mut State) {
     let (spool, servo) = (&plant.spool, &plant.servomotor);

@@ -1,6 +1,6 @@
 //! The classic explicit Runge–Kutta method of order 4: slow, plain, and the reference at 50 µs.
 
-use crate::plant::rates::{confine, rates};
+use crate::plant::rates::{Rates, confine, piston_rates, rates};
 use crate::plant::{Drive, Plant};
 use crate::solver::steps;
 use crate::state::{State, Vector};
@@ -22,6 +22,15 @@ impl Rk4 {
 
     /// Advances by one tick.
     pub fn advance(&self, plant: &Plant, state: &mut State, drive: &Drive) {
+        self.integrate(plant, state, drive, rates);
+    }
+
+    /// Advances the servomotor alone by one tick; the rest stays as it is.
+    pub fn advance_piston(&self, plant: &Plant, state: &mut State, drive: &Drive) {
+        self.integrate(plant, state, drive, piston_rates);
+    }
+
+    fn integrate(&self, plant: &Plant, state: &mut State, drive: &Drive, rates: Rates) {
         let h = self.step_s;
         let mut drive = *drive;
         for _ in 0..self.count {

@@ -5,7 +5,7 @@
 
 use nalgebra::SMatrix;
 
-use crate::plant::rates::{confine, rates};
+use crate::plant::rates::{Rates, confine, piston_rates, rates};
 use crate::plant::{Drive, Plant};
 use crate::solver::steps;
 use crate::state::{DIMENSION, State, Vector};
@@ -27,6 +27,15 @@ impl Rosenbrock {
 
     /// Advances by one tick.
     pub fn advance(&self, plant: &Plant, state: &mut State, drive: &Drive) {
+        self.integrate(plant, state, drive, rates);
+    }
+
+    /// Advances the servomotor alone by one tick; the rest stays as it is.
+    pub fn advance_piston(&self, plant: &Plant, state: &mut State, drive: &Drive) {
+        self.integrate(plant, state, drive, piston_rates);
+    }
+
+    fn integrate(&self, plant: &Plant, state: &mut State, drive: &Drive, rates: Rates) {
         let h = self.step_s;
         let gamma = 1.0 + std::f64::consts::FRAC_1_SQRT_2;
         let mut drive = *drive;

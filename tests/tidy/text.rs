@@ -10,7 +10,7 @@ const KNOWN_BY: &[(&str, &[&str])] = &[
     ("rustdds", &["src/node/", "src/node.rs", "src/msg/", "src/msg.rs"]),
     ("ros2args", &["src/node/", "src/node.rs", "src/commands/"]),
     ("libc", &["src/node/realtime.rs"]),
-    ("rustix", &["src/node/realtime.rs"]),
+    ("rustix", &["src/node/realtime.rs", "benches/"]),
     ("signal_hook", &["src/node/", "src/node.rs", "src/commands/"]),
     ("lightgbm3", &["src/residual/booster.rs", "src/residual/booster/"]),
     ("egobox_gp", &["src/residual/search.rs"]),
