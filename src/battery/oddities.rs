@@ -49,7 +49,7 @@ impl Oddities {
             piston_bend_m: draw.between(3e-5, 8e-5),
             flow_force_ratio: draw.between(0.0, 0.05),
             load_ripple_ratio: 0.01 * draw.normal(),
-            spool_stop_n_m: 1.0 / p.distributing_valve.stop_compliance_m_n.clamp(1e-9, 3e-8),
+            spool_stop_n_m: 1.0 / p.distributing_valve.stop_compliance_m_n.max(1e-9),
             piston_stop_n_m: 1.0 / p.servomotor.stop_compliance_m_n.max(3e-11),
             lvdt_lag_s: draw.between(1e-4, 3e-4),
             feedback_lag_s: draw.between(1e-4, 3e-4),
