@@ -11,6 +11,7 @@ pub mod generate;
 pub mod info;
 #[cfg(feature = "residual")]
 pub mod learn;
+pub mod model;
 pub mod output;
 #[cfg(feature = "node")]
 pub mod play;

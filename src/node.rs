@@ -19,6 +19,7 @@
 pub mod arguments;
 pub mod bus;
 pub mod core;
+pub mod corrected;
 pub mod diagnostics;
 pub mod environment;
 pub mod intake;

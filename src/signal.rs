@@ -63,6 +63,18 @@ impl Signal {
         }
     }
 
+    /// The same row with this signal at `value`, in its unit.
+    #[must_use]
+    pub fn with(self, mut signals: Signals, value: f64) -> Signals {
+        match self {
+            Self::ServomotorPosition => signals.servomotor_position_pu = value,
+            Self::SpoolPosition => signals.spool_position_pu = value,
+            Self::PilotValvePosition => signals.pilot_valve_position_pu = value,
+            Self::ControlPressure => signals.control_pressure_pa = value,
+        }
+        signals
+    }
+
     /// Its transducer.
     #[must_use]
     pub fn sensor(self, sensors: &Sensors) -> Sensor {

@@ -42,6 +42,7 @@ fn the_node_hears_its_peers_tells_strangers_apart_and_leaves() {
         arguments: Arguments::parse(&words, "govtwin").unwrap(),
         environment: environment.clone(),
         unit: params::reference(),
+        residual: None,
         settings: Settings { wishes: Wishes::default(), ..Settings::default() },
         duration: None,
         bag: None,

@@ -23,8 +23,7 @@ use crate::commands::Outcome;
 /// Compare the twin, data-only models and hybrids as the paper does.
 ///
 /// One split (the first 70 % of each process teach, the last 30 % judge) and one list of features for all: MBM, the twin alone; DDM, data
-/// only; LightGBM hybrids with manual and with Bayesian-optimised hyperparameters (MDHM); with the cargo feature `deep` also BO-LSTM and
-/// BO-TCN hybrids. Then every process left out of training in turn. Writes DIR/compare.html and DIR/compare.json.
+/// only; LightGBM hybrids with manual and with Bayesian-optimised hyperparameters (MDHM). Then every process left out of training in turn. Writes DIR/compare.html and DIR/compare.json.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(flatten)]

@@ -1,6 +1,7 @@
 //! `govtwin replay`: simulate recordings and compare with what was measured.
 
 pub mod origin;
+mod residual;
 mod simulated;
 
 use std::path::{Path, PathBuf};
@@ -13,6 +14,8 @@ use govtwin::params::{self, Sheet};
 use govtwin::replay::Replayed;
 use govtwin::replay::summary::{Parameters, Provenance, Summary, summarise};
 use govtwin::report::replay::{Pictures, page, process_table, reason_for_dashes};
+use govtwin::residual::corrector::Corrector;
+use govtwin::residual::guard::Counts;
 use govtwin::twin::{Cut, Twin};
 use govtwin::units::nanos_from_seconds;
 use rayon::iter::{IntoParallelIterator, IntoParallelRefIterator, ParallelIterator};
@@ -38,6 +41,9 @@ pub struct Args {
     /// The measured signal that stands in for the simulated one, so that a stage is judged by its own input.
     #[arg(long, value_enum, default_value_t = CutAt::None)]
     cut: CutAt,
+    /// Also correct the twin by this model of `govtwin train`, and show what that leaves.
+    #[arg(long, value_name = "MODEL")]
+    residual: Option<PathBuf>,
     /// What command and tank pressure do between two recorded samples.
     #[arg(long, value_enum, default_value_t = Between::Hold)]
     rate_of_inputs: Between,
@@ -79,6 +85,7 @@ struct Result {
     replayed: Replayed,
     provenance: Provenance,
     pictures: Option<Pictures>,
+    corrected: Option<(Replayed, Counts)>,
 }
 
 /// Runs the command.
@@ -94,10 +101,17 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let results = replay_all(args, &sheet.unit, &bags)?;
     let together: Vec<_> = results.iter().map(|one| (&one.replayed, &one.provenance)).collect();
     let between = if args.rate_of_inputs == Between::Hold { "hold" } else { "linear" };
-    let summary = summarise(parameters(&sheet), args.cut.cut(), between, &together);
+    let mut summary = summarise(parameters(&sheet), args.cut.cut(), between, &together);
     print(&process_table(&summary).to_text())?;
     if let Some(reason) = reason_for_dashes(&summary) {
         print(&format!("{reason}\n"))?;
+    }
+    if let Some(path) = &args.residual {
+        let corrected: Vec<_> =
+            results.iter().filter_map(|one| Some((one.corrected.as_ref()?, &one.provenance))).collect();
+        let with = residual::summary(path, &corrected, &summary, args.cut.cut());
+        print(&format!("With the residual of {}:\n{}", path.display(), process_table(&with).to_text()))?;
+        summary.residual = with.residual;
     }
     let mut origins: Vec<&str> = summary.recordings.iter().filter_map(|one| one.origin.as_deref()).collect();
     origins.dedup();
@@ -121,6 +135,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 /// Replays every bag, in parallel, with results in the order of the bags; all that cannot be read are named at once.
 fn replay_all(args: &Args, unit: &Unit, bags: &[Bag]) -> anyhow::Result<Vec<Result>> {
     let twin = Twin::new(unit).with_cut(args.cut.cut());
+    let corrector = args.residual.as_deref().map(|path| residual::load(path, unit, args.cut.cut())).transpose()?;
     let mut options = ReadOptions::default();
     if args.rate_of_inputs == Between::Linear {
         let period_ns = nanos_from_seconds(unit.parameters.regulator.large_loop_period_s).max(1);
@@ -133,7 +148,7 @@ fn replay_all(args: &Args, unit: &Unit, bags: &[Bag]) -> anyhow::Result<Vec<Resu
     let results: Vec<anyhow::Result<Result>> = bags
         .par_iter()
         .map(|bag| {
-            let result = replay(bag, &options, twin.clone(), args.out.is_some().then_some(unit));
+            let result = replay(bag, &options, twin.clone(), corrector.as_ref(), args.out.is_some().then_some(unit));
             progress.step();
             result
         })
@@ -154,7 +169,13 @@ fn replay_all(args: &Args, unit: &Unit, bags: &[Bag]) -> anyhow::Result<Vec<Resu
     }
 }
 
-fn replay(bag: &Bag, options: &ReadOptions, mut twin: Twin, draw_for: Option<&Unit>) -> anyhow::Result<Result> {
+fn replay(
+    bag: &Bag,
+    options: &ReadOptions,
+    mut twin: Twin,
+    corrector: Option<&Corrector>,
+    draw_for: Option<&Unit>,
+) -> anyhow::Result<Result> {
     let mut loaded = bag::read(&bag.path, options)?;
     loaded.recording.name.clone_from(&bag.name);
     let provenance = Provenance {
@@ -165,7 +186,8 @@ fn replay(bag: &Bag, options: &ReadOptions, mut twin: Twin, draw_for: Option<&Un
     };
     let replayed = Replayed::new(&mut twin, loaded.recording);
     let pictures = draw_for.map(|unit| Pictures::draw(&replayed, &unit.sensors)).transpose()?;
-    Ok(Result { replayed, provenance, pictures })
+    let corrected = corrector.map(|corrector| residual::correct(corrector, &replayed));
+    Ok(Result { replayed, provenance, pictures, corrected })
 }
 
 fn parameters(sheet: &Sheet) -> Parameters {

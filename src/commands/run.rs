@@ -17,7 +17,7 @@ use govtwin::params;
 use govtwin::twin::Twin;
 use serde_json::json;
 
-use super::output;
+use super::{model, output};
 use crate::commands::Outcome;
 
 /// Arguments of `govtwin run`.
@@ -26,6 +26,9 @@ pub struct Args {
     /// Parameter file of the unit; the shipped unit by default.
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
+    /// Correct the twin by this model of `govtwin train` and publish `sim/corrected/servo_state` and its band beside `sim/servo_state`.
+    #[arg(long, value_name = "MODEL")]
+    residual: Option<PathBuf>,
     /// Ticks of the model per second.
     #[arg(long = "rate", value_name = "HZ", default_value_t = 1000.0)]
     rate_hz: f64,
@@ -96,6 +99,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         environment: Environment::of_process()?,
         arguments: Arguments::parse(&args.ros, "govtwin")?,
         unit,
+        residual: args.residual.as_deref().map(model::load).transpose()?,
         settings,
         duration: duration(args.duration_s, "--duration")?,
         bag: args.bag.clone(),

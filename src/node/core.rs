@@ -4,6 +4,7 @@
 //! it what arrived and the time. The same calls therefore give the same estimates, live or in a test.
 
 use crate::frame::{Estimate, EsvState, Frame, Inputs, Signals};
+use crate::residual::corrector::{Correction, Corrector};
 use crate::twin::Twin;
 
 /// The three inputs of the node.
@@ -149,6 +150,8 @@ pub struct Tick {
     pub frame: Frame,
     /// What it said; `None` while it waits for its first inputs.
     pub estimate: Option<Estimate>,
+    /// What a learned residual makes of it; `None` without one.
+    pub correction: Option<Correction>,
     /// Whether the frame's inputs differ from the previous frame's.
     pub inputs_changed: bool,
     /// What happened.
@@ -169,6 +172,7 @@ struct Held {
 #[derive(Clone, Debug)]
 pub struct Core {
     twin: Twin,
+    corrector: Option<Corrector>,
     policy: Policy,
     inputs: Inputs,
     held: [Held; 3],
@@ -184,7 +188,24 @@ impl Core {
     pub fn new(twin: Twin, policy: Policy, tank_pressure_pa: f64) -> Self {
         let inputs = Inputs { opening_command_pu: 0.0, esv: EsvState::Normal, tank_pressure_pa };
         let held = [Held { heard_ns: None, stale: false }; 3];
-        Self { twin, policy, inputs, held, began_ns: None, previous: None, fail_safe: false, reset: false }
+        Self {
+            twin,
+            corrector: None,
+            policy,
+            inputs,
+            held,
+            began_ns: None,
+            previous: None,
+            fail_safe: false,
+            reset: false,
+        }
+    }
+
+    /// The same with a learned residual.
+    #[must_use]
+    pub fn with_corrector(mut self, corrector: Option<Corrector>) -> Self {
+        self.corrector = corrector;
+        self
     }
 
     /// Takes what was heard at `now_ns`, a time that never runs backwards between two resets.
@@ -214,6 +235,9 @@ impl Core {
     /// Forgets the twin's state and all that was heard, as after a jump back in time.
     pub fn reset(&mut self) {
         self.twin.reset();
+        if let Some(corrector) = &mut self.corrector {
+            corrector.reset();
+        }
         self.held = [Held { heard_ns: None, stale: false }; 3];
         self.began_ns = None;
         self.previous = None;
@@ -262,11 +286,13 @@ impl Core {
             notices.add(Notices::STARTED);
         }
         let estimate = runs.then(|| self.twin.step(&frame));
+        let corrector = self.corrector.as_mut();
+        let correction = corrector.zip(estimate.as_ref()).map(|(corrector, said)| corrector.step(&frame, said));
         if runs {
             self.previous = Some(inputs);
         }
         let stop = fail_safe && self.policy.on_stale == OnStale::Stop;
-        Tick { frame, estimate, inputs_changed, notices, stop, ages_ns }
+        Tick { frame, estimate, correction, inputs_changed, notices, stop, ages_ns }
     }
 }
 

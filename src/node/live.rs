@@ -15,6 +15,7 @@ use rtrb::Consumer;
 use super::arguments::Arguments;
 use super::bus::{Bus, BusError};
 use super::core::{Core, Input, Notices};
+use super::corrected::Voice;
 use super::diagnostics::{self, DiagnosticArray};
 use super::environment::Environment;
 use super::intake::Counts;
@@ -29,6 +30,9 @@ use super::{messages, qos, words};
 use crate::bag::BagError;
 use crate::msg::{EsvState, FluidPressure, GovernorCommand, Interface, JointState, ServoState};
 use crate::parameters::{Parameters, Unit};
+use crate::residual::corrector::Corrector;
+use crate::residual::model::{Model, ModelError};
+use crate::residual::row::Opening;
 use crate::twin::Twin;
 
 /// Where words go.
@@ -43,6 +47,8 @@ pub struct Options {
     pub arguments: Arguments,
     /// The unit to simulate.
     pub unit: Unit,
+    /// A learned residual of that unit's twin.
+    pub residual: Option<Model>,
     /// Settings before `--ros-args`.
     pub settings: Settings,
     /// End after so long.
@@ -75,6 +81,9 @@ pub enum NodeError {
     /// The bag.
     #[error(transparent)]
     Bag(#[from] BagError),
+    /// The residual is not for this unit.
+    #[error("--residual: {0}")]
+    Residual(#[from] ModelError),
     /// A parameter behind `--ros-args`.
     #[error("--ros-args -p {0}")]
     Parameter(String),
@@ -87,6 +96,7 @@ pub enum NodeError {
 struct Mouth {
     servo_state: Publisher<ServoState>,
     joint_states: Publisher<JointState>,
+    corrected: Option<Voice>,
 }
 
 /// Runs the node until `stop`, its duration or the fail-safe ends it.
@@ -97,6 +107,11 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
     let least = log_level(options.arguments.log_level);
     let store = parameters(options, say)?;
     let (settings, unit) = (store.settings(), store.unit().clone());
+    let corrector = options.residual.as_ref().map(|model| {
+        model.check(&unit, Opening::Simulated)?;
+        Corrector::new(model)
+    });
+    let corrector = corrector.transpose()?;
     for remark in options.environment.remarks.iter().chain(&options.arguments.remarks) {
         say(LogLevel::Warn, remark);
     }
@@ -106,6 +121,7 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
     let mouth = Mouth {
         servo_state: bus.publish("sim/servo_state", ServoState::TYPE_NAME)?,
         joint_states: bus.publish("sim/joint_states", JointState::TYPE_NAME)?,
+        corrected: corrector.as_ref().map(|corrector| Voice::open(&mut bus, corrector.signal())).transpose()?,
     };
     let health = bus.publish("/diagnostics", diagnostics::TYPE_NAME)?;
     let journal = options.bag.as_ref().map(|folder| Journal::create(folder, &names(&bus)?).map_err(NodeError::from));
@@ -120,6 +136,7 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
         ),
     }
     let core = Core::new(Twin::new(&unit), settings.policy(), unit.parameters.oil.tank_pressure_pa);
+    let core = core.with_corrector(corrector);
     let (integrator, ends) = Integrator::new(core, settings.pace(), 0);
     let counts = Mutex::new(<[Counts; 3]>::default());
     let (news, heard) = channel();
@@ -220,6 +237,9 @@ fn publish(mut outputs: Consumer<Output>, mouth: &Mouth, parameters: &Parameters
                 let state = mouth.servo_state.publish(messages::servo_state(estimate)).is_err();
                 let joints = mouth.joint_states.publish(messages::joint_state(estimate, parameters)).is_err();
                 lost += u64::from(state) + u64::from(joints);
+                if let Some((voice, correction)) = mouth.corrected.as_ref().zip(output.tick.correction.as_ref()) {
+                    lost += voice.say(estimate, correction);
+                }
             }
             let _ = news.send(News::Output(Box::new(output)));
         }

@@ -10,13 +10,16 @@
 //!                  "process": "startup", "rows": 1250, "start_ns": 1780008000000000000, "duration_s": 249.8,
 //!                  "warnings": ["…"], "signals": [SIGNAL, …]}],
 //!  "processes": [{"process": "startup", "recordings": 4, "signals": [SIGNAL, …]}],
-//!  "overall": {"recordings": 16, "signals": [SIGNAL, …]}}
+//!  "overall": {"recordings": 16, "signals": [SIGNAL, …]},
+//!  "residual": {"model": "model.residual", "guard": {"rows": 23293, "clamped": 0, "faded": 3, "outside": 0, "bad": 0},
+//!               "processes": […], "overall": {…}}}
 //! ```
 //!
 //! A SIGNAL is `{"name": "spool_position_pu", "unit": "pu", "stands_in": false, "rows": 1250,
 //! "left_out": 0, "mae": …, "rmse": …, "r2": …, "bias": …, "max_abs": …}`: figures of
 //! [`crate::metrics`] in the unit, `null` where the data cannot say or the signal stands in at the
 //! cut. `bias` is simulated − measured. Figures of processes and overall are over all their rows.
+//! `residual` is there where a learned residual corrected the twin; its groups are the corrected figures.
 //! `changed` holds what differs from the shipped unit. `origin` is what the bag's folder says of
 //! where its data comes from, `null` where it says nothing. Keys may be added to a version, and
 //! never change their meaning. The same bags and parameters give the same bytes.
@@ -29,6 +32,7 @@ use super::{Replayed, Scores, stands_in};
 use crate::effects;
 use crate::parameters::{ENTRIES, EffectSetting, Unit};
 use crate::recording::Process;
+use crate::residual::guard::Counts;
 use crate::signal::Signal;
 use crate::twin::Cut;
 
@@ -50,6 +54,22 @@ pub struct Summary {
     pub inputs_between_samples: &'static str,
     /// Recording by recording, in the order given.
     pub recordings: Vec<Recorded>,
+    /// Process by process, those that occur.
+    pub processes: Vec<Group>,
+    /// Everything.
+    pub overall: Group,
+    /// The same with a learned residual.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub residual: Option<Residual>,
+}
+
+/// Figures with a learned residual on top of the twin.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Residual {
+    /// The model's file as given.
+    pub model: String,
+    /// What its guard did.
+    pub guard: Counts,
     /// Process by process, those that occur.
     pub processes: Vec<Group>,
     /// Everything.
@@ -212,6 +232,7 @@ pub fn summarise(
         recordings: replayed.iter().map(recorded).collect(),
         processes: Process::ALL.into_iter().map(|p| group(Some(p))).filter(|group| group.recordings > 0).collect(),
         overall: group(None),
+        residual: None,
     }
 }
 

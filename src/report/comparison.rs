@@ -31,7 +31,7 @@ impl Shown<'_> {
 }
 
 /// Ids of the hybrids, in the paper's ranking.
-pub const HYBRIDS: [&str; 4] = ["mdhm", "lightgbm", "lstm", "tcn"];
+pub const HYBRIDS: [&str; 2] = ["mdhm", "lightgbm"];
 
 /// The figures of models, process by process.
 #[must_use]

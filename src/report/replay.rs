@@ -58,6 +58,15 @@ pub fn page(
     }
     body.heading("Figures");
     body.table(process_table(summary), "Over all rows of a process; MAE and RMSE in pu of stroke.");
+    if let Some(residual) = &summary.residual {
+        let corrected =
+            Summary { processes: residual.processes.clone(), overall: residual.overall.clone(), ..summary.clone() };
+        let caption = format!(
+            "The same with the learned residual of {} on top; rows that taught it are among them.",
+            residual.model
+        );
+        body.table(process_table(&corrected), caption);
+    }
     body.figure(svg(&errors(summary, replayed, sensors))?, "Left: RMSE by process. Right: how the differences are spread over all rows; the outermost bars hold all that lies further out.");
     let mut inner = Blocks::new();
     inner.table(

@@ -207,12 +207,7 @@ fn plausible(signal: Signal) -> RangeInclusive<f64> {
 }
 
 fn forget(measured: &mut Signals, signal: Signal) {
-    match signal {
-        Signal::ServomotorPosition => measured.servomotor_position_pu = f64::NAN,
-        Signal::SpoolPosition => measured.spool_position_pu = f64::NAN,
-        Signal::PilotValvePosition => measured.pilot_valve_position_pu = f64::NAN,
-        Signal::ControlPressure => measured.control_pressure_pa = f64::NAN,
-    }
+    *measured = signal.with(*measured, f64::NAN);
 }
 
 fn count_missing(frames: &[Frame], sampled: &[usize], cleaning: &mut Cleaning) {

@@ -18,8 +18,6 @@ fn ink(id: &str) -> Ink {
         "ddm" => Ink::Extra1,
         "mdhm" => Ink::Simulated,
         "lightgbm" | "hybrid" => Ink::Good,
-        "lstm" => Ink::Extra3,
-        "tcn" => Ink::Alarm,
         _ => Ink::Extra2,
     }
 }

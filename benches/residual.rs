@@ -1,0 +1,127 @@
+//! What a learned residual costs: a step of 1 ms with and without it and its percentiles, a row through LightGBM's own calls, training and search.
+//!
+//! `cargo bench --features residual --bench residual -- BAG…`: by default on `bags/reference`, the synthetic recordings.
+
+use std::hint::black_box;
+use std::path::PathBuf;
+use std::time::Instant;
+
+use govtwin::bag::{self, ReadOptions};
+use govtwin::frame::{EsvState, Frame, Inputs, Signals};
+use govtwin::recording::Recording;
+use govtwin::replay::simulate;
+use govtwin::residual::booster::{Hyperparameters, Reference};
+use govtwin::residual::corrector::Corrector;
+use govtwin::residual::model::Learned;
+use govtwin::residual::prepare::prepare;
+use govtwin::residual::row::Opening;
+use govtwin::residual::search::bayesian;
+use govtwin::residual::split::{folds, seven_to_three};
+use govtwin::residual::table::{Layout, table};
+use govtwin::residual::{features, training};
+use govtwin::signal::Signal;
+use govtwin::twin::Twin;
+
+/// Percentiles of durations, us.
+fn told(name: &str, mut ns: Vec<u64>) {
+    ns.sort_unstable();
+    let at = |share: f64| ns[((ns.len() - 1) as f64 * share) as usize] as f64 * 1e-3;
+    let (middle, p99, worst) = (at(0.5), at(0.99), at(1.0));
+    println!(
+        "{name:<44} median {middle:>8.2} us   p99 {p99:>8.2} us   p99.9 {:>8.2} us   worst {worst:>8.1} us",
+        at(0.999)
+    );
+}
+
+fn recordings() -> Vec<Recording> {
+    let given: Vec<PathBuf> =
+        std::env::args().skip(1).filter(|word| !word.starts_with("--")).map(PathBuf::from).collect();
+    let paths = if given.is_empty() {
+        let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("bags/reference");
+        let mut paths: Vec<PathBuf> = folder.read_dir().unwrap().map(|entry| entry.unwrap().path()).collect();
+        paths.sort();
+        paths
+    } else {
+        given
+    };
+    paths.iter().map(|path| bag::read(path, &ReadOptions::default()).unwrap().recording).collect()
+}
+
+/// A minute of a moving unit, a frame each millisecond.
+fn minute() -> Vec<Frame> {
+    let frame = |k: i64| {
+        let time_s = k as f64 * 1e-3;
+        let opening_command_pu = 0.5 + 0.2 * (0.4 * time_s).sin() + 0.05 * (2.1 * time_s).sin();
+        let inputs = Inputs { opening_command_pu, esv: EsvState::Normal, tank_pressure_pa: 6.2e6 };
+        Frame { time_ns: k * 1_000_000, inputs, measured: Signals::NONE }
+    };
+    (0..60_000).map(frame).collect()
+}
+
+fn timed<T>(ns: &mut Vec<u64>, work: impl FnOnce() -> T) -> T {
+    let start = Instant::now();
+    let out = work();
+    ns.push(u64::try_from(start.elapsed().as_nanos()).unwrap());
+    out
+}
+
+fn main() {
+    let unit = govtwin::params::reference();
+    let prepared = prepare(recordings(), Signal::SpoolPosition);
+    let twin = Twin::new(&unit);
+    let estimates: Vec<_> = prepared.recordings.iter().map(|one| simulate(&mut twin.clone(), one)).collect();
+    let (signal, opening) = (Signal::SpoolPosition, Opening::Simulated);
+    let layout = Layout { signal, opening, period_ns: 200_000_000, features: features::all() };
+    let start = Instant::now();
+    let table = table(&prepared.recordings, &estimates, layout);
+    println!("features of {} rows: {:.2} s", table.marks.len(), start.elapsed().as_secs_f64());
+    let split = seven_to_three(&table);
+
+    let start = Instant::now();
+    let model = training::model(&table, &split.train, Learned::Residual, &Hyperparameters::MANUAL, 1, &unit).unwrap();
+    let trees = model.trees.len();
+    let nodes: usize = model.trees.iter().map(|tree| tree.feature.len()).sum();
+    println!("training with its band, {trees} trees, {nodes} nodes: {:.1} s", start.elapsed().as_secs_f64());
+
+    let frames = minute();
+    let (mut bare, mut both, mut correction) = (vec![], vec![], vec![]);
+    let mut alone = twin.clone();
+    let (mut whole, mut corrector) = (twin.clone(), Corrector::new(&model).unwrap());
+    for frame in &frames {
+        black_box(timed(&mut bare, || alone.step(frame)));
+        black_box(timed(&mut both, || {
+            let estimate = whole.step(frame);
+            corrector.step(frame, &estimate)
+        }));
+    }
+    let (mut whole, mut corrector) = (twin.clone(), Corrector::new(&model).unwrap());
+    for frame in &frames {
+        let estimate = whole.step(frame);
+        black_box(timed(&mut correction, || corrector.step(frame, &estimate)));
+    }
+    told("twin, 1 ms", bare);
+    told("features + trees + guard", correction);
+    told("twin + features + trees + guard, 1 ms", both);
+
+    let width = table.layout.features.len();
+    let targets = training::targets(&table, &split.train, Learned::Residual);
+    let values = table.select(&split.train);
+    let reference = Reference::train(&values, width, &targets, &Hyperparameters::MANUAL, 1).unwrap();
+    let forest = model.forest().unwrap();
+    let (mut own, mut fast, mut plain) = (vec![], vec![], vec![]);
+    for row in values.chunks_exact(width).take(5000) {
+        let value = timed(&mut own, || forest.value(black_box(row)));
+        assert_eq!(value.to_bits(), timed(&mut fast, || reference.fast(black_box(row))).to_bits());
+        assert_eq!(value.to_bits(), timed(&mut plain, || reference.plain(black_box(row))).to_bits());
+    }
+    told("one row: this house's trees", own);
+    told("one row: LightGBM's fast single-row path", fast);
+    told("one row: LightGBM's plain call", plain);
+
+    let folds = folds(&table, &split.train);
+    let start = Instant::now();
+    let evaluate = |point: &[f64]| training::loss(&table, &folds, Learned::Residual, &training::at(point), 1);
+    let trials = bayesian(&training::SPACE, 5, 10, 1, evaluate).unwrap();
+    let seconds_s = start.elapsed().as_secs_f64();
+    println!("Bayesian optimisation, {} evaluations of 5 folds: {seconds_s:.1} s", trials.len());
+}

@@ -1,0 +1,96 @@
+//! A residual model outside of its own module: in a replay, refused where it does not fit, and in the node's step.
+
+#[path = "support/residual.rs"]
+mod residual;
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use govtwin::params;
+
+fn replay(model: &Path, more: &[&str]) -> Output {
+    let bag = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/reference/startup_01.mcap");
+    Command::new(env!("CARGO_BIN_EXE_govtwin"))
+        .arg("replay")
+        .arg(bag)
+        .arg("--residual")
+        .arg(model)
+        .args(more)
+        .output()
+        .unwrap()
+}
+
+#[test]
+fn a_replay_shows_both_stages_and_what_the_guard_did() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("model.residual");
+    std::fs::write(&path, residual::model(&params::reference()).to_text().unwrap()).unwrap();
+    let out = dir.path().join("out");
+    let output = replay(&path, &["--out", out.to_str().unwrap()]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(String::from_utf8_lossy(&output.stdout).contains("With the residual of "));
+    let text = std::fs::read_to_string(out.join("replay.json")).unwrap();
+    let figures: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let spool = |group: &serde_json::Value| {
+        let signals = group["signals"].as_array().unwrap();
+        signals.iter().find(|one| one["name"] == "spool_position_pu").unwrap().clone()
+    };
+    let (plain, corrected) = (spool(&figures["overall"]), spool(&figures["residual"]["overall"]));
+    let moved = (corrected["bias"].as_f64().unwrap() - plain["bias"].as_f64().unwrap()).abs();
+    assert!(moved > 1e-3 && moved < 0.011, "{moved}");
+    assert_eq!(figures["residual"]["guard"]["rows"], figures["recordings"][0]["rows"]);
+    let documented = include_str!("../src/replay/summary.rs");
+    for key in figures["residual"].as_object().unwrap().keys() {
+        assert!(documented.contains(&format!("\"{key}\"")), "{key} is not documented");
+    }
+}
+
+#[test]
+fn a_model_that_does_not_fit_or_is_damaged_is_refused_with_its_reason() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("model.residual");
+    let mut unit = params::reference();
+    let text = residual::model(&unit).to_text().unwrap();
+    let refused = |text: &str, more: &[&str], words: &str| {
+        std::fs::write(&path, text).unwrap();
+        let output = replay(&path, more);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        assert!(said.contains(words) && said.contains("model.residual") || said.contains("does not fit"), "{said}");
+    };
+    refused(&text[..text.len() / 2], &[], "checksum");
+    refused("", &[], "an empty file");
+    refused(&text, &["--cut", "servomotor"], "guide-vane opening");
+    unit.parameters.oil.bulk_modulus_pa *= 1.01;
+    refused(&residual::model(&unit).to_text().unwrap(), &[], "its twin");
+}
+
+#[cfg(feature = "node")]
+#[test]
+fn the_node_corrects_in_the_same_step_as_a_replay_would() {
+    use govtwin::frame::EsvState;
+    use govtwin::node::core::{Core, Heard, OnStale, Policy};
+    use govtwin::residual::corrector::Corrector;
+    use govtwin::twin::Twin;
+
+    const MS: i64 = 1_000_000;
+    let unit = params::reference();
+    let model = residual::model(&unit);
+    let policy = Policy { stale_after_ns: 1000 * MS, hold_ns: 1000 * MS, on_stale: OnStale::Trip };
+    let corrector = Corrector::new(&model).unwrap();
+    let mut core = Core::new(Twin::new(&unit), policy, 6.3e6).with_corrector(Some(corrector.clone()));
+    let (mut twin, mut offline) = (Twin::new(&unit), corrector);
+    for step in 0..800 {
+        let now_ns = step * MS;
+        core.hear(Heard::Command(if step < 300 { 0.35 } else { 0.45 }), now_ns);
+        core.hear(Heard::Esv(EsvState::Normal), now_ns);
+        core.hear(Heard::TankPressure(6.2e6), now_ns);
+        let tick = core.tick(now_ns, now_ns);
+        let (estimate, correction) = (tick.estimate.unwrap(), tick.correction.unwrap());
+        let by = if step < 300 { -0.01 } else { 0.01 };
+        assert_eq!(correction.uncorrected, estimate.signals.spool_position_pu);
+        assert_eq!(correction.corrected, correction.uncorrected + by);
+        assert_eq!(correction.half_width, 0.02);
+        assert_eq!(correction, offline.step(&tick.frame, &twin.step(&tick.frame)));
+    }
+}
