@@ -16,8 +16,10 @@ const ROUGH: Effort = Effort { rounds: 5, refresh: 2, temperature: 1.0 };
 /// Work of a round of the polish, whose slopes are given.
 const FINE: Effort = Effort { rounds: 12, refresh: 100, temperature: 1.0 };
 /// Most rounds of the polish, each with slopes from both sides.
-const POLISH_ROUNDS: u32 = 8;
-/// A polish that gains less, in units of cost, is at its end.
+const POLISH_ROUNDS: i32 = 16;
+/// Widths that the polish takes in turn, each half the one before: none sees every way down between small jumps.
+const POLISH_WIDTHS: i32 = 5;
+/// A round that gains less, in units of cost, gains nothing.
 const ENOUGH: f64 = 0.02;
 /// Sizes at which effects start, in turn.
 const SIZES: [f64; 4] = [1.0, 0.3, -1.0, 3.0];
@@ -143,13 +145,15 @@ fn leftover(bench: &Bench, misses: &Misses) -> [Option<f64>; Signal::ALL.len()] 
 
 /// The last way down, by slopes from both sides: one-sided ones end where a jump on their side hides what is left.
 fn polish(bench: &Bench, base: &Unit, knobs: &[Knob], mut found: Fit) -> Fit {
+    let mut idle = 0;
     for round in 0..POLISH_ROUNDS {
-        let narrow = WIDE_STEP / f64::from(1_u32 << (round % 3));
-        let slopes = Slopes::about(bench, base, knobs, &found, narrow);
+        let width = WIDE_STEP * 0.5_f64.powi(round % POLISH_WIDTHS);
+        let slopes = Slopes::about(bench, base, knobs, &found, width);
         let next = fit(bench, base, knobs, &found.positions, FINE, Some(&slopes.slopes));
         let gain = found.square + found.prior - next.square - next.prior;
         found = next;
-        if gain < ENOUGH && round > 1 {
+        idle = if gain < ENOUGH { idle + 1 } else { 0 };
+        if idle == POLISH_WIDTHS {
             break;
         }
     }
