@@ -45,7 +45,7 @@ fn main() {
     let mut out = std::io::stdout().lock();
     let mut say = |text: String| drop(out.write_all(text.as_bytes()));
     say(format!(
-        "{:<18}{:<16}{:>11}{:>14}{:>14}{:>10}\n",
+        "{:<20}{:<16}{:>11}{:>14}{:>14}{:>10}\n",
         "cut", "process", "recordings", "spool RMS", "servo RMS", "> 1e-4"
     ));
     for (cut, name) in [(Cut::Spool, "spool"), (Cut::Servomotor, "servomotor"), (Cut::None, "closed loop")] {
@@ -60,7 +60,7 @@ fn main() {
                 let beyond = of.iter().filter(|one| one.rms_pu.iter().any(|rms_pu| *rms_pu > WITHIN_PU)).count();
                 let [spool_pu, servomotor_pu] = rms_pu;
                 say(format!(
-                    "{:<18}{:<16}{:>11}{spool_pu:>14.1e}{servomotor_pu:>14.1e}{beyond:>10}\n",
+                    "{:<20}{:<16}{:>11}{spool_pu:>14.1e}{servomotor_pu:>14.1e}{beyond:>10}\n",
                     format!("{name}{kind}"),
                     process.title(),
                     of.len()
