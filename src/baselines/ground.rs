@@ -14,7 +14,7 @@ use crate::tuning::trial::Trial;
 const SIZES: [f64; 4] = [0.3, 1.0, 3.0, -1.0];
 
 /// The refit and the tries.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Ground {
     /// The recordings with their noise.
     pub bench: Bench,

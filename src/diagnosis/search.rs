@@ -95,7 +95,8 @@ fn projected(knobs: &[Knob], positions: &[f64], misses: &Misses, slopes: &[DMatr
 }
 
 /// The model with one more effect, its parameters at a size in units of the typical one.
-fn with_effect(from: &Model, spec: &'static EffectSpec, size: f64) -> Option<(Unit, Vec<Knob>, Vec<f64>)> {
+#[must_use]
+pub fn with_effect(from: &Model, spec: &'static EffectSpec, size: f64) -> Option<(Unit, Vec<Knob>, Vec<f64>)> {
     let mut base = from.base.clone();
     let effect = base.effects.len();
     base.effects.push(EffectSetting {

@@ -1,5 +1,7 @@
 //! Bounded, prior-weighted least squares over simulations: Gauss–Newton with Levenberg's damping.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -15,13 +17,14 @@ use crate::twin::Twin;
 const DIFFERENCE: f64 = 0.05;
 
 /// A set of trials with the noise to expect of them, against which units are judged.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Bench {
     /// The recordings.
     pub trials: Vec<Trial>,
     /// Filters, by trial and by signal.
     whiteners: Vec<Vec<Whitener>>,
     dither_pu: f64,
+    simulations: AtomicUsize,
 }
 
 /// Misses of one unit: by trial, all signals one behind another, made independent and of unit size.
@@ -32,7 +35,7 @@ impl Bench {
     #[must_use]
     pub fn new(trials: Vec<Trial>, reference: &Unit, noise: &Noise) -> Self {
         let dither_pu = reference.sensors.servomotor_position_pu.noise;
-        let mut bench = Self { trials, whiteners: Vec::new(), dither_pu };
+        let mut bench = Self { trials, whiteners: Vec::new(), dither_pu, simulations: AtomicUsize::new(0) };
         bench.whiteners = (0..bench.trials.len())
             .into_par_iter()
             .map(|index| {
@@ -55,10 +58,37 @@ impl Bench {
         self.trials[trial].run(&mut twin)
     }
 
+    /// How many recordings were simulated so far.
+    #[must_use]
+    pub fn simulations(&self) -> usize {
+        self.simulations.load(Ordering::Relaxed)
+    }
+
+    /// Transducer noise inside the loop over which the twin is a mean, pu.
+    #[must_use]
+    pub fn dither_pu(&self) -> f64 {
+        self.dither_pu
+    }
+
+    /// Mean square that a right model would miss of a signal in a trial, in its unit squared; 0 where it was not measured.
+    #[must_use]
+    pub fn floor_square(&self, trial: usize, signal: Signal) -> f64 {
+        let has = &self.trials[trial].has;
+        let place = Signal::ALL.into_iter().filter(|&other| has[other as usize]).position(|other| other == signal);
+        place.map_or(0.0, |place| self.whiteners[trial][place].floor_square)
+    }
+
     /// Misses of a unit in one trial.
     #[must_use]
     pub fn misses(&self, unit: &Unit, trial: usize) -> DVector<f64> {
-        let estimates = self.simulate(unit, trial);
+        self.misses_by(Twin::new(unit).with_dither(self.dither_pu), trial)
+    }
+
+    /// Misses of a twin in one trial.
+    #[must_use]
+    pub fn misses_by(&self, mut twin: Twin, trial: usize) -> DVector<f64> {
+        self.simulations.fetch_add(1, Ordering::Relaxed);
+        let estimates = self.trials[trial].run(&mut twin);
         let data = &self.trials[trial];
         let count = data.samples.len();
         let signals = Signal::ALL.into_iter().filter(|&signal| data.has[signal as usize]);

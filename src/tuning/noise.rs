@@ -93,6 +93,8 @@ pub struct Whitener {
     decay: Vec<f64>,
     gain: Vec<f64>,
     scale: Vec<f64>,
+    /// Mean square that a right model would miss, in the signal's unit squared.
+    pub floor_square: f64,
 }
 
 impl Whitener {
@@ -109,6 +111,7 @@ impl Whitener {
         let mut last_ns = None;
         // Chatter outlives the demand that set it off by the spool's settling time.
         let mut ringing: f64 = 0.0;
+        let (mut floor, mut seen) = (0.0, 0_usize);
         for (k, (&row, estimate)) in trial.samples.iter().zip(reference).enumerate() {
             let frame = &trial.frames[row];
             let step_s = last_ns.map_or(0.0, |last_ns| crate::units::seconds_from_nanos(frame.time_ns - last_ns));
@@ -120,6 +123,11 @@ impl Whitener {
             let drift = noise.chatter_wander * ringing;
             spread = a * a * spread + (1.0 - a * a) * (noise.wander * noise.wander + drift * drift + doubt * doubt);
             if signal.of(&frame.measured).is_finite() {
+                floor += noise.white * noise.white
+                    + chatter * chatter
+                    + noise.wander * noise.wander
+                    + drift * drift;
+                seen += 1;
                 let total = spread + noise.white * noise.white + chatter * chatter;
                 let k_gain = spread / total;
                 decay.push(a);
@@ -132,7 +140,7 @@ impl Whitener {
                 scale.push(0.0);
             }
         }
-        Self { decay, gain, scale }
+        Self { decay, gain, scale, floor_square: if seen > 0 { floor / seen as f64 } else { 0.0 } }
     }
 
     /// Turns misses into innovations over their standard deviation, in place; a miss that is not finite becomes 0.

@@ -1,0 +1,128 @@
+//! How far: the share of the gap that closes on processes left out of the fit, with an interval from resampled blocks.
+
+use nalgebra::{DMatrix, DVector};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use crate::diagnosis::outcome::Interval;
+use crate::diagnosis::search::Model;
+use crate::frame::Estimate;
+use crate::signal::Signal;
+use crate::tuning::fit::{Bench, square};
+use crate::tuning::knob::unit_at;
+
+/// Length of a block, s: longer than what one miss has to do with the next.
+const BLOCK_S: f64 = 2.0;
+
+/// Resamplings behind an interval.
+const RESAMPLINGS: usize = 400;
+
+/// A model judged on each trial by a fit without it.
+#[derive(Clone, Debug)]
+pub struct HeldOut {
+    /// Estimates by trial.
+    pub estimates: Vec<Vec<Estimate>>,
+    /// Cost of the misses by trial.
+    pub costs: Vec<f64>,
+}
+
+/// Leaves out each trial in turn: a Gauss–Newton step from the fit to all, with the trial's own terms taken off.
+#[must_use]
+pub fn held_out(bench: &Bench, model: &Model) -> HeldOut {
+    let n = model.knobs.len();
+    let count = bench.trials.len();
+    let mut held = HeldOut { estimates: Vec::with_capacity(count), costs: Vec::with_capacity(count) };
+    for left in 0..count {
+        let (mut hessian, mut gradient) = (DMatrix::<f64>::zeros(n, n), DVector::<f64>::zeros(n));
+        for trial in (0..count).filter(|&trial| trial != left || count == 1) {
+            let slope = &model.fit.slopes[trial];
+            hessian += slope.tr_mul(slope);
+            gradient += slope.tr_mul(&model.fit.misses[trial]);
+        }
+        for (k, knob) in model.knobs.iter().enumerate() {
+            // An effect that the other recordings say nothing of stays where the fit to all has it.
+            hessian[(k, k)] += if knob.has_prior() { 1.0 } else { 1e-3 };
+            gradient[k] += if knob.has_prior() { model.fit.positions[k] } else { 0.0 };
+        }
+        let change = hessian.cholesky().map_or_else(|| DVector::zeros(n), |cholesky| cholesky.solve(&gradient));
+        let positions: Vec<f64> = model
+            .knobs
+            .iter()
+            .enumerate()
+            .map(|(k, knob)| {
+                let (low, high) = knob.range(&model.base);
+                // One linear step is good for a few deviations, no further.
+                (model.fit.positions[k] - change[k].clamp(-2.0, 2.0)).clamp(low, high)
+            })
+            .collect();
+        let unit = unit_at(&model.base, &model.knobs, &positions);
+        held.estimates.push(bench.simulate(&unit, left));
+        held.costs.push(square(&vec![bench.misses(&unit, left)]));
+    }
+    held
+}
+
+/// Squared misses of both positions over their noise, in blocks: refitted, with effects, noise.
+fn blocks(bench: &Bench, refitted: &HeldOut, with_effects: &HeldOut) -> Vec<Vec<[f64; 3]>> {
+    bench
+        .trials
+        .iter()
+        .enumerate()
+        .map(|(index, trial)| {
+            let mut rows = Vec::new();
+            let size = ((BLOCK_S / trial.period_s.max(1e-3)).round() as usize).max(1);
+            for start in (0..trial.samples.len()).step_by(size) {
+                let mut sums = [0.0; 3];
+                for k in start..(start + size).min(trial.samples.len()) {
+                    let measured = &trial.frames[trial.samples[k]].measured;
+                    for signal in [Signal::ServomotorPosition, Signal::SpoolPosition] {
+                        let floor = bench.floor_square(index, signal);
+                        let miss = |estimate: &Estimate| signal.of(measured) - signal.of(&estimate.signals);
+                        let (before, after) =
+                            (miss(&refitted.estimates[index][k]), miss(&with_effects.estimates[index][k]));
+                        if before.is_finite() && after.is_finite() && floor > 0.0 {
+                            sums[0] += before * before / floor;
+                            sums[1] += after * after / floor;
+                            sums[2] += 1.0;
+                        }
+                    }
+                }
+                rows.push(sums);
+            }
+            rows
+        })
+        .collect()
+}
+
+fn ratio(sums: [f64; 3]) -> f64 {
+    let gap = sums[0] - sums[2];
+    if gap <= 0.0 { 0.0 } else { ((sums[0] - sums[1]) / gap).clamp(-1.0, 1.0) }
+}
+
+/// Closure `(MSE_refitted − MSE_effects) / (MSE_refitted − noise²)` with its 90 % interval.
+///
+/// Trials are drawn with replacement first and blocks within them next, so that the interval speaks of a recording not yet made.
+#[must_use]
+pub fn closure(bench: &Bench, refitted: &HeldOut, with_effects: &HeldOut, seed: u64) -> Interval {
+    let blocks = blocks(bench, refitted, with_effects);
+    let add = |sums: &mut [f64; 3], block: &[f64; 3]| sums.iter_mut().zip(block).for_each(|(sum, part)| *sum += part);
+    let mut all = [0.0; 3];
+    blocks.iter().flatten().for_each(|block| add(&mut all, block));
+    let mut dice = ChaCha8Rng::seed_from_u64(seed);
+    let mut ratios: Vec<f64> = (0..RESAMPLINGS)
+        .map(|_| {
+            let mut sums = [0.0; 3];
+            for _ in 0..blocks.len() {
+                let trial = &blocks[dice.random_range(0..blocks.len())];
+                for _ in 0..trial.len() {
+                    add(&mut sums, &trial[dice.random_range(0..trial.len())]);
+                }
+            }
+            ratio(sums)
+        })
+        .collect();
+    ratios.sort_by(f64::total_cmp);
+    let value = ratio(all);
+    let at = |share: f64| ratios[(share * (RESAMPLINGS - 1) as f64).round() as usize];
+    Interval { value, low: at(0.05).min(value), high: at(0.95).max(value) }
+}

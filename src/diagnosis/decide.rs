@@ -1,0 +1,152 @@
+//! Verdict and probabilities: what the costs of all models that were tried say together.
+
+use crate::diagnosis::outcome::Verdict;
+use crate::diagnosis::rivals::{DETECTED, Found, Slot};
+use crate::effects::{EffectSpec, Stage};
+use crate::tuning::fit::Bench;
+use crate::tuning::noise::ALIKE;
+
+/// Cost per sample of a sound unit: the noise model is a little generous.
+///
+/// Measured on sound units of the battery and of `practice` at 100 Hz.
+pub const CALM: f64 = 0.62;
+
+/// Degrees of freedom of the evidence: likelihoods fall as a power of the cost that a model leaves, not exponentially, since what it leaves is
+/// the error of its equation rather than noise (Student's t with the scale integrated out).
+const FREEDOM: f64 = 10.0;
+
+/// What an effect outside the catalogue is taken to leave of the gap: a known effect that leaves more is no better a name than none.
+const UNKNOWN_LEAVES: f64 = 0.22;
+
+/// Odds against one named effect before anything is seen.
+const RARITY: f64 = 0.02;
+
+/// Probability from which an effect is named on its own.
+const SURE: f64 = 0.6;
+
+/// Probabilities and verdict.
+#[derive(Clone, Debug)]
+pub struct Decision {
+    /// Verdict; whether the recordings could show anything is judged elsewhere.
+    pub verdict: Verdict,
+    /// Ids that it blames.
+    pub blamed: Vec<&'static str>,
+    /// Probability of each effect of the catalogue, in its order.
+    pub effects: Vec<(&'static EffectSpec, f64)>,
+    /// Probability of something outside the catalogue.
+    pub unknown: f64,
+    /// Probability that there is nothing.
+    pub none: f64,
+    /// Cost that a perfect model would have.
+    pub floor: f64,
+}
+
+/// Weighs the rivals for one place: each effect, something unknown, nothing.
+struct Weighed {
+    effects: Vec<f64>,
+    unknown: f64,
+    none: f64,
+}
+
+/// The tail weight of a cost above the floor.
+fn weight(above: f64) -> f64 {
+    (1.0 + above.max(0.0) / FREEDOM).powf(-0.5 * FREEDOM)
+}
+
+fn weigh(slot: &Slot, catalogue: &[&'static EffectSpec], floor: f64) -> Weighed {
+    let last = |effects: &[&'static EffectSpec]| effects.last().map(|effect| effect.id);
+    let gap = slot.before.cost() - floor;
+    let mut effects: Vec<f64> = catalogue
+        .iter()
+        .map(|spec| {
+            let tried = slot.tried.iter().find(|model| last(&model.effects) == Some(spec.id));
+            tried.map_or(0.0, |model| RARITY * weight(model.cost() - floor))
+        })
+        .collect();
+    let mut unknown = RARITY * weight(UNKNOWN_LEAVES * gap + 0.5 * DETECTED);
+    let mut none = weight(gap);
+    let total = effects.iter().sum::<f64>() + unknown + none;
+    effects.iter_mut().for_each(|effect| *effect /= total);
+    unknown /= total;
+    none /= total;
+    Weighed { effects, unknown, none }
+}
+
+/// Decides.
+#[must_use]
+pub fn decide(bench: &Bench, found: &Found, catalogue: &[&'static EffectSpec]) -> Decision {
+    let samples: usize = bench.trials.iter().map(|t| t.samples.len() * t.has.iter().filter(|&&has| has).count()).sum();
+    let calm = CALM * samples as f64 / ALIKE;
+    let floor = found.beyond.min(found.best.cost()).min(calm.max(0.0));
+    let mut effects = vec![0.0_f64; catalogue.len()];
+    let (mut unknown, mut none) = (0.0_f64, 1.0_f64);
+    let detected = !found.best.effects.is_empty();
+    for (place, slot) in found.slots.iter().enumerate() {
+        // What the other effects leave to this place.
+        let floor = if found.slots.len() > 1 { found.beyond.min(found.best.cost()).min(floor) } else { floor };
+        let floor = if detected { floor } else { found.beyond };
+        let weighed = weigh(slot, catalogue, floor);
+        for (all, one) in effects.iter_mut().zip(&weighed.effects) {
+            *all = 1.0 - (1.0 - *all) * (1.0 - one);
+        }
+        unknown = unknown.max(weighed.unknown);
+        if place == 0 {
+            none = weighed.none;
+        }
+    }
+    let mut order: Vec<usize> = (0..catalogue.len()).collect();
+    order.sort_by(|&a, &b| effects[b].total_cmp(&effects[a]));
+    let top = order.first().map_or(0.0, |&k| effects[k]);
+    let ids = |list: &[usize]| list.iter().map(|&k| catalogue[k].id).collect::<Vec<_>>();
+    let (verdict, blamed) = if !detected || none > 0.5 {
+        (Verdict::NoGap, Vec::new())
+    } else if unknown > top {
+        (Verdict::Unknown, Vec::new())
+    } else if found.best.effects.len() > 1 {
+        let present: Vec<usize> = (0..catalogue.len())
+            .filter(|&k| found.best.effects.iter().any(|effect| effect.id == catalogue[k].id))
+            .collect();
+        (Verdict::Named, ids(&present))
+    } else if top >= SURE {
+        (Verdict::Named, ids(&order[..1]))
+    } else {
+        let mut sum = 0.0;
+        let rivals: Vec<usize> = order
+            .iter()
+            .copied()
+            .take_while(|&k| {
+                let wanted = sum < 0.9 && effects[k] > 0.03;
+                sum += effects[k];
+                wanted
+            })
+            .take(3)
+            .collect();
+        (if rivals.len() > 1 { Verdict::Class } else { Verdict::Named }, ids(&rivals))
+    };
+    Decision {
+        verdict,
+        blamed,
+        effects: catalogue.iter().copied().zip(effects).collect(),
+        unknown,
+        none,
+        floor,
+    }
+}
+
+/// Probability of each stage: of its effects, and of something unknown there.
+#[must_use]
+pub fn stages(decision: &Decision, unknown_at: &[(Stage, f64)]) -> Vec<(Stage, f64)> {
+    let mut shares: Vec<(Stage, f64)> = Stage::ALL
+        .into_iter()
+        .map(|stage| {
+            let known: f64 = decision.effects.iter().filter(|(spec, _)| spec.stage == stage).map(|(_, p)| p).sum();
+            let place = unknown_at.iter().find(|(at, _)| *at == stage).map_or(0.0, |(_, share)| *share);
+            (stage, known + decision.unknown * place)
+        })
+        .collect();
+    let total: f64 = shares.iter().map(|(_, share)| share).sum();
+    if total > 0.0 {
+        shares.iter_mut().for_each(|(_, share)| *share /= total);
+    }
+    shares
+}

@@ -1,0 +1,123 @@
+//! Which effects are present: grown one by one, each time with the rivals for the place.
+
+use crate::diagnosis::search::{COOLING, Model, Start, extend};
+use crate::effects::EffectSpec;
+use crate::tuning::fit::{Bench, Effort, fit};
+
+/// Smallest gain for which a first effect is believed to be there, in halves of a log-likelihood.
+///
+/// Sound units of the battery, whose plants differ from the twin's in their equations, gain less.
+pub const DETECTED: f64 = 6.0;
+
+/// A further effect must gain this share of what the effects before it did: what an effect's own equation leaves behind is not
+/// another effect.
+pub const FURTHER_SHARE: f64 = 0.05;
+
+/// Most effects at once.
+pub const MOST: usize = 3;
+
+/// How many of the scouted models are fitted with care.
+const FINALISTS: usize = 5;
+
+/// One place among the effects that are present, and who was tried for it.
+#[derive(Clone, Debug)]
+pub struct Slot {
+    /// The model without the effect of this place.
+    pub before: Model,
+    /// The models with each effect in this place, best first.
+    pub tried: Vec<Model>,
+}
+
+/// What the search found.
+#[derive(Clone, Debug)]
+pub struct Found {
+    /// The sheet refitted, without any effect.
+    pub refitted: Model,
+    /// The model of the effects that earned their place; the refitted one if none did.
+    pub best: Model,
+    /// A place for each of its effects; with none, the rivals for the first.
+    pub slots: Vec<Slot>,
+    /// The least cost that one effect more would have reached.
+    pub beyond: f64,
+}
+
+/// Refines the leaders, and sorts.
+fn finals(bench: &Bench, mut tried: Vec<Model>, count: usize) -> Vec<Model> {
+    for model in tried.iter_mut().take(count) {
+        *model = model.refined(bench, Effort::FULL);
+    }
+    tried.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
+    tried
+}
+
+/// The model without its last effect, fitted from where the model with it stands: a way round a ridge that a direct fit did not cross.
+fn without_last(bench: &Bench, model: &Model, before: &Model) -> Model {
+    let start = &model.fit.positions[..before.knobs.len()];
+    let fit = fit(bench, &before.base, &before.knobs, start, Effort::FULL, None);
+    if fit.square + fit.prior < before.cost() { Model { fit, ..before.clone() } } else { before.clone() }
+}
+
+/// Grows the set of effects from the refitted sheet.
+#[must_use]
+pub fn find(
+    bench: &Bench,
+    refitted: Model,
+    sheet: &Model,
+    catalogue: &[&'static EffectSpec],
+    progress: &(dyn Fn(&str, f64) + Sync),
+) -> Found {
+    progress("trying every effect alone", 0.15);
+    let starts = [cold(&refitted), Start { model: sheet, ladder: &COOLING }];
+    let mut tried = finals(bench, extend(bench, &starts, catalogue), FINALISTS);
+    let nominal = match tried.first() {
+        Some(first) if refitted.cost() - first.cost() > DETECTED => without_last(bench, first, &refitted),
+        _ => refitted,
+    };
+    let mut slots: Vec<Slot> = Vec::new();
+    let mut before = nominal.clone();
+    loop {
+        let explained = nominal.cost() - before.cost();
+        let Some(first) = tried.first() else { break };
+        if before.cost() - first.cost() <= DETECTED.max(FURTHER_SHARE * explained) || slots.len() == MOST {
+            break;
+        }
+        progress("trying every effect on top of what was found", 0.35 + 0.15 * slots.len() as f64);
+        let next = finals(bench, extend(bench, &[cold(first)], catalogue), 2);
+        if let Some(second) = next.first() {
+            // The detour through a second effect often finds a better place for the first.
+            tried[0] = without_last(bench, second, first);
+        }
+        slots.push(Slot { before, tried: tried.clone() });
+        before = tried.swap_remove(0);
+        tried = next;
+    }
+    let beyond = tried.first().map_or(f64::INFINITY, Model::cost).min(before.cost());
+    if slots.is_empty() {
+        slots.push(Slot { before: before.clone(), tried });
+    }
+    swapped(bench, Found { refitted: nominal, best: before, slots, beyond }, catalogue)
+}
+
+/// A start that is good already.
+fn cold(model: &Model) -> Start<'_> {
+    Start { model, ladder: &COOLING[COOLING.len() - 1..] }
+}
+
+/// Two effects can mask each other: with the last one in place, asks again who should stand first.
+fn swapped(bench: &Bench, mut found: Found, catalogue: &[&'static EffectSpec]) -> Found {
+    if found.slots.len() < 2 {
+        return found;
+    }
+    let Some(&last) = found.best.effects.last() else { return found };
+    let Some(alone) = found.slots[0].tried.iter().find(|model| model.effects[0].id == last.id) else { return found };
+    let alone = alone.refined(bench, Effort::FULL);
+    let tried = finals(bench, extend(bench, &[cold(&alone)], catalogue), 2);
+    if let Some(best) = tried.first().filter(|_| found.slots.len() == 2) {
+        if best.cost() < found.best.cost() {
+            found.best = best.clone();
+            found.beyond = found.beyond.min(best.cost());
+        }
+        found.slots[0] = Slot { before: alone, tried };
+    }
+    found
+}

@@ -1,0 +1,304 @@
+//! Gathers what a report shows from what the search found.
+
+use nalgebra::DMatrix;
+
+use crate::diagnosis::closure::{HeldOut, closure, held_out};
+use crate::diagnosis::decide::{Decision, stages as stage_shares};
+use crate::diagnosis::experiment;
+use crate::diagnosis::latent::latents;
+use crate::diagnosis::ledger::ledgers;
+use crate::diagnosis::outcome::{
+    Blame, Channel, Diagnosis, Experiment, Fitted, Interval, Ranked, SignalGap, Trace, Tried, Verdict,
+};
+use crate::diagnosis::rivals::Found;
+use crate::diagnosis::search::{Model, covariance};
+use crate::diagnosis::stages;
+use crate::diagnosis::visible::Marks;
+use crate::diagnosis::Settings;
+use crate::effects::{EffectSpec, Stage};
+use crate::frame::Estimate;
+use crate::parameters::Unit;
+use crate::signal::Signal;
+use crate::tuning::fit::Bench;
+use crate::tuning::knob::Knob;
+use crate::units::seconds_from_nanos;
+
+/// Standard deviations to either side of a 90 % interval.
+const NINETY: f64 = 1.645;
+
+/// Share of an effect's plausible range below which it counts as excited: smallest visible size over a moderate fault.
+const EXCITED: f64 = 3.0;
+
+/// Builds the diagnosis.
+#[must_use]
+pub fn gather(
+    bench: &Bench,
+    found: &Found,
+    decision: Decision,
+    unit: &Unit,
+    settings: &Settings,
+    channels: Vec<Channel>,
+    mut notes: Vec<String>,
+) -> Diagnosis {
+    let marks = Marks::new(bench, &found.refitted, &settings.catalogue);
+    let visible = marks.visible();
+    let seen = visible.iter().filter(|effect| effect.smallest <= EXCITED * effect.typical).count();
+    let mut verdict = decision.verdict;
+    if verdict == Verdict::NoGap && seen * 2 < visible.len() {
+        verdict = Verdict::NotExcited;
+        notes.push(format!("Only {seen} of {} effects could show in these recordings; nothing speaks for any of them.", visible.len()));
+    }
+    // What the verdict claims, and nothing else, goes into the improved twin.
+    let chosen = match verdict {
+        Verdict::Named if found.best.effects.len() > 1 => found.best.clone(),
+        Verdict::Named | Verdict::Class => single(found, decision.blamed.first().copied()).clone(),
+        _ => found.refitted.clone(),
+    };
+    let gap_cost = found.refitted.cost() - decision.floor;
+    let latents = latents(bench, &found.refitted, gap_cost);
+    let mut unknown_at: Vec<(Stage, f64)> = Stage::ALL.into_iter().map(|stage| (stage, 0.0)).collect();
+    let best_share = latents.first().map_or(0.0, |latent| latent.explains);
+    for latent in &latents {
+        // Places that explain nearly as much share the blame; the tenth part of the gap is a factor of e.
+        let share = ((latent.explains - best_share) / 0.1).exp();
+        if let Some(at) = unknown_at.iter_mut().find(|(stage, _)| *stage == latent.stage) {
+            at.1 = f64::max(at.1, share);
+        }
+    }
+    let total: f64 = unknown_at.iter().map(|(_, share)| share).sum();
+    unknown_at.iter_mut().for_each(|(_, share)| *share /= total.max(1e-12));
+    let stage_shares = stage_shares(&decision, &unknown_at);
+    let has_gap = !matches!(verdict, Verdict::NoGap | Verdict::NotExcited);
+    let stage = stage_shares.iter().copied().reduce(|a, b| if b.1 > a.1 { b } else { a }).map(|(stage, _)| stage);
+
+    let refitted_held = held_out(bench, &found.refitted);
+    let chosen_held = held_out(bench, &chosen);
+    let whole = closure(bench, &refitted_held, &chosen_held, settings.seed);
+    let blamed = blames(bench, found, &decision, &chosen, verdict, &refitted_held, settings.seed);
+    let simulate = |unit: &Unit| (0..bench.trials.len()).map(|trial| bench.simulate(unit, trial)).collect::<Vec<_>>();
+    let [delivered, refitted, with_effects] = [unit, &found.refitted.unit(), &chosen.unit()].map(simulate);
+    let parameters = fitted(&chosen, |knob| knob.has_prior());
+    for parameter in parameters.iter().filter(|parameter| parameter.at_bound) {
+        notes.push(format!("{} was fitted onto the end of its range.", parameter.name));
+    }
+    for channel in &channels {
+        for trouble in &channel.troubles {
+            notes.push(format!("{}, {}: {trouble}.", channel.recording, channel.signal.title()));
+        }
+    }
+    Diagnosis {
+        verdict,
+        stage: stage.filter(|_| has_gap),
+        stages: stage_shares,
+        ranking: ranking(&decision),
+        gap: gaps(bench, &delivered, &refitted, &with_effects),
+        closure: whole,
+        experiments: experiments(found, &blamed, verdict),
+        refitted: found.refitted.unit(),
+        fitted: chosen.unit(),
+        parameters,
+        channels,
+        visible,
+        alike: marks.alike(),
+        ledgers: ledgers(bench, &refitted, &with_effects),
+        stage_tests: stages::tests(bench, &found.refitted.unit()),
+        latents,
+        tried: tried(found, &refitted_held, bench),
+        traces: traces(bench, [&delivered, &refitted, &with_effects]),
+        blamed,
+        notes,
+        simulations: bench.simulations(),
+    }
+}
+
+/// The model with this effect alone.
+fn single<'a>(found: &'a Found, id: Option<&str>) -> &'a Model {
+    let first = found.slots.first().into_iter().flat_map(|slot| &slot.tried);
+    first.into_iter().find(|model| model.effects.len() == 1 && Some(model.effects[0].id) == id).unwrap_or(&found.best)
+}
+
+/// The fitted values of those knobs that are wanted.
+fn fitted(model: &Model, wanted: impl Fn(&Knob) -> bool) -> Vec<Fitted> {
+    let spread: DMatrix<f64> = covariance(&model.knobs, &model.fit);
+    model
+        .knobs
+        .iter()
+        .enumerate()
+        .filter(|(_, knob)| wanted(knob))
+        .map(|(k, knob)| {
+            let position = model.fit.positions[k];
+            let variance = spread[(k, k)].max(0.0);
+            let (low, high) = knob.range(&model.base);
+            let at = |offset: f64| knob.value(&model.base, (position + offset * variance.sqrt()).clamp(low, high));
+            let (a, b) = (at(-NINETY), at(NINETY));
+            let (name, unit) = knob.key(&model.base);
+            Fitted {
+                name: if knob.has_prior() { name } else { name.rsplit('.').next().unwrap_or(&name).to_owned() },
+                unit,
+                value: Interval { value: at(0.0), low: a.min(b), high: a.max(b) },
+                sheet: knob.value(&model.base, 0.0),
+                position,
+                information: if knob.has_prior() { (1.0 - variance).clamp(0.0, 1.0) } else { 1.0 },
+                at_bound: position != 0.0 && (position <= low || position >= high),
+            }
+        })
+        .collect()
+}
+
+/// The fitted parameters of one effect of a model.
+fn fitted_effect(model: &Model, effect: &EffectSpec) -> Vec<Fitted> {
+    fitted(model, |knob| match knob {
+        Knob::Effect { effect: place, .. } => model.base.effects[*place].id == effect.id,
+        Knob::Parameter { .. } => false,
+    })
+}
+
+fn blames(
+    bench: &Bench,
+    found: &Found,
+    decision: &Decision,
+    chosen: &Model,
+    verdict: Verdict,
+    refitted: &HeldOut,
+    seed: u64,
+) -> Vec<Blame> {
+    let probability = |id: &str| decision.effects.iter().find(|(spec, _)| spec.id == id).map_or(0.0, |(_, p)| *p);
+    if !matches!(verdict, Verdict::Named | Verdict::Class) {
+        return Vec::new();
+    }
+    let mut all: Vec<Blame> = decision
+        .blamed
+        .iter()
+        .filter_map(|id| {
+            let alone = single(found, Some(*id));
+            let spec = decision.effects.iter().find(|(spec, _)| spec.id == *id)?.0;
+            // Parameters come from the model that is claimed, closure from the effect on its own.
+            let model = if chosen.effects.iter().any(|effect| effect.id == *id) { chosen } else { alone };
+            Some(Blame {
+                id: spec.id.to_owned(),
+                stage: spec.stage,
+                probability: probability(id),
+                parameters: fitted_effect(model, spec),
+                closure: closure(bench, refitted, &held_out(bench, alone), seed),
+            })
+        })
+        .collect();
+    all.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    all
+}
+
+fn ranking(decision: &Decision) -> Vec<Ranked> {
+    let mut all: Vec<Ranked> = decision
+        .effects
+        .iter()
+        .map(|(spec, probability)| Ranked { id: spec.id.to_owned(), probability: *probability })
+        .collect();
+    all.push(Ranked { id: "unknown".to_owned(), probability: decision.unknown });
+    all.push(Ranked { id: "none".to_owned(), probability: decision.none });
+    all.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    all
+}
+
+/// RMS misses of every signal that was measured.
+fn gaps(
+    bench: &Bench,
+    delivered: &[Vec<Estimate>],
+    refitted: &[Vec<Estimate>],
+    with_effects: &[Vec<Estimate>],
+) -> Vec<SignalGap> {
+    Signal::ALL
+        .into_iter()
+        .filter_map(|signal| {
+            let (mut sums, mut floor, mut count) = ([0.0; 3], 0.0, 0_usize);
+            for (index, trial) in bench.trials.iter().enumerate() {
+                for (k, &row) in trial.samples.iter().enumerate() {
+                    let measured = signal.of(&trial.frames[row].measured);
+                    if measured.is_finite() {
+                        for (sum, twin) in sums.iter_mut().zip([delivered, refitted, with_effects]) {
+                            *sum += (measured - signal.of(&twin[index][k].signals)).powi(2);
+                        }
+                        floor += bench.floor_square(index, signal);
+                        count += 1;
+                    }
+                }
+            }
+            let root = |sum: f64| (sum / count as f64).sqrt();
+            (count > 0).then(|| SignalGap {
+                signal,
+                noise_floor: root(floor),
+                delivered: root(sums[0]),
+                refitted: root(sums[1]),
+                with_effects: root(sums[2]),
+            })
+        })
+        .collect()
+}
+
+fn tried(found: &Found, refitted: &HeldOut, bench: &Bench) -> Vec<Tried> {
+    let base: f64 = refitted.costs.iter().sum();
+    let mut models: Vec<&Model> = found.slots.first().into_iter().flat_map(|slot| &slot.tried).collect();
+    if found.best.effects.len() > 1 {
+        models.push(&found.best);
+    }
+    models.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
+    models
+        .into_iter()
+        .enumerate()
+        .map(|(rank, model)| Tried {
+            ids: model.ids().into_iter().map(str::to_owned).collect(),
+            gain: found.refitted.cost() - model.cost(),
+            // Only the leaders were fitted with the care that leaving one out needs.
+            held_out_gain: if rank < 6 { base - held_out(bench, model).costs.iter().sum::<f64>() } else { f64::NAN },
+            parameters: model.effects.iter().flat_map(|effect| fitted_effect(model, effect)).collect(),
+        })
+        .collect()
+}
+
+fn traces(bench: &Bench, twins: [&[Vec<Estimate>]; 3]) -> Vec<Trace> {
+    bench
+        .trials
+        .iter()
+        .enumerate()
+        .map(|(index, trial)| {
+            let start_ns = trial.frames.first().map_or(0, |frame| frame.time_ns);
+            let time_s =
+                trial.samples.iter().map(|&row| seconds_from_nanos(trial.frames[row].time_ns - start_ns)).collect();
+            let signals = Signal::ALL
+                .into_iter()
+                .filter(|&signal| trial.has[signal as usize])
+                .map(|signal| {
+                    let measured =
+                        trial.samples.iter().map(|&row| signal.of(&trial.frames[row].measured)).collect::<Vec<_>>();
+                    let [a, b, c] =
+                        twins.map(|twin| twin[index].iter().map(|estimate| signal.of(&estimate.signals)).collect());
+                    (signal, [measured, a, b, c])
+                })
+                .collect();
+            Trace { name: trial.name.clone(), process: trial.process, time_s, signals }
+        })
+        .collect()
+}
+
+/// For a class, a test for each pair of rivals; for one named effect, a test against the runner-up.
+fn experiments(found: &Found, blamed: &[Blame], verdict: Verdict) -> Vec<Experiment> {
+    let tried: Vec<&Model> = found.slots.first().into_iter().flat_map(|slot| &slot.tried).collect();
+    let model = |id: &str| tried.iter().find(|model| model.effects.len() == 1 && model.effects[0].id == id).copied();
+    let mut pairs: Vec<(String, String)> = Vec::new();
+    match verdict {
+        Verdict::Class => {
+            for (k, one) in blamed.iter().enumerate() {
+                pairs.extend(blamed[k + 1..].iter().map(|other| (one.id.clone(), other.id.clone())));
+            }
+        }
+        Verdict::Named if blamed.len() == 1 => {
+            if let Some(other) = tried.iter().find(|model| model.effects[0].id != blamed[0].id) {
+                pairs.push((blamed[0].id.clone(), other.effects[0].id.to_owned()));
+            }
+        }
+        _ => {}
+    }
+    pairs
+        .iter()
+        .filter_map(|(a, b)| experiment::between([a, b], [&model(a)?.unit(), &model(b)?.unit()]))
+        .collect()
+}

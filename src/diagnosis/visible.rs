@@ -1,0 +1,88 @@
+//! What these recordings could show at all: the smallest effect that stands out, and effects that look alike.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use crate::diagnosis::outcome::Visible;
+use crate::diagnosis::rivals::DETECTED;
+use crate::diagnosis::search::{Model, with_effect};
+use crate::effects::EffectSpec;
+use crate::tuning::fit::{Bench, normal};
+use crate::tuning::knob::unit_at;
+
+/// From this likeness on two effects cannot be told apart here.
+pub const ALIKE: f64 = 0.97;
+
+/// The mark that each effect leaves in the misses, what refitting takes back taken off.
+pub struct Marks {
+    marks: Vec<(&'static EffectSpec, f64, Vec<DVector<f64>>, DVector<f64>)>,
+    inverse: DMatrix<f64>,
+}
+
+impl Marks {
+    /// Simulates each effect at half its typical size on top of a model.
+    #[must_use]
+    pub fn new(bench: &Bench, model: &Model, catalogue: &[&'static EffectSpec]) -> Self {
+        let (hessian, _) = normal(&model.knobs, &model.fit.positions, &model.fit.misses, &model.fit.slopes, 1.0);
+        let n = hessian.nrows();
+        let inverse = (hessian + DMatrix::identity(n, n) * 1e-9).try_inverse().unwrap_or_else(|| DMatrix::zeros(n, n));
+        let marks = catalogue
+            .par_iter()
+            .filter_map(|&spec| {
+                let size = 0.5;
+                let (base, knobs, positions) = with_effect(model, spec, size)?;
+                let misses = bench.misses_of(&[unit_at(&base, &knobs, &positions)]).pop()?;
+                let change: Vec<DVector<f64>> =
+                    misses.iter().zip(&model.fit.misses).map(|(with, without)| with - without).collect();
+                let mut along = DVector::zeros(n);
+                for (slope, change) in model.fit.slopes.iter().zip(&change) {
+                    along += slope.tr_mul(change);
+                }
+                Some((spec, size, change, along))
+            })
+            .collect();
+        Self { marks, inverse }
+    }
+
+    fn product(&self, a: usize, b: usize) -> f64 {
+        let (a, b) = (&self.marks[a], &self.marks[b]);
+        let plain: f64 = a.2.iter().zip(&b.2).map(|(a, b)| a.dot(b)).sum();
+        plain - a.3.dot(&(&self.inverse * &b.3))
+    }
+
+    /// The smallest size of each effect that stands out.
+    #[must_use]
+    pub fn visible(&self) -> Vec<Visible> {
+        (0..self.marks.len())
+            .map(|k| {
+                let (spec, size, ..) = &self.marks[k];
+                let parameter = &spec.parameters[0];
+                let typical = (parameter.typical - parameter.neutral).abs();
+                let strength = self.product(k, k);
+                let smallest =
+                    if strength > 1e-6 { typical * size * (DETECTED / strength).sqrt() } else { f64::INFINITY };
+                Visible { id: spec.id, parameter: parameter.name, unit: parameter.unit, smallest, typical }
+            })
+            .collect()
+    }
+
+    /// Pairs that look alike, either way round, most alike first.
+    #[must_use]
+    pub fn alike(&self) -> Vec<(String, String, f64)> {
+        let mut pairs = Vec::new();
+        for a in 0..self.marks.len() {
+            for b in a + 1..self.marks.len() {
+                let lengths = self.product(a, a) * self.product(b, b);
+                if lengths <= 1e-9 {
+                    continue;
+                }
+                let likeness = (self.product(a, b) / lengths.sqrt()).abs().min(1.0);
+                if likeness > ALIKE {
+                    pairs.push((self.marks[a].0.id.to_owned(), self.marks[b].0.id.to_owned(), likeness));
+                }
+            }
+        }
+        pairs.sort_by(|a, b| b.2.total_cmp(&a.2));
+        pairs
+    }
+}
