@@ -22,6 +22,8 @@ enum Command {
     Blind(commands::blind::Args),
     /// Validate a parameter file and print the merged unit.
     Check(commands::check::Args),
+    /// Find out why a unit and its twin differ: where, which effect, how much of the gap it closes.
+    Diagnose(commands::diagnose::Args),
     /// List what a real unit may do beyond the nominal model, or document one such effect.
     Effects(commands::effects::Args),
     /// Fit parameters and chosen effects to recordings, and say how far they are determined.
@@ -53,6 +55,7 @@ enum Command {
 pub fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Blind(args) => commands::blind::run(&args),
+        Command::Diagnose(args) => commands::diagnose::run(&args),
         Command::Check(args) => commands::check::run(&args),
         Command::Effects(args) => commands::effects::run(&args),
         Command::Fit(args) => commands::fit::run(&args),

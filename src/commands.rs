@@ -5,6 +5,7 @@ pub mod blind;
 pub mod check;
 #[cfg(feature = "residual")]
 pub mod compare;
+pub mod diagnose;
 pub mod effects;
 pub mod fit;
 pub mod generate;

@@ -6,6 +6,7 @@
 
 pub mod channels;
 pub mod closure;
+pub mod contract;
 pub mod decide;
 pub mod experiment;
 pub mod latent;

@@ -45,7 +45,7 @@ impl Progress {
     /// Starts counting to `total` of whatever `noun` names, such as `recordings`.
     pub fn new(total: usize, noun: &str) -> Self {
         let bar = ProgressBar::with_draw_target(Some(total as u64), ProgressDrawTarget::hidden());
-        let template = format!("{{bar:40}} {{pos}}/{{len}} {noun}, {{eta}} left");
+        let template = format!("{{bar:40}} {{pos}}/{{len}} {noun}, {{eta}} left {{msg}}");
         if let Ok(style) = ProgressStyle::with_template(&template) {
             bar.set_style(style);
         }
@@ -58,6 +58,15 @@ impl Progress {
             self.bar.set_draw_target(ProgressDrawTarget::stderr());
         }
         self.bar.inc(1);
+    }
+
+    /// So much is done by now, and this is what goes on.
+    pub fn at(&self, done: usize, what: &str) {
+        if self.bar.is_hidden() && self.bar.elapsed() > Duration::from_secs(1) {
+            self.bar.set_draw_target(ProgressDrawTarget::stderr());
+        }
+        self.bar.set_position(done as u64);
+        self.bar.set_message(what.to_owned());
     }
 }
 

@@ -41,8 +41,7 @@ fn channel(recording: &Recording, signal: Signal, samples: &[(f64, f64)]) -> Cha
         samples.windows(2).map(|pair| (pair[1].1 - pair[0].1).abs()).filter(|step| *step > 0.0).collect();
     steps.sort_by(f64::total_cmp);
     // Second differences of slow signals are noise: their variance is six times that of one sample.
-    let bends: Vec<f64> =
-        samples.windows(3).map(|three| (three[0].1 - 2.0 * three[1].1 + three[2].1).abs()).collect();
+    let bends: Vec<f64> = samples.windows(3).map(|three| (three[0].1 - 2.0 * three[1].1 + three[2].1).abs()).collect();
     let noise = median(bends) / (0.6745 * 6.0_f64.sqrt());
     let (low, high) = samples
         .iter()

@@ -82,9 +82,12 @@ pub fn decide(bench: &Bench, found: &Found, catalogue: &[&'static EffectSpec]) -
     let (mut unknown, mut none) = (0.0_f64, 1.0_f64);
     let detected = !found.best.effects.is_empty();
     for (place, slot) in found.slots.iter().enumerate() {
-        // What the other effects leave to this place.
-        let floor = if found.slots.len() > 1 { found.beyond.min(found.best.cost()).min(floor) } else { floor };
-        let floor = if detected { floor } else { found.beyond };
+        let floor = match found.slots.get(place + 1) {
+            // The effects that came later explain the rest.
+            Some(next) => next.before.cost(),
+            None if detected => floor,
+            None => found.beyond,
+        };
         let weighed = weigh(slot, catalogue, floor);
         for (all, one) in effects.iter_mut().zip(&weighed.effects) {
             *all = 1.0 - (1.0 - *all) * (1.0 - one);
@@ -123,14 +126,7 @@ pub fn decide(bench: &Bench, found: &Found, catalogue: &[&'static EffectSpec]) -
             .collect();
         (if rivals.len() > 1 { Verdict::Class } else { Verdict::Named }, ids(&rivals))
     };
-    Decision {
-        verdict,
-        blamed,
-        effects: catalogue.iter().copied().zip(effects).collect(),
-        unknown,
-        none,
-        floor,
-    }
+    Decision { verdict, blamed, effects: catalogue.iter().copied().zip(effects).collect(), unknown, none, floor }
 }
 
 /// Probability of each stage: of its effects, and of something unknown there.

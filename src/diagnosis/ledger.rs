@@ -1,7 +1,7 @@
 //! Where: the squared gap split exactly over processes, phases, directions, spool bands, end zones and ESV states.
 
 use crate::diagnosis::outcome::{Ledger, Part};
-use crate::frame::{EsvState, Estimate, Frame};
+use crate::frame::{Estimate, EsvState, Frame};
 use crate::signal::Signal;
 use crate::tuning::fit::Bench;
 use crate::tuning::trial::Trial;

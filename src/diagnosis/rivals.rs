@@ -11,13 +11,16 @@ pub const DETECTED: f64 = 6.0;
 
 /// A further effect must gain this share of what the effects before it did: what an effect's own equation leaves behind is not
 /// another effect.
-pub const FURTHER_SHARE: f64 = 0.05;
+pub const FURTHER_SHARE: f64 = 0.06;
 
 /// Most effects at once.
 pub const MOST: usize = 3;
 
 /// How many of the scouted models are fitted with care.
 const FINALISTS: usize = 5;
+
+/// Share of the best gain that a model must have reached when scouted to be fitted with care.
+const HOPEFUL: f64 = 0.4;
 
 /// One place among the effects that are present, and who was tried for it.
 #[derive(Clone, Debug)]
@@ -41,10 +44,14 @@ pub struct Found {
     pub beyond: f64,
 }
 
-/// Refines the leaders, and sorts.
-fn finals(bench: &Bench, mut tried: Vec<Model>, count: usize) -> Vec<Model> {
-    for model in tried.iter_mut().take(count) {
-        *model = model.refined(bench, Effort::FULL);
+/// Fits those models with care that may still win, and sorts.
+fn finals(bench: &Bench, mut tried: Vec<Model>, before: f64, count: usize) -> Vec<Model> {
+    let best = tried.first().map_or(before, Model::cost);
+    let hopeful = before - HOPEFUL * (before - best);
+    if before - best > 0.5 * DETECTED {
+        for model in tried.iter_mut().take(count).filter(|model| model.cost() <= hopeful) {
+            *model = model.refined(bench, Effort::FULL);
+        }
     }
     tried.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
     tried
@@ -68,7 +75,7 @@ pub fn find(
 ) -> Found {
     progress("trying every effect alone", 0.15);
     let starts = [cold(&refitted), Start { model: sheet, ladder: &COOLING }];
-    let mut tried = finals(bench, extend(bench, &starts, catalogue), FINALISTS);
+    let mut tried = finals(bench, extend(bench, &starts, catalogue), refitted.cost(), FINALISTS);
     let nominal = match tried.first() {
         Some(first) if refitted.cost() - first.cost() > DETECTED => without_last(bench, first, &refitted),
         _ => refitted,
@@ -78,11 +85,11 @@ pub fn find(
     loop {
         let explained = nominal.cost() - before.cost();
         let Some(first) = tried.first() else { break };
-        if before.cost() - first.cost() <= DETECTED.max(FURTHER_SHARE * explained) || slots.len() == MOST {
+        if before.cost() - first.cost() <= least_gain(explained) || slots.len() == MOST {
             break;
         }
         progress("trying every effect on top of what was found", 0.35 + 0.15 * slots.len() as f64);
-        let next = finals(bench, extend(bench, &[cold(first)], catalogue), 2);
+        let next = finals(bench, extend(bench, &[cold(first)], catalogue), first.cost(), 2);
         if let Some(second) = next.first() {
             // The detour through a second effect often finds a better place for the first.
             tried[0] = without_last(bench, second, first);
@@ -95,29 +102,15 @@ pub fn find(
     if slots.is_empty() {
         slots.push(Slot { before: before.clone(), tried });
     }
-    swapped(bench, Found { refitted: nominal, best: before, slots, beyond }, catalogue)
+    Found { refitted: nominal, best: before, slots, beyond }
+}
+
+/// What an effect must gain when others have explained so much before it.
+fn least_gain(explained: f64) -> f64 {
+    if explained > 0.0 { (2.0 * DETECTED).max(FURTHER_SHARE * explained) } else { DETECTED }
 }
 
 /// A start that is good already.
 fn cold(model: &Model) -> Start<'_> {
     Start { model, ladder: &COOLING[COOLING.len() - 1..] }
-}
-
-/// Two effects can mask each other: with the last one in place, asks again who should stand first.
-fn swapped(bench: &Bench, mut found: Found, catalogue: &[&'static EffectSpec]) -> Found {
-    if found.slots.len() < 2 {
-        return found;
-    }
-    let Some(&last) = found.best.effects.last() else { return found };
-    let Some(alone) = found.slots[0].tried.iter().find(|model| model.effects[0].id == last.id) else { return found };
-    let alone = alone.refined(bench, Effort::FULL);
-    let tried = finals(bench, extend(bench, &[cold(&alone)], catalogue), 2);
-    if let Some(best) = tried.first().filter(|_| found.slots.len() == 2) {
-        if best.cost() < found.best.cost() {
-            found.best = best.clone();
-            found.beyond = found.beyond.min(best.cost());
-        }
-        found.slots[0] = Slot { before: alone, tried };
-    }
-    found
 }

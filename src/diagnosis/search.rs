@@ -11,7 +11,7 @@ use crate::tuning::noise::Noise;
 use crate::tuning::trial::Trial;
 
 /// Sizes at which an effect is tried first, in units of its typical size.
-const SIZES: [f64; 9] = [0.1, 0.3, 1.0, 3.0, 10.0, -0.1, -0.3, -1.0, -3.0];
+const SIZES: [f64; 5] = [0.2, 0.8, 3.0, -0.2, -0.8];
 
 /// Temperatures through which fits far from the sheet cool.
 pub const COOLING: [f64; 3] = [50.0, 5.0, 1.0];
@@ -153,7 +153,7 @@ fn scout(bench: &Bench, start: Start<'_>, spec: &'static EffectSpec) -> Option<M
     };
     let cheaper = |a: &(f64, f64), b: &(f64, f64)| a.0.total_cmp(&b.0);
     let mut best = SIZES.into_iter().filter_map(price).min_by(cheaper)?;
-    for factor in [1.8, 1.35, 1.16] {
+    for factor in [1.9, 1.35] {
         best = [best.1 * factor, best.1 / factor].into_iter().filter_map(price).chain([best]).min_by(cheaper)?;
     }
     let (base, knobs, mut positions) = with_effect(from, spec, best.1)?;

@@ -2,6 +2,7 @@
 
 use nalgebra::DMatrix;
 
+use crate::diagnosis::Settings;
 use crate::diagnosis::closure::{HeldOut, closure, held_out};
 use crate::diagnosis::decide::{Decision, stages as stage_shares};
 use crate::diagnosis::experiment;
@@ -14,7 +15,6 @@ use crate::diagnosis::rivals::Found;
 use crate::diagnosis::search::{Model, covariance};
 use crate::diagnosis::stages;
 use crate::diagnosis::visible::Marks;
-use crate::diagnosis::Settings;
 use crate::effects::{EffectSpec, Stage};
 use crate::frame::Estimate;
 use crate::parameters::Unit;
@@ -46,7 +46,10 @@ pub fn gather(
     let mut verdict = decision.verdict;
     if verdict == Verdict::NoGap && seen * 2 < visible.len() {
         verdict = Verdict::NotExcited;
-        notes.push(format!("Only {seen} of {} effects could show in these recordings; nothing speaks for any of them.", visible.len()));
+        notes.push(format!(
+            "Only {seen} of {} effects could show in these recordings; nothing speaks for any of them.",
+            visible.len()
+        ));
     }
     // What the verdict claims, and nothing else, goes into the improved twin.
     let chosen = match verdict {
@@ -297,8 +300,5 @@ fn experiments(found: &Found, blamed: &[Blame], verdict: Verdict) -> Vec<Experim
         }
         _ => {}
     }
-    pairs
-        .iter()
-        .filter_map(|(a, b)| experiment::between([a, b], [&model(a)?.unit(), &model(b)?.unit()]))
-        .collect()
+    pairs.iter().filter_map(|(a, b)| experiment::between([a, b], [&model(a)?.unit(), &model(b)?.unit()])).collect()
 }

@@ -196,9 +196,9 @@ pub struct Effort {
 
 impl Effort {
     /// Enough to tell whether a model is worth more.
-    pub const SCOUT: Self = Self { rounds: 4, refresh: 100, temperature: 1.0 };
+    pub const SCOUT: Self = Self { rounds: 3, refresh: 100, temperature: 1.0 };
     /// Enough for the figures of a report.
-    pub const FULL: Self = Self { rounds: 12, refresh: 2, temperature: 1.0 };
+    pub const FULL: Self = Self { rounds: 9, refresh: 3, temperature: 1.0 };
 }
 
 /// Fits the knobs from a start.

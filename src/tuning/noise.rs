@@ -123,10 +123,7 @@ impl Whitener {
             let drift = noise.chatter_wander * ringing;
             spread = a * a * spread + (1.0 - a * a) * (noise.wander * noise.wander + drift * drift + doubt * doubt);
             if signal.of(&frame.measured).is_finite() {
-                floor += noise.white * noise.white
-                    + chatter * chatter
-                    + noise.wander * noise.wander
-                    + drift * drift;
+                floor += noise.white * noise.white + chatter * chatter + noise.wander * noise.wander + drift * drift;
                 seen += 1;
                 let total = spread + noise.white * noise.white + chatter * chatter;
                 let k_gain = spread / total;

@@ -1,0 +1,142 @@
+//! `govtwin diagnose`: where the gap between a unit and its twin lies, which effect causes it, how far it shrinks.
+
+mod words;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use anyhow::Context;
+use govtwin::diagnosis::outcome::{Diagnosis, Fitted, Verdict};
+use govtwin::diagnosis::{Settings, contract, diagnose};
+use govtwin::parameters::Unit;
+use govtwin::params::{self, Overlay};
+use govtwin::recording::Recording;
+
+use super::bags::find;
+use super::output::{Progress, print, warn, write_atomically};
+use crate::commands::Outcome;
+
+/// Inputs are read as straight lines between samples, on a grid of the twin's own tick.
+const GRID_NS: i64 = 1_000_000;
+
+/// Arguments of `govtwin diagnose`.
+#[derive(Debug, clap::Args)]
+#[command(after_long_help = HELP)]
+pub struct Args {
+    /// Recordings of one unit: bags, bag folders, or folders that hold them.
+    #[arg(value_name = "BAG", required = true)]
+    bags: Vec<PathBuf>,
+    /// The unit's data sheet; without it the shipped reference unit.
+    #[arg(long, value_name = "FILE")]
+    params: Option<PathBuf>,
+    /// Folder for report.json, report.html, refitted.yaml and fitted.yaml.
+    #[arg(long, value_name = "DIR", default_value = "diagnosis")]
+    out: PathBuf,
+    /// Leaves an effect out of the catalogue; may be repeated.
+    #[arg(long, value_name = "ID")]
+    without: Vec<String>,
+    /// Seed of the resampling behind the intervals of closures.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+}
+
+const HELP: &str = "\
+First refits the sheet's parameters within their tolerances: most gaps are parameters. Then tries every effect of the catalogue
+(`govtwin effects`) on top, alone and together, and says one of five things:
+  named        these effects, all present at once
+  class        one of these effects; the recordings cannot tell which, and the report says which test would
+  unknown      a gap that nothing in the catalogue explains, with its place and shape
+  no_gap       nothing beyond noise and tolerances
+  not_excited  the recordings do not move the unit enough to tell
+`govtwin replay --params DIR/fitted.yaml BAG` tries the claim on another recording, refitted.yaml the twin without it.
+
+Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 finished with warnings.";
+
+/// Runs the command.
+pub fn run(args: &Args) -> anyhow::Result<Outcome> {
+    let unit = match &args.params {
+        Some(path) => params::load(path)?,
+        None => params::reference(),
+    };
+    let mut settings = Settings { seed: args.seed, ..Settings::default() };
+    for id in &args.without {
+        govtwin::effects::find(id).with_context(|| format!("--without {id}: no such effect; see `govtwin effects`"))?;
+        settings.catalogue.retain(|spec| spec.id != id);
+    }
+    let mut outcome = Outcome::Ok;
+    let recordings = read(&args.bags, &mut outcome)?;
+    let start = Instant::now();
+    let diagnosis = judge(recordings, &unit, &settings)?;
+    write(&args.out, &diagnosis, start.elapsed().as_secs_f64())?;
+    print(&words::summary(&diagnosis))?;
+    print(&format!("\nreport: {}\n", args.out.join("report.html").display()))?;
+    for note in &diagnosis.notes {
+        warn(note);
+        outcome = Outcome::Warnings;
+    }
+    Ok(outcome)
+}
+
+/// Reads recordings as a diagnosis wants them.
+pub fn read(paths: &[PathBuf], outcome: &mut Outcome) -> anyhow::Result<Vec<Recording>> {
+    let options = govtwin::bag::ReadOptions {
+        interpolation: govtwin::bag::Interpolation::Linear { period_ns: GRID_NS },
+        ..Default::default()
+    };
+    let bags = find(paths)?;
+    let mut recordings = Vec::with_capacity(bags.len());
+    for bag in bags {
+        let read = govtwin::bag::read(&bag.path, &options)?;
+        for event in &read.health.warnings {
+            warn(&format!("{}: {event}", bag.name));
+            *outcome = Outcome::Warnings;
+        }
+        recordings.push(Recording { name: bag.name, ..read.recording });
+    }
+    Ok(recordings)
+}
+
+/// Diagnoses with a progress bar.
+pub fn judge(recordings: Vec<Recording>, unit: &Unit, settings: &Settings) -> anyhow::Result<Diagnosis> {
+    let progress = Progress::new(100, "%");
+    let say = |what: &str, share: f64| progress.at((share * 100.0) as usize, what);
+    Ok(diagnose(recordings, unit, settings, &say)?)
+}
+
+/// Writes the four files of a report into a folder.
+pub fn write(out: &Path, diagnosis: &Diagnosis, seconds: f64) -> anyhow::Result<()> {
+    let mut json = serde_json::to_string_pretty(&contract::report(diagnosis, seconds))
+        .context("cannot write the report as JSON")?;
+    json.push('\n');
+    overlay(&out.join("refitted.yaml"), &diagnosis.refitted, "refitted within tolerances, without any effect", &[])?;
+    let what = match diagnosis.verdict {
+        Verdict::Named => "refitted with the effects that the diagnosis names",
+        Verdict::Class => "refitted with the most probable of the effects that the diagnosis could not tell apart",
+        _ => "refitted within tolerances; the diagnosis names no effect",
+    };
+    overlay(&out.join("fitted.yaml"), &diagnosis.fitted, what, &diagnosis.parameters)?;
+    write_atomically(&out.join("report.html"), words::page(diagnosis)?.as_bytes())?;
+    write_atomically(&out.join("report.json"), json.as_bytes())
+}
+
+fn overlay(path: &Path, unit: &Unit, what: &str, parameters: &[Fitted]) -> anyhow::Result<()> {
+    if let Some(folder) = path.parent() {
+        std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
+    }
+    let comments: BTreeMap<String, String> = parameters
+        .iter()
+        .map(|one| (one.name.clone(), format!("90 %: {:.4e} to {:.4e} {}", one.value.low, one.value.high, one.unit)))
+        .collect();
+    params::write(
+        path,
+        &Overlay {
+            unit: unit.clone(),
+            name: String::new(),
+            source: "govtwin diagnose".to_owned(),
+            head: vec![format!("The unit {what}.")],
+            comments,
+        },
+    )?;
+    Ok(())
+}

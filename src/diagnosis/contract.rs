@@ -1,0 +1,158 @@
+//! The machine-readable report, `govtwin-diagnosis/1`: the agreed fields first, the evidence behind them below `evidence`.
+
+use serde_json::{Value, json};
+
+use crate::diagnosis::outcome::{Diagnosis, Fitted, Interval};
+
+/// The schema's name.
+pub const SCHEMA: &str = "govtwin-diagnosis/1";
+
+fn interval(interval: Interval) -> Value {
+    json!({"value": interval.value, "ci90": [interval.low, interval.high]})
+}
+
+fn parameter(fitted: &Fitted) -> Value {
+    json!({
+        "name": fitted.name,
+        "value": fitted.value.value,
+        "ci90": [fitted.value.low, fitted.value.high],
+        "unit": fitted.unit,
+        "at_bound": fitted.at_bound,
+    })
+}
+
+/// The report of a diagnosis that took `seconds`. Numbers that do not exist are null.
+#[must_use]
+pub fn report(diagnosis: &Diagnosis, seconds: f64) -> Value {
+    let stages: serde_json::Map<String, Value> =
+        diagnosis.stages.iter().map(|(stage, share)| (stage.id().to_owned(), json!(share))).collect();
+    let effects: Vec<Value> = diagnosis
+        .blamed
+        .iter()
+        .map(|blame| {
+            json!({
+                "id": blame.id,
+                "stage": blame.stage.id(),
+                "probability": blame.probability,
+                "parameters": blame.parameters.iter().map(parameter).collect::<Vec<_>>(),
+                "closure": interval(blame.closure),
+            })
+        })
+        .collect();
+    let ranking: Vec<Value> =
+        diagnosis.ranking.iter().map(|one| json!({"id": one.id, "probability": one.probability})).collect();
+    let signals: Vec<Value> = diagnosis
+        .gap
+        .iter()
+        .map(|gap| {
+            json!({
+                "name": gap.signal.id(),
+                "noise_floor": gap.noise_floor,
+                "rmse": {"delivered": gap.delivered, "refitted": gap.refitted, "with_effects": gap.with_effects},
+            })
+        })
+        .collect();
+    let experiments: Vec<Value> = diagnosis
+        .experiments
+        .iter()
+        .map(|one| json!({"separates": one.separates, "test": one.test, "separation": one.separation}))
+        .collect();
+    json!({
+        "schema": SCHEMA,
+        "verdict": diagnosis.verdict.id(),
+        "location": {"stage": diagnosis.stage.map(|stage| stage.id()), "probability": stages},
+        "effects": effects,
+        "ranking": ranking,
+        "gap": {"signals": signals, "closure": interval(diagnosis.closure)},
+        "next_experiment": experiments,
+        "seconds": seconds,
+        "notes": diagnosis.notes,
+        "evidence": evidence(diagnosis),
+    })
+}
+
+/// What the verdict rests on.
+fn evidence(diagnosis: &Diagnosis) -> Value {
+    let parameters: Vec<Value> = diagnosis
+        .parameters
+        .iter()
+        .map(|one| {
+            json!({
+                "key": one.name, "unit": one.unit, "sheet": one.sheet, "value": one.value.value,
+                "ci90": [one.value.low, one.value.high], "deviations_from_sheet": one.position,
+                "information": one.information, "at_bound": one.at_bound,
+            })
+        })
+        .collect();
+    let tried: Vec<Value> = diagnosis
+        .tried
+        .iter()
+        .map(|one| {
+            json!({
+                "effects": one.ids, "gain": one.gain, "held_out_gain": one.held_out_gain,
+                "parameters": one.parameters.iter().map(parameter).collect::<Vec<_>>(),
+            })
+        })
+        .collect();
+    let channels: Vec<Value> = diagnosis
+        .channels
+        .iter()
+        .map(|one| {
+            json!({
+                "recording": one.recording, "signal": one.signal.id(), "samples": one.samples,
+                "rate_hz": one.rate_hz, "step": one.step, "noise": one.noise, "troubles": one.troubles,
+            })
+        })
+        .collect();
+    let visible: Vec<Value> = diagnosis
+        .visible
+        .iter()
+        .map(|one| {
+            json!({
+                "id": one.id, "parameter": one.parameter, "unit": one.unit,
+                "smallest": one.smallest, "typical": one.typical,
+            })
+        })
+        .collect();
+    let ledgers: Vec<Value> = diagnosis
+        .ledgers
+        .iter()
+        .map(|ledger| {
+            let parts: Vec<Value> = ledger
+                .parts
+                .iter()
+                .map(|part| {
+                    json!({
+                        "name": part.name, "samples": part.samples,
+                        "refitted": part.refitted, "with_effects": part.with_effects,
+                    })
+                })
+                .collect();
+            json!({"signal": ledger.signal.id(), "by": ledger.by, "parts": parts})
+        })
+        .collect();
+    let tests: Vec<Value> = diagnosis
+        .stage_tests
+        .iter()
+        .map(|one| json!({"stage": one.stage, "signal": one.signal.id(), "rmse": one.rmse, "excess": one.excess}))
+        .collect();
+    let latents: Vec<Value> = diagnosis
+        .latents
+        .iter()
+        .map(|one| {
+            let curves: Vec<Value> =
+                one.curves.iter().map(|curve| json!({"against": curve.against, "points": curve.points})).collect();
+            json!({
+                "place": one.place, "stage": one.stage.id(), "unit": one.unit,
+                "explains": one.explains, "curves": curves,
+            })
+        })
+        .collect();
+    let alike: Vec<Value> =
+        diagnosis.alike.iter().map(|(a, b, likeness)| json!({"a": a, "b": b, "likeness": likeness})).collect();
+    json!({
+        "parameters": parameters, "tried": tried, "channels": channels, "smallest_visible": visible,
+        "alike": alike, "ledgers": ledgers, "stage_tests": tests, "free_terms": latents,
+        "simulations": diagnosis.simulations,
+    })
+}
