@@ -101,8 +101,11 @@ pub fn diagnose(
     progress("refitting the sheet's parameters within their tolerances", 0.02);
     let (bench, refitted, sheet) = search::nominal(usable, unit, &noise);
     let found: Found = rivals::find(&bench, refitted, &sheet, &settings.catalogue, progress);
-    progress("weighing the evidence", 0.85);
-    let decision = decide::decide(&bench, &found, &settings.catalogue);
+    progress("placing free terms", 0.85);
+    let floor = decide::floor(&bench, &found);
+    let latents = latent::latents(&bench, &found.refitted, found.refitted.cost() - floor);
+    let explained = latents.first().map_or(0.0, |latent| latent.explains);
+    let decision = decide::decide(&found, &settings.catalogue, floor, explained);
     progress("gathering what the report shows", 0.9);
-    Ok(summary::gather(&bench, &found, decision, unit, settings, channels, notes))
+    Ok(summary::gather(&bench, &found, decision, latents, unit, settings, channels, notes))
 }

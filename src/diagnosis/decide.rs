@@ -9,17 +9,18 @@ use crate::tuning::noise::ALIKE;
 /// Cost per sample of a sound unit: the noise model is a little generous.
 ///
 /// Measured on sound units of the battery and of `practice` at 100 Hz.
-pub const CALM: f64 = 0.62;
+pub const CALM: f64 = 0.64;
 
 /// Degrees of freedom of the evidence: likelihoods fall as a power of the cost that a model leaves, not exponentially, since what it leaves is
 /// the error of its equation rather than noise (Student's t with the scale integrated out).
 const FREEDOM: f64 = 10.0;
 
-/// What an effect outside the catalogue is taken to leave of the gap: a known effect that leaves more is no better a name than none.
-const UNKNOWN_LEAVES: f64 = 0.22;
+/// What an effect outside the catalogue is taken to leave of the gap: as much as the best free term, but within these shares, since free terms
+/// are both more supple and more roughly fitted than an equation.
+const UNKNOWN_LEAVES: (f64, f64) = (0.3, 0.6);
 
 /// Odds against one named effect before anything is seen.
-const RARITY: f64 = 0.02;
+const RARITY: f64 = 0.004;
 
 /// Probability from which an effect is named on its own.
 const SURE: f64 = 0.6;
@@ -53,7 +54,7 @@ fn weight(above: f64) -> f64 {
     (1.0 + above.max(0.0) / FREEDOM).powf(-0.5 * FREEDOM)
 }
 
-fn weigh(slot: &Slot, catalogue: &[&'static EffectSpec], floor: f64) -> Weighed {
+fn weigh(slot: &Slot, catalogue: &[&'static EffectSpec], floor: f64, unknown_leaves: f64) -> Weighed {
     let last = |effects: &[&'static EffectSpec]| effects.last().map(|effect| effect.id);
     let gap = slot.before.cost() - floor;
     let mut effects: Vec<f64> = catalogue
@@ -63,7 +64,7 @@ fn weigh(slot: &Slot, catalogue: &[&'static EffectSpec], floor: f64) -> Weighed 
             tried.map_or(0.0, |model| RARITY * weight(model.cost() - floor))
         })
         .collect();
-    let mut unknown = RARITY * weight(UNKNOWN_LEAVES * gap + 0.5 * DETECTED);
+    let mut unknown = RARITY * weight(unknown_leaves * gap + 0.5 * DETECTED);
     let mut none = weight(gap);
     let total = effects.iter().sum::<f64>() + unknown + none;
     effects.iter_mut().for_each(|effect| *effect /= total);
@@ -72,12 +73,16 @@ fn weigh(slot: &Slot, catalogue: &[&'static EffectSpec], floor: f64) -> Weighed 
     Weighed { effects, unknown, none }
 }
 
-/// Decides.
+/// The cost that a model without a flaw would have.
 #[must_use]
-pub fn decide(bench: &Bench, found: &Found, catalogue: &[&'static EffectSpec]) -> Decision {
+pub fn floor(bench: &Bench, found: &Found) -> f64 {
     let samples: usize = bench.trials.iter().map(|t| t.samples.len() * t.has.iter().filter(|&&has| has).count()).sum();
-    let calm = CALM * samples as f64 / ALIKE;
-    let floor = found.beyond.min(found.best.cost()).min(calm.max(0.0));
+    found.beyond.min(found.best.cost()).min(CALM * samples as f64 / ALIKE)
+}
+
+/// Decides; `explained` is the share of the refitted twin's gap that the best free term would explain.
+#[must_use]
+pub fn decide(found: &Found, catalogue: &[&'static EffectSpec], floor: f64, explained: f64) -> Decision {
     let mut effects = vec![0.0_f64; catalogue.len()];
     let (mut unknown, mut none) = (0.0_f64, 1.0_f64);
     let detected = !found.best.effects.is_empty();
@@ -88,7 +93,9 @@ pub fn decide(bench: &Bench, found: &Found, catalogue: &[&'static EffectSpec]) -
             None if detected => floor,
             None => found.beyond,
         };
-        let weighed = weigh(slot, catalogue, floor);
+        // Free terms were tried where nothing was explained yet.
+        let leaves = if found.slots.len() == 1 { 1.0 - explained } else { UNKNOWN_LEAVES.1 };
+        let weighed = weigh(slot, catalogue, floor, leaves.clamp(UNKNOWN_LEAVES.0, UNKNOWN_LEAVES.1));
         for (all, one) in effects.iter_mut().zip(&weighed.effects) {
             *all = 1.0 - (1.0 - *all) * (1.0 - one);
         }

@@ -7,7 +7,7 @@ use crate::tuning::fit::{Bench, Effort, fit};
 /// Smallest gain for which a first effect is believed to be there, in halves of a log-likelihood.
 ///
 /// Sound units of the battery, whose plants differ from the twin's in their equations, gain less.
-pub const DETECTED: f64 = 6.0;
+pub const DETECTED: f64 = 8.0;
 
 /// A further effect must gain this share of what the effects before it did: what an effect's own equation leaves behind is not
 /// another effect.
@@ -107,7 +107,7 @@ pub fn find(
 
 /// What an effect must gain when others have explained so much before it.
 fn least_gain(explained: f64) -> f64 {
-    if explained > 0.0 { (2.0 * DETECTED).max(FURTHER_SHARE * explained) } else { DETECTED }
+    if explained > 0.0 { (1.5 * DETECTED).max(FURTHER_SHARE * explained) } else { DETECTED }
 }
 
 /// A start that is good already.

@@ -6,10 +6,9 @@ use crate::diagnosis::Settings;
 use crate::diagnosis::closure::{HeldOut, closure, held_out};
 use crate::diagnosis::decide::{Decision, stages as stage_shares};
 use crate::diagnosis::experiment;
-use crate::diagnosis::latent::latents;
 use crate::diagnosis::ledger::ledgers;
 use crate::diagnosis::outcome::{
-    Blame, Channel, Diagnosis, Experiment, Fitted, Interval, Ranked, SignalGap, Trace, Tried, Verdict,
+    Blame, Channel, Diagnosis, Experiment, Fitted, Interval, Latent, Ranked, SignalGap, Trace, Tried, Verdict,
 };
 use crate::diagnosis::rivals::Found;
 use crate::diagnosis::search::{Model, covariance};
@@ -35,6 +34,7 @@ pub fn gather(
     bench: &Bench,
     found: &Found,
     decision: Decision,
+    latents: Vec<Latent>,
     unit: &Unit,
     settings: &Settings,
     channels: Vec<Channel>,
@@ -57,8 +57,6 @@ pub fn gather(
         Verdict::Named | Verdict::Class => single(found, decision.blamed.first().copied()).clone(),
         _ => found.refitted.clone(),
     };
-    let gap_cost = found.refitted.cost() - decision.floor;
-    let latents = latents(bench, &found.refitted, gap_cost);
     let mut unknown_at: Vec<(Stage, f64)> = Stage::ALL.into_iter().map(|stage| (stage, 0.0)).collect();
     let best_share = latents.first().map_or(0.0, |latent| latent.explains);
     for latent in &latents {
@@ -152,7 +150,7 @@ fn fitted(model: &Model, wanted: impl Fn(&Knob) -> bool) -> Vec<Fitted> {
 fn fitted_effect(model: &Model, effect: &EffectSpec) -> Vec<Fitted> {
     fitted(model, |knob| match knob {
         Knob::Effect { effect: place, .. } => model.base.effects[*place].id == effect.id,
-        Knob::Parameter { .. } => false,
+        _ => false,
     })
 }
 
