@@ -6,9 +6,10 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use govtwin::diagnosis::outcome::{Diagnosis, Fitted, Verdict};
 use govtwin::diagnosis::{Settings, contract, diagnose};
+use govtwin::effects::own;
 use govtwin::parameters::Unit;
 use govtwin::params::{self, Overlay};
 use govtwin::recording::Recording;
@@ -36,6 +37,9 @@ pub struct Args {
     /// Leaves an effect out of the catalogue; may be repeated.
     #[arg(long, value_name = "ID")]
     without: Vec<String>,
+    /// Tries the effects that a parameter file defines beside the catalogue's; may be repeated.
+    #[arg(long = "candidate", value_name = "FILE")]
+    candidates: Vec<PathBuf>,
     /// Seed of the resampling behind the intervals of closures.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -55,7 +59,7 @@ Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 finished with warnings.";
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    let unit = match &args.params {
+    let mut unit = match &args.params {
         Some(path) => params::load(path)?,
         None => params::reference(),
     };
@@ -63,6 +67,16 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     for id in &args.without {
         govtwin::effects::find(id).with_context(|| format!("--without {id}: no such effect; see `govtwin effects`"))?;
         settings.catalogue.retain(|spec| spec.id != id);
+    }
+    for path in &args.candidates {
+        for own in params::load_candidates(path)? {
+            let spec = own::spec(&own).map_err(anyhow::Error::msg).with_context(|| path.display().to_string())?;
+            if settings.catalogue.iter().any(|known| known.id == own.id) {
+                bail!("{}: `{}` is in the catalogue already; give it another id", path.display(), own.id);
+            }
+            settings.catalogue.push(spec);
+            unit.own_effects.push(own);
+        }
     }
     let mut outcome = Outcome::Ok;
     let recordings = read(&args.bags, &mut outcome)?;
@@ -124,6 +138,8 @@ fn overlay(path: &Path, unit: &Unit, what: &str, parameters: &[Fitted]) -> anyho
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
     }
+    let mut unit = unit.clone();
+    unit.own_effects.retain(|own| unit.effects.iter().any(|setting| setting.id == own.id));
     let comments: BTreeMap<String, String> = parameters
         .iter()
         .map(|one| (one.name.clone(), format!("90 %: {:.4e} to {:.4e} {}", one.value.low, one.value.high, one.unit)))
@@ -131,7 +147,7 @@ fn overlay(path: &Path, unit: &Unit, what: &str, parameters: &[Fitted]) -> anyho
     params::write(
         path,
         &Overlay {
-            unit: unit.clone(),
+            unit,
             name: String::new(),
             source: "govtwin diagnose".to_owned(),
             head: vec![format!("The unit {what}.")],

@@ -17,6 +17,14 @@ const BLOCK_S: f64 = 2.0;
 /// Resamplings behind an interval.
 const RESAMPLINGS: usize = 400;
 
+/// Share of what all recordings say of an effect that the others must say to fit it without one.
+const TELLING: f64 = 0.2;
+
+/// What one trial says of a knob.
+fn own(model: &Model, trial: usize, knob: usize) -> f64 {
+    model.fit.slopes[trial].column(knob).norm_squared()
+}
+
 /// A model judged on each trial by a fit without it.
 #[derive(Clone, Debug)]
 pub struct HeldOut {
@@ -40,9 +48,14 @@ pub fn held_out(bench: &Bench, model: &Model) -> HeldOut {
             gradient += slope.tr_mul(&model.fit.misses[trial]);
         }
         for (k, knob) in model.knobs.iter().enumerate() {
-            // An effect that the other recordings say nothing of stays where the fit to all has it.
-            hessian[(k, k)] += if knob.has_prior() { 1.0 } else { 1e-3 };
-            gradient[k] += if knob.has_prior() { model.fit.positions[k] } else { 0.0 };
+            if knob.has_prior() {
+                hessian[(k, k)] += 1.0;
+                gradient[k] += model.fit.positions[k];
+            } else if hessian[(k, k)] < TELLING * (hessian[(k, k)] + own(model, left, k)) {
+                // An effect of which the other recordings say next to nothing stays where the fit to all has it.
+                hessian[(k, k)] = f64::MAX.sqrt();
+                gradient[k] = 0.0;
+            }
         }
         let change = hessian.cholesky().map_or_else(|| DVector::zeros(n), |cholesky| cholesky.solve(&gradient));
         let positions: Vec<f64> = model
@@ -101,7 +114,7 @@ fn ratio(sums: [f64; 3]) -> f64 {
 
 /// Closure `(MSE_refitted − MSE_effects) / (MSE_refitted − noise²)` with its 90 % interval.
 ///
-/// Trials are drawn with replacement first and blocks within them next, so that the interval speaks of a recording not yet made.
+/// Blocks are drawn with replacement within each trial, so that every process keeps its weight.
 #[must_use]
 pub fn closure(bench: &Bench, refitted: &HeldOut, with_effects: &HeldOut, seed: u64) -> Interval {
     let blocks = blocks(bench, refitted, with_effects);
@@ -112,8 +125,7 @@ pub fn closure(bench: &Bench, refitted: &HeldOut, with_effects: &HeldOut, seed: 
     let mut ratios: Vec<f64> = (0..RESAMPLINGS)
         .map(|_| {
             let mut sums = [0.0; 3];
-            for _ in 0..blocks.len() {
-                let trial = &blocks[dice.random_range(0..blocks.len())];
+            for trial in &blocks {
                 for _ in 0..trial.len() {
                     add(&mut sums, &trial[dice.random_range(0..trial.len())]);
                 }

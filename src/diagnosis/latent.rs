@@ -6,7 +6,7 @@
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
+use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
 use crate::diagnosis::outcome::{Curve, Latent};
 use crate::diagnosis::search::Model;

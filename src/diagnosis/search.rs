@@ -1,7 +1,7 @@
 //! Which: every effect of the catalogue tried in turn and together, the sheet's parameters refitted with it.
 
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
+use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
 use crate::effects::EffectSpec;
 use crate::parameters::{EffectSetting, Unit};

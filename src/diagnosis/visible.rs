@@ -1,7 +1,7 @@
 //! What these recordings could show at all: the smallest effect that stands out, and effects that look alike.
 
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
+use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
 use crate::diagnosis::outcome::Visible;
 use crate::diagnosis::rivals::DETECTED;

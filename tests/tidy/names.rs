@@ -24,6 +24,8 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("src/residual/", "corrections, ranges and bands are in the unit of the signal that is corrected"),
     ("src/comparison/", "errors are in the unit of what is compared"),
     ("src/blind/", "shares and means of what is counted; sizes in the unit of their effect"),
+    ("src/diagnosis/", "misses are in the unit of their signal, costs and likelihoods have none"),
+    ("src/tuning/", "misses are in the unit of their signal, costs and positions of knobs have none"),
     ("src/replay/", "errors are in the unit of what is compared"),
     ("src/commands/", "fields are flags, whose help names the unit"),
     ("src/report/", "places on paper, and values in the unit of their axis"),
