@@ -20,6 +20,7 @@ pub mod visible;
 
 use crate::diagnosis::outcome::Diagnosis;
 use crate::diagnosis::rivals::Found;
+use crate::diagnosis::summary::Seen;
 use crate::effects::{CATALOGUE, EffectSpec};
 use crate::parameters::Unit;
 use crate::recording::Recording;
@@ -107,5 +108,5 @@ pub fn diagnose(
     let explained = latents.first().map_or(0.0, |latent| latent.explains);
     let decision = decide::decide(&found, &settings.catalogue, floor, explained);
     progress("gathering what the report shows", 0.9);
-    Ok(summary::gather(&bench, &found, decision, latents, unit, settings, channels, notes))
+    Ok(summary::gather(&bench, &found, &decision, unit, settings, Seen { latents, channels, notes }))
 }

@@ -83,7 +83,7 @@ fn blocks(bench: &Bench, refitted: &HeldOut, with_effects: &HeldOut) -> Vec<Vec<
         .enumerate()
         .map(|(index, trial)| {
             let mut rows = Vec::new();
-            let size = ((BLOCK_S / trial.period_s.max(1e-3)).round() as usize).max(1);
+            let size = trial.samples_in(BLOCK_S);
             for start in (0..trial.samples.len()).step_by(size) {
                 let mut sums = [0.0; 3];
                 for k in start..(start + size).min(trial.samples.len()) {
@@ -135,6 +135,6 @@ pub fn closure(bench: &Bench, refitted: &HeldOut, with_effects: &HeldOut, seed: 
         .collect();
     ratios.sort_by(f64::total_cmp);
     let value = ratio(all);
-    let at = |share: f64| ratios[(share * (RESAMPLINGS - 1) as f64).round() as usize];
-    Interval { value, low: at(0.05).min(value), high: at(0.95).max(value) }
+    let (low, high) = (ratios[RESAMPLINGS / 20], ratios[RESAMPLINGS - 1 - RESAMPLINGS / 20]);
+    Interval { value, low: low.min(value), high: high.max(value) }
 }

@@ -3,6 +3,7 @@
 use serde_json::{Value, json};
 
 use crate::diagnosis::outcome::{Diagnosis, Fitted, Interval};
+use crate::effects::Stage;
 
 /// The schema's name.
 pub const SCHEMA: &str = "govtwin-diagnosis/1";
@@ -60,7 +61,7 @@ pub fn report(diagnosis: &Diagnosis, seconds: f64) -> Value {
     json!({
         "schema": SCHEMA,
         "verdict": diagnosis.verdict.id(),
-        "location": {"stage": diagnosis.stage.map(|stage| stage.id()), "probability": stages},
+        "location": {"stage": diagnosis.stage.map(Stage::id), "probability": stages},
         "effects": effects,
         "ranking": ranking,
         "gap": {"signals": signals, "closure": interval(diagnosis.closure)},

@@ -67,7 +67,9 @@ fn weigh(slot: &Slot, catalogue: &[&'static EffectSpec], floor: f64, unknown_lea
     let mut unknown = RARITY * weight(unknown_leaves * gap + 0.5 * DETECTED);
     let mut none = weight(gap);
     let total = effects.iter().sum::<f64>() + unknown + none;
-    effects.iter_mut().for_each(|effect| *effect /= total);
+    for effect in &mut effects {
+        *effect /= total;
+    }
     unknown /= total;
     none /= total;
     Weighed { effects, unknown, none }
@@ -149,7 +151,9 @@ pub fn stages(decision: &Decision, unknown_at: &[(Stage, f64)]) -> Vec<(Stage, f
         .collect();
     let total: f64 = shares.iter().map(|(_, share)| share).sum();
     if total > 0.0 {
-        shares.iter_mut().for_each(|(_, share)| *share /= total);
+        for (_, share) in &mut shares {
+            *share /= total;
+        }
     }
     shares
 }

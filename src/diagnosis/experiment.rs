@@ -9,10 +9,10 @@ use crate::tuning::noise::expected;
 use crate::tuning::trial::Trial;
 use crate::twin::Twin;
 
-/// A test: words, length in s, command and ESV at a time in s, whether the pilot signals are recorded.
+/// A test: words, length in ms, command and ESV at a time in s, whether the pilot signals are recorded.
 struct Test {
     words: &'static str,
-    length_s: f64,
+    length_ms: i64,
     command_pu: fn(f64) -> f64,
     esv: fn(f64) -> EsvState,
     pilot: bool,
@@ -23,42 +23,42 @@ const NORMAL: fn(f64) -> EsvState = |_| EsvState::Normal;
 const TESTS: [Test; 6] = [
     Test {
         words: "dwell at 40 % for 10 s, step to 42 %, dwell, and back, at 100 Hz",
-        length_s: 30.0,
+        length_ms: 30_000,
         command_pu: |t| if (10.0..20.0).contains(&t) { 0.42 } else { 0.40 },
         esv: NORMAL,
         pilot: false,
     },
     Test {
         words: "a triangle of ±1.5 % about 40 % with a period of 20 s, through neutral both ways",
-        length_s: 40.0,
+        length_ms: 40_000,
         command_pu: |t| 0.40 + 0.015 * (1.0 - 4.0 * ((t / 20.0 + 0.25).fract() - 0.5).abs()),
         esv: NORMAL,
         pilot: false,
     },
     Test {
         words: "trip the ESV from 60 % opening and record until closed",
-        length_s: 12.0,
+        length_ms: 12_000,
         command_pu: |_| 0.6,
         esv: |t| if t < 4.0 { EsvState::Normal } else { EsvState::Shutdown },
         pilot: false,
     },
     Test {
         words: "a swept sine of ±1 % about 50 %, from 0.05 to 2 Hz in 40 s",
-        length_s: 40.0,
+        length_ms: 40_000,
         command_pu: |t| 0.5 + 0.01 * (std::f64::consts::TAU * (0.05 * t + 0.5 * (1.95 / 40.0) * t * t)).sin(),
         esv: NORMAL,
         pilot: false,
     },
     Test {
         words: "a full stroke from 5 % to 95 % and back, at the speed limits",
-        length_s: 40.0,
+        length_ms: 40_000,
         command_pu: |t| if (5.0..22.0).contains(&t) { 0.95 } else { 0.05 },
         esv: NORMAL,
         pilot: false,
     },
     Test {
         words: "record pilot-valve position and control pressure beside the positions, in a full stroke from 5 % to 95 % and back",
-        length_s: 40.0,
+        length_ms: 40_000,
         command_pu: |t| if (5.0..22.0).contains(&t) { 0.95 } else { 0.05 },
         esv: NORMAL,
         pilot: true,
@@ -68,8 +68,7 @@ const TESTS: [Test; 6] = [
 /// The test as one unit would answer it.
 fn answer(test: &Test, unit: &Unit) -> Recording {
     let mut twin = Twin::new(unit).with_dither(unit.sensors.servomotor_position_pu.noise);
-    let rows = (test.length_s * 1000.0) as i64;
-    let frames = (0..rows)
+    let frames = (0..test.length_ms)
         .map(|row| {
             let time_s = row as f64 * 1e-3;
             let inputs = Inputs {

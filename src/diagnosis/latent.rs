@@ -31,8 +31,11 @@ const PLACES: [(Point, &str, Stage, &str, f64); 9] = [
     (Point::ServomotorReading, "servomotor transducer", Stage::Sensor, "pu", 5.0e-4),
 ];
 
-/// Shapes of a term: words, and the value at a state.
-const SHAPES: [(&str, fn(&View<'_>) -> f64); 8] = [
+/// What a shape is called, and its value at a state.
+type Shape = (&'static str, fn(&View<'_>) -> f64);
+
+/// Shapes of a term.
+const SHAPES: [Shape; 8] = [
     ("constant", |_| 1.0),
     ("servomotor position", |view| view.servomotor_reading_pu),
     ("servomotor speed", |view| speed(view) / 0.2),

@@ -77,7 +77,7 @@ pub fn ledgers(bench: &Bench, refitted: &[Vec<Estimate>], with_effects: &[Vec<Es
 
 /// Speed of the measured servomotor about a sample, over a tenth of a second or the next samples, pu/s.
 fn slope(trial: &Trial, k: usize) -> f64 {
-    let reach = ((0.05 / trial.period_s.max(1e-3)) as usize).max(1);
+    let reach = trial.samples_in(0.05);
     let (a, b) = (k.saturating_sub(reach), (k + reach).min(trial.samples.len() - 1));
     let (one, two) = (&trial.frames[trial.samples[a]], &trial.frames[trial.samples[b]]);
     let time_s = crate::units::seconds_from_nanos(two.time_ns - one.time_ns);

@@ -28,26 +28,36 @@ const NINETY: f64 = 1.645;
 /// Share of an effect's plausible range below which it counts as excited: smallest visible size over a moderate fault.
 const EXCITED: f64 = 3.0;
 
+/// What was seen before the verdict.
+#[derive(Clone, Debug)]
+pub struct Seen {
+    /// Free terms, best first.
+    pub latents: Vec<Latent>,
+    /// Channels as found.
+    pub channels: Vec<Channel>,
+    /// What a reader must know.
+    pub notes: Vec<String>,
+}
+
 /// Builds the diagnosis.
 #[must_use]
 pub fn gather(
     bench: &Bench,
     found: &Found,
-    decision: Decision,
-    latents: Vec<Latent>,
+    decision: &Decision,
     unit: &Unit,
     settings: &Settings,
-    channels: Vec<Channel>,
-    mut notes: Vec<String>,
+    seen: Seen,
 ) -> Diagnosis {
+    let Seen { latents, channels, mut notes } = seen;
     let marks = Marks::new(bench, &found.refitted, &settings.catalogue);
     let visible = marks.visible();
-    let seen = visible.iter().filter(|effect| effect.smallest <= EXCITED * effect.typical).count();
+    let shown = visible.iter().filter(|effect| effect.smallest <= EXCITED * effect.typical).count();
     let mut verdict = decision.verdict;
-    if verdict == Verdict::NoGap && seen * 2 < visible.len() {
+    if verdict == Verdict::NoGap && shown * 2 < visible.len() {
         verdict = Verdict::NotExcited;
         notes.push(format!(
-            "Only {seen} of {} effects could show in these recordings; nothing speaks for any of them.",
+            "Only {shown} of {} effects could show in these recordings; nothing speaks for any of them.",
             visible.len()
         ));
     }
@@ -67,18 +77,20 @@ pub fn gather(
         }
     }
     let total: f64 = unknown_at.iter().map(|(_, share)| share).sum();
-    unknown_at.iter_mut().for_each(|(_, share)| *share /= total.max(1e-12));
-    let stage_shares = stage_shares(&decision, &unknown_at);
+    for (_, share) in &mut unknown_at {
+        *share /= total.max(1e-12);
+    }
+    let stage_shares = stage_shares(decision, &unknown_at);
     let has_gap = !matches!(verdict, Verdict::NoGap | Verdict::NotExcited);
     let stage = stage_shares.iter().copied().reduce(|a, b| if b.1 > a.1 { b } else { a }).map(|(stage, _)| stage);
 
     let refitted_held = held_out(bench, &found.refitted);
     let chosen_held = held_out(bench, &chosen);
     let whole = closure(bench, &refitted_held, &chosen_held, settings.seed);
-    let blamed = blames(bench, found, &decision, &chosen, verdict, &refitted_held, settings.seed);
+    let blamed = blames(bench, found, decision, &chosen, verdict, &refitted_held, settings.seed);
     let simulate = |unit: &Unit| (0..bench.trials.len()).map(|trial| bench.simulate(unit, trial)).collect::<Vec<_>>();
     let [delivered, refitted, with_effects] = [unit, &found.refitted.unit(), &chosen.unit()].map(simulate);
-    let parameters = fitted(&chosen, |knob| knob.has_prior());
+    let parameters = fitted(&chosen, Knob::has_prior);
     for parameter in parameters.iter().filter(|parameter| parameter.at_bound) {
         notes.push(format!("{} was fitted onto the end of its range.", parameter.name));
     }
@@ -91,7 +103,7 @@ pub fn gather(
         verdict,
         stage: stage.filter(|_| has_gap),
         stages: stage_shares,
-        ranking: ranking(&decision),
+        ranking: ranking(decision),
         gap: gaps(bench, &delivered, &refitted, &with_effects),
         closure: whole,
         experiments: experiments(found, &blamed, verdict),

@@ -13,9 +13,21 @@ use crate::tuning::knob::unit_at;
 /// From this likeness on two effects cannot be told apart here.
 pub const ALIKE: f64 = 0.97;
 
+/// Size of the trial effects, in typical ones.
+const SIZE: f64 = 0.5;
+
+/// The mark of one effect.
+struct Mark {
+    spec: &'static EffectSpec,
+    /// Change of the misses, by trial.
+    change: Vec<DVector<f64>>,
+    /// How much of it lies along each knob of the model.
+    along: DVector<f64>,
+}
+
 /// The mark that each effect leaves in the misses, what refitting takes back taken off.
 pub struct Marks {
-    marks: Vec<(&'static EffectSpec, f64, Vec<DVector<f64>>, DVector<f64>)>,
+    marks: Vec<Mark>,
     inverse: DMatrix<f64>,
 }
 
@@ -29,8 +41,7 @@ impl Marks {
         let marks = catalogue
             .par_iter()
             .filter_map(|&spec| {
-                let size = 0.5;
-                let (base, knobs, positions) = with_effect(model, spec, size)?;
+                let (base, knobs, positions) = with_effect(model, spec, SIZE)?;
                 let misses = bench.misses_of(&[unit_at(&base, &knobs, &positions)]).pop()?;
                 let change: Vec<DVector<f64>> =
                     misses.iter().zip(&model.fit.misses).map(|(with, without)| with - without).collect();
@@ -38,7 +49,7 @@ impl Marks {
                 for (slope, change) in model.fit.slopes.iter().zip(&change) {
                     along += slope.tr_mul(change);
                 }
-                Some((spec, size, change, along))
+                Some(Mark { spec, change, along })
             })
             .collect();
         Self { marks, inverse }
@@ -46,8 +57,8 @@ impl Marks {
 
     fn product(&self, a: usize, b: usize) -> f64 {
         let (a, b) = (&self.marks[a], &self.marks[b]);
-        let plain: f64 = a.2.iter().zip(&b.2).map(|(a, b)| a.dot(b)).sum();
-        plain - a.3.dot(&(&self.inverse * &b.3))
+        let plain: f64 = a.change.iter().zip(&b.change).map(|(a, b)| a.dot(b)).sum();
+        plain - a.along.dot(&(&self.inverse * &b.along))
     }
 
     /// The smallest size of each effect that stands out.
@@ -55,12 +66,12 @@ impl Marks {
     pub fn visible(&self) -> Vec<Visible> {
         (0..self.marks.len())
             .map(|k| {
-                let (spec, size, ..) = &self.marks[k];
+                let spec = self.marks[k].spec;
                 let parameter = &spec.parameters[0];
                 let typical = (parameter.typical - parameter.neutral).abs();
                 let strength = self.product(k, k);
                 let smallest =
-                    if strength > 1e-6 { typical * size * (DETECTED / strength).sqrt() } else { f64::INFINITY };
+                    if strength > 1e-6 { typical * SIZE * (DETECTED / strength).sqrt() } else { f64::INFINITY };
                 Visible { id: spec.id, parameter: parameter.name, unit: parameter.unit, smallest, typical }
             })
             .collect()
@@ -78,7 +89,7 @@ impl Marks {
                 }
                 let likeness = (self.product(a, b) / lengths.sqrt()).abs().min(1.0);
                 if likeness > ALIKE {
-                    pairs.push((self.marks[a].0.id.to_owned(), self.marks[b].0.id.to_owned(), likeness));
+                    pairs.push((self.marks[a].spec.id.to_owned(), self.marks[b].spec.id.to_owned(), likeness));
                 }
             }
         }

@@ -47,6 +47,13 @@ impl Trial {
         Self { name, process, frames, samples, period_s, has, command_doubt_pu }
     }
 
+    /// How many samples a time holds, one at least.
+    #[must_use]
+    pub fn samples_in(&self, time_s: f64) -> usize {
+        let period_ns = nanos_from_seconds(self.period_s).max(1);
+        usize::try_from((nanos_from_seconds(time_s) + period_ns / 2) / period_ns).unwrap_or(1).max(1)
+    }
+
     /// Simulates the trial; one estimate for each sample.
     ///
     /// A plant whose inputs have a clock of their own reads commands and ESV ahead of their rows.
