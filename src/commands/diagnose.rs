@@ -80,9 +80,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let mut outcome = Outcome::Ok;
     let recordings = read(&args.bags, &mut outcome)?;
-    let start = Instant::now();
-    let diagnosis = judge(recordings, &unit, &settings)?;
-    write(&args.out, &diagnosis, start.elapsed().as_secs_f64())?;
+    let (diagnosis, seconds) = judge(recordings, &unit, &settings)?;
+    write(&args.out, &diagnosis, seconds)?;
     print(&words::summary(&diagnosis))?;
     print(&format!("\nreport: {}\n", args.out.join("report.html").display()))?;
     for note in &diagnosis.notes {
@@ -93,7 +92,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 }
 
 /// Reads recordings as a diagnosis wants them.
-pub fn read(paths: &[PathBuf], outcome: &mut Outcome) -> anyhow::Result<Vec<Recording>> {
+fn read(paths: &[PathBuf], outcome: &mut Outcome) -> anyhow::Result<Vec<Recording>> {
     let options = govtwin::bag::ReadOptions {
         interpolation: govtwin::bag::Interpolation::Linear { period_ns: GRID_NS },
         ..Default::default()
@@ -111,15 +110,17 @@ pub fn read(paths: &[PathBuf], outcome: &mut Outcome) -> anyhow::Result<Vec<Reco
     Ok(recordings)
 }
 
-/// Diagnoses with a progress bar.
-pub fn judge(recordings: Vec<Recording>, unit: &Unit, settings: &Settings) -> anyhow::Result<Diagnosis> {
+/// Diagnoses with a progress bar; also how long it took, s.
+#[expect(clippy::disallowed_methods, reason = "a report says how long it took")]
+fn judge(recordings: Vec<Recording>, unit: &Unit, settings: &Settings) -> anyhow::Result<(Diagnosis, f64)> {
+    let start = Instant::now();
     let progress = Progress::new(100, "%");
-    let say = |what: &str, share: f64| progress.at((share * 100.0) as usize, what);
-    Ok(diagnose(recordings, unit, settings, &say)?)
+    let diagnosis = diagnose(recordings, unit, settings, &|what, share| progress.at(share, what))?;
+    Ok((diagnosis, start.elapsed().as_secs_f64()))
 }
 
 /// Writes the four files of a report into a folder.
-pub fn write(out: &Path, diagnosis: &Diagnosis, seconds: f64) -> anyhow::Result<()> {
+fn write(out: &Path, diagnosis: &Diagnosis, seconds: f64) -> anyhow::Result<()> {
     let mut json = serde_json::to_string_pretty(&contract::report(diagnosis, seconds))
         .context("cannot write the report as JSON")?;
     json.push('\n');

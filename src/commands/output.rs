@@ -60,12 +60,13 @@ impl Progress {
         self.bar.inc(1);
     }
 
-    /// So much is done by now, and this is what goes on.
-    pub fn at(&self, done: usize, what: &str) {
+    /// This share is done by now, and this is what goes on.
+    pub fn at(&self, share: f64, what: &str) {
         if self.bar.is_hidden() && self.bar.elapsed() > Duration::from_secs(1) {
             self.bar.set_draw_target(ProgressDrawTarget::stderr());
         }
-        self.bar.set_position(done as u64);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of 100 steps")]
+        self.bar.set_position((share.clamp(0.0, 1.0) * 100.0) as u64);
         self.bar.set_message(what.to_owned());
     }
 }
