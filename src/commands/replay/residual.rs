@@ -44,7 +44,9 @@ pub fn summary(path: &Path, corrected: &[(&(Replayed, Counts), &Provenance)], pl
     let together: Vec<_> = corrected.iter().map(|((replayed, _), provenance)| (replayed, *provenance)).collect();
     let mut summary = summarise(plain.parameters.clone(), cut, plain.inputs_between_samples, &together);
     let mut guard = Counts::default();
-    corrected.iter().for_each(|((_, counts), _)| guard.add(counts));
+    for ((_, counts), _) in corrected {
+        guard.add(counts);
+    }
     summary.residual = Some(Residual {
         model: path.display().to_string(),
         guard,
