@@ -21,6 +21,7 @@
 //! ```
 
 pub mod comparison;
+pub mod diagnosis;
 pub mod draw;
 mod dress;
 pub mod ink;

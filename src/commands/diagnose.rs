@@ -1,7 +1,5 @@
 //! `govtwin diagnose`: where the gap between a unit and its twin lies, which effect causes it, how far it shrinks.
 
-mod words;
-
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -13,9 +11,11 @@ use govtwin::effects::own;
 use govtwin::parameters::Unit;
 use govtwin::params::{self, Overlay};
 use govtwin::recording::Recording;
+use govtwin::report::diagnosis as report;
 
 use super::bags::find;
 use super::output::{Progress, print, warn, write_atomically};
+use super::replay::origin;
 use crate::commands::Outcome;
 
 /// Inputs are read as straight lines between samples, on a grid of the twin's own tick.
@@ -81,8 +81,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let mut outcome = Outcome::Ok;
     let recordings = read(&args.bags, &mut outcome)?;
     let (diagnosis, seconds) = judge(recordings, &unit, &settings)?;
-    write(&args.out, &diagnosis, seconds)?;
-    print(&words::summary(&diagnosis))?;
+    write(&args.out, &diagnosis, &origins(&args.bags), seconds)?;
+    print(&report::summary(&diagnosis))?;
     print(&format!("\nreport: {}\n", args.out.join("report.html").display()))?;
     for note in &diagnosis.notes {
         warn(note);
@@ -110,6 +110,17 @@ fn read(paths: &[PathBuf], outcome: &mut Outcome) -> anyhow::Result<Vec<Recordin
     Ok(recordings)
 }
 
+/// What the folders of the recordings say of where they come from, each saying once.
+fn origins(paths: &[PathBuf]) -> Vec<String> {
+    let mut all: Vec<String> = Vec::new();
+    for origin in paths.iter().filter_map(|path| origin::of(path)) {
+        if !all.contains(&origin) {
+            all.push(origin);
+        }
+    }
+    all
+}
+
 /// Diagnoses with a progress bar; also how long it took, s.
 #[expect(clippy::disallowed_methods, reason = "a report says how long it took")]
 fn judge(recordings: Vec<Recording>, unit: &Unit, settings: &Settings) -> anyhow::Result<(Diagnosis, f64)> {
@@ -120,7 +131,7 @@ fn judge(recordings: Vec<Recording>, unit: &Unit, settings: &Settings) -> anyhow
 }
 
 /// Writes the four files of a report into a folder.
-fn write(out: &Path, diagnosis: &Diagnosis, seconds: f64) -> anyhow::Result<()> {
+fn write(out: &Path, diagnosis: &Diagnosis, origins: &[String], seconds: f64) -> anyhow::Result<()> {
     let mut json = serde_json::to_string_pretty(&contract::report(diagnosis, seconds))
         .context("cannot write the report as JSON")?;
     json.push('\n');
@@ -131,7 +142,7 @@ fn write(out: &Path, diagnosis: &Diagnosis, seconds: f64) -> anyhow::Result<()> 
         _ => "refitted within tolerances; the diagnosis names no effect",
     };
     overlay(&out.join("fitted.yaml"), &diagnosis.fitted, what, &diagnosis.parameters)?;
-    write_atomically(&out.join("report.html"), words::page(diagnosis)?.as_bytes())?;
+    write_atomically(&out.join("report.html"), report::page(diagnosis, origins)?.to_html().as_bytes())?;
     write_atomically(&out.join("report.json"), json.as_bytes())
 }
 

@@ -1,0 +1,216 @@
+//! The page of a diagnosis: the verdict in words first, then the evidence for it.
+
+mod pictures;
+mod tables;
+mod traces;
+mod words;
+
+use super::draw::{DrawError, svg};
+use super::page::{Blocks, KeyFigure, Page, Tone};
+use crate::diagnosis::outcome::{Diagnosis, Trace, Verdict};
+use crate::signal::Signal;
+
+pub use words::summary;
+
+#[cfg(test)]
+mod tests;
+
+/// The page; `origins` say where the recordings come from, where their folders know.
+///
+/// # Errors
+/// Where a picture cannot be drawn.
+pub fn page(diagnosis: &Diagnosis, origins: &[String]) -> Result<Page, DrawError> {
+    let names: Vec<&str> = diagnosis.traces.iter().map(|trace| trace.name.as_str()).collect();
+    let mut page = Page::new("Diagnosis: from twin to unit", names.join(", "));
+    // Without an effect the twin with effects is the refitted one.
+    let explained = !diagnosis.blamed.is_empty();
+    let body = &mut page.body;
+    opening(body, diagnosis, origins);
+    misses(body, diagnosis, explained)?;
+    if !diagnosis.traces.is_empty() {
+        recordings(body, diagnosis, explained)?;
+    }
+    location(body, diagnosis, explained)?;
+    causes(body, diagnosis)?;
+    next(body, diagnosis);
+    closing(body, diagnosis);
+    Ok(page)
+}
+
+fn opening(body: &mut Blocks, diagnosis: &Diagnosis, origins: &[String]) {
+    body.lead(words::lead(diagnosis));
+    for text in words::explanation(diagnosis) {
+        body.paragraph(text);
+    }
+    let mut key = vec![KeyFigure::new("verdict", words::verdict_title(diagnosis.verdict), "")];
+    if let Some(stage) = diagnosis.stage {
+        let share = diagnosis.stages.iter().find(|(at, _)| *at == stage).map_or(f64::NAN, |(_, share)| *share);
+        let hint = format!("probability {}", words::percent(share));
+        key.push(KeyFigure::new("stage", words::stage_title(stage), "").hint(hint));
+    }
+    if let Some(first) = diagnosis.ranking.first() {
+        key.push(
+            KeyFigure::new("most probable", words::id_words(&first.id), "")
+                .hint(format!("probability {}", words::percent(first.probability))),
+        );
+    }
+    if let [one] = diagnosis.blamed.as_slice()
+        && let Some((name, value)) = tables::first_value(&one.parameters)
+    {
+        let (value, interval) = value.split_once(" [").unwrap_or((&value, ""));
+        let hint = if interval.is_empty() { String::new() } else { format!("90 %: [{interval}") };
+        key.push(KeyFigure::new(name, value, "").hint(hint));
+    }
+    if !diagnosis.blamed.is_empty() {
+        let closure = diagnosis.closure;
+        let hint = format!("90 %: {} to {}", words::percent(closure.low), words::percent(closure.high));
+        key.push(KeyFigure::new("gap closed", words::percent(closure.value), "").hint(hint));
+    }
+    body.key_figures(key);
+    for origin in origins {
+        body.note(Tone::Plain, origin.as_str());
+    }
+    for note in &diagnosis.notes {
+        body.note(Tone::Warning, note.as_str());
+    }
+}
+
+fn misses(body: &mut Blocks, diagnosis: &Diagnosis, explained: bool) -> Result<(), DrawError> {
+    body.heading("How far off the twin is");
+    if !diagnosis.gap.is_empty() {
+        body.figure(
+            svg(&pictures::misses(diagnosis, explained))?,
+            "Delivered: the sheet's values. Refitted: the same parameters moved within their tolerances. The line is what a right twin \
+             would still miss, from noise and steps of the transducers.",
+        );
+    }
+    body.table(tables::gap(diagnosis, explained), "RMS miss over all recordings; positions in % of their stroke.");
+    if diagnosis.blamed.len() > 1 {
+        body.table(tables::blamed(diagnosis), "What the verdict blames; closures on processes left out of the fit.");
+    }
+    Ok(())
+}
+
+fn recordings(body: &mut Blocks, diagnosis: &Diagnosis, explained: bool) -> Result<(), DrawError> {
+    body.heading("Before and after");
+    let mut order: Vec<&Trace> = diagnosis.traces.iter().collect();
+    order.sort_by(|a, b| traces::gap(b).total_cmp(&traces::gap(a)));
+    for (rank, trace) in order.into_iter().enumerate() {
+        let mut inner = Blocks::new();
+        let into = if rank == 0 { &mut *body } else { &mut inner };
+        let what = format!("{} ({})", trace.name, trace.process.title());
+        let first = if rank == 0 && diagnosis.traces.len() > 1 { " The recording with most of the gap." } else { "" };
+        into.figure(svg(&traces::picture(trace, None, explained))?, format!("{what}.{first}"));
+        if let Some(window_s) = traces::close_up(trace) {
+            let caption = format!("{what}, the stretch in which the refitted twin misses most.");
+            into.figure(svg(&traces::picture(trace, Some(window_s), explained))?, caption);
+        }
+        if rank > 0 {
+            body.details(what, inner);
+        }
+    }
+    Ok(())
+}
+
+fn location(body: &mut Blocks, diagnosis: &Diagnosis, explained: bool) -> Result<(), DrawError> {
+    body.heading("Where the gap lies");
+    for signal in [Signal::ServomotorPosition, Signal::SpoolPosition] {
+        let ledgers: Vec<_> = diagnosis.ledgers.iter().filter(|ledger| ledger.signal == signal).collect();
+        if !ledgers.is_empty() {
+            let caption = format!(
+                "{}: where the squared miss of the refitted twin comes from, %; the parts of each cut sum to 100.",
+                signal.title()
+            );
+            body.figure(svg(&pictures::ledger(&ledgers, signal, explained))?, caption);
+        }
+    }
+    if !diagnosis.stage_tests.is_empty() {
+        body.table(
+            tables::stage_tests(diagnosis),
+            "Stages of the refitted twin, driven by recorded signals. Over noise: 1 where only noise is left.",
+        );
+    }
+    if let Some(best) = diagnosis.latents.first() {
+        body.figure(
+            svg(&pictures::shape(best))?,
+            format!(
+                "A free term on the {} ({}) would explain {} of the gap; each panel is its part in one variable.",
+                best.place,
+                words::stage_title(best.stage),
+                words::percent(best.explains)
+            ),
+        );
+        let mut inner = Blocks::new();
+        inner.table(tables::latents(diagnosis), "Share of the gap beyond noise that a free term would explain there.");
+        body.details("Free terms at all places", inner);
+    }
+    Ok(())
+}
+
+fn causes(body: &mut Blocks, diagnosis: &Diagnosis) -> Result<(), DrawError> {
+    body.heading("What causes it");
+    if !diagnosis.ranking.is_empty() {
+        body.figure(
+            svg(&pictures::probabilities(diagnosis))?,
+            "Left: probability that the gap sits in a stage. Right: the most probable effects; several may be present at once.",
+        );
+    }
+    if !diagnosis.tried.is_empty() {
+        let caption = "Fitted on top of the refitted twin, best first: by how much the cost (misses over their noise, squared, and the \
+                       tolerances) falls, and the same on processes left out of the fit, which only the leaders were put through.";
+        let mut inner = Blocks::new();
+        inner.table(tables::tried(diagnosis), caption);
+        body.details(format!("What was tried: {} models", diagnosis.tried.len()), inner);
+    }
+    Ok(())
+}
+
+fn next(body: &mut Blocks, diagnosis: &Diagnosis) {
+    body.heading("What these recordings cannot say");
+    if diagnosis.alike.is_empty() {
+        body.paragraph("No two effects of those that were tried leave the same mark here.");
+    } else {
+        body.table(tables::alike(diagnosis), "Pairs that leave the same mark here; 1 is the same to the last bit.");
+    }
+    for one in &diagnosis.experiments {
+        let names: Vec<String> = one.separates.iter().map(|id| words::id_words(id)).collect();
+        body.paragraph(format!("Next test, for {}: {}.", words::listed(&names, "against"), one.test));
+    }
+    let mut inner = Blocks::new();
+    inner.table(
+        tables::visible(diagnosis),
+        "Smallest deviation from a sound unit that would stand out, beside a moderate fault.",
+    );
+    let none = matches!(diagnosis.verdict, Verdict::NoGap | Verdict::NotExcited);
+    if none {
+        body.table(tables::visible(diagnosis), "What could be seen: the smallest deviation that would stand out.");
+    } else {
+        body.details("What could be seen at all", inner);
+    }
+}
+
+fn closing(body: &mut Blocks, diagnosis: &Diagnosis) {
+    body.heading("Fitted values and channels");
+    let mut inner = Blocks::new();
+    inner.table(
+        tables::parameters(diagnosis),
+        "Most moved first. Tolerances off: distance from the sheet in standard deviations of its tolerance. From recordings: 0 % where \
+         the tolerance alone speaks.",
+    );
+    body.details(format!("The sheet's parameters as fitted ({})", diagnosis.parameters.len()), inner);
+    let mut inner = Blocks::new();
+    inner.table(tables::channels(diagnosis), "Noise is judged where the signal moves slowly; positions in %.");
+    body.details("Channels of the recordings", inner);
+    let mut inner = Blocks::new();
+    inner.paragraph(
+        "Gap closed: (MSE refitted − MSE with effects) / (MSE refitted − noise²) over both positions, each weighed by its noise, on \
+         processes left out of the fit; its interval from blocks of 2 s drawn anew. Intervals hold the truth nine times in ten where \
+         the twin's equations are right.",
+    );
+    inner.paragraph(
+        "The recordings that come with govtwin are synthetic: they were made by an independent simulator, because the plant data of \
+         Liu et al. 2025 is confidential.",
+    );
+    inner.facts([("simulated recordings", diagnosis.simulations.to_string())]);
+    body.details("How these figures were made", inner);
+}

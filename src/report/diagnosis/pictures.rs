@@ -1,0 +1,110 @@
+//! The pictures of a diagnosis but for its traces: shares, probabilities, recovered shapes.
+
+use super::words::{id_words, stage_title};
+use crate::diagnosis::outcome::{Diagnosis, Latent, Ledger, SignalGap};
+use crate::report::ink::Ink;
+use crate::report::picture::{Mark, Panel, Picture, Shape};
+use crate::signal::Signal;
+
+/// How many rows the ranking shows.
+const RANKED: usize = 10;
+
+/// Height of a lying bar with its air, px.
+const BAR_PX: u32 = 22;
+
+fn height(bars: usize) -> u32 {
+    BAR_PX * u32::try_from(bars.max(2)).unwrap_or(10)
+}
+
+/// RMS misses of the twins, a panel for each signal.
+pub fn misses(diagnosis: &Diagnosis, explained: bool) -> Picture {
+    let panel = |gap: &SignalGap| {
+        let (scale, unit) = if gap.signal == Signal::ControlPressure { (1e-3, "kPa") } else { (100.0, "%") };
+        let mut steps = vec![("delivered", gap.delivered), ("refitted", gap.refitted)];
+        if explained {
+            steps.push(("with effects", gap.with_effects));
+        }
+        // Categories stand from the bottom up.
+        steps.reverse();
+        let values: Vec<f64> = steps.iter().map(|(_, value)| value * scale).collect();
+        Panel::new(format!("{}, RMS miss in {unit}", gap.signal.title()))
+            .height(height(steps.len()) + 8)
+            .y_categories(steps.iter().map(|(name, _)| *name))
+            .lying_bars(Ink::Simulated, "", &values)
+            .mark(noise(gap.noise_floor * scale))
+    };
+    Picture::grid("RMS misses of the twins", 2, diagnosis.gap.iter().map(panel).collect())
+}
+
+/// What noise alone makes, as a line across the bars.
+fn noise(at: f64) -> Mark {
+    let rule = Shape::Segments(vec![[at, f64::NEG_INFINITY, at, f64::INFINITY]]);
+    Mark { width_px: 2.0, ..Mark::new(rule, Ink::Alarm, "noise floor") }
+}
+
+/// The cuts through the squared gap of one signal.
+pub fn ledger(ledgers: &[&Ledger], signal: Signal, explained: bool) -> Picture {
+    let panel = |ledger: &&Ledger| {
+        let parts: Vec<_> = ledger.parts.iter().filter(|part| part.samples > 0).rev().collect();
+        let refitted: Vec<f64> = parts.iter().map(|part| 100.0 * part.refitted).collect();
+        let mut panel = Panel::new(format!("by {}", ledger.by))
+            .height(height(parts.len()))
+            .y_categories(parts.iter().map(|part| part.name.clone()))
+            .x_range(0.0, 100.0)
+            .lying_bars(Ink::Band, "refitted", &refitted);
+        if explained {
+            let after: Vec<f64> = parts.iter().map(|part| 100.0 * part.with_effects).collect();
+            panel = panel.lying_bars(Ink::Simulated, "with effects", &after);
+        }
+        panel
+    };
+    let told = ledgers.iter().filter(|ledger| ledger.parts.iter().filter(|part| part.samples > 0).count() > 1);
+    let title = format!("Share of the squared gap of the {}", signal.title().to_lowercase());
+    Picture::grid(title, 2, told.map(panel).collect())
+}
+
+/// Stage probabilities beside the ranking of effects.
+pub fn probabilities(diagnosis: &Diagnosis) -> Picture {
+    let stages: Vec<_> = diagnosis.stages.iter().rev().collect();
+    let shares: Vec<f64> = stages.iter().map(|(_, share)| 100.0 * share).collect();
+    let ranked: Vec<_> = diagnosis.ranking.iter().take(RANKED).collect();
+    let chances: Vec<f64> = ranked.iter().rev().map(|one| 100.0 * one.probability).collect();
+    let panels = vec![
+        Panel::new("stage of the gap, %")
+            .height(height(RANKED))
+            .x_range(0.0, 100.0)
+            .y_categories(stages.iter().map(|(stage, _)| stage_title(*stage)))
+            .lying_bars(Ink::Good, "", &shares),
+        Panel::new("presence, %")
+            .height(height(RANKED))
+            .x_range(0.0, 100.0)
+            .y_categories(ranked.iter().rev().map(|one| id_words(&one.id)))
+            .lying_bars(Ink::Simulated, "", &chances),
+    ];
+    Picture::grid("Probability of each stage and of the leading effects", 2, panels)
+}
+
+/// The shape of a free term against what it depends on.
+pub fn shape(latent: &Latent) -> Picture {
+    let points = |points: &[(f64, f64)]| points.iter().map(|&(x, y)| [x, y]).collect::<Vec<_>>();
+    let largest = latent.curves.iter().flat_map(|curve| &curve.points).fold(0.0_f64, |most, (_, y)| most.max(y.abs()));
+    // Axes write no exponents; terms in m³/s are far below one.
+    let (scale, unit) = match latent.unit {
+        "pu" => (100.0, "%".to_owned()),
+        "m³/s" => (1.0e6, "cm³/s".to_owned()),
+        "N" if largest >= 1000.0 => (1.0e-3, "kN".to_owned()),
+        unit => (1.0, unit.to_owned()),
+    };
+    let panels = latent.curves.iter().map(|curve| {
+        let scaled = |from: &[(f64, f64)]| points(&from.iter().map(|&(x, y)| (x, scale * y)).collect::<Vec<_>>());
+        let mut panel = Panel::new(format!("against {}", curve.against))
+            .x_name(curve.against)
+            .level(Ink::Band, "", 0.0)
+            .line(Ink::Simulated, &format!("free term, {unit}"), scaled(&curve.points));
+        if !curve.named.is_empty() {
+            panel = panel.line(Ink::Good, "named effect", scaled(&curve.named));
+        }
+        panel
+    });
+    Picture::grid(format!("Shape of a free term on the {}", latent.place), 2, panels.collect())
+}

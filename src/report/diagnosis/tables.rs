@@ -1,0 +1,194 @@
+//! The tables of a diagnosis.
+
+use super::words::{id_words, percent, value, values};
+use crate::diagnosis::outcome::{Diagnosis, Fitted};
+use crate::report::table::{Table, fixed, significant};
+use crate::signal::Signal;
+
+/// RMS misses of the twins and the noise floor, by signal.
+pub fn gap(diagnosis: &Diagnosis, explained: bool) -> Table {
+    let mut table = Table::new().words("signal").numbers("delivered").numbers("refitted");
+    if explained {
+        table = table.numbers("with effects");
+    }
+    table = table.numbers("noise floor").words("unit");
+    for gap in &diagnosis.gap {
+        let (scale, unit) = if gap.signal == Signal::ControlPressure { (1e-3, "kPa") } else { (100.0, "%") };
+        let mut steps = vec![gap.delivered, gap.refitted];
+        steps.extend(explained.then_some(gap.with_effects));
+        steps.push(gap.noise_floor);
+        let mut row = vec![gap.signal.title().to_owned()];
+        row.extend(steps.iter().map(|step| significant(step * scale, 3)));
+        row.push(unit.to_owned());
+        table.row(row);
+    }
+    table
+}
+
+/// Stages driven by recorded signals.
+pub fn stage_tests(diagnosis: &Diagnosis) -> Table {
+    let mut table =
+        Table::new().words("driven").words("judged by").numbers("RMS miss, %").numbers("mean square over noise");
+    for one in &diagnosis.stage_tests {
+        table.row([
+            one.stage.to_owned(),
+            one.signal.title().to_lowercase(),
+            significant(100.0 * one.rmse, 3),
+            significant(one.excess, 3),
+        ]);
+    }
+    table
+}
+
+/// Places of free terms.
+pub fn latents(diagnosis: &Diagnosis) -> Table {
+    let mut table = Table::new().words("free term on the").words("stage").numbers("would explain");
+    for one in &diagnosis.latents {
+        table.row([one.place.to_owned(), super::words::stage_title(one.stage).to_owned(), percent(one.explains)]);
+    }
+    table
+}
+
+/// What was tried, best first.
+pub fn tried(diagnosis: &Diagnosis) -> Table {
+    let mut table = Table::new()
+        .words("effects")
+        .numbers("cost falls by")
+        .numbers("left out, by")
+        .words("fitted, with 90 % interval");
+    for one in &diagnosis.tried {
+        let ids: Vec<String> = one.ids.iter().map(|id| id_words(id)).collect();
+        let cells =
+            [ids.join(" + "), significant(one.gain, 3), significant(one.held_out_gain, 3), values(&one.parameters)];
+        let blamed = !one.ids.is_empty()
+            && one.ids.len() == diagnosis.blamed.len()
+            && one.ids.iter().all(|id| diagnosis.blamed.iter().any(|blame| blame.id == *id));
+        if blamed { table.strong_row(cells) } else { table.row(cells) }
+    }
+    table
+}
+
+/// The effects that the verdict blames.
+pub fn blamed(diagnosis: &Diagnosis) -> Table {
+    let mut table = Table::new()
+        .words("effect")
+        .words("stage")
+        .numbers("probability")
+        .words("fitted, with 90 % interval")
+        .numbers("closes alone");
+    for one in &diagnosis.blamed {
+        table.row([
+            id_words(&one.id),
+            super::words::stage_title(one.stage).to_owned(),
+            percent(one.probability),
+            values(&one.parameters),
+            super::words::percents(one.closure),
+        ]);
+    }
+    table
+}
+
+/// Pairs that look alike here.
+pub fn alike(diagnosis: &Diagnosis) -> Table {
+    let mut table = Table::new().words("effect").words("looks like").numbers("likeness");
+    for (one, other, likeness) in &diagnosis.alike {
+        table.row([id_words(one), id_words(other), fixed(*likeness, 3)]);
+    }
+    table
+}
+
+/// Smallest visible effects.
+pub fn visible(diagnosis: &Diagnosis) -> Table {
+    let mut table = Table::new()
+        .words("effect")
+        .words("parameter")
+        .numbers("smallest that shows")
+        .numbers("moderate fault")
+        .words("unit")
+        .words("here");
+    for one in &diagnosis.visible {
+        let seen = if one.smallest <= one.typical.abs() {
+            "shows"
+        } else if one.smallest <= 10.0 * one.typical.abs() {
+            "only a large one"
+        } else {
+            "hidden"
+        };
+        let smallest = if one.smallest.is_finite() { significant(one.smallest, 2) } else { "none".to_owned() };
+        table.row([
+            id_words(one.id),
+            one.parameter.to_owned(),
+            smallest,
+            significant(one.typical, 2),
+            plain(one.unit),
+            seen.to_owned(),
+        ]);
+    }
+    table
+}
+
+fn plain(unit: &str) -> String {
+    if unit == "1" { String::new() } else { unit.to_owned() }
+}
+
+/// The sheet's parameters as fitted, those most moved first.
+pub fn parameters(diagnosis: &Diagnosis) -> Table {
+    let mut table = Table::new()
+        .words("parameter")
+        .numbers("sheet")
+        .numbers("fitted")
+        .numbers("90 % from")
+        .numbers("to")
+        .words("unit")
+        .numbers("tolerances off")
+        .numbers("from recordings")
+        .words("");
+    let mut all: Vec<&Fitted> = diagnosis.parameters.iter().collect();
+    all.sort_by(|a, b| b.position.abs().total_cmp(&a.position.abs()));
+    for one in all {
+        table.row([
+            one.name.clone(),
+            significant(one.sheet, 4),
+            significant(one.value.value, 4),
+            significant(one.value.low, 4),
+            significant(one.value.high, 4),
+            plain(one.unit),
+            fixed(one.position, 2),
+            percent(one.information),
+            if one.at_bound { "at its bound".to_owned() } else { String::new() },
+        ]);
+    }
+    table
+}
+
+/// The channels as found.
+pub fn channels(diagnosis: &Diagnosis) -> Table {
+    let mut table = Table::new()
+        .words("recording")
+        .words("signal")
+        .numbers("samples")
+        .numbers("rate, Hz")
+        .numbers("step")
+        .numbers("noise")
+        .words("unit")
+        .words("remarks");
+    for one in &diagnosis.channels {
+        let (scale, unit) = if one.signal == Signal::ControlPressure { (1e-3, "kPa") } else { (100.0, "%") };
+        table.row([
+            one.recording.clone(),
+            one.signal.title().to_lowercase(),
+            one.samples.to_string(),
+            significant(one.rate_hz, 3),
+            significant(one.step * scale, 2),
+            significant(one.noise * scale, 2),
+            unit.to_owned(),
+            if one.troubles.is_empty() { "none".to_owned() } else { one.troubles.join("; ") },
+        ]);
+    }
+    table
+}
+
+/// The fitted values of a blamed effect for the key figures: its first parameter.
+pub fn first_value(parameters: &[Fitted]) -> Option<(String, String)> {
+    parameters.first().map(|one| (super::words::parameter_title(one), value(one)))
+}

@@ -1,0 +1,159 @@
+//! A made-up diagnosis on paper, with names that would break a careless page.
+
+use super::{page, summary};
+use crate::diagnosis::outcome::{
+    Blame, Channel, Curve, Diagnosis, Experiment, Fitted, Interval, Latent, Ledger, Part, Ranked, SignalGap, StageTest,
+    Trace, Tried, Verdict, Visible,
+};
+use crate::effects::Stage;
+use crate::params;
+use crate::recording::Process;
+use crate::signal::Signal;
+
+fn play() -> Fitted {
+    Fitted {
+        name: "play_pu".into(),
+        unit: "pu",
+        value: Interval { value: 0.004_2, low: 0.004_0, high: 0.004_4 },
+        sheet: 0.0,
+        position: 2.1,
+        information: 1.0,
+        at_bound: false,
+    }
+}
+
+fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
+    let unit = params::reference();
+    let closure = Interval { value: 0.88, low: 0.84, high: 0.91 };
+    let blame = |id: &&str| Blame {
+        id: (*id).to_owned(),
+        stage: Stage::Servomotor,
+        probability: 0.97,
+        parameters: vec![play()],
+        closure,
+    };
+    let time_s: Vec<f64> = (0..200).map(|k| 0.1 * f64::from(k)).collect();
+    let level = |value: f64| vec![value; time_s.len()];
+    let part = |name: &str, share| Part { name: name.into(), samples: 100, refitted: share, with_effects: 0.1 * share };
+    Diagnosis {
+        verdict,
+        stage: (!blamed.is_empty()).then_some(Stage::Servomotor),
+        stages: vec![(Stage::Servomotor, 0.98), (Stage::Spool, 0.02)],
+        ranking: vec![
+            Ranked { id: "backlash".into(), probability: 0.97 },
+            Ranked { id: "unknown".into(), probability: 0.02 },
+        ],
+        gap: vec![SignalGap {
+            signal: Signal::ServomotorPosition,
+            noise_floor: 3.0e-4,
+            delivered: 4.0e-3,
+            refitted: 2.0e-3,
+            with_effects: 7.0e-4,
+        }],
+        closure,
+        experiments: vec![Experiment {
+            separates: vec!["backlash".into(), "load".into()],
+            test: "a full stroke".into(),
+            separation: 41.0,
+        }],
+        refitted: unit.clone(),
+        fitted: unit,
+        parameters: vec![Fitted { name: "regulator.position_gain".into(), unit: "1", ..play() }],
+        channels: vec![Channel {
+            recording: "<b>one</b>".into(),
+            signal: Signal::ServomotorPosition,
+            samples: 200,
+            rate_hz: 10.0,
+            step: 1e-4,
+            noise: f64::NAN,
+            troubles: vec![],
+        }],
+        visible: vec![Visible {
+            id: "load",
+            parameter: "extra_ratio",
+            unit: "1",
+            smallest: f64::INFINITY,
+            typical: 0.2,
+        }],
+        alike: vec![("backlash".into(), "load".into(), 0.98)],
+        ledgers: vec![Ledger {
+            signal: Signal::ServomotorPosition,
+            by: "phase",
+            parts: vec![part("stands", 0.3), part("moves", 0.7)],
+        }],
+        stage_tests: vec![StageTest {
+            stage: "the whole chain",
+            signal: Signal::ServomotorPosition,
+            rmse: 2.0e-3,
+            excess: 9.0,
+        }],
+        latents: vec![Latent {
+            place: "servomotor transducer",
+            stage: Stage::Sensor,
+            unit: "pu",
+            explains: 0.83,
+            curves: vec![Curve {
+                against: "servomotor position, pu",
+                points: vec![(0.0, -1e-3), (1.0, 1e-3)],
+                named: vec![],
+            }],
+        }],
+        tried: vec![Tried {
+            ids: vec!["backlash".into()],
+            gain: 1234.0,
+            held_out_gain: f64::NAN,
+            parameters: vec![play()],
+        }],
+        traces: vec![Trace {
+            name: "<b>one</b> & only".into(),
+            process: Process::Startup,
+            signals: vec![(Signal::ServomotorPosition, [level(0.5), level(0.49), level(0.495), level(0.499)])],
+            time_s: time_s.clone(),
+        }],
+        blamed: blamed.iter().map(blame).collect(),
+        notes: vec!["x < y.".into()],
+        simulations: 7,
+    }
+}
+
+#[test]
+fn the_page_says_the_verdict_and_holds_all_it_needs() {
+    let html = page(&made_up(Verdict::Named, &["backlash"]), &["Synthetic data.".into()]).unwrap().to_html();
+    assert!(
+        html.contains("Play between the servomotor&#39;s piston")
+            || html.contains("Play between the servomotor's piston")
+    );
+    assert!(html.contains("play 0.42 % [0.40, 0.44]. This closes 88 % [84, 91] of the gap that refitting leaves."));
+    assert!(html.contains("while the twin lacks it, the real reading starts late"));
+    assert!(html.contains("Synthetic data.") && html.contains("x &lt; y."));
+    assert!(html.contains("&lt;b&gt;one&lt;/b&gt; &amp; only") && !html.contains("<b>one"));
+    assert!(html.contains("<svg"));
+    let outside = html.replace("http://www.w3.org/2000/svg", "");
+    assert!(!outside.contains("http") && !outside.contains("<script") && !outside.contains("src="));
+}
+
+#[test]
+fn every_verdict_has_a_sentence_of_its_own() {
+    let cases: [(Verdict, &[&str], &str); 6] = [
+        (Verdict::Named, &["backlash"], "Play between"),
+        (Verdict::Named, &["backlash", "load"], "Two effects act at once: backlash and load. Together"),
+        (Verdict::Class, &["backlash", "load"], "Backlash or load; these recordings cannot tell which."),
+        (Verdict::Unknown, &[], "nothing in the catalogue explains: look at the transducers and clocks"),
+        (Verdict::NoGap, &[], "Nothing beyond noise and tolerances"),
+        (Verdict::NotExcited, &[], "do not move the unit enough to tell"),
+    ];
+    for (verdict, blamed, expected) in cases {
+        let diagnosis = made_up(verdict, blamed);
+        let text = summary(&diagnosis);
+        assert!(text.contains(expected), "{text}");
+        assert!(text.contains(&format!("verdict      {}\n", verdict.id())), "{text}");
+        let html = page(&diagnosis, &[]).unwrap().to_html();
+        assert!(html.contains(expected), "{verdict:?}");
+    }
+}
+
+#[test]
+fn an_effect_without_a_file_is_called_by_its_id() {
+    let text = summary(&made_up(Verdict::Named, &["my_own_term"]));
+    assert!(text.starts_with("my own term: play 0.42 %"), "{text}");
+}

@@ -1,0 +1,125 @@
+//! The traces of a diagnosis: measured, refitted, with the effects, and what each misses over time.
+
+use crate::diagnosis::outcome::Trace;
+use crate::report::ink::Ink;
+use crate::report::picture::{Mark, Panel, Picture, Shape};
+use crate::report::thin::{runs, thin};
+use crate::signal::Signal;
+
+/// Columns that a curve is thinned to; each keeps up to four points, so a curve has at most 1500.
+const COLUMNS: usize = 370;
+
+/// Recordings longer than this get a second picture of the stretch with most of the gap, s.
+const LONG_S: f64 = 45.0;
+
+/// Length of that stretch, s.
+const CLOSE_UP_S: f64 = 15.0;
+
+/// The positions, which a twin is judged by.
+const POSITIONS: [Signal; 2] = [Signal::ServomotorPosition, Signal::SpoolPosition];
+
+/// Squared misses of the refitted twin in the positions, sample by sample, pu².
+fn squares(trace: &Trace) -> Vec<f64> {
+    let mut all = vec![0.0; trace.time_s.len()];
+    for (_, [measured, _, refitted, _]) in trace.signals.iter().filter(|(signal, _)| POSITIONS.contains(signal)) {
+        for ((sum, one), other) in all.iter_mut().zip(measured).zip(refitted) {
+            let miss = one - other;
+            *sum += if miss.is_finite() { miss * miss } else { 0.0 };
+        }
+    }
+    all
+}
+
+/// Sum of the squared misses of the refitted twin, pu².
+pub fn gap(trace: &Trace) -> f64 {
+    squares(trace).iter().sum()
+}
+
+/// The stretch with most of the gap, where the recording is too long to show it.
+pub fn close_up(trace: &Trace) -> Option<[f64; 2]> {
+    let (first_s, last_s) = (*trace.time_s.first()?, *trace.time_s.last()?);
+    if last_s - first_s < LONG_S {
+        return None;
+    }
+    let mut sums = vec![0.0];
+    for square in squares(trace) {
+        sums.push(sums.last().copied().unwrap_or(0.0) + square);
+    }
+    let inside = |from_s: f64| {
+        let at = |time_s: f64| sums[trace.time_s.partition_point(|t| *t < time_s)];
+        at(from_s + CLOSE_UP_S) - at(from_s)
+    };
+    let starts = (0..2000).map(|k| first_s + 0.5 * f64::from(k)).take_while(|from| from + CLOSE_UP_S <= last_s);
+    let best = starts.max_by(|a, b| inside(*a).total_cmp(&inside(*b)))?;
+    Some([best, best + CLOSE_UP_S])
+}
+
+/// The picture of one recording; of a stretch of it where `window_s` is given.
+pub fn picture(trace: &Trace, window_s: Option<[f64; 2]>, explained: bool) -> Picture {
+    let mut panels = Vec::new();
+    for (signal, [measured, delivered, refitted, with_effects]) in &trace.signals {
+        if !POSITIONS.contains(signal) {
+            continue;
+        }
+        let curve = |values: &[f64]| curve(&trace.time_s, values.iter().copied(), window_s);
+        let off = |values: &[f64]| {
+            let misses = values.iter().zip(measured).map(|(twin, real)| 100.0 * (twin - real));
+            self::curve(&trace.time_s, misses, window_s)
+        };
+        let title = signal.title();
+        let mut above = Panel::new(format!("{title}, pu"))
+            .height(150)
+            .thick_line(Ink::Measured, "measured", curve(measured))
+            .line(Ink::Difference, "refitted", curve(refitted));
+        let mut below = Panel::new(format!("{title}, twin − measured, %"))
+            .height(110)
+            .level(Ink::Band, "", 0.0)
+            .mark(thin_line(Ink::Command, "delivered", off(delivered)))
+            .mark(thin_line(Ink::Difference, "refitted", off(refitted)));
+        if explained {
+            above = above.line(Ink::Simulated, "with effects", curve(with_effects));
+            below = below.mark(thin_line(Ink::Simulated, "with effects", off(with_effects)));
+        }
+        panels.extend([above.x_name("time, s"), below.x_name("time, s")]);
+    }
+    if let Some([from_s, to_s]) = window_s {
+        panels = panels.into_iter().map(|panel| panel.x_range(from_s, to_s)).collect();
+    }
+    Picture::stacked(format!("{}: measured and simulated", trace.name), panels)
+}
+
+fn thin_line(ink: Ink, label: &str, points: Vec<[f64; 2]>) -> Mark {
+    Mark { width_px: 1.0, ..Mark::new(Shape::Line(points), ink, label) }
+}
+
+fn curve(time_s: &[f64], values: impl Iterator<Item = f64>, window_s: Option<[f64; 2]>) -> Vec<[f64; 2]> {
+    // Signals take turns in the rows, so a missing value is no gap.
+    let points: Vec<[f64; 2]> =
+        time_s.iter().zip(values).filter(|(_, y)| y.is_finite()).map(|(&t, y)| [t, y]).collect();
+    let whole = [time_s.first().copied().unwrap_or(0.0), time_s.last().copied().unwrap_or(1.0)];
+    runs(&points).flat_map(|run| thin(run, window_s.unwrap_or(whole), COLUMNS)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{close_up, curve, gap};
+    use crate::diagnosis::outcome::Trace;
+    use crate::recording::Process;
+    use crate::signal::Signal;
+
+    #[test]
+    fn the_close_up_holds_the_gap_and_curves_stay_short() {
+        let time_s: Vec<f64> = (0..10_000).map(|k| 0.01 * f64::from(k)).collect();
+        let measured = vec![0.5; time_s.len()];
+        let refitted: Vec<f64> = time_s.iter().map(|t| if (70.0..72.0).contains(t) { 0.6 } else { 0.5 }).collect();
+        let twins = [measured.clone(), measured.clone(), refitted.clone(), measured];
+        let signals = vec![(Signal::ServomotorPosition, twins)];
+        let trace = Trace { name: "a".into(), process: Process::Startup, time_s, signals };
+        assert!((gap(&trace) - 2.0).abs() < 0.02);
+        let [from_s, to_s] = close_up(&trace).unwrap();
+        assert!(from_s <= 70.0 && to_s >= 71.9, "{from_s} to {to_s}");
+        let points = curve(&trace.time_s, refitted.iter().copied(), None);
+        assert!(points.len() <= 1500);
+        assert!(points.iter().any(|point| point[1] > 0.59));
+    }
+}

@@ -1,0 +1,268 @@
+//! A diagnosis in sentences: what each effect, stage and value is called, and what the verdict says.
+
+use crate::diagnosis::outcome::{Blame, Diagnosis, Fitted, Interval, SignalGap, Verdict};
+use crate::effects::{self, Stage};
+use crate::report::table::significant;
+use crate::signal::Signal;
+
+/// A share as a percentage.
+pub fn percent(share: f64) -> String {
+    if share.is_finite() { format!("{:.0} %", 100.0 * share).replace('-', "\u{2212}") } else { "–".into() }
+}
+
+/// A share with its interval, as percentages.
+pub fn percents(interval: Interval) -> String {
+    let plain = |share: f64| percent(share).replace(" %", "");
+    format!("{} [{}, {}]", percent(interval.value), plain(interval.low), plain(interval.high))
+}
+
+/// Where a stage is on the machine.
+pub fn stage_title(stage: Stage) -> &'static str {
+    match stage {
+        Stage::Regulator => "regulator",
+        Stage::PilotValve => "pilot valve",
+        Stage::Esv => "emergency shutdown valve",
+        Stage::Spool => "control chamber and spool",
+        Stage::Servomotor => "main ports and servomotor",
+        Stage::Supply => "oil supply",
+        Stage::Sensor => "transducers and clocks",
+    }
+}
+
+/// An id as words: of an effect, `unknown` or `none`.
+pub fn id_words(id: &str) -> String {
+    match id {
+        "unknown" => "something outside the catalogue".to_owned(),
+        "none" => "no effect".to_owned(),
+        id => id.replace('_', " "),
+    }
+}
+
+/// What an effect is, without the full stop: the summary of its file, or what its owner says.
+pub fn cause(diagnosis: &Diagnosis, id: &str) -> String {
+    let summary = match effects::find(id) {
+        Some(spec) => spec.head().summary,
+        None => own(diagnosis, id).unwrap_or_default(),
+    };
+    let first = summary.split(": ").next().unwrap_or_default().trim_end_matches('.');
+    if first.is_empty() { id_words(id) } else { first.to_owned() }
+}
+
+fn own(diagnosis: &Diagnosis, id: &str) -> Option<String> {
+    let all = diagnosis.fitted.own_effects.iter().chain(&diagnosis.refitted.own_effects);
+    all.filter(|own| own.id == id).map(|own| own.doc.clone()).next()
+}
+
+/// How an effect shows; empty for an effect of the owner's.
+pub fn symptom(id: &str) -> String {
+    let symptom = effects::find(id).map(|spec| spec.head().symptom).unwrap_or_default();
+    match symptom.strip_prefix("Without it ") {
+        Some(rest) => format!("How it shows: while the twin lacks it, {rest}"),
+        None => symptom,
+    }
+}
+
+/// The name of a parameter without its unit's suffix.
+pub fn parameter_title(parameter: &Fitted) -> String {
+    let spaced: String =
+        parameter.unit.chars().map(|c| if c.is_alphanumeric() { c.to_ascii_lowercase() } else { ' ' }).collect();
+    let suffix = spaced.split_whitespace().fold(String::new(), |all, word| all + "_" + word);
+    parameter.name.strip_suffix(suffix.as_str()).unwrap_or(&parameter.name).replace('_', " ")
+}
+
+/// A value with its interval in the unit that people use for it.
+pub fn value(parameter: &Fitted) -> String {
+    let (scale, unit) = match parameter.unit {
+        "pu" => (100.0, " %"),
+        "s" if parameter.value.high.abs() < 1.0 => (1000.0, " ms"),
+        "m" => (1000.0, " mm"),
+        _ => (1.0, ""),
+    };
+    let spread = 0.5 * (parameter.value.high - parameter.value.low).abs() * scale;
+    let decimals = if spread > 0.0 && spread.is_finite() { (-spread.log10().floor()).clamp(0.0, 6.0) } else { 3.0 };
+    let size = (parameter.value.value * scale).abs();
+    let number = |value: f64| {
+        if size >= 1.0e5 || (size > 0.0 && size < 1.0e-4) {
+            return significant(value * scale, 3);
+        }
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped before")]
+        crate::report::table::fixed(value * scale, decimals as usize)
+    };
+    let plain = if unit.is_empty() && parameter.unit != "1" { format!(" {}", parameter.unit) } else { unit.to_owned() };
+    let Interval { value, low, high } = parameter.value;
+    format!("{}{plain} [{}, {}]", number(value), number(low), number(high))
+}
+
+/// All parameters of an effect in a line.
+pub fn values(parameters: &[Fitted]) -> String {
+    let one = |parameter: &Fitted| format!("{} {}", parameter_title(parameter), value(parameter));
+    parameters.iter().map(one).collect::<Vec<_>>().join(", ")
+}
+
+/// `a`, `a and b`, `a, b and c`.
+pub fn listed(words: &[String], joint: &str) -> String {
+    match words {
+        [] => String::new(),
+        [one] => one.clone(),
+        [most @ .., last] => format!("{} {joint} {last}", most.join(", ")),
+    }
+}
+
+/// The verdict's name for people.
+pub fn verdict_title(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Named => "named",
+        Verdict::Class => "one of a few",
+        Verdict::Unknown => "unknown",
+        Verdict::NoGap => "no gap",
+        Verdict::NotExcited => "not excited",
+    }
+}
+
+fn miss(gap: &SignalGap, of: impl Fn(&SignalGap) -> f64) -> String {
+    match gap.signal {
+        Signal::ControlPressure => format!("{} kPa", significant(of(gap) / 1000.0, 2)),
+        _ => format!("{} %", significant(100.0 * of(gap), 2)),
+    }
+}
+
+/// How far the refitted twin is off, against what noise alone makes.
+fn misses(diagnosis: &Diagnosis) -> String {
+    let positions = diagnosis.gap.iter().filter(|gap| gap.signal != Signal::ControlPressure);
+    let said: Vec<String> = positions
+        .map(|gap| {
+            let (refitted, floor) = (miss(gap, |gap| gap.refitted), miss(gap, |gap| gap.noise_floor));
+            format!("{} {refitted} where noise alone makes {floor}", gap.signal.title().to_lowercase())
+        })
+        .collect();
+    format!("RMS miss of the refitted twin: {}.", listed(&said, "and"))
+}
+
+/// The one sentence or two to take away.
+pub fn lead(diagnosis: &Diagnosis) -> String {
+    let closes = format!("{} of the gap that refitting leaves", percents(diagnosis.closure));
+    match (diagnosis.verdict, diagnosis.blamed.as_slice()) {
+        (Verdict::Named, [one]) => {
+            let values = values(&one.parameters);
+            let values = if values.is_empty() { values } else { format!(": {values}") };
+            format!("{}{values}. This closes {closes}.", cause(diagnosis, &one.id))
+        }
+        (Verdict::Named, several) => {
+            let names: Vec<String> = several.iter().map(|one| id_words(&one.id)).collect();
+            format!("{} act at once: {}. Together they close {closes}.", count(several.len()), listed(&names, "and"))
+        }
+        (Verdict::Class, rivals) => {
+            let names: Vec<String> = rivals.iter().map(|one| id_words(&one.id)).collect();
+            let best = rivals
+                .first()
+                .map_or_else(String::new, |one| format!(" The most probable, {}, closes {closes}.", id_words(&one.id)));
+            format!("{}; these recordings cannot tell which.{best}", capital(&listed(&names, "or")))
+        }
+        (Verdict::Unknown, _) => unknown(diagnosis),
+        (Verdict::NoGap, _) => {
+            "Nothing beyond noise and tolerances: with its sheet refitted, the twin does what the unit does.".to_owned()
+        }
+        (Verdict::NotExcited, _) => {
+            "These recordings do not move the unit enough to tell: they fit, and most faults would fit them as well."
+                .to_owned()
+        }
+    }
+}
+
+fn unknown(diagnosis: &Diagnosis) -> String {
+    let place = diagnosis.latents.first().map_or_else(
+        || ".".to_owned(),
+        |latent| {
+            let (at, share) = (latent.place, percent(latent.explains));
+            format!(": look at the {}. A free term on the {at} would explain {share} of it.", stage_title(latent.stage))
+        },
+    );
+    format!("There is a gap that nothing in the catalogue explains{place}")
+}
+
+fn count(number: usize) -> String {
+    match number {
+        2 => "Two effects".into(),
+        3 => "Three effects".into(),
+        more => format!("{more} effects"),
+    }
+}
+
+fn capital(text: &str) -> String {
+    let mut chars = text.chars();
+    chars.next().map_or_else(String::new, |first| first.to_uppercase().chain(chars).collect())
+}
+
+/// What to add to the lead, a paragraph each.
+pub fn explanation(diagnosis: &Diagnosis) -> Vec<String> {
+    let mut all: Vec<String> = Vec::new();
+    let several = diagnosis.blamed.len() > 1;
+    for blame in &diagnosis.blamed {
+        all.push(if several { of_several(diagnosis, blame) } else { symptom(&blame.id) });
+    }
+    match diagnosis.verdict {
+        Verdict::Class | Verdict::Named => {}
+        Verdict::Unknown => all.push(misses(diagnosis)),
+        Verdict::NoGap => {
+            all.push(misses(diagnosis));
+            all.push("What would have shown, had it been there, stands below under what could be seen.".into());
+        }
+        Verdict::NotExcited => {
+            all.push(misses(diagnosis));
+            all.push("Record a process that travels: a start-up, a step of load, a shutdown by the ESV.".into());
+        }
+    }
+    for one in &diagnosis.experiments {
+        let names: Vec<String> = one.separates.iter().map(|id| id_words(id)).collect();
+        let sure = if diagnosis.verdict == Verdict::Class { "To tell" } else { "To be surer, and tell" };
+        let far = significant(one.separation, 2);
+        let names = listed(&names, "and");
+        all.push(format!("{sure} {names} apart: {} (they would differ by {far} standard deviations).", one.test));
+    }
+    all.retain(|text| !text.is_empty());
+    all
+}
+
+fn of_several(diagnosis: &Diagnosis, blame: &Blame) -> String {
+    format!(
+        "{} ({}, probability {}): {}. Alone it closes {}. {}",
+        capital(&id_words(&blame.id)),
+        cause(diagnosis, &blame.id),
+        percent(blame.probability),
+        values(&blame.parameters),
+        percents(blame.closure),
+        symptom(&blame.id)
+    )
+}
+
+/// The verdict in plain text, a few lines for a terminal.
+#[must_use]
+pub fn summary(diagnosis: &Diagnosis) -> String {
+    let mut text = format!("{}\n\n", lead(diagnosis));
+    let mut line = |name: &str, words: String| {
+        text.push_str(&format!("  {name:<12} {words}\n"));
+    };
+    line("verdict", diagnosis.verdict.id().to_owned());
+    if let Some(stage) = diagnosis.stage {
+        let share = diagnosis.stages.iter().find(|(at, _)| *at == stage).map_or(f64::NAN, |(_, share)| *share);
+        line("stage", format!("{}, probability {}", stage_title(stage), percent(share)));
+    }
+    for blame in &diagnosis.blamed {
+        let (values, closes) = (values(&blame.parameters), percents(blame.closure));
+        line("effect", format!("{}: {values}; probability {}", blame.id, percent(blame.probability)));
+        line("", format!("closes {closes} of the gap on processes left out of the fit"));
+    }
+    for gap in &diagnosis.gap {
+        let steps: [fn(&SignalGap) -> f64; 4] =
+            [|g| g.delivered, |g| g.refitted, |g| g.with_effects, |g| g.noise_floor];
+        let [delivered, refitted, with_effects, floor] = steps.map(|of| miss(gap, of));
+        let with_effects =
+            if diagnosis.blamed.is_empty() { String::new() } else { format!(", explained {with_effects}") };
+        let name = gap.signal.title();
+        line("RMS miss", format!("{name}: sheet {delivered}, refitted {refitted}{with_effects}; noise {floor}"));
+    }
+    for one in &diagnosis.experiments {
+        line("next test", format!("{} (tells {} apart)", one.test, listed(&one.separates, "and")));
+    }
+    text
+}
