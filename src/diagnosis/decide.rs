@@ -2,6 +2,7 @@
 
 use crate::diagnosis::outcome::Verdict;
 use crate::diagnosis::rivals::{DETECTED, Found, Slot};
+use crate::diagnosis::search::Model;
 use crate::effects::{EffectSpec, Stage};
 use crate::tuning::fit::Bench;
 use crate::tuning::noise::ALIKE;
@@ -65,7 +66,9 @@ fn weigh(slot: &Slot, catalogue: &[&'static EffectSpec], floor: f64, unknown_lea
         })
         .collect();
     let mut unknown = RARITY * weight(unknown_leaves * gap + 0.5 * DETECTED);
-    let mut none = weight(gap);
+    // Against nothing at all an effect is a nested model: there the gain itself is the evidence.
+    let best = slot.tried.first().map_or(slot.before.cost(), Model::cost).min(slot.before.cost());
+    let mut none = weight(best - floor) * (-0.5 * (slot.before.cost() - best)).exp();
     let total = effects.iter().sum::<f64>() + unknown + none;
     for effect in &mut effects {
         *effect /= total;

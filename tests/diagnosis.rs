@@ -1,0 +1,87 @@
+//! The diagnosis on generated units: what is planted is named, what is not is not, and nothing is said on too little.
+
+use govtwin::diagnosis::contract::report;
+use govtwin::diagnosis::outcome::{Diagnosis, Verdict};
+use govtwin::diagnosis::{DiagnosisError, Settings, diagnose};
+use govtwin::effects::find;
+use govtwin::generate::{Scenario, recording, spread};
+use govtwin::parameters::{EffectSetting, Unit};
+use govtwin::params::reference;
+use govtwin::recording::{Process, Recording};
+
+/// A few effects that resemble each other, so that a test takes seconds.
+const TRIED: [&str; 4] = ["backlash", "port_overlap", "lvdt_bias", "feedback_lag"];
+
+fn settings() -> Settings {
+    Settings { catalogue: TRIED.iter().filter_map(|id| find(id)).collect(), ..Settings::default() }
+}
+
+fn unit(seed: u64, effect: Option<(&str, f64)>) -> Unit {
+    let mut unit = spread(&reference(), seed);
+    unit.effects.extend(effect.map(|(id, value)| EffectSetting { id: id.to_owned(), values: vec![value] }));
+    unit
+}
+
+fn recordings(unit: &Unit, processes: &[Process], seed: u64) -> Vec<Recording> {
+    let scenario =
+        |process| Scenario { unit: unit.clone(), process, rate_hz: 100.0, duration_s: 40.0, rich: false, seed };
+    processes.iter().map(|&process| recording(&scenario(process))).collect()
+}
+
+fn judged(effect: Option<(&str, f64)>) -> Diagnosis {
+    let recordings = recordings(&unit(3, effect), &Process::ALL, 3);
+    diagnose(recordings, &reference(), &settings(), &|_, _| ()).unwrap()
+}
+
+#[test]
+fn a_planted_backlash_is_named_with_its_size_and_closes_the_gap() {
+    let said = judged(Some(("backlash", 3.0e-3)));
+    assert_eq!(said.verdict, Verdict::Named);
+    assert_eq!(said.blamed.len(), 1);
+    assert_eq!(said.blamed[0].id, "backlash");
+    let play = &said.blamed[0].parameters[0];
+    assert!((play.value.value - 3.0e-3).abs() < 3.0e-4, "{play:?}");
+    assert!(said.closure.value > 0.5, "{:?}", said.closure);
+    assert_eq!(said.fitted.effects.len(), 1);
+    assert!(said.refitted.effects.is_empty());
+    for ledger in &said.ledgers {
+        let sum: f64 = ledger.parts.iter().map(|part| part.refitted).sum();
+        assert!((sum - 1.0).abs() < 1e-9, "{} of {}: {sum}", ledger.by, ledger.signal.id());
+    }
+    let json = report(&said, 1.0);
+    assert_eq!(json["schema"], "govtwin-diagnosis/1");
+    assert_eq!(json["effects"][0]["parameters"][0]["name"], "play_pu");
+    let total: f64 = json["ranking"].as_array().unwrap().iter().map(|one| one["probability"].as_f64().unwrap()).sum();
+    assert!((total - 1.0).abs() < 1e-6, "{total}");
+}
+
+#[test]
+fn a_sound_unit_has_no_gap() {
+    let said = judged(None);
+    assert_eq!(said.verdict, Verdict::NoGap, "{:?}", said.ranking);
+    assert!(said.blamed.is_empty());
+    assert!(said.stage.is_none());
+}
+
+#[test]
+fn the_number_of_threads_changes_nothing() {
+    let recordings = recordings(&unit(5, Some(("lvdt_bias", 0.02))), &[Process::Startup, Process::Shutdown], 5);
+    let few = Settings { catalogue: settings().catalogue[2..].to_vec(), ..settings() };
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let recordings = recordings.clone();
+        report(&pool.install(|| diagnose(recordings, &reference(), &few, &|_, _| ()).unwrap()), 0.0).to_string()
+    };
+    assert_eq!(run(1), run(2));
+}
+
+#[test]
+fn too_little_is_refused_in_words() {
+    let mut recording = recordings(&unit(1, None), &[Process::Startup], 1).remove(0);
+    recording.frames.truncate(10);
+    let error = diagnose(vec![recording], &reference(), &settings(), &|_, _| ()).unwrap_err();
+    assert!(matches!(error, DiagnosisError::TooLittle { recordings: 1, .. }), "{error}");
+    assert!(error.to_string().contains("50 samples"), "{error}");
+    let none = Settings { catalogue: vec![], ..Settings::default() };
+    assert_eq!(diagnose(vec![], &reference(), &none, &|_, _| ()).unwrap_err(), DiagnosisError::NothingToTry);
+}
