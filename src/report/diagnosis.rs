@@ -21,7 +21,8 @@ mod tests;
 /// Where a picture cannot be drawn.
 pub fn page(diagnosis: &Diagnosis, origins: &[String]) -> Result<Page, DrawError> {
     let names: Vec<&str> = diagnosis.traces.iter().map(|trace| trace.name.as_str()).collect();
-    let mut page = Page::new("Diagnosis: from twin to unit", names.join(", "));
+    let subtitle = if names.len() > 6 { format!("{} recordings", names.len()) } else { names.join(", ") };
+    let mut page = Page::new("Diagnosis: where twin and unit part", subtitle);
     // Without an effect the twin with effects is the refitted one.
     let explained = !diagnosis.blamed.is_empty();
     let body = &mut page.body;
@@ -45,8 +46,8 @@ fn opening(body: &mut Blocks, diagnosis: &Diagnosis, origins: &[String]) {
     let mut key = vec![KeyFigure::new("verdict", words::verdict_title(diagnosis.verdict), "")];
     if let Some(stage) = diagnosis.stage {
         let share = diagnosis.stages.iter().find(|(at, _)| *at == stage).map_or(f64::NAN, |(_, share)| *share);
-        let hint = format!("probability {}", words::percent(share));
-        key.push(KeyFigure::new("stage", words::stage_title(stage), "").hint(hint));
+        let hint = format!("{}, probability {}", words::stage_title(stage), words::percent(share));
+        key.push(KeyFigure::new("stage", stage.id().replace('_', " "), "").hint(hint));
     }
     if let Some(first) = diagnosis.ranking.first() {
         key.push(
@@ -63,7 +64,8 @@ fn opening(body: &mut Blocks, diagnosis: &Diagnosis, origins: &[String]) {
     }
     if !diagnosis.blamed.is_empty() {
         let closure = diagnosis.closure;
-        let hint = format!("90 %: {} to {}", words::percent(closure.low), words::percent(closure.high));
+        let hint =
+            format!("left-out processes; 90 %: {} to {}", words::percent(closure.low), words::percent(closure.high));
         key.push(KeyFigure::new("gap closed", words::percent(closure.value), "").hint(hint));
     }
     body.key_figures(key);
@@ -172,9 +174,11 @@ fn next(body: &mut Blocks, diagnosis: &Diagnosis) {
     } else {
         body.table(tables::alike(diagnosis), "Pairs that leave the same mark here; 1 is the same to the last bit.");
     }
-    for one in &diagnosis.experiments {
-        let names: Vec<String> = one.separates.iter().map(|id| words::id_words(id)).collect();
-        body.paragraph(format!("Next test, for {}: {}.", words::listed(&names, "against"), one.test));
+    if !diagnosis.experiments.is_empty() {
+        body.table(
+            tables::experiments(diagnosis),
+            "Proposed tests: the best of six candidates for each pair, simulated with both.",
+        );
     }
     let mut inner = Blocks::new();
     inner.table(

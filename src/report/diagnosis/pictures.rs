@@ -42,6 +42,29 @@ fn noise(at: f64) -> Mark {
     Mark { width_px: 2.0, ..Mark::new(rule, Ink::Alarm, "noise floor") }
 }
 
+/// Lying bars of half the width, so that those below them show where they are shorter too.
+#[expect(clippy::cast_precision_loss, reason = "a handful of bars")]
+fn slim(values: &[f64]) -> Mark {
+    let blocks = values.iter().enumerate().map(|(i, &value)| [0.0, value, i as f64 - 0.2, i as f64 + 0.2]);
+    Mark { opacity: 1.0, ..Mark::new(Shape::Blocks(blocks.collect()), Ink::Simulated, "with effects") }
+}
+
+/// Shares as lying bars with their percentages beside them.
+#[expect(clippy::cast_precision_loss, reason = "a handful of bars")]
+fn shares(title: &str, ink: Ink, bars: &[(String, f64)]) -> Panel {
+    let values: Vec<f64> = bars.iter().rev().map(|(_, share)| 100.0 * share).collect();
+    let word = |(i, value): (usize, &f64)| {
+        ([*value, i as f64], if *value < 0.5 { "< 1".into() } else { format!("{value:.0}") })
+    };
+    let beside = Shape::Words(values.iter().enumerate().map(word).collect());
+    Panel::new(title)
+        .height(height(10))
+        .x_range(0.0, 112.0)
+        .y_categories(bars.iter().rev().map(|(name, _)| name.clone()))
+        .lying_bars(ink, "", &values)
+        .mark(Mark::new(beside, Ink::Muted, ""))
+}
+
 /// The cuts through the squared gap of one signal.
 pub fn ledger(ledgers: &[&Ledger], signal: Signal, explained: bool) -> Picture {
     let panel = |ledger: &&Ledger| {
@@ -54,7 +77,7 @@ pub fn ledger(ledgers: &[&Ledger], signal: Signal, explained: bool) -> Picture {
             .lying_bars(Ink::Band, "refitted", &refitted);
         if explained {
             let after: Vec<f64> = parts.iter().map(|part| 100.0 * part.with_effects).collect();
-            panel = panel.lying_bars(Ink::Simulated, "with effects", &after);
+            panel = panel.mark(slim(&after));
         }
         panel
     };
@@ -65,21 +88,13 @@ pub fn ledger(ledgers: &[&Ledger], signal: Signal, explained: bool) -> Picture {
 
 /// Stage probabilities beside the ranking of effects.
 pub fn probabilities(diagnosis: &Diagnosis) -> Picture {
-    let stages: Vec<_> = diagnosis.stages.iter().rev().collect();
-    let shares: Vec<f64> = stages.iter().map(|(_, share)| 100.0 * share).collect();
-    let ranked: Vec<_> = diagnosis.ranking.iter().take(RANKED).collect();
-    let chances: Vec<f64> = ranked.iter().rev().map(|one| 100.0 * one.probability).collect();
+    let stages: Vec<_> =
+        diagnosis.stages.iter().map(|(stage, share)| (stage_title(*stage).to_owned(), *share)).collect();
+    let ranked: Vec<_> =
+        diagnosis.ranking.iter().take(RANKED).map(|one| (id_words(&one.id), one.probability)).collect();
     let panels = vec![
-        Panel::new("stage of the gap, %")
-            .height(height(RANKED))
-            .x_range(0.0, 100.0)
-            .y_categories(stages.iter().map(|(stage, _)| stage_title(*stage)))
-            .lying_bars(Ink::Good, "", &shares),
-        Panel::new("presence, %")
-            .height(height(RANKED))
-            .x_range(0.0, 100.0)
-            .y_categories(ranked.iter().rev().map(|one| id_words(&one.id)))
-            .lying_bars(Ink::Simulated, "", &chances),
+        shares("probability that the gap sits there, %", Ink::Good, &stages),
+        shares("probability of presence, %", Ink::Simulated, &ranked),
     ];
     Picture::grid("Probability of each stage and of the leading effects", 2, panels)
 }

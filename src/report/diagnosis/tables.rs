@@ -12,6 +12,9 @@ pub fn gap(diagnosis: &Diagnosis, explained: bool) -> Table {
         table = table.numbers("with effects");
     }
     table = table.numbers("noise floor").words("unit");
+    if explained {
+        table = table.numbers("closed, fitted to all");
+    }
     for gap in &diagnosis.gap {
         let (scale, unit) = if gap.signal == Signal::ControlPressure { (1e-3, "kPa") } else { (100.0, "%") };
         let mut steps = vec![gap.delivered, gap.refitted];
@@ -20,6 +23,11 @@ pub fn gap(diagnosis: &Diagnosis, explained: bool) -> Table {
         let mut row = vec![gap.signal.title().to_owned()];
         row.extend(steps.iter().map(|step| significant(step * scale, 3)));
         row.push(unit.to_owned());
+        if explained {
+            let beyond = gap.refitted.powi(2) - gap.noise_floor.powi(2);
+            let closed = gap.refitted.powi(2) - gap.with_effects.powi(2);
+            row.push(if beyond > 0.0 { percent(closed / beyond) } else { "no gap".to_owned() });
+        }
         table.row(row);
     }
     table
@@ -84,6 +92,16 @@ pub fn blamed(diagnosis: &Diagnosis) -> Table {
             values(&one.parameters),
             super::words::percents(one.closure),
         ]);
+    }
+    table
+}
+
+/// Tests that would tell more.
+pub fn experiments(diagnosis: &Diagnosis) -> Table {
+    let mut table = Table::new().words("tells apart").words("test").numbers("noise deviations apart");
+    for one in &diagnosis.experiments {
+        let names: Vec<String> = one.separates.iter().map(|id| id_words(id)).collect();
+        table.row([super::words::listed(&names, "and"), one.test.clone(), significant(one.separation, 2)]);
     }
     table
 }

@@ -6,7 +6,7 @@ use crate::diagnosis::outcome::{
     Trace, Tried, Verdict, Visible,
 };
 use crate::effects::Stage;
-use crate::params;
+use crate::parameters::Unit;
 use crate::recording::Process;
 use crate::signal::Signal;
 
@@ -23,7 +23,13 @@ fn play() -> Fitted {
 }
 
 fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
-    let unit = params::reference();
+    let unit = Unit {
+        parameters: crate::parameters::Parameters::default(),
+        tolerances: vec![],
+        sensors: crate::parameters::Sensors::default(),
+        effects: vec![],
+        own_effects: vec![],
+    };
     let closure = Interval { value: 0.88, low: 0.84, high: 0.91 };
     let blame = |id: &&str| Blame {
         id: (*id).to_owned(),
@@ -123,7 +129,7 @@ fn the_page_says_the_verdict_and_holds_all_it_needs() {
         html.contains("Play between the servomotor&#39;s piston")
             || html.contains("Play between the servomotor's piston")
     );
-    assert!(html.contains("play 0.42 % [0.40, 0.44]. This closes 88 % [84, 91] of the gap that refitting leaves."));
+    assert!(html.contains("play 0.42 % [0.40, 0.44]. This closes 88 % [84, 91] of the gap that refitting leaves"));
     assert!(html.contains("while the twin lacks it, the real reading starts late"));
     assert!(html.contains("Synthetic data.") && html.contains("x &lt; y."));
     assert!(html.contains("&lt;b&gt;one&lt;/b&gt; &amp; only") && !html.contains("<b>one"));

@@ -55,11 +55,23 @@ fn own(diagnosis: &Diagnosis, id: &str) -> Option<String> {
 
 /// How an effect shows; empty for an effect of the owner's.
 pub fn symptom(id: &str) -> String {
-    let symptom = effects::find(id).map(|spec| spec.head().symptom).unwrap_or_default();
-    match symptom.strip_prefix("Without it ") {
+    let Some(head) = effects::find(id).map(effects::EffectSpec::head) else { return String::new() };
+    let words: Vec<&str> = head.symptom.split(|c: char| c.is_whitespace() || ".,;:/()|".contains(c)).collect();
+    let bare = |symbol: &str| symbol.trim_matches(|c| "`*$".contains(c)).to_owned();
+    let meant: Vec<String> = head
+        .symbols
+        .iter()
+        .map(|[symbol, meaning, _]| (bare(symbol), meaning))
+        .filter(|(symbol, _)| words.contains(&symbol.as_str()))
+        // The meaning ends in the parameter's key, which says nothing here.
+        .map(|(symbol, meaning)| format!("{symbol}: {}", meaning.split('`').next().unwrap_or_default().trim()))
+        .collect();
+    let meant = if meant.is_empty() { String::new() } else { format!(" ({})", meant.join("; ")) };
+    let text = match head.symptom.strip_prefix("Without it ") {
         Some(rest) => format!("How it shows: while the twin lacks it, {rest}"),
-        None => symptom,
-    }
+        None => head.symptom.clone(),
+    };
+    if meant.is_empty() { text } else { format!("{}{meant}.", text.trim_end_matches('.')) }
 }
 
 /// The name of a parameter without its unit's suffix.
@@ -140,7 +152,8 @@ fn misses(diagnosis: &Diagnosis) -> String {
 
 /// The one sentence or two to take away.
 pub fn lead(diagnosis: &Diagnosis) -> String {
-    let closes = format!("{} of the gap that refitting leaves", percents(diagnosis.closure));
+    let closes =
+        format!("{} of the gap that refitting leaves, on processes left out of the fit", percents(diagnosis.closure));
     match (diagnosis.verdict, diagnosis.blamed.as_slice()) {
         (Verdict::Named, [one]) => {
             let values = values(&one.parameters);
@@ -212,12 +225,14 @@ pub fn explanation(diagnosis: &Diagnosis) -> Vec<String> {
             all.push("Record a process that travels: a start-up, a step of load, a shutdown by the ESV.".into());
         }
     }
-    for one in &diagnosis.experiments {
+    if let Some(one) = diagnosis.experiments.first() {
         let names: Vec<String> = one.separates.iter().map(|id| id_words(id)).collect();
-        let sure = if diagnosis.verdict == Verdict::Class { "To tell" } else { "To be surer, and tell" };
+        let why = match (diagnosis.verdict, names.as_slice()) {
+            (Verdict::Named, [_, other]) => format!("To rule out {other} for good"),
+            (_, names) => format!("To tell {} apart", listed(names, "and")),
+        };
         let far = significant(one.separation, 2);
-        let names = listed(&names, "and");
-        all.push(format!("{sure} {names} apart: {} (they would differ by {far} standard deviations).", one.test));
+        all.push(format!("{why}: {} (the two would differ by {far} standard deviations of the noise).", one.test));
     }
     all.retain(|text| !text.is_empty());
     all
