@@ -34,14 +34,14 @@ fn judged(effect: Option<(&str, f64)>) -> Diagnosis {
 }
 
 #[test]
-fn a_planted_backlash_is_named_with_its_size_and_closes_the_gap() {
-    let said = judged(Some(("backlash", 3.0e-3)));
+fn a_planted_bias_is_named_with_its_size_and_closes_the_gap() {
+    let said = judged(Some(("lvdt_bias", 0.03)));
     assert_eq!(said.verdict, Verdict::Named);
     assert_eq!(said.blamed.len(), 1);
-    assert_eq!(said.blamed[0].id, "backlash");
-    let play = &said.blamed[0].parameters[0];
-    assert!((play.value.value - 3.0e-3).abs() < 3.0e-4, "{play:?}");
-    assert!(said.closure.value > 0.5, "{:?}", said.closure);
+    assert_eq!(said.blamed[0].id, "lvdt_bias");
+    let bias = &said.blamed[0].parameters[0];
+    assert!((bias.value.value - 0.03).abs() < 3.0e-3, "{bias:?}");
+    assert!(said.closure.value > 0.8, "{:?}", said.closure);
     assert_eq!(said.fitted.effects.len(), 1);
     assert!(said.refitted.effects.is_empty());
     for ledger in &said.ledgers {
@@ -50,7 +50,7 @@ fn a_planted_backlash_is_named_with_its_size_and_closes_the_gap() {
     }
     let json = report(&said, 1.0);
     assert_eq!(json["schema"], "govtwin-diagnosis/1");
-    assert_eq!(json["effects"][0]["parameters"][0]["name"], "play_pu");
+    assert_eq!(json["effects"][0]["parameters"][0]["name"], "bias_pu");
     let total: f64 = json["ranking"].as_array().unwrap().iter().map(|one| one["probability"].as_f64().unwrap()).sum();
     assert!((total - 1.0).abs() < 1e-6, "{total}");
 }
