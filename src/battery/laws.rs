@@ -48,7 +48,7 @@ pub fn edge(beyond: f64, radius: f64) -> f64 {
     0.5 * (beyond + (beyond * beyond + radius * radius).sqrt())
 }
 
-/// Root of a pressure drop through a rounded orifice, √Pa: laminar below [`TRANSITION_PA`], turbulent above, smooth between.
+/// Root of a pressure drop through a rounded orifice, √Pa: laminar below `TRANSITION_PA`, turbulent above, smooth between.
 #[inline]
 #[must_use]
 pub fn jet(drop_pa: f64) -> f64 {

@@ -7,6 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::diagnosis::outcome::Interval;
 use crate::diagnosis::search::Model;
 use crate::frame::Estimate;
+use crate::parameters::Unit;
 use crate::signal::Signal;
 use crate::tuning::fit::{Bench, square};
 use crate::tuning::knob::unit_at;
@@ -58,21 +59,40 @@ pub fn held_out(bench: &Bench, model: &Model) -> HeldOut {
             }
         }
         let change = hessian.cholesky().map_or_else(|| DVector::zeros(n), |cholesky| cholesky.solve(&gradient));
-        let positions: Vec<f64> = model
-            .knobs
-            .iter()
-            .enumerate()
-            .map(|(k, knob)| {
-                let (low, high) = knob.range(&model.base);
-                // One linear step is good for a few deviations, no further.
-                (model.fit.positions[k] - change[k].clamp(-2.0, 2.0)).clamp(low, high)
-            })
-            .collect();
-        let unit = unit_at(&model.base, &model.knobs, &positions);
+        let unit = shortened(bench, model, &change, left);
         held.estimates.push(bench.simulate(&unit, left));
         held.costs.push(square(&vec![bench.misses(&unit, left)]));
     }
     held
+}
+
+/// The unit after that share of a step that suits the other trials best: one linear step is good for a few deviations only.
+fn shortened(bench: &Bench, model: &Model, change: &DVector<f64>, left: usize) -> Unit {
+    // Shortened as a whole: its parts make up for each other.
+    let whole = (2.0 / change.amax().max(1e-12)).min(1.0);
+    let at = |share: f64| -> Vec<f64> {
+        let knobs = model.knobs.iter().zip(&model.fit.positions).zip(change.iter());
+        knobs
+            .map(|((knob, position), change)| {
+                let (low, high) = knob.range(&model.base);
+                (position - share * whole * change).clamp(low, high)
+            })
+            .collect()
+    };
+    let cost = |positions: &[f64]| -> f64 {
+        let unit = unit_at(&model.base, &model.knobs, positions);
+        let others = (0..bench.trials.len()).filter(|&trial| trial != left);
+        let known = model.knobs.iter().zip(positions).filter(|(knob, _)| knob.has_prior());
+        others.map(|trial| bench.misses(&unit, trial).norm_squared()).sum::<f64>()
+            + known.map(|(_, p)| p * p).sum::<f64>()
+    };
+    let positions = [1.0, 0.5, 0.2, 0.0]
+        .map(at)
+        .into_iter()
+        .map(|positions| (cost(&positions), positions))
+        .min_by(|a, b| a.0.total_cmp(&b.0))
+        .map_or_else(|| model.fit.positions.clone(), |(_, positions)| positions);
+    unit_at(&model.base, &model.knobs, &positions)
 }
 
 /// Squared misses of both positions over their noise, in blocks: refitted, with effects, noise.
