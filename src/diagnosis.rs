@@ -20,10 +20,12 @@ pub mod visible;
 
 use crate::diagnosis::outcome::Diagnosis;
 use crate::diagnosis::rivals::Found;
+use crate::diagnosis::search::Turned;
 use crate::diagnosis::summary::Seen;
 use crate::effects::{CATALOGUE, EffectSpec};
 use crate::parameters::Unit;
 use crate::recording::Recording;
+use crate::tuning::knob::Knob;
 use crate::tuning::noise::expected;
 use crate::tuning::trial::Trial;
 
@@ -100,7 +102,8 @@ pub fn diagnose(
     }
     let noise = expected(&unit.sensors);
     progress("refitting the sheet's parameters within their tolerances", 0.02);
-    let (bench, refitted, sheet) = search::nominal(usable, unit, &noise);
+    let (bench, refitted, sheet) =
+        search::nominal(usable, unit, Turned { knobs: Knob::nuisances(unit), starts: 1 }, &noise);
     let found: Found = rivals::find(&bench, refitted, &sheet, &settings.catalogue, progress);
     progress("placing free terms", 0.85);
     let floor = decide::floor(&bench, &found);

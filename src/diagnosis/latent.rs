@@ -75,7 +75,7 @@ fn misses(bench: &Bench, unit: &Unit, point: Point, sizes: [f64; SHAPES.len()]) 
             effects::apply(unit, &mut plant);
             plant.terms.push(Arc::new(Free { point, sizes }));
             let twin = Twin::of_plant(plant, unit.parameters.oil.tank_pressure_pa, Method::default());
-            bench.misses_by(twin.with_dither(bench.dither_pu()), trial)
+            bench.misses_by(twin, trial)
         })
         .collect()
 }

@@ -56,17 +56,37 @@ impl Model {
     }
 }
 
+/// What a nominal fit turns, and from how many starts.
+#[derive(Clone, Debug)]
+pub struct Turned {
+    /// The knobs.
+    pub knobs: Vec<Knob>,
+    /// Starts: the sheet, and places scattered around it, the same each time.
+    pub starts: usize,
+}
+
+/// How far further starts lie from the sheet, in standard deviations.
+const SCATTER: f64 = 1.0;
+
 /// Refits the model of the sheet; the noise is laid out anew along the refitted trajectory.
 ///
 /// Returns the bench, the refitted model, and the same model unfitted.
 #[must_use]
-pub fn nominal(trials: Vec<Trial>, unit: &Unit, noise: &Noise) -> (Bench, Model, Model) {
-    let knobs = Knob::nuisances(unit);
+pub fn nominal(trials: Vec<Trial>, unit: &Unit, turned: Turned, noise: &Noise) -> (Bench, Model, Model) {
+    let Turned { knobs, starts } = turned;
     let zeros: Vec<f64> = knobs.iter().map(|knob| knob.start(unit)).collect();
     let first = Bench::new(trials, unit, noise);
-    let start = cooled(&first, unit, &knobs, &zeros, 3);
-    let bench = Bench::new(first.trials, &unit_at(unit, &knobs, &start.positions), noise);
-    let fine = fit(&bench, unit, &knobs, &start.positions, Effort::FULL, None);
+    let start = (0..starts.max(1))
+        .map(|number| {
+            // Additive recurrence with the golden section: even, and without a generator.
+            let off = |k: usize| SCATTER * (2.0 * ((k * 7 + number * 3) as f64 * 0.618_033_988_75).fract() - 1.0);
+            let scattered = zeros.iter().enumerate().map(|(k, zero)| if number == 0 { *zero } else { zero + off(k) });
+            cooled(&first, unit, &knobs, &scattered.collect::<Vec<_>>(), 3)
+        })
+        .min_by(|a, b| (a.square + a.prior).total_cmp(&(b.square + b.prior)))
+        .map_or_else(|| zeros.clone(), |fit| fit.positions);
+    let bench = Bench::new(first.trials, &unit_at(unit, &knobs, &start), noise);
+    let fine = fit(&bench, unit, &knobs, &start, Effort::FULL, None);
     let misses = bench.misses_of(&[unit_at(unit, &knobs, &zeros)]).pop().unwrap_or_default();
     let slopes = slopes(&bench, unit, &knobs, &zeros, 0, &misses);
     let sheet =

@@ -22,8 +22,11 @@ pub fn tests(bench: &Bench, refitted: &Unit) -> Vec<StageTest> {
         .filter_map(|(stage, cut, signal)| {
             let (mut square, mut floor, mut count) = (0.0, 0.0, 0_usize);
             for (index, trial) in bench.trials.iter().enumerate() {
+                if trial.cut != Cut::None && trial.cut != cut {
+                    continue;
+                }
                 let fed = crate::replay::stands_in(cut);
-                if !trial.has[signal as usize] || fed.is_some_and(|fed| !trial.has[fed as usize]) {
+                if !trial.has[signal as usize] || fed.is_some_and(|fed| trial.cut != cut && !trial.has[fed as usize]) {
                     continue;
                 }
                 let mut twin = Twin::new(refitted).with_dither(bench.dither_pu()).with_cut(cut);

@@ -11,7 +11,7 @@ use crate::signal::Signal;
 use crate::tuning::knob::{Knob, unit_at};
 use crate::tuning::noise::{Noise, Whitener};
 use crate::tuning::trial::Trial;
-use crate::twin::Twin;
+use crate::twin::{Cut, Twin};
 
 /// Step of a forward difference, in units of a knob.
 const DIFFERENCE: f64 = 0.05;
@@ -54,8 +54,15 @@ impl Bench {
     /// One trial through the mean twin of a unit.
     #[must_use]
     pub fn simulate(&self, unit: &Unit, trial: usize) -> Vec<Estimate> {
-        let mut twin = Twin::new(unit).with_dither(self.dither_pu);
-        self.trials[trial].run(&mut twin)
+        self.trials[trial].run(&mut self.prepared(Twin::new(unit), trial))
+    }
+
+    /// A twin with the cut of a trial; the mean over noise inside the loop, where there is a loop.
+    fn prepared(&self, twin: Twin, trial: usize) -> Twin {
+        match self.trials[trial].cut {
+            Cut::None => twin.with_dither(self.dither_pu),
+            cut => twin.with_cut(cut),
+        }
     }
 
     /// How many recordings were simulated so far.
@@ -81,13 +88,14 @@ impl Bench {
     /// Misses of a unit in one trial.
     #[must_use]
     pub fn misses(&self, unit: &Unit, trial: usize) -> DVector<f64> {
-        self.misses_by(Twin::new(unit).with_dither(self.dither_pu), trial)
+        self.misses_by(Twin::new(unit), trial)
     }
 
-    /// Misses of a twin in one trial.
+    /// Misses of a twin in one trial, which sets its cut.
     #[must_use]
-    pub fn misses_by(&self, mut twin: Twin, trial: usize) -> DVector<f64> {
+    pub fn misses_by(&self, twin: Twin, trial: usize) -> DVector<f64> {
         self.simulations.fetch_add(1, Ordering::Relaxed);
+        let mut twin = self.prepared(twin, trial);
         let estimates = self.trials[trial].run(&mut twin);
         let data = &self.trials[trial];
         let count = data.samples.len();

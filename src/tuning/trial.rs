@@ -3,7 +3,7 @@
 use crate::frame::{Estimate, Frame};
 use crate::recording::{Process, Recording};
 use crate::signal::Signal;
-use crate::twin::Twin;
+use crate::twin::{Cut, Twin};
 use crate::units::{nanos_from_seconds, seconds_from_nanos};
 
 /// One recording, its rows at which something was measured, and which signals it has.
@@ -23,6 +23,8 @@ pub struct Trial {
     pub has: [bool; Signal::ALL.len()],
     /// How far the command may stray from a straight line between samples, pu, at each sample.
     pub command_doubt_pu: Vec<f64>,
+    /// Where the recording stands in for the twin; a signal that does is no evidence.
+    pub cut: Cut,
 }
 
 impl Trial {
@@ -42,9 +44,24 @@ impl Trial {
         let mut command_doubt_pu = vec![0.0; samples.len()];
         for k in 1..samples.len().saturating_sub(1) {
             let bend = command(samples[k - 1]) - 2.0 * command(samples[k]) + command(samples[k + 1]);
-            command_doubt_pu[k] = 0.25 * bend.abs();
+            command_doubt_pu[k] = if bend.is_finite() { 0.25 * bend.abs() } else { 0.0 };
         }
-        Self { name, process, frames, samples, period_s, has, command_doubt_pu }
+        Self { name, process, frames, samples, period_s, has, command_doubt_pu, cut: Cut::None }
+    }
+
+    /// Prepares a recording whose measured spool drives the servomotor stage, which is then all that is judged.
+    ///
+    /// Rows without a spool position are left out: between its samples the spool runs straight.
+    #[must_use]
+    pub fn servomotor_stage(mut recording: Recording) -> Self {
+        recording.frames.retain(|frame| frame.measured.spool_position_pu.is_finite());
+        let mut trial = Self::new(recording);
+        for signal in Signal::ALL {
+            trial.has[signal as usize] &= signal == Signal::ServomotorPosition;
+        }
+        trial.command_doubt_pu.fill(0.0);
+        trial.cut = Cut::Spool;
+        trial
     }
 
     /// How many samples a time holds, one at least.
