@@ -1,7 +1,8 @@
 //! Who competes: the library's own methods, and programs that integrate the same tape.
 
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
 
 use govtwin::solver::Method;
 use govtwin::twin::{Cut, Twin};
@@ -11,6 +12,9 @@ use crate::tape::Tape;
 
 /// Name of the method that the twin takes where nobody asks.
 pub const DEFAULT: &str = "split, the default";
+
+/// A program that takes longer than this for one run of the tape is far behind, and is stopped.
+const PATIENCE: Duration = Duration::from_secs(40);
 
 /// One run over the tape.
 pub struct Run {
@@ -38,7 +42,7 @@ enum How {
 }
 
 impl Contender {
-    /// Runs one setting; repeats own methods until a clock tells their time well. `None` where the program fails.
+    /// Runs one setting; repeats own methods until a clock tells their time well. `None` where the program fails or runs on and on.
     pub fn run(&self, tape: &Tape, setting: usize, cut: Cut, repeats: u32, long_enough_s: f64) -> Option<Run> {
         match &self.how {
             How::Own(methods) => {
@@ -50,7 +54,7 @@ impl Contender {
                 let closed = if cut == Cut::None { "1" } else { "0" };
                 let mut command = Command::new(program);
                 command.arg(&tape.path).arg(&out).arg(closed).args(&words[setting]).arg(repeats.to_string());
-                let said = command.output().ok().filter(|output| output.status.success())?;
+                let said = patiently(&mut command, PATIENCE * repeats)?;
                 let said = String::from_utf8_lossy(&said.stdout).into_owned();
                 let numbers: Vec<f64> = said.split_whitespace().filter_map(|word| word.parse().ok()).collect();
                 let [seconds_s, steps, evaluations] = numbers.as_slice() else { return None };
@@ -63,6 +67,21 @@ impl Contender {
             }
         }
     }
+}
+
+/// What a program says; none where it fails or takes too long.
+fn patiently(command: &mut Command, patience: Duration) -> Option<Output> {
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().ok()?;
+    let begin = Instant::now();
+    while child.try_wait().ok()?.is_none() {
+        if begin.elapsed() > patience {
+            child.kill().ok()?;
+            child.wait().ok()?;
+            return None;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    child.wait_with_output().ok().filter(|output| output.status.success())
 }
 
 /// Time that this process has had on a processor, s: what else runs on the machine does not count.

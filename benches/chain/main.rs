@@ -57,7 +57,7 @@ fn main() {
         for (setting, name) in contender.settings.iter().enumerate() {
             let run = contender.run(&tape, setting, Cut::Servomotor, repeats, LONG_ENOUGH_S);
             let Some(Run { seconds_s, positions, note }) = run else {
-                say(format!("    {name:<34} failed\n"));
+                say(format!("    {name:<34} failed, or stopped as far too slow\n"));
                 continue;
             };
             let error_pu = tape.apart_pu(&positions, &reference.positions);
