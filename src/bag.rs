@@ -14,7 +14,8 @@
 //! 3. There is one row for each distinct stamp of any stream, and one for each point of the grid where
 //!    linear interpolation is asked for; rows rise strictly in time.
 //! 4. An input is the newest value at or before the row. Under linear interpolation, command and
-//!    pressure run straight between their samples instead; the ESV always holds.
+//!    pressure run straight between their samples instead; the ESV always holds. Sharp interpolation puts
+//!    a bend of the command that lies between two samples where the lines of both sides meet.
 //! 5. `measured` is there only in rows whose time is the stamp of a servo state; it is never interpolated.
 //! 6. Rows begin when every input has a value.
 
@@ -147,6 +148,23 @@ pub enum Interpolation {
         /// Time between added rows, ns; at least 1.
         period_ns: i64,
     },
+    /// The same, but where the command bends sharply between two samples it runs along the straight lines of both sides up to where
+    /// they meet: a ramp that begins or ends between two slow samples then does so in time.
+    Sharp {
+        /// Time between added rows, ns; at least 1.
+        period_ns: i64,
+    },
+}
+
+impl Interpolation {
+    /// Time between added rows, ns; none where none are added.
+    #[must_use]
+    pub fn period_ns(self) -> Option<i64> {
+        match self {
+            Self::Hold => None,
+            Self::Linear { period_ns } | Self::Sharp { period_ns } => Some(period_ns.max(1)),
+        }
+    }
 }
 
 /// How a bag is to be read.

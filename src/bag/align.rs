@@ -34,10 +34,9 @@ pub(super) fn align(
     times_ns.sort_unstable();
     let begin_ns = [first(&streams.command), first(&streams.esv), first(&streams.tank_pressure)].into_iter().max();
     times_ns.retain(|time_ns| begin_ns.is_some_and(|begin_ns| *time_ns >= begin_ns));
-    if let (Interpolation::Linear { period_ns }, Some(&begin_ns), Some(&end_ns)) =
-        (interpolation, times_ns.first(), times_ns.last())
+    if let (Some(period_ns), Some(&begin_ns), Some(&end_ns)) =
+        (interpolation.period_ns(), times_ns.first(), times_ns.last())
     {
-        let period_ns = period_ns.max(1);
         let count = end_ns.saturating_sub(begin_ns) / period_ns;
         if count > ROW_LIMIT {
             let duration_s = seconds_from_nanos(end_ns.saturating_sub(begin_ns));
@@ -61,7 +60,11 @@ pub(super) fn align(
         };
         let linear = interpolation != Interpolation::Hold;
         let inputs = Inputs {
-            opening_command_pu: if linear { command.between(time_ns, |value| value.0) } else { opening.value.0 },
+            opening_command_pu: match interpolation {
+                Interpolation::Hold => opening.value.0,
+                Interpolation::Linear { .. } => command.between(time_ns, |value| value.0),
+                Interpolation::Sharp { .. } => command.bent(time_ns, |value| value.0),
+            },
             esv: state.value,
             tank_pressure_pa: if linear { tank_pressure.between(time_ns, |value| value.0) } else { pressure.value.0 },
         };
@@ -121,7 +124,102 @@ impl<'a, V: Copy> Cursor<'a, V> {
     }
 }
 
+impl<V: Copy> Cursor<'_, V> {
+    /// As [`Cursor::between`], but round a sharp bend inside the interval along the lines of both sides.
+    fn bent(&self, time_ns: i64, number: impl Fn(V) -> f64 + Copy) -> f64 {
+        let straight = self.between(time_ns, number);
+        // Three samples on either side: two for the line, one more to see that the bend is no part of a curve.
+        let Some(around) = self.passed.checked_sub(3).and_then(|from| self.samples.get(from..from + 6)) else {
+            return straight;
+        };
+        let origin_ns = around[2].stamp_ns;
+        let points: [(f64, f64); 6] =
+            std::array::from_fn(|k| (seconds_from_nanos(around[k].stamp_ns - origin_ns), number(around[k].value)));
+        match bend(&points) {
+            Some((bend_s, bend)) => {
+                let at_s = seconds_from_nanos(time_ns - origin_ns);
+                let (from, to) = if at_s < bend_s { (points[2], (bend_s, bend)) } else { ((bend_s, bend), points[3]) };
+                from.1 + (to.1 - from.1) * (at_s - from.0) / (to.0 - from.0)
+            }
+            None => straight,
+        }
+    }
+}
+
+/// A bend must be so many times as sharp as what the curve does on either side.
+const SHARP: f64 = 4.0;
+
+/// Smallest bend that counts, as a deviation from a straight line.
+const LEAST_BEND: f64 = 2e-3;
+
+/// Where the line through the second and third point meets that through the fourth and fifth, between the third and the fourth; none where
+/// there is no sharp bend (subcell resolution; Harten 1989).
+fn bend(points: &[(f64, f64); 6]) -> Option<(f64, f64)> {
+    let slope = |k: usize| (points[k + 1].1 - points[k].1) / (points[k + 1].0 - points[k].0);
+    let (before, after) = (slope(1), slope(3));
+    let width_s = points[3].0 - points[2].0;
+    let sharpness = (after - before).abs() * width_s;
+    let curved = ((before - slope(0)).abs() + (slope(4) - after).abs()) * width_s;
+    if !sharpness.is_finite() || sharpness < LEAST_BEND || sharpness < SHARP * curved {
+        return None;
+    }
+    let at_s = points[2].0 + (points[3].1 - points[2].1 - after * width_s) / (before - after);
+    (at_s > points[2].0 && at_s < points[3].0).then(|| (at_s, points[2].1 + before * (at_s - points[2].0)))
+}
+
 #[expect(clippy::cast_precision_loss, reason = "a share of an interval needs no more digits than f64 has")]
 fn share(part_ns: i64, whole_ns: i64) -> f64 {
     if whole_ns > 0 { part_ns as f64 / whole_ns as f64 } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A ramp that begins between two samples, sampled at 5 Hz.
+    fn ramp(begins_s: f64, rate: f64) -> Vec<Sample<Command>> {
+        (0..20)
+            .map(|k| {
+                let stamp_ns = k * 200_000_000;
+                let value = Command(0.9 + rate * (seconds_from_nanos(stamp_ns) - begins_s).max(0.0));
+                Sample { stamp_ns, log_time_ns: stamp_ns, value }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_ramp_that_begins_between_two_samples_begins_in_time() {
+        let samples = ramp(1.87, -0.5);
+        let mut cursor = Cursor::new(&samples);
+        let (mut sharp, mut straight) = (0.0_f64, 0.0_f64);
+        for ms in (0..3800).step_by(3) {
+            let time_ns = ms * 1_000_000;
+            cursor.at(time_ns);
+            let truth = 0.9 - 0.5 * (seconds_from_nanos(time_ns) - 1.87).max(0.0);
+            sharp = sharp.max((cursor.bent(time_ns, |value| value.0) - truth).abs());
+            straight = straight.max((cursor.between(time_ns, |value| value.0) - truth).abs());
+        }
+        assert!(sharp < 1e-12 && straight > 0.01, "{sharp} {straight}");
+    }
+
+    #[test]
+    fn curves_and_steps_stay_as_they_are() {
+        for shape in
+            [|t: f64| 0.1 * t * t, |t: f64| if t > 1.87 { 0.2 } else { 0.9 }, |t: f64| 0.5 + 0.1 * (3.0 * t).sin()]
+        {
+            let samples: Vec<Sample<Command>> = (0..20)
+                .map(|k| {
+                    let stamp_ns = k * 200_000_000;
+                    Sample { stamp_ns, log_time_ns: stamp_ns, value: Command(shape(seconds_from_nanos(stamp_ns))) }
+                })
+                .collect();
+            let mut cursor = Cursor::new(&samples);
+            for ms in (0..3800).step_by(7) {
+                cursor.at(ms * 1_000_000);
+                let (bent, straight) =
+                    (cursor.bent(ms * 1_000_000, |value| value.0), cursor.between(ms * 1_000_000, |value| value.0));
+                assert_eq!(bent.to_bits(), straight.to_bits(), "at {ms} ms");
+            }
+        }
+    }
 }

@@ -37,7 +37,7 @@ pub struct Trials {
 pub fn read_trials(paths: &[PathBuf]) -> anyhow::Result<Trials> {
     let bags = find(paths)?;
     let mut options =
-        ReadOptions { interpolation: Interpolation::Linear { period_ns: 1_000_000 }, ..ReadOptions::default() };
+        ReadOptions { interpolation: Interpolation::Sharp { period_ns: 1_000_000 }, ..ReadOptions::default() };
     options.required = vec![Stream::Command, Stream::ServoState];
     let progress = Progress::new(bags.len(), "recordings read");
     let read: Vec<(Result<Admitted, String>, Vec<String>)> = bags

@@ -94,7 +94,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 /// Reads recordings as a diagnosis wants them.
 fn read(paths: &[PathBuf], outcome: &mut Outcome) -> anyhow::Result<Vec<Recording>> {
     let options = govtwin::bag::ReadOptions {
-        interpolation: govtwin::bag::Interpolation::Linear { period_ns: GRID_NS },
+        interpolation: govtwin::bag::Interpolation::Sharp { period_ns: GRID_NS },
         ..Default::default()
     };
     let bags = find(paths)?;
