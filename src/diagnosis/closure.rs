@@ -1,4 +1,6 @@
-//! How far: the share of the gap that closes on processes left out of the fit, with an interval from resampled blocks.
+//! How far: the share of the gap that closes on data left out of the fit, with an interval from resampled blocks.
+
+use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
@@ -7,10 +9,9 @@ use rand_chacha::ChaCha8Rng;
 use crate::diagnosis::outcome::Interval;
 use crate::diagnosis::search::Model;
 use crate::frame::Estimate;
-use crate::parameters::Unit;
 use crate::signal::Signal;
-use crate::tuning::fit::{Bench, square};
-use crate::tuning::knob::unit_at;
+use crate::tuning::fit::{Bench, Effort, fit, normal, square};
+use crate::tuning::knob::{Knob, unit_at};
 
 /// Length of a block, s: longer than what one miss has to do with the next.
 const BLOCK_S: f64 = 2.0;
@@ -18,85 +19,113 @@ const BLOCK_S: f64 = 2.0;
 /// Resamplings behind an interval.
 const RESAMPLINGS: usize = 400;
 
+/// Into so many parts each recording is cut, to leave out one at a time.
+const PARTS: usize = 5;
+
+/// Farthest that a fit may move when a part is left out, in units of a knob: one linear step is good for no more.
+const FARTHEST: f64 = 2.0;
+
 /// Share of what all recordings say of an effect that the others must say to fit it without one.
 const TELLING: f64 = 0.2;
 
-/// What one trial says of a knob.
-fn own(model: &Model, trial: usize, knob: usize) -> f64 {
-    model.fit.slopes[trial].column(knob).norm_squared()
+/// Steps of a fit without a recording, from the fit to all.
+const REFIT: Effort = Effort { rounds: 4, refresh: 100, temperature: 1.0 };
+
+/// Estimates by trial, each made by a fit that did not see it.
+pub type LeftOut = Vec<Vec<Estimate>>;
+
+/// Leaves out a fifth of every recording at a time: what to expect of new recordings of the same processes.
+///
+/// With four fifths of every process at hand the fit hardly moves, so that one Gauss–Newton step refits it.
+#[must_use]
+pub fn without_parts(bench: &Bench, model: &Model) -> LeftOut {
+    let trials = 0..bench.trials.len();
+    let mut estimates: LeftOut = trials.clone().map(|trial| bench.simulate(&model.unit(), trial)).collect();
+    if model.fit.slopes.is_empty() {
+        return estimates;
+    }
+    let (hessian, gradient) = normal(&model.knobs, &model.fit.positions, &model.fit.misses, &model.fit.slopes, 1.0);
+    for part in 0..PARTS {
+        let (mut hessian, mut gradient) = (hessian.clone(), gradient.clone());
+        for (trial, (slope, misses)) in bench.trials.iter().zip(model.fit.slopes.iter().zip(&model.fit.misses)) {
+            let samples = trial.samples.len();
+            let (start, end) = part_of(samples, part);
+            for signal in 0..misses.len() / samples.max(1) {
+                let rows = slope.rows(signal * samples + start, end - start);
+                hessian -= rows.tr_mul(&rows);
+                gradient -= rows.tr_mul(&misses.rows(signal * samples + start, end - start));
+            }
+        }
+        hessian += DMatrix::identity(model.knobs.len(), model.knobs.len()) * 1e-9;
+        let Some(cholesky) = hessian.cholesky() else { continue };
+        let unit = unit_at(&model.base, &model.knobs, &moved(model, &cholesky.solve(&gradient)));
+        for trial in trials.clone() {
+            let (start, end) = part_of(bench.trials[trial].samples.len(), part);
+            estimates[trial][start..end].clone_from_slice(&bench.simulate(&unit, trial)[start..end]);
+        }
+    }
+    estimates
 }
 
-/// A model judged on each trial by a fit without it.
+fn part_of(samples: usize, part: usize) -> (usize, usize) {
+    (part * samples / PARTS, (part + 1) * samples / PARTS)
+}
+
+/// Positions after a step that is shortened as a whole, since its parts make up for each other.
+fn moved(model: &Model, step: &DVector<f64>) -> Vec<f64> {
+    let share = (FARTHEST / step.amax().max(1e-12)).min(1.0);
+    let knobs = model.knobs.iter().zip(&model.fit.positions).zip(step.iter());
+    knobs
+        .map(|((knob, position), step)| {
+            let (low, high) = knob.range(&model.base);
+            (position - share * step).clamp(low, high)
+        })
+        .collect()
+}
+
+/// A model judged on each recording by a fit without it.
 #[derive(Clone, Debug)]
-pub struct HeldOut {
+pub struct Refitted {
     /// Estimates by trial.
-    pub estimates: Vec<Vec<Estimate>>,
+    pub estimates: LeftOut,
     /// Cost of the misses by trial.
     pub costs: Vec<f64>,
 }
 
-/// Leaves out each trial in turn: a Gauss–Newton step from the fit to all, with the trial's own terms taken off.
+/// Leaves out each recording in turn and refits on the others; a single recording is judged by its own fit.
 #[must_use]
-pub fn held_out(bench: &Bench, model: &Model) -> HeldOut {
-    let n = model.knobs.len();
+pub fn without_recordings(bench: &Bench, model: &Model) -> Refitted {
     let count = bench.trials.len();
-    let mut held = HeldOut { estimates: Vec::with_capacity(count), costs: Vec::with_capacity(count) };
+    let mut all = Refitted { estimates: Vec::with_capacity(count), costs: Vec::with_capacity(count) };
     for left in 0..count {
-        let (mut hessian, mut gradient) = (DMatrix::<f64>::zeros(n, n), DVector::<f64>::zeros(n));
-        for trial in (0..count).filter(|&trial| trial != left || count == 1) {
-            let slope = &model.fit.slopes[trial];
-            hessian += slope.tr_mul(slope);
-            gradient += slope.tr_mul(&model.fit.misses[trial]);
-        }
-        for (k, knob) in model.knobs.iter().enumerate() {
-            if knob.has_prior() {
-                hessian[(k, k)] += 1.0;
-                gradient[k] += model.fit.positions[k];
-            } else if hessian[(k, k)] < TELLING * (hessian[(k, k)] + own(model, left, k)) {
-                // An effect of which the other recordings say next to nothing stays where the fit to all has it.
-                hessian[(k, k)] = f64::MAX.sqrt();
-                gradient[k] = 0.0;
-            }
-        }
-        let change = hessian.cholesky().map_or_else(|| DVector::zeros(n), |cholesky| cholesky.solve(&gradient));
-        let unit = shortened(bench, model, &change, left);
-        held.estimates.push(bench.simulate(&unit, left));
-        held.costs.push(square(&vec![bench.misses(&unit, left)]));
+        let unit = if count == 1 { model.unit() } else { refitted_without(bench, model, left) };
+        all.estimates.push(bench.simulate(&unit, left));
+        all.costs.push(square(&vec![bench.misses(&unit, left)]));
     }
-    held
+    all
 }
 
-/// The unit after that share of a step that suits the other trials best: one linear step is good for a few deviations only.
-fn shortened(bench: &Bench, model: &Model, change: &DVector<f64>, left: usize) -> Unit {
-    // Shortened as a whole: its parts make up for each other.
-    let whole = (2.0 / change.amax().max(1e-12)).min(1.0);
-    let at = |share: f64| -> Vec<f64> {
-        let knobs = model.knobs.iter().zip(&model.fit.positions).zip(change.iter());
-        knobs
-            .map(|((knob, position), change)| {
-                let (low, high) = knob.range(&model.base);
-                (position - share * whole * change).clamp(low, high)
-            })
-            .collect()
+fn refitted_without(bench: &Bench, model: &Model, left: usize) -> crate::parameters::Unit {
+    // An effect of which the other recordings say next to nothing stays where the fit to all has it.
+    let says = |trial: usize, knob: usize| model.fit.slopes[trial].column(knob).norm_squared();
+    let (free, held): (Vec<usize>, Vec<usize>) = (0..model.knobs.len()).partition(|&k| {
+        let all: f64 = (0..bench.trials.len()).map(|trial| says(trial, k)).sum();
+        model.knobs[k].has_prior() || all - says(left, k) > TELLING * all
+    });
+    let pick = |of: &[usize]| -> (Vec<Knob>, Vec<f64>) {
+        of.iter().map(|&k| (model.knobs[k], model.fit.positions[k])).unzip()
     };
-    let cost = |positions: &[f64]| -> f64 {
-        let unit = unit_at(&model.base, &model.knobs, positions);
-        let others = (0..bench.trials.len()).filter(|&trial| trial != left);
-        let known = model.knobs.iter().zip(positions).filter(|(knob, _)| knob.has_prior());
-        others.map(|trial| bench.misses(&unit, trial).norm_squared()).sum::<f64>()
-            + known.map(|(_, p)| p * p).sum::<f64>()
-    };
-    let positions = [1.0, 0.5, 0.2, 0.0]
-        .map(at)
-        .into_iter()
-        .map(|positions| (cost(&positions), positions))
-        .min_by(|a, b| a.0.total_cmp(&b.0))
-        .map_or_else(|| model.fit.positions.clone(), |(_, positions)| positions);
-    unit_at(&model.base, &model.knobs, &positions)
+    let (held_knobs, held_positions) = pick(&held);
+    let base = unit_at(&model.base, &held_knobs, &held_positions);
+    let (knobs, start) = pick(&free);
+    let slopes: Vec<DMatrix<f64>> =
+        (0..bench.trials.len()).filter(|&k| k != left).map(|k| model.fit.slopes[k].select_columns(&free)).collect();
+    let found = fit(&bench.without(left), &base, &knobs, &start, REFIT, Some(&slopes));
+    unit_at(&base, &knobs, &found.positions)
 }
 
 /// Squared misses of both positions over their noise, in blocks: refitted, with effects, noise.
-fn blocks(bench: &Bench, refitted: &HeldOut, with_effects: &HeldOut) -> Vec<Vec<[f64; 3]>> {
+fn blocks(bench: &Bench, refitted: &LeftOut, with_effects: &LeftOut) -> Vec<Vec<[f64; 3]>> {
     bench
         .trials
         .iter()
@@ -111,8 +140,7 @@ fn blocks(bench: &Bench, refitted: &HeldOut, with_effects: &HeldOut) -> Vec<Vec<
                     for signal in [Signal::ServomotorPosition, Signal::SpoolPosition] {
                         let floor = bench.floor_square(index, signal);
                         let miss = |estimate: &Estimate| signal.of(measured) - signal.of(&estimate.signals);
-                        let (before, after) =
-                            (miss(&refitted.estimates[index][k]), miss(&with_effects.estimates[index][k]));
+                        let (before, after) = (miss(&refitted[index][k]), miss(&with_effects[index][k]));
                         if before.is_finite() && after.is_finite() && floor > 0.0 {
                             sums[0] += before * before / floor;
                             sums[1] += after * after / floor;
@@ -136,8 +164,20 @@ fn ratio(sums: [f64; 3]) -> f64 {
 ///
 /// Blocks are drawn with replacement within each trial, so that every process keeps its weight.
 #[must_use]
-pub fn closure(bench: &Bench, refitted: &HeldOut, with_effects: &HeldOut, seed: u64) -> Interval {
-    let blocks = blocks(bench, refitted, with_effects);
+pub fn closure(bench: &Bench, refitted: &LeftOut, with_effects: &LeftOut, seed: u64) -> Interval {
+    closure_of(bench, refitted, with_effects, 0..bench.trials.len(), seed)
+}
+
+/// The same of some of the trials.
+#[must_use]
+pub fn closure_of(
+    bench: &Bench,
+    refitted: &LeftOut,
+    with_effects: &LeftOut,
+    trials: Range<usize>,
+    seed: u64,
+) -> Interval {
+    let blocks = &blocks(bench, refitted, with_effects)[trials];
     let add = |sums: &mut [f64; 3], block: &[f64; 3]| sums.iter_mut().zip(block).for_each(|(sum, part)| *sum += part);
     let mut all = [0.0; 3];
     blocks.iter().flatten().for_each(|block| add(&mut all, block));
@@ -145,7 +185,7 @@ pub fn closure(bench: &Bench, refitted: &HeldOut, with_effects: &HeldOut, seed: 
     let mut ratios: Vec<f64> = (0..RESAMPLINGS)
         .map(|_| {
             let mut sums = [0.0; 3];
-            for trial in &blocks {
+            for trial in blocks {
                 for _ in 0..trial.len() {
                     add(&mut sums, &trial[dice.random_range(0..trial.len())]);
                 }

@@ -37,6 +37,8 @@ pub fn report(diagnosis: &Diagnosis, seconds: f64) -> Value {
                 "probability": blame.probability,
                 "parameters": blame.parameters.iter().map(parameter).collect::<Vec<_>>(),
                 "closure": interval(blame.closure),
+                "closure_last_in": blame.last_in,
+                "closure_shapley": blame.shapley,
             })
         })
         .collect();
@@ -135,7 +137,7 @@ fn evidence(diagnosis: &Diagnosis) -> Value {
     let tests: Vec<Value> = diagnosis
         .stage_tests
         .iter()
-        .map(|one| json!({"stage": one.stage, "signal": one.signal.id(), "rmse": one.rmse, "excess": one.excess}))
+        .map(|one| json!({"stage": one.stage, "signal": one.signal.id(), "zero_error_pu": one.zero_error_pu, "rmse": one.rmse, "excess": one.excess}))
         .collect();
     let latents: Vec<Value> = diagnosis
         .latents
@@ -151,7 +153,23 @@ fn evidence(diagnosis: &Diagnosis) -> Value {
         .collect();
     let alike: Vec<Value> =
         diagnosis.alike.iter().map(|(a, b, likeness)| json!({"a": a, "b": b, "likeness": likeness})).collect();
+    let transfers: Vec<Value> = diagnosis
+        .transfers
+        .iter()
+        .map(|one| json!({"recording": one.recording, "closure": interval(one.closure)}))
+        .collect();
+    let places: Vec<Value> = diagnosis
+        .places
+        .iter()
+        .map(|place| {
+            let costs: serde_json::Map<String, Value> =
+                place.tried.iter().map(|(id, cost)| (id.clone(), json!(cost))).collect();
+            json!({"before": place.before, "with": costs})
+        })
+        .collect();
+    let costs = json!({"values": diagnosis.samples, "floor": diagnosis.floor, "places": places});
     json!({
+        "costs": costs, "closure_without_recording": transfers,
         "parameters": parameters, "tried": tried, "channels": channels, "smallest_visible": visible,
         "alike": alike, "ledgers": ledgers, "stage_tests": tests, "free_terms": latents,
         "simulations": diagnosis.simulations,

@@ -75,8 +75,12 @@ pub struct Blame {
     pub probability: f64,
     /// Its fitted parameters.
     pub parameters: Vec<Fitted>,
-    /// Share of the gap that it closes on its own, on processes left out of the fit.
+    /// Share of the gap that it closes on its own, on data left out of the fit.
     pub closure: Interval,
+    /// What it closes on top of the other of two effects; none where it is not one of two.
+    pub last_in: Option<f64>,
+    /// Its fair part of what both close together: the mean over the orders in which they may come (Shapley 1953).
+    pub shapley: Option<f64>,
 }
 
 /// One row of the ranking.
@@ -179,6 +183,8 @@ pub struct StageTest {
     pub stage: &'static str,
     /// Signal that it is judged by.
     pub signal: Signal,
+    /// Zero error taken off the fed spool first, pu.
+    pub zero_error_pu: f64,
     /// RMS miss, signal unit.
     pub rmse: f64,
     /// Misses made white: mean square, 1 where only noise is left.
@@ -222,6 +228,24 @@ pub struct Tried {
     pub held_out_gain: f64,
     /// Fitted parameters.
     pub parameters: Vec<Fitted>,
+}
+
+/// How far the gap of a recording closes when the fit has not seen it.
+#[derive(Clone, Debug)]
+pub struct Transfer {
+    /// Recording.
+    pub recording: String,
+    /// Closure on it.
+    pub closure: Interval,
+}
+
+/// One place among the effects of a unit, and the rivals for it.
+#[derive(Clone, Debug)]
+pub struct Place {
+    /// Cost without an effect in this place.
+    pub before: f64,
+    /// Cost with each effect that was tried there, best first.
+    pub tried: Vec<(String, f64)>,
 }
 
 /// One recording as it was and as the twins have it, at the rows where something was measured.
@@ -276,6 +300,14 @@ pub struct Diagnosis {
     pub latents: Vec<Latent>,
     /// What was tried, best first.
     pub tried: Vec<Tried>,
+    /// Closure on each recording by fits to the others; empty where there is nothing to transfer.
+    pub transfers: Vec<Transfer>,
+    /// Costs that the probabilities rest on, for each place among the effects.
+    pub places: Vec<Place>,
+    /// Cost that a perfect model would have.
+    pub floor: f64,
+    /// How many values were measured.
+    pub samples: usize,
     /// Traces for pictures.
     pub traces: Vec<Trace>,
     /// What a reader must know beside the verdict.

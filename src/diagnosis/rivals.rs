@@ -61,7 +61,7 @@ fn finals(bench: &Bench, mut tried: Vec<Model>, before: f64, count: usize) -> Ve
 fn without_last(bench: &Bench, model: &Model, before: &Model) -> Model {
     let start = &model.fit.positions[..before.knobs.len()];
     let fit = fit(bench, &before.base, &before.knobs, start, Effort::FULL, None);
-    if fit.square + fit.prior < before.cost() { Model { fit, ..before.clone() } } else { before.clone() }
+    before.or_better(fit)
 }
 
 /// Grows the set of effects from the refitted sheet.

@@ -25,11 +25,36 @@ pub struct Model {
     pub base: Unit,
     /// What was fitted.
     pub knobs: Vec<Knob>,
-    /// The fit.
+    /// The fit; a model that was only scouted keeps neither misses nor slopes.
     pub fit: Fit,
+    /// Covariance of the knobs about the fit.
+    pub spread: DMatrix<f64>,
 }
 
 impl Model {
+    /// A model as fitted.
+    #[must_use]
+    pub fn new(effects: Vec<&'static EffectSpec>, base: Unit, knobs: Vec<Knob>, fit: Fit) -> Self {
+        let spread = covariance(&knobs, &fit);
+        Self { effects, base, knobs, fit, spread }
+    }
+
+    /// The same without misses and slopes, which are nearly all of its memory.
+    fn light(mut self) -> Self {
+        (self.fit.misses, self.fit.slopes) = (Vec::new(), Vec::new());
+        self
+    }
+
+    /// The same effects and knobs, fitted otherwise, if that is better.
+    #[must_use]
+    pub fn or_better(&self, fit: Fit) -> Self {
+        if fit.square + fit.prior <= self.cost() || self.fit.slopes.is_empty() {
+            Self::new(self.effects.clone(), self.base.clone(), self.knobs.clone(), fit)
+        } else {
+            self.clone()
+        }
+    }
+
     /// Squares of misses and priors together.
     #[must_use]
     pub fn cost(&self) -> f64 {
@@ -48,11 +73,17 @@ impl Model {
         self.effects.iter().map(|effect| effect.id).collect()
     }
 
+    /// The model with slopes to judge it by, fitted on where it was only scouted.
+    #[must_use]
+    pub fn with_slopes(&self, bench: &Bench) -> Self {
+        if self.fit.slopes.is_empty() { self.refined(bench, Effort::SCOUT) } else { self.clone() }
+    }
+
     /// Fits on from here with all the care that a report needs.
     #[must_use]
     pub fn refined(&self, bench: &Bench, effort: Effort) -> Self {
-        let fit = fit(bench, &self.base, &self.knobs, &self.fit.positions, effort, Some(&self.fit.slopes));
-        if fit.square + fit.prior <= self.cost() { Self { fit, ..self.clone() } } else { self.clone() }
+        let known = (!self.fit.slopes.is_empty()).then_some(self.fit.slopes.as_slice());
+        self.or_better(fit(bench, &self.base, &self.knobs, &self.fit.positions, effort, known))
     }
 }
 
@@ -91,7 +122,7 @@ pub fn nominal(trials: Vec<Trial>, unit: &Unit, turned: Turned, noise: &Noise) -
     let slopes = slopes(&bench, unit, &knobs, &zeros, 0, &misses);
     let sheet =
         Fit { square: square(&misses), prior: zeros.iter().map(|p| p * p).sum(), positions: zeros, misses, slopes };
-    let model = |fit| Model { effects: Vec::new(), base: unit.clone(), knobs: knobs.clone(), fit };
+    let model = |fit| Model::new(Vec::new(), unit.clone(), knobs.clone(), fit);
     (bench, model(fine), model(sheet))
 }
 
@@ -176,6 +207,10 @@ fn scout(bench: &Bench, start: Start<'_>, spec: &'static EffectSpec) -> Option<M
     for factor in [1.9, 1.35] {
         best = [best.1 * factor, best.1 / factor].into_iter().filter_map(price).chain([best]).min_by(cheaper)?;
     }
+    // On top of an effect that explains the gap, most others gain nothing at any size and need no fit.
+    if !from.effects.is_empty() && best.0 > from.cost() {
+        return None;
+    }
     let (base, knobs, mut positions) = with_effect(from, spec, best.1)?;
     let mut slopes = from.fit.slopes.clone();
     let mut fitted = None;
@@ -186,12 +221,11 @@ fn scout(bench: &Bench, start: Start<'_>, spec: &'static EffectSpec) -> Option<M
         fitted = Some(found);
     }
     let effects = from.effects.iter().copied().chain([spec]).collect();
-    Some(Model { effects, base, knobs, fit: fitted? })
+    Some(Model::new(effects, base, knobs, fitted?).light())
 }
 
-/// Standard deviations of the knobs about a fit, and the correlations between them.
-#[must_use]
-pub fn covariance(knobs: &[Knob], fit: &Fit) -> DMatrix<f64> {
+/// Covariance of the knobs about a fit.
+fn covariance(knobs: &[Knob], fit: &Fit) -> DMatrix<f64> {
     let (hessian, _) = normal(knobs, &fit.positions, &fit.misses, &fit.slopes, 1.0);
     let n = knobs.len();
     (hessian + DMatrix::identity(n, n) * 1e-9)

@@ -1,17 +1,16 @@
 //! Gathers what a report shows from what the search found.
 
-use nalgebra::DMatrix;
-
 use crate::diagnosis::Settings;
-use crate::diagnosis::closure::{HeldOut, closure, held_out};
+use crate::diagnosis::closure::{LeftOut, Refitted, closure, closure_of, without_parts, without_recordings};
 use crate::diagnosis::decide::{Decision, stages as stage_shares};
 use crate::diagnosis::experiment;
 use crate::diagnosis::ledger::ledgers;
 use crate::diagnosis::outcome::{
-    Blame, Channel, Diagnosis, Experiment, Fitted, Interval, Latent, Ranked, SignalGap, Trace, Tried, Verdict,
+    Blame, Channel, Diagnosis, Experiment, Fitted, Interval, Latent, Place, Ranked, SignalGap, Trace, Transfer, Tried,
+    Verdict,
 };
 use crate::diagnosis::rivals::Found;
-use crate::diagnosis::search::{Model, covariance};
+use crate::diagnosis::search::Model;
 use crate::diagnosis::stages;
 use crate::diagnosis::visible::Marks;
 use crate::effects::{EffectSpec, Stage};
@@ -27,6 +26,9 @@ const NINETY: f64 = 1.645;
 
 /// Share of an effect's plausible range below which it counts as excited: smallest visible size over a moderate fault.
 const EXCITED: f64 = 3.0;
+
+/// So many of the tried models are judged on left-out recordings.
+const LEADERS: usize = 3;
 
 /// What was seen before the verdict.
 #[derive(Clone, Debug)]
@@ -84,10 +86,13 @@ pub fn gather(
     let has_gap = !matches!(verdict, Verdict::NoGap | Verdict::NotExcited);
     let stage = stage_shares.iter().copied().reduce(|a, b| if b.1 > a.1 { b } else { a }).map(|(stage, _)| stage);
 
-    let refitted_held = held_out(bench, &found.refitted);
-    let chosen_held = held_out(bench, &chosen);
-    let whole = closure(bench, &refitted_held, &chosen_held, settings.seed);
-    let blamed = blames(bench, found, decision, &chosen, verdict, &refitted_held, settings.seed);
+    let refitted_parts = without_parts(bench, &found.refitted);
+    let whole = closure(bench, &refitted_parts, &without_parts(bench, &chosen), settings.seed);
+    let mut blamed = blames(bench, found, decision, &chosen, verdict, &refitted_parts, settings.seed);
+    if verdict == Verdict::Named {
+        share_out(whole.value, &mut blamed);
+    }
+    let refitted_without = without_recordings(bench, &found.refitted);
     let simulate = |unit: &Unit| (0..bench.trials.len()).map(|trial| bench.simulate(unit, trial)).collect::<Vec<_>>();
     let [delivered, refitted, with_effects] = [unit, &found.refitted.unit(), &chosen.unit()].map(simulate);
     let parameters = fitted(&chosen, Knob::has_prior);
@@ -116,7 +121,11 @@ pub fn gather(
         ledgers: ledgers(bench, &refitted, &with_effects),
         stage_tests: stages::tests(bench, &found.refitted.unit()),
         latents,
-        tried: tried(found, &refitted_held, bench),
+        transfers: transfers(bench, &refitted_without, &chosen, settings.seed),
+        tried: tried(found, &refitted_without, bench),
+        samples: bench.trials.iter().map(|t| t.samples.len() * t.has.iter().filter(|&&has| has).count()).sum(),
+        floor: decision.floor,
+        places: places(found),
         traces: traces(bench, [&delivered, &refitted, &with_effects]),
         blamed,
         notes,
@@ -132,7 +141,6 @@ fn single<'a>(found: &'a Found, id: Option<&str>) -> &'a Model {
 
 /// The fitted values of those knobs that are wanted.
 fn fitted(model: &Model, wanted: impl Fn(&Knob) -> bool) -> Vec<Fitted> {
-    let spread: DMatrix<f64> = covariance(&model.knobs, &model.fit);
     model
         .knobs
         .iter()
@@ -140,7 +148,7 @@ fn fitted(model: &Model, wanted: impl Fn(&Knob) -> bool) -> Vec<Fitted> {
         .filter(|(_, knob)| wanted(knob))
         .map(|(k, knob)| {
             let position = model.fit.positions[k];
-            let variance = spread[(k, k)].max(0.0);
+            let variance = model.spread[(k, k)].max(0.0);
             let (low, high) = knob.range(&model.base);
             let at = |offset: f64| knob.value(&model.base, (position + offset * variance.sqrt()).clamp(low, high));
             let (a, b) = (at(-NINETY), at(NINETY));
@@ -172,7 +180,7 @@ fn blames(
     decision: &Decision,
     chosen: &Model,
     verdict: Verdict,
-    refitted: &HeldOut,
+    refitted: &LeftOut,
     seed: u64,
 ) -> Vec<Blame> {
     let probability = |id: &str| decision.effects.iter().find(|(spec, _)| spec.id == id).map_or(0.0, |(_, p)| *p);
@@ -183,21 +191,35 @@ fn blames(
         .blamed
         .iter()
         .filter_map(|id| {
-            let alone = single(found, Some(*id));
+            let alone = single(found, Some(*id)).with_slopes(bench);
             let spec = decision.effects.iter().find(|(spec, _)| spec.id == *id)?.0;
             // Parameters come from the model that is claimed, closure from the effect on its own.
-            let model = if chosen.effects.iter().any(|effect| effect.id == *id) { chosen } else { alone };
+            let model = if chosen.effects.iter().any(|effect| effect.id == *id) { chosen } else { &alone };
             Some(Blame {
                 id: spec.id.to_owned(),
                 stage: spec.stage,
                 probability: probability(id),
                 parameters: fitted_effect(model, spec),
-                closure: closure(bench, refitted, &held_out(bench, alone), seed),
+                closure: closure(bench, refitted, &without_parts(bench, &alone), seed),
+                last_in: None,
+                shapley: None,
             })
         })
         .collect();
     all.sort_by(|a, b| b.probability.total_cmp(&a.probability));
     all
+}
+
+/// What each of two effects closes on top of the other, and its fair part of the whole (Shapley 1953).
+fn share_out(whole: f64, blamed: &mut [Blame]) {
+    if let [one, other] = blamed {
+        let alone = [one.closure.value, other.closure.value];
+        for (this, [alone, rest]) in [(one, alone), (other, [alone[1], alone[0]])] {
+            let last_in = whole - rest;
+            this.last_in = Some(last_in);
+            this.shapley = Some(0.5 * (alone + last_in));
+        }
+    }
 }
 
 fn ranking(decision: &Decision) -> Vec<Ranked> {
@@ -247,7 +269,33 @@ fn gaps(
         .collect()
 }
 
-fn tried(found: &Found, refitted: &HeldOut, bench: &Bench) -> Vec<Tried> {
+/// What was weighed for each place among the effects.
+fn places(found: &Found) -> Vec<Place> {
+    let costs = |models: &[Model]| {
+        let last = |model: &Model| model.effects.last().map_or("", |effect| effect.id).to_owned();
+        models.iter().map(|model| (last(model), model.cost())).collect()
+    };
+    found.slots.iter().map(|slot| Place { before: slot.before.cost(), tried: costs(&slot.tried) }).collect()
+}
+
+/// Closure on each recording by fits to the others.
+fn transfers(bench: &Bench, refitted: &Refitted, chosen: &Model, seed: u64) -> Vec<Transfer> {
+    if chosen.effects.is_empty() || bench.trials.len() < 2 {
+        return Vec::new();
+    }
+    let with_effects = without_recordings(bench, chosen);
+    bench
+        .trials
+        .iter()
+        .enumerate()
+        .map(|(index, trial)| Transfer {
+            recording: trial.name.clone(),
+            closure: closure_of(bench, &refitted.estimates, &with_effects.estimates, index..index + 1, seed),
+        })
+        .collect()
+}
+
+fn tried(found: &Found, refitted: &Refitted, bench: &Bench) -> Vec<Tried> {
     let base: f64 = refitted.costs.iter().sum();
     let mut models: Vec<&Model> = found.slots.first().into_iter().flat_map(|slot| &slot.tried).collect();
     if found.best.effects.len() > 1 {
@@ -261,7 +309,11 @@ fn tried(found: &Found, refitted: &HeldOut, bench: &Bench) -> Vec<Tried> {
             ids: model.ids().into_iter().map(str::to_owned).collect(),
             gain: found.refitted.cost() - model.cost(),
             // Only the leaders were fitted with the care that leaving one out needs.
-            held_out_gain: if rank < 6 { base - held_out(bench, model).costs.iter().sum::<f64>() } else { f64::NAN },
+            held_out_gain: if rank < LEADERS && !model.fit.slopes.is_empty() {
+                base - without_recordings(bench, model).costs.iter().sum::<f64>()
+            } else {
+                f64::NAN
+            },
             parameters: model.effects.iter().flat_map(|effect| fitted_effect(model, effect)).collect(),
         })
         .collect()

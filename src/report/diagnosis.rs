@@ -157,6 +157,13 @@ fn causes(body: &mut Blocks, diagnosis: &Diagnosis) -> Result<(), DrawError> {
             "Left: probability that the gap sits in a stage. Right: the most probable effects; several may be present at once.",
         );
     }
+    if !diagnosis.transfers.is_empty() {
+        let caption = "Closure on each recording when both twins are fitted to the others only: low where no other recording shows what this \
+                       one does.";
+        let mut inner = Blocks::new();
+        inner.table(tables::transfers(diagnosis), caption);
+        body.details("What carries over to a recording left out", inner);
+    }
     if !diagnosis.tried.is_empty() {
         let caption = "Fitted on top of the refitted twin, best first: by how much the cost (misses over their noise, squared, and the \
                        tolerances) falls, and the same on processes left out of the fit, which only the leaders were put through.";

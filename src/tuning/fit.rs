@@ -1,5 +1,6 @@
 //! Bounded, prior-weighted least squares over simulations: Gauss–Newton with Levenberg's damping.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use nalgebra::{DMatrix, DVector};
@@ -24,7 +25,7 @@ pub struct Bench {
     /// Filters, by trial and by signal.
     whiteners: Vec<Vec<Whitener>>,
     dither_pu: f64,
-    simulations: AtomicUsize,
+    simulations: Arc<AtomicUsize>,
 }
 
 /// Misses of one unit: by trial, all signals one behind another, made independent and of unit size.
@@ -35,7 +36,7 @@ impl Bench {
     #[must_use]
     pub fn new(trials: Vec<Trial>, reference: &Unit, noise: &Noise) -> Self {
         let dither_pu = reference.sensors.servomotor_position_pu.noise;
-        let mut bench = Self { trials, whiteners: Vec::new(), dither_pu, simulations: AtomicUsize::new(0) };
+        let mut bench = Self { trials, whiteners: Vec::new(), dither_pu, simulations: Arc::default() };
         bench.whiteners = (0..bench.trials.len())
             .into_par_iter()
             .map(|index| {
@@ -62,6 +63,20 @@ impl Bench {
         match self.trials[trial].cut {
             Cut::None => twin.with_dither(self.dither_pu),
             cut => twin.with_cut(cut),
+        }
+    }
+
+    /// The same bench without one trial; what it simulates counts with the whole.
+    #[must_use]
+    pub fn without(&self, left: usize) -> Self {
+        fn others<T: Clone>(all: &[T], left: usize) -> Vec<T> {
+            all.iter().enumerate().filter(|&(k, _)| k != left).map(|(_, one)| one.clone()).collect()
+        }
+        Self {
+            trials: others(&self.trials, left),
+            whiteners: others(&self.whiteners, left),
+            dither_pu: self.dither_pu,
+            simulations: Arc::clone(&self.simulations),
         }
     }
 

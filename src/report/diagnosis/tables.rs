@@ -1,7 +1,7 @@
 //! The tables of a diagnosis.
 
 use super::words::{id_words, percent, value, values};
-use crate::diagnosis::outcome::{Diagnosis, Fitted};
+use crate::diagnosis::outcome::{Diagnosis, Fitted, Interval};
 use crate::report::table::{Table, fixed, significant};
 use crate::signal::Signal;
 
@@ -35,12 +35,17 @@ pub fn gap(diagnosis: &Diagnosis, explained: bool) -> Table {
 
 /// Stages driven by recorded signals.
 pub fn stage_tests(diagnosis: &Diagnosis) -> Table {
-    let mut table =
-        Table::new().words("driven").words("judged by").numbers("RMS miss, %").numbers("mean square over noise");
+    let mut table = Table::new()
+        .words("driven")
+        .words("judged by")
+        .numbers("zero error taken off, %")
+        .numbers("RMS miss, %")
+        .numbers("mean square over noise");
     for one in &diagnosis.stage_tests {
         table.row([
             one.stage.to_owned(),
             one.signal.title().to_lowercase(),
+            if one.zero_error_pu == 0.0 { String::new() } else { significant(100.0 * one.zero_error_pu, 2) },
             significant(100.0 * one.rmse, 3),
             significant(one.excess, 3),
         ]);
@@ -76,6 +81,16 @@ pub fn tried(diagnosis: &Diagnosis) -> Table {
     table
 }
 
+/// Closure on recordings that were left out.
+pub fn transfers(diagnosis: &Diagnosis) -> Table {
+    let mut table = Table::new().words("recording left out").numbers("gap closed, with 90 % interval");
+    for one in &diagnosis.transfers {
+        let Interval { value, low, high } = one.closure;
+        table.row([one.recording.clone(), format!("{} [{}, {}]", percent(value), percent(low), percent(high))]);
+    }
+    table
+}
+
 /// The effects that the verdict blames.
 pub fn blamed(diagnosis: &Diagnosis) -> Table {
     let mut table = Table::new()
@@ -83,7 +98,9 @@ pub fn blamed(diagnosis: &Diagnosis) -> Table {
         .words("stage")
         .numbers("probability")
         .words("fitted, with 90 % interval")
-        .numbers("closes alone");
+        .numbers("closes alone")
+        .numbers("on top of the other")
+        .numbers("fair part");
     for one in &diagnosis.blamed {
         table.row([
             id_words(&one.id),
@@ -91,6 +108,8 @@ pub fn blamed(diagnosis: &Diagnosis) -> Table {
             percent(one.probability),
             values(&one.parameters),
             super::words::percents(one.closure),
+            one.last_in.map_or_else(String::new, percent),
+            one.shapley.map_or_else(String::new, percent),
         ]);
     }
     table

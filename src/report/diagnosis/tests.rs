@@ -32,6 +32,8 @@ fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
     };
     let closure = Interval { value: 0.88, low: 0.84, high: 0.91 };
     let blame = |id: &&str| Blame {
+        last_in: None,
+        shapley: None,
         id: (*id).to_owned(),
         stage: Stage::Servomotor,
         probability: 0.97,
@@ -88,6 +90,7 @@ fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
             parts: vec![part("stands", 0.3), part("moves", 0.7)],
         }],
         stage_tests: vec![StageTest {
+            zero_error_pu: 0.0,
             stage: "the whole chain",
             signal: Signal::ServomotorPosition,
             rmse: 2.0e-3,
@@ -110,6 +113,10 @@ fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
             held_out_gain: f64::NAN,
             parameters: vec![play()],
         }],
+        transfers: Vec::new(),
+        places: Vec::new(),
+        floor: 1.0,
+        samples: 100,
         traces: vec![Trace {
             name: "<b>one</b> & only".into(),
             process: Process::Startup,
