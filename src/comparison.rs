@@ -11,11 +11,14 @@
 //!  "left_out_process": [{"process": "startup", "models": [{"id": "mbm", …FIGURES}, …]}, …],
 //!  "searches": [{"id": "mdhm", "kind": "bayesian", "trials": […], "slices": […]}, …],
 //!  "importance": [{"feature": "model.rate", "group": "model", "gain_share": 0.21}, …],
-//!  "band": {"coverage_share": 0.9, "measured": [{"process": "startup", "coverage_share": 0.93, "mean_half_width": 0.011}, …]}}
+//!  "band": {"coverage_share": 0.9, "measured": [{"process": "startup", "coverage_share": 0.93, "mean_half_width": 0.011}, …]},
+//!  "closed_loop": {"spool": [{"id": "mbm", …FIGURES}, {"id": "additive", …}, {"id": "inside", …}], "servomotor": […]}}
 //! ```
 //!
 //! FIGURES are `rows`, `mae`, `rmse` and `r2` of [`crate::metrics`], in the signal's unit, `null` where the data cannot say.
 
+#[cfg(feature = "residual")]
+pub mod closed;
 #[cfg(feature = "residual")]
 pub mod contenders;
 pub mod summary;

@@ -1,5 +1,6 @@
 //! Replay: a recording through a twin, and how far apart the two are.
 
+pub mod ladder;
 pub mod summary;
 
 use crate::frame::{Estimate, Frame, Inputs, Signals};

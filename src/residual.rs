@@ -5,14 +5,18 @@
 //! and the model file need no foreign library, so that every build can run a model; only `booster`, `search` and `training`,
 //! which make one, need the feature `residual`.
 
+pub mod adapt;
 pub mod band;
 #[cfg(feature = "residual")]
 pub mod booster;
 pub mod corrector;
+#[cfg(feature = "deep")]
+pub mod deep;
 pub mod features;
 pub mod forest;
 pub mod guard;
 pub mod history;
+pub mod inloop;
 pub mod model;
 pub mod prepare;
 pub mod row;

@@ -43,6 +43,7 @@ fn the_node_hears_its_peers_tells_strangers_apart_and_leaves() {
         environment: environment.clone(),
         unit: params::reference(),
         residual: None,
+        adapt: false,
         settings: Settings { wishes: Wishes::default(), ..Settings::default() },
         duration: None,
         bag: None,

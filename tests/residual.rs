@@ -46,6 +46,30 @@ fn a_replay_shows_both_stages_and_what_the_guard_did() {
 }
 
 #[test]
+fn a_replay_that_adapts_says_what_it_saw() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("model.residual");
+    let mut model = residual::model(&params::reference());
+    std::fs::write(&path, model.to_text().unwrap()).unwrap();
+    let out = dir.path().join("out");
+    let output = replay(&path, &["--adapt", "--out", out.to_str().unwrap()]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(String::from_utf8_lossy(&output.stdout).contains("Adaptation: "));
+    let text = std::fs::read_to_string(out.join("replay.json")).unwrap();
+    let figures: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let adaptation = figures["residual"]["adaptation"].as_object().unwrap();
+    assert!(adaptation["samples"].as_u64().unwrap() > 1000);
+    let documented = include_str!("../src/replay/summary.rs");
+    for key in adaptation.keys() {
+        assert!(documented.contains(&format!("\"{key}\"")), "{key} is not documented");
+    }
+    model.band = None;
+    std::fs::write(&path, model.to_text().unwrap()).unwrap();
+    let output = replay(&path, &["--adapt"]);
+    assert!(String::from_utf8_lossy(&output.stderr).contains("band, against which drift is judged"));
+}
+
+#[test]
 fn a_model_that_does_not_fit_or_is_damaged_is_refused_with_its_reason() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("model.residual");

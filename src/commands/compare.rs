@@ -3,8 +3,9 @@
 use std::collections::BTreeMap;
 
 use anyhow::{Context, bail};
+use govtwin::comparison::closed::closed_loop;
 use govtwin::comparison::contenders::{self, data_only, leave_one_out, mechanism, trained};
-use govtwin::comparison::summary::{Importance, SCHEMA, Scored, Summary, Unseen, claims, covered};
+use govtwin::comparison::summary::{FreeRun, Importance, SCHEMA, Scored, Summary, Unseen, claims, covered};
 use govtwin::comparison::{Contender, Standing};
 use govtwin::recording::Process;
 use govtwin::replay::summary::cut_id;
@@ -14,6 +15,7 @@ use govtwin::residual::booster::Hyperparameters;
 use govtwin::residual::model::{Learned, Model};
 use govtwin::residual::split::{Split, seven_to_three};
 use govtwin::residual::training;
+use govtwin::signal::Signal;
 use govtwin::twin::Cut;
 
 use super::learn::{self, CutAt, Job, Ready, write_json};
@@ -23,7 +25,9 @@ use crate::commands::Outcome;
 /// Compare the twin, data-only models and hybrids as the paper does.
 ///
 /// One split (the first 70 % of each process teach, the last 30 % judge) and one list of features for all: MBM, the twin alone; DDM, data
-/// only; LightGBM hybrids with manual and with Bayesian-optimised hyperparameters (MDHM). Then every process left out of training in turn. Writes DIR/compare.html and DIR/compare.json.
+/// only; LightGBM hybrids with manual and with Bayesian-optimised hyperparameters (MDHM); BO-LSTM and BO-TCN hybrids where the program was
+/// built with the cargo feature `deep`. Then every process left out of training in turn, and
+/// in closed-loop free run a residual inside the loop beside the additive one. Writes DIR/compare.html and DIR/compare.json.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(flatten)]
@@ -31,6 +35,10 @@ pub struct Args {
     /// Where the guide-vane opening comes from; the paper's mode is `servomotor`.
     #[arg(long, value_enum, default_value_t = CutAt::Servomotor)]
     cut: CutAt,
+    /// Evaluations of each network's search, which takes far longer than that for trees.
+    #[cfg(feature = "deep")]
+    #[arg(long, value_name = "N", default_value_t = 15)]
+    network_iterations: usize,
 }
 
 /// Runs the command.
@@ -45,9 +53,18 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let mut field = Field { contenders: vec![mechanism(&ready.table, &split.test)], searches: vec![] };
     let hybrid = trees(args, &ready, &split, &mut field)?;
+    #[cfg(feature = "deep")]
+    learn::networks::compete(
+        &args.learn,
+        args.learn.scaled(args.network_iterations),
+        &ready.table,
+        &split,
+        (&mut field.contenders, &mut field.searches),
+    )?;
     let progress = Progress::new(8, "models with a process left out");
     let left_out = leave_one_out(&ready.table, args.learn.seed, || progress.step())?;
     drop(progress);
+    let closed_loop = free_run(args, &ready)?;
 
     let table = &ready.table;
     let standing = |contender: &Contender| Standing::of(table, &split.test, contender);
@@ -79,6 +96,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         searches: field.searches,
         importance: importance(&hybrid),
         band: hybrid.band.zip(of_hybrid).map(|(band, said)| covered(table, &split.test, said, &band)),
+        closed_loop,
     };
     let shown = Shown { rows: table, judging: &split.test, contenders: &field.contenders };
     let html = args.learn.out.join("compare.html");
@@ -121,8 +139,27 @@ fn trees(args: &Args, ready: &Ready, split: &Split, field: &mut Field) -> anyhow
     Ok(hybrid)
 }
 
+/// The residual inside the loop beside the additive one, whatever the cut of the rest.
+fn free_run(args: &Args, ready: &Ready) -> anyhow::Result<Option<FreeRun>> {
+    if ready.table.layout.signal != Signal::SpoolPosition {
+        return Ok(None);
+    }
+    let other = if args.cut == CutAt::None { None } else { Some(args.learn.ready(CutAt::None)?) };
+    let ready = other.as_ref().unwrap_or(ready);
+    let progress = Progress::new(3, "steps towards a residual inside the loop");
+    let split = seven_to_three(&ready.table);
+    let (unit, seed) = (&ready.sheet.unit, args.learn.seed);
+    let judged = closed_loop(unit, &ready.recordings, &ready.table, &split, seed, || progress.step())?;
+    let scored = |standings: &[Standing]| standings.iter().map(Scored::from).collect();
+    Ok(Some(FreeRun { spool: scored(&judged.spool), servomotor: scored(&judged.servomotor) }))
+}
+
 fn settings(args: &Args, ready: &Ready, hybrid: &Model) -> BTreeMap<&'static str, String> {
     let cut = if args.cut == CutAt::None { Cut::None } else { Cut::Servomotor };
+    #[cfg(feature = "deep")]
+    let networks = format!("{}, on every fourth row of the folds", args.learn.scaled(args.network_iterations));
+    #[cfg(not(feature = "deep"))]
+    let networks = "none: built without the cargo feature `deep`".to_owned();
     let named = hybrid.hyperparameters.iter().map(|(name, value)| format!("{name} {value}"));
     BTreeMap::from([
         ("unit", ready.sheet.name.clone()),
@@ -131,6 +168,7 @@ fn settings(args: &Args, ready: &Ready, hybrid: &Model) -> BTreeMap<&'static str
         ("period, s", format!("{}", govtwin::units::seconds_from_nanos(hybrid.period_ns))),
         ("seed", args.learn.seed.to_string()),
         ("evaluations of each search", args.learn.budget().0.to_string()),
+        ("evaluations of each network's search", networks),
         ("booster", hybrid.booster.clone()),
         ("hyperparameters of the MDHM", named.collect::<Vec<_>>().join(", ")),
         ("features", hybrid.features.len().to_string()),
@@ -160,6 +198,12 @@ fn say(summary: &Summary, unit: &str) -> anyhow::Result<()> {
         let said: Vec<String> =
             unseen.models.iter().map(|model| format!("{} {:.5}", model.title, model.overall.mae)).collect();
         print(&format!("Left out of training: {}: MAE {}\n", unseen.process, said.join(", ")))?;
+    }
+    for (signal, models) in
+        summary.closed_loop.iter().flat_map(|run| [("spool", &run.spool), ("servomotor", &run.servomotor)])
+    {
+        let said: Vec<String> = models.iter().map(|one| format!("{} {:.5}", one.title, one.overall.mae)).collect();
+        print(&format!("Closed-loop free run, {signal}: MAE {}\n", said.join(", ")))?;
     }
     if let Some(band) = &summary.band {
         let (stated, found) = (100.0 * band.coverage_share, 100.0 * band.overall_share);

@@ -1,6 +1,8 @@
 //! What `train` and `compare` share: their arguments, the recordings made ready, the searches and their journal.
 
 pub mod journal;
+#[cfg(feature = "deep")]
+pub mod networks;
 
 use std::path::{Path, PathBuf};
 
@@ -9,7 +11,7 @@ use clap::ValueEnum;
 use govtwin::bag::{self, ReadOptions, Stream};
 use govtwin::comparison::summary::Searched;
 use govtwin::params::{self, Sheet};
-use govtwin::recording::Recording;
+use govtwin::recording::{Process, Recording};
 use govtwin::replay::simulate;
 use govtwin::residual::history::{LONGEST_PERIOD_NS, SHORTEST_PERIOD_NS};
 use govtwin::residual::model::Learned;
@@ -93,12 +95,22 @@ pub struct Ready {
 impl Args {
     /// Evaluations of a search, and how many of them chance chooses first.
     pub fn budget(&self) -> (usize, usize) {
-        let budget = if self.quick { self.iterations.div_ceil(10) } else { self.iterations }.max(1);
+        let budget = self.scaled(self.iterations);
         (budget, budget.div_ceil(5).max(3).min(budget))
+    }
+
+    /// So many evaluations, or a tenth.
+    pub fn scaled(&self, evaluations: usize) -> usize {
+        if self.quick { evaluations.div_ceil(10) } else { evaluations }.max(1)
     }
 
     /// Reads, prepares and simulates the recordings, and makes the rows.
     pub fn ready(&self, cut: CutAt) -> anyhow::Result<Ready> {
+        self.ready_without(cut, &[])
+    }
+
+    /// The same without some processes.
+    pub fn ready_without(&self, cut: CutAt, left_out: &[Process]) -> anyhow::Result<Ready> {
         let sheet = match &self.params {
             Some(path) => params::load_sheet(path)?,
             None => params::reference_sheet(),
@@ -119,7 +131,12 @@ impl Args {
         let bags = bags::find(&self.bags)?;
         let mut origins: Vec<String> = bags.iter().filter_map(|bag| origin::of(&bag.path)).collect();
         origins.dedup();
-        let Prepared { recordings, cleanings } = prepare(read(&bags)?, signal);
+        let mut raw = read(&bags)?;
+        raw.retain(|recording| !left_out.contains(&recording.process));
+        if raw.is_empty() {
+            bail!("--leave-out leaves no recording of {} to learn from", bags.len());
+        }
+        let Prepared { recordings, cleanings } = prepare(raw, signal);
         let twin = Twin::new(&sheet.unit).with_cut(cut);
         let estimates: Vec<_> = recordings.par_iter().map(|one| simulate(&mut twin.clone(), one)).collect();
         let period_ns = match self.period_s {

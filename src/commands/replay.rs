@@ -1,19 +1,21 @@
 //! `govtwin replay`: simulate recordings and compare with what was measured.
 
+mod ladder;
 pub mod origin;
 mod residual;
 mod simulated;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use clap::ValueEnum;
 use govtwin::bag::{self, Interpolation, ReadOptions, Stream};
 use govtwin::parameters::Unit;
 use govtwin::params::{self, Sheet};
 use govtwin::replay::Replayed;
-use govtwin::replay::summary::{Parameters, Provenance, Summary, summarise};
-use govtwin::report::replay::{Pictures, page, process_table, reason_for_dashes};
+use govtwin::replay::ladder::Ladder;
+use govtwin::replay::summary::{Parameters, Provenance, Residual, Summary, summarise};
+use govtwin::report::replay::{Pictures, ladder_table, page, process_table, reason_for_dashes, reason_for_stars};
 use govtwin::residual::corrector::Corrector;
 use govtwin::residual::guard::Counts;
 use govtwin::twin::{Cut, Twin};
@@ -21,6 +23,7 @@ use govtwin::units::nanos_from_seconds;
 use rayon::iter::{IntoParallelIterator, IntoParallelRefIterator, ParallelIterator};
 
 use super::bags::{self, Bag};
+use super::model;
 use super::output::{Progress, print, warn, write_atomically};
 use crate::commands::Outcome;
 
@@ -41,9 +44,17 @@ pub struct Args {
     /// The measured signal that stands in for the simulated one, so that a stage is judged by its own input.
     #[arg(long, value_enum, default_value_t = CutAt::None)]
     cut: CutAt,
-    /// Also correct the twin by this model of `govtwin train`, and show what that leaves.
+    /// Also correct the twin by this model of `govtwin train`, and show what that leaves. Several may be given, then or with
+    /// `--then` each on top of the unit that it was trained for, as rungs of a ladder.
     #[arg(long, value_name = "MODEL")]
-    residual: Option<PathBuf>,
+    residual: Vec<PathBuf>,
+    /// Let the residual adapt to a unit that ages, from recording to recording in time: watch the measured signal for drift and
+    /// follow it by a bounded bias and gain.
+    #[arg(long, requires = "residual")]
+    adapt: bool,
+    /// Also replay through this parameter file, such as refitted.yaml and then fitted.yaml of a diagnosis: one table with all of them.
+    #[arg(long, value_name = "FILE")]
+    then: Vec<PathBuf>,
     /// What command and tank pressure do between two recorded samples.
     #[arg(long, value_enum, default_value_t = Between::Hold)]
     rate_of_inputs: Between,
@@ -98,7 +109,21 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     if let Some(out) = &args.out {
         refuse_to_overwrite(out, &bags)?;
     }
-    let results = replay_all(args, &sheet.unit, &bags)?;
+    let models = args.residual.iter().map(|path| Ok((path.as_path(), model::load(path)?)));
+    let models = models.collect::<anyhow::Result<Vec<_>>>()?;
+    let climbs = !args.then.is_empty() || models.len() > 1;
+    // On a ladder every model stands on a unit of its own.
+    let single = models.first().filter(|_| !climbs);
+    if climbs && args.adapt {
+        bail!("--adapt follows one residual; leave out --then and further --residual");
+    }
+    let corrector = single.map(|(_, model)| residual::ready(model, &sheet.unit, args.cut.cut())).transpose()?;
+    let mut results = replay_all(args, &sheet.unit, &bags, corrector.as_ref())?;
+    let mut adaptation = None;
+    if let Some((_, model)) = single.filter(|_| args.adapt) {
+        let corrector = residual::ready(model, &sheet.unit, args.cut.cut())?.adapting(model)?;
+        adaptation = residual::adapt(corrector, &mut results);
+    }
     let together: Vec<_> = results.iter().map(|one| (&one.replayed, &one.provenance)).collect();
     let between = if args.rate_of_inputs == Between::Hold { "hold" } else { "linear" };
     let mut summary = summarise(parameters(&sheet), args.cut.cut(), between, &together);
@@ -106,12 +131,20 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     if let Some(reason) = reason_for_dashes(&summary) {
         print(&format!("{reason}\n"))?;
     }
-    if let Some(path) = &args.residual {
+    if climbs {
+        let ladder = ladder::climb(args, &sheet.unit, &models, &results, &summary)?;
+        print(&ladder_text(&ladder))?;
+        summary.ladder = Some(ladder);
+    }
+    if let Some((path, _)) = single {
         let corrected: Vec<_> =
             results.iter().filter_map(|one| Some((one.corrected.as_ref()?, &one.provenance))).collect();
         let with = residual::summary(path, &corrected, &summary, args.cut.cut());
         print(&format!("With the residual of {}:\n{}", path.display(), process_table(&with).to_text()))?;
-        summary.residual = with.residual;
+        if let Some(adaptation) = &adaptation {
+            print(&format!("Adaptation: {}.\n", adaptation.words()))?;
+        }
+        summary.residual = with.residual.map(|residual| Residual { adaptation, ..residual });
     }
     let mut origins: Vec<&str> = summary.recordings.iter().filter_map(|one| one.origin.as_deref()).collect();
     origins.dedup();
@@ -132,10 +165,15 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     Ok(outcome)
 }
 
+fn ladder_text(ladder: &Ladder) -> String {
+    let stars = reason_for_stars(ladder).map(|reason| format!("{reason}\n")).unwrap_or_default();
+    let findings: String = ladder.findings.iter().map(|finding| format!("{finding}\n")).collect();
+    format!("{}{stars}{findings}", ladder_table(ladder).to_text())
+}
+
 /// Replays every bag, in parallel, with results in the order of the bags; all that cannot be read are named at once.
-fn replay_all(args: &Args, unit: &Unit, bags: &[Bag]) -> anyhow::Result<Vec<Result>> {
+fn replay_all(args: &Args, unit: &Unit, bags: &[Bag], corrector: Option<&Corrector>) -> anyhow::Result<Vec<Result>> {
     let twin = Twin::new(unit).with_cut(args.cut.cut());
-    let corrector = args.residual.as_deref().map(|path| residual::load(path, unit, args.cut.cut())).transpose()?;
     let mut options = ReadOptions::default();
     if args.rate_of_inputs == Between::Linear {
         let period_ns = nanos_from_seconds(unit.parameters.regulator.large_loop_period_s).max(1);
@@ -148,7 +186,7 @@ fn replay_all(args: &Args, unit: &Unit, bags: &[Bag]) -> anyhow::Result<Vec<Resu
     let results: Vec<anyhow::Result<Result>> = bags
         .par_iter()
         .map(|bag| {
-            let result = replay(bag, &options, twin.clone(), corrector.as_ref(), args.out.is_some().then_some(unit));
+            let result = replay(bag, &options, twin.clone(), corrector, args.out.is_some().then_some(unit));
             progress.step();
             result
         })

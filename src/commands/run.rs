@@ -29,6 +29,9 @@ pub struct Args {
     /// Correct the twin by this model of `govtwin train` and publish `sim/corrected/servo_state` and its band beside `sim/servo_state`.
     #[arg(long, value_name = "MODEL")]
     residual: Option<PathBuf>,
+    /// Let the residual adapt to a unit that ages: watch `plant/servo_state` for drift and follow it by a bounded bias and gain.
+    #[arg(long, requires = "residual")]
+    adapt: bool,
     /// Ticks of the model per second.
     #[arg(long = "rate", value_name = "HZ", default_value_t = 1000.0)]
     rate_hz: f64,
@@ -100,6 +103,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         arguments: Arguments::parse(&args.ros, "govtwin")?,
         unit,
         residual: args.residual.as_deref().map(model::load).transpose()?,
+        adapt: args.adapt,
         settings,
         duration: duration(args.duration_s, "--duration")?,
         bag: args.bag.clone(),

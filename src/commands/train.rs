@@ -4,10 +4,11 @@ use anyhow::{Context, bail};
 use govtwin::comparison::contenders::{self, mechanism, trained};
 use govtwin::comparison::summary::{Covered, Scored, Searched, covered};
 use govtwin::comparison::{Contender, Standing};
+use govtwin::recording::Process;
 use govtwin::report::comparison::{models_table, search_blocks};
 use govtwin::report::page::{Page, Tone};
 use govtwin::residual::booster::Hyperparameters;
-use govtwin::residual::model::Learned;
+use govtwin::residual::model::{LEFT_OUT, Learned};
 use govtwin::residual::prepare::Cleaning;
 use govtwin::residual::split::seven_to_three;
 use govtwin::residual::training;
@@ -30,9 +31,37 @@ pub struct Args {
     /// Where the guide-vane opening comes from; a model runs only where it comes from there again.
     #[arg(long, value_enum, default_value_t = CutAt::None)]
     cut: CutAt,
+    /// Processes that neither teach nor judge, so that `replay --then` can show how far the model carries.
+    #[arg(long, value_name = "PROCESS", value_enum, value_delimiter = ',')]
+    leave_out: Vec<Which>,
     /// No search: the hyperparameters that a person would take.
     #[arg(long)]
     manual: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[value(rename_all = "snake_case")]
+enum Which {
+    /// From closed to speed-no-load.
+    Startup,
+    /// On load, towards a larger opening.
+    LoadIncrease,
+    /// Down to closed, with the emergency shutdown valve.
+    Shutdown,
+    /// A sudden closure from load.
+    LoadRejection,
+}
+
+impl Which {
+    fn is(self, process: Process) -> bool {
+        process
+            == match self {
+                Self::Startup => Process::Startup,
+                Self::LoadIncrease => Process::LoadIncrease,
+                Self::Shutdown => Process::Shutdown,
+                Self::LoadRejection => Process::LoadRejection,
+            }
+    }
 }
 
 #[derive(Serialize)]
@@ -49,7 +78,9 @@ struct Trained {
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    let ready = args.learn.ready(args.cut)?;
+    let left_out: Vec<Process> =
+        Process::ALL.into_iter().filter(|own| args.leave_out.iter().any(|which| which.is(*own))).collect();
+    let ready = args.learn.ready_without(args.cut, &left_out)?;
     let table = &ready.table;
     let split = seven_to_three(table);
     if split.test.is_empty() {
@@ -70,6 +101,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let (mut model, estimates) = trained(table, rows, Learned::Residual, &with, args.learn.seed, unit)?;
     let names: Vec<&str> = ready.recordings.iter().map(|one| one.name.as_str()).collect();
     model.training.insert("recordings".to_owned(), names.join(", "));
+    if !left_out.is_empty() {
+        model.training.insert(LEFT_OUT.to_owned(), left_out.iter().map(|one| one.id()).collect::<Vec<_>>().join(", "));
+    }
     model.training.insert("unit".to_owned(), ready.sheet.name.clone());
     model.training.extend(ready.origin.iter().map(|origin| ("origin".to_owned(), origin.clone())));
     let band = model.band.map(|band| covered(table, &split.test, &estimates, &band));

@@ -43,6 +43,17 @@ pub struct Summary {
     pub importance: Vec<Importance>,
     /// The MDHM's band on rows that nobody was trained on.
     pub band: Option<Covered>,
+    /// The additive residual against the one inside the loop, in closed-loop free run; `null` where the spool is not what is learned.
+    pub closed_loop: Option<FreeRun>,
+}
+
+/// Figures in closed-loop free run.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FreeRun {
+    /// Of the spool position.
+    pub spool: Vec<Scored>,
+    /// Of the servomotor position.
+    pub servomotor: Vec<Scored>,
 }
 
 /// One model's figures.

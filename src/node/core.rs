@@ -86,6 +86,13 @@ pub enum Heard {
     Esv(EsvState),
     /// Tank pressure, Pa gauge.
     TankPressure(f64),
+    /// Positions measured on the real unit, which only a learned residual that adapts looks at, pu.
+    Measured {
+        /// Spool.
+        spool_pu: f64,
+        /// Servomotor.
+        servomotor_pu: f64,
+    },
     /// Simulated time, ns since the epoch.
     Clock(i64),
     /// A new treatment of silence.
@@ -107,6 +114,8 @@ impl Notices {
     pub const RELEASED: Self = Self(1 << 8);
     /// Time ran backwards: the twin forgot everything.
     pub const RESET: Self = Self(1 << 9);
+    /// The adaptation's detector raised an alarm: the unit drifts away from twin and residual.
+    pub const DRIFT: Self = Self(1 << 13);
 
     /// This input became stale.
     #[must_use]
@@ -173,6 +182,7 @@ struct Held {
 pub struct Core {
     twin: Twin,
     corrector: Option<Corrector>,
+    measured: Signals,
     policy: Policy,
     inputs: Inputs,
     held: [Held; 3],
@@ -191,6 +201,7 @@ impl Core {
         Self {
             twin,
             corrector: None,
+            measured: Signals::NONE,
             policy,
             inputs,
             held,
@@ -206,6 +217,12 @@ impl Core {
     pub fn with_corrector(mut self, corrector: Option<Corrector>) -> Self {
         self.corrector = corrector;
         self
+    }
+
+    /// The learned residual, with what its guard and its adaptation did.
+    #[must_use]
+    pub fn corrector(&self) -> Option<&Corrector> {
+        self.corrector.as_ref()
     }
 
     /// Takes what was heard at `now_ns`, a time that never runs backwards between two resets.
@@ -227,6 +244,11 @@ impl Core {
                 self.policy = policy;
                 return;
             }
+            Heard::Measured { spool_pu, servomotor_pu } => {
+                self.measured.spool_position_pu = spool_pu;
+                self.measured.servomotor_position_pu = servomotor_pu;
+                return;
+            }
             Heard::Clock(_) | Heard::PublishPeriod(_) => return,
         };
         self.held[input as usize].heard_ns = Some(now_ns);
@@ -238,6 +260,7 @@ impl Core {
         if let Some(corrector) = &mut self.corrector {
             corrector.reset();
         }
+        self.measured = Signals::NONE;
         self.held = [Held { heard_ns: None, stale: false }; 3];
         self.began_ns = None;
         self.previous = None;
@@ -286,8 +309,17 @@ impl Core {
             notices.add(Notices::STARTED);
         }
         let estimate = runs.then(|| self.twin.step(&frame));
+        // A measured sample belongs to the tick that first sees it, and is no input of the twin.
+        let seen = Frame { measured: std::mem::replace(&mut self.measured, Signals::NONE), ..frame };
         let corrector = self.corrector.as_mut();
-        let correction = corrector.zip(estimate.as_ref()).map(|(corrector, said)| corrector.step(&frame, said));
+        let correction = corrector.zip(estimate.as_ref()).map(|(corrector, said)| {
+            let alarms = corrector.alarms();
+            let correction = corrector.step(&seen, said);
+            if corrector.alarms() > alarms {
+                notices.add(Notices::DRIFT);
+            }
+            correction
+        });
         if runs {
             self.previous = Some(inputs);
         }

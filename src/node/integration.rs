@@ -156,6 +156,7 @@ impl Integrator {
             deadline_ns += period_ns;
         }
         listener.unpark();
+        self.stats.residual = self.core.corrector().map(|corrector| (*corrector.counts(), corrector.adaptation()));
         self.stats
     }
 

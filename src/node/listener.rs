@@ -21,7 +21,13 @@ use super::parameters::Store;
 use super::realtime::{monotonic_ns, wall_ns};
 use super::services::{Aftermath, Desk, ParameterServices};
 use super::settings::Settings;
-use crate::msg::{Clock, EsvState, FluidPressure, GovernorCommand, Interface};
+use crate::msg::{Clock, EsvState, FluidPressure, GovernorCommand, Interface, ServoState};
+
+/// Topic of the state measured on the real unit.
+pub const MEASURED: &str = "plant/servo_state";
+
+/// A measured position beyond this is no position, pu of stroke.
+const FARTHEST_PU: f64 = 10.0;
 
 /// What the other threads tell the keeper.
 #[derive(Debug, Clone)]
@@ -37,17 +43,18 @@ pub struct Ears {
     command: Subscription<GovernorCommand>,
     esv: Subscription<EsvState>,
     tank_pressure: Subscription<FluidPressure>,
+    measured: Option<Subscription<ServoState>>,
     clock: Option<Subscription<Clock>>,
     services: Vec<ParameterServices>,
     parameter_events: Publisher<raw::ParameterEvent>,
 }
 
 impl Ears {
-    /// Opens all endpoints.
+    /// Opens all endpoints; the measured state is heard where a residual adapts to it.
     ///
     /// # Errors
     /// When DDS refuses one.
-    pub fn open(bus: &mut Bus, environment: &Environment, settings: &Settings) -> Result<Self, BusError> {
+    pub fn open(bus: &mut Bus, environment: &Environment, settings: &Settings, adapts: bool) -> Result<Self, BusError> {
         let services = environment.service_mappings.iter().map(|&mapping| ParameterServices::open(bus, mapping));
         let services = services.collect::<Result<_, _>>()?;
         Ok(Self {
@@ -55,6 +62,7 @@ impl Ears {
             command: bus.subscribe(Input::Command.topic())?,
             esv: bus.subscribe(Input::Esv.topic())?,
             tank_pressure: bus.subscribe(Input::TankPressure.topic())?,
+            measured: if adapts { Some(bus.subscribe(MEASURED)?) } else { None },
             clock: if settings.use_sim_time { Some(bus.subscribe("/clock")?) } else { None },
             parameter_events: bus.parameter_events()?,
         })
@@ -102,6 +110,13 @@ impl<'a> Listener<'a> {
         let desk = Desk::new(store, &environment.service_mappings);
         let mut streams: Vec<LocalBoxStream<'_, Arrival>> =
             vec![self.input(&ears.command), self.input(&ears.esv), self.input(&ears.tank_pressure)];
+        if let Some(measured) = &ears.measured {
+            let samples = measured.async_stream().map(|sample| {
+                self.measured(sample);
+                Arrival::Done
+            });
+            streams.push(samples.boxed_local());
+        }
         if let Some(clock) = &ears.clock {
             let ticks = clock.async_stream().map(|sample| {
                 if let Some(time_ns) = sample.ok().and_then(|(clock, _)| clock.clock.nanos()) {
@@ -166,6 +181,16 @@ impl<'a> Listener<'a> {
         }
         if let Ok(mut counts) = self.counts.lock() {
             counts[input as usize] = gate.counts();
+        }
+    }
+
+    /// Passes a measured state on; one that cannot be is left out, since the adaptation lives well without it.
+    fn measured(&self, sample: Result<(ServoState, MessageInfo), ReadError>) {
+        let Ok((state, info)) = sample else { return };
+        let [spool_pu, servomotor_pu] = [state.spool_position, state.servomotor_position]
+            .map(|position_pu| if position_pu.abs() <= FARTHEST_PU { position_pu } else { f64::NAN });
+        if !self.is_foreign(info.publisher_gid(), ServoState::TYPE_NAME) {
+            self.tell(Heard::Measured { spool_pu, servomotor_pu });
         }
     }
 

@@ -49,6 +49,8 @@ pub struct Options {
     pub unit: Unit,
     /// A learned residual of that unit's twin.
     pub residual: Option<Model>,
+    /// Whether it adapts to drift, by what `plant/servo_state` says.
+    pub adapt: bool,
     /// Settings before `--ros-args`.
     pub settings: Settings,
     /// End after so long.
@@ -109,7 +111,8 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
     let (settings, unit) = (store.settings(), store.unit().clone());
     let corrector = options.residual.as_ref().map(|model| {
         model.check(&unit, Opening::Simulated)?;
-        Corrector::new(model)
+        let corrector = Corrector::new(model)?;
+        if options.adapt { corrector.adapting(model) } else { Ok(corrector) }
     });
     let corrector = corrector.transpose()?;
     for remark in options.environment.remarks.iter().chain(&options.arguments.remarks) {
@@ -117,7 +120,7 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
     }
     let mut bus = Bus::open(&options.environment, options.arguments.clone())?;
     // All endpoints are made before anything runs: announcements in a burst later may be lost.
-    let ears = Ears::open(&mut bus, &options.environment, &settings)?;
+    let ears = Ears::open(&mut bus, &options.environment, &settings, options.adapt)?;
     let mouth = Mouth {
         servo_state: bus.publish("sim/servo_state", ServoState::TYPE_NAME)?,
         joint_states: bus.publish("sim/joint_states", JointState::TYPE_NAME)?,

@@ -5,6 +5,9 @@ use std::fmt::Write;
 use hdrhistogram::Histogram;
 use serde::Serialize;
 
+use crate::residual::adapt::Adaptation;
+use crate::residual::guard::Counts;
+
 /// Longest time that is told apart, ns; longer ones count as this.
 const LONGEST_NS: u64 = 60_000_000_000;
 
@@ -24,6 +27,8 @@ pub struct Stats {
     pub lost_outputs: u64,
     /// Whether the fail-safe asked the node to end.
     pub ended_by_fail_safe: bool,
+    /// What the guard and the adaptation of a learned residual did, at the end.
+    pub residual: Option<(Counts, Option<Adaptation>)>,
 }
 
 /// Percentiles of one quantity, us.
@@ -62,6 +67,10 @@ pub struct Summary {
     pub lost_outputs: u64,
     /// Resident memory of the process, bytes.
     pub resident_bytes: u64,
+    /// What the guard of a learned residual did.
+    pub guard: Option<Counts>,
+    /// What its adaptation did.
+    pub adaptation: Option<Adaptation>,
 }
 
 impl Default for Stats {
@@ -80,6 +89,7 @@ impl Default for Stats {
             skipped: 0,
             lost_outputs: 0,
             ended_by_fail_safe: false,
+            residual: None,
         }
     }
 }
@@ -122,6 +132,8 @@ impl Stats {
             skipped: self.skipped,
             lost_outputs: self.lost_outputs,
             resident_bytes,
+            guard: self.residual.map(|(guard, _)| guard),
+            adaptation: self.residual.and_then(|(_, adaptation)| adaptation),
         }
     }
 }
@@ -152,6 +164,16 @@ impl Summary {
                 "{name:<22}{:>12.1}{:>12.1}{:>12.1}{:>12.1}",
                 row.p50_us, row.p99_us, row.p99_9_us, row.max_us
             );
+        }
+        if let Some(guard) = &self.guard {
+            let _ = writeln!(
+                text,
+                "residual: {} rows, {} clamped, {} faded, {} outside, {} bad",
+                guard.rows, guard.clamped, guard.faded, guard.outside, guard.bad
+            );
+        }
+        if let Some(adaptation) = &self.adaptation {
+            let _ = writeln!(text, "adaptation: {}", adaptation.words());
         }
         text
     }

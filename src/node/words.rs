@@ -41,6 +41,10 @@ pub fn of(notices: Notices, settings: &Settings) -> Vec<(LogLevel, String)> {
     if notices.has(Notices::RELEASED) {
         said.push((LogLevel::Info, "fail-safe released: all inputs are back".to_owned()));
     }
+    if notices.has(Notices::DRIFT) {
+        let words = "drift: the measured signal has left what twin and residual say; a bounded correction follows it";
+        said.push((LogLevel::Warn, words.to_owned()));
+    }
     if notices.has(Notices::STARTED) {
         said.push((LogLevel::Info, "the twin runs, from the steady state of its first inputs".to_owned()));
     }

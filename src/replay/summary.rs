@@ -12,14 +12,19 @@
 //!  "processes": [{"process": "startup", "recordings": 4, "signals": [SIGNAL, …]}],
 //!  "overall": {"recordings": 16, "signals": [SIGNAL, …]},
 //!  "residual": {"model": "model.residual", "guard": {"rows": 23293, "clamped": 0, "faded": 3, "outside": 0, "bad": 0},
-//!               "processes": […], "overall": {…}}}
+//!               "adaptation": {"samples": 23293, "alarms": 1, "first_alarm_ns": 1780008000000000000, "adapted": 9000, "clamped": 0, "bias": 0.003,
+//!                              "gain_ratio": 0.01}, "processes": […], "overall": {…}},
+//!  "ladder": {"signal": "spool_position_pu", "findings": ["…"],
+//!             "rungs": [{"title": "fitted.yaml", "model": null, "unseen": [], "processes": […], "overall": {…}}]}}
 //! ```
 //!
 //! A SIGNAL is `{"name": "spool_position_pu", "unit": "pu", "stands_in": false, "rows": 1250,
 //! "left_out": 0, "mae": …, "rmse": …, "r2": …, "bias": …, "max_abs": …}`: figures of
 //! [`crate::metrics`] in the unit, `null` where the data cannot say or the signal stands in at the
 //! cut. `bias` is simulated − measured. Figures of processes and overall are over all their rows.
-//! `residual` is there where a learned residual corrected the twin; its groups are the corrected figures.
+//! `residual` is there where a learned residual corrected the twin; its groups are the corrected figures;
+//! `adaptation` is `null` where it did not adapt.
+//! `ladder` is there where further units or residuals were given; its groups are the figures of each.
 //! `changed` holds what differs from the shipped unit. `origin` is what the bag's folder says of
 //! where its data comes from, `null` where it says nothing. Keys may be added to a version, and
 //! never change their meaning. The same bags and parameters give the same bytes.
@@ -28,10 +33,12 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use super::ladder::Ladder;
 use super::{Replayed, Scores, stands_in};
 use crate::effects;
 use crate::parameters::{ENTRIES, EffectSetting, Unit};
 use crate::recording::Process;
+use crate::residual::adapt::Adaptation;
 use crate::residual::guard::Counts;
 use crate::signal::Signal;
 use crate::twin::Cut;
@@ -61,6 +68,9 @@ pub struct Summary {
     /// The same with a learned residual.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub residual: Option<Residual>,
+    /// Further units and residuals.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ladder: Option<Ladder>,
 }
 
 /// Figures with a learned residual on top of the twin.
@@ -70,6 +80,8 @@ pub struct Residual {
     pub model: String,
     /// What its guard did.
     pub guard: Counts,
+    /// What its adaptation to drift did, `null` where it did not adapt.
+    pub adaptation: Option<Adaptation>,
     /// Process by process, those that occur.
     pub processes: Vec<Group>,
     /// Everything.
@@ -233,6 +245,7 @@ pub fn summarise(
         processes: Process::ALL.into_iter().map(|p| group(Some(p))).filter(|group| group.recordings > 0).collect(),
         overall: group(None),
         residual: None,
+        ladder: None,
     }
 }
 

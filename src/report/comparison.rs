@@ -30,8 +30,8 @@ impl Shown<'_> {
     }
 }
 
-/// Ids of the hybrids, in the paper's ranking.
-pub const HYBRIDS: [&str; 2] = ["mdhm", "lightgbm"];
+/// Ids of the hybrids, in the paper's ranking; those that took no part are passed over.
+pub const HYBRIDS: [&str; 4] = ["mdhm", "lightgbm", "lstm", "tcn"];
 
 /// The figures of models, process by process.
 #[must_use]
@@ -95,6 +95,15 @@ pub fn page(summary: &Summary, shown: &Shown) -> Result<Page, DrawError> {
     body.paragraph("What the paper does not show: each process left out of training in turn and judged on. The hyperparameters are the manual ones, since a search would have seen the process. The guard fades corrections where rows lie outside what was trained.");
     body.figure(svg(&pictures::left_out(summary, unit))?, "MAE on the process that was left out.");
     body.table(left_out_table(summary, unit), "");
+    if let Some(run) = &summary.closed_loop {
+        body.heading("Inside the loop");
+        body.paragraph("Closed-loop free run, nothing measured enters. The additive residual corrects what is said of the spool; the one inside the loop corrects the spool's rate in the twin itself, learned over the twin's own state, and moves the servomotor as well. Both have the manual hyperparameters and their guards.");
+        body.table(models_table(&run.spool, "pu"), "Spool position.");
+        body.table(
+            models_table(&run.servomotor, "pu"),
+            "Servomotor position, which the additive residual leaves as it is.",
+        );
+    }
     body.heading("Features");
     body.figure(
         svg(&pictures::importance(summary))?,

@@ -1,6 +1,7 @@
 //! The page of a replay: pictures of measured, simulated and difference, then the figures.
 
 mod curves;
+mod ladder;
 mod tables;
 
 use super::draw::{DrawError, svg};
@@ -14,6 +15,7 @@ use crate::signal::Signal;
 use tables::{errors, figures, r2_words, recording_table, thousands};
 
 pub use curves::Pictures;
+pub use ladder::{ladder_picture, ladder_table, reason_for_stars};
 pub use tables::{process_table, reason_for_dashes};
 
 /// The page: `pictures` stand in the order of the summary's recordings, `replayed` too.
@@ -66,6 +68,15 @@ pub fn page(
             residual.model
         );
         body.table(process_table(&corrected), caption);
+    }
+    if let Some(ladder) = &summary.ladder {
+        body.heading("Ladder");
+        body.figure(svg(&ladder_picture(ladder))?, "What each unit and each learned residual leaves.");
+        body.table(ladder_table(ladder), reason_for_stars(ladder).unwrap_or_default());
+        for finding in &ladder.findings {
+            body.paragraph(finding.clone());
+        }
+        body.heading("Spread");
     }
     body.figure(svg(&errors(summary, replayed, sensors))?, "Left: RMSE by process. Right: how the differences are spread over all rows; the outermost bars hold all that lies further out.");
     let mut inner = Blocks::new();

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::adapt::{Adaptation, Adapter};
 use super::band::Band;
 use super::features::{self, Feature};
 use super::forest::Forest;
@@ -39,6 +40,7 @@ pub struct Corrector {
     history: History,
     values: Vec<f64>,
     counts: Counts,
+    adapter: Option<Adapter>,
 }
 
 impl Corrector {
@@ -60,7 +62,28 @@ impl Corrector {
             band: model.band,
             history: History::new(model.period_ns),
             counts: Counts::default(),
+            adapter: None,
         })
+    }
+
+    /// The same with adaptation to drift, fed by what frames hold as measured.
+    ///
+    /// # Errors
+    /// Where the model has no band to tell drift from its usual misses.
+    pub fn adapting(mut self, model: &Model) -> Result<Self, ModelError> {
+        let missing = || ModelError::Mismatch {
+            what: "band, against which drift is judged,",
+            found: "missing".to_owned(),
+            expected: "a model trained on more rows".to_owned(),
+        };
+        self.adapter = Some(Adapter::new(model).ok_or_else(missing)?);
+        Ok(self)
+    }
+
+    /// What the adaptation saw and did, where there is one.
+    #[must_use]
+    pub fn adaptation(&self) -> Option<Adaptation> {
+        self.adapter.as_ref().map(Adapter::counts)
     }
 
     /// The signal that it corrects.
@@ -75,7 +98,13 @@ impl Corrector {
         &self.counts
     }
 
-    /// Forgets the past; counts go on.
+    /// Alarms of drift so far.
+    #[must_use]
+    pub fn alarms(&self) -> u64 {
+        self.adapter.as_ref().map_or(0, Adapter::alarms)
+    }
+
+    /// Forgets the past; counts and adaptation go on.
     pub fn reset(&mut self) {
         self.rows.reset();
         self.history.reset();
@@ -89,10 +118,18 @@ impl Corrector {
         let motion = motion(taps.iter().take(5).map(|tap| tap[Channel::Model as usize]));
         let (value, weight_share) = self.guard.apply(self.forest.value(&self.values), &self.values, &mut self.counts);
         let uncorrected = self.signal.of(&estimate.signals);
-        let corrected = match self.learned {
+        let mut corrected = match self.learned {
             Learned::Residual => uncorrected + value,
             Learned::Signal => value,
         };
+        // What the guard does not vouch for is neither adapted nor learned from.
+        if let Some(adapter) = self.adapter.as_mut().filter(|_| weight_share == 1.0) {
+            let added = adapter.correction(uncorrected);
+            adapter.hear(frame.time_ns, self.signal.of(&frame.measured), corrected, uncorrected, motion);
+            if added != 0.0 {
+                corrected += added;
+            }
+        }
         let banded = self.band.filter(|_| weight_share == 1.0);
         let half_width = banded.map_or(f64::NAN, |band| band.half_width(motion));
         Correction { uncorrected, corrected, half_width, weight_share }

@@ -45,6 +45,18 @@ impl Counts {
         self.outside += other.outside;
         self.bad += other.bad;
     }
+
+    /// What was done since `before`, an earlier state of these counts.
+    #[must_use]
+    pub fn since(&self, before: &Self) -> Self {
+        Self {
+            rows: self.rows - before.rows,
+            clamped: self.clamped - before.clamped,
+            faded: self.faded - before.faded,
+            outside: self.outside - before.outside,
+            bad: self.bad - before.bad,
+        }
+    }
 }
 
 impl Guard {

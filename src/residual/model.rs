@@ -21,6 +21,9 @@ use crate::signal::Signal;
 /// Name and version of the file's schema.
 pub const SCHEMA: &str = "govtwin-residual/1";
 
+/// Under this key [`Model::training`] names the processes that were left out.
+pub const LEFT_OUT: &str = "left out";
+
 /// What was learned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -201,6 +204,11 @@ impl Model {
             })
         };
         self.features.iter().map(find).collect()
+    }
+
+    /// Ids of the processes that were left out of its training.
+    pub fn left_out(&self) -> impl Iterator<Item = &str> {
+        self.training.get(LEFT_OUT).into_iter().flat_map(|ids| ids.split(", "))
     }
 
     /// Its trees, ready to walk.

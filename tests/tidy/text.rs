@@ -14,6 +14,8 @@ const KNOWN_BY: &[(&str, &[&str])] = &[
     ("signal_hook", &["src/node/", "src/node.rs", "src/commands/"]),
     ("lightgbm3", &["src/residual/booster.rs", "src/residual/booster/"]),
     ("egobox_gp", &["src/residual/search.rs"]),
+    ("candle_core", &["src/residual/deep.rs"]),
+    ("candle_nn", &["src/residual/deep.rs"]),
     ("linfa", &["src/residual/search.rs"]),
     ("plotters", &["src/report/", "src/report.rs"]),
     ("maud", &["src/report/", "src/report.rs"]),

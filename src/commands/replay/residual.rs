@@ -6,28 +6,45 @@ use anyhow::bail;
 use govtwin::parameters::Unit;
 use govtwin::replay::summary::{Provenance, Residual, Summary, summarise};
 use govtwin::replay::{Replayed, Scores};
+use govtwin::residual::adapt::Adaptation;
 use govtwin::residual::corrector::Corrector;
 use govtwin::residual::guard::Counts;
+use govtwin::residual::model::Model;
 use govtwin::residual::row::Opening;
 use govtwin::twin::Cut;
 
-use crate::commands::model;
+use super::Result as Outcome;
 
 /// A model that fits the unit and the cut, ready to run.
-pub fn load(path: &Path, unit: &Unit, cut: Cut) -> anyhow::Result<Corrector> {
+pub fn ready(model: &Model, unit: &Unit, cut: Cut) -> anyhow::Result<Corrector> {
     let opening = match cut {
         Cut::None => Opening::Simulated,
         Cut::Servomotor => Opening::Measured,
         Cut::Spool => bail!("--residual with --cut spool: the measured spool leaves nothing to correct"),
     };
-    let model = model::load(path)?;
     model.check(unit, opening)?;
-    Ok(Corrector::new(&model)?)
+    Ok(Corrector::new(model)?)
 }
 
 /// The same recording with corrected estimates, and what the guard did.
 pub fn correct(corrector: &Corrector, replayed: &Replayed) -> (Replayed, Counts) {
-    let mut corrector = corrector.clone();
+    follow(&mut corrector.clone(), replayed)
+}
+
+/// The same for all recordings in the order of time, so that what the adaptation learned of one helps with the next.
+pub fn adapt(mut corrector: Corrector, results: &mut [Outcome]) -> Option<Adaptation> {
+    let mut order: Vec<usize> = (0..results.len()).collect();
+    order.sort_by_key(|&at| results[at].replayed.recording.frames.first().map_or(i64::MAX, |frame| frame.time_ns));
+    for at in order {
+        let before = *corrector.counts();
+        corrector.reset();
+        let (corrected, counts) = follow(&mut corrector, &results[at].replayed);
+        results[at].corrected = Some((corrected, counts.since(&before)));
+    }
+    corrector.adaptation()
+}
+
+fn follow(corrector: &mut Corrector, replayed: &Replayed) -> (Replayed, Counts) {
     let signal = corrector.signal();
     let mut estimates = replayed.estimates.clone();
     for (frame, estimate) in replayed.recording.frames.iter().zip(&mut estimates) {
@@ -50,6 +67,7 @@ pub fn summary(path: &Path, corrected: &[(&(Replayed, Counts), &Provenance)], pl
     summary.residual = Some(Residual {
         model: path.display().to_string(),
         guard,
+        adaptation: None,
         processes: summary.processes.clone(),
         overall: summary.overall.clone(),
     });

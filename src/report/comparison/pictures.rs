@@ -18,6 +18,8 @@ fn ink(id: &str) -> Ink {
         "ddm" => Ink::Extra1,
         "mdhm" => Ink::Simulated,
         "lightgbm" | "hybrid" => Ink::Good,
+        "lstm" => Ink::Measured,
+        "tcn" => Ink::Extra3,
         _ => Ink::Extra2,
     }
 }

@@ -1,0 +1,81 @@
+//! The networks of the comparison: their searches and what they say.
+
+use std::time::Instant;
+
+use anyhow::Context;
+use govtwin::comparison::Contender;
+use govtwin::comparison::summary::Searched;
+use govtwin::residual::deep::{Kind, SPACE, residuals};
+use govtwin::residual::split::{Split, folds};
+use govtwin::residual::table::Table;
+
+use super::journal::Journal;
+use super::{Args, Job, search, searched};
+use crate::commands::output::{Progress, print};
+
+/// In searches every so many-th row of a fold teaches and judges: a network takes ten times as long as trees.
+const EVERY: usize = 4;
+
+/// Searches, trains and asks both networks; `budget` is the number of evaluations of each search.
+pub fn compete(
+    args: &Args,
+    budget: usize,
+    table: &Table,
+    split: &Split,
+    (contenders, searches): (&mut Vec<Contender>, &mut Vec<Searched>),
+) -> anyhow::Result<()> {
+    let rivals = [
+        (Kind::Lstm, "lstm", "BO-LSTM hybrid", "evaluations, LSTM"),
+        (Kind::Tcn, "tcn", "BO-TCN hybrid", "evaluations, TCN"),
+    ];
+    let folds = folds(table, &split.train);
+    let initial = budget.div_ceil(3).max(3).min(budget);
+    for (kind, id, title, noun) in rivals {
+        let key = format!("{kind:?}, every {EVERY}");
+        let mut journal = Journal::open(&args.out.join("search.json"), table, &split.train, key, args.seed);
+        let progress = Progress::new(budget, noun);
+        let (mut done, search_start) = (0, now());
+        let trials = search(&SPACE, "bayesian", [initial, budget], args.seed, |point| {
+            let loss = if let Some(loss) = journal.known(point) {
+                loss
+            } else {
+                done += 1;
+                let loss = loss(kind, table, &folds, point, args.seed)?;
+                journal.keep(point, loss)?;
+                loss
+            };
+            progress.step();
+            Ok(loss)
+        })?;
+        drop(progress);
+        let search_s = search_start.elapsed().as_secs_f64();
+        let found = searched(&SPACE, Job { id, kind: "bayesian", noun }, &trials);
+        let best = found.best().context("no evaluation of the search succeeded")?.0.to_vec();
+        searches.push(found);
+        let fit_start = now();
+        let said = residuals(kind, table, split, 1, &best, args.seed)?;
+        let fit_s = fit_start.elapsed().as_secs_f64();
+        print(&format!("{title}: {done} evaluations in {search_s:.0} s, trained in {fit_s:.1} s.\n"))?;
+        let estimates = split.test.iter().zip(said).map(|(&row, residual)| table.marks[row].model + residual).collect();
+        contenders.push(Contender { id, title, estimates });
+    }
+    Ok(())
+}
+
+#[expect(clippy::disallowed_methods, reason = "how long it took is said to the person who waits, and is no result")]
+fn now() -> Instant {
+    Instant::now()
+}
+
+/// Mean absolute error over the validation rows of all folds.
+#[expect(clippy::cast_precision_loss, reason = "counts of rows")]
+fn loss(kind: Kind, table: &Table, folds: &[Split], point: &[f64], seed: u64) -> anyhow::Result<f64> {
+    let (mut sum, mut count) = (0.0, 0);
+    for fold in folds {
+        let said = residuals(kind, table, fold, EVERY, point, seed)?;
+        let judged = fold.test.iter().step_by(EVERY).zip(&said);
+        sum += judged.map(|(&row, said)| (table.marks[row].residual() - said).abs()).sum::<f64>();
+        count += said.len();
+    }
+    Ok(sum / count as f64)
+}

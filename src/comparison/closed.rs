@@ -1,0 +1,223 @@
+//! The additive residual against the one inside the loop, in closed-loop free run: nothing measured enters, and both positions are judged.
+
+use std::sync::Arc;
+
+use super::contenders::estimates;
+use super::{Contender, Standing};
+use crate::effects;
+use crate::frame::Estimate;
+use crate::parameters::Unit;
+use crate::plant::Plant;
+use crate::recording::Recording;
+use crate::replay::simulate;
+use crate::residual::booster::{Hyperparameters, TrainError, grow};
+use crate::residual::forest::Forest;
+use crate::residual::guard::Guard;
+use crate::residual::inloop::{self, FEATURES, PULL_1_S, Pull, at, features};
+use crate::residual::model::Learned;
+use crate::residual::split::Split;
+use crate::residual::table::Table;
+use crate::residual::training::{self, targets};
+use crate::signal::Signal;
+use crate::solver::Method;
+use crate::twin::Twin;
+use crate::units::seconds_from_nanos;
+
+/// Rows of features with the rate that the twin misses there, m/s; index of the frame beside each.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Pulled {
+    /// Features, row by row.
+    pub values: Vec<f64>,
+    /// Missing rate, m/s.
+    pub targets: Vec<f64>,
+    /// Frame of each row.
+    pub frames: Vec<usize>,
+}
+
+/// Pulls a twin along a recorded spool.
+#[must_use]
+pub fn pull(unit: &Unit, recording: &Recording) -> Pulled {
+    let mut plant = plant(unit);
+    let start_ns = recording.frames.first().map_or(0, |frame| frame.time_ns);
+    let path = recording.frames.iter().filter(|frame| frame.measured.spool_position_pu.is_finite()).map(|frame| {
+        let time_s = seconds_from_nanos(frame.time_ns - start_ns);
+        [time_s, plant.spool.position_m(frame.measured.spool_position_pu)]
+    });
+    let path: Vec<[f64; 2]> = path.collect();
+    plant.terms.push(Arc::new(Pull { path: path.clone(), area_m2: plant.spool.control_area_m2 }));
+    let mut twin = Twin::of_plant(plant, unit.parameters.oil.tank_pressure_pa, Method::default());
+    let mut pulled = Pulled::default();
+    for (index, frame) in recording.frames.iter().enumerate() {
+        let _ = twin.step(frame);
+        let time_s = seconds_from_nanos(frame.time_ns - start_ns);
+        let missing_m_s = PULL_1_S * (at(&path, time_s) - twin.state().spool_position_m);
+        let row = features(twin.state(), frame.inputs.tank_pressure_pa);
+        if frame.measured.spool_position_pu.is_finite()
+            && missing_m_s.is_finite()
+            && row.iter().all(|value| value.is_finite())
+        {
+            pulled.values.extend(row);
+            pulled.targets.push(missing_m_s);
+            pulled.frames.push(index);
+        }
+    }
+    pulled
+}
+
+/// A twin with what was learned inside it.
+#[must_use]
+pub fn twin(unit: &Unit, forest: Forest, guard: Guard) -> Twin {
+    let mut plant = plant(unit);
+    plant.terms.push(Arc::new(inloop::Learned { forest, guard, area_m2: plant.spool.control_area_m2 }));
+    Twin::of_plant(plant, unit.parameters.oil.tank_pressure_pa, Method::default())
+}
+
+fn plant(unit: &Unit) -> Plant {
+    let mut plant = Plant::new(&unit.parameters);
+    effects::apply(unit, &mut plant);
+    plant
+}
+
+/// Standings of the twin alone, with the additive residual and with the one inside, for spool and servomotor.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ClosedLoop {
+    /// Spool position.
+    pub spool: Vec<Standing>,
+    /// Servomotor position, which an additive residual of the spool cannot reach.
+    pub servomotor: Vec<Standing>,
+}
+
+/// Trains both residuals with the manual hyperparameters on the rows that teach, and judges them on the others, guarded.
+///
+/// The table must have been made of these recordings, in closed loop.
+///
+/// # Errors
+/// Where a model cannot be trained.
+pub fn closed_loop(
+    unit: &Unit,
+    recordings: &[Recording],
+    table: &Table,
+    split: &Split,
+    seed: u64,
+    mut done: impl FnMut(),
+) -> Result<ClosedLoop, TrainError> {
+    let width = table.layout.features.len();
+    let (trees, _) = training::fit(table, &split.train, Learned::Residual, &Hyperparameters::MANUAL, seed)?;
+    let guard = Guard::of(&table.select(&split.train), width, &targets(table, &split.train, Learned::Residual));
+    let additive = estimates(&walkable(&trees, width)?, table, &split.test, Learned::Residual, Some(&guard));
+    done();
+
+    let mut teaches: Vec<Vec<bool>> = recordings.iter().map(|one| vec![false; one.frames.len()]).collect();
+    for mark in split.train.iter().map(|&row| &table.marks[row]) {
+        teaches[mark.recording][mark.frame] = true;
+    }
+    let (mut values, mut missing) = (vec![], vec![]);
+    for (recording, teaches) in recordings.iter().zip(&teaches) {
+        let pulled = pull(unit, recording);
+        for (row, _) in pulled.frames.iter().enumerate().filter(|(_, frame)| teaches[**frame]) {
+            values.extend(&pulled.values[row * FEATURES..(row + 1) * FEATURES]);
+            missing.push(pulled.targets[row]);
+        }
+    }
+    done();
+    let grown = grow(&values, FEATURES, &missing, &Hyperparameters::MANUAL, seed)?;
+    let inside = twin(unit, walkable(&grown.trees, FEATURES)?, Guard::of(&values, FEATURES, &missing));
+    let free: Vec<Vec<Estimate>> = recordings.iter().map(|one| simulate(&mut inside.clone(), one)).collect();
+    let plain_twin = Twin::new(unit);
+    let plain: Vec<Vec<Estimate>> = recordings.iter().map(|one| simulate(&mut plain_twin.clone(), one)).collect();
+    done();
+
+    let of = |estimates: &[Vec<Estimate>], signal: Signal| -> Vec<f64> {
+        let marks = split.test.iter().map(|&row| &table.marks[row]);
+        marks.map(|mark| signal.of(&estimates[mark.recording][mark.frame].signals)).collect()
+    };
+    let contender = |id, title, estimates| Contender { id, title, estimates };
+    let field = |signal: Signal, additive: Vec<f64>| {
+        let judged = judged(table, recordings, signal);
+        let contenders = [
+            contender("mbm", "MBM", of(&plain, signal)),
+            contender("additive", "additive residual", additive),
+            contender("inside", "residual inside the loop", of(&free, signal)),
+        ];
+        contenders.map(|one| Standing::of(&judged, &split.test, &one)).to_vec()
+    };
+    let untouched = of(&plain, Signal::ServomotorPosition);
+    Ok(ClosedLoop {
+        spool: field(Signal::SpoolPosition, additive),
+        servomotor: field(Signal::ServomotorPosition, untouched),
+    })
+}
+
+fn walkable(trees: &[crate::residual::forest::Tree], width: usize) -> Result<Forest, TrainError> {
+    Forest::new(trees, width).map_err(|error| TrainError::Library(error.to_string()))
+}
+
+/// The same rows with another measured signal.
+fn judged(table: &Table, recordings: &[Recording], signal: Signal) -> Table {
+    let mut marks = table.marks.clone();
+    for mark in &mut marks {
+        mark.measured = signal.of(&recordings[mark.recording].frames[mark.frame].measured);
+    }
+    Table { layout: table.layout.clone(), values: vec![], marks, left_out: table.left_out }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{pull, twin};
+    use crate::frame::{EsvState, Frame, Inputs, Signals};
+    use crate::recording::Recording;
+    use crate::replay::simulate;
+    use crate::residual::forest::{Forest, Tree};
+    use crate::residual::guard::Guard;
+    use crate::residual::inloop::FEATURES;
+    use crate::twin::Twin;
+
+    /// A wavy command; the recorded spool stands off the twin's by `gap_pu`.
+    fn recording(rows: i64, gap_pu: f64) -> Recording {
+        let mut twin = Twin::new(&crate::params::reference());
+        let frame = |k: i64| {
+            let opening_command_pu = 0.4 + 0.1 * (0.14 * k as f64).sin();
+            let inputs = Inputs { opening_command_pu, esv: EsvState::Normal, tank_pressure_pa: 6.3e6 };
+            let mut frame = Frame { time_ns: k * 200_000_000, inputs, measured: Signals::NONE };
+            let signals = twin.step(&frame).signals;
+            let spool_position_pu = signals.spool_position_pu + gap_pu;
+            frame.measured = Signals { spool_position_pu, ..signals };
+            frame
+        };
+        Recording::new("a", (0..rows).map(frame).collect())
+    }
+
+    #[test]
+    fn a_twin_is_pulled_to_the_side_on_which_the_recorded_spool_stands() {
+        let unit = crate::params::reference();
+        let own = recording(300, 0.0);
+        let pulled = pull(&unit, &own);
+        assert_eq!((pulled.targets.len(), pulled.values.len()), (300, 300 * FEATURES));
+        // A spool that stands off all the time pulls all the time, to its side.
+        let mean = |gap: f64| {
+            let targets = pull(&unit, &recording(300, gap)).targets;
+            targets.iter().sum::<f64>() / targets.len() as f64
+        };
+        let [below, level, above] = [-0.05, 0.0, 0.05].map(mean);
+        assert!(below < 5.0 * -level.abs() && above > 5.0 * level.abs(), "{below}, {level}, {above}");
+    }
+
+    #[test]
+    fn trees_that_say_nothing_leave_the_twin_as_it_was_to_the_bit_and_others_move_the_spool() {
+        let unit = crate::params::reference();
+        let rows = recording(100, 0.0);
+        let plain = simulate(&mut Twin::new(&unit), &rows);
+        let with = |rate_m_s: f64| {
+            let leaf = vec![rate_m_s, rate_m_s];
+            let tree = Tree { feature: vec![0], threshold: vec![0.0], left: vec![-1], right: vec![-2], leaf };
+            let guard = Guard { support: vec![[-1e12, 1e12]; FEATURES], range: [-0.01, 0.01] };
+            simulate(&mut twin(&unit, Forest::new(&[tree], FEATURES).unwrap(), guard), &rows)
+        };
+        assert!(with(0.0) == plain);
+        let apart = |(a, b): (&crate::frame::Estimate, &crate::frame::Estimate)| {
+            (a.signals.spool_position_pu - b.signals.spool_position_pu).abs()
+        };
+        let moved: f64 = with(0.005).iter().zip(&plain).map(apart).sum();
+        assert!(moved > 0.01, "{moved}");
+    }
+}
