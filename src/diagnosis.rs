@@ -12,25 +12,21 @@ pub mod experiment;
 pub mod latent;
 pub mod ledger;
 pub mod outcome;
+pub mod part;
+pub mod ready;
 pub mod rivals;
 pub mod search;
+pub mod stage_experiment;
 pub mod stages;
 pub mod summary;
 pub mod visible;
 
 use crate::diagnosis::outcome::Diagnosis;
 use crate::diagnosis::rivals::Found;
-use crate::diagnosis::search::Turned;
 use crate::diagnosis::summary::Seen;
 use crate::effects::{CATALOGUE, EffectSpec};
 use crate::parameters::Unit;
 use crate::recording::Recording;
-use crate::tuning::knob::Knob;
-use crate::tuning::noise::expected;
-use crate::tuning::trial::Trial;
-
-/// Fewest samples that a recording must have to be of use.
-pub const FEWEST_SAMPLES: usize = 50;
 
 /// What to try.
 #[derive(Clone, Debug)]
@@ -39,28 +35,22 @@ pub struct Settings {
     pub catalogue: Vec<&'static EffectSpec>,
     /// Seed of the resampling behind intervals of closures.
     pub seed: u64,
+    /// No data sheet is known: the servomotor stage alone is judged, and fitted freely.
+    pub free: bool,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { catalogue: CATALOGUE.iter().collect(), seed: 1 }
+        Self { catalogue: CATALOGUE.iter().collect(), seed: 1, free: false }
     }
 }
 
 /// Why there can be no diagnosis.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DiagnosisError {
-    /// Nothing to go by.
-    #[error(
-        "none of the {recordings} recordings has {FEWEST_SAMPLES} samples of servomotor or spool position; the longest has {longest}; \
-         record a process of some seconds"
-    )]
-    TooLittle {
-        /// Recordings given.
-        recordings: usize,
-        /// Samples of the longest.
-        longest: usize,
-    },
+    /// Nothing to go by; each recording with its reason.
+    #[error("no recording can be used for a diagnosis:\n  {0}")]
+    Unusable(String),
     /// No effect to try.
     #[error("the catalogue to try is empty; leave at least one effect in it")]
     NothingToTry,
@@ -84,32 +74,28 @@ pub fn diagnose(
     }
     progress("reading the channels", 0.0);
     let channels = channels::survey(&recordings);
-    let count = recordings.len();
-    let trials: Vec<Trial> = recordings.into_iter().map(Trial::new).collect();
-    let longest = trials.iter().map(|trial| trial.samples.len()).max().unwrap_or(0);
-    let mut notes = Vec::new();
-    let (usable, short): (Vec<Trial>, Vec<Trial>) =
-        trials.into_iter().partition(|trial| trial.samples.len() >= FEWEST_SAMPLES);
-    for trial in &short {
-        notes.push(format!(
-            "{} has only {} samples and was left out; {FEWEST_SAMPLES} are needed.",
-            trial.name,
-            trial.samples.len()
-        ));
-    }
-    if usable.is_empty() {
-        return Err(DiagnosisError::TooLittle { recordings: count, longest });
-    }
-    let noise = expected(&unit.sensors);
+    let ready = ready::ready(recordings, unit, settings)?;
+    let stage_only = !ready.whole.is_empty();
     progress("refitting the sheet's parameters within their tolerances", 0.02);
+    let settings = &Settings { catalogue: ready.catalogue.clone(), ..settings.clone() };
     let (bench, refitted, sheet) =
-        search::nominal(usable, unit, Turned { knobs: Knob::nuisances(unit), starts: 1 }, &noise);
-    let found: Found = rivals::find(&bench, refitted, &sheet, &settings.catalogue, progress);
+        search::nominal(ready.trials.clone(), &ready.unit, ready.turned.clone(), &ready.noise);
+    let mut found: Found = rivals::find(&bench, refitted, &sheet, &settings.catalogue, progress);
     progress("placing free terms", 0.85);
     let floor = decide::floor(&bench, &found);
     let latents = latent::latents(&bench, &found.refitted, found.refitted.cost() - floor);
     let explained = latents.first().map_or(0.0, |latent| latent.explains);
-    let decision = decide::decide(&found, &settings.catalogue, floor, explained);
+    let mut decision = decide::decide(&found, &settings.catalogue, floor, explained);
+    let mut notes = ready.notes.clone();
+    if stage_only {
+        let (modest, dropped) = part::modest(&bench, &mut found, &ready, decision, explained);
+        decision = modest;
+        notes.extend(dropped);
+    }
     progress("gathering what the report shows", 0.9);
-    Ok(summary::gather(&bench, &found, &decision, unit, settings, Seen { latents, channels, notes }))
+    let mut said = summary::gather(&bench, &found, &decision, &ready.unit, settings, Seen { latents, channels, notes });
+    if stage_only {
+        said.part = Some(part::describe(&ready, &found));
+    }
+    Ok(said)
 }

@@ -18,6 +18,7 @@ pub mod lvdt_bias;
 pub mod lvdt_gain;
 pub mod own;
 pub mod pilot_filter;
+pub mod port_asymmetry;
 pub mod port_overlap;
 pub mod pv_bandwidth;
 pub mod pv_hysteresis;
@@ -180,6 +181,7 @@ pub const CATALOGUE: &[EffectSpec] = &[
     flow_force::SPEC,
     viscosity::SPEC,
     port_overlap::SPEC,
+    port_asymmetry::SPEC,
     backlash::SPEC,
     servo_friction::SPEC,
     servo_leak::SPEC,

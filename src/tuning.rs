@@ -3,6 +3,8 @@
 pub mod admission;
 pub mod calibration;
 pub mod fit;
+pub mod flexible;
 pub mod knob;
 pub mod noise;
+pub mod sheetless;
 pub mod trial;

@@ -5,8 +5,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use govtwin::bag::{self, Interpolation, ReadOptions, Stream};
+use govtwin::frame::Frame;
 use govtwin::tuning::admission::{Admitted, admit};
 use govtwin::tuning::trial::Trial;
+use govtwin::twin::Cut;
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 
 use super::output::Progress;
@@ -33,21 +35,28 @@ pub struct Trials {
 
 /// Reads all bags that the paths name; what cannot be used is left out with a warning, as long as something is left.
 ///
-/// Command and pressure run straight from sample to sample, on a grid as fine as the small loop's.
+/// Command and pressure run straight from sample to sample, on a grid as fine as the small loop's. A recording without a
+/// command is one of the servomotor stage, driven by its spool.
 pub fn read_trials(paths: &[PathBuf]) -> anyhow::Result<Trials> {
     let bags = find(paths)?;
     let mut options =
         ReadOptions { interpolation: Interpolation::Sharp { period_ns: 1_000_000 }, ..ReadOptions::default() };
-    options.required = vec![Stream::Command, Stream::ServoState];
+    options.required = vec![Stream::ServoState];
     let progress = Progress::new(bags.len(), "recordings read");
-    let read: Vec<(Result<Admitted, String>, Vec<String>)> = bags
+    let read: Vec<(Result<(Admitted, Cut), String>, Vec<String>)> = bags
         .par_iter()
         .map(|bag| {
             let result = match bag::read(&bag.path, &options) {
                 Err(error) => (Err(error.to_string()), vec![]),
                 Ok(mut loaded) => {
                     loaded.recording.name.clone_from(&bag.name);
-                    (admit(loaded.recording), loaded.health.warnings.iter().map(ToString::to_string).collect())
+                    let commanded = |frame: &Frame| frame.inputs.opening_command_pu.is_finite();
+                    let cut = if loaded.recording.frames.iter().any(commanded) { Cut::None } else { Cut::Spool };
+                    let admitted = admit(loaded.recording, cut);
+                    (
+                        admitted.map(|admitted| (admitted, cut)),
+                        loaded.health.warnings.iter().map(ToString::to_string).collect(),
+                    )
                 }
             };
             progress.step();
@@ -58,10 +67,15 @@ pub fn read_trials(paths: &[PathBuf]) -> anyhow::Result<Trials> {
     let (mut trials, mut warnings, mut refused) = (vec![], vec![], vec![]);
     for (bag, (admitted, notes)) in bags.iter().zip(read) {
         match admitted {
-            Ok(admitted) => {
+            Ok((admitted, cut)) => {
                 let named = notes.into_iter().chain(admitted.notes).map(|note| format!("{}: {note}", bag.name));
                 warnings.extend(named);
-                trials.push(admitted.trial);
+                if cut == Cut::Spool {
+                    warnings.push(format!("{}: no command: only the servomotor stage, driven by its spool", bag.name));
+                    trials.push(Trial::servomotor_stage(admitted.recording));
+                } else {
+                    trials.push(Trial::new(admitted.recording));
+                }
             }
             Err(reason) => refused.push(format!("{}: {reason}", bag.name)),
         }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, bail};
+use govtwin::bag::{Interpolation, ReadOptions, Stream, Warning};
 use govtwin::diagnosis::outcome::{Diagnosis, Fitted, Verdict};
 use govtwin::diagnosis::{Settings, contract, diagnose};
 use govtwin::effects::own;
@@ -40,6 +41,10 @@ pub struct Args {
     /// Tries the effects that a parameter file defines beside the catalogue's; may be repeated.
     #[arg(long = "candidate", value_name = "FILE")]
     candidates: Vec<PathBuf>,
+    /// No data sheet is known: judges the servomotor stage alone, driven by the recorded spool, all of it fitted freely.
+    /// Taken for granted where no recording holds a command and no sheet is given.
+    #[arg(long, conflicts_with = "params")]
+    free: bool,
     /// Seed of the resampling behind the intervals of closures.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -63,7 +68,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         Some(path) => params::load(path)?,
         None => params::reference(),
     };
-    let mut settings = Settings { seed: args.seed, ..Settings::default() };
+    let mut settings = Settings { seed: args.seed, free: args.free, ..Settings::default() };
     for id in &args.without {
         govtwin::effects::find(id).with_context(|| format!("--without {id}: no such effect; see `govtwin effects`"))?;
         settings.catalogue.retain(|spec| spec.id != id);
@@ -80,6 +85,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let mut outcome = Outcome::Ok;
     let recordings = read(&args.bags, &mut outcome)?;
+    settings.free |= args.params.is_none() && !recordings.iter().any(has_command);
     let (diagnosis, seconds) = judge(recordings, &unit, &settings)?;
     write(&args.out, &diagnosis, &origins(&args.bags), seconds)?;
     print(&report::summary(&diagnosis))?;
@@ -93,21 +99,30 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 
 /// Reads recordings as a diagnosis wants them.
 fn read(paths: &[PathBuf], outcome: &mut Outcome) -> anyhow::Result<Vec<Recording>> {
-    let options = govtwin::bag::ReadOptions {
-        interpolation: govtwin::bag::Interpolation::Sharp { period_ns: GRID_NS },
-        ..Default::default()
-    };
+    // Without a command the spool drives the servomotor stage; nothing needs to be filled in between samples then.
+    let plain = ReadOptions { required: vec![Stream::ServoState], ..ReadOptions::default() };
+    let fine = ReadOptions { interpolation: Interpolation::Sharp { period_ns: GRID_NS }, ..plain.clone() };
     let bags = find(paths)?;
     let mut recordings = Vec::with_capacity(bags.len());
     for bag in bags {
-        let read = govtwin::bag::read(&bag.path, &options)?;
+        let mut read = govtwin::bag::read(&bag.path, &plain)?;
+        let commanded = has_command(&read.recording);
+        if commanded {
+            read = govtwin::bag::read(&bag.path, &fine)?;
+        }
         for event in &read.health.warnings {
-            warn(&format!("{}: {event}", bag.name));
-            *outcome = Outcome::Warnings;
+            if commanded || !matches!(event, Warning::Filled { .. }) {
+                warn(&format!("{}: {event}", bag.name));
+                *outcome = Outcome::Warnings;
+            }
         }
         recordings.push(Recording { name: bag.name, ..read.recording });
     }
     Ok(recordings)
+}
+
+fn has_command(recording: &Recording) -> bool {
+    recording.frames.iter().any(|frame| frame.inputs.opening_command_pu.is_finite())
 }
 
 /// What the folders of the recordings say of where they come from, each saying once.
@@ -154,6 +169,7 @@ fn overlay(path: &Path, unit: &Unit, what: &str, parameters: &[Fitted]) -> anyho
     unit.own_effects.retain(|own| unit.effects.iter().any(|setting| setting.id == own.id));
     let comments: BTreeMap<String, String> = parameters
         .iter()
+        .filter(|one| one.name.contains('.'))
         .map(|one| (one.name.clone(), format!("90 %: {:.4e} to {:.4e} {}", one.value.low, one.value.high, one.unit)))
         .collect();
     params::write(

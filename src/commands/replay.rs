@@ -179,8 +179,11 @@ fn replay_all(args: &Args, unit: &Unit, bags: &[Bag], corrector: Option<&Correct
         let period_ns = nanos_from_seconds(unit.parameters.regulator.large_loop_period_s).max(1);
         options.interpolation = Interpolation::Linear { period_ns };
     }
-    if args.cut != CutAt::None {
-        options.required.push(Stream::ServoState);
+    match args.cut {
+        CutAt::None => {}
+        CutAt::Servomotor => options.required.push(Stream::ServoState),
+        // Behind the spool neither command nor ESV counts, and the sheet knows a tank pressure.
+        CutAt::Spool => options.required = vec![Stream::ServoState],
     }
     let progress = Progress::new(bags.len(), "recordings");
     let results: Vec<anyhow::Result<Result>> = bags

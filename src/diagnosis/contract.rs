@@ -2,7 +2,8 @@
 
 use serde_json::{Value, json};
 
-use crate::diagnosis::outcome::{Diagnosis, Fitted, Interval};
+use crate::diagnosis::outcome::{Diagnosis, Fitted, Interval, StageOnly};
+use crate::diagnosis::part::FREE_RUN_SAMPLES;
 use crate::effects::Stage;
 
 /// The schema's name.
@@ -173,5 +174,23 @@ fn evidence(diagnosis: &Diagnosis) -> Value {
         "parameters": parameters, "tried": tried, "channels": channels, "smallest_visible": visible,
         "alike": alike, "ledgers": ledgers, "stage_tests": tests, "free_terms": latents,
         "simulations": diagnosis.simulations,
+        "servomotor_stage_only": diagnosis.part.as_ref().map(stage_only),
+    })
+}
+
+/// What to know where the servomotor stage alone was judged.
+fn stage_only(part: &StageOnly) -> Value {
+    let runs: Vec<Value> = part
+        .free_runs
+        .iter()
+        .map(|run| {
+            json!({
+                "effects": run.model, "fitted_on": run.fitted_on, "rmse_pu": run.seen, "held_out_rmse_pu": run.held_out,
+            })
+        })
+        .collect();
+    json!({
+        "data_sheet": part.sheet, "pieces": part.pieces, "piece_s": part.piece_s,
+        "free_run_samples": FREE_RUN_SAMPLES, "free_runs": runs,
     })
 }

@@ -86,18 +86,18 @@ pub fn latents(bench: &Bench, model: &Model, gap: f64) -> Vec<Latent> {
     let unit = model.unit();
     let mut all: Vec<Latent> = PLACES
         .par_iter()
-        .map(|&(point, place, stage, term_unit, scale)| {
-            let (sizes, gain) = fitted(bench, model, &unit, point, scale);
+        .filter_map(|&(point, place, stage, term_unit, scale)| {
+            let (sizes, gain) = fitted(bench, model, &unit, point, scale)?;
             let explains = if gap > 0.0 { (gain / gap).clamp(0.0, 1.0) } else { 0.0 };
-            Latent { place, stage, unit: term_unit, explains, curves: curves(&sizes) }
+            Some(Latent { place, stage, unit: term_unit, explains, curves: curves(&sizes) })
         })
         .collect();
     all.sort_by(|a, b| b.explains.total_cmp(&a.explains));
     all
 }
 
-/// Sizes of the shapes, and by how much the cost falls.
-fn fitted(bench: &Bench, model: &Model, unit: &Unit, point: Point, scale: f64) -> ([f64; SHAPES.len()], f64) {
+/// Sizes of the shapes, and by how much the cost falls; none where the place has no say.
+fn fitted(bench: &Bench, model: &Model, unit: &Unit, point: Point, scale: f64) -> Option<([f64; SHAPES.len()], f64)> {
     let step = 0.2 * scale;
     let columns: Vec<Misses> = (0..SHAPES.len())
         .map(|shape| {
@@ -106,6 +106,9 @@ fn fitted(bench: &Bench, model: &Model, unit: &Unit, point: Point, scale: f64) -
             misses(bench, unit, point, sizes)
         })
         .collect();
+    if columns.iter().all(|column| *column == model.fit.misses) {
+        return None;
+    }
     let slopes: Vec<DMatrix<f64>> = (0..bench.trials.len())
         .map(|trial| {
             let old = &model.fit.slopes[trial];
@@ -137,7 +140,7 @@ fn fitted(bench: &Bench, model: &Model, unit: &Unit, point: Point, scale: f64) -
         // A term a hundred times moderate is beyond belief.
         hessian[(k, k)] += 1.0 / (100.0 * scale).powi(2);
     }
-    let Some(cholesky) = hessian.cholesky() else { return ([0.0; SHAPES.len()], 0.0) };
+    let Some(cholesky) = hessian.cholesky() else { return Some(([0.0; SHAPES.len()], 0.0)) };
     let change = -cholesky.solve(&gradient);
     let before = model.cost();
     let mut best = ([0.0; SHAPES.len()], 0.0);
@@ -155,7 +158,7 @@ fn fitted(bench: &Bench, model: &Model, unit: &Unit, point: Point, scale: f64) -
             best = (sizes, gain);
         }
     }
-    best
+    Some(best)
 }
 
 /// The shape against position, speed and spool.

@@ -41,8 +41,13 @@ const CUTS: [Cut; 6] = [
 #[must_use]
 pub fn ledgers(bench: &Bench, refitted: &[Vec<Estimate>], with_effects: &[Vec<Estimate>]) -> Vec<Ledger> {
     let mut all = Vec::new();
+    let stage_only = bench.trials.iter().all(|trial| trial.cut == crate::twin::Cut::Spool);
     for signal in [Signal::ServomotorPosition, Signal::SpoolPosition] {
         for (by, names, part_of) in CUTS {
+            // Without command and ESV these say nothing.
+            if stage_only && ["process", "ESV"].contains(&by) {
+                continue;
+            }
             let mut parts: Vec<Part> = names
                 .iter()
                 .map(|name| Part { name: (*name).to_owned(), samples: 0, refitted: 0.0, with_effects: 0.0 })
@@ -51,7 +56,7 @@ pub fn ledgers(bench: &Bench, refitted: &[Vec<Estimate>], with_effects: &[Vec<Es
                 for (k, &row) in trial.samples.iter().enumerate() {
                     let frame = &trial.frames[row];
                     let measured = signal.of(&frame.measured);
-                    if !measured.is_finite() {
+                    if !measured.is_finite() || !trial.has[signal as usize] {
                         continue;
                     }
                     let before = &refitted[index][k];

@@ -261,6 +261,32 @@ pub struct Trace {
     pub signals: Vec<(Signal, [Vec<f64>; 4])>,
 }
 
+/// How well a model predicts free runs of a fixed number of samples, each from its own measured start.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FreeRun {
+    /// The model, in words.
+    pub model: String,
+    /// The half of the recordings that it was fitted to.
+    pub fitted_on: &'static str,
+    /// RMS miss of the servomotor in the half that it was fitted to, pu.
+    pub seen: f64,
+    /// The same in the other half.
+    pub held_out: f64,
+}
+
+/// What to know of a diagnosis of a part of the chain.
+#[derive(Clone, Debug)]
+pub struct StageOnly {
+    /// Whether a data sheet was given; without one everything is fitted freely.
+    pub sheet: bool,
+    /// Number of pieces that the recordings were cut into.
+    pub pieces: usize,
+    /// Length of a piece, s.
+    pub piece_s: f64,
+    /// Free runs on the other half.
+    pub free_runs: Vec<FreeRun>,
+}
+
 /// All that a diagnosis says.
 #[derive(Clone, Debug)]
 pub struct Diagnosis {
@@ -310,6 +336,8 @@ pub struct Diagnosis {
     pub samples: usize,
     /// Traces for pictures.
     pub traces: Vec<Trace>,
+    /// Where the recordings hold no command: the servomotor stage alone was judged, driven by the measured spool.
+    pub part: Option<StageOnly>,
     /// What a reader must know beside the verdict.
     pub notes: Vec<String>,
     /// Number of simulated recordings that it took.

@@ -11,6 +11,7 @@ use crate::diagnosis::outcome::{
 };
 use crate::diagnosis::rivals::Found;
 use crate::diagnosis::search::Model;
+use crate::diagnosis::stage_experiment;
 use crate::diagnosis::stages;
 use crate::diagnosis::visible::Marks;
 use crate::effects::{EffectSpec, Stage};
@@ -19,6 +20,7 @@ use crate::parameters::Unit;
 use crate::signal::Signal;
 use crate::tuning::fit::Bench;
 use crate::tuning::knob::Knob;
+use crate::twin::Cut;
 use crate::units::seconds_from_nanos;
 
 /// Standard deviations to either side of a 90 % interval.
@@ -95,7 +97,8 @@ pub fn gather(
     let refitted_without = without_recordings(bench, &found.refitted);
     let simulate = |unit: &Unit| (0..bench.trials.len()).map(|trial| bench.simulate(unit, trial)).collect::<Vec<_>>();
     let [delivered, refitted, with_effects] = [unit, &found.refitted.unit(), &chosen.unit()].map(simulate);
-    let parameters = fitted(&chosen, Knob::has_prior);
+    let known = unit.effects.len();
+    let parameters = fitted(&chosen, |knob| !matches!(knob, Knob::Effect { effect, .. } if *effect >= known));
     for parameter in parameters.iter().filter(|parameter| parameter.at_bound) {
         notes.push(format!("{} was fitted onto the end of its range.", parameter.name));
     }
@@ -111,7 +114,7 @@ pub fn gather(
         ranking: ranking(decision),
         gap: gaps(bench, &delivered, &refitted, &with_effects),
         closure: whole,
-        experiments: experiments(found, &blamed, verdict),
+        experiments: experiments(bench, found, &blamed, verdict),
         refitted: found.refitted.unit(),
         fitted: chosen.unit(),
         parameters,
@@ -128,6 +131,7 @@ pub fn gather(
         places: places(found),
         traces: traces(bench, [&delivered, &refitted, &with_effects]),
         blamed,
+        part: None,
         notes,
         simulations: bench.simulations(),
     }
@@ -141,6 +145,8 @@ fn single<'a>(found: &'a Found, id: Option<&str>) -> &'a Model {
 
 /// The fitted values of those knobs that are wanted.
 fn fitted(model: &Model, wanted: impl Fn(&Knob) -> bool) -> Vec<Fitted> {
+    // Effects of the unit itself come before those that were tried.
+    let first = model.base.effects.len().saturating_sub(model.effects.len());
     model
         .knobs
         .iter()
@@ -154,7 +160,12 @@ fn fitted(model: &Model, wanted: impl Fn(&Knob) -> bool) -> Vec<Fitted> {
             let (a, b) = (at(-NINETY), at(NINETY));
             let (name, unit) = knob.key(&model.base);
             Fitted {
-                name: if knob.has_prior() { name } else { name.rsplit('.').next().unwrap_or(&name).to_owned() },
+                name: match knob {
+                    Knob::Effect { effect, .. } if *effect >= first => {
+                        name.rsplit('.').next().unwrap_or(&name).to_owned()
+                    }
+                    _ => name,
+                },
                 unit,
                 value: Interval { value: at(0.0), low: a.min(b), high: a.max(b) },
                 sheet: knob.value(&model.base, 0.0),
@@ -248,7 +259,7 @@ fn gaps(
             for (index, trial) in bench.trials.iter().enumerate() {
                 for (k, &row) in trial.samples.iter().enumerate() {
                     let measured = signal.of(&trial.frames[row].measured);
-                    if measured.is_finite() {
+                    if measured.is_finite() && trial.has[signal as usize] {
                         for (sum, twin) in sums.iter_mut().zip([delivered, refitted, with_effects]) {
                             *sum += (measured - signal.of(&twin[index][k].signals)).powi(2);
                         }
@@ -345,7 +356,7 @@ fn traces(bench: &Bench, twins: [&[Vec<Estimate>]; 3]) -> Vec<Trace> {
 }
 
 /// For a class, a test for each pair of rivals; for one named effect, a test against the runner-up.
-fn experiments(found: &Found, blamed: &[Blame], verdict: Verdict) -> Vec<Experiment> {
+fn experiments(bench: &Bench, found: &Found, blamed: &[Blame], verdict: Verdict) -> Vec<Experiment> {
     let tried: Vec<&Model> = found.slots.first().into_iter().flat_map(|slot| &slot.tried).collect();
     let model = |id: &str| tried.iter().find(|model| model.effects.len() == 1 && model.effects[0].id == id).copied();
     let mut pairs: Vec<(String, String)> = Vec::new();
@@ -362,5 +373,11 @@ fn experiments(found: &Found, blamed: &[Blame], verdict: Verdict) -> Vec<Experim
         }
         _ => {}
     }
-    pairs.iter().filter_map(|(a, b)| experiment::between([a, b], [&model(a)?.unit(), &model(b)?.unit()])).collect()
+    let stage_only = bench.trials.first().is_some_and(|trial| trial.cut == Cut::Spool);
+    let noise_pu = bench.floor_square(0, Signal::ServomotorPosition).sqrt();
+    let test = |(a, b): &(String, String)| {
+        let units = [&model(a)?.unit(), &model(b)?.unit()];
+        if stage_only { stage_experiment::between([a, b], units, noise_pu) } else { experiment::between([a, b], units) }
+    };
+    pairs.iter().filter_map(test).collect()
 }

@@ -8,6 +8,7 @@ mod words;
 use super::draw::{DrawError, svg};
 use super::page::{Blocks, KeyFigure, Page, Tone};
 use crate::diagnosis::outcome::{Diagnosis, Trace, Verdict};
+use crate::diagnosis::part::FREE_RUN_SAMPLES;
 use crate::signal::Signal;
 
 pub use words::summary;
@@ -80,13 +81,23 @@ fn opening(body: &mut Blocks, diagnosis: &Diagnosis, origins: &[String]) {
 fn misses(body: &mut Blocks, diagnosis: &Diagnosis, explained: bool) -> Result<(), DrawError> {
     body.heading("How far off the twin is");
     if !diagnosis.gap.is_empty() {
-        body.figure(
-            svg(&pictures::misses(diagnosis, explained))?,
+        let caption = if diagnosis.part.as_ref().is_some_and(|part| !part.sheet) {
+            "Delivered: a first guess, as no data sheet is known. Refitted: the same stage fitted freely, alike in both directions. The \
+             line is what the most flexible law of spool and opening leaves."
+        } else {
             "Delivered: the sheet's values. Refitted: the same parameters moved within their tolerances. The line is what a right twin \
-             would still miss, from noise and steps of the transducers.",
-        );
+             would still miss, from noise and steps of the transducers."
+        };
+        body.figure(svg(&pictures::misses(diagnosis, explained))?, caption);
     }
     body.table(tables::gap(diagnosis, explained), "RMS miss over all recordings; positions in % of their stroke.");
+    if let Some(part) = diagnosis.part.as_ref().filter(|part| !part.free_runs.is_empty()) {
+        let caption = format!(
+            "Free runs of {FREE_RUN_SAMPLES} samples, each from its own measured start: fitted to one half of the recordings, the other \
+             predicted. RMS miss of the servomotor in % of its stroke."
+        );
+        body.table(tables::free_runs(part), caption);
+    }
     if diagnosis.blamed.len() > 1 {
         body.table(tables::blamed(diagnosis), "What the verdict blames; closures on processes left out of the fit.");
     }
@@ -100,7 +111,10 @@ fn recordings(body: &mut Blocks, diagnosis: &Diagnosis, explained: bool) -> Resu
     for (rank, trace) in order.into_iter().enumerate() {
         let mut inner = Blocks::new();
         let into = if rank == 0 { &mut *body } else { &mut inner };
-        let what = format!("{} ({})", trace.name, trace.process.title());
+        let what = match diagnosis.part {
+            Some(_) => trace.name.clone(),
+            None => format!("{} ({})", trace.name, trace.process.title()),
+        };
         let first = if rank == 0 && diagnosis.traces.len() > 1 { " The recording with most of the gap." } else { "" };
         into.figure(svg(&traces::picture(trace, None, explained))?, format!("{what}.{first}"));
         if let Some(window_s) = traces::close_up(trace) {

@@ -1,9 +1,10 @@
 //! Admission: what of a recording a fit may use, and what it must not believe.
 
-use crate::frame::{EsvState, Signals};
+use crate::frame::{EsvState, Frame, Signals};
 use crate::recording::Recording;
 use crate::signal::Signal;
-use crate::tuning::trial::Trial;
+use crate::twin::Cut;
+use crate::units::seconds_from_nanos;
 
 /// Fewer samples than this say nothing about a servo system.
 const FEWEST_SAMPLES: usize = 50;
@@ -16,63 +17,150 @@ const CLEAR_MOVE_PU: f64 = 0.03;
 /// Gaps of a channel worth a word, as a share of its samples.
 const GAPS_SHARE: f64 = 0.05;
 
+/// A longer stretch without a sample is worth a word, s.
+const SILENCE_S: f64 = 2.0;
+/// Equal neighbours at an end of a channel's range, as a share of its samples, from which on it is taken for saturated.
+const SATURATED_SHARE: f64 = 0.02;
+/// Samples one behind another that stand at the very end of the range while saturated.
+const SATURATED_RUN: usize = 10;
+/// Equal neighbours elsewhere, as a share, up to which a channel is lively enough for standing still to mean something.
+const LIVELY_SHARE: f64 = 0.2;
+
 /// A recording ready for a fit, and what there is to say of it.
 #[derive(Clone, Debug)]
 pub struct Admitted {
-    /// The trial, without the channels that cannot be believed.
-    pub trial: Trial,
-    /// Warnings, each a sentence.
+    /// The recording, without the samples that cannot be believed.
+    pub recording: Recording,
+    /// Warnings, each a sentence without its full stop.
     pub notes: Vec<String>,
 }
 
 /// Takes a recording in, or says in a sentence why it cannot be used.
 ///
+/// The cut says what drives the twin: at [`Cut::Spool`] the measured spool stands in for the command, and both positions are
+/// needed; time then has no scale of its own.
+///
 /// # Errors
-/// When it is too short, or holds no command or nothing measured.
-pub fn admit(mut recording: Recording) -> Result<Admitted, String> {
+/// When it is too short, or holds nothing that drives a twin, or nothing measured.
+pub fn admit(mut recording: Recording, cut: Cut) -> Result<Admitted, String> {
     let mut notes = Vec::new();
+    notes.extend(keep_longest_rise(&mut recording));
     let commands = || recording.frames.iter().map(|frame| frame.inputs.opening_command_pu);
-    let Some(command_span_pu) = span(commands()) else {
-        return Err("holds no opening command; a fit needs what was asked of the unit".to_owned());
-    };
     let tripped = recording.frames.iter().any(|frame| frame.inputs.esv == EsvState::Shutdown);
-    if command_span_pu < LEAST_MOVE_PU && !tripped {
-        notes.push(format!(
-            "the command moves by {command_span_pu:.4} pu only and the emergency valve rests: too little excitation to tell \
-             much; a start-up, a load change or a trip would"
-        ));
-    }
-    for signal in Signal::ALL {
-        let values = || recording.frames.iter().map(|frame| signal.of(&frame.measured)).filter(|v| v.is_finite());
-        let count = values().count();
-        if count > 1 && span(values()) == Some(0.0) && (command_span_pu > CLEAR_MOVE_PU || tripped) {
-            notes.push(format!("{} is constant while the unit moves: left out, its transducer is stuck", signal.id()));
-            recording.frames.iter_mut().for_each(|frame| forget(signal, &mut frame.measured));
+    let mut moved = tripped;
+    if cut == Cut::Spool {
+        for signal in [Signal::SpoolPosition, Signal::ServomotorPosition] {
+            let values = || recording.frames.iter().map(|frame| signal.of(&frame.measured));
+            match span(values()) {
+                None => return Err(format!("holds neither an opening command nor {}", signal.id())),
+                Some(0.0) => return Err(format!("holds no opening command, and {} is constant", signal.id())),
+                Some(_) => {}
+            }
         }
-    }
-    let trial = Trial::new(recording);
-    let samples = trial.samples.len();
-    let length_s = trial.period_s * samples as f64;
-    if samples == 0 {
-        return Err("holds no measured signal that can be used".to_owned());
-    }
-    if samples < FEWEST_SAMPLES || length_s < SHORTEST_S {
-        return Err(format!(
-            "{samples} samples over {length_s:.1} s; a fit needs at least {FEWEST_SAMPLES} over {SHORTEST_S} s"
-        ));
-    }
-    for signal in Signal::ALL.into_iter().filter(|&signal| trial.has[signal as usize]) {
-        let there = trial.samples.iter().filter(|&&row| signal.of(&trial.frames[row].measured).is_finite()).count();
-        let missing = 1.0 - there as f64 / samples as f64;
-        if missing > GAPS_SHARE {
+    } else {
+        let Some(command_span_pu) = span(commands()) else {
+            return Err(
+                "holds no opening command; a fit of the whole chain needs what was asked of the unit".to_owned()
+            );
+        };
+        moved |= command_span_pu > CLEAR_MOVE_PU;
+        if command_span_pu < LEAST_MOVE_PU && !tripped {
             notes.push(format!(
-                "{} is missing in {:.0} % of the samples; they are passed over",
-                signal.id(),
-                missing * 100.0
+                "the command moves by {command_span_pu:.4} pu only and the emergency valve rests: too little excitation to tell \
+                 much; a start-up, a load change or a trip would"
             ));
         }
     }
-    Ok(Admitted { trial, notes })
+    for signal in Signal::ALL {
+        let values: Vec<f64> =
+            recording.frames.iter().map(|frame| signal.of(&frame.measured)).filter(|v| v.is_finite()).collect();
+        if moved && values.len() > 1 && span(values.iter().copied()) == Some(0.0) {
+            notes.push(format!("{} is constant while the unit moves: left out, its transducer is stuck", signal.id()));
+            recording.frames.iter_mut().for_each(|frame| forget(signal, &mut frame.measured));
+        } else if let Some((end, count)) = saturated(&values) {
+            notes.push(format!(
+                "{} stands at {end:.4} {} in {count} of {} samples, again and again to the last digit: saturated there, passed over",
+                signal.id(),
+                signal.unit(),
+                values.len()
+            ));
+            let at_end = |frame: &&mut Frame| signal.of(&frame.measured) == end;
+            recording.frames.iter_mut().filter(at_end).for_each(|frame| forget(signal, &mut frame.measured));
+        }
+    }
+    check_samples(&recording, cut, &mut notes)?;
+    Ok(Admitted { recording, notes })
+}
+
+/// Whether there are samples enough, and what is missing among them.
+fn check_samples(recording: &Recording, cut: Cut, notes: &mut Vec<String>) -> Result<(), String> {
+    let has = |frame: &Frame, signal: Signal| signal.of(&frame.measured).is_finite();
+    let seen = |frame: &&Frame| match cut {
+        Cut::Spool => has(frame, Signal::SpoolPosition) && has(frame, Signal::ServomotorPosition),
+        _ => Signal::ALL.iter().any(|&signal| has(frame, signal)),
+    };
+    let rows: Vec<&Frame> = recording.frames.iter().filter(seen).collect();
+    let samples = rows.len();
+    let (Some(first), Some(last)) = (rows.first(), rows.last()) else {
+        return Err("holds no measured signal that can be used".to_owned());
+    };
+    let length_s = seconds_from_nanos(last.time_ns - first.time_ns);
+    if samples < FEWEST_SAMPLES || (length_s < SHORTEST_S && cut != Cut::Spool) {
+        return Err(format!(
+            "{samples} samples over {length_s:.1} s; at least {FEWEST_SAMPLES} over {SHORTEST_S} s are needed"
+        ));
+    }
+    let silence = |pair: &[&Frame]| seconds_from_nanos(pair[1].time_ns - pair[0].time_ns);
+    let longest_s = rows.windows(2).map(silence).fold(0.0, f64::max);
+    if longest_s > SILENCE_S.max(20.0 * length_s / samples as f64) {
+        notes.push(format!("nothing was measured for {longest_s:.1} s: passed over"));
+    }
+    for signal in Signal::ALL {
+        let there = rows.iter().filter(|frame| has(frame, signal)).count();
+        let missing = 1.0 - there as f64 / samples as f64;
+        if there == 0 && [Signal::ServomotorPosition, Signal::SpoolPosition].contains(&signal) {
+            notes.push(format!("{} was not recorded, or cannot be used: what only it shows stays unseen", signal.id()));
+        } else if there > 0 && missing > GAPS_SHARE {
+            let percent = missing * 100.0;
+            notes.push(format!("{} is missing in {percent:.0} % of the samples; they are passed over", signal.id()));
+        }
+    }
+    Ok(())
+}
+
+/// Leaves the longest stretch in which time rises; a clock that jumps back makes two recordings of one.
+fn keep_longest_rise(recording: &mut Recording) -> Option<String> {
+    let frames = &recording.frames;
+    let breaks = (1..frames.len()).filter(|&k| frames[k].time_ns <= frames[k - 1].time_ns);
+    let mut edges: Vec<usize> = std::iter::once(0).chain(breaks).collect();
+    edges.push(frames.len());
+    if edges.len() == 2 {
+        return None;
+    }
+    let longest = edges.windows(2).max_by_key(|pair| pair[1] - pair[0]).map(|pair| (pair[0], pair[1]))?;
+    let left_out = frames.len() - (longest.1 - longest.0);
+    recording.frames = frames[longest.0..longest.1].to_vec();
+    Some(format!(
+        "its clock jumps back {} times: {left_out} rows outside the longest stretch left out",
+        edges.len() - 2
+    ))
+}
+
+/// The end of the range at which a lively channel stands still again and again, and in how many samples.
+fn saturated(values: &[f64]) -> Option<(f64, usize)> {
+    let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
+    let equal = |inside: bool| {
+        values.windows(2).filter(|pair| pair[0] == pair[1] && (pair[0] == low || pair[0] == high) != inside).count()
+    };
+    let count = values.len().max(1) as f64;
+    if equal(true) as f64 > LIVELY_SHARE * count {
+        return None;
+    }
+    [high, low].into_iter().find_map(|end| {
+        let at_end = values.iter().filter(|value| **value == end).count();
+        let run = values.split(|value| *value != end).map(<[f64]>::len).max().unwrap_or(0);
+        (run >= SATURATED_RUN && at_end as f64 > SATURATED_SHARE * count).then_some((end, at_end))
+    })
 }
 
 /// Greatest less least of the finite values.
@@ -111,10 +199,16 @@ mod tests {
         k as f64 * 1e-3
     }
 
+    fn chain(recording: Recording) -> Result<Admitted, String> {
+        admit(recording, Cut::None)
+    }
+
     #[test]
     fn a_sound_recording_passes_without_a_word() {
-        let admitted = admit(recording(500, ramp, ramp)).unwrap();
-        assert!(admitted.notes.is_empty() && admitted.trial.samples.len() == 500);
+        let admitted = chain(recording(500, ramp, ramp)).unwrap();
+        assert!(admitted.recording.frames.len() == 500);
+        let said = admitted.notes.join(" ");
+        assert!(admitted.notes.len() == 1 && said.contains("spool_position_pu was not recorded"), "{said}");
     }
 
     #[test]
@@ -125,22 +219,43 @@ mod tests {
             (recording(500, ramp, |_| f64::NAN), "no measured signal"),
             (recording(500, ramp, |_| 0.3), "no measured signal"),
         ] {
-            let refused = admit(recording).unwrap_err();
+            let refused = chain(recording).unwrap_err();
             assert!(refused.contains(words), "{refused}");
         }
+        let refused = admit(recording(500, |_| f64::NAN, ramp), Cut::Spool).unwrap_err();
+        assert!(refused.contains("neither an opening command nor spool_position_pu"), "{refused}");
     }
 
     #[test]
     fn what_is_doubtful_is_said() {
-        let notes = admit(recording(500, |_| 0.5, |k| 0.5 + 1e-4 * ramp(k))).unwrap().notes;
+        let notes = chain(recording(500, |_| 0.5, |k| 0.5 + 1e-4 * ramp(k))).unwrap().notes;
         assert!(notes[0].contains("too little excitation"), "{notes:?}");
-        let notes = admit(recording(500, ramp, |k| if k % 4 == 0 { f64::NAN } else { ramp(k) })).unwrap().notes;
-        assert!(notes.is_empty(), "rows without a sample are no samples: {notes:?}");
         let mut holed = recording(500, ramp, ramp);
         for (k, frame) in holed.frames.iter_mut().enumerate() {
             frame.measured.spool_position_pu = if k < 400 { ramp(3) * k as f64 } else { f64::NAN };
         }
-        let notes = admit(holed).unwrap().notes;
+        let notes = chain(holed).unwrap().notes;
         assert!(notes[0].contains("spool_position_pu is missing in 20 %"), "{notes:?}");
+    }
+
+    #[test]
+    fn a_transducer_at_its_end_is_passed_over_there() {
+        let wave = |k: i64| 0.3 * (k as f64 * 0.02).sin();
+        let notes = chain(recording(900, ramp, move |k| wave(k).min(0.2))).unwrap();
+        assert!(notes.notes[0].contains("saturated"), "{:?}", notes.notes);
+        let left = notes.recording.frames.iter().filter(|f| f.measured.servomotor_position_pu == 0.2).count();
+        assert_eq!(left, 0);
+        let coarse = move |k: i64| (wave(k) * 20.0).round() / 20.0;
+        let said = chain(recording(900, ramp, coarse)).unwrap().notes.join(" ");
+        assert!(!said.contains("saturated"), "coarse steps are no saturation: {said}");
+    }
+
+    #[test]
+    fn of_a_clock_that_jumps_the_longest_stretch_stays() {
+        let mut jumped = recording(600, ramp, ramp);
+        jumped.frames[400..].iter_mut().for_each(|frame| frame.time_ns -= 5_000_000_000);
+        let admitted = chain(jumped).unwrap();
+        assert_eq!(admitted.recording.frames.len(), 400);
+        assert!(admitted.notes[0].contains("jumps back 1 times: 200 rows"), "{:?}", admitted.notes);
     }
 }

@@ -1,7 +1,7 @@
 //! The tables of a diagnosis.
 
 use super::words::{id_words, percent, value, values};
-use crate::diagnosis::outcome::{Diagnosis, Fitted, Interval};
+use crate::diagnosis::outcome::{Diagnosis, Fitted, Interval, StageOnly};
 use crate::report::table::{Table, fixed, significant};
 use crate::signal::Signal;
 
@@ -29,6 +29,25 @@ pub fn gap(diagnosis: &Diagnosis, explained: bool) -> Table {
             row.push(if beyond > 0.0 { percent(closed / beyond) } else { "no gap".to_owned() });
         }
         table.row(row);
+    }
+    table
+}
+
+/// Free runs of a servomotor stage on its own.
+pub fn free_runs(part: &StageOnly) -> Table {
+    let mut table = Table::new()
+        .words("model")
+        .words("fitted to the")
+        .numbers("misses there, %")
+        .numbers("misses the other half, %");
+    for run in &part.free_runs {
+        let model = if run.model.is_empty() { "no effect".to_owned() } else { id_words(&run.model) };
+        table.row([
+            model,
+            run.fitted_on.to_owned(),
+            significant(100.0 * run.seen, 3),
+            significant(100.0 * run.held_out, 3),
+        ]);
     }
     table
 }

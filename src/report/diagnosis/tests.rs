@@ -124,6 +124,7 @@ fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
             time_s: time_s.clone(),
         }],
         blamed: blamed.iter().map(blame).collect(),
+        part: None,
         notes: vec!["x < y.".into()],
         simulations: 7,
     }

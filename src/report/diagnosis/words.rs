@@ -276,6 +276,16 @@ pub fn summary(diagnosis: &Diagnosis) -> String {
         let name = gap.signal.title();
         line("RMS miss", format!("{name}: sheet {delivered}, refitted {refitted}{with_effects}; noise {floor}"));
     }
+    for run in diagnosis.part.iter().flat_map(|part| &part.free_runs) {
+        let model = if run.model.is_empty() { "no effect".to_owned() } else { id_words(&run.model) };
+        let words = format!(
+            "{model}, fitted to the {}: {} % there, {} % in the other half",
+            run.fitted_on,
+            significant(100.0 * run.seen, 3),
+            significant(100.0 * run.held_out, 3)
+        );
+        line("free runs", words);
+    }
     for one in &diagnosis.experiments {
         line("next test", format!("{} (tells {} apart)", one.test, listed(&one.separates, "and")));
     }

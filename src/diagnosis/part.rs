@@ -1,0 +1,153 @@
+//! A part of the chain: how well its models predict free runs, and how much of the verdict they bear.
+
+use crate::diagnosis::decide::{Decision, decide, floor};
+use crate::diagnosis::outcome::{FreeRun, StageOnly, Verdict};
+use crate::diagnosis::ready::Ready;
+use crate::diagnosis::rivals::{DETECTED, Found};
+use crate::diagnosis::search::Model;
+use crate::frame::Frame;
+use crate::parameters::Unit;
+use crate::recording::Recording;
+use crate::tuning::fit::{Bench, Effort, fit};
+use crate::tuning::knob::unit_at;
+use crate::tuning::noise::{ALIKE, Noise};
+use crate::tuning::trial::Trial;
+use crate::units::seconds_from_nanos;
+
+/// Length of a free run, samples.
+pub const FREE_RUN_SAMPLES: usize = 100;
+/// Effects on top of the first must be this probable to be named.
+const SURE: f64 = 0.6;
+/// Without a sheet an effect of at least this probability is a rival.
+const RIVAL: f64 = 0.03;
+/// A stage that misses no more than this, in squares of what the most flexible law misses, shows no gap.
+const CALM_ENOUGH: f64 = 2.0;
+
+/// The decision as far as a stage on its own bears it; what was taken back is said.
+///
+/// Without a sheet everything is fitted freely, and a piece of a recording starts in a state that nobody measured: a second effect, or the
+/// better of two alike, is then easily had.
+#[must_use]
+pub fn modest(
+    bench: &Bench,
+    found: &mut Found,
+    ready: &Ready,
+    decision: Decision,
+    explained: f64,
+) -> (Decision, Option<String>) {
+    let mut decision = decision;
+    let mut said = None;
+    let samples: usize = bench.trials.iter().map(|trial| trial.samples.len()).sum();
+    if !ready.sheet && found.refitted.cost() < CALM_ENOUGH * samples as f64 / ALIKE + DETECTED {
+        let blamed = decision.verdict != Verdict::NoGap;
+        said = blamed.then(|| "What the fitted stage misses, the most flexible law misses as well: no gap.".to_owned());
+        let none = decision.none.max(0.9);
+        let rest: f64 = decision.effects.iter().map(|(_, p)| p).sum::<f64>() + decision.unknown;
+        let share = (1.0 - none) / rest.max(1.0 - none).max(1e-12);
+        decision.effects.iter_mut().for_each(|(_, p)| *p *= share);
+        decision.unknown *= share;
+        return (Decision { verdict: Verdict::NoGap, blamed: Vec::new(), none, ..decision }, said);
+    }
+    let probability = |decision: &Decision, id: &str| {
+        decision.effects.iter().find(|(spec, _)| spec.id == id).map_or(0.0, |(_, p)| *p)
+    };
+    let doubtful = decision.blamed.iter().any(|id| probability(&decision, id) < SURE);
+    let first = found.slots.first().and_then(|slot| slot.tried.first()).cloned();
+    if let Some(first) = first.filter(|_| decision.verdict == Verdict::Named && decision.blamed.len() > 1 && doubtful) {
+        let further: Vec<&str> = found.best.effects.iter().skip(1).map(|effect| effect.id).collect();
+        said = Some(format!(
+            "On top of {} something like {} would fit somewhat better, but too little for a second name.",
+            first.ids().join(", "),
+            further.join(" or ")
+        ));
+        found.beyond = found.beyond.min(found.slots.get(1).map_or(f64::INFINITY, |slot| slot.tried[0].cost()));
+        found.best = first;
+        found.slots.truncate(1);
+        decision = decide(found, &ready.catalogue, floor(bench, found), explained);
+    }
+    if !ready.sheet && decision.verdict == Verdict::Named && decision.blamed.len() == 1 {
+        let mut rivals: Vec<(&'static str, f64)> =
+            decision.effects.iter().filter(|(_, p)| *p > RIVAL).map(|(spec, p)| (spec.id, *p)).collect();
+        rivals.sort_by(|a, b| b.1.total_cmp(&a.1));
+        rivals.truncate(3);
+        if rivals.len() > 1 {
+            decision.verdict = Verdict::Class;
+            decision.blamed = rivals.into_iter().map(|(id, _)| id).collect();
+        }
+    }
+    (decision, said)
+}
+
+/// Errors of free runs: each half fitted, the other predicted.
+fn free_runs(ready: &Ready, models: &[&Model]) -> Vec<FreeRun> {
+    let halves = match ready.whole.as_slice() {
+        [one] => {
+            let (first, second) = one.frames.split_at(one.frames.len() / 2);
+            [windows([first].into_iter()), windows([second].into_iter())]
+        }
+        several => {
+            let (first, second) = several.split_at(several.len() / 2);
+            [first, second].map(|half| windows(half.iter().map(|recording| recording.frames.as_slice())))
+        }
+    };
+    if halves.iter().any(Vec::is_empty) {
+        return Vec::new();
+    }
+    models
+        .iter()
+        .flat_map(|model| {
+            [(0, "first half"), (1, "second half")].map(|(half, fitted_on)| {
+                let bench = Bench::new(halves[half].clone(), &model.unit(), &ready.noise);
+                let found = fit(&bench, &model.base, &model.knobs, &model.fit.positions, Effort::FULL, None);
+                let unit = unit_at(&model.base, &model.knobs, &found.positions);
+                let [seen, held_out] = [half, 1 - half].map(|half| error(&halves[half], &unit, &ready.noise));
+                FreeRun { model: model.ids().join(" + "), fitted_on, seen, held_out }
+            })
+        })
+        .collect()
+}
+
+/// Free runs of a fixed number of samples one behind another, each from its own measured start.
+fn windows<'a>(halves: impl Iterator<Item = &'a [Frame]>) -> Vec<Trial> {
+    halves
+        .flat_map(|frames| frames.chunks_exact(FREE_RUN_SAMPLES))
+        .map(|frames| Trial::servomotor_stage(Recording::new("free run", frames.to_vec())))
+        .filter(|trial| trial.samples.len() > 2)
+        .collect()
+}
+
+/// RMS miss of the servomotor position, pu.
+fn error(trials: &[Trial], unit: &Unit, noise: &Noise) -> f64 {
+    let bench = Bench::new(trials.to_vec(), unit, noise);
+    let (mut sum, mut count) = (0.0, 0_usize);
+    for (index, trial) in bench.trials.iter().enumerate() {
+        for (&row, estimate) in trial.samples.iter().zip(bench.simulate(unit, index)) {
+            let miss = trial.frames[row].measured.servomotor_position_pu - estimate.signals.servomotor_position_pu;
+            if miss.is_finite() {
+                sum += miss * miss;
+                count += 1;
+            }
+        }
+    }
+    (sum / count.max(1) as f64).sqrt()
+}
+
+/// What a report says of the part.
+#[must_use]
+pub fn describe(ready: &Ready, found: &Found) -> StageOnly {
+    let tried = found.slots.first().into_iter().flat_map(|slot| &slot.tried).take(3);
+    let mut models: Vec<&Model> = std::iter::once(&found.refitted).chain(tried).collect();
+    if found.best.effects.len() > 1 {
+        models.push(&found.best);
+    }
+    let length_ns = ready.trials.first().map_or(0, |trial| match (trial.frames.first(), trial.frames.last()) {
+        (Some(first), Some(last)) => last.time_ns - first.time_ns,
+        _ => 0,
+    });
+    StageOnly {
+        sheet: ready.sheet,
+        pieces: ready.trials.len(),
+        piece_s: seconds_from_nanos(length_ns),
+        free_runs: free_runs(ready, &models),
+    }
+}
