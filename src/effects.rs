@@ -194,6 +194,15 @@ pub const CATALOGUE: &[EffectSpec] = &[
     clock_offset::SPEC,
 ];
 
+/// Effects that are tried only where the servomotor stage stands alone: no unit of the battery has them, so that nobody knows yet what they
+/// would take from others in the whole chain.
+pub const STAGE_ALONE: &[&str] = &["port_asymmetry"];
+
+/// The effects that are tried in the whole chain.
+pub fn of_the_chain() -> impl Iterator<Item = &'static EffectSpec> {
+    CATALOGUE.iter().filter(|spec| !STAGE_ALONE.contains(&spec.id))
+}
+
 /// The effect with this id.
 #[must_use]
 pub fn find(id: &str) -> Option<&'static EffectSpec> {

@@ -22,7 +22,17 @@ fn ids(said: &Diagnosis) -> Vec<&str> {
 }
 
 fn shown(said: &Diagnosis) -> String {
-    format!("{:?} {:?} {:?} {:?}", said.verdict, ids(said), &said.ranking[..4], said.notes)
+    let gap: Vec<[f64; 4]> =
+        said.gap.iter().map(|g| [g.noise_floor, g.delivered, g.refitted, g.with_effects]).collect();
+    let tried: Vec<_> = said.tried.iter().take(3).map(|one| (&one.ids, one.gain)).collect();
+    let parameters: Vec<_> = said.parameters.iter().map(|one| (&one.name, one.value.value)).collect();
+    format!(
+        "{:?} {:?} {:?} gap {gap:?} tried {tried:?} {parameters:?} {:?}",
+        said.verdict,
+        ids(said),
+        &said.ranking[..4],
+        said.notes
+    )
 }
 
 /// A stage alike both ways, twice as wide as the sheet has it.
@@ -112,7 +122,10 @@ fn a_spool_that_drives_something_else_is_refused() {
     let settings = Settings { free: true, ..Settings::default() };
     match diagnose(vec![other], &reference(), &settings, &|_, _| ()) {
         Err(error) => assert!(error.to_string().contains("no law of the spool"), "{error}"),
-        Ok(said) => assert!(!matches!(said.verdict, Verdict::Named), "{}", shown(&said)),
+        Ok(said) => {
+            assert_eq!(said.verdict, Verdict::NotExcited, "{}", shown(&said));
+            assert!(said.notes.iter().any(|note| note.contains("No law of the spool's position")), "{:?}", said.notes);
+        }
     }
 }
 

@@ -167,12 +167,12 @@ impl Faults {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::CATALOGUE;
+    use crate::effects::of_the_chain;
 
     #[test]
     fn every_effect_and_stranger_can_be_added_and_is_gone_at_neutral() {
         let strangers = STRANGERS.iter().map(|stranger| (stranger.id, 0.0, stranger.typical));
-        let listed = CATALOGUE.iter().map(|spec| (spec.id, spec.parameters[0].neutral, spec.parameters[0].typical));
+        let listed = of_the_chain().map(|spec| (spec.id, spec.parameters[0].neutral, spec.parameters[0].typical));
         for (id, neutral, typical) in listed.chain(strangers) {
             let mut faults = Faults::default();
             assert!(faults.add(id, neutral), "{id}");

@@ -3,7 +3,7 @@
 use crate::battery::dice::{Draw, Question};
 use crate::battery::faults::STRANGERS;
 use crate::battery::{Case, Kind};
-use crate::effects::CATALOGUE;
+use crate::effects::of_the_chain;
 
 /// Which rates a battery's recordings have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,7 +67,8 @@ const PATTERN: [Slot; 20] = [
 #[must_use]
 pub fn plan(count: usize, seed: u64, rates: Rates) -> Vec<Case> {
     let mut draw = Draw::new(seed, Question::Plan, 0);
-    let ids: Vec<&str> = CATALOGUE.iter().map(|spec| spec.id).collect();
+    let ids: Vec<&'static str> = of_the_chain().map(|spec| spec.id).collect();
+    let seconds = ids.clone();
     let strangers: Vec<&str> = STRANGERS.iter().map(|stranger| stranger.id).collect();
     let mut singles = Deck::new(ids.clone(), &mut draw);
     let mut left_out = Deck::new(ids.clone(), &mut draw);
@@ -83,7 +84,7 @@ pub fn plan(count: usize, seed: u64, rates: Rates) -> Vec<Case> {
                 Slot::Pair => {
                     let first = firsts.next(&mut draw);
                     let second = loop {
-                        let second = CATALOGUE[draw.below(CATALOGUE.len())].id;
+                        let second = seconds[draw.below(seconds.len())];
                         if second != first {
                             break second.to_owned();
                         }
@@ -136,7 +137,7 @@ mod tests {
         let (short, long) = (plan(12, 7, Rates::Both), plan(200, 7, Rates::Both));
         assert_eq!(short, long[..12]);
         assert_ne!(short, plan(12, 8, Rates::Both));
-        for spec in CATALOGUE {
+        for spec in of_the_chain() {
             let single = |case: &&Case| matches!(&case.kind, Kind::Single(id) if id == spec.id);
             assert!(long.iter().filter(single).count() >= 3, "{}", spec.id);
             assert!(long.iter().any(|case| matches!(&case.kind, Kind::LeftOut(id) if id == spec.id)), "{}", spec.id);

@@ -21,7 +21,9 @@ const SURE: f64 = 0.6;
 /// Without a sheet an effect of at least this probability is a rival.
 const RIVAL: f64 = 0.03;
 /// A stage that misses no more than this, in squares of what the most flexible law misses, shows no gap.
-const CALM_ENOUGH: f64 = 2.0;
+const CALM_ENOUGH: f64 = 3.0;
+/// Share of the movement that some law of the spool must explain, or there is too little to go by.
+const DRIVEN: f64 = 0.9;
 
 /// The decision as far as a stage on its own bears it; what was taken back is said.
 ///
@@ -46,7 +48,16 @@ pub fn modest(
         let share = (1.0 - none) / rest.max(1.0 - none).max(1e-12);
         decision.effects.iter_mut().for_each(|(_, p)| *p *= share);
         decision.unknown *= share;
-        return (Decision { verdict: Verdict::NoGap, blamed: Vec::new(), none, ..decision }, said);
+        let mut verdict = Verdict::NoGap;
+        if ready.explained < DRIVEN {
+            verdict = Verdict::NotExcited;
+            said = Some(format!(
+                "No law of the spool's position explains more than {:.0} % of the servomotor's movement: too little to tell anything; are both \
+                 of one unit?",
+                100.0 * ready.explained
+            ));
+        }
+        return (Decision { verdict, blamed: Vec::new(), none, ..decision }, said);
     }
     let probability = |decision: &Decision, id: &str| {
         decision.effects.iter().find(|(spec, _)| spec.id == id).map_or(0.0, |(_, p)| *p)

@@ -2,7 +2,7 @@
 
 use crate::diagnosis::search::{Model, Turned, with_effect};
 use crate::diagnosis::{DiagnosisError, Settings};
-use crate::effects::EffectSpec;
+use crate::effects::{EffectSpec, STAGE_ALONE};
 use crate::parameters::Unit;
 use crate::recording::Recording;
 use crate::signal::Signal;
@@ -43,6 +43,8 @@ pub struct Ready {
     pub notes: Vec<String>,
     /// Whether the sheet is believed.
     pub sheet: bool,
+    /// Share of the squared movement that the most flexible law of the spool explains; 1 of a whole chain.
+    pub explained: f64,
 }
 
 /// Makes recordings ready.
@@ -85,9 +87,10 @@ pub fn ready(recordings: Vec<Recording>, sheet: &Unit, settings: &Settings) -> R
         unit: sheet.clone(),
         turned: Turned { knobs: Knob::nuisances(sheet), starts: 1 },
         noise: expected(&sheet.sensors),
-        catalogue: settings.catalogue.clone(),
+        catalogue: settings.catalogue.iter().copied().filter(|spec| !STAGE_ALONE.contains(&spec.id)).collect(),
         notes,
         sheet: true,
+        explained: 1.0,
     })
 }
 
@@ -146,7 +149,17 @@ fn servomotor_stage(
         turned = Turned { knobs, starts: 1 };
     }
     let catalogue = acting(&cut, &unit, settings, &noise);
-    Ok(Ready { trials: cut, whole, unit, turned, noise, catalogue, notes, sheet: !settings.free })
+    Ok(Ready {
+        trials: cut,
+        whole,
+        unit,
+        turned,
+        noise,
+        catalogue,
+        notes,
+        sheet: !settings.free,
+        explained: first.explained,
+    })
 }
 
 /// Cuts recordings into pieces, so that there is something to leave out.

@@ -9,7 +9,8 @@
 //! | g_o, g_c | gain of the ports when opening and when closing | m²/(s √Pa) |
 //!
 //! Without it the real servomotor is faster than simulated in one direction and slower in the other, in the same ratio at every spool
-//! position and opening. Limits: both edges of a direction alike, the same along the port.
+//! position and opening. Limits: both edges of a direction alike, the same along the port; a diagnosis tries it where the servomotor stage
+//! stands alone.
 
 use crate::effects::{EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;

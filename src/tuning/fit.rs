@@ -52,6 +52,17 @@ impl Bench {
         bench
     }
 
+    /// A bench with one of the trials alone, its noise as laid out here.
+    #[must_use]
+    pub fn only(&self, trial: usize) -> Self {
+        Self {
+            trials: vec![self.trials[trial].clone()],
+            whiteners: vec![self.whiteners[trial].clone()],
+            dither_pu: self.dither_pu,
+            simulations: AtomicUsize::new(0),
+        }
+    }
+
     /// One trial through the mean twin of a unit.
     #[must_use]
     pub fn simulate(&self, unit: &Unit, trial: usize) -> Vec<Estimate> {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use govtwin::bag::{self, ReadOptions};
-use govtwin::effects::{CATALOGUE, EffectSpec};
+use govtwin::effects::{EffectSpec, of_the_chain};
 use govtwin::recording::Recording;
 
 use crate::commands::bags::{self, Bag};
@@ -59,6 +59,6 @@ impl Case {
 
     /// The catalogue that its diagnosis may use.
     pub fn catalogue(&self) -> Vec<&'static EffectSpec> {
-        CATALOGUE.iter().filter(|spec| self.without.as_deref() != Some(spec.id)).collect()
+        of_the_chain().filter(|spec| self.without.as_deref() != Some(spec.id)).collect()
     }
 }
