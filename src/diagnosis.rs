@@ -4,7 +4,6 @@
 //! tolerances, tries every effect of the catalogue on top ([`search`]), weighs what was found ([`decide`]), and
 //! gathers the evidence that a reader needs to believe it: [`ledger`], [`stages`], [`latent`], [`visible`], [`closure`].
 
-pub mod agreement;
 pub mod channels;
 pub mod closure;
 pub mod contract;
@@ -92,12 +91,6 @@ pub fn diagnose(
         let (modest, dropped) = part::modest(&bench, &mut found, &ready, decision, explained);
         decision = modest;
         notes.extend(dropped);
-    }
-    if bench.trials.len() > 1 && !stage_only {
-        let disagreement = agreement::disagreement(&bench, &found.best);
-        if std::env::var_os("AGREE").is_some() {
-            eprintln!("AGREE {disagreement:?} best {} floor {} ids {:?}", found.best.cost(), floor, found.best.ids());
-        }
     }
     progress("gathering what the report shows", 0.9);
     let mut said = summary::gather(&bench, &found, &decision, &ready.unit, settings, Seen { latents, channels, notes });

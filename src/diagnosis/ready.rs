@@ -190,7 +190,7 @@ fn acting(trials: &[Trial], unit: &Unit, settings: &Settings, noise: &Noise) -> 
     let bench = Bench::new(trials.to_vec(), unit, noise);
     let misses = bench.misses_of(std::slice::from_ref(unit)).pop().unwrap_or_default();
     let fit = Fit { positions: Vec::new(), square: square(&misses), prior: 0.0, misses, slopes: Vec::new() };
-    let model = Model { effects: Vec::new(), base: unit.clone(), knobs: Vec::new(), fit };
+    let model = Model::new(Vec::new(), unit.clone(), Vec::new(), fit);
     let acts = |spec: &&'static EffectSpec| {
         let Some((base, knobs, positions)) = with_effect(&model, spec, 1.0) else { return true };
         bench.misses_of(&[unit_at(&base, &knobs, &positions)]).pop().is_some_and(|misses| misses != model.fit.misses)

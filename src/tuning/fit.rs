@@ -59,7 +59,7 @@ impl Bench {
             trials: vec![self.trials[trial].clone()],
             whiteners: vec![self.whiteners[trial].clone()],
             dither_pu: self.dither_pu,
-            simulations: AtomicUsize::new(0),
+            simulations: Arc::clone(&self.simulations),
         }
     }
 
