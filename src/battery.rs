@@ -23,8 +23,12 @@ use crate::parameters::Unit;
 use crate::recording::{Process, Recording};
 use crate::signal::Signal;
 
-/// Length of a recording, in ticks of 1 ms.
-const LENGTH_TICKS: i64 = 40_000;
+/// Length of a recording on a bench and in a plant's archive, in ticks of 1 ms.
+const LENGTHS_TICKS: (i64, i64) = (40_000, 150_000);
+/// Time between two rows from which on a recorder counts as an archive, in ticks.
+const ARCHIVE_TICKS: i64 = 100;
+/// Time between two rows of an exam, in ticks.
+const EXAM_ROW_TICKS: i64 = 10;
 /// Smallest and largest size of an effect over its typical one.
 const SIZES: (f64, f64) = (0.5, 2.5);
 /// Added to a seed for another course of the same plant.
@@ -154,11 +158,11 @@ pub fn make(unit: &Unit, case: &Case) -> Made {
     Made { streams: runs.into_iter().map(|(process, streams, _)| (process, streams)).collect(), label }
 }
 
-/// Recordings of the same plant on another day: what no diagnosis has seen.
+/// Recordings of the same plant on another day, at a bench's rate: what no diagnosis has seen.
 #[must_use]
 pub fn exam(unit: &Unit, case: &Case) -> Vec<Recording> {
     let (bench, _) = bench(unit, case);
-    let another = Bench { seed: case.seed.wrapping_add(ANOTHER_DAY), ..bench };
+    let another = Bench { seed: case.seed.wrapping_add(ANOTHER_DAY), row_ticks: EXAM_ROW_TICKS, ..bench };
     Process::ALL.into_iter().map(|process| Recording::new(process.id(), another.record(process).0.rows())).collect()
 }
 
@@ -185,7 +189,7 @@ fn bench(unit: &Unit, case: &Case) -> (Bench, Vec<Truth>) {
         odd: Oddities::draw(&parameters, &mut Draw::new(case.seed, Question::Oddities, 0)),
         row_ticks,
         rich: case.rich,
-        ticks: LENGTH_TICKS,
+        ticks: if row_ticks < ARCHIVE_TICKS { LENGTHS_TICKS.0 } else { LENGTHS_TICKS.1 },
         seed: case.seed,
     };
     (bench, effects)

@@ -8,3 +8,4 @@ pub mod knob;
 pub mod noise;
 pub mod sheetless;
 pub mod trial;
+pub mod trips;

@@ -148,7 +148,8 @@ impl Bench {
                         }
                     }
                     if inputs.esv != before {
-                        esv_due = tick;
+                        // A slow recorder writes a change down with its next row.
+                        esv_due = tick + (self.row_ticks - tick % self.row_ticks) % self.row_ticks;
                         tripped_at = (inputs.esv == EsvState::Shutdown).then_some(tick);
                     }
                     run.inputs.push(inputs);

@@ -9,6 +9,7 @@ use crate::tuning::fit::{Bench, Effort, Fit, Misses, fit, normal, slopes, square
 use crate::tuning::knob::{Knob, unit_at};
 use crate::tuning::noise::Noise;
 use crate::tuning::trial::Trial;
+use crate::tuning::trips::placed;
 
 /// Sizes at which an effect is tried first, in units of its typical size.
 const SIZES: [f64; 5] = [0.2, 0.8, 3.0, -0.2, -0.8];
@@ -96,6 +97,9 @@ pub struct Turned {
     pub starts: usize,
 }
 
+/// Turns in which trips between slow samples and parameters are fitted to each other.
+const TURNS: usize = 3;
+
 /// How far further starts lie from the sheet, in standard deviations.
 const SCATTER: f64 = 1.0;
 
@@ -116,8 +120,14 @@ pub fn nominal(trials: Vec<Trial>, unit: &Unit, turned: Turned, noise: &Noise) -
         })
         .min_by(|a, b| (a.square + a.prior).total_cmp(&(b.square + b.prior)))
         .map_or_else(|| zeros.clone(), |fit| fit.positions);
-    let bench = Bench::new(first.trials, &unit_at(unit, &knobs, &start), noise);
-    let fine = fit(&bench, unit, &knobs, &start, Effort::FULL, None);
+    let mut bench = Bench::new(first.trials, &unit_at(unit, &knobs, &start), noise);
+    let mut fine = fit(&bench, unit, &knobs, &start, Effort::FULL, None);
+    // The unit that explains the trips best and the trips that suit it best are found in turns.
+    for _ in 0..TURNS {
+        let Some(trials) = placed(&bench, &unit_at(unit, &knobs, &fine.positions)) else { break };
+        bench = Bench::new(trials, &unit_at(unit, &knobs, &fine.positions), noise);
+        fine = cooled(&bench, unit, &knobs, &fine.positions, 3);
+    }
     let misses = bench.misses_of(&[unit_at(unit, &knobs, &zeros)]).pop().unwrap_or_default();
     let slopes = slopes(&bench, unit, &knobs, &zeros, 0, &misses);
     let sheet =

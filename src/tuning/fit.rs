@@ -120,14 +120,18 @@ impl Bench {
     /// Misses of a twin in one trial, which sets its cut.
     #[must_use]
     pub fn misses_by(&self, twin: Twin, trial: usize) -> DVector<f64> {
+        self.misses_in(&self.trials[trial], twin, trial)
+    }
+
+    /// The same in another version of a trial, with other inputs but the same samples.
+    #[must_use]
+    pub fn misses_in(&self, data: &Trial, twin: Twin, index: usize) -> DVector<f64> {
         self.simulations.fetch_add(1, Ordering::Relaxed);
-        let mut twin = self.prepared(twin, trial);
-        let estimates = self.trials[trial].run(&mut twin);
-        let data = &self.trials[trial];
+        let estimates = data.run(&mut self.prepared(twin, index));
         let count = data.samples.len();
         let signals = Signal::ALL.into_iter().filter(|&signal| data.has[signal as usize]);
-        let mut all = Vec::with_capacity(count * self.whiteners[trial].len());
-        for (signal, whitener) in signals.zip(&self.whiteners[trial]) {
+        let mut all = Vec::with_capacity(count * self.whiteners[index].len());
+        for (signal, whitener) in signals.zip(&self.whiteners[index]) {
             let start = all.len();
             all.extend(
                 data.samples
