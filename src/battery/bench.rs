@@ -26,6 +26,8 @@ const TANK_TICKS: i64 = 50;
 /// Ticks between two reports of the ESV.
 const ESV_TICKS: i64 = 1000;
 const TICK_NS: i64 = 1_000_000;
+/// Readings of which the regulator takes the mean: its chatter is then as loud as that of the practice units.
+const READINGS: u32 = 6;
 /// Stamp of the first row of the first process, ns since 1970; the others follow an hour apart.
 const EPOCH_NS: i64 = 1_700_000_000_000_000_000;
 
@@ -226,7 +228,8 @@ impl Controller {
             #[expect(clippy::cast_possible_truncation, reason = "a period in ticks")]
             let period = (p.large_loop_period_s * 1e3 + extra).round().max(1.0) as i64;
             self.next_tick = tick + period;
-            let error_pu = self.arrived_pu - self.servomotor.read(rig.servomotor_reading_pu());
+            let readings_pu = (0..READINGS).map(|_| self.servomotor.read(rig.servomotor_reading_pu()));
+            let error_pu = self.arrived_pu - readings_pu.sum::<f64>() / f64::from(READINGS);
             let jump_pu = if error_pu >= p.deadband_upper_pu {
                 p.compensation_positive_pu
             } else if error_pu <= p.deadband_lower_pu {

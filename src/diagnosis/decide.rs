@@ -4,6 +4,7 @@ use crate::diagnosis::outcome::Verdict;
 use crate::diagnosis::rivals::{DETECTED, Found, Slot};
 use crate::diagnosis::search::Model;
 use crate::effects::{EffectSpec, Stage};
+use crate::signal::Signal;
 use crate::tuning::fit::Bench;
 use crate::tuning::noise::ALIKE;
 
@@ -22,6 +23,19 @@ const UNKNOWN_LEAVES: (f64, f64) = (0.3, 0.6);
 
 /// Odds against one named effect before anything is seen.
 const RARITY: f64 = 0.004;
+
+/// Power of the share of the gap that an effect explains, which its weight also carries: what explains next to nothing of a gap did not
+/// cause it, however little the others explain.
+const SHARE_POWER: f64 = 2.0;
+
+/// A free term is so supple that something unknown must leave less than a named effect by this ratio to be as likely.
+const SUPPLE: f64 = 1.3;
+
+/// The noise is taken to be louder than the sheet's by this factor at most, in squares.
+const LOUDEST: f64 = 2.5;
+
+/// Median of the squares of normal values of unit size.
+const MEDIAN_SQUARE: f64 = 0.4549;
 
 /// Probability from which an effect is named on its own.
 const SURE: f64 = 0.6;
@@ -62,10 +76,13 @@ fn weigh(slot: &Slot, catalogue: &[&'static EffectSpec], floor: f64, unknown_lea
         .iter()
         .map(|spec| {
             let tried = slot.tried.iter().find(|model| last(&model.effects) == Some(spec.id));
-            tried.map_or(0.0, |model| RARITY * weight(model.cost() - floor))
+            tried.map_or(0.0, |model| {
+                let share = ((slot.before.cost() - model.cost()) / gap.max(1e-9)).clamp(0.0, 1.0);
+                RARITY * weight(model.cost() - floor) * share.powf(SHARE_POWER)
+            })
         })
         .collect();
-    let mut unknown = RARITY * weight(unknown_leaves * gap + 0.5 * DETECTED);
+    let mut unknown = RARITY * weight(SUPPLE * unknown_leaves * gap + 0.5 * DETECTED);
     // Against nothing at all an effect is a nested model: there the gain itself is the evidence.
     let best = slot.tried.first().map_or(slot.before.cost(), Model::cost).min(slot.before.cost());
     let mut none = weight(best - floor) * (-0.5 * (slot.before.cost() - best)).exp();
@@ -81,8 +98,32 @@ fn weigh(slot: &Slot, catalogue: &[&'static EffectSpec], floor: f64, unknown_lea
 /// The cost that a model without a flaw would have.
 #[must_use]
 pub fn floor(bench: &Bench, found: &Found) -> f64 {
-    let samples: usize = bench.trials.iter().map(|t| t.samples.len() * t.has.iter().filter(|&&has| has).count()).sum();
-    found.beyond.min(found.best.cost()).min(CALM * samples as f64 / ALIKE)
+    // How loud chatter is differs from unit to unit: the median of what the best model leaves knows it, whatever happens now and then.
+    let quiet: f64 = Signal::ALL
+        .into_iter()
+        .map(|signal| {
+            let mut squares = left(bench, &found.best, signal);
+            squares.sort_by(f64::total_cmp);
+            let median = squares.get(squares.len() / 2).copied().unwrap_or(0.0);
+            (median / MEDIAN_SQUARE).clamp(CALM / ALIKE, LOUDEST * CALM / ALIKE) * squares.len() as f64
+        })
+        .sum();
+    found.beyond.min(found.best.cost()).min(quiet)
+}
+
+/// Squares of what a model leaves of one signal, where it was measured.
+fn left(bench: &Bench, model: &Model, signal: Signal) -> Vec<f64> {
+    let mut squares = Vec::new();
+    for (trial, misses) in bench.trials.iter().zip(&model.fit.misses) {
+        let Some(place) =
+            Signal::ALL.into_iter().filter(|&other| trial.has[other as usize]).position(|other| other == signal)
+        else {
+            continue;
+        };
+        let count = trial.samples.len();
+        squares.extend(misses.rows(place * count, count).iter().filter(|miss| **miss != 0.0).map(|miss| miss * miss));
+    }
+    squares
 }
 
 /// Decides; `explained` is the share of the refitted twin's gap that the best free term would explain.
@@ -108,6 +149,13 @@ pub fn decide(found: &Found, catalogue: &[&'static EffectSpec], floor: f64, expl
         if place == 0 {
             none = weighed.none;
         }
+    }
+    if let [first, _, ..] = found.slots.as_slice() {
+        // Several effects may each suit their place and yet leave most of the gap.
+        let gap = first.before.cost() - floor;
+        let leaves = (1.0 - explained).clamp(UNKNOWN_LEAVES.0, UNKNOWN_LEAVES.1);
+        let (named, other) = (weight(found.best.cost() - floor), weight(SUPPLE * leaves * gap + 0.5 * DETECTED));
+        unknown = unknown.max(other / (named + other));
     }
     let mut order: Vec<usize> = (0..catalogue.len()).collect();
     order.sort_by(|&a, &b| effects[b].total_cmp(&effects[a]));
