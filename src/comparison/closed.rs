@@ -13,7 +13,7 @@ use crate::replay::simulate;
 use crate::residual::booster::{Hyperparameters, TrainError, grow};
 use crate::residual::forest::Forest;
 use crate::residual::guard::Guard;
-use crate::residual::inloop::{self, FEATURES, PULL_1_S, Pull, at, features};
+use crate::residual::inloop::{self, FEATURES, Pull, at, features};
 use crate::residual::model::Learned;
 use crate::residual::split::Split;
 use crate::residual::table::Table;
@@ -22,6 +22,9 @@ use crate::signal::Signal;
 use crate::solver::Method;
 use crate::twin::Twin;
 use crate::units::seconds_from_nanos;
+
+/// Gain of the pull to the recorded spool, 1/s.
+pub const PULL_1_S: f64 = 30.0;
 
 /// Rows of features with the rate that the twin misses there, m/s; index of the frame beside each.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -34,9 +37,9 @@ pub struct Pulled {
     pub frames: Vec<usize>,
 }
 
-/// Pulls a twin along a recorded spool.
+/// Pulls a twin along a recorded spool with a gain in 1/s.
 #[must_use]
-pub fn pull(unit: &Unit, recording: &Recording) -> Pulled {
+pub fn pull(unit: &Unit, recording: &Recording, pull_1_s: f64) -> Pulled {
     let mut plant = plant(unit);
     let start_ns = recording.frames.first().map_or(0, |frame| frame.time_ns);
     let path = recording.frames.iter().filter(|frame| frame.measured.spool_position_pu.is_finite()).map(|frame| {
@@ -44,13 +47,13 @@ pub fn pull(unit: &Unit, recording: &Recording) -> Pulled {
         [time_s, plant.spool.position_m(frame.measured.spool_position_pu)]
     });
     let path: Vec<[f64; 2]> = path.collect();
-    plant.terms.push(Arc::new(Pull { path: path.clone(), area_m2: plant.spool.control_area_m2 }));
+    plant.terms.push(Arc::new(Pull { path: path.clone(), area_m2: plant.spool.control_area_m2, pull_1_s }));
     let mut twin = Twin::of_plant(plant, unit.parameters.oil.tank_pressure_pa, Method::default());
     let mut pulled = Pulled::default();
     for (index, frame) in recording.frames.iter().enumerate() {
         let _ = twin.step(frame);
         let time_s = seconds_from_nanos(frame.time_ns - start_ns);
-        let missing_m_s = PULL_1_S * (at(&path, time_s) - twin.state().spool_position_m);
+        let missing_m_s = pull_1_s * (at(&path, time_s) - twin.state().spool_position_m);
         let row = features(twin.state(), frame.inputs.tank_pressure_pa);
         if frame.measured.spool_position_pu.is_finite()
             && missing_m_s.is_finite()
@@ -113,7 +116,7 @@ pub fn closed_loop(
     }
     let (mut values, mut missing) = (vec![], vec![]);
     for (recording, teaches) in recordings.iter().zip(&teaches) {
-        let pulled = pull(unit, recording);
+        let pulled = pull(unit, recording, PULL_1_S);
         for (row, _) in pulled.frames.iter().enumerate().filter(|(_, frame)| teaches[**frame]) {
             values.extend(&pulled.values[row * FEATURES..(row + 1) * FEATURES]);
             missing.push(pulled.targets[row]);
@@ -163,7 +166,7 @@ fn judged(table: &Table, recordings: &[Recording], signal: Signal) -> Table {
 
 #[cfg(test)]
 mod tests {
-    use super::{pull, twin};
+    use super::{PULL_1_S, pull, twin};
     use crate::frame::{EsvState, Frame, Inputs, Signals};
     use crate::recording::Recording;
     use crate::replay::simulate;
@@ -191,11 +194,11 @@ mod tests {
     fn a_twin_is_pulled_to_the_side_on_which_the_recorded_spool_stands() {
         let unit = crate::params::reference();
         let own = recording(300, 0.0);
-        let pulled = pull(&unit, &own);
+        let pulled = pull(&unit, &own, PULL_1_S);
         assert_eq!((pulled.targets.len(), pulled.values.len()), (300, 300 * FEATURES));
         // A spool that stands off all the time pulls all the time, to its side.
         let mean = |gap: f64| {
-            let targets = pull(&unit, &recording(300, gap)).targets;
+            let targets = pull(&unit, &recording(300, gap), PULL_1_S).targets;
             targets.iter().sum::<f64>() / targets.len() as f64
         };
         let [below, level, above] = [-0.05, 0.0, 0.05].map(mean);

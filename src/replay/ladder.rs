@@ -100,11 +100,11 @@ fn finding(signal: Signal, rungs: &[Rung], process: Process) -> Option<String> {
         } else {
             "the two are about equal"
         };
-        said.push(format!("`{}` takes {:.0} % of the error: {verdict}", boxed.title, reduction(mae)));
+        said.push(format!("“{}” takes {:.0} % of the error: {verdict}", boxed.title, reduction(mae)));
     }
     (!said.is_empty()).then(|| {
         format!(
-            "{} was left out of training. There `{}` takes {:.0} % of the error; {}.",
+            "{} was left out of training. There “{}” takes {:.0} % of the error; {}.",
             capitalised(process.title()),
             unit.title,
             reduction(of_unit),
@@ -162,8 +162,8 @@ mod tests {
         assert_eq!(ladder.processes(), [Process::Startup, Process::LoadRejection]);
         assert_eq!(ladder.findings.len(), 1);
         let said = &ladder.findings[0];
-        assert!(said.starts_with("Load rejection was left out of training. There `b` takes 75 %"), "{said}");
-        assert!(said.contains("`a + m` takes 25 % of the error: what it learned elsewhere does not replace"), "{said}");
+        assert!(said.starts_with("Load rejection was left out of training. There “b” takes 75 %"), "{said}");
+        assert!(said.contains("“a + m” takes 25 % of the error: what it learned elsewhere does not replace"), "{said}");
         assert!(of([0.009, 0.05]).findings[0].contains("makes the twin worse"));
         assert!(of([0.009, 0.0105]).findings[0].contains("about equal"));
         assert!(of([0.009, 0.002]).findings[0].contains("knows something"));

@@ -11,9 +11,6 @@ use super::guard::Guard;
 use crate::plant::term::{Point, Term, View};
 use crate::state::State;
 
-/// Gain of the pull to the recorded spool, 1/s: far above what the spool does in normal operation, far below a tick.
-pub const PULL_1_S: f64 = 10.0;
-
 /// What a rate is learned over.
 pub const FEATURES: usize = 8;
 
@@ -50,6 +47,8 @@ pub struct Pull {
     pub path: Vec<[f64; 2]>,
     /// The spool's control area, m².
     pub area_m2: f64,
+    /// Gain K of the pull, 1/s.
+    pub pull_1_s: f64,
 }
 
 impl Term for Pull {
@@ -59,7 +58,7 @@ impl Term for Pull {
 
     fn apply(&self, signal: f64, view: &View<'_>, _: &mut [f64]) -> f64 {
         let missing_m = at(&self.path, view.time_s) - view.state.spool_position_m;
-        if missing_m.is_finite() { signal + self.area_m2 * PULL_1_S * missing_m } else { signal }
+        if missing_m.is_finite() { signal + self.area_m2 * self.pull_1_s * missing_m } else { signal }
     }
 }
 
