@@ -4,6 +4,7 @@
 //! tolerances, tries every effect of the catalogue on top ([`search`]), weighs what was found ([`decide`]), and
 //! gathers the evidence that a reader needs to believe it: [`ledger`], [`stages`], [`latent`], [`visible`], [`closure`].
 
+pub mod agreement;
 pub mod channels;
 pub mod closure;
 pub mod contract;
@@ -21,7 +22,7 @@ pub mod stages;
 pub mod summary;
 pub mod visible;
 
-use crate::diagnosis::outcome::Diagnosis;
+use crate::diagnosis::outcome::{Diagnosis, Verdict};
 use crate::diagnosis::rivals::Found;
 use crate::diagnosis::summary::Seen;
 use crate::effects::{CATALOGUE, EffectSpec};
@@ -91,6 +92,11 @@ pub fn diagnose(
         let (modest, dropped) = part::modest(&bench, &mut found, &ready, decision, explained);
         decision = modest;
         notes.extend(dropped);
+    }
+    if !stage_only && let Some(strange) = agreement::disagreement(&bench, &found, floor) {
+        notes.push(strange);
+        decision.verdict = Verdict::Unknown;
+        decision.blamed.clear();
     }
     progress("gathering what the report shows", 0.9);
     let mut said = summary::gather(&bench, &found, &decision, &ready.unit, settings, Seen { latents, channels, notes });

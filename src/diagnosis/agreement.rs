@@ -1,0 +1,90 @@
+//! Whether the recordings agree: the same parameters must fit each of them, or they are not of one unit.
+
+use nalgebra::DMatrix;
+
+use crate::diagnosis::rivals::Found;
+use crate::diagnosis::search::Model;
+use crate::parameters::Unit;
+use crate::tuning::fit::{Bench, Effort, Fit, fit, normal};
+use crate::tuning::knob::Knob;
+
+/// Work of the fit to one recording alone.
+const ALONE: Effort = Effort { rounds: 6, refresh: 3, temperature: 1.0 };
+
+/// What recordings must gain by parameters of their own to be of different units, in halves of a log-likelihood.
+const STRANGE: f64 = 60.0;
+/// The same as a share of what their common fit leaves beyond noise, and as a share of the noise itself.
+const STRANGE_SHARES: (f64, f64) = (0.5, 0.15);
+
+/// One recording fitted alone.
+struct Alone {
+    gain: f64,
+    fit: Fit,
+    variances: Vec<f64>,
+}
+
+/// Fits each recording alone, from where all together stand; says in a sentence that they are not of one unit, where they are not.
+#[must_use]
+pub fn disagreement(bench: &Bench, found: &Found, floor: f64) -> Option<String> {
+    let model = &found.best;
+    if bench.trials.len() < 2 || model.fit.slopes.len() < bench.trials.len() || model.cost() - floor < STRANGE {
+        return None;
+    }
+    let alone: Vec<Alone> = (0..bench.trials.len())
+        .map(|trial| {
+            let own = bench.only(trial);
+            let known = [model.fit.slopes[trial].clone()];
+            let fit = fit(&own, &model.base, &model.knobs, &model.fit.positions, ALONE, Some(&known));
+            let together = model.fit.misses[trial].norm_squared() + model.fit.prior;
+            let (hessian, _) = normal(&model.knobs, &fit.positions, &fit.misses, &fit.slopes, 1.0);
+            let n = hessian.nrows();
+            let inverse = (hessian + DMatrix::identity(n, n) * 1e-9).try_inverse();
+            let variances = inverse.map_or_else(|| vec![f64::INFINITY; n], |m| m.diagonal().iter().copied().collect());
+            Alone { gain: (together - fit.square - fit.prior).max(0.0), fit, variances }
+        })
+        .collect();
+    let gain: f64 = alone.iter().map(|one| one.gain).sum();
+    let apart = apart(bench, model, &alone)?;
+    if gain < (STRANGE_SHARES.0 * (model.cost() - floor)).max(STRANGE_SHARES.1 * floor).max(STRANGE) {
+        return None;
+    }
+    let mut order: Vec<usize> = (0..alone.len()).collect();
+    order.sort_by(|&a, &b| alone[b].gain.total_cmp(&alone[a].gain));
+    let telling = order.iter().filter(|&&k| alone[k].gain > 0.25 * gain);
+    let names: Vec<&str> = telling.map(|&k| bench.trials[k].name.as_str()).collect();
+    Some(format!(
+        "The recordings do not fit one set of parameters, though each fits one of its own: {apart}. Are they of different units? Farthest from \
+         the rest: {}. No effect is named on such ground.",
+        names.join(", ")
+    ))
+}
+
+/// The parameter that two recordings see farthest apart, in its deviations.
+fn apart(bench: &Bench, model: &Model, alone: &[Alone]) -> Option<String> {
+    let mut farthest: Option<(f64, usize, usize, usize)> = None;
+    for (k, _) in model.knobs.iter().enumerate() {
+        for a in 0..alone.len() {
+            for b in a + 1..alone.len() {
+                let distance = alone[a].fit.positions[k] - alone[b].fit.positions[k];
+                let size = distance.abs() / (alone[a].variances[k] + alone[b].variances[k]).sqrt().max(1e-9);
+                if farthest.is_none_or(|(best, ..)| size > best) {
+                    farthest = Some((size, k, a, b));
+                }
+            }
+        }
+    }
+    let (size, k, a, b) = farthest?;
+    let value = |knob: &Knob, base: &Unit, place: usize| knob.value(base, alone[place].fit.positions[k]);
+    let knob = &model.knobs[k];
+    let (key, unit) = knob.key(&model.base);
+    let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
+    (size > 3.0).then(|| {
+        format!(
+            "{key} would be {:.4e}{unit} in {} and {:.4e}{unit} in {}",
+            value(knob, &model.base, a),
+            bench.trials[a].name,
+            value(knob, &model.base, b),
+            bench.trials[b].name
+        )
+    })
+}

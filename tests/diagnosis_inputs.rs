@@ -1,0 +1,139 @@
+//! Recordings that a diagnosis should not trust: each is met with clear words, and nothing is claimed beyond the evidence.
+
+use govtwin::diagnosis::outcome::{Diagnosis, Verdict};
+use govtwin::diagnosis::{DiagnosisError, Settings, diagnose};
+use govtwin::effects::find;
+use govtwin::generate::{Scenario, recording};
+use govtwin::parameters::{ENTRIES, EffectSetting, Unit};
+use govtwin::params::reference;
+use govtwin::recording::{Process, Recording};
+
+/// The sheet with a few tolerances only, so that a test takes seconds.
+fn sheet() -> Unit {
+    let mut unit = reference();
+    let kept = ["main_ports.width_m", "servomotor.load_closed_n", "regulator.current_reference_pu"];
+    for (tolerance, entry) in unit.tolerances.iter_mut().zip(ENTRIES) {
+        if !kept.contains(&entry.key) {
+            *tolerance = None;
+        }
+    }
+    unit
+}
+
+fn of(unit: &Unit, process: Process, rate_hz: f64) -> Recording {
+    recording(&Scenario { unit: unit.clone(), process, rate_hz, duration_s: 30.0, rich: false, seed: 4 })
+}
+
+fn pair(unit: &Unit) -> Vec<Recording> {
+    vec![of(unit, Process::LoadRejection, 100.0), of(unit, Process::LoadIncrease, 100.0)]
+}
+
+fn judge(recordings: Vec<Recording>) -> Result<Diagnosis, DiagnosisError> {
+    let catalogue = ["lvdt_bias", "feedback_lag"].iter().filter_map(|id| find(id)).collect();
+    diagnose(recordings, &sheet(), &Settings { catalogue, ..Settings::default() }, &|_, _| ())
+}
+
+fn nothing_claimed(said: &Diagnosis) {
+    assert!(matches!(said.verdict, Verdict::NoGap | Verdict::NotExcited), "{:?} {:?}", said.verdict, said.ranking);
+}
+
+fn noted(said: &Diagnosis, words: &[&str]) {
+    let found = said.notes.iter().any(|note| words.iter().all(|word| note.contains(word)));
+    assert!(found, "{words:?}: {:?}", said.notes);
+}
+
+#[test]
+fn ten_samples_are_refused_by_name_with_what_is_needed() {
+    let mut short = pair(&sheet()).remove(0);
+    let rows = short.frames.iter().enumerate().filter(|(_, f)| f.measured.spool_position_pu.is_finite());
+    let end = rows.map(|(row, _)| row).nth(10).unwrap();
+    short.frames.truncate(end);
+    let error = judge(vec![short]).unwrap_err().to_string();
+    assert!(error.contains("load_rejection: 10 samples over") && error.contains("at least 50"), "{error}");
+}
+
+#[test]
+fn one_that_cannot_be_used_is_left_out_and_the_rest_is_judged() {
+    let mut both = pair(&sheet());
+    both[1].frames.truncate(20);
+    let said = judge(both).unwrap();
+    nothing_claimed(&said);
+    noted(&said, &["Left out", "load_increase"]);
+    noted(&said, &["One recording only", "load_rejection"]);
+}
+
+#[test]
+fn a_stuck_transducer_is_left_out() {
+    let mut both = pair(&sheet());
+    for frame in both.iter_mut().flat_map(|one| &mut one.frames) {
+        if frame.measured.spool_position_pu.is_finite() {
+            frame.measured.spool_position_pu = 0.125;
+        }
+    }
+    let said = judge(both).unwrap();
+    nothing_claimed(&said);
+    noted(&said, &["load_rejection", "spool_position_pu is constant while the unit moves"]);
+}
+
+#[test]
+fn of_a_clock_that_jumps_one_side_is_judged() {
+    let mut both = pair(&sheet());
+    let half = both[0].frames.len() / 3;
+    both[0].frames[half..].iter_mut().for_each(|frame| frame.time_ns -= 40_000_000_000);
+    let said = judge(both).unwrap();
+    nothing_claimed(&said);
+    noted(&said, &["load_rejection", "clock jumps back"]);
+}
+
+#[test]
+fn a_stretch_without_numbers_is_passed_over() {
+    let mut both = pair(&sheet());
+    let count = both[0].frames.len();
+    for frame in &mut both[0].frames[count / 3..2 * count / 3] {
+        frame.measured.spool_position_pu = f64::NAN;
+        frame.measured.servomotor_position_pu = f64::NAN;
+    }
+    let said = judge(both).unwrap();
+    nothing_claimed(&said);
+    noted(&said, &["load_rejection", "nothing was measured for"]);
+}
+
+#[test]
+fn a_saturated_transducer_is_no_fault_of_the_unit() {
+    let mut both = pair(&sheet());
+    for frame in both.iter_mut().flat_map(|one| &mut one.frames) {
+        frame.measured.servomotor_position_pu = frame.measured.servomotor_position_pu.min(0.5);
+    }
+    let said = judge(both).unwrap();
+    nothing_claimed(&said);
+    noted(&said, &["servomotor_position_pu stands at 0.5", "saturated"]);
+}
+
+#[test]
+fn five_hertz_and_two_processes_are_enough_to_say_nothing_wrong() {
+    let said = judge(vec![of(&sheet(), Process::Startup, 5.0), of(&sheet(), Process::Shutdown, 5.0)]).unwrap();
+    nothing_claimed(&said);
+}
+
+#[test]
+fn recordings_of_different_units_are_told_apart() {
+    let mut other = sheet();
+    other.parameters.main_ports.width_m *= 1.25;
+    other.parameters.servomotor.load_closed_n *= 0.6;
+    let mut all = pair(&sheet());
+    let mut strange = of(&other, Process::LoadRejection, 100.0);
+    strange.name = "strange".to_owned();
+    all.push(strange);
+    let said = judge(all).unwrap();
+    assert!(!matches!(said.verdict, Verdict::Named | Verdict::Class), "{:?} {:?}", said.verdict, said.ranking);
+    noted(&said, &["different units", "strange"]);
+}
+
+#[test]
+fn an_effect_is_not_taken_for_different_units() {
+    let mut unit = sheet();
+    unit.effects.push(EffectSetting { id: "lvdt_bias".to_owned(), values: vec![0.03] });
+    let said = judge(pair(&unit)).unwrap();
+    assert_eq!(said.verdict, Verdict::Named, "{:?}", said.ranking);
+    assert!(!said.notes.iter().any(|note| note.contains("different units")), "{:?}", said.notes);
+}
