@@ -12,6 +12,7 @@ pub mod decide;
 pub mod experiment;
 pub mod latent;
 pub mod ledger;
+pub mod next;
 pub mod outcome;
 pub mod part;
 pub mod ready;
@@ -20,6 +21,7 @@ pub mod search;
 pub mod stage_experiment;
 pub mod stages;
 pub mod summary;
+pub mod traces;
 pub mod visible;
 
 use crate::diagnosis::outcome::{Diagnosis, Verdict};

@@ -2,6 +2,7 @@
 
 pub mod admission;
 pub mod calibration;
+mod descent;
 pub mod fit;
 pub mod flexible;
 pub mod knob;

@@ -3,16 +3,15 @@
 use crate::diagnosis::Settings;
 use crate::diagnosis::closure::{LeftOut, Refitted, closure, closure_of, without_parts, without_recordings};
 use crate::diagnosis::decide::{Decision, stages as stage_shares};
-use crate::diagnosis::experiment;
 use crate::diagnosis::ledger::ledgers;
+use crate::diagnosis::next::experiments;
 use crate::diagnosis::outcome::{
-    Blame, Channel, Diagnosis, Experiment, Fitted, Interval, Latent, Place, Ranked, SignalGap, Trace, Transfer, Tried,
-    Verdict,
+    Blame, Channel, Diagnosis, Fitted, Interval, Latent, Place, Ranked, SignalGap, Transfer, Tried, Verdict,
 };
 use crate::diagnosis::rivals::Found;
 use crate::diagnosis::search::Model;
-use crate::diagnosis::stage_experiment;
 use crate::diagnosis::stages;
+use crate::diagnosis::traces::traces;
 use crate::diagnosis::visible::Marks;
 use crate::effects::{EffectSpec, Stage};
 use crate::frame::Estimate;
@@ -20,8 +19,6 @@ use crate::parameters::Unit;
 use crate::signal::Signal;
 use crate::tuning::fit::Bench;
 use crate::tuning::knob::Knob;
-use crate::twin::Cut;
-use crate::units::seconds_from_nanos;
 
 /// Standard deviations to either side of a 90 % interval.
 const NINETY: f64 = 1.645;
@@ -328,56 +325,4 @@ fn tried(found: &Found, refitted: &Refitted, bench: &Bench) -> Vec<Tried> {
             parameters: model.effects.iter().flat_map(|effect| fitted_effect(model, effect)).collect(),
         })
         .collect()
-}
-
-fn traces(bench: &Bench, twins: [&[Vec<Estimate>]; 3]) -> Vec<Trace> {
-    bench
-        .trials
-        .iter()
-        .enumerate()
-        .map(|(index, trial)| {
-            let start_ns = trial.frames.first().map_or(0, |frame| frame.time_ns);
-            let time_s =
-                trial.samples.iter().map(|&row| seconds_from_nanos(trial.frames[row].time_ns - start_ns)).collect();
-            let signals = Signal::ALL
-                .into_iter()
-                .filter(|&signal| trial.has[signal as usize])
-                .map(|signal| {
-                    let measured =
-                        trial.samples.iter().map(|&row| signal.of(&trial.frames[row].measured)).collect::<Vec<_>>();
-                    let [a, b, c] =
-                        twins.map(|twin| twin[index].iter().map(|estimate| signal.of(&estimate.signals)).collect());
-                    (signal, [measured, a, b, c])
-                })
-                .collect();
-            Trace { name: trial.name.clone(), process: trial.process, time_s, signals }
-        })
-        .collect()
-}
-
-/// For a class, a test for each pair of rivals; for one named effect, a test against the runner-up.
-fn experiments(bench: &Bench, found: &Found, blamed: &[Blame], verdict: Verdict) -> Vec<Experiment> {
-    let tried: Vec<&Model> = found.slots.first().into_iter().flat_map(|slot| &slot.tried).collect();
-    let model = |id: &str| tried.iter().find(|model| model.effects.len() == 1 && model.effects[0].id == id).copied();
-    let mut pairs: Vec<(String, String)> = Vec::new();
-    match verdict {
-        Verdict::Class => {
-            for (k, one) in blamed.iter().enumerate() {
-                pairs.extend(blamed[k + 1..].iter().map(|other| (one.id.clone(), other.id.clone())));
-            }
-        }
-        Verdict::Named if blamed.len() == 1 => {
-            if let Some(other) = tried.iter().find(|model| model.effects[0].id != blamed[0].id) {
-                pairs.push((blamed[0].id.clone(), other.effects[0].id.to_owned()));
-            }
-        }
-        _ => {}
-    }
-    let stage_only = bench.trials.first().is_some_and(|trial| trial.cut == Cut::Spool);
-    let noise_pu = bench.floor_square(0, Signal::ServomotorPosition).sqrt();
-    let test = |(a, b): &(String, String)| {
-        let units = [&model(a)?.unit(), &model(b)?.unit()];
-        if stage_only { stage_experiment::between([a, b], units, noise_pu) } else { experiment::between([a, b], units) }
-    };
-    pairs.iter().filter_map(test).collect()
 }
