@@ -33,6 +33,9 @@ pub struct Trials {
     pub warnings: Vec<String>,
 }
 
+/// What became of one bag: admitted with its cut or refused, and what its reader said.
+type Read = (Result<(Admitted, Cut), String>, Vec<String>);
+
 /// Reads all bags that the paths name; what cannot be used is left out with a warning, as long as something is left.
 ///
 /// Command and pressure run straight from sample to sample, on a grid as fine as the small loop's. A recording without a
@@ -43,7 +46,7 @@ pub fn read_trials(paths: &[PathBuf]) -> anyhow::Result<Trials> {
         ReadOptions { interpolation: Interpolation::Sharp { period_ns: 1_000_000 }, ..ReadOptions::default() };
     options.required = vec![Stream::ServoState];
     let progress = Progress::new(bags.len(), "recordings read");
-    let read: Vec<(Result<(Admitted, Cut), String>, Vec<String>)> = bags
+    let read: Vec<Read> = bags
         .par_iter()
         .map(|bag| {
             let result = match bag::read(&bag.path, &options) {
