@@ -30,8 +30,11 @@ const TRIAL_S: f64 = 60.0;
 /// What is learned must lessen the mean |e| to this share before it is added, and is added until it no longer lessens it.
 const CONVINCING_SHARE: f64 = 0.8;
 
-/// Misses below this share of the largest trained correction are no drift worth following, however quiet the band is at rest.
-const LEAST_SHARE: f64 = 0.05;
+/// Of the band's half width in motion: misses below this share are no drift worth following, however quiet the unit is at rest.
+const LEAST_SHARE: f64 = 0.0625;
+
+/// Half widths of the band in motion, the most that is added.
+const MOST_WIDTHS: f64 = 5.0;
 
 /// Largest gain, pu of correction per pu of the twin's value.
 const GAIN_LIMIT: f64 = 0.1;
@@ -94,12 +97,14 @@ pub struct Adapter {
 }
 
 impl Adapter {
-    /// For a model with a band; what is added never exceeds the largest correction that its training saw.
+    /// For a model with a band; what is added never exceeds the largest correction that its training saw, nor five half widths of the band.
     #[must_use]
     pub fn new(model: &Model) -> Option<Self> {
         let band = model.band?;
-        let limit = model.guard.range.iter().fold(0.0_f64, |most, edge| most.max(edge.abs()));
-        let least = (LEAST_SHARE * limit).max(f64::MIN_POSITIVE);
+        let largest = model.guard.range.iter().fold(0.0_f64, |most, edge| most.max(edge.abs()));
+        let width = band.at_rest.max(band.in_motion);
+        let limit = largest.min(MOST_WIDTHS * width);
+        let least = (LEAST_SHARE * width).max(f64::MIN_POSITIVE);
         Some(Self {
             at_rest: (band.at_rest / BAND_IN_SIGMA).max(least),
             in_motion: (band.in_motion / BAND_IN_SIGMA).max(least),
@@ -283,9 +288,9 @@ mod tests {
     #[test]
     fn what_it_adds_stays_in_bounds_and_goes_when_the_drift_goes() {
         let mut adapter = adapter();
-        run(&mut adapter, 3000, 0, 1, |_, value| 0.1 + value);
+        run(&mut adapter, 3000, 0, 1, |_, value| 0.02 + 0.3 * value);
         for value in [-1e9, -0.3, 0.0, 0.3, 1e9] {
-            assert!(adapter.correction(value).abs() <= 0.05);
+            assert!(adapter.correction(value).abs() <= 5.0 * 1.645 * SIGMA);
         }
         assert!(adapter.counts().clamped > 0 && adapter.counts().gain_ratio <= GAIN_LIMIT);
         assert_eq!(adapter.correction(f64::NAN), 0.0);
