@@ -23,6 +23,11 @@ use crate::tuning::knob::Knob;
 /// Standard deviations to either side of a 90 % interval.
 const NINETY: f64 = 1.645;
 
+/// How far the size of an effect may be off because its true equation is another, one standard deviation over its size.
+///
+/// Measured on the single faults of the practice units: root mean square of the sizes' errors beyond their statistical ones.
+const EQUATION: f64 = 0.06;
+
 /// Share of an effect's plausible range below which it counts as excited: smallest visible size over a moderate fault.
 const EXCITED: f64 = 3.0;
 
@@ -153,7 +158,9 @@ fn fitted(model: &Model, wanted: impl Fn(&Knob) -> bool) -> Vec<Fitted> {
             let position = model.fit.positions[k];
             let variance = model.spread[(k, k)].max(0.0);
             let (low, high) = knob.range(&model.base);
-            let at = |offset: f64| knob.value(&model.base, (position + offset * variance.sqrt()).clamp(low, high));
+            let equation = if matches!(knob, Knob::Effect { .. }) { EQUATION * position } else { 0.0 };
+            let deviation = variance.sqrt().hypot(equation);
+            let at = |offset: f64| knob.value(&model.base, (position + offset * deviation).clamp(low, high));
             let (a, b) = (at(-NINETY), at(NINETY));
             let (name, unit) = knob.key(&model.base);
             Fitted {
