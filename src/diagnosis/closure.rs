@@ -124,35 +124,51 @@ fn refitted_without(bench: &Bench, model: &Model, left: usize) -> crate::paramet
     unit_at(&base, &knobs, &found.positions)
 }
 
-/// Squared misses of both positions over their noise, in blocks: refitted, with effects, noise.
+/// Signals that closure is told of.
+const POSITIONS: [Signal; 2] = [Signal::ServomotorPosition, Signal::SpoolPosition];
+
+/// Squared misses of a signal in a trial over its noise, at each sample where it was measured: refitted, with effects.
+fn squares(bench: &Bench, index: usize, signal: Signal, twins: [&LeftOut; 2]) -> Vec<Option<[f64; 2]>> {
+    let trial = &bench.trials[index];
+    let floor = bench.floor_square(index, signal);
+    let at = |k: usize| {
+        let measured = signal.of(&trial.frames[trial.samples[k]].measured);
+        let over = twins.map(|twin| (measured - signal.of(&twin[index][k].signals)).powi(2) / floor);
+        over.iter().all(|square| square.is_finite()).then_some(over)
+    };
+    (0..trial.samples.len()).map(at).collect()
+}
+
+/// Sums over both positions in blocks: squares refitted, squares with effects, noise.
+///
+/// Noise that a twin leaves less than is not there: the floor of a signal is what its transducer and chatter should leave, or what the better
+/// twin does leave if that is less.
 fn blocks(bench: &Bench, refitted: &LeftOut, with_effects: &LeftOut) -> Vec<Vec<[f64; 3]>> {
-    bench
+    let mut blocks: Vec<Vec<[f64; 3]>> = bench
         .trials
         .iter()
-        .enumerate()
-        .map(|(index, trial)| {
-            let mut rows = Vec::new();
-            let size = trial.samples_in(BLOCK_S);
-            for start in (0..trial.samples.len()).step_by(size) {
-                let mut sums = [0.0; 3];
-                for k in start..(start + size).min(trial.samples.len()) {
-                    let measured = &trial.frames[trial.samples[k]].measured;
-                    for signal in [Signal::ServomotorPosition, Signal::SpoolPosition] {
-                        let floor = bench.floor_square(index, signal);
-                        let miss = |estimate: &Estimate| signal.of(measured) - signal.of(&estimate.signals);
-                        let (before, after) = (miss(&refitted[index][k]), miss(&with_effects[index][k]));
-                        if before.is_finite() && after.is_finite() && floor > 0.0 {
-                            sums[0] += before * before / floor;
-                            sums[1] += after * after / floor;
-                            sums[2] += 1.0;
-                        }
-                    }
+        .map(|trial| vec![[0.0; 3]; trial.samples.len().div_ceil(trial.samples_in(BLOCK_S))])
+        .collect();
+    for signal in POSITIONS {
+        let all: Vec<_> =
+            (0..bench.trials.len()).map(|index| squares(bench, index, signal, [refitted, with_effects])).collect();
+        let there = || all.iter().flatten().flatten();
+        let count = there().count() as f64;
+        let least = [0, 1].map(|twin| there().map(|over| over[twin]).sum::<f64>() / count);
+        let noise = least[0].min(least[1]).min(1.0);
+        for (index, samples) in all.iter().enumerate() {
+            let size = bench.trials[index].samples_in(BLOCK_S);
+            for (k, over) in samples.iter().enumerate() {
+                if let Some([before, after]) = over {
+                    let block = &mut blocks[index][k / size];
+                    block[0] += before;
+                    block[1] += after;
+                    block[2] += noise;
                 }
-                rows.push(sums);
             }
-            rows
-        })
-        .collect()
+        }
+    }
+    blocks
 }
 
 fn ratio(sums: [f64; 3]) -> f64 {
