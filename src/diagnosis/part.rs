@@ -16,8 +16,8 @@ use crate::units::seconds_from_nanos;
 
 /// Length of a free run, samples.
 pub const FREE_RUN_SAMPLES: usize = 100;
-/// Effects on top of the first must be this probable to be named.
-const SURE: f64 = 0.6;
+/// Effects on top of the first must all be this probable to be named: with a sheet, and where everything is fitted freely.
+const SURE: (f64, f64) = (0.6, 0.95);
 /// Without a sheet an effect of at least this probability is a rival.
 const RIVAL: f64 = 0.03;
 /// A stage that misses no more than this, in squares of what the most flexible law misses, shows no gap.
@@ -62,7 +62,8 @@ pub fn modest(
     let probability = |decision: &Decision, id: &str| {
         decision.effects.iter().find(|(spec, _)| spec.id == id).map_or(0.0, |(_, p)| *p)
     };
-    let doubtful = decision.blamed.iter().any(|id| probability(&decision, id) < SURE);
+    let sure = if ready.sheet { SURE.0 } else { SURE.1 };
+    let doubtful = decision.blamed.iter().any(|id| probability(&decision, id) < sure);
     let first = found.slots.first().and_then(|slot| slot.tried.first()).cloned();
     if let Some(first) = first.filter(|_| decision.verdict == Verdict::Named && decision.blamed.len() > 1 && doubtful) {
         let further: Vec<&str> = found.best.effects.iter().skip(1).map(|effect| effect.id).collect();

@@ -25,6 +25,8 @@ const LEAST_NOISE_PU: f64 = 2.0e-5;
 pub struct Flexible {
     /// Speed per spool position of the best straight law, pu of stroke per second and pu of spool.
     pub gain_1_s: f64,
+    /// Whether opening is faster than closing at the same spool position.
+    pub opens_faster: bool,
     /// Greatest spool position either way, pu.
     pub farthest_spool_pu: f64,
     /// Share of the squared movement that the flexible model explains, 1 for all.
@@ -113,6 +115,7 @@ pub fn flexible(trials: &[Trial]) -> Option<Flexible> {
         return None;
     }
     let (straight, _) = solved(&runs, 0, &|spool_pu, _| vec![spool_pu, 1.0])?;
+    let (both_ways, _) = solved(&runs, 0, &|spool_pu, _| vec![spool_pu.max(0.0), spool_pu.min(0.0)])?;
     let corners = (count / SAMPLES_PER_CORNER).clamp(CORNERS.0, CORNERS.1);
     let at: Vec<f64> = (1..=corners).map(|k| spools[k * (count - 1) / (corners + 1)]).collect();
     let shapes = |spool_pu: f64, start_pu: f64| {
@@ -128,6 +131,7 @@ pub fn flexible(trials: &[Trial]) -> Option<Flexible> {
     let freedom = count.saturating_sub(corners + 4).max(1);
     Some(Flexible {
         gain_1_s: straight[0],
+        opens_faster: both_ways[0].abs() > both_ways[1].abs(),
         farthest_spool_pu,
         explained: 1.0 - left / moved,
         noise: noise(&runs, &misses, freedom),

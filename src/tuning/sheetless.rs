@@ -20,6 +20,8 @@ const DAMPING_SHARE: f64 = 0.1;
 const INERTIA_SHARE: f64 = 0.01;
 /// Overlap over the farthest spool position.
 const OVERLAP_SHARE: f64 = 0.01;
+/// How much smaller or larger than drawn areas may be taken.
+const AREA_SCALES: (f64, f64) = (1e-2, 50.0);
 /// What the wide tolerances are: a factor of e either way is one and a half deviations or less.
 const WIDE: [(&str, f64); 5] = [
     ("main_ports.width_m", 1.5),
@@ -43,24 +45,35 @@ pub fn unit(reference: &Unit, seen: &Flexible, period_s: f64) -> Unit {
     let mut unit = reference.clone();
     let p = &mut unit.parameters;
     let (supply_pa, return_pa) = (p.oil.tank_pressure_pa, p.oil.return_pressure_pa);
-    let servo = &mut p.servomotor;
-    let full_n = supply_pa * servo.opening_area_m2;
-    servo.load_closed_n = LOAD_SHARE * full_n;
-    servo.load_slope_n = 0.0;
-    servo.closing_area_m2 = servo.opening_area_m2 - 2.0 * servo.load_closed_n / (supply_pa + return_pa);
-    servo.coulomb_friction_n = FRICTION_SHARE * full_n;
-    let drive_n = full_n - return_pa * servo.closing_area_m2 - servo.load_closed_n - servo.coulomb_friction_n;
-    let farthest_pu = seen.farthest_spool_pu;
-    let speed_m_s = (seen.gain_1_s.abs() * farthest_pu * servo.stroke_m).max(1e-6);
-    servo.viscous_damping_n_s_m = DAMPING_SHARE * drive_n / speed_m_s;
-    servo.moving_mass_kg = (INERTIA_SHARE * drive_n * servo.stroke_m / (speed_m_s * speed_m_s)).clamp(1.0, 1.0e7);
     let valve = &mut p.distributing_valve;
     (valve.stroke_min_m, valve.stroke_max_m) = (-0.09, 0.09);
+    let servo = &mut p.servomotor;
+    let farthest_pu = seen.farthest_spool_pu;
+    let speed_m_s = (seen.gain_1_s.abs() * farthest_pu * servo.stroke_m).max(1e-6);
     let travel_m = farthest_pu * valve.reference_stroke_m;
     p.main_ports.overlap_m = OVERLAP_SHARE * travel_m;
-    let area_root = (servo.opening_area_m2.powi(3) + servo.closing_area_m2.powi(3)).sqrt();
+
+    // Areas make the speed, so that flows stay what the sizes of effects are meant for; the width makes up what areas cannot.
+    let (large_m2, load_n) = (servo.opening_area_m2, LOAD_SHARE * supply_pa * servo.opening_area_m2);
+    let small_m2 = large_m2 - 2.0 * load_n / (supply_pa + return_pa);
+    let friction_n = FRICTION_SHARE * supply_pa * large_m2;
+    let drive_n = supply_pa * large_m2 - return_pa * small_m2 - load_n - friction_n;
     let per_width = p.esv.discharge_coefficient * (2.0 / p.oil.density_kg_m3).sqrt() * travel_m * drive_n.sqrt();
-    p.main_ports.width_m = (speed_m_s * area_root / per_width).clamp(1e-5, 5.0);
+    let as_drawn_m_s = per_width * p.main_ports.width_m / (large_m2.powi(3) + small_m2.powi(3)).sqrt();
+    let scale = (as_drawn_m_s / speed_m_s).clamp(AREA_SCALES.0, AREA_SCALES.1);
+    p.main_ports.width_m = (p.main_ports.width_m * scale * speed_m_s / as_drawn_m_s).clamp(1e-5, 5.0);
+    // The load holds back the slower direction, whose area is the larger one.
+    (servo.opening_area_m2, servo.closing_area_m2, servo.load_closed_n) = if seen.opens_faster {
+        (scale * small_m2, scale * large_m2, -scale * load_n)
+    } else {
+        (scale * large_m2, scale * small_m2, scale * load_n)
+    };
+    servo.load_slope_n = 0.0;
+    servo.coulomb_friction_n = scale * friction_n;
+    servo.dead_volume_m3 *= scale;
+    servo.viscous_damping_n_s_m = DAMPING_SHARE * scale * drive_n / speed_m_s;
+    let mass_kg = INERTIA_SHARE * scale * drive_n * servo.stroke_m / (speed_m_s * speed_m_s);
+    servo.moving_mass_kg = mass_kg.clamp(1.0, 1.0e7);
     // Ticks as long as the recording allows; the large loop does nothing here.
     p.regulator.small_loop_period_s = (0.1 * period_s).clamp(1e-4, 0.02);
     p.regulator.large_loop_period_s = 10.0 * p.regulator.small_loop_period_s;
