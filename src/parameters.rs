@@ -148,9 +148,9 @@ parameters! {
         /// Dead volume, each side.
         dead_volume_m3 ["m3"] 1.0e-6 ..= 10.0,
         /// Guide-vane ring and piston, referred to the piston.
-        moving_mass_kg ["kg"] 1.0 ..= 1.0e7,
+        moving_mass_kg ["kg"] 1.0 ..= 1.0e10,
         /// Viscous damping.
-        viscous_damping_n_s_m ["N s/m"] 0.0 ..= 1.0e8,
+        viscous_damping_n_s_m ["N s/m"] 0.0 ..= 1.0e10,
         /// Coulomb friction.
         coulomb_friction_n ["N"] 0.0 ..= 1.0e7,
         /// Guide-vane load towards closing at Y = 0.

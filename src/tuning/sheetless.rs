@@ -73,7 +73,7 @@ pub fn unit(reference: &Unit, seen: &Flexible, period_s: f64) -> Unit {
     servo.dead_volume_m3 *= scale;
     servo.viscous_damping_n_s_m = DAMPING_SHARE * scale * drive_n / speed_m_s;
     let mass_kg = INERTIA_SHARE * scale * drive_n * servo.stroke_m / (speed_m_s * speed_m_s);
-    servo.moving_mass_kg = mass_kg.clamp(1.0, 1.0e7);
+    servo.moving_mass_kg = mass_kg.clamp(1.0, 1.0e10);
     // Ticks as long as the recording allows; the large loop does nothing here.
     p.regulator.small_loop_period_s = (0.1 * period_s).clamp(1e-4, 0.02);
     p.regulator.large_loop_period_s = 10.0 * p.regulator.small_loop_period_s;
