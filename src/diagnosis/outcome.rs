@@ -224,7 +224,7 @@ pub struct Tried {
     pub ids: Vec<String>,
     /// By how much the cost fell, prior included.
     pub gain: f64,
-    /// The same on processes left out of the fit.
+    /// The same on data left out of the fit.
     pub held_out_gain: f64,
     /// Fitted parameters.
     pub parameters: Vec<Fitted>,
@@ -302,7 +302,7 @@ pub struct Diagnosis {
     pub ranking: Vec<Ranked>,
     /// The gap in each signal.
     pub gap: Vec<SignalGap>,
-    /// Share of the gap that the blamed effects close together, on processes left out of the fit.
+    /// Share of the gap that the blamed effects close together, on data left out of the fit.
     pub closure: Interval,
     /// Tests that would tell more.
     pub experiments: Vec<Experiment>,

@@ -62,7 +62,7 @@ fn miss(bench: &Bench, unit: &Unit, index: usize, (cut, signal): (Cut, Signal), 
     if zero_pu != 0.0 {
         trial.frames.iter_mut().for_each(|frame| frame.measured.spool_position_pu -= zero_pu);
     }
-    let estimates = trial.run(&mut Twin::new(unit).with_dither(bench.dither_pu()).with_cut(cut));
+    let estimates = trial.run(&mut Twin::new(unit).with_dither(bench.dither_pu(index)).with_cut(cut));
     let pairs = trial.samples.iter().zip(&estimates);
     pairs
         .map(|(&row, estimate)| signal.of(&trial.frames[row].measured) - signal.of(&estimate.signals))

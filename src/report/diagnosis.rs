@@ -99,7 +99,7 @@ fn misses(body: &mut Blocks, diagnosis: &Diagnosis, explained: bool) -> Result<(
         body.table(tables::free_runs(part), caption);
     }
     if diagnosis.blamed.len() > 1 {
-        body.table(tables::blamed(diagnosis), "What the verdict blames; closures on processes left out of the fit.");
+        body.table(tables::blamed(diagnosis), "What the verdict blames; closures on data left out of the fit.");
     }
     Ok(())
 }
@@ -229,7 +229,7 @@ fn closing(body: &mut Blocks, diagnosis: &Diagnosis) {
     let mut inner = Blocks::new();
     inner.paragraph(
         "Gap closed: (MSE refitted − MSE with effects) / (MSE refitted − noise²) over both positions, each weighed by its noise, on \
-         processes left out of the fit; its interval from blocks of 2 s drawn anew. Intervals hold the truth nine times in ten where \
+         data left out of the fit; its interval from blocks of 2 s drawn anew. Intervals hold the truth nine times in ten where \
          the twin's equations are right.",
     );
     inner.paragraph(

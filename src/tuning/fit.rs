@@ -73,7 +73,7 @@ impl Bench {
     /// A twin with the cut of a trial; the mean over noise inside the loop, where there is a loop.
     fn prepared(&self, twin: Twin, trial: usize) -> Twin {
         match self.trials[trial].cut {
-            Cut::None => twin.with_dither(self.dither_pu),
+            Cut::None => twin.with_dither(self.dither_pu(trial)),
             cut => twin.with_cut(cut),
         }
     }
@@ -98,10 +98,10 @@ impl Bench {
         self.simulations.load(Ordering::Relaxed)
     }
 
-    /// Transducer noise inside the loop over which the twin is a mean, pu.
+    /// Noise inside the loop over which the twin is a mean, pu: the transducer's, and what a slow recorder does not show of the command.
     #[must_use]
-    pub fn dither_pu(&self) -> f64 {
-        self.dither_pu
+    pub fn dither_pu(&self, trial: usize) -> f64 {
+        self.dither_pu.hypot(self.trials[trial].command_jitter_pu)
     }
 
     /// Mean square that a right model would miss of a signal in a trial, in its unit squared; 0 where it was not measured.

@@ -6,6 +6,12 @@ use crate::signal::Signal;
 use crate::twin::{Cut, Twin};
 use crate::units::{nanos_from_seconds, seconds_from_nanos};
 
+/// Samples farther apart than this leave open what inputs do between them, s.
+pub const SLOW_S: f64 = 0.05;
+
+/// Median size of the second difference of white jitter, over its standard deviation.
+const MEDIAN_BEND: f64 = 1.652;
+
 /// One recording, its rows at which something was measured, and which signals it has.
 #[derive(Clone, Debug)]
 pub struct Trial {
@@ -23,6 +29,8 @@ pub struct Trial {
     pub has: [bool; Signal::ALL.len()],
     /// How far the command may stray from a straight line between samples, pu, at each sample.
     pub command_doubt_pu: Vec<f64>,
+    /// How far the command jitters between samples too far apart to show it, one standard deviation, pu.
+    pub command_jitter_pu: f64,
     /// Where the recording stands in for the twin; a signal that does is no evidence.
     pub cut: Cut,
 }
@@ -42,11 +50,18 @@ impl Trial {
         let period_s = periods_ns.get(periods_ns.len() / 2).map_or(0.0, |&period_ns| seconds_from_nanos(period_ns));
         let command = |row: usize| frames[row].inputs.opening_command_pu;
         let mut command_doubt_pu = vec![0.0; samples.len()];
+        let mut bends = Vec::with_capacity(samples.len());
         for k in 1..samples.len().saturating_sub(1) {
             let bend = command(samples[k - 1]) - 2.0 * command(samples[k]) + command(samples[k + 1]);
-            command_doubt_pu[k] = if bend.is_finite() { 0.25 * bend.abs() } else { 0.0 };
+            if bend.is_finite() {
+                command_doubt_pu[k] = 0.25 * bend.abs();
+                bends.push(bend.abs());
+            }
         }
-        Self { name, process, frames, samples, period_s, has, command_doubt_pu, cut: Cut::None }
+        bends.sort_by(f64::total_cmp);
+        let bend = bends.get(bends.len() / 2).copied().unwrap_or(0.0);
+        let command_jitter_pu = if period_s > SLOW_S { bend / MEDIAN_BEND } else { 0.0 };
+        Self { name, process, frames, samples, period_s, has, command_doubt_pu, command_jitter_pu, cut: Cut::None }
     }
 
     /// Prepares a recording whose measured spool drives the servomotor stage, which is then all that is judged.
@@ -60,6 +75,7 @@ impl Trial {
             trial.has[signal as usize] &= signal == Signal::ServomotorPosition;
         }
         trial.command_doubt_pu.fill(0.0);
+        trial.command_jitter_pu = 0.0;
         trial.cut = Cut::Spool;
         trial
     }

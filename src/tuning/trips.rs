@@ -3,12 +3,9 @@
 use crate::frame::EsvState;
 use crate::parameters::Unit;
 use crate::tuning::fit::Bench;
-use crate::tuning::trial::Trial;
+use crate::tuning::trial::{SLOW_S, Trial};
 use crate::twin::Twin;
 use crate::units::nanos_from_seconds;
-
-/// Recordings with a shorter time between samples are taken at their stamps, s.
-const SLOW_S: f64 = 0.05;
 
 /// Places tried between two samples before the search narrows.
 const PLACES: i64 = 20;

@@ -153,7 +153,7 @@ fn misses(diagnosis: &Diagnosis) -> String {
 /// The one sentence or two to take away.
 pub fn lead(diagnosis: &Diagnosis) -> String {
     let closes =
-        format!("{} of the gap that refitting leaves, on processes left out of the fit", percents(diagnosis.closure));
+        format!("{} of the gap that refitting leaves, on data left out of the fit", percents(diagnosis.closure));
     match (diagnosis.verdict, diagnosis.blamed.as_slice()) {
         (Verdict::Named, [one]) => {
             let values = values(&one.parameters);
@@ -265,7 +265,7 @@ pub fn summary(diagnosis: &Diagnosis) -> String {
     for blame in &diagnosis.blamed {
         let (values, closes) = (values(&blame.parameters), percents(blame.closure));
         line("effect", format!("{}: {values}; probability {}", blame.id, percent(blame.probability)));
-        line("", format!("closes {closes} of the gap on processes left out of the fit"));
+        line("", format!("closes {closes} of the gap on data left out of the fit"));
     }
     for gap in &diagnosis.gap {
         let steps: [fn(&SignalGap) -> f64; 4] =
