@@ -111,6 +111,24 @@ pub fn floor(bench: &Bench, found: &Found) -> f64 {
     found.beyond.min(found.best.cost()).min(quiet)
 }
 
+/// Takes further effects back that are less likely than not in their own place: what something unknown explains as well has no name.
+#[must_use]
+pub fn settled(bench: &Bench, mut found: Found, catalogue: &[&'static EffectSpec]) -> Found {
+    while let [_, .., slot] = found.slots.as_slice() {
+        let weighed = weigh(slot, catalogue, floor(bench, &found), UNKNOWN_LEAVES.1);
+        let last = found.best.effects.last().map(|effect| effect.id);
+        let likely = catalogue.iter().zip(&weighed.effects).any(|(spec, p)| Some(spec.id) == last && *p >= 0.5);
+        if likely {
+            break;
+        }
+        found.beyond = found.beyond.min(found.best.cost());
+        if let Some(slot) = found.slots.pop() {
+            found.best = slot.before;
+        }
+    }
+    found
+}
+
 /// Squares of what a model leaves of one signal, where it was measured.
 fn left(bench: &Bench, model: &Model, signal: Signal) -> Vec<f64> {
     let mut squares = Vec::new();

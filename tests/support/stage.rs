@@ -72,7 +72,7 @@ pub fn record(unit: &Unit, spool: &Spool, rate_hz: f64, samples: i64) -> Recordi
             until = time_ns + (spool.dwell_s * dice.random_range(0.4..1.6) * 1e9) as i64;
         }
         if (opening > 0.9 && target > 0.0) || (opening < 0.1 && target < 0.0) {
-            target = -0.5 * target;
+            target *= -0.5;
         }
         position += (target - position) * (1.0 - (-1.0 / (0.3 * rate_hz)).exp());
         let inputs = Inputs { opening_command_pu: f64::NAN, esv: EsvState::Normal, tank_pressure_pa: f64::NAN };
