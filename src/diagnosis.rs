@@ -83,8 +83,7 @@ pub fn diagnose(
     let settings = &Settings { catalogue: ready.catalogue.clone(), ..settings.clone() };
     let (bench, refitted, sheet) =
         search::nominal(ready.trials.clone(), &ready.unit, ready.turned.clone(), &ready.noise);
-    let found: Found = rivals::find(&bench, refitted, &sheet, &settings.catalogue, progress);
-    let mut found = decide::settled(&bench, found, &settings.catalogue);
+    let mut found: Found = rivals::find(&bench, refitted, &sheet, &settings.catalogue, progress);
     progress("placing free terms", 0.85);
     let floor = decide::floor(&bench, &found);
     let latents = latent::latents(&bench, &found.refitted, found.refitted.cost() - floor);

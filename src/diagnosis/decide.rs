@@ -37,6 +37,9 @@ const LOUDEST: f64 = 2.5;
 /// Median of the squares of normal values of unit size.
 const MEDIAN_SQUARE: f64 = 0.4549;
 
+/// Probability from which one of several effects is named.
+const LIKELY: f64 = 0.5;
+
 /// Probability from which an effect is named on its own.
 const SURE: f64 = 0.6;
 
@@ -111,24 +114,6 @@ pub fn floor(bench: &Bench, found: &Found) -> f64 {
     found.beyond.min(found.best.cost()).min(quiet)
 }
 
-/// Takes further effects back that are less likely than not in their own place: what something unknown explains as well has no name.
-#[must_use]
-pub fn settled(bench: &Bench, mut found: Found, catalogue: &[&'static EffectSpec]) -> Found {
-    while let [_, .., slot] = found.slots.as_slice() {
-        let weighed = weigh(slot, catalogue, floor(bench, &found), UNKNOWN_LEAVES.1);
-        let last = found.best.effects.last().map(|effect| effect.id);
-        let likely = catalogue.iter().zip(&weighed.effects).any(|(spec, p)| Some(spec.id) == last && *p >= 0.5);
-        if likely {
-            break;
-        }
-        found.beyond = found.beyond.min(found.best.cost());
-        if let Some(slot) = found.slots.pop() {
-            found.best = slot.before;
-        }
-    }
-    found
-}
-
 /// Squares of what a model leaves of one signal, where it was measured.
 fn left(bench: &Bench, model: &Model, signal: Signal) -> Vec<f64> {
     let mut squares = Vec::new();
@@ -185,9 +170,10 @@ pub fn decide(found: &Found, catalogue: &[&'static EffectSpec], floor: f64, expl
         (Verdict::Unknown, Vec::new())
     } else if found.best.effects.len() > 1 {
         let present: Vec<usize> = (0..catalogue.len())
-            .filter(|&k| found.best.effects.iter().any(|effect| effect.id == catalogue[k].id))
+            // What something unknown explains as well has no name.
+            .filter(|&k| effects[k] >= LIKELY && found.best.effects.iter().any(|effect| effect.id == catalogue[k].id))
             .collect();
-        (Verdict::Named, ids(&present))
+        (Verdict::Named, ids(if present.is_empty() { &order[..1] } else { &present }))
     } else if top >= SURE {
         (Verdict::Named, ids(&order[..1]))
     } else {
