@@ -2,6 +2,7 @@
 
 use nalgebra::DMatrix;
 
+use crate::diagnosis::decide::UNKNOWN_LEAVES;
 use crate::diagnosis::rivals::Found;
 use crate::diagnosis::search::Model;
 use crate::parameters::Unit;
@@ -28,6 +29,10 @@ struct Alone {
 pub fn disagreement(bench: &Bench, found: &Found, floor: f64) -> Option<String> {
     let model = &found.best;
     if bench.trials.len() < 2 || model.fit.slopes.len() < bench.trials.len() || model.cost() - floor < STRANGE {
+        return None;
+    }
+    // A model that explains the gap of all of them speaks for one unit, however much each gains by parameters of its own.
+    if model.cost() - floor < UNKNOWN_LEAVES.0 * (found.refitted.cost() - floor) {
         return None;
     }
     let alone: Vec<Alone> = (0..bench.trials.len())

@@ -19,7 +19,7 @@ const FREEDOM: f64 = 10.0;
 
 /// What an effect outside the catalogue is taken to leave of the gap: as much as the best free term, but within these shares, since free terms
 /// are both more supple and more roughly fitted than an equation.
-const UNKNOWN_LEAVES: (f64, f64) = (0.3, 0.6);
+pub const UNKNOWN_LEAVES: (f64, f64) = (0.3, 0.6);
 
 /// Odds against one named effect before anything is seen.
 const RARITY: f64 = 0.004;
