@@ -1,12 +1,10 @@
 //! Whether the recordings agree: the same parameters must fit each of them, or they are not of one unit.
 
-use nalgebra::DMatrix;
-
 use crate::diagnosis::decide::UNKNOWN_LEAVES;
 use crate::diagnosis::rivals::Found;
-use crate::diagnosis::search::Model;
+use crate::diagnosis::search::{Model, covariance};
 use crate::parameters::Unit;
-use crate::tuning::fit::{Bench, Effort, Fit, fit, normal};
+use crate::tuning::fit::{Bench, Effort, Fit, fit};
 use crate::tuning::knob::Knob;
 
 /// Work of the fit to one recording alone.
@@ -41,10 +39,7 @@ pub fn disagreement(bench: &Bench, found: &Found, floor: f64) -> Option<String> 
             let known = [model.fit.slopes[trial].clone()];
             let fit = fit(&own, &model.base, &model.knobs, &model.fit.positions, ALONE, Some(&known));
             let together = model.fit.misses[trial].norm_squared() + model.fit.prior;
-            let (hessian, _) = normal(&model.knobs, &fit.positions, &fit.misses, &fit.slopes, 1.0);
-            let n = hessian.nrows();
-            let inverse = (hessian + DMatrix::identity(n, n) * 1e-9).try_inverse();
-            let variances = inverse.map_or_else(|| vec![f64::INFINITY; n], |m| m.diagonal().iter().copied().collect());
+            let variances = covariance(&model.knobs, &fit).diagonal().iter().copied().collect();
             Alone { gain: (together - fit.square - fit.prior).max(0.0), fit, variances }
         })
         .collect();

@@ -118,11 +118,7 @@ pub fn floor(bench: &Bench, found: &Found) -> f64 {
 fn left(bench: &Bench, model: &Model, signal: Signal) -> Vec<f64> {
     let mut squares = Vec::new();
     for (trial, misses) in bench.trials.iter().zip(&model.fit.misses) {
-        let Some(place) =
-            Signal::ALL.into_iter().filter(|&other| trial.has[other as usize]).position(|other| other == signal)
-        else {
-            continue;
-        };
+        let Some(place) = trial.place(signal) else { continue };
         let count = trial.samples.len();
         squares.extend(misses.rows(place * count, count).iter().filter(|miss| **miss != 0.0).map(|miss| miss * miss));
     }

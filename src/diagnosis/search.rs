@@ -234,8 +234,9 @@ fn scout(bench: &Bench, start: Start<'_>, spec: &'static EffectSpec) -> Option<M
     Some(Model::new(effects, base, knobs, fitted?).light())
 }
 
-/// Covariance of the knobs about a fit.
-fn covariance(knobs: &[Knob], fit: &Fit) -> DMatrix<f64> {
+/// Covariance of the knobs about a fit; infinite where it says nothing.
+#[must_use]
+pub fn covariance(knobs: &[Knob], fit: &Fit) -> DMatrix<f64> {
     let (hessian, _) = normal(knobs, &fit.positions, &fit.misses, &fit.slopes, 1.0);
     let n = knobs.len();
     (hessian + DMatrix::identity(n, n) * 1e-9)

@@ -107,9 +107,7 @@ impl Bench {
     /// Mean square that a right model would miss of a signal in a trial, in its unit squared; 0 where it was not measured.
     #[must_use]
     pub fn floor_square(&self, trial: usize, signal: Signal) -> f64 {
-        let has = &self.trials[trial].has;
-        let place = Signal::ALL.into_iter().filter(|&other| has[other as usize]).position(|other| other == signal);
-        place.map_or(0.0, |place| self.whiteners[trial][place].floor_square)
+        self.trials[trial].place(signal).map_or(0.0, |place| self.whiteners[trial][place].floor_square)
     }
 
     /// Misses of a unit in one trial.

@@ -80,6 +80,12 @@ impl Trial {
         trial
     }
 
+    /// Place of a signal among those that were measured; misses stand in that order, one signal behind another.
+    #[must_use]
+    pub fn place(&self, signal: Signal) -> Option<usize> {
+        Signal::ALL.into_iter().filter(|&other| self.has[other as usize]).position(|other| other == signal)
+    }
+
     /// How many samples a time holds, one at least.
     #[must_use]
     pub fn samples_in(&self, time_s: f64) -> usize {
