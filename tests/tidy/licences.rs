@@ -7,7 +7,7 @@ use serde_json::Value;
 /// Packages that carry a licence file but no licence expression, read by hand; `cargo deny` reads the file itself.
 const READ_BY_HAND: &[(&str, &str)] = &[("ros2args", "Apache-2.0")];
 
-/// Packages built into the program whose licence or source `.deny.toml` does not allow.
+/// Packages built into the program with any feature, or building it, whose licence or source `.deny.toml` does not allow.
 pub fn breaches() -> Vec<String> {
     let top = env!("CARGO_MANIFEST_DIR");
     let deny = std::fs::read_to_string(format!("{top}/.deny.toml")).expect(".deny.toml is there");
@@ -19,6 +19,7 @@ pub fn breaches() -> Vec<String> {
             "--format-version",
             "1",
             "--locked",
+            "--all-features",
             "--filter-platform",
             &host.expect("cargo names its host"),
         ])
