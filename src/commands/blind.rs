@@ -11,6 +11,7 @@ use anyhow::bail;
 use clap::ValueEnum;
 use govtwin::battery::plan::Rates;
 use govtwin::params;
+use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 
 use self::cases::find;
 use self::method::methods;
@@ -99,16 +100,16 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let methods = methods(args.baselines, args.baselines_only);
     let progress = Progress::new(cases.len(), "units");
-    let mut outcome = Outcome::Ok;
-    for case in &cases {
-        // One unit after the other: each is parallel in itself, and its figures do not depend on the threads.
-        if let Err(error) = method::judge(case, &unit, args.params.as_deref(), &methods, out) {
-            warn(&format!("{}: {error:#}", case.name));
-            outcome = Outcome::Warnings;
-        }
+    let threads = (rayon::current_num_threads() / cases.len().max(1)).max(1);
+    let judged = cases.par_iter().map(|case| {
+        let judged = method::judge(case, &unit, args.params.as_deref(), &methods, threads, out);
         progress.step();
-    }
+        judged.map_err(|error| format!("{}: {error:#}", case.name))
+    });
+    let failed: Vec<String> = judged.filter_map(Result::err).collect();
     drop(progress);
+    failed.iter().for_each(|failure| warn(failure));
+    let outcome = if failed.is_empty() { Outcome::Ok } else { Outcome::Warnings };
     let labels = match (&made, &args.labels) {
         (Some(made), _) => Some(made.answers()?),
         (None, Some(path)) => Some(scoring::read_labels(path)?),

@@ -56,8 +56,15 @@ pub fn methods(baselines: bool, baselines_only: bool) -> Vec<Method> {
     Some(Method::Diagnosis).filter(|_| !baselines_only).into_iter().chain(others).collect()
 }
 
-/// Lets every method judge a unit, unless its report is there already.
-pub fn judge(case: &Case, unit: &Unit, params: Option<&Path>, methods: &[Method], out: &Path) -> anyhow::Result<()> {
+/// Lets every method judge a unit, unless its report is there already; the diagnosis on so many threads.
+pub fn judge(
+    case: &Case,
+    unit: &Unit,
+    params: Option<&Path>,
+    methods: &[Method],
+    threads: usize,
+    out: &Path,
+) -> anyhow::Result<()> {
     let ground: OnceCell<Ground> = OnceCell::new();
     for method in methods {
         let path = method.report(out, &case.name);
@@ -65,7 +72,7 @@ pub fn judge(case: &Case, unit: &Unit, params: Option<&Path>, methods: &[Method]
             continue;
         }
         match method {
-            Method::Diagnosis => diagnose(case, params, &out.join(&case.name))?,
+            Method::Diagnosis => diagnose(case, params, threads, &out.join(&case.name))?,
             Method::Baseline(baseline) => {
                 if ground.get().is_none() {
                     let made = Ground::new(case.recordings()?, unit, &case.catalogue());
@@ -80,11 +87,11 @@ pub fn judge(case: &Case, unit: &Unit, params: Option<&Path>, methods: &[Method]
     Ok(())
 }
 
-/// Runs `govtwin diagnose` on the bags of a unit.
-fn diagnose(case: &Case, params: Option<&Path>, out: &Path) -> anyhow::Result<()> {
+/// Runs `govtwin diagnose` on the bags of a unit. Units are judged side by side; figures do not depend on the threads.
+fn diagnose(case: &Case, params: Option<&Path>, threads: usize, out: &Path) -> anyhow::Result<()> {
     let program = std::env::current_exe().context("cannot find this program's own file")?;
     let mut command = Command::new(program);
-    command.arg("diagnose").arg("--out").arg(out);
+    command.env("RAYON_NUM_THREADS", threads.to_string()).arg("diagnose").arg("--out").arg(out);
     if let Some(params) = params {
         command.arg("--params").arg(params);
     }
