@@ -149,7 +149,7 @@ pub enum Interpolation {
         period_ns: i64,
     },
     /// The same, but where the command bends sharply between two samples it runs along the straight lines of both sides up to where
-    /// they meet: a ramp that begins or ends between two slow samples then does so in time.
+    /// they meet: a ramp that begins or ends between two slow samples then does so in time. Without a command no rows are added.
     Sharp {
         /// Time between added rows, ns; at least 1.
         period_ns: i64,

@@ -88,6 +88,12 @@ impl Recording {
         Self { name: name.into(), process: Process::of(&frames), frames }
     }
 
+    /// Whether an opening command was recorded; without one only the servomotor stage can be driven, by the spool.
+    #[must_use]
+    pub fn has_command(&self) -> bool {
+        self.frames.iter().any(|frame| frame.inputs.opening_command_pu.is_finite())
+    }
+
     /// Time from the first to the last frame, s.
     #[must_use]
     pub fn duration_s(&self) -> f64 {

@@ -34,8 +34,9 @@ pub(super) fn align(
     times_ns.sort_unstable();
     let begin_ns = [first(&streams.command), first(&streams.esv), first(&streams.tank_pressure)].into_iter().max();
     times_ns.retain(|time_ns| begin_ns.is_some_and(|begin_ns| *time_ns >= begin_ns));
+    let bends = stamps(&streams.command).next().is_some() || !matches!(interpolation, Interpolation::Sharp { .. });
     if let (Some(period_ns), Some(&begin_ns), Some(&end_ns)) =
-        (interpolation.period_ns(), times_ns.first(), times_ns.last())
+        (interpolation.period_ns().filter(|_| bends), times_ns.first(), times_ns.last())
     {
         let count = end_ns.saturating_sub(begin_ns) / period_ns;
         if count > ROW_LIMIT {

@@ -4,17 +4,17 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use govtwin::bag::{self, Interpolation, ReadOptions, Stream};
-use govtwin::frame::Frame;
-use govtwin::tuning::admission::{Admitted, admit};
-use govtwin::tuning::trial::Trial;
-use govtwin::twin::Cut;
+use govtwin::bag::{self, BagError, Interpolation, Loaded, ReadOptions, Stream, Warning};
+use govtwin::recording::Recording;
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 
 use super::output::Progress;
 
 /// Folders within folders deeper than this are a mistake, or a circle of links.
 const DEEPEST: usize = 16;
+
+/// Time between rows of a recording that is simulated many times, ns: the twin's own tick.
+const TICK_NS: i64 = 1_000_000;
 
 /// One bag to read.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -25,69 +25,51 @@ pub struct Bag {
     pub name: String,
 }
 
-/// Recordings ready for a fit or a diagnosis, and what there is to say of them.
-pub struct Trials {
-    /// Those that can be used, in the order of the command line.
-    pub trials: Vec<Trial>,
+/// Recordings read for a fit or a diagnosis, and what there is to say of them.
+pub struct Recordings {
+    /// Those that could be read, in the order of the command line.
+    pub recordings: Vec<Recording>,
     /// Warnings, each with the name of its recording.
     pub warnings: Vec<String>,
 }
 
-/// What became of one bag: admitted with its cut or refused, and what its reader said.
-type Read = (Result<(Admitted, Cut), String>, Vec<String>);
-
-/// Reads all bags that the paths name; what cannot be used is left out with a warning, as long as something is left.
+/// Reads all bags that the paths name; what cannot be read is left out with a warning, as long as something is left.
 ///
-/// Command and pressure run straight from sample to sample, on a grid as fine as the small loop's. A recording without a
-/// command is one of the servomotor stage, driven by its spool.
-pub fn read_trials(paths: &[PathBuf]) -> anyhow::Result<Trials> {
+/// Command and pressure run from sample to sample, on a grid of the twin's own tick. A recording without a command is
+/// one of the servomotor stage, driven by its spool; that other inputs are missing is then no news.
+pub fn read(paths: &[PathBuf]) -> anyhow::Result<Recordings> {
     let bags = find(paths)?;
-    let mut options =
-        ReadOptions { interpolation: Interpolation::Sharp { period_ns: 1_000_000 }, ..ReadOptions::default() };
-    options.required = vec![Stream::ServoState];
+    let options = ReadOptions {
+        interpolation: Interpolation::Sharp { period_ns: TICK_NS },
+        required: vec![Stream::ServoState],
+        ..ReadOptions::default()
+    };
     let progress = Progress::new(bags.len(), "recordings read");
-    let read: Vec<Read> = bags
+    let loaded: Vec<Result<Loaded, BagError>> = bags
         .par_iter()
         .map(|bag| {
-            let result = match bag::read(&bag.path, &options) {
-                Err(error) => (Err(error.to_string()), vec![]),
-                Ok(mut loaded) => {
-                    loaded.recording.name.clone_from(&bag.name);
-                    let commanded = |frame: &Frame| frame.inputs.opening_command_pu.is_finite();
-                    let cut = if loaded.recording.frames.iter().any(commanded) { Cut::None } else { Cut::Spool };
-                    let admitted = admit(loaded.recording, cut);
-                    (
-                        admitted.map(|admitted| (admitted, cut)),
-                        loaded.health.warnings.iter().map(ToString::to_string).collect(),
-                    )
-                }
-            };
+            let loaded = bag::read(&bag.path, &options);
             progress.step();
-            result
+            loaded
         })
         .collect();
     drop(progress);
-    let (mut trials, mut warnings, mut refused) = (vec![], vec![], vec![]);
-    for (bag, (admitted, notes)) in bags.iter().zip(read) {
-        match admitted {
-            Ok((admitted, cut)) => {
-                let named = notes.into_iter().chain(admitted.notes).map(|note| format!("{}: {note}", bag.name));
-                warnings.extend(named);
-                if cut == Cut::Spool {
-                    warnings.push(format!("{}: no command: only the servomotor stage, driven by its spool", bag.name));
-                    trials.push(Trial::servomotor_stage(admitted.recording));
-                } else {
-                    trials.push(Trial::new(admitted.recording));
-                }
+    let (mut recordings, mut warnings, mut refused) = (vec![], vec![], vec![]);
+    for (bag, loaded) in bags.into_iter().zip(loaded) {
+        match loaded {
+            Ok(Loaded { recording, health }) => {
+                let news = |warning: &&Warning| recording.has_command() || !matches!(warning, Warning::Filled { .. });
+                warnings.extend(health.warnings.iter().filter(news).map(|warning| format!("{}: {warning}", bag.name)));
+                recordings.push(Recording { name: bag.name, ..recording });
             }
-            Err(reason) => refused.push(format!("{}: {reason}", bag.name)),
+            Err(error) => refused.push(error.to_string()),
         }
     }
-    if trials.is_empty() {
-        anyhow::bail!("no recording can be used:\n  {}", refused.join("\n  "));
+    if recordings.is_empty() {
+        anyhow::bail!("no recording can be read:\n  {}", refused.join("\n  "));
     }
     warnings.extend(refused.into_iter().map(|reason| format!("{reason} (left out)")));
-    Ok(Trials { trials, warnings })
+    Ok(Recordings { recordings, warnings })
 }
 
 /// All bags that the paths name, each once, in the order given and by name within a folder.

@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, bail};
-use govtwin::bag::{Interpolation, ReadOptions, Stream, Warning};
 use govtwin::diagnosis::outcome::{Diagnosis, Fitted, Verdict};
 use govtwin::diagnosis::{Settings, contract, diagnose};
 use govtwin::effects::own;
@@ -14,13 +13,10 @@ use govtwin::params::{self, Overlay};
 use govtwin::recording::Recording;
 use govtwin::report::diagnosis as report;
 
-use super::bags::find;
+use super::bags::{self, Recordings};
 use super::output::{Progress, print, warn, write_atomically};
 use super::replay::origin;
 use crate::commands::Outcome;
-
-/// Inputs are read as straight lines between samples, on a grid of the twin's own tick.
-const GRID_NS: i64 = 1_000_000;
 
 /// Arguments of `govtwin diagnose`.
 #[derive(Debug, clap::Args)]
@@ -83,46 +79,15 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             unit.own_effects.push(own);
         }
     }
-    let mut outcome = Outcome::Ok;
-    let recordings = read(&args.bags, &mut outcome)?;
-    settings.free |= args.params.is_none() && !recordings.iter().any(has_command);
+    let Recordings { recordings, warnings } = bags::read(&args.bags)?;
+    warnings.iter().for_each(|warning| warn(warning));
+    settings.free |= args.params.is_none() && !recordings.iter().any(Recording::has_command);
     let (diagnosis, seconds) = judge(recordings, &unit, &settings)?;
     write(&args.out, &diagnosis, &origins(&args.bags), seconds)?;
     print(&report::summary(&diagnosis))?;
     print(&format!("\nreport: {}\n", args.out.join("report.html").display()))?;
-    for note in &diagnosis.notes {
-        warn(note);
-        outcome = Outcome::Warnings;
-    }
-    Ok(outcome)
-}
-
-/// Reads recordings as a diagnosis wants them.
-fn read(paths: &[PathBuf], outcome: &mut Outcome) -> anyhow::Result<Vec<Recording>> {
-    // Without a command the spool drives the servomotor stage; nothing needs to be filled in between samples then.
-    let plain = ReadOptions { required: vec![Stream::ServoState], ..ReadOptions::default() };
-    let fine = ReadOptions { interpolation: Interpolation::Sharp { period_ns: GRID_NS }, ..plain.clone() };
-    let bags = find(paths)?;
-    let mut recordings = Vec::with_capacity(bags.len());
-    for bag in bags {
-        let mut read = govtwin::bag::read(&bag.path, &plain)?;
-        let commanded = has_command(&read.recording);
-        if commanded {
-            read = govtwin::bag::read(&bag.path, &fine)?;
-        }
-        for event in &read.health.warnings {
-            if commanded || !matches!(event, Warning::Filled { .. }) {
-                warn(&format!("{}: {event}", bag.name));
-                *outcome = Outcome::Warnings;
-            }
-        }
-        recordings.push(Recording { name: bag.name, ..read.recording });
-    }
-    Ok(recordings)
-}
-
-fn has_command(recording: &Recording) -> bool {
-    recording.frames.iter().any(|frame| frame.inputs.opening_command_pu.is_finite())
+    diagnosis.notes.iter().for_each(|note| warn(note));
+    Ok(if warnings.is_empty() && diagnosis.notes.is_empty() { Outcome::Ok } else { Outcome::Warnings })
 }
 
 /// What the folders of the recordings say of where they come from, each saying once.

@@ -9,12 +9,16 @@ use std::path::PathBuf;
 use anyhow::bail;
 use govtwin::parameters::{ENTRIES, Unit};
 use govtwin::params::{self, Overlay, Sheet, nearest, number_text};
+use govtwin::recording::Recording;
+use govtwin::tuning::admission::{Intake, admit_all};
 use govtwin::tuning::calibration::{Calibration, calibrate, parts};
 use govtwin::tuning::fit::Bench;
 use govtwin::tuning::knob::Knob;
 use govtwin::tuning::noise;
+use govtwin::tuning::trial::Trial;
+use govtwin::twin::Cut;
 
-use super::bags;
+use super::bags::{self, Recordings};
 use super::generate::effect;
 use super::output::{Progress, print, warn, write_atomically};
 use crate::commands::Outcome;
@@ -75,7 +79,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         adopt(&params::load(path)?, params::load_candidates(path)?, &mut sheet.unit)?;
     }
     let knobs = knobs(args, &mut sheet.unit)?;
-    let bags::Trials { trials, mut warnings } = bags::read_trials(&args.bags)?;
+    let (trials, mut warnings) = trials(&args.bags)?;
     let starts = usize::from(args.starts);
     let progress = Progress::new(parts(starts), "parts of the fit");
     let expected = noise::expected(&sheet.unit.sensors);
@@ -104,6 +108,28 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         warn(warning);
     }
     Ok(if warnings.is_empty() { Outcome::Ok } else { Outcome::Warnings })
+}
+
+/// Reads all bags and takes in what can be used, those without a command as recordings of the servomotor stage; also warnings.
+fn trials(paths: &[PathBuf]) -> anyhow::Result<(Vec<Trial>, Vec<String>)> {
+    let Recordings { recordings, mut warnings } = bags::read(paths)?;
+    let whole_or_stage = |recording: &Recording| if recording.has_command() { Cut::None } else { Cut::Spool };
+    let Intake { admitted, notes, refused } = admit_all(recordings, whole_or_stage);
+    if admitted.is_empty() {
+        bail!("no recording can be used:\n  {}", refused.join("\n  "));
+    }
+    warnings.extend(notes);
+    let trials = admitted.into_iter().map(|(recording, cut)| {
+        if cut == Cut::Spool {
+            warnings.push(format!("{}: no command: only the servomotor stage, driven by its spool", recording.name));
+            Trial::servomotor_stage(recording)
+        } else {
+            Trial::new(recording)
+        }
+    });
+    let trials = trials.collect();
+    warnings.extend(refused.into_iter().map(|reason| format!("{reason} (left out)")));
+    Ok((trials, warnings))
 }
 
 /// Takes the effects that a file defines into a unit, with the values that the file gives them.

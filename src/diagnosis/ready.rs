@@ -6,7 +6,7 @@ use crate::effects::{EffectSpec, STAGE_ALONE};
 use crate::parameters::Unit;
 use crate::recording::Recording;
 use crate::signal::Signal;
-use crate::tuning::admission::{Admitted, admit};
+use crate::tuning::admission::{Intake, admit_all};
 use crate::tuning::fit::{Bench, Fit, square};
 use crate::tuning::flexible::flexible;
 use crate::tuning::knob::{Knob, unit_at};
@@ -52,24 +52,14 @@ pub struct Ready {
 /// # Errors
 /// Where nothing is left that a diagnosis could go by; each recording's reason is told.
 pub fn ready(recordings: Vec<Recording>, sheet: &Unit, settings: &Settings) -> Result<Ready, DiagnosisError> {
-    let commanded =
-        |recording: &Recording| recording.frames.iter().any(|frame| frame.inputs.opening_command_pu.is_finite());
-    let stage_only = settings.free || !recordings.iter().any(commanded);
+    let stage_only = settings.free || !recordings.iter().any(Recording::has_command);
     let cut = if stage_only { Cut::Spool } else { Cut::None };
-    let (mut admitted, mut notes, mut refused) = (Vec::new(), Vec::new(), Vec::new());
-    for recording in recordings {
-        let name = recording.name.clone();
-        match admit(recording, cut) {
-            Ok(Admitted { recording, notes: said }) => {
-                notes.extend(said.into_iter().map(|note| format!("{name}: {note}.")));
-                admitted.push(recording);
-            }
-            Err(reason) => refused.push(format!("{name}: {reason}")),
-        }
-    }
+    let Intake { admitted, notes, refused } = admit_all(recordings, |_| cut);
     if admitted.is_empty() {
         return Err(DiagnosisError::Unusable(refused.join("\n  ")));
     }
+    let admitted: Vec<Recording> = admitted.into_iter().map(|(recording, _)| recording).collect();
+    let mut notes: Vec<String> = notes.into_iter().map(|note| format!("{note}.")).collect();
     notes.extend(refused.into_iter().map(|reason| format!("Left out: {reason}.")));
     if stage_only {
         return servomotor_stage(admitted, sheet, settings, notes);

@@ -27,12 +27,39 @@ const SATURATED_RUN: usize = 10;
 const LIVELY_SHARE: f64 = 0.2;
 
 /// A recording ready for a fit, and what there is to say of it.
-#[derive(Clone, Debug)]
-pub struct Admitted {
+#[derive(Debug)]
+struct Admitted {
     /// The recording, without the samples that cannot be believed.
-    pub recording: Recording,
+    recording: Recording,
     /// Warnings, each a sentence without its full stop.
+    notes: Vec<String>,
+}
+
+/// Recordings taken in, and what there is to say of them and of the others.
+#[derive(Clone, Debug, Default)]
+pub struct Intake {
+    /// Those that can be used, in their order, each with its cut.
+    pub admitted: Vec<(Recording, Cut)>,
+    /// Warnings, each with the name of its recording, without full stop.
     pub notes: Vec<String>,
+    /// Why the others cannot be used, each with its name, without full stop.
+    pub refused: Vec<String>,
+}
+
+/// Takes recordings in, each cut as the law says.
+pub fn admit_all(recordings: Vec<Recording>, cut: impl Fn(&Recording) -> Cut) -> Intake {
+    let mut intake = Intake::default();
+    for recording in recordings {
+        let (name, cut) = (recording.name.clone(), cut(&recording));
+        match admit(recording, cut) {
+            Ok(Admitted { recording, notes }) => {
+                intake.notes.extend(notes.into_iter().map(|note| format!("{name}: {note}")));
+                intake.admitted.push((recording, cut));
+            }
+            Err(reason) => intake.refused.push(format!("{name}: {reason}")),
+        }
+    }
+    intake
 }
 
 /// Takes a recording in, or says in a sentence why it cannot be used.
@@ -42,7 +69,7 @@ pub struct Admitted {
 ///
 /// # Errors
 /// When it is too short, or holds nothing that drives a twin, or nothing measured.
-pub fn admit(mut recording: Recording, cut: Cut) -> Result<Admitted, String> {
+fn admit(mut recording: Recording, cut: Cut) -> Result<Admitted, String> {
     let mut notes = Vec::new();
     notes.extend(keep_longest_rise(&mut recording));
     let commands = || recording.frames.iter().map(|frame| frame.inputs.opening_command_pu);
