@@ -7,6 +7,7 @@ pub mod fit;
 pub mod flexible;
 pub mod knob;
 pub mod noise;
+pub mod rest;
 pub mod sheetless;
 pub mod trial;
 pub mod trips;

@@ -1,5 +1,6 @@
 //! Fits: planted parameters come back within their intervals.
 
+use govtwin::frame::Estimate;
 use govtwin::generate::{Scenario, recording, spread};
 use govtwin::parameters::{ENTRIES, EffectSetting, Unit};
 use govtwin::params;
@@ -8,6 +9,7 @@ use govtwin::tuning::calibration::{Calibration, calibrate};
 use govtwin::tuning::knob::Knob;
 use govtwin::tuning::noise;
 use govtwin::tuning::trial::Trial;
+use govtwin::twin::Twin;
 
 /// A unit within tolerance with one effect, and its recordings.
 fn plant(effect: &str, value: f64, seed: u64) -> (Unit, Vec<Trial>) {
@@ -76,4 +78,30 @@ fn a_free_parameter_moves_as_far_as_the_recordings_say() {
     let row = &fit.rows[0];
     assert_eq!((row.deviation, row.at_bound), (None, false));
     assert!((row.fitted / 3.0e5 - 1.0).abs() < 0.05, "{row:?}");
+}
+
+#[test]
+fn a_long_rest_left_out_changes_only_the_time_it_takes() {
+    let scenario = Scenario {
+        unit: params::reference(),
+        process: Process::LoadRejection,
+        rate_hz: 5.0,
+        duration_s: 150.0,
+        rich: false,
+        seed: 5,
+    };
+    let whole = recording(&scenario);
+    let trial = Trial::new(whole.clone());
+    assert!(!trial.seams.is_empty() && 2 * trial.frames.len() < whole.frames.len(), "{:?}", trial.seams);
+    let mut twin = Twin::new(&scenario.unit);
+    let estimates: Vec<(i64, Estimate)> = whole.frames.iter().map(|frame| (frame.time_ns, twin.step(frame))).collect();
+    let short = trial.run(&mut Twin::new(&scenario.unit));
+    let mut worst_pu = 0.0_f64;
+    for (&row, estimate) in trial.samples.iter().zip(&short) {
+        let (_, same) = estimates.iter().find(|(time_ns, _)| *time_ns == trial.frames[row].time_ns).unwrap();
+        let apart = same.signals.servomotor_position_pu - estimate.signals.servomotor_position_pu;
+        worst_pu = worst_pu.max(apart.abs());
+    }
+    // Half a dead band: decisions in it may fall otherwise.
+    assert!(worst_pu < 2.5e-4, "{worst_pu}");
 }

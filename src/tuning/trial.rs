@@ -1,8 +1,11 @@
 //! A trial: one recording made ready to be simulated many times and compared at its samples.
 
+use std::ops::Range;
+
 use crate::frame::{Estimate, Frame};
 use crate::recording::{Process, Recording};
 use crate::signal::Signal;
+use crate::tuning::rest::rests;
 use crate::twin::{Cut, Twin};
 use crate::units::{nanos_from_seconds, seconds_from_nanos};
 
@@ -19,8 +22,10 @@ pub struct Trial {
     pub name: String,
     /// The process that it shows.
     pub process: Process,
-    /// All rows.
+    /// All rows but those of long rests.
     pub frames: Vec<Frame>,
+    /// Where a rest was left out: the row behind it, and for how long it lasted, ns.
+    pub seams: Vec<(usize, i64)>,
     /// Indices of the rows at which something was measured.
     pub samples: Vec<usize>,
     /// Typical time between samples, s.
@@ -36,10 +41,12 @@ pub struct Trial {
 }
 
 impl Trial {
-    /// Prepares a recording.
+    /// Prepares a recording; of a long rest it keeps beginning and end.
     #[must_use]
     pub fn new(recording: Recording) -> Self {
-        let Recording { name, process, frames } = recording;
+        let Recording { name, process, mut frames } = recording;
+        let rests = rests(&frames);
+        let seams = leave_out(&mut frames, &rests);
         let samples: Vec<usize> = (0..frames.len())
             .filter(|&row| Signal::ALL.iter().any(|signal| signal.of(&frames[row].measured).is_finite()))
             .collect();
@@ -61,7 +68,18 @@ impl Trial {
         bends.sort_by(f64::total_cmp);
         let bend = bends.get(bends.len() / 2).copied().unwrap_or(0.0);
         let command_jitter_pu = if period_s > SLOW_S { bend / MEDIAN_BEND } else { 0.0 };
-        Self { name, process, frames, samples, period_s, has, command_doubt_pu, command_jitter_pu, cut: Cut::None }
+        Self {
+            name,
+            process,
+            frames,
+            seams,
+            samples,
+            period_s,
+            has,
+            command_doubt_pu,
+            command_jitter_pu,
+            cut: Cut::None,
+        }
     }
 
     /// Prepares a recording whose measured spool drives the servomotor stage, which is then all that is judged.
@@ -95,7 +113,8 @@ impl Trial {
 
     /// Simulates the trial; one estimate for each sample.
     ///
-    /// A plant whose inputs have a clock of their own reads commands and ESV ahead of their rows.
+    /// A plant whose inputs have a clock of their own reads commands and ESV ahead of their rows. The twin's clock stands
+    /// still over the rests that are left out.
     #[must_use]
     pub fn run(&self, twin: &mut Twin) -> Vec<Estimate> {
         twin.reset();
@@ -103,6 +122,7 @@ impl Trial {
         let mut estimates = Vec::with_capacity(self.samples.len());
         let mut samples = self.samples.iter().peekable();
         let mut source = 0;
+        let (mut seams, mut rested_ns) = (self.seams.iter().peekable(), 0);
         for (row, frame) in self.frames.iter().enumerate() {
             let mut frame = *frame;
             if lookahead_ns > 0 {
@@ -113,6 +133,10 @@ impl Trial {
                 frame.inputs.opening_command_pu = inputs.opening_command_pu;
                 frame.inputs.esv = inputs.esv;
             }
+            while let Some((_, rest_ns)) = seams.next_if(|(behind, _)| *behind == row) {
+                rested_ns += rest_ns;
+            }
+            frame.time_ns -= rested_ns;
             if samples.next_if(|&&sample| sample == row).is_some() {
                 estimates.push(twin.step(&frame));
             } else {
@@ -121,4 +145,16 @@ impl Trial {
         }
         estimates
     }
+}
+
+/// Takes ranges of rows out, in their order; for each the row that now stands there, and the time that is left out, ns.
+fn leave_out(frames: &mut Vec<Frame>, ranges: &[Range<usize>]) -> Vec<(usize, i64)> {
+    let mut seams = Vec::with_capacity(ranges.len());
+    let mut gone = 0;
+    for range in ranges {
+        seams.push((range.start - gone, frames[range.end - gone].time_ns - frames[range.start - gone].time_ns));
+        frames.drain(range.start - gone..range.end - gone);
+        gone += range.len();
+    }
+    seams
 }
