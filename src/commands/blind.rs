@@ -108,7 +108,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     });
     let failed: Vec<String> = judged.filter_map(Result::err).collect();
     drop(progress);
-    failed.iter().for_each(|failure| warn(failure));
+    for failure in &failed {
+        warn(failure);
+    }
     let outcome = if failed.is_empty() { Outcome::Ok } else { Outcome::Warnings };
     let labels = match (&made, &args.labels) {
         (Some(made), _) => Some(made.answers()?),

@@ -80,13 +80,17 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         }
     }
     let Recordings { recordings, warnings } = bags::read(&args.bags)?;
-    warnings.iter().for_each(|warning| warn(warning));
+    for warning in &warnings {
+        warn(warning);
+    }
     settings.free |= args.params.is_none() && !recordings.iter().any(Recording::has_command);
     let (diagnosis, seconds) = judge(recordings, &unit, &settings)?;
     write(&args.out, &diagnosis, &origins(&args.bags), seconds)?;
     print(&report::summary(&diagnosis))?;
     print(&format!("\nreport: {}\n", args.out.join("report.html").display()))?;
-    diagnosis.notes.iter().for_each(|note| warn(note));
+    for note in &diagnosis.notes {
+        warn(note);
+    }
     Ok(if warnings.is_empty() && diagnosis.notes.is_empty() { Outcome::Ok } else { Outcome::Warnings })
 }
 
