@@ -12,6 +12,7 @@ use crate::frame::Estimate;
 use crate::signal::Signal;
 use crate::tuning::fit::{Bench, Effort, fit, normal, square};
 use crate::tuning::knob::{Knob, unit_at};
+use crate::tuning::trial::Trial;
 
 /// Length of a block, s: longer than what one miss has to do with the next.
 const BLOCK_S: f64 = 2.0;
@@ -19,7 +20,7 @@ const BLOCK_S: f64 = 2.0;
 /// Resamplings behind an interval.
 const RESAMPLINGS: usize = 400;
 
-/// Into so many parts each recording is cut, to leave out one at a time.
+/// So many parts are left out in turn; every block of a recording belongs to the one after that of the block before it.
 const PARTS: usize = 5;
 
 /// Farthest that a fit may move when a part is left out, in units of a knob: one linear step is good for no more.
@@ -34,9 +35,10 @@ const REFIT: Effort = Effort { rounds: 4, refresh: 100, temperature: 1.0 };
 /// Estimates by trial, each made by a fit that did not see it.
 pub type LeftOut = Vec<Vec<Estimate>>;
 
-/// Leaves out a fifth of every recording at a time: what to expect of new recordings of the same processes.
+/// Leaves out every fifth block of every recording at a time: what to expect of new recordings of the same processes.
 ///
-/// With four fifths of every process at hand the fit hardly moves, so that one Gauss–Newton step refits it.
+/// A process may be over in seconds, so that a longer piece would be all that there is of it. With four fifths of every process at hand the fit
+/// hardly moves, so that one Gauss–Newton step refits it.
 #[must_use]
 pub fn without_parts(bench: &Bench, model: &Model) -> LeftOut {
     let trials = 0..bench.trials.len();
@@ -49,26 +51,31 @@ pub fn without_parts(bench: &Bench, model: &Model) -> LeftOut {
         let (mut hessian, mut gradient) = (hessian.clone(), gradient.clone());
         for (trial, (slope, misses)) in bench.trials.iter().zip(model.fit.slopes.iter().zip(&model.fit.misses)) {
             let samples = trial.samples.len();
-            let (start, end) = part_of(samples, part);
             for signal in 0..misses.len() / samples.max(1) {
-                let rows = slope.rows(signal * samples + start, end - start);
-                hessian -= rows.tr_mul(&rows);
-                gradient -= rows.tr_mul(&misses.rows(signal * samples + start, end - start));
+                for block in part_of(trial, part) {
+                    let rows = slope.rows(signal * samples + block.start, block.len());
+                    hessian -= rows.tr_mul(&rows);
+                    gradient -= rows.tr_mul(&misses.rows(signal * samples + block.start, block.len()));
+                }
             }
         }
         hessian += DMatrix::identity(model.knobs.len(), model.knobs.len()) * 1e-9;
         let Some(cholesky) = hessian.cholesky() else { continue };
         let unit = unit_at(&model.base, &model.knobs, &moved(model, &cholesky.solve(&gradient)));
         for trial in trials.clone() {
-            let (start, end) = part_of(bench.trials[trial].samples.len(), part);
-            estimates[trial][start..end].clone_from_slice(&bench.simulate(&unit, trial)[start..end]);
+            let anew = bench.simulate(&unit, trial);
+            for block in part_of(&bench.trials[trial], part) {
+                estimates[trial][block.clone()].clone_from_slice(&anew[block]);
+            }
         }
     }
     estimates
 }
 
-fn part_of(samples: usize, part: usize) -> (usize, usize) {
-    (part * samples / PARTS, (part + 1) * samples / PARTS)
+/// The samples of a part, block by block.
+fn part_of(trial: &Trial, part: usize) -> impl Iterator<Item = Range<usize>> {
+    let (samples, size) = (trial.samples.len(), trial.samples_in(BLOCK_S));
+    (0..samples).step_by(size).map(move |start| start..(start + size).min(samples)).skip(part).step_by(PARTS)
 }
 
 /// Positions after a step that is shortened as a whole, since its parts make up for each other.

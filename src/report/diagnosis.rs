@@ -66,7 +66,7 @@ fn opening(body: &mut Blocks, diagnosis: &Diagnosis, origins: &[String]) {
     if !diagnosis.blamed.is_empty() {
         let closure = diagnosis.closure;
         let hint =
-            format!("left-out processes; 90 %: {} to {}", words::percent(closure.low), words::percent(closure.high));
+            format!("on data left out; 90 %: {} to {}", words::percent(closure.low), words::percent(closure.high));
         key.push(KeyFigure::new("gap closed", words::percent(closure.value), "").hint(hint));
     }
     body.key_figures(key);
