@@ -45,10 +45,8 @@ fn opening(body: &mut Blocks, diagnosis: &Diagnosis, origins: &[String]) {
         body.paragraph(text);
     }
     let mut key = vec![KeyFigure::new("verdict", words::verdict_title(diagnosis.verdict), "")];
-    if let Some(stage) = diagnosis.stage {
-        let share = diagnosis.stages.iter().find(|(at, _)| *at == stage).map_or(f64::NAN, |(_, share)| *share);
-        let hint = format!("{}, probability {}", words::stage_title(stage), words::percent(share));
-        key.push(KeyFigure::new("stage", stage.id().replace('_', " "), "").hint(hint));
+    if let Some((stage, hint)) = words::place(diagnosis) {
+        key.push(KeyFigure::new("stage", stage, "").hint(hint));
     }
     if let Some(first) = diagnosis.ranking.first() {
         key.push(

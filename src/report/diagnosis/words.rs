@@ -29,6 +29,21 @@ pub fn stage_title(stage: Stage) -> &'static str {
     }
 }
 
+/// Where it lies, in ids and in words: the stages of several effects that are named together, else the most probable stage.
+pub fn place(diagnosis: &Diagnosis) -> Option<(String, String)> {
+    let id = |stage: Stage| stage.id().replace('_', " ");
+    if diagnosis.verdict == Verdict::Named && diagnosis.blamed.len() > 1 {
+        let mut stages: Vec<Stage> = diagnosis.blamed.iter().map(|one| one.stage).collect();
+        stages.dedup();
+        let joined =
+            |of: &dyn Fn(Stage) -> String| stages.iter().map(|&stage| of(stage)).collect::<Vec<_>>().join(" + ");
+        return Some((joined(&id), joined(&|stage| stage_title(stage).to_owned())));
+    }
+    let stage = diagnosis.stage?;
+    let share = diagnosis.stages.iter().find(|(at, _)| *at == stage).map_or(f64::NAN, |(_, share)| *share);
+    Some((id(stage), format!("{}, probability {}", stage_title(stage), percent(share))))
+}
+
 /// An id as words: of an effect, `unknown` or `none`.
 pub fn id_words(id: &str) -> String {
     match id {
@@ -258,9 +273,8 @@ pub fn summary(diagnosis: &Diagnosis) -> String {
         text.push_str(&format!("  {name:<12} {words}\n"));
     };
     line("verdict", diagnosis.verdict.id().to_owned());
-    if let Some(stage) = diagnosis.stage {
-        let share = diagnosis.stages.iter().find(|(at, _)| *at == stage).map_or(f64::NAN, |(_, share)| *share);
-        line("stage", format!("{}, probability {}", stage_title(stage), percent(share)));
+    if let Some((_, title)) = place(diagnosis) {
+        line("stage", title);
     }
     for blame in &diagnosis.blamed {
         let (values, closes) = (values(&blame.parameters), percents(blame.closure));
