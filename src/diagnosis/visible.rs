@@ -3,8 +3,8 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
-use crate::diagnosis::outcome::Visible;
 use crate::diagnosis::decide::SEEN;
+use crate::diagnosis::outcome::Visible;
 use crate::diagnosis::search::{Model, with_effect};
 use crate::effects::EffectSpec;
 use crate::tuning::fit::{Bench, normal};
@@ -70,8 +70,7 @@ impl Marks {
                 let parameter = &spec.parameters[0];
                 let typical = (parameter.typical - parameter.neutral).abs();
                 let strength = self.product(k, k);
-                let smallest =
-                    if strength > 1e-6 { typical * SIZE * (SEEN / strength).sqrt() } else { f64::INFINITY };
+                let smallest = if strength > 1e-6 { typical * SIZE * (SEEN / strength).sqrt() } else { f64::INFINITY };
                 Visible { id: spec.id, parameter: parameter.name, unit: parameter.unit, smallest, typical }
             })
             .collect()
