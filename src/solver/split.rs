@@ -9,7 +9,9 @@
 //! so that D drops out and one division gives `v_θ`. Friction enters as the
 //! value that the law takes at `v_θ` (implicit friction as in Acary & Brogliato 2008, section 10.1); stops likewise.
 //! The spool stage takes half a millisecond, the four times slower piston stage a tick with the mean port
-//! travel. θ = 1/2 is of order 2 and neither damps nor excites the oil columns.
+//! travel. θ is 1/2 where the flow hardly depends on the pressure, which is of order 2 and neither damps nor excites the oil columns.
+//! A chamber that stands open to return or supply fills within a step, and would swing for ever between two pressures
+//! about the right one; see [`theta`] and [`chamber`].
 
 use crate::plant::orifice::Flow;
 use crate::plant::proportional_valve::Propagator;
@@ -20,9 +22,6 @@ use crate::state::State;
 
 /// Greatest step of the spool stage, s.
 pub const SPOOL_STEP_S: f64 = 5.0e-4;
-
-/// Weight of a step's end in its mean.
-const THETA: f64 = 0.5;
 
 /// What holds over a tick besides the drive.
 #[derive(Clone, Copy, Debug)]
@@ -104,7 +103,7 @@ impl Split {
         let (spool, valve) = (&plant.spool, &plant.proportional_valve);
         let (supply_pa, leaking) = (held.supply_pa, held.oil.fluidity_ratio);
         let return_pa = plant.supply.return_pressure_pa;
-        let (h, theta) = (self.step_s, THETA);
+        let h = self.step_s;
 
         let mean_pu = valve.advance(
             &self.propagator,
@@ -119,7 +118,10 @@ impl Split {
             m3_s: entering.m3_s + leaking * spool.leakage_m3_s(p, supply_pa, return_pa) + drive.chamber_flow_m3_s,
             slope_m3_s_pa: entering.slope_m3_s_pa - leaking * (spool.leakage_m3_s_pa + spool.return_leakage_m3_s_pa),
         };
-        let (gain, fill_pa) = chamber(net, theta * h, spool.compliance_m3_pa(x, p));
+        let compliance_m3_pa = spool.compliance_m3_pa(x, p);
+        let stiffness = stiffness(net, h, compliance_m3_pa);
+        let theta = theta(stiffness);
+        let (gain, fill_pa) = chamber(net, theta * h, compliance_m3_pa, stiffness);
 
         let a = spool.control_area_m2;
         let inertia = spool.mass_kg / (theta * h);
@@ -145,7 +147,7 @@ impl Split {
     #[inline]
     fn piston_step(&self, plant: &Plant, state: &mut State, drive: &Drive, oil: Oil, travel_m: f64) {
         let servo = &plant.servomotor;
-        let (h, theta) = (self.tick_s, THETA);
+        let h = self.tick_s;
         let (z, w) = (state.servomotor_position_m, state.servomotor_velocity_m_s);
         let (p_1, p_2) = (state.opening_pressure_pa, state.closing_pressure_pa);
         let flows = plant.main_ports.flows(travel_m, p_1, p_2, drive.tank_pressure_pa, &plant.supply);
@@ -158,8 +160,11 @@ impl Split {
             m3_s: flows.closing.m3_s + leak * (p_1 - p_2) + drive.closing_flow_m3_s,
             slope_m3_s_pa: flows.closing.slope_m3_s_pa - leak,
         };
-        let (gain_1, fill_1_pa) = chamber(opening, theta * h, servo.opening_compliance_m3_pa(z));
-        let (gain_2, fill_2_pa) = chamber(closing, theta * h, servo.closing_compliance_m3_pa(z));
+        let (compliance_1, compliance_2) = (servo.opening_compliance_m3_pa(z), servo.closing_compliance_m3_pa(z));
+        let (stiffness_1, stiffness_2) = (stiffness(opening, h, compliance_1), stiffness(closing, h, compliance_2));
+        let theta = theta(stiffness_1.max(stiffness_2));
+        let (gain_1, fill_1_pa) = chamber(opening, theta * h, compliance_1, stiffness_1);
+        let (gain_2, fill_2_pa) = chamber(closing, theta * h, compliance_2, stiffness_2);
 
         let (a_1, a_2) = (servo.opening_area_m2, servo.closing_area_m2);
         let inertia = servo.mass_kg / (theta * h);
@@ -186,10 +191,30 @@ impl Split {
     }
 }
 
-/// Pressure that one m³/s more over the step would add, and what the net flow adds, both times θ.
+/// A step over the time in which the flow fills the chamber.
 #[inline]
-fn chamber(net: Flow, theta_h_s: f64, compliance_m3_pa: f64) -> (f64, f64) {
-    let gain = theta_h_s / (compliance_m3_pa - theta_h_s * net.slope_m3_s_pa);
+fn stiffness(net: Flow, step_s: f64, compliance_m3_pa: f64) -> f64 {
+    (-step_s * net.slope_m3_s_pa / compliance_m3_pa).max(0.0)
+}
+
+/// Weight of a step's end in its mean: 1/2 for chambers that fill slowly, 1 for those that fill at once.
+///
+/// A linear chamber then decays as the (1, 2) Padé approximant of the exponential does, of order 3 and without ringing (exponential fitting;
+/// Liniger & Willoughby 1970).
+#[inline]
+fn theta(stiffness: f64) -> f64 {
+    0.5 + stiffness / (12.0 + 2.0 * stiffness)
+}
+
+/// Pressure that one m³/s more over the step would add, and what the net flow adds, both times θ.
+///
+/// Along the tangent of a root a stiff step lands as far beyond the point without flow as it started before it (Newton's step on a square
+/// root); the slope is led over to the chord, which is twice as steep and lands on that point.
+#[inline]
+fn chamber(net: Flow, theta_h_s: f64, compliance_m3_pa: f64, stiffness: f64) -> (f64, f64) {
+    let square = stiffness * stiffness;
+    let slope_m3_s_pa = net.slope_m3_s_pa * (1.0 + square / (4.0 + square));
+    let gain = theta_h_s / (compliance_m3_pa - theta_h_s * slope_m3_s_pa);
     (gain, gain * net.m3_s)
 }
 
