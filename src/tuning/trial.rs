@@ -43,10 +43,15 @@ pub struct Trial {
 impl Trial {
     /// Prepares a recording; of a long rest it keeps beginning and end.
     #[must_use]
-    pub fn new(recording: Recording) -> Self {
-        let Recording { name, process, mut frames } = recording;
-        let rests = rests(&frames);
-        let seams = leave_out(&mut frames, &rests);
+    pub fn new(mut recording: Recording) -> Self {
+        let rests = rests(&recording.frames);
+        let seams = leave_out(&mut recording.frames, &rests);
+        Self::with_seams(recording, seams)
+    }
+
+    /// Prepares what is left of a recording.
+    fn with_seams(recording: Recording, seams: Vec<(usize, i64)>) -> Self {
+        let Recording { name, process, frames } = recording;
         let samples: Vec<usize> = (0..frames.len())
             .filter(|&row| Signal::ALL.iter().any(|signal| signal.of(&frames[row].measured).is_finite()))
             .collect();
@@ -84,11 +89,12 @@ impl Trial {
 
     /// Prepares a recording whose measured spool drives the servomotor stage, which is then all that is judged.
     ///
-    /// Rows without a spool position are left out: between its samples the spool runs straight.
+    /// Rows without a spool position are left out: between its samples the spool runs straight. Rests stay: inside the overlap the spool may
+    /// move while command and servomotor stand still.
     #[must_use]
     pub fn servomotor_stage(mut recording: Recording) -> Self {
         recording.frames.retain(|frame| frame.measured.spool_position_pu.is_finite());
-        let mut trial = Self::new(recording);
+        let mut trial = Self::with_seams(recording, Vec::new());
         for signal in Signal::ALL {
             trial.has[signal as usize] &= signal == Signal::ServomotorPosition;
         }
