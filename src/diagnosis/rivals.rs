@@ -16,8 +16,12 @@ pub const FURTHER_SHARE: f64 = 0.06;
 /// Most effects at once.
 pub const MOST: usize = 3;
 
-/// How many of the scouted models are fitted with care.
+/// How many of the scouted models are fitted with care: for the first place, and for those on top of it.
 const FINALISTS: usize = 5;
+const SECONDS: usize = 2;
+
+/// Detours for one place at most.
+const DETOURS: usize = 2;
 
 /// Share of the best gain that a model must have reached when scouted to be fitted with care.
 const HOPEFUL: f64 = 0.4;
@@ -29,6 +33,20 @@ pub struct Slot {
     pub before: Model,
     /// The models with each effect in this place, best first.
     pub tried: Vec<Model>,
+}
+
+impl Slot {
+    /// The least cost that was reached here, with an effect or without.
+    #[must_use]
+    pub fn best_cost(&self) -> f64 {
+        self.tried.iter().map(Model::cost).fold(self.before.cost(), f64::min)
+    }
+
+    /// By how much the best effect lowers the cost; 0 where none does.
+    #[must_use]
+    pub fn best_gain(&self) -> f64 {
+        self.before.cost() - self.best_cost()
+    }
 }
 
 /// What the search found.
@@ -46,10 +64,13 @@ pub struct Found {
 
 /// Fits those models with care that may still win, and sorts.
 fn finals(bench: &Bench, mut tried: Vec<Model>, before: f64, count: usize) -> Vec<Model> {
+    tried.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
     let best = tried.first().map_or(before, Model::cost);
     let hopeful = before - HOPEFUL * (before - best);
     if before - best > 0.5 * DETECTED {
-        for model in tried.iter_mut().take(count).filter(|model| model.cost() <= hopeful) {
+        // What was fitted with care before has its slopes still.
+        let scouted = |model: &&mut Model| model.cost() <= hopeful && model.fit.slopes.is_empty();
+        for model in tried.iter_mut().take(count).filter(scouted) {
             *model = model.refined(bench, Effort::FULL);
         }
     }
@@ -64,6 +85,32 @@ fn without_last(bench: &Bench, model: &Model, before: &Model) -> Model {
     before.or_better(fit)
 }
 
+/// Takes the model before the detour through the best effect; where that leads to a better place, those effects that now cost
+/// more than they explain are tried from there again, so that none loses for having started behind a ridge.
+fn settled(
+    bench: &Bench,
+    mut before: Model,
+    mut tried: Vec<Model>,
+    catalogue: &[&'static EffectSpec],
+    count: usize,
+) -> (Model, Vec<Model>) {
+    for _ in 0..DETOURS {
+        let Some(first) = tried.first().filter(|first| first.cost() < before.cost()) else { break };
+        let around = without_last(bench, first, &before);
+        let better = before.cost() - around.cost();
+        before = around;
+        if better <= DETECTED {
+            break;
+        }
+        tried.retain(|model| model.cost() < before.cost());
+        let found = |spec: &EffectSpec| tried.iter().any(|model| model.newest() == Some(spec.id));
+        let lost: Vec<&'static EffectSpec> = catalogue.iter().copied().filter(|spec| !found(spec)).collect();
+        tried.extend(extend(bench, &[cold(&before)], &lost));
+        tried = finals(bench, tried, before.cost(), count);
+    }
+    (before, tried)
+}
+
 /// Grows the set of effects from the refitted sheet.
 #[must_use]
 pub fn find(
@@ -75,11 +122,8 @@ pub fn find(
 ) -> Found {
     progress("trying every effect alone", 0.15);
     let starts = [cold(&refitted), Start { model: sheet, ladder: &COOLING }];
-    let mut tried = finals(bench, extend(bench, &starts, catalogue), refitted.cost(), FINALISTS);
-    let nominal = match tried.first() {
-        Some(first) if refitted.cost() - first.cost() > DETECTED => without_last(bench, first, &refitted),
-        _ => refitted,
-    };
+    let tried = finals(bench, extend(bench, &starts, catalogue), refitted.cost(), FINALISTS);
+    let (nominal, mut tried) = settled(bench, refitted, tried, catalogue, FINALISTS);
     let mut slots: Vec<Slot> = Vec::new();
     let mut before = nominal.clone();
     loop {
@@ -89,14 +133,11 @@ pub fn find(
             break;
         }
         progress("trying every effect on top of what was found", 0.35 + 0.15 * slots.len() as f64);
-        let next = finals(bench, extend(bench, &[cold(first)], catalogue), first.cost(), 2);
-        if let Some(second) = next.first() {
-            // The detour through a second effect often finds a better place for the first.
-            tried[0] = without_last(bench, second, first);
-        }
-        slots.push(Slot { before, tried: tried.clone() });
-        before = tried.swap_remove(0);
-        tried = next;
+        let next = finals(bench, extend(bench, &[cold(first)], catalogue), first.cost(), SECONDS);
+        let (first, next) = settled(bench, first.clone(), next, catalogue, SECONDS);
+        tried[0] = first.clone();
+        slots.push(Slot { before, tried });
+        (before, tried) = (first, next);
     }
     let beyond = tried.first().map_or(f64::INFINITY, Model::cost).min(before.cost());
     if slots.is_empty() {

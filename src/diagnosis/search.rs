@@ -17,6 +17,9 @@ const SIZES: [f64; 5] = [0.2, 0.8, 3.0, -0.2, -0.8];
 /// Temperatures through which fits far from the sheet cool.
 pub const COOLING: [f64; 3] = [50.0, 5.0, 1.0];
 
+/// Work of a fit that starts from nothing of an effect.
+const CREEP: Effort = Effort { rounds: 6, refresh: 100, temperature: 1.0 };
+
 /// A model with all its knobs fitted: the sheet's tolerances, then the parameters of its effects.
 #[derive(Clone, Debug)]
 pub struct Model {
@@ -66,6 +69,12 @@ impl Model {
     #[must_use]
     pub fn unit(&self) -> Unit {
         unit_at(&self.base, &self.knobs, &self.fit.positions)
+    }
+
+    /// Id of the effect that was added last.
+    #[must_use]
+    pub fn newest(&self) -> Option<&'static str> {
+        self.effects.last().map(|effect| effect.id)
     }
 
     /// Ids of the effects.
@@ -197,6 +206,7 @@ pub fn extend(bench: &Bench, starts: &[Start<'_>], catalogue: &[&'static EffectS
                 .filter(|start| !start.model.effects.iter().any(|effect| effect.id == spec.id))
                 .filter_map(|start| scout(bench, *start, spec))
                 .min_by(|a, b| a.cost().total_cmp(&b.cost()))
+                .map(|model| crept(bench, starts, spec, model))
         })
         .collect();
     models.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
@@ -230,8 +240,27 @@ fn scout(bench: &Bench, start: Start<'_>, spec: &'static EffectSpec) -> Option<M
         slopes.clone_from(&found.slopes);
         fitted = Some(found);
     }
-    let effects = from.effects.iter().copied().chain([spec]).collect();
-    Some(Model::new(effects, base, knobs, fitted?).light())
+    Some(Model::new(joined(from, spec), base, knobs, fitted?).light())
+}
+
+/// The effects of a model and one more.
+fn joined(from: &Model, spec: &'static EffectSpec) -> Vec<&'static EffectSpec> {
+    from.effects.iter().copied().chain([spec]).collect()
+}
+
+/// A model that costs more than the one without its effect was lost on the way: where other parameters must follow an effect
+/// closely, a size tried at a stroke is too far. It starts again from nothing of the effect, from where every step can only gain.
+fn crept(bench: &Bench, starts: &[Start<'_>], spec: &'static EffectSpec, scouted: Model) -> Model {
+    let Some(from) = starts.iter().map(|start| start.model).find(|from| from.cost() < scouted.cost()) else {
+        return scouted;
+    };
+    let Some((base, knobs, positions)) = with_effect(from, spec, 0.0) else { return scouted };
+    let found = fit(bench, &base, &knobs, &positions, CREEP, Some(&from.fit.slopes));
+    if found.square + found.prior < scouted.cost() {
+        Model::new(joined(from, spec), base, knobs, found).light()
+    } else {
+        scouted
+    }
 }
 
 /// Covariance of the knobs about a fit; infinite where it says nothing.

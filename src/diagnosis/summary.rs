@@ -293,8 +293,7 @@ fn gaps(
 /// What was weighed for each place among the effects.
 fn places(found: &Found) -> Vec<Place> {
     let costs = |models: &[Model]| {
-        let last = |model: &Model| model.effects.last().map_or("", |effect| effect.id).to_owned();
-        models.iter().map(|model| (last(model), model.cost())).collect()
+        models.iter().map(|model| (model.newest().unwrap_or_default().to_owned(), model.cost())).collect()
     };
     found.slots.iter().map(|slot| Place { before: slot.before.cost(), tried: costs(&slot.tried) }).collect()
 }
