@@ -33,10 +33,8 @@ pub fn stage_title(stage: Stage) -> &'static str {
 pub fn place(diagnosis: &Diagnosis) -> Option<(String, String)> {
     let id = |stage: Stage| stage.id().replace('_', " ");
     if diagnosis.verdict == Verdict::Named && diagnosis.blamed.len() > 1 {
-        let mut stages: Vec<Stage> = diagnosis.blamed.iter().map(|one| one.stage).collect();
-        stages.dedup();
-        let joined =
-            |of: &dyn Fn(Stage) -> String| stages.iter().map(|&stage| of(stage)).collect::<Vec<_>>().join(" + ");
+        let stages = || Stage::ALL.into_iter().filter(|stage| diagnosis.blamed.iter().any(|one| one.stage == *stage));
+        let joined = |of: &dyn Fn(Stage) -> String| stages().map(of).collect::<Vec<_>>().join(" + ");
         return Some((joined(&id), joined(&|stage| stage_title(stage).to_owned())));
     }
     let stage = diagnosis.stage?;
