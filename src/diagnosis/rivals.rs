@@ -4,9 +4,8 @@ use crate::diagnosis::search::{COOLING, Model, Start, extend};
 use crate::effects::EffectSpec;
 use crate::tuning::fit::{Bench, Effort, fit};
 
-/// Smallest gain for which a first effect is believed to be there, in halves of a log-likelihood.
-///
-/// Sound units of the battery, whose plants differ from the twin's in their equations, gain less.
+/// Smallest gain with which the search takes a first effect in, in halves of a log-likelihood; for a verdict it must gain
+/// [`SEEN`](crate::diagnosis::decide::SEEN).
 pub const DETECTED: f64 = 8.0;
 
 /// A further effect must gain this share of what the effects before it did: what an effect's own equation leaves behind is not
