@@ -159,16 +159,14 @@ fn evidence(diagnosis: &Diagnosis) -> Value {
         .iter()
         .map(|one| json!({"recording": one.recording, "closure": interval(one.closure)}))
         .collect();
-    let places: Vec<Value> = diagnosis
-        .places
-        .iter()
-        .map(|place| {
-            let costs: serde_json::Map<String, Value> =
-                place.tried.iter().map(|(id, cost)| (id.clone(), json!(cost))).collect();
-            json!({"before": place.before, "with": costs})
-        })
-        .collect();
-    let costs = json!({"values": diagnosis.samples, "floor": diagnosis.floor, "places": places});
+    let by_id = |tried: &[(String, f64)]| -> serde_json::Map<String, Value> {
+        tried.iter().map(|(id, cost)| (id.clone(), json!(cost))).collect()
+    };
+    let places: Vec<Value> =
+        diagnosis.places.iter().map(|place| json!({"before": place.before, "with": by_id(&place.tried)})).collect();
+    let costs = json!({
+        "values": diagnosis.samples, "floor": diagnosis.floor, "places": places, "further": by_id(&diagnosis.further),
+    });
     json!({
         "costs": costs, "closure_without_recording": transfers,
         "parameters": parameters, "tried": tried, "channels": channels, "smallest_visible": visible,

@@ -330,6 +330,8 @@ pub struct Diagnosis {
     pub transfers: Vec<Transfer>,
     /// Costs that the probabilities rest on, for each place among the effects.
     pub places: Vec<Place>,
+    /// Cost with one effect more, for each that was tried and did not earn its place; best first.
+    pub further: Vec<(String, f64)>,
     /// Cost that a perfect model would have.
     pub floor: f64,
     /// How many values were measured.

@@ -57,6 +57,8 @@ pub struct Found {
     pub best: Model,
     /// A place for each of its effects; with none, the rivals for the first.
     pub slots: Vec<Slot>,
+    /// The models with one effect more than the best, best first, none of which earned its place.
+    pub further: Vec<Model>,
     /// The least cost that one effect more would have reached.
     pub beyond: f64,
 }
@@ -139,10 +141,11 @@ pub fn find(
         (before, tried) = (first, next);
     }
     let beyond = tried.first().map_or(f64::INFINITY, Model::cost).min(before.cost());
+    let mut further = tried;
     if slots.is_empty() {
-        slots.push(Slot { before: before.clone(), tried });
+        slots.push(Slot { before: before.clone(), tried: std::mem::take(&mut further) });
     }
-    Found { refitted: nominal, best: before, slots, beyond }
+    Found { refitted: nominal, best: before, slots, further, beyond }
 }
 
 /// What an effect must gain when others have explained so much before it.

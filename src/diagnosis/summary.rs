@@ -130,7 +130,12 @@ pub fn gather(
         tried: tried(found, &refitted_without, bench),
         samples: bench.trials.iter().map(|t| t.samples.len() * t.has.iter().filter(|&&has| has).count()).sum(),
         floor: decision.floor,
-        places: places(found),
+        places: found
+            .slots
+            .iter()
+            .map(|slot| Place { before: slot.before.cost(), tried: costs(&slot.tried) })
+            .collect(),
+        further: costs(&found.further),
         traces: traces(bench, [&delivered, &refitted, &with_effects]),
         blamed,
         part: None,
@@ -290,12 +295,9 @@ fn gaps(
         .collect()
 }
 
-/// What was weighed for each place among the effects.
-fn places(found: &Found) -> Vec<Place> {
-    let costs = |models: &[Model]| {
-        models.iter().map(|model| (model.newest().unwrap_or_default().to_owned(), model.cost())).collect()
-    };
-    found.slots.iter().map(|slot| Place { before: slot.before.cost(), tried: costs(&slot.tried) }).collect()
+/// What each model costs, by the effect that it has beyond the one before it.
+fn costs(models: &[Model]) -> Vec<(String, f64)> {
+    models.iter().map(|model| (model.newest().unwrap_or_default().to_owned(), model.cost())).collect()
 }
 
 /// Closure on each recording by fits to the others.
