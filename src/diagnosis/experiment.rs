@@ -9,7 +9,7 @@ use crate::tuning::noise::expected;
 use crate::tuning::trial::Trial;
 use crate::twin::Twin;
 
-/// A test: words, length in ms, command and ESV at a time in s, whether the pilot signals are recorded.
+/// A test: words, length in ms, command and ESV at a time in s, whether the pilot signals are recorded for it.
 struct Test {
     words: &'static str,
     length_ms: i64,
@@ -65,8 +65,8 @@ const TESTS: [Test; 6] = [
     },
 ];
 
-/// The test as one unit would answer it.
-fn answer(test: &Test, unit: &Unit) -> Recording {
+/// The test as one unit would answer it, with the pilot signals or without.
+fn answer(test: &Test, unit: &Unit, pilot: bool) -> Recording {
     let mut twin = Twin::new(unit).with_dither(unit.sensors.servomotor_position_pu.noise);
     let frames = (0..test.length_ms)
         .map(|row| {
@@ -84,7 +84,7 @@ fn answer(test: &Test, unit: &Unit) -> Recording {
             let signals = twin.step(&frame).signals;
             if row % 10 == 0 {
                 frame.measured = signals;
-                if !test.pilot {
+                if !pilot {
                     frame.measured.pilot_valve_position_pu = f64::NAN;
                     frame.measured.control_pressure_pa = f64::NAN;
                 }
@@ -95,13 +95,14 @@ fn answer(test: &Test, unit: &Unit) -> Recording {
     Recording::new(test.words, frames)
 }
 
-/// The best test for telling two models of a unit apart.
+/// The best test for telling two models of a unit apart; where the pilot signals are recorded already, nobody is asked to do so.
 #[must_use]
-pub fn between(ids: [&str; 2], units: [&Unit; 2]) -> Option<Experiment> {
+pub fn between(ids: [&str; 2], units: [&Unit; 2], pilot_recorded: bool) -> Option<Experiment> {
     TESTS
         .iter()
+        .filter(|test| !(test.pilot && pilot_recorded))
         .map(|test| {
-            let trial = Trial::new(answer(test, units[0]));
+            let trial = Trial::new(answer(test, units[0], test.pilot || pilot_recorded));
             let bench = Bench::new(vec![trial], units[0], &expected(&units[0].sensors));
             (square(&vec![bench.misses(units[1], 0)]).sqrt(), test)
         })

@@ -28,10 +28,16 @@ pub fn experiments(bench: &Bench, found: &Found, blamed: &[Blame], verdict: Verd
         _ => {}
     }
     let stage_only = bench.trials.first().is_some_and(|trial| trial.cut == Cut::Spool);
+    let pilot = [Signal::PilotValvePosition, Signal::ControlPressure];
+    let pilot_recorded = bench.trials.iter().any(|trial| pilot.iter().all(|&signal| trial.has[signal as usize]));
     let noise_pu = bench.floor_square(0, Signal::ServomotorPosition).sqrt();
     let test = |(a, b): &(String, String)| {
         let units = [&model(a)?.unit(), &model(b)?.unit()];
-        if stage_only { stage_experiment::between([a, b], units, noise_pu) } else { experiment::between([a, b], units) }
+        if stage_only {
+            stage_experiment::between([a, b], units, noise_pu)
+        } else {
+            experiment::between([a, b], units, pilot_recorded)
+        }
     };
     pairs.iter().filter_map(test).collect()
 }
