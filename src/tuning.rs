@@ -2,6 +2,7 @@
 
 pub mod admission;
 pub mod calibration;
+pub mod cooling;
 mod descent;
 pub mod fit;
 pub mod flexible;

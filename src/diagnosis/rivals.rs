@@ -1,7 +1,8 @@
 //! Which effects are present: grown one by one, each time with the rivals for the place.
 
-use crate::diagnosis::search::{COOLING, Model, Start, extend};
+use crate::diagnosis::search::{Model, Start, extend};
 use crate::effects::EffectSpec;
+use crate::tuning::cooling::COOLING;
 use crate::tuning::fit::{Bench, Effort, fit};
 
 /// Smallest gain with which the search takes a first effect in, in halves of a log-likelihood; for a verdict it must gain

@@ -5,6 +5,7 @@ use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
 use crate::effects::EffectSpec;
 use crate::parameters::{EffectSetting, Unit};
+use crate::tuning::cooling::cooled;
 use crate::tuning::fit::{Bench, Effort, Fit, Misses, fit, normal, slopes, square};
 use crate::tuning::knob::{Knob, unit_at};
 use crate::tuning::noise::Noise;
@@ -13,9 +14,6 @@ use crate::tuning::trips::placed;
 
 /// Sizes at which an effect is tried first, in units of its typical size.
 const SIZES: [f64; 5] = [0.2, 0.8, 3.0, -0.2, -0.8];
-
-/// Temperatures through which fits far from the sheet cool.
-pub const COOLING: [f64; 3] = [50.0, 5.0, 1.0];
 
 /// Work of a fit that starts from nothing of an effect.
 const CREEP: Effort = Effort { rounds: 6, refresh: 100, temperature: 1.0 };
@@ -143,14 +141,6 @@ pub fn nominal(trials: Vec<Trial>, unit: &Unit, turned: Turned, noise: &Noise) -
         Fit { square: square(&misses), prior: zeros.iter().map(|p| p * p).sum(), positions: zeros, misses, slopes };
     let model = |fit| Model::new(Vec::new(), unit.clone(), knobs.clone(), fit);
     (bench, model(fine), model(sheet))
-}
-
-/// A fit through the temperatures of [`COOLING`].
-fn cooled(bench: &Bench, unit: &Unit, knobs: &[Knob], start: &[f64], rounds: usize) -> Fit {
-    let effort = |temperature| Effort { rounds, refresh: 2, temperature };
-    let hot = fit(bench, unit, knobs, start, effort(COOLING[0]), None);
-    let warm = fit(bench, unit, knobs, &hot.positions, effort(COOLING[1]), Some(&hot.slopes));
-    fit(bench, unit, knobs, &warm.positions, effort(COOLING[2]), Some(&warm.slopes))
 }
 
 /// The least cost that refitting the leading knobs alone could reach from these misses, to first order.

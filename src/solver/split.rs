@@ -11,7 +11,7 @@
 //! The spool stage takes half a millisecond, the four times slower piston stage a tick with the mean port
 //! travel. θ is 1/2 where the flow hardly depends on the pressure, which is of order 2 and neither damps nor excites the oil columns.
 //! A chamber that stands open to return or supply fills within a step, and would swing for ever between two pressures
-//! about the right one; see [`theta`] and [`chamber`].
+//! about the right one; see `theta` and `chamber` below.
 
 use crate::plant::orifice::Flow;
 use crate::plant::proportional_valve::Propagator;

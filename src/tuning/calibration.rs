@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::parameters::Unit;
 use crate::signal::Signal;
+use crate::tuning::cooling::cooled;
 use crate::tuning::fit::{Bench, Effort, Fit, Misses, fit, normal};
 use crate::tuning::knob::{Knob, unit_at};
 use crate::tuning::noise::{ALIKE, Noise};
@@ -101,7 +102,7 @@ pub fn calibrate(
     let mut rough: Option<(f64, Vec<f64>)> = None;
     let mut costs = Vec::new();
     for number in 0..starts.max(1) {
-        let found = fit(&first, base, &knobs, &start(base, &knobs, number), ROUGH, None);
+        let found = cooled(&first, base, &knobs, &start(base, &knobs, number), ROUGH.rounds);
         let cost = found.square + found.prior;
         costs.push(cost);
         if rough.as_ref().is_none_or(|(best, _)| cost < *best) {
