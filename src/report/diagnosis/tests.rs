@@ -115,6 +115,7 @@ fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
         }],
         transfers: Vec::new(),
         places: Vec::new(),
+        further: Vec::new(),
         floor: 1.0,
         samples: 100,
         traces: vec![Trace {
