@@ -25,7 +25,7 @@ const NINETY: f64 = 1.645;
 
 /// How far the size of an effect may be off because its true equation is another, one standard deviation over its size.
 ///
-/// The eight sizes in the practice units then lie inside their 90 % intervals, one of them barely.
+/// Seven of the eight sizes in the practice units then lie inside their 90 % intervals, the eighth just outside.
 const EQUATION: f64 = 0.1;
 
 /// Share of an effect's plausible range below which it counts as excited: smallest visible size over a moderate fault.
