@@ -102,8 +102,7 @@ fn weigh(slot: &Slot, catalogue: &[&'static EffectSpec], floor: f64, unknown_lea
     let mut effects: Vec<f64> = catalogue
         .iter()
         .map(|spec| {
-            let tried = slot.tried.iter().find(|model| model.newest() == Some(spec.id));
-            tried.map_or(0.0, |model| {
+            slot.with(spec).map_or(0.0, |model| {
                 let share = ((slot.before.cost() - model.cost()) / gap.max(1e-9)).clamp(0.0, 1.0);
                 RARITY * weight(model.cost() - floor, gap) * share.powf(SHARE_POWER)
             })
@@ -204,29 +203,23 @@ pub fn decide(found: &Found, catalogue: &[&'static EffectSpec], floor: f64, expl
         (Verdict::Named, ids(if present.is_empty() { &order[..1] } else { &present }))
     } else {
         let mut sum = 0.0;
-        let likely = |&k: &usize| {
-            let wanted = sum == 0.0 || top < SURE && sum < 0.9 && effects[k] > 0.03;
-            sum += effects[k];
+        let likely = |k: &&usize| {
+            let wanted = sum < 0.9 && effects[**k] > 0.03;
+            sum += effects[**k];
             wanted
         };
-        let mut rivals: Vec<usize> = order.iter().copied().take_while(likely).collect();
-        let close = found.slots.first().map_or_else(Vec::new, |slot| close(slot, catalogue));
-        let others: Vec<usize> = order.iter().copied().filter(|k| close.contains(k) && !rivals.contains(k)).collect();
-        rivals.extend(others);
-        rivals.truncate(CLASS);
+        let credible = if top >= SURE { 1 } else { order.iter().take_while(likely).count().max(1) };
+        let close = |k: usize| found.slots.first().is_some_and(|slot| close(slot, catalogue[k]));
+        let shares = |&(rank, &k): &(usize, &usize)| rank < credible || close(k);
+        let rivals: Vec<usize> = order.iter().enumerate().filter(shares).map(|(_, &k)| k).take(CLASS).collect();
         (if rivals.len() > 1 { Verdict::Class } else { Verdict::Named }, ids(&rivals))
     };
     Decision { verdict, blamed, effects: catalogue.iter().copied().zip(effects).collect(), unknown, none, floor }
 }
 
-/// Places in the catalogue of the effects that explain nearly as much as the best one.
-fn close(slot: &Slot, catalogue: &[&'static EffectSpec]) -> Vec<usize> {
-    let enough = |model: &&Model| slot.before.cost() - model.cost() >= CLOSE * slot.best_gain();
-    slot.tried
-        .iter()
-        .filter(enough)
-        .filter_map(|model| catalogue.iter().position(|spec| model.newest() == Some(spec.id)))
-        .collect()
+/// Whether an effect explains nearly as much as the best one.
+fn close(slot: &Slot, spec: &EffectSpec) -> bool {
+    slot.with(spec).is_some_and(|model| slot.before.cost() - model.cost() >= CLOSE * slot.best_gain())
 }
 
 /// Probability of each stage: of its effects, and of something unknown there.

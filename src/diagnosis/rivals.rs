@@ -36,6 +36,12 @@ pub struct Slot {
 }
 
 impl Slot {
+    /// The model with this effect in this place; none where it was not tried or gains nothing at any size.
+    #[must_use]
+    pub fn with(&self, spec: &EffectSpec) -> Option<&Model> {
+        self.tried.iter().find(|model| model.newest() == Some(spec.id))
+    }
+
     /// The least cost that was reached here, with an effect or without.
     #[must_use]
     pub fn best_cost(&self) -> f64 {
