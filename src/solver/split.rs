@@ -11,7 +11,7 @@
 //! The spool stage takes half a millisecond, the four times slower piston stage a tick with the mean port
 //! travel. θ is 1/2 where the flow hardly depends on the pressure, which is of order 2 and neither damps nor excites the oil columns.
 //! A chamber that stands open to return or supply fills within a step, and would swing for ever between two pressures
-//! about the right one; see `theta` and `chamber` below.
+//! about the right one; see `Chamber` below.
 
 use crate::plant::orifice::Flow;
 use crate::plant::proportional_valve::Propagator;
@@ -54,7 +54,9 @@ impl Oil {
 pub struct Split {
     count: u32,
     step_s: f64,
+    per_step_hz: f64,
     tick_s: f64,
+    per_tick_hz: f64,
     propagator: Propagator,
 }
 
@@ -63,7 +65,14 @@ impl Split {
     #[must_use]
     pub fn new(plant: &Plant, tick_s: f64, max_step_s: f64) -> Self {
         let (count, step_s) = steps(tick_s, max_step_s);
-        Self { count, step_s, tick_s, propagator: plant.proportional_valve.propagator(step_s) }
+        Self {
+            count,
+            step_s,
+            per_step_hz: 1.0 / step_s,
+            tick_s,
+            per_tick_hz: 1.0 / tick_s,
+            propagator: plant.proportional_valve.propagator(step_s),
+        }
     }
 
     /// Advances by one tick.
@@ -118,13 +127,14 @@ impl Split {
             m3_s: entering.m3_s + leaking * spool.leakage_m3_s(p, supply_pa, return_pa) + drive.chamber_flow_m3_s,
             slope_m3_s_pa: entering.slope_m3_s_pa - leaking * (spool.leakage_m3_s_pa + spool.return_leakage_m3_s_pa),
         };
-        let compliance_m3_pa = spool.compliance_m3_pa(x, p);
-        let stiffness = stiffness(net, h, compliance_m3_pa);
-        let theta = theta(stiffness);
-        let (gain, fill_pa) = chamber(net, theta * h, compliance_m3_pa, stiffness);
+        let chamber = Chamber::new(net, h, spool.compliance_m3_pa(x, p));
+        let weight = chamber.weight();
+        let (theta, over_theta) = weight.with_inverse();
+        let gain = chamber.gain(weight, h);
+        let fill_pa = gain * net.m3_s;
 
         let a = spool.control_area_m2;
-        let inertia = spool.mass_kg / (theta * h);
+        let inertia = spool.mass_kg * over_theta * self.per_step_hz;
         let force_n = spool.static_force_n(x, p + fill_pa, supply_pa) + held.outside_n;
         let stiffness = if x > -spool.spring_precompression_m { spool.spring_stiffness_n_m } else { 0.0 };
         let resistance =
@@ -132,7 +142,7 @@ impl Split {
         let mut v_theta = spool.friction.speed_m_s(inertia * v + force_n, resistance, v);
 
         let mut next_m = x + h * v_theta;
-        let mut next_v = v + (v_theta - v) / theta;
+        let mut next_v = v + (v_theta - v) * over_theta;
         let stop_m = next_m.clamp(spool.stroke_min_m, spool.stroke_max_m);
         if stop_m != next_m {
             v_theta = (stop_m - x) / h;
@@ -141,7 +151,7 @@ impl Split {
         }
         state.spool_position_m = next_m;
         state.spool_velocity_m_s = next_v;
-        state.control_pressure_pa = (p + (fill_pa - gain * a * v_theta) / theta).max(VACUUM_PA);
+        state.control_pressure_pa = (p + (fill_pa - gain * a * v_theta) * over_theta).max(VACUUM_PA);
     }
 
     #[inline]
@@ -160,14 +170,15 @@ impl Split {
             m3_s: flows.closing.m3_s + leak * (p_1 - p_2) + drive.closing_flow_m3_s,
             slope_m3_s_pa: flows.closing.slope_m3_s_pa - leak,
         };
-        let (compliance_1, compliance_2) = (servo.opening_compliance_m3_pa(z), servo.closing_compliance_m3_pa(z));
-        let (stiffness_1, stiffness_2) = (stiffness(opening, h, compliance_1), stiffness(closing, h, compliance_2));
-        let theta = theta(stiffness_1.max(stiffness_2));
-        let (gain_1, fill_1_pa) = chamber(opening, theta * h, compliance_1, stiffness_1);
-        let (gain_2, fill_2_pa) = chamber(closing, theta * h, compliance_2, stiffness_2);
+        let chamber_1 = Chamber::new(opening, h, servo.opening_compliance_m3_pa(z));
+        let chamber_2 = Chamber::new(closing, h, servo.closing_compliance_m3_pa(z));
+        let weight = if chamber_1.is_stiffer_than(chamber_2) { chamber_1.weight() } else { chamber_2.weight() };
+        let (theta, over_theta) = weight.with_inverse();
+        let (gain_1, gain_2) = (chamber_1.gain(weight, h), chamber_2.gain(weight, h));
+        let (fill_1_pa, fill_2_pa) = (gain_1 * opening.m3_s, gain_2 * closing.m3_s);
 
         let (a_1, a_2) = (servo.opening_area_m2, servo.closing_area_m2);
-        let inertia = servo.mass_kg / (theta * h);
+        let inertia = servo.mass_kg * over_theta * self.per_tick_hz;
         let force_n = a_1 * (p_1 + fill_1_pa) - a_2 * (p_2 + fill_2_pa) - servo.load_n(z) + drive.servomotor_force_n;
         let resistance = inertia
             + a_1 * a_1 * gain_1
@@ -177,7 +188,7 @@ impl Split {
         let mut w_theta = servo.friction.speed_m_s(inertia * w + force_n, resistance, w);
 
         let mut next_m = z + h * w_theta;
-        let mut next_w = w + (w_theta - w) / theta;
+        let mut next_w = w + (w_theta - w) * over_theta;
         let stop_m = next_m.clamp(0.0, servo.stroke_m);
         if stop_m != next_m {
             w_theta = (stop_m - z) / h;
@@ -186,36 +197,71 @@ impl Split {
         }
         state.servomotor_position_m = next_m;
         state.servomotor_velocity_m_s = next_w;
-        state.opening_pressure_pa = (p_1 + (fill_1_pa - gain_1 * a_1 * w_theta) / theta).max(VACUUM_PA);
-        state.closing_pressure_pa = (p_2 + (fill_2_pa + gain_2 * a_2 * w_theta) / theta).max(VACUUM_PA);
+        state.opening_pressure_pa = (p_1 + (fill_1_pa - gain_1 * a_1 * w_theta) * over_theta).max(VACUUM_PA);
+        state.closing_pressure_pa = (p_2 + (fill_2_pa + gain_2 * a_2 * w_theta) * over_theta).max(VACUUM_PA);
     }
 }
 
-/// A step over the time in which the flow fills the chamber.
-#[inline]
-fn stiffness(net: Flow, step_s: f64, compliance_m3_pa: f64) -> f64 {
-    (-step_s * net.slope_m3_s_pa / compliance_m3_pa).max(0.0)
+/// A chamber over a step: what its oil takes up for a pascal more, and what flows out less, m³/Pa both.
+///
+/// Their ratio, the step over the time in which the flow fills the chamber, is the chamber's stiffness s. What follows from s is written
+/// with the two as they are: a quotient of polynomials costs one division, of which the chain has no more than it needs.
+#[derive(Clone, Copy, Debug)]
+struct Chamber {
+    compliance_m3_pa: f64,
+    outflow_m3_pa: f64,
 }
 
-/// Weight of a step's end in its mean: 1/2 for chambers that fill slowly, 1 for those that fill at once.
-///
-/// A linear chamber then decays as the (1, 2) Padé approximant of the exponential does, of order 3 and without ringing (exponential fitting;
-/// Liniger & Willoughby 1970).
-#[inline]
-fn theta(stiffness: f64) -> f64 {
-    0.5 + stiffness / (12.0 + 2.0 * stiffness)
+impl Chamber {
+    #[inline]
+    fn new(net: Flow, step_s: f64, compliance_m3_pa: f64) -> Self {
+        Self { compliance_m3_pa, outflow_m3_pa: (-step_s * net.slope_m3_s_pa).max(0.0) }
+    }
+
+    #[inline]
+    fn is_stiffer_than(self, other: Self) -> bool {
+        self.outflow_m3_pa * other.compliance_m3_pa > other.outflow_m3_pa * self.compliance_m3_pa
+    }
+
+    /// θ = (3 + s) / (6 + s).
+    ///
+    /// A linear chamber then decays as the (1, 2) Padé approximant of the exponential does, of order 3 and without ringing (exponential
+    /// fitting; Liniger & Willoughby 1970).
+    #[inline]
+    fn weight(self) -> Weight {
+        Weight {
+            end: 3.0 * self.compliance_m3_pa + self.outflow_m3_pa,
+            whole: 6.0 * self.compliance_m3_pa + self.outflow_m3_pa,
+        }
+    }
+
+    /// g: θ times the pressure that one m³/s more over the step would add, Pa s/m³.
+    ///
+    /// Along the tangent of a root a stiff step lands as far beyond the point without flow as it started before it (Newton's step on a square
+    /// root); the slope is led over to the chord, which is twice as steep and lands on that point, by 1 + s² / (4 + s²).
+    #[inline]
+    fn gain(self, weight: Weight, step_s: f64) -> f64 {
+        let (c, o) = (self.compliance_m3_pa, self.outflow_m3_pa);
+        let square = o * o;
+        let both = 4.0 * c * c + square;
+        step_s * weight.end * both / (weight.whole * c * both + weight.end * o * (both + square))
+    }
 }
 
-/// Pressure that one m³/s more over the step would add, and what the net flow adds, both times θ.
-///
-/// Along the tangent of a root a stiff step lands as far beyond the point without flow as it started before it (Newton's step on a square
-/// root); the slope is led over to the chord, which is twice as steep and lands on that point.
-#[inline]
-fn chamber(net: Flow, theta_h_s: f64, compliance_m3_pa: f64, stiffness: f64) -> (f64, f64) {
-    let square = stiffness * stiffness;
-    let slope_m3_s_pa = net.slope_m3_s_pa * (1.0 + square / (4.0 + square));
-    let gain = theta_h_s / (compliance_m3_pa - theta_h_s * slope_m3_s_pa);
-    (gain, gain * net.m3_s)
+/// θ, the weight of a step's end in its mean, as a fraction: 1/2 for chambers that fill slowly, 1 for those that fill at once.
+#[derive(Clone, Copy, Debug)]
+struct Weight {
+    end: f64,
+    whole: f64,
+}
+
+impl Weight {
+    /// θ and 1/θ.
+    #[inline]
+    fn with_inverse(self) -> (f64, f64) {
+        let inverse = 1.0 / (self.end * self.whole);
+        (self.end * self.end * inverse, self.whole * self.whole * inverse)
+    }
 }
 
 /// Pressure at the valve while the servomotor moves as it does, Pa.
