@@ -4,7 +4,11 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
+use govtwin::bag::{self, ReadOptions};
 use govtwin::baselines::BASELINES;
+use govtwin::blind::limits;
+use govtwin::diagnosis::decide::SEEN;
+use govtwin::params;
 use serde_json::Value;
 
 fn report(verdict: &str, blamed: &[(&str, f64)]) -> String {
@@ -67,6 +71,32 @@ fn reports_that_are_there_are_scored_and_kept() {
         fs::read_to_string(dir.path().join("case_2/report.json")).unwrap(),
         report("named", &[("backlash", 0.9)])
     );
+}
+
+#[test]
+fn recordings_tell_of_what_is_large_enough_and_unlike_the_answer() {
+    let dir = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/practice/case_03");
+    let recordings = || {
+        ["load_rejection", "shutdown"]
+            .map(|name| bag::read(&dir.join(format!("{name}.mcap")), &ReadOptions::default()).unwrap().recording)
+            .to_vec()
+    };
+    let unit = params::reference();
+    let of = |size: f64, answer: &[(&str, f64)]| {
+        let answer: Vec<_> = answer.iter().map(|(id, size)| (*id, vec![*size])).collect();
+        limits::told(recordings(), &unit, &[("esv_delay", vec![size])], &answer).unwrap()
+    };
+    let large = of(0.5, &[]);
+    assert!(large > 10.0 * SEEN, "{large}");
+    // Too small to be seen; taken up by the answer; hardly touched by an answer of another kind.
+    let tiny = of(1e-3, &[]);
+    assert!(tiny < SEEN, "{tiny}");
+    let same = of(0.5, &[("esv_delay", 0.5)]);
+    assert!(same < 1e-3 * large, "{same}");
+    let other = of(0.5, &[("backlash", 0.002)]);
+    assert!(other > 0.5 * large, "{other}");
+    // No equation, no figure.
+    assert!(limits::told(recordings(), &unit, &[("surge", vec![1.0])], &[]).is_none());
 }
 
 #[test]

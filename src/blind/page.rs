@@ -2,6 +2,7 @@
 
 use crate::blind::score::{Confusion, Measure, Score, Scored};
 use crate::blind::statistics::{Bin, Measured};
+use crate::diagnosis::decide::SEEN;
 use crate::report::draw::{DrawError, svg};
 use crate::report::ink::Ink;
 use crate::report::page::{KeyFigure, Page, Tone};
@@ -64,9 +65,15 @@ pub fn page(methods: &[Method], cases: &[Scored], parts: &[Method], subtitle: &s
         "How often it was so when a probability was given; on the diagonal the probabilities mean what they say.",
     );
     body.heading("Units");
+    if let Some(words) = misses_in_words(cases) {
+        body.note(Tone::Plain, words);
+    }
     body.table(
         cases_table(cases),
-        "Strength: RMS by which the faults move the strongest recorded signal, over its noise floor.",
+        format!(
+            "Strength: RMS by which the faults move the strongest recorded signal, over its noise floor. Told: gain in likelihood that what was \
+             left out could bring, when sheet and answer are fitted against it; what is below {SEEN} nobody could have told from the recordings."
+        ),
     );
     Ok(page)
 }
@@ -197,6 +204,22 @@ fn reliability_picture(methods: &[Method]) -> Picture {
     Picture::grid("Reliability of the probabilities", 1, vec![panel])
 }
 
+/// How many answers missed, and by what; none where nothing was missed.
+#[must_use]
+pub fn misses_in_words(cases: &[Scored]) -> Option<String> {
+    let missed = cases.iter().filter(|case| case.missed()).count();
+    let by = |recordings: bool| cases.iter().filter(|case| case.untold() == Some(recordings)).count();
+    (missed > 0).then(|| {
+        format!(
+            "{missed} answers of {} miss something. In {} of them the recordings could not have told, in {} they could; the others are false alarms \
+             or faults without an equation.",
+            cases.len(),
+            by(true),
+            by(false)
+        )
+    })
+}
+
 /// Case by case: what is so, what was said.
 #[must_use]
 pub fn cases_table(cases: &[Scored]) -> Table {
@@ -208,7 +231,9 @@ pub fn cases_table(cases: &[Scored]) -> Table {
         .words("blamed")
         .words("stage")
         .numbers("p(truth)")
-        .words("");
+        .words("")
+        .numbers("told")
+        .words("missed by");
     for case in cases {
         let truths: Vec<&str> = case.label.effects.iter().map(|truth| truth.id.as_str()).collect();
         let mut truth = if truths.is_empty() { "nothing".to_owned() } else { truths.join(" + ") };
@@ -232,6 +257,12 @@ pub fn cases_table(cases: &[Scored]) -> Table {
             case.said.location.stage.clone().unwrap_or_default(),
             significant(case.said.probability(true_word), 2),
             if right { String::new() } else { "wrong".to_owned() },
+            case.told.filter(|_| case.missed()).map_or_else(String::new, |told| significant(told, 2)),
+            match case.untold() {
+                Some(true) => "recordings".to_owned(),
+                Some(false) => "method".to_owned(),
+                None => String::new(),
+            },
         ]);
     }
     table

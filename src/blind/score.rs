@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use crate::battery::Label;
+use crate::battery::{Label, Truth};
 use crate::blind::said::Said;
 use crate::blind::statistics::{Bin, Measured, reliability};
+use crate::diagnosis::decide::SEEN;
 use crate::diagnosis::outcome::Verdict;
 
 /// Strength from which an effect must be seen, over the noise floor.
@@ -21,6 +22,8 @@ pub struct Scored {
     pub label: Label,
     /// Closure on recordings that the diagnosis never saw; none where nobody tried.
     pub realised_closure: Option<f64>,
+    /// Of a missed answer, what the recordings say of what it left out ([`crate::blind::limits::told`]); none where nobody asked.
+    pub told: Option<f64>,
 }
 
 /// One measure with its target.
@@ -86,6 +89,27 @@ impl Scored {
     fn stage_is_right(&self) -> bool {
         let stage = self.said.location.stage.as_deref();
         self.label.effects.iter().any(|truth| Some(truth.stage.id()) == stage)
+    }
+
+    /// Whether the verdict leaves out or makes up anything: a class that holds the truth is right.
+    #[must_use]
+    pub fn missed(&self) -> bool {
+        match self.label.listed {
+            false => !self.says(Verdict::Unknown),
+            true if self.sound() => self.said.detects(),
+            true => self.says(Verdict::Unknown) || self.hidden().next().is_some(),
+        }
+    }
+
+    /// What is in the unit and was not blamed.
+    pub fn hidden(&self) -> impl Iterator<Item = &Truth> {
+        self.label.effects.iter().filter(|truth| !self.said.blames(&truth.id))
+    }
+
+    /// Whether a miss lies with the recordings, which could not tell; none where that is not known.
+    #[must_use]
+    pub fn untold(&self) -> Option<bool> {
+        self.told.filter(|_| self.missed()).map(|told| told < SEEN)
     }
 
     fn first_truth(&self) -> &str {
@@ -228,7 +252,6 @@ fn confusion(cases: &[Scored]) -> Confusion {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::battery::Truth;
     use crate::blind::said::{Blamed, Gap, Location, Rank, Size};
     use crate::effects::Stage;
 
@@ -268,6 +291,7 @@ mod tests {
                 rate_hz: 100.0,
             },
             realised_closure: Some(0.9),
+            told: None,
         }
     }
 

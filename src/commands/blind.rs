@@ -123,6 +123,6 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         return Ok(outcome);
     };
     let exams = made.as_ref().map(|made| made.exams(out, &unit));
-    scoring::score_all(&labels, exams.as_ref(), &methods, &args.dir, out)?;
+    scoring::score_all(&labels, exams.as_ref(), &methods, &cases, &args.dir, out)?;
     Ok(outcome)
 }

@@ -5,16 +5,19 @@ use std::path::Path;
 
 use anyhow::Context;
 use govtwin::battery::Label;
+use govtwin::blind::limits::{self, Sized};
 use govtwin::blind::page::{self, measures_table};
+use govtwin::blind::said::Blamed;
 use govtwin::blind::score::{Measure, Score, Scored, score};
 use govtwin::blind::statistics::Measured;
-use govtwin::params::labels;
+use govtwin::params::{self, labels};
 use govtwin::report::table::{Table, significant};
+use rayon::prelude::{IntoParallelIterator, ParallelIterator};
 use serde_json::{Value, json};
 
 use super::cases::Case;
 use super::method::Method;
-use crate::commands::output::{print, warn, write_atomically};
+use crate::commands::output::{Progress, print, warn, write_atomically};
 
 /// Opens a label file.
 pub fn read_labels(path: &Path) -> anyhow::Result<Vec<Label>> {
@@ -48,6 +51,7 @@ pub fn score_all(
     labels: &[Label],
     exams: Option<&BTreeMap<String, f64>>,
     methods: &[Method],
+    units: &[Case],
     dir: &Path,
     out: &Path,
 ) -> anyhow::Result<()> {
@@ -62,7 +66,10 @@ pub fn score_all(
             };
             // The improved twins are the diagnosis's own.
             let realised_closure = exams.filter(|_| place == 0).and_then(|exams| exams.get(&label.name)).copied();
-            cases.push(Scored { said, label: label.clone(), realised_closure });
+            cases.push(Scored { said, label: label.clone(), realised_closure, told: None });
+        }
+        if matches!(method, Method::Diagnosis) {
+            tell(&mut cases, units, out);
         }
         scores.push(page::Method { name: method.name().to_owned(), score: score(&cases) });
         if place == 0 {
@@ -78,23 +85,56 @@ pub fn score_all(
     }
     print(&page::cases_table(&first).to_text())?;
     print("\n")?;
+    if let Some(words) = page::misses_in_words(&first) {
+        print(&format!("{words}\n\n"))?;
+    }
     print(&measures_table(&scores).to_text())?;
     let all: serde_json::Map<String, Value> =
         scores.iter().map(|method| (method.name.clone(), score_json(&method.score))).collect();
     let rates: serde_json::Map<String, Value> =
         parts.iter().map(|part| (part.name.clone(), score_json(&part.score))).collect();
+    let misses: serde_json::Map<String, Value> = first
+        .iter()
+        .filter(|case| case.missed())
+        .map(|case| {
+            (case.label.name.clone(), json!({"told": case.told, "recordings_could_tell": case.untold().map(|no| !no)}))
+        })
+        .collect();
     let whole = json!({
         "schema": "govtwin-blind/1",
         "units": labels.len(),
         "methods": all,
         "by_rate": rates,
         "closures": exams,
+        "misses": misses,
     });
     write_atomically(&out.join("score.json"), (serde_json::to_string_pretty(&whole)? + "\n").as_bytes())?;
     let name = dir.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let page = page::page(&scores, &first, &parts, &format!("{name}, {} units", first.len()))?;
     write_atomically(&out.join("score.html"), page.to_html().as_bytes())?;
     print(&format!("\n{} and score.json beside it\n", out.join("score.html").display()))
+}
+
+/// Asks the recordings of every missed unit whether they could have told.
+fn tell(cases: &mut [Scored], units: &[Case], out: &Path) {
+    let missed: Vec<&mut Scored> = cases.iter_mut().filter(|case| case.missed()).collect();
+    let progress = Progress::new(missed.len(), "misses looked into");
+    missed.into_par_iter().for_each(|case| {
+        case.told = told(case, units, out);
+        progress.step();
+    });
+}
+
+fn told(case: &Scored, units: &[Case], out: &Path) -> Option<f64> {
+    let unit = units.iter().find(|unit| unit.name == case.label.name)?;
+    let refitted = params::load(&out.join(&unit.name).join("refitted.yaml")).ok()?;
+    let hidden: Vec<Sized> = case.hidden().map(|truth| (truth.id.as_str(), vec![truth.size])).collect();
+    let values = |blamed: &Blamed| blamed.parameters.iter().map_while(|parameter| parameter.value).collect();
+    let answer: Vec<Sized> = case.said.effects.iter().map(|blamed| (blamed.id.as_str(), values(blamed))).collect();
+    if hidden.is_empty() {
+        return None;
+    }
+    limits::told(unit.recordings().ok()?, &refitted, &hidden, &answer)
 }
 
 fn score_json(score: &Score) -> Value {
