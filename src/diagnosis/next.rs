@@ -12,7 +12,7 @@ use crate::twin::Cut;
 #[must_use]
 pub fn experiments(bench: &Bench, found: &Found, blamed: &[Blame], verdict: Verdict) -> Vec<Experiment> {
     let tried: Vec<&Model> = found.slots.first().into_iter().flat_map(|slot| &slot.tried).collect();
-    let model = |id: &str| tried.iter().find(|model| model.effects.len() == 1 && model.effects[0].id == id).copied();
+    let model = |id: &str| found.slots.first().and_then(|slot| slot.with(id));
     let mut pairs: Vec<(String, String)> = Vec::new();
     match verdict {
         Verdict::Class => {

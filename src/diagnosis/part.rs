@@ -72,9 +72,8 @@ pub fn modest(
             first.ids().join(", "),
             further.join(" or ")
         ));
-        found.beyond = found.beyond.min(found.slots.get(1).map_or(f64::INFINITY, |slot| slot.tried[0].cost()));
         found.best = first;
-        found.slots.truncate(1);
+        found.further = found.slots.drain(1..).next().map(|slot| slot.tried).unwrap_or_default();
         decision = decide(found, &ready.catalogue, floor(bench, found), explained);
     }
     if !ready.sheet && decision.verdict == Verdict::Named && decision.blamed.len() == 1 {

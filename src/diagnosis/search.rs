@@ -6,7 +6,7 @@ use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use crate::effects::EffectSpec;
 use crate::parameters::{EffectSetting, Unit};
 use crate::tuning::cooling::cooled;
-use crate::tuning::fit::{Bench, Effort, Fit, Misses, fit, normal, slopes, square};
+use crate::tuning::fit::{Bench, Effort, Fit, Misses, fit, normal, prior_square, slopes, square};
 use crate::tuning::knob::{Knob, unit_at};
 use crate::tuning::noise::Noise;
 use crate::tuning::trial::Trial;
@@ -57,6 +57,22 @@ impl Model {
         }
     }
 
+    /// The same model, unfitted, where another that has one effect more has the parameters of this one; none where that one was only scouted.
+    #[must_use]
+    pub fn moved(&self, bench: &Bench, to: &Self) -> Option<Self> {
+        let count = self.knobs.len();
+        let positions = to.fit.positions.get(..count)?.to_vec();
+        let slopes: Vec<DMatrix<f64>> =
+            to.fit.slopes.iter().map(|slopes| slopes.columns(0, count).into_owned()).collect();
+        if slopes.is_empty() {
+            return None;
+        }
+        let misses = bench.misses_of(&[unit_at(&self.base, &self.knobs, &positions)]).pop()?;
+        let prior = prior_square(&self.knobs, &positions);
+        let fit = Fit { square: square(&misses), prior, positions, misses, slopes };
+        Some(Self::new(self.effects.clone(), self.base.clone(), self.knobs.clone(), fit))
+    }
+
     /// Squares of misses and priors together.
     #[must_use]
     pub fn cost(&self) -> f64 {
@@ -67,6 +83,12 @@ impl Model {
     #[must_use]
     pub fn unit(&self) -> Unit {
         unit_at(&self.base, &self.knobs, &self.fit.positions)
+    }
+
+    /// Whether it has this effect.
+    #[must_use]
+    pub fn has(&self, id: &str) -> bool {
+        self.effects.iter().any(|effect| effect.id == id)
     }
 
     /// Id of the effect that was added last.
@@ -147,7 +169,7 @@ pub fn nominal(trials: Vec<Trial>, unit: &Unit, turned: Turned, noise: &Noise) -
 fn projected(knobs: &[Knob], positions: &[f64], misses: &Misses, slopes: &[DMatrix<f64>], temperature: f64) -> f64 {
     let n = slopes.first().map_or(0, DMatrix::ncols);
     let (hessian, gradient) = normal(&knobs[..n], &positions[..n], misses, slopes, temperature);
-    let prior: f64 = knobs[..n].iter().zip(positions).filter(|(k, _)| k.has_prior()).map(|(_, p)| p * p).sum();
+    let prior = prior_square(&knobs[..n], positions);
     match (hessian + DMatrix::identity(n, n) * 1e-9).cholesky() {
         Some(cholesky) => square(misses) / temperature + prior - gradient.dot(&cholesky.solve(&gradient)),
         None => square(misses) / temperature + prior,
@@ -185,22 +207,20 @@ pub struct Start<'a> {
     pub ladder: &'a [f64],
 }
 
-/// Adds each effect to a model in turn: from each of the starts, screens sizes, then scouts the best. Best first.
+/// Adds each effect to a model in turn: from each of the starts, screens sizes, then scouts the best.
 #[must_use]
 pub fn extend(bench: &Bench, starts: &[Start<'_>], catalogue: &[&'static EffectSpec]) -> Vec<Model> {
-    let mut models: Vec<Model> = catalogue
+    catalogue
         .par_iter()
         .filter_map(|spec| {
             starts
                 .iter()
-                .filter(|start| !start.model.effects.iter().any(|effect| effect.id == spec.id))
+                .filter(|start| !start.model.has(spec.id))
                 .filter_map(|start| scout(bench, *start, spec))
                 .min_by(|a, b| a.cost().total_cmp(&b.cost()))
                 .map(|model| crept(bench, starts, spec, model))
         })
-        .collect();
-    models.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
-    models
+        .collect()
 }
 
 /// The model with one effect more, at the best of several sizes, fitted quickly.

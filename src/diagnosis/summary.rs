@@ -70,7 +70,7 @@ pub fn gather(
     // What the verdict claims, and nothing else, goes into the improved twin.
     let chosen = match verdict {
         Verdict::Named if decision.blamed.len() > 1 => named(found, &decision.blamed).clone(),
-        Verdict::Named | Verdict::Class => single(found, decision.blamed.first().copied()).clone(),
+        Verdict::Named | Verdict::Class => decision.blamed.first().map_or(&found.best, |id| single(found, id)).clone(),
         _ => found.refitted.clone(),
     };
     let mut unknown_at: Vec<(Stage, f64)> = Stage::ALL.into_iter().map(|stage| (stage, 0.0)).collect();
@@ -151,9 +151,8 @@ fn named<'a>(found: &'a Found, blamed: &[&str]) -> &'a Model {
 }
 
 /// The model with this effect alone.
-fn single<'a>(found: &'a Found, id: Option<&str>) -> &'a Model {
-    let first = found.slots.first().into_iter().flat_map(|slot| &slot.tried);
-    first.into_iter().find(|model| model.effects.len() == 1 && Some(model.effects[0].id) == id).unwrap_or(&found.best)
+fn single<'a>(found: &'a Found, id: &str) -> &'a Model {
+    found.slots.first().and_then(|slot| slot.with(id)).unwrap_or(&found.best)
 }
 
 /// The fitted values of those knobs that are wanted.
@@ -217,10 +216,10 @@ fn blames(
         .blamed
         .iter()
         .filter_map(|id| {
-            let alone = single(found, Some(*id)).with_slopes(bench);
+            let alone = single(found, id).with_slopes(bench);
             let spec = decision.effects.iter().find(|(spec, _)| spec.id == *id)?.0;
             // Parameters come from the model that is claimed, closure from the effect on its own.
-            let model = if chosen.effects.iter().any(|effect| effect.id == *id) { chosen } else { &alone };
+            let model = if chosen.has(id) { chosen } else { &alone };
             Some(Blame {
                 id: spec.id.to_owned(),
                 stage: spec.stage,

@@ -215,7 +215,9 @@ pub fn slopes(
         .collect()
 }
 
-fn prior_square(knobs: &[Knob], positions: &[f64]) -> f64 {
+/// Sum of squares of the positions that the sheet speaks for.
+#[must_use]
+pub fn prior_square(knobs: &[Knob], positions: &[f64]) -> f64 {
     knobs.iter().zip(positions).filter(|(knob, _)| knob.has_prior()).map(|(_, p)| p * p).sum()
 }
 
