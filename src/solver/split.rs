@@ -230,8 +230,8 @@ impl Chamber {
     #[inline]
     fn weight(self) -> Weight {
         Weight {
-            end: 3.0 * self.compliance_m3_pa + self.outflow_m3_pa,
-            whole: 6.0 * self.compliance_m3_pa + self.outflow_m3_pa,
+            end_m3_pa: 3.0 * self.compliance_m3_pa + self.outflow_m3_pa,
+            whole_m3_pa: 6.0 * self.compliance_m3_pa + self.outflow_m3_pa,
         }
     }
 
@@ -244,23 +244,23 @@ impl Chamber {
         let (c, o) = (self.compliance_m3_pa, self.outflow_m3_pa);
         let square = o * o;
         let both = 4.0 * c * c + square;
-        step_s * weight.end * both / (weight.whole * c * both + weight.end * o * (both + square))
+        step_s * weight.end_m3_pa * both / (weight.whole_m3_pa * c * both + weight.end_m3_pa * o * (both + square))
     }
 }
 
 /// θ, the weight of a step's end in its mean, as a fraction: 1/2 for chambers that fill slowly, 1 for those that fill at once.
 #[derive(Clone, Copy, Debug)]
 struct Weight {
-    end: f64,
-    whole: f64,
+    end_m3_pa: f64,
+    whole_m3_pa: f64,
 }
 
 impl Weight {
     /// θ and 1/θ.
     #[inline]
     fn with_inverse(self) -> (f64, f64) {
-        let inverse = 1.0 / (self.end * self.whole);
-        (self.end * self.end * inverse, self.whole * self.whole * inverse)
+        let inverse = 1.0 / (self.end_m3_pa * self.whole_m3_pa);
+        (self.end_m3_pa * self.end_m3_pa * inverse, self.whole_m3_pa * self.whole_m3_pa * inverse)
     }
 }
 
