@@ -72,7 +72,8 @@ pub fn page(methods: &[Method], cases: &[Scored], parts: &[Method], subtitle: &s
         cases_table(cases),
         format!(
             "Strength: RMS by which the faults move the strongest recorded signal, over its noise floor. Told: gain in likelihood that what was \
-             left out could bring, when sheet and answer are fitted against it; what is below {SEEN} nobody could have told from the recordings."
+             left out could bring, when sheet and answer are fitted against it. Left: what the answer's model leaves above noise. A miss lies with \
+             the recordings where either is below {SEEN}: nobody could have told."
         ),
     );
     Ok(page)
@@ -211,8 +212,8 @@ pub fn misses_in_words(cases: &[Scored]) -> Option<String> {
     let by = |recordings: bool| cases.iter().filter(|case| case.untold() == Some(recordings)).count();
     (missed > 0).then(|| {
         format!(
-            "{missed} answers of {} miss something. In {} of them the recordings could not have told, in {} they could; the others are false alarms \
-             or faults without an equation.",
+            "{missed} answers of {} miss something. {} of the misses lie with the recordings: what was left out is too small or too much like the \
+             answer, or the answer leaves no more than noise. {} lie with the method.",
             cases.len(),
             by(true),
             by(false)
@@ -233,6 +234,7 @@ pub fn cases_table(cases: &[Scored]) -> Table {
         .numbers("p(truth)")
         .words("")
         .numbers("told")
+        .numbers("left")
         .words("missed by");
     for case in cases {
         let truths: Vec<&str> = case.label.effects.iter().map(|truth| truth.id.as_str()).collect();
@@ -248,6 +250,7 @@ pub fn cases_table(cases: &[Scored]) -> Table {
         };
         let right = case.said.word() == true_word
             || (case.label.listed && truths.iter().any(|truth| case.said.word() == *truth));
+        let figure = |of: Option<f64>| of.filter(|_| case.missed()).map_or_else(String::new, |of| significant(of, 2));
         table.row([
             case.label.name.clone(),
             truth,
@@ -257,7 +260,8 @@ pub fn cases_table(cases: &[Scored]) -> Table {
             case.said.location.stage.clone().unwrap_or_default(),
             significant(case.said.probability(true_word), 2),
             if right { String::new() } else { "wrong".to_owned() },
-            case.told.filter(|_| case.missed()).map_or_else(String::new, |told| significant(told, 2)),
+            figure(case.told),
+            figure(case.said.leaves()),
             match case.untold() {
                 Some(true) => "recordings".to_owned(),
                 Some(false) => "method".to_owned(),

@@ -1,5 +1,7 @@
 //! What a diagnosis said, as far as it is scored: read from a report, or written as one by a baseline.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use crate::diagnosis::outcome::Verdict;
@@ -24,6 +26,39 @@ pub struct Said {
     /// Time that it took, s.
     #[serde(default)]
     pub seconds: Option<f64>,
+    /// What it rests on.
+    #[serde(default)]
+    pub evidence: Evidence,
+}
+
+/// What a diagnosis rests on, as far as it is scored.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Evidence {
+    /// What the models cost.
+    #[serde(default)]
+    pub costs: Costs,
+}
+
+/// What the models cost, in halves of a log-likelihood.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Costs {
+    /// Cost of a right model.
+    #[serde(default)]
+    pub floor: Option<f64>,
+    /// Each place among the effects that were found, in their order.
+    #[serde(default)]
+    pub places: Vec<Place>,
+}
+
+/// One place: the cost without an effect in it, and with each that was tried.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Place {
+    /// Without.
+    #[serde(default)]
+    pub before: Option<f64>,
+    /// With, by id.
+    #[serde(default)]
+    pub with: BTreeMap<String, Option<f64>>,
 }
 
 /// Where the gap lies.
@@ -151,6 +186,20 @@ impl Said {
         }
     }
 
+    /// What the model of the verdict leaves above the cost of a right one, in halves of a log-likelihood; none where the report does not tell.
+    #[must_use]
+    pub fn leaves(&self) -> Option<f64> {
+        let places = &self.evidence.costs.places;
+        let cost = match (self.verdict()?, self.effects.len()) {
+            (Verdict::Named, several @ 2..) => {
+                places.get(several - 1).and_then(|place| place.with.values().copied().flatten().min_by(f64::total_cmp))
+            }
+            (Verdict::Named | Verdict::Class, _) => places.first().and_then(|place| *place.with.get(self.word())?),
+            _ => places.first().and_then(|place| place.before),
+        };
+        Some(cost? - self.evidence.costs.floor?)
+    }
+
     /// Whether an effect is blamed.
     #[must_use]
     pub fn blames(&self, id: &str) -> bool {
@@ -170,15 +219,19 @@ mod tests {
                 "parameters": [{"name": "extra_overlap_m", "value": 3.1e-4, "ci90": [2.8e-4, null], "unit": "m"}],
                 "closure": {"value": 0.91, "ci90": [0.87, 0.94]}}],
             "ranking": [{"id": "unknown", "probability": 0.04}, {"id": "port_overlap", "probability": 0.93}],
-            "gap": {"signals": [], "closure": {"value": 0.91, "ci90": [0.87, 0.94]}}, "seconds": 41.0}"#;
+            "gap": {"signals": [], "closure": {"value": 0.91, "ci90": [0.87, 0.94]}}, "seconds": 41.0,
+            "evidence": {"costs": {"floor": 1000.0,
+                "places": [{"before": 1500.0, "with": {"port_overlap": 1030.0, "backlash": 1400.0, "load": null}}]}}}"#;
         let said = Said::read(report).unwrap();
         assert!(said.detects() && said.first() == "port_overlap" && said.word() == "port_overlap");
         assert_eq!(said.effects[0].parameters[0].ci90, Some([Some(2.8e-4), None]));
         assert_eq!(said.probability("backlash"), 0.0);
+        assert_eq!(said.leaves(), Some(30.0));
+        assert_eq!(Said { verdict: "unknown".into(), ..said.clone() }.leaves(), Some(500.0));
         assert_eq!(Said::read(&said.to_json()).unwrap(), said);
         assert!(matches!(Said::read(r#"{"verdict": "perhaps"}"#), Err(SaidError::Verdict(_))));
         assert!(matches!(Said::read("{"), Err(SaidError::Malformed(_))));
         let silent = Said::read(r#"{"verdict": "no_gap", "location": {"stage": null}}"#).unwrap();
-        assert!(silent.word() == "none" && !silent.detects() && silent.first() == "none");
+        assert!(silent.word() == "none" && !silent.detects() && silent.first() == "none" && silent.leaves().is_none());
     }
 }

@@ -106,10 +106,17 @@ impl Scored {
         self.label.effects.iter().filter(|truth| !self.said.blames(&truth.id))
     }
 
-    /// Whether a miss lies with the recordings, which could not tell; none where that is not known.
+    /// Whether a miss lies with the recordings: what was left out is too small or too much like the answer to be seen, or the answer leaves no
+    /// more than noise. A false alarm never does. None where nothing was missed, or nothing is known of it.
     #[must_use]
     pub fn untold(&self) -> Option<bool> {
-        self.told.filter(|_| self.missed()).map(|told| told < SEEN)
+        let known = [self.told, self.said.leaves()];
+        let seen = |figure: Option<f64>| figure.is_none_or(|figure| figure >= SEEN);
+        match self.missed() {
+            true if self.sound() => Some(false),
+            true if known.iter().any(Option::is_some) => Some(!known.into_iter().all(seen)),
+            _ => None,
+        }
     }
 
     fn first_truth(&self) -> &str {
@@ -252,7 +259,7 @@ fn confusion(cases: &[Scored]) -> Confusion {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::blind::said::{Blamed, Gap, Location, Rank, Size};
+    use crate::blind::said::{Blamed, Costs, Evidence, Gap, Location, Place, Rank, Size};
     use crate::effects::Stage;
 
     fn truth(id: &str, stage: Stage) -> Truth {
@@ -282,6 +289,7 @@ mod tests {
                 ranking,
                 gap: Gap { closure: size(0.8, 0.95) },
                 seconds: Some(10.0),
+                evidence: Evidence::default(),
             },
             label: Label {
                 name: String::new(),
@@ -337,6 +345,31 @@ mod tests {
         assert_eq!(of("false_alarm").reached, Some(false));
         assert_eq!(of("detection").reached, Some(true));
         assert_eq!(of("stage_visible").reached, None);
+    }
+
+    #[test]
+    fn a_miss_lies_with_recordings_that_could_not_tell() {
+        let costs = |left: f64| Costs {
+            floor: Some(1000.0),
+            places: vec![Place {
+                before: Some(2000.0),
+                with: [("load".to_owned(), Some(1000.0 + left))].into_iter().collect(),
+            }],
+        };
+        let named = |told, left| {
+            let mut case = case(&["backlash"], true, 9.0, "named", "servomotor", &[("load", 0.9)]);
+            (case.told, case.said.evidence.costs) = (told, costs(left));
+            case
+        };
+        assert_eq!(named(Some(500.0), 300.0).untold(), Some(false));
+        assert_eq!(named(Some(5.0), 300.0).untold(), Some(true));
+        assert_eq!(named(Some(500.0), 3.0).untold(), Some(true));
+        assert_eq!(named(None, 3.0).untold(), Some(true));
+        let all = hand_made();
+        let missed: Vec<bool> = all.iter().map(Scored::missed).collect();
+        assert_eq!(missed, [false, true, false, false, true, false, true, false, true]);
+        // A false alarm is the method's own; of the rest nothing is known.
+        assert_eq!(all.iter().filter_map(Scored::untold).collect::<Vec<_>>(), [false]);
     }
 
     #[test]

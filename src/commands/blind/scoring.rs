@@ -97,7 +97,7 @@ pub fn score_all(
         .iter()
         .filter(|case| case.missed())
         .map(|case| {
-            (case.label.name.clone(), json!({"told": case.told, "recordings_could_tell": case.untold().map(|no| !no)}))
+            (case.label.name.clone(), json!({"told": case.told, "left": case.said.leaves(), "recordings_could_tell": case.untold().map(|no| !no)}))
         })
         .collect();
     let whole = json!({
