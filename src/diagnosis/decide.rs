@@ -195,7 +195,9 @@ pub fn decide(found: &Found, catalogue: &[&'static EffectSpec], floor: f64, expl
         let share = (first.before.cost() - found.best.cost()) / gap.max(1e-9);
         if share < MOST_OF_IT {
             unknown = unknown.max(1.0 - share);
-            effects.iter_mut().for_each(|effect| *effect *= share);
+            for effect in &mut effects {
+                *effect *= share;
+            }
         }
     }
     let mut order: Vec<usize> = (0..catalogue.len()).collect();
