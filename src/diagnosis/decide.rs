@@ -59,10 +59,6 @@ pub const SEEN: f64 = 20.0;
 /// inputs. Measured on the generated battery of seed 77.
 const LEEWAY: (f64, f64) = (0.15, 1.5);
 
-/// A refitted sheet that leaves this share more than noise and leeway has a gap, whether or not an effect of the catalogue explains any of it. On the
-/// generated battery of seed 502 sound units leave none, a clogged filter that the catalogue lacked left a quarter.
-const GAPING: f64 = 0.15;
-
 /// Median of the squares of normal values of unit size.
 const MEDIAN_SQUARE: f64 = 0.4549;
 
@@ -113,9 +109,8 @@ fn weigh(slot: &Slot, catalogue: &[&'static EffectSpec], floor: f64, unknown_lea
         })
         .collect();
     let mut unknown = RARITY * weight(SUPPLE * unknown_leaves * gap + 0.5 * DETECTED, gap);
-    // Against nothing at all an effect is a nested model: there the gain itself is the evidence, and no equation of an effect is to blame
-    // for what is left.
-    let mut none = weight(slot.best_cost() - floor, 0.0) * (-0.5 * slot.best_gain()).exp();
+    // Against nothing at all an effect is a nested model: there the gain itself is the evidence.
+    let mut none = weight(slot.best_cost() - floor, gap) * (-0.5 * slot.best_gain()).exp();
     let total = effects.iter().sum::<f64>() + unknown + none;
     for effect in &mut effects {
         *effect /= total;
@@ -163,10 +158,7 @@ fn left(bench: &Bench, model: &Model, signal: Signal) -> Vec<f64> {
 pub fn decide(found: &Found, catalogue: &[&'static EffectSpec], floor: f64, explained: f64) -> Decision {
     let mut effects = vec![0.0_f64; catalogue.len()];
     let (mut unknown, mut none) = (0.0_f64, 1.0_f64);
-    let detected = found.slots.first().is_some_and(|slot| {
-        let explained = !found.best.effects.is_empty() && slot.best_gain() > SEEN;
-        explained || slot.before.cost() - floor > GAPING * floor
-    });
+    let detected = !found.best.effects.is_empty() && found.slots.first().is_some_and(|slot| slot.best_gain() > SEEN);
     for (place, slot) in found.slots.iter().enumerate() {
         let floor = match found.slots.get(place + 1) {
             // The effects that came later explain the rest.
