@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 # Half widths of central differences, in turn, each from where the one before ended: small jumps hide the way down from some of them.
-STEPS = (0.05, 0.02, 0.01)
+STEPS = (0.1, 0.05, 0.02, 0.01)
 
 # What may be apart: in cost, where 1 is one standard deviation, and in each knob's standard deviations.
 most_cost, most_apart = map(float, sys.argv[1:3])
