@@ -1,11 +1,11 @@
 //! What a missed answer was missed by: recordings that could not tell, or the method.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 
 use crate::effects::find;
 use crate::parameters::{EffectSetting, Unit};
 use crate::recording::Recording;
-use crate::tuning::fit::{Bench, Misses, slopes, square};
+use crate::tuning::fit::{Bench, Misses, beside, projected, slopes};
 use crate::tuning::knob::Knob;
 use crate::tuning::noise::expected;
 use crate::tuning::trial::Trial;
@@ -44,27 +44,9 @@ pub fn told(recordings: Vec<Recording>, refitted: &Unit, hidden: &[Sized], answe
     let change = changes.next()?;
     let mut columns = slopes(&bench, refitted, &knobs, &zeros, 0, &at);
     for answer in changes {
-        for (columns, answer) in columns.iter_mut().zip(&answer) {
-            let place = columns.ncols();
-            *columns = std::mem::replace(columns, DMatrix::zeros(0, 0)).insert_column(place, 0.0);
-            columns.set_column(place, answer);
+        for (columns, answer) in columns.iter_mut().zip(answer) {
+            *columns = beside(columns, &DMatrix::from_columns(&[answer]));
         }
     }
-    Some(left_by(&knobs, &change, &columns))
-}
-
-/// The square that is left of a change when all columns may follow it, those of the sheet's parameters at the price of their priors.
-fn left_by(knobs: &[Knob], change: &Misses, columns: &[DMatrix<f64>]) -> f64 {
-    let free = columns.first().map_or(0, DMatrix::ncols);
-    let mut inner = DMatrix::identity(free, free) * 1e-9;
-    let mut along = DVector::zeros(free);
-    for (columns, change) in columns.iter().zip(change) {
-        inner += columns.tr_mul(columns);
-        along += columns.tr_mul(change);
-    }
-    for (k, _) in knobs.iter().enumerate().filter(|(_, knob)| knob.has_prior()) {
-        inner[(k, k)] += 1.0;
-    }
-    let taken = inner.cholesky().map_or(0.0, |cholesky| along.dot(&cholesky.solve(&along)));
-    (square(change) - taken).max(0.0)
+    Some(projected(&knobs, &zeros, &change, &columns, 1.0).max(0.0))
 }

@@ -91,9 +91,9 @@ fn sort(models: &mut [Model]) {
 /// Fits those models with care that may still win, and sorts.
 fn finals(bench: &Bench, mut tried: Vec<Model>, before: &Model, count: usize) -> Vec<Model> {
     sort(&mut tried);
-    let gain = |tried: &[Model]| before.cost() - tried.first().map_or(before.cost(), Model::cost);
-    if gain(&tried) > 0.5 * DETECTED {
-        let hopeful = before.cost() - HOPEFUL * gain(&tried);
+    let gain = before.cost() - tried.first().map_or(before.cost(), Model::cost);
+    if gain > 0.5 * DETECTED {
+        let hopeful = before.cost() - HOPEFUL * gain;
         let last = tried.len().min(count);
         refine(bench, &mut tried[..last], hopeful);
         // What does nearly the same as the winner must not lose for having been caught elsewhere.

@@ -6,7 +6,7 @@ use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use crate::effects::EffectSpec;
 use crate::parameters::{EffectSetting, Unit};
 use crate::tuning::cooling::cooled;
-use crate::tuning::fit::{Bench, Effort, Fit, Misses, fit, normal, prior_square, slopes, square};
+use crate::tuning::fit::{Bench, Effort, Fit, fit, normal, prior_square, projected, slopes, square};
 use crate::tuning::knob::{Knob, unit_at};
 use crate::tuning::noise::Noise;
 use crate::tuning::trial::Trial;
@@ -163,17 +163,6 @@ pub fn nominal(trials: Vec<Trial>, unit: &Unit, turned: Turned, noise: &Noise) -
         Fit { square: square(&misses), prior: zeros.iter().map(|p| p * p).sum(), positions: zeros, misses, slopes };
     let model = |fit| Model::new(Vec::new(), unit.clone(), knobs.clone(), fit);
     (bench, model(fine), model(sheet))
-}
-
-/// The least cost that refitting the leading knobs alone could reach from these misses, to first order.
-fn projected(knobs: &[Knob], positions: &[f64], misses: &Misses, slopes: &[DMatrix<f64>], temperature: f64) -> f64 {
-    let n = slopes.first().map_or(0, DMatrix::ncols);
-    let (hessian, gradient) = normal(&knobs[..n], &positions[..n], misses, slopes, temperature);
-    let prior = prior_square(&knobs[..n], positions);
-    match (hessian + DMatrix::identity(n, n) * 1e-9).cholesky() {
-        Some(cholesky) => square(misses) / temperature + prior - gradient.dot(&cholesky.solve(&gradient)),
-        None => square(misses) / temperature + prior,
-    }
 }
 
 /// The model with one more effect, its parameters at a size in units of the typical one.

@@ -176,7 +176,9 @@ pub struct Fit {
     pub slopes: Vec<DMatrix<f64>>,
 }
 
-fn beside(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
+/// Two sets of slopes of one trial as one.
+#[must_use]
+pub fn beside(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
     let mut both = DMatrix::zeros(a.nrows(), a.ncols() + b.ncols());
     both.columns_mut(0, a.ncols()).copy_from(a);
     both.columns_mut(a.ncols(), b.ncols()).copy_from(b);
@@ -303,7 +305,21 @@ pub fn fit(
     Fit { square: square(&misses), prior: prior_square(knobs, &positions), positions, misses, slopes: slope }
 }
 
-/// Normal matrix and gradient, priors included.
+/// The least cost that could be reached from these misses along all slopes, to first order.
+///
+/// Slopes and knobs may be of different number: knobs without a slope stay where they are, slopes without a knob are free.
+#[must_use]
+pub fn projected(knobs: &[Knob], positions: &[f64], misses: &Misses, slopes: &[DMatrix<f64>], temperature: f64) -> f64 {
+    let n = slopes.first().map_or(0, DMatrix::ncols);
+    let knobs = &knobs[..n.min(knobs.len())];
+    let (hessian, gradient) = normal(knobs, positions, misses, slopes, temperature);
+    let cost = square(misses) / temperature + prior_square(knobs, positions);
+    (hessian + DMatrix::identity(n, n) * 1e-9)
+        .cholesky()
+        .map_or(cost, |cholesky| cost - gradient.dot(&cholesky.solve(&gradient)))
+}
+
+/// Normal matrix and gradient, priors included; slopes behind those of the knobs have none.
 #[must_use]
 pub fn normal(
     knobs: &[Knob],
@@ -312,7 +328,7 @@ pub fn normal(
     slope: &[DMatrix<f64>],
     temperature: f64,
 ) -> (DMatrix<f64>, DVector<f64>) {
-    let n = knobs.len();
+    let n = slope.first().map_or(knobs.len(), DMatrix::ncols);
     let (mut hessian, mut gradient) = (DMatrix::zeros(n, n), DVector::zeros(n));
     for (j, r) in slope.iter().zip(misses) {
         hessian += j.tr_mul(j);
