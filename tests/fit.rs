@@ -6,6 +6,7 @@ use govtwin::parameters::{ENTRIES, EffectSetting, Unit};
 use govtwin::params;
 use govtwin::recording::Process;
 use govtwin::tuning::calibration::{Calibration, calibrate};
+use govtwin::tuning::fit::{Bench, square};
 use govtwin::tuning::knob::Knob;
 use govtwin::tuning::noise;
 use govtwin::tuning::trial::Trial;
@@ -78,6 +79,28 @@ fn a_free_parameter_moves_as_far_as_the_recordings_say() {
     let row = &fit.rows[0];
     assert_eq!((row.deviation, row.at_bound), (None, false));
     assert!((row.fitted / 3.0e5 - 1.0).abs() < 0.05, "{row:?}");
+}
+
+/// On its stop the spool's control pressure hangs on tenths of a per mille of stroke, which nobody knows.
+#[test]
+fn a_stop_off_by_less_than_the_transducer_sees_costs_little() {
+    let mut unit = params::reference();
+    unit.parameters.regulator.current_reference_pu = -0.005;
+    unit.parameters.distributing_valve.stop_compliance_m_n = 2e-9;
+    let mut truth = unit.clone();
+    let valve = &mut truth.parameters.distributing_valve;
+    valve.stroke_min_m -= 0.5 * unit.sensors.spool_position_pu.noise * valve.reference_stroke_m;
+    let process = Process::LoadRejection;
+    let scenario = Scenario { unit: truth, process, rate_hz: 100.0, duration_s: 20.0, rich: true, seed: 7 };
+    let trial = Trial::new(recording(&scenario));
+    let bench = Bench::new(vec![trial], &unit, &noise::expected(&unit.sensors));
+    let costs: Vec<f64> = bench.misses_of(&[unit.clone(), scenario.unit.clone()]).iter().map(square).collect();
+    let pressures = [&unit, &scenario.unit].map(|unit| {
+        let pressure_pa = |estimate: &Estimate| estimate.signals.control_pressure_pa;
+        bench.simulate(unit, 0).iter().map(pressure_pa).fold(f64::INFINITY, f64::min)
+    });
+    assert!((pressures[0] - pressures[1]).abs() > 2e5, "the stop makes no difference to begin with: {pressures:?}");
+    assert!((costs[0] - costs[1]).abs() < 25.0, "{costs:?} at least pressures of {pressures:?} Pa");
 }
 
 #[test]

@@ -43,10 +43,11 @@ impl Bench {
             .map(|index| {
                 let trial = &bench.trials[index];
                 let estimates = bench.simulate(reference, index);
+                let moved = [-1.0, 1.0].map(|to| bench.simulate(&with_moved_stops(reference, to), index));
                 Signal::ALL
                     .into_iter()
                     .filter(|&signal| trial.has[signal as usize])
-                    .map(|signal| Whitener::new(trial, signal, &noise[signal as usize], &estimates))
+                    .map(|signal| Whitener::new(trial, signal, &noise[signal as usize], &estimates, &moved))
                     .collect()
             })
             .collect();
@@ -153,6 +154,16 @@ impl Bench {
             .collect();
         flat.chunks(self.trials.len().max(1)).map(<[_]>::to_vec).collect()
     }
+}
+
+/// The unit with the spool's stops farther apart by so many times the noise of the spool's transducer.
+fn with_moved_stops(unit: &Unit, times: f64) -> Unit {
+    let mut moved = unit.clone();
+    let valve = &mut moved.parameters.distributing_valve;
+    let by_m = times * unit.sensors.spool_position_pu.noise * valve.reference_stroke_m;
+    valve.stroke_min_m -= by_m;
+    valve.stroke_max_m += by_m;
+    moved
 }
 
 /// Sum of squares of misses.

@@ -43,6 +43,17 @@ fn sharpness(trial: &Trial, signal: Signal, reference: &[Estimate]) -> Vec<f64> 
     (0..bends.len()).map(|k| bends[about(k)].iter().copied().fold(0.0, f64::max)).collect()
 }
 
+/// How far a right model may be off because nobody knows to its transducer's noise where the spool's stops stand, at each sample, in the
+/// signal's unit.
+///
+/// On a stop the regulator pushes by the little that the stop is off the demand, so that less than the transducer's noise
+/// decides whether the control pressure falls by nothing or by megapascals.
+pub(super) fn sway(trial: &Trial, signal: Signal, reference: &[Estimate], moved: &[Vec<Estimate>]) -> Vec<f64> {
+    let of = |estimate: &Estimate| signal.of(&estimate.signals);
+    let off = |k: usize| moved.iter().map(|other| (of(&other[k]) - of(&reference[k])).abs()).fold(0.0, f64::max);
+    (0..trial.samples.len()).map(off).collect()
+}
+
 /// How a signal's miss behaves when the model is right: white noise, chatter, and a slow wandering.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SignalNoise {
@@ -125,9 +136,16 @@ impl Whitener {
     /// The steady innovations filter of wandering seen through white noise and chatter.
     ///
     /// `d ← a d + w`, `miss = d + n`: the scalar Kalman filter (Anderson & Moore 1979, section 3.1), whose innovations over
-    /// their standard deviation are independent and of unit size when the model is right.
+    /// their standard deviation are independent and of unit size when the model is right. `moved` are the reference's estimates with
+    /// the spool's stops a little off.
     #[must_use]
-    pub fn new(trial: &Trial, signal: Signal, noise: &SignalNoise, reference: &[Estimate]) -> Self {
+    pub fn new(
+        trial: &Trial,
+        signal: Signal,
+        noise: &SignalNoise,
+        reference: &[Estimate],
+        moved: &[Vec<Estimate>],
+    ) -> Self {
         let count = trial.samples.len();
         let (mut decay, mut gain, mut scale) =
             (Vec::with_capacity(count), Vec::with_capacity(count), Vec::with_capacity(count));
@@ -137,6 +155,7 @@ impl Whitener {
         let mut ringing: f64 = 0.0;
         let (mut floor, mut seen) = (0.0, 0_usize);
         let sharpness = sharpness(trial, signal, reference);
+        let sway = sway(trial, signal, reference, moved);
         for (k, (&row, estimate)) in trial.samples.iter().zip(reference).enumerate() {
             let frame = &trial.frames[row];
             let step_s = last_ns.map_or(0.0, |last_ns| crate::units::seconds_from_nanos(frame.time_ns - last_ns));
@@ -145,7 +164,7 @@ impl Whitener {
             ringing = (ringing * (-step_s / 0.03).exp()).max(estimate.spool_command_sd_pu);
             let doubt = noise.doubt * trial.command_doubt_pu[k];
             let chatter = noise.chatter * ringing;
-            let drift = noise.chatter_wander * ringing;
+            let drift = (noise.chatter_wander * ringing).hypot(sway[k]);
             spread = a * a * spread + (1.0 - a * a) * (noise.wander * noise.wander + drift * drift + doubt * doubt);
             if signal.of(&frame.measured).is_finite() {
                 floor += noise.white * noise.white + chatter * chatter + noise.wander * noise.wander + drift * drift;
