@@ -89,24 +89,31 @@ fn sort(models: &mut [Model]) {
 }
 
 /// Fits those models with care that may still win, and sorts.
-fn finals(bench: &Bench, mut tried: Vec<Model>, before: &Model, count: usize) -> Vec<Model> {
+fn finals(
+    bench: &Bench,
+    mut tried: Vec<Model>,
+    before: &Model,
+    catalogue: &[&'static EffectSpec],
+    count: usize,
+) -> Vec<Model> {
     sort(&mut tried);
     let gain = before.cost() - tried.first().map_or(before.cost(), Model::cost);
     if gain > 0.5 * DETECTED {
         let hopeful = before.cost() - HOPEFUL * gain;
-        let last = tried.len().min(count);
-        refine(bench, &mut tried[..last], hopeful);
+        refine(bench, &mut tried, count, hopeful);
         // What does nearly the same as the winner must not lose for having been caught elsewhere.
-        from_the_winners_place(bench, &mut tried[..last], before);
-        refine(bench, &mut tried[..last], hopeful);
+        from_the_winners_place(bench, &mut tried, before, catalogue, hopeful);
+        refine(bench, &mut tried, count, hopeful);
     }
     sort(&mut tried);
     tried
 }
 
-/// Fits those to the end that cost no more than this, and sorts; what was fitted with care before has its slopes still.
-fn refine(bench: &Bench, finalists: &mut [Model], hopeful: f64) {
-    for model in finalists.iter_mut().filter(|model| model.cost() <= hopeful && model.fit.slopes.is_empty()) {
+/// Fits the first so many to the end that cost no more than this, and sorts; what was fitted with care before has its slopes still.
+fn refine(bench: &Bench, tried: &mut [Model], count: usize, hopeful: f64) {
+    sort(tried);
+    let worth = tried.iter_mut().take(count).filter(|model| model.cost() <= hopeful && model.fit.slopes.is_empty());
+    for model in worth {
         for _ in 0..REFINEMENTS {
             let before = model.cost();
             *model = model.refined(bench, Effort::FULL);
@@ -115,18 +122,26 @@ fn refine(bench: &Bench, finalists: &mut [Model], hopeful: f64) {
             }
         }
     }
-    sort(finalists);
+    sort(tried);
 }
 
-/// Lets those behind the winner start once more from where it has the sheet's parameters.
-fn from_the_winners_place(bench: &Bench, finalists: &mut [Model], before: &Model) {
-    let [winner, others @ ..] = finalists else { return };
-    let Some(place) = before.moved(bench, winner).filter(|_| !others.is_empty()) else { return };
-    let specs: Vec<&'static EffectSpec> = others.iter().filter_map(|model| model.effects.last().copied()).collect();
-    for again in extend(bench, &[cold(&place)], &specs) {
-        let same = others.iter_mut().find(|model| model.newest() == again.newest());
-        if let Some(model) = same.filter(|model| again.cost() < model.cost()) {
-            *model = again;
+/// Tries all effects but the winner's once more from where the winner has the sheet's parameters, and takes what is better.
+fn from_the_winners_place(
+    bench: &Bench,
+    tried: &mut Vec<Model>,
+    before: &Model,
+    catalogue: &[&'static EffectSpec],
+    hopeful: f64,
+) {
+    let Some(winner) = tried.first() else { return };
+    let Some(place) = before.moved(bench, winner) else { return };
+    let others: Vec<&'static EffectSpec> =
+        catalogue.iter().copied().filter(|spec| Some(spec.id) != winner.newest()).collect();
+    for again in extend(bench, &[Start { bar: hopeful, ..cold(&place) }], &others) {
+        match tried.iter_mut().find(|model| model.newest() == again.newest()) {
+            Some(model) if again.cost() < model.cost() => *model = again,
+            Some(_) => {}
+            None => tried.push(again),
         }
     }
 }
@@ -159,7 +174,7 @@ fn settled(
         let found = |spec: &EffectSpec| tried.iter().any(|model| model.newest() == Some(spec.id));
         let lost: Vec<&'static EffectSpec> = catalogue.iter().copied().filter(|spec| !found(spec)).collect();
         tried.extend(extend(bench, &[cold(&before)], &lost));
-        tried = finals(bench, tried, &before, count);
+        tried = finals(bench, tried, &before, catalogue, count);
     }
     (before, tried)
 }
@@ -174,8 +189,8 @@ pub fn find(
     progress: &(dyn Fn(&str, f64) + Sync),
 ) -> Found {
     progress("trying every effect alone", 0.15);
-    let starts = [cold(&refitted), Start { model: sheet, ladder: &COOLING }];
-    let tried = finals(bench, extend(bench, &starts, catalogue), &refitted, FINALISTS);
+    let starts = [cold(&refitted), Start { model: sheet, ladder: &COOLING, bar: f64::INFINITY }];
+    let tried = finals(bench, extend(bench, &starts, catalogue), &refitted, catalogue, FINALISTS);
     let (nominal, mut tried) = settled(bench, refitted, tried, catalogue, FINALISTS);
     let mut slots: Vec<Slot> = Vec::new();
     let mut before = nominal.clone();
@@ -186,7 +201,7 @@ pub fn find(
             break;
         }
         progress("trying every effect on top of what was found", 0.35 + 0.15 * slots.len() as f64);
-        let next = finals(bench, extend(bench, &[cold(first)], catalogue), first, SECONDS);
+        let next = finals(bench, extend(bench, &[cold(first)], catalogue), first, catalogue, SECONDS);
         let (first, next) = settled(bench, first.clone(), next, catalogue, SECONDS);
         tried[0] = first.clone();
         slots.push(Slot { before, tried });
@@ -204,7 +219,8 @@ fn least_gain(explained: f64) -> f64 {
     if explained > 0.0 { (1.5 * DETECTED).max(FURTHER_SHARE * explained) } else { DETECTED }
 }
 
-/// A start that is good already.
+/// A start that is good already; on top of effects that explain the gap most others gain nothing at any size and need no fit.
 fn cold(model: &Model) -> Start<'_> {
-    Start { model, ladder: &COOLING[COOLING.len() - 1..] }
+    let bar = if model.effects.is_empty() { f64::INFINITY } else { model.cost() };
+    Start { model, ladder: &COOLING[COOLING.len() - 1..], bar }
 }

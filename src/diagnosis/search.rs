@@ -187,13 +187,15 @@ pub fn with_effect(from: &Model, spec: &'static EffectSpec, size: f64) -> Option
     (placed == Some(size)).then_some((base, knobs, positions))
 }
 
-/// A place to start from: a model, and the temperatures through which a fit from there cools.
+/// A place to start from: a model, the temperatures through which a fit from there cools, and what is worth a fit.
 #[derive(Clone, Copy, Debug)]
 pub struct Start<'a> {
     /// The model.
     pub model: &'a Model,
     /// Temperatures, highest first.
     pub ladder: &'a [f64],
+    /// An effect that promises no lower cost than this at any size is not fitted.
+    pub bar: f64,
 }
 
 /// Adds each effect to a model in turn: from each of the starts, screens sizes, then scouts the best.
@@ -226,8 +228,7 @@ fn scout(bench: &Bench, start: Start<'_>, spec: &'static EffectSpec) -> Option<M
     for factor in [1.9, 1.35] {
         best = [best.1 * factor, best.1 / factor].into_iter().filter_map(price).chain([best]).min_by(cheaper)?;
     }
-    // On top of an effect that explains the gap, most others gain nothing at any size and need no fit.
-    if !from.effects.is_empty() && best.0 > from.cost() {
+    if best.0 > start.bar {
         return None;
     }
     let (base, knobs, mut positions) = with_effect(from, spec, best.1)?;
