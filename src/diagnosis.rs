@@ -24,7 +24,7 @@ pub mod summary;
 pub mod traces;
 pub mod visible;
 
-use crate::diagnosis::outcome::{Diagnosis, Verdict};
+use crate::diagnosis::outcome::Diagnosis;
 use crate::diagnosis::rivals::Found;
 use crate::diagnosis::summary::Seen;
 use crate::effects::{CATALOGUE, EffectSpec};
@@ -97,8 +97,7 @@ pub fn diagnose(
     }
     if !stage_only && let Some(strange) = agreement::disagreement(&bench, &found, floor) {
         notes.push(strange);
-        decision.verdict = Verdict::Unknown;
-        decision.blamed.clear();
+        decision = decision.forced_to_unknown();
     }
     progress("gathering what the report shows", 0.9);
     let mut said = summary::gather(&bench, &found, &decision, &ready.unit, settings, Seen { latents, channels, notes });

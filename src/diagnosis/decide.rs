@@ -39,8 +39,8 @@ const CLASS: usize = 3;
 /// are both more supple and more roughly fitted than an equation.
 pub const UNKNOWN_LEAVES: (f64, f64) = (0.3, 0.6);
 
-/// Odds against one named effect before anything is seen.
-const RARITY: f64 = 0.004;
+/// Odds on one named effect before anything is seen: exp(−[`SEEN`] / 2), so that a gain which shows nothing makes nothing likely.
+const RARITY: f64 = 4.54e-5;
 
 /// Power of the share of the gap that an effect explains, which its weight also carries: what explains next to nothing of a gap did not
 /// cause it, however little the others explain.
@@ -83,6 +83,40 @@ pub struct Decision {
     pub none: f64,
     /// Cost that a perfect model would have.
     pub floor: f64,
+}
+
+/// Least probability of what a verdict is forced to.
+const FORCED: f64 = 0.9;
+
+impl Decision {
+    /// The same, forced to nothing.
+    #[must_use]
+    pub fn forced_to_nothing(mut self, verdict: Verdict) -> Self {
+        self.none = self.none.max(FORCED);
+        let share = share_left(self.none, self.effects.iter().map(|(_, p)| p).sum::<f64>() + self.unknown);
+        self.unknown *= share;
+        self.forced(verdict, share)
+    }
+
+    /// The same, forced to something unknown.
+    #[must_use]
+    pub fn forced_to_unknown(mut self) -> Self {
+        self.unknown = self.unknown.max(FORCED);
+        let share = share_left(self.unknown, self.effects.iter().map(|(_, p)| p).sum::<f64>() + self.none);
+        self.none *= share;
+        self.forced(Verdict::Unknown, share)
+    }
+
+    fn forced(mut self, verdict: Verdict, share: f64) -> Self {
+        self.effects.iter_mut().for_each(|(_, p)| *p *= share);
+        Self { verdict, blamed: Vec::new(), ..self }
+    }
+}
+
+/// By what probabilities of this sum must be multiplied to leave room for another.
+fn share_left(other: f64, sum: f64) -> f64 {
+    let room = 1.0 - other;
+    room / sum.max(room).max(1e-12)
 }
 
 /// Weighs the rivals for one place: each effect, something unknown, nothing.

@@ -43,11 +43,6 @@ pub fn modest(
     if !ready.sheet && found.refitted.cost() < CALM_ENOUGH * samples as f64 / ALIKE + DETECTED {
         let blamed = decision.verdict != Verdict::NoGap;
         said = blamed.then(|| "What the fitted stage misses, the most flexible law misses as well: no gap.".to_owned());
-        let none = decision.none.max(0.9);
-        let rest: f64 = decision.effects.iter().map(|(_, p)| p).sum::<f64>() + decision.unknown;
-        let share = (1.0 - none) / rest.max(1.0 - none).max(1e-12);
-        decision.effects.iter_mut().for_each(|(_, p)| *p *= share);
-        decision.unknown *= share;
         let mut verdict = Verdict::NoGap;
         if ready.explained < DRIVEN {
             verdict = Verdict::NotExcited;
@@ -57,7 +52,7 @@ pub fn modest(
                 100.0 * ready.explained
             ));
         }
-        return (Decision { verdict, blamed: Vec::new(), none, ..decision }, said);
+        return (decision.forced_to_nothing(verdict), said);
     }
     let probability = |decision: &Decision, id: &str| {
         decision.effects.iter().find(|(spec, _)| spec.id == id).map_or(0.0, |(_, p)| *p)
