@@ -39,9 +39,6 @@ const CLASS: usize = 3;
 /// are both more supple and more roughly fitted than an equation.
 pub const UNKNOWN_LEAVES: (f64, f64) = (0.3, 0.6);
 
-/// Odds on one named effect before anything is seen: exp(−[`SEEN`] / 2), so that a gain which shows nothing makes nothing likely.
-const RARITY: f64 = 4.54e-5;
-
 /// Power of the share of the gap that an effect explains, which its weight also carries: what explains next to nothing of a gap did not
 /// cause it, however little the others explain.
 const SHARE_POWER: f64 = 2.0;
@@ -131,6 +128,11 @@ fn weight(above: f64, gap: f64) -> f64 {
     (1.0 + above.max(0.0) / (FREEDOM + INEXACT * gap.max(0.0))).powf(-0.5 * FREEDOM)
 }
 
+/// Odds on one named effect before anything is seen: a gain that shows nothing makes nothing likely.
+fn rarity() -> f64 {
+    (-0.5 * SEEN).exp()
+}
+
 fn weigh(slot: &Slot, catalogue: &[&'static EffectSpec], floor: f64, unknown_leaves: f64) -> Weighed {
     let gap = slot.before.cost() - floor;
     let mut effects: Vec<f64> = catalogue
@@ -138,11 +140,11 @@ fn weigh(slot: &Slot, catalogue: &[&'static EffectSpec], floor: f64, unknown_lea
         .map(|spec| {
             slot.with(spec.id).map_or(0.0, |model| {
                 let share = ((slot.before.cost() - model.cost()) / gap.max(1e-9)).clamp(0.0, 1.0);
-                RARITY * weight(model.cost() - floor, gap) * share.powf(SHARE_POWER)
+                rarity() * weight(model.cost() - floor, gap) * share.powf(SHARE_POWER)
             })
         })
         .collect();
-    let mut unknown = RARITY * weight(SUPPLE * unknown_leaves * gap + 0.5 * DETECTED, gap);
+    let mut unknown = rarity() * weight(SUPPLE * unknown_leaves * gap + 0.5 * DETECTED, gap);
     // Against nothing at all an effect is a nested model: there the gain itself is the evidence.
     let mut none = weight(slot.best_cost() - floor, gap) * (-0.5 * slot.best_gain()).exp();
     let total = effects.iter().sum::<f64>() + unknown + none;

@@ -48,7 +48,7 @@ fn sharpness(trial: &Trial, signal: Signal, reference: &[Estimate]) -> Vec<f64> 
 ///
 /// On a stop the regulator pushes by the little that the stop is off the demand, so that less than the transducer's noise
 /// decides whether the control pressure falls by nothing or by megapascals.
-pub(super) fn sway(trial: &Trial, signal: Signal, reference: &[Estimate], moved: &[Vec<Estimate>]) -> Vec<f64> {
+fn sway(trial: &Trial, signal: Signal, reference: &[Estimate], moved: &[Vec<Estimate>]) -> Vec<f64> {
     let of = |estimate: &Estimate| signal.of(&estimate.signals);
     let off = |k: usize| moved.iter().map(|other| (of(&other[k]) - of(&reference[k])).abs()).fold(0.0, f64::max);
     (0..trial.samples.len()).map(off).collect()
