@@ -72,6 +72,13 @@ pub struct Found {
 }
 
 impl Found {
+    /// The model with these effects alone, where they came first; the best one otherwise.
+    #[must_use]
+    pub fn claimed(&self, ids: &[&str]) -> &Model {
+        let grown = self.slots.iter().map(|slot| &slot.before).find(|model| model.effects.len() == ids.len());
+        grown.filter(|model| model.effects.iter().all(|effect| ids.contains(&effect.id))).unwrap_or(&self.best)
+    }
+
     /// The least cost that one effect more than the best would have reached.
     #[must_use]
     pub fn beyond(&self) -> f64 {

@@ -69,7 +69,7 @@ pub fn gather(
     }
     // What the verdict claims, and nothing else, goes into the improved twin.
     let chosen = match verdict {
-        Verdict::Named if decision.blamed.len() > 1 => named(found, &decision.blamed).clone(),
+        Verdict::Named if decision.blamed.len() > 1 => found.claimed(&decision.blamed).clone(),
         Verdict::Named | Verdict::Class => decision.blamed.first().map_or(&found.best, |id| single(found, id)).clone(),
         _ => found.refitted.clone(),
     };
@@ -142,12 +142,6 @@ pub fn gather(
         notes,
         simulations: bench.simulations(),
     }
-}
-
-/// The model with the effects that are named: those that came first, where they are the likely ones.
-fn named<'a>(found: &'a Found, blamed: &[&str]) -> &'a Model {
-    let grown = found.slots.iter().map(|slot| &slot.before).find(|model| model.effects.len() == blamed.len());
-    grown.filter(|model| model.effects.iter().all(|effect| blamed.contains(&effect.id))).unwrap_or(&found.best)
 }
 
 /// The model with this effect alone.
