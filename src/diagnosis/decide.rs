@@ -292,3 +292,75 @@ pub fn stages(decision: &Decision, unknown_at: &[(Stage, f64)]) -> Vec<(Stage, f
     }
     shares
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::{CATALOGUE, find};
+    use crate::tuning::fit::Fit;
+
+    fn model(ids: &[&str], cost: f64) -> Model {
+        let fit = Fit { positions: Vec::new(), square: cost, prior: 0.0, misses: Vec::new(), slopes: Vec::new() };
+        let effects = ids.iter().map(|id| find(id).expect("an effect of the catalogue")).collect();
+        Model::new(effects, crate::params::reference(), Vec::new(), fit)
+    }
+
+    /// `backlash` leaves this of a gap of 1000; on top of it two others explain nearly the same.
+    fn found(leaves: f64) -> Found {
+        let nominal = model(&[], 1000.0);
+        let first = model(&["backlash"], leaves);
+        let second = ["load", "viscosity"].map(|id| model(&["backlash", id], 0.5 * leaves + id.len() as f64));
+        let slots = vec![
+            Slot { before: nominal.clone(), tried: vec![first.clone()] },
+            Slot { before: first, tried: second.to_vec() },
+        ];
+        Found { refitted: nominal, best: second[0].clone(), slots, further: Vec::new() }
+    }
+
+    fn verdict(leaves: f64) -> (Verdict, Vec<&'static str>) {
+        let catalogue: Vec<&'static EffectSpec> = CATALOGUE.iter().collect();
+        let decision = decide(&found(leaves), &catalogue, 0.0, 0.5);
+        (decision.verdict, decision.blamed)
+    }
+
+    #[test]
+    fn what_is_named_must_explain_most_of_the_gap() {
+        assert_eq!(verdict(400.0), (Verdict::Named, vec!["backlash"]));
+        // With what has no name it would still be three fifths.
+        assert_eq!(verdict(700.0), (Verdict::Unknown, vec![]));
+    }
+
+    #[test]
+    fn a_forced_verdict_is_the_probable_one() {
+        let catalogue: Vec<&'static EffectSpec> = CATALOGUE.iter().collect();
+        let sum = |decision: &Decision| {
+            decision.effects.iter().map(|(_, p)| p).sum::<f64>() + decision.unknown + decision.none
+        };
+        let single =
+            Found { slots: found(10.0).slots.drain(..1).collect(), best: model(&["backlash"], 10.0), ..found(10.0) };
+        let decision = decide(&single, &catalogue, 0.0, 0.5);
+        assert_eq!((decision.verdict, decision.blamed.as_slice()), (Verdict::Named, ["backlash"].as_slice()));
+        let unknown = decision.clone().forced_to_unknown();
+        assert!(
+            unknown.unknown >= FORCED && unknown.blamed.is_empty() && (sum(&unknown) - 1.0).abs() < 1e-9,
+            "{unknown:?}"
+        );
+        let nothing = decision.forced_to_nothing(Verdict::NotExcited);
+        assert!(nothing.none >= FORCED && nothing.verdict == Verdict::NotExcited && (sum(&nothing) - 1.0).abs() < 1e-9);
+    }
+
+    /// What gains just enough to be seen is as likely as nothing.
+    #[test]
+    fn probabilities_agree_with_what_can_be_seen() {
+        let catalogue: Vec<&'static EffectSpec> = CATALOGUE.iter().collect();
+        for (gain, likely) in [(SEEN - 6.0, false), (SEEN + 6.0, true)] {
+            let nominal = model(&[], 1000.0);
+            let best = model(&["backlash"], 1000.0 - gain);
+            let slots = vec![Slot { before: nominal.clone(), tried: vec![best.clone()] }];
+            let found = Found { refitted: nominal, best, slots, further: Vec::new() };
+            let decision = decide(&found, &catalogue, 1000.0 - gain, 0.5);
+            assert_eq!(decision.effects.iter().any(|(_, p)| *p > 0.5), likely, "gain {gain}");
+            assert_eq!(decision.verdict == Verdict::Named, likely, "gain {gain}");
+        }
+    }
+}
