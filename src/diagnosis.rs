@@ -24,7 +24,7 @@ pub mod summary;
 pub mod traces;
 pub mod visible;
 
-use crate::diagnosis::outcome::Diagnosis;
+use crate::diagnosis::outcome::{Diagnosis, Verdict};
 use crate::diagnosis::rivals::Found;
 use crate::diagnosis::summary::Seen;
 use crate::effects::{CATALOGUE, EffectSpec};
@@ -97,7 +97,7 @@ pub fn diagnose(
     }
     if !stage_only && let Some(strange) = agreement::disagreement(&bench, &found, floor) {
         notes.push(strange);
-        decision = decision.forced_to_unknown();
+        decision = decision.forced(Verdict::Unknown);
     }
     progress("gathering what the report shows", 0.9);
     let mut said = summary::gather(&bench, &found, &decision, &ready.unit, settings, Seen { latents, channels, notes });

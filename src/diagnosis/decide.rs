@@ -86,34 +86,21 @@ pub struct Decision {
 const FORCED: f64 = 0.9;
 
 impl Decision {
-    /// The same, forced to nothing.
+    /// The same, forced to something unknown, or by any other verdict to nothing, which is then the probable one.
     #[must_use]
-    pub fn forced_to_nothing(mut self, verdict: Verdict) -> Self {
-        self.none = self.none.max(FORCED);
-        let share = share_left(self.none, self.effects.iter().map(|(_, p)| p).sum::<f64>() + self.unknown);
-        self.unknown *= share;
-        self.forced(verdict, share)
-    }
-
-    /// The same, forced to something unknown.
-    #[must_use]
-    pub fn forced_to_unknown(mut self) -> Self {
-        self.unknown = self.unknown.max(FORCED);
-        let share = share_left(self.unknown, self.effects.iter().map(|(_, p)| p).sum::<f64>() + self.none);
-        self.none *= share;
-        self.forced(Verdict::Unknown, share)
-    }
-
-    fn forced(mut self, verdict: Verdict, share: f64) -> Self {
+    pub fn forced(mut self, verdict: Verdict) -> Self {
+        let (forced, other) = match verdict {
+            Verdict::Unknown => (&mut self.unknown, &mut self.none),
+            _ => (&mut self.none, &mut self.unknown),
+        };
+        *forced = forced.max(FORCED);
+        let room = 1.0 - *forced;
+        let sum = self.effects.iter().map(|(_, p)| p).sum::<f64>() + *other;
+        let share = room / sum.max(room).max(1e-12);
+        *other *= share;
         self.effects.iter_mut().for_each(|(_, p)| *p *= share);
         Self { verdict, blamed: Vec::new(), ..self }
     }
-}
-
-/// By what probabilities of this sum must be multiplied to leave room for another.
-fn share_left(other: f64, sum: f64) -> f64 {
-    let room = 1.0 - other;
-    room / sum.max(room).max(1e-12)
 }
 
 /// Weighs the rivals for one place: each effect, something unknown, nothing.
@@ -213,6 +200,10 @@ pub fn decide(found: &Found, catalogue: &[&'static EffectSpec], floor: f64, expl
             none = weighed.none;
         }
     }
+    let ids = |list: &[usize]| list.iter().map(|&k| catalogue[k].id).collect::<Vec<_>>();
+    // What something unknown explains as well has no name.
+    let likely: Vec<usize> =
+        (0..catalogue.len()).filter(|&k| effects[k] >= LIKELY && found.best.has(catalogue[k].id)).collect();
     if let [first, _, ..] = found.slots.as_slice() {
         // Several effects may each suit their place and yet leave most of the gap.
         let gap = first.before.cost() - floor;
@@ -220,14 +211,8 @@ pub fn decide(found: &Found, catalogue: &[&'static EffectSpec], floor: f64, expl
         let (named, other) =
             (weight(found.best.cost() - floor, gap), weight(SUPPLE * leaves * gap + 0.5 * DETECTED, gap));
         unknown = unknown.max(other / (named + other));
-        let mut likely: Vec<&str> = (0..catalogue.len())
-            .filter(|&k| present(found, catalogue[k], effects[k]))
-            .map(|k| catalogue[k].id)
-            .collect();
-        if likely.is_empty() {
-            likely.extend(found.best.effects.first().map(|effect| effect.id));
-        }
-        let share = (first.before.cost() - found.claimed(&likely).cost()) / gap.max(1e-9);
+        let claim = if likely.is_empty() { found.best.ids().into_iter().take(1).collect() } else { ids(&likely) };
+        let share = (first.before.cost() - found.claimed(&claim).cost()) / gap.max(1e-9);
         if share < MOST_OF_IT {
             unknown = unknown.max(1.0 - share);
             for effect in &mut effects {
@@ -238,34 +223,26 @@ pub fn decide(found: &Found, catalogue: &[&'static EffectSpec], floor: f64, expl
     let mut order: Vec<usize> = (0..catalogue.len()).collect();
     order.sort_by(|&a, &b| effects[b].total_cmp(&effects[a]));
     let top = order.first().map_or(0.0, |&k| effects[k]);
-    let ids = |list: &[usize]| list.iter().map(|&k| catalogue[k].id).collect::<Vec<_>>();
     let (verdict, blamed) = if !detected || none > 0.5 {
         (Verdict::NoGap, Vec::new())
     } else if unknown > top {
         (Verdict::Unknown, Vec::new())
     } else if found.best.effects.len() > 1 {
-        // What something unknown explains as well has no name.
-        let likely: Vec<usize> = (0..catalogue.len()).filter(|&k| present(found, catalogue[k], effects[k])).collect();
         (Verdict::Named, ids(if likely.is_empty() { &order[..1] } else { &likely }))
     } else {
         let mut sum = 0.0;
-        let likely = |k: &&usize| {
+        let credited = |k: &&usize| {
             let wanted = sum < 0.9 && effects[**k] > 0.03;
             sum += effects[**k];
             wanted
         };
-        let credible = if top >= SURE { 1 } else { order.iter().take_while(likely).count().max(1) };
+        let credible = if top >= SURE { 1 } else { order.iter().take_while(credited).count().max(1) };
         let close = |k: usize| found.slots.first().is_some_and(|slot| close(slot, catalogue[k]));
         let shares = |&(rank, &k): &(usize, &usize)| rank < credible || close(k);
         let rivals: Vec<usize> = order.iter().enumerate().filter(shares).map(|(_, &k)| k).take(CLASS).collect();
         (if rivals.len() > 1 { Verdict::Class } else { Verdict::Named }, ids(&rivals))
     };
     Decision { verdict, blamed, effects: catalogue.iter().copied().zip(effects).collect(), unknown, none, floor }
-}
-
-/// Whether an effect of the best model is more likely than not.
-fn present(found: &Found, spec: &EffectSpec, probability: f64) -> bool {
-    probability >= LIKELY && found.best.has(spec.id)
 }
 
 /// Whether an effect explains nearly as much as the best one.
@@ -317,9 +294,12 @@ mod tests {
         Found { refitted: nominal, best: second[0].clone(), slots, further: Vec::new() }
     }
 
+    fn judged(found: &Found, floor: f64) -> Decision {
+        decide(found, &CATALOGUE.iter().collect::<Vec<_>>(), floor, 0.5)
+    }
+
     fn verdict(leaves: f64) -> (Verdict, Vec<&'static str>) {
-        let catalogue: Vec<&'static EffectSpec> = CATALOGUE.iter().collect();
-        let decision = decide(&found(leaves), &catalogue, 0.0, 0.5);
+        let decision = judged(&found(leaves), 0.0);
         (decision.verdict, decision.blamed)
     }
 
@@ -332,33 +312,31 @@ mod tests {
 
     #[test]
     fn a_forced_verdict_is_the_probable_one() {
-        let catalogue: Vec<&'static EffectSpec> = CATALOGUE.iter().collect();
         let sum = |decision: &Decision| {
             decision.effects.iter().map(|(_, p)| p).sum::<f64>() + decision.unknown + decision.none
         };
         let single =
             Found { slots: found(10.0).slots.drain(..1).collect(), best: model(&["backlash"], 10.0), ..found(10.0) };
-        let decision = decide(&single, &catalogue, 0.0, 0.5);
+        let decision = judged(&single, 0.0);
         assert_eq!((decision.verdict, decision.blamed.as_slice()), (Verdict::Named, ["backlash"].as_slice()));
-        let unknown = decision.clone().forced_to_unknown();
+        let unknown = decision.clone().forced(Verdict::Unknown);
         assert!(
             unknown.unknown >= FORCED && unknown.blamed.is_empty() && (sum(&unknown) - 1.0).abs() < 1e-9,
             "{unknown:?}"
         );
-        let nothing = decision.forced_to_nothing(Verdict::NotExcited);
+        let nothing = decision.forced(Verdict::NotExcited);
         assert!(nothing.none >= FORCED && nothing.verdict == Verdict::NotExcited && (sum(&nothing) - 1.0).abs() < 1e-9);
     }
 
     /// What gains just enough to be seen is as likely as nothing.
     #[test]
     fn probabilities_agree_with_what_can_be_seen() {
-        let catalogue: Vec<&'static EffectSpec> = CATALOGUE.iter().collect();
         for (gain, likely) in [(SEEN - 6.0, false), (SEEN + 6.0, true)] {
             let nominal = model(&[], 1000.0);
             let best = model(&["backlash"], 1000.0 - gain);
             let slots = vec![Slot { before: nominal.clone(), tried: vec![best.clone()] }];
             let found = Found { refitted: nominal, best, slots, further: Vec::new() };
-            let decision = decide(&found, &catalogue, 1000.0 - gain, 0.5);
+            let decision = judged(&found, 1000.0 - gain);
             assert_eq!(decision.effects.iter().any(|(_, p)| *p > 0.5), likely, "gain {gain}");
             assert_eq!(decision.verdict == Verdict::Named, likely, "gain {gain}");
         }

@@ -52,7 +52,7 @@ pub fn modest(
                 100.0 * ready.explained
             ));
         }
-        return (decision.forced_to_nothing(verdict), said);
+        return (decision.forced(verdict), said);
     }
     let probability = |decision: &Decision, id: &str| {
         decision.effects.iter().find(|(spec, _)| spec.id == id).map_or(0.0, |(_, p)| *p)

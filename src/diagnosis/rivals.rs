@@ -112,13 +112,11 @@ fn finals(
         from_the_winners_place(bench, &mut tried, before, catalogue, hopeful);
         refine(bench, &mut tried, count, hopeful);
     }
-    sort(&mut tried);
     tried
 }
 
 /// Fits the first so many to the end that cost no more than this, and sorts; what was fitted with care before has its slopes still.
 fn refine(bench: &Bench, tried: &mut [Model], count: usize, hopeful: f64) {
-    sort(tried);
     let worth = tried.iter_mut().take(count).filter(|model| model.cost() <= hopeful && model.fit.slopes.is_empty());
     for model in worth {
         for _ in 0..REFINEMENTS {
@@ -151,6 +149,7 @@ fn from_the_winners_place(
             None => tried.push(again),
         }
     }
+    sort(tried);
 }
 
 /// The model without its last effect, fitted from where the model with it stands: a way round a ridge that a direct fit did not cross.

@@ -38,12 +38,13 @@ impl Bench {
     pub fn new(trials: Vec<Trial>, reference: &Unit, noise: &Noise) -> Self {
         let dither_pu = reference.sensors.servomotor_position_pu.noise;
         let mut bench = Self { trials, whiteners: Vec::new(), dither_pu, simulations: Arc::default() };
+        let moved = [-1.0, 1.0].map(|times| with_moved_stops(reference, times));
         bench.whiteners = (0..bench.trials.len())
             .into_par_iter()
             .map(|index| {
                 let trial = &bench.trials[index];
                 let estimates = bench.simulate(reference, index);
-                let moved = [-1.0, 1.0].map(|to| bench.simulate(&with_moved_stops(reference, to), index));
+                let moved = moved.each_ref().map(|unit| bench.simulate(unit, index));
                 Signal::ALL
                     .into_iter()
                     .filter(|&signal| trial.has[signal as usize])
