@@ -5,6 +5,7 @@ use govtwin::generate::{Scenario, recording, spread};
 use govtwin::parameters::{ENTRIES, EffectSetting, Unit};
 use govtwin::params;
 use govtwin::recording::Process;
+use govtwin::signal::Signal;
 use govtwin::tuning::calibration::{Calibration, calibrate};
 use govtwin::tuning::fit::{Bench, square};
 use govtwin::tuning::knob::Knob;
@@ -101,6 +102,35 @@ fn a_stop_off_by_less_than_the_transducer_sees_costs_little() {
     });
     assert!((pressures[0] - pressures[1]).abs() > 2e5, "the stop makes no difference to begin with: {pressures:?}");
     assert!((costs[0] - costs[1]).abs() < 25.0, "{costs:?} at least pressures of {pressures:?} Pa");
+}
+
+/// Two units that swing of themselves, and differ by less than a sheet's tolerance, cannot keep step; the right effect is the better for all that.
+#[test]
+fn a_swing_is_compared_by_its_loudness() {
+    let unit = params::reference();
+    let slow = |ratio: f64| {
+        let mut slow = unit.clone();
+        slow.effects.push(EffectSetting { id: "pv_bandwidth".to_owned(), values: vec![ratio] });
+        slow
+    };
+    let scenario = Scenario {
+        unit: slow(0.1),
+        process: Process::LoadIncrease,
+        rate_hz: 100.0,
+        duration_s: 40.0,
+        rich: false,
+        seed: 11,
+    };
+    let bench = Bench::new(vec![Trial::new(recording(&scenario))], &unit, &noise::expected(&unit.sensors));
+    assert!(bench.swings_s(0) > 10.0, "{} s", bench.swings_s(0));
+    let costs: Vec<f64> = bench.misses_of(&[unit.clone(), slow(0.1), slow(0.102)]).iter().map(square).collect();
+    assert!(costs[1] < 0.5 * costs[0] && costs[2] < 0.5 * costs[0], "{costs:?}");
+    let gap = |unit: &Unit| {
+        let squares = bench.squares(0, Signal::SpoolPosition, &bench.simulate(unit, 0)).unwrap();
+        squares.iter().sum::<f64>()
+    };
+    let closure = 1.0 - gap(&slow(0.102)) / gap(&unit);
+    assert!(closure > 0.7, "{closure}");
 }
 
 #[test]

@@ -5,7 +5,8 @@
 use crate::baselines::ground::Ground;
 use crate::baselines::{Found, said};
 use crate::blind::said::Said;
-use crate::tuning::fit::{Effort, fit, normal};
+use crate::tuning::fit::{Effort, fit};
+use crate::tuning::linear::normal;
 
 /// Rounds of a fit.
 const ROUNDS: usize = 3;

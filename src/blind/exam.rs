@@ -4,6 +4,7 @@ use crate::battery::FLOORS;
 use crate::parameters::Unit;
 use crate::recording::Recording;
 use crate::signal::Signal;
+use crate::tuning::swing::{Look, swings};
 use crate::tuning::trial::Trial;
 use crate::twin::Twin;
 
@@ -13,28 +14,42 @@ use crate::twin::Twin;
 /// twin is the mean over noise inside the loop: no two regulators chatter alike.
 #[must_use]
 pub fn closure(recordings: Vec<Recording>, refitted: &Unit, improved: &Unit) -> Option<f64> {
+    let mut sums = [(0.0, 0.0, 0_usize); POSITIONS.len()];
+    for trial in recordings.into_iter().map(Trial::new) {
+        let simulate = |unit: &Unit| {
+            let estimates = trial.run(&mut Twin::new(unit).with_dither(unit.sensors.servomotor_position_pu.noise));
+            POSITIONS.map(|signal| estimates.iter().map(|estimate| signal.of(&estimate.signals)).collect::<Vec<_>>())
+        };
+        let (before, after) = (simulate(refitted), simulate(improved));
+        let looks: Vec<Look> = POSITIONS
+            .iter()
+            .zip(&before)
+            .map(|(&signal, reference)| Look {
+                measured: trial.measured(signal),
+                reference: reference.clone(),
+                noise_squares: vec![floor_square(signal); trial.samples.len()],
+            })
+            .collect();
+        let swings = swings(&looks, trial.period_s);
+        for (k, (look, swings)) in looks.iter().zip(&swings).enumerate() {
+            let [before, after] = [&before[k], &after[k]].map(|simulated| swings.squares(&look.measured, simulated));
+            for (before, after) in before.into_iter().zip(after).filter(|(before, _)| before.is_finite()) {
+                sums[k] = (sums[k].0 + before, sums[k].1 + after, sums[k].2 + 1);
+            }
+        }
+    }
     let (mut closed, mut gap) = (0.0, 0.0);
-    let trials: Vec<Trial> = recordings.into_iter().map(Trial::new).collect();
-    for signal in [Signal::ServomotorPosition, Signal::SpoolPosition] {
-        let floor = FLOORS[signal as usize];
-        let (before, after) = (mean_square(&trials, refitted, signal), mean_square(&trials, improved, signal));
-        closed += (before - after) / (floor * floor);
-        gap += (before - floor * floor) / (floor * floor);
+    for (&signal, (before, after, count)) in POSITIONS.iter().zip(sums) {
+        let count = count.max(1) as f64;
+        closed += (before - after) / count / floor_square(signal);
+        gap += before / count / floor_square(signal) - 1.0;
     }
     (gap > 0.0 && closed.is_finite()).then_some(closed / gap)
 }
 
-fn mean_square(trials: &[Trial], unit: &Unit, signal: Signal) -> f64 {
-    let (mut sum, mut count) = (0.0, 0);
-    for trial in trials {
-        let estimates = trial.run(&mut Twin::new(unit).with_dither(unit.sensors.servomotor_position_pu.noise));
-        for (&row, estimate) in trial.samples.iter().zip(&estimates) {
-            let miss = signal.of(&trial.frames[row].measured) - signal.of(&estimate.signals);
-            if miss.is_finite() {
-                sum += miss * miss;
-                count += 1;
-            }
-        }
-    }
-    sum / f64::from(count.max(1))
+/// Signals that closure is told of.
+const POSITIONS: [Signal; 2] = [Signal::ServomotorPosition, Signal::SpoolPosition];
+
+fn floor_square(signal: Signal) -> f64 {
+    FLOORS[signal as usize] * FLOORS[signal as usize]
 }

@@ -5,8 +5,9 @@ use nalgebra::DMatrix;
 use crate::effects::find;
 use crate::parameters::{EffectSetting, Unit};
 use crate::recording::Recording;
-use crate::tuning::fit::{Bench, Misses, beside, projected, slopes};
+use crate::tuning::fit::{Bench, Misses, beside, slopes};
 use crate::tuning::knob::Knob;
+use crate::tuning::linear::Projection;
 use crate::tuning::noise::expected;
 use crate::tuning::trial::Trial;
 
@@ -48,5 +49,5 @@ pub fn told(recordings: Vec<Recording>, refitted: &Unit, hidden: &[Sized], answe
             *columns = beside(columns, &DMatrix::from_columns(&[answer]));
         }
     }
-    Some(projected(&knobs, &zeros, &change, &columns, 1.0).max(0.0))
+    Some(Projection::new(&knobs, &zeros, &columns, 1.0).cost(&change).max(0.0))
 }

@@ -10,8 +10,9 @@ use crate::diagnosis::outcome::Interval;
 use crate::diagnosis::search::Model;
 use crate::frame::Estimate;
 use crate::signal::Signal;
-use crate::tuning::fit::{Bench, Effort, fit, normal, square};
+use crate::tuning::fit::{Bench, Effort, fit, square};
 use crate::tuning::knob::{Knob, unit_at};
+use crate::tuning::linear::normal;
 use crate::tuning::trial::Trial;
 
 /// Length of a block, s: longer than what one miss has to do with the next.
@@ -51,7 +52,7 @@ pub fn without_parts(bench: &Bench, model: &Model) -> LeftOut {
         let (mut hessian, mut gradient) = (hessian.clone(), gradient.clone());
         for (trial, (slope, misses)) in bench.trials.iter().zip(model.fit.slopes.iter().zip(&model.fit.misses)) {
             let samples = trial.samples.len();
-            for signal in 0..misses.len() / samples.max(1) {
+            for signal in 0..trial.signals().count() {
                 for block in part_of(trial, part) {
                     let rows = slope.rows(signal * samples + block.start, block.len());
                     hessian -= rows.tr_mul(&rows);
@@ -136,14 +137,12 @@ const POSITIONS: [Signal; 2] = [Signal::ServomotorPosition, Signal::SpoolPositio
 
 /// Squared misses of a signal in a trial over its noise, at each sample where it was measured: refitted, with effects.
 fn squares(bench: &Bench, index: usize, signal: Signal, twins: [&LeftOut; 2]) -> Vec<Option<[f64; 2]>> {
-    let trial = &bench.trials[index];
     let floor = bench.floor_square(index, signal);
-    let at = |k: usize| {
-        let measured = signal.of(&trial.frames[trial.samples[k]].measured);
-        let over = twins.map(|twin| (measured - signal.of(&twin[index][k].signals)).powi(2) / floor);
-        over.iter().all(|square| square.is_finite()).then_some(over)
+    let [Some(before), Some(after)] = twins.map(|twin| bench.squares(index, signal, &twin[index])) else {
+        return Vec::new();
     };
-    (0..trial.samples.len()).map(at).collect()
+    let over = before.iter().zip(&after).map(|(before, after)| [before / floor, after / floor]);
+    over.map(|over| over.iter().all(|square| square.is_finite()).then_some(over)).collect()
 }
 
 /// Sums over both positions in blocks: squares refitted, squares with effects, noise.

@@ -1,5 +1,7 @@
 //! Verdict and probabilities: what the costs of all models that were tried say together.
 
+use nalgebra::DVector;
+
 use crate::diagnosis::outcome::Verdict;
 use crate::diagnosis::rivals::{DETECTED, Found, Slot};
 use crate::diagnosis::search::Model;
@@ -156,6 +158,7 @@ pub fn floor(bench: &Bench, found: &Found) -> f64 {
             (median / MEDIAN_SQUARE).clamp(CALM / ALIKE, LOUDEST * CALM / ALIKE) * squares.len() as f64
         })
         .sum();
+    let quiet = quiet + CALM / ALIKE * swings(bench, &found.best) as f64;
     let leeway = |trial: &Trial| match trial.cut {
         Cut::None if trial.period_s > SLOW_S => LEEWAY.1,
         Cut::None => LEEWAY.0,
@@ -174,6 +177,12 @@ fn left(bench: &Bench, model: &Model, signal: Signal) -> Vec<f64> {
         squares.extend(misses.rows(place * count, count).iter().filter(|miss| **miss != 0.0).map(|miss| miss * miss));
     }
     squares
+}
+
+/// How many of a model's misses are of swings.
+fn swings(bench: &Bench, model: &Model) -> usize {
+    let of = |(trial, misses): (&Trial, &DVector<f64>)| misses.len() - trial.signals().count() * trial.samples.len();
+    bench.trials.iter().zip(&model.fit.misses).map(of).sum()
 }
 
 /// Decides; `explained` is the share of the refitted twin's gap that the best free term would explain.

@@ -15,7 +15,8 @@ use crate::parameters::Unit;
 use crate::plant::Plant;
 use crate::plant::term::{Point, Term, View};
 use crate::solver::Method;
-use crate::tuning::fit::{Bench, Misses, normal, square};
+use crate::tuning::fit::{Bench, Misses, square};
+use crate::tuning::linear::normal;
 use crate::twin::Twin;
 
 /// A place for a free term: point, words, stage, unit, and the size of a moderate term.

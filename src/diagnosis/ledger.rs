@@ -1,6 +1,6 @@
-//! Where: the squared gap split exactly over processes, phases, directions, spool bands, end zones and ESV states.
+//! Where: the gap of every signal, and its square split exactly over processes, phases, directions, spool bands, end zones and ESV states.
 
-use crate::diagnosis::outcome::{Ledger, Part};
+use crate::diagnosis::outcome::{Ledger, Part, SignalGap};
 use crate::frame::{Estimate, EsvState, Frame};
 use crate::signal::Signal;
 use crate::tuning::fit::Bench;
@@ -53,18 +53,17 @@ pub fn ledgers(bench: &Bench, refitted: &[Vec<Estimate>], with_effects: &[Vec<Es
                 .map(|name| Part { name: (*name).to_owned(), samples: 0, refitted: 0.0, with_effects: 0.0 })
                 .collect();
             for (index, trial) in bench.trials.iter().enumerate() {
-                for (k, &row) in trial.samples.iter().enumerate() {
-                    let frame = &trial.frames[row];
-                    let measured = signal.of(&frame.measured);
-                    if !measured.is_finite() || !trial.has[signal as usize] {
+                let twins = [refitted, with_effects].map(|twin| bench.squares(index, signal, &twin[index]));
+                let [Some(before), Some(after)] = twins else { continue };
+                for (k, (before, after)) in before.into_iter().zip(after).enumerate() {
+                    if !before.is_finite() {
                         continue;
                     }
-                    let before = &refitted[index][k];
-                    let speed_pu_s = slope(trial, k);
-                    let part = &mut parts[part_of(&Row { trial, frame, speed_pu_s })];
+                    let frame = &trial.frames[trial.samples[k]];
+                    let part = &mut parts[part_of(&Row { trial, frame, speed_pu_s: slope(trial, k) })];
                     part.samples += 1;
-                    part.refitted += (measured - signal.of(&before.signals)).powi(2);
-                    part.with_effects += (measured - signal.of(&with_effects[index][k].signals)).powi(2);
+                    part.refitted += before;
+                    part.with_effects += after;
                 }
             }
             let total: f64 = parts.iter().map(|part| part.refitted).sum();
@@ -88,4 +87,38 @@ fn slope(trial: &Trial, k: usize) -> f64 {
     let time_s = crate::units::seconds_from_nanos(two.time_ns - one.time_ns);
     let change = two.measured.servomotor_position_pu - one.measured.servomotor_position_pu;
     if time_s > 0.0 && change.is_finite() { change / time_s } else { 0.0 }
+}
+
+/// RMS misses of every signal that was measured.
+#[must_use]
+pub fn gaps(
+    bench: &Bench,
+    delivered: &[Vec<Estimate>],
+    refitted: &[Vec<Estimate>],
+    with_effects: &[Vec<Estimate>],
+) -> Vec<SignalGap> {
+    Signal::ALL
+        .into_iter()
+        .filter_map(|signal| {
+            let (mut sums, mut floor, mut count) = ([0.0; 3], 0.0, 0_usize);
+            for index in 0..bench.trials.len() {
+                for (sum, twin) in sums.iter_mut().zip([delivered, refitted, with_effects]) {
+                    let squares = bench.squares(index, signal, &twin[index]).unwrap_or_default();
+                    *sum += squares.into_iter().filter(|square| square.is_finite()).sum::<f64>();
+                }
+                let samples =
+                    bench.trials[index].measured(signal).into_iter().filter(|value| value.is_finite()).count();
+                floor += bench.floor_square(index, signal) * samples as f64;
+                count += samples;
+            }
+            let root = |sum: f64| (sum / count as f64).sqrt();
+            (count > 0).then(|| SignalGap {
+                signal,
+                noise_floor: root(floor),
+                delivered: root(sums[0]),
+                refitted: root(sums[1]),
+                with_effects: root(sums[2]),
+            })
+        })
+        .collect()
 }

@@ -6,8 +6,9 @@ use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use crate::effects::EffectSpec;
 use crate::parameters::{EffectSetting, Unit};
 use crate::tuning::cooling::cooled;
-use crate::tuning::fit::{Bench, Effort, Fit, fit, normal, prior_square, projected, slopes, square};
+use crate::tuning::fit::{Bench, Effort, Fit, fit, prior_square, slopes, square};
 use crate::tuning::knob::{Knob, unit_at};
+use crate::tuning::linear::{Projection, normal};
 use crate::tuning::noise::Noise;
 use crate::tuning::trial::Trial;
 use crate::tuning::trips::placed;
@@ -198,16 +199,25 @@ pub struct Start<'a> {
     pub bar: f64,
 }
 
+impl<'a> Start<'a> {
+    /// What a change of the model could lead to, at the highest temperature.
+    fn projection(&self) -> Projection<'a> {
+        let (model, hottest) = (self.model, self.ladder.first().copied().unwrap_or(1.0));
+        Projection::new(&model.knobs, &model.fit.positions, &model.fit.slopes, hottest)
+    }
+}
+
 /// Adds each effect to a model in turn: from each of the starts, screens sizes, then scouts the best.
 #[must_use]
 pub fn extend(bench: &Bench, starts: &[Start<'_>], catalogue: &[&'static EffectSpec]) -> Vec<Model> {
+    let priced: Vec<(&Start<'_>, Projection<'_>)> = starts.iter().map(|start| (start, start.projection())).collect();
     catalogue
         .par_iter()
         .filter_map(|spec| {
-            starts
+            priced
                 .iter()
-                .filter(|start| !start.model.has(spec.id))
-                .filter_map(|start| scout(bench, *start, spec))
+                .filter(|(start, _)| !start.model.has(spec.id))
+                .filter_map(|(start, projection)| scout(bench, start, projection, spec))
                 .min_by(|a, b| a.cost().total_cmp(&b.cost()))
                 .map(|model| crept(bench, starts, spec, model))
         })
@@ -215,16 +225,19 @@ pub fn extend(bench: &Bench, starts: &[Start<'_>], catalogue: &[&'static EffectS
 }
 
 /// The model with one effect more, at the best of several sizes, fitted quickly.
-fn scout(bench: &Bench, start: Start<'_>, spec: &'static EffectSpec) -> Option<Model> {
+fn scout(bench: &Bench, start: &Start<'_>, projection: &Projection<'_>, spec: &'static EffectSpec) -> Option<Model> {
     let from = start.model;
-    let hottest = start.ladder.first().copied().unwrap_or(1.0);
     let price = |size: f64| {
         let (base, knobs, positions) = with_effect(from, spec, size)?;
         let misses = bench.misses_of(&[unit_at(&base, &knobs, &positions)]).pop()?;
-        Some((projected(&from.knobs, &from.fit.positions, &misses, &from.fit.slopes, hottest), size))
+        Some((projection.cost(&misses), size))
     };
     let cheaper = |a: &(f64, f64), b: &(f64, f64)| a.0.total_cmp(&b.0);
     let mut best = SIZES.into_iter().filter_map(price).min_by(cheaper)?;
+    // What lies nearer to nothing gained than to the bar is not brought below it by a better size.
+    if best.0 > start.bar.max(0.5 * (start.bar + from.cost())) {
+        return None;
+    }
     for factor in [1.9, 1.35] {
         best = [best.1 * factor, best.1 / factor].into_iter().filter_map(price).chain([best]).min_by(cheaper)?;
     }

@@ -3,10 +3,10 @@
 use crate::diagnosis::Settings;
 use crate::diagnosis::closure::{LeftOut, Refitted, closure, closure_of, without_parts, without_recordings};
 use crate::diagnosis::decide::{Decision, stages as stage_shares};
-use crate::diagnosis::ledger::ledgers;
+use crate::diagnosis::ledger::{gaps, ledgers};
 use crate::diagnosis::next::experiments;
 use crate::diagnosis::outcome::{
-    Blame, Channel, Diagnosis, Fitted, Interval, Latent, Place, Ranked, SignalGap, Transfer, Tried, Verdict,
+    Blame, Channel, Diagnosis, Fitted, Interval, Latent, Place, Ranked, Transfer, Tried, Verdict,
 };
 use crate::diagnosis::rivals::Found;
 use crate::diagnosis::search::Model;
@@ -14,9 +14,7 @@ use crate::diagnosis::stages;
 use crate::diagnosis::traces::traces;
 use crate::diagnosis::visible::Marks;
 use crate::effects::{EffectSpec, Stage};
-use crate::frame::Estimate;
 use crate::parameters::Unit;
-use crate::signal::Signal;
 use crate::tuning::fit::Bench;
 use crate::tuning::knob::Knob;
 
@@ -104,6 +102,7 @@ pub fn gather(
     for parameter in parameters.iter().filter(|parameter| parameter.at_bound) {
         notes.push(format!("{} was fitted onto the end of its range.", parameter.name));
     }
+    notes.extend(swinging(bench));
     for channel in &channels {
         for trouble in &channel.troubles {
             notes.push(format!("{}, {}: {trouble}.", channel.recording, channel.signal.title()));
@@ -253,39 +252,18 @@ fn ranking(decision: &Decision) -> Vec<Ranked> {
     all
 }
 
-/// RMS misses of every signal that was measured.
-fn gaps(
-    bench: &Bench,
-    delivered: &[Vec<Estimate>],
-    refitted: &[Vec<Estimate>],
-    with_effects: &[Vec<Estimate>],
-) -> Vec<SignalGap> {
-    Signal::ALL
-        .into_iter()
-        .filter_map(|signal| {
-            let (mut sums, mut floor, mut count) = ([0.0; 3], 0.0, 0_usize);
-            for (index, trial) in bench.trials.iter().enumerate() {
-                for (k, &row) in trial.samples.iter().enumerate() {
-                    let measured = signal.of(&trial.frames[row].measured);
-                    if measured.is_finite() && trial.has[signal as usize] {
-                        for (sum, twin) in sums.iter_mut().zip([delivered, refitted, with_effects]) {
-                            *sum += (measured - signal.of(&twin[index][k].signals)).powi(2);
-                        }
-                        floor += bench.floor_square(index, signal);
-                        count += 1;
-                    }
-                }
-            }
-            let root = |sum: f64| (sum / count as f64).sqrt();
-            (count > 0).then(|| SignalGap {
-                signal,
-                noise_floor: root(floor),
-                delivered: root(sums[0]),
-                refitted: root(sums[1]),
-                with_effects: root(sums[2]),
-            })
-        })
-        .collect()
+/// Where signals swing of themselves, in a sentence.
+fn swinging(bench: &Bench) -> Option<String> {
+    let times = bench.trials.iter().enumerate().map(|(index, trial)| (&trial.name, bench.swings_s(index)));
+    let said: Vec<String> =
+        times.filter(|(_, time_s)| *time_s > 0.0).map(|(name, time_s)| format!("{name} for {time_s:.0} s")).collect();
+    (!said.is_empty()).then(|| {
+        format!(
+            "Signals swing of themselves in {}: no twin can keep step there, and what is compared, misses and closure included, is how \
+             loud and how fast they swing.",
+            said.join(", ")
+        )
+    })
 }
 
 /// What each model costs, by the effect that it has beyond the one before it.

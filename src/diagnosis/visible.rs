@@ -7,8 +7,9 @@ use crate::diagnosis::decide::SEEN;
 use crate::diagnosis::outcome::Visible;
 use crate::diagnosis::search::{Model, with_effect};
 use crate::effects::EffectSpec;
-use crate::tuning::fit::{Bench, normal};
+use crate::tuning::fit::Bench;
 use crate::tuning::knob::unit_at;
+use crate::tuning::linear::normal;
 
 /// From this likeness on two effects cannot be told apart here.
 pub const ALIKE: f64 = 0.97;

@@ -5,8 +5,9 @@ use nalgebra::{DMatrix, DVector};
 use crate::parameters::Unit;
 use crate::signal::Signal;
 use crate::tuning::cooling::cooled;
-use crate::tuning::fit::{Bench, Effort, Fit, Misses, fit, normal};
+use crate::tuning::fit::{Bench, Effort, Fit, Misses, fit};
 use crate::tuning::knob::{Knob, unit_at};
+use crate::tuning::linear::normal;
 use crate::tuning::noise::{ALIKE, Noise};
 use crate::tuning::trial::Trial;
 
@@ -133,8 +134,7 @@ pub fn calibrate(
 fn leftover(bench: &Bench, misses: &Misses) -> [Option<f64>; Signal::ALL.len()] {
     let mut sums = [(0.0, 0_usize); Signal::ALL.len()];
     for (trial, misses) in bench.trials.iter().zip(misses) {
-        let signals = Signal::ALL.into_iter().filter(|&signal| trial.has[signal as usize]);
-        for (signal, of_signal) in signals.zip(misses.as_slice().chunks(trial.samples.len().max(1))) {
+        for (signal, of_signal) in trial.signals().zip(misses.as_slice().chunks(trial.samples.len().max(1))) {
             for miss in of_signal.iter().filter(|miss| **miss != 0.0) {
                 sums[signal as usize].0 += miss * miss;
                 sums[signal as usize].1 += 1;
@@ -287,7 +287,7 @@ fn covariance(bench: &Bench, knobs: &[Knob], fit: &Fit, slopes: &Slopes) -> DMat
         for from in (0..count).step_by(block) {
             let length = block.min(count - from);
             let mut score = DVector::zeros(n);
-            for start in (0..misses.len()).step_by(count) {
+            for start in (0..trial.signals().count()).map(|place| place * count) {
                 score += slopes.rows(start + from, length).tr_mul(&misses.rows(start + from, length));
             }
             scores += &score * score.transpose();

@@ -11,7 +11,8 @@ use crate::parameters::Unit;
 use crate::signal::Signal;
 use crate::tuning::descent::{correct, step};
 use crate::tuning::knob::{Knob, unit_at};
-use crate::tuning::noise::{Noise, Whitener};
+use crate::tuning::linear::normal;
+use crate::tuning::noise::{Noise, Whitener, whiteners};
 use crate::tuning::trial::Trial;
 use crate::twin::{Cut, Twin};
 
@@ -29,7 +30,7 @@ pub struct Bench {
     simulations: Arc<AtomicUsize>,
 }
 
-/// Misses of one unit: by trial, all signals one behind another, made independent and of unit size.
+/// Misses of one unit: by trial, all signals one behind another, sample by sample, then their swings; made independent and of unit size.
 pub type Misses = Vec<DVector<f64>>;
 
 impl Bench {
@@ -45,11 +46,7 @@ impl Bench {
                 let trial = &bench.trials[index];
                 let estimates = bench.simulate(reference, index);
                 let moved = moved.each_ref().map(|unit| bench.simulate(unit, index));
-                Signal::ALL
-                    .into_iter()
-                    .filter(|&signal| trial.has[signal as usize])
-                    .map(|signal| Whitener::new(trial, signal, &noise[signal as usize], &estimates, &moved))
-                    .collect()
+                whiteners(trial, noise, &estimates, &moved)
             })
             .collect();
         bench
@@ -112,6 +109,23 @@ impl Bench {
         self.trials[trial].place(signal).map_or(0.0, |place| self.whiteners[trial][place].floor_square)
     }
 
+    /// Squared misses of a signal in a trial at each sample, in its unit squared; where it swings, those of the swing's loudness.
+    ///
+    /// Not a number where it was not measured; none where it never was.
+    #[must_use]
+    pub fn squares(&self, trial: usize, signal: Signal, estimates: &[Estimate]) -> Option<Vec<f64>> {
+        let place = self.trials[trial].place(signal)?;
+        let simulated: Vec<f64> = estimates.iter().map(|estimate| signal.of(&estimate.signals)).collect();
+        Some(self.whiteners[trial][place].swings.squares(&self.trials[trial].measured(signal), &simulated))
+    }
+
+    /// For how long a trial swings of itself, s.
+    #[must_use]
+    pub fn swings_s(&self, trial: usize) -> f64 {
+        let samples = self.whiteners[trial].iter().map(|whitener| whitener.swings.samples()).max().unwrap_or(0);
+        samples as f64 * self.trials[trial].period_s
+    }
+
     /// Misses of a unit in one trial.
     #[must_use]
     pub fn misses(&self, unit: &Unit, trial: usize) -> DVector<f64> {
@@ -130,18 +144,17 @@ impl Bench {
         self.simulations.fetch_add(1, Ordering::Relaxed);
         let estimates = data.run(&mut self.prepared(twin, index));
         let count = data.samples.len();
-        let signals = Signal::ALL.into_iter().filter(|&signal| data.has[signal as usize]);
         let mut all = Vec::with_capacity(count * self.whiteners[index].len());
-        for (signal, whitener) in signals.zip(&self.whiteners[index]) {
+        let mut swings = Vec::new();
+        for (signal, whitener) in data.signals().zip(&self.whiteners[index]) {
             let start = all.len();
-            all.extend(
-                data.samples
-                    .iter()
-                    .zip(&estimates)
-                    .map(|(&row, estimate)| signal.of(&data.frames[row].measured) - signal.of(&estimate.signals)),
-            );
+            let simulated: Vec<f64> = estimates.iter().map(|estimate| signal.of(&estimate.signals)).collect();
+            let measured = data.samples.iter().map(|&row| signal.of(&data.frames[row].measured));
+            all.extend(measured.zip(&simulated).map(|(measured, simulated)| measured - simulated));
             whitener.apply(&mut all[start..]);
+            swings.extend(whitener.swings(&simulated));
         }
+        all.append(&mut swings);
         DVector::from_vec(all)
     }
 
@@ -315,44 +328,4 @@ pub fn fit(
         }
     }
     Fit { square: square(&misses), prior: prior_square(knobs, &positions), positions, misses, slopes: slope }
-}
-
-/// The least cost that could be reached from these misses along all slopes, to first order.
-///
-/// Slopes and knobs may be of different number: knobs without a slope stay where they are, slopes without a knob are free.
-#[must_use]
-pub fn projected(knobs: &[Knob], positions: &[f64], misses: &Misses, slopes: &[DMatrix<f64>], temperature: f64) -> f64 {
-    let n = slopes.first().map_or(0, DMatrix::ncols);
-    let knobs = &knobs[..n.min(knobs.len())];
-    let (hessian, gradient) = normal(knobs, positions, misses, slopes, temperature);
-    let cost = square(misses) / temperature + prior_square(knobs, positions);
-    (hessian + DMatrix::identity(n, n) * 1e-9)
-        .cholesky()
-        .map_or(cost, |cholesky| cost - gradient.dot(&cholesky.solve(&gradient)))
-}
-
-/// Normal matrix and gradient, priors included; slopes behind those of the knobs have none.
-#[must_use]
-pub fn normal(
-    knobs: &[Knob],
-    positions: &[f64],
-    misses: &Misses,
-    slope: &[DMatrix<f64>],
-    temperature: f64,
-) -> (DMatrix<f64>, DVector<f64>) {
-    let n = slope.first().map_or(knobs.len(), DMatrix::ncols);
-    let (mut hessian, mut gradient) = (DMatrix::zeros(n, n), DVector::zeros(n));
-    for (j, r) in slope.iter().zip(misses) {
-        hessian += j.tr_mul(j);
-        gradient += j.tr_mul(r);
-    }
-    hessian /= temperature;
-    gradient /= temperature;
-    for (k, knob) in knobs.iter().enumerate() {
-        if knob.has_prior() {
-            hessian[(k, k)] += 1.0;
-            gradient[k] += positions[k];
-        }
-    }
-    (hessian, gradient)
 }

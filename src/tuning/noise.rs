@@ -3,6 +3,7 @@
 use crate::frame::Estimate;
 use crate::parameters::Sensors;
 use crate::signal::Signal;
+use crate::tuning::swing::{Look, Swings, swings};
 use crate::tuning::trial::Trial;
 
 /// Of so many misses one counts as news: what a model leaves out shows in the same way for long, so that its errors are no independent
@@ -122,66 +123,114 @@ pub fn expected(sensors: &Sensors) -> Noise {
     })
 }
 
+/// Time since the sample before, s; 0 for the first.
+fn steps_s(trial: &Trial) -> Vec<f64> {
+    let times_ns = trial.samples.iter().map(|&row| trial.frames[row].time_ns);
+    let before_ns = times_ns.clone().take(1).chain(times_ns.clone());
+    times_ns.zip(before_ns).map(|(here, before)| crate::units::seconds_from_nanos(here - before)).collect()
+}
+
 /// The filter of one signal in one trial: gains and scales, fixed so that it is linear in the misses.
 #[derive(Clone, Debug)]
 pub struct Whitener {
     decay: Vec<f64>,
     gain: Vec<f64>,
     scale: Vec<f64>,
+    /// Where the recording swings.
+    pub swings: Swings,
     /// Mean square that a right model would miss besides sudden events, in the signal's unit squared.
     pub floor_square: f64,
+}
+
+/// Variances of what a right model misses of one signal, at each sample, in its unit squared.
+struct Variances {
+    white: Vec<f64>,
+    drift: Vec<f64>,
+    wander: f64,
+}
+
+impl Variances {
+    fn new(trial: &Trial, noise: &SignalNoise, reference: &[Estimate], sway: &[f64]) -> Self {
+        // Chatter outlives the demand that set it off by the spool's settling time.
+        let mut ringing: f64 = 0.0;
+        let of = |((estimate, step_s), sway): ((&Estimate, &f64), &f64)| {
+            ringing = (ringing * (-step_s / 0.03).exp()).max(estimate.spool_command_sd_pu);
+            let (chatter, drift) = (noise.chatter * ringing, noise.chatter_wander * ringing);
+            (noise.white * noise.white + chatter * chatter, drift * drift + sway * sway)
+        };
+        let (white, drift) = reference.iter().zip(&steps_s(trial)).zip(sway).map(of).unzip();
+        Self { white, drift, wander: noise.wander * noise.wander }
+    }
+
+    /// All together.
+    fn sums(&self) -> Vec<f64> {
+        self.white.iter().zip(&self.drift).map(|(white, drift)| white + drift + self.wander).collect()
+    }
+}
+
+/// The filters of all signals that a trial has, in their order; the noise is laid out along a reference's estimates, `moved` are those with
+/// the spool's stops a little off.
+#[must_use]
+pub fn whiteners(trial: &Trial, noise: &Noise, reference: &[Estimate], moved: &[Vec<Estimate>]) -> Vec<Whitener> {
+    let of = |signal: Signal| {
+        let sway = sway(trial, signal, reference, moved);
+        let variances = Variances::new(trial, &noise[signal as usize], reference, &sway);
+        let measured = trial.measured(signal);
+        let reference = reference.iter().map(|estimate| signal.of(&estimate.signals)).collect();
+        (Look { measured, reference, noise_squares: variances.sums() }, variances)
+    };
+    let (looks, variances): (Vec<Look>, Vec<Variances>) = trial.signals().map(of).unzip();
+    let swings = swings(&looks, trial.period_s);
+    let each = trial.signals().zip(looks).zip(variances).zip(swings);
+    each.map(|(((signal, look), variances), swings)| {
+        let sharpness = sharpness(trial, signal, reference);
+        Whitener::new(trial, &noise[signal as usize], &look, &variances, &sharpness, swings)
+    })
+    .collect()
 }
 
 impl Whitener {
     /// The steady innovations filter of wandering seen through white noise and chatter.
     ///
     /// `d ← a d + w`, `miss = d + n`: the scalar Kalman filter (Anderson & Moore 1979, section 3.1), whose innovations over
-    /// their standard deviation are independent and of unit size when the model is right. `moved` are the reference's estimates with
-    /// the spool's stops a little off.
-    #[must_use]
-    pub fn new(
+    /// their standard deviation are independent and of unit size when the model is right.
+    fn new(
         trial: &Trial,
-        signal: Signal,
         noise: &SignalNoise,
-        reference: &[Estimate],
-        moved: &[Vec<Estimate>],
+        look: &Look,
+        variances: &Variances,
+        sharpness: &[f64],
+        swings: Swings,
     ) -> Self {
         let count = trial.samples.len();
         let (mut decay, mut gain, mut scale) =
             (Vec::with_capacity(count), Vec::with_capacity(count), Vec::with_capacity(count));
-        let mut spread = noise.wander * noise.wander;
-        let mut last_ns = None;
-        // Chatter outlives the demand that set it off by the spool's settling time.
-        let mut ringing: f64 = 0.0;
-        let (mut floor, mut seen) = (0.0, 0_usize);
-        let sharpness = sharpness(trial, signal, reference);
-        let sway = sway(trial, signal, reference, moved);
-        for (k, (&row, estimate)) in trial.samples.iter().zip(reference).enumerate() {
-            let frame = &trial.frames[row];
-            let step_s = last_ns.map_or(0.0, |last_ns| crate::units::seconds_from_nanos(frame.time_ns - last_ns));
-            last_ns = Some(frame.time_ns);
+        let mut spread = variances.wander;
+        for (k, step_s) in steps_s(trial).into_iter().enumerate() {
             let a = (-step_s / noise.wander_time_s).exp();
-            ringing = (ringing * (-step_s / 0.03).exp()).max(estimate.spool_command_sd_pu);
             let doubt = noise.doubt * trial.command_doubt_pu[k];
-            let chatter = noise.chatter * ringing;
-            let drift = (noise.chatter_wander * ringing).hypot(sway[k]);
-            spread = a * a * spread + (1.0 - a * a) * (noise.wander * noise.wander + drift * drift + doubt * doubt);
-            if signal.of(&frame.measured).is_finite() {
-                floor += noise.white * noise.white + chatter * chatter + noise.wander * noise.wander + drift * drift;
-                seen += 1;
-                let total = spread + noise.white * noise.white + chatter * chatter + sharpness[k] * sharpness[k];
+            spread = a * a * spread + (1.0 - a * a) * (variances.wander + variances.drift[k] + doubt * doubt);
+            decay.push(a);
+            if look.measured[k].is_finite() {
+                let total = spread + variances.white[k] + sharpness[k] * sharpness[k] + swings.ignored_squares[k];
                 let k_gain = spread / total;
-                decay.push(a);
                 gain.push(k_gain);
                 scale.push(1.0 / total.sqrt());
                 spread *= 1.0 - k_gain;
             } else {
-                decay.push(a);
                 gain.push(0.0);
                 scale.push(0.0);
             }
         }
-        Self { decay, gain, scale, floor_square: if seen > 0 { floor / seen as f64 } else { 0.0 } }
+        let seen = look.noise_squares.iter().zip(&look.measured).filter(|(_, measured)| measured.is_finite());
+        let seen: Vec<f64> = seen.map(|(square, _)| *square).collect();
+        let floor_square = seen.iter().sum::<f64>() / seen.len().max(1) as f64;
+        Self { decay, gain, scale, swings, floor_square }
+    }
+
+    /// By how much a simulated signal swings otherwise than the recorded one, where that swings of itself.
+    pub fn swings<'a>(&'a self, simulated: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+        self.swings.misses(simulated).map(tamed)
     }
 
     /// Turns misses into innovations over their standard deviation, in place; a miss that is not finite becomes 0.

@@ -104,10 +104,21 @@ impl Trial {
         trial
     }
 
+    /// The signals that were measured.
+    pub fn signals(&self) -> impl Iterator<Item = Signal> {
+        Signal::ALL.into_iter().filter(|&signal| self.has[signal as usize])
+    }
+
     /// Place of a signal among those that were measured; misses stand in that order, one signal behind another.
     #[must_use]
     pub fn place(&self, signal: Signal) -> Option<usize> {
-        Signal::ALL.into_iter().filter(|&other| self.has[other as usize]).position(|other| other == signal)
+        self.signals().position(|other| other == signal)
+    }
+
+    /// A signal as measured at each sample; not a number where it was not.
+    #[must_use]
+    pub fn measured(&self, signal: Signal) -> Vec<f64> {
+        self.samples.iter().map(|&row| signal.of(&self.frames[row].measured)).collect()
     }
 
     /// How many samples a time holds, one at least.
