@@ -55,6 +55,22 @@ fn a_planted_bias_is_named_with_its_size_and_closes_the_gap() {
     assert!((total - 1.0).abs() < 1e-6, "{total}");
 }
 
+/// Nobody keeps step with a limit cycle: the right effect leaves no less of the plain squares than none does.
+#[test]
+fn a_unit_that_swings_of_itself_is_named_by_its_loudness() {
+    let unit = unit(3, Some(("pv_bandwidth", 0.1)));
+    let recordings = recordings(&unit, &[Process::LoadIncrease, Process::Shutdown], 3);
+    let tried = ["pv_bandwidth", "pv_hysteresis", "lvdt_bias"];
+    let settings = Settings { catalogue: tried.iter().filter_map(|id| find(id)).collect(), ..Settings::default() };
+    let said = diagnose(recordings, &reference(), &settings, &|_, _| ()).unwrap();
+    assert_eq!(said.verdict, Verdict::Named, "{:?}", said.ranking);
+    assert_eq!(said.blamed[0].id, "pv_bandwidth");
+    let ratio = said.blamed[0].parameters[0].value.value;
+    assert!((ratio - 0.1).abs() < 0.02, "{ratio}");
+    assert!(said.closure.value > 0.7, "{:?}", said.closure);
+    assert!(said.notes.iter().any(|note| note.contains("swing of themselves")), "{:?}", said.notes);
+}
+
 #[test]
 fn a_sound_unit_has_no_gap() {
     let said = judged(None);

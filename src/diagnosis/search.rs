@@ -160,8 +160,8 @@ pub fn nominal(trials: Vec<Trial>, unit: &Unit, turned: Turned, noise: &Noise) -
     }
     let misses = bench.misses_of(&[unit_at(unit, &knobs, &zeros)]).pop().unwrap_or_default();
     let slopes = slopes(&bench, unit, &knobs, &zeros, 0, &misses);
-    let sheet =
-        Fit { square: square(&misses), prior: zeros.iter().map(|p| p * p).sum(), positions: zeros, misses, slopes };
+    let prior = prior_square(&knobs, &zeros);
+    let sheet = Fit { square: square(&misses), prior, positions: zeros, misses, slopes };
     let model = |fit| Model::new(Vec::new(), unit.clone(), knobs.clone(), fit);
     (bench, model(fine), model(sheet))
 }

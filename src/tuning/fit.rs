@@ -45,7 +45,9 @@ impl Bench {
             .map(|index| {
                 let trial = &bench.trials[index];
                 let estimates = bench.simulate(reference, index);
-                let moved = moved.each_ref().map(|unit| bench.simulate(unit, index));
+                // A spool that is recorded stands where it stands.
+                let loose = moved.iter().filter(|_| trial.cut != Cut::Spool);
+                let moved: Vec<_> = loose.map(|unit| bench.simulate(unit, index)).collect();
                 whiteners(trial, noise, &estimates, &moved)
             })
             .collect();
