@@ -234,8 +234,8 @@ fn scout(bench: &Bench, start: &Start<'_>, projection: &Projection<'_>, spec: &'
     };
     let cheaper = |a: &(f64, f64), b: &(f64, f64)| a.0.total_cmp(&b.0);
     let mut best = SIZES.into_iter().filter_map(price).min_by(cheaper)?;
-    // What lies nearer to nothing gained than to the bar is not brought below it by a better size.
-    if best.0 > start.bar.max(0.5 * (start.bar + from.cost())) {
+    // What lies nearer to nothing gained than to a lower bar is not brought below it by a better size.
+    if start.bar < from.cost() && best.0 > 0.5 * (start.bar + from.cost()) {
         return None;
     }
     for factor in [1.9, 1.35] {
