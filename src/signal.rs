@@ -1,6 +1,6 @@
 //! The measured signals by name: what to call each, its unit, and where it stands in a row.
 
-use crate::frame::Signals;
+use crate::frame::{Estimate, Signals};
 use crate::parameters::{Sensor, Sensors};
 
 /// One of the signals that a recording may hold and a twin simulates.
@@ -20,6 +20,15 @@ impl Signal {
     /// All four; the positions, by which a twin is judged first, lead.
     pub const ALL: [Self; 4] =
         [Self::ServomotorPosition, Self::SpoolPosition, Self::PilotValvePosition, Self::ControlPressure];
+
+    /// The two positions that the twin publishes.
+    pub const POSITIONS: [Self; 2] = [Self::ServomotorPosition, Self::SpoolPosition];
+
+    /// The signal at each of a twin's estimates.
+    #[must_use]
+    pub fn of_estimates(self, estimates: &[Estimate]) -> Vec<f64> {
+        estimates.iter().map(|estimate| self.of(&estimate.signals)).collect()
+    }
 
     /// The name in keys, with its unit.
     #[must_use]

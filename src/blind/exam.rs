@@ -14,14 +14,14 @@ use crate::twin::Twin;
 /// twin is the mean over noise inside the loop: no two regulators chatter alike.
 #[must_use]
 pub fn closure(recordings: Vec<Recording>, refitted: &Unit, improved: &Unit) -> Option<f64> {
-    let mut sums = [(0.0, 0.0, 0_usize); POSITIONS.len()];
+    let mut sums = [(0.0, 0.0, 0_usize); Signal::POSITIONS.len()];
     for trial in recordings.into_iter().map(Trial::new) {
         let simulate = |unit: &Unit| {
             let estimates = trial.run(&mut Twin::new(unit).with_dither(unit.sensors.servomotor_position_pu.noise));
-            POSITIONS.map(|signal| estimates.iter().map(|estimate| signal.of(&estimate.signals)).collect::<Vec<_>>())
+            Signal::POSITIONS.map(|signal| signal.of_estimates(&estimates))
         };
         let (before, after) = (simulate(refitted), simulate(improved));
-        let looks: Vec<Look> = POSITIONS
+        let looks: Vec<Look> = Signal::POSITIONS
             .iter()
             .zip(&before)
             .map(|(&signal, reference)| Look {
@@ -39,16 +39,13 @@ pub fn closure(recordings: Vec<Recording>, refitted: &Unit, improved: &Unit) -> 
         }
     }
     let (mut closed, mut gap) = (0.0, 0.0);
-    for (&signal, (before, after, count)) in POSITIONS.iter().zip(sums) {
+    for (&signal, (before, after, count)) in Signal::POSITIONS.iter().zip(sums) {
         let count = count.max(1) as f64;
         closed += (before - after) / count / floor_square(signal);
         gap += before / count / floor_square(signal) - 1.0;
     }
     (gap > 0.0 && closed.is_finite()).then_some(closed / gap)
 }
-
-/// Signals that closure is told of.
-const POSITIONS: [Signal; 2] = [Signal::ServomotorPosition, Signal::SpoolPosition];
 
 fn floor_square(signal: Signal) -> f64 {
     FLOORS[signal as usize] * FLOORS[signal as usize]

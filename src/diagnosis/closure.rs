@@ -132,9 +132,6 @@ fn refitted_without(bench: &Bench, model: &Model, left: usize) -> crate::paramet
     unit_at(&base, &knobs, &found.positions)
 }
 
-/// Signals that closure is told of.
-const POSITIONS: [Signal; 2] = [Signal::ServomotorPosition, Signal::SpoolPosition];
-
 /// Squared misses of a signal in a trial over its noise, at each sample where it was measured: refitted, with effects.
 fn squares(bench: &Bench, index: usize, signal: Signal, twins: [&LeftOut; 2]) -> Vec<Option<[f64; 2]>> {
     let floor = bench.floor_square(index, signal);
@@ -155,7 +152,7 @@ fn blocks(bench: &Bench, refitted: &LeftOut, with_effects: &LeftOut) -> Vec<Vec<
         .iter()
         .map(|trial| vec![[0.0; 3]; trial.samples.len().div_ceil(trial.samples_in(BLOCK_S))])
         .collect();
-    for signal in POSITIONS {
+    for signal in Signal::POSITIONS {
         let all: Vec<_> =
             (0..bench.trials.len()).map(|index| squares(bench, index, signal, [refitted, with_effects])).collect();
         let there = || all.iter().flatten().flatten();

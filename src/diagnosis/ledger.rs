@@ -42,7 +42,7 @@ const CUTS: [Cut; 6] = [
 pub fn ledgers(bench: &Bench, refitted: &[Vec<Estimate>], with_effects: &[Vec<Estimate>]) -> Vec<Ledger> {
     let mut all = Vec::new();
     let stage_only = bench.trials.iter().all(|trial| trial.cut == crate::twin::Cut::Spool);
-    for signal in [Signal::ServomotorPosition, Signal::SpoolPosition] {
+    for signal in Signal::POSITIONS {
         for (by, names, part_of) in CUTS {
             // Without command and ESV these say nothing.
             if stage_only && ["process", "ESV"].contains(&by) {

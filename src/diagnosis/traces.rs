@@ -2,7 +2,6 @@
 
 use crate::diagnosis::outcome::Trace;
 use crate::frame::Estimate;
-use crate::signal::Signal;
 use crate::tuning::fit::Bench;
 use crate::units::seconds_from_nanos;
 
@@ -17,15 +16,11 @@ pub fn traces(bench: &Bench, twins: [&[Vec<Estimate>]; 3]) -> Vec<Trace> {
             let start_ns = trial.frames.first().map_or(0, |frame| frame.time_ns);
             let time_s =
                 trial.samples.iter().map(|&row| seconds_from_nanos(trial.frames[row].time_ns - start_ns)).collect();
-            let signals = Signal::ALL
-                .into_iter()
-                .filter(|&signal| trial.has[signal as usize])
+            let signals = trial
+                .signals()
                 .map(|signal| {
-                    let measured =
-                        trial.samples.iter().map(|&row| signal.of(&trial.frames[row].measured)).collect::<Vec<_>>();
-                    let [a, b, c] =
-                        twins.map(|twin| twin[index].iter().map(|estimate| signal.of(&estimate.signals)).collect());
-                    (signal, [measured, a, b, c])
+                    let [a, b, c] = twins.map(|twin| signal.of_estimates(&twin[index]));
+                    (signal, [trial.measured(signal), a, b, c])
                 })
                 .collect();
             Trace { name: trial.name.clone(), process: trial.process, time_s, signals }

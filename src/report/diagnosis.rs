@@ -128,7 +128,7 @@ fn recordings(body: &mut Blocks, diagnosis: &Diagnosis, explained: bool) -> Resu
 
 fn location(body: &mut Blocks, diagnosis: &Diagnosis, explained: bool) -> Result<(), DrawError> {
     body.heading("Where the gap lies");
-    for signal in [Signal::ServomotorPosition, Signal::SpoolPosition] {
+    for signal in Signal::POSITIONS {
         let ledgers: Vec<_> = diagnosis.ledgers.iter().filter(|ledger| ledger.signal == signal).collect();
         if !ledgers.is_empty() {
             let caption = format!(

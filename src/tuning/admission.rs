@@ -145,7 +145,7 @@ fn check_samples(recording: &Recording, cut: Cut, notes: &mut Vec<String>) -> Re
     for signal in Signal::ALL {
         let there = rows.iter().filter(|frame| has(frame, signal)).count();
         let missing = 1.0 - there as f64 / samples as f64;
-        if there == 0 && [Signal::ServomotorPosition, Signal::SpoolPosition].contains(&signal) {
+        if there == 0 && Signal::POSITIONS.contains(&signal) {
             notes.push(format!("{} was not recorded, or cannot be used: what only it shows stays unseen", signal.id()));
         } else if there > 0 && missing > GAPS_SHARE {
             let percent = missing * 100.0;

@@ -117,7 +117,7 @@ impl Bench {
     #[must_use]
     pub fn squares(&self, trial: usize, signal: Signal, estimates: &[Estimate]) -> Option<Vec<f64>> {
         let place = self.trials[trial].place(signal)?;
-        let simulated: Vec<f64> = estimates.iter().map(|estimate| signal.of(&estimate.signals)).collect();
+        let simulated = signal.of_estimates(estimates);
         Some(self.whiteners[trial][place].swings.squares(&self.trials[trial].measured(signal), &simulated))
     }
 
@@ -150,8 +150,8 @@ impl Bench {
         let mut swings = Vec::new();
         for (signal, whitener) in data.signals().zip(&self.whiteners[index]) {
             let start = all.len();
-            let simulated: Vec<f64> = estimates.iter().map(|estimate| signal.of(&estimate.signals)).collect();
-            let measured = data.samples.iter().map(|&row| signal.of(&data.frames[row].measured));
+            let simulated = signal.of_estimates(&estimates);
+            let measured = data.measured(signal).into_iter();
             all.extend(measured.zip(&simulated).map(|(measured, simulated)| measured - simulated));
             whitener.apply(&mut all[start..]);
             swings.extend(whitener.swings(&simulated));

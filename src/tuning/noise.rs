@@ -176,7 +176,7 @@ pub fn whiteners(trial: &Trial, noise: &Noise, reference: &[Estimate], moved: &[
         let sway = sway(trial, signal, reference, moved);
         let variances = Variances::new(trial, &noise[signal as usize], reference, &sway);
         let measured = trial.measured(signal);
-        let reference = reference.iter().map(|estimate| signal.of(&estimate.signals)).collect();
+        let reference = signal.of_estimates(reference);
         (Look { measured, reference, noise_squares: variances.sums() }, variances)
     };
     let (looks, variances): (Vec<Look>, Vec<Variances>) = trial.signals().map(of).unzip();

@@ -71,15 +71,17 @@ pub fn swings(looks: &[Look], period_s: f64) -> Vec<Swings> {
     let blocks: Vec<Range<usize>> = (0..count / length)
         .map(|k| k * length..if (k + 2) * length > count { count } else { (k + 1) * length })
         .collect();
-    let loud: Vec<bool> = blocks.iter().map(|block| looks.iter().any(|look| look.at(block).is_loud(octaves))).collect();
+    let compared: Vec<Vec<Compared>> =
+        looks.iter().map(|look| blocks.iter().map(|block| look.at(block)).collect()).collect();
+    let loud: Vec<bool> = (0..blocks.len()).map(|k| compared.iter().any(|signal| signal[k].is_loud(octaves))).collect();
     let window = |k: usize| {
         let first = k.saturating_sub(LASTING.1 / 2).min(blocks.len().saturating_sub(LASTING.1));
         first..(first + LASTING.1).min(blocks.len())
     };
     let lasting = |k: &usize| loud[window(*k)].iter().filter(|loud| **loud).count() >= LASTING.0;
     let swinging: Vec<usize> = (0..blocks.len()).filter(lasting).collect();
-    let of = |look: &Look| {
-        let excesses: Vec<f64> = blocks.iter().map(|block| look.at(block).excess(octaves)).collect();
+    let of = |signal: &Vec<Compared>| {
+        let excesses: Vec<f64> = signal.iter().map(|block| block.excess(octaves)).collect();
         let mut ignored_squares = vec![0.0; count];
         for &k in &swinging {
             // The swing goes on where an event hides it, and is no louder where an event comes at another time.
@@ -88,11 +90,11 @@ pub fn swings(looks: &[Look], period_s: f64) -> Vec<Swings> {
             let end = blocks[(k + AFTER).min(blocks.len() - 1)].end;
             ignored_squares[blocks[k].start..end].fill(IGNORED * about[about.len() / 2]);
         }
-        let whole = |block: &Block| block.measured.iter().all(|power| power.is_finite());
-        let blocks = swinging.iter().map(|&k| look.at(&blocks[k]).block).filter(whole).collect();
+        let whole = |block: &&Block| block.measured.iter().all(|power| power.is_finite());
+        let blocks = swinging.iter().map(|&k| &signal[k].block).filter(whole).cloned().collect();
         Swings { blocks, octaves, ignored_squares }
     };
-    looks.iter().map(of).collect()
+    compared.iter().map(of).collect()
 }
 
 /// A block and the powers of its reference.

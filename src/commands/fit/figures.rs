@@ -64,7 +64,7 @@ fn all_misses(bench: &Bench, base: &Unit, fitted: &Calibration) -> Vec<Miss> {
     let mut all = vec![];
     for (index, trial) in bench.trials.iter().enumerate() {
         let [before, after] = [base, &fitted.unit].map(|unit| bench.simulate(unit, index));
-        for signal in Signal::ALL.into_iter().filter(|&signal| trial.has[signal as usize]) {
+        for signal in trial.signals() {
             let squares = |estimates: &[govtwin::frame::Estimate]| {
                 let misses = trial
                     .samples

@@ -15,13 +15,11 @@ const LONG_S: f64 = 45.0;
 /// Length of that stretch, s.
 const CLOSE_UP_S: f64 = 15.0;
 
-/// The positions, which a twin is judged by.
-const POSITIONS: [Signal; 2] = [Signal::ServomotorPosition, Signal::SpoolPosition];
-
 /// Squared misses of the refitted twin in the positions, sample by sample, pu².
 fn squares(trace: &Trace) -> Vec<f64> {
     let mut all = vec![0.0; trace.time_s.len()];
-    for (_, [measured, _, refitted, _]) in trace.signals.iter().filter(|(signal, _)| POSITIONS.contains(signal)) {
+    for (_, [measured, _, refitted, _]) in trace.signals.iter().filter(|(signal, _)| Signal::POSITIONS.contains(signal))
+    {
         for ((sum, one), other) in all.iter_mut().zip(measured).zip(refitted) {
             let miss = one - other;
             *sum += if miss.is_finite() { miss * miss } else { 0.0 };
@@ -58,7 +56,7 @@ pub fn close_up(trace: &Trace) -> Option<[f64; 2]> {
 pub fn picture(trace: &Trace, window_s: Option<[f64; 2]>, explained: bool) -> Picture {
     let mut panels = Vec::new();
     for (signal, [measured, delivered, refitted, with_effects]) in &trace.signals {
-        if !POSITIONS.contains(signal) {
+        if !Signal::POSITIONS.contains(signal) {
             continue;
         }
         let curve = |values: &[f64]| curve(&trace.time_s, values.iter().copied(), window_s);

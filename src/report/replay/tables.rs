@@ -39,7 +39,7 @@ pub fn process_table(summary: &Summary) -> Table {
         let rows = group.signals.iter().take(2).map(|figures| figures.rows).max().unwrap_or(0);
         let mut cells = vec![process.map_or("overall", Process::title).to_owned(), group.recordings.to_string()];
         cells.push(thousands(rows));
-        for signal in [Signal::ServomotorPosition, Signal::SpoolPosition] {
+        for signal in Signal::POSITIONS {
             cells.extend(figures(group, signal).map(figure_cells).unwrap_or_default());
         }
         match process {
