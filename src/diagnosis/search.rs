@@ -6,7 +6,7 @@ use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use crate::effects::EffectSpec;
 use crate::parameters::{EffectSetting, Unit};
 use crate::tuning::cooling::cooled;
-use crate::tuning::fit::{Bench, Effort, Fit, fit, prior_square, slopes, square};
+use crate::tuning::fit::{Bench, DIFFERENCE, Effort, Fit, Misses, fit, prior_square, slopes, square};
 use crate::tuning::knob::{Knob, unit_at};
 use crate::tuning::linear::{Projection, normal};
 use crate::tuning::noise::Noise;
@@ -15,6 +15,12 @@ use crate::tuning::trips::placed;
 
 /// Sizes at which an effect is tried first, in units of its typical size.
 const SIZES: [f64; 5] = [0.2, 0.8, 3.0, -0.2, -0.8];
+
+/// Farthest that a slope at nothing is trusted, in units of the typical size.
+const FARTHEST: f64 = 3.0;
+
+/// By how much less an effect must promise to cost to be fitted from nothing on.
+const PROMISING: f64 = 8.0;
 
 /// Work of a fit that starts from nothing of an effect.
 const CREEP: Effort = Effort { rounds: 6, refresh: 100, temperature: 1.0 };
@@ -214,12 +220,13 @@ pub fn extend(bench: &Bench, starts: &[Start<'_>], catalogue: &[&'static EffectS
     catalogue
         .par_iter()
         .filter_map(|spec| {
-            priced
+            let scouted = priced
                 .iter()
                 .filter(|(start, _)| !start.model.has(spec.id))
                 .filter_map(|(start, projection)| scout(bench, start, projection, spec))
-                .min_by(|a, b| a.cost().total_cmp(&b.cost()))
-                .map(|model| crept(bench, starts, spec, model))
+                .min_by(|a, b| a.cost().total_cmp(&b.cost()));
+            let (start, projection) = priced.first()?;
+            crept(bench, start, projection, spec, scouted)
         })
         .collect()
 }
@@ -261,19 +268,37 @@ fn joined(from: &Model, spec: &'static EffectSpec) -> Vec<&'static EffectSpec> {
     from.effects.iter().copied().chain([spec]).collect()
 }
 
-/// A model that costs more than the one without its effect was lost on the way: where other parameters must follow an effect
-/// closely, a size tried at a stroke is too far. It starts again from nothing of the effect, from where every step can only gain.
-fn crept(bench: &Bench, starts: &[Start<'_>], spec: &'static EffectSpec, scouted: Model) -> Model {
-    let Some(from) = starts.iter().map(|start| start.model).find(|from| from.cost() < scouted.cost()) else {
+/// Fits an effect from nothing on, where every step can only gain, if that promises more than the best of its sizes led to: where other
+/// parameters must follow an effect closely, a size tried at a stroke is too far, and its price says nothing.
+fn crept(
+    bench: &Bench,
+    start: &Start<'_>,
+    projection: &Projection<'_>,
+    spec: &'static EffectSpec,
+    scouted: Option<Model>,
+) -> Option<Model> {
+    let from = start.model;
+    let reached = scouted.as_ref().map_or(start.bar, Model::cost);
+    let lost = scouted.is_some() && reached > from.cost();
+    if from.has(spec.id) || !lost && promise(bench, from, projection, spec) > reached.min(start.bar) - PROMISING {
         return scouted;
-    };
+    }
     let Some((base, knobs, positions)) = with_effect(from, spec, 0.0) else { return scouted };
     let found = fit(bench, &base, &knobs, &positions, CREEP, Some(&from.fit.slopes));
-    if found.square + found.prior < scouted.cost() {
-        Model::new(joined(from, spec), base, knobs, found).light()
-    } else {
-        scouted
-    }
+    let crept =
+        (found.square + found.prior < reached).then(|| Model::new(joined(from, spec), base, knobs, found).light());
+    crept.or(scouted)
+}
+
+/// The least cost that an effect promises by its slope at nothing.
+fn promise(bench: &Bench, from: &Model, projection: &Projection<'_>, spec: &'static EffectSpec) -> f64 {
+    let towards = |step: f64| {
+        let (base, knobs, positions) = with_effect(from, spec, step)?;
+        let misses = bench.misses_of(&[unit_at(&base, &knobs, &positions)]).pop()?;
+        let along: Misses = misses.iter().zip(&from.fit.misses).map(|(to, from)| (to - from) / step).collect();
+        Some(projection.cost_along(&from.fit.misses, &along, step.signum() * FARTHEST))
+    };
+    [DIFFERENCE, -DIFFERENCE].into_iter().filter_map(towards).fold(f64::INFINITY, f64::min)
 }
 
 /// Covariance of the knobs about a fit; infinite where it says nothing.

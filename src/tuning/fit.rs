@@ -17,7 +17,7 @@ use crate::tuning::trial::Trial;
 use crate::twin::{Cut, Twin};
 
 /// Step of a forward difference, in units of a knob.
-const DIFFERENCE: f64 = 0.05;
+pub const DIFFERENCE: f64 = 0.05;
 
 /// A set of trials with the noise to expect of them, against which units are judged.
 #[derive(Debug)]

@@ -5,6 +5,9 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use crate::tuning::fit::{Misses, prior_square, square};
 use crate::tuning::knob::Knob;
 
+/// A parameter of whose mark less than this share is its own is taken for a mixture of others.
+const ALIKE: f64 = 1e-4;
+
 /// A position whose slopes tell, for misses near it, the least cost that could be reached along them, to first order.
 #[derive(Debug)]
 pub struct Projection<'a> {
@@ -31,6 +34,29 @@ impl<'a> Projection<'a> {
         let cost = square(misses) / self.temperature + prior_square(self.knobs, self.positions);
         let gradient = gradient(self.knobs, self.positions, misses, self.slopes, self.temperature);
         self.solver.as_ref().map_or(cost, |solver| cost - gradient.dot(&solver.solve(&gradient)))
+    }
+
+    /// The least cost from these misses on, where a parameter besides may go from nothing to `most`; `along` are the misses' changes per unit of it.
+    ///
+    /// This is the score test of a parameter at nothing with all others fitted along (Rao 1948), its step held inside the range.
+    #[must_use]
+    pub fn cost_along(&self, misses: &Misses, along: &Misses, most: f64) -> f64 {
+        let cost = self.cost(misses);
+        let Some(solver) = &self.solver else { return cost };
+        let shared = gradient(&[], &[], along, self.slopes, self.temperature);
+        let follow = solver.solve(&shared);
+        let own = |misses: &Misses| {
+            along.iter().zip(misses).map(|(along, misses)| along.dot(misses)).sum::<f64>() / self.temperature
+        };
+        let score =
+            own(misses) - follow.dot(&gradient(self.knobs, self.positions, misses, self.slopes, self.temperature));
+        let curvature = own(along) - follow.dot(&shared);
+        // What the others can do as well has no step of its own.
+        if curvature <= ALIKE * own(along) {
+            return cost;
+        }
+        let step = (-score / curvature / most).clamp(0.0, 1.0) * most;
+        cost + 2.0 * score * step + curvature * step * step
     }
 }
 
@@ -75,4 +101,47 @@ fn gradient(
         gradient[k] += positions[k];
     }
     gradient
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::params;
+
+    /// Something without pattern between -1 and 1.
+    fn value(row: usize, column: usize) -> f64 {
+        2.0 * (row as f64 * 0.618_033_988_75 + column as f64 * 0.414_213_562_37 * (row + 1) as f64).fract() - 1.0
+    }
+
+    /// The score of one parameter more promises what solving for all of them together gives.
+    #[test]
+    fn a_parameter_more_promises_what_the_joint_solution_gives() {
+        let knobs: Vec<Knob> = Knob::nuisances(&params::reference()).into_iter().take(3).collect();
+        let positions = vec![0.4, -0.2, 0.1];
+        let misses = vec![DVector::from_fn(40, |row, _| 3.0 * value(row, 0))];
+        let slopes = vec![DMatrix::from_fn(40, 3, |row, column| value(row, column + 1))];
+        for sign in [1.0, -1.0] {
+            let along = vec![DVector::from_fn(40, |row, _| sign * (value(row, 7) - value(row, 0)))];
+            let joint = vec![DMatrix::from_fn(40, 4, |row, k| if k < 3 { slopes[0][(row, k)] } else { along[0][row] })];
+            let solved = Projection::new(&knobs, &positions, &joint, 2.0).cost(&misses);
+            let alone = Projection::new(&knobs, &positions, &slopes, 2.0);
+            let (nothing, far) = (alone.cost(&misses), 100.0 * sign);
+            assert!(solved < 0.9 * nothing, "{solved} of {nothing}");
+            assert!((alone.cost_along(&misses, &along, far) - solved).abs() < 1e-6 * solved);
+            // The wrong way nothing is to be had; half of the way less.
+            assert!((alone.cost_along(&misses, &along, -far) - nothing).abs() < 1e-9 * nothing);
+            let near = alone.cost_along(&misses, &along, 0.2 * sign);
+            assert!(solved < near && near < nothing, "{near}");
+        }
+    }
+
+    /// What the others can do as well promises nothing more.
+    #[test]
+    fn a_mixture_of_the_others_promises_nothing() {
+        let misses = vec![DVector::from_fn(40, |row, _| value(row, 0))];
+        let slopes = vec![DMatrix::from_fn(40, 2, |row, column| value(row, column + 1))];
+        let along = vec![slopes[0].column(0) - 2.0 * slopes[0].column(1)];
+        let projection = Projection::new(&[], &[], &slopes, 1.0);
+        assert!((projection.cost_along(&misses, &along, 3.0) - projection.cost(&misses)).abs() < 1e-9);
+    }
 }
