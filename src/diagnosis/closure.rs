@@ -51,12 +51,12 @@ pub fn without_parts(bench: &Bench, model: &Model) -> LeftOut {
     for part in 0..PARTS {
         let (mut hessian, mut gradient) = (hessian.clone(), gradient.clone());
         for (trial, (slope, misses)) in bench.trials.iter().zip(model.fit.slopes.iter().zip(&model.fit.misses)) {
-            let samples = trial.samples.len();
-            for signal in 0..trial.signals().count() {
+            for place in 0..trial.signals().count() {
                 for block in part_of(trial, part) {
-                    let rows = slope.rows(signal * samples + block.start, block.len());
+                    let (first, count) = (trial.miss(place, block.start), block.len());
+                    let rows = slope.rows(first, count);
                     hessian -= rows.tr_mul(&rows);
-                    gradient -= rows.tr_mul(&misses.rows(signal * samples + block.start, block.len()));
+                    gradient -= rows.tr_mul(&misses.rows(first, count));
                 }
             }
         }

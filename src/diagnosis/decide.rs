@@ -173,15 +173,15 @@ fn left(bench: &Bench, model: &Model, signal: Signal) -> Vec<f64> {
     let mut squares = Vec::new();
     for (trial, misses) in bench.trials.iter().zip(&model.fit.misses) {
         let Some(place) = trial.place(signal) else { continue };
-        let count = trial.samples.len();
-        squares.extend(misses.rows(place * count, count).iter().filter(|miss| **miss != 0.0).map(|miss| miss * miss));
+        let of_signal = misses.rows(trial.miss(place, 0), trial.samples.len());
+        squares.extend(of_signal.iter().filter(|miss| **miss != 0.0).map(|miss| miss * miss));
     }
     squares
 }
 
 /// How many of a model's misses are of swings.
 fn swings(bench: &Bench, model: &Model) -> usize {
-    let of = |(trial, misses): (&Trial, &DVector<f64>)| misses.len() - trial.signals().count() * trial.samples.len();
+    let of = |(trial, misses): (&Trial, &DVector<f64>)| misses.len() - trial.miss(trial.signals().count(), 0);
     bench.trials.iter().zip(&model.fit.misses).map(of).sum()
 }
 

@@ -102,7 +102,7 @@ pub fn gather(
     for parameter in parameters.iter().filter(|parameter| parameter.at_bound) {
         notes.push(format!("{} was fitted onto the end of its range.", parameter.name));
     }
-    notes.extend(swinging(bench));
+    notes.extend(bench.swinging());
     for channel in &channels {
         for trouble in &channel.troubles {
             notes.push(format!("{}, {}: {trouble}.", channel.recording, channel.signal.title()));
@@ -250,20 +250,6 @@ fn ranking(decision: &Decision) -> Vec<Ranked> {
     all.push(Ranked { id: "none".to_owned(), probability: decision.none });
     all.sort_by(|a, b| b.probability.total_cmp(&a.probability));
     all
-}
-
-/// Where signals swing of themselves, in a sentence.
-fn swinging(bench: &Bench) -> Option<String> {
-    let times = bench.trials.iter().enumerate().map(|(index, trial)| (&trial.name, bench.swings_s(index)));
-    let said: Vec<String> =
-        times.filter(|(_, time_s)| *time_s > 0.0).map(|(name, time_s)| format!("{name} for {time_s:.0} s")).collect();
-    (!said.is_empty()).then(|| {
-        format!(
-            "Signals swing of themselves in {}: no twin can keep step there, and what is compared, misses and closure included, is how \
-             loud and how fast they swing.",
-            said.join(", ")
-        )
-    })
 }
 
 /// What each model costs, by the effect that it has beyond the one before it.

@@ -134,7 +134,8 @@ pub fn calibrate(
 fn leftover(bench: &Bench, misses: &Misses) -> [Option<f64>; Signal::ALL.len()] {
     let mut sums = [(0.0, 0_usize); Signal::ALL.len()];
     for (trial, misses) in bench.trials.iter().zip(misses) {
-        for (signal, of_signal) in trial.signals().zip(misses.as_slice().chunks(trial.samples.len().max(1))) {
+        for (place, signal) in trial.signals().enumerate() {
+            let of_signal = misses.rows(trial.miss(place, 0), trial.samples.len());
             for miss in of_signal.iter().filter(|miss| **miss != 0.0) {
                 sums[signal as usize].0 += miss * miss;
                 sums[signal as usize].1 += 1;
@@ -287,8 +288,8 @@ fn covariance(bench: &Bench, knobs: &[Knob], fit: &Fit, slopes: &Slopes) -> DMat
         for from in (0..count).step_by(block) {
             let length = block.min(count - from);
             let mut score = DVector::zeros(n);
-            for start in (0..trial.signals().count()).map(|place| place * count) {
-                score += slopes.rows(start + from, length).tr_mul(&misses.rows(start + from, length));
+            for first in (0..trial.signals().count()).map(|place| trial.miss(place, from)) {
+                score += slopes.rows(first, length).tr_mul(&misses.rows(first, length));
             }
             scores += &score * score.transpose();
         }

@@ -128,6 +128,23 @@ impl Bench {
         samples as f64 * self.trials[trial].period_s
     }
 
+    /// Where recordings swing of themselves and for how long, in a sentence.
+    #[must_use]
+    pub fn swinging(&self) -> Option<String> {
+        let times = self.trials.iter().enumerate().map(|(index, trial)| (&trial.name, self.swings_s(index)));
+        let said: Vec<String> = times
+            .filter(|(_, time_s)| *time_s > 0.0)
+            .map(|(name, time_s)| format!("{name} for {time_s:.0} s"))
+            .collect();
+        (!said.is_empty()).then(|| {
+            format!(
+                "Signals swing of themselves in {}: no twin can keep step there, and what is compared, misses and closure included, is \
+                 how loud and how fast they swing.",
+                said.join(", ")
+            )
+        })
+    }
+
     /// Misses of a unit in one trial.
     #[must_use]
     pub fn misses(&self, unit: &Unit, trial: usize) -> DVector<f64> {

@@ -109,10 +109,16 @@ impl Trial {
         Signal::ALL.into_iter().filter(|&signal| self.has[signal as usize])
     }
 
-    /// Place of a signal among those that were measured; misses stand in that order, one signal behind another.
+    /// Place of a signal among those that were measured; none where it was not.
     #[must_use]
     pub fn place(&self, signal: Signal) -> Option<usize> {
         self.signals().position(|other| other == signal)
+    }
+
+    /// Place of a sample among the misses: one signal behind another, then what compares swings.
+    #[must_use]
+    pub fn miss(&self, place: usize, sample: usize) -> usize {
+        place * self.samples.len() + sample
     }
 
     /// A signal as measured at each sample; not a number where it was not.

@@ -34,6 +34,9 @@ pub fn text(bench: &Bench, base: &Unit, fitted: &Calibration) -> String {
         leftover(fitted),
         costs.join(", ")
     );
+    if let Some(sentence) = bench.swinging() {
+        text += &format!("{sentence}\n");
+    }
     for pair in fitted.correlations.iter().take(SHOWN) {
         text += &format!("Correlated {:+.2}: {} and {}\n", pair.coefficient, pair.keys[0], pair.keys[1]);
     }
@@ -51,7 +54,7 @@ pub fn leftover(fitted: &Calibration) -> String {
     words.collect::<Vec<_>>().join(", ")
 }
 
-/// Root mean square misses of the mean twin, per recording and signal, before and after.
+/// Root mean square misses of the mean twin, per recording and signal, before and after; of a swing those of its loudness.
 struct Miss {
     recording: String,
     signal: Signal,
@@ -66,12 +69,8 @@ fn all_misses(bench: &Bench, base: &Unit, fitted: &Calibration) -> Vec<Miss> {
         let [before, after] = [base, &fitted.unit].map(|unit| bench.simulate(unit, index));
         for signal in trial.signals() {
             let squares = |estimates: &[govtwin::frame::Estimate]| {
-                let misses = trial
-                    .samples
-                    .iter()
-                    .zip(estimates)
-                    .map(|(&row, estimate)| signal.of(&trial.frames[row].measured) - signal.of(&estimate.signals));
-                let finite: Vec<f64> = misses.filter(|miss| miss.is_finite()).map(|miss| miss * miss).collect();
+                let squares = bench.squares(index, signal, estimates).unwrap_or_default();
+                let finite: Vec<f64> = squares.into_iter().filter(|square| square.is_finite()).collect();
                 (finite.len(), (finite.iter().sum::<f64>() / finite.len().max(1) as f64).sqrt())
             };
             let ((samples, sheet), (_, fitted)) = (squares(&before), squares(&after));
