@@ -26,7 +26,7 @@ pub fn gap(diagnosis: &Diagnosis, explained: bool) -> Table {
         if explained {
             let beyond = gap.refitted.powi(2) - gap.noise_floor.powi(2);
             let closed = gap.refitted.powi(2) - gap.with_effects.powi(2);
-            row.push(if beyond > 0.0 { percent(closed / beyond) } else { "no gap".to_owned() });
+            row.push(if beyond > 0.0 { percent((closed / beyond).min(1.0)) } else { "no gap".to_owned() });
         }
         table.row(row);
     }
