@@ -213,7 +213,8 @@ impl<'a> Start<'a> {
     }
 }
 
-/// Adds each effect to a model in turn: from each of the starts, screens sizes, then scouts the best.
+/// Adds each effect to a model in turn: from each of the starts, screens sizes, then scouts the best; from the first of them also from nothing of
+/// the effect, where its slope promises more.
 #[must_use]
 pub fn extend(bench: &Bench, starts: &[Start<'_>], catalogue: &[&'static EffectSpec]) -> Vec<Model> {
     let priced: Vec<(&Start<'_>, Projection<'_>)> = starts.iter().map(|start| (start, start.projection())).collect();
