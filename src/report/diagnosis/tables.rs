@@ -110,26 +110,30 @@ pub fn transfers(diagnosis: &Diagnosis) -> Table {
     table
 }
 
-/// The effects that the verdict blames.
+/// The effects that the verdict blames; of two also what each closes on top of the other.
 pub fn blamed(diagnosis: &Diagnosis) -> Table {
     let mut table = Table::new()
         .words("effect")
         .words("stage")
         .numbers("probability")
         .words("fitted, with 90 % interval")
-        .numbers("closes alone")
-        .numbers("on top of the other")
-        .numbers("fair part");
+        .numbers("closes alone");
+    let two = diagnosis.blamed.iter().any(|one| one.last_in.is_some());
+    if two {
+        table = table.numbers("on top of the other").numbers("fair part");
+    }
     for one in &diagnosis.blamed {
-        table.row([
+        let mut row = vec![
             id_words(&one.id),
             super::words::stage_title(one.stage).to_owned(),
             percent(one.probability),
             values(&one.parameters),
             super::words::percents(one.closure),
-            one.last_in.map_or_else(String::new, percent),
-            one.shapley.map_or_else(String::new, percent),
-        ]);
+        ];
+        if two {
+            row.extend([one.last_in, one.shapley].map(|share| share.map_or_else(String::new, percent)));
+        }
+        table.row(row);
     }
     table
 }
