@@ -31,9 +31,16 @@ impl<'a> Projection<'a> {
     /// The least cost from these misses on.
     #[must_use]
     pub fn cost(&self, misses: &Misses) -> f64 {
+        self.least(misses, &self.gradient(misses))
+    }
+
+    fn gradient(&self, misses: &Misses) -> DVector<f64> {
+        gradient(self.knobs, self.positions, misses, self.slopes, self.temperature)
+    }
+
+    fn least(&self, misses: &Misses, gradient: &DVector<f64>) -> f64 {
         let cost = square(misses) / self.temperature + prior_square(self.knobs, self.positions);
-        let gradient = gradient(self.knobs, self.positions, misses, self.slopes, self.temperature);
-        self.solver.as_ref().map_or(cost, |solver| cost - gradient.dot(&solver.solve(&gradient)))
+        self.solver.as_ref().map_or(cost, |solver| cost - gradient.dot(&solver.solve(gradient)))
     }
 
     /// The least cost from these misses on, where a parameter besides may go from nothing to `most`; `along` are the misses' changes per unit of it.
@@ -41,15 +48,15 @@ impl<'a> Projection<'a> {
     /// This is the score test of a parameter at nothing with all others fitted along (Rao 1948), its step held inside the range.
     #[must_use]
     pub fn cost_along(&self, misses: &Misses, along: &Misses, most: f64) -> f64 {
-        let cost = self.cost(misses);
+        let gradient_here = self.gradient(misses);
+        let cost = self.least(misses, &gradient_here);
         let Some(solver) = &self.solver else { return cost };
         let shared = gradient(&[], &[], along, self.slopes, self.temperature);
         let follow = solver.solve(&shared);
         let own = |misses: &Misses| {
             along.iter().zip(misses).map(|(along, misses)| along.dot(misses)).sum::<f64>() / self.temperature
         };
-        let score =
-            own(misses) - follow.dot(&gradient(self.knobs, self.positions, misses, self.slopes, self.temperature));
+        let score = own(misses) - follow.dot(&gradient_here);
         let curvature = own(along) - follow.dot(&shared);
         // What the others can do as well has no step of its own.
         if curvature <= ALIKE * own(along) {
