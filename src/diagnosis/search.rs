@@ -22,6 +22,10 @@ const FARTHEST: f64 = 3.0;
 /// By how much less an effect must promise to cost to be fitted from nothing on.
 const PROMISING: f64 = 8.0;
 
+/// What promises less than this share of the best promise is not fitted: until a fit has gone its way promises fall short of what is reached
+/// by up to a factor of ten, and what explains a tenth of the best is no rival.
+const WORTH: f64 = 0.01;
+
 /// Work of a fit that starts from nothing of an effect.
 const CREEP: Effort = Effort { rounds: 6, refresh: 100, temperature: 1.0 };
 
@@ -205,54 +209,112 @@ pub struct Start<'a> {
     pub bar: f64,
 }
 
-impl<'a> Start<'a> {
-    /// What a change of the model could lead to, at the highest temperature.
-    fn projection(&self) -> Projection<'a> {
-        let (model, hottest) = (self.model, self.ladder.first().copied().unwrap_or(1.0));
-        Projection::new(&model.knobs, &model.fit.positions, &model.fit.slopes, hottest)
+/// A start with what a change of its model could lead to, at its highest temperature.
+struct Priced<'a> {
+    start: Start<'a>,
+    temperature: f64,
+    projection: Projection<'a>,
+    /// What it promises to cost without any effect.
+    nothing: f64,
+}
+
+impl<'a> Priced<'a> {
+    fn new(start: Start<'a>) -> Self {
+        let (model, temperature) = (start.model, start.ladder.first().copied().unwrap_or(1.0));
+        let projection = Projection::new(&model.knobs, &model.fit.positions, &model.fit.slopes, temperature);
+        let nothing = projection.cost(&model.fit.misses);
+        Self { start, temperature, projection, nothing }
+    }
+
+    /// By how much less a cost is than that of nothing, were the temperature 1.
+    fn gain(&self, cost: f64) -> f64 {
+        self.temperature * (self.nothing - cost)
     }
 }
 
-/// Adds each effect to a model in turn: from each of the starts, screens sizes, then scouts the best; from the first of them also from nothing of
-/// the effect, where its slope promises more.
+/// One way to take an effect in.
+#[derive(Clone, Copy, Debug)]
+struct Offer {
+    /// Number of the start.
+    start: usize,
+    /// Size from which to fit, in units of the typical one; 0 from nothing of the effect on.
+    size: f64,
+    /// The cost that it promises, at the start's highest temperature.
+    cost: f64,
+    /// By how much that is less than without the effect.
+    gain: f64,
+}
+
+/// Adds each effect to a model in turn, fitted quickly: from each of the starts at the best of several sizes, and from the first of them also from
+/// nothing of the effect on, where its slope promises more. What promises next to nothing of the best promise from there is not fitted.
 #[must_use]
 pub fn extend(bench: &Bench, starts: &[Start<'_>], catalogue: &[&'static EffectSpec]) -> Vec<Model> {
-    let priced: Vec<(&Start<'_>, Projection<'_>)> = starts.iter().map(|start| (start, start.projection())).collect();
-    catalogue
+    let priced: Vec<Priced<'_>> = starts.iter().copied().map(Priced::new).collect();
+    let offers: Vec<(&'static EffectSpec, Vec<Offer>)> =
+        catalogue.par_iter().map(|spec| (*spec, offers(bench, &priced, spec))).collect();
+    // Where priors weigh most an effect may promise what the sheet's own parameters do as well, so that every start has its own measure.
+    let mut most = vec![0.0_f64; priced.len()];
+    for offer in offers.iter().flat_map(|(_, offers)| offers) {
+        most[offer.start] = most[offer.start].max(offer.gain);
+    }
+    let worth = |offer: &&Offer| offer.gain >= WORTH * most[offer.start];
+    offers
         .par_iter()
-        .filter_map(|spec| {
-            let scouted = priced
+        .filter_map(|(spec, offers)| {
+            let (crept, sized): (Vec<&Offer>, Vec<&Offer>) =
+                offers.iter().filter(worth).partition(|offer| offer.size == 0.0);
+            let scouted = sized
                 .iter()
-                .filter(|(start, _)| !start.model.has(spec.id))
-                .filter_map(|(start, projection)| scout(bench, start, projection, spec))
+                .filter_map(|offer| scout(bench, &priced[offer.start].start, spec, offer.size))
                 .min_by(|a, b| a.cost().total_cmp(&b.cost()));
-            let (start, projection) = priced.first()?;
-            crept(bench, start, projection, spec, scouted)
+            match crept.first() {
+                Some(offer) => crept_from(bench, &priced[offer.start].start, spec, offer.cost, scouted),
+                None => scouted,
+            }
         })
         .collect()
 }
 
-/// The model with one effect more, at the best of several sizes, fitted quickly.
-fn scout(bench: &Bench, start: &Start<'_>, projection: &Projection<'_>, spec: &'static EffectSpec) -> Option<Model> {
-    let from = start.model;
+/// The ways to take an effect in that promise anything.
+fn offers(bench: &Bench, priced: &[Priced<'_>], spec: &'static EffectSpec) -> Vec<Offer> {
+    let lacking = || priced.iter().enumerate().filter(|(_, priced)| !priced.start.model.has(spec.id));
+    let sized = lacking().filter_map(|(start, priced)| {
+        let (cost, size) = best_size(bench, priced, spec)?;
+        Some(Offer { start, size, cost, gain: priced.gain(cost) })
+    });
+    let from_nothing = lacking().take(1).filter_map(|(start, priced)| {
+        let cost = promise(bench, priced, spec);
+        let gain = priced.gain(cost);
+        (gain >= PROMISING).then_some(Offer { start, size: 0.0, cost, gain })
+    });
+    sized.chain(from_nothing).collect()
+}
+
+/// The cost that an effect promises at the best of several sizes, and that size; none where it promises nothing, or more than the bar.
+fn best_size(bench: &Bench, priced: &Priced<'_>, spec: &'static EffectSpec) -> Option<(f64, f64)> {
+    let Priced { start, projection, nothing, .. } = priced;
     let price = |size: f64| {
-        let (base, knobs, positions) = with_effect(from, spec, size)?;
+        let (base, knobs, positions) = with_effect(start.model, spec, size)?;
         let misses = bench.misses_of(&[unit_at(&base, &knobs, &positions)]).pop()?;
         Some((projection.cost(&misses), size))
     };
     let cheaper = |a: &(f64, f64), b: &(f64, f64)| a.0.total_cmp(&b.0);
     let mut best = SIZES.into_iter().filter_map(price).min_by(cheaper)?;
-    // What lies nearer to nothing gained than to a lower bar is not brought below it by a better size.
-    if start.bar < from.cost() && best.0 > 0.5 * (start.bar + from.cost()) {
+    let from = start.model.cost();
+    // What lies nearer to nothing gained than to a lower bar is not brought below it by a better size; nor are sizes sought where none gains.
+    if best.0 >= *nothing || start.bar < from && best.0 > 0.5 * (start.bar + from) {
         return None;
     }
     for factor in [1.9, 1.35] {
         best = [best.1 * factor, best.1 / factor].into_iter().filter_map(price).chain([best]).min_by(cheaper)?;
     }
-    if best.0 > start.bar {
-        return None;
-    }
-    let (base, knobs, mut positions) = with_effect(from, spec, best.1)?;
+    (best.0 <= start.bar).then_some(best)
+}
+
+/// The model with one effect more, fitted quickly from this size on.
+fn scout(bench: &Bench, start: &Start<'_>, spec: &'static EffectSpec, size: f64) -> Option<Model> {
+    let from = start.model;
+    let (base, knobs, mut positions) = with_effect(from, spec, size)?;
     let mut slopes = from.fit.slopes.clone();
     let mut fitted = None;
     for &temperature in start.ladder {
@@ -271,17 +333,16 @@ fn joined(from: &Model, spec: &'static EffectSpec) -> Vec<&'static EffectSpec> {
 
 /// Fits an effect from nothing on, where every step can only gain, if that promises more than the best of its sizes led to: where other
 /// parameters must follow an effect closely, a size tried at a stroke is too far, and its price says nothing.
-fn crept(
+fn crept_from(
     bench: &Bench,
     start: &Start<'_>,
-    projection: &Projection<'_>,
     spec: &'static EffectSpec,
+    promised: f64,
     scouted: Option<Model>,
 ) -> Option<Model> {
     let from = start.model;
-    let reached = scouted.as_ref().map_or(start.bar, Model::cost);
-    let lost = scouted.is_some() && reached > from.cost();
-    if from.has(spec.id) || !lost && promise(bench, from, projection, spec) > reached.min(start.bar) - PROMISING {
+    let reached = scouted.as_ref().map_or(f64::INFINITY, Model::cost).min(start.bar);
+    if promised > reached - PROMISING {
         return scouted;
     }
     let Some((base, knobs, positions)) = with_effect(from, spec, 0.0) else { return scouted };
@@ -292,7 +353,8 @@ fn crept(
 }
 
 /// The least cost that an effect promises by its slope at nothing.
-fn promise(bench: &Bench, from: &Model, projection: &Projection<'_>, spec: &'static EffectSpec) -> f64 {
+fn promise(bench: &Bench, priced: &Priced<'_>, spec: &'static EffectSpec) -> f64 {
+    let (from, projection) = (priced.start.model, &priced.projection);
     let towards = |step: f64| {
         let (base, knobs, positions) = with_effect(from, spec, step)?;
         let misses = bench.misses_of(&[unit_at(&base, &knobs, &positions)]).pop()?;
