@@ -26,6 +26,9 @@ const DETOURS: usize = 2;
 /// How often a model is fitted on as long as that gains anything.
 const REFINEMENTS: usize = 6;
 
+/// A model that misses more than this share of the best gain is no rival of the best: it is in no class with it.
+const NEAR: f64 = 0.1;
+
 /// Share of the best gain that a model must have reached when scouted to be fitted with care.
 const HOPEFUL: f64 = 0.4;
 
@@ -95,37 +98,47 @@ fn sort(models: &mut [Model]) {
     models.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
 }
 
-/// Fits those models with care that may still win, and sorts.
+/// Fits those models with care that may still win, and sorts; `visited` is the winner from whose place all were tried before.
 fn finals(
     bench: &Bench,
     mut tried: Vec<Model>,
     before: &Model,
     catalogue: &[&'static EffectSpec],
     count: usize,
+    visited: Option<&[f64]>,
 ) -> Vec<Model> {
     sort(&mut tried);
     let gain = before.cost() - tried.first().map_or(before.cost(), Model::cost);
     if gain > 0.5 * DETECTED {
         let hopeful = before.cost() - HOPEFUL * gain;
-        refine(bench, &mut tried, count, hopeful);
+        refine(bench, &mut tried, before, count, hopeful);
         // What does nearly the same as the winner must not lose for having been caught elsewhere.
-        from_the_winners_place(bench, &mut tried, before, catalogue, hopeful);
-        refine(bench, &mut tried, count, hopeful);
+        if tried.first().map(|winner| winner.fit.positions.as_slice()) != visited {
+            from_the_winners_place(bench, &mut tried, before, catalogue, hopeful);
+            refine(bench, &mut tried, before, count, hopeful);
+        }
     }
     tried
 }
 
 /// Fits the first so many to the end that cost no more than this, and sorts; what was fitted with care before has its slopes still.
-fn refine(bench: &Bench, tried: &mut [Model], count: usize, hopeful: f64) {
-    let worth = tried.iter_mut().take(count).filter(|model| model.cost() <= hopeful && model.fit.slopes.is_empty());
-    for model in worth {
-        for _ in 0..REFINEMENTS {
-            let before = model.cost();
+///
+/// A model is given up where all that may follow, at the pace of the last fit, would not bring it near the best.
+fn refine(bench: &Bench, tried: &mut [Model], before: &Model, count: usize, hopeful: f64) {
+    let mut least = f64::INFINITY;
+    for model in tried.iter_mut().take(count).filter(|model| model.cost() <= hopeful) {
+        let mut left = if model.fit.slopes.is_empty() { REFINEMENTS } else { 0 };
+        while left > 0 {
+            left -= 1;
+            let last = model.cost();
             *model = model.refined(bench, Effort::FULL);
-            if before - model.cost() < 0.25 * DETECTED {
+            let gained = last - model.cost();
+            let near = least + NEAR * (before.cost() - least);
+            if gained < 0.25 * DETECTED || model.cost() - left as f64 * gained > near {
                 break;
             }
         }
+        least = least.min(model.cost());
     }
     sort(tried);
 }
@@ -168,19 +181,24 @@ fn settled(
     catalogue: &[&'static EffectSpec],
     count: usize,
 ) -> (Model, Vec<Model>) {
+    let mut winner: Option<Vec<f64>> = None;
     for _ in 0..DETOURS {
         let Some(first) = tried.first().filter(|first| first.cost() < before.cost()) else { break };
+        if winner.as_ref() == Some(&first.fit.positions) {
+            break;
+        }
         let around = without_last(bench, first, &before);
         let better = before.cost() - around.cost();
         before = around;
         if better <= DETECTED {
             break;
         }
+        winner = Some(first.fit.positions.clone());
         tried.retain(|model| model.cost() < before.cost());
         let found = |spec: &EffectSpec| tried.iter().any(|model| model.newest() == Some(spec.id));
         let lost: Vec<&'static EffectSpec> = catalogue.iter().copied().filter(|spec| !found(spec)).collect();
         tried.extend(extend(bench, &[cold(&before)], &lost));
-        tried = finals(bench, tried, &before, catalogue, count);
+        tried = finals(bench, tried, &before, catalogue, count, winner.as_deref());
     }
     (before, tried)
 }
@@ -196,7 +214,7 @@ pub fn find(
 ) -> Found {
     progress("trying every effect alone", 0.15);
     let starts = [cold(&refitted), Start { model: sheet, ladder: &COOLING, bar: f64::INFINITY }];
-    let tried = finals(bench, extend(bench, &starts, catalogue), &refitted, catalogue, FINALISTS);
+    let tried = finals(bench, extend(bench, &starts, catalogue), &refitted, catalogue, FINALISTS, None);
     let (nominal, mut tried) = settled(bench, refitted, tried, catalogue, FINALISTS);
     let mut slots: Vec<Slot> = Vec::new();
     let mut before = nominal.clone();
@@ -207,7 +225,7 @@ pub fn find(
             break;
         }
         progress("trying every effect on top of what was found", 0.35 + 0.15 * slots.len() as f64);
-        let next = finals(bench, extend(bench, &[cold(first)], catalogue), first, catalogue, SECONDS);
+        let next = finals(bench, extend(bench, &[cold(first)], catalogue), first, catalogue, SECONDS, None);
         let (first, next) = settled(bench, first.clone(), next, catalogue, SECONDS);
         tried[0] = first.clone();
         slots.push(Slot { before, tried });
