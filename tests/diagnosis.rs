@@ -43,6 +43,9 @@ fn a_planted_bias_is_named_with_its_size_and_closes_the_gap() {
     assert!((bias.value.value - 0.03).abs() < 3.0e-3, "{bias:?}");
     assert!(said.closure.value > 0.8, "{:?}", said.closure);
     assert_eq!(said.fitted.effects.len(), 1);
+    // What could not explain a hundredth of it is ranked, but was not fitted.
+    assert!(said.ranking.iter().any(|ranked| ranked.id == "feedback_lag" && ranked.probability < 1e-6));
+    assert!(said.tried.iter().all(|tried| !tried.ids.iter().any(|id| id == "feedback_lag")), "{:?}", said.tried);
     assert!(said.refitted.effects.is_empty());
     for ledger in &said.ledgers {
         let sum: f64 = ledger.parts.iter().map(|part| part.refitted).sum();

@@ -42,7 +42,7 @@ pub struct Slot {
 }
 
 impl Slot {
-    /// The model with this effect in this place; none where it was not tried or gains nothing at any size.
+    /// The model with this effect in this place; none where it promised next to nothing.
     #[must_use]
     pub fn with(&self, id: &str) -> Option<&Model> {
         self.tried.iter().find(|model| model.newest() == Some(id))
