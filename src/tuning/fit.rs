@@ -138,8 +138,8 @@ impl Bench {
             .collect();
         (!said.is_empty()).then(|| {
             format!(
-                "Signals swing of themselves in {}: no twin can keep step there, and what is compared, misses and closure included, is \
-                 how loud and how fast they swing.",
+                "Signals swing of themselves in {}: no twin can keep step there, and every figure told of them compares how \
+                 loud and how fast they swing.",
                 said.join(", ")
             )
         })

@@ -172,3 +172,14 @@ fn an_effect_without_a_file_is_called_by_its_id() {
     let text = summary(&made_up(Verdict::Named, &["my_own_term"]));
     assert!(text.starts_with("my own term: play 0.42 %"), "{text}");
 }
+
+#[test]
+fn a_named_effect_that_leaves_something_unknown_says_so() {
+    let words = "omething outside the catalogue acts besides, probability 97 %";
+    for (probability, said) in [(0.97, true), (0.3, false)] {
+        let mut diagnosis = made_up(Verdict::Named, &["backlash", "load"]);
+        diagnosis.ranking[1].probability = probability;
+        assert_eq!(summary(&diagnosis).contains(words), said);
+        assert_eq!(page(&diagnosis, &[]).unwrap().to_html().contains(words), said);
+    }
+}

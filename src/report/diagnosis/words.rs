@@ -227,7 +227,7 @@ pub fn explanation(diagnosis: &Diagnosis) -> Vec<String> {
         all.push(if several { of_several(diagnosis, blame) } else { symptom(&blame.id) });
     }
     match diagnosis.verdict {
-        Verdict::Class | Verdict::Named => {}
+        Verdict::Class | Verdict::Named => all.extend(besides(diagnosis).map(|words| capital(&words))),
         Verdict::Unknown => all.push(misses(diagnosis)),
         Verdict::NoGap => {
             all.push(misses(diagnosis));
@@ -263,6 +263,19 @@ fn of_several(diagnosis: &Diagnosis, blame: &Blame) -> String {
     )
 }
 
+/// That what is named is probably not all.
+fn besides(diagnosis: &Diagnosis) -> Option<String> {
+    let named = matches!(diagnosis.verdict, Verdict::Named | Verdict::Class);
+    let unknown = diagnosis.ranking.iter().find(|ranked| ranked.id == "unknown" && ranked.probability > 0.5);
+    unknown.filter(|_| named).map(|unknown| {
+        format!(
+            "something outside the catalogue acts besides, probability {}: what is named leaves more than noise and the error of its \
+             equations.",
+            percent(unknown.probability)
+        )
+    })
+}
+
 /// The verdict in plain text, a few lines for a terminal.
 #[must_use]
 pub fn summary(diagnosis: &Diagnosis) -> String {
@@ -278,6 +291,9 @@ pub fn summary(diagnosis: &Diagnosis) -> String {
         let (values, closes) = (values(&blame.parameters), percents(blame.closure));
         line("effect", format!("{}: {values}; probability {}", blame.id, percent(blame.probability)));
         line("", format!("closes {closes} of the gap on data left out of the fit"));
+    }
+    if let Some(words) = besides(diagnosis) {
+        line("rest", words);
     }
     for gap in &diagnosis.gap {
         let steps: [fn(&SignalGap) -> f64; 4] =
