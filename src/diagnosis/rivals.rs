@@ -109,14 +109,14 @@ fn finals(
 ) -> Vec<Model> {
     sort(&mut tried);
     let gain = before.cost() - tried.first().map_or(before.cost(), Model::cost);
-    if gain > 0.5 * DETECTED {
-        let hopeful = before.cost() - HOPEFUL * gain;
+    // Where nothing gains when scouted, what comes first may still: a valley may bend.
+    let hopeful = if gain > 0.5 * DETECTED { before.cost() - HOPEFUL * gain } else { f64::INFINITY };
+    refine(bench, &mut tried, before, count, hopeful);
+    // What does nearly the same as the winner must not lose for having been caught elsewhere.
+    let winner = tried.first().filter(|winner| before.cost() - winner.cost() > 0.5 * DETECTED);
+    if winner.is_some_and(|winner| Some(winner.fit.positions.as_slice()) != visited) {
+        from_the_winners_place(bench, &mut tried, before, catalogue, hopeful);
         refine(bench, &mut tried, before, count, hopeful);
-        // What does nearly the same as the winner must not lose for having been caught elsewhere.
-        if tried.first().map(|winner| winner.fit.positions.as_slice()) != visited {
-            from_the_winners_place(bench, &mut tried, before, catalogue, hopeful);
-            refine(bench, &mut tried, before, count, hopeful);
-        }
     }
     tried
 }
