@@ -168,6 +168,21 @@ fn every_verdict_has_a_sentence_of_its_own() {
 }
 
 #[test]
+fn a_closure_that_says_nothing_is_not_given_as_a_figure() {
+    let mut diagnosis = made_up(Verdict::Named, &["backlash"]);
+    diagnosis.closure = Interval { value: 1.0, low: 0.0, high: 1.0 };
+    diagnosis.blamed[0].closure = diagnosis.closure;
+    let text = summary(&diagnosis);
+    assert!(
+        text.contains("This closes a share that cannot be told of the gap that refitting leaves: that gap hardly"),
+        "{text}"
+    );
+    assert!(!text.contains("100 %"), "{text}");
+    let html = page(&diagnosis, &[]).unwrap().to_html();
+    assert!(html.contains("cannot be told<"), "{html}");
+}
+
+#[test]
 fn an_effect_without_a_file_is_called_by_its_id() {
     let text = summary(&made_up(Verdict::Named, &["my_own_term"]));
     assert!(text.starts_with("my own term: play 0.42 %"), "{text}");

@@ -16,6 +16,19 @@ pub fn percents(interval: Interval) -> String {
     format!("{} [{}, {}]", percent(interval.value), plain(interval.low), plain(interval.high))
 }
 
+/// Whether a closure's interval leaves everything open.
+pub fn untold(closure: Interval) -> bool {
+    closure.low <= 0.0 && closure.high >= 1.0
+}
+
+/// A closure with what it is a share of.
+fn closing(closure: Interval, of: &str) -> String {
+    if untold(closure) {
+        return format!("a share that cannot be told of {of}: that gap hardly stands above the noise");
+    }
+    format!("{} of {of}, on data left out of the fit", percents(closure))
+}
+
 /// Where a stage is on the machine.
 pub fn stage_title(stage: Stage) -> &'static str {
     match stage {
@@ -165,8 +178,7 @@ fn misses(diagnosis: &Diagnosis) -> String {
 
 /// The one sentence or two to take away.
 pub fn lead(diagnosis: &Diagnosis) -> String {
-    let closes =
-        format!("{} of the gap that refitting leaves, on data left out of the fit", percents(diagnosis.closure));
+    let closes = closing(diagnosis.closure, "the gap that refitting leaves");
     match (diagnosis.verdict, diagnosis.blamed.as_slice()) {
         (Verdict::Named, [one]) => {
             let values = values(&one.parameters);
@@ -288,9 +300,9 @@ pub fn summary(diagnosis: &Diagnosis) -> String {
         line("stage", title);
     }
     for blame in &diagnosis.blamed {
-        let (values, closes) = (values(&blame.parameters), percents(blame.closure));
+        let (values, closes) = (values(&blame.parameters), closing(blame.closure, "the gap"));
         line("effect", format!("{}: {values}; probability {}", blame.id, percent(blame.probability)));
-        line("", format!("closes {closes} of the gap on data left out of the fit"));
+        line("", format!("closes {closes}"));
     }
     if let Some(words) = besides(diagnosis) {
         line("rest", words);
