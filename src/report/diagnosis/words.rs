@@ -24,7 +24,9 @@ pub fn untold(closure: Interval) -> bool {
 /// A closure with what it is a share of.
 fn closing(closure: Interval, of: &str) -> String {
     if untold(closure) {
-        return format!("a share that cannot be told of {of}: that gap hardly stands above the noise");
+        return format!(
+            "a share of {of} that cannot be told: it stands in too few places, or too little above the noise"
+        );
     }
     format!("{} of {of}, on data left out of the fit", percents(closure))
 }
