@@ -95,9 +95,12 @@ pub fn diagnose(
         decision = modest;
         notes.extend(dropped);
     }
-    if !stage_only && let Some(strange) = agreement::disagreement(&bench, &found, floor) {
-        notes.push(strange);
-        decision = decision.forced(Verdict::Unknown);
+    if !stage_only {
+        let strange = agreement::disagreement(&bench, &found, floor);
+        if strange.is_some() || decide::untouched(&bench, &found, &decision) {
+            decision = decision.forced(Verdict::Unknown);
+        }
+        notes.extend(strange);
     }
     progress("gathering what the report shows", 0.9);
     let mut said = summary::gather(&bench, &found, &decision, &ready.unit, settings, Seen { latents, channels, notes });

@@ -53,6 +53,21 @@ fn ten_samples_are_refused_by_name_with_what_is_needed() {
 }
 
 #[test]
+fn a_gap_that_no_effect_touches_is_no_sound_unit() {
+    let mut both = pair(&sheet());
+    for (row, frame) in both.iter_mut().flat_map(|recording| recording.frames.iter_mut().enumerate()) {
+        // Half a second high, later half a second low.
+        frame.measured.spool_position_pu += match row / 50 % 8 {
+            1 => 0.05,
+            5 => -0.05,
+            _ => 0.0,
+        };
+    }
+    let said = judge(both).unwrap();
+    assert!(said.verdict == Verdict::Unknown && said.blamed.is_empty(), "{:?} {:?}", said.verdict, said.ranking);
+}
+
+#[test]
 fn one_that_cannot_be_used_is_left_out_and_the_rest_is_judged() {
     let mut both = pair(&sheet());
     both[1].frames.truncate(20);
