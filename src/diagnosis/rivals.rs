@@ -125,20 +125,18 @@ fn finals(
 ///
 /// A model is given up where all that may follow, at the pace of the last fit, would not bring it near the best.
 fn refine(bench: &Bench, tried: &mut [Model], before: &Model, count: usize, hopeful: f64) {
-    let mut least = f64::INFINITY;
+    let mut near = f64::INFINITY;
     for model in tried.iter_mut().take(count).filter(|model| model.cost() <= hopeful) {
-        let mut left = if model.fit.slopes.is_empty() { REFINEMENTS } else { 0 };
-        while left > 0 {
-            left -= 1;
+        let refinements = if model.fit.slopes.is_empty() { REFINEMENTS } else { 0 };
+        for left in (0..refinements).rev() {
             let last = model.cost();
             *model = model.refined(bench, Effort::FULL);
             let gained = last - model.cost();
-            let near = least + NEAR * (before.cost() - least);
             if gained < 0.25 * DETECTED || model.cost() - left as f64 * gained > near {
                 break;
             }
         }
-        least = least.min(model.cost());
+        near = near.min(model.cost() + NEAR * (before.cost() - model.cost()));
     }
     sort(tried);
 }
