@@ -27,8 +27,6 @@ use crate::signal::Signal;
 const LENGTHS_TICKS: (i64, i64) = (40_000, 150_000);
 /// Time between two rows from which on a recorder counts as an archive, in ticks.
 const ARCHIVE_TICKS: i64 = 100;
-/// Time between two rows of an exam, in ticks.
-const EXAM_ROW_TICKS: i64 = 10;
 /// Smallest and largest size of an effect over its typical one.
 const SIZES: (f64, f64) = (0.5, 2.5);
 /// Added to a seed for another course of the same plant.
@@ -158,12 +156,12 @@ pub fn make(unit: &Unit, case: &Case) -> Made {
     Made { streams: runs.into_iter().map(|(process, streams, _)| (process, streams)).collect(), label }
 }
 
-/// Recordings of the same plant on another day, at a bench's rate: what no diagnosis has seen.
+/// Streams of the same plant on another day, by the same recorder: what no diagnosis has seen.
 #[must_use]
-pub fn exam(unit: &Unit, case: &Case) -> Vec<Recording> {
+pub fn exam(unit: &Unit, case: &Case) -> Vec<(Process, Streams)> {
     let (bench, _) = bench(unit, case);
-    let another = Bench { seed: case.seed.wrapping_add(ANOTHER_DAY), row_ticks: EXAM_ROW_TICKS, ..bench };
-    Process::ALL.into_iter().map(|process| Recording::new(process.id(), another.record(process).0.rows())).collect()
+    let another = Bench { seed: case.seed.wrapping_add(ANOTHER_DAY), ..bench };
+    Process::ALL.into_iter().map(|process| (process, another.record(process).0)).collect()
 }
 
 /// The plant of a case on its bench, and what is in it.

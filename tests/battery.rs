@@ -64,7 +64,10 @@ fn a_seed_decides_everything_and_a_fault_shows() {
     assert!(with < 0.7 * without, "{with} {without}");
 
     // Another day of the same plant: other commands, the same play; the twin that has it closes most of the gap.
-    let another = exam(&unit, &backlash);
+    let another: Vec<Recording> = exam(&unit, &backlash)
+        .into_iter()
+        .map(|(process, streams)| Recording::new(process.id(), streams.rows()))
+        .collect();
     assert!(another.len() == 4 && another[1].frames != recording.frames);
     let sound = Unit { effects: vec![], ..spread_unit.clone() };
     let closed = closure(another.clone(), &sound, &spread_unit).unwrap();

@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use crate::battery::{Label, Truth};
-use crate::blind::said::Said;
+use crate::blind::said::{Said, Size};
 use crate::blind::statistics::{Bin, Measured, reliability};
 use crate::diagnosis::decide::SEEN;
-use crate::diagnosis::outcome::Verdict;
+use crate::diagnosis::outcome::{Interval, Verdict};
 
 /// Strength from which an effect must be seen, over the noise floor.
 const VISIBLE_RATIO: f64 = 3.0;
@@ -145,10 +145,11 @@ impl Scored {
     }
 
     fn closure_is_covered(&self) -> Option<bool> {
-        // Claims end at the whole gap; a twin below the noise that the floor allows closes all of it.
-        let realised = self.realised_closure.filter(|_| self.says(Verdict::Named))?.min(1.0);
-        let [low, high] = self.said.gap.closure.ci90?;
-        Some((low?..=high?).contains(&realised))
+        let realised = self.realised_closure.filter(|_| self.says(Verdict::Named))?;
+        let Size { value, ci90: Some([Some(low), Some(high)]) } = self.said.gap.closure else { return None };
+        // What leaves everything open is not given as a figure.
+        let claim = Interval { value: value.unwrap_or(f64::NAN), low, high };
+        (!claim.leaves_all_open()).then(|| (low..=high).contains(&realised))
     }
 }
 
@@ -341,6 +342,10 @@ mod tests {
             assert_eq!(of(id).measured, Measured::share(hits, cases), "{id}");
         }
         assert!((of("probability").measured.value - (0.9 + 0.4 + 0.0) / 3.0).abs() < 1e-12);
+        let mut open = case(&["backlash"], true, 9.0, "named", "servomotor", &[("backlash", 0.9)]);
+        assert_eq!(open.closure_is_covered(), Some(true));
+        open.said.gap.closure.ci90 = Some([Some(0.0), Some(1.0)]);
+        assert_eq!(open.closure_is_covered(), None, "what says nothing is no claim");
         assert_eq!(of("seconds").measured.value, 10.0);
         assert_eq!(of("false_alarm").reached, Some(false));
         assert_eq!(of("detection").reached, Some(true));

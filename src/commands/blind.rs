@@ -122,7 +122,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         print("Add --labels FILE to score the verdicts.\n")?;
         return Ok(outcome);
     };
-    let exams = made.as_ref().map(|made| made.exams(out, &unit));
+    let exams = made.as_ref().map(|made| made.exams(out, &unit)).transpose()?;
     scoring::score_all(&labels, exams.as_ref(), &methods, &cases, &args.dir, out)?;
     Ok(outcome)
 }

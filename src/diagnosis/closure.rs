@@ -6,6 +6,7 @@ use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use crate::diagnosis::decide::LEEWAY;
 use crate::diagnosis::outcome::Interval;
 use crate::diagnosis::search::Model;
 use crate::frame::Estimate;
@@ -179,9 +180,12 @@ fn ratio(sums: [f64; 3]) -> f64 {
     if gap <= 0.0 { 0.0 } else { ((sums[0] - sums[1]) / gap).clamp(-1.0, 1.0) }
 }
 
-/// Closure `(MSE_refitted − MSE_effects) / (MSE_refitted − noise²)` with its 90 % interval.
+/// Closure `(MSE_refitted − MSE_effects) / (MSE_refitted − noise²)` with the interval that holds that of another day of the same processes
+/// nine times in ten.
 ///
-/// Blocks are drawn with replacement within each trial, so that every process keeps its weight.
+/// Blocks are drawn with replacement within each trial, so that every process keeps its weight; and drawn again from those, since the other
+/// day is a draw as this one was (Efron & Tibshirani 1993, *An Introduction to the Bootstrap*, chapter 25). The noise is drawn too: no floor is
+/// known better than to what a right model may leave.
 #[must_use]
 pub fn closure(bench: &Bench, refitted: &LeftOut, with_effects: &LeftOut, seed: u64) -> Interval {
     closure_of(bench, refitted, with_effects, 0..bench.trials.len(), seed)
@@ -196,24 +200,82 @@ pub fn closure_of(
     trials: Range<usize>,
     seed: u64,
 ) -> Interval {
-    let blocks = &blocks(bench, refitted, with_effects)[trials];
-    let add = |sums: &mut [f64; 3], block: &[f64; 3]| sums.iter_mut().zip(block).for_each(|(sum, part)| *sum += part);
-    let mut all = [0.0; 3];
-    blocks.iter().flatten().for_each(|block| add(&mut all, block));
+    interval(&blocks(bench, refitted, with_effects)[trials], seed)
+}
+
+/// Closure as it came true, of twins that were fitted to other recordings; none where there is no gap.
+#[must_use]
+pub fn share(bench: &Bench, refitted: &LeftOut, with_effects: &LeftOut) -> Option<f64> {
+    let all = sum(blocks(bench, refitted, with_effects).iter().flatten());
+    (all[0] > all[2]).then(|| ratio(all))
+}
+
+fn sum<'a>(blocks: impl Iterator<Item = &'a [f64; 3]>) -> [f64; 3] {
+    blocks.fold([0.0; 3], |sums, block| std::array::from_fn(|k| sums[k] + block[k]))
+}
+
+/// Closure of blocks by trial, each with the sums of [`blocks`].
+fn interval(blocks: &[Vec<[f64; 3]>], seed: u64) -> Interval {
     let mut dice = ChaCha8Rng::seed_from_u64(seed);
-    let mut ratios: Vec<f64> = (0..RESAMPLINGS)
-        .map(|_| {
-            let mut sums = [0.0; 3];
-            for trial in blocks {
-                for _ in 0..trial.len() {
-                    add(&mut sums, &trial[dice.random_range(0..trial.len())]);
-                }
-            }
-            ratio(sums)
-        })
-        .collect();
+    let mut day = || {
+        let mut all = [0.0; 3];
+        for trial in blocks {
+            let mut drawn = |from: &[[f64; 3]]| -> Vec<[f64; 3]> {
+                (0..from.len()).map(|_| from[dice.random_range(0..from.len())]).collect()
+            };
+            let plant = drawn(trial);
+            all = sum([all].iter().chain(&drawn(&plant)));
+        }
+        let noise = all[2] * (1.0 + LEEWAY.0).powf(dice.random_range(-1.0..1.0));
+        // Neither twin leaves less than the noise.
+        let most = all[2].max(all[0].min(all[1]));
+        ratio([all[0], all[1], noise.min(most)])
+    };
+    let mut ratios: Vec<f64> = (0..RESAMPLINGS).map(|_| day()).collect();
     ratios.sort_by(f64::total_cmp);
-    let value = ratio(all);
+    let value = ratio(sum(blocks.iter().flatten()));
     let (low, high) = (ratios[RESAMPLINGS / 20], ratios[RESAMPLINGS - 1 - RESAMPLINGS / 20]);
     Interval { value, low: low.min(value), high: high.max(value) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Four trials of twenty blocks; what a block leaves varies by a factor of several, as in recordings.
+    fn day(seed: u64) -> Vec<Vec<[f64; 3]>> {
+        let mut dice = ChaCha8Rng::seed_from_u64(seed);
+        let mut block = || {
+            let gap = 50.0 * dice.random_range(0.0..1.0_f64).powi(2);
+            let closed = gap * dice.random_range(0.6..0.9);
+            [1.0 + gap, 1.0 + gap - closed, 1.0]
+        };
+        (0..4).map(|_| (0..20).map(|_| block()).collect()).collect()
+    }
+
+    /// An interval is a claim of another day; one for the mean alone would hold less than eight in ten.
+    #[test]
+    fn another_day_lies_inside_nine_times_in_ten() {
+        let holds = |seed: &u64| {
+            let claim = interval(&day(*seed), 1);
+            let came_true = ratio(sum(day(seed + 10_000).iter().flatten()));
+            (claim.low..=claim.high).contains(&came_true)
+        };
+        let inside = (0..400).filter(holds).count();
+        assert!((340..=385).contains(&inside), "{inside} of 400");
+    }
+
+    /// A twin that leaves half a floor more than noise may leave no more than a right one.
+    #[test]
+    fn how_uncertain_the_noise_is_widens_the_interval() {
+        let blocks = vec![vec![[20.0, 1.5, 1.0]; 20]; 4];
+        let Interval { value, low, high } = interval(&blocks, 1);
+        assert!((value - 18.5 / 19.0).abs() < 1e-12);
+        let counted_from = |noise: f64| 18.5 / (20.0 - noise);
+        assert!(low < counted_from(0.9) && high > counted_from(1.1), "{low} {high}");
+        assert!(low > counted_from(0.85) && high < counted_from(1.16), "{low} {high}");
+        // What leaves the least is no louder than the noise.
+        let least = interval(&[vec![[20.0, 1.0, 1.0]; 20]], 1);
+        assert!(least.high == 1.0 && least.low < 1.0, "{least:?}");
+    }
 }

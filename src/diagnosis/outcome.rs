@@ -45,6 +45,14 @@ pub struct Interval {
     pub high: f64,
 }
 
+impl Interval {
+    /// Of a share: whether it leaves everything open, from nothing to the whole.
+    #[must_use]
+    pub fn leaves_all_open(self) -> bool {
+        self.low <= 0.0 && self.high >= 1.0
+    }
+}
+
 /// A parameter as fitted.
 #[derive(Clone, Debug)]
 pub struct Fitted {

@@ -65,7 +65,7 @@ fn opening(body: &mut Blocks, diagnosis: &Diagnosis, origins: &[String]) {
         let closure = diagnosis.closure;
         let hint =
             format!("on data left out; 90 %: {} to {}", words::percent(closure.low), words::percent(closure.high));
-        let value = if words::untold(closure) { "cannot be told".to_owned() } else { words::percent(closure.value) };
+        let value = if closure.leaves_all_open() { "cannot be told".to_owned() } else { words::percent(closure.value) };
         key.push(KeyFigure::new("gap closed", value, "").hint(hint));
     }
     body.key_figures(key);

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use anyhow::Context;
 use govtwin::battery::plan::{Rates, plan};
 use govtwin::battery::{self, Case as Plan, Kind, Label};
 use govtwin::blind::exam;
@@ -12,8 +13,8 @@ use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 use sha2::{Digest, Sha256};
 
 use super::cases::Case;
-use crate::commands::generate;
 use crate::commands::output::{Progress, write_atomically};
+use crate::commands::{bags, generate};
 
 /// A battery that was made; its labels are in no file yet.
 #[derive(Debug)]
@@ -72,18 +73,29 @@ impl Battery {
         super::scoring::read_labels(&path)
     }
 
-    /// Closure that came true, for every unit whose reports say what to try, on recordings that are made now.
-    pub fn exams(&self, out: &Path, sheet: &Unit) -> BTreeMap<String, f64> {
-        let realised: Vec<Option<(String, f64)>> = self
+    /// Closure that came true, for every unit whose reports say what to try, on recordings that are made now and read as any others.
+    pub fn exams(&self, out: &Path, sheet: &Unit) -> anyhow::Result<BTreeMap<String, f64>> {
+        let progress = Progress::new(self.plans.len(), "exams");
+        let realised: anyhow::Result<Vec<Option<(String, f64)>>> = self
             .plans
             .par_iter()
             .map(|plan| {
                 let at = |file: &str| params::load(&out.join(&plan.name).join(file)).ok();
-                let (refitted, improved) = (at("refitted.yaml")?, at("fitted.yaml")?);
-                let closure = exam::closure(battery::exam(sheet, plan), &refitted, &improved)?;
-                Some((plan.name.clone(), closure))
+                let closure = match (at("refitted.yaml"), at("fitted.yaml")) {
+                    (Some(refitted), Some(improved)) if !improved.effects.is_empty() => {
+                        let bags = tempfile::tempdir().context("no temporary folder for recordings of an exam")?;
+                        for (process, streams) in battery::exam(sheet, plan) {
+                            generate::write(process, plan.seed, &streams, &bags.path().join(process.id()))?;
+                        }
+                        let fresh = bags::read(&[bags.path().to_owned()])?;
+                        exam::closure(fresh.recordings, &refitted, &improved)
+                    }
+                    _ => None,
+                };
+                progress.step();
+                Ok(closure.map(|closure| (plan.name.clone(), closure)))
             })
             .collect();
-        realised.into_iter().flatten().collect()
+        Ok(realised?.into_iter().flatten().collect())
     }
 }

@@ -16,14 +16,9 @@ pub fn percents(interval: Interval) -> String {
     format!("{} [{}, {}]", percent(interval.value), plain(interval.low), plain(interval.high))
 }
 
-/// Whether a closure's interval leaves everything open.
-pub fn untold(closure: Interval) -> bool {
-    closure.low <= 0.0 && closure.high >= 1.0
-}
-
 /// A closure with what it is a share of.
 fn closing(closure: Interval, of: &str) -> String {
-    if untold(closure) {
+    if closure.leaves_all_open() {
         return format!(
             "a share of {of} that cannot be told: it stands in too few places, or too little above the noise"
         );
