@@ -100,6 +100,16 @@ pub fn diagnose(
         if strange.is_some() || decide::untouched(&bench, &found, &decision) {
             decision = decision.forced(Verdict::Unknown);
         }
+        let left = closure::left(&bench, &found.refitted, decision.chosen(&found));
+        let named = decision.blamed.join(" and ");
+        decision = decision.doubted(left);
+        if !named.is_empty() && decision.blamed.is_empty() {
+            notes.push(format!(
+                "Nearest in the catalogue comes {named}, which leaves {:.0} % of the squared gap of the positions beyond what a right model \
+                 may: it resembles the cause, or something acts besides.",
+                100.0 * left
+            ));
+        }
         notes.extend(strange);
     }
     progress("gathering what the report shows", 0.9);

@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::diagnosis::decide::LEEWAY;
+use crate::diagnosis::decide::{LEEWAY, is_slow};
 use crate::diagnosis::outcome::Interval;
 use crate::diagnosis::search::Model;
 use crate::frame::Estimate;
@@ -141,6 +141,31 @@ fn squares(bench: &Bench, index: usize, signal: Signal, twins: [&LeftOut; 2]) ->
     };
     let over = before.iter().zip(&after).map(|(before, after)| [before / floor, after / floor]);
     over.map(|over| over.iter().all(|square| square.is_finite()).then_some(over)).collect()
+}
+
+/// Share of the squared gap of both positions that a model with effects leaves beyond what a right one may; 0 where the positions show no gap,
+/// and between slow samples, where nobody knows how much a right one may.
+#[must_use]
+pub fn left(bench: &Bench, refitted: &Model, with_effects: &Model) -> f64 {
+    if is_slow(bench) {
+        return 0.0;
+    }
+    let [refitted, with_effects] = [refitted, with_effects]
+        .map(|model| (0..bench.trials.len()).map(|trial| bench.simulate(&model.unit(), trial)).collect::<LeftOut>());
+    let (mut gap, mut left) = (0.0, 0.0);
+    for signal in Signal::POSITIONS {
+        let (mut sums, mut count) = ([0.0; 2], 0_usize);
+        for index in 0..bench.trials.len() {
+            for over in squares(bench, index, signal, [&refitted, &with_effects]).into_iter().flatten() {
+                sums = [sums[0] + over[0], sums[1] + over[1]];
+                count += 1;
+            }
+        }
+        let [before, after] = sums.map(|sum| sum / count.max(1) as f64);
+        gap += (before - 1.0).max(0.0);
+        left += (after - 1.0 - LEEWAY.0).max(0.0);
+    }
+    if gap > 0.0 { (left / gap).min(1.0) } else { 0.0 }
 }
 
 /// Sums over both positions in blocks: squares refitted, squares with effects, noise.

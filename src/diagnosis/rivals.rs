@@ -82,6 +82,12 @@ impl Found {
         grown.filter(|model| model.effects.iter().all(|effect| ids.contains(&effect.id))).unwrap_or(&self.best)
     }
 
+    /// The model with this effect alone.
+    #[must_use]
+    pub fn alone(&self, id: &str) -> &Model {
+        self.slots.first().and_then(|slot| slot.with(id)).unwrap_or(&self.best)
+    }
+
     /// The least cost that one effect more than the best would have reached.
     #[must_use]
     pub fn beyond(&self) -> f64 {

@@ -66,11 +66,7 @@ pub fn gather(
         ));
     }
     // What the verdict claims, and nothing else, goes into the improved twin.
-    let chosen = match verdict {
-        Verdict::Named if decision.blamed.len() > 1 => found.claimed(&decision.blamed).clone(),
-        Verdict::Named | Verdict::Class => decision.blamed.first().map_or(&found.best, |id| single(found, id)).clone(),
-        _ => found.refitted.clone(),
-    };
+    let chosen = decision.chosen(found).clone();
     let mut unknown_at: Vec<(Stage, f64)> = Stage::ALL.into_iter().map(|stage| (stage, 0.0)).collect();
     let best_share = latents.first().map_or(0.0, |latent| latent.explains);
     for latent in &latents {
@@ -143,11 +139,6 @@ pub fn gather(
     }
 }
 
-/// The model with this effect alone.
-fn single<'a>(found: &'a Found, id: &str) -> &'a Model {
-    found.slots.first().and_then(|slot| slot.with(id)).unwrap_or(&found.best)
-}
-
 /// The fitted values of those knobs that are wanted.
 fn fitted(model: &Model, wanted: impl Fn(&Knob) -> bool) -> Vec<Fitted> {
     // Effects of the unit itself come before those that were tried.
@@ -209,7 +200,7 @@ fn blames(
         .blamed
         .iter()
         .filter_map(|id| {
-            let alone = single(found, id).with_slopes(bench);
+            let alone = found.alone(id).with_slopes(bench);
             let spec = decision.effects.iter().find(|(spec, _)| spec.id == *id)?.0;
             // Parameters come from the model that is claimed, closure from the effect on its own.
             let model = if chosen.has(id) { chosen } else { &alone };
