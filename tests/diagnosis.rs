@@ -74,6 +74,21 @@ fn a_unit_that_swings_of_itself_is_named_by_its_loudness() {
     assert!(said.notes.iter().any(|note| note.contains("swing of themselves")), "{:?}", said.notes);
 }
 
+/// A leak across the piston lets the spool stand open at rest, as an offset of its transducer does, but not in every movement.
+#[test]
+fn a_neighbour_of_what_the_catalogue_lacks_is_not_named() {
+    let leak = find("servo_leak").unwrap().parameters[0];
+    let said = judged(Some(("servo_leak", 2.0 * leak.typical)));
+    assert_eq!(said.verdict, Verdict::Unknown);
+    assert!(said.blamed.is_empty() && said.fitted.effects.is_empty());
+    assert!(
+        said.notes.iter().any(|note| note.starts_with("Nearest in the catalogue comes lvdt_bias")),
+        "{:?}",
+        said.notes
+    );
+    assert!(said.ranking[0].id == "unknown" && said.ranking[1].id == "lvdt_bias", "{:?}", said.ranking);
+}
+
 #[test]
 fn a_sound_unit_has_no_gap() {
     let said = judged(None);

@@ -11,7 +11,7 @@ use anyhow::bail;
 use clap::ValueEnum;
 use govtwin::battery::plan::Rates;
 use govtwin::params;
-use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
+use rayon::prelude::{ParallelBridge, ParallelIterator};
 
 use self::cases::find;
 use self::method::methods;
@@ -101,12 +101,14 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let methods = methods(args.baselines, args.baselines_only);
     let progress = Progress::new(cases.len(), "units");
     let threads = (rayon::current_num_threads() / cases.len().max(1)).max(1);
-    let judged = cases.par_iter().map(|case| {
+    // Dealt out one by one, so that what is broken off has the first units and not some of each half.
+    let judged = cases.iter().par_bridge().map(|case| {
         let judged = method::judge(case, &unit, args.params.as_deref(), &methods, threads, out);
         progress.step();
         judged.map_err(|error| format!("{}: {error:#}", case.name))
     });
-    let failed: Vec<String> = judged.filter_map(Result::err).collect();
+    let mut failed: Vec<String> = judged.filter_map(Result::err).collect();
+    failed.sort();
     drop(progress);
     for failure in &failed {
         warn(failure);
