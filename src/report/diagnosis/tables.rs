@@ -1,7 +1,7 @@
 //! The tables of a diagnosis.
 
-use super::words::{id_words, percent, value, values};
-use crate::diagnosis::outcome::{Diagnosis, Fitted, Interval, StageOnly};
+use super::words::{id_words, percent, percents, value, values};
+use crate::diagnosis::outcome::{Diagnosis, Fitted, StageOnly};
 use crate::report::table::{Table, fixed, significant};
 use crate::signal::Signal;
 
@@ -104,8 +104,7 @@ pub fn tried(diagnosis: &Diagnosis) -> Table {
 pub fn transfers(diagnosis: &Diagnosis) -> Table {
     let mut table = Table::new().words("recording left out").numbers("gap closed, with 90 % interval");
     for one in &diagnosis.transfers {
-        let Interval { value, low, high } = one.closure;
-        table.row([one.recording.clone(), format!("{} [{}, {}]", percent(value), percent(low), percent(high))]);
+        table.row([one.recording.clone(), percents(one.closure)]);
     }
     table
 }
@@ -128,7 +127,7 @@ pub fn blamed(diagnosis: &Diagnosis) -> Table {
             super::words::stage_title(one.stage).to_owned(),
             percent(one.probability),
             values(&one.parameters),
-            super::words::percents(one.closure),
+            percents(one.closure),
         ];
         if two {
             row.extend([one.last_in, one.shapley].map(|share| share.map_or_else(String::new, percent)));

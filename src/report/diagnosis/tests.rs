@@ -176,7 +176,11 @@ fn a_closure_that_says_nothing_is_not_given_as_a_figure() {
     assert!(text.contains("This closes a share of the gap that refitting leaves that cannot be told"), "{text}");
     assert!(!text.contains("100 %"), "{text}");
     let html = page(&diagnosis, &[]).unwrap().to_html();
-    assert!(html.contains("cannot be told<"), "{html}");
+    assert!(html.contains("cannot be told<") && !html.contains("[0, 100]"));
+    let mut several = made_up(Verdict::Named, &["backlash", "lvdt_bias"]);
+    several.blamed[1].closure = diagnosis.closure;
+    let html = page(&several, &[]).unwrap().to_html();
+    assert!(html.contains("Alone it closes a share that cannot be told. ") && !html.contains("[0, 100]"));
 }
 
 #[test]

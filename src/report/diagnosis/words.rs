@@ -10,8 +10,11 @@ pub fn percent(share: f64) -> String {
     if share.is_finite() { format!("{:.0} %", 100.0 * share).replace('-', "\u{2212}") } else { "–".into() }
 }
 
-/// A share with its interval, as percentages.
+/// A share with its interval, as percentages; what leaves everything open is no figure.
 pub fn percents(interval: Interval) -> String {
+    if interval.leaves_all_open() {
+        return "cannot be told".to_owned();
+    }
     let plain = |share: f64| percent(share).replace(" %", "");
     format!("{} [{}, {}]", percent(interval.value), plain(interval.low), plain(interval.high))
 }
@@ -261,8 +264,9 @@ pub fn explanation(diagnosis: &Diagnosis) -> Vec<String> {
 }
 
 fn of_several(diagnosis: &Diagnosis, blame: &Blame) -> String {
+    let open = if blame.closure.leaves_all_open() { "a share that " } else { "" };
     format!(
-        "{} ({}, probability {}): {}. Alone it closes {}. {}",
+        "{} ({}, probability {}): {}. Alone it closes {open}{}. {}",
         capital(&id_words(&blame.id)),
         cause(diagnosis, &blame.id),
         percent(blame.probability),
