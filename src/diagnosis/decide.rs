@@ -128,13 +128,15 @@ impl Decision {
     /// that another effect only resembles what there is.
     #[must_use]
     pub fn doubted(mut self, left: f64) -> Self {
-        let unknown = left / (left + STAYS);
-        if !matches!(self.verdict, Verdict::Named | Verdict::Class) || unknown <= self.unknown {
+        if !matches!(self.verdict, Verdict::Named | Verdict::Class) {
             return self;
         }
-        self.unknown = unknown;
-        self.none *= 1.0 - unknown;
-        self.effects.iter_mut().for_each(|(_, p)| *p *= 1.0 - unknown);
+        let unknown = left / (left + STAYS);
+        if unknown > self.unknown {
+            self.unknown = unknown;
+            self.none *= 1.0 - unknown;
+            self.effects.iter_mut().for_each(|(_, p)| *p *= 1.0 - unknown);
+        }
         if left > STAYS {
             (self.verdict, self.blamed) = (Verdict::Unknown, Vec::new());
         }
