@@ -143,8 +143,8 @@ fn squares(bench: &Bench, index: usize, signal: Signal, twins: [&LeftOut; 2]) ->
     over.map(|over| over.iter().all(|square| square.is_finite()).then_some(over)).collect()
 }
 
-/// Share of the squared gap of both positions that a model with effects leaves beyond what a right one may; 0 where the positions show no gap,
-/// and between slow samples, where nobody knows how much a right one may.
+/// Share of the squared gap of both positions that a model with effects leaves beyond what a right one may; 0 where that gap is smaller than the
+/// noise, since no unit chatters quite as expected, and between slow samples, where nobody knows how much a right model may leave.
 #[must_use]
 pub fn left(bench: &Bench, refitted: &Model, with_effects: &Model) -> f64 {
     if is_slow(bench) {
@@ -165,7 +165,7 @@ pub fn left(bench: &Bench, refitted: &Model, with_effects: &Model) -> f64 {
         gap += (before - 1.0).max(0.0);
         left += (after - 1.0 - LEEWAY.0).max(0.0);
     }
-    if gap > 0.0 { (left / gap).min(1.0) } else { 0.0 }
+    if gap > Signal::POSITIONS.len() as f64 { (left / gap).min(1.0) } else { 0.0 }
 }
 
 /// Sums over both positions in blocks: squares refitted, squares with effects, noise.
