@@ -101,12 +101,12 @@ pub fn diagnose(
             decision = decision.forced(Verdict::Unknown);
         }
         let left = closure::left(&bench, &found.refitted, decision.chosen(&found));
-        let named = decision.blamed.join(" and ");
+        let named = decision.blamed.join(if decision.verdict == Verdict::Class { " or " } else { " and " });
         decision = decision.doubted(left);
         if !named.is_empty() && decision.blamed.is_empty() {
             notes.push(format!(
-                "Nearest in the catalogue comes {named}, which leaves {:.0} % of the squared gap of the positions beyond what a right model \
-                 may: it resembles the cause, or something acts besides.",
+                "Nearest in the catalogue: {named}. With that {:.0} % of the squared gap of the positions stays beyond what a right model may \
+                 leave: it resembles the cause, or something acts besides.",
                 100.0 * left
             ));
         }

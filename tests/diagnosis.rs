@@ -82,7 +82,7 @@ fn a_neighbour_of_what_the_catalogue_lacks_is_not_named() {
     assert_eq!(said.verdict, Verdict::Unknown);
     assert!(said.blamed.is_empty() && said.fitted.effects.is_empty());
     assert!(
-        said.notes.iter().any(|note| note.starts_with("Nearest in the catalogue comes lvdt_bias")),
+        said.notes.iter().any(|note| note.starts_with("Nearest in the catalogue: lvdt_bias. With that ")),
         "{:?}",
         said.notes
     );
