@@ -45,7 +45,10 @@ fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
     let part = |name: &str, share| Part { name: name.into(), samples: 100, refitted: share, with_effects: 0.1 * share };
     Diagnosis {
         verdict,
-        stage: (!blamed.is_empty()).then_some(Stage::Servomotor),
+        stage: match verdict {
+            Verdict::Unknown => Some(Stage::Sensor),
+            _ => (!blamed.is_empty()).then_some(Stage::Servomotor),
+        },
         stages: vec![(Stage::Servomotor, 0.98), (Stage::Spool, 0.02)],
         ranking: vec![
             Ranked { id: "backlash".into(), probability: 0.97 },
@@ -164,6 +167,21 @@ fn every_verdict_has_a_sentence_of_its_own() {
         assert!(text.contains(&format!("verdict      {}\n", verdict.id())), "{text}");
         let html = page(&diagnosis, &[]).unwrap().to_html();
         assert!(html.contains(expected), "{verdict:?}");
+    }
+}
+
+#[test]
+fn something_unknown_is_looked_for_where_the_page_places_it() {
+    let mut diagnosis = made_up(Verdict::Unknown, &[]);
+    diagnosis.latents[0].explains = 0.4;
+    let text = summary(&diagnosis);
+    assert!(
+        text.contains("transducers and clocks. A free term on the ") && text.contains("would explain 40 %"),
+        "{text}"
+    );
+    for (stage, explains) in [(Stage::Sensor, 0.01), (Stage::Spool, 0.4)] {
+        (diagnosis.stage, diagnosis.latents[0].explains) = (Some(stage), explains);
+        assert!(!summary(&diagnosis).contains("free term"), "{}", summary(&diagnosis));
     }
 }
 

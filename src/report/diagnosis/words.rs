@@ -5,6 +5,9 @@ use crate::effects::{self, Stage};
 use crate::report::table::significant;
 use crate::signal::Signal;
 
+/// Share of the gap from which it is worth a word what a free term would explain.
+const TOLD: f64 = 0.05;
+
 /// A share as a percentage.
 pub fn percent(share: f64) -> String {
     if share.is_finite() { format!("{:.0} %", 100.0 * share).replace('-', "\u{2212}") } else { "–".into() }
@@ -207,15 +210,15 @@ pub fn lead(diagnosis: &Diagnosis) -> String {
     }
 }
 
+/// Where to look, and what a free term there would explain, if it is worth a word.
 fn unknown(diagnosis: &Diagnosis) -> String {
-    let place = diagnosis.latents.first().map_or_else(
-        || ".".to_owned(),
-        |latent| {
-            let (at, share) = (latent.place, percent(latent.explains));
-            format!(": look at the {}. A free term on the {at} would explain {share} of it.", stage_title(latent.stage))
-        },
-    );
-    format!("There is a gap that nothing in the catalogue explains{place}")
+    let nothing = "There is a gap that nothing in the catalogue explains";
+    let Some(stage) = diagnosis.stage else { return format!("{nothing}.") };
+    let there = diagnosis.latents.iter().filter(|latent| latent.stage == stage && latent.explains >= TOLD);
+    let term = there.max_by(|a, b| a.explains.total_cmp(&b.explains)).map_or_else(String::new, |latent| {
+        format!(" A free term on the {} would explain {} of it.", latent.place, percent(latent.explains))
+    });
+    format!("{nothing}: look at the {}.{term}", stage_title(stage))
 }
 
 fn count(number: usize) -> String {
