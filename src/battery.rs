@@ -32,7 +32,7 @@ const SIZES: (f64, f64) = (0.5, 2.5);
 /// Added to a seed for another course of the same plant.
 const ANOTHER_DAY: u64 = 0x5eed_0dd5;
 /// What a right twin may miss of a signal, in the order of [`Signal::ALL`]: transducers, and chatter of the spool.
-pub const FLOORS: [f64; 4] = [1.6e-4, 5.0e-3, 7.0e-2, 1.3e4];
+const FLOORS: [f64; 4] = [1.6e-4, 5.0e-3, 7.0e-2, 1.3e4];
 
 /// What kind of unit a case is.
 #[derive(Clone, Debug, PartialEq, Eq)]

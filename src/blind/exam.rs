@@ -18,7 +18,5 @@ pub fn closure(recordings: Vec<Recording>, refitted: &Unit, improved: &Unit) -> 
         Some(trials) => Bench::new(trials, refitted, &noise),
         None => bench,
     };
-    let [before, after] =
-        [refitted, improved].map(|unit| (0..bench.trials.len()).map(|trial| bench.simulate(unit, trial)).collect());
-    share(&bench, &before, &after)
+    share(&bench, &bench.simulate_all(refitted), &bench.simulate_all(improved))
 }

@@ -44,7 +44,7 @@ pub type LeftOut = Vec<Vec<Estimate>>;
 #[must_use]
 pub fn without_parts(bench: &Bench, model: &Model) -> LeftOut {
     let trials = 0..bench.trials.len();
-    let mut estimates: LeftOut = trials.clone().map(|trial| bench.simulate(&model.unit(), trial)).collect();
+    let mut estimates: LeftOut = bench.simulate_all(&model.unit());
     if model.fit.slopes.is_empty() {
         return estimates;
     }
@@ -133,14 +133,26 @@ fn refitted_without(bench: &Bench, model: &Model, left: usize) -> crate::paramet
     unit_at(&base, &knobs, &found.positions)
 }
 
-/// Squared misses of a signal in a trial over its noise, at each sample where it was measured: refitted, with effects.
-fn squares(bench: &Bench, index: usize, signal: Signal, twins: [&LeftOut; 2]) -> Vec<Option<[f64; 2]>> {
+/// Squared misses over the noise at each sample, where one was measured: refitted, with effects.
+type Squares = Vec<Option<[f64; 2]>>;
+
+/// Those of a signal in a trial.
+fn squares(bench: &Bench, index: usize, signal: Signal, twins: [&LeftOut; 2]) -> Squares {
     let floor = bench.floor_square(index, signal);
     let [Some(before), Some(after)] = twins.map(|twin| bench.squares(index, signal, &twin[index])) else {
         return Vec::new();
     };
     let over = before.iter().zip(&after).map(|(before, after)| [before / floor, after / floor]);
     over.map(|over| over.iter().all(|square| square.is_finite()).then_some(over)).collect()
+}
+
+/// [`squares`] of a signal by trial, and their means.
+fn squares_and_means(bench: &Bench, signal: Signal, twins: [&LeftOut; 2]) -> (Vec<Squares>, [f64; 2]) {
+    let all: Vec<_> = (0..bench.trials.len()).map(|index| squares(bench, index, signal, twins)).collect();
+    let there = || all.iter().flatten().flatten();
+    let count = there().count().max(1) as f64;
+    let means = [0, 1].map(|twin| there().map(|over| over[twin]).sum::<f64>() / count);
+    (all, means)
 }
 
 /// Share of the squared gap of both positions that a model with effects leaves beyond what a right one may; 0 where that gap is smaller than the
@@ -150,18 +162,10 @@ pub fn left(bench: &Bench, refitted: &Model, with_effects: &Model) -> f64 {
     if is_slow(bench) {
         return 0.0;
     }
-    let [refitted, with_effects] = [refitted, with_effects]
-        .map(|model| (0..bench.trials.len()).map(|trial| bench.simulate(&model.unit(), trial)).collect::<LeftOut>());
+    let [refitted, with_effects] = [refitted, with_effects].map(|model| bench.simulate_all(&model.unit()));
     let (mut gap, mut left) = (0.0, 0.0);
     for signal in Signal::POSITIONS {
-        let (mut sums, mut count) = ([0.0; 2], 0_usize);
-        for index in 0..bench.trials.len() {
-            for over in squares(bench, index, signal, [&refitted, &with_effects]).into_iter().flatten() {
-                sums = [sums[0] + over[0], sums[1] + over[1]];
-                count += 1;
-            }
-        }
-        let [before, after] = sums.map(|sum| sum / count.max(1) as f64);
+        let (_, [before, after]) = squares_and_means(bench, signal, [&refitted, &with_effects]);
         gap += (before - 1.0).max(0.0);
         left += (after - 1.0 - LEEWAY.0).max(0.0);
     }
@@ -179,12 +183,8 @@ fn blocks(bench: &Bench, refitted: &LeftOut, with_effects: &LeftOut) -> Vec<Vec<
         .map(|trial| vec![[0.0; 3]; trial.samples.len().div_ceil(trial.samples_in(BLOCK_S))])
         .collect();
     for signal in Signal::POSITIONS {
-        let all: Vec<_> =
-            (0..bench.trials.len()).map(|index| squares(bench, index, signal, [refitted, with_effects])).collect();
-        let there = || all.iter().flatten().flatten();
-        let count = there().count() as f64;
-        let least = [0, 1].map(|twin| there().map(|over| over[twin]).sum::<f64>() / count);
-        let noise = least[0].min(least[1]).min(1.0);
+        let (all, [before, after]) = squares_and_means(bench, signal, [refitted, with_effects]);
+        let noise = before.min(after).min(1.0);
         for (index, samples) in all.iter().enumerate() {
             let size = bench.trials[index].samples_in(BLOCK_S);
             for (k, over) in samples.iter().enumerate() {

@@ -91,8 +91,8 @@ pub fn gather(
         share_out(whole.value, &mut blamed);
     }
     let refitted_without = without_recordings(bench, &found.refitted);
-    let simulate = |unit: &Unit| (0..bench.trials.len()).map(|trial| bench.simulate(unit, trial)).collect::<Vec<_>>();
-    let [delivered, refitted, with_effects] = [unit, &found.refitted.unit(), &chosen.unit()].map(simulate);
+    let [delivered, refitted, with_effects] =
+        [unit, &found.refitted.unit(), &chosen.unit()].map(|unit| bench.simulate_all(unit));
     let known = unit.effects.len();
     let parameters = fitted(&chosen, |knob| !matches!(knob, Knob::Effect { effect, .. } if *effect >= known));
     for parameter in parameters.iter().filter(|parameter| parameter.at_bound) {

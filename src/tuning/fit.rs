@@ -71,6 +71,12 @@ impl Bench {
         self.trials[trial].run(&mut self.prepared(Twin::new(unit), trial))
     }
 
+    /// All trials through the mean twin of a unit, one after another.
+    #[must_use]
+    pub fn simulate_all(&self, unit: &Unit) -> Vec<Vec<Estimate>> {
+        (0..self.trials.len()).map(|trial| self.simulate(unit, trial)).collect()
+    }
+
     /// A twin with the cut of a trial; the mean over noise inside the loop, where there is a loop.
     fn prepared(&self, twin: Twin, trial: usize) -> Twin {
         match self.trials[trial].cut {
