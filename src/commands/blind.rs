@@ -110,10 +110,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let mut failed: Vec<String> = judged.filter_map(Result::err).collect();
     failed.sort();
     drop(progress);
-    for failure in &failed {
-        warn(failure);
-    }
-    let outcome = if failed.is_empty() { Outcome::Ok } else { Outcome::Warnings };
+    warn_of(&failed);
     let labels = match (&made, &args.labels) {
         (Some(made), _) => Some(made.answers()?),
         (None, Some(path)) => Some(scoring::read_labels(path)?),
@@ -122,9 +119,22 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let Some(labels) = labels else {
         print(&scoring::verdicts(&cases, &methods, out)?.to_text())?;
         print("Add --labels FILE to score the verdicts.\n")?;
-        return Ok(outcome);
+        return Ok(outcome(&failed));
     };
-    let exams = made.as_ref().map(|made| made.exams(out, &unit)).transpose()?;
+    let exams = made.as_ref().map(|made| {
+        let (closures, unexamined) = made.exams(out, &unit);
+        warn_of(&unexamined);
+        failed.extend(unexamined);
+        closures
+    });
     scoring::score_all(&labels, exams.as_ref(), &methods, &cases, &args.dir, out)?;
-    Ok(outcome)
+    Ok(outcome(&failed))
+}
+
+fn warn_of(failed: &[String]) {
+    failed.iter().for_each(|failure| warn(failure));
+}
+
+fn outcome(failed: &[String]) -> Outcome {
+    if failed.is_empty() { Outcome::Ok } else { Outcome::Warnings }
 }

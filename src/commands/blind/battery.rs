@@ -73,29 +73,44 @@ impl Battery {
         super::scoring::read_labels(&path)
     }
 
-    /// Closure that came true, for every unit whose reports say what to try, on recordings that are made now and read as any others.
-    pub fn exams(&self, out: &Path, sheet: &Unit) -> anyhow::Result<BTreeMap<String, f64>> {
+    /// Closure that came true, for every unit whose reports say what to try; and why others have none.
+    pub fn exams(&self, out: &Path, sheet: &Unit) -> (BTreeMap<String, f64>, Vec<String>) {
         let progress = Progress::new(self.plans.len(), "exams");
-        let realised: anyhow::Result<Vec<Option<(String, f64)>>> = self
+        let realised: Vec<anyhow::Result<Option<f64>>> = self
             .plans
             .par_iter()
             .map(|plan| {
-                let at = |file: &str| params::load(&out.join(&plan.name).join(file)).ok();
-                let closure = match (at("refitted.yaml"), at("fitted.yaml")) {
-                    (Some(refitted), Some(improved)) if !improved.effects.is_empty() => {
-                        let bags = tempfile::tempdir().context("no temporary folder for recordings of an exam")?;
-                        for (process, streams) in battery::exam(sheet, plan) {
-                            generate::write(process, plan.seed, &streams, &bags.path().join(process.id()))?;
-                        }
-                        let fresh = bags::read(&[bags.path().to_owned()])?;
-                        exam::closure(fresh.recordings, &refitted, &improved)
-                    }
-                    _ => None,
-                };
+                let closure = realised(out, sheet, plan);
                 progress.step();
-                Ok(closure.map(|closure| (plan.name.clone(), closure)))
+                closure
             })
             .collect();
-        Ok(realised?.into_iter().flatten().collect())
+        drop(progress);
+        let (mut closures, mut failed) = (BTreeMap::new(), Vec::new());
+        for (plan, closure) in self.plans.iter().zip(realised) {
+            match closure {
+                Ok(closure) => closures.extend(closure.map(|closure| (plan.name.clone(), closure))),
+                Err(error) => failed.push(format!("{}: closure not examined: {error:#}", plan.name)),
+            }
+        }
+        (closures, failed)
     }
+}
+
+/// Closure on recordings that are made now and read as any others; none where the reports name nothing.
+fn realised(out: &Path, sheet: &Unit, plan: &Plan) -> anyhow::Result<Option<f64>> {
+    let at = |file: &str| -> anyhow::Result<Option<Unit>> {
+        let path = out.join(&plan.name).join(file);
+        Ok(if path.is_file() { Some(params::load(&path)?) } else { None })
+    };
+    let (Some(refitted), Some(improved)) = (at("refitted.yaml")?, at("fitted.yaml")?) else { return Ok(None) };
+    if improved.effects.is_empty() {
+        return Ok(None);
+    }
+    let bags = tempfile::tempdir().context("no temporary folder for its recordings")?;
+    for (process, streams) in battery::exam(sheet, plan) {
+        generate::write(process, plan.seed, &streams, &bags.path().join(process.id()))?;
+    }
+    let fresh = bags::read(&[bags.path().to_owned()])?;
+    Ok(exam::closure(fresh.recordings, &refitted, &improved))
 }
