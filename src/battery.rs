@@ -151,9 +151,19 @@ pub fn make(unit: &Unit, case: &Case) -> Made {
     } else {
         runs.iter().map(|(process, _, inputs)| strength(&bench, *process, inputs)).fold(0.0, f64::max)
     };
-    let listed = matches!(case.kind, Kind::Sound | Kind::Single(_) | Kind::Pair(..));
-    let label = Label { name: case.name.clone(), effects, listed, strength_ratio, rate_hz: case.rate_hz };
+    let label = Label { strength_ratio, ..unmeasured(case, effects) };
     Made { streams: runs.into_iter().map(|(process, streams, _)| (process, streams)).collect(), label }
+}
+
+/// The label of a case without its strength, which takes simulations of it to know.
+#[must_use]
+pub fn label(unit: &Unit, case: &Case) -> Label {
+    unmeasured(case, bench(unit, case).1)
+}
+
+fn unmeasured(case: &Case, effects: Vec<Truth>) -> Label {
+    let listed = matches!(case.kind, Kind::Sound | Kind::Single(_) | Kind::Pair(..));
+    Label { name: case.name.clone(), effects, listed, strength_ratio: f64::NAN, rate_hz: case.rate_hz }
 }
 
 /// Streams of the same plant on another day, by the same recorder: what no diagnosis has seen.

@@ -9,12 +9,16 @@ use govtwin::battery::{self, Case as Plan, Kind, Label};
 use govtwin::blind::exam;
 use govtwin::parameters::Unit;
 use govtwin::params::{self, labels};
+use govtwin::recording::Process;
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 use sha2::{Digest, Sha256};
 
 use super::cases::Case;
 use crate::commands::output::{Progress, write_atomically};
 use crate::commands::{bags, generate};
+
+/// Where the answers are opened, below the battery's folder.
+const LABELS: &str = "answers/labels.yaml";
 
 /// A battery that was made; its labels are in no file yet.
 #[derive(Debug)]
@@ -25,28 +29,49 @@ pub struct Battery {
     seed: u64,
 }
 
-/// Makes the bags that are not there yet, and commits to the answers.
+/// Makes the bags that are not there yet, and commits to the answers; units whose answers were opened before are not simulated again.
 pub fn make(dir: &Path, unit: &Unit, count: usize, seed: u64, rates: Rates) -> anyhow::Result<Battery> {
     let plans = plan(count, seed, rates);
+    let opened = super::scoring::read_labels(&dir.join(LABELS)).unwrap_or_default();
     let progress = Progress::new(plans.len(), "units made");
     let labels: anyhow::Result<Vec<Label>> = plans
         .par_iter()
         .map(|case| {
-            let made = battery::make(unit, case);
-            for (process, streams) in &made.streams {
-                let bag = dir.join(&case.name).join(process.id());
-                if !bag.join("metadata.yaml").is_file() {
-                    generate::write(*process, case.seed, streams, &bag)?;
+            let label = match known(&opened, &battery::label(unit, case)) {
+                Some(label) if Process::ALL.into_iter().all(|process| is_there(&bag(dir, case, process))) => label,
+                _ => {
+                    let made = battery::make(unit, case);
+                    for (process, streams) in &made.streams {
+                        let bag = bag(dir, case, *process);
+                        if !is_there(&bag) {
+                            generate::write(*process, case.seed, streams, &bag)?;
+                        }
+                    }
+                    made.label
                 }
-            }
+            };
             progress.step();
-            Ok(made.label)
+            Ok(label)
         })
         .collect();
     let battery = Battery { dir: dir.to_owned(), plans, labels: labels?, seed };
     let key: String = Sha256::digest(battery.text().as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect();
     write_atomically(&dir.join("answers/keys.sha256"), format!("{key}  labels.yaml\n").as_bytes())?;
     Ok(battery)
+}
+
+fn bag(dir: &Path, case: &Plan, process: Process) -> PathBuf {
+    dir.join(&case.name).join(process.id())
+}
+
+fn is_there(bag: &Path) -> bool {
+    bag.join("metadata.yaml").is_file()
+}
+
+/// The label with its strength, if it was opened before.
+fn known(opened: &[Label], label: &Label) -> Option<Label> {
+    let known = opened.iter().find(|known| known.name == label.name)?;
+    (Label { strength_ratio: known.strength_ratio, ..label.clone() } == *known).then(|| known.clone())
 }
 
 impl Battery {
@@ -68,7 +93,7 @@ impl Battery {
 
     /// Writes the answers, now that nobody diagnoses any more, and hands them out.
     pub fn answers(&self) -> anyhow::Result<Vec<Label>> {
-        let path = self.dir.join("answers/labels.yaml");
+        let path = self.dir.join(LABELS);
         write_atomically(&path, self.text().as_bytes())?;
         super::scoring::read_labels(&path)
     }
@@ -113,4 +138,25 @@ fn realised(out: &Path, sheet: &Unit, plan: &Plan) -> anyhow::Result<Option<f64>
     }
     let fresh = bags::read(&[bags.path().to_owned()])?;
     Ok(exam::closure(fresh.recordings, &refitted, &improved))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn answers_that_were_opened_are_known_again_and_no_others() {
+        let unit = params::reference();
+        let labels: Vec<Label> = plan(12, 3, Rates::Both)
+            .iter()
+            .map(|case| Label { strength_ratio: 2.5, ..battery::label(&unit, case) })
+            .collect();
+        let opened = labels::read(&labels::write(&labels)).unwrap();
+        for (case, label) in plan(12, 3, Rates::Both).iter().zip(labels) {
+            assert_eq!(known(&opened, &battery::label(&unit, case)), Some(label));
+        }
+        let others = plan(20, 4, Rates::Both);
+        let mixed = others.iter().filter_map(|case| known(&opened, &battery::label(&unit, case)));
+        assert!(mixed.into_iter().all(|label| label.effects.is_empty()), "only what is sound is alike");
+    }
 }
