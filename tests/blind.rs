@@ -113,6 +113,11 @@ fn slips_say_the_way_out() {
     assert!(code == Some(1) && words.contains("expected folders with .mcap files"), "{words}");
     let (code, words) = run(&["--generate", "0"]);
     assert!(code == Some(1) && words.contains("at least 1 unit"), "{words}");
+    // Bags of another draw would be scored by answers that are not theirs.
+    std::fs::create_dir(dir.path().join("answers")).unwrap();
+    std::fs::write(dir.path().join("answers/drawn.sha256"), "another\n").unwrap();
+    let (code, words) = run(&["--generate", "1"]);
+    assert!(code == Some(1) && words.contains("of another seed or rate"), "{words}");
     unit(dir.path(), "case_1", &report("perhaps", &[]));
     let (code, words) = run(&["--baselines"]);
     assert!(code == Some(1) && words.contains("found `perhaps`"), "{words}");

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use govtwin::battery::plan::{Rates, plan};
 use govtwin::battery::{self, Case as Plan, Kind, Label};
 use govtwin::blind::exam;
@@ -20,6 +20,9 @@ use crate::commands::{bags, generate};
 /// Where the answers are opened, below the battery's folder.
 const LABELS: &str = "answers/labels.yaml";
 
+/// Which draw the battery's bags are of, as a hash: whoever knows the seed knows the answers.
+const DRAWN: &str = "answers/drawn.sha256";
+
 /// A battery that was made; its labels are in no file yet.
 #[derive(Debug)]
 pub struct Battery {
@@ -31,6 +34,15 @@ pub struct Battery {
 
 /// Makes the bags that are not there yet, and commits to the answers; units whose answers were opened before are not simulated again.
 pub fn make(dir: &Path, unit: &Unit, count: usize, seed: u64, rates: Rates) -> anyhow::Result<Battery> {
+    let key = sha256(&format!("seed {seed}, {rates:?}"));
+    let drawn = dir.join(DRAWN);
+    if std::fs::read_to_string(&drawn).is_ok_and(|there| there.trim() != key) {
+        let dir = dir.display();
+        bail!(
+            "{dir} holds a battery of another seed or rate; expected --seed and --rate as before, or a folder of its own"
+        );
+    }
+    write_atomically(&drawn, format!("{key}\n").as_bytes())?;
     let plans = plan(count, seed, rates);
     let opened = super::scoring::read_labels(&dir.join(LABELS)).unwrap_or_default();
     let progress = Progress::new(plans.len(), "units made");
@@ -55,9 +67,13 @@ pub fn make(dir: &Path, unit: &Unit, count: usize, seed: u64, rates: Rates) -> a
         })
         .collect();
     let battery = Battery { dir: dir.to_owned(), plans, labels: labels?, seed };
-    let key: String = Sha256::digest(battery.text().as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect();
+    let key = sha256(&battery.text());
     write_atomically(&dir.join("answers/keys.sha256"), format!("{key}  labels.yaml\n").as_bytes())?;
     Ok(battery)
+}
+
+fn sha256(text: &str) -> String {
+    Sha256::digest(text.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 fn bag(dir: &Path, case: &Plan, process: Process) -> PathBuf {
