@@ -132,7 +132,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 }
 
 fn warn_of(failed: &[String]) {
-    failed.iter().for_each(|failure| warn(failure));
+    for failure in failed {
+        warn(failure);
+    }
 }
 
 fn outcome(failed: &[String]) -> Outcome {

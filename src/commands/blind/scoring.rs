@@ -143,6 +143,7 @@ fn score_json(score: &Score) -> Value {
         let mut value = measured(&m.measured);
         value["target"] = m.target.into();
         value["reached"] = m.reached.into();
+        value["misses"] = m.misses.map(|misses| json!({"all": misses.all, "by_recordings": misses.untold})).into();
         (m.id.to_owned(), value)
     };
     let bins: Vec<Value> =
