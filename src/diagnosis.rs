@@ -24,12 +24,14 @@ pub mod summary;
 pub mod traces;
 pub mod visible;
 
+use crate::diagnosis::decide::Decision;
 use crate::diagnosis::outcome::{Diagnosis, Verdict};
 use crate::diagnosis::rivals::Found;
 use crate::diagnosis::summary::Seen;
 use crate::effects::{CATALOGUE, EffectSpec};
 use crate::parameters::Unit;
 use crate::recording::Recording;
+use crate::tuning::fit::Bench;
 
 /// What to try.
 #[derive(Clone, Debug)]
@@ -100,16 +102,9 @@ pub fn diagnose(
         if strange.is_some() || decide::untouched(&bench, &found, &decision) {
             decision = decision.forced(Verdict::Unknown);
         }
-        let left = closure::left(&bench, &found.refitted, decision.chosen(&found));
-        let named = decision.blamed.join(if decision.verdict == Verdict::Class { " or " } else { " and " });
-        decision = decision.doubted(left);
-        if !named.is_empty() && decision.blamed.is_empty() {
-            notes.push(format!(
-                "Nearest in the catalogue: {named}. With that {:.0} % of the squared gap of the positions stays beyond what a right model may \
-                 leave: it resembles the cause, or something acts besides.",
-                100.0 * left
-            ));
-        }
+        let (doubted, reason) = doubts(&bench, &found, decision);
+        decision = doubted;
+        notes.extend(reason);
         notes.extend(strange);
     }
     progress("gathering what the report shows", 0.9);
@@ -118,4 +113,34 @@ pub fn diagnose(
         said.part = Some(part::describe(&ready, &found));
     }
     Ok(said)
+}
+
+/// Doubts what is named, or that there is nothing, by what it leaves and by how far it stretches the sheet; with the reason where the verdict turns.
+fn doubts(bench: &Bench, found: &Found, decision: Decision) -> (Decision, Option<String>) {
+    let named = decision.blamed.join(if decision.verdict == Verdict::Class { " or " } else { " and " });
+    if named.is_empty() && decision.verdict != Verdict::NoGap {
+        return (decision, None);
+    }
+    let chosen = decision.chosen(found);
+    let left = if named.is_empty() { 0.0 } else { closure::left(bench, &found.refitted, chosen) };
+    let (by_left, by_strain) = (decide::odds_of_left(left), decide::odds_of_strain(chosen.strain()));
+    let doubted = decision.clone().doubted(by_left + by_strain);
+    if doubted.verdict == decision.verdict {
+        return (doubted, None);
+    }
+    let nearest = if named.is_empty() { String::new() } else { format!("Nearest in the catalogue: {named}. ") };
+    let reason = if by_left > by_strain {
+        format!(
+            "With that {:.0} % of the squared gap of the positions stays beyond what a right model may leave: it resembles the cause, or \
+             something acts besides.",
+            100.0 * left
+        )
+    } else {
+        format!(
+            "The twin follows these recordings only if {}: the sheet is wrong there, or something acts that has nearly the same mark. \
+             Correct the sheet or widen its tolerances if you know better.",
+            chosen.stretched().join(" and ")
+        )
+    };
+    (doubted, Some(nearest + &reason))
 }

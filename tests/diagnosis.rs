@@ -82,11 +82,27 @@ fn a_neighbour_of_what_the_catalogue_lacks_is_not_named() {
     assert_eq!(said.verdict, Verdict::Unknown);
     assert!(said.blamed.is_empty() && said.fitted.effects.is_empty());
     assert!(
-        said.notes.iter().any(|note| note.starts_with("Nearest in the catalogue: lvdt_bias. With that ")),
+        said.notes
+            .iter()
+            .any(|note| note
+                .starts_with("Nearest in the catalogue: lvdt_bias. The twin follows these recordings only if ")),
         "{:?}",
         said.notes
     );
     assert!(said.ranking[0].id == "unknown" && said.ranking[1].id == "lvdt_bias", "{:?}", said.ranking);
+}
+
+/// Wider overlap is a parameter of the sheet, too: the refit follows, but only far outside its tolerance.
+#[test]
+fn a_sheet_stretched_beyond_belief_is_no_sound_unit() {
+    let extra = find("port_overlap").unwrap().parameters[0];
+    let recordings = recordings(&unit(3, Some(("port_overlap", 0.8 * extra.typical))), &Process::ALL, 3);
+    let tried = ["feedback_lag", "esv_slow"];
+    let settings = Settings { catalogue: tried.iter().filter_map(|id| find(id)).collect(), ..Settings::default() };
+    let said = diagnose(recordings, &reference(), &settings, &|_, _| ()).unwrap();
+    assert_eq!(said.verdict, Verdict::Unknown, "{:?}", said.ranking);
+    let words = "follows these recordings only if main_ports.overlap_m is";
+    assert!(said.notes.iter().any(|note| note.contains(words)), "{:?}", said.notes);
 }
 
 #[test]

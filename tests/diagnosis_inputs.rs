@@ -1,5 +1,8 @@
 //! Recordings that a diagnosis should not trust: each is met with clear words, and nothing is claimed beyond the evidence.
 
+use std::process::Command;
+
+use govtwin::bag::{Interpolation, ReadOptions, read};
 use govtwin::diagnosis::outcome::{Diagnosis, Verdict};
 use govtwin::diagnosis::{DiagnosisError, Settings, diagnose};
 use govtwin::effects::find;
@@ -22,6 +25,20 @@ fn sheet() -> Unit {
 
 fn of(unit: &Unit, process: Process, rate_hz: f64) -> Recording {
     recording(&Scenario { unit: unit.clone(), process, rate_hz, duration_s: 30.0, rich: false, seed: 4 })
+}
+
+/// A recording of the reference unit at 5 Hz, read from a bag as `diagnose` does: between samples the command goes straight.
+fn archived(process: Process) -> Recording {
+    let dir = tempfile::tempdir().unwrap();
+    let made = Command::new(env!("CARGO_BIN_EXE_govtwin"))
+        .args(["generate", "--process", process.id(), "--rate", "5", "--duration", "30", "--seed", "4", "--out"])
+        .arg(dir.path())
+        .output()
+        .unwrap();
+    assert!(made.status.success(), "{made:?}");
+    let options =
+        ReadOptions { interpolation: Interpolation::Sharp { period_ns: 1_000_000 }, ..ReadOptions::default() };
+    read(&dir.path().join(process.id()), &options).unwrap().recording
 }
 
 fn pair(unit: &Unit) -> Vec<Recording> {
@@ -126,7 +143,7 @@ fn a_saturated_transducer_is_no_fault_of_the_unit() {
 
 #[test]
 fn five_hertz_and_two_processes_are_enough_to_say_nothing_wrong() {
-    let said = judge(vec![of(&sheet(), Process::Startup, 5.0), of(&sheet(), Process::Shutdown, 5.0)]).unwrap();
+    let said = judge(vec![archived(Process::Startup), archived(Process::Shutdown)]).unwrap();
     nothing_claimed(&said);
 }
 

@@ -90,6 +90,34 @@ impl Model {
         self.fit.square + self.fit.prior
     }
 
+    /// What the recordings say of a knob beyond the sheet: 0 where they say nothing, 1 where the sheet's tolerance does not matter.
+    #[must_use]
+    pub fn information(&self, knob: usize) -> f64 {
+        if self.knobs[knob].has_prior() { (1.0 - self.spread[(knob, knob)].max(0.0)).clamp(0.0, 1.0) } else { 1.0 }
+    }
+
+    /// How far the sheet is stretched: squares of the parameters' deviations in tolerances, over what the recordings say of them, which
+    /// counts as three parameters at least, since one or two may lie far out by chance. About 1 where tolerances mean what they say.
+    #[must_use]
+    pub fn strain(&self) -> f64 {
+        let told: f64 = (0..self.knobs.len()).filter(|&k| self.knobs[k].has_prior()).map(|k| self.information(k)).sum();
+        self.fit.prior / told.max(3.0)
+    }
+
+    /// The parameters that are stretched farthest, one or two, in words.
+    #[must_use]
+    pub fn stretched(&self) -> Vec<String> {
+        let positions = self.knobs.iter().zip(&self.fit.positions).filter(|(knob, _)| knob.has_prior());
+        let mut far: Vec<(&Knob, f64)> = positions.map(|(knob, &position)| (knob, position)).collect();
+        far.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+        let least = far.first().map_or(0.0, |(_, position)| 0.5 * position.abs());
+        let words = |(knob, position): (&Knob, f64)| {
+            let than = if position > 0.0 { "above" } else { "below" };
+            format!("{} is {:.1} tolerances {than} what the sheet says", knob.key(&self.base).0, position.abs())
+        };
+        far.into_iter().filter(|(_, position)| position.abs() >= least).take(2).map(words).collect()
+    }
+
     /// The unit as fitted.
     #[must_use]
     pub fn unit(&self) -> Unit {

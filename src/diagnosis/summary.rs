@@ -168,7 +168,7 @@ fn fitted(model: &Model, wanted: impl Fn(&Knob) -> bool) -> Vec<Fitted> {
                 value: Interval { value: at(0.0), low: a.min(b), high: a.max(b) },
                 sheet: knob.value(&model.base, 0.0),
                 position,
-                information: if knob.has_prior() { (1.0 - variance).clamp(0.0, 1.0) } else { 1.0 },
+                information: model.information(k),
                 at_bound: position != 0.0 && (position <= low || position >= high),
             }
         })
