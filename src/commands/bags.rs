@@ -93,8 +93,13 @@ pub fn find(paths: &[PathBuf]) -> anyhow::Result<Vec<Bag>> {
     Ok(found.into_iter().zip(names).map(|(path, name)| Bag { path, name }).collect())
 }
 
+/// Whether a folder is one bag.
+pub fn is_bag_folder(path: &Path) -> bool {
+    path.join("metadata.yaml").is_file()
+}
+
 fn collect(path: &Path, depth: usize, found: &mut Vec<PathBuf>) -> anyhow::Result<()> {
-    if !path.is_dir() || path.join("metadata.yaml").is_file() {
+    if !path.is_dir() || is_bag_folder(path) {
         found.push(path.to_owned());
         return Ok(());
     }

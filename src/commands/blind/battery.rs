@@ -50,12 +50,16 @@ pub fn make(dir: &Path, unit: &Unit, count: usize, seed: u64, rates: Rates) -> a
         .par_iter()
         .map(|case| {
             let label = match known(&opened, &battery::label(unit, case)) {
-                Some(label) if Process::ALL.into_iter().all(|process| is_there(&bag(dir, case, process))) => label,
+                Some(label)
+                    if Process::ALL.into_iter().all(|process| bags::is_bag_folder(&bag(dir, case, process))) =>
+                {
+                    label
+                }
                 _ => {
                     let made = battery::make(unit, case);
                     for (process, streams) in &made.streams {
                         let bag = bag(dir, case, *process);
-                        if !is_there(&bag) {
+                        if !bags::is_bag_folder(&bag) {
                             generate::write(*process, case.seed, streams, &bag)?;
                         }
                     }
@@ -78,10 +82,6 @@ fn sha256(text: &str) -> String {
 
 fn bag(dir: &Path, case: &Plan, process: Process) -> PathBuf {
     dir.join(&case.name).join(process.id())
-}
-
-fn is_there(bag: &Path) -> bool {
-    bag.join("metadata.yaml").is_file()
 }
 
 /// The label with its strength, if it was opened before.
