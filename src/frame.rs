@@ -87,7 +87,7 @@ pub struct Estimate {
     pub closing_chamber_pressure_pa: f64,
     /// The regulator's demand on the spool `u_y`, pu of the reference stroke.
     pub spool_command_pu: f64,
-    /// Standard deviation of that demand over the noise of the reading, pu; 0 unless the twin is a mean.
+    /// Standard deviation of that demand over the noise of the reading, and over when a slowed large loop runs, pu; 0 unless the twin is a mean.
     pub spool_command_sd_pu: f64,
     /// The regulator's current to the proportional valve `u`, pu.
     pub valve_current_pu: f64,

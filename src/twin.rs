@@ -1,5 +1,6 @@
 //! The heart: one step of the twin, from a frame to an estimate.
 
+mod hold;
 mod readings;
 
 use std::sync::Arc;
@@ -14,6 +15,7 @@ use crate::solver::{Method, Solver};
 use crate::state::State;
 use crate::units::{nanos_from_seconds, seconds_from_nanos};
 
+use hold::Hold;
 use readings::{piston_position_pu, spool_reading_pu, standing_in_pu};
 
 /// Where recorded signals stand in for simulated ones, so that one stage is judged by its own input.
@@ -64,6 +66,7 @@ struct Now {
     measured_ns: i64,
     spool_command_pu: f64,
     spool_command_sd_pu: f64,
+    hold: Hold,
     valve_current_pu: f64,
     servomotor_reading_pu: f64,
 }
@@ -101,6 +104,7 @@ impl Twin {
             measured_ns: 0,
             spool_command_pu: 0.0,
             spool_command_sd_pu: 0.0,
+            hold: Hold::default(),
             valve_current_pu: 0.0,
             servomotor_reading_pu: 0.0,
         };
@@ -128,7 +132,9 @@ impl Twin {
     /// needs, and the estimate then carries the demand's standard deviation.
     #[must_use]
     pub fn with_dither(mut self, servomotor_noise_pu: f64) -> Self {
-        Arc::make_mut(&mut self.plant).regulator.dither_pu = servomotor_noise_pu;
+        let regulator = &mut Arc::make_mut(&mut self.plant).regulator;
+        regulator.dither_pu = servomotor_noise_pu;
+        self.now.hold = Hold::new(regulator.runs_per_hold_count(), regulator.large_loop_period_s());
         self
     }
 
@@ -219,18 +225,19 @@ impl Twin {
         now.state = steady(plant, position_pu * plant.servomotor.stroke_m, spool_position_m, &drive);
         now.valve_current_pu = (now.state.pilot_position_pu / plant.proportional_valve.gain_pu).clamp(-1.0, 1.0);
         (now.spool_command_pu, now.spool_command_sd_pu) = (0.0, 0.0);
+        now.hold.reset();
         now.servomotor_reading_pu = position_pu;
         let terms = &plant.terms;
-        terms.reset(Point::Command, now.inputs.opening_command_pu, &mut now.memory);
-        terms.reset(Point::EsvOpening, drive.esv_opening_pu, &mut now.memory);
-        terms.reset(Point::ValveCurrent, now.valve_current_pu, &mut now.memory);
-        terms.reset(Point::ServomotorReading, position_pu, &mut now.memory);
-        terms.reset(Point::RegulatorServomotor, position_pu, &mut now.memory);
-        terms.reset(Point::RegulatorSpool, plant.spool.reading_pu(now.state.spool_position_m), &mut now.memory);
-        for point in
-            [Point::SpoolForce, Point::ChamberFlow, Point::ServomotorForce, Point::OpeningFlow, Point::ClosingFlow]
-        {
-            terms.reset(point, 0.0, &mut now.memory);
+        for point in Point::ALL {
+            let signal = match point {
+                Point::Command => now.inputs.opening_command_pu,
+                Point::EsvOpening => drive.esv_opening_pu,
+                Point::ValveCurrent => now.valve_current_pu,
+                Point::ServomotorReading | Point::RegulatorServomotor => position_pu,
+                Point::RegulatorSpool => plant.spool.reading_pu(now.state.spool_position_m),
+                _ => 0.0,
+            };
+            terms.reset(point, signal, &mut now.memory);
         }
     }
 
@@ -285,13 +292,10 @@ impl Twin {
         let spool_read_pu = terms.apply(Point::RegulatorSpool, spool_reading_pu, &view, memory);
         let mut spool_command_pu = now.spool_command_pu;
         if let Some(share) = plant.regulator.large_loop_share(now.ticks) {
-            let moved_pu = if share == 0.0 || self.cut != Cut::None {
-                0.0
-            } else {
-                share * self.tick_s * before.servomotor_velocity_m_s / plant.servomotor.stroke_m
-            };
-            (now.spool_command_pu, now.spool_command_sd_pu) =
-                plant.regulator.dithered_command_pu(command_pu, servomotor_read_pu + moved_pu);
+            let since_s = if self.cut == Cut::None { share * self.tick_s } else { 0.0 };
+            let moved_pu = since_s * before.servomotor_velocity_m_s / plant.servomotor.stroke_m;
+            let demand = plant.regulator.dithered_command_pu(command_pu, servomotor_read_pu + moved_pu);
+            (now.spool_command_pu, now.spool_command_sd_pu) = now.hold.next(demand);
             // Until the large loop runs within the tick, its old output holds.
             spool_command_pu = now.spool_command_pu + share * (spool_command_pu - now.spool_command_pu);
         }

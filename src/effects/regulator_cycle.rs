@@ -9,7 +9,8 @@
 //!
 //! Without it the real spool moves in steps at a period of its own, the servomotor lags by half of it in ramps, and the
 //! loop hunts where the simulated one settles. Limits: instants count from the first frame, as the true phase is
-//! unknown; a run between two ticks takes effect within the tick, so that the response is continuous in ΔT.
+//! unknown; a run between two ticks takes effect within the tick, so that the response is continuous in ΔT. `fit` and `diagnose` simulate
+//! the mean over all phases instead, and take the spread of the demand as noise to expect: a cycle jitters, and no recording tells its phase.
 
 use crate::effects::{EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;

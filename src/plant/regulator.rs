@@ -36,6 +36,12 @@ impl Regulator {
         self.p.small_loop_period_s
     }
 
+    /// Period of the large loop on the sheet, s.
+    #[must_use]
+    pub fn large_loop_period_s(&self) -> f64 {
+        self.p.large_loop_period_s
+    }
+
     /// Whole ticks between two runs of the large loop on the sheet.
     #[must_use]
     pub fn ticks_per_large_loop(&self) -> usize {
@@ -48,11 +54,19 @@ impl Regulator {
         self.lengthened_ticks_count = ticks + (by_s / self.p.small_loop_period_s).max(0.0);
     }
 
+    /// How often the large loop would run on the sheet while it runs once; above 1 where the twin is a mean and the loop slowed, which then
+    /// keeps the sheet's instants, and what it demands is a mean over these runs.
+    #[must_use]
+    pub fn runs_per_hold_count(&self) -> f64 {
+        let mean = if self.dither_pu > 0.0 { self.lengthened_ticks_count } else { 0.0 };
+        (mean / self.ticks_per_large_loop as f64).max(1.0)
+    }
+
     /// Share of a tick that passes before the large loop runs in it; `None` where it does not run.
     #[inline]
     #[must_use]
     pub fn large_loop_share(&self, tick: u64) -> Option<f64> {
-        if self.lengthened_ticks_count == 0.0 {
+        if self.lengthened_ticks_count == 0.0 || self.dither_pu > 0.0 {
             return tick.is_multiple_of(self.ticks_per_large_loop).then_some(0.0);
         }
         let (tick, period) = (tick as f64, self.lengthened_ticks_count);
