@@ -12,8 +12,10 @@ pub mod decide;
 pub mod experiment;
 pub mod latent;
 pub mod ledger;
+pub mod model;
 pub mod next;
 pub mod outcome;
+pub mod own_noise;
 pub mod part;
 pub mod ready;
 pub mod rivals;
@@ -85,7 +87,7 @@ pub fn diagnose(
     let settings = &Settings { catalogue: ready.catalogue.clone(), ..settings.clone() };
     let (bench, refitted, sheet) =
         search::nominal(ready.trials.clone(), &ready.unit, ready.turned.clone(), &ready.noise);
-    let mut found: Found = rivals::find(&bench, refitted, &sheet, &settings.catalogue, progress);
+    let (bench, mut found): (Bench, Found) = rivals::find(bench, refitted, sheet, &settings.catalogue, progress);
     progress("placing free terms", 0.85);
     let floor = decide::floor(&bench, &found);
     let latents = latent::latents(&bench, &found.refitted, found.refitted.cost() - floor);

@@ -133,6 +133,33 @@ fn a_swing_is_compared_by_its_loudness() {
     assert!(closure > 0.7, "{closure}");
 }
 
+/// No recording tells when a slowed loop runs: the twin is the mean over that, and the noise that it expects is part of what it says.
+#[test]
+fn a_slowed_loop_is_likeliest_at_its_period() {
+    let sheet = params::reference();
+    let slow = |extra_s: f64| {
+        let mut slow = sheet.clone();
+        slow.effects.push(EffectSetting { id: "regulator_cycle".to_owned(), values: vec![extra_s] });
+        slow
+    };
+    let trials = [Process::Startup, Process::LoadRejection].map(|process| {
+        let scenario = Scenario { unit: slow(0.03), process, rate_hz: 100.0, duration_s: 30.0, rich: false, seed: 13 };
+        Trial::new(recording(&scenario))
+    });
+    let bench = Bench::new(trials.to_vec(), &sheet, &noise::expected(&sheet.sensors));
+    let sizes_s = [0.0, 0.01, 0.02, 0.03, 0.04, 0.05];
+    let costs = sizes_s.map(|extra_s| {
+        let own = bench.laid_along(&slow(extra_s));
+        let misses: f64 = own.misses_of(&[slow(extra_s)]).iter().map(square).sum();
+        (misses + own.width() - bench.width(), own.width() - bench.width())
+    });
+    assert!(costs.windows(2).all(|two| two[0].1 < two[1].1), "a slower loop chatters no louder: {costs:?}");
+    let least = (0..costs.len()).min_by(|&a, &b| costs[a].0.total_cmp(&costs[b].0)).unwrap();
+    assert!((2..=4).contains(&least), "{costs:?}");
+    assert!(costs[0].0 - costs[3].0 > 100.0, "{costs:?}");
+    println!("{costs:?}");
+}
+
 #[test]
 fn a_long_rest_left_out_changes_only_the_time_it_takes() {
     let scenario = Scenario {

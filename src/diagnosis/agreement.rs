@@ -1,8 +1,8 @@
 //! Whether the recordings agree: the same parameters must fit each of them, or they are not of one unit.
 
 use crate::diagnosis::decide::UNKNOWN_LEAVES;
+use crate::diagnosis::model::{Model, covariance};
 use crate::diagnosis::rivals::Found;
-use crate::diagnosis::search::{Model, covariance};
 use crate::parameters::Unit;
 use crate::tuning::fit::{Bench, Effort, Fit, fit};
 use crate::tuning::knob::Knob;

@@ -7,8 +7,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::diagnosis::decide::{LEEWAY, is_slow};
+use crate::diagnosis::model::Model;
 use crate::diagnosis::outcome::Interval;
-use crate::diagnosis::search::Model;
 use crate::frame::Estimate;
 use crate::signal::Signal;
 use crate::tuning::fit::{Bench, Effort, fit, square};

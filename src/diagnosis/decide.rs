@@ -2,9 +2,9 @@
 
 use nalgebra::DVector;
 
+use crate::diagnosis::model::Model;
 use crate::diagnosis::outcome::Verdict;
 use crate::diagnosis::rivals::{DETECTED, Found, Slot};
-use crate::diagnosis::search::Model;
 use crate::effects::{EffectSpec, Stage};
 use crate::signal::Signal;
 use crate::tuning::fit::Bench;

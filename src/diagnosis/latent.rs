@@ -8,8 +8,8 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
+use crate::diagnosis::model::Model;
 use crate::diagnosis::outcome::{Curve, Latent};
-use crate::diagnosis::search::Model;
 use crate::effects::{self, Stage};
 use crate::parameters::Unit;
 use crate::plant::Plant;

@@ -1,8 +1,8 @@
 //! What to try next: for the pairs that a verdict leaves open, the test that would tell them apart.
 
+use crate::diagnosis::model::Model;
 use crate::diagnosis::outcome::{Blame, Experiment, Verdict};
 use crate::diagnosis::rivals::Found;
-use crate::diagnosis::search::Model;
 use crate::diagnosis::{experiment, stage_experiment};
 use crate::signal::Signal;
 use crate::tuning::fit::Bench;

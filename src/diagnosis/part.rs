@@ -1,10 +1,10 @@
 //! A part of the chain: how well its models predict free runs, and how much of the verdict they bear.
 
 use crate::diagnosis::decide::{Decision, decide, floor};
+use crate::diagnosis::model::Model;
 use crate::diagnosis::outcome::{FreeRun, StageOnly, Verdict};
 use crate::diagnosis::ready::Ready;
 use crate::diagnosis::rivals::{DETECTED, Found};
-use crate::diagnosis::search::Model;
 use crate::frame::Frame;
 use crate::parameters::Unit;
 use crate::recording::Recording;

@@ -1,6 +1,7 @@
 //! Recordings made ready for a diagnosis: of the whole chain where they hold the command, else of the servomotor stage behind the spool.
 
-use crate::diagnosis::search::{Model, Turned, with_effect};
+use crate::diagnosis::model::Model;
+use crate::diagnosis::search::{Turned, with_effect};
 use crate::diagnosis::{DiagnosisError, Settings};
 use crate::effects::{EffectSpec, STAGE_ALONE};
 use crate::parameters::Unit;

@@ -1,7 +1,10 @@
 //! Which effects are present: grown one by one, each time with the rivals for the place.
 
-use crate::diagnosis::search::{Model, Start, extend};
+use crate::diagnosis::model::Model;
+use crate::diagnosis::own_noise;
+use crate::diagnosis::search::{Start, extend};
 use crate::effects::EffectSpec;
+use crate::parameters::Unit;
 use crate::tuning::cooling::COOLING;
 use crate::tuning::fit::{Bench, Effort, fit};
 
@@ -207,30 +210,74 @@ fn settled(
     (before, tried)
 }
 
-/// Grows the set of effects from the refitted sheet.
+/// Grows the set of effects from the refitted sheet; the noise is laid out anew where a model is likelier with a noise of its own.
+///
+/// Returns the bench with the noise as laid out in the end, too.
 #[must_use]
 pub fn find(
+    mut bench: Bench,
+    mut refitted: Model,
+    mut sheet: Model,
+    catalogue: &[&'static EffectSpec],
+    progress: &(dyn Fn(&str, f64) + Sync),
+) -> (Bench, Found) {
+    let mut own = false;
+    loop {
+        match grow(&bench, refitted.clone(), &sheet, catalogue, own, progress) {
+            Grown::Found(found) => return (bench, *found),
+            Grown::Along(unit) => {
+                own = true;
+                bench = bench.laid_along(&unit);
+                (refitted, sheet) = (refitted.anew(&bench), Model::sheet(&bench, &sheet.base, &sheet.knobs));
+            }
+        }
+    }
+}
+
+/// How a search ends.
+enum Grown {
+    /// With what was found.
+    Found(Box<Found>),
+    /// With a unit along which the noise should be laid out first.
+    Along(Box<Unit>),
+}
+
+/// Grows the set of effects; with every model charged for the noise of its `own`, or until one is notably likelier with that.
+fn grow(
     bench: &Bench,
     refitted: Model,
     sheet: &Model,
     catalogue: &[&'static EffectSpec],
+    own: bool,
     progress: &(dyn Fn(&str, f64) + Sync),
-) -> Found {
+) -> Grown {
+    let charged = |(mut before, mut tried): (Model, Vec<Model>)| {
+        if own {
+            tried.iter_mut().chain([&mut before]).for_each(|model| model.noise = own_noise::charge(bench, model));
+            sort(&mut tried);
+        }
+        (before, tried)
+    };
     progress("trying every effect alone", 0.15);
     let starts = [cold(&refitted), Start { model: sheet, ladder: &COOLING, bar: f64::INFINITY }];
     let tried = finals(bench, extend(bench, &starts, catalogue), &refitted, catalogue, FINALISTS, None);
-    let (nominal, mut tried) = settled(bench, refitted, tried, catalogue, FINALISTS);
+    let (nominal, mut tried) = charged(settled(bench, refitted, tried, catalogue, FINALISTS));
     let mut slots: Vec<Slot> = Vec::new();
     let mut before = nominal.clone();
     loop {
+        if let Some(unit) = (!own).then(|| own_noise::louder(bench, &before, &tried)).flatten() {
+            return Grown::Along(Box::new(unit));
+        }
         let explained = nominal.cost() - before.cost();
         let Some(first) = tried.first() else { break };
         if before.cost() - first.cost() <= least_gain(explained) || slots.len() == MOST {
             break;
         }
         progress("trying every effect on top of what was found", 0.35 + 0.15 * slots.len() as f64);
-        let next = finals(bench, extend(bench, &[cold(first)], catalogue), first, catalogue, SECONDS, None);
-        let (first, next) = settled(bench, first.clone(), next, catalogue, SECONDS);
+        // A search compares costs on one bench.
+        let first = Model { noise: 0.0, ..first.with_slopes(bench) };
+        let next = finals(bench, extend(bench, &[cold(&first)], catalogue), &first, catalogue, SECONDS, None);
+        let (first, next) = charged(settled(bench, first, next, catalogue, SECONDS));
         tried[0] = first.clone();
         slots.push(Slot { before, tried });
         (before, tried) = (first, next);
@@ -239,7 +286,7 @@ pub fn find(
     if slots.is_empty() {
         slots.push(Slot { before: before.clone(), tried: std::mem::take(&mut further) });
     }
-    Found { refitted: nominal, best: before, slots, further }
+    Grown::Found(Box::new(Found { refitted: nominal, best: before, slots, further }))
 }
 
 /// What an effect must gain when others have explained so much before it.

@@ -1,14 +1,14 @@
 //! Which: every effect of the catalogue tried in turn and together, the sheet's parameters refitted with it.
 
-use nalgebra::{DMatrix, DVector};
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
+use crate::diagnosis::model::Model;
 use crate::effects::EffectSpec;
 use crate::parameters::{EffectSetting, Unit};
 use crate::tuning::cooling::cooled;
-use crate::tuning::fit::{Bench, DIFFERENCE, Effort, Fit, Misses, fit, prior_square, slopes, square};
+use crate::tuning::fit::{Bench, DIFFERENCE, Effort, Misses, fit};
 use crate::tuning::knob::{Knob, unit_at};
-use crate::tuning::linear::{Projection, normal};
+use crate::tuning::linear::Projection;
 use crate::tuning::noise::Noise;
 use crate::tuning::trial::Trial;
 use crate::tuning::trips::placed;
@@ -28,133 +28,6 @@ const WORTH: f64 = 0.01;
 
 /// Work of a fit that starts from nothing of an effect.
 const CREEP: Effort = Effort { rounds: 6, refresh: 100, temperature: 1.0 };
-
-/// A model with all its knobs fitted: the sheet's tolerances, then the parameters of its effects.
-#[derive(Clone, Debug)]
-pub struct Model {
-    /// The effects beyond those of the unit itself.
-    pub effects: Vec<&'static EffectSpec>,
-    /// The unit with the effects in it, neutral.
-    pub base: Unit,
-    /// What was fitted.
-    pub knobs: Vec<Knob>,
-    /// The fit; a model that was only scouted keeps neither misses nor slopes.
-    pub fit: Fit,
-    /// Covariance of the knobs about the fit.
-    pub spread: DMatrix<f64>,
-}
-
-impl Model {
-    /// A model as fitted.
-    #[must_use]
-    pub fn new(effects: Vec<&'static EffectSpec>, base: Unit, knobs: Vec<Knob>, fit: Fit) -> Self {
-        let spread = covariance(&knobs, &fit);
-        Self { effects, base, knobs, fit, spread }
-    }
-
-    /// The same without misses and slopes, which are nearly all of its memory.
-    fn light(mut self) -> Self {
-        (self.fit.misses, self.fit.slopes) = (Vec::new(), Vec::new());
-        self
-    }
-
-    /// The same effects and knobs, fitted otherwise, if that is better.
-    #[must_use]
-    pub fn or_better(&self, fit: Fit) -> Self {
-        if fit.square + fit.prior <= self.cost() || self.fit.slopes.is_empty() {
-            Self::new(self.effects.clone(), self.base.clone(), self.knobs.clone(), fit)
-        } else {
-            self.clone()
-        }
-    }
-
-    /// The same model, unfitted, where another that has one effect more has the parameters of this one; none where that one was only scouted.
-    #[must_use]
-    pub fn moved(&self, bench: &Bench, to: &Self) -> Option<Self> {
-        let count = self.knobs.len();
-        let positions = to.fit.positions.get(..count)?.to_vec();
-        let slopes: Vec<DMatrix<f64>> =
-            to.fit.slopes.iter().map(|slopes| slopes.columns(0, count).into_owned()).collect();
-        if slopes.is_empty() {
-            return None;
-        }
-        let misses = bench.misses_of(&[unit_at(&self.base, &self.knobs, &positions)]).pop()?;
-        let prior = prior_square(&self.knobs, &positions);
-        let fit = Fit { square: square(&misses), prior, positions, misses, slopes };
-        Some(Self::new(self.effects.clone(), self.base.clone(), self.knobs.clone(), fit))
-    }
-
-    /// Squares of misses and priors together.
-    #[must_use]
-    pub fn cost(&self) -> f64 {
-        self.fit.square + self.fit.prior
-    }
-
-    /// What the recordings say of a knob beyond the sheet: 0 where they say nothing, 1 where the sheet's tolerance does not matter.
-    #[must_use]
-    pub fn information(&self, knob: usize) -> f64 {
-        if self.knobs[knob].has_prior() { (1.0 - self.spread[(knob, knob)].max(0.0)).clamp(0.0, 1.0) } else { 1.0 }
-    }
-
-    /// How far the sheet is stretched: squares of the parameters' deviations in tolerances, over what the recordings say of them, which
-    /// counts as three parameters at least, since one or two may lie far out by chance. About 1 where tolerances mean what they say.
-    #[must_use]
-    pub fn strain(&self) -> f64 {
-        let told: f64 = (0..self.knobs.len()).filter(|&k| self.knobs[k].has_prior()).map(|k| self.information(k)).sum();
-        self.fit.prior / told.max(3.0)
-    }
-
-    /// The parameters that are stretched farthest, one or two, in words.
-    #[must_use]
-    pub fn stretched(&self) -> Vec<String> {
-        let positions = self.knobs.iter().zip(&self.fit.positions).filter(|(knob, _)| knob.has_prior());
-        let mut far: Vec<(&Knob, f64)> = positions.map(|(knob, &position)| (knob, position)).collect();
-        far.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
-        let least = far.first().map_or(0.0, |(_, position)| 0.5 * position.abs());
-        let words = |(knob, position): (&Knob, f64)| {
-            let than = if position > 0.0 { "above" } else { "below" };
-            format!("{} is {:.1} tolerances {than} what the sheet says", knob.key(&self.base).0, position.abs())
-        };
-        far.into_iter().filter(|(_, position)| position.abs() >= least).take(2).map(words).collect()
-    }
-
-    /// The unit as fitted.
-    #[must_use]
-    pub fn unit(&self) -> Unit {
-        unit_at(&self.base, &self.knobs, &self.fit.positions)
-    }
-
-    /// Whether it has this effect.
-    #[must_use]
-    pub fn has(&self, id: &str) -> bool {
-        self.effects.iter().any(|effect| effect.id == id)
-    }
-
-    /// Id of the effect that was added last.
-    #[must_use]
-    pub fn newest(&self) -> Option<&'static str> {
-        self.effects.last().map(|effect| effect.id)
-    }
-
-    /// Ids of the effects.
-    #[must_use]
-    pub fn ids(&self) -> Vec<&'static str> {
-        self.effects.iter().map(|effect| effect.id).collect()
-    }
-
-    /// The model with slopes to judge it by, fitted on where it was only scouted.
-    #[must_use]
-    pub fn with_slopes(&self, bench: &Bench) -> Self {
-        if self.fit.slopes.is_empty() { self.refined(bench, Effort::SCOUT) } else { self.clone() }
-    }
-
-    /// Fits on from here with all the care that a report needs.
-    #[must_use]
-    pub fn refined(&self, bench: &Bench, effort: Effort) -> Self {
-        let known = (!self.fit.slopes.is_empty()).then_some(self.fit.slopes.as_slice());
-        self.or_better(fit(bench, &self.base, &self.knobs, &self.fit.positions, effort, known))
-    }
-}
 
 /// What a nominal fit turns, and from how many starts.
 #[derive(Clone, Debug)]
@@ -196,12 +69,9 @@ pub fn nominal(trials: Vec<Trial>, unit: &Unit, turned: Turned, noise: &Noise) -
         bench = Bench::new(trials, &unit_at(unit, &knobs, &fine.positions), noise);
         fine = cooled(&bench, unit, &knobs, &fine.positions, 3);
     }
-    let misses = bench.misses_of(&[unit_at(unit, &knobs, &zeros)]).pop().unwrap_or_default();
-    let slopes = slopes(&bench, unit, &knobs, &zeros, 0, &misses);
-    let prior = prior_square(&knobs, &zeros);
-    let sheet = Fit { square: square(&misses), prior, positions: zeros, misses, slopes };
-    let model = |fit| Model::new(Vec::new(), unit.clone(), knobs.clone(), fit);
-    (bench, model(fine), model(sheet))
+    let sheet = Model::sheet(&bench, unit, &knobs);
+    let refitted = Model::new(Vec::new(), unit.clone(), knobs, fine);
+    (bench, refitted, sheet)
 }
 
 /// The model with one more effect, its parameters at a size in units of the typical one.
@@ -390,16 +260,6 @@ fn promise(bench: &Bench, priced: &Priced<'_>, spec: &'static EffectSpec) -> f64
         Some(projection.cost_along(&from.fit.misses, &along, step.signum() * FARTHEST))
     };
     [DIFFERENCE, -DIFFERENCE].into_iter().filter_map(towards).fold(f64::INFINITY, f64::min)
-}
-
-/// Covariance of the knobs about a fit; infinite where it says nothing.
-#[must_use]
-pub fn covariance(knobs: &[Knob], fit: &Fit) -> DMatrix<f64> {
-    let (hessian, _) = normal(knobs, &fit.positions, &fit.misses, &fit.slopes, 1.0);
-    let n = knobs.len();
-    (hessian + DMatrix::identity(n, n) * 1e-9)
-        .try_inverse()
-        .unwrap_or_else(|| DMatrix::from_diagonal(&DVector::from_element(n, f64::INFINITY)))
 }
 
 #[cfg(test)]

@@ -4,12 +4,12 @@ use crate::diagnosis::Settings;
 use crate::diagnosis::closure::{LeftOut, Refitted, closure, closure_of, without_parts, without_recordings};
 use crate::diagnosis::decide::{Decision, stages as stage_shares};
 use crate::diagnosis::ledger::{gaps, ledgers};
+use crate::diagnosis::model::Model;
 use crate::diagnosis::next::experiments;
 use crate::diagnosis::outcome::{
     Blame, Channel, Diagnosis, Fitted, Interval, Latent, Place, Ranked, Transfer, Tried, Verdict,
 };
 use crate::diagnosis::rivals::Found;
-use crate::diagnosis::search::Model;
 use crate::diagnosis::stages;
 use crate::diagnosis::traces::traces;
 use crate::diagnosis::visible::Marks;

@@ -4,8 +4,9 @@ use nalgebra::{DMatrix, DVector};
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
 use crate::diagnosis::decide::SEEN;
+use crate::diagnosis::model::Model;
 use crate::diagnosis::outcome::Visible;
-use crate::diagnosis::search::{Model, with_effect};
+use crate::diagnosis::search::with_effect;
 use crate::effects::EffectSpec;
 use crate::tuning::fit::Bench;
 use crate::tuning::knob::unit_at;

@@ -26,6 +26,7 @@ pub struct Bench {
     pub trials: Vec<Trial>,
     /// Filters, by trial and by signal.
     whiteners: Vec<Vec<Whitener>>,
+    noise: Noise,
     dither_pu: f64,
     simulations: Arc<AtomicUsize>,
 }
@@ -38,31 +39,38 @@ impl Bench {
     #[must_use]
     pub fn new(trials: Vec<Trial>, reference: &Unit, noise: &Noise) -> Self {
         let dither_pu = reference.sensors.servomotor_position_pu.noise;
-        let mut bench = Self { trials, whiteners: Vec::new(), dither_pu, simulations: Arc::default() };
+        let bench = Self { trials, whiteners: Vec::new(), noise: *noise, dither_pu, simulations: Arc::default() };
+        bench.laid_along(reference)
+    }
+
+    /// The same trials, their noise laid out along another unit's simulation.
+    #[must_use]
+    pub fn laid_along(&self, reference: &Unit) -> Self {
         let moved = [-1.0, 1.0].map(|times| with_moved_stops(reference, times));
-        bench.whiteners = (0..bench.trials.len())
+        let whiteners = (0..self.trials.len())
             .into_par_iter()
             .map(|index| {
-                let trial = &bench.trials[index];
-                let estimates = bench.simulate(reference, index);
+                let trial = &self.trials[index];
+                let estimates = self.simulate(reference, index);
                 // A spool that is recorded stands where it stands.
                 let loose = moved.iter().filter(|_| trial.cut != Cut::Spool);
-                let moved: Vec<_> = loose.map(|unit| bench.simulate(unit, index)).collect();
-                whiteners(trial, noise, &estimates, &moved)
+                let moved: Vec<_> = loose.map(|unit| self.simulate(unit, index)).collect();
+                whiteners(trial, &self.noise, &estimates, &moved)
             })
             .collect();
-        bench
+        self.of(self.trials.clone(), whiteners)
+    }
+
+    /// Twice the logarithm of how wide the noise is, over all samples: what a likelihood charges for a noise that excuses more.
+    #[must_use]
+    pub fn width(&self) -> f64 {
+        self.whiteners.iter().flatten().map(Whitener::width).sum()
     }
 
     /// A bench with one of the trials alone, its noise as laid out here.
     #[must_use]
     pub fn only(&self, trial: usize) -> Self {
-        Self {
-            trials: vec![self.trials[trial].clone()],
-            whiteners: vec![self.whiteners[trial].clone()],
-            dither_pu: self.dither_pu,
-            simulations: Arc::clone(&self.simulations),
-        }
+        self.of(vec![self.trials[trial].clone()], vec![self.whiteners[trial].clone()])
     }
 
     /// One trial through the mean twin of a unit.
@@ -91,9 +99,15 @@ impl Bench {
         fn others<T: Clone>(all: &[T], left: usize) -> Vec<T> {
             all.iter().enumerate().filter(|&(k, _)| k != left).map(|(_, one)| one.clone()).collect()
         }
+        self.of(others(&self.trials, left), others(&self.whiteners, left))
+    }
+
+    /// A bench with other trials; what it simulates counts with this one's.
+    fn of(&self, trials: Vec<Trial>, whiteners: Vec<Vec<Whitener>>) -> Self {
         Self {
-            trials: others(&self.trials, left),
-            whiteners: others(&self.whiteners, left),
+            trials,
+            whiteners,
+            noise: self.noise,
             dither_pu: self.dither_pu,
             simulations: Arc::clone(&self.simulations),
         }

@@ -228,6 +228,12 @@ impl Whitener {
         Self { decay, gain, scale, swings, floor_square }
     }
 
+    /// Twice the logarithm of the standard deviation, over all samples, raised as the likelihood is.
+    #[must_use]
+    pub fn width(&self) -> f64 {
+        self.scale.iter().filter(|scale| **scale > 0.0).map(|scale| -2.0 * scale.ln() / ALIKE).sum()
+    }
+
     /// By how much a simulated signal swings otherwise than the recorded one, where that swings of itself.
     pub fn swings<'a>(&'a self, simulated: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
         self.swings.misses(simulated).map(tamed)
