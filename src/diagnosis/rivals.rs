@@ -221,12 +221,12 @@ pub fn find(
     catalogue: &[&'static EffectSpec],
     progress: &(dyn Fn(&str, f64) + Sync),
 ) -> (Bench, Found) {
-    let mut own = false;
+    let mut first: Option<Vec<&'static EffectSpec>> = None;
     loop {
-        match grow(&bench, refitted.clone(), &sheet, catalogue, own, progress) {
+        match grow(&bench, refitted.clone(), &sheet, catalogue, first.as_deref(), progress) {
             Grown::Found(found) => return (bench, *found),
-            Grown::Along(unit) => {
-                own = true;
+            Grown::Along(unit, gaining) => {
+                first = Some(gaining);
                 bench = bench.laid_along(&unit);
                 (refitted, sheet) = (refitted.anew(&bench), Model::sheet(&bench, &sheet.base, &sheet.knobs));
             }
@@ -238,19 +238,21 @@ pub fn find(
 enum Grown {
     /// With what was found.
     Found(Box<Found>),
-    /// With a unit along which the noise should be laid out first.
-    Along(Box<Unit>),
+    /// With a unit along which the noise should be laid out first, and the effects that gained anything without.
+    Along(Box<Unit>, Vec<&'static EffectSpec>),
 }
 
-/// Grows the set of effects; with every model charged for the noise of its `own`, or until one is notably likelier with that.
+/// Grows the set of effects: until one is notably likelier with the noise of its own, or, given the effects for the first place that gained without
+/// it, with every model charged for the noise of its own.
 fn grow(
     bench: &Bench,
     refitted: Model,
     sheet: &Model,
     catalogue: &[&'static EffectSpec],
-    own: bool,
+    gaining: Option<&[&'static EffectSpec]>,
     progress: &(dyn Fn(&str, f64) + Sync),
 ) -> Grown {
+    let (own, first) = (gaining.is_some(), gaining.unwrap_or(catalogue));
     let charged = |(mut before, mut tried): (Model, Vec<Model>)| {
         if own {
             tried.iter_mut().chain([&mut before]).for_each(|model| model.noise = own_noise::charge(bench, model));
@@ -260,13 +262,15 @@ fn grow(
     };
     progress("trying every effect alone", 0.15);
     let starts = [cold(&refitted), Start { model: sheet, ladder: &COOLING, bar: f64::INFINITY }];
-    let tried = finals(bench, extend(bench, &starts, catalogue), &refitted, catalogue, FINALISTS, None);
-    let (nominal, mut tried) = charged(settled(bench, refitted, tried, catalogue, FINALISTS));
+    let tried = finals(bench, extend(bench, &starts, first), &refitted, first, FINALISTS, None);
+    let (nominal, mut tried) = charged(settled(bench, refitted, tried, first, FINALISTS));
     let mut slots: Vec<Slot> = Vec::new();
     let mut before = nominal.clone();
     loop {
         if let Some(unit) = (!own).then(|| own_noise::louder(bench, &before, &tried)).flatten() {
-            return Grown::Along(Box::new(unit));
+            let alone = slots.first().map_or(&tried, |slot| &slot.tried);
+            let gaining = alone.iter().filter(|model| model.cost() < nominal.cost());
+            return Grown::Along(Box::new(unit), gaining.filter_map(|model| model.effects.last().copied()).collect());
         }
         let explained = nominal.cost() - before.cost();
         let Some(first) = tried.first() else { break };
