@@ -134,9 +134,10 @@ impl Decision {
     pub fn doubted(mut self, odds: f64) -> Self {
         let unknown = odds / (1.0 + odds);
         if unknown > self.unknown {
+            let share = (1.0 - unknown) / (1.0 - self.unknown);
+            self.none *= share;
+            self.effects.iter_mut().for_each(|(_, p)| *p *= share);
             self.unknown = unknown;
-            self.none *= 1.0 - unknown;
-            self.effects.iter_mut().for_each(|(_, p)| *p *= 1.0 - unknown);
         }
         if odds > 1.0 {
             (self.verdict, self.blamed) = (Verdict::Unknown, Vec::new());
@@ -416,7 +417,8 @@ mod tests {
         {
             let doubted = decision.clone().doubted(odds_of_left(left) + odds_of_strain(1.0));
             assert_eq!((doubted.verdict, doubted.blamed.is_empty()), (verdict, left > STAYS), "{left}");
-            assert!((doubted.unknown - unknown).abs() < 1e-12 && (p(&doubted) + doubted.unknown - 1.0).abs() < 0.02);
+            assert!((doubted.unknown - unknown).abs() < 1e-12);
+            assert!((p(&doubted) + doubted.unknown + doubted.none - 1.0).abs() < 1e-12);
             assert_eq!(doubted.chosen(&single).effects.is_empty(), left > STAYS);
         }
         // A sheet stretched beyond belief speaks against what is named, and against nothing at all.
