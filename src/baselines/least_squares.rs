@@ -16,7 +16,7 @@ const ROUNDS: usize = 3;
 pub fn judge(ground: &Ground) -> Said {
     let n = ground.count();
     let criterion = |cost: f64, extra: usize| n * (cost / n).ln() + extra as f64 * n.ln();
-    let nominal = criterion(ground.fit.square + ground.fit.prior, 0);
+    let nominal = criterion(ground.fit.cost(), 0);
     let variance = ground.variance();
     let mut found: Vec<Found> = ground
         .best_tries()
@@ -36,7 +36,7 @@ pub fn judge(ground: &Ground) -> Said {
             let deviation = hessian.try_inverse().map(|spread| (variance * spread[(place, place)].max(0.0)).sqrt());
             Found {
                 spec: one.spec,
-                evidence: 0.5 * (nominal - criterion(fitted.square + fitted.prior, extra)),
+                evidence: 0.5 * (nominal - criterion(fitted.cost(), extra)),
                 size: deviation.map(|deviation| (fitted.positions[place], deviation)),
                 blamed: false,
             }

@@ -40,7 +40,7 @@ pub fn disagreement(bench: &Bench, found: &Found, floor: f64) -> Option<String> 
             let fit = fit(&own, &model.base, &model.knobs, &model.fit.positions, ALONE, Some(&known));
             let together = model.fit.misses[trial].norm_squared() + model.fit.prior;
             let variances = covariance(&model.knobs, &fit).diagonal().iter().copied().collect();
-            Alone { gain: (together - fit.square - fit.prior).max(0.0), fit, variances }
+            Alone { gain: (together - fit.cost()).max(0.0), fit, variances }
         })
         .collect();
     let gain: f64 = alone.iter().map(|one| one.gain).sum();

@@ -54,7 +54,7 @@ impl Model {
     /// The same effects and knobs, fitted otherwise, if that is better.
     #[must_use]
     pub fn or_better(&self, fit: Fit) -> Self {
-        if fit.square + fit.prior <= self.fit.square + self.fit.prior || self.fit.slopes.is_empty() {
+        if fit.cost() <= self.fit.cost() || self.fit.slopes.is_empty() {
             Self { noise: self.noise, ..Self::new(self.effects.clone(), self.base.clone(), self.knobs.clone(), fit) }
         } else {
             self.clone()
@@ -87,7 +87,7 @@ impl Model {
     /// Squares of misses and priors together, and what its noise costs more.
     #[must_use]
     pub fn cost(&self) -> f64 {
-        self.fit.square + self.fit.prior + self.noise
+        self.fit.cost() + self.noise
     }
 
     /// What the recordings say of a knob beyond the sheet: 0 where they say nothing, 1 where the sheet's tolerance does not matter.

@@ -59,7 +59,7 @@ pub fn nominal(trials: Vec<Trial>, unit: &Unit, turned: Turned, noise: &Noise) -
             let scattered = zeros.iter().enumerate().map(|(k, zero)| if number == 0 { *zero } else { zero + off(k) });
             cooled(&first, unit, &knobs, &scattered.collect::<Vec<_>>(), 3)
         })
-        .min_by(|a, b| (a.square + a.prior).total_cmp(&(b.square + b.prior)))
+        .min_by(|a, b| a.cost().total_cmp(&b.cost()))
         .map_or_else(|| zeros.clone(), |fit| fit.positions);
     let mut bench = Bench::new(first.trials, &unit_at(unit, &knobs, &start), noise);
     let mut fine = fit(&bench, unit, &knobs, &start, Effort::FULL, None);
@@ -245,8 +245,7 @@ fn crept_from(
     }
     let Some((base, knobs, positions)) = with_effect(from, spec, 0.0) else { return scouted };
     let found = fit(bench, &base, &knobs, &positions, CREEP, Some(&from.fit.slopes));
-    let crept =
-        (found.square + found.prior < reached).then(|| Model::new(joined(from, spec), base, knobs, found).light());
+    let crept = (found.cost() < reached).then(|| Model::new(joined(from, spec), base, knobs, found).light());
     crept.or(scouted)
 }
 

@@ -104,7 +104,7 @@ pub fn calibrate(
     let mut costs = Vec::new();
     for number in 0..starts.max(1) {
         let found = cooled(&first, base, &knobs, &start(base, &knobs, number), ROUGH.rounds);
-        let cost = found.square + found.prior;
+        let cost = found.cost();
         costs.push(cost);
         if rough.as_ref().is_none_or(|(best, _)| cost < *best) {
             rough = Some((cost, found.positions));
@@ -152,7 +152,7 @@ fn polish(bench: &Bench, base: &Unit, knobs: &[Knob], mut found: Fit) -> Fit {
         let width = WIDE_STEP * 0.5_f64.powi(round % POLISH_WIDTHS);
         let slopes = Slopes::about(bench, base, knobs, &found, width);
         let next = fit(bench, base, knobs, &found.positions, FINE, Some(&slopes.slopes));
-        let gain = found.square + found.prior - next.square - next.prior;
+        let gain = found.cost() - next.cost();
         found = next;
         idle = if gain < ENOUGH { idle + 1 } else { 0 };
         if idle == POLISH_WIDTHS {

@@ -240,6 +240,14 @@ pub struct Fit {
     pub slopes: Vec<DMatrix<f64>>,
 }
 
+impl Fit {
+    /// Squares of misses and priors together.
+    #[must_use]
+    pub fn cost(&self) -> f64 {
+        self.square + self.prior
+    }
+}
+
 /// Two sets of slopes of one trial as one.
 #[must_use]
 pub fn beside(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {

@@ -17,7 +17,7 @@ pub fn serve(bench: &Bench, base: &Unit, fitted: &Calibration) -> anyhow::Result
     let mut stdout = std::io::stdout().lock();
     let ranges: Vec<(f64, f64)> = fitted.knobs.iter().map(|knob| knob.range(base)).collect();
     let keys: Vec<String> = fitted.knobs.iter().map(|knob| knob.key(base).0).collect();
-    let cost = fitted.fit.square + fitted.fit.prior;
+    let cost = fitted.fit.cost();
     let head = json!({
         "keys": keys, "ranges": ranges, "positions": fitted.fit.positions, "deviations": fitted.deviations, "cost": cost,
     });
