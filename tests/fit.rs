@@ -13,10 +13,16 @@ use govtwin::tuning::noise;
 use govtwin::tuning::trial::Trial;
 use govtwin::twin::Twin;
 
+/// The unit with one effect more.
+fn with_effect(unit: &Unit, id: &str, value: f64) -> Unit {
+    let mut unit = unit.clone();
+    unit.effects.push(EffectSetting { id: id.to_owned(), values: vec![value] });
+    unit
+}
+
 /// A unit within tolerance with one effect, and its recordings.
 fn plant(effect: &str, value: f64, seed: u64) -> (Unit, Vec<Trial>) {
-    let mut unit = spread(&params::reference(), seed);
-    unit.effects.push(EffectSetting { id: effect.to_owned(), values: vec![value] });
+    let unit = with_effect(&spread(&params::reference(), seed), effect, value);
     let record = |process| {
         recording(&Scenario { unit: unit.clone(), process, rate_hz: 100.0, duration_s: 30.0, rich: false, seed })
     };
@@ -26,9 +32,8 @@ fn plant(effect: &str, value: f64, seed: u64) -> (Unit, Vec<Trial>) {
 
 /// The shipped sheet with the effect fitted to recordings.
 fn fitted(effect: &str, trials: Vec<Trial>) -> Calibration {
-    let mut base = params::reference();
     let spec = govtwin::effects::find(effect).unwrap();
-    base.effects.push(EffectSetting { id: effect.to_owned(), values: vec![spec.parameters[0].neutral] });
+    let base = with_effect(&params::reference(), effect, spec.parameters[0].neutral);
     let mut knobs = Knob::nuisances(&base);
     knobs.push(Knob::Effect { effect: 0, parameter: 0, spec: &spec.parameters[0] });
     let noise = noise::expected(&base.sensors);
@@ -108,11 +113,7 @@ fn a_stop_off_by_less_than_the_transducer_sees_costs_little() {
 #[test]
 fn a_swing_is_compared_by_its_loudness() {
     let unit = params::reference();
-    let slow = |ratio: f64| {
-        let mut slow = unit.clone();
-        slow.effects.push(EffectSetting { id: "pv_bandwidth".to_owned(), values: vec![ratio] });
-        slow
-    };
+    let slow = |ratio: f64| with_effect(&unit, "pv_bandwidth", ratio);
     let scenario = Scenario {
         unit: slow(0.1),
         process: Process::LoadIncrease,
@@ -137,11 +138,7 @@ fn a_swing_is_compared_by_its_loudness() {
 #[test]
 fn a_slowed_loop_is_likeliest_at_its_period() {
     let sheet = params::reference();
-    let slow = |extra_s: f64| {
-        let mut slow = sheet.clone();
-        slow.effects.push(EffectSetting { id: "regulator_cycle".to_owned(), values: vec![extra_s] });
-        slow
-    };
+    let slow = |extra_s: f64| with_effect(&sheet, "regulator_cycle", extra_s);
     let trials = [Process::Startup, Process::LoadRejection].map(|process| {
         let scenario = Scenario { unit: slow(0.03), process, rate_hz: 100.0, duration_s: 30.0, rich: false, seed: 13 };
         Trial::new(recording(&scenario))
@@ -157,7 +154,6 @@ fn a_slowed_loop_is_likeliest_at_its_period() {
     let least = (0..costs.len()).min_by(|&a, &b| costs[a].0.total_cmp(&costs[b].0)).unwrap();
     assert!((2..=4).contains(&least), "{costs:?}");
     assert!(costs[0].0 - costs[3].0 > 100.0, "{costs:?}");
-    println!("{costs:?}");
 }
 
 #[test]
