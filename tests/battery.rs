@@ -27,6 +27,12 @@ fn rms(twin: &mut Twin, recording: &Recording, signal: Signal) -> f64 {
     (sum / f64::from(count)).sqrt()
 }
 
+/// Recordings of the same plant that no diagnosis has seen.
+fn another_day(unit: &Unit, case: &Case) -> Vec<Recording> {
+    let streams = exam(unit, case).into_iter();
+    streams.map(|(process, streams)| Recording::new(process.id(), streams.rows())).collect()
+}
+
 #[test]
 fn a_sound_plant_is_the_twins_kind_but_not_the_twin() {
     let unit = params::reference();
@@ -64,13 +70,23 @@ fn a_seed_decides_everything_and_a_fault_shows() {
     assert!(with < 0.7 * without, "{with} {without}");
 
     // Another day of the same plant: other commands, the same play; the twin that has it closes most of the gap.
-    let another: Vec<Recording> = exam(&unit, &backlash)
-        .into_iter()
-        .map(|(process, streams)| Recording::new(process.id(), streams.rows()))
-        .collect();
+    let another = another_day(&unit, &backlash);
     assert!(another.len() == 4 && another[1].frames != recording.frames);
     let sound = Unit { effects: vec![], ..spread_unit.clone() };
     let closed = closure(another.clone(), &sound, &spread_unit).unwrap();
     assert!((0.6..1.2).contains(&closed), "{closed}");
     assert_eq!(closure(another, &sound, &sound), Some(0.0));
+}
+
+#[test]
+fn what_chatters_louder_is_examined_with_the_noise_of_its_own() {
+    let unit = params::reference();
+    let slow = case(Kind::Single("regulator_cycle".into()), 5);
+    let truth = make(&unit, &slow).label.effects[0].clone();
+    assert!(truth.size > 0.01, "{truth:?}: too short a cycle to chatter");
+    let sound = spread(&unit, 5);
+    let setting = EffectSetting { id: "regulator_cycle".into(), values: vec![truth.size] };
+    let slowed = Unit { effects: vec![setting], ..sound.clone() };
+    let closed = closure(another_day(&unit, &slow), &sound, &slowed).unwrap();
+    assert!((0.8..1.2).contains(&closed), "{closed}");
 }

@@ -1,6 +1,7 @@
 //! Closure as it came true: the refitted and the improved twin on recordings that the diagnosis never saw.
 
 use crate::diagnosis::closure::share;
+use crate::diagnosis::own_noise;
 use crate::parameters::Unit;
 use crate::recording::Recording;
 use crate::tuning::fit::Bench;
@@ -8,7 +9,7 @@ use crate::tuning::noise::expected;
 use crate::tuning::trial::Trial;
 use crate::tuning::trips::placed;
 
-/// The share of the gap of the refitted twin that the improved one closes, counted as the claim is; none where there is no gap.
+/// The share of the gap of the refitted twin that the improved one closes, counted as the claim is, noise and all; none where there is no gap.
 #[must_use]
 pub fn closure(recordings: Vec<Recording>, refitted: &Unit, improved: &Unit) -> Option<f64> {
     let noise = expected(&refitted.sensors);
@@ -18,5 +19,6 @@ pub fn closure(recordings: Vec<Recording>, refitted: &Unit, improved: &Unit) -> 
         Some(trials) => Bench::new(trials, refitted, &noise),
         None => bench,
     };
+    let bench = own_noise::laid_for(bench, improved, refitted);
     share(&bench, &bench.simulate_all(refitted), &bench.simulate_all(improved))
 }
