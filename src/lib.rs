@@ -3,6 +3,7 @@
 //! The data flow and the floors of the house are drawn in `ARCHITECTURE.md`.
 
 // words
+pub mod digest;
 pub mod frame;
 pub mod parameters;
 pub mod recording;

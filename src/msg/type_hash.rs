@@ -1,10 +1,7 @@
 //! REP-2016 type hashes (RIHS01): how ROS 2 since Iron tells two definitions of one name apart.
 
-use std::fmt::Write;
-
-use sha2::{Digest, Sha256};
-
 use super::definition::{Count, Definition, DefinitionError, Field, closure_of};
+use crate::digest::sha256;
 
 /// The hash of a type that the crate carries, as `RIHS01_` and 64 hexadecimal digits.
 ///
@@ -26,12 +23,7 @@ pub fn hash_of(closure: &[Definition]) -> String {
     let own = description(own);
     let referenced = referenced.into_iter().map(description).collect::<Vec<_>>().join(", ");
     let json = format!("{{\"type_description\": {own}, \"referenced_type_descriptions\": [{referenced}]}}");
-    let mut hash = String::from("RIHS01_");
-    for byte in Sha256::digest(json.as_bytes()) {
-        // Writing to a `String` cannot fail.
-        let _ = write!(hash, "{byte:02x}");
-    }
-    hash
+    format!("RIHS01_{}", sha256(json))
 }
 
 fn description(definition: &Definition) -> String {

@@ -4,10 +4,8 @@
 //! or made by another version is refused before anything runs.
 
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
 
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 
 use super::band::Band;
 use super::features::{self, Feature};
@@ -15,6 +13,7 @@ use super::forest::{Forest, ForestError, Tree};
 use super::guard::Guard;
 use super::history::{LONGEST_PERIOD_NS, SHORTEST_PERIOD_NS};
 use super::row::Opening;
+use crate::digest::{Digest, sha256};
 use crate::parameters::{ENTRIES, Unit};
 use crate::signal::Signal;
 
@@ -110,25 +109,16 @@ struct Head {
 /// What tells one twin from another: all parameters and effects, to the last bit.
 #[must_use]
 pub fn fingerprint(unit: &Unit) -> String {
-    let mut hash = Sha256::new();
+    let mut hash = Digest::default();
     for entry in ENTRIES {
         hash.update(entry.key);
-        hash.update((entry.get)(&unit.parameters).to_bits().to_le_bytes());
+        hash.update_f64((entry.get)(&unit.parameters));
     }
     for effect in &unit.effects {
         hash.update(&effect.id);
-        for value in &effect.values {
-            hash.update(value.to_bits().to_le_bytes());
-        }
+        effect.values.iter().for_each(|&value| hash.update_f64(value));
     }
-    hex(&hash.finalize())
-}
-
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().fold(String::new(), |mut text, byte| {
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
+    hash.text()
 }
 
 impl Model {
@@ -138,7 +128,7 @@ impl Model {
         let body = serde_json::to_string(self).ok()?;
         // JSON has no word for such numbers; a text that does not read back is no model.
         serde_json::from_str::<Self>(&body).ok()?;
-        let head = Head { schema: SCHEMA.to_owned(), sha256: hex(&Sha256::digest(&body)) };
+        let head = Head { schema: SCHEMA.to_owned(), sha256: sha256(&body) };
         Some(format!("{}\n{body}\n", serde_json::to_string(&head).ok()?))
     }
 
@@ -156,7 +146,7 @@ impl Model {
             return Err(ModelError::Foreign { found: format!("schema `{}`", head.schema) });
         }
         let body = body.strip_suffix('\n').unwrap_or(body);
-        let found = hex(&Sha256::digest(body));
+        let found = sha256(body);
         if found != head.sha256 {
             return Err(damaged(format!("its checksum is {found}, its head says {}", head.sha256)));
         }

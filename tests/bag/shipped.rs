@@ -3,8 +3,8 @@
 use std::fs;
 
 use govtwin::bag::{self, ReadOptions};
+use govtwin::digest::sha256;
 use govtwin::recording::Process;
-use sha2::{Digest, Sha256};
 
 use crate::make::shipped;
 
@@ -14,9 +14,7 @@ fn checksums_hold_and_cover_every_recording() {
     let mut listed = vec![];
     for line in list.lines() {
         let (sum, name) = line.split_once("  ").unwrap();
-        let digest: String =
-            Sha256::digest(fs::read(shipped(name)).unwrap()).iter().map(|byte| format!("{byte:02x}")).collect();
-        assert_eq!(digest, sum, "{name}");
+        assert_eq!(sha256(fs::read(shipped(name)).unwrap()), sum, "{name}");
         listed.push(name.to_owned());
     }
     let mut found = vec![];

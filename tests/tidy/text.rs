@@ -5,6 +5,7 @@ use crate::source::Source;
 /// Libraries, and the only places that name them.
 const KNOWN_BY: &[(&str, &[&str])] = &[
     ("serde_yaml", &["src/params/yaml.rs", "src/bag/metadata.rs", "tests/"]),
+    ("sha2", &["src/digest.rs"]),
     ("mcap", &["src/bag/", "src/bag.rs", "tests/", "benches/"]),
     ("ros2_client", &["src/node/", "src/node.rs", "src/msg/", "src/msg.rs"]),
     ("rustdds", &["src/node/", "src/node.rs", "src/msg/", "src/msg.rs"]),

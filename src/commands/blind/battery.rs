@@ -7,11 +7,11 @@ use anyhow::{Context, bail};
 use govtwin::battery::plan::{Rates, plan};
 use govtwin::battery::{self, Case as Plan, Kind, Label};
 use govtwin::blind::exam;
+use govtwin::digest::sha256;
 use govtwin::parameters::Unit;
 use govtwin::params::{self, labels};
 use govtwin::recording::Process;
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
-use sha2::{Digest, Sha256};
 
 use super::cases::Case;
 use crate::commands::output::{Progress, write_atomically};
@@ -34,7 +34,7 @@ pub struct Battery {
 
 /// Makes the bags that are not there yet, and commits to the answers; units whose answers were opened before are not simulated again.
 pub fn make(dir: &Path, unit: &Unit, count: usize, seed: u64, rates: Rates) -> anyhow::Result<Battery> {
-    let key = sha256(&format!("seed {seed}, {rates:?}"));
+    let key = sha256(format!("seed {seed}, {rates:?}"));
     let drawn = dir.join(DRAWN);
     if std::fs::read_to_string(&drawn).is_ok_and(|there| there.trim() != key) {
         let dir = dir.display();
@@ -71,13 +71,9 @@ pub fn make(dir: &Path, unit: &Unit, count: usize, seed: u64, rates: Rates) -> a
         })
         .collect();
     let battery = Battery { dir: dir.to_owned(), plans, labels: labels?, seed };
-    let key = sha256(&battery.text());
+    let key = sha256(battery.text());
     write_atomically(&dir.join("answers/keys.sha256"), format!("{key}  labels.yaml\n").as_bytes())?;
     Ok(battery)
-}
-
-fn sha256(text: &str) -> String {
-    Sha256::digest(text.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 fn bag(dir: &Path, case: &Plan, process: Process) -> PathBuf {

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use govtwin::digest::Digest;
 use govtwin::residual::table::Table;
-use sha2::{Digest, Sha256};
 
 use crate::commands::output::write_atomically;
 
@@ -22,16 +22,17 @@ impl Journal {
     /// Opens the journal; a file that is missing or is none counts as empty. Other rows, another seed or another version of the
     /// program never share evaluations.
     pub fn open(path: &Path, table: &Table, rows: &[usize], learned: impl std::fmt::Debug, seed: u64) -> Self {
-        let mut hash = Sha256::new();
+        let mut hash = Digest::default();
         hash.update(format!("{} {learned:?} {seed} {:?}", env!("CARGO_PKG_VERSION"), table.layout));
         for &row in rows {
             let mark = &table.marks[row];
             for value in table.row(row).iter().chain([&mark.measured, &mark.model]) {
-                hash.update(value.to_bits().to_le_bytes());
+                hash.update_f64(*value);
             }
             hash.update(mark.process.id());
         }
-        let key = hash.finalize().iter().take(16).map(|byte| format!("{byte:02x}")).collect();
+        let mut key = hash.text();
+        key.truncate(32);
         let text = std::fs::read_to_string(path).unwrap_or_default();
         Self { path: path.to_owned(), key, all: serde_json::from_str(&text).unwrap_or_default() }
     }
