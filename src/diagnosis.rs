@@ -10,6 +10,7 @@ pub mod closure;
 pub mod contract;
 pub mod decide;
 pub mod experiment;
+pub mod floor;
 pub mod latent;
 pub mod ledger;
 pub mod model;
@@ -89,7 +90,7 @@ pub fn diagnose(
         search::nominal(ready.trials.clone(), &ready.unit, ready.turned.clone(), &ready.noise);
     let (bench, mut found): (Bench, Found) = rivals::find(bench, refitted, sheet, &settings.catalogue, progress);
     progress("placing free terms", 0.85);
-    let floor = decide::floor(&bench, &found);
+    let floor = floor::floor(&bench, &found);
     let latents = latent::latents(&bench, &found.refitted, found.refitted.cost() - floor);
     let explained = latents.first().map_or(0.0, |latent| latent.explains);
     let mut decision = decide::decide(&found, &settings.catalogue, floor, explained);
@@ -101,7 +102,7 @@ pub fn diagnose(
     }
     if !stage_only {
         let strange = agreement::disagreement(&bench, &found, floor);
-        if strange.is_some() || decide::untouched(&bench, &found, &decision) {
+        if strange.is_some() || floor::untouched(&bench, &found, &decision) {
             decision = decision.forced(Verdict::Unknown);
         }
         let (doubted, reason) = doubts(&bench, &found, decision);

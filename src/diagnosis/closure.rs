@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::diagnosis::decide::{LEEWAY, is_slow};
+use crate::diagnosis::floor::{LEEWAY, is_slow};
 use crate::diagnosis::model::Model;
 use crate::diagnosis::outcome::Interval;
 use crate::frame::Estimate;

@@ -1,21 +1,9 @@
 //! Verdict and probabilities: what the costs of all models that were tried say together.
 
-use nalgebra::DVector;
-
 use crate::diagnosis::model::Model;
 use crate::diagnosis::outcome::Verdict;
 use crate::diagnosis::rivals::{DETECTED, Found, Slot};
 use crate::effects::{EffectSpec, Stage};
-use crate::signal::Signal;
-use crate::tuning::fit::Bench;
-use crate::tuning::noise::ALIKE;
-use crate::tuning::trial::{SLOW_S, Trial};
-use crate::twin::Cut;
-
-/// Cost per sample of a sound unit: the noise model is a little generous.
-///
-/// Measured on sound units of the battery and of `practice` at 100 Hz.
-pub const CALM: f64 = 0.64;
 
 /// Degrees of freedom of the evidence: likelihoods fall as a power of the cost that a model leaves, not exponentially, since what it leaves is
 /// the error of its equation rather than noise (Student's t with the scale integrated out).
@@ -58,23 +46,8 @@ const SHARE_POWER: f64 = 2.0;
 /// A free term is so supple that something unknown must leave less than a named effect by this ratio to be as likely.
 const SUPPLE: f64 = 1.3;
 
-/// The noise is taken to be louder than the sheet's by this factor at most, in squares.
-const LOUDEST: f64 = 2.5;
-
 /// Gain from which there is something: luck and the errors of equations gain a sound unit less. The sound units of seed 502 gain up to 19.
 pub const SEEN: f64 = 20.0;
-
-/// By how much a right model may leave more than the noise, as a share of the floor: no equation is exact, and between slow samples nobody knows the
-/// inputs. Measured on the generated battery of seed 77.
-pub const LEEWAY: (f64, f64) = (0.15, 1.5);
-
-/// Where no effect gains anything, a refitted sheet that leaves so many times what a right model may leave lacks something that the catalogue does
-/// not have. At 100 Hz generated sound units leave 1.19 times at most, a command that drops out now and then 5 times, a filter of the pilot
-/// valve that the catalogue was made to lack 1.55 times.
-const FOREIGN: f64 = 1.4;
-
-/// Median of the squares of normal values of unit size.
-const MEDIAN_SQUARE: f64 = 0.4549;
 
 /// Probability from which one of several effects is named.
 const LIKELY: f64 = 0.5;
@@ -198,46 +171,6 @@ fn weigh(slot: &Slot, catalogue: &[&'static EffectSpec], floor: f64, unknown_lea
     Weighed { effects, unknown, none }
 }
 
-/// The cost that a right model would have.
-#[must_use]
-pub fn floor(bench: &Bench, found: &Found) -> f64 {
-    // How loud chatter is differs from unit to unit: the median of what the best model leaves knows it, whatever happens now and then.
-    let quiet: f64 = Signal::ALL
-        .into_iter()
-        .map(|signal| {
-            let mut squares = left(bench, &found.best, signal);
-            squares.sort_by(f64::total_cmp);
-            let median = squares.get(squares.len() / 2).copied().unwrap_or(0.0);
-            (median / MEDIAN_SQUARE).clamp(CALM / ALIKE, LOUDEST * CALM / ALIKE) * squares.len() as f64
-        })
-        .sum();
-    let quiet = quiet + CALM / ALIKE * swings(bench, &found.best) as f64;
-    let leeway = |trial: &Trial| match trial.cut {
-        Cut::None if trial.period_s > SLOW_S => LEEWAY.1,
-        Cut::None => LEEWAY.0,
-        _ => 0.0,
-    };
-    let leeway = bench.trials.iter().map(leeway).fold(0.0, f64::max);
-    found.beyond().min((1.0 + leeway) * quiet)
-}
-
-/// Squares of what a model leaves of one signal, where it was measured.
-fn left(bench: &Bench, model: &Model, signal: Signal) -> Vec<f64> {
-    let mut squares = Vec::new();
-    for (trial, misses) in bench.trials.iter().zip(&model.fit.misses) {
-        let Some(place) = trial.place(signal) else { continue };
-        let of_signal = misses.rows(trial.miss(place, 0), trial.samples.len());
-        squares.extend(of_signal.iter().filter(|miss| **miss != 0.0).map(|miss| miss * miss));
-    }
-    squares
-}
-
-/// How many of a model's misses are of swings.
-fn swings(bench: &Bench, model: &Model) -> usize {
-    let of = |(trial, misses): (&Trial, &DVector<f64>)| misses.len() - trial.miss(trial.signals().count(), 0);
-    bench.trials.iter().zip(&model.fit.misses).map(of).sum()
-}
-
 /// Decides; `explained` is the share of the refitted twin's gap that the best free term would explain.
 #[must_use]
 pub fn decide(found: &Found, catalogue: &[&'static EffectSpec], floor: f64, explained: f64) -> Decision {
@@ -308,18 +241,6 @@ pub fn decide(found: &Found, catalogue: &[&'static EffectSpec], floor: f64, expl
         (if rivals.len() > 1 { Verdict::Class } else { Verdict::Named }, ids(&rivals))
     };
     Decision { verdict, blamed, effects: catalogue.iter().copied().zip(effects).collect(), unknown, none, floor }
-}
-
-/// Whether any trial has samples so far apart that nobody knows what drives the unit between them.
-#[must_use]
-pub fn is_slow(bench: &Bench) -> bool {
-    bench.trials.iter().any(|trial| trial.period_s > SLOW_S)
-}
-
-/// Whether nothing gains and yet much is left, so that the unit is not sound; between slow samples nobody knows what drives it.
-#[must_use]
-pub fn untouched(bench: &Bench, found: &Found, decision: &Decision) -> bool {
-    decision.verdict == Verdict::NoGap && !is_slow(bench) && found.refitted.cost() > FOREIGN * decision.floor
 }
 
 /// Whether an effect explains nearly as much as the best one.

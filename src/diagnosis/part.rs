@@ -1,6 +1,7 @@
 //! A part of the chain: how well its models predict free runs, and how much of the verdict they bear.
 
-use crate::diagnosis::decide::{Decision, decide, floor};
+use crate::diagnosis::decide::{Decision, decide};
+use crate::diagnosis::floor::floor;
 use crate::diagnosis::model::Model;
 use crate::diagnosis::outcome::{FreeRun, StageOnly, Verdict};
 use crate::diagnosis::ready::Ready;
