@@ -19,6 +19,6 @@ pub fn closure(recordings: Vec<Recording>, refitted: &Unit, improved: &Unit) -> 
         Some(trials) => Bench::new(trials, refitted, &noise),
         None => bench,
     };
-    let bench = own_noise::laid_for(bench, improved, refitted);
+    let bench = own_noise::laid_for(bench, refitted, improved);
     share(&bench, &bench.simulate_all(refitted), &bench.simulate_all(improved))
 }
