@@ -221,12 +221,12 @@ pub fn find(
     catalogue: &[&'static EffectSpec],
     progress: &(dyn Fn(&str, f64) + Sync),
 ) -> (Bench, Found) {
-    let mut first: Option<Vec<&'static EffectSpec>> = None;
+    let mut gaining: Option<Vec<&'static EffectSpec>> = None;
     loop {
-        match grow(&bench, refitted.clone(), &sheet, catalogue, first.as_deref(), progress) {
+        match grow(&bench, refitted.clone(), &sheet, catalogue, gaining.as_deref(), progress) {
             Grown::Found(found) => return (bench, *found),
-            Grown::Along(unit, gaining) => {
-                first = Some(gaining);
+            Grown::Along(unit, gained) => {
+                gaining = Some(gained);
                 bench = bench.laid_along(&unit);
                 (refitted, sheet) = (refitted.anew(&bench), Model::sheet(&bench, &sheet.base, &sheet.knobs));
             }
@@ -252,7 +252,7 @@ fn grow(
     gaining: Option<&[&'static EffectSpec]>,
     progress: &(dyn Fn(&str, f64) + Sync),
 ) -> Grown {
-    let (own, first) = (gaining.is_some(), gaining.unwrap_or(catalogue));
+    let (own, candidates) = (gaining.is_some(), gaining.unwrap_or(catalogue));
     let charged = |(mut before, mut tried): (Model, Vec<Model>)| {
         if own {
             tried.iter_mut().chain([&mut before]).for_each(|model| model.noise = own_noise::charge(bench, model));
@@ -262,8 +262,8 @@ fn grow(
     };
     progress("trying every effect alone", 0.15);
     let starts = [cold(&refitted), Start { model: sheet, ladder: &COOLING, bar: f64::INFINITY }];
-    let tried = finals(bench, extend(bench, &starts, first), &refitted, first, FINALISTS, None);
-    let (nominal, mut tried) = charged(settled(bench, refitted, tried, first, FINALISTS));
+    let tried = finals(bench, extend(bench, &starts, candidates), &refitted, candidates, FINALISTS, None);
+    let (nominal, mut tried) = charged(settled(bench, refitted, tried, candidates, FINALISTS));
     let mut slots: Vec<Slot> = Vec::new();
     let mut before = nominal.clone();
     loop {
