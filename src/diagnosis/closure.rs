@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::diagnosis::floor::{LEEWAY, is_slow};
+use crate::diagnosis::floor::LEEWAY;
 use crate::diagnosis::model::Model;
 use crate::diagnosis::outcome::Interval;
 use crate::frame::Estimate;
@@ -159,7 +159,7 @@ fn squares_and_means(bench: &Bench, signal: Signal, twins: [&LeftOut; 2]) -> (Ve
 /// noise, since no unit chatters quite as expected, and between slow samples, where nobody knows how much a right model may leave.
 #[must_use]
 pub fn left(bench: &Bench, refitted: &Model, with_effects: &Model) -> f64 {
-    if is_slow(bench) {
+    if bench.is_slow() {
         return 0.0;
     }
     let [refitted, with_effects] = [refitted, with_effects].map(|model| bench.simulate_all(&model.unit()));

@@ -9,7 +9,7 @@ use crate::diagnosis::rivals::Found;
 use crate::signal::Signal;
 use crate::tuning::fit::Bench;
 use crate::tuning::noise::ALIKE;
-use crate::tuning::trial::{SLOW_S, Trial};
+use crate::tuning::trial::Trial;
 use crate::twin::Cut;
 
 /// Cost per sample of a sound unit: the noise model is a little generous.
@@ -47,7 +47,7 @@ pub fn floor(bench: &Bench, found: &Found) -> f64 {
         .sum();
     let quiet = quiet + CALM / ALIKE * swings(bench, &found.best) as f64;
     let leeway = |trial: &Trial| match trial.cut {
-        Cut::None if trial.period_s > SLOW_S => LEEWAY.1,
+        Cut::None if trial.is_slow() => LEEWAY.1,
         Cut::None => LEEWAY.0,
         _ => 0.0,
     };
@@ -72,14 +72,8 @@ fn swings(bench: &Bench, model: &Model) -> usize {
     bench.trials.iter().zip(&model.fit.misses).map(of).sum()
 }
 
-/// Whether any trial has samples so far apart that nobody knows what drives the unit between them.
-#[must_use]
-pub fn is_slow(bench: &Bench) -> bool {
-    bench.trials.iter().any(|trial| trial.period_s > SLOW_S)
-}
-
 /// Whether nothing gains and yet much is left, so that the unit is not sound; between slow samples nobody knows what drives it.
 #[must_use]
 pub fn untouched(bench: &Bench, found: &Found, decision: &Decision) -> bool {
-    decision.verdict == Verdict::NoGap && !is_slow(bench) && found.refitted.cost() > FOREIGN * decision.floor
+    decision.verdict == Verdict::NoGap && !bench.is_slow() && found.refitted.cost() > FOREIGN * decision.floor
 }

@@ -141,6 +141,12 @@ impl Bench {
         Some(self.whiteners[trial][place].swings.squares(&self.trials[trial].measured(signal), &simulated))
     }
 
+    /// Whether any trial has samples so far apart that nobody knows what drives the unit between them.
+    #[must_use]
+    pub fn is_slow(&self) -> bool {
+        self.trials.iter().any(Trial::is_slow)
+    }
+
     /// For how long a trial swings of itself, s.
     #[must_use]
     pub fn swings_s(&self, trial: usize) -> f64 {

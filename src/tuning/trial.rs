@@ -10,7 +10,7 @@ use crate::twin::{Cut, Twin};
 use crate::units::{nanos_from_seconds, seconds_from_nanos};
 
 /// Samples farther apart than this leave open what inputs do between them, s.
-pub const SLOW_S: f64 = 0.05;
+const SLOW_S: f64 = 0.05;
 
 /// Median size of the second difference of white jitter, over its standard deviation.
 const MEDIAN_BEND: f64 = 1.652;
@@ -102,6 +102,12 @@ impl Trial {
         trial.command_jitter_pu = 0.0;
         trial.cut = Cut::Spool;
         trial
+    }
+
+    /// Whether its samples are so far apart that nobody knows what drives the unit between them.
+    #[must_use]
+    pub fn is_slow(&self) -> bool {
+        self.period_s > SLOW_S
     }
 
     /// The signals that were measured.

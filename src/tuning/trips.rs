@@ -3,7 +3,7 @@
 use crate::frame::EsvState;
 use crate::parameters::Unit;
 use crate::tuning::fit::Bench;
-use crate::tuning::trial::{SLOW_S, Trial};
+use crate::tuning::trial::Trial;
 use crate::twin::Twin;
 use crate::units::nanos_from_seconds;
 
@@ -42,7 +42,7 @@ pub fn placed(bench: &Bench, unit: &Unit) -> Option<Vec<Trial>> {
 fn doubt(trial: &Trial) -> Option<(usize, i64)> {
     let state = |row: usize| trial.frames[row].inputs.esv;
     let row = (1..trial.frames.len()).find(|&row| state(row) == EsvState::Shutdown && state(row - 1) != state(row))?;
-    (trial.period_s > SLOW_S).then(|| (row, nanos_from_seconds(trial.period_s)))
+    trial.is_slow().then(|| (row, nanos_from_seconds(trial.period_s)))
 }
 
 /// The trial with its trip so much earlier.
