@@ -36,6 +36,11 @@ use crate::parameters::Unit;
 use crate::recording::Recording;
 use crate::tuning::fit::Bench;
 
+/// Where no effect gains anything, a refitted sheet that leaves so many times what a right model may leave lacks something that the catalogue does
+/// not have. At 100 Hz generated sound units leave 1.19 times at most, a command that drops out now and then 5 times, a filter of the pilot
+/// valve that the catalogue was made to lack 1.55 times.
+const FOREIGN: f64 = 1.4;
+
 /// What to try.
 #[derive(Clone, Debug)]
 pub struct Settings {
@@ -102,7 +107,7 @@ pub fn diagnose(
     }
     if !stage_only {
         let strange = agreement::disagreement(&bench, &found, floor);
-        if strange.is_some() || floor::untouched(&bench, &found, &decision) {
+        if strange.is_some() || untouched(&bench, &found, &decision) {
             decision = decision.forced(Verdict::Unknown);
         }
         let (doubted, reason) = doubts(&bench, &found, decision);
@@ -125,7 +130,7 @@ fn doubts(bench: &Bench, found: &Found, decision: Decision) -> (Decision, Option
         return (decision, None);
     }
     let chosen = decision.chosen(found);
-    let left = if named.is_empty() { 0.0 } else { closure::left(bench, &found.refitted, chosen) };
+    let left = if named.is_empty() { 0.0 } else { closure::share_left(bench, &found.refitted, chosen) };
     let (by_left, by_strain) = (decide::odds_of_left(left), decide::odds_of_strain(chosen.strain()));
     let doubted = decision.clone().doubted(by_left + by_strain);
     if doubted.verdict == decision.verdict {
@@ -146,4 +151,9 @@ fn doubts(bench: &Bench, found: &Found, decision: Decision) -> (Decision, Option
         )
     };
     (doubted, Some(nearest + &reason))
+}
+
+/// Whether nothing gains and yet much is left, so that the unit is not sound; between slow samples nobody knows what drives it.
+fn untouched(bench: &Bench, found: &Found, decision: &Decision) -> bool {
+    decision.verdict == Verdict::NoGap && !bench.is_slow() && found.refitted.cost() > FOREIGN * decision.floor
 }

@@ -158,7 +158,7 @@ fn squares_and_means(bench: &Bench, signal: Signal, twins: [&LeftOut; 2]) -> (Ve
 /// Share of the squared gap of both positions that a model with effects leaves beyond what a right one may; 0 where that gap is smaller than the
 /// noise, since no unit chatters quite as expected, and between slow samples, where nobody knows how much a right model may leave.
 #[must_use]
-pub fn left(bench: &Bench, refitted: &Model, with_effects: &Model) -> f64 {
+pub fn share_left(bench: &Bench, refitted: &Model, with_effects: &Model) -> f64 {
     if bench.is_slow() {
         return 0.0;
     }

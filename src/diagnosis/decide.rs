@@ -119,7 +119,7 @@ impl Decision {
     }
 }
 
-/// Odds on something unknown where what is named leaves this share of the squared gap ([`left`](crate::diagnosis::closure::left)).
+/// Odds on something unknown where what is named leaves this share of the squared gap ([`share_left`](crate::diagnosis::closure::share_left)).
 #[must_use]
 pub fn odds_of_left(left: f64) -> f64 {
     left / STAYS

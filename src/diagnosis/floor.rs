@@ -2,9 +2,7 @@
 
 use nalgebra::DVector;
 
-use crate::diagnosis::decide::Decision;
 use crate::diagnosis::model::Model;
-use crate::diagnosis::outcome::Verdict;
 use crate::diagnosis::rivals::Found;
 use crate::signal::Signal;
 use crate::tuning::fit::Bench;
@@ -24,11 +22,6 @@ const LOUDEST: f64 = 2.5;
 /// inputs. Measured on the generated battery of seed 77.
 pub const LEEWAY: (f64, f64) = (0.15, 1.5);
 
-/// Where no effect gains anything, a refitted sheet that leaves so many times what a right model may leave lacks something that the catalogue does
-/// not have. At 100 Hz generated sound units leave 1.19 times at most, a command that drops out now and then 5 times, a filter of the pilot
-/// valve that the catalogue was made to lack 1.55 times.
-const FOREIGN: f64 = 1.4;
-
 /// Median of the squares of normal values of unit size.
 const MEDIAN_SQUARE: f64 = 0.4549;
 
@@ -39,7 +32,7 @@ pub fn floor(bench: &Bench, found: &Found) -> f64 {
     let quiet: f64 = Signal::ALL
         .into_iter()
         .map(|signal| {
-            let mut squares = left(bench, &found.best, signal);
+            let mut squares = squares_left(bench, &found.best, signal);
             squares.sort_by(f64::total_cmp);
             let median = squares.get(squares.len() / 2).copied().unwrap_or(0.0);
             (median / MEDIAN_SQUARE).clamp(CALM / ALIKE, LOUDEST * CALM / ALIKE) * squares.len() as f64
@@ -56,7 +49,7 @@ pub fn floor(bench: &Bench, found: &Found) -> f64 {
 }
 
 /// Squares of what a model leaves of one signal, where it was measured.
-fn left(bench: &Bench, model: &Model, signal: Signal) -> Vec<f64> {
+fn squares_left(bench: &Bench, model: &Model, signal: Signal) -> Vec<f64> {
     let mut squares = Vec::new();
     for (trial, misses) in bench.trials.iter().zip(&model.fit.misses) {
         let Some(place) = trial.place(signal) else { continue };
@@ -70,10 +63,4 @@ fn left(bench: &Bench, model: &Model, signal: Signal) -> Vec<f64> {
 fn swings(bench: &Bench, model: &Model) -> usize {
     let of = |(trial, misses): (&Trial, &DVector<f64>)| misses.len() - trial.miss(trial.signals().count(), 0);
     bench.trials.iter().zip(&model.fit.misses).map(of).sum()
-}
-
-/// Whether nothing gains and yet much is left, so that the unit is not sound; between slow samples nobody knows what drives it.
-#[must_use]
-pub fn untouched(bench: &Bench, found: &Found, decision: &Decision) -> bool {
-    decision.verdict == Verdict::NoGap && !bench.is_slow() && found.refitted.cost() > FOREIGN * decision.floor
 }
