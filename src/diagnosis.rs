@@ -105,6 +105,9 @@ pub fn diagnose(
         decision = modest;
         notes.extend(dropped);
     }
+    if decision.verdict == Verdict::Named {
+        found.complete(&bench, &decision.blamed);
+    }
     if !stage_only {
         let strange = agreement::disagreement(&bench, &found, floor);
         if strange.is_some() || untouched(&bench, &found, &decision) {

@@ -1,13 +1,20 @@
 //! The diagnosis on generated units: what is planted is named, what is not is not, and nothing is said on too little.
 
 use govtwin::diagnosis::contract::report;
+use govtwin::diagnosis::model::Model;
 use govtwin::diagnosis::outcome::{Diagnosis, Verdict};
+use govtwin::diagnosis::rivals::{Found, Slot};
+use govtwin::diagnosis::search::with_effect;
 use govtwin::diagnosis::{DiagnosisError, Settings, diagnose};
 use govtwin::effects::find;
 use govtwin::generate::{Scenario, recording, spread};
 use govtwin::parameters::{EffectSetting, Unit};
 use govtwin::params::reference;
 use govtwin::recording::{Process, Recording};
+use govtwin::tuning::fit::{Bench, Effort, fit};
+use govtwin::tuning::knob::Knob;
+use govtwin::tuning::noise::expected;
+use govtwin::tuning::trial::Trial;
 
 /// A few effects that resemble each other, so that a test takes seconds.
 const TRIED: [&str; 4] = ["backlash", "port_overlap", "lvdt_bias", "feedback_lag"];
@@ -51,11 +58,56 @@ fn a_planted_bias_is_named_with_its_size_and_closes_the_gap() {
         let sum: f64 = ledger.parts.iter().map(|part| part.refitted).sum();
         assert!((sum - 1.0).abs() < 1e-9, "{} of {}: {sum}", ledger.by, ledger.signal.id());
     }
+    // The free term that would stand for the named effect is nearly the one that the recordings ask for.
+    let curves = &said.latents[0].curves;
+    let square = |of: fn(f64, f64) -> f64| -> f64 {
+        let points = curves.iter().flat_map(|curve| curve.points.iter().zip(&curve.named));
+        points.map(|(free, named)| of(free.1, named.1).powi(2)).sum()
+    };
+    let (apart, all) = (square(|free, named| free - named), square(|free, _| free));
+    assert!(all > 0.0 && apart < 0.1 * all, "{apart} of {all}");
     let json = report(&said, 1.0);
     assert_eq!(json["schema"], "govtwin-diagnosis/1");
     assert_eq!(json["effects"][0]["parameters"][0]["name"], "bias_pu");
+    let rmse = json["gap"]["signals"][0]["rmse"].as_object().unwrap();
+    let mut keys: Vec<&String> = rmse.keys().collect();
+    keys.sort();
+    assert_eq!(keys, ["delivered", "refitted", "with_effects", "with_residual"]);
     let total: f64 = json["ranking"].as_array().unwrap().iter().map(|one| one["probability"].as_f64().unwrap()).sum();
     assert!((total - 1.0).abs() < 1e-6, "{total}");
+}
+
+/// What is claimed of three effects of which the second has no name: the other two, fitted without it, and each alone.
+#[test]
+fn what_is_claimed_has_the_named_effects_and_no_others() {
+    let planted = [("lvdt_bias", 0.03), ("backlash", 0.004), ("feedback_lag", 0.05)];
+    let mut true_unit = unit(3, None);
+    let setting = |(id, value): (&str, f64)| EffectSetting { id: id.to_owned(), values: vec![value] };
+    true_unit.effects.extend(planted.map(setting));
+    let trials = recordings(&true_unit, &[Process::LoadIncrease], 3).into_iter().map(Trial::new).collect();
+    let bench = Bench::new(trials, &reference(), &expected(&reference().sensors));
+    let sheet = Model::sheet(&bench, &reference(), &Knob::nuisances(&reference()));
+    let mut grown = vec![sheet.clone()];
+    for (id, value) in planted {
+        let (from, spec) = (grown.last().unwrap(), find(id).unwrap());
+        let (base, knobs, start) = with_effect(from, spec, value / spec.parameters[0].typical).unwrap();
+        let effects = from.effects.iter().copied().chain([spec]).collect();
+        let fit = fit(&bench, &base, &knobs, &start, Effort::SCOUT, None);
+        grown.push(Model::new(effects, base, knobs, fit));
+    }
+    let slots = grown.windows(2).map(|pair| Slot { before: pair[0].clone(), tried: vec![pair[1].clone()] }).collect();
+    let (best, further) = (grown[3].clone(), Vec::new());
+    let mut found = Found { refitted: sheet, best, slots, further, claims: Vec::new() };
+    found.complete(&bench, &["lvdt_bias", "feedback_lag"]);
+    let claimed = found.claimed(&["lvdt_bias", "feedback_lag"]).unit();
+    let sizes: Vec<(&str, f64)> = claimed.effects.iter().map(|one| (one.id.as_str(), one.values[0])).collect();
+    assert!(sizes.len() == 2 && sizes[0].0 == "lvdt_bias" && sizes[1].0 == "feedback_lag", "{sizes:?}");
+    assert!((sizes[0].1 / 0.03 - 1.0).abs() < 0.2 && (sizes[1].1 / 0.05 - 1.0).abs() < 0.3, "{sizes:?}");
+    assert_eq!(found.alone("feedback_lag").ids(), ["feedback_lag"]);
+    // What the search came by is not fitted again.
+    assert_eq!(found.claims.len(), 2);
+    found.complete(&bench, &["lvdt_bias", "backlash"]);
+    assert_eq!(found.claims.last().unwrap().ids(), ["backlash"]);
 }
 
 /// Nobody keeps step with a limit cycle: the right effect leaves no less of the plain squares than none does.

@@ -52,7 +52,10 @@ pub fn report(diagnosis: &Diagnosis, seconds: f64) -> Value {
             json!({
                 "name": gap.signal.id(),
                 "noise_floor": gap.noise_floor,
-                "rmse": {"delivered": gap.delivered, "refitted": gap.refitted, "with_effects": gap.with_effects},
+                // A learned residual is no part of a diagnosis; `replay --residual` tells what one leaves on top of `fitted.yaml`.
+                "rmse": {
+                    "delivered": gap.delivered, "refitted": gap.refitted, "with_effects": gap.with_effects, "with_residual": null,
+                },
             })
         })
         .collect();
@@ -144,8 +147,11 @@ fn evidence(diagnosis: &Diagnosis) -> Value {
         .latents
         .iter()
         .map(|one| {
-            let curves: Vec<Value> =
-                one.curves.iter().map(|curve| json!({"against": curve.against, "points": curve.points})).collect();
+            let curves: Vec<Value> = one
+                .curves
+                .iter()
+                .map(|curve| json!({"against": curve.against, "points": curve.points, "named": curve.named}))
+                .collect();
             json!({
                 "place": one.place, "stage": one.stage.id(), "unit": one.unit,
                 "explains": one.explains, "curves": curves,

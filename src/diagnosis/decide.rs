@@ -289,7 +289,7 @@ mod tests {
             Slot { before: nominal.clone(), tried: vec![first.clone()] },
             Slot { before: first, tried: second.to_vec() },
         ];
-        Found { refitted: nominal, best: second[0].clone(), slots, further: Vec::new() }
+        Found { refitted: nominal, best: second[0].clone(), slots, further: Vec::new(), claims: Vec::new() }
     }
 
     fn judged(found: &Found, floor: f64) -> Decision {
@@ -362,7 +362,7 @@ mod tests {
             let nominal = model(&[], 1000.0);
             let best = model(&["backlash"], 1000.0 - gain);
             let slots = vec![Slot { before: nominal.clone(), tried: vec![best.clone()] }];
-            let found = Found { refitted: nominal, best, slots, further: Vec::new() };
+            let found = Found { refitted: nominal, best, slots, further: Vec::new(), claims: Vec::new() };
             let decision = judged(&found, 1000.0 - gain);
             assert_eq!(decision.effects.iter().any(|(_, p)| *p > 0.5), likely, "gain {gain}");
             assert_eq!(decision.verdict == Verdict::Named, likely, "gain {gain}");

@@ -88,7 +88,7 @@ pub fn latents(bench: &Bench, model: &Model, gap: f64) -> Vec<Latent> {
     let mut all: Vec<Latent> = PLACES
         .par_iter()
         .filter_map(|&(point, place, stage, term_unit, scale)| {
-            let (sizes, gain) = fitted(bench, model, &unit, point, scale)?;
+            let (sizes, gain) = fitted(bench, model, &unit, point, scale, None)?;
             let explains = if gap > 0.0 { (gain / gap).clamp(0.0, 1.0) } else { 0.0 };
             Some(Latent { place, stage, unit: term_unit, explains, curves: curves(&sizes) })
         })
@@ -97,8 +97,34 @@ pub fn latents(bench: &Bench, model: &Model, gap: f64) -> Vec<Latent> {
     all
 }
 
+/// Draws beside the leading free term what it would look like if the unit were the improved twin: found in the same way, in that twin's
+/// positions instead of the measured ones. The closer the two, the more of what is missing the named effects are.
+pub fn draw_named(bench: &Bench, model: &Model, improved: &Model, latents: &mut [Latent]) {
+    let Some(leading) = latents.first_mut() else { return };
+    let Some(&(point, .., scale)) = PLACES.iter().find(|(_, place, ..)| *place == leading.place) else { return };
+    let goal = bench.misses_of(&[improved.unit()]).pop().unwrap_or_default();
+    let found = fitted(bench, model, &model.unit(), point, scale, Some(&goal));
+    for (curve, named) in leading.curves.iter_mut().zip(found.iter().flat_map(|(sizes, _)| curves(sizes))) {
+        curve.named = named.points;
+    }
+}
+
 /// Sizes of the shapes, and by how much the cost falls; none where the place has no say.
-fn fitted(bench: &Bench, model: &Model, unit: &Unit, point: Point, scale: f64) -> Option<([f64; SHAPES.len()], f64)> {
+///
+/// What is to be explained is what the model misses, or what it misses of another unit whose own misses are given as the `goal`.
+fn fitted(
+    bench: &Bench,
+    model: &Model,
+    unit: &Unit,
+    point: Point,
+    scale: f64,
+    goal: Option<&Misses>,
+) -> Option<([f64; SHAPES.len()], f64)> {
+    let beyond = |misses: Misses| match goal {
+        Some(goal) => misses.iter().zip(goal).map(|(misses, goal)| misses - goal).collect(),
+        None => misses,
+    };
+    let left = beyond(model.fit.misses.clone());
     let step = 0.2 * scale;
     let columns: Vec<Misses> = (0..SHAPES.len())
         .map(|shape| {
@@ -123,7 +149,7 @@ fn fitted(bench: &Bench, model: &Model, unit: &Unit, point: Point, scale: f64) -
         .collect();
     let kept = model.knobs.len();
     let (mut hessian, mut gradient) = (DMatrix::zeros(0, 0), DVector::zeros(0));
-    for (slope, misses) in slopes.iter().zip(&model.fit.misses) {
+    for (slope, misses) in slopes.iter().zip(&left) {
         if hessian.nrows() == 0 {
             hessian = slope.tr_mul(slope);
             gradient = slope.tr_mul(misses);
@@ -143,7 +169,7 @@ fn fitted(bench: &Bench, model: &Model, unit: &Unit, point: Point, scale: f64) -
     }
     let Some(cholesky) = hessian.cholesky() else { return Some(([0.0; SHAPES.len()], 0.0)) };
     let change = -cholesky.solve(&gradient);
-    let before = model.cost();
+    let before = square(&left) + model.fit.prior + model.noise;
     let mut best = ([0.0; SHAPES.len()], 0.0);
     for share in [1.0, 0.5, 0.2] {
         let positions: Vec<f64> = model.fit.positions.iter().enumerate().map(|(k, p)| p + share * change[k]).collect();
@@ -154,7 +180,7 @@ fn fitted(bench: &Bench, model: &Model, unit: &Unit, point: Point, scale: f64) -
         }
         let prior: f64 =
             model.knobs.iter().zip(&positions).filter(|(knob, _)| knob.has_prior()).map(|(_, p)| p * p).sum();
-        let gain = before - square(&misses(bench, &moved, point, sizes)) - prior;
+        let gain = before - square(&beyond(misses(bench, &moved, point, sizes))) - prior;
         if gain > best.1 {
             best = (sizes, gain);
         }

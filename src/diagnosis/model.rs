@@ -84,6 +84,30 @@ impl Model {
         Some(Self::new(self.effects.clone(), self.base.clone(), self.knobs.clone(), fit))
     }
 
+    /// The model with these of its effects alone, fitted anew from where it stands.
+    #[must_use]
+    pub fn keeping(&self, bench: &Bench, ids: &[&str]) -> Self {
+        let own = self.base.effects.len() - self.effects.len();
+        let kept = |effect: usize| effect < own || ids.contains(&self.base.effects[effect].id.as_str());
+        let place = |effect: usize| (0..effect).filter(|&before| kept(before)).count();
+        let mut base = self.base.clone();
+        base.effects = (0..base.effects.len()).filter(|&k| kept(k)).map(|k| self.base.effects[k].clone()).collect();
+        let (knobs, start): (Vec<Knob>, Vec<f64>) = self
+            .knobs
+            .iter()
+            .zip(&self.fit.positions)
+            .filter_map(|(knob, position)| match *knob {
+                Knob::Effect { effect, parameter, spec } => {
+                    kept(effect).then(|| (Knob::Effect { effect: place(effect), parameter, spec }, *position))
+                }
+                other => Some((other, *position)),
+            })
+            .unzip();
+        let effects = self.effects.iter().copied().filter(|spec| ids.contains(&spec.id)).collect();
+        let fit = fit(bench, &base, &knobs, &start, Effort::FULL, None);
+        Self::new(effects, base, knobs, fit)
+    }
+
     /// Squares of misses and priors together, and what its noise costs more.
     #[must_use]
     pub fn cost(&self) -> f64 {

@@ -221,7 +221,8 @@ pub struct Curve {
     pub against: &'static str,
     /// Points of the free term.
     pub points: Vec<(f64, f64)>,
-    /// The named effect at the same points, where one is blamed and stands there.
+    /// The same for the improved twin in the unit's stead: the free term that would stand for the named effects. Of the leading place only, and
+    /// none where nothing is named.
     pub named: Vec<(f64, f64)>,
 }
 

@@ -75,20 +75,47 @@ pub struct Found {
     pub slots: Vec<Slot>,
     /// The models with one effect more than the best, best first, none of which earned its place.
     pub further: Vec<Model>,
+    /// Some of the best model's effects, together or alone, where a verdict claims what the search did not come by.
+    pub claims: Vec<Model>,
 }
 
 impl Found {
-    /// The model with these effects alone, where they came first; the best one otherwise.
+    /// The model with these effects alone, where it was fitted; the best one otherwise.
     #[must_use]
     pub fn claimed(&self, ids: &[&str]) -> &Model {
-        let grown = self.slots.iter().map(|slot| &slot.before).find(|model| model.effects.len() == ids.len());
-        grown.filter(|model| model.effects.iter().all(|effect| ids.contains(&effect.id))).unwrap_or(&self.best)
+        self.grown(ids).unwrap_or(&self.best)
     }
 
-    /// The model with this effect alone.
+    /// The model with this effect alone, where it was fitted; the best one otherwise.
     #[must_use]
     pub fn alone(&self, id: &str) -> &Model {
-        self.slots.first().and_then(|slot| slot.with(id)).unwrap_or(&self.best)
+        self.tried_alone(id).unwrap_or(&self.best)
+    }
+
+    /// Fits those models that a verdict claims and the search did not come by: of all the effects that it blames, and of each alone.
+    pub fn complete(&mut self, bench: &Bench, blamed: &[&str]) {
+        let lacking = |found: &Self, ids: &[&str]| match ids {
+            [] => false,
+            [id] => found.best.has(id) && found.tried_alone(id).is_none(),
+            several => several.iter().all(|id| found.best.has(id)) && found.grown(several).is_none(),
+        };
+        for ids in [blamed].into_iter().chain(blamed.chunks(1)) {
+            if lacking(self, ids) {
+                let claim = self.best.keeping(bench, ids);
+                self.claims.push(claim);
+            }
+        }
+    }
+
+    fn grown(&self, ids: &[&str]) -> Option<&Model> {
+        let grown = self.slots.iter().map(|slot| &slot.before).chain([&self.best]).chain(&self.claims);
+        let is_it = |model: &&Model| model.effects.len() == ids.len() && ids.iter().all(|id| model.has(id));
+        grown.into_iter().find(is_it)
+    }
+
+    fn tried_alone(&self, id: &str) -> Option<&Model> {
+        let claimed = self.claims.iter().find(|model| model.ids() == [id]);
+        self.slots.first().and_then(|slot| slot.with(id)).or(claimed)
     }
 
     /// The least cost that one effect more than the best would have reached.
@@ -290,7 +317,7 @@ fn grow(
     if slots.is_empty() {
         slots.push(Slot { before: before.clone(), tried: std::mem::take(&mut further) });
     }
-    Grown::Found(Box::new(Found { refitted: nominal, best: before, slots, further }))
+    Grown::Found(Box::new(Found { refitted: nominal, best: before, slots, further, claims: Vec::new() }))
 }
 
 /// What an effect must gain when others have explained so much before it.

@@ -3,6 +3,7 @@
 use crate::diagnosis::Settings;
 use crate::diagnosis::closure::{LeftOut, Refitted, closure, closure_of, without_parts, without_recordings};
 use crate::diagnosis::decide::{Decision, stages as stage_shares};
+use crate::diagnosis::latent::draw_named;
 use crate::diagnosis::ledger::{gaps, ledgers};
 use crate::diagnosis::model::Model;
 use crate::diagnosis::next::experiments;
@@ -53,7 +54,7 @@ pub fn gather(
     settings: &Settings,
     seen: Seen,
 ) -> Diagnosis {
-    let Seen { latents, channels, mut notes } = seen;
+    let Seen { mut latents, channels, mut notes } = seen;
     let marks = Marks::new(bench, &found.refitted, &settings.catalogue);
     let visible = marks.visible();
     let shown = visible.iter().filter(|effect| effect.smallest <= EXCITED * effect.typical).count();
@@ -79,6 +80,9 @@ pub fn gather(
     let total: f64 = unknown_at.iter().map(|(_, share)| share).sum();
     for (_, share) in &mut unknown_at {
         *share /= total.max(1e-12);
+    }
+    if !chosen.effects.is_empty() {
+        draw_named(bench, &found.refitted, &chosen, &mut latents);
     }
     let stage_shares = stage_shares(decision, &unknown_at);
     let has_gap = !matches!(verdict, Verdict::NoGap | Verdict::NotExcited);

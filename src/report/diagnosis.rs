@@ -149,10 +149,16 @@ fn location(body: &mut Blocks, diagnosis: &Diagnosis, explained: bool) -> Result
         body.figure(
             svg(&pictures::shape(best))?,
             format!(
-                "A free term on the {} ({}) would explain {} of the gap; each panel is its part in one variable.",
+                "A free term on the {} ({}) would explain {} of the gap; each panel is its part in one variable.{}",
                 best.place,
                 words::stage_title(best.stage),
-                words::percent(best.explains)
+                words::percent(best.explains),
+                if best.curves.iter().all(|curve| curve.named.is_empty()) {
+                    ""
+                } else {
+                    " Beside it what the same term would be if the unit were the improved twin: where the two lie together, \
+                     what is named is what is missing."
+                }
             ),
         );
         let mut inner = Blocks::new();
