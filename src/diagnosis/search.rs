@@ -16,6 +16,9 @@ use crate::tuning::trips::placed;
 /// Sizes at which an effect is tried first, in units of its typical size; a dead time gains nothing at 0.7 beside its own.
 const SIZES: [f64; 6] = [0.2, 0.8, 2.0, 3.0, -0.2, -0.8];
 
+/// Where the further parameters of an effect stand when its sizes are tried: typical, or neutral, which leaves the unit's own parts alone.
+const FURTHER: [f64; 2] = [1.0, 0.0];
+
 /// Farthest that a slope at nothing is trusted, in units of the typical size.
 const FARTHEST: f64 = 3.0;
 
@@ -74,9 +77,14 @@ pub fn nominal(trials: Vec<Trial>, unit: &Unit, turned: Turned, noise: &Noise) -
     (bench, refitted, sheet)
 }
 
-/// The model with one more effect, its parameters at a size in units of the typical one.
+/// The model with one more effect: its first parameter at a size in units of the typical one, its further ones neutral at 0, typical at 1.
 #[must_use]
-pub fn with_effect(from: &Model, spec: &'static EffectSpec, size: f64) -> Option<(Unit, Vec<Knob>, Vec<f64>)> {
+pub fn with_effect(
+    from: &Model,
+    spec: &'static EffectSpec,
+    size: f64,
+    further: f64,
+) -> Option<(Unit, Vec<Knob>, Vec<f64>)> {
     let mut base = from.base.clone();
     let effect = base.effects.len();
     base.effects.push(EffectSetting {
@@ -88,7 +96,7 @@ pub fn with_effect(from: &Model, spec: &'static EffectSpec, size: f64) -> Option
     for (parameter, spec) in spec.parameters.iter().enumerate() {
         let knob = Knob::Effect { effect, parameter, spec };
         let (low, high) = knob.range(&base);
-        positions.push(if parameter == 0 { size } else { 1.0 }.clamp(low, high));
+        positions.push(if parameter == 0 { size } else { further }.clamp(low, high));
         knobs.push(knob);
     }
     let placed = positions.get(from.knobs.len()).copied();
@@ -137,6 +145,8 @@ struct Offer {
     start: usize,
     /// Size from which to fit, in units of the typical one; 0 from nothing of the effect on.
     size: f64,
+    /// Where its further parameters start.
+    further: f64,
     /// The cost that it promises, at the start's highest temperature.
     cost: f64,
     /// By how much that is less than without the effect.
@@ -163,10 +173,10 @@ pub fn extend(bench: &Bench, starts: &[Start<'_>], catalogue: &[&'static EffectS
                 offers.iter().filter(worth).partition(|offer| offer.size == 0.0);
             let scouted = sized
                 .iter()
-                .filter_map(|offer| scout(bench, &priced[offer.start].start, spec, offer.size))
+                .filter_map(|offer| scout(bench, &priced[offer.start].start, spec, offer))
                 .min_by(|a, b| a.cost().total_cmp(&b.cost()));
             match crept.first() {
-                Some(offer) => crept_from(bench, &priced[offer.start].start, spec, offer.cost, scouted),
+                Some(offer) => crept_from(bench, &priced[offer.start].start, spec, offer, scouted),
                 None => scouted,
             }
         })
@@ -177,42 +187,58 @@ pub fn extend(bench: &Bench, starts: &[Start<'_>], catalogue: &[&'static EffectS
 fn offers(bench: &Bench, priced: &[Priced<'_>], spec: &'static EffectSpec) -> Vec<Offer> {
     let lacking = || priced.iter().enumerate().filter(|(_, priced)| !priced.start.model.has(spec.id));
     let sized = lacking().filter_map(|(start, priced)| {
-        let (cost, size) = best_size(bench, priced, spec)?;
-        Some(Offer { start, size, cost, gain: priced.gain(cost) })
+        let (cost, size, further) = best_size(bench, priced, spec)?;
+        Some(Offer { start, size, further, cost, gain: priced.gain(cost) })
     });
     let from_nothing = lacking().take(1).filter_map(|(start, priced)| {
-        let cost = promise(bench, priced, spec);
+        let further = where_nothing_is(bench, priced.start.model, spec);
+        let cost = promise(bench, priced, spec, further);
         let gain = priced.gain(cost);
-        (gain >= PROMISING).then_some(Offer { start, size: 0.0, cost, gain })
+        (gain >= PROMISING).then_some(Offer { start, size: 0.0, further, cost, gain })
     });
     sized.chain(from_nothing).collect()
 }
 
-/// The cost that an effect promises at the best of several sizes, and that size; none where it promises nothing, or more than the bar.
-fn best_size(bench: &Bench, priced: &Priced<'_>, spec: &'static EffectSpec) -> Option<(f64, f64)> {
-    let Priced { start, projection, nothing, .. } = priced;
-    let price = |size: f64| {
-        let (base, knobs, positions) = with_effect(start.model, spec, size)?;
+/// Where the further parameters of an effect stand for its first one at nothing to be nothing of the effect: typical, if that leaves the model alone,
+/// else neutral.
+fn where_nothing_is(bench: &Bench, from: &Model, spec: &'static EffectSpec) -> f64 {
+    let leaves_alone = |further: f64| {
+        let (base, knobs, positions) = with_effect(from, spec, 0.0, further)?;
         let misses = bench.misses_of(&[unit_at(&base, &knobs, &positions)]).pop()?;
-        Some((projection.cost(&misses), size))
+        Some(misses == from.fit.misses)
     };
-    let cheaper = |a: &(f64, f64), b: &(f64, f64)| a.0.total_cmp(&b.0);
-    let mut best = SIZES.into_iter().filter_map(price).min_by(cheaper)?;
+    if spec.parameters.len() == 1 || leaves_alone(1.0) == Some(true) { 1.0 } else { 0.0 }
+}
+
+/// The cost that an effect promises at the best of several sizes, that size, and where its further parameters stand with it; none where it promises
+/// nothing, or more than the bar.
+fn best_size(bench: &Bench, priced: &Priced<'_>, spec: &'static EffectSpec) -> Option<(f64, f64, f64)> {
+    let Priced { start, projection, nothing, .. } = priced;
+    let price = |(size, further): (f64, f64)| {
+        let (base, knobs, positions) = with_effect(start.model, spec, size, further)?;
+        let misses = bench.misses_of(&[unit_at(&base, &knobs, &positions)]).pop()?;
+        Some((projection.cost(&misses), size, further))
+    };
+    let cheaper = |a: &(f64, f64, f64), b: &(f64, f64, f64)| a.0.total_cmp(&b.0);
+    let shapes = if spec.parameters.len() > 1 { &FURTHER[..] } else { &FURTHER[..1] };
+    let tried = shapes.iter().flat_map(|&further| SIZES.map(|size| (size, further)));
+    let mut best = tried.filter_map(price).min_by(cheaper)?;
     let from = start.model.cost();
     // What lies nearer to nothing gained than to a lower bar is not brought below it by a better size; nor are sizes sought where none gains.
     if best.0 >= *nothing || start.bar < from && best.0 > 0.5 * (start.bar + from) {
         return None;
     }
     for factor in [1.9, 1.35] {
-        best = [best.1 * factor, best.1 / factor].into_iter().filter_map(price).chain([best]).min_by(cheaper)?;
+        let around = [best.1 * factor, best.1 / factor].map(|size| (size, best.2));
+        best = around.into_iter().filter_map(price).chain([best]).min_by(cheaper)?;
     }
     (best.0 <= start.bar).then_some(best)
 }
 
 /// The model with one effect more, fitted quickly from this size on.
-fn scout(bench: &Bench, start: &Start<'_>, spec: &'static EffectSpec, size: f64) -> Option<Model> {
+fn scout(bench: &Bench, start: &Start<'_>, spec: &'static EffectSpec, offer: &Offer) -> Option<Model> {
     let from = start.model;
-    let (base, knobs, mut positions) = with_effect(from, spec, size)?;
+    let (base, knobs, mut positions) = with_effect(from, spec, offer.size, offer.further)?;
     let mut slopes = from.fit.slopes.clone();
     let mut fitted = None;
     for &temperature in start.ladder {
@@ -235,25 +261,25 @@ fn crept_from(
     bench: &Bench,
     start: &Start<'_>,
     spec: &'static EffectSpec,
-    promised: f64,
+    offer: &Offer,
     scouted: Option<Model>,
 ) -> Option<Model> {
     let from = start.model;
     let reached = scouted.as_ref().map_or(f64::INFINITY, Model::cost).min(start.bar);
-    if promised > reached - PROMISING {
+    if offer.cost > reached - PROMISING {
         return scouted;
     }
-    let Some((base, knobs, positions)) = with_effect(from, spec, 0.0) else { return scouted };
+    let Some((base, knobs, positions)) = with_effect(from, spec, 0.0, offer.further) else { return scouted };
     let found = fit(bench, &base, &knobs, &positions, CREEP, Some(&from.fit.slopes));
     let crept = (found.cost() < reached).then(|| Model::new(joined(from, spec), base, knobs, found).light());
     crept.or(scouted)
 }
 
 /// The least cost that an effect promises by its slope at nothing.
-fn promise(bench: &Bench, priced: &Priced<'_>, spec: &'static EffectSpec) -> f64 {
+fn promise(bench: &Bench, priced: &Priced<'_>, spec: &'static EffectSpec, further: f64) -> f64 {
     let (from, projection) = (priced.start.model, &priced.projection);
     let towards = |step: f64| {
-        let (base, knobs, positions) = with_effect(from, spec, step)?;
+        let (base, knobs, positions) = with_effect(from, spec, step, further)?;
         let misses = bench.misses_of(&[unit_at(&base, &knobs, &positions)]).pop()?;
         let along: Misses = misses.iter().zip(&from.fit.misses).map(|(to, from)| (to - from) / step).collect();
         Some(projection.cost_along(&from.fit.misses, &along, step.signum() * FARTHEST))

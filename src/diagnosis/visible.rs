@@ -43,7 +43,7 @@ impl Marks {
         let marks = catalogue
             .par_iter()
             .filter_map(|&spec| {
-                let (base, knobs, positions) = with_effect(model, spec, SIZE)?;
+                let (base, knobs, positions) = with_effect(model, spec, SIZE, 1.0)?;
                 let misses = bench.misses_of(&[unit_at(&base, &knobs, &positions)]).pop()?;
                 let change: Vec<DVector<f64>> =
                     misses.iter().zip(&model.fit.misses).map(|(with, without)| with - without).collect();

@@ -36,7 +36,7 @@ pub const SPEC: EffectSpec = EffectSpec {
             neutral: 0.1,
             min: 0.005,
             max: 0.5,
-            typical: 0.1,
+            typical: 0.06,
             doc: "length of the cushion from the closed end, pu of stroke",
         },
     ],

@@ -35,7 +35,7 @@ pub const SPEC: EffectSpec = EffectSpec {
             neutral: 60.0,
             min: 1.0,
             max: 3600.0,
-            typical: 60.0,
+            typical: 120.0,
             doc: "time constant with which the oil warms",
         },
     ],
