@@ -41,6 +41,16 @@ fn fitted(effect: &str, trials: Vec<Trial>) -> Calibration {
 }
 
 #[test]
+fn a_simulation_without_numbers_is_the_worst_of_all() {
+    let (unit, mut trials) = plant("backlash", 0.0, 7);
+    trials.truncate(1);
+    let bench = Bench::new(trials, &unit, &noise::expected(&unit.sensors));
+    let costs: Vec<f64> =
+        bench.misses_of(&[unit.clone(), with_effect(&unit, "load", f64::NAN)]).iter().map(square).collect();
+    assert!(costs[1].is_finite() && costs[1] > 1e6 * costs[0], "{costs:?}");
+}
+
+#[test]
 fn planted_parameters_come_back_within_their_intervals() {
     let planted = [("backlash", 0.003, 21), ("feedback_lag", 0.04, 22), ("chamber_leak", 6e-12, 23)];
     let (mut inside, mut all) = (0, 0);

@@ -32,10 +32,10 @@ pub fn floor(bench: &Bench, found: &Found) -> f64 {
     let quiet: f64 = Signal::ALL
         .into_iter()
         .map(|signal| {
-            let mut squares = squares_left(bench, &found.best, signal);
+            let (mut squares, out_of_step) = squares_left(bench, &found.best, signal);
             squares.sort_by(f64::total_cmp);
             let median = squares.get(squares.len() / 2).copied().unwrap_or(0.0);
-            (median / MEDIAN_SQUARE).clamp(CALM / ALIKE, LOUDEST * CALM / ALIKE) * squares.len() as f64
+            (median / MEDIAN_SQUARE).clamp(CALM / ALIKE, LOUDEST * CALM / ALIKE) * squares.len() as f64 + out_of_step
         })
         .sum();
     let quiet = quiet + CALM / ALIKE * swings(bench, &found.best) as f64;
@@ -48,15 +48,24 @@ pub fn floor(bench: &Bench, found: &Found) -> f64 {
     found.beyond().min((1.0 + leeway) * quiet)
 }
 
-/// Squares of what a model leaves of one signal, where it was measured.
-fn squares_left(bench: &Bench, model: &Model, signal: Signal) -> Vec<f64> {
-    let mut squares = Vec::new();
-    for (trial, misses) in bench.trials.iter().zip(&model.fit.misses) {
-        let Some(place) = trial.place(signal) else { continue };
+/// Squares of what a model leaves of one signal where it was measured, and their sum where the signal swings of itself: no model is in step there, so
+/// that nothing less is to be expected of a right one.
+fn squares_left(bench: &Bench, model: &Model, signal: Signal) -> (Vec<f64>, f64) {
+    let (mut calm, mut out_of_step) = (Vec::new(), 0.0);
+    for (index, (trial, misses)) in bench.trials.iter().zip(&model.fit.misses).enumerate() {
+        let (Some(place), Some(swinging)) = (trial.place(signal), bench.swinging_samples(index, signal)) else {
+            continue;
+        };
         let of_signal = misses.rows(trial.miss(place, 0), trial.samples.len());
-        squares.extend(of_signal.iter().filter(|miss| **miss != 0.0).map(|miss| miss * miss));
+        for (miss, swinging) in of_signal.iter().zip(swinging).filter(|(miss, _)| **miss != 0.0) {
+            if swinging {
+                out_of_step += miss * miss;
+            } else {
+                calm.push(miss * miss);
+            }
+        }
     }
-    squares
+    (calm, out_of_step)
 }
 
 /// How many of a model's misses are of swings.

@@ -19,6 +19,9 @@ use crate::twin::{Cut, Twin};
 /// Step of a forward difference, in units of a knob.
 pub const DIFFERENCE: f64 = 0.05;
 
+/// What stands for a simulated value that is no number, in any signal's unit: far from everything, so that no fit ends there.
+const ASTRAY: f64 = 1.0e12;
+
 /// A set of trials with the noise to expect of them, against which units are judged.
 #[derive(Debug)]
 pub struct Bench {
@@ -147,6 +150,13 @@ impl Bench {
         self.trials.iter().any(Trial::is_slow)
     }
 
+    /// By sample whether a signal swings of itself in a trial, where it is judged by its loudness; none where it was never measured.
+    #[must_use]
+    pub fn swinging_samples(&self, trial: usize, signal: Signal) -> Option<Vec<bool>> {
+        let place = self.trials[trial].place(signal)?;
+        Some(self.whiteners[trial][place].swings.ignored_squares.iter().map(|square| *square > 0.0).collect())
+    }
+
     /// For how long a trial swings of itself, s.
     #[must_use]
     pub fn swings_s(&self, trial: usize) -> f64 {
@@ -193,7 +203,8 @@ impl Bench {
         let mut swings = Vec::new();
         for (signal, whitener) in data.signals().zip(&self.whiteners[index]) {
             let start = all.len();
-            let simulated = signal.of_estimates(&estimates);
+            let mut simulated = signal.of_estimates(&estimates);
+            simulated.iter_mut().filter(|value| !value.is_finite()).for_each(|value| *value = ASTRAY);
             let measured = data.measured(signal).into_iter();
             all.extend(measured.zip(&simulated).map(|(measured, simulated)| measured - simulated));
             whitener.apply(&mut all[start..]);
