@@ -112,7 +112,9 @@ impl Decision {
             self.effects.iter_mut().for_each(|(_, p)| *p *= share);
             self.unknown = unknown;
         }
-        if odds > 1.0 {
+        // What is named must stay the likelier.
+        let top = self.effects.iter().map(|(_, p)| *p).fold(0.0, f64::max);
+        if odds > 1.0 || !self.blamed.is_empty() && self.unknown > top {
             (self.verdict, self.blamed) = (Verdict::Unknown, Vec::new());
         }
         self
@@ -206,8 +208,12 @@ pub fn decide(found: &Found, catalogue: &[&'static EffectSpec], floor: f64, expl
         let (named, other) =
             (weight(found.best.cost() - floor, gap), weight(SUPPLE * leaves * gap + 0.5 * DETECTED, gap));
         unknown = unknown.max(other / (named + other));
-        let claim = if likely.is_empty() { found.best.ids().into_iter().take(1).collect() } else { ids(&likely) };
-        let share = (first.before.cost() - found.claimed(&claim).cost()) / gap.max(1e-9);
+        let claim = match ids(&likely).as_slice() {
+            [] => found.alone(found.best.ids().first().copied().unwrap_or_default()),
+            [one] => found.alone(one),
+            several => found.claimed(several),
+        };
+        let share = (first.before.cost() - claim.cost()) / gap.max(1e-9);
         if share < MOST_OF_IT {
             unknown = unknown.max(1.0 - share);
         }
@@ -225,8 +231,8 @@ pub fn decide(found: &Found, catalogue: &[&'static EffectSpec], floor: f64, expl
         (Verdict::NoGap, Vec::new())
     } else if unknown > top {
         (Verdict::Unknown, Vec::new())
-    } else if found.best.effects.len() > 1 {
-        (Verdict::Named, ids(if likely.is_empty() { &order[..1] } else { &likely }))
+    } else if found.best.effects.len() > 1 && !likely.is_empty() {
+        (Verdict::Named, ids(&likely))
     } else {
         let mut sum = 0.0;
         let credited = |k: &&usize| {

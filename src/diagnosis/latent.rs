@@ -169,7 +169,7 @@ fn fitted(
     }
     let Some(cholesky) = hessian.cholesky() else { return Some(([0.0; SHAPES.len()], 0.0)) };
     let change = -cholesky.solve(&gradient);
-    let before = square(&left) + model.fit.prior + model.noise;
+    let before = square(&left) + model.fit.prior;
     let mut best = ([0.0; SHAPES.len()], 0.0);
     for share in [1.0, 0.5, 0.2] {
         let positions: Vec<f64> = model.fit.positions.iter().enumerate().map(|(k, p)| p + share * change[k]).collect();

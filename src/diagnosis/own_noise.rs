@@ -29,13 +29,13 @@ pub fn charge(bench: &Bench, model: &Model) -> f64 {
     own(bench, &model.unit()).1 - model.fit.square
 }
 
-/// The unit that is notably likelier with the noise of its own than any model is with that of the bench; none where there is none.
+/// The model that is notably likelier with the noise of its own than any is with that of the bench; none where there is none.
 #[must_use]
-pub fn louder(bench: &Bench, before: &Model, tried: &[Model]) -> Option<Unit> {
+pub fn louder<'a>(bench: &Bench, before: &Model, tried: &'a [Model]) -> Option<&'a Model> {
     let least = tried.iter().map(Model::cost).fold(before.cost(), f64::min);
     let own: Vec<(f64, &Model)> = tried.iter().map(|model| (model.cost() + charge(bench, model), model)).collect();
     let (cost, likeliest) = own.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
-    is_notable(cost, least).then(|| likeliest.unit())
+    is_notable(cost, least).then_some(likeliest)
 }
 
 /// A bench of new recordings with the noise that a diagnosis would count with: along the improved unit where that is notably likelier so.

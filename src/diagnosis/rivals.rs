@@ -294,10 +294,14 @@ fn grow(
     let mut slots: Vec<Slot> = Vec::new();
     let mut before = nominal.clone();
     loop {
-        if let Some(unit) = (!own).then(|| own_noise::louder(bench, &before, &tried)).flatten() {
+        if let Some(louder) = (!own).then(|| own_noise::louder(bench, &before, &tried)).flatten() {
             let alone = slots.first().map_or(&tried, |slot| &slot.tried);
-            let gaining = alone.iter().filter(|model| model.cost() < nominal.cost());
-            return Grown::Along(Box::new(unit), gaining.filter_map(|model| model.effects.last().copied()).collect());
+            // What chatters may have gained nothing as long as its chatter was held against it.
+            let gained = |spec: &&EffectSpec| {
+                louder.has(spec.id)
+                    || alone.iter().any(|model| model.newest() == Some(spec.id) && model.cost() < nominal.cost())
+            };
+            return Grown::Along(Box::new(louder.unit()), catalogue.iter().copied().filter(gained).collect());
         }
         let explained = nominal.cost() - before.cost();
         let Some(first) = tried.first() else { break };

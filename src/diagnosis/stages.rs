@@ -36,15 +36,16 @@ pub fn tests(bench: &Bench, refitted: &Unit) -> Vec<StageTest> {
                 (trial.cut == Cut::None || trial.cut == cut) && trial.has[signal as usize] && fed
             };
             let trials: Vec<usize> = (0..bench.trials.len()).filter(|&index| fit(&bench.trials[index])).collect();
-            let misses = |zero_pu: f64| -> Vec<f64> {
-                trials.iter().flat_map(|&index| miss(bench, refitted, index, (cut, signal), zero_pu)).collect()
+            let misses = |zero_pu: f64| -> Vec<Vec<f64>> {
+                trials.iter().map(|&index| miss(bench, refitted, index, (cut, signal), zero_pu)).collect()
             };
-            let zero_error_pu = if cut == Cut::Spool { zero_error_pu(misses) } else { 0.0 };
+            let zero_error_pu = if cut == Cut::Spool { zero_error_pu(|zero_pu| misses(zero_pu).concat()) } else { 0.0 };
             let misses = misses(zero_error_pu);
-            let count = misses.len();
-            let square: f64 = misses.iter().map(|miss| miss * miss).sum();
-            let floor: f64 =
-                trials.iter().map(|&k| bench.floor_square(k, signal) * bench.trials[k].samples.len() as f64).sum();
+            let count: usize = misses.iter().map(Vec::len).sum();
+            let square: f64 = misses.iter().flatten().map(|miss| miss * miss).sum();
+            let floors =
+                trials.iter().zip(&misses).map(|(&k, misses)| bench.floor_square(k, signal) * misses.len() as f64);
+            let floor: f64 = floors.sum();
             (count > 0).then(|| StageTest {
                 stage,
                 signal,

@@ -67,7 +67,7 @@ pub fn gather(
         ));
     }
     // What the verdict claims, and nothing else, goes into the improved twin.
-    let chosen = decision.chosen(found).clone();
+    let chosen = decision.chosen(found).with_slopes(bench);
     let mut unknown_at: Vec<(Stage, f64)> = Stage::ALL.into_iter().map(|stage| (stage, 0.0)).collect();
     let best_share = latents.first().map_or(0.0, |latent| latent.explains);
     for latent in &latents {
