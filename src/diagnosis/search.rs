@@ -64,12 +64,12 @@ pub fn nominal(trials: Vec<Trial>, unit: &Unit, turned: Turned, noise: &Noise) -
         })
         .min_by(|a, b| a.cost().total_cmp(&b.cost()))
         .map_or_else(|| zeros.clone(), |fit| fit.positions);
-    let mut bench = Bench::new(first.trials, &unit_at(unit, &knobs, &start), noise);
+    let mut bench = first.laid_along(&unit_at(unit, &knobs, &start));
     let mut fine = fit(&bench, unit, &knobs, &start, Effort::FULL, None);
     // The unit that explains the trips best and the trips that suit it best are found in turns.
     for _ in 0..TURNS {
         let Some(trials) = placed(&bench, &unit_at(unit, &knobs, &fine.positions)) else { break };
-        bench = Bench::new(trials, &unit_at(unit, &knobs, &fine.positions), noise);
+        bench = bench.anew(trials, &unit_at(unit, &knobs, &fine.positions));
         fine = cooled(&bench, unit, &knobs, &fine.positions, 3);
     }
     let sheet = Model::sheet(&bench, unit, &knobs);

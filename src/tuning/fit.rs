@@ -64,6 +64,12 @@ impl Bench {
         self.of(self.trials.clone(), whiteners)
     }
 
+    /// Other versions of the trials, their noise laid out along a unit's simulation; what it simulates counts with this bench's.
+    #[must_use]
+    pub fn anew(&self, trials: Vec<Trial>, reference: &Unit) -> Self {
+        self.of(trials, Vec::new()).laid_along(reference)
+    }
+
     /// Twice the logarithm of how wide the noise is, over all samples: what a likelihood charges for a noise that excuses more.
     #[must_use]
     pub fn width(&self) -> f64 {
@@ -79,6 +85,7 @@ impl Bench {
     /// One trial through the mean twin of a unit.
     #[must_use]
     pub fn simulate(&self, unit: &Unit, trial: usize) -> Vec<Estimate> {
+        self.simulations.fetch_add(1, Ordering::Relaxed);
         self.trials[trial].run(&mut self.prepared(Twin::new(unit), trial))
     }
 
