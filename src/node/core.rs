@@ -254,6 +254,13 @@ impl Core {
         self.held[input as usize].heard_ns = Some(now_ns);
     }
 
+    /// Counts what was heard so far as heard at `now_ns`, where the clock on which ages are counted begins.
+    pub fn begin_ages(&mut self, now_ns: i64) {
+        for held in &mut self.held {
+            held.heard_ns = held.heard_ns.map(|_| now_ns);
+        }
+    }
+
     /// Forgets the twin's state and all that was heard, as after a jump back in time.
     pub fn reset(&mut self) {
         self.twin.reset();

@@ -113,7 +113,7 @@ impl Integrator {
                     self.next_publish_ns = self.time_ns;
                 }
                 Heard::Clock(clock_ns) if self.pace.simulated => self.follow(clock_ns),
-                // Ages are counted on the clock that the model follows.
+                // Ages are counted on the clock that the model follows; they begin with its first word.
                 heard if self.pace.simulated => self.core.hear(heard, self.clock_ns.unwrap_or(0)),
                 heard => self.core.hear(heard, event.arrived_ns),
             }
@@ -167,7 +167,10 @@ impl Integrator {
                 self.core.reset();
                 self.restart_at(clock_ns);
             }
-            None => self.restart_at(clock_ns),
+            None => {
+                self.core.begin_ages(clock_ns);
+                self.restart_at(clock_ns);
+            }
             Some(_) => {}
         }
         self.clock_ns = Some(clock_ns);
@@ -279,5 +282,18 @@ mod tests {
         integrator.turn(0);
         let back = outputs(&mut ends);
         assert!(back[0].tick.notices.has(Notices::RESET) && back[0].tick.frame.time_ns == 10 * MS);
+    }
+
+    #[test]
+    fn an_input_before_the_first_clock_is_as_old_as_the_clock() {
+        let (mut integrator, mut ends) = integrator(true);
+        hear(&mut ends, &[Heard::Command(0.3), Heard::Clock(1_000_000 * MS)]);
+        integrator.turn(0);
+        hear(&mut ends, &[INPUTS[1], INPUTS[2], Heard::Clock(1_000_001 * MS)]);
+        integrator.turn(MS);
+        let first = outputs(&mut ends)[0].tick;
+        assert!(!first.notices.has(Notices::FAIL_SAFE) && first.notices.has(Notices::STARTED), "{first:?}");
+        assert_eq!(first.frame.inputs.esv, EsvState::Normal);
+        assert_eq!(first.ages_ns[0], Some(MS));
     }
 }
