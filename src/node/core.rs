@@ -112,7 +112,7 @@ impl Notices {
     pub const FAIL_SAFE: Self = Self(1 << 7);
     /// The fail-safe ended: all inputs are back.
     pub const RELEASED: Self = Self(1 << 8);
-    /// Time ran backwards: the twin forgot everything.
+    /// Time ran backwards or leapt ahead: the twin forgot everything.
     pub const RESET: Self = Self(1 << 9);
     /// The adaptation's detector raised an alarm: the unit drifts away from twin and residual.
     pub const DRIFT: Self = Self(1 << 13);
@@ -261,7 +261,7 @@ impl Core {
         }
     }
 
-    /// Forgets the twin's state and all that was heard, as after a jump back in time.
+    /// Forgets the twin's state and all that was heard, as after a jump in time.
     pub fn reset(&mut self) {
         self.twin.reset();
         if let Some(corrector) = &mut self.corrector {

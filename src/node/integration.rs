@@ -12,7 +12,7 @@ use super::stats::Stats;
 /// Behind by more than this, the loop leaves ticks out instead of catching up, ns.
 const LARGEST_CATCH_UP_NS: i64 = 100_000_000;
 
-/// A simulated clock that leaps further than this is followed in one step, ns.
+/// A simulated clock that leaps ahead by more than this is another time, as one that jumps back is, ns.
 const LARGEST_CLOCK_STEP_NS: i64 = 10_000_000_000;
 
 /// Room for what was heard and not yet taken: seconds of the fastest traffic.
@@ -160,10 +160,10 @@ impl Integrator {
         self.stats
     }
 
-    /// Follows a simulated clock to `clock_ns`, tick by tick.
+    /// Follows a simulated clock to `clock_ns`, tick by tick; where it jumps back or leaps far ahead, all begins anew there.
     fn follow(&mut self, clock_ns: i64) {
         match self.clock_ns {
-            Some(before_ns) if clock_ns < before_ns => {
+            Some(before_ns) if clock_ns < before_ns || clock_ns - before_ns > LARGEST_CLOCK_STEP_NS => {
                 self.core.reset();
                 self.restart_at(clock_ns);
             }
@@ -174,9 +174,6 @@ impl Integrator {
             Some(_) => {}
         }
         self.clock_ns = Some(clock_ns);
-        if clock_ns - self.time_ns > LARGEST_CLOCK_STEP_NS {
-            self.time_ns = clock_ns;
-        }
         while self.time_ns <= clock_ns {
             self.tick(self.time_ns);
         }
@@ -194,9 +191,8 @@ impl Integrator {
         self.stats.ended_by_fail_safe |= tick.stop;
         let publish = tick.estimate.is_some() && self.time_ns >= self.next_publish_ns;
         if publish {
-            while self.next_publish_ns <= self.time_ns {
-                self.next_publish_ns += self.pace.publish_period_ns;
-            }
+            let periods = (self.time_ns - self.next_publish_ns) / self.pace.publish_period_ns + 1;
+            self.next_publish_ns += periods * self.pace.publish_period_ns;
         }
         if publish || tick.inputs_changed || tick.notices != Notices::default() || tick.stop {
             let output = Output {
@@ -282,6 +278,27 @@ mod tests {
         integrator.turn(0);
         let back = outputs(&mut ends);
         assert!(back[0].tick.notices.has(Notices::RESET) && back[0].tick.frame.time_ns == 10 * MS);
+    }
+
+    #[test]
+    fn a_leap_of_the_clock_starts_anew_instead_of_integrating_it() {
+        let (mut integrator, mut ends) = integrator(true);
+        hear(&mut ends, &[Heard::Clock(0)]);
+        hear(&mut ends, &INPUTS);
+        // Ten seconds are followed tick by tick, whatever comes after only where it is another time.
+        for (second, ticks) in [(10, 10_001), (21, 10_002), (1_700_000_000, 10_003)] {
+            let clock_ns = second * 1000 * MS;
+            hear(&mut ends, &[Heard::Clock(clock_ns)]);
+            integrator.turn(0);
+            assert_eq!(integrator.stats().ticks, ticks);
+            let last = outputs(&mut ends).pop().unwrap().tick;
+            assert_eq!(last.frame.time_ns, clock_ns);
+            assert_eq!((last.notices.has(Notices::RESET), last.estimate.is_none()), (second > 10, second > 10));
+        }
+        hear(&mut ends, &INPUTS);
+        hear(&mut ends, &[Heard::Clock(1_700_000_000_001 * MS)]);
+        integrator.turn(0);
+        assert!(outputs(&mut ends)[0].tick.notices.has(Notices::STARTED));
     }
 
     #[test]

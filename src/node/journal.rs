@@ -55,7 +55,7 @@ impl Journal {
 
     /// Writes what a tick took and gave.
     ///
-    /// Where time jumped back a new bag begins, `FOLDER_2` and so on: within a bag time only rises.
+    /// Where time jumped a new bag begins, `FOLDER_2` and so on: within a bag time only rises.
     ///
     /// # Errors
     /// Where the system refuses.

@@ -10,7 +10,8 @@ use super::settings::Settings;
 pub fn of(notices: Notices, settings: &Settings) -> Vec<(LogLevel, String)> {
     let mut said = Vec::new();
     if notices.has(Notices::RESET) {
-        said.push((LogLevel::Warn, "time jumped back: the twin forgot everything and waits for inputs".to_owned()));
+        let words = "time jumped back, or ahead by more than 10 s: the twin forgot everything and waits for inputs";
+        said.push((LogLevel::Warn, words.to_owned()));
     }
     for input in Input::ALL {
         let topic = input.topic();
