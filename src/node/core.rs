@@ -165,6 +165,8 @@ pub struct Tick {
     pub inputs_changed: bool,
     /// What happened.
     pub notices: Notices,
+    /// Whether the fail-safe is on.
+    pub fail_safe: bool,
     /// The fail-safe asks the node to end.
     pub stop: bool,
     /// Ages of the inputs, ns; `None` for one never heard.
@@ -331,7 +333,7 @@ impl Core {
             self.previous = Some(inputs);
         }
         let stop = fail_safe && self.policy.on_stale == OnStale::Stop;
-        Tick { frame, estimate, correction, inputs_changed, notices, stop, ages_ns }
+        Tick { frame, estimate, correction, inputs_changed, notices, fail_safe, stop, ages_ns }
     }
 }
 

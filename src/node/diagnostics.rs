@@ -2,10 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::core::Input;
+use super::core::{Input, Policy};
 use super::intake::{Counts, Refusal};
 use super::integration::Output;
 use crate::msg::Header;
+use crate::units::seconds_from_nanos;
 
 /// Full name of [`DiagnosticArray`].
 pub const TYPE_NAME: &str = "diagnostic_msgs/msg/DiagnosticArray";
@@ -44,24 +45,32 @@ pub struct DiagnosticArray {
 }
 
 /// The health of one second.
+///
+/// An input that is stale by `policy` is an error with its age, whatever the policy makes of it. Refused samples
+/// are a warning in the one report after them: `reported` are the counts of the report before.
 #[must_use]
 pub fn compile(
     node: &str,
     time_ns: i64,
     newest: Option<&Output>,
-    tripped: bool,
+    policy: &Policy,
     counts: &[Counts; 3],
+    reported: &[Counts; 3],
 ) -> DiagnosticArray {
     let mut status = Vec::new();
     let key_value = |key: &str, value: String| KeyValue { key: key.to_owned(), value };
-    let mut add = |part: &str, level, message: &str, values| {
-        let (name, message) = (format!("{node}: {part}"), message.to_owned());
+    let mut add = |part: &str, level, message: String, values| {
+        let name = format!("{node}: {part}");
         status.push(DiagnosticStatus { level, name, message, hardware_id: String::new(), values });
     };
-    let (level, message) = match newest {
-        None => (3, "waiting for inputs"),
-        Some(_) if tripped => (2, "fail-safe: inputs are missing"),
-        Some(_) => (0, "running"),
+    let is_stale = |age_ns: &i64| *age_ns > policy.stale_after_ns;
+    let (level, message) = match newest.map(|output| &output.tick) {
+        Some(tick) if tick.fail_safe => (2, "fail-safe: inputs are missing"),
+        Some(tick) if tick.estimate.is_some() => {
+            let silent = tick.ages_ns.iter().flatten().any(is_stale);
+            if silent { (1, "running on the last value of silent inputs") } else { (0, "running") }
+        }
+        _ => (3, "waiting for inputs"),
     };
     let figures = newest.map_or_else(Vec::new, |output| {
         vec![
@@ -69,35 +78,112 @@ pub fn compile(
             key_value("worst wake-up lateness [us]", format!("{:.1}", output.worst_lateness_us)),
         ]
     });
-    add("integration", level, message, figures);
+    add("integration", level, message.to_owned(), figures);
     for input in Input::ALL {
-        let counts = counts[input as usize];
+        let (counts, reported) = (counts[input as usize], reported[input as usize]);
+        let age_ns = newest.and_then(|output| output.tick.ages_ns[input as usize]);
         let mut values = vec![
             key_value("samples used", counts.used.to_string()),
             key_value("source restarts", counts.restarts.to_string()),
         ];
+        values.extend(age_ns.map(|age_ns| key_value("age [s]", seconds_text(age_ns))));
         values.extend(
             Refusal::ALL.iter().map(|&refusal| key_value(refusal.words(), counts.refused(refusal).to_string())),
         );
-        let (level, message) = match (counts.used, counts.all_refused()) {
-            (0, 0) => (3, "nothing heard"),
-            (_, 0) => (0, "heard"),
-            _ => (1, "some samples refused"),
+        let (level, message) = match (age_ns, counts.all_refused().saturating_sub(reported.all_refused())) {
+            (Some(age_ns), _) if is_stale(&age_ns) => (2, format!("silent for {} s", seconds_text(age_ns))),
+            (_, refused @ 1..) => (1, format!("samples refused since the last report: {refused}")),
+            (Some(_), 0) => (0, "heard".to_owned()),
+            (None, 0) => (3, "nothing heard".to_owned()),
         };
         add(input.topic(), level, message, values);
     }
     DiagnosticArray { header: Header::at(time_ns), status }
 }
 
+fn seconds_text(time_ns: i64) -> String {
+    format!("{:.1}", seconds_from_nanos(time_ns))
+}
+
 #[cfg(test)]
 mod tests {
-    use super::compile;
+    use super::{DiagnosticArray, compile};
+    use crate::frame::EsvState;
+    use crate::node::core::{Core, Heard, OnStale, Policy, Tick};
+    use crate::node::intake::{Counts, Gate, Refusal};
+    use crate::node::integration::Output;
+    use crate::twin::Twin;
+
+    const SECOND_NS: i64 = 1_000_000_000;
+
+    fn policy(on_stale: OnStale) -> Policy {
+        Policy { stale_after_ns: 2 * SECOND_NS, hold_ns: SECOND_NS, on_stale }
+    }
+
+    /// A core that heard all inputs at 0 s.
+    fn core(on_stale: OnStale) -> Core {
+        let mut core = Core::new(Twin::new(&crate::params::reference()), policy(on_stale), 6.3e6);
+        for heard in [Heard::Command(0.4), Heard::Esv(EsvState::Normal), Heard::TankPressure(6.3e6)] {
+            core.hear(heard, 0);
+        }
+        core
+    }
+
+    fn report(tick: Tick, counts: &[Counts; 3], reported: &[Counts; 3]) -> DiagnosticArray {
+        let newest = Output { tick, publish: true, overruns: 0, worst_lateness_us: 0.0 };
+        compile("/govtwin", 5, Some(&newest), &policy(OnStale::Hold), counts, reported)
+    }
+
+    fn said(array: &DiagnosticArray) -> Vec<(u8, &str)> {
+        array.status.iter().map(|status| (status.level, status.message.as_str())).collect()
+    }
 
     #[test]
     fn silence_is_stale_and_every_part_is_there() {
-        let array = compile("/govtwin", 5, None, false, &<[_; 3]>::default());
+        let none = <[_; 3]>::default();
+        let array = compile("/govtwin", 5, None, &policy(OnStale::Trip), &none, &none);
         assert_eq!(array.status.len(), 4);
         assert!(array.status.iter().all(|status| status.level == 3));
         assert_eq!(array.status[1].name, "/govtwin: governor/command");
+    }
+
+    #[test]
+    fn an_input_that_fell_silent_is_an_error_with_its_age_even_where_it_is_held() {
+        let none = <[_; 3]>::default();
+        let mut core = core(OnStale::Hold);
+        assert_eq!(
+            said(&report(core.tick(0, 0), &none, &none)),
+            [(0, "running"), (0, "heard"), (0, "heard"), (0, "heard")]
+        );
+        let hour_ns = 3600 * SECOND_NS;
+        core.hear(Heard::Esv(EsvState::Normal), hour_ns);
+        core.hear(Heard::TankPressure(6.3e6), hour_ns);
+        let array = report(core.tick(SECOND_NS, hour_ns), &none, &none);
+        let expected =
+            [(1, "running on the last value of silent inputs"), (2, "silent for 3600.0 s"), (0, "heard"), (0, "heard")];
+        assert_eq!(said(&array), expected);
+        assert!(array.status[1].values.iter().any(|value| value.key == "age [s]" && value.value == "3600.0"));
+    }
+
+    #[test]
+    fn a_fail_safe_is_told_until_it_ends_or_time_starts_anew() {
+        let none = <[_; 3]>::default();
+        let mut core = core(OnStale::Trip);
+        let tripped = report(core.tick(4 * SECOND_NS, 4 * SECOND_NS), &none, &none);
+        assert_eq!(said(&tripped)[0], (2, "fail-safe: inputs are missing"));
+        core.reset();
+        assert_eq!(said(&report(core.tick(0, 0), &none, &none))[0], (3, "waiting for inputs"));
+    }
+
+    #[test]
+    fn a_refused_sample_warns_in_one_report() {
+        let mut core = core(OnStale::Hold);
+        let mut gate = Gate::default();
+        gate.refuse(Refusal::OutOfRange);
+        let none = <[Counts; 3]>::default();
+        let counts = [gate.counts(), Counts::default(), Counts::default()];
+        let tick = core.tick(0, 0);
+        assert_eq!(said(&report(tick, &counts, &none))[1], (1, "samples refused since the last report: 1"));
+        assert_eq!(said(&report(tick, &counts, &counts))[1], (0, "heard"));
     }
 }

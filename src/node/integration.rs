@@ -30,7 +30,8 @@ pub struct Event {
     pub heard: Heard,
 }
 
-/// What leaves the loop: every tick that is to be published, that took new inputs or that has news.
+/// What leaves the loop: every tick that is to be published, or would be if it had an estimate, that took new inputs
+/// or that has news.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Output {
     /// The tick.
@@ -192,12 +193,13 @@ impl Integrator {
         let tick = self.core.tick(self.time_ns, now_ns);
         self.stats.ticked(&tick.ages_ns);
         self.stats.ended_by_fail_safe |= tick.stop;
-        let publish = tick.estimate.is_some() && self.time_ns >= self.next_publish_ns;
-        if publish {
+        let due = self.time_ns >= self.next_publish_ns;
+        if due {
             let periods = (self.time_ns - self.next_publish_ns) / self.pace.publish_period_ns + 1;
             self.next_publish_ns += periods * self.pace.publish_period_ns;
         }
-        if publish || tick.inputs_changed || tick.notices != Notices::default() || tick.stop {
+        let publish = tick.estimate.is_some() && (due || tick.notices.has(Notices::STARTED));
+        if due || publish || tick.inputs_changed || tick.notices != Notices::default() || tick.stop {
             let output = Output {
                 tick,
                 publish,
@@ -287,7 +289,12 @@ mod tests {
         hear(&mut ends, &[Heard::Clock(1050 * MS)]);
         integrator.turn(0);
         assert_eq!(integrator.stats().ticks, 51);
-        assert_eq!(outputs(&mut ends).first().unwrap().tick.frame.time_ns, 1001 * MS);
+        let heard = outputs(&mut ends);
+        assert!(
+            heard[0].tick.frame.time_ns == 1000 * MS && !heard[0].publish,
+            "ages are known before the first estimate"
+        );
+        assert!(heard[1].tick.frame.time_ns == 1001 * MS && heard[1].publish);
         hear(&mut ends, &[Heard::Clock(10 * MS)]);
         integrator.turn(0);
         let back = outputs(&mut ends);
@@ -322,9 +329,10 @@ mod tests {
         integrator.turn(0);
         hear(&mut ends, &[INPUTS[1], INPUTS[2], Heard::Clock(1_000_001 * MS)]);
         integrator.turn(MS);
-        let first = outputs(&mut ends)[0].tick;
-        assert!(!first.notices.has(Notices::FAIL_SAFE) && first.notices.has(Notices::STARTED), "{first:?}");
-        assert_eq!(first.frame.inputs.esv, EsvState::Normal);
+        let heard = outputs(&mut ends);
+        assert!(heard.iter().all(|output| !output.tick.notices.has(Notices::FAIL_SAFE)), "{heard:?}");
+        let first = heard[1].tick;
+        assert!(first.notices.has(Notices::STARTED) && first.frame.inputs.esv == EsvState::Normal, "{first:?}");
         assert_eq!(first.ages_ns[0], Some(MS));
     }
 }

@@ -14,7 +14,7 @@ use rtrb::Consumer;
 
 use super::arguments::Arguments;
 use super::bus::{Bus, BusError};
-use super::core::{Core, Input, Notices};
+use super::core::{Core, Input};
 use super::corrected::Voice;
 use super::diagnostics::{self, DiagnosticArray};
 use super::environment::Environment;
@@ -281,13 +281,11 @@ impl Keeper<'_> {
     fn keep(&mut self, news: &Receiver<News>, done: impl Fn() -> bool) -> Result<(), NodeError> {
         let second = Duration::from_secs(1);
         let mut next = Until::after(Some(second));
-        let (mut newest, mut tripped) = (None, false);
+        let (mut newest, mut reported) = (None, <[Counts; 3]>::default());
         while !done() {
             match news.recv_timeout(Duration::from_millis(20)) {
                 Ok(item) => {
                     if let News::Output(output) = &item {
-                        let notices = output.tick.notices;
-                        tripped = (tripped || notices.has(Notices::FAIL_SAFE)) && !notices.has(Notices::RELEASED);
                         newest = Some(**output);
                     }
                     self.take(&item)?;
@@ -302,7 +300,14 @@ impl Keeper<'_> {
                 self.look_for_strangers();
                 let counts = self.counts.lock().map(|counts| *counts).unwrap_or_default();
                 let name = self.bus.arguments().full_name();
-                let array = diagnostics::compile(&name, wall_ns(), newest.as_ref(), tripped, &counts);
+                let array = diagnostics::compile(
+                    &name,
+                    wall_ns(),
+                    newest.as_ref(),
+                    &self.settings.policy(),
+                    &counts,
+                    &std::mem::replace(&mut reported, counts),
+                );
                 // Nobody may be listening; the next second brings the next one.
                 let _ = self.health.publish(array);
             }
