@@ -36,6 +36,8 @@ pub enum News {
     Output(Box<Output>),
     /// Words for people.
     Said(LogLevel, String),
+    /// Settings that changed while the node runs.
+    Settings(Settings),
 }
 
 /// Everything that the node hears through.
@@ -221,6 +223,8 @@ impl<'a> Listener<'a> {
             return;
         }
         let settings = desk.store.borrow().settings();
+        // First to the keeper, so that whatever comes of them is told in their words.
+        let _ = self.news.send(News::Settings(settings));
         self.tell(Heard::Policy(settings.policy()));
         self.tell(Heard::PublishPeriod(settings.publish_period_ns()));
         let event = raw::ParameterEvent {

@@ -335,18 +335,13 @@ impl Keeper<'_> {
     }
 
     fn take(&mut self, item: &News) -> Result<(), NodeError> {
-        match item {
-            News::Said(level, words) => self.tell(*level, words),
-            News::Output(output) => {
-                for (level, words) in words::of(output.tick.notices, &self.settings) {
-                    self.tell(level, &words);
-                }
-                if let Some(journal) = &mut self.journal {
-                    journal.write(&output.tick, &self.parameters)?;
-                }
-            }
+        for (level, words) in words::of(item, &mut self.settings) {
+            self.tell(level, &words);
         }
-        Ok(())
+        match (item, &mut self.journal) {
+            (News::Output(output), Some(journal)) => Ok(journal.write(&output.tick, &self.parameters)?),
+            _ => Ok(()),
+        }
     }
 
     fn tell(&mut self, level: LogLevel, words: &str) {

@@ -3,11 +3,24 @@
 use ros2_client::log::LogLevel;
 
 use super::core::{Input, Notices, OnStale};
+use super::listener::News;
 use super::settings::Settings;
 
-/// The news of a tick in words, with how urgent they are.
+/// News in words, with how urgent they are; `settings` follow what changes while the node runs.
 #[must_use]
-pub fn of(notices: Notices, settings: &Settings) -> Vec<(LogLevel, String)> {
+pub fn of(news: &News, settings: &mut Settings) -> Vec<(LogLevel, String)> {
+    match news {
+        News::Output(output) => of_tick(output.tick.notices, settings),
+        News::Said(level, words) => vec![(*level, words.clone())],
+        News::Settings(new) => {
+            *settings = *new;
+            Vec::new()
+        }
+    }
+}
+
+/// The news of a tick in words.
+fn of_tick(notices: Notices, settings: &Settings) -> Vec<(LogLevel, String)> {
     let mut said = Vec::new();
     if notices.has(Notices::RESET) {
         let words = "time jumped back, or ahead by more than 10 s: the twin forgot everything and waits for inputs";
@@ -54,15 +67,32 @@ pub fn of(notices: Notices, settings: &Settings) -> Vec<(LogLevel, String)> {
 
 #[cfg(test)]
 mod tests {
-    use super::{LogLevel, Notices, of};
-    use crate::node::core::Input;
+    use super::{LogLevel, News, Notices, of, of_tick};
+    use crate::node::core::{Core, Input, OnStale};
+    use crate::node::integration::Output;
     use crate::node::settings::Settings;
+    use crate::twin::Twin;
 
     #[test]
     fn a_stale_input_is_named_with_its_limits() {
-        let said = of(Notices::stale(Input::Esv), &Settings::default());
+        let said = of_tick(Notices::stale(Input::Esv), &Settings::default());
         let expected = "governor/esv: nothing heard for 2.5 s; its last value is held for 1 s, then the ESV trips";
         assert_eq!(said, [(LogLevel::Warn, expected.to_owned())]);
-        assert!(of(Notices::default(), &Settings::default()).is_empty());
+        assert!(of_tick(Notices::default(), &Settings::default()).is_empty());
+    }
+
+    #[test]
+    fn what_is_set_while_the_node_runs_is_told_from_then_on() {
+        let mut settings = Settings::default();
+        let mut tick = Core::new(Twin::new(&crate::params::reference()), settings.policy(), 6.3e6).tick(0, 0);
+        tick.notices = Notices::stale(Input::Esv);
+        let stale = News::Output(Box::new(Output { tick, publish: false, overruns: 0, worst_lateness_us: 0.0 }));
+        assert!(of(&stale, &mut settings)[0].1.contains("held for 1 s, then the ESV trips"));
+        let longer = Settings { hold_s: 30.0, ..settings };
+        assert!(of(&News::Settings(longer), &mut settings).is_empty());
+        assert!(of(&stale, &mut settings)[0].1.contains("held for 30 s, then the ESV trips"));
+        let holding = Settings { on_stale: OnStale::Hold, ..longer };
+        assert!(of(&News::Settings(holding), &mut settings).is_empty());
+        assert!(of(&stale, &mut settings)[0].1.ends_with("its last value is held"));
     }
 }
