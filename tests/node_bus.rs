@@ -12,6 +12,7 @@ use govtwin::node::environment::Environment;
 use govtwin::node::intake::Refusal;
 use govtwin::node::live::{self, Options};
 use govtwin::node::realtime::{Wishes, wall_ns};
+use govtwin::node::recorder::record;
 use govtwin::node::settings::Settings;
 use govtwin::params;
 
@@ -91,4 +92,23 @@ fn the_node_hears_its_peers_tells_strangers_apart_and_leaves() {
     let stranger_told = |words: &String| words.contains("/bench/y") && words.contains("sensor_msgs/msg/FluidPressure");
     assert_eq!(said.iter().filter(|words| stranger_told(words)).count(), 1, "{said:?}");
     wait_for("the node goes", || !there(&peer));
+}
+
+#[test]
+fn a_recording_names_what_stayed_silent() {
+    let environment = environment();
+    let mut recorder = Bus::open(&environment, Arguments::parse(&[], "recorder").unwrap()).unwrap();
+    let mut peer = Bus::open(&environment, Arguments::parse(&[], "source").unwrap()).unwrap();
+    let command = peer.publish("/tape/command", GovernorCommand::TYPE_NAME).unwrap();
+    let topics = [("/tape/command", GovernorCommand::TYPE_NAME), ("/tape/esv", EsvState::TYPE_NAME)];
+    let topics = topics.map(|(topic, type_name)| (topic.to_owned(), type_name.to_owned()));
+    let folder = tempfile::tempdir().unwrap();
+    let (bag, stop, length) = (folder.path().join("bag"), AtomicBool::new(false), Some(Duration::from_secs(3)));
+    let mut speak = || {
+        wait_for("the recorder comes", || peer.readers_of("/tape/command") > 0);
+        command.publish(GovernorCommand { header: Header::at(wall_ns()), opening: 0.4 }).unwrap();
+    };
+    let recorded = record(&mut recorder, &topics, &bag, length, &stop, &mut speak).unwrap();
+    let counts: Vec<(&str, u64)> = recorded.messages.iter().map(|(topic, count)| (topic.as_str(), *count)).collect();
+    assert_eq!(counts, [("/tape/command", 1), ("/tape/esv", 0)]);
 }

@@ -60,9 +60,13 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     if recorded.undecodable > 0 {
         output::warn(&format!("{} samples were not of their type", recorded.undecodable));
     }
+    let silence = recorded.silence(environment.domain);
+    for words in &silence {
+        output::warn(words);
+    }
     text.push_str(&format!("bag: {}\n", recorded.bag.display()));
     output::print(&text)?;
-    let clean = recorded.undecodable == 0 && recorded.foreign.is_empty() && !recorded.messages.is_empty();
+    let clean = recorded.undecodable == 0 && recorded.foreign.is_empty() && silence.is_empty();
     Ok(if clean { Outcome::Ok } else { Outcome::Warnings })
 }
 

@@ -52,7 +52,7 @@ pub enum RecordError {
 /// What was recorded.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Recorded {
-    /// Messages by topic.
+    /// Messages by topic; 0 for one that stayed silent.
     pub messages: BTreeMap<String, u64>,
     /// Samples that did not decode.
     pub undecodable: u64,
@@ -60,6 +60,22 @@ pub struct Recorded {
     pub foreign: Vec<(String, String)>,
     /// The bag.
     pub bag: PathBuf,
+}
+
+impl Recorded {
+    /// What to say of topics from which nothing came, one sentence each; `domain` is the DDS domain listened on.
+    #[must_use]
+    pub fn silence(&self, domain: u16) -> Vec<String> {
+        let foreign = |topic: &String| self.foreign.iter().any(|(heard, _)| heard == topic);
+        let silent = self.messages.iter().filter(|(topic, count)| **count == 0 && !foreign(topic));
+        let words = |topic| {
+            format!(
+                "{topic}: nothing was heard, so nothing is recorded; check the name, and that `ros2 topic list` \
+                 knows it with ROS_DOMAIN_ID {domain}, where this was listening"
+            )
+        };
+        silent.map(|(topic, _)| words(topic)).collect()
+    }
 }
 
 /// The bag in the making, shared by all tracks.
@@ -73,6 +89,7 @@ struct Deck<'a> {
 
 /// One topic that is recorded.
 trait Track: Send {
+    fn name(&self) -> &str;
     fn tape<'a>(&'a self, deck: &'a RefCell<Deck<'_>>) -> LocalBoxStream<'a, ()>;
 }
 
@@ -83,6 +100,10 @@ struct Tape<M> {
 }
 
 impl<M: Interface + Send + 'static> Track for Tape<M> {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
     fn tape<'a>(&'a self, deck: &'a RefCell<Deck<'_>>) -> LocalBoxStream<'a, ()> {
         let samples = self.subscription.async_stream().map(move |sample| {
             let mut deck = deck.borrow_mut();
@@ -164,8 +185,9 @@ fn run(
     writer: Writer,
     stop: oneshot::Receiver<()>,
 ) -> Result<(Writer, Recorded), BagError> {
-    let deck =
-        RefCell::new(Deck { bus, writer, recorded: Recorded::default(), senders: BTreeMap::new(), failed: None });
+    let messages = tracks.iter().map(|track| (track.name().to_owned(), 0)).collect();
+    let recorded = Recorded { messages, ..Recorded::default() };
+    let deck = RefCell::new(Deck { bus, writer, recorded, senders: BTreeMap::new(), failed: None });
     let second = Duration::from_secs(1);
     let mut next = Until::after(Some(second));
     {
@@ -218,5 +240,25 @@ fn track(bus: &mut Bus, writer: &mut Writer, topic: &str, type_name: &str) -> Re
             ]
             .join(", "),
         }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Recorded;
+
+    #[test]
+    fn a_topic_that_stayed_silent_is_named_with_the_way_out() {
+        let messages = [("/governor/command", 3), ("/governor/esv", 0), ("/plant/servo_state", 0)];
+        let recorded = Recorded {
+            messages: messages.map(|(topic, count)| (topic.to_owned(), count)).into(),
+            foreign: vec![("/plant/servo_state".to_owned(), "other/msg/Type".to_owned())],
+            ..Recorded::default()
+        };
+        let said = recorded.silence(42);
+        assert_eq!(said.len(), 1, "a topic heard from a sender of another type has words of its own");
+        for words in ["/governor/esv", "ros2 topic list", "ROS_DOMAIN_ID 42"] {
+            assert!(said[0].contains(words), "{said:?}");
+        }
     }
 }
