@@ -95,7 +95,7 @@ fn the_node_hears_its_peers_tells_strangers_apart_and_leaves() {
 }
 
 #[test]
-fn a_recording_names_what_stayed_silent() {
+fn a_recording_loses_nothing_while_it_waits_and_names_what_stayed_silent() {
     let environment = environment();
     let mut recorder = Bus::open(&environment, Arguments::parse(&[], "recorder").unwrap()).unwrap();
     let mut peer = Bus::open(&environment, Arguments::parse(&[], "source").unwrap()).unwrap();
@@ -106,9 +106,14 @@ fn a_recording_names_what_stayed_silent() {
     let (bag, stop, length) = (folder.path().join("bag"), AtomicBool::new(false), Some(Duration::from_secs(3)));
     let mut speak = || {
         wait_for("the recorder comes", || peer.readers_of("/tape/command") > 0);
-        command.publish(GovernorCommand { header: Header::at(wall_ns()), opening: 0.4 }).unwrap();
+        // The tape does not run yet, as if it waited for the disk for a second.
+        for _ in 0..1000 {
+            command.publish(GovernorCommand { header: Header::at(wall_ns()), opening: 0.4 }).unwrap();
+            std::thread::sleep(Duration::from_millis(1));
+        }
     };
     let recorded = record(&mut recorder, &topics, &bag, length, &stop, &mut speak).unwrap();
-    let counts: Vec<(&str, u64)> = recorded.messages.iter().map(|(topic, count)| (topic.as_str(), *count)).collect();
-    assert_eq!(counts, [("/tape/command", 1), ("/tape/esv", 0)]);
+    // The network itself may lose a few.
+    assert!((900..=1000).contains(&recorded.messages["/tape/command"]), "{recorded:?}");
+    assert_eq!(recorded.messages["/tape/esv"], 0);
 }

@@ -13,7 +13,7 @@ use serde::Serialize;
 
 use super::arguments::Arguments;
 use super::environment::Environment;
-use super::qos::{self, best_effort, reliable};
+use super::qos::{self, best_effort, recorded, reliable};
 use crate::msg::Interface;
 
 /// The node cannot come on the bus.
@@ -96,8 +96,15 @@ impl Bus {
     /// # Errors
     /// On a name that is none, or when DDS refuses.
     pub fn subscribe<M: Interface + 'static>(&mut self, topic: &str) -> Result<Subscription<M>, BusError> {
-        let (full_name, topic) = self.topic(topic, M::TYPE_NAME, "subscription", best_effort())?;
-        self.node.create_subscription(&topic, None).map_err(|source| BusError::Open { topic: full_name, source })
+        self.listen(topic, best_effort())
+    }
+
+    /// Listens to a topic that is recorded: the same, with room for what comes while the disk is slow.
+    ///
+    /// # Errors
+    /// As [`Bus::subscribe`].
+    pub fn record<M: Interface + 'static>(&mut self, topic: &str) -> Result<Subscription<M>, BusError> {
+        self.listen(topic, recorded())
     }
 
     /// Opens a topic for writing, reliable but never waiting; `type_name` is the full ROS 2 name of `M`.
@@ -163,6 +170,11 @@ impl Bus {
         let readers = own.discovered_readers();
         let others = readers.iter().map(|reader| &reader.subscription_topic_data);
         others.filter(|data| *data.topic_name() == dds_name && prefix_of(data.key()) != own_prefix).count()
+    }
+
+    fn listen<M: Interface + 'static>(&mut self, topic: &str, qos: QosProfile) -> Result<Subscription<M>, BusError> {
+        let (full_name, topic) = self.topic(topic, M::TYPE_NAME, "subscription", qos)?;
+        self.node.create_subscription(&topic, None).map_err(|source| BusError::Open { topic: full_name, source })
     }
 
     fn topic(

@@ -14,6 +14,13 @@ pub fn best_effort() -> QosProfile {
     QosProfile { history: History::KeepLast { depth: 10 }, ..QosProfile::subscription_default() }
 }
 
+/// Best effort like [`best_effort`], but the newest 8192: what is recorded is read with. At 1 kHz they outlast a disk that
+/// keeps the recorder waiting for 8 s. To keep all would keep 64 with RustDDS.
+#[must_use]
+pub fn recorded() -> QosProfile {
+    QosProfile { history: History::KeepLast { depth: 8192 }, ..best_effort() }
+}
+
 /// Reliable, so that every reader matches, but never waiting: where the window is full the sample is dropped.
 #[must_use]
 pub fn reliable() -> QosProfile {

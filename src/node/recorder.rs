@@ -220,7 +220,7 @@ fn track(bus: &mut Bus, writer: &mut Writer, topic: &str, type_name: &str) -> Re
         topic: &str,
     ) -> Result<Box<dyn Track>, RecordError> {
         let name = bus.arguments().resolve(topic).map_err(BusError::from)?;
-        Ok(Box::new(Tape { subscription: bus.subscribe::<M>(topic)?, topic: writer.topic(&name, Qos::DEFAULT)?, name }))
+        Ok(Box::new(Tape { subscription: bus.record::<M>(topic)?, topic: writer.topic(&name, Qos::DEFAULT)?, name }))
     }
     match type_name {
         GovernorCommand::TYPE_NAME => open::<GovernorCommand>(bus, writer, topic),
