@@ -32,6 +32,7 @@ use std::sync::LazyLock;
 
 use crate::parameters::{ENTRIES, OwnEffect, Unit};
 
+pub use consistency::{Conflict, conflicts};
 pub use error::{ParamsError, Problem};
 pub use number::{number_text, quantity_text, tolerance_text};
 pub use sheet::{Origin, SENSOR_ENTRIES, SensorEntry, Sheet};

@@ -1,5 +1,7 @@
 //! Values that are each in their physical range but do not go together.
 
+use std::fmt;
+
 use crate::parameters::Parameters;
 
 use super::number::{number_text, quantity_text};
@@ -12,15 +14,22 @@ struct Requirement {
 }
 
 /// Values that contradict each other.
-pub(super) struct Conflict {
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Conflict {
     /// The keys involved.
     pub keys: &'static [&'static str],
-    /// What is wrong with them, with the values.
+    /// What is wrong with them, with the values and their units.
     pub message: String,
 }
 
-/// Every contradiction among the parameters.
-pub(super) fn conflicts(parameters: &Parameters) -> impl Iterator<Item = Conflict> {
+impl fmt::Display for Conflict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.keys.join(", "), self.message)
+    }
+}
+
+/// Every contradiction among the parameters, for whoever sets them otherwise than by a file, which is checked as it is read.
+pub fn conflicts(parameters: &Parameters) -> impl Iterator<Item = Conflict> {
     REQUIREMENTS
         .iter()
         .filter(move |requirement| !(requirement.holds)(parameters))
