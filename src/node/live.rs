@@ -217,6 +217,7 @@ fn parameters(options: &Options, say: Say<'_>) -> Result<Store, NodeError> {
             store.preset(name, given).map_err(NodeError::Parameter)?;
         }
     }
+    store.check_unit().map_err(NodeError::Parameter)?;
     Ok(store)
 }
 
@@ -351,5 +352,32 @@ impl Keeper<'_> {
         (self.say)(level, words);
         let stamp = ros2_client::builtin_interfaces::Time::from_nanos(wall_ns());
         self.bus.node().rosout_raw(stamp, level, &self.bus.arguments().name, words, file!(), "", line!());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::AtomicBool;
+
+    use super::{Arguments, Environment, NodeError, Options, Settings, run};
+
+    #[test]
+    fn a_unit_that_a_file_may_not_describe_does_not_run_either() {
+        let words = ["-p", "unit.distributing_valve.control_volume_m3:=1e-6"].map(str::to_owned);
+        let options = Options {
+            environment: Environment::read(|_| None).unwrap(),
+            arguments: Arguments::parse(&words, "govtwin").unwrap(),
+            unit: crate::params::reference(),
+            residual: None,
+            adapt: false,
+            settings: Settings::default(),
+            duration: None,
+            bag: None,
+        };
+        let stop = AtomicBool::new(true);
+        match run(&options, &stop, &mut |_, _| {}) {
+            Err(NodeError::Parameter(reason)) => assert!(reason.contains("the control chamber would hold"), "{reason}"),
+            other => panic!("{other:?}"),
+        }
     }
 }

@@ -6,6 +6,7 @@ use super::arguments::Given;
 use super::core::OnStale;
 use super::settings::Settings;
 use crate::parameters::{ENTRIES, Unit, entry};
+use crate::params::{Conflict, conflicts};
 
 /// Prefix of the plant's parameters.
 const UNIT_PREFIX: &str = "unit.";
@@ -136,6 +137,19 @@ impl Store {
         }
         self.entries[index].value = value;
         Ok(())
+    }
+
+    /// Whether the unit's values go together; asked once all are preset, since two may be right only together.
+    ///
+    /// # Errors
+    /// In words, with all parameters that contradict each other.
+    pub fn check_unit(&self) -> Result<(), String> {
+        let words = |conflict: Conflict| {
+            let names: Vec<String> = conflict.keys.iter().map(|key| format!("{UNIT_PREFIX}{key}")).collect();
+            format!("{}: {}", names.join(", "), conflict.message)
+        };
+        let all: Vec<String> = conflicts(&self.unit.parameters).map(words).collect();
+        if all.is_empty() { Ok(()) } else { Err(all.join("; ")) }
     }
 
     /// Sets one parameter of the running node.
@@ -316,6 +330,16 @@ mod tests {
         assert_eq!(store.unit().parameters.oil.density_kg_m3.to_bits(), 865.0_f64.to_bits());
         assert!(store.preset("priority", &Given::Number(0.5)).unwrap_err().contains("whole"));
         assert!(store.preset("unit.oil.density_kg_m3", &Given::Number(-1.0)).is_err());
+    }
+
+    #[test]
+    fn presets_that_do_not_go_together_are_refused_once_all_are_in() {
+        let mut store = store();
+        assert_eq!(store.check_unit(), Ok(()));
+        store.preset("unit.oil.tank_pressure_pa", &Given::Number(1.0e6)).unwrap();
+        store.preset("unit.oil.return_pressure_pa", &Given::Number(2.0e6)).unwrap();
+        let reason = store.check_unit().unwrap_err();
+        assert!(reason.contains("unit.oil.return_pressure_pa, unit.oil.tank_pressure_pa: the return line"), "{reason}");
     }
 
     #[test]
