@@ -8,4 +8,5 @@ pub mod limits;
 pub mod page;
 pub mod said;
 pub mod score;
+pub mod scored;
 pub mod statistics;

@@ -1,6 +1,7 @@
 //! The page of a score: the measures beside their targets, who was taken for whom, how far probabilities can be trusted.
 
-use crate::blind::score::{Confusion, Measure, Score, Scored};
+use crate::blind::score::{Confusion, Measure, Score};
+use crate::blind::scored::Scored;
 use crate::blind::statistics::{Bin, Measured};
 use crate::diagnosis::decide::SEEN;
 use crate::report::draw::{DrawError, svg};
@@ -262,7 +263,12 @@ pub fn cases_table(cases: &[Scored]) -> Table {
             blamed.join(", "),
             case.said.location.stage.clone().unwrap_or_default(),
             significant(case.said.probability(true_word), 2),
-            if right { String::new() } else { "wrong".to_owned() },
+            match right {
+                false => "wrong",
+                true if case.makes_up() => "and made up",
+                true => "",
+            }
+            .to_owned(),
             figure(case.told),
             figure(case.said.leaves()),
             match case.untold() {

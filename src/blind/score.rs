@@ -2,32 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use crate::battery::{Label, Truth};
-use crate::blind::said::{Said, Size};
+use crate::blind::scored::Scored;
 use crate::blind::statistics::{Bin, Measured, reliability};
-use crate::diagnosis::decide::SEEN;
-use crate::diagnosis::outcome::{Interval, Verdict};
+use crate::diagnosis::outcome::Verdict;
 
 /// A measure without a target; of others the words, and from what to what the value may lie.
 const OPEN: (&str, f64, f64) = ("", 0.0, 1.0);
-/// Strength from which an effect must be seen, over the noise floor.
-const VISIBLE_RATIO: f64 = 3.0;
-/// A class with more members is no answer.
-const LARGEST_CLASS: usize = 3;
-
-/// One unit: what was said of it, and what is so.
-#[derive(Clone, Debug)]
-pub struct Scored {
-    /// What was said.
-    pub said: Said,
-    /// What is so.
-    pub label: Label,
-    /// Closure on recordings that the diagnosis never saw; none where nobody tried.
-    pub realised_closure: Option<f64>,
-    /// Of a missed answer, what the recordings say of what it left out ([`crate::blind::limits::told`]); none where nobody asked.
-    pub told: Option<f64>,
-}
-
 /// One measure with its target.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measure {
@@ -76,100 +56,6 @@ pub struct Confusion {
     pub counts: Vec<Vec<usize>>,
 }
 
-impl Scored {
-    fn sound(&self) -> bool {
-        self.label.effects.is_empty()
-    }
-
-    fn single(&self) -> bool {
-        self.label.listed && self.label.effects.len() == 1
-    }
-
-    fn pair(&self) -> bool {
-        self.label.listed && self.label.effects.len() > 1
-    }
-
-    /// Strong enough to be seen; where nobody measured the strength, every effect counts.
-    fn visible(&self) -> bool {
-        let strength = self.label.strength_ratio;
-        !self.sound() && (strength.is_nan() || strength >= VISIBLE_RATIO)
-    }
-
-    fn says(&self, verdict: Verdict) -> bool {
-        self.said.verdict() == Some(verdict)
-    }
-
-    fn stage_is_right(&self) -> bool {
-        let stage = self.said.location.stage.as_deref();
-        self.label.effects.iter().any(|truth| Some(truth.stage.id()) == stage)
-    }
-
-    /// Whether the verdict leaves out or makes up anything: a class that holds the truth is right.
-    #[must_use]
-    pub fn missed(&self) -> bool {
-        match self.label.listed {
-            false => !self.says(Verdict::Unknown),
-            true if self.sound() => self.said.detects(),
-            true => self.says(Verdict::Unknown) || self.hidden().next().is_some(),
-        }
-    }
-
-    /// What is in the unit and was not blamed.
-    pub fn hidden(&self) -> impl Iterator<Item = &Truth> {
-        self.label.effects.iter().filter(|truth| !self.said.blames(&truth.id))
-    }
-
-    /// Whether a miss lies with the recordings: what was left out is too small or too much like the answer to be seen, or the answer leaves no
-    /// more than noise. A false alarm never does. None where nothing was missed, or nothing is known of it.
-    #[must_use]
-    pub fn untold(&self) -> Option<bool> {
-        let known = [self.told, self.said.leaves()];
-        let seen = |figure: Option<f64>| figure.is_none_or(|figure| figure >= SEEN);
-        match self.missed() {
-            true if self.sound() => Some(false),
-            true if known.iter().any(Option::is_some) => Some(!known.into_iter().all(seen)),
-            _ => None,
-        }
-    }
-
-    fn first_truth(&self) -> &str {
-        self.label.effects.first().map_or("none", |truth| truth.id.as_str())
-    }
-
-    fn is_first(&self) -> bool {
-        self.said.word() == self.first_truth()
-    }
-
-    fn blamed_in_small_class(&self) -> bool {
-        self.said.blames(self.first_truth()) && self.said.effects.len() <= LARGEST_CLASS
-    }
-
-    /// Whether an id of the ranking is true of the unit.
-    fn holds(&self, id: &str) -> bool {
-        match id {
-            "none" => self.sound(),
-            "unknown" => !self.label.listed,
-            id => self.label.listed && self.label.effects.iter().any(|truth| truth.id == id),
-        }
-    }
-
-    /// Whether the claimed interval of the size holds the truth; none where the right effect is not blamed with one.
-    fn size_is_covered(&self) -> Option<bool> {
-        let truth = self.label.effects.first().filter(|_| self.single())?;
-        let blamed = self.said.effects.iter().find(|effect| effect.id == truth.id)?;
-        let [low, high] = blamed.parameters.first()?.ci90?;
-        Some((low?..=high?).contains(&truth.size))
-    }
-
-    fn closure_is_covered(&self) -> Option<bool> {
-        let realised = self.realised_closure.filter(|_| self.says(Verdict::Named))?;
-        let Size { value, ci90: Some([Some(low), Some(high)]) } = self.said.gap.closure else { return None };
-        // What leaves everything open is not given as a figure.
-        let claim = Interval { value: value.unwrap_or(f64::NAN), low, high };
-        (!claim.leaves_all_open()).then(|| (low..=high).contains(&realised))
-    }
-}
-
 /// Scores a set of units.
 #[must_use]
 pub fn score(cases: &[Scored]) -> Score {
@@ -204,7 +90,9 @@ fn measures(cases: &[Scored]) -> Vec<Measure> {
     let pairs = || all().filter(|case| case.pair());
     let outside = || all().filter(|case| !case.label.listed);
     let shares = |named: &Scored| named.label.effects.iter().filter(|truth| named.said.blames(&truth.id)).count();
-    let both = |case: &Scored| shares(case) == case.label.effects.len();
+    // A class says that one of them is there.
+    let both = |case: &Scored| case.names() && shares(case) == case.label.effects.len();
+    let named = || all().filter(|case| case.label.listed && case.names());
     let detects = |case: &Scored| case.said.detects();
     let unknown = |case: &Scored| case.says(Verdict::Unknown);
     let probabilities: Vec<f64> = singles().map(|case| case.said.probability(case.first_truth())).collect();
@@ -253,6 +141,12 @@ fn measures(cases: &[Scored]) -> Vec<Measure> {
             ("≥ 95 %", 0.95, 1.0),
             share(pairs(), true, |case| shares(case) > 0),
         ),
+        row(
+            "made_up",
+            "named verdicts with an effect that is not there",
+            OPEN,
+            share(named(), false, Scored::makes_up),
+        ),
         row("unknown", "outside the catalogue called unknown", ("≥ 80 %", 0.8, 1.0), share(outside(), true, unknown)),
         row("unknown_stage", "… and placed in the right stage", OPEN, placed),
         row("false_unknown", "false unknown", ("≤ 5 %", 0.0, 0.05), false_unknown),
@@ -298,7 +192,8 @@ fn confusion(cases: &[Scored]) -> Confusion {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::blind::said::{Blamed, Costs, Evidence, Gap, Location, Place, Rank, Size};
+    use crate::battery::{Label, Truth};
+    use crate::blind::said::{Blamed, Costs, Evidence, Gap, Location, Place, Rank, Said, Size};
     use crate::effects::Stage;
 
     fn truth(id: &str, stage: Stage) -> Truth {
@@ -374,7 +269,8 @@ mod tests {
             ("unknown", 1, 2),
             ("unknown_stage", 1, 1),
             ("false_unknown", 0, 7),
-            ("closure_coverage", 5, 5),
+            ("made_up", 1, 4),
+            ("closure_coverage", 6, 6),
             ("size_coverage", 2, 2),
         ] {
             assert_eq!(of(id).measured, Measured::share(hits, cases), "{id}");
@@ -388,6 +284,23 @@ mod tests {
         assert_eq!(of("false_alarm").reached, Some(false));
         assert_eq!(of("detection").reached, Some(true));
         assert_eq!(of("stage_visible").reached, None);
+    }
+
+    #[test]
+    fn a_name_too_many_is_a_miss_and_a_class_is_one_effect() {
+        let named = |blamed: &[(&str, f64)]| case(&["backlash"], true, 9.0, "named", "servomotor", blamed);
+        let more = named(&[("backlash", 0.9), ("viscosity", 0.6), ("load", 0.6)]);
+        assert!(more.makes_up() && more.missed() && more.hidden().next().is_none());
+        assert!(!named(&[("backlash", 0.9)]).missed());
+        let class =
+            |truths: &[&str]| case(truths, true, 9.0, "class", "servomotor", &[("load", 0.5), ("backlash", 0.4)]);
+        assert!(!class(&["backlash"]).missed() && !class(&["backlash"]).makes_up());
+        let pair = class(&["load", "backlash"]);
+        assert!(pair.missed() && pair.hidden().map(|truth| truth.id.as_str()).eq(["backlash"]));
+        let of = |cases: &[Scored], id: &str| score(cases).measures.iter().find(|row| row.id == id).unwrap().measured;
+        assert_eq!(of(&[more, class(&["load"])], "made_up"), Measured::share(1, 1));
+        assert_eq!(of(std::slice::from_ref(&pair), "pair_both"), Measured::share(0, 1));
+        assert_eq!(of(&[pair], "pair_one"), Measured::share(1, 1));
     }
 
     #[test]

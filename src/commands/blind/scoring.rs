@@ -8,7 +8,8 @@ use govtwin::battery::Label;
 use govtwin::blind::limits::{self, Sized};
 use govtwin::blind::page::{self, measures_table};
 use govtwin::blind::said::Blamed;
-use govtwin::blind::score::{Measure, Score, Scored, score};
+use govtwin::blind::score::{Measure, Score, score};
+use govtwin::blind::scored::Scored;
 use govtwin::blind::statistics::Measured;
 use govtwin::params::{self, labels};
 use govtwin::report::table::{Table, significant};
@@ -130,7 +131,9 @@ fn told(case: &Scored, units: &[Case], out: &Path) -> Option<f64> {
     let refitted = params::load(&out.join(&unit.name).join("refitted.yaml")).ok()?;
     let hidden: Vec<Sized> = case.hidden().map(|truth| (truth.id.as_str(), vec![truth.size])).collect();
     let values = |blamed: &Blamed| blamed.parameters.iter().map_while(|parameter| parameter.value).collect();
-    let answer: Vec<Sized> = case.said.effects.iter().map(|blamed| (blamed.id.as_str(), values(blamed))).collect();
+    // Of a class what is taken for left out is no part of the answer.
+    let answers = case.said.effects.iter().filter(|blamed| hidden.iter().all(|(id, _)| *id != blamed.id));
+    let answer: Vec<Sized> = answers.map(|blamed| (blamed.id.as_str(), values(blamed))).collect();
     if hidden.is_empty() {
         return None;
     }

@@ -1,0 +1,136 @@
+//! One unit before the scorer: what was said of it beside what is so.
+
+use crate::battery::{Label, Truth};
+use crate::blind::said::{Said, Size};
+use crate::diagnosis::decide::SEEN;
+use crate::diagnosis::outcome::{Interval, Verdict};
+
+/// Strength from which an effect must be seen, over the noise floor.
+const VISIBLE_RATIO: f64 = 3.0;
+/// A class with more members is no answer.
+const LARGEST_CLASS: usize = 3;
+
+/// One unit: what was said of it, and what is so.
+#[derive(Clone, Debug)]
+pub struct Scored {
+    /// What was said.
+    pub said: Said,
+    /// What is so.
+    pub label: Label,
+    /// Closure on recordings that the diagnosis never saw; none where nobody tried.
+    pub realised_closure: Option<f64>,
+    /// Of a missed answer, what the recordings say of what it left out ([`crate::blind::limits::told`]); none where nobody asked.
+    pub told: Option<f64>,
+}
+
+impl Scored {
+    pub(super) fn sound(&self) -> bool {
+        self.label.effects.is_empty()
+    }
+
+    pub(super) fn single(&self) -> bool {
+        self.label.listed && self.label.effects.len() == 1
+    }
+
+    pub(super) fn pair(&self) -> bool {
+        self.label.listed && self.label.effects.len() > 1
+    }
+
+    /// Strong enough to be seen; where nobody measured the strength, every effect counts.
+    pub(super) fn visible(&self) -> bool {
+        let strength = self.label.strength_ratio;
+        !self.sound() && (strength.is_nan() || strength >= VISIBLE_RATIO)
+    }
+
+    pub(super) fn says(&self, verdict: Verdict) -> bool {
+        self.said.verdict() == Some(verdict)
+    }
+
+    pub(super) fn stage_is_right(&self) -> bool {
+        let stage = self.said.location.stage.as_deref();
+        self.label.effects.iter().any(|truth| Some(truth.stage.id()) == stage)
+    }
+
+    /// Whether the verdict leaves out or makes up anything: a class is one effect, and right where it holds what is there.
+    #[must_use]
+    pub fn missed(&self) -> bool {
+        match self.label.listed {
+            false => !self.says(Verdict::Unknown),
+            true if self.sound() => self.said.detects(),
+            true => self.says(Verdict::Unknown) || self.makes_up() || self.hidden().next().is_some(),
+        }
+    }
+
+    /// What is in the unit and was not said to be: of a class one effect at most is.
+    pub fn hidden(&self) -> impl Iterator<Item = &Truth> {
+        let blamed = |truth: &&Truth| self.said.blames(&truth.id);
+        let most = if self.says(Verdict::Class) { 1 } else { usize::MAX };
+        let said: Vec<&str> =
+            self.label.effects.iter().filter(blamed).take(most).map(|truth| truth.id.as_str()).collect();
+        self.label.effects.iter().filter(move |truth| !said.contains(&truth.id.as_str()))
+    }
+
+    /// Whether the verdict names an effect that is not there; a class only says that one of several is.
+    #[must_use]
+    pub fn makes_up(&self) -> bool {
+        let there = |id: &str| self.label.effects.iter().any(|truth| truth.id == id);
+        self.names() && self.said.effects.iter().any(|blamed| !there(&blamed.id))
+    }
+
+    /// Whether the verdict names effects, all of them at once.
+    pub(super) fn names(&self) -> bool {
+        self.says(Verdict::Named)
+    }
+
+    /// Whether a miss lies with the recordings: what was left out is too small or too much like the answer to be seen, or the answer leaves no
+    /// more than noise. A false alarm never does. None where nothing was missed, or nothing is known of it.
+    #[must_use]
+    pub fn untold(&self) -> Option<bool> {
+        let known = [self.told, self.said.leaves()];
+        let seen = |figure: Option<f64>| figure.is_none_or(|figure| figure >= SEEN);
+        match self.missed() {
+            true if self.sound() => Some(false),
+            true if known.iter().any(Option::is_some) => Some(!known.into_iter().all(seen)),
+            _ => None,
+        }
+    }
+
+    pub(super) fn first_truth(&self) -> &str {
+        self.label.effects.first().map_or("none", |truth| truth.id.as_str())
+    }
+
+    pub(super) fn is_first(&self) -> bool {
+        self.said.word() == self.first_truth()
+    }
+
+    pub(super) fn blamed_in_small_class(&self) -> bool {
+        self.said.blames(self.first_truth()) && self.said.effects.len() <= LARGEST_CLASS
+    }
+
+    /// Whether an id of the ranking is true of the unit.
+    pub(super) fn holds(&self, id: &str) -> bool {
+        match id {
+            "none" => self.sound(),
+            "unknown" => !self.label.listed,
+            id => self.label.listed && self.label.effects.iter().any(|truth| truth.id == id),
+        }
+    }
+
+    /// Whether the claimed interval of the size holds the truth; none where the right effect is not blamed with one.
+    pub(super) fn size_is_covered(&self) -> Option<bool> {
+        let truth = self.label.effects.first().filter(|_| self.single())?;
+        let blamed = self.said.effects.iter().find(|effect| effect.id == truth.id)?;
+        let [low, high] = blamed.parameters.first()?.ci90?;
+        Some((low?..=high?).contains(&truth.size))
+    }
+
+    pub(super) fn closure_is_covered(&self) -> Option<bool> {
+        // A class claims what its most probable effect closes.
+        let claims = self.names() || self.says(Verdict::Class);
+        let realised = self.realised_closure.filter(|_| claims)?;
+        let Size { value, ci90: Some([Some(low), Some(high)]) } = self.said.gap.closure else { return None };
+        // What leaves everything open is not given as a figure.
+        let claim = Interval { value: value.unwrap_or(f64::NAN), low, high };
+        (!claim.leaves_all_open()).then(|| (low..=high).contains(&realised))
+    }
+}
