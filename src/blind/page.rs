@@ -1,7 +1,7 @@
 //! The page of a score: the measures beside their targets, who was taken for whom, how far probabilities can be trusted.
 
 use crate::blind::score::{Confusion, Measure, Score};
-use crate::blind::scored::Scored;
+use crate::blind::scored::{MissedBy, Scored};
 use crate::blind::statistics::{Bin, Measured};
 use crate::diagnosis::decide::SEEN;
 use crate::report::draw::{DrawError, svg};
@@ -50,8 +50,9 @@ pub fn page(methods: &[Method], cases: &[Scored], parts: &[Method], subtitle: &s
     );
     body.table(
         measures_table(methods),
-        "Value, 95 % interval, number of units. Of the misses so many lie with the recordings: nobody could have told (see the units below). The \
-         baselines go through the same harness.",
+        "Value, 95 % interval, number of units, and what the misses lie with (see the units below); of some nothing is known. Named verdicts with an \
+         effect that is not there: of all verdicts `named` on units whose faults the catalogue lists, sound ones too. The baselines go through \
+         the same harness.",
     );
     if parts.len() > 1 {
         body.table(measures_table(parts), "The same by part of the units.");
@@ -74,8 +75,9 @@ pub fn page(methods: &[Method], cases: &[Scored], parts: &[Method], subtitle: &s
         cases_table(cases),
         format!(
             "Strength: RMS by which the faults move the strongest recorded signal, over its noise floor. Told: gain in likelihood that what was \
-             left out could bring, when sheet and answer are fitted against it. Left: what the answer's model leaves above noise. A miss lies with \
-             the recordings where either is below {SEEN}: nobody could have told."
+             left out could bring by the catalogue's equation, when sheet and answer are fitted against it. Left: what the answer's model leaves \
+             above what the method lets a right model leave. A miss lies with the recordings where told is below {SEEN}; else with the method's \
+             tolerance where left is; else, or where nothing was left out, with the method."
         ),
     );
     Ok(page)
@@ -112,7 +114,10 @@ pub fn measures_table(methods: &[Method]) -> Table {
         if place == 0 {
             let name = method.name.as_str();
             table = table.numbers_of(name, "value").numbers_of(name, "95 %").numbers_of(name, "units").words("");
-            table = table.numbers("misses by recordings");
+            table = table.numbers_of("misses", "all");
+            for what in MissedBy::ALL {
+                table = table.numbers_of("misses", what.id());
+            }
         } else {
             table = table.numbers(method.name.as_str());
         }
@@ -130,8 +135,12 @@ pub fn measures_table(methods: &[Method]) -> Table {
                     Some(false) => "missed",
                     None => "",
                 };
-                let misses = own.misses.map(|misses| format!("{} of {}", misses.untold, misses.all));
-                cells.extend([own.measured.cases.to_string(), mark.to_owned(), misses.unwrap_or_default()]);
+                cells.extend([own.measured.cases.to_string(), mark.to_owned()]);
+                let counts = own.misses.map(|misses| [[misses.all].as_slice(), &misses.by].concat());
+                cells.extend(
+                    counts
+                        .map_or_else(|| vec![String::new(); 4], |counts| counts.iter().map(usize::to_string).collect()),
+                );
             }
         }
         table.row(cells);
@@ -213,15 +222,20 @@ fn reliability_picture(methods: &[Method]) -> Picture {
 #[must_use]
 pub fn misses_in_words(cases: &[Scored]) -> Option<String> {
     let missed = cases.iter().filter(|case| case.missed()).count();
-    let by = |recordings: bool| cases.iter().filter(|case| case.untold() == Some(recordings)).count();
+    let by = |what: Option<MissedBy>| cases.iter().filter(|case| case.missed() && case.missed_by() == what).count();
+    let [recordings, tolerance, method] = MissedBy::ALL.map(|what| by(Some(what)));
     (missed > 0).then(|| {
-        format!(
-            "{missed} answers of {} miss something. {} of the misses lie with the recordings: what was left out is too small or too much like the \
-             answer, or the answer leaves no more than noise. {} lie with the method.",
-            cases.len(),
-            by(true),
-            by(false)
-        )
+        let mut words = format!(
+            "{missed} answers of {} miss something or make something up. {recordings} lie with the recordings: by the catalogue's equations what \
+             was left out is too small in them, or too much like the answer. {tolerance} lie with the method's tolerance: the answer leaves no \
+             more than it lets a right model leave; a stricter method might have told. {method} lie with the method.",
+            cases.len()
+        );
+        let unknown = by(None);
+        if unknown > 0 {
+            words += &format!(" Of {unknown} nothing is known.");
+        }
+        words
     })
 }
 
@@ -271,11 +285,7 @@ pub fn cases_table(cases: &[Scored]) -> Table {
             .to_owned(),
             figure(case.told),
             figure(case.said.leaves()),
-            match case.untold() {
-                Some(true) => "recordings".to_owned(),
-                Some(false) => "method".to_owned(),
-                None => String::new(),
-            },
+            case.missed_by().map_or("", MissedBy::id).to_owned(),
         ]);
     }
     table

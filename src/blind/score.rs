@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::blind::scored::Scored;
+use crate::blind::scored::{MissedBy, Scored};
 use crate::blind::statistics::{Bin, Measured, reliability};
 use crate::diagnosis::outcome::Verdict;
 
@@ -25,13 +25,13 @@ pub struct Measure {
     pub misses: Option<Misses>,
 }
 
-/// The misses of a measure, and how many of them lie with the recordings ([`Scored::untold`]).
+/// The misses of a measure, and what they lie with ([`Scored::missed_by`]); of some nothing may be known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Misses {
     /// All of them.
     pub all: usize,
-    /// Those that nobody could have told from these recordings.
-    pub untold: usize,
+    /// Those that lie with each of [`MissedBy::ALL`].
+    pub by: [usize; 3],
 }
 
 /// The score of one method.
@@ -72,16 +72,15 @@ fn share<'a>(
     good: bool,
     holds: impl Fn(&Scored) -> bool,
 ) -> (Measured, Option<Misses>) {
-    let (hits, missed): (Vec<bool>, Vec<Option<bool>>) = cases
+    let (hits, missed): (Vec<bool>, Vec<Option<MissedBy>>) = cases
         .map(|case| {
             let hit = holds(case);
-            (hit, (hit != good).then(|| case.untold()).flatten())
+            (hit, (hit != good).then(|| case.missed_by()).flatten())
         })
         .unzip();
     let all = hits.iter().filter(|hit| **hit != good).count();
-    let known = missed.iter().flatten().count() > 0;
-    let untold = missed.into_iter().flatten().filter(|untold| *untold).count();
-    (Measured::of(hits), known.then_some(Misses { all, untold }))
+    let by = MissedBy::ALL.map(|what| missed.iter().filter(|missed| **missed == Some(what)).count());
+    (Measured::of(hits), (by != [0; 3]).then_some(Misses { all, by }))
 }
 
 fn measures(cases: &[Scored]) -> Vec<Measure> {
@@ -304,7 +303,7 @@ mod tests {
     }
 
     #[test]
-    fn a_miss_lies_with_recordings_that_could_not_tell() {
+    fn a_miss_lies_with_recordings_tolerance_or_method() {
         let costs = |left: f64| Costs {
             floor: Some(1000.0),
             places: vec![Place {
@@ -317,20 +316,27 @@ mod tests {
             (case.told, case.said.evidence.costs) = (told, costs(left));
             case
         };
-        assert_eq!(named(Some(500.0), 300.0).untold(), Some(false));
-        assert_eq!(named(Some(5.0), 300.0).untold(), Some(true));
-        assert_eq!(named(Some(500.0), 3.0).untold(), Some(true));
-        assert_eq!(named(None, 3.0).untold(), Some(true));
+        assert_eq!(named(Some(500.0), 300.0).missed_by(), Some(MissedBy::Method));
+        assert_eq!(named(None, 300.0).missed_by(), Some(MissedBy::Method));
+        assert_eq!(named(Some(5.0), 300.0).missed_by(), Some(MissedBy::Recordings));
+        assert_eq!(named(Some(5.0), 3.0).missed_by(), Some(MissedBy::Recordings));
+        // What the answer leaves says nothing of the recordings.
+        assert_eq!(named(Some(500.0), 3.0).missed_by(), Some(MissedBy::Tolerance));
+        assert_eq!(named(None, 3.0).missed_by(), Some(MissedBy::Tolerance));
+        let more = &[("load", 0.9), ("backlash", 0.9)];
+        let mut made_up = case(&["backlash"], true, 9.0, "named", "servomotor", more);
+        made_up.said.evidence.costs = costs(3.0);
+        assert_eq!(made_up.missed_by(), Some(MissedBy::Method));
         let right = case(&["backlash"], true, 9.0, "named", "servomotor", &[("backlash", 0.9)]);
-        let score = score(&[named(Some(500.0), 300.0), named(Some(5.0), 300.0), right]);
+        let score = score(&[named(Some(500.0), 300.0), named(Some(5.0), 300.0), named(None, 3.0), right]);
         let misses = |id: &str| score.measures.iter().find(|measure| measure.id == id).unwrap().misses;
-        assert_eq!(misses("single_first"), Some(Misses { all: 2, untold: 1 }));
+        assert_eq!(misses("single_first"), Some(Misses { all: 3, by: [1, 1, 1] }));
         assert_eq!((misses("stage"), misses("pair_both"), misses("seconds")), (None, None, None));
         let all = hand_made();
         let missed: Vec<bool> = all.iter().map(Scored::missed).collect();
         assert_eq!(missed, [false, true, false, false, true, false, true, false, true]);
         // A false alarm is the method's own; of the rest nothing is known.
-        assert_eq!(all.iter().filter_map(Scored::untold).collect::<Vec<_>>(), [false]);
+        assert_eq!(all.iter().filter_map(Scored::missed_by).collect::<Vec<_>>(), [MissedBy::Method]);
     }
 
     #[test]

@@ -10,6 +10,33 @@ const VISIBLE_RATIO: f64 = 3.0;
 /// A class with more members is no answer.
 const LARGEST_CLASS: usize = 3;
 
+/// What a miss lies with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MissedBy {
+    /// What was left out gains less than an effect must ([`SEEN`]) once sheet and answer are fitted against it
+    /// ([`told`](crate::blind::limits::told)).
+    Recordings,
+    /// It gains more, or nobody knows how much; but the answer leaves no more than the method lets a right model leave ([`Said::leaves`]).
+    Tolerance,
+    /// The rest: what was left out could have been seen, or there is nothing left out and something made up.
+    Method,
+}
+
+impl MissedBy {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Recordings, Self::Tolerance, Self::Method];
+
+    /// The word in files and tables.
+    #[must_use]
+    pub fn id(self) -> &'static str {
+        match self {
+            Self::Recordings => "recordings",
+            Self::Tolerance => "tolerance",
+            Self::Method => "method",
+        }
+    }
+}
+
 /// One unit: what was said of it, and what is so.
 #[derive(Clone, Debug)]
 pub struct Scored {
@@ -82,16 +109,18 @@ impl Scored {
         self.says(Verdict::Named)
     }
 
-    /// Whether a miss lies with the recordings: what was left out is too small or too much like the answer to be seen, or the answer leaves no
-    /// more than noise. A false alarm never does. None where nothing was missed, or nothing is known of it.
+    /// What a miss lies with; none where nothing was missed, or nothing is known of it.
     #[must_use]
-    pub fn untold(&self) -> Option<bool> {
-        let known = [self.told, self.said.leaves()];
-        let seen = |figure: Option<f64>| figure.is_none_or(|figure| figure >= SEEN);
-        match self.missed() {
-            true if self.sound() => Some(false),
-            true if known.iter().any(Option::is_some) => Some(!known.into_iter().all(seen)),
-            _ => None,
+    pub fn missed_by(&self) -> Option<MissedBy> {
+        let below = |figure: Option<f64>| figure.map(|figure| figure < SEEN);
+        match (below(self.told), below(self.said.leaves())) {
+            _ if !self.missed() => None,
+            // Whatever the answer leaves, nothing asked for what it makes up.
+            _ if self.hidden().next().is_none() => Some(MissedBy::Method),
+            (Some(true), _) => Some(MissedBy::Recordings),
+            (_, Some(true)) => Some(MissedBy::Tolerance),
+            (None, None) => None,
+            _ => Some(MissedBy::Method),
         }
     }
 

@@ -8,8 +8,8 @@ use govtwin::battery::Label;
 use govtwin::blind::limits::{self, Sized};
 use govtwin::blind::page::{self, measures_table};
 use govtwin::blind::said::Blamed;
-use govtwin::blind::score::{Measure, Score, score};
-use govtwin::blind::scored::Scored;
+use govtwin::blind::score::{Measure, Misses, Score, score};
+use govtwin::blind::scored::{MissedBy, Scored};
 use govtwin::blind::statistics::Measured;
 use govtwin::params::{self, labels};
 use govtwin::report::table::{Table, significant};
@@ -98,7 +98,10 @@ pub fn score_all(
         .iter()
         .filter(|case| case.missed())
         .map(|case| {
-            (case.label.name.clone(), json!({"told": case.told, "left": case.said.leaves(), "recordings_could_tell": case.untold().map(|no| !no)}))
+            (
+                case.label.name.clone(),
+                json!({"told": case.told, "left": case.said.leaves(), "by": case.missed_by().map(MissedBy::id)}),
+            )
         })
         .collect();
     let whole = json!({
@@ -140,13 +143,21 @@ fn told(case: &Scored, units: &[Case], out: &Path) -> Option<f64> {
     limits::told(unit.recordings().ok()?, &refitted, &hidden, &answer)
 }
 
+fn misses_json(misses: Misses) -> Value {
+    let mut value = json!({"all": misses.all});
+    for (what, count) in MissedBy::ALL.into_iter().zip(misses.by) {
+        value[what.id()] = count.into();
+    }
+    value
+}
+
 fn score_json(score: &Score) -> Value {
     let measured = |m: &Measured| json!({"value": m.value, "ci95": [m.low, m.high], "units": m.cases});
     let measure = |m: &Measure| {
         let mut value = measured(&m.measured);
         value["target"] = m.target.into();
         value["reached"] = m.reached.into();
-        value["misses"] = m.misses.map(|misses| json!({"all": misses.all, "by_recordings": misses.untold})).into();
+        value["misses"] = m.misses.map(misses_json).into();
         (m.id.to_owned(), value)
     };
     let bins: Vec<Value> =
