@@ -4,11 +4,19 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use govtwin::bag::{self, ReadOptions};
+use govtwin::bag::{self, Interpolation, ReadOptions};
 use govtwin::baselines::BASELINES;
+use govtwin::baselines::ground::Ground;
 use govtwin::blind::limits;
 use govtwin::diagnosis::decide::SEEN;
+use govtwin::effects::find;
+use govtwin::frame::{EsvState, Frame};
 use govtwin::params;
+use govtwin::recording::Recording;
+use govtwin::tuning::fit::Bench;
+use govtwin::tuning::noise::expected;
+use govtwin::tuning::trial::Trial;
+use govtwin::tuning::trips::placed;
 use serde_json::Value;
 
 fn report(verdict: &str, blamed: &[(&str, f64)]) -> String {
@@ -97,6 +105,41 @@ fn recordings_tell_of_what_is_large_enough_and_unlike_the_answer() {
     assert!(other > 0.5 * large, "{other}");
     // No equation, no figure.
     assert!(limits::told(recordings(), &unit, &[("surge", vec![1.0])], &[]).is_none());
+}
+
+/// The trip of a recording at 5 Hz, with the time around it; its stamp so many rows of 1 ms later than where the unit of the sheet explains it best.
+fn trip_stamped_late(late_rows: usize) -> (Recording, usize) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/reference/shutdown_01.mcap");
+    let sharp = ReadOptions { interpolation: Interpolation::Sharp { period_ns: 1_000_000 }, ..ReadOptions::default() };
+    let mut recording = bag::read(&path, &sharp).unwrap().recording;
+    let stamped = trip(&recording.frames);
+    recording.frames = recording.frames[stamped - 6000..stamped + 8000].to_vec();
+    let unit = params::reference();
+    let bench = Bench::new(vec![Trial::new(recording.clone())], &unit, &expected(&unit.sensors));
+    let placed = trip(&placed(&bench, &unit).unwrap()[0].frames);
+    for (row, frame) in recording.frames.iter_mut().enumerate() {
+        frame.inputs.esv = if row < placed + late_rows { EsvState::Normal } else { EsvState::Shutdown };
+    }
+    (recording, placed)
+}
+
+fn trip(frames: &[Frame]) -> usize {
+    frames.iter().position(|frame| frame.inputs.esv == EsvState::Shutdown).unwrap()
+}
+
+#[test]
+fn a_trip_is_no_miss_because_a_slow_recorder_stamped_it_late() {
+    let unit = params::reference();
+    let told = |late_rows| {
+        let (recording, _) = trip_stamped_late(late_rows);
+        limits::told(vec![recording], &unit, &[("esv_slow", vec![2.0])], &[]).unwrap()
+    };
+    let (there, late) = (told(0), told(150));
+    assert!((late - there).abs() < 0.01 * there, "{late} {there}");
+    let (recording, placed) = trip_stamped_late(150);
+    let ground = Ground::new(vec![recording], &unit, &[find("backlash").unwrap()]);
+    let found = trip(&ground.bench.trials[0].frames);
+    assert!(found.abs_diff(placed) < 50, "{found} {placed}");
 }
 
 #[test]

@@ -2,10 +2,11 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::diagnosis::search::{Turned, nominal};
 use crate::effects::EffectSpec;
 use crate::parameters::{EffectSetting, Unit};
 use crate::recording::Recording;
-use crate::tuning::fit::{Bench, Effort, Fit, Misses, fit, square};
+use crate::tuning::fit::{Bench, Fit, Misses, square};
 use crate::tuning::knob::{Knob, unit_at};
 use crate::tuning::noise::expected;
 use crate::tuning::trial::Trial;
@@ -44,17 +45,13 @@ pub struct Try {
 }
 
 impl Ground {
-    /// Refits the nominal model and tries every effect of a catalogue.
+    /// Refits the nominal model as the diagnosis does, which places trips between slow samples, and tries every effect of a catalogue.
     #[must_use]
     pub fn new(recordings: Vec<Recording>, unit: &Unit, catalogue: &[&'static EffectSpec]) -> Self {
-        let noise = expected(&unit.sensors);
-        let knobs = Knob::nuisances(unit);
-        let start: Vec<f64> = knobs.iter().map(|knob| knob.start(unit)).collect();
+        let turned = Turned { knobs: Knob::nuisances(unit), starts: 1 };
         let trials = recordings.into_iter().map(Trial::new).collect();
-        let first = Bench::new(trials, unit, &noise);
-        let rough = fit(&first, unit, &knobs, &start, Effort { rounds: 4, ..Effort::FULL }, None);
-        let bench = Bench::new(first.trials, &unit_at(unit, &knobs, &rough.positions), &noise);
-        let fit = fit(&bench, unit, &knobs, &rough.positions, Effort { rounds: 4, ..Effort::FULL }, None);
+        let (bench, refitted, _) = nominal(trials, unit, turned, &expected(&unit.sensors));
+        let (knobs, fit) = (refitted.knobs, refitted.fit);
         let mut tries = Vec::new();
         for &spec in catalogue {
             let mut base = unit.clone();

@@ -12,13 +12,16 @@ use crate::tuning::trips::placed;
 /// The share of the gap of the refitted twin that the improved one closes, counted as the claim is, noise and all; none where there is no gap.
 #[must_use]
 pub fn closure(recordings: Vec<Recording>, refitted: &Unit, improved: &Unit) -> Option<f64> {
+    let bench = own_noise::laid_for(laid_along(recordings, refitted), refitted, improved);
+    share(&bench, &bench.simulate_all(refitted), &bench.simulate_all(improved))
+}
+
+/// Recordings with the noise along a refitted unit, and with their trips where it explains them best, as the diagnosis has them.
+pub(super) fn laid_along(recordings: Vec<Recording>, refitted: &Unit) -> Bench {
     let noise = expected(&refitted.sensors);
     let bench = Bench::new(recordings.into_iter().map(Trial::new).collect(), refitted, &noise);
-    // When a trip came between two slow samples is told by what it did, as in the diagnosis.
-    let bench = match placed(&bench, refitted) {
+    match placed(&bench, refitted) {
         Some(trials) => Bench::new(trials, refitted, &noise),
         None => bench,
-    };
-    let bench = own_noise::laid_for(bench, refitted, improved);
-    share(&bench, &bench.simulate_all(refitted), &bench.simulate_all(improved))
+    }
 }

@@ -2,14 +2,13 @@
 
 use nalgebra::DMatrix;
 
+use crate::blind::exam::laid_along;
 use crate::effects::find;
 use crate::parameters::{EffectSetting, Unit};
 use crate::recording::Recording;
-use crate::tuning::fit::{Bench, Misses, beside, slopes};
+use crate::tuning::fit::{Misses, beside, slopes};
 use crate::tuning::knob::Knob;
 use crate::tuning::linear::Projection;
-use crate::tuning::noise::expected;
-use crate::tuning::trial::Trial;
 
 /// An effect at a size: its id, and as many of its parameters as are known, in their units.
 pub type Sized<'a> = (&'a str, Vec<f64>);
@@ -33,8 +32,7 @@ pub fn told(recordings: Vec<Recording>, refitted: &Unit, hidden: &[Sized], answe
     };
     let wanted = with(hidden)?;
     let answers: Vec<Unit> = answer.iter().filter_map(|one| with(std::slice::from_ref(one))).collect();
-    let trials = recordings.into_iter().map(Trial::new).collect();
-    let bench = Bench::new(trials, refitted, &expected(&refitted.sensors));
+    let bench = laid_along(recordings, refitted);
     let knobs = Knob::nuisances(refitted);
     let zeros = vec![0.0; knobs.len()];
     let mut units = vec![refitted.clone(), wanted];

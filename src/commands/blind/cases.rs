@@ -3,9 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use govtwin::bag::{self, ReadOptions};
 use govtwin::effects::{EffectSpec, of_the_chain};
 use govtwin::recording::Recording;
+use govtwin::tuning::admission::admit_all;
+use govtwin::twin::Cut;
 
 use crate::commands::bags::{self, Bag};
 
@@ -45,20 +46,44 @@ impl Case {
         bags::find(std::slice::from_ref(&self.dir))
     }
 
-    /// Its recordings, by name.
+    /// Its recordings as the diagnosis reads them, without what it does not admit.
     pub fn recordings(&self) -> anyhow::Result<Vec<Recording>> {
-        self.bags()?
-            .iter()
-            .map(|one| {
-                let mut loaded = bag::read(&one.path, &ReadOptions::default())?;
-                loaded.recording.name.clone_from(&one.name);
-                Ok(loaded.recording)
-            })
-            .collect()
+        let intake = admit_all(bags::read(std::slice::from_ref(&self.dir))?.recordings, |_| Cut::None);
+        if intake.admitted.is_empty() {
+            bail!("no recording can be used:\n  {}", intake.refused.join("\n  "));
+        }
+        Ok(intake.admitted.into_iter().map(|(recording, _)| recording).collect())
     }
 
     /// The catalogue that its diagnosis may use.
     pub fn catalogue(&self) -> Vec<&'static EffectSpec> {
         of_the_chain().filter(|spec| self.without.as_deref() != Some(spec.id)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn recordings_are_those_that_the_diagnosis_reads() {
+        let bags_of = |from: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join("bags").join(from);
+        let dir = tempfile::tempdir().unwrap();
+        for (from, to) in
+            [("reference/shutdown_01.mcap", "shutdown.mcap"), ("reference/startup_01.mcap", "startup.mcap")]
+        {
+            std::fs::copy(bags_of(from), dir.path().join(to)).unwrap();
+        }
+        std::fs::write(dir.path().join("torn.mcap"), "no bag").unwrap();
+        let case = Case { name: String::new(), dir: dir.path().to_owned(), without: None };
+        let found = case.recordings().unwrap();
+        let read = bags::read(&[dir.path().to_owned()]).unwrap().recordings;
+        assert_eq!(found.len(), 2, "what cannot be read is left out");
+        for (found, read) in found.iter().zip(&read) {
+            // As text, since what was not measured is NaN.
+            assert_eq!(format!("{found:?}"), format!("{read:?}"));
+            // Commands run from sample to sample, on the twin's own tick.
+            assert!(found.frames[1].time_ns - found.frames[0].time_ns <= 1_000_000, "{}", found.name);
+        }
     }
 }
