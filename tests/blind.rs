@@ -107,6 +107,26 @@ fn recordings_tell_of_what_is_large_enough_and_unlike_the_answer() {
     assert!(limits::told(recordings(), &unit, &[("surge", vec![1.0])], &[]).is_none());
 }
 
+#[test]
+fn what_is_not_scored_is_told() {
+    let dir = tempfile::tempdir().unwrap();
+    unit(dir.path(), "case_1", &report("no_gap", &[]));
+    unit(dir.path(), "case_2", &report("no_gap", &[]));
+    let labels = dir.path().join("labels.yaml");
+    fs::write(&labels, "case_1: {effects: []}\ncase_3: {effects: []}\n").unwrap();
+    let out = Command::new(env!("CARGO_BIN_EXE_govtwin"))
+        .args(["blind", dir.path().to_str().unwrap(), "--labels", labels.to_str().unwrap()])
+        .output()
+        .unwrap();
+    let stderr = String::from_utf8_lossy(&out.stderr);
+    assert_eq!(out.status.code(), Some(3), "{stderr}");
+    assert!(stderr.contains("case_2: no label says what is in it"), "{stderr}");
+    assert!(stderr.contains("case_3: govtwin said nothing of it"), "{stderr}");
+    let score: Value = serde_json::from_str(&fs::read_to_string(dir.path().join("score.json")).unwrap()).unwrap();
+    assert_eq!((score["units"].as_u64(), score["scored"].as_u64()), (Some(2), Some(1)));
+    assert_eq!(score["methods"]["govtwin"]["scored"].as_u64(), Some(1));
+}
+
 /// The trip of a recording at 5 Hz, with the time around it; its stamp so many rows of 1 ms later than where the unit of the sheet explains it best.
 fn trip_stamped_late(late_rows: usize) -> (Recording, usize) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/reference/shutdown_01.mcap");

@@ -37,6 +37,8 @@ pub struct Misses {
 /// The score of one method.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Score {
+    /// Units that were scored.
+    pub units: usize,
     /// All measures.
     pub measures: Vec<Measure>,
     /// How often each word was said of each truth.
@@ -63,7 +65,8 @@ pub fn score(cases: &[Scored]) -> Score {
     for case in cases {
         pairs.extend(case.said.ranking.iter().map(|rank| (rank.probability.unwrap_or(0.0), case.holds(&rank.id))));
     }
-    Score { measures: measures(cases), confusion: confusion(cases), reliability: reliability(&pairs) }
+    let (units, measures, confusion) = (cases.len(), measures(cases), confusion(cases));
+    Score { units, measures, confusion, reliability: reliability(&pairs) }
 }
 
 /// The share of cases of which something holds, and its misses; `good` says whether it is good that it holds.

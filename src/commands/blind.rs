@@ -127,7 +127,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         failed.extend(unexamined);
         closures
     });
-    scoring::score_all(&labels, exams.as_ref(), &methods, &cases, &args.dir, out)?;
+    let unscored = scoring::score_all(&labels, exams.as_ref(), &methods, &cases, &args.dir, out)?;
+    warn_of(&unscored);
+    failed.extend(unscored);
     Ok(outcome(&failed))
 }
 

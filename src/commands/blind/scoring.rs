@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 
 use super::cases::Case;
 use super::method::Method;
-use crate::commands::output::{Progress, print, warn, write_atomically};
+use crate::commands::output::{Progress, print, write_atomically};
 
 /// Opens a label file.
 pub fn read_labels(path: &Path) -> anyhow::Result<Vec<Label>> {
@@ -47,7 +47,7 @@ pub fn verdicts(cases: &[Case], methods: &[Method], out: &Path) -> anyhow::Resul
     Ok(table)
 }
 
-/// Scores all methods, prints the table, writes `score.json` and `score.html`.
+/// Scores all methods, prints the table, writes `score.json` and `score.html`; hands out what could not be scored, each with its reason.
 pub fn score_all(
     labels: &[Label],
     exams: Option<&BTreeMap<String, f64>>,
@@ -55,14 +55,19 @@ pub fn score_all(
     units: &[Case],
     dir: &Path,
     out: &Path,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Vec<String>> {
     let mut scores = Vec::new();
     let mut first = Vec::new();
+    let mut unscored: Vec<String> = units
+        .iter()
+        .filter(|unit| labels.iter().all(|label| label.name != unit.name))
+        .map(|unit| format!("{}: no label says what is in it; not counted", unit.name))
+        .collect();
     for (place, method) in methods.iter().enumerate() {
         let mut cases = Vec::new();
         for label in labels {
             let Some(said) = method.said(out, &label.name)? else {
-                warn(&format!("{}: {} said nothing; not counted", label.name, method.name()));
+                unscored.push(format!("{}: {} said nothing of it; not counted", label.name, method.name()));
                 continue;
             };
             // The improved twins are the diagnosis's own.
@@ -107,6 +112,7 @@ pub fn score_all(
     let whole = json!({
         "schema": "govtwin-blind/1",
         "units": labels.len(),
+        "scored": first.len(),
         "methods": all,
         "by_rate": rates,
         "closures": exams,
@@ -114,9 +120,10 @@ pub fn score_all(
     });
     write_atomically(&out.join("score.json"), (serde_json::to_string_pretty(&whole)? + "\n").as_bytes())?;
     let name = dir.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-    let page = page::page(&scores, &first, &parts, &format!("{name}, {} units", first.len()))?;
+    let page = page::page(&scores, &first, &parts, &format!("{name}, {} of {} units", first.len(), labels.len()))?;
     write_atomically(&out.join("score.html"), page.to_html().as_bytes())?;
-    print(&format!("\n{} and score.json beside it\n", out.join("score.html").display()))
+    print(&format!("\n{} and score.json beside it\n", out.join("score.html").display()))?;
+    Ok(unscored)
 }
 
 /// Asks the recordings of every missed unit whether they could have told.
@@ -164,6 +171,7 @@ fn score_json(score: &Score) -> Value {
         score.reliability.iter().map(|bin| json!({"said": bin.said_probability, "was": measured(&bin.was)})).collect();
     let confusion = &score.confusion;
     json!({
+        "scored": score.units,
         "measures": score.measures.iter().map(measure).collect::<serde_json::Map<_, _>>(),
         "reliability": bins,
         "confusion": {"truths": confusion.truths, "words": confusion.words, "counts": confusion.counts},
