@@ -58,7 +58,8 @@ stopped. With --labels or --generate, OUT/score.json and OUT/score.html hold all
 --generate makes the units with a simulator of its own, which shares the data sheet with the twin but not its equations: bristle
 friction, contact gaps, rounded edges, polytropic gas, inertia in lines. It makes sound units, single effects, pairs, faults that no
 catalogue lists, and effects that the catalogue is then made to lack. DIR/answers/keys.sha256 commits to the answers before the first
-diagnosis; DIR/answers/labels.yaml is written after the last one, and closure is checked on recordings made after that.
+diagnosis; DIR/answers/labels.yaml is written after the last one, and closure is checked on recordings made after that. A DIR or OUT
+of another seed, rate or data sheet is refused.
 
 Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 finished with warnings.";
 
@@ -81,6 +82,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         Some(path) => params::load(path)?,
         None => params::reference(),
     };
+    let out = args.out.as_ref().unwrap_or(&args.dir);
     let made = match args.generate {
         Some(0) => bail!("--generate: expected at least 1 unit, found 0"),
         Some(count) => {
@@ -89,11 +91,10 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
                 Rate::Plant => Rates::Plant,
                 Rate::Both => Rates::Both,
             };
-            Some(battery::make(&args.dir, &unit, count, args.seed, rates)?)
+            Some(battery::make(&args.dir, out, &unit, count, args.seed, rates)?)
         }
         None => None,
     };
-    let out = args.out.as_ref().unwrap_or(&args.dir);
     let mut cases = find(&args.dir)?;
     if let Some(made) = &made {
         made.restrict(&mut cases);

@@ -20,8 +20,8 @@ use crate::commands::{bags, generate};
 /// Where the answers are opened, below the battery's folder.
 const LABELS: &str = "answers/labels.yaml";
 
-/// Which draw the battery's bags are of, as a hash: whoever knows the seed knows the answers.
-const DRAWN: &str = "answers/drawn.sha256";
+/// Which draw and sheet the battery's bags, or the reports beside it, are of, as a hash: whoever knows the seed knows the answers.
+const DRAWN: &str = "drawn.sha256";
 
 /// A battery that was made; its labels are in no file yet.
 #[derive(Debug)]
@@ -33,16 +33,12 @@ pub struct Battery {
 }
 
 /// Makes the bags that are not there yet, and commits to the answers; units whose answers were opened before are not simulated again.
-pub fn make(dir: &Path, unit: &Unit, count: usize, seed: u64, rates: Rates) -> anyhow::Result<Battery> {
-    let key = sha256(format!("seed {seed}, {rates:?}"));
-    let drawn = dir.join(DRAWN);
-    if std::fs::read_to_string(&drawn).is_ok_and(|there| there.trim() != key) {
-        let dir = dir.display();
-        bail!(
-            "{dir} holds a battery of another seed or rate; expected --seed and --rate as before, or a folder of its own"
-        );
+pub fn make(dir: &Path, out: &Path, unit: &Unit, count: usize, seed: u64, rates: Rates) -> anyhow::Result<Battery> {
+    let key = sha256(format!("seed {seed}, {rates:?}, {unit:?}"));
+    claim(dir, &dir.join("answers").join(DRAWN), &key)?;
+    if out != dir {
+        claim(out, &out.join(DRAWN), &key)?;
     }
-    write_atomically(&drawn, format!("{key}\n").as_bytes())?;
     let plans = plan(count, seed, rates);
     let opened = super::scoring::read_labels(&dir.join(LABELS)).unwrap_or_default();
     let progress = Progress::new(plans.len(), "units made");
@@ -74,6 +70,19 @@ pub fn make(dir: &Path, unit: &Unit, count: usize, seed: u64, rates: Rates) -> a
     let key = sha256(battery.text());
     write_atomically(&dir.join("answers/keys.sha256"), format!("{key}  labels.yaml\n").as_bytes())?;
     Ok(battery)
+}
+
+/// Takes a folder for the battery of a key; one that holds another's is refused, since what is there would be kept and scored by answers that
+/// are not its own.
+fn claim(folder: &Path, drawn: &Path, key: &str) -> anyhow::Result<()> {
+    if std::fs::read_to_string(drawn).is_ok_and(|there| there.trim() != key) {
+        bail!(
+            "{} is of a battery of another seed, rate or data sheet ({}); expected --seed, --rate and --params as before, or a folder of its own",
+            folder.display(),
+            drawn.display()
+        );
+    }
+    write_atomically(drawn, format!("{key}\n").as_bytes())
 }
 
 fn bag(dir: &Path, case: &Plan, process: Process) -> PathBuf {
