@@ -11,6 +11,8 @@ pub mod oddities;
 pub mod plan;
 pub mod rig;
 
+use rayon::prelude::{IntoParallelIterator, ParallelIterator};
+
 use crate::battery::bench::Bench;
 use crate::battery::dice::{Draw, Question};
 use crate::battery::faults::{Faults, STRANGERS};
@@ -135,30 +137,29 @@ impl Made {
     }
 }
 
-/// Makes a case of a type of unit.
+/// Makes a case of a type of unit; its label is without strength.
 #[must_use]
 pub fn make(unit: &Unit, case: &Case) -> Made {
     let (bench, effects) = bench(unit, case);
-    let runs: Vec<(Process, Streams, Vec<Inputs>)> = Process::ALL
-        .into_iter()
-        .map(|process| {
-            let (streams, inputs) = bench.record(process);
-            (process, streams, inputs)
-        })
-        .collect();
-    let strength_ratio = if effects.is_empty() {
-        0.0
-    } else {
-        runs.iter().map(|(process, _, inputs)| strength(&bench, *process, inputs)).fold(0.0, f64::max)
-    };
-    let label = Label { strength_ratio, ..unmeasured(case, effects) };
-    Made { streams: runs.into_iter().map(|(process, streams, _)| (process, streams)).collect(), label }
+    let streams = Process::ALL.into_iter().map(|process| (process, bench.record(process).0)).collect();
+    Made { streams, label: unmeasured(case, effects) }
 }
 
-/// The label of a case without its strength, which takes simulations of it to know.
+/// The label of a case, without its strength.
 #[must_use]
 pub fn label(unit: &Unit, case: &Case) -> Label {
     unmeasured(case, bench(unit, case).1)
+}
+
+/// How far the strongest signal of a case moves over its noise floor, RMS: every process is simulated three times.
+#[must_use]
+pub fn strength(unit: &Unit, case: &Case) -> f64 {
+    let (bench, effects) = bench(unit, case);
+    if effects.is_empty() {
+        return 0.0;
+    }
+    let of = |process: Process| moved(&bench, process, &bench.record(process).1);
+    Process::ALL.into_par_iter().map(of).reduce(|| 0.0, f64::max)
 }
 
 fn unmeasured(case: &Case, effects: Vec<Truth>) -> Label {
@@ -228,7 +229,7 @@ fn truth(id: &str, draw: &mut Draw) -> Option<Truth> {
 }
 
 /// RMS by which the faults move the strongest recorded signal under the same inputs, over its noise floor.
-fn strength(bench: &Bench, process: Process, inputs: &[Inputs]) -> f64 {
+fn moved(bench: &Bench, process: Process, inputs: &[Inputs]) -> f64 {
     let sound = Bench { faults: Faults::default(), ..bench.clone() };
     let mut with = bench.readings(process, inputs);
     let without = sound.readings(process, inputs);
@@ -241,16 +242,16 @@ fn strength(bench: &Bench, process: Process, inputs: &[Inputs]) -> f64 {
         with = (0..=last).map(|k| with[at(k)]).collect();
     }
     let recorded = if bench.rich { &Signal::ALL[..] } else { &Signal::ALL[..2] };
-    let moved = |signal: Signal| {
+    let rms = |signal: Signal| {
         let square = |(a, b): (&Signals, &Signals)| (signal.of(a) - signal.of(b)).powi(2);
         (with.iter().zip(&without).map(square).sum::<f64>() / with.len().max(1) as f64).sqrt()
     };
-    recorded.iter().map(|&signal| moved(signal) / FLOORS[signal as usize]).fold(0.0, f64::max)
+    recorded.iter().map(|&signal| rms(signal) / FLOORS[signal as usize]).fold(0.0, f64::max)
 }
 
 #[cfg(test)]
 mod tests {
-    use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
+    use rayon::prelude::IntoParallelRefIterator;
 
     use super::*;
     use crate::parameters::EffectSetting;

@@ -1,6 +1,6 @@
 //! The battery: its plants are the twin's kind, not the twin; its faults show; its seeds decide everything.
 
-use govtwin::battery::{Case, Kind, exam, make};
+use govtwin::battery::{Case, Kind, exam, make, strength};
 use govtwin::blind::exam::closure;
 use govtwin::generate::spread;
 use govtwin::parameters::{EffectSetting, Unit};
@@ -58,7 +58,8 @@ fn a_seed_decides_everything_and_a_fault_shows() {
     assert_eq!(format!("{:?}", made.streams), format!("{:?}", again.streams));
     let truth = &made.label.effects[0];
     assert!(truth.id == "backlash" && truth.stage.id() == "servomotor" && truth.unit == "pu");
-    assert!(made.label.listed && made.label.strength_ratio > 1.0, "{}", made.label.strength_ratio);
+    let strength_ratio = strength(&unit, &backlash);
+    assert!(made.label.listed && strength_ratio > 1.0, "{strength_ratio}");
     assert!(!make(&unit, &case(Kind::LeftOut("backlash".into()), 5)).label.listed);
 
     // The contact gap is the play operator's kind: with it the twin comes close, without it it does not.

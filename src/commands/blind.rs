@@ -13,7 +13,7 @@ use govtwin::battery::plan::Rates;
 use govtwin::params;
 use rayon::prelude::{ParallelBridge, ParallelIterator};
 
-use self::cases::find;
+use self::cases::{Case, find};
 use self::method::methods;
 use super::output::{Progress, print, warn};
 use crate::commands::Outcome;
@@ -58,8 +58,9 @@ stopped. With --labels or --generate, OUT/score.json and OUT/score.html hold all
 --generate makes the units with a simulator of its own, which shares the data sheet with the twin but not its equations: bristle
 friction, contact gaps, rounded edges, polytropic gas, inertia in lines. It makes sound units, single effects, pairs, faults that no
 catalogue lists, and effects that the catalogue is then made to lack. DIR/answers/keys.sha256 commits to the answers before the first
-diagnosis; DIR/answers/labels.yaml is written after the last one, and closure is checked on recordings made after that. A DIR or OUT
-of another seed, rate or data sheet is refused.
+diagnosis; DIR/answers/labels.yaml, with strengths.yaml beside it, is written after the last one, and closure is checked on recordings
+made after that. Where reports are missing, answers and scores of an earlier run are removed first, so that no diagnosis finds them, and
+written again at the end. A DIR or OUT of another seed, rate or data sheet is refused.
 
 Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 finished with warnings.";
 
@@ -100,6 +101,12 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         made.restrict(&mut cases);
     }
     let methods = methods(args.baselines, args.baselines_only);
+    if let Some(made) = &made {
+        let unjudged = |case: &Case| methods.iter().any(|method| !method.report(out, &case.name).is_file());
+        if cases.iter().any(unjudged) {
+            made.close(out)?;
+        }
+    }
     let progress = Progress::new(cases.len(), "units");
     let threads = (rayon::current_num_threads() / cases.len().max(1)).max(1);
     // Dealt out one by one, so that what is broken off has the first units and not some of each half.

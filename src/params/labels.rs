@@ -1,5 +1,7 @@
 //! Label files: what is truly in the units of a folder of cases. Only a scorer reads them.
 
+use std::collections::BTreeMap;
+
 use crate::battery::{Label, Truth};
 use crate::effects::Stage;
 use crate::params::yaml::{Node, parse};
@@ -112,6 +114,29 @@ pub fn write(labels: &[Label]) -> String {
     text
 }
 
+/// Reads strengths by case, as [`write_strengths`] leaves them.
+///
+/// # Errors
+/// When the text is not YAML, or holds anything but numbers by case.
+pub fn read_strengths(text: &str) -> Result<BTreeMap<String, f64>, LabelsError> {
+    let root = parse(text).map_err(|error| LabelsError::Syntax { line: error.line, message: error.message })?.root;
+    let Node::Map(cases) = &root else { return Err(wrong("the file", "strengths by case", Some(&root))) };
+    let strength = |(name, node): &(String, Node)| match node {
+        Node::Number(ratio) => Ok((name.clone(), *ratio)),
+        other => Err(wrong(name, "a number", Some(other))),
+    };
+    cases.iter().map(strength).collect()
+}
+
+/// Strengths by case as a file ([`Label::strength_ratio`]).
+#[must_use]
+pub fn write_strengths(strengths: &BTreeMap<String, f64>) -> String {
+    let head =
+        "# RMS by which the faults move the strongest recorded signal, over its noise floor; 0 where there is none.\n";
+    let lines = strengths.iter().map(|(name, ratio)| format!("{name}: {ratio:.3}\n"));
+    std::iter::once(head.to_owned()).chain(lines).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -146,6 +171,16 @@ mod tests {
             ("a: {effects: [{id: x, stage: moon}]}", "a stage of the chain"),
         ] {
             let error = read(text).unwrap_err().to_string();
+            assert!(error.contains(expected), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    fn strengths_are_read_as_they_are_written() {
+        let strengths = BTreeMap::from([("case_001".to_owned(), 0.0), ("case_002".to_owned(), 12.345)]);
+        assert_eq!(read_strengths(&write_strengths(&strengths)).unwrap(), strengths);
+        for (text, expected) in [("a: [", "line"), ("- 1", "strengths by case"), ("a: much", "a: expected a number")] {
+            let error = read_strengths(text).unwrap_err().to_string();
             assert!(error.contains(expected), "{text}: {error}");
         }
     }

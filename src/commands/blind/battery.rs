@@ -20,6 +20,9 @@ use crate::commands::{bags, generate};
 /// Where the answers are opened, below the battery's folder.
 const LABELS: &str = "answers/labels.yaml";
 
+/// How strong each unit's faults are, beside the answers: known only after many simulations.
+const STRENGTHS: &str = "answers/strengths.yaml";
+
 /// Which draw and sheet the battery's bags, or the reports beside it, are of, as a hash: whoever knows the seed knows the answers.
 const DRAWN: &str = "drawn.sha256";
 
@@ -27,12 +30,16 @@ const DRAWN: &str = "drawn.sha256";
 #[derive(Debug)]
 pub struct Battery {
     dir: PathBuf,
+    sheet: Unit,
     plans: Vec<Plan>,
+    /// Without strengths.
     labels: Vec<Label>,
+    /// As far as they were measured before.
+    strengths: BTreeMap<String, f64>,
     seed: u64,
 }
 
-/// Makes the bags that are not there yet, and commits to the answers; units whose answers were opened before are not simulated again.
+/// Makes the bags that are not there yet, and commits to the answers.
 pub fn make(dir: &Path, out: &Path, unit: &Unit, count: usize, seed: u64, rates: Rates) -> anyhow::Result<Battery> {
     let key = sha256(format!("seed {seed}, {rates:?}, {unit:?}"));
     claim(dir, &dir.join("answers").join(DRAWN), &key)?;
@@ -40,33 +47,24 @@ pub fn make(dir: &Path, out: &Path, unit: &Unit, count: usize, seed: u64, rates:
         claim(out, &out.join(DRAWN), &key)?;
     }
     let plans = plan(count, seed, rates);
-    let opened = super::scoring::read_labels(&dir.join(LABELS)).unwrap_or_default();
     let progress = Progress::new(plans.len(), "units made");
-    let labels: anyhow::Result<Vec<Label>> = plans
-        .par_iter()
-        .map(|case| {
-            let label = match known(&opened, &battery::label(unit, case)) {
-                Some(label)
-                    if Process::ALL.into_iter().all(|process| bags::is_bag_folder(&bag(dir, case, process))) =>
-                {
-                    label
+    let made: anyhow::Result<()> = plans.par_iter().try_for_each(|case| {
+        let lacking = |process: Process| !bags::is_bag_folder(&bag(dir, case, process));
+        if Process::ALL.into_iter().any(lacking) {
+            for (process, streams) in battery::make(unit, case).streams {
+                if lacking(process) {
+                    generate::write(process, case.seed, &streams, &bag(dir, case, process))?;
                 }
-                _ => {
-                    let made = battery::make(unit, case);
-                    for (process, streams) in &made.streams {
-                        let bag = bag(dir, case, *process);
-                        if !bags::is_bag_folder(&bag) {
-                            generate::write(*process, case.seed, streams, &bag)?;
-                        }
-                    }
-                    made.label
-                }
-            };
-            progress.step();
-            Ok(label)
-        })
-        .collect();
-    let battery = Battery { dir: dir.to_owned(), plans, labels: labels?, seed };
+            }
+        }
+        progress.step();
+        Ok(())
+    });
+    made?;
+    let labels = plans.iter().map(|case| battery::label(unit, case)).collect();
+    let known = std::fs::read_to_string(dir.join(STRENGTHS)).ok();
+    let strengths = known.and_then(|text| labels::read_strengths(&text).ok()).unwrap_or_default();
+    let battery = Battery { dir: dir.to_owned(), sheet: unit.clone(), plans, labels, strengths, seed };
     let key = sha256(battery.text());
     write_atomically(&dir.join("answers/keys.sha256"), format!("{key}  labels.yaml\n").as_bytes())?;
     Ok(battery)
@@ -89,12 +87,6 @@ fn bag(dir: &Path, case: &Plan, process: Process) -> PathBuf {
     dir.join(&case.name).join(process.id())
 }
 
-/// The label with its strength, if it was opened before.
-fn known(opened: &[Label], label: &Label) -> Option<Label> {
-    let known = opened.iter().find(|known| known.name == label.name)?;
-    (Label { strength_ratio: known.strength_ratio, ..label.clone() } == *known).then(|| known.clone())
-}
-
 impl Battery {
     /// Takes from the catalogue of each unit what it is to be diagnosed without, and drops units of other batteries.
     pub fn restrict(&self, cases: &mut Vec<Case>) {
@@ -112,11 +104,33 @@ impl Battery {
         format!("# Seed {}.\n{}", self.seed, labels::write(&self.labels))
     }
 
-    /// Writes the answers, now that nobody diagnoses any more, and hands them out.
+    /// Removes what opens the answers, so that no diagnosis finds it; all of it is written again at the end.
+    pub fn close(&self, out: &Path) -> anyhow::Result<()> {
+        let opened = [self.dir.join(LABELS), self.dir.join(STRENGTHS), out.join("score.json"), out.join("score.html")];
+        for file in opened.into_iter().filter(|file| file.is_file()) {
+            std::fs::remove_file(&file).with_context(|| format!("cannot remove {}", file.display()))?;
+        }
+        Ok(())
+    }
+
+    /// Writes the answers, now that nobody diagnoses any more, measures the strengths that are not known, and hands all out.
     pub fn answers(&self) -> anyhow::Result<Vec<Label>> {
-        let path = self.dir.join(LABELS);
-        write_atomically(&path, self.text().as_bytes())?;
-        super::scoring::read_labels(&path)
+        write_atomically(&self.dir.join(LABELS), self.text().as_bytes())?;
+        let unknown: Vec<&Plan> = self.plans.iter().filter(|plan| !self.strengths.contains_key(&plan.name)).collect();
+        let progress = Progress::new(unknown.len(), "strengths measured");
+        let measure = |plan: &&Plan| {
+            let strength_ratio = battery::strength(&self.sheet, plan);
+            progress.step();
+            (plan.name.clone(), strength_ratio)
+        };
+        let mut strengths = self.strengths.clone();
+        strengths.extend(unknown.par_iter().map(measure).collect::<Vec<_>>());
+        let text = labels::write_strengths(&strengths);
+        write_atomically(&self.dir.join(STRENGTHS), text.as_bytes())?;
+        // As the file has them, so that a second score is the same.
+        let strengths = labels::read_strengths(&text)?;
+        let of = |label: &Label| strengths.get(&label.name).copied().unwrap_or(f64::NAN);
+        Ok(self.labels.iter().map(|label| Label { strength_ratio: of(label), ..label.clone() }).collect())
     }
 
     /// Closure that came true, for every unit whose reports say what to try; and why others have none.
@@ -159,25 +173,4 @@ fn realised(out: &Path, sheet: &Unit, plan: &Plan) -> anyhow::Result<Option<f64>
     }
     let fresh = bags::read(&[bags.path().to_owned()])?;
     Ok(exam::closure(fresh.recordings, &refitted, &improved))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn answers_that_were_opened_are_known_again_and_no_others() {
-        let unit = params::reference();
-        let labels: Vec<Label> = plan(12, 3, Rates::Both)
-            .iter()
-            .map(|case| Label { strength_ratio: 2.5, ..battery::label(&unit, case) })
-            .collect();
-        let opened = labels::read(&labels::write(&labels)).unwrap();
-        for (case, label) in plan(12, 3, Rates::Both).iter().zip(labels) {
-            assert_eq!(known(&opened, &battery::label(&unit, case)), Some(label));
-        }
-        let others = plan(20, 4, Rates::Both);
-        let mixed = others.iter().filter_map(|case| known(&opened, &battery::label(&unit, case)));
-        assert!(mixed.into_iter().all(|label| label.effects.is_empty()), "only what is sound is alike");
-    }
 }

@@ -109,6 +109,9 @@ pub fn score_all(
             )
         })
         .collect();
+    let strong = |label: &&Label| label.strength_ratio.is_finite();
+    let strengths: serde_json::Map<String, Value> =
+        labels.iter().filter(strong).map(|label| (label.name.clone(), label.strength_ratio.into())).collect();
     let whole = json!({
         "schema": "govtwin-blind/1",
         "units": labels.len(),
@@ -116,6 +119,7 @@ pub fn score_all(
         "methods": all,
         "by_rate": rates,
         "closures": exams,
+        "strengths": strengths,
         "misses": misses,
     });
     write_atomically(&out.join("score.json"), (serde_json::to_string_pretty(&whole)? + "\n").as_bytes())?;
