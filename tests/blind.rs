@@ -45,6 +45,12 @@ fn unit(dir: &Path, name: &str, report: &str) {
     }
 }
 
+/// Runs the command: its exit code and what it says.
+fn blind(args: &[&str]) -> (Option<i32>, String) {
+    let out = Command::new(env!("CARGO_BIN_EXE_govtwin")).arg("blind").args(args).output().unwrap();
+    (out.status.code(), format!("{}{}", String::from_utf8_lossy(&out.stdout), String::from_utf8_lossy(&out.stderr)))
+}
+
 #[test]
 fn reports_that_are_there_are_scored_and_kept() {
     let dir = tempfile::tempdir().unwrap();
@@ -59,13 +65,8 @@ fn reports_that_are_there_are_scored_and_kept() {
          case_3: {listed: false, effects: [{id: surge, stage: servomotor, size: 2.0, unit: N}]}\n",
     )
     .unwrap();
-    let out = Command::new(env!("CARGO_BIN_EXE_govtwin"))
-        .args(["blind", dir.path().to_str().unwrap(), "--baselines", "--labels", labels.to_str().unwrap()])
-        .output()
-        .unwrap();
-    let (stdout, stderr) = (String::from_utf8_lossy(&out.stdout), String::from_utf8_lossy(&out.stderr));
-    assert_eq!(out.status.code(), Some(0), "{stdout}{stderr}");
-    assert!(stdout.contains("surge (not in the catalogue)"), "{stdout}");
+    let (code, words) = blind(&[dir.path().to_str().unwrap(), "--baselines", "--labels", labels.to_str().unwrap()]);
+    assert!(code == Some(0) && words.contains("surge (not in the catalogue)"), "{words}");
     let score: Value = serde_json::from_str(&fs::read_to_string(dir.path().join("score.json")).unwrap()).unwrap();
     let methods = score["methods"].as_object().unwrap();
     assert!(methods.len() >= BASELINES.len());
@@ -74,11 +75,16 @@ fn reports_that_are_there_are_scored_and_kept() {
         assert_eq!((value("false_alarm"), value("single_first"), value("unknown")), (0.0, 1.0, 0.0), "{name}");
         assert_eq!((value("size_coverage"), value("seconds")), (1.0, 12.0), "{name}");
     }
-    assert!(fs::read_to_string(dir.path().join("score.html")).unwrap().starts_with("<!DOCTYPE html>"));
+    let page = || fs::read_to_string(dir.path().join("score.html")).unwrap();
+    assert!(page().starts_with("<!DOCTYPE html>"));
+    assert!(!page().to_lowercase().contains("synthetic"), "nobody said where the units come from");
     assert_eq!(
         fs::read_to_string(dir.path().join("case_2/report.json")).unwrap(),
         report("named", &[("backlash", 0.9)])
     );
+    fs::write(dir.path().join("ORIGIN.txt"), "From the moon.\n").unwrap();
+    blind(&[dir.path().to_str().unwrap(), "--labels", labels.to_str().unwrap()]);
+    assert!(page().contains("From the moon."));
 }
 
 #[test]
@@ -114,14 +120,10 @@ fn what_is_not_scored_is_told() {
     unit(dir.path(), "case_2", &report("no_gap", &[]));
     let labels = dir.path().join("labels.yaml");
     fs::write(&labels, "case_1: {effects: []}\ncase_3: {effects: []}\n").unwrap();
-    let out = Command::new(env!("CARGO_BIN_EXE_govtwin"))
-        .args(["blind", dir.path().to_str().unwrap(), "--labels", labels.to_str().unwrap()])
-        .output()
-        .unwrap();
-    let stderr = String::from_utf8_lossy(&out.stderr);
-    assert_eq!(out.status.code(), Some(3), "{stderr}");
-    assert!(stderr.contains("case_2: no label says what is in it"), "{stderr}");
-    assert!(stderr.contains("case_3: govtwin said nothing of it"), "{stderr}");
+    let (code, words) = blind(&[dir.path().to_str().unwrap(), "--labels", labels.to_str().unwrap()]);
+    assert_eq!(code, Some(3), "{words}");
+    assert!(words.contains("case_2: no label says what is in it"), "{words}");
+    assert!(words.contains("case_3: govtwin said nothing of it"), "{words}");
     let score: Value = serde_json::from_str(&fs::read_to_string(dir.path().join("score.json")).unwrap()).unwrap();
     assert_eq!((score["units"].as_u64(), score["scored"].as_u64()), (Some(2), Some(1)));
     assert_eq!(score["methods"]["govtwin"]["scored"].as_u64(), Some(1));
@@ -165,13 +167,7 @@ fn a_trip_is_no_miss_because_a_slow_recorder_stamped_it_late() {
 #[test]
 fn slips_say_the_way_out() {
     let dir = tempfile::tempdir().unwrap();
-    let run = |more: &[&str]| {
-        let out = Command::new(env!("CARGO_BIN_EXE_govtwin"))
-            .args([&["blind", dir.path().to_str().unwrap()], more].concat())
-            .output()
-            .unwrap();
-        (out.status.code(), String::from_utf8_lossy(&out.stderr).into_owned())
-    };
+    let run = |more: &[&str]| blind(&[&[dir.path().to_str().unwrap()], more].concat());
     let (code, words) = run(&[]);
     assert!(code == Some(1) && words.contains("expected folders with .mcap files"), "{words}");
     let (code, words) = run(&["--generate", "0"]);

@@ -19,11 +19,18 @@ pub struct Method {
     pub score: Score,
 }
 
-/// The page; `cases` are those of the first method, `parts` the scores of some of them, such as those of one rate.
+/// The page; `cases` are those of the first method, `parts` the scores of some of them, such as those of one rate, `origin` what is known of
+/// where the units come from.
 ///
 /// # Errors
 /// Where a picture cannot be drawn.
-pub fn page(methods: &[Method], cases: &[Scored], parts: &[Method], subtitle: &str) -> Result<Page, DrawError> {
+pub fn page(
+    methods: &[Method],
+    cases: &[Scored],
+    parts: &[Method],
+    subtitle: &str,
+    origin: Option<&str>,
+) -> Result<Page, DrawError> {
     let mut page = Page::new("Blind check: what was said against what is so", subtitle);
     let body = &mut page.body;
     let Some(first) = methods.first() else {
@@ -39,10 +46,9 @@ pub fn page(methods: &[Method], cases: &[Scored], parts: &[Method], subtitle: &s
         let hint = format!("{} of {} units; target {}", interval(measure), measure.measured.cases, measure.target);
         KeyFigure::new(measure.name, value, "%").hint(hint)
     }));
-    body.note(
-        Tone::Plain,
-        "All units are synthetic: made by simulators that share the data sheet with the twin, but not its equations.",
-    );
+    if let Some(origin) = origin {
+        body.note(Tone::Plain, origin);
+    }
     body.heading("Measures");
     body.figure(
         svg(&measures_picture(first))?,

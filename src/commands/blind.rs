@@ -16,6 +16,7 @@ use rayon::prelude::{ParallelBridge, ParallelIterator};
 use self::cases::{Case, find};
 use self::method::methods;
 use super::output::{Progress, print, warn};
+use super::replay::origin;
 use crate::commands::Outcome;
 
 /// Arguments of `govtwin blind`.
@@ -135,7 +136,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         failed.extend(unexamined);
         closures
     });
-    let unscored = scoring::score_all(&labels, exams.as_ref(), &methods, &cases, &args.dir, out)?;
+    let origin = if made.is_some() { Some(battery::ORIGIN.to_owned()) } else { origin::of(&args.dir) };
+    let unscored = scoring::score_all(&labels, exams.as_ref(), &methods, &cases, (&args.dir, origin.as_deref()), out)?;
     warn_of(&unscored);
     failed.extend(unscored);
     Ok(outcome(&failed))

@@ -155,7 +155,7 @@ fn within(option: &str, value: f64, min: f64, max: f64, unit: &str) -> anyhow::R
 /// Simulates a scenario and writes its bag.
 fn record(scenario: &Scenario, dir: &Path) -> anyhow::Result<String> {
     let streams = generate::streams(scenario);
-    let path = write(scenario.process, scenario.seed, &streams, dir)?;
+    let path = write("generate", scenario.process, scenario.seed, &streams, dir)?;
     let rows = streams.servo_state.len();
     Ok(format!("{}: {rows} rows of servo state at {} Hz", path.display(), scenario.rate_hz))
 }
@@ -168,12 +168,12 @@ enum Message {
     ServoState(msg::ServoState),
 }
 
-/// Writes the messages of a process as a bag folder that says it is synthetic.
-pub fn write(process: Process, seed: u64, streams: &Streams, dir: &Path) -> anyhow::Result<PathBuf> {
-    put(process, seed, streams, dir).with_context(|| format!("cannot write {}", dir.display()))
+/// Writes the messages of a process as a bag folder that says it is synthetic, and which command's simulator made it.
+pub fn write(command: &str, process: Process, seed: u64, streams: &Streams, dir: &Path) -> anyhow::Result<PathBuf> {
+    put(command, process, seed, streams, dir).with_context(|| format!("cannot write {}", dir.display()))
 }
 
-fn put(process: Process, seed: u64, streams: &Streams, dir: &Path) -> anyhow::Result<PathBuf> {
+fn put(by: &str, process: Process, seed: u64, streams: &Streams, dir: &Path) -> anyhow::Result<PathBuf> {
     let mut bag = Writer::create(dir, WriterOptions::default())?;
     let topics = Topics::default();
     let command = bag.topic(&topics.command, Qos::DEFAULT)?;
@@ -182,7 +182,7 @@ fn put(process: Process, seed: u64, streams: &Streams, dir: &Path) -> anyhow::Re
     let servo_state = bag.topic(&topics.servo_state, Qos::SENSOR)?;
     let about = [
         ("synthetic", "true".to_owned()),
-        ("generator", concat!("govtwin ", env!("CARGO_PKG_VERSION"), " generate").to_owned()),
+        ("generator", format!("govtwin {} {by}", env!("CARGO_PKG_VERSION"))),
         ("process", process.id().to_owned()),
         ("note", "simulated, not measured; for trying benches and diagnoses".to_owned()),
     ];

@@ -26,6 +26,13 @@ const STRENGTHS: &str = "answers/strengths.yaml";
 /// Which draw and sheet the battery's bags, or the reports beside it, are of, as a hash: whoever knows the seed knows the answers.
 const DRAWN: &str = "drawn.sha256";
 
+/// Whose simulator makes the bags, as they say of themselves.
+const GENERATOR: &str = "blind --generate";
+
+/// Where they come from, as pages say.
+pub const ORIGIN: &str =
+    "All units are synthetic: made by a simulator that shares the data sheet with the twin, but not its equations.";
+
 /// A battery that was made; its labels are in no file yet.
 #[derive(Debug)]
 pub struct Battery {
@@ -53,7 +60,7 @@ pub fn make(dir: &Path, out: &Path, unit: &Unit, count: usize, seed: u64, rates:
         if Process::ALL.into_iter().any(lacking) {
             for (process, streams) in battery::make(unit, case).streams {
                 if lacking(process) {
-                    generate::write(process, case.seed, &streams, &bag(dir, case, process))?;
+                    generate::write(GENERATOR, process, case.seed, &streams, &bag(dir, case, process))?;
                 }
             }
         }
@@ -169,7 +176,7 @@ fn realised(out: &Path, sheet: &Unit, plan: &Plan) -> anyhow::Result<Option<f64>
     }
     let bags = tempfile::tempdir().context("no temporary folder for its recordings")?;
     for (process, streams) in battery::exam(sheet, plan) {
-        generate::write(process, plan.seed, &streams, &bags.path().join(process.id()))?;
+        generate::write(GENERATOR, process, plan.seed, &streams, &bags.path().join(process.id()))?;
     }
     let fresh = bags::read(&[bags.path().to_owned()])?;
     Ok(exam::closure(fresh.recordings, &refitted, &improved))

@@ -53,7 +53,7 @@ pub fn score_all(
     exams: Option<&BTreeMap<String, f64>>,
     methods: &[Method],
     units: &[Case],
-    dir: &Path,
+    (dir, origin): (&Path, Option<&str>),
     out: &Path,
 ) -> anyhow::Result<Vec<String>> {
     let mut scores = Vec::new();
@@ -124,7 +124,8 @@ pub fn score_all(
     });
     write_atomically(&out.join("score.json"), (serde_json::to_string_pretty(&whole)? + "\n").as_bytes())?;
     let name = dir.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-    let page = page::page(&scores, &first, &parts, &format!("{name}, {} of {} units", first.len(), labels.len()))?;
+    let subtitle = format!("{name}, {} of {} units", first.len(), labels.len());
+    let page = page::page(&scores, &first, &parts, &subtitle, origin)?;
     write_atomically(&out.join("score.html"), page.to_html().as_bytes())?;
     print(&format!("\n{} and score.json beside it\n", out.join("score.html").display()))?;
     Ok(unscored)
