@@ -1,7 +1,7 @@
 //! `govtwin blind` on units whose reports are there already: the score is the one counted by hand, and nothing is judged anew.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use govtwin::bag::{self, Interpolation, ReadOptions};
@@ -9,6 +9,7 @@ use govtwin::baselines::BASELINES;
 use govtwin::baselines::ground::Ground;
 use govtwin::blind::limits;
 use govtwin::diagnosis::decide::SEEN;
+use govtwin::digest::sha256;
 use govtwin::effects::find;
 use govtwin::frame::{EsvState, Frame};
 use govtwin::params;
@@ -111,6 +112,65 @@ fn recordings_tell_of_what_is_large_enough_and_unlike_the_answer() {
     assert!(other > 0.5 * large, "{other}");
     // No equation, no figure.
     assert!(limits::told(recordings(), &unit, &[("surge", vec![1.0])], &[]).is_none());
+}
+
+/// All bag files below a folder.
+fn bag_files(dir: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(dir).unwrap().map(|entry| entry.unwrap().path());
+    let mut files: Vec<PathBuf> =
+        entries.flat_map(|path| if path.is_dir() { bag_files(&path) } else { vec![path] }).collect();
+    files.retain(|file| file.extension().is_some_and(|suffix| suffix == "mcap"));
+    files.sort();
+    files
+}
+
+#[test]
+fn a_battery_is_made_once_and_answered_as_it_was_committed_to() {
+    let root = tempfile::tempdir().unwrap();
+    let at = |name: &str| root.path().join(name);
+    let (dir, out) = (at("battery"), at("out"));
+    // Nothing is diagnosed: the only unit's report is there.
+    fs::create_dir_all(out.join("case_001")).unwrap();
+    fs::write(out.join("case_001/report.json"), report("no_gap", &[])).unwrap();
+    let run = |dir: &Path, out: &Path, more: &[&str]| {
+        let folders = [dir.to_str().unwrap(), "--out", out.to_str().unwrap()];
+        blind(&[&folders[..], &["--generate", "1", "--rate", "100"], more].concat())
+    };
+    let (code, words) = run(&dir, &out, &[]);
+    assert_eq!(code, Some(0), "{words}");
+    let labels = fs::read_to_string(dir.join("answers/labels.yaml")).unwrap();
+    assert_eq!(
+        fs::read_to_string(dir.join("answers/keys.sha256")).unwrap(),
+        format!("{}  labels.yaml\n", sha256(&labels))
+    );
+    assert!(!labels.contains("strength"), "what is committed to was known before any simulation");
+    let score = || -> Value { serde_json::from_str(&fs::read_to_string(out.join("score.json")).unwrap()).unwrap() };
+    assert_eq!((score()["units"].as_u64(), score()["scored"].as_u64()), (Some(1), Some(1)));
+    assert_eq!(score()["methods"]["govtwin"]["measures"]["single_first"]["value"].as_f64(), Some(0.0));
+    assert!(score()["strengths"]["case_001"].as_f64().unwrap() > 0.0);
+    let page = fs::read_to_string(out.join("score.html")).unwrap();
+    assert!(page.contains("All units are synthetic") && page.contains("1 of 1 units"));
+    let bags = bag_files(&dir);
+    let words = b"blind --generate";
+    assert_eq!(bags.len(), 4);
+    assert!(fs::read(&bags[0]).unwrap().windows(words.len()).any(|window| window == words));
+
+    // A second run neither makes bags nor measures strengths.
+    fs::write(&bags[0], "kept").unwrap();
+    fs::write(dir.join("answers/strengths.yaml"), "case_001: 99.0\n").unwrap();
+    assert_eq!(run(&dir, &out, &[]).0, Some(0));
+    assert_eq!(score()["strengths"]["case_001"].as_f64(), Some(99.0));
+    assert_eq!(fs::read_to_string(&bags[0]).unwrap(), "kept");
+    assert_eq!(fs::read_to_string(dir.join("answers/labels.yaml")).unwrap(), labels);
+
+    // Neither bags of another sheet nor reports of another draw are taken for this battery's.
+    let sheet = at("unit2.yaml");
+    fs::write(&sheet, "name: unit 2\noil:\n  bulk_modulus_pa: 1.1e9\n").unwrap();
+    let (code, words) = run(&dir, &out, &["--params", sheet.to_str().unwrap()]);
+    assert!(code == Some(1) && words.contains("data sheet") && words.contains("battery"), "{words}");
+    let (code, words) = run(&at("other"), &out, &["--seed", "2"]);
+    assert!(code == Some(1) && words.contains("out is of a battery of another seed"), "{words}");
+    assert!(!at("other").exists(), "nothing is made for a folder of reports that is not its own");
 }
 
 #[test]

@@ -49,9 +49,14 @@ pub struct Battery {
 /// Makes the bags that are not there yet, and commits to the answers.
 pub fn make(dir: &Path, out: &Path, unit: &Unit, count: usize, seed: u64, rates: Rates) -> anyhow::Result<Battery> {
     let key = sha256(format!("seed {seed}, {rates:?}, {unit:?}"));
-    claim(dir, &dir.join("answers").join(DRAWN), &key)?;
-    if out != dir {
-        claim(out, &out.join(DRAWN), &key)?;
+    // Where reports stand beside the bags, they are claimed with them.
+    let mut claims = vec![(dir, dir.join("answers").join(DRAWN))];
+    claims.extend((out != dir).then(|| (out, out.join(DRAWN))));
+    for (folder, drawn) in &claims {
+        check_claim(folder, drawn, &key)?;
+    }
+    for (_, drawn) in &claims {
+        write_atomically(drawn, format!("{key}\n").as_bytes())?;
     }
     let plans = plan(count, seed, rates);
     let progress = Progress::new(plans.len(), "units made");
@@ -77,9 +82,8 @@ pub fn make(dir: &Path, out: &Path, unit: &Unit, count: usize, seed: u64, rates:
     Ok(battery)
 }
 
-/// Takes a folder for the battery of a key; one that holds another's is refused, since what is there would be kept and scored by answers that
-/// are not its own.
-fn claim(folder: &Path, drawn: &Path, key: &str) -> anyhow::Result<()> {
+/// Refuses a folder that holds another battery's bags or reports, which would be kept and scored by answers that are not theirs.
+fn check_claim(folder: &Path, drawn: &Path, key: &str) -> anyhow::Result<()> {
     if std::fs::read_to_string(drawn).is_ok_and(|there| there.trim() != key) {
         bail!(
             "{} is of a battery of another seed, rate or data sheet ({}); expected --seed, --rate and --params as before, or a folder of its own",
@@ -87,7 +91,7 @@ fn claim(folder: &Path, drawn: &Path, key: &str) -> anyhow::Result<()> {
             drawn.display()
         );
     }
-    write_atomically(drawn, format!("{key}\n").as_bytes())
+    Ok(())
 }
 
 fn bag(dir: &Path, case: &Plan, process: Process) -> PathBuf {
@@ -180,4 +184,23 @@ fn realised(out: &Path, sheet: &Unit, plan: &Plan) -> anyhow::Result<Option<f64>
     }
     let fresh = bags::read(&[bags.path().to_owned()])?;
     Ok(exam::closure(fresh.recordings, &refitted, &improved))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_opens_the_answers_is_gone_before_a_diagnosis() {
+        let (dir, out) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+        let unit = params::reference();
+        let battery = make(dir.path(), out.path(), &unit, 0, 3, Rates::Both).unwrap();
+        battery.answers().unwrap();
+        std::fs::write(out.path().join("score.html"), "").unwrap();
+        let opened = [dir.path().join(LABELS), dir.path().join(STRENGTHS), out.path().join("score.html")];
+        assert!(opened.iter().all(|file| file.is_file()));
+        battery.close(out.path()).unwrap();
+        assert!(opened.iter().all(|file| !file.exists()));
+        assert!(dir.path().join("answers/keys.sha256").is_file(), "the commitment stays");
+    }
 }
