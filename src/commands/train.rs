@@ -135,7 +135,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         page.body.note(Tone::Plain, origin.clone());
     }
     page.body.table(table_of_models, "On the last 30 % of each process, which nobody was trained on.");
-    search_blocks(&mut page.body, &searches)?;
+    search_blocks(&mut page.body, &searches, model.unit.as_str())?;
     write_atomically(&args.learn.out.join("train.html"), page.to_html().as_bytes())?;
     let figures = Trained {
         schema: "govtwin-training/1",

@@ -99,7 +99,7 @@ pub struct Claim {
     pub what: &'static str,
     /// In the paper, on another plant's data.
     pub paper: &'static str,
-    /// Here, on synthetic data.
+    /// On these recordings.
     pub here: String,
     /// The unit of both.
     pub unit: &'static str,

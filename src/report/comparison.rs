@@ -72,14 +72,15 @@ pub fn page(summary: &Summary, shown: &Shown) -> Result<Page, DrawError> {
         format!("{}, on rows that no model was trained on", shown.rows.layout.signal.title()),
     );
     let body = &mut page.body;
-    opening(body, summary);
+    opening(body, summary, unit);
     body.heading("Traces");
     body.figure(
         svg(&pictures::traces(shown))?,
         "Measured, MBM, DDM and MDHM in each process, a stretch of the judging rows (after Figure 12).",
     );
     body.heading("Errors");
-    body.figure(svg(&pictures::bars(summary, unit))?, "MAE, RMSE and R² by process (after Figure 13).");
+    let caption = format!("MAE, RMSE and R² by process (after Figure 13).{}", pictures::below_zero(summary));
+    body.figure(svg(&pictures::bars(summary, unit))?, caption);
     body.table(models_table(&summary.models, unit), "Rows of the last 30 % of each process.");
     body.heading("Hybrids");
     body.figure(
@@ -90,7 +91,7 @@ pub fn page(summary: &Summary, shown: &Shown) -> Result<Page, DrawError> {
         svg(&pictures::spreads(shown))?,
         "The same as histograms with kernel density estimates (after Figure 15).",
     );
-    body.figure(svg(&pictures::heatmap(summary))?, "Figures of the hybrids by process (after Figure 16).");
+    body.figure(svg(&pictures::heatmap(summary, unit))?, "Figures of the hybrids by process (after Figure 16).");
     body.heading("A process left out");
     body.paragraph("What the paper does not show: each process left out of training in turn and judged on. The hyperparameters are the manual ones, since a search would have seen the process. The guard fades corrections where rows lie outside what was trained.");
     body.figure(svg(&pictures::left_out(summary, unit))?, "MAE on the process that was left out.");
@@ -110,12 +111,12 @@ pub fn page(summary: &Summary, shown: &Shown) -> Result<Page, DrawError> {
         "Share of the trees' gain in the MDHM, the strongest features, and Table 1's groups.",
     );
     body.heading("Searches");
-    search_blocks(body, &summary.searches)?;
+    search_blocks(body, &summary.searches, unit)?;
     closing(body, summary);
     Ok(page)
 }
 
-fn opening(body: &mut Blocks, summary: &Summary) {
+fn opening(body: &mut Blocks, summary: &Summary, unit: &str) {
     let order: Vec<&str> = summary.ranking.iter().map(|id| model_title(summary, id)).collect();
     body.lead(format!("Hybrids by MAE over all judging rows: {}.", order.join(" < ")));
     if let Some(origin) = &summary.origin {
@@ -123,15 +124,14 @@ fn opening(body: &mut Blocks, summary: &Summary) {
     }
     let of = |id: &str| summary.models.iter().find(|model| model.id == id);
     let key = ["mbm", "ddm", "mdhm"].iter().filter_map(|id| of(id)).map(|model| {
-        KeyFigure::new(format!("MAE, {}", model.title), significant(model.overall.mae, 3), "").hint(format!(
-            "RMSE {}, R² {}",
+        KeyFigure::new(format!("MAE, {}", model.title), significant(model.overall.mae, 3), unit).hint(format!(
+            "RMSE {} {unit}, R² {}",
             significant(model.overall.rmse, 3),
             fixed(model.overall.r2, 4)
         ))
     });
     body.key_figures(key);
-    let mut table =
-        Table::new().words("claim").numbers("paper, another plant").numbers("here, synthetic data").words("unit");
+    let mut table = Table::new().words("claim").numbers("paper, another plant").numbers("here").words("unit");
     for claim in &summary.claims {
         table.row([claim.what, claim.paper, &claim.here, claim.unit]);
     }
@@ -192,4 +192,68 @@ fn closing(body: &mut Blocks, summary: &Summary) {
          recording, rows whose windows reach across it are left out. Searches see five folds by time inside the teaching part only.",
     );
     body.details("How these figures were made", inner);
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::*;
+    use crate::comparison::summary::{Claim, OfProcess, SCHEMA, Score, Searched};
+
+    fn model(id: &'static str, title: &'static str, r2: [f64; 2]) -> Scored {
+        let score = |r2| Score { rows: 10, mae: 0.01, rmse: 0.02, r2 };
+        let of = |(process, r2)| OfProcess { process, score: score(r2) };
+        let processes = ["startup", "shutdown"].into_iter().zip(r2).map(of).collect();
+        Scored { id, title, overall: score(0.5), processes }
+    }
+
+    fn summary(r2: [f64; 2]) -> Summary {
+        let claim = Claim { what: "MAE of the MDHM", paper: "0.1", here: "0.2".to_owned(), unit: "pu" };
+        Summary {
+            schema: SCHEMA,
+            program: "govtwin",
+            origin: None,
+            settings: BTreeMap::new(),
+            rows: BTreeMap::new(),
+            recordings: vec![],
+            models: vec![model("mbm", "MBM", r2), model("mdhm", "MDHM", [0.9, 0.8])],
+            ranking: vec!["mdhm"],
+            claims: vec![claim],
+            left_out_process: vec![],
+            searches: vec![],
+            importance: vec![],
+            band: None,
+            closed_loop: None,
+        }
+    }
+
+    #[test]
+    fn figures_have_their_units_and_nobody_guesses_where_data_come_from() {
+        let summary = summary([0.5, 0.6]);
+        let heat = svg(&pictures::heatmap(&summary, "pu")).unwrap().0;
+        assert!(heat.contains("MAE, pu") && heat.contains("RMSE, pu") && !heat.contains("R², pu"), "{heat}");
+        let mut page = Page::new("", "");
+        opening(&mut page.body, &summary, "pu");
+        let html = page.to_html();
+        assert!(html.contains("RMSE 0.0200 pu") && !html.contains("synthetic"), "{html}");
+        let search = Searched {
+            id: "hybrid",
+            kind: "random",
+            dimensions: vec!["trees"],
+            points: vec![vec![10.0]],
+            losses: vec![0.5],
+            slices: BTreeMap::new(),
+        };
+        search_blocks(&mut page.body, &[search], "pu").unwrap();
+        let html = page.to_html();
+        assert!(html.contains("best MAE, pu") && html.contains("MAE over the folds, pu"), "{html}");
+    }
+
+    #[test]
+    fn a_model_worse_than_the_mean_is_told() {
+        assert_eq!(pictures::below_zero(&summary([0.5, 0.0])), "");
+        let words = pictures::below_zero(&summary([-0.4, 0.6]));
+        assert!(words.contains("MBM in start-up (−0.400)") && !words.contains("MDHM"), "{words}");
+    }
 }

@@ -6,6 +6,7 @@ use crate::comparison::summary::{OfProcess, Scored, Summary};
 use crate::recording::Process;
 use crate::report::ink::Ink;
 use crate::report::picture::{Mark, Panel, Picture, Shape};
+use crate::report::table::significant;
 use crate::units::seconds_from_nanos;
 
 /// Longest stretch that a trace shows, s.
@@ -70,16 +71,39 @@ type Figure = fn(&OfProcess) -> f64;
 const FIGURES: [(&str, Figure); 3] =
     [("MAE", |one| one.score.mae), ("RMSE", |one| one.score.rmse), ("R²", |one| one.score.r2)];
 
+/// The name of a figure with its unit; R² has none.
+fn with_unit(name: &str, unit: &str) -> String {
+    if name == "R²" { name.to_owned() } else { format!("{name}, {unit}") }
+}
+
+/// The models of [`bars`].
+fn barred(summary: &Summary) -> impl Iterator<Item = &Scored> {
+    ["mbm", "ddm", "mdhm"].into_iter().filter_map(|id| summary.models.iter().find(|model| model.id == id))
+}
+
+/// What of R² lies below the picture of [`bars`], as words for its caption; empty where nothing does.
+pub fn below_zero(summary: &Summary) -> String {
+    let below: Vec<String> = barred(summary)
+        .flat_map(|model| model.processes.iter().filter(|one| one.score.r2 < 0.0).map(move |one| (model, one)))
+        .map(|(model, one)| {
+            let process = title(one.process).to_lowercase();
+            format!("{} in {process} ({})", model.title, significant(one.score.r2, 3))
+        })
+        .collect();
+    if below.is_empty() {
+        return String::new();
+    }
+    format!(" R² below 0, worse than the mean of what was measured, shows no bar: {}.", below.join(", "))
+}
+
 fn titles(models: &[Scored]) -> Vec<&str> {
     models.first().into_iter().flat_map(|model| &model.processes).map(|one| title(one.process)).collect()
 }
 
 pub fn bars(summary: &Summary, unit: &str) -> Picture {
-    let models: Vec<&Scored> =
-        ["mbm", "ddm", "mdhm"].iter().filter_map(|id| summary.models.iter().find(|model| model.id == *id)).collect();
+    let models: Vec<&Scored> = barred(summary).collect();
     let panel = |(name, figure): &(&str, Figure)| {
-        let with_unit = if *name == "R²" { (*name).to_owned() } else { format!("{name}, {unit}") };
-        let mut panel = Panel::new(with_unit).x_categories(titles(&summary.models));
+        let mut panel = Panel::new(with_unit(name, unit)).x_categories(titles(&summary.models));
         if *name == "R²" {
             panel = panel.y_range(0.0, 1.0);
         }
@@ -159,7 +183,7 @@ fn density(values: &[f64], [from, to]: [f64; 2], bar: f64) -> Vec<[f64; 2]> {
     (0..=200).map(|k| from + (to - from) * f64::from(k) / 200.0).map(|x| [x, at(x)]).collect()
 }
 
-pub fn heatmap(summary: &Summary) -> Picture {
+pub fn heatmap(summary: &Summary, unit: &str) -> Picture {
     let hybrids: Vec<&Scored> =
         HYBRIDS.iter().rev().filter_map(|id| summary.models.iter().find(|model| model.id == *id)).collect();
     let panel = |(name, figure): &(&str, Figure)| {
@@ -167,7 +191,7 @@ pub fn heatmap(summary: &Summary) -> Picture {
         let full = rows.iter().flatten().fold(1e-12_f64, |most, value| most.max(value.abs()));
         let decimals = if *name == "R²" { 3 } else { 4 };
         let shape = Shape::Cells { rows, full, below: Ink::Alarm, decimals };
-        Panel::new(*name)
+        Panel::new(with_unit(name, unit))
             .height(45 + 34 * bins_u32(hybrids.len()))
             .x_categories(titles(&summary.models))
             .y_categories(hybrids.iter().map(|model| model.title))

@@ -7,26 +7,27 @@ use crate::report::page::Blocks;
 use crate::report::picture::{Mark, Panel, Picture, Shape};
 use crate::report::table::{Table, significant};
 
-/// Shows searches: traces, what they found, and the surrogate along each dimension.
+/// Shows searches, whose losses have this unit: traces, what they found, and the surrogate along each dimension.
 ///
 /// # Errors
 /// Where a picture cannot be drawn.
-pub fn search_blocks(body: &mut Blocks, searches: &[Searched]) -> Result<(), DrawError> {
+pub fn search_blocks(body: &mut Blocks, searches: &[Searched], unit: &str) -> Result<(), DrawError> {
     if searches.is_empty() {
         return Ok(());
     }
     body.figure(
-        svg(&traces(searches))?,
+        svg(&traces(searches, unit))?,
         "Best cross-validated MAE so far, and every evaluation as a dot: Bayesian optimisation beside random search with as many \
          evaluations and the same first points.",
     );
     for search in searches.iter().filter(|search| !search.slices.is_empty()) {
         body.figure(
             svg(&surrogate(search))?,
-            format!("{}: what the Gaussian process makes of all evaluations, along each hyperparameter through the best point, with two standard deviations.", search.id),
+            format!("{}: the MAE in {unit} that the Gaussian process makes of all evaluations, along each hyperparameter through the best point, with two standard deviations.", search.id),
         );
     }
-    let mut table = Table::new().words("search").words("kind").numbers("evaluations").numbers("best MAE").words("at");
+    let best = format!("best MAE, {unit}");
+    let mut table = Table::new().words("search").words("kind").numbers("evaluations").numbers(best).words("at");
     for search in searches {
         let Some((point, loss)) = search.best() else { continue };
         let at = search.dimensions.iter().zip(point).map(|(name, value)| format!("{name} {}", significant(*value, 3)));
@@ -48,11 +49,11 @@ fn numbered(values: &[f64]) -> Vec<[f64; 2]> {
     values.iter().enumerate().map(|(k, value)| [k as f64 + 1.0, *value]).collect()
 }
 
-fn traces(searches: &[Searched]) -> Picture {
+fn traces(searches: &[Searched], unit: &str) -> Picture {
     let mut ids: Vec<&str> = searches.iter().map(|search| search.id).collect();
     ids.dedup();
     let panel = |id: &str| {
-        let mut panel = Panel::new(format!("{id}: MAE over the folds")).x_name("evaluation").height(190);
+        let mut panel = Panel::new(format!("{id}: MAE over the folds, {unit}")).x_name("evaluation").height(190);
         for search in searches.iter().filter(|search| search.id == id) {
             let ink = if search.kind == "random" { Ink::Measured } else { Ink::Simulated };
             panel =
