@@ -17,7 +17,8 @@ pub fn closure(recordings: Vec<Recording>, refitted: &Unit, improved: &Unit) -> 
 }
 
 /// Recordings with the noise along a refitted unit, and with their trips where it explains them best, as the diagnosis has them.
-pub(super) fn laid_along(recordings: Vec<Recording>, refitted: &Unit) -> Bench {
+#[must_use]
+pub fn laid_along(recordings: Vec<Recording>, refitted: &Unit) -> Bench {
     let noise = expected(&refitted.sensors);
     let bench = Bench::new(recordings.into_iter().map(Trial::new).collect(), refitted, &noise);
     match placed(&bench, refitted) {
