@@ -117,7 +117,7 @@ pub fn shape(latent: &Latent) -> Picture {
             .level(Ink::Band, "", 0.0)
             .line(Ink::Simulated, &format!("free term, {unit}"), scaled(&curve.points));
         if !curve.named.is_empty() {
-            panel = panel.line(Ink::Good, "what stands for the named", scaled(&curve.named));
+            panel = panel.line(Ink::Good, "of the improved twin", scaled(&curve.named));
         }
         panel
     });
