@@ -10,7 +10,7 @@ const BEGIN_NS: i64 = 1_700_000_000_000_000_000;
 
 /// Writes the recording and says how many messages it has.
 fn write(folder: &std::path::Path) -> Result<u64, bag::BagError> {
-    let mut writer = Writer::create(folder, WriterOptions { replace: true, ..WriterOptions::default() })?;
+    let mut writer = Writer::create(folder, WriterOptions { mark: Some("bench"), ..WriterOptions::default() })?;
     let command = writer.topic::<GovernorCommand>("/governor/command", Qos::SENSOR)?;
     let esv = writer.topic::<EsvState>("/governor/esv", Qos::DEFAULT)?;
     let pressure = writer.topic::<FluidPressure>("/governor/tank_pressure", Qos::SENSOR)?;

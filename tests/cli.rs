@@ -308,6 +308,41 @@ fn what_is_read_is_never_overwritten() {
 }
 
 #[test]
+fn a_replay_replaces_its_own_bags_and_no_others() {
+    let dir = tempfile::tempdir().unwrap();
+    let sound = bag(dir.path(), "sound", |_, _| {});
+    replayed(dir.path(), &sound);
+    assert_eq!(replayed(dir.path(), &sound).0.code, 0, "its own bag of the same name");
+    // Another unit's recording of the same name.
+    let measured = dir.path().join("measured");
+    fs::create_dir(&measured).unwrap();
+    let before = fs::read(file_of(&bag(&measured, "sound", |_, row| row.esv = Some(EsvState::SHUTDOWN)))).unwrap();
+    let run = replay(&sound, &["--out", measured.to_str().unwrap()]);
+    assert_eq!(run.code, 1, "{}", run.stderr);
+    assert!(run.stderr.contains("measured/sound: is there already; name another folder"), "{}", run.stderr);
+    assert_eq!(fs::read(file_of(&measured.join("sound"))).unwrap(), before);
+    assert_eq!(fs::read_dir(&measured).unwrap().count(), 1);
+}
+
+#[test]
+fn simulated_bags_that_would_lie_in_one_another_are_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let names = ["one/a", "two/a_b", "three/a/b", "four/b"];
+    let paths = names.map(|name| {
+        let path = dir.path().join(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        bag(path.parent().unwrap(), path.file_name().unwrap().to_str().unwrap(), |_, _| {})
+    });
+    let out = dir.path().join("out");
+    let mut arguments = vec!["replay", "--out", out.to_str().unwrap()];
+    arguments.extend(paths.iter().map(|path| path.to_str().unwrap()));
+    let run = govtwin(&arguments);
+    assert_eq!(run.code, 1, "{}", run.stderr);
+    assert!(run.stderr.contains("bag a/b of") && run.stderr.contains("inside a of"), "{}", run.stderr);
+    assert!(!out.exists());
+}
+
+#[test]
 fn wrong_usage_has_its_own_exit_code() {
     for arguments in
         [&["replay"][..], &["replay", "--cut", "esv", "x"], &["replay", "--speed", "2", "x"], &["simulate"]]

@@ -126,6 +126,16 @@ pub enum BagError {
         /// The folder.
         path: PathBuf,
     },
+    /// Something came into the place of the output while it was written.
+    #[error(
+        "{path}: appeared while the bag was written, which is kept in {kept}; move one of the two to a place of its own"
+    )]
+    PlaceTaken {
+        /// The folder that the bag should have become.
+        path: PathBuf,
+        /// Where it stands, whole.
+        kept: PathBuf,
+    },
     /// The MCAP library refused.
     #[error("{path}: cannot write MCAP: {source}")]
     Mcap {

@@ -10,7 +10,7 @@ use mcap::records::{MessageHeader, Metadata};
 
 use super::metadata::{self, Summary, TopicSummary};
 use super::topic::{Qos, RawMessage, TopicInfo};
-use super::unfinished::Unfinished;
+use super::unfinished::{self, Unfinished};
 use super::{BagError, cdr};
 use crate::files::write_atomically;
 use crate::msg::{Interface, definition, type_hash};
@@ -18,8 +18,9 @@ use crate::msg::{Interface, definition, type_hash};
 /// How a bag is to be written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct WriterOptions {
-    /// Replace a bag that is there. Anything else in the way is never touched.
-    pub replace: bool,
+    /// The name of a metadata record that marks the bag. A bag in its place with the same mark and nothing beside it is replaced;
+    /// anything else in the way is never touched.
+    pub mark: Option<&'static str>,
     /// Keep what was written when the writer is dropped before [`Writer::finish`], as a recorder must.
     ///
     /// It then stands in `.DIR.unfinished`, a readable bag without `metadata.yaml`, and the next
@@ -89,7 +90,20 @@ impl Writer {
             .compression_threads(0)
             .create(BufWriter::new(file))
             .map_err(BagError::mcap(&file_path))?;
-        Ok(Self { file, folder, file_name, file_path, channels: vec![], times_ns: None })
+        let mut writer = Self { file, folder, file_name, file_path, channels: vec![], times_ns: None };
+        if let Some(mark) = options.mark {
+            let by = concat!("govtwin ", env!("CARGO_PKG_VERSION")).to_owned();
+            writer.describe(mark, BTreeMap::from([("generator".to_owned(), by)]))?;
+        }
+        Ok(writer)
+    }
+
+    /// Whether [`Writer::create`] would begin a bag at `dir`: the place is free, or holds what may be replaced.
+    ///
+    /// # Errors
+    /// Where something is in the way.
+    pub fn check(dir: &Path, options: WriterOptions) -> Result<(), BagError> {
+        unfinished::check(dir, options)
     }
 
     /// Announces a topic; announcing it again gives the same one.
@@ -148,7 +162,8 @@ impl Writer {
     /// Completes the bag, puts it in its place, and gives the path of its folder.
     ///
     /// # Errors
-    /// Where the operating system refuses; then nothing is changed at the bag's place.
+    /// Where the operating system refuses, or something came into the bag's place meanwhile; then nothing is changed there, and a
+    /// bag that is to be kept stays where it was written.
     pub fn finish(self) -> Result<PathBuf, BagError> {
         let yaml = self.summary().to_yaml();
         let yaml = yaml.map_err(|problem| BagError::Encode { what: metadata::FILE_NAME.to_owned(), problem })?;

@@ -236,9 +236,19 @@ fn parameters(sheet: &Sheet) -> Parameters {
     Parameters::new(sheet.name.clone(), files, &sheet.unit, &params::reference())
 }
 
-/// A bag that is read must not be replaced by the one that is written.
+/// Nothing may be replaced by the bags that are written but bags of an earlier replay: neither what is read, nor others, nor one another.
 fn refuse_to_overwrite(out: &Path, bags: &[Bag]) -> anyhow::Result<()> {
     for bag in bags {
+        if let Some(inner) = bags.iter().find(|other| *other != bag && Path::new(&other.name).starts_with(&bag.name)) {
+            anyhow::bail!(
+                "--out {}: the simulated bag {} of {} would lie inside {} of {}; replay the two apart",
+                out.display(),
+                inner.name,
+                inner.path.display(),
+                bag.name,
+                bag.path.display()
+            );
+        }
         let target = out.join(&bag.name);
         if let (Ok(from), Ok(to)) = (bag.path.canonicalize(), target.canonicalize())
             && from.starts_with(&to)
@@ -249,6 +259,7 @@ fn refuse_to_overwrite(out: &Path, bags: &[Bag]) -> anyhow::Result<()> {
                 bag.path.display()
             );
         }
+        simulated::check(&target)?;
     }
     Ok(())
 }

@@ -155,7 +155,7 @@ fn what_is_given_up_leaves_nothing_unless_it_is_to_be_kept() {
 fn only_bags_are_replaced_and_only_when_asked() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run");
-    let replace = WriterOptions { replace: true, ..WriterOptions::default() };
+    let replace = WriterOptions { mark: Some("test"), ..WriterOptions::default() };
     for steps in [10, 20] {
         let mut writer = Writer::create(&path, replace).unwrap();
         write_rows(&mut writer, 0..steps);
@@ -170,6 +170,46 @@ fn only_bags_are_replaced_and_only_when_asked() {
     assert!(matches!(Writer::create(&papers, replace), Err(BagError::InTheWay { .. })));
     assert!(matches!(Writer::create(&papers.join("thesis.txt"), replace), Err(BagError::InTheWay { .. })));
     assert_eq!(names_in(&papers), ["thesis.txt"]);
+
+    // A bag without the mark stays, and so does one with the mark to which somebody has added a file.
+    let other = WriterOptions { mark: Some("other"), ..WriterOptions::default() };
+    for (name, options) in [("measured", WriterOptions::default()), ("others", other), ("noted", replace)] {
+        let path = folder.path().join(name);
+        let mut writer = Writer::create(&path, options).unwrap();
+        write_rows(&mut writer, 0..10);
+        writer.finish().unwrap();
+        if name == "noted" {
+            fs::write(path.join("notes.txt"), "words").unwrap();
+        }
+        let there = names_in(&path);
+        assert!(matches!(Writer::create(&path, replace), Err(BagError::InTheWay { .. })), "{name}");
+        assert_eq!(names_in(&path), there);
+    }
+}
+
+#[test]
+fn what_appeared_while_a_bag_was_written_stays_and_so_does_the_bag() {
+    for keep_unfinished in [true, false] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run");
+        let mut writer = Writer::create(&path, WriterOptions { keep_unfinished, mark: Some("test") }).unwrap();
+        write_rows(&mut writer, 0..50);
+        fs::create_dir(&path).unwrap();
+        fs::write(path.join("thesis.txt"), "words").unwrap();
+        let error = writer.finish().unwrap_err();
+        assert_eq!(names_in(&path), ["thesis.txt"], "{error}");
+        let kept = folder.path().join(".run.unfinished");
+        if keep_unfinished {
+            assert!(
+                matches!(error, BagError::PlaceTaken { .. }) && error.to_string().contains(".run.unfinished"),
+                "{error}"
+            );
+            assert_eq!(bag::read(&kept, &ReadOptions::default()).unwrap().recording.frames.len(), 50);
+        } else {
+            assert!(matches!(error, BagError::InTheWay { .. }), "{error}");
+            assert!(!kept.exists(), "what can be made again leaves nothing");
+        }
+    }
 }
 
 #[test]

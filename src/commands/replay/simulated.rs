@@ -12,6 +12,14 @@ use govtwin::signal::Signal;
 /// Topic of the simulated state.
 pub const TOPIC: &str = "/sim/servo_state";
 
+/// How the bags of a replay are written: one replaces another of the same place, and nothing else.
+const OPTIONS: WriterOptions = WriterOptions { mark: Some("govtwin.replay"), keep_unfinished: false };
+
+/// Whether the bag folder `dir` may be written: nothing is there but what a replay wrote before.
+pub fn check(dir: &Path) -> anyhow::Result<()> {
+    Writer::check(dir, OPTIONS).context("--out: only simulated bags of an earlier replay are replaced")
+}
+
 /// Writes the bag folder `dir`: a copy of the bag at `source`, and [`TOPIC`].
 ///
 /// The simulated state is given wherever the real one was measured, or where nothing was, in every
@@ -23,7 +31,7 @@ pub fn write(source: &Path, dir: &Path, replayed: &Replayed) -> anyhow::Result<P
         std::fs::create_dir_all(parent).with_context(failed)?;
     }
     let lag_ns = lag_ns(source)?;
-    let mut writer = Writer::create(dir, WriterOptions { replace: true, ..WriterOptions::default() })?;
+    let mut writer = Writer::create(dir, OPTIONS)?;
     let topic = writer.topic::<ServoState>(TOPIC, Qos::SENSOR)?;
     let recorded = replayed.recording.frames.iter().zip(&replayed.estimates);
     let measured = recorded.clone().any(|(frame, _)| Signal::ALL.iter().any(|s| s.of(&frame.measured).is_finite()));
