@@ -10,7 +10,8 @@
 //! 1. A value's time is its `header.stamp`. Log time only orders arrival.
 //! 2. Late samples go to their place. Of samples with one stamp the last logged stays. Values that are
 //!    not finite or physically impossible, and stamps far from their neighbours, are dropped. Where the
-//!    clock of the stamps jumps, the run with most samples is read. All of it is counted.
+//!    clock of the stamps jumps, or nothing is recorded for more than 600 s, the run with most samples is
+//!    read. All of it is counted.
 //! 3. There is one row for each distinct stamp of any stream, and one for each point of the grid where
 //!    linear interpolation is asked for; rows rise strictly in time.
 //! 4. An input is the newest value at or before the row. Under linear interpolation, command and

@@ -1,7 +1,7 @@
 //! The four streams while a bag is read: each takes its own messages, then they become samples on one clock.
 
 use super::align::Streams;
-use super::order::{self, Jump};
+use super::order::{self, Jump, Silence};
 use super::pace::Pace;
 use super::streams::{Command, Pressure, Sample, Value, decode};
 use super::topic::{RawView, TopicInfo};
@@ -27,8 +27,10 @@ pub(super) trait AnyCollector {
     fn take(&mut self, message: RawView<'_>) -> bool;
     /// What the topic carries instead of the stream's type.
     fn foreign_type(&self, topic: &TopicInfo) -> Option<String>;
-    /// Puts samples into the order of arrival, drops stray stamps, gives the jumps of the clock.
-    fn arrive(&mut self) -> Vec<Jump>;
+    /// Puts samples into the order of arrival, drops stray stamps, gives the log times.
+    fn arrive(&mut self) -> Vec<i64>;
+    /// The jumps of the clock.
+    fn jumps(&self, silences: &[Silence]) -> Vec<Jump>;
     /// The run of each sample between the common jumps.
     fn runs(&self, own: &[Jump], common: &[Jump]) -> Vec<usize>;
     fn keep_run(&mut self, runs: &[usize], run: usize);
@@ -82,10 +84,14 @@ impl<V: Value> AnyCollector for Collector<V> {
         definition::difference(&expected, &found).map(|difference| format!("another version of it: {difference}"))
     }
 
-    fn arrive(&mut self) -> Vec<Jump> {
+    fn arrive(&mut self) -> Vec<i64> {
         self.samples.sort_by_key(|sample| sample.log_time_ns);
         order::drop_strays(&mut self.samples, &mut self.health);
-        order::jumps_of(&self.samples, &self.health.topic)
+        self.samples.iter().map(|sample| sample.log_time_ns).collect()
+    }
+
+    fn jumps(&self, silences: &[Silence]) -> Vec<Jump> {
+        order::jumps_of(&self.samples, silences, &self.health.topic)
     }
 
     fn runs(&self, own: &[Jump], common: &[Jump]) -> Vec<usize> {
@@ -143,7 +149,8 @@ impl Collected {
     ///
     /// Where the clock of the stamps jumps, the run between two jumps that has most samples stays.
     pub(super) fn settle(&mut self) -> Option<Warning> {
-        let own = self.all_mut().map(AnyCollector::arrive);
+        let silences = order::silences(self.all_mut().map(AnyCollector::arrive).concat());
+        let own = self.all().map(|stream| stream.jumps(&silences));
         let common = order::together(own.concat());
         let warning = common.first().map(|first| {
             let mut of = 0;

@@ -25,14 +25,45 @@ pub(super) struct Jump {
     pub(super) to_ns: i64,
 }
 
-fn jumps<V>(before: &Sample<V>, after: &Sample<V>) -> bool {
+/// A time in which no stream of the bag got a sample, as the log times tell it: a pause, or the recorder's own clock set forward.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Silence {
+    begin_ns: i64,
+    end_ns: i64,
+}
+
+/// The silences between the log times of all streams.
+pub(super) fn silences(mut log_times_ns: Vec<i64>) -> Vec<Silence> {
+    // Stable: it merges the streams, each in order already.
+    log_times_ns.sort();
+    let pairs = log_times_ns.windows(2).map(|pair| Silence { begin_ns: pair[0], end_ns: pair[1] });
+    pairs.filter(|silence| silence.length_ns() > TOGETHER_NS).collect()
+}
+
+impl Silence {
+    fn length_ns(self) -> i64 {
+        self.end_ns.saturating_sub(self.begin_ns)
+    }
+
+    /// The longest between two samples of a stream. That an ESV says nothing while others speak is none.
+    fn longest_between<V>(silences: &[Self], before: &Sample<V>, after: &Sample<V>) -> Option<Self> {
+        let first = silences.partition_point(|silence| silence.begin_ns < before.log_time_ns);
+        let between = silences.iter().skip(first).take_while(|silence| silence.end_ns <= after.log_time_ns);
+        between.copied().max_by_key(|silence| silence.length_ns())
+    }
+}
+
+/// Whether the clock of the stamps jumps; a silence counts as no time of recording.
+fn jumps<V>(before: &Sample<V>, after: &Sample<V>, silence: Option<Silence>) -> bool {
     let stamp_step_ns = after.stamp_ns.saturating_sub(before.stamp_ns);
     let log_step_ns = after.log_time_ns.saturating_sub(before.log_time_ns);
-    stamp_step_ns < -SET_BACK_NS || stamp_step_ns.saturating_sub(log_step_ns) > SET_FORWARD_NS
+    let heard_ns = log_step_ns.saturating_sub(silence.map_or(0, Silence::length_ns));
+    stamp_step_ns < -SET_BACK_NS || stamp_step_ns.saturating_sub(heard_ns) > SET_FORWARD_NS
 }
 
 /// Drops single samples whose stamp jumps away while the next one is back: a bad stamp, no new clock.
 pub(super) fn drop_strays<V: Value>(samples: &mut Vec<Sample<V>>, health: &mut StreamHealth) {
+    let jumps = |before: &Sample<V>, after: &Sample<V>| jumps(before, after, None);
     let mut kept: Vec<Sample<V>> = Vec::with_capacity(samples.len());
     for (index, sample) in samples.iter().enumerate() {
         let stray = match (kept.last(), samples.get(index + 1)) {
@@ -55,15 +86,17 @@ pub(super) fn drop_strays<V: Value>(samples: &mut Vec<Sample<V>>, health: &mut S
 }
 
 /// Finds the jumps of a stream whose samples come in the order of arrival.
-pub(super) fn jumps_of<V>(samples: &[Sample<V>], topic: &str) -> Vec<Jump> {
+pub(super) fn jumps_of<V>(samples: &[Sample<V>], silences: &[Silence], topic: &str) -> Vec<Jump> {
     let mut found = vec![];
     let mut newest: Option<&Sample<V>> = None;
     for (index, sample) in samples.iter().enumerate() {
+        let silence = newest.and_then(|before| Silence::longest_between(silences, before, sample));
         match newest {
-            Some(before) if jumps(before, sample) => {
+            Some(before) if jumps(before, sample, silence) => {
+                // After a silence all streams begin together, however late the first sample of one comes.
                 found.push(Jump {
                     index,
-                    log_time_ns: sample.log_time_ns,
+                    log_time_ns: silence.map_or(sample.log_time_ns, |silence| silence.end_ns),
                     topic: topic.to_owned(),
                     from_ns: before.stamp_ns,
                     to_ns: sample.stamp_ns,

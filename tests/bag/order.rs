@@ -149,6 +149,42 @@ fn a_clock_set_forward_during_a_recording_splits_it() {
     assert!(said(&loaded.health).contains("time jumps forwards"));
 }
 
+#[test]
+fn a_leap_in_which_nothing_is_recorded_splits_the_recording() {
+    // A clock that begins near 1970 and is then set, by which the recorder stamps too; and a pause of an hour.
+    for (from_ns, to_ns) in [(10_000 * MS - BEGIN_NS, 0), (0, 3_600_000 * MS)] {
+        let mut bag = shifted(3, from_ns);
+        bag.entries.append(&mut shifted(5, to_ns).entries);
+        // The first word of the ESV comes late after the leap.
+        bag.entries.retain(|entry| {
+            entry.topic != "/governor/esv"
+                || entry.log_ns < BEGIN_NS + to_ns
+                || entry.log_ns > BEGIN_NS + to_ns + 2900 * MS
+        });
+        let loaded = read(&bag);
+        assert_eq!(stream(&loaded.health, COMMAND).kept, 500, "{}", said(&loaded.health));
+        assert_eq!(stream(&loaded.health, COMMAND).other_run, 300);
+        assert!(loaded.recording.frames[0].time_ns >= BEGIN_NS + to_ns);
+        assert!(loaded.recording.duration_s() < 5.0);
+        assert!(said(&loaded.health).contains("time jumps forwards"), "{}", said(&loaded.health));
+        assert!(said(&loaded.health).contains("(jumps in all: 1)"), "{}", said(&loaded.health));
+    }
+}
+
+#[test]
+fn a_stream_that_is_silent_while_others_speak_and_a_short_pause_are_no_leap() {
+    let mut bag = Bag::default();
+    for second in (0..900).filter(|second| !(400..700).contains(second) && !(890..895).contains(second)) {
+        bag.command(BEGIN_NS + second * 1000 * MS, 0.3);
+        bag.pressure(BEGIN_NS + second * 1000 * MS, 4e6);
+    }
+    bag.esv(BEGIN_NS, EsvState::NORMAL);
+    bag.esv(BEGIN_NS + 899_000 * MS, EsvState::SHUTDOWN);
+    let loaded = read(&bag);
+    assert!(loaded.health.streams.iter().all(|stream| stream.other_run == 0), "{}", said(&loaded.health));
+    assert!(loaded.recording.duration_s() > 898.0);
+}
+
 /// A standard recording whose stamps are later.
 fn shifted(seconds: i64, by_ns: i64) -> Bag {
     let mut bag = Bag::default();
