@@ -28,6 +28,7 @@ mod chunk;
 mod collect;
 #[cfg(feature = "sqlite")]
 mod db3;
+mod edges;
 mod error;
 mod health;
 mod layout;

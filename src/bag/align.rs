@@ -86,7 +86,8 @@ pub(super) fn constant<V>(value: V) -> Vec<Sample<V>> {
     vec![Sample { stamp_ns: BEFORE_ALL_TIME_NS, log_time_ns: BEFORE_ALL_TIME_NS, value }]
 }
 
-fn stamps<V>(samples: &[Sample<V>]) -> impl Iterator<Item = i64> {
+/// The stamps of the samples that were sent.
+pub(super) fn stamps<V>(samples: &[Sample<V>]) -> impl Iterator<Item = i64> {
     samples.iter().map(|sample| sample.stamp_ns).filter(|stamp_ns| *stamp_ns != BEFORE_ALL_TIME_NS)
 }
 

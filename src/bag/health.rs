@@ -186,6 +186,22 @@ pub enum Warning {
         /// What stands in.
         with: &'static str,
     },
+    /// An input begins after the recording, and rows begin when every input has a value.
+    BeginsLate {
+        /// The topic.
+        topic: String,
+        /// How long after the first stamp of all streams, s.
+        late_s: f64,
+        /// Rows before it.
+        rows: u64,
+    },
+    /// An input ends before the recording.
+    EndsEarly {
+        /// The topic.
+        topic: String,
+        /// How long before the last stamp of all streams, s.
+        early_s: f64,
+    },
     /// A stream pauses.
     Gap {
         /// The topic.
@@ -240,6 +256,12 @@ impl fmt::Display for Warning {
                 )
             }
             Self::Filled { topic, with } => write!(f, "{topic}: not in the bag; {with} stands in for it"),
+            Self::BeginsLate { topic, late_s, rows } => {
+                write!(f, "{topic}: begins {late_s:.1} s after the recording: {rows} rows left out")
+            }
+            Self::EndsEarly { topic, early_s } => {
+                write!(f, "{topic}: ends {early_s:.1} s before the recording: its last value holds")
+            }
             Self::Gap { topic, longest_s, count } => {
                 write!(f, "{topic}: {count} gaps, the longest {longest_s:.3} s; values hold across them")
             }

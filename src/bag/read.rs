@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use super::align;
 use super::collect::{AnyCollector, Collected};
+use super::edges;
 use super::source;
 use super::streams::{Command, Pressure};
 use super::topic::TopicInfo;
@@ -32,6 +33,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Loaded, BagError> {
     let mut health = Health { files: scanned.files, streams: healths, warnings };
     health.warnings.extend(jump);
     warn(&mut health);
+    health.warnings.extend(edges::warnings(&streams, &health.streams));
     let mut filled = |stream: Stream, with| {
         let topic = options.topics.of(stream).to_owned();
         health.warnings.push(Warning::Filled { topic, with });

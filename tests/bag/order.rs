@@ -215,7 +215,34 @@ fn streams_of_clocks_that_differ_are_read_as_they_are() {
     }
     let loaded = read(&bag);
     assert_eq!(stream(&loaded.health, SERVO).kept, 200);
-    assert!(loaded.health.warnings.is_empty(), "{}", said(&loaded.health));
+    // Not one measured row has inputs, which must not go without a word.
+    let late = |warning: &Warning| matches!(warning, Warning::BeginsLate { rows: 200, .. });
+    assert!(loaded.health.warnings.len() == 3 && loaded.health.warnings.iter().all(late), "{}", said(&loaded.health));
+}
+
+#[test]
+fn inputs_that_begin_late_or_end_early_are_told() {
+    let mut bag = Bag::standard(20);
+    bag.entries.retain(|entry| match entry.topic.as_str() {
+        "/governor/command" => entry.log_ns < BEGIN_NS + 5000 * MS,
+        "/governor/tank_pressure" => entry.log_ns > BEGIN_NS + 3000 * MS && entry.log_ns < BEGIN_NS + 19_100 * MS,
+        // An ESV that speaks when it changes.
+        "/governor/esv" => entry.log_ns < BEGIN_NS + 900 * MS,
+        _ => true,
+    });
+    let loaded = read(&bag);
+    assert_eq!(loaded.recording.frames.len(), 1700);
+    assert_eq!(
+        said(&loaded.health),
+        "/governor/command: ends 15.0 s before the recording: its last value holds\n\
+         /governor/tank_pressure: begins 3.0 s after the recording: 300 rows left out"
+    );
+    // A slow stream begins and ends when it can.
+    let mut slow = Bag::standard(20);
+    slow.entries.retain(|entry| {
+        entry.topic != "/governor/tank_pressure" || (entry.log_ns - BEGIN_NS - 1500 * MS) % (4000 * MS) == MS
+    });
+    assert_eq!(said(&read(&slow).health), "");
 }
 
 #[test]

@@ -1,0 +1,55 @@
+//! Where an input begins after the recording, or ends before it: rows that are left out, and a last value that holds.
+
+use super::align::{Streams, stamps};
+use super::survey::PaceSurvey;
+use super::{Stream, StreamHealth, Warning};
+use crate::units::seconds_from_nanos;
+
+/// Edges nearer than this are no news, s.
+const WORTH_A_WORD_S: f64 = 1.0;
+
+/// Edges nearer than this many intervals of the stream are none.
+const PERIODS: f64 = 3.0;
+
+/// What is to be said of the edges of the inputs; `healths` in the order of [`Stream::ALL`].
+pub(super) fn warnings(streams: &Streams, healths: &[StreamHealth]) -> Vec<Warning> {
+    let heard = || healths.iter().filter(|health| health.kept > 0);
+    let first_ns = heard().map(|health| health.pace.first_ns).min().unwrap_or_default();
+    let last_ns = heard().map(|health| health.pace.last_ns).max().unwrap_or_default();
+    let mut found = vec![];
+    for (stream, health) in Stream::ALL.into_iter().zip(healths) {
+        if health.kept == 0 || !Stream::INPUTS.contains(&stream) {
+            continue;
+        }
+        let topic = || health.topic.clone();
+        let (late_ns, early_ns) =
+            (health.pace.first_ns.saturating_sub(first_ns), last_ns.saturating_sub(health.pace.last_ns));
+        if is_news(late_ns, &health.pace) {
+            let rows = rows_before(streams, health.pace.first_ns);
+            found.push(Warning::BeginsLate { topic: topic(), late_s: seconds_from_nanos(late_ns), rows });
+        }
+        // An ESV may speak only when it changes: its last state holds by right.
+        if stream != Stream::Esv && is_news(early_ns, &health.pace) {
+            found.push(Warning::EndsEarly { topic: topic(), early_s: seconds_from_nanos(early_ns) });
+        }
+    }
+    found
+}
+
+fn is_news(distance_ns: i64, pace: &PaceSurvey) -> bool {
+    let distance_s = seconds_from_nanos(distance_ns);
+    let period_s = if pace.rate_hz > 0.0 { 1.0 / pace.rate_hz } else { 0.0 };
+    distance_s > WORTH_A_WORD_S && distance_s > PERIODS * period_s
+}
+
+/// How many rows there would be before a time if every input had a value.
+fn rows_before(streams: &Streams, time_ns: i64) -> u64 {
+    let all = stamps(&streams.command)
+        .chain(stamps(&streams.esv))
+        .chain(stamps(&streams.tank_pressure))
+        .chain(stamps(&streams.servo_state));
+    let mut before: Vec<i64> = all.filter(|stamp_ns| *stamp_ns < time_ns).collect();
+    before.sort_unstable();
+    before.dedup();
+    before.len() as u64
+}
