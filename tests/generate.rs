@@ -174,6 +174,28 @@ fn the_command_writes_what_the_library_makes() {
 }
 
 #[test]
+fn a_draw_that_cannot_be_is_refused_before_anything_is_written() {
+    let dir = tempfile::tempdir().unwrap();
+    let wide = "distributing_valve:\n  control_volume_m3: {value: 8.0e-5, tol: 0.3}\n";
+    std::fs::write(dir.path().join("wide.yaml"), wide).unwrap();
+    let args = ["generate", "--params", "wide.yaml", "--process", "shutdown", "--duration", "30", "--rate", "5"];
+    let made = |seed: &str| govtwin(&[&args[..], &["--seed", seed, "--out", "made"]].concat(), dir.path());
+    for seed in ["2", "3", "4"] {
+        let output = made(seed);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        for word in
+            [&format!("seed {seed}"), "distributing_valve.control_volume_m3", "m3 at the closing stop", "--spread off"]
+        {
+            assert!(said.contains(word), "{said}");
+        }
+        assert!(!dir.path().join("made").exists());
+    }
+    let output = made("1");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+#[test]
 fn effects_of_a_parameter_file_are_replayed() {
     let dir = tempfile::tempdir().unwrap();
     let made = govtwin(

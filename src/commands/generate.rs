@@ -113,6 +113,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     effect::add(&args.effects, &mut unit)?;
     if args.spread == Switch::On {
         unit = generate::spread(&unit, args.seed);
+        refuse_what_cannot_be(&unit, args.seed)?;
     }
     if args.out.read_dir().is_ok_and(|mut entries| entries.next().is_some()) {
         bail!("{}: not empty; give a folder that does not exist", args.out.display());
@@ -143,6 +144,18 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     lines.push(format!("{}: the unit simulated, {}", truth.display(), effects_text(&unit)));
     print(&format!("{}\n", lines.join("\n")))?;
     Ok(Outcome::Ok)
+}
+
+/// Tolerances may let a draw contradict itself; no other is taken in its place, as that would be no draw from the tolerances.
+fn refuse_what_cannot_be(unit: &Unit, seed: u64) -> anyhow::Result<()> {
+    let conflicts: Vec<String> = params::conflicts(&unit.parameters).map(|conflict| conflict.to_string()).collect();
+    if !conflicts.is_empty() {
+        let conflicts = conflicts.join("\n  ");
+        bail!(
+            "seed {seed} draws a unit that cannot be; give another --seed, narrower tolerances, or --spread off:\n  {conflicts}"
+        );
+    }
+    Ok(())
 }
 
 fn within(option: &str, value: f64, min: f64, max: f64, unit: &str) -> anyhow::Result<()> {
