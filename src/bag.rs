@@ -136,6 +136,17 @@ impl Topics {
             Stream::ServoState => &self.servo_state,
         }
     }
+
+    /// Names another topic for a stream.
+    pub fn set(&mut self, stream: Stream, name: &str) {
+        let topic = match stream {
+            Stream::Command => &mut self.command,
+            Stream::Esv => &mut self.esv,
+            Stream::TankPressure => &mut self.tank_pressure,
+            Stream::ServoState => &mut self.servo_state,
+        };
+        name.clone_into(topic);
+    }
 }
 
 /// What the inputs do between their samples. The ESV always holds.

@@ -7,7 +7,7 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use bags::{BEGIN_NS, ROWS, bag, file_of, with_wrong_type};
+use bags::{BEGIN_NS, ROWS, bag, file_of, in_namespace, with_wrong_type};
 use govtwin::msg::EsvState;
 
 struct Run {
@@ -116,6 +116,38 @@ fn a_missing_topic_is_named_with_its_type() {
     let dir = tempfile::tempdir().unwrap();
     let path = bag(dir.path(), "no_pressure", |_, row| row.pressure_pa = None);
     refused(dir.path(), &path, &["no_pressure", "/governor/tank_pressure", "sensor_msgs/msg/FluidPressure"]);
+}
+
+#[test]
+fn a_recording_in_a_namespace_is_read_by_the_names_that_the_error_gives() {
+    let dir = tempfile::tempdir().unwrap();
+    let plain = bag(dir.path(), "plain", |_, _| {});
+    let path = in_namespace(dir.path(), "named", "/unit2", &plain);
+    let run = replay(&path, &[]);
+    assert_eq!(run.code, 1, "{}", run.stderr);
+    let mut named: Vec<&str> = run.stderr.split('`').filter(|part| part.starts_with("--topic ")).collect();
+    assert_eq!(named.len(), 3, "{}", run.stderr);
+    named.push("--topic servo_state=/unit2/plant/servo_state");
+    let named: Vec<&str> = named.iter().flat_map(|option| option.split(' ')).collect();
+    let out = dir.path().join("named_out");
+    let run = replay(&path, &[&named[..], &["--out", out.to_str().unwrap()]].concat());
+    assert_eq!((run.code, run.stderr.as_str()), (0, ""));
+    let (_, expected) = replayed(dir.path(), &plain);
+    let figures: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(out.join("replay.json")).unwrap()).unwrap();
+    assert_eq!(figures["overall"], expected["overall"]);
+    let simulated = replay(&out.join("named"), &[&named[..7], &["servo_state=/sim/servo_state"]].concat());
+    assert_eq!(simulated.code, 0, "{}", simulated.stderr);
+    let info = govtwin(&[&["info", path.to_str().unwrap()], &named[..]].concat());
+    assert!(info.code == 0 && info.stdout.contains("load increase"), "{}{}", info.stdout, info.stderr);
+    for command in ["replay", "info", "diagnose", "fit"] {
+        let wrong = govtwin(&[command, path.to_str().unwrap(), "--topic", "valve=/x"]);
+        assert!(
+            wrong.code == 2 && wrong.stderr.contains("one of command, esv, tank_pressure, servo_state"),
+            "{}",
+            wrong.stderr
+        );
+    }
 }
 
 #[test]

@@ -73,7 +73,9 @@ pub enum BagError {
         present: String,
     },
     /// A topic carries another type.
-    #[error("{path}: topic `{topic}`: expected type `{expected}`, found {found}; name another topic for `{stream}`")]
+    #[error(
+        "{path}: topic `{topic}`: expected type `{expected}`, found {found}; name another with `--topic {stream}=NAME`"
+    )]
     Type {
         /// The bag.
         path: PathBuf,

@@ -136,6 +136,7 @@ fn present(topics: &[Arc<TopicInfo>]) -> String {
 /// Says which topic is missing, and which one may have been meant: one of the type, or else one of a like name.
 fn describe_missing(stream: &dyn AnyCollector, wanted: &str, topics: &[Arc<TopicInfo>]) -> String {
     let type_name = stream.type_name();
+    let option = format!("--topic {}=", stream.stream());
     if topics.iter().any(|topic| topic.name == wanted) {
         return format!("topic `{wanted}` ({type_name}) has no message");
     }
@@ -145,7 +146,10 @@ fn describe_missing(stream: &dyn AnyCollector, wanted: &str, topics: &[Arc<Topic
     };
     let nearest = topics.iter().max_by(|a, b| likeness(a).total_cmp(&likeness(b)));
     match nearest.filter(|topic| likeness(topic) > 0.85) {
-        Some(topic) => format!("topic `{wanted}` ({type_name}) is missing; did you mean `{}`?", topic.name),
-        None => format!("topic `{wanted}` ({type_name}) is missing"),
+        Some(topic) => {
+            let name = &topic.name;
+            format!("topic `{wanted}` ({type_name}) is missing; did you mean `{name}`? then give `{option}{name}`")
+        }
+        None => format!("topic `{wanted}` ({type_name}) is missing; name another with `{option}NAME`"),
     }
 }

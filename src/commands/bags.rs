@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use govtwin::bag::{self, BagError, Interpolation, Loaded, ReadOptions, Stream, Warning};
+use govtwin::bag::{self, BagError, Interpolation, Loaded, ReadOptions, Stream, Topics, Warning};
 use govtwin::recording::Recording;
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 
@@ -25,6 +25,36 @@ pub struct Bag {
     pub name: String,
 }
 
+/// Where the streams are, for the commands that read recordings.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub struct TopicArgs {
+    /// The topic of a stream that the bags name otherwise, STREAM being command, esv, tank_pressure or servo_state; may be repeated.
+    #[arg(long = "topic", value_name = "STREAM=NAME", value_parser = stream_and_name)]
+    named: Vec<(Stream, String)>,
+}
+
+impl TopicArgs {
+    /// The topics named, and the usual ones where none is.
+    pub fn topics(&self) -> Topics {
+        let mut topics = Topics::default();
+        for (stream, name) in &self.named {
+            topics.set(*stream, name);
+        }
+        topics
+    }
+}
+
+fn stream_and_name(text: &str) -> Result<(Stream, String), String> {
+    let (stream, name) = text.split_once('=').unwrap_or((text, ""));
+    let known = Stream::ALL.into_iter().find(|known| known.to_string() == stream);
+    match known.filter(|_| !name.is_empty()) {
+        Some(known) => Ok((known, name.to_owned())),
+        None => {
+            Err(format!("expected STREAM=NAME with one of {}", Stream::ALL.map(|known| known.to_string()).join(", ")))
+        }
+    }
+}
+
 /// Recordings read for a fit or a diagnosis, and what there is to say of them.
 pub struct Recordings {
     /// Those that could be read, in the order of the command line.
@@ -37,12 +67,12 @@ pub struct Recordings {
 ///
 /// Command and pressure run from sample to sample, on a grid of the twin's own tick. A recording without a command is
 /// one of the servomotor stage, driven by its spool; that other inputs are missing is then no news.
-pub fn read(paths: &[PathBuf]) -> anyhow::Result<Recordings> {
+pub fn read(paths: &[PathBuf], topics: &Topics) -> anyhow::Result<Recordings> {
     let bags = find(paths)?;
     let options = ReadOptions {
+        topics: topics.clone(),
         interpolation: Interpolation::Sharp { period_ns: TICK_NS },
         required: vec![Stream::ServoState],
-        ..ReadOptions::default()
     };
     let progress = Progress::new(bags.len(), "recordings read");
     let loaded: Vec<Result<Loaded, BagError>> = bags

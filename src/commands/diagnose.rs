@@ -13,7 +13,7 @@ use govtwin::params::{self, Overlay};
 use govtwin::recording::Recording;
 use govtwin::report::diagnosis as report;
 
-use super::bags::{self, Recordings};
+use super::bags::{self, Recordings, TopicArgs};
 use super::output::{Progress, print, warn, write_atomically};
 use super::replay::origin;
 use crate::commands::Outcome;
@@ -25,6 +25,8 @@ pub struct Args {
     /// Recordings of one unit: bags, bag folders, or folders that hold them.
     #[arg(value_name = "BAG", required = true)]
     bags: Vec<PathBuf>,
+    #[command(flatten)]
+    topics: TopicArgs,
     /// The unit's data sheet; without it the shipped reference unit.
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
@@ -79,7 +81,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             unit.own_effects.push(own);
         }
     }
-    let Recordings { recordings, warnings } = bags::read(&args.bags)?;
+    let Recordings { recordings, warnings } = bags::read(&args.bags, &args.topics.topics())?;
     for warning in &warnings {
         warn(warning);
     }

@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use anyhow::bail;
+use govtwin::bag::Topics;
 use govtwin::parameters::{ENTRIES, Unit};
 use govtwin::params::{self, Overlay, Sheet, nearest, number_text};
 use govtwin::recording::Recording;
@@ -18,7 +19,7 @@ use govtwin::tuning::noise;
 use govtwin::tuning::trial::Trial;
 use govtwin::twin::Cut;
 
-use super::bags::{self, Recordings};
+use super::bags::{self, Recordings, TopicArgs};
 use super::generate::effect;
 use super::output::{Progress, print, warn, write_atomically};
 use crate::commands::Outcome;
@@ -33,6 +34,8 @@ pub struct Args {
     /// Bags: files, bag folders, or folders that hold bags.
     #[arg(value_name = "BAG", required = true)]
     bags: Vec<PathBuf>,
+    #[command(flatten)]
+    topics: TopicArgs,
     /// Parameter file of the unit; without it the shipped reference unit.
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
@@ -79,7 +82,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         adopt(&params::load(path)?, params::load_candidates(path)?, &mut sheet.unit)?;
     }
     let knobs = knobs(args, &mut sheet.unit)?;
-    let (trials, mut warnings) = trials(&args.bags)?;
+    let (trials, mut warnings) = trials(&args.bags, &args.topics.topics())?;
     let starts = usize::from(args.starts);
     let progress = Progress::new(parts(starts), "parts of the fit");
     let expected = noise::expected(&sheet.unit.sensors);
@@ -111,8 +114,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 }
 
 /// Reads all bags and takes in what can be used, those without a command as recordings of the servomotor stage; also warnings.
-fn trials(paths: &[PathBuf]) -> anyhow::Result<(Vec<Trial>, Vec<String>)> {
-    let Recordings { recordings, mut warnings } = bags::read(paths)?;
+fn trials(paths: &[PathBuf], topics: &Topics) -> anyhow::Result<(Vec<Trial>, Vec<String>)> {
+    let Recordings { recordings, mut warnings } = bags::read(paths, topics)?;
     let whole_or_stage = |recording: &Recording| if recording.has_command() { Cut::None } else { Cut::Spool };
     let Intake { admitted, notes, refused } = admit_all(recordings, whole_or_stage);
     if admitted.is_empty() {

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use govtwin::bag::{self, BagError, ReadOptions, StreamHealth, Survey, Warning};
 use serde::Serialize;
 
-use super::bags;
+use super::bags::{self, TopicArgs};
 use super::output::{Progress, print};
 use crate::commands::Outcome;
 
@@ -21,6 +21,8 @@ pub struct Args {
     /// Bags: files, bag folders, or folders that hold bags.
     #[arg(value_name = "BAG", required = true)]
     bags: Vec<PathBuf>,
+    #[command(flatten)]
+    topics: TopicArgs,
     /// Print JSON instead of tables: everything below and more, such as the range of each number.
     #[arg(long)]
     json: bool,
@@ -39,7 +41,7 @@ Rate, jitter and gaps are taken from `header.stamp`, from the time of recording 
 stamp. Times are UTC.
 
 A recording of the servo system is recognised by its topics (/governor/command, /governor/esv, /governor/tank_pressure,
-/plant/servo_state). For one, the process that it shows is named, and what reading it would drop, sort or fill is said.
+/plant/servo_state, or others named with --topic). For one, the process that it shows is named, and what reading it would drop, sort or fill is said.
 
 Examples:
   govtwin info bags/reference/startup_01.mcap
@@ -73,10 +75,11 @@ struct RecordingEntry {
 /// Looks through all bags and prints what is in those that can be read.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let found = bags::find(&args.bags)?;
+    let options = ReadOptions { topics: args.topics.topics(), ..ReadOptions::default() };
     let progress = Progress::new(found.len(), "bags");
     let (mut entries, mut errors) = (vec![], vec![]);
     for bag in found {
-        match look(bag.name, &bag.path) {
+        match look(bag.name, &bag.path, &options) {
             Ok(entry) => entries.push(entry),
             Err(error) => errors.push(error.to_string()),
         }
@@ -96,13 +99,13 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     Ok(if sound { Outcome::Ok } else { Outcome::Warnings })
 }
 
-fn look(name: String, path: &Path) -> Result<Entry, BagError> {
+fn look(name: String, path: &Path, options: &ReadOptions) -> Result<Entry, BagError> {
     let mut survey = bag::survey(path)?;
     // A bag of something else is not judged as a recording.
     let related = survey.topics.iter().any(|topic| topic.type_name.starts_with("governor_msgs/"));
     let mut recording = None;
     let mut no_recording = None;
-    match bag::read(path, &ReadOptions::default()) {
+    match bag::read(path, options) {
         Ok(loaded) => {
             let process = loaded.recording.process;
             survey.warnings = loaded.health.warnings;

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use clap::ValueEnum;
-use govtwin::bag::{self, ReadOptions, Stream};
+use govtwin::bag::{self, ReadOptions, Stream, Topics};
 use govtwin::comparison::summary::Searched;
 use govtwin::params::{self, Sheet};
 use govtwin::recording::{Process, Recording};
@@ -26,7 +26,7 @@ use govtwin::twin::{Cut, Twin};
 use govtwin::units::{nanos_from_seconds, seconds_from_nanos};
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
-use super::bags::{self, Bag};
+use super::bags::{self, Bag, TopicArgs};
 use super::output::{Progress, warn};
 use super::replay::origin;
 use journal::Journal;
@@ -38,6 +38,8 @@ pub struct Args {
     /// Bags: files, bag folders, or folders that hold bags.
     #[arg(value_name = "BAG", required = true)]
     bags: Vec<PathBuf>,
+    #[command(flatten)]
+    topics: TopicArgs,
     /// Parameter file of the unit; without it the shipped reference unit.
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
@@ -131,7 +133,7 @@ impl Args {
         let bags = bags::find(&self.bags)?;
         let mut origins: Vec<String> = bags.iter().filter_map(|bag| origin::of(&bag.path)).collect();
         origins.dedup();
-        let mut raw = read(&bags)?;
+        let mut raw = read(&bags, self.topics.topics())?;
         raw.retain(|recording| !left_out.contains(&recording.process));
         if raw.is_empty() {
             bail!("--leave-out leaves no recording of {} to learn from", bags.len());
@@ -220,8 +222,8 @@ pub fn searched(space: &[Dimension], job: Job, trials: &[Trial]) -> Searched {
     }
 }
 
-fn read(bags: &[Bag]) -> anyhow::Result<Vec<Recording>> {
-    let options = ReadOptions { required: vec![Stream::ServoState], ..ReadOptions::default() };
+fn read(bags: &[Bag], topics: Topics) -> anyhow::Result<Vec<Recording>> {
+    let options = ReadOptions { topics, required: vec![Stream::ServoState], ..ReadOptions::default() };
     let read = |bag: &Bag| -> anyhow::Result<Recording> {
         let mut loaded = bag::read(&bag.path, &options)?;
         loaded.recording.name.clone_from(&bag.name);

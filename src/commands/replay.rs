@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use clap::ValueEnum;
-use govtwin::bag::{self, Interpolation, ReadOptions, Stream};
+use govtwin::bag::{self, Interpolation, ReadOptions, Stream, Topics};
 use govtwin::parameters::Unit;
 use govtwin::params::{self, Sheet};
 use govtwin::replay::Replayed;
@@ -22,7 +22,7 @@ use govtwin::twin::{Cut, Twin};
 use govtwin::units::nanos_from_seconds;
 use rayon::iter::{IntoParallelIterator, IntoParallelRefIterator, ParallelIterator};
 
-use super::bags::{self, Bag};
+use super::bags::{self, Bag, TopicArgs};
 use super::model;
 use super::output::{Progress, print, warn, write_atomically};
 use crate::commands::Outcome;
@@ -38,6 +38,8 @@ pub struct Args {
     /// for the separate bags in it.
     #[arg(value_name = "BAG", required = true)]
     bags: Vec<PathBuf>,
+    #[command(flatten)]
+    topics: TopicArgs,
     /// Parameter file of the unit; without it the shipped reference unit.
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
@@ -152,7 +154,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         print(&format!("{origin}\n"))?;
     }
     match &args.out {
-        Some(out) => write_all(out, &summary, &results, &bags, &sheet.unit)?,
+        Some(out) => write_all(out, &summary, &results, &bags, &sheet.unit, &args.topics.topics())?,
         None => print("Add --out DIR for pictures, all figures and bags with the simulated state.\n")?,
     }
     let mut outcome = Outcome::Ok;
@@ -174,7 +176,7 @@ fn ladder_text(ladder: &Ladder) -> String {
 /// Replays every bag, in parallel, with results in the order of the bags; all that cannot be read are named at once.
 fn replay_all(args: &Args, unit: &Unit, bags: &[Bag], corrector: Option<&Corrector>) -> anyhow::Result<Vec<Result>> {
     let twin = Twin::new(unit).with_cut(args.cut.cut());
-    let mut options = ReadOptions::default();
+    let mut options = ReadOptions { topics: args.topics.topics(), ..ReadOptions::default() };
     if args.rate_of_inputs == Between::Linear {
         let period_ns = nanos_from_seconds(unit.parameters.regulator.large_loop_period_s).max(1);
         options.interpolation = Interpolation::Linear { period_ns };
@@ -265,13 +267,20 @@ fn refuse_to_overwrite(out: &Path, bags: &[Bag]) -> anyhow::Result<()> {
 }
 
 /// Writes the bags, the page and the figures.
-fn write_all(out: &Path, summary: &Summary, results: &[Result], bags: &[Bag], unit: &Unit) -> anyhow::Result<()> {
+fn write_all(
+    out: &Path,
+    summary: &Summary,
+    results: &[Result],
+    bags: &[Bag],
+    unit: &Unit,
+    topics: &Topics,
+) -> anyhow::Result<()> {
     let progress = Progress::new(bags.len(), "bags written");
     let pairs: Vec<_> = results.iter().zip(bags).collect();
     let written: anyhow::Result<Vec<()>> = pairs
         .into_par_iter()
         .map(|(one, bag)| {
-            simulated::write(&bag.path, &out.join(&bag.name), &one.replayed)?;
+            simulated::write(&bag.path, &out.join(&bag.name), &one.replayed, topics)?;
             progress.step();
             Ok(())
         })

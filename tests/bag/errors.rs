@@ -100,7 +100,8 @@ fn a_missing_topic_names_the_nearest() {
     let (_folder, path) = bag.file(WriteOptions::new());
     let (_, text) = error_of(&path);
     for part in [
-        "topic `/governor/esv` (governor_msgs/msg/EsvState) is missing; did you mean `/gov/esv`?",
+        "topic `/governor/esv` (governor_msgs/msg/EsvState) is missing; did you mean `/gov/esv`? then give \
+         `--topic esv=/gov/esv`",
         "topics present: /gov/esv (governor_msgs/msg/EsvState), /governor/command",
     ] {
         assert!(text.contains(part), "{text}");

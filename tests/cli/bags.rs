@@ -1,8 +1,9 @@
 //! Bags for the tests of the command line: a sound one, and ways to spoil it.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use govtwin::bag::{Qos, Writer, WriterOptions};
+use govtwin::bag::{self, Qos, TopicInfo, Writer, WriterOptions};
 use govtwin::msg::{EsvState, FluidPressure, GovernorCommand, Header, ServoState};
 
 /// Stamp of the first row, ns.
@@ -85,6 +86,19 @@ pub fn with_wrong_type(dir: &Path) -> PathBuf {
     writer.write(command, BEGIN_NS, &message).unwrap();
     writer.write(esv, BEGIN_NS, &EsvState { header, state: EsvState::NORMAL }).unwrap();
     writer.write(pressure, BEGIN_NS, &message).unwrap();
+    writer.finish().unwrap()
+}
+
+/// The bag `source` with every topic in a namespace, as the bag folder `dir/name`.
+pub fn in_namespace(dir: &Path, name: &str, namespace: &str, source: &Path) -> PathBuf {
+    let path = dir.join(name);
+    let mut writer = Writer::create(&path, WriterOptions::default()).unwrap();
+    for message in bag::messages(source).unwrap() {
+        let mut message = message.unwrap();
+        let topic = TopicInfo { name: format!("{namespace}{}", message.topic.name), ..(*message.topic).clone() };
+        message.topic = Arc::new(topic);
+        writer.copy(&message).unwrap();
+    }
     writer.finish().unwrap()
 }
 

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
+use govtwin::bag::Topics;
 use govtwin::battery::plan::{Rates, plan};
 use govtwin::battery::{self, Case as Plan, Kind, Label};
 use govtwin::blind::exam;
@@ -182,7 +183,7 @@ fn realised(out: &Path, sheet: &Unit, plan: &Plan) -> anyhow::Result<Option<f64>
     for (process, streams) in battery::exam(sheet, plan) {
         generate::write(GENERATOR, process, plan.seed, &streams, &bags.path().join(process.id()))?;
     }
-    let fresh = bags::read(&[bags.path().to_owned()])?;
+    let fresh = bags::read(&[bags.path().to_owned()], &Topics::default())?;
     Ok(exam::closure(fresh.recordings, &refitted, &improved))
 }
 

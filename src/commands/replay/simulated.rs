@@ -25,12 +25,12 @@ pub fn check(dir: &Path) -> anyhow::Result<()> {
 /// The simulated state is given wherever the real one was measured, or where nothing was, in every
 /// row. Its stamps are those of the rows; its log times follow the recorded messages' own clock. A
 /// simulated state that the bag already holds is left behind.
-pub fn write(source: &Path, dir: &Path, replayed: &Replayed) -> anyhow::Result<PathBuf> {
+pub fn write(source: &Path, dir: &Path, replayed: &Replayed, topics: &Topics) -> anyhow::Result<PathBuf> {
     let failed = || format!("cannot write the simulated bag {}", dir.display());
     if let Some(parent) = dir.parent() {
         std::fs::create_dir_all(parent).with_context(failed)?;
     }
-    let lag_ns = lag_ns(source)?;
+    let lag_ns = lag_ns(source, topics)?;
     let mut writer = Writer::create(dir, OPTIONS)?;
     let topic = writer.topic::<ServoState>(TOPIC, Qos::SENSOR)?;
     let recorded = replayed.recording.frames.iter().zip(&replayed.estimates);
@@ -56,8 +56,7 @@ pub fn write(source: &Path, dir: &Path, replayed: &Replayed) -> anyhow::Result<P
 }
 
 /// How much later than its stamp the first message of the known topics was logged, ns.
-fn lag_ns(source: &Path) -> Result<i64, BagError> {
-    let topics = Topics::default();
+fn lag_ns(source: &Path, topics: &Topics) -> Result<i64, BagError> {
     for message in bag::messages(source)? {
         let message = message?;
         if Stream::ALL.iter().any(|stream| topics.of(*stream) == message.topic.name) {
