@@ -7,7 +7,8 @@
 //! # From streams to rows
 //! Streams have their own rates and jitter. The rule that makes rows of them:
 //!
-//! 1. A value's time is its `header.stamp`. Log time only orders arrival.
+//! 1. A value's time is its `header.stamp`. Log time only orders arrival. A stamp of 0 is a sender without a
+//!    clock, for which log time stands in, unless other stamps of the bag lie near 0, too.
 //! 2. Late samples go to their place. Of samples with one stamp the last logged stays. Values that are
 //!    not finite or physically impossible, and stamps far from their neighbours, are dropped. Where the
 //!    clock of the stamps jumps, or nothing is recorded for more than 600 s, the run with most samples is

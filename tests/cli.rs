@@ -194,6 +194,23 @@ fn a_topic_without_one_usable_value_is_an_error() {
 }
 
 #[test]
+fn a_pressure_in_another_unit_is_told() {
+    let dir = tempfile::tempdir().unwrap();
+    for (pressure, words) in [
+        (63.0, "the median is 63.0 Pa, the sheet says 6.3e+6 Pa; was it sent in bar?"),
+        (6.1, "was it sent in MPa?"),
+        (-500.0, "the median is -500.0 Pa, the sheet says 6.3e+6 Pa"),
+        (9.9e7, "the median is 9.9e+7 Pa"),
+    ] {
+        let path = bag(dir.path(), &format!("p{pressure}"), |_, row| row.pressure_pa = Some(pressure));
+        let run = replay(&path, &[]);
+        assert!(run.code == 3 && run.stderr.contains(words), "{}", run.stderr);
+    }
+    let path = bag(dir.path(), "low", |_, row| row.pressure_pa = Some(1e6));
+    assert_eq!(replay(&path, &[]).stderr, "");
+}
+
+#[test]
 fn late_messages_find_their_place() {
     let dir = tempfile::tempdir().unwrap();
     let sound = replayed(dir.path(), &bag(dir.path(), "in_order", |_, _| {})).1;

@@ -27,6 +27,10 @@ pub(super) trait AnyCollector {
     fn take(&mut self, message: RawView<'_>) -> bool;
     /// What the topic carries instead of the stream's type.
     fn foreign_type(&self, topic: &TopicInfo) -> Option<String>;
+    /// Whether the clock of the stamps shows a time near 0 that is a time, as a simulation's does.
+    fn is_near_zero(&self) -> bool;
+    /// Takes the log time for the time of samples whose stamp is 0.
+    fn date_by_log(&mut self);
     /// Puts samples into the order of arrival, drops stray stamps, gives the log times.
     fn arrive(&mut self) -> Vec<i64>;
     /// The jumps of the clock.
@@ -82,6 +86,14 @@ impl<V: Value> AnyCollector for Collector<V> {
         let found = definition::parse_schema(&topic.type_name, schema).ok()?;
         let expected = definition::closure_of(V::Message::TYPE_NAME).ok()?;
         definition::difference(&expected, &found).map(|difference| format!("another version of it: {difference}"))
+    }
+
+    fn is_near_zero(&self) -> bool {
+        order::is_near_zero(&self.samples)
+    }
+
+    fn date_by_log(&mut self) {
+        order::date_by_log(&mut self.samples, &mut self.health);
     }
 
     fn arrive(&mut self) -> Vec<i64> {
@@ -149,6 +161,11 @@ impl Collected {
     ///
     /// Where the clock of the stamps jumps, the run between two jumps that has most samples stays.
     pub(super) fn settle(&mut self) -> Option<Warning> {
+        if !self.all().iter().any(|stream| stream.is_near_zero()) {
+            for stream in self.all_mut() {
+                stream.date_by_log();
+            }
+        }
         let silences = order::silences(self.all_mut().map(AnyCollector::arrive).concat());
         let own = self.all().map(|stream| stream.jumps(&silences));
         let common = order::together(own.concat());

@@ -105,6 +105,8 @@ pub struct StreamHealth {
     pub undecodable: u64,
     /// Samples dropped because their stamp is no time, or stands alone far from its neighbours.
     pub bad_stamps: u64,
+    /// Samples with a stamp of 0, for which the time of recording stands in.
+    pub unstamped: u64,
     /// Values dropped because they are not finite or physically impossible.
     pub bad_values: u64,
     /// Samples left out because the clock jumped and the run with more samples was read.
@@ -159,6 +161,15 @@ pub enum Warning {
     },
     /// Samples arrived after later ones.
     Late {
+        /// The topic.
+        topic: String,
+        /// How many.
+        count: u64,
+        /// Messages of the topic.
+        of: u64,
+    },
+    /// Samples come from a sender without a clock.
+    Unstamped {
         /// The topic.
         topic: String,
         /// How many.
@@ -246,6 +257,9 @@ impl fmt::Display for Warning {
             }
             Self::Late { topic, count, of } => {
                 write!(f, "{topic}: {count} of {of} samples arrived after later ones; put in the order of their stamps")
+            }
+            Self::Unstamped { topic, count, of } => {
+                write!(f, "{topic}: {count} of {of} samples have stamp 0; the time of recording stands in for it")
             }
             Self::ClockJump { topic, from_ns, to_ns, jumps, left_out } => {
                 let way = if to_ns < from_ns { "backwards" } else { "forwards" };

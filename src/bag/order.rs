@@ -61,6 +61,19 @@ fn jumps<V>(before: &Sample<V>, after: &Sample<V>, silence: Option<Silence>) -> 
     stamp_step_ns < -SET_BACK_NS || stamp_step_ns.saturating_sub(heard_ns) > SET_FORWARD_NS
 }
 
+/// Whether a stamp other than 0 lies so near to it that 0, too, would be a time.
+pub(super) fn is_near_zero<V>(samples: &[Sample<V>]) -> bool {
+    samples.iter().any(|sample| sample.stamp_ns != 0 && sample.stamp_ns.saturating_abs() < SET_FORWARD_NS)
+}
+
+/// Gives samples of a sender without a clock, which leaves the stamp at 0, the time of recording; the live node does alike.
+pub(super) fn date_by_log<V>(samples: &mut [Sample<V>], health: &mut StreamHealth) {
+    for sample in samples.iter_mut().filter(|sample| sample.stamp_ns == 0) {
+        sample.stamp_ns = sample.log_time_ns;
+        health.unstamped += 1;
+    }
+}
+
 /// Drops single samples whose stamp jumps away while the next one is back: a bad stamp, no new clock.
 pub(super) fn drop_strays<V: Value>(samples: &mut Vec<Sample<V>>, health: &mut StreamHealth) {
     let jumps = |before: &Sample<V>, after: &Sample<V>| jumps(before, after, None);

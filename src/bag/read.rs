@@ -69,6 +69,9 @@ fn warn(health: &mut Health) {
             let first = stream.first_fault.clone().unwrap_or_else(|| "the same sample twice".into());
             health.warnings.push(Warning::Dropped { topic: topic(), count, of: stream.messages, first });
         }
+        if stream.unstamped > 0 {
+            health.warnings.push(Warning::Unstamped { topic: topic(), count: stream.unstamped, of: stream.messages });
+        }
         if stream.late > 0 {
             health.warnings.push(Warning::Late { topic: topic(), count: stream.late, of: stream.messages });
         }

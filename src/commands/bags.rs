@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use govtwin::bag::{self, BagError, Interpolation, Loaded, ReadOptions, Stream, Topics, Warning};
+use govtwin::parameters::Unit;
+use govtwin::params::quantity_text;
 use govtwin::recording::Recording;
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 
@@ -66,8 +68,9 @@ pub struct Recordings {
 /// Reads all bags that the paths name; what cannot be read is left out with a warning, as long as something is left.
 ///
 /// Command and pressure run from sample to sample, on a grid of the twin's own tick. A recording without a command is
-/// one of the servomotor stage, driven by its spool; that other inputs are missing is then no news.
-pub fn read(paths: &[PathBuf], topics: &Topics) -> anyhow::Result<Recordings> {
+/// one of the servomotor stage, driven by its spool; that other inputs are missing is then no news. What is read is held against
+/// the sheet of the unit where it may have another unit of measure.
+pub fn read(paths: &[PathBuf], topics: &Topics, unit: &Unit) -> anyhow::Result<Recordings> {
     let bags = find(paths)?;
     let options = ReadOptions {
         topics: topics.clone(),
@@ -90,6 +93,8 @@ pub fn read(paths: &[PathBuf], topics: &Topics) -> anyhow::Result<Recordings> {
             Ok(Loaded { recording, health }) => {
                 let news = |warning: &&Warning| recording.has_command() || !matches!(warning, Warning::Filled { .. });
                 warnings.extend(health.warnings.iter().filter(news).map(|warning| format!("{}: {warning}", bag.name)));
+                let doubt = doubt_of_pressure(&recording, topics, unit);
+                warnings.extend(doubt.map(|doubt| format!("{}: {doubt}", bag.name)));
                 recordings.push(Recording { name: bag.name, ..recording });
             }
             Err(error) => refused.push(error.to_string()),
@@ -100,6 +105,29 @@ pub fn read(paths: &[PathBuf], topics: &Topics) -> anyhow::Result<Recordings> {
     }
     warnings.extend(refused.into_iter().map(|reason| format!("{reason} (left out)")));
     Ok(Recordings { recordings, warnings })
+}
+
+/// Units in which a pressure may have been sent by mistake, Pa.
+const OTHER_UNITS_PA: [(&str, f64); 4] = [("bar", 1e5), ("kPa", 1e3), ("MPa", 1e6), ("psi", 6894.757)];
+
+/// What is to be said of a tank pressure that is ten times the sheet's, or a tenth of it: it may have another unit.
+pub fn doubt_of_pressure(recording: &Recording, topics: &Topics, unit: &Unit) -> Option<String> {
+    let pressures_pa = recording.frames.iter().map(|frame| frame.inputs.tank_pressure_pa);
+    let mut pressures_pa: Vec<f64> = pressures_pa.filter(|pressure_pa| pressure_pa.is_finite()).collect();
+    let middle = pressures_pa.len() / 2;
+    if pressures_pa.is_empty() {
+        return None;
+    }
+    let median_pa = *pressures_pa.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let sheet_pa = unit.parameters.oil.tank_pressure_pa;
+    if (sheet_pa / 10.0..=sheet_pa * 10.0).contains(&median_pa) {
+        return None;
+    }
+    let topic = topics.of(Stream::TankPressure);
+    let (found, expected) = (quantity_text(median_pa, "Pa"), quantity_text(sheet_pa, "Pa"));
+    let meant = OTHER_UNITS_PA.iter().find(|(_, in_pa)| (0.5..=2.0).contains(&(median_pa * in_pa / sheet_pa)));
+    let meant = meant.map(|(name, _)| format!("; was it sent in {name}?")).unwrap_or_default();
+    Some(format!("{topic}: the median is {found}, the sheet says {expected}{meant}"))
 }
 
 /// All bags that the paths name, each once, in the order given and by name within a folder.

@@ -81,7 +81,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             unit.own_effects.push(own);
         }
     }
-    let Recordings { recordings, warnings } = bags::read(&args.bags, &args.topics.topics())?;
+    let Recordings { recordings, warnings } = bags::read(&args.bags, &args.topics.topics(), &unit)?;
     for warning in &warnings {
         warn(warning);
     }

@@ -82,7 +82,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         adopt(&params::load(path)?, params::load_candidates(path)?, &mut sheet.unit)?;
     }
     let knobs = knobs(args, &mut sheet.unit)?;
-    let (trials, mut warnings) = trials(&args.bags, &args.topics.topics())?;
+    let (trials, mut warnings) = trials(&args.bags, &args.topics.topics(), &sheet.unit)?;
     let starts = usize::from(args.starts);
     let progress = Progress::new(parts(starts), "parts of the fit");
     let expected = noise::expected(&sheet.unit.sensors);
@@ -114,8 +114,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 }
 
 /// Reads all bags and takes in what can be used, those without a command as recordings of the servomotor stage; also warnings.
-fn trials(paths: &[PathBuf], topics: &Topics) -> anyhow::Result<(Vec<Trial>, Vec<String>)> {
-    let Recordings { recordings, mut warnings } = bags::read(paths, topics)?;
+fn trials(paths: &[PathBuf], topics: &Topics, unit: &Unit) -> anyhow::Result<(Vec<Trial>, Vec<String>)> {
+    let Recordings { recordings, mut warnings } = bags::read(paths, topics, unit)?;
     let whole_or_stage = |recording: &Recording| if recording.has_command() { Cut::None } else { Cut::Spool };
     let Intake { admitted, notes, refused } = admit_all(recordings, whole_or_stage);
     if admitted.is_empty() {

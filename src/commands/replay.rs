@@ -191,7 +191,7 @@ fn replay_all(args: &Args, unit: &Unit, bags: &[Bag], corrector: Option<&Correct
     let results: Vec<anyhow::Result<Result>> = bags
         .par_iter()
         .map(|bag| {
-            let result = replay(bag, &options, twin.clone(), corrector, args.out.is_some().then_some(unit));
+            let result = replay(bag, &options, twin.clone(), corrector, unit, args.out.is_some());
             progress.step();
             result
         })
@@ -217,18 +217,21 @@ fn replay(
     options: &ReadOptions,
     mut twin: Twin,
     corrector: Option<&Corrector>,
-    draw_for: Option<&Unit>,
+    unit: &Unit,
+    draw: bool,
 ) -> anyhow::Result<Result> {
     let mut loaded = bag::read(&bag.path, options)?;
     loaded.recording.name.clone_from(&bag.name);
+    let mut warnings: Vec<String> = loaded.health.warnings.iter().map(ToString::to_string).collect();
+    warnings.extend(bags::doubt_of_pressure(&loaded.recording, &options.topics, unit));
     let provenance = Provenance {
         path: bag.path.display().to_string(),
         bytes: loaded.health.files.iter().map(|file| file.bytes).sum(),
         origin: origin::of(&bag.path),
-        warnings: loaded.health.warnings.iter().map(ToString::to_string).collect(),
+        warnings,
     };
     let replayed = Replayed::new(&mut twin, loaded.recording);
-    let pictures = draw_for.map(|unit| Pictures::draw(&replayed, &unit.sensors)).transpose()?;
+    let pictures = draw.then(|| Pictures::draw(&replayed, &unit.sensors)).transpose()?;
     let corrected = corrector.map(|corrector| residual::correct(corrector, &replayed));
     Ok(Result { replayed, provenance, pictures, corrected })
 }

@@ -99,7 +99,7 @@ fn a_stream_without_one_usable_value_says_why() {
 #[test]
 fn a_stray_stamp_is_dropped() {
     let mut bag = Bag::standard(3);
-    for (at_ns, stamp_ns) in [(500, 0), (900, BEGIN_NS + 86_400_000 * MS), (1300, BEGIN_NS - 5000 * MS)] {
+    for (at_ns, stamp_ns) in [(500, 1_000_000 * MS), (900, BEGIN_NS + 86_400_000 * MS), (1300, BEGIN_NS - 5000 * MS)] {
         let message = GovernorCommand { header: Header::at(stamp_ns), opening: 0.9 };
         bag.put("/governor/command", BEGIN_NS + at_ns * MS + 2 * MS, &message);
     }
@@ -112,6 +112,37 @@ fn a_stray_stamp_is_dropped() {
     assert_eq!(stream(&loaded.health, COMMAND).bad_stamps, 4, "{}", said(&loaded.health));
     assert_eq!(loaded.recording.frames.len(), 300);
     assert!(loaded.recording.frames.iter().all(|frame| frame.inputs.opening_command_pu < 0.5));
+}
+
+/// A standard recording whose commands have stamp 0.
+fn without_clock(seconds: i64) -> Bag {
+    let mut bag = Bag::standard(seconds);
+    for (step, entry) in (0..).zip(bag.entries.iter_mut().filter(|entry| entry.topic == "/governor/command")) {
+        let opening = 0.3 + 1e-4 * f64::from(step);
+        entry.data = bag::cdr::encode(&GovernorCommand { header: Header::at(0), opening }).unwrap();
+    }
+    bag
+}
+
+#[test]
+fn samples_of_a_sender_without_a_clock_get_the_time_of_recording() {
+    let loaded = read(&without_clock(2));
+    assert_eq!((stream(&loaded.health, COMMAND).kept, stream(&loaded.health, COMMAND).unstamped), (200, 200));
+    assert!(
+        said(&loaded.health).contains("/governor/command: 200 of 200 samples have stamp 0"),
+        "{}",
+        said(&loaded.health)
+    );
+    // The command of 10 ms lies 1 ms later, when it was recorded.
+    let at = |ms: i64| loaded.recording.frames.iter().find(|frame| frame.time_ns == BEGIN_NS + ms * MS).unwrap();
+    assert_eq!(at(11).inputs.opening_command_pu, 0.3 + 1e-4);
+    assert_eq!(at(20).inputs.opening_command_pu, 0.3 + 1e-4);
+    // A simulation's clock begins at 0, and its first sample is as good as any other.
+    let mut bag = shifted(2, -BEGIN_NS);
+    bag.entries.iter_mut().for_each(|entry| entry.log_ns += BEGIN_NS);
+    let loaded = read(&bag);
+    assert_eq!(stream(&loaded.health, COMMAND).unstamped, 0);
+    assert_eq!((loaded.recording.frames[0].time_ns, loaded.recording.frames.len()), (0, 200));
 }
 
 #[test]

@@ -183,7 +183,7 @@ fn realised(out: &Path, sheet: &Unit, plan: &Plan) -> anyhow::Result<Option<f64>
     for (process, streams) in battery::exam(sheet, plan) {
         generate::write(GENERATOR, process, plan.seed, &streams, &bags.path().join(process.id()))?;
     }
-    let fresh = bags::read(&[bags.path().to_owned()], &Topics::default())?;
+    let fresh = bags::read(&[bags.path().to_owned()], &Topics::default(), sheet)?;
     Ok(exam::closure(fresh.recordings, &refitted, &improved))
 }
 

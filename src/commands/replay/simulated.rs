@@ -55,14 +55,15 @@ pub fn write(source: &Path, dir: &Path, replayed: &Replayed, topics: &Topics) ->
     Ok(writer.finish()?)
 }
 
-/// How much later than its stamp the first message of the known topics was logged, ns.
+/// How much later than its stamp the first message of the known topics that has one was logged, ns.
 fn lag_ns(source: &Path, topics: &Topics) -> Result<i64, BagError> {
     for message in bag::messages(source)? {
         let message = message?;
         if Stream::ALL.iter().any(|stream| topics.of(*stream) == message.topic.name) {
             // All four types begin with their header, which is all that is read here.
             let header = bag::cdr::decode::<Header>(&message.data).ok();
-            if let Some(stamp_ns) = header.and_then(|header| header.stamp.nanos()) {
+            // A stamp of 0 tells no time.
+            if let Some(stamp_ns) = header.and_then(|header| header.stamp.nanos()).filter(|stamp_ns| *stamp_ns != 0) {
                 return Ok(message.log_time_ns.saturating_sub(stamp_ns));
             }
         }
