@@ -60,7 +60,8 @@ pub struct Args {
     /// What command and tank pressure do between two recorded samples.
     #[arg(long, value_enum, default_value_t = Between::Hold)]
     rate_of_inputs: Between,
-    /// Folder for the page, the figures and the simulated bags; made where missing.
+    /// Folder for the page, the figures and the simulated bags; made where missing. Of the bags there only those of an earlier
+    /// replay are replaced.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
