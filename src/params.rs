@@ -93,7 +93,7 @@ pub fn load_candidates(path: &Path) -> Result<Vec<OwnEffect>, ParamsError> {
 
 /// Loads `path` over its bases; `open` holds the files that are being loaded, to find a circle.
 fn load_over(path: &Path, open: &mut Vec<PathBuf>) -> Result<Sheet, ParamsError> {
-    let identity = path.canonicalize().map_err(|source| ParamsError::Read { path: path.to_path_buf(), source })?;
+    let identity = path.canonicalize().map_err(|reason| ParamsError::Read { path: path.to_path_buf(), reason })?;
     let text = read(path)?;
     let invalid = |problems| ParamsError::Invalid { path: path.to_path_buf(), problems };
     let document = parse(&text).map_err(invalid)?;
@@ -139,7 +139,7 @@ fn parse(text: &str) -> Result<yaml::Document, Vec<Problem>> {
 }
 
 fn read(path: &Path) -> Result<String, ParamsError> {
-    let failed = |source| ParamsError::Read { path: path.to_path_buf(), source };
+    let failed = |reason| ParamsError::Read { path: path.to_path_buf(), reason };
     let bytes = std::fs::metadata(path).map_err(failed)?.len();
     if bytes > LARGEST_FILE_BYTES {
         let message = format!("it has {bytes} bytes, parameter files a few thousand; is it a recording?");

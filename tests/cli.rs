@@ -295,6 +295,12 @@ fn what_is_no_bag_is_named_for_what_it_is() {
     fs::create_dir(&folder).unwrap();
     refused(dir.path(), &folder, &["folder", "no bag in this folder"]);
     refused(dir.path(), &dir.path().join("nowhere.mcap"), &["nowhere.mcap", "No such file"]);
+    for arguments in
+        [&["replay", "nowhere.mcap"][..], &["replay", "--params", "nowhere.yaml", "x"], &["check", "nowhere.yaml"]]
+    {
+        let run = govtwin(arguments);
+        assert_eq!(run.stderr.matches("No such file").count(), 1, "{}", run.stderr);
+    }
     let empty = bag(dir.path(), "empty", |_, row| {
         (row.opening, row.esv, row.pressure_pa, row.servo) = (None, None, None, None);
     });

@@ -9,14 +9,14 @@ use crate::msg::definition::DefinitionError;
 #[derive(Debug, thiserror::Error)]
 pub enum BagError {
     /// The operating system refused.
-    #[error("{path}: cannot {action}: {source}")]
+    #[error("{path}: cannot {action}: {reason}")]
     Io {
         /// The file or folder.
         path: PathBuf,
         /// What was tried, as a verb.
         action: &'static str,
         /// The system's own words.
-        source: std::io::Error,
+        reason: std::io::Error,
     },
     /// The path holds something else.
     #[error("{path}: not a bag: expected {expected}, found {found}")]
@@ -139,12 +139,12 @@ pub enum BagError {
         kept: PathBuf,
     },
     /// The MCAP library refused.
-    #[error("{path}: cannot write MCAP: {source}")]
+    #[error("{path}: cannot write MCAP: {reason}")]
     Mcap {
         /// The file.
         path: PathBuf,
         /// The library's own words.
-        source: mcap::McapError,
+        reason: mcap::McapError,
     },
     /// A message, or the metadata, cannot be encoded.
     #[error("cannot encode {what}: {problem}")]
@@ -162,11 +162,11 @@ pub enum BagError {
 impl BagError {
     /// For `map_err` on what the operating system does.
     pub(super) fn io(path: &Path, action: &'static str) -> impl FnOnce(std::io::Error) -> Self {
-        move |source| Self::Io { path: path.to_owned(), action, source }
+        move |reason| Self::Io { path: path.to_owned(), action, reason }
     }
 
     /// For `map_err` on what the MCAP library writes.
     pub(super) fn mcap(path: &Path) -> impl FnOnce(mcap::McapError) -> Self {
-        move |source| Self::Mcap { path: path.to_owned(), source }
+        move |reason| Self::Mcap { path: path.to_owned(), reason }
     }
 }

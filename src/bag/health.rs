@@ -109,6 +109,8 @@ pub struct StreamHealth {
     pub unstamped: u64,
     /// Values dropped because they are not finite or physically impossible.
     pub bad_values: u64,
+    /// Messages from which such values were dropped.
+    pub bad_messages: u64,
     /// Samples left out because the clock jumped and the run with more samples was read.
     pub other_run: u64,
     /// The first of the dropped, with place, unit and limits.
@@ -152,7 +154,7 @@ pub enum Warning {
     Dropped {
         /// The topic.
         topic: String,
-        /// How many, and of how many.
+        /// Messages that were dropped, whole or in part.
         count: u64,
         /// Messages of the topic.
         of: u64,

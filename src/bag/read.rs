@@ -63,7 +63,9 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Loaded, BagError> {
 /// Turns counts into warnings.
 fn warn(health: &mut Health) {
     for stream in &health.streams {
-        let count = stream.undecodable + stream.bad_stamps + stream.bad_values + stream.duplicates + stream.conflicts;
+        let whole = stream.undecodable + stream.bad_stamps + stream.duplicates + stream.conflicts;
+        // A message that lost a value may have been dropped for another reason, too.
+        let count = (whole + stream.bad_messages).min(stream.messages);
         let topic = || stream.topic.clone();
         if count > 0 {
             let first = stream.first_fault.clone().unwrap_or_else(|| "the same sample twice".into());

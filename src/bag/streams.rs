@@ -156,19 +156,13 @@ pub(super) fn decode<V: Value>(data: &[u8], log_time_ns: i64, health: &mut Strea
         return None;
     };
     let mut faults = vec![];
-    let value = V::of(&message, &mut faults);
+    let value = V::of(&message, &mut faults).map_err(|fault| faults.push(fault)).ok();
     health.bad_values += faults.len() as u64;
     if let Some(fault) = faults.first() {
+        health.bad_messages += 1;
         note(health, log_time_ns, fault);
     }
-    match value {
-        Ok(value) => Some(Sample { stamp_ns, log_time_ns, value }),
-        Err(fault) => {
-            health.bad_values += 1;
-            note(health, log_time_ns, &fault);
-            None
-        }
-    }
+    value.map(|value| Sample { stamp_ns, log_time_ns, value })
 }
 
 /// Keeps the first fault of a stream with its place.

@@ -27,20 +27,20 @@ impl fmt::Display for Problem {
 #[derive(Debug, thiserror::Error)]
 pub enum ParamsError {
     /// The file cannot be read.
-    #[error("cannot read the parameter file {}: {source}", path.display())]
+    #[error("cannot read the parameter file {}: {reason}", path.display())]
     Read {
         /// The file.
         path: PathBuf,
         /// Why.
-        source: std::io::Error,
+        reason: std::io::Error,
     },
     /// The file cannot be written.
-    #[error("cannot write the parameter file {}: {source}", path.display())]
+    #[error("cannot write the parameter file {}: {reason}", path.display())]
     Write {
         /// The file.
         path: PathBuf,
         /// Why.
-        source: std::io::Error,
+        reason: std::io::Error,
     },
     /// The content is wrong; all problems of the file at once.
     #[error("{}", list(path, problems))]

@@ -54,7 +54,7 @@ pub fn write(path: &Path, overlay: &Overlay) -> Result<(), ParamsError> {
         let message = "the unit has effects or values that a parameter file cannot hold".to_owned();
         return Err(invalid(vec![Problem { line: None, key: String::new(), message }]));
     }
-    write_atomically(path, text.as_bytes()).map_err(|source| ParamsError::Write { path: path.to_path_buf(), source })
+    write_atomically(path, text.as_bytes()).map_err(|reason| ParamsError::Write { path: path.to_path_buf(), reason })
 }
 
 fn text(overlay: &Overlay) -> String {

@@ -65,16 +65,17 @@ fn impossible_inputs_are_dropped_with_unit_and_place() {
     bag.pressure(BEGIN_NS + 300 * MS, f64::INFINITY);
     bag.esv(BEGIN_NS + 300 * MS, 7);
     bag.servo(BEGIN_NS + 300 * MS, f64::NEG_INFINITY, 0.25);
+    bag.servo(BEGIN_NS + 305 * MS, 99.0, 99.0);
     let loaded = read(&bag);
     let bad: Vec<u64> = loaded.health.streams.iter().map(|stream| stream.bad_values).collect();
-    assert_eq!(bad, [2, 1, 1, 1]);
+    assert_eq!(bad, [2, 1, 1, 3]);
     let said = said(&loaded.health);
     for part in [
         "/governor/command: dropped from 2 of 201 messages; first: opening is NaN pu, expected -0.5 to 1.5 pu (logged at \
          1700000000301000000 ns)",
         "pressure is inf Pa, expected -110000 to 100000000 Pa",
         "ESV state is 7, expected 0 (shutdown) or 1 (normal)",
-        "position is -inf pu, expected -10 to 10 pu",
+        "/plant/servo_state: dropped from 2 of 201 messages; first: position is -inf pu, expected -10 to 10 pu",
     ] {
         assert!(said.contains(part), "{part:?} not in\n{said}");
     }
