@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::survey::PaceSurvey;
+use crate::units::seconds_from_nanos;
 
 /// Everything worth knowing about a bag besides its values.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -265,10 +266,11 @@ impl fmt::Display for Warning {
             }
             Self::ClockJump { topic, from_ns, to_ns, jumps, left_out } => {
                 let way = if to_ns < from_ns { "backwards" } else { "forwards" };
+                let by_s = seconds_from_nanos(to_ns.saturating_sub(*from_ns).saturating_abs());
                 write!(
                     f,
-                    "{topic}: time jumps {way} from {from_ns} ns to {to_ns} ns (jumps in all: {jumps}); the run with \
-                     most samples is read, {left_out} samples of the others are left out"
+                    "{topic}: time jumps {way} by {by_s:.1} s, from {from_ns} ns to {to_ns} ns (jumps in all: {jumps}); the \
+                     run with most samples is read, {left_out} samples of the others are left out"
                 )
             }
             Self::Filled { topic, with } => write!(f, "{topic}: not in the bag; {with} stands in for it"),
