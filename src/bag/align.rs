@@ -8,6 +8,9 @@ use crate::units::seconds_from_nanos;
 /// The most rows that resampling may make: 100 s at 1 µs, a day at 1 ms, about 8 GB.
 const ROW_LIMIT: i64 = 100_000_000;
 
+/// Rows further apart than this are of two clocks, ns: a day.
+const FARTHEST_NS: i64 = 86_400_000_000_000;
+
 /// The four streams, each strictly rising in stamp. An absent input is one sample at the beginning of time.
 #[derive(Debug, Default)]
 pub(super) struct Streams {
@@ -20,7 +23,7 @@ pub(super) struct Streams {
 /// Makes rows of the streams by the rule above.
 ///
 /// # Errors
-/// Where the grid would have too many points.
+/// Where the grid would have too many points, or the streams have clocks that differ by more than a day.
 pub(super) fn align(
     streams: &Streams,
     interpolation: Interpolation,
@@ -34,6 +37,10 @@ pub(super) fn align(
     times_ns.sort_unstable();
     let begin_ns = [first(&streams.command), first(&streams.esv), first(&streams.tank_pressure)].into_iter().max();
     times_ns.retain(|time_ns| begin_ns.is_some_and(|begin_ns| *time_ns >= begin_ns));
+    if let Some(pair) = times_ns.windows(2).find(|pair| pair[1].saturating_sub(pair[0]) > FARTHEST_NS) {
+        let gap_s = seconds_from_nanos(pair[1].saturating_sub(pair[0]));
+        return Err(BagError::TwoClocks { path: path.to_owned(), from_ns: pair[0], to_ns: pair[1], gap_s });
+    }
     let bends = stamps(&streams.command).next().is_some() || !matches!(interpolation, Interpolation::Sharp { .. });
     if let (Some(period_ns), Some(&begin_ns), Some(&end_ns)) =
         (interpolation.period_ns().filter(|_| bends), times_ns.first(), times_ns.last())

@@ -122,6 +122,21 @@ pub enum BagError {
         /// The most rows that are made.
         limit: i64,
     },
+    /// The streams have clocks that differ so far that nothing can be simulated between them.
+    #[error(
+        "{path}: the stamps of the streams lie {gap_s} s apart, from {from_ns} ns to {to_ns} ns; record with one clock \
+         for all senders, or with stamps of 0, for which the time of recording stands in"
+    )]
+    TwoClocks {
+        /// The bag.
+        path: PathBuf,
+        /// The last stamp before the gap, ns.
+        from_ns: i64,
+        /// The first stamp after it, ns.
+        to_ns: i64,
+        /// The gap, s.
+        gap_s: f64,
+    },
     /// The output is there already.
     #[error("{path}: is there already; name another folder, or move it away")]
     InTheWay {

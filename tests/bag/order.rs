@@ -259,6 +259,19 @@ fn streams_of_clocks_that_differ_are_read_as_they_are() {
 }
 
 #[test]
+fn streams_of_clocks_that_differ_by_years_are_refused() {
+    // The plant's clock is the wall's, the governor's begins at power-up; time of recording goes on evenly.
+    let mut bag = shifted(2, 1_000_000 * MS - BEGIN_NS);
+    bag.entries.retain(|entry| entry.topic != "/plant/servo_state");
+    bag.entries.iter_mut().for_each(|entry| entry.log_ns += BEGIN_NS - 1_000_000 * MS);
+    (0..200).for_each(|step| bag.servo(BEGIN_NS + step * 10 * MS, 0.0, 0.3));
+    let (_folder, path) = bag.file(WriteOptions::new());
+    let error = bag::read(&path, &ReadOptions::default()).unwrap_err();
+    assert!(matches!(error, BagError::TwoClocks { .. }), "{error}");
+    assert!(error.to_string().contains("1001990000000 ns to 1700000000000000000 ns"), "{error}");
+}
+
+#[test]
 fn inputs_that_begin_late_or_end_early_are_told() {
     let mut bag = Bag::standard(20);
     bag.entries.retain(|entry| match entry.topic.as_str() {
