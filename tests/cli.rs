@@ -230,6 +230,16 @@ fn late_messages_find_their_place() {
 }
 
 #[test]
+fn without_any_clock_the_times_of_recording_count_also_in_what_is_written() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = bag(dir.path(), "no_clock", |_, row| row.stamp_ns = 0);
+    let figures = recovered(dir.path(), &path, &["/governor/command: 100 of 100 samples have stamp 0"]);
+    assert_eq!(servomotor(&figures)["rows"], ROWS);
+    let last_ns = govtwin::bag::survey(&dir.path().join("out/no_clock")).unwrap().last_ns;
+    assert_eq!(last_ns, Some(BEGIN_NS + (ROWS - 1) * 100_000_000));
+}
+
+#[test]
 fn a_clock_that_restarts_is_told_and_the_longer_run_read() {
     let dir = tempfile::tempdir().unwrap();
     let path = bag(dir.path(), "restarted", |i, row| {
