@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
+use govtwin::bag::Topics;
 use govtwin::effects::{EffectSpec, of_the_chain};
+use govtwin::parameters::Unit;
 use govtwin::recording::Recording;
 use govtwin::tuning::admission::admit_all;
 use govtwin::twin::Cut;
@@ -46,9 +48,10 @@ impl Case {
         bags::find(std::slice::from_ref(&self.dir))
     }
 
-    /// Its recordings as the diagnosis reads them, without what it does not admit.
-    pub fn recordings(&self) -> anyhow::Result<Vec<Recording>> {
-        let intake = admit_all(bags::read(std::slice::from_ref(&self.dir))?.recordings, |_| Cut::None);
+    /// Its recordings as the diagnosis reads them by the sheet of the unit, without what it does not admit.
+    pub fn recordings(&self, unit: &Unit) -> anyhow::Result<Vec<Recording>> {
+        let read = bags::read(std::slice::from_ref(&self.dir), &Topics::default(), unit)?;
+        let intake = admit_all(read.recordings, |_| Cut::None);
         if intake.admitted.is_empty() {
             bail!("no recording can be used:\n  {}", intake.refused.join("\n  "));
         }
@@ -76,8 +79,9 @@ mod tests {
         }
         std::fs::write(dir.path().join("torn.mcap"), "no bag").unwrap();
         let case = Case { name: String::new(), dir: dir.path().to_owned(), without: None };
-        let found = case.recordings().unwrap();
-        let read = bags::read(&[dir.path().to_owned()]).unwrap().recordings;
+        let sheet = govtwin::params::reference();
+        let found = case.recordings(&sheet).unwrap();
+        let read = bags::read(&[dir.path().to_owned()], &Topics::default(), &sheet).unwrap().recordings;
         assert_eq!(found.len(), 2, "what cannot be read is left out");
         for (found, read) in found.iter().zip(&read) {
             // As text, since what was not measured is NaN.

@@ -75,7 +75,7 @@ pub fn judge(
             Method::Diagnosis => diagnose(case, params, threads, &out.join(&case.name))?,
             Method::Baseline(baseline) => {
                 if ground.get().is_none() {
-                    let made = Ground::new(case.recordings()?, unit, &case.catalogue());
+                    let made = Ground::new(case.recordings(unit)?, unit, &case.catalogue());
                     // Nobody else can have set it.
                     let _ = ground.set(made);
                 }

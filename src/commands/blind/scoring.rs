@@ -152,7 +152,7 @@ fn told(case: &Scored, units: &[Case], out: &Path) -> Option<f64> {
     if hidden.is_empty() {
         return None;
     }
-    limits::told(unit.recordings().ok()?, &refitted, &hidden, &answer)
+    limits::told(unit.recordings(&refitted).ok()?, &refitted, &hidden, &answer)
 }
 
 fn misses_json(misses: Misses) -> Value {
