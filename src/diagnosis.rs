@@ -34,7 +34,7 @@ use crate::diagnosis::summary::Seen;
 use crate::effects::{CATALOGUE, EffectSpec};
 use crate::parameters::Unit;
 use crate::recording::Recording;
-use crate::tuning::fit::Bench;
+use crate::tuning::bench::Bench;
 
 /// Where no effect gains anything, a refitted sheet that leaves so many times what a right model may leave lacks something that the catalogue does
 /// not have. At 100 Hz generated sound units leave 1.19 times at most, a command that drops out now and then 5 times, a filter of the pilot

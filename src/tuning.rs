@@ -1,6 +1,7 @@
 //! Tuning: parameters and effects fitted to recordings by bounded, prior-weighted least squares.
 
 pub mod admission;
+pub mod bench;
 pub mod calibration;
 pub mod cooling;
 mod descent;

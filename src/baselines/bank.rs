@@ -6,7 +6,7 @@
 use crate::baselines::ground::Ground;
 use crate::baselines::{Found, said};
 use crate::blind::said::Said;
-use crate::tuning::fit::square;
+use crate::tuning::bench::square;
 
 /// The rule.
 #[must_use]

@@ -4,7 +4,7 @@ use crate::diagnosis::closure::share;
 use crate::diagnosis::own_noise;
 use crate::parameters::Unit;
 use crate::recording::Recording;
-use crate::tuning::fit::Bench;
+use crate::tuning::bench::Bench;
 use crate::tuning::noise::expected;
 use crate::tuning::trial::Trial;
 use crate::tuning::trips::placed;

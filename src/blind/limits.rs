@@ -6,7 +6,8 @@ use crate::blind::exam::laid_along;
 use crate::effects::find;
 use crate::parameters::{EffectSetting, Unit};
 use crate::recording::Recording;
-use crate::tuning::fit::{Misses, beside, slopes};
+use crate::tuning::bench::Misses;
+use crate::tuning::fit::{beside, slopes};
 use crate::tuning::knob::Knob;
 use crate::tuning::linear::Projection;
 

@@ -4,7 +4,8 @@ use crate::diagnosis::decide::UNKNOWN_LEAVES;
 use crate::diagnosis::model::{Model, covariance};
 use crate::diagnosis::rivals::Found;
 use crate::parameters::Unit;
-use crate::tuning::fit::{Bench, Effort, Fit, fit};
+use crate::tuning::bench::Bench;
+use crate::tuning::fit::{Effort, Fit, fit};
 use crate::tuning::knob::Knob;
 
 /// Work of the fit to one recording alone.

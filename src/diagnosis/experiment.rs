@@ -4,7 +4,7 @@ use crate::diagnosis::outcome::Experiment;
 use crate::frame::{EsvState, Frame, Inputs, Signals};
 use crate::parameters::Unit;
 use crate::recording::Recording;
-use crate::tuning::fit::{Bench, square};
+use crate::tuning::bench::{Bench, square};
 use crate::tuning::noise::expected;
 use crate::tuning::trial::Trial;
 use crate::twin::Twin;

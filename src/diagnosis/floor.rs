@@ -5,7 +5,7 @@ use nalgebra::DVector;
 use crate::diagnosis::model::Model;
 use crate::diagnosis::rivals::Found;
 use crate::signal::Signal;
-use crate::tuning::fit::Bench;
+use crate::tuning::bench::Bench;
 use crate::tuning::noise::ALIKE;
 use crate::tuning::trial::Trial;
 use crate::twin::Cut;

@@ -15,7 +15,7 @@ use crate::parameters::Unit;
 use crate::plant::Plant;
 use crate::plant::term::{Point, Term, View};
 use crate::solver::Method;
-use crate::tuning::fit::{Bench, Misses, square};
+use crate::tuning::bench::{Bench, Misses, square};
 use crate::tuning::linear::normal;
 use crate::twin::Twin;
 

@@ -3,7 +3,7 @@
 use crate::diagnosis::outcome::{Ledger, Part, SignalGap};
 use crate::frame::{Estimate, EsvState, Frame};
 use crate::signal::Signal;
-use crate::tuning::fit::Bench;
+use crate::tuning::bench::Bench;
 use crate::tuning::trial::Trial;
 
 /// Slower than this the servomotor stands, pu/s.

@@ -4,7 +4,8 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::effects::EffectSpec;
 use crate::parameters::Unit;
-use crate::tuning::fit::{Bench, Effort, Fit, fit, prior_square, slopes, square};
+use crate::tuning::bench::{Bench, square};
+use crate::tuning::fit::{Effort, Fit, fit, prior_square, slopes};
 use crate::tuning::knob::{Knob, unit_at};
 use crate::tuning::linear::normal;
 

@@ -5,7 +5,7 @@ use crate::diagnosis::outcome::{Blame, Experiment, Verdict};
 use crate::diagnosis::rivals::Found;
 use crate::diagnosis::{experiment, stage_experiment};
 use crate::signal::Signal;
-use crate::tuning::fit::Bench;
+use crate::tuning::bench::Bench;
 use crate::twin::Cut;
 
 /// For a class, a test for each pair of rivals; for one named effect, a test against the runner-up.

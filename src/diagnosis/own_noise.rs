@@ -3,7 +3,7 @@
 use crate::diagnosis::decide::SEEN;
 use crate::diagnosis::model::Model;
 use crate::parameters::Unit;
-use crate::tuning::fit::{Bench, square};
+use crate::tuning::bench::{Bench, square};
 
 /// Share of the least cost by which a model must be likelier with the noise of its own: less is not worth a new search.
 const NOTABLE: f64 = 0.1;

@@ -5,8 +5,9 @@ use crate::diagnosis::own_noise;
 use crate::diagnosis::search::{Start, extend};
 use crate::effects::EffectSpec;
 use crate::parameters::Unit;
+use crate::tuning::bench::Bench;
 use crate::tuning::cooling::COOLING;
-use crate::tuning::fit::{Bench, Effort, fit};
+use crate::tuning::fit::{Effort, fit};
 
 /// Smallest gain with which the search takes a first effect in, in halves of a log-likelihood; for a verdict it must gain
 /// [`SEEN`](crate::diagnosis::decide::SEEN).

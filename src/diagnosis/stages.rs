@@ -3,7 +3,7 @@
 use crate::diagnosis::outcome::StageTest;
 use crate::parameters::Unit;
 use crate::signal::Signal;
-use crate::tuning::fit::Bench;
+use crate::tuning::bench::Bench;
 use crate::tuning::trial::Trial;
 use crate::twin::{Cut, Twin};
 

@@ -16,7 +16,7 @@ use crate::diagnosis::traces::traces;
 use crate::diagnosis::visible::Marks;
 use crate::effects::{EffectSpec, Stage};
 use crate::parameters::Unit;
-use crate::tuning::fit::Bench;
+use crate::tuning::bench::Bench;
 use crate::tuning::knob::Knob;
 
 /// Standard deviations to either side of a 90 % interval.

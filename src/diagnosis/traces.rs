@@ -2,7 +2,7 @@
 
 use crate::diagnosis::outcome::Trace;
 use crate::frame::Estimate;
-use crate::tuning::fit::Bench;
+use crate::tuning::bench::Bench;
 use crate::units::seconds_from_nanos;
 
 /// One trace for each recording: measured, delivered, refitted, with effects.

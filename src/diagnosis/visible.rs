@@ -8,7 +8,7 @@ use crate::diagnosis::model::Model;
 use crate::diagnosis::outcome::Visible;
 use crate::diagnosis::search::with_effect;
 use crate::effects::EffectSpec;
-use crate::tuning::fit::Bench;
+use crate::tuning::bench::Bench;
 use crate::tuning::knob::unit_at;
 use crate::tuning::linear::normal;
 

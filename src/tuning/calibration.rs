@@ -4,8 +4,9 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::parameters::Unit;
 use crate::signal::Signal;
+use crate::tuning::bench::{Bench, Misses};
 use crate::tuning::cooling::cooled;
-use crate::tuning::fit::{Bench, Effort, Fit, Misses, fit};
+use crate::tuning::fit::{Effort, Fit, fit};
 use crate::tuning::knob::{Knob, unit_at};
 use crate::tuning::linear::normal;
 use crate::tuning::noise::{ALIKE, Noise};

@@ -1,7 +1,8 @@
 //! A fit that cools: priors weigh most at first, so that familiar parameters are not stretched before a strange one had its due.
 
 use crate::parameters::Unit;
-use crate::tuning::fit::{Bench, Effort, Fit, fit};
+use crate::tuning::bench::Bench;
+use crate::tuning::fit::{Effort, Fit, fit};
 use crate::tuning::knob::Knob;
 
 /// Temperatures through which fits far from the sheet cool.

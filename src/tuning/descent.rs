@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::parameters::Unit;
-use crate::tuning::fit::Misses;
+use crate::tuning::bench::Misses;
 use crate::tuning::knob::Knob;
 
 /// Corrects slopes by the change of the misses that a step brought (Broyden 1965, equation 4.5).

@@ -2,7 +2,8 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-use crate::tuning::fit::{Misses, prior_square, square};
+use crate::tuning::bench::{Misses, square};
+use crate::tuning::fit::prior_square;
 use crate::tuning::knob::Knob;
 
 /// A parameter of whose mark less than this share is its own is taken for a mixture of others.

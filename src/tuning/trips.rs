@@ -2,7 +2,7 @@
 
 use crate::frame::EsvState;
 use crate::parameters::Unit;
-use crate::tuning::fit::Bench;
+use crate::tuning::bench::Bench;
 use crate::tuning::trial::Trial;
 use crate::twin::Twin;
 use crate::units::nanos_from_seconds;

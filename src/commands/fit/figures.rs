@@ -4,8 +4,8 @@ use govtwin::parameters::Unit;
 use govtwin::params::{Sheet, quantity_text};
 use govtwin::report::table::{Table, fixed, significant};
 use govtwin::signal::Signal;
+use govtwin::tuning::bench::Bench;
 use govtwin::tuning::calibration::{Calibration, Row};
-use govtwin::tuning::fit::Bench;
 use serde_json::{Value, json};
 
 /// Correlations that a terminal shows.

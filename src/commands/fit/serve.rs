@@ -4,8 +4,8 @@ use std::io::{BufRead, Write};
 
 use anyhow::Context;
 use govtwin::parameters::Unit;
+use govtwin::tuning::bench::Bench;
 use govtwin::tuning::calibration::Calibration;
-use govtwin::tuning::fit::Bench;
 use govtwin::tuning::knob::unit_at;
 use serde_json::json;
 

@@ -1,0 +1,244 @@
+//! Recordings with the noise to expect of them, against which units are judged.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use nalgebra::DVector;
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
+
+use crate::frame::Estimate;
+use crate::parameters::Unit;
+use crate::signal::Signal;
+use crate::tuning::noise::{Noise, Whitener, whiteners};
+use crate::tuning::trial::Trial;
+use crate::twin::{Cut, Twin};
+
+/// What stands for a simulated value that is no number, in any signal's unit: far from everything, so that no fit ends there.
+const ASTRAY: f64 = 1.0e12;
+
+/// A set of trials with the noise to expect of them, against which units are judged.
+#[derive(Debug)]
+pub struct Bench {
+    /// The recordings.
+    pub trials: Vec<Trial>,
+    /// Filters, by trial and by signal.
+    whiteners: Vec<Vec<Whitener>>,
+    noise: Noise,
+    dither_pu: f64,
+    simulations: Arc<AtomicUsize>,
+}
+
+/// Misses of one unit: by trial, all signals one behind another, sample by sample, then their swings; made independent and of unit size.
+pub type Misses = Vec<DVector<f64>>;
+
+impl Bench {
+    /// Prepares trials; the noise is laid out along a reference unit's simulation.
+    #[must_use]
+    pub fn new(trials: Vec<Trial>, reference: &Unit, noise: &Noise) -> Self {
+        let dither_pu = reference.sensors.servomotor_position_pu.noise;
+        let bench = Self { trials, whiteners: Vec::new(), noise: *noise, dither_pu, simulations: Arc::default() };
+        bench.laid_along(reference)
+    }
+
+    /// The same trials, their noise laid out along another unit's simulation.
+    #[must_use]
+    pub fn laid_along(&self, reference: &Unit) -> Self {
+        let moved = [-1.0, 1.0].map(|times| with_moved_stops(reference, times));
+        let whiteners = (0..self.trials.len())
+            .into_par_iter()
+            .map(|index| {
+                let trial = &self.trials[index];
+                let estimates = self.simulate(reference, index);
+                // A spool that is recorded stands where it stands.
+                let loose = moved.iter().filter(|_| trial.cut != Cut::Spool);
+                let moved: Vec<_> = loose.map(|unit| self.simulate(unit, index)).collect();
+                whiteners(trial, &self.noise, &estimates, &moved)
+            })
+            .collect();
+        self.of(self.trials.clone(), whiteners)
+    }
+
+    /// Other versions of the trials, their noise laid out along a unit's simulation; what it simulates counts with this bench's.
+    #[must_use]
+    pub fn anew(&self, trials: Vec<Trial>, reference: &Unit) -> Self {
+        self.of(trials, Vec::new()).laid_along(reference)
+    }
+
+    /// Twice the logarithm of how wide the noise is, over all samples: what a likelihood charges for a noise that excuses more.
+    #[must_use]
+    pub fn width(&self) -> f64 {
+        self.whiteners.iter().flatten().map(Whitener::width).sum()
+    }
+
+    /// A bench with one of the trials alone, its noise as laid out here.
+    #[must_use]
+    pub fn only(&self, trial: usize) -> Self {
+        self.of(vec![self.trials[trial].clone()], vec![self.whiteners[trial].clone()])
+    }
+
+    /// One trial through the mean twin of a unit.
+    #[must_use]
+    pub fn simulate(&self, unit: &Unit, trial: usize) -> Vec<Estimate> {
+        self.simulations.fetch_add(1, Ordering::Relaxed);
+        self.trials[trial].run(&mut self.prepared(Twin::new(unit), trial))
+    }
+
+    /// All trials through the mean twin of a unit, one after another.
+    #[must_use]
+    pub fn simulate_all(&self, unit: &Unit) -> Vec<Vec<Estimate>> {
+        (0..self.trials.len()).map(|trial| self.simulate(unit, trial)).collect()
+    }
+
+    /// A twin with the cut of a trial; the mean over noise inside the loop, where there is a loop.
+    fn prepared(&self, twin: Twin, trial: usize) -> Twin {
+        match self.trials[trial].cut {
+            Cut::None => twin.with_dither(self.dither_pu(trial)),
+            cut => twin.with_cut(cut),
+        }
+    }
+
+    /// The same bench without one trial; what it simulates counts with the whole.
+    #[must_use]
+    pub fn without(&self, left: usize) -> Self {
+        fn others<T: Clone>(all: &[T], left: usize) -> Vec<T> {
+            all.iter().enumerate().filter(|&(k, _)| k != left).map(|(_, one)| one.clone()).collect()
+        }
+        self.of(others(&self.trials, left), others(&self.whiteners, left))
+    }
+
+    /// A bench with other trials; what it simulates counts with this one's.
+    fn of(&self, trials: Vec<Trial>, whiteners: Vec<Vec<Whitener>>) -> Self {
+        Self {
+            trials,
+            whiteners,
+            noise: self.noise,
+            dither_pu: self.dither_pu,
+            simulations: Arc::clone(&self.simulations),
+        }
+    }
+
+    /// How many recordings were simulated so far.
+    #[must_use]
+    pub fn simulations(&self) -> usize {
+        self.simulations.load(Ordering::Relaxed)
+    }
+
+    /// Noise inside the loop over which the twin is a mean, pu: the transducer's, and what a slow recorder does not show of the command.
+    #[must_use]
+    pub fn dither_pu(&self, trial: usize) -> f64 {
+        self.dither_pu.hypot(self.trials[trial].command_jitter_pu)
+    }
+
+    /// Mean square that a right model would miss of a signal in a trial, in its unit squared; 0 where it was not measured.
+    #[must_use]
+    pub fn floor_square(&self, trial: usize, signal: Signal) -> f64 {
+        self.trials[trial].place(signal).map_or(0.0, |place| self.whiteners[trial][place].floor_square)
+    }
+
+    /// Squared misses of a signal in a trial at each sample, in its unit squared; where it swings, those of the swing's loudness.
+    ///
+    /// Not a number where it was not measured; none where it never was.
+    #[must_use]
+    pub fn squares(&self, trial: usize, signal: Signal, estimates: &[Estimate]) -> Option<Vec<f64>> {
+        let place = self.trials[trial].place(signal)?;
+        let simulated = signal.of_estimates(estimates);
+        Some(self.whiteners[trial][place].swings.squares(&self.trials[trial].measured(signal), &simulated))
+    }
+
+    /// Whether any trial has samples so far apart that nobody knows what drives the unit between them.
+    #[must_use]
+    pub fn is_slow(&self) -> bool {
+        self.trials.iter().any(Trial::is_slow)
+    }
+
+    /// By sample whether a signal swings of itself in a trial, where it is judged by its loudness; none where it was never measured.
+    #[must_use]
+    pub fn swinging_samples(&self, trial: usize, signal: Signal) -> Option<Vec<bool>> {
+        let place = self.trials[trial].place(signal)?;
+        Some(self.whiteners[trial][place].swings.ignored_squares.iter().map(|square| *square > 0.0).collect())
+    }
+
+    /// For how long a trial swings of itself, s.
+    #[must_use]
+    pub fn swings_s(&self, trial: usize) -> f64 {
+        let samples = self.whiteners[trial].iter().map(|whitener| whitener.swings.samples()).max().unwrap_or(0);
+        samples as f64 * self.trials[trial].period_s
+    }
+
+    /// Where recordings swing of themselves and for how long, in a sentence.
+    #[must_use]
+    pub fn swinging(&self) -> Option<String> {
+        let times = self.trials.iter().enumerate().map(|(index, trial)| (&trial.name, self.swings_s(index)));
+        let said: Vec<String> = times
+            .filter(|(_, time_s)| *time_s > 0.0)
+            .map(|(name, time_s)| format!("{name} for {time_s:.0} s"))
+            .collect();
+        (!said.is_empty()).then(|| {
+            format!(
+                "Signals swing of themselves in {}: no twin can keep step there, and every figure told of them compares how \
+                 loud and how fast they swing.",
+                said.join(", ")
+            )
+        })
+    }
+
+    /// Misses of a unit in one trial.
+    #[must_use]
+    pub fn misses(&self, unit: &Unit, trial: usize) -> DVector<f64> {
+        self.misses_by(Twin::new(unit), trial)
+    }
+
+    /// Misses of a twin in one trial, which sets its cut.
+    #[must_use]
+    pub fn misses_by(&self, twin: Twin, trial: usize) -> DVector<f64> {
+        self.misses_in(&self.trials[trial], twin, trial)
+    }
+
+    /// The same in another version of a trial, with other inputs but the same samples.
+    #[must_use]
+    pub fn misses_in(&self, data: &Trial, twin: Twin, index: usize) -> DVector<f64> {
+        self.simulations.fetch_add(1, Ordering::Relaxed);
+        let estimates = data.run(&mut self.prepared(twin, index));
+        let count = data.samples.len();
+        let mut all = Vec::with_capacity(count * self.whiteners[index].len());
+        let mut swings = Vec::new();
+        for (signal, whitener) in data.signals().zip(&self.whiteners[index]) {
+            let start = all.len();
+            let mut simulated = signal.of_estimates(&estimates);
+            simulated.iter_mut().filter(|value| !value.is_finite()).for_each(|value| *value = ASTRAY);
+            let measured = data.measured(signal).into_iter();
+            all.extend(measured.zip(&simulated).map(|(measured, simulated)| measured - simulated));
+            whitener.apply(&mut all[start..]);
+            swings.extend(whitener.swings(&simulated));
+        }
+        all.append(&mut swings);
+        DVector::from_vec(all)
+    }
+
+    /// Misses of several units in all trials, in parallel, in order.
+    #[must_use]
+    pub fn misses_of(&self, units: &[Unit]) -> Vec<Misses> {
+        let jobs = units.len() * self.trials.len();
+        let flat: Vec<DVector<f64>> = (0..jobs)
+            .into_par_iter()
+            .map(|job| self.misses(&units[job / self.trials.len()], job % self.trials.len()))
+            .collect();
+        flat.chunks(self.trials.len().max(1)).map(<[_]>::to_vec).collect()
+    }
+}
+
+/// The unit with the spool's stops farther apart by so many times the noise of the spool's transducer.
+fn with_moved_stops(unit: &Unit, times: f64) -> Unit {
+    let mut moved = unit.clone();
+    let valve = &mut moved.parameters.distributing_valve;
+    let by_m = times * unit.sensors.spool_position_pu.noise * valve.reference_stroke_m;
+    valve.stroke_min_m -= by_m;
+    valve.stroke_max_m += by_m;
+    moved
+}
+
+/// Sum of squares of misses.
+#[must_use]
+pub fn square(misses: &Misses) -> f64 {
+    misses.iter().map(DVector::norm_squared).sum()
+}
