@@ -16,6 +16,7 @@ use crate::plant::Plant;
 use crate::plant::term::{Point, Term, View};
 use crate::solver::Method;
 use crate::tuning::bench::{Bench, Misses, square};
+use crate::tuning::fit::prior_square;
 use crate::tuning::linear::normal;
 use crate::twin::Twin;
 
@@ -178,9 +179,8 @@ fn fitted(
         for (k, size) in sizes.iter_mut().enumerate() {
             *size = share * change[kept + k];
         }
-        let prior: f64 =
-            model.knobs.iter().zip(&positions).filter(|(knob, _)| knob.has_prior()).map(|(_, p)| p * p).sum();
-        let gain = before - square(&beyond(misses(bench, &moved, point, sizes))) - prior;
+        let left = beyond(misses(bench, &moved, point, sizes));
+        let gain = before - square(&left) - prior_square(&model.knobs, &positions);
         if gain > best.1 {
             best = (sizes, gain);
         }

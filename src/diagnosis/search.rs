@@ -203,12 +203,12 @@ fn offers(bench: &Bench, priced: &[Priced<'_>], spec: &'static EffectSpec) -> Ve
 /// Where the further parameters of an effect stand for its first one at nothing to be nothing of the effect: typical, if that leaves the model alone,
 /// else neutral.
 fn where_nothing_is(bench: &Bench, from: &Model, spec: &'static EffectSpec) -> f64 {
-    let leaves_alone = |further: f64| {
-        let (base, knobs, positions) = with_effect(from, spec, 0.0, further)?;
+    let leaves_alone = || {
+        let (base, knobs, positions) = with_effect(from, spec, 0.0, 1.0)?;
         let misses = bench.misses_of(&[unit_at(&base, &knobs, &positions)]).pop()?;
         Some(misses == from.fit.misses)
     };
-    if spec.parameters.len() == 1 || leaves_alone(1.0) == Some(true) { 1.0 } else { 0.0 }
+    if spec.parameters.len() == 1 || leaves_alone() == Some(true) { 1.0 } else { 0.0 }
 }
 
 /// The cost that an effect promises at the best of several sizes, that size, and where its further parameters stand with it; none where it promises
