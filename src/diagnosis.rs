@@ -116,6 +116,11 @@ pub fn diagnose(
         let (doubted, reason) = doubts(&bench, &found, decision);
         decision = doubted;
         notes.extend(reason);
+        notes.extend(
+            decision.besides.iter().map(|rivals| {
+                format!("Something acts besides what is named; {} would explain it.", rivals.join(" or "))
+            }),
+        );
         notes.extend(strange);
     }
     progress("gathering what the report shows", 0.9);
@@ -132,9 +137,9 @@ fn doubts(bench: &Bench, found: &Found, decision: Decision) -> (Decision, Option
     if named.is_empty() && decision.verdict != Verdict::NoGap {
         return (decision, None);
     }
-    let chosen = decision.chosen(found);
-    let left = if named.is_empty() { 0.0 } else { closure::share_left(bench, &found.refitted, chosen) };
-    let (by_left, by_strain) = (decide::odds_of_left(left), decide::odds_of_strain(chosen.strain()));
+    let whole = decision.whole(found);
+    let left = if named.is_empty() { 0.0 } else { closure::share_left(bench, &found.refitted, whole) };
+    let (by_left, by_strain) = (decide::odds_of_left(left), decide::odds_of_strain(whole.strain()));
     let doubted = decision.clone().doubted(by_left + by_strain);
     if doubted.verdict == decision.verdict {
         return (doubted, None);
@@ -150,7 +155,7 @@ fn doubts(bench: &Bench, found: &Found, decision: Decision) -> (Decision, Option
         format!(
             "The twin follows these recordings only if {}: the sheet is wrong there, or something acts that has nearly the same mark. \
              Correct the sheet or widen its tolerances if you know better.",
-            chosen.stretched().join(" and ")
+            whole.stretched().join(" and ")
         )
     };
     (doubted, Some(nearest + &reason))

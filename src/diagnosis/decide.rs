@@ -1,6 +1,6 @@
 //! Verdict and probabilities: what the costs of all models that were tried say together.
 
-use crate::diagnosis::model::Model;
+use crate::diagnosis::model::{Model, STRAINED};
 use crate::diagnosis::outcome::Verdict;
 use crate::diagnosis::rivals::{DETECTED, Found, Slot};
 use crate::effects::{EffectSpec, Stage};
@@ -26,11 +26,6 @@ const MOST_OF_IT: f64 = 0.5;
 /// 100 Hz the right effect left 0.065 at most in `practice` and on the generated batteries of seeds 77, 603 and 604, and nearly always less than
 /// 0.02; a neighbour of an effect that the catalogue was made to lack left from nothing to 0.55, every second more than 0.05.
 const STAYS: f64 = 0.1;
-
-/// How far a right model may stretch the sheet ([`Model::strain`]); the odds on something unknown are by how much it is stretched farther. On
-/// generated batteries (seeds 77, 502, 603, 604, the first 30 units of 605) right single effects and sound units stretch it by 3.2 at most, but for one
-/// that swings, of 19 effects given a neighbour's name eight by 4.2 to 12; in `practice` it is 2.4 at most.
-const STRAINED: f64 = 3.0;
 
 /// Effects of a class at most.
 const CLASS: usize = 3;
@@ -62,6 +57,8 @@ pub struct Decision {
     pub verdict: Verdict,
     /// Ids that it blames.
     pub blamed: Vec<&'static str>,
+    /// What acts besides what is named: the rivals of each place that one of several effects holds, none of which is likely alone.
+    pub besides: Vec<Vec<&'static str>>,
     /// Probability of each effect of the catalogue, in its order.
     pub effects: Vec<(&'static EffectSpec, f64)>,
     /// Probability of something outside the catalogue.
@@ -89,7 +86,7 @@ impl Decision {
         let share = room / sum.max(room).max(1e-12);
         *other *= share;
         self.effects.iter_mut().for_each(|(_, p)| *p *= share);
-        Self { verdict, blamed: Vec::new(), ..self }
+        Self { verdict, blamed: Vec::new(), besides: Vec::new(), ..self }
     }
 
     /// The model of what is named: of several effects all at once, of rivals the first; the refitted sheet where nothing is.
@@ -100,6 +97,12 @@ impl Decision {
             several @ [_, _, ..] if self.verdict == Verdict::Named => found.claimed(several),
             [first, ..] => found.alone(first),
         }
+    }
+
+    /// The model by which to doubt what is named: with what acts besides, whose mark the sheet would take otherwise.
+    #[must_use]
+    pub fn whole<'a>(&self, found: &'a Found) -> &'a Model {
+        if self.besides.is_empty() { self.chosen(found) } else { &found.best }
     }
 
     /// The same, with these odds that what is said, even that there is nothing, only resembles what there is.
@@ -115,7 +118,7 @@ impl Decision {
         // What is named must stay the likelier.
         let top = self.effects.iter().map(|(_, p)| *p).fold(0.0, f64::max);
         if odds > 1.0 || !self.blamed.is_empty() && self.unknown > top {
-            (self.verdict, self.blamed) = (Verdict::Unknown, Vec::new());
+            (self.verdict, self.blamed, self.besides) = (Verdict::Unknown, Vec::new(), Vec::new());
         }
         self
     }
@@ -178,6 +181,7 @@ fn weigh(slot: &Slot, catalogue: &[&'static EffectSpec], floor: f64, unknown_lea
 pub fn decide(found: &Found, catalogue: &[&'static EffectSpec], floor: f64, explained: f64) -> Decision {
     let mut effects = vec![0.0_f64; catalogue.len()];
     let (mut unknown, mut none) = (0.0_f64, 1.0_f64);
+    let mut rivals: Vec<Vec<usize>> = Vec::new();
     let detected = !found.best.effects.is_empty() && found.slots.first().is_some_and(|slot| slot.best_gain() > SEEN);
     for (place, slot) in found.slots.iter().enumerate() {
         let floor = match found.slots.get(place + 1) {
@@ -193,6 +197,11 @@ pub fn decide(found: &Found, catalogue: &[&'static EffectSpec], floor: f64, expl
             *all = 1.0 - (1.0 - *all) * (1.0 - one);
         }
         unknown = unknown.max(weighed.unknown);
+        let mut suits: Vec<usize> = (0..catalogue.len()).filter(|&k| close(slot, catalogue[k])).collect();
+        if suits.iter().map(|&k| weighed.effects[k]).sum::<f64>() < SURE {
+            suits.clear();
+        }
+        rivals.push(suits);
         if place == 0 {
             none = weighed.none;
         }
@@ -201,6 +210,11 @@ pub fn decide(found: &Found, catalogue: &[&'static EffectSpec], floor: f64, expl
     // What something unknown explains as well has no name.
     let likely: Vec<usize> =
         (0..catalogue.len()).filter(|&k| effects[k] >= LIKELY && found.best.has(catalogue[k].id)).collect();
+    let nameless = |slot: &Slot| !likely.iter().any(|&k| slot.holder() == Some(catalogue[k].id));
+    let besides: Vec<Vec<&'static str>> =
+        found.slots.iter().zip(&rivals).filter(|(slot, _)| nameless(slot)).map(|(_, suits)| ids(suits)).collect();
+    // One of several rivals is there even where none of them has a name.
+    let whole = besides.iter().all(|rivals| !rivals.is_empty());
     if let [first, _, ..] = found.slots.as_slice() {
         // Several effects may each suit their place and yet leave most of the gap.
         let gap = first.before.cost() - floor;
@@ -209,6 +223,7 @@ pub fn decide(found: &Found, catalogue: &[&'static EffectSpec], floor: f64, expl
             (weight(found.best.cost() - floor, gap), weight(SUPPLE * leaves * gap + 0.5 * DETECTED, gap));
         unknown = unknown.max(other / (named + other));
         let claim = match ids(&likely).as_slice() {
+            _ if whole => &found.best,
             [] => found.alone(found.best.ids().first().copied().unwrap_or_default()),
             [one] => found.alone(one),
             several => found.claimed(several),
@@ -246,7 +261,9 @@ pub fn decide(found: &Found, catalogue: &[&'static EffectSpec], floor: f64, expl
         let rivals: Vec<usize> = order.iter().enumerate().filter(shares).map(|(_, &k)| k).take(CLASS).collect();
         (if rivals.len() > 1 { Verdict::Class } else { Verdict::Named }, ids(&rivals))
     };
-    Decision { verdict, blamed, effects: catalogue.iter().copied().zip(effects).collect(), unknown, none, floor }
+    let besides = if whole && verdict == Verdict::Named { besides } else { Vec::new() };
+    let effects = catalogue.iter().copied().zip(effects).collect();
+    Decision { verdict, blamed, besides, effects, unknown, none, floor }
 }
 
 /// Whether an effect explains nearly as much as the best one.
@@ -286,11 +303,11 @@ mod tests {
         Model::new(effects, crate::params::reference(), Vec::new(), fit)
     }
 
-    /// `backlash` leaves this of a gap of 1000; on top of it two others explain nearly the same.
-    fn found(leaves: f64) -> Found {
+    /// `backlash` leaves this of a gap of 1000; on top of it two others leave nearly the same.
+    fn two_places(leaves: f64, together: f64) -> Found {
         let nominal = model(&[], 1000.0);
         let first = model(&["backlash"], leaves);
-        let second = ["load", "viscosity"].map(|id| model(&["backlash", id], 0.5 * leaves + id.len() as f64));
+        let second = ["load", "viscosity"].map(|id| model(&["backlash", id], together + id.len() as f64));
         let slots = vec![
             Slot { before: nominal.clone(), tried: vec![first.clone()] },
             Slot { before: first, tried: second.to_vec() },
@@ -298,20 +315,35 @@ mod tests {
         Found { refitted: nominal, best: second[0].clone(), slots, further: Vec::new(), claims: Vec::new() }
     }
 
+    fn found(leaves: f64) -> Found {
+        two_places(leaves, 0.5 * leaves)
+    }
+
     fn judged(found: &Found, floor: f64) -> Decision {
         decide(found, &CATALOGUE.iter().collect::<Vec<_>>(), floor, 0.5)
     }
 
-    fn verdict(leaves: f64) -> (Verdict, Vec<&'static str>) {
-        let decision = judged(&found(leaves), 0.0);
-        (decision.verdict, decision.blamed)
-    }
-
     #[test]
     fn what_is_named_must_explain_most_of_the_gap() {
-        assert_eq!(verdict(400.0), (Verdict::Named, vec!["backlash"]));
+        let verdict = |leaves: f64, together: f64| {
+            let decision = judged(&two_places(leaves, together), 0.0);
+            (decision.verdict, decision.blamed)
+        };
+        assert_eq!(verdict(400.0, 200.0), (Verdict::Named, vec!["backlash"]));
         // With what has no name it would still be three fifths.
-        assert_eq!(verdict(700.0), (Verdict::Unknown, vec![]));
+        assert_eq!(verdict(700.0, 600.0), (Verdict::Unknown, vec![]));
+    }
+
+    /// Which of two acts besides is open, that one of them does is not: neither gap nor sheet speaks against what is named.
+    #[test]
+    fn rivals_for_a_further_place_do_not_count_as_unknown() {
+        let found = two_places(700.0, 250.0);
+        let decision = judged(&found, 0.0);
+        assert_eq!((decision.verdict, decision.blamed.as_slice()), (Verdict::Named, ["backlash"].as_slice()));
+        assert_eq!(decision.besides, vec![vec!["viscosity", "load"]]);
+        assert!(decision.unknown < 0.2 && decision.whole(&found).effects.len() == 2, "{decision:?}");
+        assert_eq!(decision.chosen(&found).ids(), ["backlash"]);
+        assert!(decision.doubted(9.0).besides.is_empty());
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Which effects are present: grown one by one, each time with the rivals for the place.
 
+use crate::diagnosis::decide::SEEN;
 use crate::diagnosis::model::Model;
 use crate::diagnosis::own_noise;
 use crate::diagnosis::search::{Start, extend};
@@ -10,7 +11,7 @@ use crate::tuning::cooling::COOLING;
 use crate::tuning::fit::{Effort, fit};
 
 /// Smallest gain with which the search takes a first effect in, in halves of a log-likelihood; for a verdict it must gain
-/// [`SEEN`](crate::diagnosis::decide::SEEN).
+/// [`SEEN`].
 pub const DETECTED: f64 = 8.0;
 
 /// A further effect must gain this share of what the effects before it did: what an effect's own equation leaves behind is not
@@ -50,6 +51,12 @@ impl Slot {
     #[must_use]
     pub fn with(&self, id: &str) -> Option<&Model> {
         self.tried.iter().find(|model| model.newest() == Some(id))
+    }
+
+    /// The effect that stands here.
+    #[must_use]
+    pub fn holder(&self) -> Option<&'static str> {
+        self.tried.first().and_then(Model::newest)
     }
 
     /// The least cost that was reached here, with an effect or without.
@@ -306,7 +313,7 @@ fn grow(
         }
         let explained = nominal.cost() - before.cost();
         let Some(first) = tried.first() else { break };
-        if before.cost() - first.cost() <= least_gain(explained) || slots.len() == MOST {
+        if before.cost() - first.cost() <= least_gain(explained, &before, first) || slots.len() == MOST {
             break;
         }
         progress("trying every effect on top of what was found", 0.35 + 0.15 * slots.len() as f64);
@@ -325,9 +332,14 @@ fn grow(
     Grown::Found(Box::new(Found { refitted: nominal, best: before, slots, further, claims: Vec::new() }))
 }
 
-/// What an effect must gain when others have explained so much before it.
-fn least_gain(explained: f64) -> f64 {
-    if explained > 0.0 { (1.5 * DETECTED).max(FURTHER_SHARE * explained) } else { DETECTED }
+/// What an effect must gain when others have explained so much before it: a share of that, but where the sheet is believed only with it,
+/// no more than can be seen; else the sheet's own parameters have taken its mark.
+fn least_gain(explained: f64, before: &Model, with: &Model) -> f64 {
+    if explained <= 0.0 {
+        return DETECTED;
+    }
+    let most = if before.is_strained() && !with.is_strained() { SEEN } else { f64::INFINITY };
+    (FURTHER_SHARE * explained).clamp(1.5 * DETECTED, most)
 }
 
 /// A start that is good already; on top of effects that explain the gap most others gain nothing at any size and need no fit.
