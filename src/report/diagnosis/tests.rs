@@ -202,6 +202,14 @@ fn a_closure_that_says_nothing_is_not_given_as_a_figure() {
 }
 
 #[test]
+fn a_closure_below_nothing_is_none() {
+    let mut diagnosis = made_up(Verdict::Named, &["backlash"]);
+    diagnosis.closure = Interval { value: -0.12, low: -0.77, high: 0.09 };
+    let text = summary(&diagnosis);
+    assert!(text.contains("This closes nothing of the gap that refitting leaves, on data left out"), "{text}");
+}
+
+#[test]
 fn an_effect_without_a_file_is_called_by_its_id() {
     let text = summary(&made_up(Verdict::Named, &["my_own_term"]));
     assert!(text.starts_with("my own term: play 0.42 %"), "{text}");

@@ -29,7 +29,8 @@ fn closing(closure: Interval, of: &str) -> String {
             "a share of {of} that cannot be told: it stands in too few places, or too little above the noise"
         );
     }
-    format!("{} of {of}, on data left out of the fit", percents(closure))
+    let share = if closure.value > 0.0 { percents(closure) } else { "nothing".to_owned() };
+    format!("{share} of {of}, on data left out of the fit")
 }
 
 /// Where a stage is on the machine.
