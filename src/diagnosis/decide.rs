@@ -197,7 +197,8 @@ pub fn decide(found: &Found, catalogue: &[&'static EffectSpec], floor: f64, expl
             *all = 1.0 - (1.0 - *all) * (1.0 - one);
         }
         unknown = unknown.max(weighed.unknown);
-        let mut suits: Vec<usize> = (0..catalogue.len()).filter(|&k| close(slot, catalogue[k])).collect();
+        let mut suits = credible(&weighed.effects);
+        suits.truncate(CLASS);
         if suits.iter().map(|&k| weighed.effects[k]).sum::<f64>() < SURE {
             suits.clear();
         }
@@ -239,9 +240,7 @@ pub fn decide(found: &Found, catalogue: &[&'static EffectSpec], floor: f64, expl
             }
         }
     }
-    let mut order: Vec<usize> = (0..catalogue.len()).collect();
-    order.sort_by(|&a, &b| effects[b].total_cmp(&effects[a]));
-    let top = order.first().map_or(0.0, |&k| effects[k]);
+    let top = effects.iter().copied().fold(0.0, f64::max);
     let (verdict, blamed) = if !detected || none > 0.5 {
         (Verdict::NoGap, Vec::new())
     } else if unknown > top {
@@ -249,21 +248,37 @@ pub fn decide(found: &Found, catalogue: &[&'static EffectSpec], floor: f64, expl
     } else if found.best.effects.len() > 1 && !likely.is_empty() {
         (Verdict::Named, ids(&likely))
     } else {
-        let mut sum = 0.0;
-        let credited = |k: &&usize| {
-            let wanted = sum < 0.9 && effects[**k] > 0.03;
-            sum += effects[**k];
-            wanted
-        };
-        let credible = if top >= SURE { 1 } else { order.iter().take_while(credited).count().max(1) };
-        let close = |k: usize| found.slots.first().is_some_and(|slot| close(slot, catalogue[k]));
-        let shares = |&(rank, &k): &(usize, &usize)| rank < credible || close(k);
-        let rivals: Vec<usize> = order.iter().enumerate().filter(shares).map(|(_, &k)| k).take(CLASS).collect();
+        let shares = |k: usize| found.slots.first().is_some_and(|slot| close(slot, catalogue[k]));
+        let mut rivals = credible(&effects);
+        if top >= SURE {
+            rivals.truncate(1);
+        }
+        let near: Vec<usize> = ordered(&effects).into_iter().filter(|&k| shares(k) && !rivals.contains(&k)).collect();
+        rivals.extend(near);
+        rivals.truncate(CLASS);
         (if rivals.len() > 1 { Verdict::Class } else { Verdict::Named }, ids(&rivals))
     };
     let besides = if whole && verdict == Verdict::Named { besides } else { Vec::new() };
     let effects = catalogue.iter().copied().zip(effects).collect();
     Decision { verdict, blamed, besides, effects, unknown, none, floor }
+}
+
+/// The effects by probability, most probable first.
+fn ordered(probabilities: &[f64]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..probabilities.len()).collect();
+    order.sort_by(|&a, &b| probabilities[b].total_cmp(&probabilities[a]));
+    order
+}
+
+/// The most probable effects that make up nine tenths together, one at least.
+fn credible(probabilities: &[f64]) -> Vec<usize> {
+    let mut sum = 0.0;
+    let credited = |k: &usize| {
+        let wanted = sum == 0.0 || sum < 0.9 && probabilities[*k] > 0.03;
+        sum += probabilities[*k];
+        wanted
+    };
+    ordered(probabilities).into_iter().take_while(credited).collect()
 }
 
 /// Whether an effect explains nearly as much as the best one.
@@ -340,7 +355,7 @@ mod tests {
         let found = two_places(700.0, 250.0);
         let decision = judged(&found, 0.0);
         assert_eq!((decision.verdict, decision.blamed.as_slice()), (Verdict::Named, ["backlash"].as_slice()));
-        assert_eq!(decision.besides, vec![vec!["viscosity", "load"]]);
+        assert_eq!(decision.besides, vec![vec!["load", "viscosity"]]);
         assert!(decision.unknown < 0.2 && decision.whole(&found).effects.len() == 2, "{decision:?}");
         assert_eq!(decision.chosen(&found).ids(), ["backlash"]);
         assert!(decision.doubted(9.0).besides.is_empty());

@@ -313,7 +313,7 @@ fn grow(
         }
         let explained = nominal.cost() - before.cost();
         let Some(first) = tried.first() else { break };
-        if before.cost() - first.cost() <= least_gain(explained, &before, first) || slots.len() == MOST {
+        if before.cost() - first.cost() <= least_gain(explained, &before) || slots.len() == MOST {
             break;
         }
         progress("trying every effect on top of what was found", 0.35 + 0.15 * slots.len() as f64);
@@ -332,13 +332,13 @@ fn grow(
     Grown::Found(Box::new(Found { refitted: nominal, best: before, slots, further, claims: Vec::new() }))
 }
 
-/// What an effect must gain when others have explained so much before it: a share of that, but where the sheet is believed only with it,
-/// no more than can be seen; else the sheet's own parameters have taken its mark.
-fn least_gain(explained: f64, before: &Model, with: &Model) -> f64 {
+/// What an effect must gain on top of a model that explains so much: a share of that, but no more than can be seen where the model stretches the
+/// sheet beyond belief, since the sheet's own parameters may have taken its mark.
+fn least_gain(explained: f64, before: &Model) -> f64 {
     if explained <= 0.0 {
         return DETECTED;
     }
-    let most = if before.is_strained() && !with.is_strained() { SEEN } else { f64::INFINITY };
+    let most = if before.is_strained() { SEEN } else { f64::INFINITY };
     (FURTHER_SHARE * explained).clamp(1.5 * DETECTED, most)
 }
 
