@@ -36,7 +36,7 @@ pub enum BusError {
         reason: String,
     },
     /// An endpoint could not be made.
-    #[error("cannot open `{topic}`: {source}")]
+    #[error("cannot open `{topic}`")]
     Open {
         /// The topic or service.
         topic: String,
