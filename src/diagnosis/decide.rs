@@ -2,7 +2,7 @@
 
 use crate::diagnosis::model::{Model, STRAINED};
 use crate::diagnosis::outcome::Verdict;
-use crate::diagnosis::rivals::{DETECTED, Found, Slot};
+use crate::diagnosis::rivals::{DETECTED, FURTHER_SHARE, Found, Slot};
 use crate::effects::{EffectSpec, Stage};
 
 /// Degrees of freedom of the evidence: likelihoods fall as a power of the cost that a model leaves, not exponentially, since what it leaves is
@@ -196,7 +196,11 @@ pub fn decide(found: &Found, catalogue: &[&'static EffectSpec], floor: f64, expl
         for (all, one) in effects.iter_mut().zip(&weighed.effects) {
             *all = 1.0 - (1.0 - *all) * (1.0 - one);
         }
-        unknown = unknown.max(weighed.unknown);
+        // What is less than an effect's own equation may leave behind is no sign of anything unknown.
+        let before = found.slots[0].before.cost() - slot.before.cost();
+        if place == 0 || slot.best_gain() > FURTHER_SHARE * before {
+            unknown = unknown.max(weighed.unknown);
+        }
         let mut suits = credible(&weighed.effects);
         suits.truncate(CLASS);
         if suits.iter().map(|&k| weighed.effects[k]).sum::<f64>() < SURE {
@@ -336,6 +340,14 @@ mod tests {
 
     fn judged(found: &Found, floor: f64) -> Decision {
         decide(found, &CATALOGUE.iter().collect::<Vec<_>>(), floor, 0.5)
+    }
+
+    /// A place that was opened for the sheet's sake alone: what little is gained there shows nothing unknown, whoever falls short of filling it.
+    #[test]
+    fn what_an_equation_may_leave_behind_is_not_unknown() {
+        let verdict = |leaves: f64, together: f64| judged(&two_places(leaves, together), 0.0).verdict;
+        assert_eq!(verdict(150.0, 130.0), Verdict::Named);
+        assert_eq!(verdict(150.0, 110.0), Verdict::Unknown);
     }
 
     #[test]
