@@ -239,3 +239,18 @@ fn slips_say_the_way_out() {
     let (code, words) = run(&["--baselines"]);
     assert!(code == Some(1) && words.contains("found `perhaps`"), "{words}");
 }
+
+#[test]
+fn every_method_looks_for_the_streams_where_it_is_told() {
+    let dir = tempfile::tempdir().unwrap();
+    let bag = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/reference/startup_01.mcap");
+    fs::create_dir(dir.path().join("unit")).unwrap();
+    fs::copy(bag, dir.path().join("unit/startup.mcap")).unwrap();
+    let run = |more: &[&str]| blind(&[&[dir.path().to_str().unwrap()], more].concat());
+    for method in [&[][..], &["--baselines-only"]] {
+        let (code, words) = run(&[&["--topic", "servo_state=/other/servo_state"], method].concat());
+        assert!(code == Some(3) && words.contains("/other/servo_state"), "{words}");
+    }
+    let (code, words) = run(&["--generate", "1", "--topic", "esv=/esv"]);
+    assert!(code == Some(2) && words.contains("--generate"), "{words}");
+}

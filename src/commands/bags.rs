@@ -44,6 +44,11 @@ impl TopicArgs {
         }
         topics
     }
+
+    /// The arguments again, for a process of our own.
+    pub fn arguments(&self) -> Vec<String> {
+        self.named.iter().flat_map(|(stream, name)| ["--topic".to_owned(), format!("{stream}={name}")]).collect()
+    }
 }
 
 fn stream_and_name(text: &str) -> Result<(Stream, String), String> {

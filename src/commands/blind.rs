@@ -15,6 +15,7 @@ use rayon::prelude::{ParallelBridge, ParallelIterator};
 
 use self::cases::{Case, find};
 use self::method::methods;
+use super::bags::TopicArgs;
 use super::output::{Progress, print, warn};
 use super::replay::origin;
 use crate::commands::Outcome;
@@ -26,6 +27,8 @@ pub struct Args {
     /// Folder of units: each folder in it with bags is one unit. With --generate it is made.
     #[arg(value_name = "DIR")]
     dir: PathBuf,
+    #[command(flatten)]
+    topics: TopicArgs,
     /// The units' data sheet; without it the shipped reference unit.
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
@@ -36,7 +39,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE", conflicts_with = "generate")]
     labels: Option<PathBuf>,
     /// First makes this many units with known faults, and scores at the end.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", conflicts_with = "named")]
     generate: Option<usize>,
     /// Decides every draw of --generate.
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -97,7 +100,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         }
         None => None,
     };
-    let mut cases = find(&args.dir)?;
+    let mut cases = find(&args.dir, &args.topics)?;
     if let Some(made) = &made {
         made.restrict(&mut cases);
     }

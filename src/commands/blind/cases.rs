@@ -3,14 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use govtwin::bag::Topics;
 use govtwin::effects::{EffectSpec, of_the_chain};
 use govtwin::parameters::Unit;
 use govtwin::recording::Recording;
 use govtwin::tuning::admission::admit_all;
 use govtwin::twin::Cut;
 
-use crate::commands::bags::{self, Bag};
+use crate::commands::bags::{self, Bag, TopicArgs};
 
 /// One unit to diagnose.
 #[derive(Clone, Debug)]
@@ -19,12 +18,14 @@ pub struct Case {
     pub name: String,
     /// Its folder.
     pub dir: PathBuf,
+    /// Where its streams are.
+    pub topics: TopicArgs,
     /// An effect that the catalogue lacks for this unit.
     pub without: Option<String>,
 }
 
 /// Every folder in a folder that holds bags, by name.
-pub fn find(dir: &Path) -> anyhow::Result<Vec<Case>> {
+pub fn find(dir: &Path, topics: &TopicArgs) -> anyhow::Result<Vec<Case>> {
     let mut cases = vec![];
     let entries = dir.read_dir().with_context(|| format!("cannot read the folder {}", dir.display()))?;
     for entry in entries {
@@ -32,7 +33,7 @@ pub fn find(dir: &Path) -> anyhow::Result<Vec<Case>> {
         let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         let hidden = name.starts_with('.');
         if path.is_dir() && !hidden && bags::find(std::slice::from_ref(&path)).is_ok() {
-            cases.push(Case { name, dir: path, without: None });
+            cases.push(Case { name, dir: path, topics: topics.clone(), without: None });
         }
     }
     cases.sort_by(|a, b| a.name.cmp(&b.name));
@@ -50,7 +51,7 @@ impl Case {
 
     /// Its recordings as the diagnosis reads them by the sheet of the unit, without what it does not admit.
     pub fn recordings(&self, unit: &Unit) -> anyhow::Result<Vec<Recording>> {
-        let read = bags::read(std::slice::from_ref(&self.dir), &Topics::default(), unit)?;
+        let read = bags::read(std::slice::from_ref(&self.dir), &self.topics.topics(), unit)?;
         let intake = admit_all(read.recordings, |_| Cut::None);
         if intake.admitted.is_empty() {
             bail!("no recording can be used:\n  {}", intake.refused.join("\n  "));
@@ -78,10 +79,12 @@ mod tests {
             std::fs::copy(bags_of(from), dir.path().join(to)).unwrap();
         }
         std::fs::write(dir.path().join("torn.mcap"), "no bag").unwrap();
-        let case = Case { name: String::new(), dir: dir.path().to_owned(), without: None };
+        let topics = TopicArgs::default();
+        let usual = topics.topics();
+        let case = Case { name: String::new(), dir: dir.path().to_owned(), topics, without: None };
         let sheet = govtwin::params::reference();
         let found = case.recordings(&sheet).unwrap();
-        let read = bags::read(&[dir.path().to_owned()], &Topics::default(), &sheet).unwrap().recordings;
+        let read = bags::read(&[dir.path().to_owned()], &usual, &sheet).unwrap().recordings;
         assert_eq!(found.len(), 2, "what cannot be read is left out");
         for (found, read) in found.iter().zip(&read) {
             // As text, since what was not measured is NaN.

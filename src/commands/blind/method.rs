@@ -98,7 +98,7 @@ fn diagnose(case: &Case, params: Option<&Path>, threads: usize, out: &Path) -> a
     if let Some(without) = &case.without {
         command.arg("--without").arg(without);
     }
-    command.args(case.bags()?.into_iter().map(|bag| bag.path));
+    command.args(case.topics.arguments()).args(case.bags()?.into_iter().map(|bag| bag.path));
     let ended = command.stdin(Stdio::null()).output().context("cannot start the diagnosis")?;
     if !matches!(ended.status.code(), Some(0 | 3)) {
         let words = String::from_utf8_lossy(&ended.stderr);
