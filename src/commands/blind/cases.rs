@@ -79,12 +79,11 @@ mod tests {
             std::fs::copy(bags_of(from), dir.path().join(to)).unwrap();
         }
         std::fs::write(dir.path().join("torn.mcap"), "no bag").unwrap();
-        let topics = TopicArgs::default();
-        let usual = topics.topics();
-        let case = Case { name: String::new(), dir: dir.path().to_owned(), topics, without: None };
+        let case =
+            Case { name: String::new(), dir: dir.path().to_owned(), topics: TopicArgs::default(), without: None };
         let sheet = govtwin::params::reference();
         let found = case.recordings(&sheet).unwrap();
-        let read = bags::read(&[dir.path().to_owned()], &usual, &sheet).unwrap().recordings;
+        let read = bags::read(&[dir.path().to_owned()], &case.topics.topics(), &sheet).unwrap().recordings;
         assert_eq!(found.len(), 2, "what cannot be read is left out");
         for (found, read) in found.iter().zip(&read) {
             // As text, since what was not measured is NaN.
