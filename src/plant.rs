@@ -4,10 +4,12 @@ pub mod esv;
 #[cfg(test)]
 pub mod fixture;
 pub mod friction;
+pub mod lanes;
 pub mod main_ports;
 pub mod orifice;
 pub mod proportional_valve;
 pub mod rates;
+pub mod real;
 pub mod regulator;
 pub mod servomotor;
 pub mod spool;
@@ -17,38 +19,119 @@ pub mod term;
 
 use crate::parameters::Parameters;
 use crate::plant::esv::Esv;
+use crate::plant::lanes::{Abreast, Wide, abreast, apart};
 use crate::plant::main_ports::MainPorts;
 use crate::plant::proportional_valve::ProportionalValve;
-use crate::plant::regulator::Regulator;
+use crate::plant::regulator::{Regulator, SmallLoop};
 use crate::plant::servomotor::Servomotor;
 use crate::plant::spool::Spool;
 use crate::plant::supply::Supply;
 use crate::plant::term::Terms;
+use crate::state::State;
 
-/// What acts on the continuous plant during one tick of the small loop.
+/// What acts on the continuous plant during one tick of the small loop; on one unit, or on several in lanes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Drive {
+pub struct Drive<T = f64> {
     /// Time since the first frame, s.
     pub time_s: f64,
     /// Current to the proportional valve `u`, pu.
-    pub valve_current_pu: f64,
+    pub valve_current_pu: T,
     /// Position of the emergency shutdown valve: 1 passes pilot oil, 0 drains.
-    pub esv_opening_pu: f64,
+    pub esv_opening_pu: T,
     /// Measured tank pressure, Pa gauge.
-    pub tank_pressure_pa: f64,
+    pub tank_pressure_pa: T,
     /// How far chatter blurs the edges of the main ports, m; 0 unless the twin is a mean.
-    pub edge_blur_m: f64,
+    pub edge_blur_m: T,
     /// Force on the spool beyond the blocks', N, + opens.
-    pub spool_force_n: f64,
+    pub spool_force_n: T,
     /// Flow into the control chamber beyond the blocks', m³/s.
-    pub chamber_flow_m3_s: f64,
+    pub chamber_flow_m3_s: T,
     /// Force on the piston beyond the blocks', N, + opens.
-    pub servomotor_force_n: f64,
+    pub servomotor_force_n: T,
     /// Flow into the opening chamber beyond the ports', m³/s.
-    pub opening_flow_m3_s: f64,
+    pub opening_flow_m3_s: T,
     /// Flow into the closing chamber beyond the ports', m³/s.
-    pub closing_flow_m3_s: f64,
+    pub closing_flow_m3_s: T,
 }
+
+/// The laws of the continuous plant, of one unit or of several in lanes, wherever they stand.
+#[derive(Clone, Copy, Debug)]
+pub struct Blocks<'a, T = f64> {
+    /// Tank, line and return.
+    pub supply: &'a Supply<T>,
+    /// The proportional (pilot) valve.
+    pub proportional_valve: &'a ProportionalValve<T>,
+    /// The emergency shutdown valve.
+    pub esv: &'a Esv<T>,
+    /// Control chamber and spool.
+    pub spool: &'a Spool<T>,
+    /// The main ports.
+    pub main_ports: &'a MainPorts<T>,
+    /// The guide-vane servomotor.
+    pub servomotor: &'a Servomotor<T>,
+}
+
+/// The laws of several units in lanes.
+#[derive(Clone, Copy, Debug)]
+pub struct Bank<T = f64> {
+    small_loop: SmallLoop<T>,
+    supply: Supply<T>,
+    proportional_valve: ProportionalValve<T>,
+    esv: Esv<T>,
+    spool: Spool<T>,
+    main_ports: MainPorts<T>,
+    servomotor: Servomotor<T>,
+}
+
+abreast!(Bank { small_loop, supply, proportional_valve, esv, spool, main_ports, servomotor });
+
+impl<T: Wide> Bank<T> {
+    /// The laws of these plants in as many lanes as `zero` has; the last plant fills what lanes are left.
+    #[must_use]
+    pub fn new(plants: &[&Plant], zero: T) -> Option<Self> {
+        let banks: Vec<Bank<f64>> = plants.iter().map(|plant| plant.bank()).collect();
+        let last = banks.len().checked_sub(1)?;
+        Some(Bank::abreast(&|lane| &banks[lane.min(last)], &|of| zero.each(of)))
+    }
+
+    /// The laws of the continuous plants.
+    #[inline(always)]
+    #[must_use]
+    pub fn blocks(&self) -> Blocks<'_, T> {
+        let Self { supply, proportional_valve, esv, spool, main_ports, servomotor, .. } = self;
+        Blocks { supply, proportional_valve, esv, spool, main_ports, servomotor }
+    }
+
+    /// The regulators' small loops.
+    #[inline(always)]
+    #[must_use]
+    pub fn small_loop(&self) -> &SmallLoop<T> {
+        &self.small_loop
+    }
+}
+
+abreast!(State {
+    pilot_position_pu,
+    pilot_rate_pu_s,
+    control_pressure_pa,
+    spool_position_m,
+    spool_velocity_m_s,
+    opening_pressure_pa,
+    closing_pressure_pa,
+    servomotor_position_m,
+    servomotor_velocity_m_s,
+});
+apart!(State {
+    pilot_position_pu,
+    pilot_rate_pu_s,
+    control_pressure_pa,
+    spool_position_m,
+    spool_velocity_m_s,
+    opening_pressure_pa,
+    closing_pressure_pa,
+    servomotor_position_m,
+    servomotor_velocity_m_s,
+});
 
 /// All blocks of one unit.
 #[derive(Clone, Debug)]
@@ -87,6 +170,26 @@ impl Plant {
             servomotor: Servomotor::new(&p.servomotor, &p.oil),
             lookahead_s: 0.0,
             terms: Terms::default(),
+        }
+    }
+
+    /// The laws of the continuous plant.
+    #[inline(always)]
+    #[must_use]
+    pub fn blocks(&self) -> Blocks<'_> {
+        let Self { supply, proportional_valve, esv, spool, main_ports, servomotor, .. } = self;
+        Blocks { supply, proportional_valve, esv, spool, main_ports, servomotor }
+    }
+
+    fn bank(&self) -> Bank<f64> {
+        Bank {
+            small_loop: self.regulator.small_loop(),
+            supply: self.supply,
+            proportional_valve: self.proportional_valve,
+            esv: self.esv,
+            spool: self.spool,
+            main_ports: self.main_ports,
+            servomotor: self.servomotor,
         }
     }
 }

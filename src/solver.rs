@@ -58,11 +58,17 @@ impl Solver {
         }
     }
 
+    /// The split method's steps, where that is the method.
+    #[must_use]
+    pub fn split(&self) -> Option<&Split> {
+        if let Self::Split(split) = self { Some(split) } else { None }
+    }
+
     /// Advances the state by one tick under a drive that holds.
     #[inline]
     pub fn advance(&self, plant: &Plant, state: &mut State, drive: &Drive) {
         match self {
-            Self::Split(split) => split.advance(plant, state, drive),
+            Self::Split(split) => split.advance(&plant.blocks(), state, drive),
             Self::Rk4(rk4) => rk4.advance(plant, state, drive),
             Self::Rosenbrock(rosenbrock) => rosenbrock.advance(plant, state, drive),
         }
@@ -71,7 +77,7 @@ impl Solver {
     /// Advances the servomotor alone by one tick; the spool is wherever the caller put it.
     pub fn advance_piston(&self, plant: &Plant, state: &mut State, drive: &Drive) {
         match self {
-            Self::Split(split) => split.advance_piston(plant, state, drive),
+            Self::Split(split) => split.advance_piston(&plant.blocks(), state, drive),
             Self::Rk4(rk4) => rk4.advance_piston(plant, state, drive),
             Self::Rosenbrock(rosenbrock) => rosenbrock.advance_piston(plant, state, drive),
         }

@@ -4,14 +4,18 @@
 //! a valve on its way. Source: Liu et al. 2025, equation 13; the paper prints the drain as positive, it empties the chamber.
 
 use crate::parameters;
+use crate::plant::lanes::abreast;
 use crate::plant::orifice::{Flow, root};
+use crate::plant::real::{Real, either};
 
 /// Law and parameters of the emergency shutdown valve.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Esv {
+pub struct Esv<T = f64> {
     /// Drain flow per root of pressure drop, m³/(s √Pa).
-    pub conductance: f64,
+    pub conductance: T,
 }
+
+abreast!(Esv { conductance });
 
 impl Esv {
     /// From the sheet.
@@ -19,20 +23,22 @@ impl Esv {
     pub fn new(p: &parameters::Esv, oil: &parameters::Oil) -> Self {
         Self { conductance: p.discharge_coefficient * p.drain_area_m2 * (2.0 / oil.density_kg_m3).sqrt() }
     }
+}
 
+impl<T: Real> Esv<T> {
     /// Flow into the control chamber, given what the pilot valve offers.
-    #[inline]
+    #[inline(always)]
     #[must_use]
-    pub fn flow(&self, opening_pu: f64, pilot: Flow, control_pressure_pa: f64, return_pa: f64) -> Flow {
-        if opening_pu >= 1.0 {
-            return pilot;
-        }
-        let (value, slope) = root(control_pressure_pa - return_pa);
-        let drain = (1.0 - opening_pu) * self.conductance;
-        Flow {
-            m3_s: opening_pu * pilot.m3_s - drain * value,
-            slope_m3_s_pa: opening_pu * pilot.slope_m3_s_pa - drain * slope,
-        }
+    pub fn flow(&self, opening_pu: T, pilot: Flow<T>, control_pressure_pa: T, return_pa: T) -> Flow<T> {
+        let one = opening_pu.like(1.0);
+        either!(opening_pu.ge(one), pilot, {
+            let (value, slope) = root(control_pressure_pa - return_pa);
+            let drain = (one - opening_pu) * self.conductance;
+            Flow {
+                m3_s: opening_pu * pilot.m3_s - drain * value,
+                slope_m3_s_pa: opening_pu * pilot.slope_m3_s_pa - drain * slope,
+            }
+        })
     }
 }
 

@@ -11,49 +11,51 @@
 //! | v_0 | end of the viscous core, [`FRICTION_CORE_M_S`] | m/s |
 //! | v_s | Stribeck speed, [`STRIBECK_SPEED_M_S`] | m/s |
 
+use crate::plant::lanes::abreast;
+use crate::plant::real::{Real, either};
 use crate::units::{FRICTION_CORE_M_S, STRIBECK_SPEED_M_S};
 
 /// A friction law.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Friction {
+pub struct Friction<T = f64> {
     /// Coulomb friction `F_c`, N.
-    pub coulomb_n: f64,
+    pub coulomb_n: T,
     /// Friction at rest over Coulomb friction `r`, at least 1.
-    pub static_ratio: f64,
+    pub static_ratio: T,
 }
 
-impl Friction {
+abreast!(Friction { coulomb_n, static_ratio });
+
+impl<T: Real> Friction<T> {
     /// Friction's size beyond the core at a speed, N.
-    #[inline]
+    #[inline(always)]
     #[must_use]
-    pub fn size_n(&self, velocity_m_s: f64) -> f64 {
-        if self.static_ratio == 1.0 {
-            return self.coulomb_n;
-        }
-        self.coulomb_n * (1.0 + (self.static_ratio - 1.0) * (-velocity_m_s.abs() / STRIBECK_SPEED_M_S).exp())
+    pub fn size_n(&self, velocity_m_s: T) -> T {
+        let plain = self.static_ratio.is(1.0);
+        either!(plain, self.coulomb_n, {
+            let rest = (-velocity_m_s.abs() / STRIBECK_SPEED_M_S).exp_unless(plain);
+            self.coulomb_n * ((self.static_ratio - 1.0) * rest + 1.0)
+        })
     }
 
     /// Force against a motion, N, with the sign of the speed.
-    #[inline]
+    #[inline(always)]
     #[must_use]
-    pub fn force_n(&self, velocity_m_s: f64) -> f64 {
-        self.size_n(velocity_m_s) * (velocity_m_s / FRICTION_CORE_M_S).clamp(-1.0, 1.0)
+    pub fn force_n(&self, velocity_m_s: T) -> T {
+        let one = velocity_m_s.like(1.0);
+        self.size_n(velocity_m_s) * (velocity_m_s / FRICTION_CORE_M_S).clamp(-one, one)
     }
 
     /// The speed that solves `resistance · v + friction(v) = push`, m/s, Stribeck's term taken at `before_m_s`.
-    #[inline]
+    #[inline(always)]
     #[must_use]
-    pub fn speed_m_s(&self, push_n: f64, resistance_n_s_m: f64, before_m_s: f64) -> f64 {
-        if self.coulomb_n == 0.0 {
-            return push_n / resistance_n_s_m;
-        }
-        let size_n = self.size_n(before_m_s);
-        let sliding = (push_n - size_n.copysign(push_n)) / resistance_n_s_m;
-        if sliding * push_n > 0.0 && sliding.abs() >= FRICTION_CORE_M_S {
-            sliding
-        } else {
-            push_n / (resistance_n_s_m + size_n / FRICTION_CORE_M_S)
-        }
+    pub fn speed_m_s(&self, push_n: T, resistance_n_s_m: T, before_m_s: T) -> T {
+        either!(self.coulomb_n.is(0.0), push_n / resistance_n_s_m, {
+            let size_n = self.size_n(before_m_s);
+            let sliding = (push_n - size_n.copysign(push_n)) / resistance_n_s_m;
+            let slides = (sliding * push_n).gt(push_n.like(0.0)) & sliding.abs().ge(push_n.like(FRICTION_CORE_M_S));
+            either!(slides, sliding, push_n / (resistance_n_s_m + size_n / FRICTION_CORE_M_S))
+        })
     }
 }
 

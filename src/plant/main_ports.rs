@@ -6,35 +6,57 @@
 //! no algebraic loop remains: both share the drop from the tank to the chamber.
 
 use crate::parameters;
+use crate::plant::lanes::abreast;
 use crate::plant::orifice::{Flow, in_series, root};
+use crate::plant::real::{Lanewise, Real, either};
 use crate::plant::supply::Supply;
 
 /// Law and parameters of the main ports.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MainPorts {
+pub struct MainPorts<T = f64> {
     /// Flow per spool travel and root of pressure drop when opening, m²/(s √Pa).
-    pub opening_gain: f64,
+    pub opening_gain: T,
     /// The same when closing.
-    pub closing_gain: f64,
+    pub closing_gain: T,
     /// Overlap on the opening side, m.
-    pub opening_overlap_m: f64,
+    pub opening_overlap_m: T,
     /// Overlap on the closing side, m.
-    pub closing_overlap_m: f64,
+    pub closing_overlap_m: T,
     /// Steady flow force per port travel and pressure drop, m: `2 C_d w cos θ` where it counts, 0 on the sheet.
-    pub flow_force_m: f64,
+    pub flow_force_m: T,
     /// The theoretical flow-force coefficient `2 C_d w cos 69°`, m (Merritt 1967, section 5.6).
-    pub theoretical_flow_force_m: f64,
+    pub theoretical_flow_force_m: T,
 }
+
+abreast!(MainPorts {
+    opening_gain,
+    closing_gain,
+    opening_overlap_m,
+    closing_overlap_m,
+    flow_force_m,
+    theoretical_flow_force_m,
+});
 
 /// Flows into the two chambers, and what the servomotor draws from the tank.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PortFlows {
+pub struct PortFlows<T = f64> {
     /// Into the opening chamber; slope against its own pressure.
-    pub opening: Flow,
+    pub opening: Flow<T>,
     /// Into the closing chamber; slope against its own pressure.
-    pub closing: Flow,
+    pub closing: Flow<T>,
     /// Out of the tank, m³/s.
-    pub drawn_m3_s: f64,
+    pub drawn_m3_s: T,
+}
+
+impl<T: Real> Lanewise<T> for PortFlows<T> {
+    #[inline(always)]
+    fn choose(mask: T::Mask, yes: Self, no: Self) -> Self {
+        Self {
+            opening: Flow::choose(mask, yes.opening, no.opening),
+            closing: Flow::choose(mask, yes.closing, no.closing),
+            drawn_m3_s: T::select(mask, yes.drawn_m3_s, no.drawn_m3_s),
+        }
+    }
 }
 
 impl MainPorts {
@@ -51,11 +73,13 @@ impl MainPorts {
             theoretical_flow_force_m: 2.0 * esv.discharge_coefficient * p.width_m * 69.0_f64.to_radians().cos(),
         }
     }
+}
 
+impl<T: Real> MainPorts<T> {
     /// Travel beyond the overlap `x_eff`, m.
-    #[inline]
+    #[inline(always)]
     #[must_use]
-    pub fn travel_m(&self, position_m: f64) -> f64 {
+    pub fn travel_m(&self, position_m: T) -> T {
         position_m - position_m.clamp(-self.closing_overlap_m, self.opening_overlap_m)
     }
 
@@ -63,60 +87,64 @@ impl MainPorts {
     ///
     /// A Gaussian of standard deviation σ about an edge passes 0.4 σ of travel on average, a hyperbola half its width:
     /// `blur_m` = 0.8 σ matches them there.
-    #[inline]
+    #[inline(always)]
     #[must_use]
-    pub fn blurred_travel_m(&self, position_m: f64, blur_m: f64) -> f64 {
-        if blur_m == 0.0 {
-            return self.travel_m(position_m);
-        }
-        let edge = |beyond_m: f64| 0.5 * (beyond_m + (beyond_m * beyond_m + blur_m * blur_m).sqrt());
-        edge(position_m - self.opening_overlap_m) - edge(-position_m - self.closing_overlap_m)
+    pub fn blurred_travel_m(&self, position_m: T, blur_m: T) -> T {
+        either!(blur_m.is(0.0), self.travel_m(position_m), {
+            blurred_edge(position_m - self.opening_overlap_m, blur_m)
+                - blurred_edge(-position_m - self.closing_overlap_m, blur_m)
+        })
     }
 
     /// Flows at a travel beyond the overlap.
-    #[inline]
+    #[inline(always)]
     #[must_use]
-    pub fn flows(&self, travel_m: f64, opening_pa: f64, closing_pa: f64, tank_pa: f64, supply: &Supply) -> PortFlows {
-        let return_pa = supply.return_pressure_pa;
-        if travel_m == 0.0 {
-            let none = Flow { m3_s: 0.0, slope_m3_s_pa: 0.0 };
-            return PortFlows { opening: none, closing: none, drawn_m3_s: 0.0 };
-        }
-        if travel_m > 0.0 {
-            let free = self.opening_gain * travel_m;
-            let fed = feed(in_series(free, supply.line_root), tank_pa - opening_pa);
-            PortFlows { opening: fed, closing: drain(free, closing_pa - return_pa), drawn_m3_s: fed.m3_s }
-        } else {
-            let free = -self.closing_gain * travel_m;
-            let fed = feed(in_series(free, supply.line_root), tank_pa - closing_pa);
-            PortFlows { opening: drain(free, opening_pa - return_pa), closing: fed, drawn_m3_s: fed.m3_s }
-        }
+    pub fn flows(&self, travel_m: T, opening_pa: T, closing_pa: T, tank_pa: T, supply: &Supply<T>) -> PortFlows<T> {
+        let zero = travel_m.like(0.0);
+        let none = Flow { m3_s: zero, slope_m3_s_pa: zero };
+        either!(travel_m.is(0.0), PortFlows { opening: none, closing: none, drawn_m3_s: zero }, {
+            let opens = travel_m.gt(zero);
+            let (fed_pa, drained_pa) = <(T, T)>::choose(opens, (opening_pa, closing_pa), (closing_pa, opening_pa));
+            let free = T::select(opens, self.opening_gain, -self.closing_gain) * travel_m;
+            let fed = feed(in_series(free, supply.line_root), tank_pa - fed_pa);
+            let drained = drain(free, drained_pa - supply.return_pressure_pa);
+            PortFlows {
+                opening: Flow::choose(opens, fed, drained),
+                closing: Flow::choose(opens, drained, fed),
+                drawn_m3_s: fed.m3_s,
+            }
+        })
     }
 
     /// Steady flow force on the spool, N, + opens; it acts towards closing the port.
-    #[inline]
+    #[inline(always)]
     #[must_use]
-    pub fn flow_force_n(&self, travel_m: f64, opening_pa: f64, closing_pa: f64, supply_pa: f64, return_pa: f64) -> f64 {
-        if self.flow_force_m == 0.0 {
-            return 0.0;
-        }
-        let drops_pa = if travel_m >= 0.0 {
-            (supply_pa - opening_pa) + (closing_pa - return_pa)
-        } else {
-            (supply_pa - closing_pa) + (opening_pa - return_pa)
-        };
-        -self.flow_force_m * travel_m * drops_pa.max(0.0)
+    pub fn flow_force_n(&self, travel_m: T, opening_pa: T, closing_pa: T, supply_pa: T, return_pa: T) -> T {
+        let zero = travel_m.like(0.0);
+        either!(self.flow_force_m.is(0.0), zero, {
+            let drops_pa = either!(
+                travel_m.ge(zero),
+                (supply_pa - opening_pa) + (closing_pa - return_pa),
+                (supply_pa - closing_pa) + (opening_pa - return_pa),
+            );
+            -self.flow_force_m * travel_m * drops_pa.max(zero)
+        })
     }
 }
 
-#[inline]
-fn feed(conductance: f64, drop_pa: f64) -> Flow {
+#[inline(always)]
+fn blurred_edge<T: Real>(beyond_m: T, blur_m: T) -> T {
+    (beyond_m + (beyond_m * beyond_m + blur_m * blur_m).sqrt()) * 0.5
+}
+
+#[inline(always)]
+fn feed<T: Real>(conductance: T, drop_pa: T) -> Flow<T> {
     let (value, slope) = root(drop_pa);
     Flow { m3_s: conductance * value, slope_m3_s_pa: -conductance * slope }
 }
 
-#[inline]
-fn drain(conductance: f64, drop_pa: f64) -> Flow {
+#[inline(always)]
+fn drain<T: Real>(conductance: T, drop_pa: T) -> Flow<T> {
     let (value, slope) = root(drop_pa);
     Flow { m3_s: -conductance * value, slope_m3_s_pa: -conductance * slope }
 }

@@ -9,6 +9,7 @@
 //! | Δp | pressure drop | Pa |
 //! | Δp_0 | end of the laminar core, [`LAMINAR_PRESSURE_DROP_PA`] | Pa |
 
+use crate::plant::real::{Lanewise, Real, either};
 use crate::units::LAMINAR_PRESSURE_DROP_PA;
 
 /// √Δp_0, √Pa.
@@ -16,38 +17,52 @@ const CORE_ROOT: f64 = 100.0;
 
 /// A flow and its slope against the pressure that it depends on.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Flow {
+pub struct Flow<T = f64> {
     /// Flow, m³/s.
-    pub m3_s: f64,
+    pub m3_s: T,
     /// Slope of the flow against the chamber pressure, m³/(s Pa).
-    pub slope_m3_s_pa: f64,
+    pub slope_m3_s_pa: T,
+}
+
+impl<T: Real> Lanewise<T> for Flow<T> {
+    #[inline(always)]
+    fn choose(mask: T::Mask, yes: Self, no: Self) -> Self {
+        Self {
+            m3_s: T::select(mask, yes.m3_s, no.m3_s),
+            slope_m3_s_pa: T::select(mask, yes.slope_m3_s_pa, no.slope_m3_s_pa),
+        }
+    }
 }
 
 /// The regularised root of a pressure drop, √Pa, and its slope, 1/√Pa.
-#[inline]
+#[inline(always)]
 #[must_use]
-pub fn root(drop_pa: f64) -> (f64, f64) {
+pub fn root<T: Real>(drop_pa: T) -> (T, T) {
     let size_pa = drop_pa.abs();
-    if size_pa >= LAMINAR_PRESSURE_DROP_PA {
-        let value = size_pa.sqrt();
-        (value.copysign(drop_pa), 0.5 / value)
-    } else {
-        let s = drop_pa / LAMINAR_PRESSURE_DROP_PA;
-        (CORE_ROOT * s * (1.25 - 0.25 * s * s), (1.25 - 0.75 * s * s) / CORE_ROOT)
-    }
+    either!(
+        size_pa.ge(size_pa.like(LAMINAR_PRESSURE_DROP_PA)),
+        {
+            let value = size_pa.sqrt();
+            (value.copysign(drop_pa), value.like(0.5) / value)
+        },
+        {
+            let s = drop_pa / LAMINAR_PRESSURE_DROP_PA;
+            let steep = s.like(1.25);
+            (s * CORE_ROOT * (steep - s * 0.25 * s), (steep - s * 0.75 * s) / CORE_ROOT)
+        },
+    )
 }
 
 /// Conductance of two orifices in series, of which each alone lets pass `c √Δp`.
 ///
 /// `series` is the inverse conductance of the second, so that 0 means that it is not there.
-#[inline]
+#[inline(always)]
 #[must_use]
-pub fn in_series(conductance: f64, series: f64) -> f64 {
-    if series == 0.0 {
-        return conductance;
-    }
-    let ratio = conductance * series;
-    conductance / (1.0 + ratio * ratio).sqrt()
+pub fn in_series<T: Real>(conductance: T, series: T) -> T {
+    either!(series.is(0.0), conductance, {
+        let ratio = conductance * series;
+        conductance / (ratio * ratio + 1.0).sqrt()
+    })
 }
 
 #[cfg(test)]

@@ -8,33 +8,47 @@
 //! `(d, d')` moves by the matrix exponential (Åström & Wittenmark 1997, *Computer-Controlled Systems*, section 2.3).
 
 use crate::parameters;
+use crate::plant::lanes::abreast;
 use crate::plant::orifice::{Flow, in_series, root};
+use crate::plant::real::{Real, either};
 
 /// Law and parameters of the proportional valve.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ProportionalValve {
+pub struct ProportionalValve<T = f64> {
     /// Natural frequency `ω_n`, rad/s.
-    pub natural_frequency_rad_s: f64,
+    pub natural_frequency_rad_s: T,
     /// Damping ratio `ζ`.
-    pub damping_ratio: f64,
+    pub damping_ratio: T,
     /// Stroke per current `K`.
-    pub gain_pu: f64,
+    pub gain_pu: T,
     /// Flow at full stroke per root of pressure drop, m³/(s √Pa).
-    pub conductance: f64,
+    pub conductance: T,
     /// Half width of the dead zone around the hydraulic null, pu.
-    pub overlap_pu: f64,
+    pub overlap_pu: T,
     /// Valve position of the hydraulic null, pu.
-    pub null_shift_pu: f64,
+    pub null_shift_pu: T,
     /// Inverse conductance of a restriction before the filling edge, √Pa s/m³.
-    pub filling_restriction: f64,
+    pub filling_restriction: T,
 }
+
+abreast!(ProportionalValve {
+    natural_frequency_rad_s,
+    damping_ratio,
+    gain_pu,
+    conductance,
+    overlap_pu,
+    null_shift_pu,
+    filling_restriction,
+});
 
 /// The exact step of the valve's linear part over a fixed time.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Propagator {
-    end: [[f64; 2]; 2],
-    mean: [f64; 2],
+pub struct Propagator<T = f64> {
+    end: [[T; 2]; 2],
+    mean: [T; 2],
 }
+
+abreast!(Propagator { end, mean });
 
 impl ProportionalValve {
     /// From the sheet.
@@ -58,29 +72,6 @@ impl ProportionalValve {
         let omega = self.natural_frequency_rad_s;
         let pull = omega * omega * (self.gain_pu * current_pu - position_pu);
         (rate_pu_s, pull - 2.0 * self.damping_ratio * omega * rate_pu_s)
-    }
-
-    /// Hydraulic opening `s` at a valve position, pu.
-    #[inline]
-    #[must_use]
-    pub fn opening_pu(&self, position_pu: f64) -> f64 {
-        let shifted = position_pu - self.null_shift_pu;
-        shifted - shifted.clamp(-self.overlap_pu, self.overlap_pu)
-    }
-
-    /// Flow towards the control chamber at a hydraulic opening, and its slope against the chamber's pressure.
-    #[inline]
-    #[must_use]
-    pub fn flow(&self, opening_pu: f64, control_pressure_pa: f64, supply_pa: f64, return_pa: f64) -> Flow {
-        if opening_pu >= 0.0 {
-            let c = in_series(self.conductance * opening_pu, self.filling_restriction);
-            let (value, slope) = root(supply_pa - control_pressure_pa);
-            Flow { m3_s: c * value, slope_m3_s_pa: -c * slope }
-        } else {
-            let c = self.conductance * opening_pu;
-            let (value, slope) = root(control_pressure_pa - return_pa);
-            Flow { m3_s: c * value, slope_m3_s_pa: c * slope }
-        }
     }
 
     /// The exact step over `step_s`.
@@ -109,20 +100,41 @@ impl ProportionalValve {
         ];
         Propagator { end, mean }
     }
+}
+
+impl<T: Real> ProportionalValve<T> {
+    /// Hydraulic opening `s` at a valve position, pu.
+    #[inline(always)]
+    #[must_use]
+    pub fn opening_pu(&self, position_pu: T) -> T {
+        let shifted = position_pu - self.null_shift_pu;
+        shifted - shifted.clamp(-self.overlap_pu, self.overlap_pu)
+    }
+
+    /// Flow towards the control chamber at a hydraulic opening, and its slope against the chamber's pressure.
+    #[inline(always)]
+    #[must_use]
+    pub fn flow(&self, opening_pu: T, control_pressure_pa: T, supply_pa: T, return_pa: T) -> Flow<T> {
+        let zero = opening_pu.like(0.0);
+        let fills = opening_pu.ge(zero);
+        let restriction = T::select(fills, self.filling_restriction, zero);
+        let c = in_series(self.conductance * opening_pu, restriction);
+        let drop_pa = T::select(fills, supply_pa - control_pressure_pa, control_pressure_pa - return_pa);
+        let (value, slope) = root(drop_pa);
+        Flow { m3_s: c * value, slope_m3_s_pa: T::select(fills, -c, c) * slope }
+    }
 
     /// Steps `(x_p, x_p')` by the propagator's time under a held current; returns the mean position over the step, pu.
-    #[inline]
-    pub fn advance(&self, by: &Propagator, position_pu: &mut f64, rate_pu_s: &mut f64, current_pu: f64) -> f64 {
+    #[inline(always)]
+    pub fn advance(&self, by: &Propagator<T>, position_pu: &mut T, rate_pu_s: &mut T, current_pu: T) -> T {
+        let one = current_pu.like(1.0);
         let target = self.gain_pu * current_pu;
         let (d, v) = (*position_pu - target, *rate_pu_s);
         let mean = target + by.mean[0] * d + by.mean[1] * v;
-        *position_pu = target + by.end[0][0] * d + by.end[0][1] * v;
-        *rate_pu_s = by.end[1][0] * d + by.end[1][1] * v;
-        if position_pu.abs() > 1.0 {
-            *position_pu = position_pu.clamp(-1.0, 1.0);
-            *rate_pu_s = 0.0;
-        }
-        mean.clamp(-1.0, 1.0)
+        let end = target + by.end[0][0] * d + by.end[0][1] * v;
+        let rate = by.end[1][0] * d + by.end[1][1] * v;
+        (*position_pu, *rate_pu_s) = either!(end.abs().gt(one), (end.clamp(-one, one), one.like(0.0)), (end, rate));
+        mean.clamp(-one, one)
     }
 }
 

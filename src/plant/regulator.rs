@@ -5,6 +5,8 @@
 //! Source: Liu et al. 2025, equations 1 to 4. The large loop holds its output between its instants.
 
 use crate::parameters;
+use crate::plant::lanes::abreast;
+use crate::plant::real::Real;
 
 /// Standard deviations beyond which a branch of the dead band is certain.
 const FAR: f64 = 6.0;
@@ -46,6 +48,12 @@ impl Regulator {
     #[must_use]
     pub fn ticks_per_large_loop(&self) -> usize {
         usize::try_from(self.ticks_per_large_loop).unwrap_or(usize::MAX)
+    }
+
+    /// After how many ticks the large loop runs again, each time; `None` where its instants lie between ticks.
+    #[must_use]
+    pub fn whole_ticks(&self) -> Option<u64> {
+        (self.lengthened_ticks_count == 0.0 || self.dither_pu > 0.0).then_some(self.ticks_per_large_loop)
     }
 
     /// Lengthens the large loop's period, which then need not be a whole number of ticks.
@@ -130,13 +138,22 @@ impl Regulator {
         (mean.clamp(self.p.spool_command_min_pu, self.p.spool_command_max_pu), sd_pu)
     }
 
+    /// The small loop.
+    #[inline(always)]
+    #[must_use]
+    pub fn small_loop(&self) -> SmallLoop {
+        SmallLoop {
+            gain: self.p.spool_gain,
+            spool_reference_pu: self.p.spool_reference_pu,
+            current_reference_pu: self.p.current_reference_pu,
+        }
+    }
+
     /// The small loop: valve current `u`, pu.
     #[inline]
     #[must_use]
     pub fn valve_current_pu(&self, spool_command_pu: f64, spool_reading_pu: f64) -> f64 {
-        let u = self.p.spool_gain * (spool_command_pu - spool_reading_pu - self.p.spool_reference_pu)
-            + self.p.current_reference_pu;
-        u.clamp(-1.0, 1.0)
+        self.small_loop().valve_current_pu(spool_command_pu, spool_reading_pu)
     }
 
     /// The spool reading at which the small loop rests with this current, pu.
@@ -144,6 +161,27 @@ impl Regulator {
     pub fn resting_reading_pu(&self, spool_command_pu: f64, valve_current_pu: f64) -> f64 {
         spool_command_pu - self.p.spool_reference_pu
             + (self.p.current_reference_pu - valve_current_pu) / self.p.spool_gain
+    }
+}
+
+/// The regulator's small loop, of one unit or of several in lanes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SmallLoop<T = f64> {
+    gain: T,
+    spool_reference_pu: T,
+    current_reference_pu: T,
+}
+
+abreast!(SmallLoop { gain, spool_reference_pu, current_reference_pu });
+
+impl<T: Real> SmallLoop<T> {
+    /// Valve current `u`, pu.
+    #[inline(always)]
+    #[must_use]
+    pub fn valve_current_pu(&self, spool_command_pu: T, spool_reading_pu: T) -> T {
+        let one = spool_command_pu.like(1.0);
+        let off_pu = spool_command_pu - spool_reading_pu - self.spool_reference_pu;
+        (self.gain * off_pu + self.current_reference_pu).clamp(-one, one)
     }
 }
 

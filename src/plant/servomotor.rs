@@ -7,39 +7,58 @@
 
 use crate::parameters;
 use crate::plant::friction::Friction;
+use crate::plant::lanes::abreast;
+use crate::plant::real::{Real, either};
 
 /// Law and parameters of the servomotor.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Servomotor {
+pub struct Servomotor<T = f64> {
     /// Piston area on the opening side `A_o`, m².
-    pub opening_area_m2: f64,
+    pub opening_area_m2: T,
     /// Piston area on the closing side `A_c`, m².
-    pub closing_area_m2: f64,
+    pub closing_area_m2: T,
     /// Full stroke `S`, m.
-    pub stroke_m: f64,
+    pub stroke_m: T,
     /// Dead volume, each side, m³.
-    pub dead_volume_m3: f64,
+    pub dead_volume_m3: T,
     /// Inverse bulk modulus, 1/Pa.
-    pub compressibility_1_pa: f64,
+    pub compressibility_1_pa: T,
     /// Moving mass, kg.
-    pub mass_kg: f64,
+    pub mass_kg: T,
     /// Viscous damping `B_s`, N s/m.
-    pub viscous_damping_n_s_m: f64,
+    pub viscous_damping_n_s_m: T,
     /// Friction.
-    pub friction: Friction,
+    pub friction: Friction<T>,
     /// Load towards closing at Y = 0, N.
-    pub load_closed_n: f64,
+    pub load_closed_n: T,
     /// Load added at Y = 1, N.
-    pub load_slope_n: f64,
+    pub load_slope_n: T,
     /// Yield of the end stops, m/N.
-    pub stop_compliance_m_n: f64,
+    pub stop_compliance_m_n: T,
     /// Laminar leakage from the opening into the closing chamber, m³/(s Pa).
-    pub cross_leakage_m3_s_pa: f64,
+    pub cross_leakage_m3_s_pa: T,
     /// Cushion force per speed squared at the closed end, N s²/m².
-    pub cushion_n_s2_m2: f64,
+    pub cushion_n_s2_m2: T,
     /// Length of the cushion from the closed end, m.
-    pub cushion_length_m: f64,
+    pub cushion_length_m: T,
 }
+
+abreast!(Servomotor {
+    opening_area_m2,
+    closing_area_m2,
+    stroke_m,
+    dead_volume_m3,
+    compressibility_1_pa,
+    mass_kg,
+    viscous_damping_n_s_m,
+    friction,
+    load_closed_n,
+    load_slope_n,
+    stop_compliance_m_n,
+    cross_leakage_m3_s_pa,
+    cushion_n_s2_m2,
+    cushion_length_m,
+});
 
 impl Servomotor {
     /// From the sheet.
@@ -62,49 +81,54 @@ impl Servomotor {
             cushion_length_m: 0.0,
         }
     }
+}
 
+impl<T: Real> Servomotor<T> {
     /// Guide-vane load towards closing, N.
-    #[inline]
+    #[inline(always)]
     #[must_use]
-    pub fn load_n(&self, position_m: f64) -> f64 {
+    pub fn load_n(&self, position_m: T) -> T {
         self.load_closed_n + self.load_slope_n * position_m / self.stroke_m
     }
 
     /// Volume that one Pa more compresses in the opening chamber, m³/Pa.
-    #[inline]
+    #[inline(always)]
     #[must_use]
-    pub fn opening_compliance_m3_pa(&self, position_m: f64) -> f64 {
+    pub fn opening_compliance_m3_pa(&self, position_m: T) -> T {
         (self.dead_volume_m3 + self.opening_area_m2 * position_m) * self.compressibility_1_pa
     }
 
     /// Volume that one Pa more compresses in the closing chamber, m³/Pa.
-    #[inline]
+    #[inline(always)]
     #[must_use]
-    pub fn closing_compliance_m3_pa(&self, position_m: f64) -> f64 {
+    pub fn closing_compliance_m3_pa(&self, position_m: T) -> T {
         (self.dead_volume_m3 + self.closing_area_m2 * (self.stroke_m - position_m)) * self.compressibility_1_pa
     }
 
     /// How far a force into the end stop that the piston touches bends it, m.
-    #[inline]
+    #[inline(always)]
     #[must_use]
-    pub fn stop_yield_m(&self, position_m: f64, opening_pa: f64, closing_pa: f64) -> f64 {
-        if self.stop_compliance_m_n == 0.0 || (position_m > 0.0 && position_m < self.stroke_m) {
-            return 0.0;
-        }
-        let force_n = opening_pa * self.opening_area_m2 - closing_pa * self.closing_area_m2 - self.load_n(position_m);
-        let into = if position_m <= 0.0 { force_n.min(0.0) } else { force_n.max(0.0) };
-        self.stop_compliance_m_n * into
+    pub fn stop_yield_m(&self, position_m: T, opening_pa: T, closing_pa: T) -> T {
+        let zero = position_m.like(0.0);
+        let off = position_m.gt(zero) & position_m.lt(self.stroke_m);
+        either!(off | self.stop_compliance_m_n.is(0.0), zero, {
+            let force_n =
+                opening_pa * self.opening_area_m2 - closing_pa * self.closing_area_m2 - self.load_n(position_m);
+            let into = T::select(position_m.le(zero), force_n.min(zero), force_n.max(zero));
+            self.stop_compliance_m_n * into
+        })
     }
 
     /// Damping at a position and speed, the cushion's included, N s/m.
-    #[inline]
+    #[inline(always)]
     #[must_use]
-    pub fn damping_n_s_m(&self, position_m: f64, velocity_m_s: f64, viscosity: f64) -> f64 {
+    pub fn damping_n_s_m(&self, position_m: T, velocity_m_s: T, viscosity: T) -> T {
         let viscous = self.viscous_damping_n_s_m * viscosity;
-        if self.cushion_n_s2_m2 == 0.0 || velocity_m_s >= 0.0 || position_m >= self.cushion_length_m {
-            return viscous;
-        }
-        viscous - self.cushion_n_s2_m2 * (1.0 - position_m / self.cushion_length_m) * velocity_m_s
+        let outside = velocity_m_s.ge(viscosity.like(0.0)) | position_m.ge(self.cushion_length_m);
+        either!(outside | self.cushion_n_s2_m2.is(0.0), viscous, {
+            let share = viscosity.like(1.0) - position_m / self.cushion_length_m;
+            viscous - self.cushion_n_s2_m2 * share * velocity_m_s
+        })
     }
 }
 

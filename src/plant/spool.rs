@@ -7,52 +7,76 @@
 
 use crate::parameters;
 use crate::plant::friction::Friction;
+use crate::plant::lanes::abreast;
+use crate::plant::real::{Real, either};
 
 /// Standard atmosphere, Pa: gauge pressures count from it.
 const ATMOSPHERE_PA: f64 = 101_325.0;
 
 /// Law and parameters of the spool and its control chamber.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Spool {
+pub struct Spool<T = f64> {
     /// Moving mass `m`, kg.
-    pub mass_kg: f64,
+    pub mass_kg: T,
     /// Viscous damping `B`, N s/m.
-    pub viscous_damping_n_s_m: f64,
+    pub viscous_damping_n_s_m: T,
     /// Control-chamber area `A_ctrl`, m².
-    pub control_area_m2: f64,
+    pub control_area_m2: T,
     /// Constant-pressure area `A_cons`, m².
-    pub constant_area_m2: f64,
+    pub constant_area_m2: T,
     /// Spring stiffness `k`, N/m.
-    pub spring_stiffness_n_m: f64,
+    pub spring_stiffness_n_m: T,
     /// Spring pre-compression `δ_0`, m.
-    pub spring_precompression_m: f64,
+    pub spring_precompression_m: T,
     /// Leakage from supply into the chamber `C_l`, m³/(s Pa).
-    pub leakage_m3_s_pa: f64,
+    pub leakage_m3_s_pa: T,
     /// Leakage from the chamber to return `C_r`, m³/(s Pa).
-    pub return_leakage_m3_s_pa: f64,
+    pub return_leakage_m3_s_pa: T,
     /// Chamber volume at neutral `V_0`, m³.
-    pub control_volume_m3: f64,
+    pub control_volume_m3: T,
     /// Inverse bulk modulus of air-free oil, 1/Pa.
-    pub compressibility_1_pa: f64,
+    pub compressibility_1_pa: T,
     /// Volume share of free air at atmospheric pressure.
-    pub free_air_share: f64,
+    pub free_air_share: T,
     /// Stroke of 1 pu, m.
-    pub reference_stroke_m: f64,
+    pub reference_stroke_m: T,
     /// Stop on the closing side, m.
-    pub stroke_min_m: f64,
+    pub stroke_min_m: T,
     /// Stop on the opening side, m.
-    pub stroke_max_m: f64,
+    pub stroke_max_m: T,
     /// Yield of the stops, m/N.
-    pub stop_compliance_m_n: f64,
+    pub stop_compliance_m_n: T,
     /// Weight towards opening `m g`, N.
-    pub weight_n: f64,
+    pub weight_n: T,
     /// Friction.
-    pub friction: Friction,
+    pub friction: Friction<T>,
     /// Gain of the spool transducer.
-    pub reading_gain: f64,
+    pub reading_gain: T,
     /// Offset of the spool transducer, pu.
-    pub reading_bias_pu: f64,
+    pub reading_bias_pu: T,
 }
+
+abreast!(Spool {
+    mass_kg,
+    viscous_damping_n_s_m,
+    control_area_m2,
+    constant_area_m2,
+    spring_stiffness_n_m,
+    spring_precompression_m,
+    leakage_m3_s_pa,
+    return_leakage_m3_s_pa,
+    control_volume_m3,
+    compressibility_1_pa,
+    free_air_share,
+    reference_stroke_m,
+    stroke_min_m,
+    stroke_max_m,
+    stop_compliance_m_n,
+    weight_n,
+    friction,
+    reading_gain,
+    reading_bias_pu,
+});
 
 impl Spool {
     /// From the sheet.
@@ -80,81 +104,83 @@ impl Spool {
             reading_bias_pu: 0.0,
         }
     }
+}
 
+impl<T: Real> Spool<T> {
     /// What the transducer shows at a position, pu.
-    #[inline]
+    #[inline(always)]
     #[must_use]
-    pub fn reading_pu(&self, position_m: f64) -> f64 {
+    pub fn reading_pu(&self, position_m: T) -> T {
         self.reading_gain * position_m / self.reference_stroke_m + self.reading_bias_pu
     }
 
     /// The position at which the transducer shows a reading, m.
-    #[inline]
+    #[inline(always)]
     #[must_use]
-    pub fn position_m(&self, reading_pu: f64) -> f64 {
+    pub fn position_m(&self, reading_pu: T) -> T {
         (reading_pu - self.reading_bias_pu) / self.reading_gain * self.reference_stroke_m
     }
 
     /// Volume that one Pa more compresses, m³/Pa.
     ///
     /// Free air follows the isothermal gas law (Merritt 1967, section 2.4).
-    #[inline]
+    #[inline(always)]
     #[must_use]
-    pub fn compliance_m3_pa(&self, position_m: f64, pressure_pa: f64) -> f64 {
+    pub fn compliance_m3_pa(&self, position_m: T, pressure_pa: T) -> T {
         let volume_m3 = self.control_volume_m3 + self.control_area_m2 * position_m;
         volume_m3 * compressibility_1_pa(self.compressibility_1_pa, self.free_air_share, pressure_pa)
     }
 
     /// Force of the centring spring towards closing, N.
-    #[inline]
+    #[inline(always)]
     #[must_use]
-    pub fn spring_force_n(&self, position_m: f64) -> f64 {
-        self.spring_stiffness_n_m * (self.spring_precompression_m + position_m).max(0.0)
+    pub fn spring_force_n(&self, position_m: T) -> T {
+        self.spring_stiffness_n_m * (self.spring_precompression_m + position_m).max(position_m.like(0.0))
     }
 
     /// Net leakage into the chamber, m³/s.
-    #[inline]
+    #[inline(always)]
     #[must_use]
-    pub fn leakage_m3_s(&self, pressure_pa: f64, supply_pa: f64, return_pa: f64) -> f64 {
+    pub fn leakage_m3_s(&self, pressure_pa: T, supply_pa: T, return_pa: T) -> T {
         self.leakage_m3_s_pa * (supply_pa - pressure_pa) + self.return_leakage_m3_s_pa * (return_pa - pressure_pa)
     }
 
     /// Force of the chambers, the weight and the spring, N, + opens.
-    #[inline]
+    #[inline(always)]
     #[must_use]
-    pub fn static_force_n(&self, position_m: f64, pressure_pa: f64, supply_pa: f64) -> f64 {
+    pub fn static_force_n(&self, position_m: T, pressure_pa: T, supply_pa: T) -> T {
         pressure_pa * self.control_area_m2 - supply_pa * self.constant_area_m2 + self.weight_n
             - self.spring_force_n(position_m)
     }
 
     /// How far a force into the stop that the spool touches bends it, m; the chambers' quasi-steady force counts.
-    #[inline]
+    #[inline(always)]
     #[must_use]
-    pub fn stop_yield_m(&self, position_m: f64, pressure_pa: f64, supply_pa: f64) -> f64 {
-        if self.stop_compliance_m_n == 0.0 || (position_m > self.stroke_min_m && position_m < self.stroke_max_m) {
-            return 0.0;
-        }
-        let force_n = self.static_force_n(position_m, pressure_pa, supply_pa);
-        let into = if position_m <= self.stroke_min_m { force_n.min(0.0) } else { force_n.max(0.0) };
-        self.stop_compliance_m_n * into
+    pub fn stop_yield_m(&self, position_m: T, pressure_pa: T, supply_pa: T) -> T {
+        let zero = position_m.like(0.0);
+        let off = position_m.gt(self.stroke_min_m) & position_m.lt(self.stroke_max_m);
+        either!(off | self.stop_compliance_m_n.is(0.0), zero, {
+            let force_n = self.static_force_n(position_m, pressure_pa, supply_pa);
+            let into = T::select(position_m.le(self.stroke_min_m), force_n.min(zero), force_n.max(zero));
+            self.stop_compliance_m_n * into
+        })
     }
 
     /// Control-chamber pressure that balances the forces at rest, Pa.
     #[must_use]
-    pub fn balance_pressure_pa(&self, position_m: f64, supply_pa: f64) -> f64 {
-        -self.static_force_n(position_m, 0.0, supply_pa) / self.control_area_m2
+    pub fn balance_pressure_pa(&self, position_m: T, supply_pa: T) -> T {
+        -self.static_force_n(position_m, position_m.like(0.0), supply_pa) / self.control_area_m2
     }
 }
 
 /// Inverse bulk modulus of oil with free air, 1/Pa.
-#[inline]
+#[inline(always)]
 #[must_use]
-pub fn compressibility_1_pa(oil_1_pa: f64, free_air_share: f64, pressure_pa: f64) -> f64 {
-    if free_air_share == 0.0 {
-        return oil_1_pa;
-    }
-    let absolute_pa = (pressure_pa + ATMOSPHERE_PA).max(0.1 * ATMOSPHERE_PA);
-    oil_1_pa + free_air_share * ATMOSPHERE_PA / (absolute_pa * absolute_pa)
+pub fn compressibility_1_pa<T: Real>(oil_1_pa: T, free_air_share: T, pressure_pa: T) -> T {
+    either!(free_air_share.is(0.0), oil_1_pa, {
+        let absolute_pa = (pressure_pa + ATMOSPHERE_PA).max(pressure_pa.like(0.1 * ATMOSPHERE_PA));
+        oil_1_pa + free_air_share * ATMOSPHERE_PA / (absolute_pa * absolute_pa)
+    })
 }
 
 #[cfg(test)]

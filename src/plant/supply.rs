@@ -8,19 +8,23 @@
 //! | R | quadratic loss of the line | Pa s²/m⁶ |
 
 use crate::parameters;
+use crate::plant::lanes::abreast;
+use crate::plant::real::{Real, either};
 
 /// Law and parameters of the supply.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Supply {
+pub struct Supply<T = f64> {
     /// Return pressure `P_t`, Pa gauge.
-    pub return_pressure_pa: f64,
+    pub return_pressure_pa: T,
     /// √R: the inverse conductance of the line, √Pa s/m³.
-    pub line_root: f64,
+    pub line_root: T,
     /// Viscosity at the first frame over the sheet's, less 1.
-    pub cold_excess: f64,
+    pub cold_excess: T,
     /// Time constant with which cold oil warms, s.
-    pub warming_time_s: f64,
+    pub warming_time_s: T,
 }
+
+abreast!(Supply { return_pressure_pa, line_root, cold_excess, warming_time_s });
 
 impl Supply {
     /// From the sheet: no line loss.
@@ -28,18 +32,22 @@ impl Supply {
     pub fn new(p: &parameters::Oil) -> Self {
         Self { return_pressure_pa: p.return_pressure_pa, line_root: 0.0, cold_excess: 0.0, warming_time_s: 1.0 }
     }
+}
 
+impl<T: Real> Supply<T> {
     /// Viscosity over the sheet's: `1 + c e^(−t/τ)` for oil that starts cold and warms.
-    #[inline]
+    #[inline(always)]
     #[must_use]
-    pub fn viscosity(&self, time_s: f64) -> f64 {
-        if self.cold_excess == 0.0 { 1.0 } else { 1.0 + self.cold_excess * (-time_s / self.warming_time_s).exp() }
+    pub fn viscosity(&self, time_s: f64) -> T {
+        let warm = self.cold_excess.is(0.0);
+        let one = self.cold_excess.like(1.0);
+        either!(warm, one, one + self.cold_excess * (one.like(-time_s) / self.warming_time_s).exp_unless(warm))
     }
 
     /// Pressure at the valve while the servomotor draws `drawn_m3_s`, Pa.
-    #[inline]
+    #[inline(always)]
     #[must_use]
-    pub fn pressure_pa(&self, tank_pressure_pa: f64, drawn_m3_s: f64) -> f64 {
+    pub fn pressure_pa(&self, tank_pressure_pa: T, drawn_m3_s: T) -> T {
         let root = self.line_root * drawn_m3_s;
         tank_pressure_pa - root * root.abs()
     }

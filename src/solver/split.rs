@@ -13,10 +13,12 @@
 //! A chamber that stands open to return or supply fills within a step, and would swing for ever between two pressures
 //! about the right one; see `Chamber` below.
 
+use crate::plant::lanes::{Abreast, Wide};
 use crate::plant::orifice::Flow;
 use crate::plant::proportional_valve::Propagator;
 use crate::plant::rates::VACUUM_PA;
-use crate::plant::{Drive, Plant};
+use crate::plant::real::{Real, either};
+use crate::plant::{Blocks, Drive, Plant};
 use crate::solver::steps;
 use crate::state::State;
 
@@ -25,39 +27,39 @@ pub const SPOOL_STEP_S: f64 = 5.0e-4;
 
 /// What holds over a tick besides the drive.
 #[derive(Clone, Copy, Debug)]
-struct Held {
+struct Held<T> {
     /// Pressure at the valve, Pa.
-    supply_pa: f64,
+    supply_pa: T,
     /// Force on the spool beyond its own block's, N.
-    outside_n: f64,
-    oil: Oil,
+    outside_n: T,
+    oil: Oil<T>,
 }
 
 /// How thick the oil is, relative to the sheet's.
 #[derive(Clone, Copy, Debug)]
-struct Oil {
-    viscosity_ratio: f64,
+struct Oil<T> {
+    viscosity_ratio: T,
     /// The inverse: how readily it leaks.
-    fluidity_ratio: f64,
+    fluidity_ratio: T,
 }
 
-impl Oil {
-    #[inline]
-    fn at(plant: &Plant, time_s: f64) -> Self {
+impl<T: Real> Oil<T> {
+    #[inline(always)]
+    fn at(plant: &Blocks<'_, T>, time_s: f64) -> Self {
         let viscosity_ratio = plant.supply.viscosity(time_s);
-        Self { viscosity_ratio, fluidity_ratio: 1.0 / viscosity_ratio }
+        Self { viscosity_ratio, fluidity_ratio: viscosity_ratio.like(1.0) / viscosity_ratio }
     }
 }
 
 /// Step lengths, and the pilot valve's exact step.
 #[derive(Clone, Debug)]
-pub struct Split {
+pub struct Split<T = f64> {
     count: u32,
     step_s: f64,
     per_step_hz: f64,
     tick_s: f64,
     per_tick_hz: f64,
-    propagator: Propagator,
+    propagator: Propagator<T>,
 }
 
 impl Split {
@@ -74,9 +76,40 @@ impl Split {
             propagator: plant.proportional_valve.propagator(step_s),
         }
     }
+}
 
+impl Split {
+    /// Whether the steps of another plant are as long as these.
+    #[must_use]
+    pub fn is_as_long_as(&self, other: &Self) -> bool {
+        self.count == other.count && self.step_s == other.step_s && self.tick_s == other.tick_s
+    }
+}
+
+impl<T: Wide> Split<T> {
+    /// The steps of several plants in as many lanes as `zero` has; the last fills what lanes are left. `None` where they differ in length.
+    #[must_use]
+    pub fn abreast(splits: &[&Split], zero: T) -> Option<Self> {
+        let first = splits.first()?;
+        if !splits.iter().all(|other| other.is_as_long_as(first)) {
+            return None;
+        }
+        let last = splits.len() - 1;
+        Some(Self {
+            count: first.count,
+            step_s: first.step_s,
+            per_step_hz: first.per_step_hz,
+            tick_s: first.tick_s,
+            per_tick_hz: first.per_tick_hz,
+            propagator: Propagator::abreast(&|lane| &splits[lane.min(last)].propagator, &|of| zero.each(of)),
+        })
+    }
+}
+
+impl<T: Real> Split<T> {
     /// Advances by one tick.
-    pub fn advance(&self, plant: &Plant, state: &mut State, drive: &Drive) {
+    #[inline(always)]
+    pub fn advance(&self, plant: &Blocks<'_, T>, state: &mut State<T>, drive: &Drive<T>) {
         let oil = Oil::at(plant, drive.time_s);
         let supply_pa = supply_pressure_pa(plant, state, drive);
         let travel_m = plant.main_ports.travel_m(state.spool_position_m);
@@ -89,27 +122,28 @@ impl Split {
                 plant.supply.return_pressure_pa,
             );
         let held = Held { supply_pa, outside_n, oil };
-        let mut travel_sum_m = 0.0;
+        let mut travel_sum_m = travel_m.like(0.0);
         for _ in 0..self.count {
             let start_m = state.spool_position_m;
             self.spool_step(plant, state, drive, &held);
             let yield_m =
                 plant.spool.stop_yield_m(state.spool_position_m, state.control_pressure_pa, drive.tank_pressure_pa);
-            let middle_m = 0.5 * (start_m + state.spool_position_m) + yield_m;
-            travel_sum_m += plant.main_ports.blurred_travel_m(middle_m, drive.edge_blur_m);
+            let middle_m = (start_m + state.spool_position_m) * 0.5 + yield_m;
+            travel_sum_m = travel_sum_m + plant.main_ports.blurred_travel_m(middle_m, drive.edge_blur_m);
         }
         self.piston_step(plant, state, drive, oil, travel_sum_m / f64::from(self.count));
     }
 
     /// Advances the servomotor alone by one tick; the spool is where the caller put it.
-    pub fn advance_piston(&self, plant: &Plant, state: &mut State, drive: &Drive) {
+    #[inline(always)]
+    pub fn advance_piston(&self, plant: &Blocks<'_, T>, state: &mut State<T>, drive: &Drive<T>) {
         let travel_m = plant.main_ports.travel_m(state.spool_position_m);
         self.piston_step(plant, state, drive, Oil::at(plant, drive.time_s), travel_m);
     }
 
-    #[inline]
-    fn spool_step(&self, plant: &Plant, state: &mut State, drive: &Drive, held: &Held) {
-        let (spool, valve) = (&plant.spool, &plant.proportional_valve);
+    #[inline(always)]
+    fn spool_step(&self, plant: &Blocks<'_, T>, state: &mut State<T>, drive: &Drive<T>, held: &Held<T>) {
+        let (spool, valve) = (plant.spool, plant.proportional_valve);
         let (supply_pa, leaking) = (held.supply_pa, held.oil.fluidity_ratio);
         let return_pa = plant.supply.return_pressure_pa;
         let h = self.step_s;
@@ -136,31 +170,27 @@ impl Split {
         let a = spool.control_area_m2;
         let inertia = spool.mass_kg * over_theta * self.per_step_hz;
         let force_n = spool.static_force_n(x, p + fill_pa, supply_pa) + held.outside_n;
-        let stiffness = if x > -spool.spring_precompression_m { spool.spring_stiffness_n_m } else { 0.0 };
+        let stiffness = T::select(x.gt(-spool.spring_precompression_m), spool.spring_stiffness_n_m, x.like(0.0));
         let resistance =
             inertia + a * a * gain + theta * h * stiffness + spool.viscous_damping_n_s_m * held.oil.viscosity_ratio;
-        let mut v_theta = spool.friction.speed_m_s(inertia * v + force_n, resistance, v);
+        let free = spool.friction.speed_m_s(inertia * v + force_n, resistance, v);
 
-        let mut next_m = x + h * v_theta;
-        let mut next_v = v + (v_theta - v) * over_theta;
+        let next_m = x + free * h;
         let stop_m = next_m.clamp(spool.stroke_min_m, spool.stroke_max_m);
-        if stop_m != next_m {
-            v_theta = (stop_m - x) / h;
-            next_m = stop_m;
-            next_v = 0.0;
-        }
-        state.spool_position_m = next_m;
+        let (v_theta, next_v) =
+            either!(stop_m.eq(next_m), (free, v + (free - v) * over_theta), ((stop_m - x) / h, x.like(0.0)));
+        state.spool_position_m = stop_m;
         state.spool_velocity_m_s = next_v;
-        state.control_pressure_pa = (p + (fill_pa - gain * a * v_theta) * over_theta).max(VACUUM_PA);
+        state.control_pressure_pa = (p + (fill_pa - gain * a * v_theta) * over_theta).max(p.like(VACUUM_PA));
     }
 
-    #[inline]
-    fn piston_step(&self, plant: &Plant, state: &mut State, drive: &Drive, oil: Oil, travel_m: f64) {
-        let servo = &plant.servomotor;
+    #[inline(always)]
+    fn piston_step(&self, plant: &Blocks<'_, T>, state: &mut State<T>, drive: &Drive<T>, oil: Oil<T>, travel_m: T) {
+        let servo = plant.servomotor;
         let h = self.tick_s;
         let (z, w) = (state.servomotor_position_m, state.servomotor_velocity_m_s);
         let (p_1, p_2) = (state.opening_pressure_pa, state.closing_pressure_pa);
-        let flows = plant.main_ports.flows(travel_m, p_1, p_2, drive.tank_pressure_pa, &plant.supply);
+        let flows = plant.main_ports.flows(travel_m, p_1, p_2, drive.tank_pressure_pa, plant.supply);
         let leak = oil.fluidity_ratio * servo.cross_leakage_m3_s_pa;
         let opening = Flow {
             m3_s: flows.opening.m3_s - leak * (p_1 - p_2) + drive.opening_flow_m3_s,
@@ -172,7 +202,7 @@ impl Split {
         };
         let chamber_1 = Chamber::new(opening, h, servo.opening_compliance_m3_pa(z));
         let chamber_2 = Chamber::new(closing, h, servo.closing_compliance_m3_pa(z));
-        let weight = if chamber_1.is_stiffer_than(chamber_2) { chamber_1.weight() } else { chamber_2.weight() };
+        let weight = Chamber::choose(chamber_1.is_stiffer_than(chamber_2), chamber_1, chamber_2).weight();
         let (theta, over_theta) = weight.with_inverse();
         let (gain_1, gain_2) = (chamber_1.gain(weight, h), chamber_2.gain(weight, h));
         let (fill_1_pa, fill_2_pa) = (gain_1 * opening.m3_s, gain_2 * closing.m3_s);
@@ -185,20 +215,17 @@ impl Split {
             + a_2 * a_2 * gain_2
             + theta * h * servo.load_slope_n / servo.stroke_m
             + servo.damping_n_s_m(z, w, oil.viscosity_ratio);
-        let mut w_theta = servo.friction.speed_m_s(inertia * w + force_n, resistance, w);
+        let free = servo.friction.speed_m_s(inertia * w + force_n, resistance, w);
 
-        let mut next_m = z + h * w_theta;
-        let mut next_w = w + (w_theta - w) * over_theta;
-        let stop_m = next_m.clamp(0.0, servo.stroke_m);
-        if stop_m != next_m {
-            w_theta = (stop_m - z) / h;
-            next_m = stop_m;
-            next_w = 0.0;
-        }
-        state.servomotor_position_m = next_m;
+        let (zero, vacuum_pa) = (z.like(0.0), z.like(VACUUM_PA));
+        let next_m = z + free * h;
+        let stop_m = next_m.clamp(zero, servo.stroke_m);
+        let (w_theta, next_w) =
+            either!(stop_m.eq(next_m), (free, w + (free - w) * over_theta), ((stop_m - z) / h, zero));
+        state.servomotor_position_m = stop_m;
         state.servomotor_velocity_m_s = next_w;
-        state.opening_pressure_pa = (p_1 + (fill_1_pa - gain_1 * a_1 * w_theta) * over_theta).max(VACUUM_PA);
-        state.closing_pressure_pa = (p_2 + (fill_2_pa + gain_2 * a_2 * w_theta) * over_theta).max(VACUUM_PA);
+        state.opening_pressure_pa = (p_1 + (fill_1_pa - gain_1 * a_1 * w_theta) * over_theta).max(vacuum_pa);
+        state.closing_pressure_pa = (p_2 + (fill_2_pa + gain_2 * a_2 * w_theta) * over_theta).max(vacuum_pa);
     }
 }
 
@@ -207,31 +234,40 @@ impl Split {
 /// Their ratio, the step over the time in which the flow fills the chamber, is the chamber's stiffness s. What follows from s is written
 /// with the two as they are: a quotient of polynomials costs one division, of which the chain has no more than it needs.
 #[derive(Clone, Copy, Debug)]
-struct Chamber {
-    compliance_m3_pa: f64,
-    outflow_m3_pa: f64,
+struct Chamber<T> {
+    compliance_m3_pa: T,
+    outflow_m3_pa: T,
 }
 
-impl Chamber {
-    #[inline]
-    fn new(net: Flow, step_s: f64, compliance_m3_pa: f64) -> Self {
-        Self { compliance_m3_pa, outflow_m3_pa: (-step_s * net.slope_m3_s_pa).max(0.0) }
+impl<T: Real> Chamber<T> {
+    #[inline(always)]
+    fn new(net: Flow<T>, step_s: f64, compliance_m3_pa: T) -> Self {
+        let slope = net.slope_m3_s_pa;
+        Self { compliance_m3_pa, outflow_m3_pa: (slope * -step_s).max(slope.like(0.0)) }
     }
 
-    #[inline]
-    fn is_stiffer_than(self, other: Self) -> bool {
-        self.outflow_m3_pa * other.compliance_m3_pa > other.outflow_m3_pa * self.compliance_m3_pa
+    #[inline(always)]
+    fn choose(mask: T::Mask, yes: Self, no: Self) -> Self {
+        Self {
+            compliance_m3_pa: T::select(mask, yes.compliance_m3_pa, no.compliance_m3_pa),
+            outflow_m3_pa: T::select(mask, yes.outflow_m3_pa, no.outflow_m3_pa),
+        }
+    }
+
+    #[inline(always)]
+    fn is_stiffer_than(self, other: Self) -> T::Mask {
+        (self.outflow_m3_pa * other.compliance_m3_pa).gt(other.outflow_m3_pa * self.compliance_m3_pa)
     }
 
     /// θ = (3 + s) / (6 + s).
     ///
     /// A linear chamber then decays as the (1, 2) Padé approximant of the exponential does, of order 3 and without ringing (exponential
     /// fitting; Liniger & Willoughby 1970).
-    #[inline]
-    fn weight(self) -> Weight {
+    #[inline(always)]
+    fn weight(self) -> Weight<T> {
         Weight {
-            end_m3_pa: 3.0 * self.compliance_m3_pa + self.outflow_m3_pa,
-            whole_m3_pa: 6.0 * self.compliance_m3_pa + self.outflow_m3_pa,
+            end_m3_pa: self.compliance_m3_pa * 3.0 + self.outflow_m3_pa,
+            whole_m3_pa: self.compliance_m3_pa * 6.0 + self.outflow_m3_pa,
         }
     }
 
@@ -239,39 +275,39 @@ impl Chamber {
     ///
     /// Along the tangent of a root a stiff step lands as far beyond the point without flow as it started before it (Newton's step on a square
     /// root); the slope is led over to the chord, which is twice as steep and lands on that point, by 1 + s² / (4 + s²).
-    #[inline]
-    fn gain(self, weight: Weight, step_s: f64) -> f64 {
+    #[inline(always)]
+    fn gain(self, weight: Weight<T>, step_s: f64) -> T {
         let (c, o) = (self.compliance_m3_pa, self.outflow_m3_pa);
         let square = o * o;
-        let both = 4.0 * c * c + square;
-        step_s * weight.end_m3_pa * both / (weight.whole_m3_pa * c * both + weight.end_m3_pa * o * (both + square))
+        let both = c * 4.0 * c + square;
+        weight.end_m3_pa * step_s * both / (weight.whole_m3_pa * c * both + weight.end_m3_pa * o * (both + square))
     }
 }
 
 /// θ, the weight of a step's end in its mean, as a fraction: 1/2 for chambers that fill slowly, 1 for those that fill at once.
 #[derive(Clone, Copy, Debug)]
-struct Weight {
-    end_m3_pa: f64,
-    whole_m3_pa: f64,
+struct Weight<T> {
+    end_m3_pa: T,
+    whole_m3_pa: T,
 }
 
-impl Weight {
+impl<T: Real> Weight<T> {
     /// θ and 1/θ.
-    #[inline]
-    fn with_inverse(self) -> (f64, f64) {
-        let inverse = 1.0 / (self.end_m3_pa * self.whole_m3_pa);
+    #[inline(always)]
+    fn with_inverse(self) -> (T, T) {
+        let product = self.end_m3_pa * self.whole_m3_pa;
+        let inverse = product.like(1.0) / product;
         (self.end_m3_pa * self.end_m3_pa * inverse, self.whole_m3_pa * self.whole_m3_pa * inverse)
     }
 }
 
 /// Pressure at the valve while the servomotor moves as it does, Pa.
-#[inline]
-fn supply_pressure_pa(plant: &Plant, state: &State, drive: &Drive) -> f64 {
-    if plant.supply.line_root == 0.0 {
-        return drive.tank_pressure_pa;
-    }
-    let servo = &plant.servomotor;
-    let w = state.servomotor_velocity_m_s;
-    let drawn_m3_s = if w >= 0.0 { servo.opening_area_m2 * w } else { -servo.closing_area_m2 * w };
-    plant.supply.pressure_pa(drive.tank_pressure_pa, drawn_m3_s)
+#[inline(always)]
+fn supply_pressure_pa<T: Real>(plant: &Blocks<'_, T>, state: &State<T>, drive: &Drive<T>) -> T {
+    either!(plant.supply.line_root.is(0.0), drive.tank_pressure_pa, {
+        let servo = plant.servomotor;
+        let w = state.servomotor_velocity_m_s;
+        let drawn_m3_s = T::select(w.ge(w.like(0.0)), servo.opening_area_m2, -servo.closing_area_m2) * w;
+        plant.supply.pressure_pa(drive.tank_pressure_pa, drawn_m3_s)
+    })
 }

@@ -8,9 +8,10 @@ use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 use crate::frame::Estimate;
 use crate::parameters::Unit;
+use crate::plant::lanes::Width;
 use crate::signal::Signal;
 use crate::tuning::noise::{Noise, Whitener, whiteners};
-use crate::tuning::trial::Trial;
+use crate::tuning::trial::{Traces, Trial};
 use crate::twin::{Cut, Twin};
 
 /// What stands for a simulated value that is no number, in any signal's unit: far from everything, so that no fit ends there.
@@ -43,16 +44,20 @@ impl Bench {
     /// The same trials, their noise laid out along another unit's simulation.
     #[must_use]
     pub fn laid_along(&self, reference: &Unit) -> Self {
-        let moved = [-1.0, 1.0].map(|times| with_moved_stops(reference, times));
+        let [less, more] = [-1.0, 1.0].map(|times| Twin::new(&with_moved_stops(reference, times)));
+        let twins = [Twin::new(reference), less, more];
         let whiteners = (0..self.trials.len())
             .into_par_iter()
             .map(|index| {
                 let trial = &self.trials[index];
-                let estimates = self.simulate(reference, index);
                 // A spool that is recorded stands where it stands.
-                let loose = moved.iter().filter(|_| trial.cut != Cut::Spool);
-                let moved: Vec<_> = loose.map(|unit| self.simulate(unit, index)).collect();
-                whiteners(trial, &self.noise, &estimates, &moved)
+                let loose = if trial.cut == Cut::Spool { 1 } else { twins.len() };
+                let mut twins: Vec<Twin> =
+                    twins[..loose].iter().map(|twin| self.prepared(twin.clone(), index)).collect();
+                self.simulations.fetch_add(twins.len(), Ordering::Relaxed);
+                let mut estimates = trial.run_batch(&mut twins);
+                let moved = estimates.split_off(1);
+                whiteners(trial, &self.noise, &estimates[0], &moved)
             })
             .collect();
         self.of(self.trials.clone(), whiteners)
@@ -198,18 +203,23 @@ impl Bench {
     #[must_use]
     pub fn misses_in(&self, data: &Trial, twin: Twin, index: usize) -> DVector<f64> {
         self.simulations.fetch_add(1, Ordering::Relaxed);
-        let estimates = data.run(&mut self.prepared(twin, index));
+        let traces = data.traces(&mut [self.prepared(twin, index)]).pop().unwrap_or_default();
+        self.whitened(data, index, traces)
+    }
+
+    /// Misses of simulated signals in a version of a trial.
+    fn whitened(&self, data: &Trial, index: usize, mut traces: Traces) -> DVector<f64> {
         let count = data.samples.len();
         let mut all = Vec::with_capacity(count * self.whiteners[index].len());
         let mut swings = Vec::new();
         for (signal, whitener) in data.signals().zip(&self.whiteners[index]) {
             let start = all.len();
-            let mut simulated = signal.of_estimates(&estimates);
+            let simulated = &mut traces[signal as usize];
             simulated.iter_mut().filter(|value| !value.is_finite()).for_each(|value| *value = ASTRAY);
             let measured = data.measured(signal).into_iter();
-            all.extend(measured.zip(&simulated).map(|(measured, simulated)| measured - simulated));
+            all.extend(measured.zip(&*simulated).map(|(measured, simulated)| measured - simulated));
             whitener.apply(&mut all[start..]);
-            swings.extend(whitener.swings(&simulated));
+            swings.extend(whitener.swings(simulated));
         }
         all.append(&mut swings);
         DVector::from_vec(all)
@@ -218,12 +228,33 @@ impl Bench {
     /// Misses of several units in all trials, in parallel, in order.
     #[must_use]
     pub fn misses_of(&self, units: &[Unit]) -> Vec<Misses> {
-        let jobs = units.len() * self.trials.len();
-        let flat: Vec<DVector<f64>> = (0..jobs)
+        let twins: Vec<Twin> = units.iter().map(Twin::new).collect();
+        self.misses_of_twins(&twins)
+    }
+
+    /// The same of twins that no unit describes, such as those with terms of their own; each trial sets their cut.
+    #[must_use]
+    pub fn misses_of_twins(&self, twins: &[Twin]) -> Vec<Misses> {
+        let batches: Vec<&[Twin]> = twins.chunks(Width::widest().lanes()).collect();
+        let jobs: Vec<Vec<DVector<f64>>> = (0..batches.len() * self.trials.len())
             .into_par_iter()
-            .map(|job| self.misses(&units[job / self.trials.len()], job % self.trials.len()))
+            .map(|job| {
+                let (batch, index) = (batches[job / self.trials.len()], job % self.trials.len());
+                self.simulations.fetch_add(batch.len(), Ordering::Relaxed);
+                let mut prepared: Vec<Twin> = batch.iter().map(|twin| self.prepared(twin.clone(), index)).collect();
+                let data = &self.trials[index];
+                data.traces(&mut prepared).into_iter().map(|traces| self.whitened(data, index, traces)).collect()
+            })
             .collect();
-        flat.chunks(self.trials.len().max(1)).map(<[_]>::to_vec).collect()
+        let mut misses: Vec<Misses> = vec![Vec::with_capacity(self.trials.len()); twins.len()];
+        let lanes = Width::widest().lanes();
+        for (job, of_batch) in jobs.into_iter().enumerate() {
+            let first = job / self.trials.len() * lanes;
+            for (all, one) in misses[first..].iter_mut().zip(of_batch) {
+                all.push(one);
+            }
+        }
+        misses
     }
 }
 

@@ -3,9 +3,11 @@
 use std::ops::Range;
 
 use crate::frame::{Estimate, Frame};
+use crate::plant::lanes::Width;
 use crate::recording::{Process, Recording};
 use crate::signal::Signal;
 use crate::tuning::rest::rests;
+use crate::twin::batch::{self, Row};
 use crate::twin::{Cut, Twin};
 use crate::units::{nanos_from_seconds, seconds_from_nanos};
 
@@ -14,6 +16,9 @@ const SLOW_S: f64 = 0.05;
 
 /// Median size of the second difference of white jitter, over its standard deviation.
 const MEDIAN_BEND: f64 = 1.652;
+
+/// Simulated signals in the order of [`Signal::ALL`], at each sample.
+pub type Traces = [Vec<f64>; Signal::ALL.len()];
 
 /// One recording, its rows at which something was measured, and which signals it has.
 #[derive(Clone, Debug)]
@@ -141,18 +146,55 @@ impl Trial {
     }
 
     /// Simulates the trial; one estimate for each sample.
-    ///
-    /// A plant whose inputs have a clock of their own reads commands and ESV ahead of their rows. The twin's clock stands
-    /// still over the rests that are left out.
     #[must_use]
     pub fn run(&self, twin: &mut Twin) -> Vec<Estimate> {
         twin.reset();
-        let lookahead_ns = nanos_from_seconds(twin.plant().lookahead_s);
         let mut estimates = Vec::with_capacity(self.samples.len());
+        for Row { frame, is_sample } in self.rows(twin) {
+            if is_sample {
+                estimates.push(twin.step(&frame));
+            } else {
+                twin.advance(&frame);
+            }
+        }
+        estimates
+    }
+
+    /// Simulates the trial by several twins, side by side where they fit; for each the same as by itself.
+    #[must_use]
+    pub fn run_batch(&self, twins: &mut [Twin]) -> Vec<Vec<Estimate>> {
+        in_batches(twins, |width, twins| self.run_batch_of(width, twins), |twin| self.run(twin))
+    }
+
+    /// The same in lanes of a width, of no more twins than it has lanes, which must fit side by side.
+    #[must_use]
+    pub fn run_batch_of(&self, width: Width, twins: &mut [Twin]) -> Vec<Vec<Estimate>> {
+        batch::estimates(width, twins, self.rows_of(twins))
+    }
+
+    /// The same without all but the signals that were measured: for each twin those of [`Signal::ALL`] at each sample, empty where unwanted.
+    #[must_use]
+    pub fn traces(&self, twins: &mut [Twin]) -> Vec<Traces> {
+        let side_by_side =
+            |width: Width, twins: &mut [Twin]| batch::signals(width, twins, self.rows_of(twins), self.has);
+        let alone = |twin: &mut Twin| {
+            let estimates = self.run(twin);
+            Signal::ALL
+                .map(|signal| if self.has[signal as usize] { signal.of_estimates(&estimates) } else { Vec::new() })
+        };
+        in_batches(twins, side_by_side, alone)
+    }
+
+    /// Rows as a twin sees them.
+    ///
+    /// A plant whose inputs have a clock of their own reads commands and ESV ahead of their rows. The twin's clock stands
+    /// still over the rests that are left out.
+    fn rows(&self, twin: &Twin) -> impl Iterator<Item = Row> + use<'_> {
+        let lookahead_ns = nanos_from_seconds(twin.plant().lookahead_s);
         let mut samples = self.samples.iter().peekable();
         let mut source = 0;
         let (mut seams, mut rested_ns) = (self.seams.iter().peekable(), 0);
-        for (row, frame) in self.frames.iter().enumerate() {
+        self.frames.iter().enumerate().map(move |(row, frame)| {
             let mut frame = *frame;
             if lookahead_ns > 0 {
                 while self.frames.get(source + 1).is_some_and(|next| next.time_ns <= frame.time_ns + lookahead_ns) {
@@ -166,14 +208,32 @@ impl Trial {
                 rested_ns += rest_ns;
             }
             frame.time_ns -= rested_ns;
-            if samples.next_if(|&&sample| sample == row).is_some() {
-                estimates.push(twin.step(&frame));
-            } else {
-                twin.advance(&frame);
-            }
-        }
-        estimates
+            Row { frame, is_sample: samples.next_if(|&&sample| sample == row).is_some() }
+        })
     }
+
+    /// The same of several twins: once where all see the same.
+    fn rows_of(&self, twins: &[Twin]) -> Vec<impl Iterator<Item = Row> + use<'_>> {
+        let alike = twins.windows(2).all(|two| two[0].plant().lookahead_s == two[1].plant().lookahead_s);
+        twins[..if alike { 1 } else { twins.len() }].iter().map(|twin| self.rows(twin)).collect()
+    }
+}
+
+/// Goes through twins as many at a time as there are lanes, and one by one where they do not fit side by side.
+fn in_batches<R>(
+    twins: &mut [Twin],
+    side_by_side: impl Fn(Width, &mut [Twin]) -> Vec<R>,
+    alone: impl Fn(&mut Twin) -> R,
+) -> Vec<R> {
+    let width = Width::widest();
+    let batch = |twins: &mut [Twin]| {
+        if twins.len() > 1 && batch::fit(twins) {
+            side_by_side(width, twins)
+        } else {
+            twins.iter_mut().map(&alone).collect()
+        }
+    };
+    twins.chunks_mut(width.lanes()).flat_map(batch).collect()
 }
 
 /// Takes ranges of rows out, in their order; for each the row that now stands there, and the time that is left out, ns.

@@ -1,27 +1,51 @@
 //! What the transducers show between two ticks, and what stands in for them at a cut.
 
 use crate::frame::Frame;
-use crate::plant::Plant;
+use crate::plant::Blocks;
+use crate::plant::real::Real;
+use crate::state::State;
 use crate::units::seconds_from_nanos;
 
-use super::Now;
+use super::Cut;
+use super::tick::Now;
 
 /// What the spool's transducer shows `after_s` past the last tick, pu.
-pub(super) fn spool_reading_pu(plant: &Plant, now: &Now, after_s: f64) -> f64 {
-    let (spool, state) = (&plant.spool, &now.state);
+#[inline(always)]
+pub(super) fn spool_reading_pu<T: Real>(
+    blocks: &Blocks<'_, T>,
+    state: &State<T>,
+    tank_pressure_pa: T,
+    after_s: f64,
+) -> T {
+    let spool = blocks.spool;
     let position_m =
         (state.spool_position_m + state.spool_velocity_m_s * after_s).clamp(spool.stroke_min_m, spool.stroke_max_m);
-    let yield_m = spool.stop_yield_m(position_m, state.control_pressure_pa, now.inputs.tank_pressure_pa);
+    let yield_m = spool.stop_yield_m(position_m, state.control_pressure_pa, tank_pressure_pa);
     spool.reading_pu(position_m + yield_m)
 }
 
 /// Piston position `after_s` past the last tick, pu.
-pub(super) fn piston_position_pu(plant: &Plant, now: &Now, after_s: f64) -> f64 {
-    let servo = &plant.servomotor;
-    let position_m = now.state.servomotor_position_m + now.state.servomotor_velocity_m_s * after_s;
-    let position_m = position_m.clamp(0.0, servo.stroke_m);
-    let yield_m = servo.stop_yield_m(position_m, now.state.opening_pressure_pa, now.state.closing_pressure_pa);
+#[inline(always)]
+pub(super) fn piston_position_pu<T: Real>(blocks: &Blocks<'_, T>, state: &State<T>, after_s: f64) -> T {
+    let servo = blocks.servomotor;
+    let position_m = state.servomotor_position_m + state.servomotor_velocity_m_s * after_s;
+    let position_m = position_m.clamp(position_m.like(0.0), servo.stroke_m);
+    let yield_m = servo.stop_yield_m(position_m, state.opening_pressure_pa, state.closing_pressure_pa);
     (position_m + yield_m) / servo.stroke_m
+}
+
+/// Both positions as shown at a time less than a tick after the last one, pu: spool and servomotor.
+#[inline(always)]
+pub(super) fn positions_pu<T: Real>(blocks: &Blocks<'_, T>, now: &Now<T>, cut: Cut, time_ns: i64) -> (T, T) {
+    let since_s = seconds_from_nanos(time_ns - now.time_ns).max(0.0);
+    let moving_s = if cut == Cut::Spool { 0.0 } else { since_s };
+    let moved_pu = if since_s > 0.0 {
+        piston_position_pu(blocks, &now.state, since_s) - piston_position_pu(blocks, &now.state, 0.0)
+    } else {
+        now.servomotor_reading_pu.like(0.0)
+    };
+    let spool_pu = spool_reading_pu(blocks, &now.state, now.inputs.tank_pressure_pa, moving_s);
+    (spool_pu, now.servomotor_reading_pu + moved_pu)
 }
 
 /// A measured signal at a time between its last row and the next, pu.

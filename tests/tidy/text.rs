@@ -18,6 +18,7 @@ const KNOWN_BY: &[(&str, &[&str])] = &[
     ("candle_core", &["src/residual/deep.rs"]),
     ("candle_nn", &["src/residual/deep.rs"]),
     ("linfa", &["src/residual/search.rs"]),
+    ("pulp", &["src/plant/lanes.rs"]),
     ("plotters", &["src/report/", "src/report.rs"]),
     ("maud", &["src/report/", "src/report.rs"]),
     ("indicatif", &["src/commands/"]),

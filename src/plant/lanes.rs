@@ -1,0 +1,350 @@
+//! Several numbers in the lanes of one register: as many as the processor at hand holds, found out when the program runs.
+//!
+//! Eight with AVX-512, four with AVX2, two with NEON, one elsewhere. Of crates that know instruction sets at run time, `pulp` gives typed
+//! registers without unsafe code in what uses it.
+
+use std::fmt;
+use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Sub};
+
+use pulp::{Arch, Simd, WithSimd, bytemuck};
+
+use crate::plant::real::{Real, Truth};
+
+/// Most lanes of any register.
+pub const MOST_LANES: usize = 8;
+
+/// Numbers side by side, each of which can be looked at.
+pub trait Wide: Real {
+    /// How many.
+    const COUNT: usize;
+    /// One of them.
+    fn lane(self, lane: usize) -> f64;
+    /// As many new ones.
+    #[must_use]
+    fn each(self, of: impl FnMut(usize) -> f64) -> Self;
+}
+
+/// Work that can be done in lanes of any width.
+pub trait Job {
+    /// What comes of it.
+    type Output;
+    /// Does it; `zero` tells the width, and all constants are made like it.
+    fn run<T: Wide>(self, zero: T) -> Self::Output;
+}
+
+/// A register width that this processor has.
+#[derive(Clone, Copy, Debug)]
+pub struct Width(Arch);
+
+impl Width {
+    /// The widest.
+    #[must_use]
+    pub fn widest() -> Self {
+        Self(Arch::new())
+    }
+
+    /// All, the narrowest first; one lane at least.
+    #[must_use]
+    pub fn all() -> Vec<Self> {
+        #[cfg(target_arch = "x86_64")]
+        let wider = {
+            use pulp::x86::{V3, V4};
+            [V3::try_new().map(Arch::V3), V4::try_new().map(Arch::V4)]
+        };
+        #[cfg(target_arch = "x86_64")]
+        let narrowest = Arch::Scalar;
+        #[cfg(not(target_arch = "x86_64"))]
+        let (narrowest, wider) = (Arch::new(), [None::<Arch>]);
+        std::iter::once(narrowest).chain(wider.into_iter().flatten()).map(Self).collect()
+    }
+
+    /// Its number of lanes.
+    #[must_use]
+    pub fn lanes(self) -> usize {
+        struct Count;
+        impl Job for Count {
+            type Output = usize;
+            fn run<T: Wide>(self, _zero: T) -> usize {
+                T::COUNT
+            }
+        }
+        self.run(Count)
+    }
+
+    /// Does a job compiled for this width.
+    pub fn run<J: Job>(self, job: J) -> J::Output {
+        self.0.dispatch(Compiled(job))
+    }
+}
+
+struct Compiled<J>(J);
+
+impl<J: Job> WithSimd for Compiled<J> {
+    type Output = J::Output;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> J::Output {
+        self.0.run(Lanes { simd, values: simd.splat_f64s(0.0) })
+    }
+}
+
+/// Numbers in the lanes of one register, with the right to use its instructions.
+#[derive(Clone, Copy)]
+pub struct Lanes<S: Simd> {
+    simd: S,
+    values: S::f64s,
+}
+
+impl<S: Simd> Lanes<S> {
+    #[inline(always)]
+    fn with(self, values: S::f64s) -> Self {
+        Self { values, ..self }
+    }
+}
+
+impl<S: Simd> fmt::Debug for Lanes<S> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.values.fmt(f)
+    }
+}
+
+impl<S: Simd> Wide for Lanes<S> {
+    const COUNT: usize = S::F64_LANES;
+
+    #[inline(always)]
+    fn lane(self, lane: usize) -> f64 {
+        bytemuck::cast_slice(std::slice::from_ref(&self.values))[lane]
+    }
+
+    #[inline(always)]
+    fn each(mut self, mut of: impl FnMut(usize) -> f64) -> Self {
+        let values: &mut [f64] = bytemuck::cast_slice_mut(std::slice::from_mut(&mut self.values));
+        for (lane, value) in values.iter_mut().enumerate() {
+            *value = of(lane);
+        }
+        self
+    }
+}
+
+/// Truth values in lanes.
+#[derive(Clone, Copy, Debug)]
+pub struct Mask<S: Simd> {
+    simd: S,
+    values: S::m64s,
+}
+
+impl<S: Simd> Mask<S> {
+    /// Whether it holds anywhere, and whether it holds everywhere.
+    #[inline(always)]
+    fn any_and_all(self) -> (bool, bool) {
+        if const { size_of::<S::m64s>() == 1 } {
+            let bits: u8 = bytemuck::cast(self.values);
+            (bits != 0, u32::from(bits) == (1 << S::F64_LANES) - 1)
+        } else {
+            let wide: S::u64s = bytemuck::cast(self.values);
+            let words: &[u64] = bytemuck::cast_slice(std::slice::from_ref(&wide));
+            (words.iter().fold(0, |sum, word| sum | word) != 0, words.iter().fold(!0, |sum, word| sum & word) == !0)
+        }
+    }
+}
+
+impl<S: Simd> Truth<Lanes<S>> for Mask<S> {
+    #[inline(always)]
+    fn any(self) -> bool {
+        self.any_and_all().0
+    }
+
+    #[inline(always)]
+    fn all(self) -> bool {
+        self.any_and_all().1
+    }
+}
+
+impl<S: Simd> BitAnd for Mask<S> {
+    type Output = Self;
+
+    #[inline(always)]
+    fn bitand(self, other: Self) -> Self {
+        Self { values: self.simd.and_m64s(self.values, other.values), ..self }
+    }
+}
+
+impl<S: Simd> BitOr for Mask<S> {
+    type Output = Self;
+
+    #[inline(always)]
+    fn bitor(self, other: Self) -> Self {
+        Self { values: self.simd.or_m64s(self.values, other.values), ..self }
+    }
+}
+
+/// An operator of lanes, by lanes and by one number.
+macro_rules! operator {
+    ($($operator:ident $method:ident $simd:ident),*) => {$(
+        impl<S: Simd> $operator for Lanes<S> {
+            type Output = Self;
+
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                self.with(self.simd.$simd(self.values, other.values))
+            }
+        }
+
+        impl<S: Simd> $operator<f64> for Lanes<S> {
+            type Output = Self;
+
+            #[inline(always)]
+            fn $method(self, other: f64) -> Self {
+                self.with(self.simd.$simd(self.values, self.simd.splat_f64s(other)))
+            }
+        }
+    )*};
+}
+
+operator!(Add add add_f64s, Sub sub sub_f64s, Mul mul mul_f64s, Div div div_f64s);
+
+impl<S: Simd> Neg for Lanes<S> {
+    type Output = Self;
+
+    #[inline(always)]
+    fn neg(self) -> Self {
+        self.with(self.simd.neg_f64s(self.values))
+    }
+}
+
+impl<S: Simd> Real for Lanes<S> {
+    type Mask = Mask<S>;
+
+    #[inline(always)]
+    fn like(self, value: f64) -> Self {
+        self.with(self.simd.splat_f64s(value))
+    }
+
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        self.with(self.simd.sqrt_f64s(self.values))
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        self.with(self.simd.abs_f64s(self.values))
+    }
+
+    #[inline(always)]
+    fn copysign(self, sign: Self) -> Self {
+        let simd = self.simd;
+        let bit = simd.splat_f64s(-0.0);
+        self.with(simd.or_f64s(simd.abs_f64s(self.values), simd.and_f64s(sign.values, bit)))
+    }
+
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        self.with(self.simd.max_f64s(self.values, other.values))
+    }
+
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        self.with(self.simd.min_f64s(self.values, other.values))
+    }
+
+    #[inline(always)]
+    fn clamp(self, min: Self, max: Self) -> Self {
+        max.min(min.max(self))
+    }
+
+    #[inline(always)]
+    fn exp_unless(self, unwanted: Mask<S>) -> Self {
+        let power = Self::select(unwanted, self.like(0.0), self);
+        self.each(|lane| if power.lane(lane) == 0.0 { 1.0 } else { power.lane(lane).exp() })
+    }
+
+    #[inline(always)]
+    fn eq(self, other: Self) -> Mask<S> {
+        Mask { simd: self.simd, values: self.simd.equal_f64s(self.values, other.values) }
+    }
+
+    #[inline(always)]
+    fn lt(self, other: Self) -> Mask<S> {
+        Mask { simd: self.simd, values: self.simd.less_than_f64s(self.values, other.values) }
+    }
+
+    #[inline(always)]
+    fn le(self, other: Self) -> Mask<S> {
+        Mask { simd: self.simd, values: self.simd.less_than_or_equal_f64s(self.values, other.values) }
+    }
+
+    #[inline(always)]
+    fn select(mask: Mask<S>, yes: Self, no: Self) -> Self {
+        yes.with(yes.simd.select_f64s(mask.values, yes.values, no.values))
+    }
+}
+
+/// Makes lanes of one number of each unit.
+pub type SideBySide<'a, T> = dyn Fn(&dyn Fn(usize) -> f64) -> T + 'a;
+
+/// A law whose quantities can stand side by side for several units.
+pub trait Abreast<T> {
+    /// The law with lanes for numbers.
+    type Lanes;
+    /// The quantities of all units; `of` names a unit.
+    fn abreast<'a>(of: &dyn Fn(usize) -> &'a Self, side_by_side: &SideBySide<'_, T>) -> Self::Lanes
+    where
+        Self: 'a;
+}
+
+impl<T> Abreast<T> for f64 {
+    type Lanes = T;
+
+    fn abreast<'a>(of: &dyn Fn(usize) -> &'a f64, side_by_side: &SideBySide<'_, T>) -> T
+    where
+        Self: 'a,
+    {
+        side_by_side(&|unit| *of(unit))
+    }
+}
+
+impl<T, A: Abreast<T>> Abreast<T> for [A; 2] {
+    type Lanes = [A::Lanes; 2];
+
+    fn abreast<'a>(of: &dyn Fn(usize) -> &'a Self, side_by_side: &SideBySide<'_, T>) -> [A::Lanes; 2]
+    where
+        Self: 'a,
+    {
+        std::array::from_fn(|k| A::abreast(&|unit| &of(unit)[k], side_by_side))
+    }
+}
+
+/// Says of a law with these quantities that they can stand side by side.
+macro_rules! abreast {
+    ($law:ident { $($quantity:ident),* $(,)? }) => {
+        impl<T> $crate::plant::lanes::Abreast<T> for $law {
+            type Lanes = $law<T>;
+
+            fn abreast<'a>(
+                of: &dyn Fn(usize) -> &'a Self,
+                side_by_side: &$crate::plant::lanes::SideBySide<'_, T>,
+            ) -> $law<T>
+            where
+                Self: 'a,
+            {
+                $law { $($quantity: $crate::plant::lanes::Abreast::abreast(&|unit| &of(unit).$quantity, side_by_side)),* }
+            }
+        }
+    };
+}
+
+/// Gives what holds these quantities in lanes a way to look at one lane.
+macro_rules! apart {
+    ($law:ident { $($quantity:ident),* $(,)? }) => {
+        impl<T: $crate::plant::lanes::Wide> $law<T> {
+            /// The quantities in one lane.
+            #[inline(always)]
+            #[must_use]
+            pub fn lane(&self, lane: usize) -> $law {
+                $law { $($quantity: self.$quantity.lane(lane)),* }
+            }
+        }
+    };
+}
+
+pub(crate) use {abreast, apart};

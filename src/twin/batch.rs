@@ -1,0 +1,285 @@
+//! Several twins in the lanes of one register: slightly different units under the same rows.
+//!
+//! Most of a diagnosis are such simulations. Laws and tick are those of a single twin, see `plant/real.rs` and `tick.rs`, and so are the results,
+//! to the last bit. What is no arithmetic of many equal steps goes lane by lane: the start, terms where a lane has any, and the large loop,
+//! which runs in one tick of ten. Twins that cannot go side by side run one after another.
+
+use crate::frame::{Estimate, Frame, Inputs};
+use crate::plant::lanes::{Job, MOST_LANES, Wide, Width};
+use crate::plant::regulator::SmallLoop;
+use crate::plant::term::{POINTS, Point};
+use crate::plant::{Bank, Blocks, Drive, Plant};
+use crate::signal::Signal;
+use crate::solver::Solver;
+use crate::solver::split::Split;
+use crate::state::State;
+
+use super::readings::positions_pu;
+use super::tick::{Acting, Chain, Demand, Now, Read, Seen, esv_opening_pu, large_loop, tick};
+use super::{Twin, estimate};
+
+/// One row, and whether somebody looks at the twins there.
+#[derive(Clone, Copy, Debug)]
+pub struct Row {
+    /// The row.
+    pub frame: Frame,
+    /// Whether somebody looks.
+    pub is_sample: bool,
+}
+
+/// What becomes of the twins at the rows at which somebody looks.
+trait Watch {
+    fn look<T: Wide>(&mut self, time_ns: i64, positions_pu: (T, T), now: &Now<T>);
+}
+
+/// The estimates of several twins, each started anew, at the rows at which somebody looks.
+///
+/// `rows` are those of each twin; they agree in everything but command and ESV.
+#[must_use]
+pub fn estimates<I: Iterator<Item = Row>>(width: Width, twins: &mut [Twin], rows: Vec<I>) -> Vec<Vec<Estimate>> {
+    let mut watch = Estimates(vec![Vec::new(); twins.len()]);
+    run(width, twins, rows, &mut watch);
+    watch.0
+}
+
+/// The same of some signals alone: for each of [`Signal::ALL`] that is wanted its values, twin by twin.
+#[must_use]
+pub fn signals<I: Iterator<Item = Row>>(
+    width: Width,
+    twins: &mut [Twin],
+    rows: Vec<I>,
+    wanted: [bool; Signal::ALL.len()],
+) -> Vec<[Vec<f64>; Signal::ALL.len()]> {
+    let mut watch = Traces { wanted, twins: vec![Default::default(); twins.len()] };
+    run(width, twins, rows, &mut watch);
+    watch.twins
+}
+
+struct Estimates(Vec<Vec<Estimate>>);
+
+impl Watch for Estimates {
+    #[inline(always)]
+    fn look<T: Wide>(&mut self, time_ns: i64, positions_pu: (T, T), now: &Now<T>) {
+        for (lane, estimates) in self.0.iter_mut().enumerate() {
+            let positions_pu = (positions_pu.0.lane(lane), positions_pu.1.lane(lane));
+            estimates.push(estimate(time_ns, positions_pu, &now.lane(lane)));
+        }
+    }
+}
+
+struct Traces {
+    wanted: [bool; Signal::ALL.len()],
+    twins: Vec<[Vec<f64>; Signal::ALL.len()]>,
+}
+
+impl Watch for Traces {
+    #[inline(always)]
+    fn look<T: Wide>(&mut self, _time_ns: i64, (spool_pu, servomotor_pu): (T, T), now: &Now<T>) {
+        for signal in Signal::ALL.into_iter().filter(|&signal| self.wanted[signal as usize]) {
+            let values = match signal {
+                Signal::ServomotorPosition => servomotor_pu,
+                Signal::SpoolPosition => spool_pu,
+                Signal::PilotValvePosition => now.state.pilot_position_pu,
+                Signal::ControlPressure => now.state.control_pressure_pa,
+            };
+            for (lane, traces) in self.twins.iter_mut().enumerate() {
+                traces[signal as usize].push(values.lane(lane));
+            }
+        }
+    }
+}
+
+/// Whether twins can go side by side: the default method, equal ticks, and the same cut.
+#[must_use]
+pub fn fit(twins: &[Twin]) -> bool {
+    let Some(first) = twins.first() else { return false };
+    let Solver::Split(steps) = &first.solver else { return false };
+    twins.iter().all(|twin| {
+        matches!(&twin.solver, Solver::Split(other) if other.is_as_long_as(steps)) && twin.setting == first.setting
+    })
+}
+
+/// Runs twins side by side, as many at a time as the width has lanes.
+fn run<I: Iterator<Item = Row>>(width: Width, twins: &mut [Twin], rows: Vec<I>, watch: &mut impl Watch) {
+    debug_assert!(twins.len() <= width.lanes() && (rows.len() == 1 || rows.len() == twins.len()));
+    width.run(Run { twins, rows, watch });
+}
+
+struct Run<'a, I, W> {
+    twins: &'a mut [Twin],
+    rows: Vec<I>,
+    watch: &'a mut W,
+}
+
+impl<I: Iterator<Item = Row>, W: Watch> Job for Run<'_, I, W> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<T: Wide>(self, zero: T) {
+        let Self { twins, mut rows, watch } = self;
+        let Some(mut row) = Rows::first(&mut rows) else { return };
+        for (lane, twin) in twins.iter_mut().enumerate() {
+            twin.reset();
+            twin.advance(&row.of(lane).frame);
+        }
+        let setting = twins[0].setting;
+        let started: Vec<&Now> = twins.iter().map(|twin| &twin.now).collect();
+        let Some(mut now) = Now::abreast(&started, zero) else { return };
+        let Some(mut side) = Side::new(twins, zero) else { return };
+        loop {
+            let Row { frame, is_sample } = row.all[0];
+            if is_sample {
+                watch.look(frame.time_ns, positions_pu(&side.bank.blocks(), &now, setting.cut, frame.time_ns), &now);
+            }
+            if !row.advance(&mut rows) {
+                break;
+            }
+            let frame = &row.all[0].frame;
+            while frame.time_ns - now.time_ns >= setting.tick_ns {
+                tick(&mut side, setting, &mut now, frame);
+            }
+            now.coming = row.renewed(&now.coming);
+            now.take(frame);
+        }
+        for twin in side.twins {
+            twin.reset();
+        }
+    }
+}
+
+/// The row at which all twins are: one for all, or one for each.
+struct Rows {
+    all: [Row; MOST_LANES],
+    count: usize,
+}
+
+impl Rows {
+    fn first<I: Iterator<Item = Row>>(rows: &mut [I]) -> Option<Self> {
+        let all = [rows.first_mut()?.next()?; MOST_LANES];
+        let mut first = Self { all, count: rows.len().min(MOST_LANES) };
+        for (row, rows) in first.all.iter_mut().zip(rows).skip(1) {
+            *row = rows.next()?;
+        }
+        Some(first)
+    }
+
+    fn advance<I: Iterator<Item = Row>>(&mut self, rows: &mut [I]) -> bool {
+        self.all.iter_mut().zip(rows).all(|(row, rows)| rows.next().map(|next| *row = next).is_some())
+    }
+
+    #[inline(always)]
+    fn of(&self, lane: usize) -> &Row {
+        &self.all[lane.min(self.count - 1)]
+    }
+
+    /// Inputs with what these rows bring.
+    #[inline(always)]
+    fn renewed<T: Wide>(&self, old: &Acting<T>) -> Acting<T> {
+        if self.count == 1 {
+            let Inputs { opening_command_pu, esv, tank_pressure_pa } = self.all[0].frame.inputs;
+            let zero = old.esv_opening_pu;
+            let renewed = |old: T, new: f64| if new.is_finite() { zero.like(new) } else { old };
+            return Acting {
+                opening_command_pu: renewed(old.opening_command_pu, opening_command_pu),
+                esv_opening_pu: zero.like(esv_opening_pu(esv)),
+                tank_pressure_pa: renewed(old.tank_pressure_pa, tank_pressure_pa),
+            };
+        }
+        let renewed = |lane: usize| {
+            let mut acting = old.lane(lane);
+            acting.renew(&self.of(lane).frame.inputs);
+            acting
+        };
+        let renewed: [Acting; MOST_LANES] = std::array::from_fn(|lane| renewed(lane.min(T::COUNT - 1)));
+        let zero = old.esv_opening_pu;
+        Acting {
+            opening_command_pu: zero.each(|lane| renewed[lane].opening_command_pu),
+            esv_opening_pu: zero.each(|lane| renewed[lane].esv_opening_pu),
+            tank_pressure_pa: zero.each(|lane| renewed[lane].tank_pressure_pa),
+        }
+    }
+}
+
+/// Plants in lanes, with what terms and large loops remember in each.
+struct Side<'a, T> {
+    twins: &'a mut [Twin],
+    bank: Bank<T>,
+    steps: Split<T>,
+    /// Where all large loops run in every so many ticks, that number.
+    whole_ticks: Option<u64>,
+    /// By point whether a term stands there in any lane.
+    occupied: [bool; POINTS],
+}
+
+impl<'a, T: Wide> Side<'a, T> {
+    fn new(twins: &'a mut [Twin], zero: T) -> Option<Self> {
+        let plants: Vec<&Plant> = twins.iter().map(|twin| &*twin.plant).collect();
+        let steps: Vec<&Split> = twins.iter().filter_map(|twin| twin.solver.split()).collect();
+        let whole_ticks = plants.first()?.regulator.whole_ticks();
+        Some(Self {
+            bank: Bank::new(&plants, zero)?,
+            steps: Split::abreast(&steps, zero)?,
+            whole_ticks: whole_ticks
+                .filter(|_| plants.iter().all(|plant| plant.regulator.whole_ticks() == whole_ticks)),
+            occupied: Point::ALL.map(|point| plants.iter().any(|plant| !plant.terms.is_empty_at(point))),
+            twins,
+        })
+    }
+}
+
+impl<T: Wide> Chain<T> for Side<'_, T> {
+    #[inline(always)]
+    fn blocks(&self) -> Blocks<'_, T> {
+        self.bank.blocks()
+    }
+
+    #[inline(always)]
+    fn small_loop(&self) -> SmallLoop<T> {
+        *self.bank.small_loop()
+    }
+
+    #[inline(always)]
+    fn apply(&mut self, point: Point, signal: T, seen: &Seen<T>) -> T {
+        if !self.occupied[point as usize] {
+            return signal;
+        }
+        let last = self.twins.len() - 1;
+        let mut signals = [0.0; MOST_LANES];
+        for (lane, (twin, passed)) in self.twins.iter_mut().zip(&mut signals).enumerate() {
+            *passed = signal.lane(lane);
+            if !twin.plant.terms.is_empty_at(point) {
+                let seen = seen.lane(lane);
+                *passed = twin.plant.terms.apply(point, *passed, &seen.view(), &mut twin.memory);
+            }
+        }
+        signal.each(|lane| signals[lane.min(last)])
+    }
+
+    #[inline(always)]
+    fn large_loop(&mut self, ticks: u64, moving_s: f64, read: &Read<T>, demand: &mut Demand<T>) -> T {
+        if self.whole_ticks.is_some_and(|whole_ticks| !ticks.is_multiple_of(whole_ticks)) {
+            return demand.spool_command_pu;
+        }
+        let last = self.twins.len() - 1;
+        let mut commands_pu = [0.0; MOST_LANES];
+        let mut demands = [Demand { spool_command_pu: 0.0, sd_pu: 0.0 }; MOST_LANES];
+        for (lane, Twin { plant, hold, .. }) in self.twins.iter_mut().enumerate() {
+            demands[lane] = demand.lane(lane);
+            commands_pu[lane] = large_loop(plant, hold, ticks, moving_s, &read.lane(lane), &mut demands[lane]);
+        }
+        let zero = demand.sd_pu;
+        demand.spool_command_pu = zero.each(|lane| demands[lane.min(last)].spool_command_pu);
+        demand.sd_pu = zero.each(|lane| demands[lane.min(last)].sd_pu);
+        zero.each(|lane| commands_pu[lane.min(last)])
+    }
+
+    #[inline(always)]
+    fn advance(&self, state: &mut State<T>, drive: &Drive<T>) {
+        self.steps.advance(&self.bank.blocks(), state, drive);
+    }
+
+    #[inline(always)]
+    fn advance_piston(&self, state: &mut State<T>, drive: &Drive<T>) {
+        self.steps.advance_piston(&self.bank.blocks(), state, drive);
+    }
+}

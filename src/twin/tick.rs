@@ -1,0 +1,288 @@
+//! The law of a tick, of one twin or of several in lanes.
+
+use crate::frame::{EsvState, Frame, Inputs, Signals};
+use crate::plant::lanes::{Abreast, Wide, abreast, apart};
+use crate::plant::real::Real;
+use crate::plant::regulator::SmallLoop;
+use crate::plant::term::{Point, View};
+use crate::plant::{Blocks, Drive, Plant};
+use crate::state::State;
+
+use super::Cut;
+use super::hold::Hold;
+use super::readings::{piston_position_pu, spool_reading_pu, standing_in_pu};
+
+/// Blur of the port edges per standard deviation of the spool's demand: 0.8 for the shape of the blurred edge times
+/// 0.4, the share of the demand's noise that the spool follows (measured on simulated units).
+const CHATTER_BLUR: f64 = 0.32;
+
+/// Inputs in force.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Acting<T = f64> {
+    pub opening_command_pu: T,
+    /// 1 in NORMAL, 0 in SHUTDOWN.
+    pub esv_opening_pu: T,
+    pub tank_pressure_pa: T,
+}
+
+abreast!(Acting { opening_command_pu, esv_opening_pu, tank_pressure_pa });
+apart!(Acting { opening_command_pu, esv_opening_pu, tank_pressure_pa });
+
+impl Acting {
+    /// Takes what is finite of new inputs; the rest stays in force.
+    pub(super) fn renew(&mut self, new: &Inputs) {
+        self.esv_opening_pu = esv_opening_pu(new.esv);
+        if new.opening_command_pu.is_finite() {
+            self.opening_command_pu = new.opening_command_pu;
+        }
+        if new.tank_pressure_pa.is_finite() {
+            self.tank_pressure_pa = new.tank_pressure_pa;
+        }
+    }
+}
+
+/// The ESV's opening in a state, pu.
+pub(super) fn esv_opening_pu(esv: EsvState) -> f64 {
+    f64::from(u8::from(esv == EsvState::Normal))
+}
+
+/// What the large loop demands of the spool, and the standard deviation of that, pu.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Demand<T = f64> {
+    pub spool_command_pu: T,
+    pub sd_pu: T,
+}
+
+abreast!(Demand { spool_command_pu, sd_pu });
+apart!(Demand { spool_command_pu, sd_pu });
+
+/// What changes from tick to tick, besides what terms and the large loop remember.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Now<T = f64> {
+    pub state: State<T>,
+    pub ticks: u64,
+    pub time_ns: i64,
+    pub inputs: Acting<T>,
+    pub coming: Acting<T>,
+    pub measured: Signals,
+    pub measured_ns: i64,
+    pub demand: Demand<T>,
+    pub valve_current_pu: T,
+    pub servomotor_reading_pu: T,
+}
+
+impl<T: Wide> Now<T> {
+    /// What several twins under the same rows are at, in as many lanes as `zero` has; the last fills what lanes are left.
+    pub(super) fn abreast(all: &[&Now], zero: T) -> Option<Self> {
+        let last = all.len().checked_sub(1)?;
+        let of = |lane: usize| all[lane.min(last)];
+        let Now { ticks, time_ns, measured, measured_ns, .. } = *all[0];
+        Some(Self {
+            state: State::abreast(&|lane| &of(lane).state, &|of| zero.each(of)),
+            ticks,
+            time_ns,
+            inputs: Acting::abreast(&|lane| &of(lane).inputs, &|of| zero.each(of)),
+            coming: Acting::abreast(&|lane| &of(lane).coming, &|of| zero.each(of)),
+            measured,
+            measured_ns,
+            demand: Demand::abreast(&|lane| &of(lane).demand, &|of| zero.each(of)),
+            valve_current_pu: zero.each(|lane| of(lane).valve_current_pu),
+            servomotor_reading_pu: zero.each(|lane| of(lane).servomotor_reading_pu),
+        })
+    }
+
+    /// What one of them is at.
+    #[inline(always)]
+    pub(super) fn lane(&self, lane: usize) -> Now {
+        Now {
+            state: self.state.lane(lane),
+            ticks: self.ticks,
+            time_ns: self.time_ns,
+            inputs: self.inputs.lane(lane),
+            coming: self.coming.lane(lane),
+            measured: self.measured,
+            measured_ns: self.measured_ns,
+            demand: self.demand.lane(lane),
+            valve_current_pu: self.valve_current_pu.lane(lane),
+            servomotor_reading_pu: self.servomotor_reading_pu.lane(lane),
+        }
+    }
+}
+
+impl<T: Real> Now<T> {
+    /// Takes what a frame measures as far as it is finite, and the inputs to come where it does not lie between two ticks.
+    #[inline(always)]
+    pub(super) fn take(&mut self, frame: &Frame) {
+        if frame.time_ns <= self.time_ns {
+            self.inputs = self.coming;
+        }
+        let measured = &frame.measured;
+        if measured.servomotor_position_pu.is_finite() {
+            self.measured.servomotor_position_pu = measured.servomotor_position_pu;
+        }
+        if measured.spool_position_pu.is_finite() {
+            self.measured.spool_position_pu = measured.spool_position_pu;
+            self.measured_ns = frame.time_ns;
+        }
+    }
+}
+
+/// What stays from tick to tick besides the plant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Setting {
+    pub cut: Cut,
+    pub tick_ns: i64,
+    pub tick_s: f64,
+}
+
+/// What a tick shows to terms.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Seen<T = f64> {
+    pub time_s: f64,
+    pub tick_s: f64,
+    pub state: State<T>,
+    pub tank_pressure_pa: T,
+    pub spool_reading_pu: T,
+    pub servomotor_reading_pu: T,
+}
+
+impl<T: Wide> Seen<T> {
+    /// What the terms in one lane see.
+    #[inline(always)]
+    pub(super) fn lane(&self, lane: usize) -> Seen {
+        Seen {
+            time_s: self.time_s,
+            tick_s: self.tick_s,
+            state: self.state.lane(lane),
+            tank_pressure_pa: self.tank_pressure_pa.lane(lane),
+            spool_reading_pu: self.spool_reading_pu.lane(lane),
+            servomotor_reading_pu: self.servomotor_reading_pu.lane(lane),
+        }
+    }
+}
+
+impl Seen {
+    /// As terms look at it.
+    #[inline(always)]
+    pub(super) fn view(&self) -> View<'_> {
+        View {
+            time_s: self.time_s,
+            tick_s: self.tick_s,
+            state: &self.state,
+            tank_pressure_pa: self.tank_pressure_pa,
+            spool_reading_pu: self.spool_reading_pu,
+            servomotor_reading_pu: self.servomotor_reading_pu,
+        }
+    }
+}
+
+/// What the large loop reads.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Read<T = f64> {
+    pub command_pu: T,
+    pub servomotor_pu: T,
+    pub servomotor_velocity_m_s: T,
+}
+
+apart!(Read { command_pu, servomotor_pu, servomotor_velocity_m_s });
+
+/// One plant or several in lanes, with what their terms and large loops remember.
+pub(super) trait Chain<T: Real> {
+    /// The continuous plant.
+    fn blocks(&self) -> Blocks<'_, T>;
+    /// The small loop.
+    fn small_loop(&self) -> SmallLoop<T>;
+    /// Passes a signal through all terms at a point.
+    fn apply(&mut self, point: Point, signal: T, seen: &Seen<T>) -> T;
+    /// Runs the large loop where it is due; the spool demand that holds on average over the tick, pu. `moving_s` is for how long in a tick the
+    /// reading moves on.
+    fn large_loop(&mut self, ticks: u64, moving_s: f64, read: &Read<T>, demand: &mut Demand<T>) -> T;
+    /// Advances the continuous plant by a tick.
+    fn advance(&self, state: &mut State<T>, drive: &Drive<T>);
+    /// The same of the servomotor alone.
+    fn advance_piston(&self, state: &mut State<T>, drive: &Drive<T>);
+}
+
+/// Runs the large loop of one plant where it is due; the spool demand that holds on average over the tick, pu.
+#[inline]
+pub(super) fn large_loop(
+    plant: &Plant,
+    hold: &mut Hold,
+    ticks: u64,
+    moving_s: f64,
+    read: &Read,
+    demand: &mut Demand,
+) -> f64 {
+    let old_pu = demand.spool_command_pu;
+    let Some(share) = plant.regulator.large_loop_share(ticks) else { return old_pu };
+    let moved_pu = share * moving_s * read.servomotor_velocity_m_s / plant.servomotor.stroke_m;
+    let next = plant.regulator.dithered_command_pu(read.command_pu, read.servomotor_pu + moved_pu);
+    let (spool_command_pu, sd_pu) = hold.next(next);
+    *demand = Demand { spool_command_pu, sd_pu };
+    // Until the large loop runs within the tick, its old output holds.
+    spool_command_pu + share * (old_pu - spool_command_pu)
+}
+
+/// Advances one period of the small loop.
+#[inline(always)]
+pub(super) fn tick<T: Real>(chain: &mut impl Chain<T>, setting: Setting, now: &mut Now<T>, next: &Frame) {
+    let Setting { cut, tick_ns, tick_s } = setting;
+    let zero = now.servomotor_reading_pu.like(0.0);
+    let time_s = seconds_from_ticks(now.ticks, tick_s);
+    let spool_reading_pu = match cut {
+        Cut::Spool => zero.like(standing_in_pu(now.measured.spool_position_pu, now.measured_ns, next, now.time_ns)),
+        Cut::None | Cut::Servomotor => spool_reading_pu(&chain.blocks(), &now.state, now.inputs.tank_pressure_pa, 0.0),
+    };
+    let servomotor_reading_pu = if cut == Cut::Servomotor && now.measured.servomotor_position_pu.is_finite() {
+        zero.like(now.measured.servomotor_position_pu)
+    } else {
+        now.servomotor_reading_pu
+    };
+    let seen = Seen {
+        time_s,
+        tick_s,
+        state: now.state,
+        tank_pressure_pa: now.inputs.tank_pressure_pa,
+        spool_reading_pu,
+        servomotor_reading_pu,
+    };
+    let esv_opening_pu = chain.apply(Point::EsvOpening, now.inputs.esv_opening_pu, &seen);
+    let command_pu = chain.apply(Point::Command, now.inputs.opening_command_pu, &seen);
+    let servomotor_pu = chain.apply(Point::RegulatorServomotor, servomotor_reading_pu, &seen);
+    let spool_read_pu = chain.apply(Point::RegulatorSpool, spool_reading_pu, &seen);
+    let read = Read { command_pu, servomotor_pu, servomotor_velocity_m_s: seen.state.servomotor_velocity_m_s };
+    let moving_s = if cut == Cut::None { tick_s } else { 0.0 };
+    let spool_command_pu = chain.large_loop(now.ticks, moving_s, &read, &mut now.demand);
+    now.valve_current_pu = chain.small_loop().valve_current_pu(spool_command_pu, spool_read_pu);
+    let reference_m = chain.blocks().spool.reference_stroke_m;
+    let drive = Drive {
+        time_s,
+        valve_current_pu: chain.apply(Point::ValveCurrent, now.valve_current_pu, &seen),
+        esv_opening_pu,
+        tank_pressure_pa: now.inputs.tank_pressure_pa,
+        edge_blur_m: now.demand.sd_pu * CHATTER_BLUR * reference_m,
+        spool_force_n: chain.apply(Point::SpoolForce, zero, &seen),
+        chamber_flow_m3_s: chain.apply(Point::ChamberFlow, zero, &seen),
+        servomotor_force_n: chain.apply(Point::ServomotorForce, zero, &seen),
+        opening_flow_m3_s: chain.apply(Point::OpeningFlow, zero, &seen),
+        closing_flow_m3_s: chain.apply(Point::ClosingFlow, zero, &seen),
+    };
+    if cut == Cut::Spool {
+        let spool = chain.blocks().spool;
+        let position_m = spool.position_m(spool_reading_pu);
+        now.state.spool_position_m = position_m.clamp(spool.stroke_min_m, spool.stroke_max_m);
+        chain.advance_piston(&mut now.state, &drive);
+    } else {
+        chain.advance(&mut now.state, &drive);
+    }
+    now.ticks += 1;
+    now.time_ns += tick_ns;
+    now.inputs = now.coming;
+    let position_pu = piston_position_pu(&chain.blocks(), &now.state, 0.0);
+    now.servomotor_reading_pu = chain.apply(Point::ServomotorReading, position_pu, &seen);
+}
+
+#[expect(clippy::cast_precision_loss, reason = "2^53 ticks are 285,000 years")]
+fn seconds_from_ticks(ticks: u64, tick_s: f64) -> f64 {
+    ticks as f64 * tick_s
+}
