@@ -155,9 +155,7 @@ impl Twin {
     /// The same without the estimate, for rows at which nobody looks.
     pub fn advance(&mut self, frame: &Frame) {
         if self.running {
-            while frame.time_ns - self.now.time_ns >= self.setting.tick_ns {
-                self.tick(frame);
-            }
+            self.run_to(frame);
             self.take(frame);
         } else {
             self.start(frame);
@@ -228,10 +226,16 @@ impl Twin {
         self.now.take(frame);
     }
 
-    /// Advances one period of the small loop.
-    fn tick(&mut self, next: &Frame) {
-        let Self { plant, solver, memory, hold, .. } = self;
-        tick(&mut Single { plant, solver, memory, hold }, self.setting, &mut self.now, next);
+    /// Advances by all ticks up to a frame.
+    fn run_to(&mut self, frame: &Frame) {
+        let Self { plant, solver, memory, hold, setting, .. } = self;
+        let mut single = Single { plant, solver, memory, hold };
+        // What stands in a local stays in registers from tick to tick.
+        let mut now = self.now;
+        while frame.time_ns - now.time_ns >= setting.tick_ns {
+            tick(&mut single, *setting, &mut now, frame);
+        }
+        self.now = now;
     }
 
     /// What the twin says at a time less than a tick after the last one.
@@ -242,6 +246,8 @@ impl Twin {
 }
 
 /// A single plant with its memories.
+///
+/// Calls that are not inlined get copies, so that what they borrow need not stand in memory where they are not made.
 struct Single<'a> {
     plant: &'a Plant,
     solver: &'a Solver,
@@ -262,6 +268,10 @@ impl Chain<f64> for Single<'_> {
 
     #[inline(always)]
     fn apply(&mut self, point: Point, signal: f64, seen: &Seen) -> f64 {
+        if self.plant.terms.is_empty_at(point) {
+            return signal;
+        }
+        let seen = *seen;
         self.plant.terms.apply(point, signal, &seen.view(), self.memory)
     }
 
@@ -272,12 +282,24 @@ impl Chain<f64> for Single<'_> {
 
     #[inline(always)]
     fn advance(&self, state: &mut State, drive: &Drive) {
-        self.solver.advance(self.plant, state, drive);
+        if let Solver::Split(split) = self.solver {
+            split.advance(&self.plant.blocks(), state, drive);
+        } else {
+            let (mut copy, drive) = (*state, *drive);
+            self.solver.advance(self.plant, &mut copy, &drive);
+            *state = copy;
+        }
     }
 
     #[inline(always)]
     fn advance_piston(&self, state: &mut State, drive: &Drive) {
-        self.solver.advance_piston(self.plant, state, drive);
+        if let Solver::Split(split) = self.solver {
+            split.advance_piston(&self.plant.blocks(), state, drive);
+        } else {
+            let (mut copy, drive) = (*state, *drive);
+            self.solver.advance_piston(self.plant, &mut copy, &drive);
+            *state = copy;
+        }
     }
 }
 

@@ -13,6 +13,11 @@ use crate::plant::real::{Real, Truth};
 /// Most lanes of any register.
 pub const MOST_LANES: usize = 8;
 
+/// The bit of a number that is its sign, and those that are its size. `pulp`'s own `neg_f64s`, `abs_f64s` and `select_f64s` may be calls out of the function
+/// that is compiled for wide registers.
+const SIGN: f64 = -0.0;
+const SIZE: f64 = f64::from_bits(!SIGN.to_bits());
+
 /// Numbers side by side, each of which can be looked at.
 pub trait Wide: Real {
     /// How many.
@@ -208,7 +213,7 @@ impl<S: Simd> Neg for Lanes<S> {
 
     #[inline(always)]
     fn neg(self) -> Self {
-        self.with(self.simd.neg_f64s(self.values))
+        self.with(self.simd.xor_f64s(self.values, self.simd.splat_f64s(SIGN)))
     }
 }
 
@@ -227,14 +232,14 @@ impl<S: Simd> Real for Lanes<S> {
 
     #[inline(always)]
     fn abs(self) -> Self {
-        self.with(self.simd.abs_f64s(self.values))
+        self.with(self.simd.and_f64s(self.values, self.simd.splat_f64s(SIZE)))
     }
 
     #[inline(always)]
     fn copysign(self, sign: Self) -> Self {
         let simd = self.simd;
-        let bit = simd.splat_f64s(-0.0);
-        self.with(simd.or_f64s(simd.abs_f64s(self.values), simd.and_f64s(sign.values, bit)))
+        let (sign, size) = (simd.and_f64s(sign.values, simd.splat_f64s(SIGN)), self.abs().values);
+        self.with(simd.or_f64s(size, sign))
     }
 
     #[inline(always)]
@@ -275,7 +280,8 @@ impl<S: Simd> Real for Lanes<S> {
 
     #[inline(always)]
     fn select(mask: Mask<S>, yes: Self, no: Self) -> Self {
-        yes.with(yes.simd.select_f64s(mask.values, yes.values, no.values))
+        let chosen = yes.simd.select_u64s(mask.values, pulp::cast(yes.values), pulp::cast(no.values));
+        yes.with(pulp::cast(chosen))
     }
 }
 

@@ -204,7 +204,7 @@ pub(super) trait Chain<T: Real> {
 }
 
 /// Runs the large loop of one plant where it is due; the spool demand that holds on average over the tick, pu.
-#[inline]
+#[inline(always)]
 pub(super) fn large_loop(
     plant: &Plant,
     hold: &mut Hold,
