@@ -59,7 +59,7 @@ pub use merge::{Messages, messages};
 pub use read::read;
 pub use survey::{FieldSurvey, PaceSurvey, Spread, Survey, TopicSurvey, survey};
 pub use topic::{Qos, RawMessage, TopicInfo};
-pub use writer::{Topic, Writer, WriterOptions};
+pub use writer::{Sealed, Topic, Writer, WriterOptions};
 
 /// A recording with what is to be said of its bag.
 #[derive(Clone, Debug, PartialEq)]

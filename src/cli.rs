@@ -1,6 +1,5 @@
 //! Parse, dispatch, and turn the outcome into an exit code.
 
-use std::io::Write as _;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -77,8 +76,7 @@ pub fn main() -> ExitCode {
         Ok(Outcome::Ok) => ExitCode::SUCCESS,
         Ok(Outcome::Warnings) => ExitCode::from(3),
         Err(error) => {
-            // Where even standard error is closed there is nobody left to tell.
-            let _ = writeln!(std::io::stderr(), "govtwin: {error:#}");
+            commands::output::fail(&error);
             ExitCode::FAILURE
         }
     }

@@ -1,26 +1,40 @@
-//! Whole files: written under a temporary name, then renamed, so that nothing half-written is ever seen.
+//! Files and folders that come out whole: written under temporary names, held against a second writer, placed together.
+//!
+//! A name that a reader may meet always stands for something whole. What is in the making has a name of its own for each process,
+//! `.govtwin-*.tmp`, and is locked; so what a killed process left is known by nobody holding it, and is removed by the next
+//! [`Claim`] of the folder.
 
-use std::io::{self, Write as _};
+mod claim;
+mod input;
+mod rename;
+mod temporary;
+mod together;
+
+use std::io;
 use std::path::Path;
+
+pub use claim::{Claim, ClaimError};
+pub use input::{check_regular, read_bytes, read_text};
+pub use rename::{exchange, move_new};
+pub use temporary::{hold, is_held, temporary_folder};
+pub use together::Together;
 
 /// Writes a file, whole or not at all; missing folders on the way are made.
 ///
 /// # Errors
 /// What the file system says; an older file of that name is then untouched.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let folder = match path.parent() {
+    let mut files = Together::default();
+    files.add(path, bytes)?;
+    files.place()
+}
+
+/// The folder that a path lies in.
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
         Some(folder) if folder != Path::new("") => folder,
         _ => Path::new("."),
-    };
-    std::fs::create_dir_all(folder)?;
-    let mut file = tempfile::Builder::new().prefix(".govtwin-").suffix(".tmp").tempfile_in(folder)?;
-    file.write_all(bytes)?;
-    file.as_file().sync_all()?;
-    // Temporary files are private; a result is for whoever may read its folder.
-    #[cfg(unix)]
-    file.as_file().set_permissions(std::os::unix::fs::PermissionsExt::from_mode(0o644))?;
-    file.persist(path)?;
-    Ok(())
+    }
 }
 
 #[cfg(test)]

@@ -37,7 +37,7 @@ pub use error::{ParamsError, Problem};
 pub use number::{number_text, quantity_text, tolerance_text};
 pub use sheet::{Origin, SENSOR_ENTRIES, SensorEntry, Sheet};
 pub use suggest::nearest;
-pub use write::{Overlay, write};
+pub use write::{Overlay, overlay_text, write};
 
 /// Text of the shipped sheet.
 const REFERENCE: &str = include_str!("../params/reference_unit.yaml");

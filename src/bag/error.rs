@@ -143,6 +143,14 @@ pub enum BagError {
         /// The folder.
         path: PathBuf,
     },
+    /// Somebody else is writing the output.
+    #[error("{path}: another process is writing it and holds {held}; wait until it ends, or name another folder")]
+    Busy {
+        /// The folder that the bag will become.
+        path: PathBuf,
+        /// What is held.
+        held: PathBuf,
+    },
     /// Something came into the place of the output while it was written.
     #[error(
         "{path}: appeared while the bag was written, which is kept in {kept}; move one of the two to a place of its own"

@@ -1,9 +1,11 @@
 //! The folder of a bag that is still being written: under another name until it is whole.
 
 use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use super::{BagError, WriterOptions, metadata, source};
+use crate::files::{exchange, is_held, move_new, temporary_folder};
 
 /// A folder beside the bag's place. Dropped, it is removed, unless it is to be kept.
 #[derive(Debug)]
@@ -14,8 +16,17 @@ pub(super) struct Unfinished {
     keep: bool,
 }
 
-/// Whether a bag's place is free, or holds a bag that may be replaced.
+/// Whether a bag may be written at a place: it is free or holds a bag that may be replaced, and no recording is left in the making.
 pub(super) fn check(place: &Path, options: WriterOptions) -> Result<(), BagError> {
+    check_place(place, options)?;
+    let path = kept(place);
+    match options.keep_unfinished && fs::symlink_metadata(&path).is_ok() {
+        true => Err(left_or_busy(place, path)),
+        false => Ok(()),
+    }
+}
+
+fn check_place(place: &Path, options: WriterOptions) -> Result<(), BagError> {
     // A link that leads nowhere is in the way, too.
     let free = fs::symlink_metadata(place).is_err();
     if free || options.mark.is_some_and(|mark| is_empty(place) || is_marked(place, mark)) {
@@ -24,18 +35,31 @@ pub(super) fn check(place: &Path, options: WriterOptions) -> Result<(), BagError
     Err(BagError::InTheWay { path: place.to_owned() })
 }
 
+/// What it means that a recording stands unfinished: somebody is at it, or it was broken off.
+fn left_or_busy(place: &Path, path: PathBuf) -> BagError {
+    if is_held(&path) { BagError::Busy { path: place.to_owned(), held: path } } else { BagError::InTheWay { path } }
+}
+
 impl Unfinished {
     /// Makes the folder, if the bag's place is free or holds a bag that may be replaced.
     pub(super) fn create(place: &Path, options: WriterOptions) -> Result<Self, BagError> {
-        check(place, options)?;
-        let path = beside(place, if options.keep_unfinished { "unfinished" } else { "tmp" });
-        if path.exists() {
-            if options.keep_unfinished {
-                return Err(BagError::InTheWay { path });
+        check_place(place, options)?;
+        let parent = match place.parent() {
+            Some(parent) if parent != Path::new("") => parent,
+            _ => Path::new("."),
+        };
+        fs::create_dir_all(parent).map_err(BagError::io(parent, "create"))?;
+        let path = if options.keep_unfinished {
+            let path = kept(place);
+            // Of two recorders one makes it.
+            match fs::create_dir(&path) {
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => return Err(left_or_busy(place, path)),
+                other => other.map_err(BagError::io(&path, "create"))?,
             }
-            fs::remove_dir_all(&path).map_err(BagError::io(&path, "remove"))?;
-        }
-        fs::create_dir_all(&path).map_err(BagError::io(&path, "create"))?;
+            path
+        } else {
+            temporary_folder(parent).map_err(BagError::io(parent, "write in"))?
+        };
         Ok(Self { path, place: place.to_owned(), options, keep: options.keep_unfinished })
     }
 
@@ -52,30 +76,34 @@ impl Unfinished {
     /// Puts the folder in its place; a bag that stood there goes only once this one stands.
     pub(super) fn complete(mut self) -> Result<PathBuf, BagError> {
         // Writing takes its time, and others may have written there.
-        check(&self.place, self.options).map_err(|error| match error {
-            BagError::InTheWay { path } if self.keep => BagError::PlaceTaken { path, kept: self.path.clone() },
-            other => other,
-        })?;
-        let old = beside(&self.place, "old");
-        let replaced = self.place.exists();
-        if replaced {
-            if old.exists() {
-                fs::remove_dir_all(&old).map_err(BagError::io(&old, "remove"))?;
+        check_place(&self.place, self.options).map_err(|error| self.taken(error))?;
+        if self.place.exists() {
+            exchange(&self.path, &self.place).map_err(BagError::io(&self.place, "replace"))?;
+            // What came out is looked at again: only now nobody can change it any more.
+            if let Err(BagError::InTheWay { .. }) = check_place(&self.path, self.options) {
+                exchange(&self.path, &self.place).map_err(BagError::io(&self.place, "put back"))?;
+                return Err(self.taken(BagError::InTheWay { path: self.place.clone() }));
             }
-            fs::rename(&self.place, &old).map_err(BagError::io(&self.place, "replace"))?;
-        }
-        if let Err(error) = fs::rename(&self.path, &self.place) {
-            if replaced {
-                // The old bag goes back; should even that fail, its folder still stands under its other name.
-                let _ = fs::rename(&old, &self.place);
-            }
-            return Err(BagError::io(&self.place, "create")(error));
-        }
-        self.keep = true;
-        if replaced {
-            fs::remove_dir_all(&old).map_err(BagError::io(&old, "remove"))?;
+            // The old bag now has the temporary name, and goes with it.
+            self.keep = false;
+        } else {
+            move_new(&self.path, &self.place).map_err(|error| match error.kind() {
+                io::ErrorKind::AlreadyExists | io::ErrorKind::DirectoryNotEmpty => {
+                    self.taken(BagError::InTheWay { path: self.place.clone() })
+                }
+                _ => BagError::io(&self.place, "create")(error),
+            })?;
+            self.keep = true;
         }
         Ok(self.place.clone())
+    }
+
+    /// The same error, with where the bag is kept.
+    fn taken(&self, error: BagError) -> BagError {
+        match error {
+            BagError::InTheWay { path } if self.keep => BagError::PlaceTaken { path, kept: self.path.clone() },
+            other => other,
+        }
     }
 }
 
@@ -88,10 +116,10 @@ impl Drop for Unfinished {
     }
 }
 
-/// `.NAME.suffix` beside `NAME`.
-fn beside(place: &Path, suffix: &str) -> PathBuf {
+/// `.NAME.unfinished` beside `NAME`: where a recording is kept that was broken off.
+fn kept(place: &Path) -> PathBuf {
     let name = place.file_name().unwrap_or(place.as_os_str()).to_string_lossy();
-    place.with_file_name(format!(".{name}.{suffix}"))
+    place.with_file_name(format!(".{name}.unfinished"))
 }
 
 fn is_empty(place: &Path) -> bool {

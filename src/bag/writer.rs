@@ -12,7 +12,7 @@ use super::metadata::{self, Summary, TopicSummary};
 use super::topic::{Qos, RawMessage, TopicInfo};
 use super::unfinished::{self, Unfinished};
 use super::{BagError, cdr};
-use crate::files::write_atomically;
+use crate::files::{hold, write_atomically};
 use crate::msg::{Interface, definition, type_hash};
 
 /// How a bag is to be written.
@@ -72,6 +72,24 @@ impl std::fmt::Debug for Writer {
     }
 }
 
+/// A bag that is whole, under a temporary name. Dropped, it is gone, unless it is to be kept.
+#[derive(Debug)]
+pub struct Sealed {
+    /// Open, and so held, until the bag has its name.
+    _file: File,
+    folder: Unfinished,
+}
+
+impl Sealed {
+    /// Puts the bag in its place, and gives the path of its folder.
+    ///
+    /// # Errors
+    /// As [`Writer::finish`].
+    pub fn place(self) -> Result<PathBuf, BagError> {
+        self.folder.complete()
+    }
+}
+
 impl Writer {
     /// Begins a bag at `dir`; missing folders on the way are made.
     ///
@@ -83,6 +101,8 @@ impl Writer {
         let file_name = format!("{}_0.mcap", folder.name());
         let file_path = folder.path().join(&file_name);
         let file = File::create(&file_path).map_err(BagError::io(&file_path, "create"))?;
+        // Held as long as it is written, so that nobody takes it for left over.
+        hold(&file).map_err(BagError::io(&file_path, "lock"))?;
         let file = mcap::WriteOptions::new()
             .profile("ros2")
             .library(concat!("govtwin/", env!("CARGO_PKG_VERSION")))
@@ -165,6 +185,14 @@ impl Writer {
     /// Where the operating system refuses, or something came into the bag's place meanwhile; then nothing is changed there, and a
     /// bag that is to be kept stays where it was written.
     pub fn finish(self) -> Result<PathBuf, BagError> {
+        self.seal()?.place()
+    }
+
+    /// Completes the bag, but leaves it under its temporary name, so that several can be placed together.
+    ///
+    /// # Errors
+    /// Where the operating system refuses.
+    pub fn seal(self) -> Result<Sealed, BagError> {
         let yaml = self.summary().to_yaml();
         let yaml = yaml.map_err(|problem| BagError::Encode { what: metadata::FILE_NAME.to_owned(), problem })?;
         let Self { mut file, folder, file_path, .. } = self;
@@ -179,7 +207,7 @@ impl Writer {
         file.sync_all().map_err(BagError::io(&file_path, "write"))?;
         let yaml_path = folder.path().join(metadata::FILE_NAME);
         write_atomically(&yaml_path, yaml.as_bytes()).map_err(BagError::io(&yaml_path, "write"))?;
-        folder.complete()
+        Ok(Sealed { _file: file, folder })
     }
 
     fn channel(&mut self, info: &TopicInfo) -> Result<u16, BagError> {

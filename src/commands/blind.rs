@@ -5,7 +5,7 @@ mod cases;
 mod method;
 mod scoring;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use clap::ValueEnum;
@@ -16,7 +16,7 @@ use rayon::prelude::{ParallelBridge, ParallelIterator};
 use self::cases::{Case, find};
 use self::method::methods;
 use super::bags::TopicArgs;
-use super::output::{Progress, print, warn};
+use super::output::{Output, Progress, print, warn};
 use super::replay::origin;
 use crate::commands::Outcome;
 
@@ -88,6 +88,10 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         None => params::reference(),
     };
     let out = args.out.as_ref().unwrap_or(&args.dir);
+    let output = Output::claim(out, &["score.json", "score.html"])?;
+    // With --generate the folder of units is written to as well.
+    let other = args.generate.is_some() && args.out.as_ref().is_some_and(|out| !is_same(out, &args.dir));
+    let _units = other.then(|| Output::claim(&args.dir, &[])).transpose()?;
     let made = match args.generate {
         Some(0) => bail!("--generate: expected at least 1 unit, found 0"),
         Some(count) => {
@@ -140,10 +144,16 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         closures
     });
     let origin = if made.is_some() { Some(battery::ORIGIN.to_owned()) } else { origin::of(&args.dir) };
-    let unscored = scoring::score_all(&labels, exams.as_ref(), &methods, &cases, (&args.dir, origin.as_deref()), out)?;
+    let unscored =
+        scoring::score_all(&labels, exams.as_ref(), &methods, &cases, (&args.dir, origin.as_deref()), (out, output))?;
     warn_of(&unscored);
     failed.extend(unscored);
     Ok(outcome(&failed))
+}
+
+/// Whether two names lead to one folder.
+fn is_same(one: &Path, other: &Path) -> bool {
+    one == other || one.canonicalize().is_ok_and(|one| other.canonicalize().is_ok_and(|other| one == other))
 }
 
 fn warn_of(failed: &[String]) {

@@ -18,8 +18,8 @@ use govtwin::residual::training;
 use govtwin::signal::Signal;
 use govtwin::twin::Cut;
 
-use super::learn::{self, CutAt, Job, Ready, write_json};
-use super::output::{Progress, print, write_atomically};
+use super::learn::{self, CutAt, Job, Ready};
+use super::output::{Output, Progress, print};
 use crate::commands::Outcome;
 
 /// Compare the twin, data-only models and hybrids as the paper does.
@@ -43,6 +43,7 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
+    let mut output = Output::claim(&args.learn.out, &["compare.html", "compare.json"])?;
     let mut ready = args.learn.ready(args.cut)?;
     let split = seven_to_three(&ready.table);
     if split.test.is_empty() {
@@ -99,9 +100,10 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         closed_loop,
     };
     let shown = Shown { rows: table, judging: &split.test, contenders: &field.contenders };
-    let html = args.learn.out.join("compare.html");
-    write_atomically(&html, page(&summary, &shown)?.to_html().as_bytes())?;
-    write_json(&args.learn.out.join("compare.json"), &summary)?;
+    let html = output.path("compare.html");
+    output.add("compare.html", page(&summary, &shown)?.to_html().as_bytes())?;
+    output.add_json("compare.json", &summary)?;
+    output.place()?;
     say(&summary, table.layout.signal.unit())?;
     print(&format!("Pictures: {}\n", html.display()))?;
     Ok(Outcome::Ok)

@@ -1,7 +1,7 @@
 //! `govtwin diagnose`: where the gap between a unit and its twin lies, which effect causes it, how far it shrinks.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::{Context, bail};
@@ -14,7 +14,7 @@ use govtwin::recording::Recording;
 use govtwin::report::diagnosis as report;
 
 use super::bags::{self, Recordings, TopicArgs};
-use super::output::{Progress, print, warn, write_atomically};
+use super::output::{Output, Progress, print, warn};
 use super::replay::origin;
 use crate::commands::Outcome;
 
@@ -81,13 +81,14 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             unit.own_effects.push(own);
         }
     }
+    let output = Output::claim(&args.out, &["report.json", "report.html", "refitted.yaml", "fitted.yaml"])?;
     let Recordings { recordings, warnings } = bags::read(&args.bags, &args.topics.topics(), &unit)?;
     for warning in &warnings {
         warn(warning);
     }
     settings.free |= args.params.is_none() && !recordings.iter().any(Recording::has_command);
     let (diagnosis, seconds) = judge(recordings, &unit, &settings)?;
-    write(&args.out, &diagnosis, &origins(&args.bags), seconds)?;
+    write(output, &diagnosis, &origins(&args.bags), seconds)?;
     print(&report::summary(&diagnosis))?;
     print(&format!("\nreport: {}\n", args.out.join("report.html").display()))?;
     for note in &diagnosis.notes {
@@ -117,25 +118,23 @@ fn judge(recordings: Vec<Recording>, unit: &Unit, settings: &Settings) -> anyhow
 }
 
 /// Writes the four files of a report into a folder.
-fn write(out: &Path, diagnosis: &Diagnosis, origins: &[String], seconds: f64) -> anyhow::Result<()> {
+fn write(mut output: Output, diagnosis: &Diagnosis, origins: &[String], seconds: f64) -> anyhow::Result<()> {
     let mut json = serde_json::to_string_pretty(&contract::report(diagnosis, seconds))
         .context("cannot write the report as JSON")?;
     json.push('\n');
-    overlay(&out.join("refitted.yaml"), &diagnosis.refitted, "refitted within tolerances, without any effect", &[])?;
+    overlay(&mut output, "refitted.yaml", &diagnosis.refitted, "refitted within tolerances, without any effect", &[])?;
     let what = match diagnosis.verdict {
         Verdict::Named => "refitted with the effects that the diagnosis names",
         Verdict::Class => "refitted with the most probable of the effects that the diagnosis could not tell apart",
         _ => "refitted within tolerances; the diagnosis names no effect",
     };
-    overlay(&out.join("fitted.yaml"), &diagnosis.fitted, what, &diagnosis.parameters)?;
-    write_atomically(&out.join("report.html"), report::page(diagnosis, origins)?.to_html().as_bytes())?;
-    write_atomically(&out.join("report.json"), json.as_bytes())
+    overlay(&mut output, "fitted.yaml", &diagnosis.fitted, what, &diagnosis.parameters)?;
+    output.add("report.html", report::page(diagnosis, origins)?.to_html().as_bytes())?;
+    output.add("report.json", json.as_bytes())?;
+    output.place()
 }
 
-fn overlay(path: &Path, unit: &Unit, what: &str, parameters: &[Fitted]) -> anyhow::Result<()> {
-    if let Some(folder) = path.parent() {
-        std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
-    }
+fn overlay(output: &mut Output, name: &str, unit: &Unit, what: &str, parameters: &[Fitted]) -> anyhow::Result<()> {
     let mut unit = unit.clone();
     unit.own_effects.retain(|own| unit.effects.iter().any(|setting| setting.id == own.id));
     let comments: BTreeMap<String, String> = parameters
@@ -143,8 +142,8 @@ fn overlay(path: &Path, unit: &Unit, what: &str, parameters: &[Fitted]) -> anyho
         .filter(|one| one.name.contains('.'))
         .map(|one| (one.name.clone(), format!("90 %: {:.4e} to {:.4e} {}", one.value.low, one.value.high, one.unit)))
         .collect();
-    params::write(
-        path,
+    let text = params::overlay_text(
+        &output.path(name),
         &Overlay {
             unit,
             name: String::new(),
@@ -153,5 +152,5 @@ fn overlay(path: &Path, unit: &Unit, what: &str, parameters: &[Fitted]) -> anyho
             comments,
         },
     )?;
-    Ok(())
+    output.add(name, text.as_bytes())
 }

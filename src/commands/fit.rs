@@ -21,7 +21,7 @@ use govtwin::twin::Cut;
 
 use super::bags::{self, Recordings, TopicArgs};
 use super::generate::effect;
-use super::output::{Progress, print, warn, write_atomically};
+use super::output::{Output, Progress, print, warn};
 use crate::commands::Outcome;
 
 /// Fit parameters and chosen effects to recordings, and say how far they are determined.
@@ -82,6 +82,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         adopt(&params::load(path)?, params::load_candidates(path)?, &mut sheet.unit)?;
     }
     let knobs = knobs(args, &mut sheet.unit)?;
+    let output = args.out.as_ref().map(|out| Output::claim(out, &["fitted.yaml", "fit.json"])).transpose()?;
     let (trials, mut warnings) = trials(&args.bags, &args.topics.topics(), &sheet.unit)?;
     let starts = usize::from(args.starts);
     let progress = Progress::new(parts(starts), "parts of the fit");
@@ -98,10 +99,11 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let parameter_warnings = fitted.warnings();
     warnings.extend(parameter_warnings);
     let json = format!("{:#}\n", figures::json(&bench, &sheet, &fitted, &warnings));
-    if let Some(out) = &args.out {
-        // All is worked out before the first file, and each file is whole.
-        params::write(&out.join("fitted.yaml"), &overlay(&bench, &sheet, &fitted))?;
-        write_atomically(&out.join("fit.json"), json.as_bytes())?;
+    if let Some(mut output) = output {
+        let fitted = params::overlay_text(&output.path("fitted.yaml"), &overlay(&bench, &sheet, &fitted))?;
+        output.add("fitted.yaml", fitted.as_bytes())?;
+        output.add("fit.json", json.as_bytes())?;
+        output.place()?;
     }
     print(&if args.json { json } else { figures::text(&bench, &sheet.unit, &fitted) })?;
     if let (Some(out), false) = (&args.out, args.json) {

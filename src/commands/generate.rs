@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use clap::ValueEnum;
-use govtwin::bag::{Qos, Topics, Writer, WriterOptions};
+use govtwin::bag::{Qos, Sealed, Topics, Writer, WriterOptions};
+use govtwin::files::Claim;
 use govtwin::frame::EsvState;
 use govtwin::generate::noise::{Dice, Purpose};
 use govtwin::generate::streams::Streams;
@@ -19,7 +20,10 @@ use govtwin::{msg, units};
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 
 use crate::commands::Outcome;
-use crate::commands::output::{Progress, print};
+use crate::commands::output::{Output, Progress, print};
+
+/// The unit that was simulated.
+const TRUTH: &str = "truth.yaml";
 
 /// Arguments of `govtwin generate`.
 #[derive(Debug, clap::Args)]
@@ -115,14 +119,17 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         unit = generate::spread(&unit, args.seed);
         refuse_what_cannot_be(&unit, args.seed)?;
     }
-    if args.out.read_dir().is_ok_and(|mut entries| entries.next().is_some()) {
+    let mut output = Output::claim(&args.out, &[TRUTH])?;
+    let foreign =
+        |entry: std::io::Result<std::fs::DirEntry>| !entry.is_ok_and(|entry| Claim::is_lock(&entry.file_name()));
+    if args.out.read_dir().is_ok_and(|mut entries| entries.any(foreign)) {
         bail!("{}: not empty; give a folder that does not exist", args.out.display());
     }
 
     let processes: Vec<Process> =
         Process::ALL.into_iter().filter(|process| args.process.iter().any(|which| which.includes(*process))).collect();
     let progress = Progress::new(processes.len(), "recordings");
-    let written: anyhow::Result<Vec<String>> = processes
+    let written: anyhow::Result<Vec<(Sealed, String)>> = processes
         .par_iter()
         .map(|process| {
             let scenario = Scenario {
@@ -133,14 +140,17 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
                 rich: args.rich,
                 seed: args.seed,
             };
-            let line = record(&scenario, &args.out.join(process.id()))?;
+            let recorded = record(&scenario, &args.out.join(process.id()))?;
             progress.step();
-            Ok(line)
+            Ok(recorded)
         })
         .collect();
-    let mut lines = written?;
-    let truth = args.out.join("truth.yaml");
-    params::write(&truth, &label(args, &unit))?;
+    drop(progress);
+    let (bags, mut lines): (Vec<Sealed>, Vec<String>) = written?.into_iter().unzip();
+    output.add_bags(bags);
+    let truth = output.path(TRUTH);
+    output.add(TRUTH, params::overlay_text(&truth, &label(args, &unit))?.as_bytes())?;
+    output.place()?;
     lines.push(format!("{}: the unit simulated, {}", truth.display(), effects_text(&unit)));
     print(&format!("{}\n", lines.join("\n")))?;
     Ok(Outcome::Ok)
@@ -166,11 +176,11 @@ fn within(option: &str, value: f64, min: f64, max: f64, unit: &str) -> anyhow::R
 }
 
 /// Simulates a scenario and writes its bag.
-fn record(scenario: &Scenario, dir: &Path) -> anyhow::Result<String> {
+fn record(scenario: &Scenario, dir: &Path) -> anyhow::Result<(Sealed, String)> {
     let streams = generate::streams(scenario);
-    let path = write("generate", scenario.process, scenario.seed, &streams, dir)?;
+    let sealed = write("generate", scenario.process, scenario.seed, &streams, dir)?;
     let rows = streams.servo_state.len();
-    Ok(format!("{}: {rows} rows of servo state at {} Hz", path.display(), scenario.rate_hz))
+    Ok((sealed, format!("{}: {rows} rows of servo state at {} Hz", dir.display(), scenario.rate_hz)))
 }
 
 /// One message on its way to the bag.
@@ -181,12 +191,13 @@ enum Message {
     ServoState(msg::ServoState),
 }
 
-/// Writes the messages of a process as a bag folder that says it is synthetic, and which command's simulator made it.
-pub fn write(command: &str, process: Process, seed: u64, streams: &Streams, dir: &Path) -> anyhow::Result<PathBuf> {
+/// Writes the messages of a process as a bag folder under a temporary name; it says that it is synthetic, and which command's
+/// simulator made it.
+pub fn write(command: &str, process: Process, seed: u64, streams: &Streams, dir: &Path) -> anyhow::Result<Sealed> {
     put(command, process, seed, streams, dir).with_context(|| format!("cannot write {}", dir.display()))
 }
 
-fn put(by: &str, process: Process, seed: u64, streams: &Streams, dir: &Path) -> anyhow::Result<PathBuf> {
+fn put(by: &str, process: Process, seed: u64, streams: &Streams, dir: &Path) -> anyhow::Result<Sealed> {
     let mut bag = Writer::create(dir, WriterOptions::default())?;
     let topics = Topics::default();
     let command = bag.topic(&topics.command, Qos::DEFAULT)?;
@@ -208,7 +219,7 @@ fn put(by: &str, process: Process, seed: u64, streams: &Streams, dir: &Path) -> 
             Message::ServoState(message) => bag.write(servo_state, log_time_ns, message)?,
         }
     }
-    Ok(bag.finish()?)
+    Ok(bag.seal()?)
 }
 
 /// All messages in the order in which a recorder would have got them.

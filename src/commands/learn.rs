@@ -234,10 +234,3 @@ fn read(bags: &[Bag], topics: Topics) -> anyhow::Result<Vec<Recording>> {
     };
     bags.iter().map(read).collect()
 }
-
-/// Figures as JSON, whole or not at all.
-pub fn write_json(path: &Path, figures: &impl serde::Serialize) -> anyhow::Result<()> {
-    let mut json = serde_json::to_string_pretty(figures).context("cannot write the figures as JSON")?;
-    json.push('\n');
-    super::output::write_atomically(path, json.as_bytes())
-}

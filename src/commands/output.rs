@@ -1,16 +1,19 @@
 //! What several commands say and leave behind: text on standard output, progress, whole files.
 
+use std::borrow::Cow;
 use std::io::{self, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::Context;
+use govtwin::bag::Sealed;
+use govtwin::files::{Claim, Together};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 /// Writes text to standard output; a reader that has gone away (`… | head`) is no error.
 pub fn print(text: &str) -> anyhow::Result<()> {
     let mut stdout = io::stdout().lock();
-    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+    match stdout.write_all(plain(text).as_bytes()).and_then(|()| stdout.flush()) {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
             Err(error).context("cannot write to standard output")
         }
@@ -21,7 +24,27 @@ pub fn print(text: &str) -> anyhow::Result<()> {
 /// Writes a warning line to standard error.
 pub fn warn(text: &str) {
     // Where even standard error is closed there is nobody left to tell.
-    let _ = writeln!(io::stderr().lock(), "govtwin: warning: {text}");
+    let _ = writeln!(io::stderr().lock(), "govtwin: warning: {}", plain(text));
+}
+
+/// Writes why a command failed to standard error.
+pub fn fail(error: &anyhow::Error) {
+    // Where even standard error is closed there is nobody left to tell.
+    let _ = writeln!(io::stderr().lock(), "govtwin: {}", plain(&format!("{error:#}")));
+}
+
+/// Text of which a terminal shows every character: names in files and bags may hold sequences that move its cursor, or turn the
+/// direction of writing. They are shown as `\u001b`, which JSON reads back.
+fn plain(text: &str) -> Cow<'_, str> {
+    let acts = |c: char| {
+        let turns = matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+        turns || (c.is_control() && !matches!(c, '\n' | '\t'))
+    };
+    if !text.contains(acts) {
+        return Cow::Borrowed(text);
+    }
+    let show = |c: char| if acts(c) { format!("\\u{:04x}", u32::from(c)) } else { c.to_string() };
+    Cow::Owned(text.chars().map(show).collect())
 }
 
 /// Writes a file, whole or not at all, making missing folders on the way.
@@ -33,7 +56,61 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
 #[cfg(feature = "node")]
 pub fn say(text: &str) {
     // Where even standard error is closed there is nobody left to tell.
-    let _ = writeln!(io::stderr().lock(), "govtwin: {text}");
+    let _ = writeln!(io::stderr().lock(), "govtwin: {}", plain(text));
+}
+
+/// What a command leaves in a folder: claimed before the work, placed together after it.
+#[derive(Debug)]
+pub struct Output {
+    folder: PathBuf,
+    bags: Vec<Sealed>,
+    files: Together,
+    _claim: Claim,
+}
+
+impl Output {
+    /// Claims a folder for files of these names; missing folders are made, and go again where nothing comes of it.
+    pub fn claim(folder: &Path, names: &[&str]) -> anyhow::Result<Self> {
+        let claim = Claim::folder(folder).context("--out")?;
+        if let Some(name) = names.iter().find(|name| folder.join(name).is_dir()) {
+            anyhow::bail!(
+                "--out: {}: expected a file or nothing there, found a folder; name another folder, or move it away",
+                folder.join(name).display()
+            );
+        }
+        Ok(Self { folder: folder.to_owned(), bags: vec![], files: Together::default(), _claim: claim })
+    }
+
+    /// Where a file of this name will be.
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.join(name)
+    }
+
+    /// Writes a file under a temporary name.
+    pub fn add(&mut self, name: &str, bytes: &[u8]) -> anyhow::Result<()> {
+        let path = self.path(name);
+        self.files.add(&path, bytes).with_context(|| format!("cannot write {}", path.display()))
+    }
+
+    /// Writes figures as JSON under a temporary name.
+    pub fn add_json(&mut self, name: &str, figures: &impl serde::Serialize) -> anyhow::Result<()> {
+        let mut json = serde_json::to_string_pretty(figures).context("cannot write the figures as JSON")?;
+        json.push('\n');
+        self.add(name, json.as_bytes())
+    }
+
+    /// Takes bags that are whole but for their names.
+    pub fn add_bags(&mut self, bags: impl IntoIterator<Item = Sealed>) {
+        self.bags.extend(bags);
+    }
+
+    /// Gives everything its name: first the bags, then the files in the order in which they were added.
+    pub fn place(self) -> anyhow::Result<()> {
+        for bag in self.bags {
+            bag.place()?;
+        }
+        self.files.place().with_context(|| format!("cannot place the files in {}", self.folder.display()))
+    }
 }
 
 /// A progress bar on standard error that shows itself only on a terminal, and only after a second of work.
@@ -67,12 +144,29 @@ impl Progress {
         }
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of 100 steps")]
         self.bar.set_position((share.clamp(0.0, 1.0) * 100.0) as u64);
-        self.bar.set_message(what.to_owned());
+        self.bar.set_message(plain(what).into_owned());
     }
 }
 
 impl Drop for Progress {
     fn drop(&mut self) {
         self.bar.finish_and_clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::plain;
+
+    #[test]
+    fn what_would_act_on_a_terminal_is_shown_instead() {
+        assert_eq!(
+            plain("/a\u{1b}[2J\u{7}\r\u{9b}31m\u{7f}\u{202e}b"),
+            "/a\\u001b[2J\\u0007\\u000d\\u009b31m\\u007f\\u202eb"
+        );
+        assert_eq!(plain("one\n\ttwo ≤ 3 µm – Größe"), "one\n\ttwo ≤ 3 µm – Größe");
+        let json = serde_json::to_string(&["\u{1b}\u{9b}\u{202e}"]).unwrap();
+        let back: Vec<String> = serde_json::from_str(&plain(&json)).unwrap();
+        assert_eq!(back, ["\u{1b}\u{9b}\u{202e}"], "JSON stays JSON");
     }
 }

@@ -4,12 +4,13 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use anyhow::bail;
+use anyhow::{Context, bail};
+use govtwin::bag::Writer;
 use govtwin::node::arguments::Arguments;
 use govtwin::node::bus::Bus;
 use govtwin::node::environment::Environment;
 use govtwin::node::realtime::{Until, pause};
-use govtwin::node::recorder::{DEFAULT_TOPICS, record};
+use govtwin::node::recorder::{DEFAULT_TOPICS, OPTIONS, record};
 
 use super::output;
 use super::run::{duration, stop_on_signals};
@@ -37,6 +38,7 @@ pub struct Args {
 
 /// Records until a signal or the duration ends it.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
+    Writer::check(&args.out, OPTIONS).context("--out")?;
     let wait = duration(Some(args.wait_s), "--wait")?.unwrap_or_default();
     let length = duration(args.duration_s, "--duration")?;
     let environment = Environment::of_process()?;

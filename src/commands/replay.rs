@@ -7,9 +7,9 @@ mod simulated;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 use clap::ValueEnum;
-use govtwin::bag::{self, Interpolation, ReadOptions, Stream, Topics};
+use govtwin::bag::{self, Interpolation, ReadOptions, Sealed, Stream, Topics};
 use govtwin::parameters::Unit;
 use govtwin::params::{self, Sheet};
 use govtwin::replay::Replayed;
@@ -24,8 +24,14 @@ use rayon::iter::{IntoParallelIterator, IntoParallelRefIterator, ParallelIterato
 
 use super::bags::{self, Bag, TopicArgs};
 use super::model;
-use super::output::{Progress, print, warn, write_atomically};
+use super::output::{Output, Progress, print, warn};
 use crate::commands::Outcome;
+
+/// The page.
+const PAGE: &str = "replay.html";
+
+/// The figures.
+const FIGURES: &str = "replay.json";
 
 /// Simulate recordings and compare with what was measured.
 ///
@@ -109,6 +115,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         None => params::reference_sheet(),
     };
     let bags = bags::find(&args.bags)?;
+    let output = args.out.as_ref().map(|out| Output::claim(out, &[PAGE, FIGURES])).transpose()?;
     if let Some(out) = &args.out {
         refuse_to_overwrite(out, &bags)?;
     }
@@ -154,8 +161,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     for origin in origins {
         print(&format!("{origin}\n"))?;
     }
-    match &args.out {
-        Some(out) => write_all(out, &summary, &results, &bags, &sheet.unit, &args.topics.topics())?,
+    match output {
+        Some(output) => write_all(output, &summary, &results, &bags, &sheet.unit, &args.topics.topics())?,
         None => print("Add --out DIR for pictures, all figures and bags with the simulated state.\n")?,
     }
     let mut outcome = Outcome::Ok;
@@ -272,7 +279,7 @@ fn refuse_to_overwrite(out: &Path, bags: &[Bag]) -> anyhow::Result<()> {
 
 /// Writes the bags, the page and the figures.
 fn write_all(
-    out: &Path,
+    mut output: Output,
     summary: &Summary,
     results: &[Result],
     bags: &[Bag],
@@ -281,23 +288,22 @@ fn write_all(
 ) -> anyhow::Result<()> {
     let progress = Progress::new(bags.len(), "bags written");
     let pairs: Vec<_> = results.iter().zip(bags).collect();
-    let written: anyhow::Result<Vec<()>> = pairs
+    let written: anyhow::Result<Vec<Sealed>> = pairs
         .into_par_iter()
         .map(|(one, bag)| {
-            simulated::write(&bag.path, &out.join(&bag.name), &one.replayed, topics)?;
+            let sealed = simulated::write(&bag.path, &output.path(&bag.name), &one.replayed, topics)?;
             progress.step();
-            Ok(())
+            Ok(sealed)
         })
         .collect();
     drop(progress);
-    written?;
+    output.add_bags(written?);
     let replayed: Vec<&Replayed> = results.iter().map(|one| &one.replayed).collect();
     let pictures: Vec<Pictures> = results.iter().filter_map(|one| one.pictures.clone()).collect();
     let page = page(summary, &replayed, &pictures, &unit.sensors)?;
-    let html_path = out.join("replay.html");
-    write_atomically(&html_path, page.to_html().as_bytes())?;
-    let mut json = serde_json::to_string_pretty(summary).context("cannot write the figures as JSON")?;
-    json.push('\n');
-    write_atomically(&out.join("replay.json"), json.as_bytes())?;
+    let html_path = output.path(PAGE);
+    output.add(PAGE, page.to_html().as_bytes())?;
+    output.add_json(FIGURES, summary)?;
+    output.place()?;
     print(&format!("Pictures: {}\n", html_path.display()))
 }

@@ -1,6 +1,5 @@
 //! `govtwin run`: runs the twin as a ROS 2 node.
 
-use std::io::Write;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -110,8 +109,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     };
     let stop = stop_on_signals()?;
     let ended = live::run(&options, &stop, &mut |level, words| {
-        // Where even standard error is closed there is nobody left to tell.
-        let _ = writeln!(std::io::stderr().lock(), "govtwin: {level:?}: {words}");
+        output::say(&format!("{level:?}: {words}"));
     })?;
     if let Some(path) = &args.json {
         let text = serde_json::to_string_pretty(&figures(&ended))?;

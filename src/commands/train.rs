@@ -14,8 +14,8 @@ use govtwin::residual::split::seven_to_three;
 use govtwin::residual::training;
 use serde::Serialize;
 
-use super::learn::{self, CutAt, Job, write_json};
-use super::output::{print, write_atomically};
+use super::learn::{self, CutAt, Job};
+use super::output::{Output, print};
 use crate::commands::Outcome;
 
 /// Train a model of what the twin misses.
@@ -80,6 +80,7 @@ struct Trained {
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let left_out: Vec<Process> =
         Process::ALL.into_iter().filter(|own| args.leave_out.iter().any(|which| which.is(*own))).collect();
+    let mut output = Output::claim(&args.learn.out, &["model.residual", "train.html", "train.json"])?;
     let ready = args.learn.ready_without(args.cut, &left_out)?;
     let table = &ready.table;
     let split = seven_to_three(table);
@@ -116,8 +117,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     ]
     .map(|contender| Standing::of(table, &split.test, &contender));
     let text = model.to_text().context("the model holds a number that is not finite")?;
-    let path = args.learn.out.join("model.residual");
-    write_atomically(&path, text.as_bytes())?;
+    let path = output.path("model.residual");
+    output.add("model.residual", text.as_bytes())?;
 
     let scored: Vec<Scored> = standings.iter().map(Scored::from).collect();
     let table_of_models = models_table(&scored, model.unit.as_str());
@@ -136,7 +137,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     page.body.table(table_of_models, "On the last 30 % of each process, which nobody was trained on.");
     search_blocks(&mut page.body, &searches, model.unit.as_str())?;
-    write_atomically(&args.learn.out.join("train.html"), page.to_html().as_bytes())?;
+    output.add("train.html", page.to_html().as_bytes())?;
     let figures = Trained {
         schema: "govtwin-training/1",
         program: concat!("govtwin ", env!("CARGO_PKG_VERSION")),
@@ -147,7 +148,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         searches,
         band,
     };
-    write_json(&args.learn.out.join("train.json"), &figures)?;
+    output.add_json("train.json", &figures)?;
+    output.place()?;
     print(&format!("Model: {}\n", path.display()))?;
     Ok(Outcome::Ok)
 }

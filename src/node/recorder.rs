@@ -25,6 +25,9 @@ pub const DEFAULT_TOPICS: [(&str, &str); 6] = [
     ("sim/joint_states", JointState::TYPE_NAME),
 ];
 
+/// How a recording is written: nothing is replaced, and what was heard is kept.
+pub const OPTIONS: WriterOptions = WriterOptions { mark: None, keep_unfinished: true };
+
 /// A recording cannot be made.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordError {
@@ -154,7 +157,7 @@ pub fn record(
     stop: &AtomicBool,
     ready: &mut dyn FnMut(),
 ) -> Result<Recorded, RecordError> {
-    let mut writer = Writer::create(folder, WriterOptions { keep_unfinished: true, ..WriterOptions::default() })?;
+    let mut writer = Writer::create(folder, OPTIONS)?;
     let tracks = topics.iter().map(|(topic, type_name)| track(bus, &mut writer, topic, type_name));
     let tracks = tracks.collect::<Result<Vec<_>, _>>()?;
     ready();

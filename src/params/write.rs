@@ -37,6 +37,15 @@ pub struct Overlay {
 /// When a value is out of its range or at odds with another, a comment belongs to no key, an effect is not in the
 /// catalogue, or the file cannot be written.
 pub fn write(path: &Path, overlay: &Overlay) -> Result<(), ParamsError> {
+    let text = overlay_text(path, overlay)?;
+    write_atomically(path, text.as_bytes()).map_err(|reason| ParamsError::Write { path: path.to_path_buf(), reason })
+}
+
+/// What [`write()`] writes to `path`.
+///
+/// # Errors
+/// As [`write()`], but for the file.
+pub fn overlay_text(path: &Path, overlay: &Overlay) -> Result<String, ParamsError> {
     let text = text(overlay);
     let invalid = |problems| ParamsError::Invalid { path: path.to_path_buf(), problems };
     let sheet = sheet_over_reference(&text, path).map_err(invalid)?;
@@ -54,7 +63,7 @@ pub fn write(path: &Path, overlay: &Overlay) -> Result<(), ParamsError> {
         let message = "the unit has effects or values that a parameter file cannot hold".to_owned();
         return Err(invalid(vec![Problem { line: None, key: String::new(), message }]));
     }
-    write_atomically(path, text.as_bytes()).map_err(|reason| ParamsError::Write { path: path.to_path_buf(), reason })
+    Ok(text)
 }
 
 fn text(overlay: &Overlay) -> String {

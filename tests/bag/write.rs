@@ -130,9 +130,9 @@ fn after_a_crash_all_that_was_flushed_is_there() {
     let loaded = bag::read(&folder.path().join(".run.unfinished"), &ReadOptions::default()).unwrap();
     assert!(loaded.recording.frames.len() >= 500, "{}", loaded.recording.frames.len());
     assert!(matches!(&loaded.health.warnings[..], [Warning::Damaged { .. }]), "{:?}", loaded.health.warnings);
-    // The next recording of that name does not run over it.
+    // The next recording of that name does not run over it; this process, which lives on, still holds it.
     let error = Writer::create(&folder.path().join("run"), options).unwrap_err();
-    assert!(matches!(&error, BagError::InTheWay { path } if path.ends_with(".run.unfinished")), "{error}");
+    assert!(matches!(&error, BagError::Busy { held, .. } if held.ends_with(".run.unfinished")), "{error}");
 }
 
 #[test]

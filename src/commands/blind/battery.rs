@@ -66,7 +66,7 @@ pub fn make(dir: &Path, out: &Path, unit: &Unit, count: usize, seed: u64, rates:
         if Process::ALL.into_iter().any(lacking) {
             for (process, streams) in battery::make(unit, case).streams {
                 if lacking(process) {
-                    generate::write(GENERATOR, process, case.seed, &streams, &bag(dir, case, process))?;
+                    generate::write(GENERATOR, process, case.seed, &streams, &bag(dir, case, process))?.place()?;
                 }
             }
         }
@@ -181,7 +181,7 @@ fn realised(out: &Path, sheet: &Unit, plan: &Plan) -> anyhow::Result<Option<f64>
     }
     let bags = tempfile::tempdir().context("no temporary folder for its recordings")?;
     for (process, streams) in battery::exam(sheet, plan) {
-        generate::write(GENERATOR, process, plan.seed, &streams, &bags.path().join(process.id()))?;
+        generate::write(GENERATOR, process, plan.seed, &streams, &bags.path().join(process.id()))?.place()?;
     }
     let fresh = bags::read(&[bags.path().to_owned()], &Topics::default(), sheet)?;
     Ok(exam::closure(fresh.recordings, &refitted, &improved))

@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 
 use super::cases::Case;
 use super::method::Method;
-use crate::commands::output::{Progress, print, write_atomically};
+use crate::commands::output::{Output, Progress, print};
 
 /// Opens a label file.
 pub fn read_labels(path: &Path) -> anyhow::Result<Vec<Label>> {
@@ -54,7 +54,7 @@ pub fn score_all(
     methods: &[Method],
     units: &[Case],
     (dir, origin): (&Path, Option<&str>),
-    out: &Path,
+    (out, mut output): (&Path, Output),
 ) -> anyhow::Result<Vec<String>> {
     let mut scores = Vec::new();
     let mut first = Vec::new();
@@ -122,11 +122,12 @@ pub fn score_all(
         "strengths": strengths,
         "misses": misses,
     });
-    write_atomically(&out.join("score.json"), (serde_json::to_string_pretty(&whole)? + "\n").as_bytes())?;
     let name = dir.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let subtitle = format!("{name}, {} of {} units", first.len(), labels.len());
     let page = page::page(&scores, &first, &parts, &subtitle, origin)?;
-    write_atomically(&out.join("score.html"), page.to_html().as_bytes())?;
+    output.add("score.html", page.to_html().as_bytes())?;
+    output.add_json("score.json", &whole)?;
+    output.place()?;
     print(&format!("\n{} and score.json beside it\n", out.join("score.html").display()))?;
     Ok(unscored)
 }

@@ -1,9 +1,9 @@
 //! The bag of a replay: everything that was recorded, and the simulated state beside it.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::Context;
-use govtwin::bag::{self, BagError, Qos, Stream, Topics, Writer, WriterOptions};
+use govtwin::bag::{self, BagError, Qos, Sealed, Stream, Topics, Writer, WriterOptions};
 use govtwin::frame::Estimate;
 use govtwin::msg::{Header, ServoState};
 use govtwin::replay::Replayed;
@@ -20,12 +20,12 @@ pub fn check(dir: &Path) -> anyhow::Result<()> {
     Writer::check(dir, OPTIONS).context("--out: only simulated bags of an earlier replay are replaced")
 }
 
-/// Writes the bag folder `dir`: a copy of the bag at `source`, and [`TOPIC`].
+/// Writes the bag folder `dir` under a temporary name: a copy of the bag at `source`, and [`TOPIC`].
 ///
 /// The simulated state is given wherever the real one was measured, or where nothing was, in every
 /// row. Its stamps are those of the rows; its log times follow the recorded messages' own clock. A
 /// simulated state that the bag already holds is left behind.
-pub fn write(source: &Path, dir: &Path, replayed: &Replayed, topics: &Topics) -> anyhow::Result<PathBuf> {
+pub fn write(source: &Path, dir: &Path, replayed: &Replayed, topics: &Topics) -> anyhow::Result<Sealed> {
     let failed = || format!("cannot write the simulated bag {}", dir.display());
     if let Some(parent) = dir.parent() {
         std::fs::create_dir_all(parent).with_context(failed)?;
@@ -52,7 +52,7 @@ pub fn write(source: &Path, dir: &Path, replayed: &Replayed, topics: &Topics) ->
     for estimate in estimates {
         writer.write(topic, estimate.time_ns.saturating_add(lag_ns), &state(estimate))?;
     }
-    Ok(writer.finish()?)
+    Ok(writer.seal()?)
 }
 
 /// How much later than its stamp the first message of the known topics that has one was logged, ns.

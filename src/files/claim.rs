@@ -1,0 +1,216 @@
+//! One writer for a folder: a lock that ends with its process, taken before any work.
+
+use std::fs::{self, File, OpenOptions};
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::temporary::{hold, remove_stale};
+
+/// The file that is locked. It stays where its process is killed, and counts for nothing then.
+const LOCK: &str = ".govtwin.lock";
+
+/// How often a folder is made again that the last writer removes on leaving.
+const TRIES: usize = 100;
+
+/// Why a folder cannot be written to.
+#[derive(Debug, thiserror::Error)]
+pub enum ClaimError {
+    /// Somebody else does.
+    #[error("{folder}: another process is writing there and holds {lock}; wait until it ends, or name another folder")]
+    Busy {
+        /// The folder.
+        folder: PathBuf,
+        /// The file that is locked.
+        lock: PathBuf,
+    },
+    /// Something else is in its place.
+    #[error("{folder}: expected a folder, found {found}; name another folder, or move it away")]
+    NotAFolder {
+        /// What should be a folder.
+        folder: PathBuf,
+        /// What it is.
+        found: &'static str,
+    },
+    /// The operating system refuses.
+    #[error("{folder}: cannot write there: {reason}")]
+    Refused {
+        /// The folder.
+        folder: PathBuf,
+        /// The system's own words.
+        reason: io::Error,
+    },
+}
+
+/// A folder in which no other process writes as long as this stands. Where nothing came of it, what it made goes again.
+#[derive(Debug)]
+pub struct Claim {
+    /// Open, and so locked.
+    _lock: File,
+    path: PathBuf,
+    /// Folders that were not there before, the deepest first.
+    made: Vec<PathBuf>,
+}
+
+impl Claim {
+    /// Claims a folder, makes it where it is missing, and removes what killed writers left in it.
+    ///
+    /// # Errors
+    /// Where another process has claimed it, or nobody can write there.
+    pub fn folder(folder: &Path) -> Result<Self, ClaimError> {
+        let refused = |reason| ClaimError::Refused { folder: folder.to_owned(), reason };
+        let path = folder.join(LOCK);
+        for _ in 0..TRIES {
+            let made = make(folder).map_err(|reason| not_a_folder(folder).unwrap_or_else(|| refused(reason)))?;
+            if fs::symlink_metadata(&path).is_ok_and(|kind| !kind.is_file()) {
+                return Err(refused(io::Error::other(format!("{LOCK} in it is no regular file; move it away"))));
+            }
+            let options = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path);
+            let lock = match options {
+                Ok(lock) => lock,
+                // The last writer removed the folder on leaving.
+                Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
+                Err(error) => {
+                    remove_empty(&made);
+                    return Err(refused(error));
+                }
+            };
+            match hold(&lock) {
+                // Between opening and locking its last holder may have removed it.
+                Ok(()) if !is_at(&lock, &path) => {}
+                Ok(()) => {
+                    remove_stale(folder);
+                    return Ok(Self { _lock: lock, path, made });
+                }
+                Err(error) if error.kind() == io::ErrorKind::ResourceBusy => {
+                    return Err(ClaimError::Busy { folder: folder.to_owned(), lock: path });
+                }
+                Err(error) => return Err(refused(error)),
+            }
+        }
+        Err(ClaimError::Busy { folder: folder.to_owned(), lock: path })
+    }
+
+    /// Whether a name in a claimed folder is that of the claim itself.
+    #[must_use]
+    pub fn is_lock(name: &std::ffi::OsStr) -> bool {
+        name == LOCK
+    }
+}
+
+impl Drop for Claim {
+    fn drop(&mut self) {
+        // Still locked, so that nobody has it; nobody is left to hear of a failure to clean up.
+        let _ = fs::remove_file(&self.path);
+        remove_empty(&self.made);
+    }
+}
+
+/// Makes a folder and those above it; gives those that were missing, the deepest first.
+fn make(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    let missing = folder.ancestors().filter(|folder| *folder != Path::new(""));
+    let made: Vec<PathBuf> = missing.take_while(|folder| !folder.exists()).map(Path::to_owned).collect();
+    fs::create_dir_all(folder).inspect_err(|_| remove_empty(&made))?;
+    Ok(made)
+}
+
+fn remove_empty(made: &[PathBuf]) {
+    for folder in made {
+        // Whoever put something there keeps it.
+        let _ = fs::remove_dir(folder);
+    }
+}
+
+/// What stands where a folder should be, or one of those above it.
+fn not_a_folder(folder: &Path) -> Option<ClaimError> {
+    let place = folder.ancestors().find(|place| fs::symlink_metadata(place).is_ok())?;
+    let found = match fs::metadata(place) {
+        Ok(kind) if kind.is_dir() => return None,
+        Ok(kind) if kind.is_file() => "a file",
+        Ok(_) => "something else",
+        Err(_) => "a link that leads nowhere",
+    };
+    Some(ClaimError::NotAFolder { folder: place.to_owned(), found })
+}
+
+/// Whether an open file is the one at a path.
+#[cfg(unix)]
+fn is_at(file: &File, path: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt as _;
+    let (Ok(open), Ok(there)) = (file.metadata(), fs::symlink_metadata(path)) else { return false };
+    (open.dev(), open.ino()) == (there.dev(), there.ino())
+}
+
+/// Elsewhere an open file cannot be removed.
+#[cfg(not(unix))]
+fn is_at(_: &File, _: &Path) -> bool {
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_has_one_writer_and_what_was_made_for_nothing_goes() {
+        let dir = tempfile::tempdir().unwrap();
+        let out = dir.path().join("deep/out");
+        let claim = Claim::folder(&out).unwrap();
+        let error = Claim::folder(&out).unwrap_err();
+        assert!(matches!(error, ClaimError::Busy { .. }) && error.to_string().contains("deep/out"), "{error}");
+        drop(claim);
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0);
+
+        let claim = Claim::folder(&out).unwrap();
+        fs::write(out.join("report.json"), "{}").unwrap();
+        fs::write(out.join(".govtwin-gone.tmp"), "half").unwrap();
+        drop(claim);
+        assert!(out.join("report.json").exists());
+        // What a killed process leaves, its lock included, is in nobody's way.
+        fs::write(out.join(LOCK), "").unwrap();
+        drop(Claim::folder(&out).unwrap());
+        assert_eq!(fs::read_dir(&out).unwrap().count(), 1, "only the report");
+    }
+
+    #[test]
+    fn many_at_once_are_never_two_and_all_get_their_turn() {
+        let dir = tempfile::tempdir().unwrap();
+        let out = dir.path().join("out");
+        let inside = std::sync::atomic::AtomicUsize::new(0);
+        std::thread::scope(|scope| {
+            for _ in 0..8 {
+                scope.spawn(|| {
+                    let mut turns = 0;
+                    while turns < 50 {
+                        match Claim::folder(&out) {
+                            Ok(_claim) => {
+                                assert_eq!(inside.fetch_add(1, std::sync::atomic::Ordering::SeqCst), 0);
+                                turns += 1;
+                                inside.fetch_sub(1, std::sync::atomic::Ordering::SeqCst);
+                            }
+                            Err(ClaimError::Busy { .. }) => std::thread::yield_now(),
+                            Err(error) => panic!("{error}"),
+                        }
+                    }
+                });
+            }
+        });
+        // Who came between another's leaving and its clearing up found the folder there, and leaves it, empty.
+        assert!(fs::read_dir(&out).map_or(0, Iterator::count) == 0);
+    }
+
+    #[test]
+    fn what_is_in_the_way_is_named() {
+        let dir = tempfile::tempdir().unwrap();
+        fs::write(dir.path().join("file"), "mine").unwrap();
+        for below in ["file", "file/deep"] {
+            let error = Claim::folder(&dir.path().join(below)).unwrap_err().to_string();
+            assert!(error.contains("file: expected a folder, found a file"), "{error}");
+        }
+        #[cfg(unix)]
+        {
+            std::os::unix::fs::symlink("elsewhere", dir.path().join(LOCK)).unwrap();
+            let error = Claim::folder(dir.path()).unwrap_err().to_string();
+            assert!(error.contains("no regular file") && !dir.path().join("elsewhere").exists(), "{error}");
+        }
+    }
+}

@@ -1,0 +1,118 @@
+//! Temporary names: one for each process and file, locked while in use, and removed where a process that is gone left them.
+
+use std::fs::{self, File, TryLockError};
+use std::io;
+use std::path::{Path, PathBuf};
+
+use tempfile::{Builder, NamedTempFile};
+
+const PREFIX: &str = ".govtwin-";
+const SUFFIX: &str = ".tmp";
+
+/// A file under a temporary name in a folder, held; whoever may read new files of this user may read it.
+pub(super) fn temporary_file(folder: &Path) -> io::Result<NamedTempFile> {
+    let mut builder = builder();
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    let file = builder.tempfile_in(folder)?;
+    hold(file.as_file())?;
+    Ok(file)
+}
+
+/// Makes a folder under a temporary name in another. It counts as left over once no file in it is held.
+///
+/// # Errors
+/// What the file system says.
+pub fn temporary_folder(parent: &Path) -> io::Result<PathBuf> {
+    let mut builder = builder();
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o777));
+    Ok(builder.tempdir_in(parent)?.keep())
+}
+
+fn builder() -> Builder<'static, 'static> {
+    let mut builder = Builder::new();
+    builder.prefix(PREFIX).suffix(SUFFIX);
+    builder
+}
+
+/// Locks a file against whoever asks [`is_held`], until it is closed; a file system without locks does without.
+///
+/// # Errors
+/// Where somebody else holds it, or what the file system says.
+pub fn hold(file: &File) -> io::Result<()> {
+    match file.try_lock() {
+        Ok(()) => Ok(()),
+        Err(TryLockError::WouldBlock) => Err(io::Error::new(io::ErrorKind::ResourceBusy, "another process holds it")),
+        Err(TryLockError::Error(error)) if error.kind() == io::ErrorKind::Unsupported => Ok(()),
+        Err(TryLockError::Error(error)) => Err(error),
+    }
+}
+
+/// Whether a process holds a file, or any file of a folder. What cannot be asked counts as held.
+#[must_use]
+pub fn is_held(path: &Path) -> bool {
+    let Ok(kind) = fs::symlink_metadata(path) else { return false };
+    if kind.is_dir() {
+        let Ok(entries) = fs::read_dir(path) else { return true };
+        return entries.into_iter().any(|entry| entry.map_or(true, |entry| is_held(&entry.path())));
+    }
+    // Nothing but a regular file is opened: a pipe would wait.
+    kind.is_file() && !File::open(path).is_ok_and(|file| file.try_lock().is_ok())
+}
+
+/// Removes the temporary files and folders in a folder that nobody holds.
+pub(super) fn remove_stale(folder: &Path) {
+    let Ok(entries) = fs::read_dir(folder) else { return };
+    for entry in entries.flatten() {
+        let name = entry.file_name();
+        let ours = name.as_encoded_bytes().starts_with(PREFIX.as_bytes())
+            && name.as_encoded_bytes().ends_with(SUFFIX.as_bytes());
+        let path = entry.path();
+        let Ok(kind) = entry.file_type() else { continue };
+        if !ours || is_held(&path) {
+            continue;
+        }
+        // What cannot be removed disturbs nobody but by its room.
+        let _ = if kind.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_nobody_holds_is_removed_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let live = temporary_file(folder.path()).unwrap();
+        let (dead, making) = (temporary_folder(folder.path()).unwrap(), temporary_folder(folder.path()).unwrap());
+        fs::write(dead.join("a_0.mcap"), "half").unwrap();
+        let file = File::create(making.join("b_0.mcap")).unwrap();
+        hold(&file).unwrap();
+        fs::write(at(".govtwin-dead.tmp"), "half").unwrap();
+        fs::write(at("notes.tmp"), "mine").unwrap();
+        fs::create_dir(at(".govtwin-mine")).unwrap();
+        remove_stale(folder.path());
+        assert!(live.path().exists() && making.exists() && at("notes.tmp").exists() && at(".govtwin-mine").exists());
+        assert!(!dead.exists() && !at(".govtwin-dead.tmp").exists());
+        drop(file);
+        remove_stale(folder.path());
+        assert!(!making.exists() && live.path().exists());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn new_files_have_the_rights_that_the_umask_leaves() {
+        use std::os::unix::fs::PermissionsExt as _;
+        let folder = tempfile::tempdir().unwrap();
+        // What the standard library makes has them; a process cannot ask for its umask without changing it.
+        fs::write(folder.path().join("plain"), "").unwrap();
+        fs::create_dir(folder.path().join("folder")).unwrap();
+        let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode();
+        let file = temporary_file(folder.path()).unwrap();
+        assert_eq!(mode(file.path()), mode(&folder.path().join("plain")));
+        assert_eq!(mode(&temporary_folder(folder.path()).unwrap()), mode(&folder.path().join("folder")));
+    }
+}

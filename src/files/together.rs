@@ -1,0 +1,98 @@
+//! Several files that appear together: all of them stand whole under temporary names before the first gets its own.
+
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+
+use tempfile::{NamedTempFile, TempPath};
+
+use super::folder_of;
+use super::rename::{exchange, move_new};
+use super::temporary::temporary_file;
+
+/// Files on their way. Dropped before [`Together::place`], they are gone.
+#[derive(Debug, Default)]
+pub struct Together {
+    files: Vec<(NamedTempFile, PathBuf)>,
+}
+
+impl Together {
+    /// Writes a file under a temporary name beside its own; missing folders on the way are made.
+    ///
+    /// # Errors
+    /// What the file system says, and where no file can have that name.
+    pub fn add(&mut self, path: &Path, bytes: &[u8]) -> io::Result<()> {
+        let folder = folder_of(path);
+        std::fs::create_dir_all(folder)?;
+        if path.is_dir() {
+            return Err(io::Error::new(
+                io::ErrorKind::IsADirectory,
+                "expected a file or nothing there, found a folder",
+            ));
+        }
+        let mut file = temporary_file(folder)?;
+        file.write_all(bytes)?;
+        file.as_file().sync_all()?;
+        self.files.push((file, path.to_owned()));
+        Ok(())
+    }
+
+    /// Gives all files their names, in the order in which they were added. Where one cannot have its own, those before it are taken
+    /// back, and what stood there stands there again.
+    ///
+    /// # Errors
+    /// What the file system says.
+    pub fn place(self) -> io::Result<()> {
+        let mut placed: Vec<(TempPath, PathBuf, bool)> = Vec::new();
+        // The files stay open, and so held, until all have their names.
+        let (open, names): (Vec<_>, Vec<_>) =
+            self.files.into_iter().map(|(file, path)| (file.into_parts(), path)).unzip();
+        let (_held, temporary): (Vec<_>, Vec<TempPath>) = open.into_iter().unzip();
+        for (from, path) in temporary.into_iter().zip(names) {
+            let there = std::fs::symlink_metadata(&path).is_ok();
+            // The older file takes the temporary name, and goes with it.
+            let result = if there { exchange(&from, &path) } else { move_new(&from, &path) };
+            match result {
+                Ok(()) => placed.push((from, path, there)),
+                Err(error) => {
+                    for (from, path, there) in placed.iter().rev() {
+                        // Nothing better can be done where even the way back is closed.
+                        let _ = if *there { exchange(from, path) } else { std::fs::rename(path, from) };
+                    }
+                    return Err(error);
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_appear_or_none() {
+        let dir = tempfile::tempdir().unwrap();
+        let at = |name: &str| dir.path().join(name);
+        std::fs::write(at("b"), "old").unwrap();
+        let mut files = Together::default();
+        for name in ["a", "b", "c"] {
+            files.add(&at(name), name.as_bytes()).unwrap();
+        }
+        assert!(!at("a").exists() && std::fs::read(at("b")).unwrap() == b"old");
+        files.place().unwrap();
+        assert_eq!(["a", "b", "c"].map(|name| std::fs::read(at(name)).unwrap()), [b"a", b"b", b"c"]);
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 3);
+
+        let mut files = Together::default();
+        for name in ["new", "b", "gone/c"] {
+            files.add(&at(name), b"second").unwrap();
+        }
+        std::fs::remove_dir_all(at("gone")).unwrap();
+        assert!(files.place().is_err());
+        assert!(!at("new").exists(), "what was new goes again");
+        assert_eq!(std::fs::read(at("b")).unwrap(), b"b", "what was there is there again");
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 3);
+        assert!(Together::default().add(dir.path(), b"x").is_err(), "a folder is in the way");
+    }
+}

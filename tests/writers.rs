@@ -1,0 +1,228 @@
+//! Two writers, and writers that are killed: what has its final name is whole, and nobody's work is lost by another's.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use govtwin::bag::{self, Writer, WriterOptions};
+use govtwin::files::Claim;
+
+/// Draws of the moments at which processes are killed.
+const KILLS: u64 = 14;
+
+fn command(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_govtwin"));
+    command.args(arguments).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+}
+
+fn govtwin(arguments: &[&str]) -> Output {
+    command(arguments).output().unwrap()
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn shipped(name: &str) -> String {
+    format!("{}/bags/reference/{name}.mcap", env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Every file and folder below a folder, by its path in it.
+fn tree(folder: &Path) -> Vec<PathBuf> {
+    let mut found = vec![];
+    for entry in fs::read_dir(folder).into_iter().flatten() {
+        let path = entry.unwrap().path();
+        found.push(path.clone());
+        if path.is_dir() {
+            found.extend(tree(&path));
+        }
+    }
+    found.sort();
+    found
+}
+
+fn hidden(folder: &Path) -> Vec<PathBuf> {
+    let is_hidden = |path: &PathBuf| path.file_name().unwrap().to_string_lossy().starts_with('.');
+    tree(folder).into_iter().filter(is_hidden).collect()
+}
+
+/// Fails where anything under a final name of a replay is not whole; gives how many of its files and bags are there.
+#[track_caller]
+fn whole(out: &Path, bags: &[&str]) -> usize {
+    let mut there = 0;
+    if let Ok(page) = fs::read_to_string(out.join("replay.html")) {
+        assert!(page.ends_with("</html>"), "half a page");
+        there += 1;
+    }
+    if let Ok(figures) = fs::read_to_string(out.join("replay.json")) {
+        serde_json::from_str::<serde_json::Value>(&figures).expect("whole figures");
+        there += 1;
+    }
+    for name in bags {
+        let path = out.join(name);
+        if path.exists() {
+            let survey = bag::survey(&path).unwrap();
+            assert!(survey.warnings.is_empty() && survey.messages > 1000, "{name}: {:?}", survey.warnings);
+            assert!(survey.topics.iter().any(|topic| topic.name == "/sim/servo_state"), "{name}");
+            there += 1;
+        }
+    }
+    there
+}
+
+/// Waits until a path is there, as long as the process runs.
+fn await_path(path: &Path, child: &mut Child) {
+    while !path.exists() && child.try_wait().unwrap().is_none() {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+#[test]
+fn of_two_replays_at_once_one_is_refused_and_the_other_whole() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("out");
+    let arguments = ["replay", &shipped("shutdown_01"), &shipped("startup_01"), "--out", out.to_str().unwrap()];
+    let mut first = command(&arguments).spawn().unwrap();
+    await_path(&out.join(".govtwin.lock"), &mut first);
+    let second = govtwin(&arguments);
+    assert_eq!(second.status.code(), Some(1), "{}", stderr(&second));
+    for words in [out.to_str().unwrap(), "another process is writing there", "name another folder"] {
+        assert!(stderr(&second).contains(words), "{}", stderr(&second));
+    }
+    assert!(second.stdout.is_empty(), "refused before any work");
+    let first = first.wait_with_output().unwrap();
+    assert_eq!(first.status.code(), Some(0), "{}", stderr(&first));
+    assert_eq!(whole(&out, &["shutdown_01", "startup_01"]), 4);
+    assert_eq!(hidden(&out), Vec::<PathBuf>::new());
+}
+
+#[test]
+fn a_replay_that_is_killed_destroys_nothing_and_the_next_one_cleans_up() {
+    let dir = tempfile::tempdir().unwrap();
+    let (out, bags) = (dir.path().join("out"), ["shutdown_01", "startup_01"]);
+    let arguments = ["replay", &shipped(bags[0]), &shipped(bags[1]), "--out", out.to_str().unwrap()];
+    let start = Instant::now();
+    assert_eq!(govtwin(&arguments).status.code(), Some(0));
+    let run_ms = start.elapsed().as_millis() as u64 + 1;
+    assert_eq!(whole(&out, &bags), 4);
+    for kill in 0..KILLS {
+        let mut child = command(&arguments).spawn().unwrap();
+        // Most of them late, where names change.
+        std::thread::sleep(Duration::from_millis(run_ms * (kill + 3) / (KILLS + 3)));
+        child.kill().unwrap();
+        child.wait().unwrap();
+        assert_eq!(whole(&out, &bags), 4, "killed at {kill} of {KILLS}: everything of the first run, or of the second");
+    }
+    // What they left is known by nobody holding it.
+    assert_eq!(govtwin(&arguments).status.code(), Some(0));
+    assert_eq!(whole(&out, &bags), 4);
+    assert_eq!(hidden(&out), Vec::<PathBuf>::new());
+}
+
+#[test]
+fn while_one_replay_works_others_are_killed_and_do_not_disturb_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let (out, bags) = (dir.path().join("out"), ["load_increase_01", "startup_01"]);
+    let arguments = ["replay", &shipped(bags[0]), &shipped(bags[1]), "--out", out.to_str().unwrap()];
+    for round in 0..3 {
+        let mut first = command(&arguments).spawn().unwrap();
+        await_path(&out.join(".govtwin.lock"), &mut first);
+        for kill in 0..KILLS {
+            let mut other = command(&arguments).spawn().unwrap();
+            std::thread::sleep(Duration::from_millis(kill * 3 + round));
+            other.kill().unwrap();
+            other.wait().unwrap();
+        }
+        let first = first.wait_with_output().unwrap();
+        // Where it was done before the last of the others, that one may have been at work.
+        assert!(matches!(first.status.code(), Some(0)), "{}", stderr(&first));
+        assert_eq!(whole(&out, &bags), 4, "round {round}");
+    }
+}
+
+#[test]
+fn recordings_that_are_killed_in_the_making_leave_no_bag() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("out");
+    let arguments = ["generate", "--duration", "30", "--out", out.to_str().unwrap()];
+    let start = Instant::now();
+    assert_eq!(govtwin(&arguments).status.code(), Some(0));
+    let run_ms = start.elapsed().as_millis() as u64 + 1;
+    fs::remove_dir_all(&out).unwrap();
+    for kill in 0..KILLS {
+        let mut child = command(&arguments).spawn().unwrap();
+        std::thread::sleep(Duration::from_millis(run_ms * kill / KILLS));
+        child.kill().unwrap();
+        child.wait().unwrap();
+        let named = tree(&out).into_iter().filter(|path| path.parent() == Some(&out));
+        for path in named.filter(|path| !path.file_name().unwrap().to_string_lossy().starts_with('.')) {
+            if path.is_dir() {
+                let survey = bag::survey(&path).unwrap();
+                assert!(survey.warnings.is_empty() && survey.messages > 1000, "{survey:?}");
+            }
+        }
+        if out.join("truth.yaml").exists() {
+            fs::remove_dir_all(&out).unwrap();
+        }
+    }
+    if tree(&out).iter().any(|path| path.parent() == Some(&out) && path.extension().is_none() && path.is_dir()) {
+        // Killed between two names: the folder is refused, as one that holds others' recordings would be.
+        fs::remove_dir_all(&out).unwrap();
+    }
+    let last = govtwin(&arguments);
+    assert_eq!(last.status.code(), Some(0), "{}", stderr(&last));
+    assert_eq!(hidden(&out), Vec::<PathBuf>::new());
+}
+
+#[test]
+fn every_command_with_an_output_is_refused_before_its_work_where_another_writes() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("out");
+    let _claim = Claim::folder(&out).unwrap();
+    let out_text = out.to_str().unwrap();
+    let bag = shipped("startup_01");
+    let units = dir.path().join("units");
+    fs::create_dir_all(units.join("one")).unwrap();
+    fs::copy(&bag, units.join("one/startup.mcap")).unwrap();
+    let mut commands = vec![
+        vec!["replay", bag.as_str(), "--out", out_text],
+        vec!["fit", bag.as_str(), "--out", out_text],
+        vec!["diagnose", bag.as_str(), "--out", out_text],
+        vec!["generate", "--out", out_text],
+        vec!["blind", units.to_str().unwrap(), "--out", out_text],
+    ];
+    if cfg!(feature = "residual") {
+        commands.push(vec!["train", bag.as_str(), "--out", out_text]);
+        commands.push(vec!["compare", bag.as_str(), "--out", out_text]);
+    }
+    for arguments in commands {
+        let run = govtwin(&arguments);
+        assert_eq!(run.status.code(), Some(1), "{arguments:?}: {}", stderr(&run));
+        let words = stderr(&run);
+        assert!(words.contains(out_text) && words.contains("another process is writing there"), "{words}");
+        assert!(run.stdout.is_empty(), "{arguments:?}");
+    }
+    assert_eq!(tree(&out), [out.join(".govtwin.lock")]);
+}
+
+#[test]
+fn of_two_recorders_one_is_refused_and_a_broken_recording_is_kept() {
+    let dir = tempfile::tempdir().unwrap();
+    let place = dir.path().join("run");
+    let options = WriterOptions { keep_unfinished: true, ..WriterOptions::default() };
+    let writer = Writer::create(&place, options).unwrap();
+    let words = Writer::create(&place, options).unwrap_err().to_string();
+    assert!(words.contains("run: another process is writing it and holds"), "{words}");
+    if cfg!(feature = "node") {
+        let run = govtwin(&["record", "--out", place.to_str().unwrap()]);
+        assert_eq!(run.status.code(), Some(1));
+        assert!(stderr(&run).contains("another process is writing it"), "{}", stderr(&run));
+    }
+    // Killed: it stays, and the next recorder is told of it, not of a process.
+    drop(writer);
+    let words = Writer::create(&place, options).unwrap_err().to_string();
+    assert!(words.contains(".run.unfinished: is there already"), "{words}");
+    assert!(!place.exists());
+}
