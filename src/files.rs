@@ -4,6 +4,7 @@
 //! `.govtwin-*.tmp`, and is locked; so what a killed process left is known by nobody holding it, and is removed by the next
 //! [`Claim`] of the folder.
 
+mod bounds;
 mod claim;
 mod input;
 mod rename;
@@ -13,6 +14,7 @@ mod together;
 use std::io;
 use std::path::Path;
 
+pub use bounds::check_yaml;
 pub use claim::{Claim, ClaimError};
 pub use input::{check_regular, read_bytes, read_text};
 pub use rename::{exchange, move_new};

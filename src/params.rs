@@ -30,6 +30,7 @@ mod yaml;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
+use crate::files::read_text;
 use crate::parameters::{ENTRIES, OwnEffect, Unit};
 
 pub use consistency::{Conflict, conflicts};
@@ -132,20 +133,11 @@ fn sheet_over_reference(text: &str, path: &Path) -> Result<Sheet, Vec<Problem>> 
 }
 
 fn parse(text: &str) -> Result<yaml::Document, Vec<Problem>> {
-    yaml::parse(text).map_err(|error| {
-        let message = format!("this is not YAML: {}", error.message);
-        vec![Problem { line: error.line, key: String::new(), message }]
-    })
+    yaml::parse(text).map_err(|error| vec![Problem { line: error.line, key: String::new(), message: error.message }])
 }
 
 fn read(path: &Path) -> Result<String, ParamsError> {
-    let failed = |reason| ParamsError::Read { path: path.to_path_buf(), reason };
-    let bytes = std::fs::metadata(path).map_err(failed)?.len();
-    if bytes > LARGEST_FILE_BYTES {
-        let message = format!("it has {bytes} bytes, parameter files a few thousand; is it a recording?");
-        return Err(failed(std::io::Error::other(message)));
-    }
-    std::fs::read_to_string(path).map_err(failed)
+    read_text(path, LARGEST_FILE_BYTES).map_err(|reason| ParamsError::Read { path: path.to_path_buf(), reason })
 }
 
 fn read_reference() -> Result<Sheet, Vec<Problem>> {

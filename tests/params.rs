@@ -217,11 +217,14 @@ fn files_that_are_something_else_are_told() {
     assert!(text(&bytes).contains("cannot read the parameter file"));
     let bag = folder.path().join("recording.mcap");
     std::fs::write(&bag, vec![b' '; 2 << 20]).unwrap();
-    assert!(text(&bag).contains("is it a recording?"), "{}", text(&bag));
+    assert!(text(&bag).contains("expected at most 1048576 bytes, found 2097152"), "{}", text(&bag));
     assert!(problems("oil: {density_kg_m3: 870")[0].contains("this is not YAML"));
     assert!(problems("oil:\n  density_kg_m3: 870\n  density_kg_m3: 871\n")[0].contains("duplicate entry"));
     assert!(problems("a: 1\n---\nb: 2\n")[0].contains("this is not YAML"));
-    assert!(problems(&"[".repeat(100_000))[0].contains("this is not YAML"));
+    assert!(problems(&"[".repeat(1000))[0].contains("this is not YAML"));
+    assert!(problems(&"{a: ".repeat(100_000))[0].contains("expected at most 10000 opening brackets, found 100000"));
+    let bomb: String = (1..30).map(|k| format!("a{k}: &a{k} [*a{0},*a{0}]\n", k - 1)).collect();
+    assert!(problems(&bomb)[0].contains("expected at most 10 anchors and aliases"));
     let bomb = "a: &a [x,x,x,x,x,x,x,x,x]\nb: &b [*a,*a,*a,*a,*a,*a,*a,*a,*a]\nc: &c [*b,*b,*b,*b,*b,*b,*b,*b,*b]\n\
                 d: &d [*c,*c,*c,*c,*c,*c,*c,*c,*c]\ne: &e [*d,*d,*d,*d,*d,*d,*d,*d,*d]\nf: [*e,*e,*e,*e,*e,*e,*e,*e,*e]\n";
     assert!(!problems(bomb).is_empty());

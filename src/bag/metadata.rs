@@ -2,6 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::files::check_yaml;
+
+/// Longer profiles of quality of service are not parsed, bytes; a publisher's has some 300.
+const LONGEST_PROFILES: usize = 1 << 16;
+
 /// Its name.
 pub(super) const FILE_NAME: &str = "metadata.yaml";
 
@@ -16,6 +21,7 @@ pub(super) struct Metadata {
 impl Metadata {
     /// Reads the parts that matter, whatever the version; the rest may be anything.
     pub(super) fn parse(text: &str) -> Result<Self, String> {
+        check_yaml(text).map_err(|problem| format!("cannot be read: {problem}"))?;
         let outer: Outer<ReadInformation> =
             serde_yaml::from_str(text).map_err(|error| format!("cannot be read: {error}"))?;
         let information = outer.rosbag2_bagfile_information;
@@ -73,7 +79,7 @@ impl Summary {
             duration: duration(),
             starting_time: starting_time(),
             message_count: self.message_count,
-            topics_with_message_count: self.topics.iter().map(WriteTopic::new).collect::<Result<_, _>>()?,
+            topics_with_message_count: self.topics.iter().map(WriteTopic::new).collect(),
             compression_format: "",
             compression_mode: "",
             relative_file_paths: [&self.file_name],
@@ -141,17 +147,21 @@ struct WriteTopicMetadata<'a> {
 }
 
 impl<'a> WriteTopic<'a> {
-    fn new(topic: &'a TopicSummary) -> Result<Self, String> {
+    fn new(topic: &'a TopicSummary) -> Self {
         let profiles = if topic.offered_qos_profiles.is_empty() { "[]" } else { &topic.offered_qos_profiles };
-        Ok(Self {
+        // They come from a bag. What is no YAML of that size stands as text, as up to version 8 all of them did.
+        let sound = profiles.len() <= LONGEST_PROFILES && check_yaml(profiles).is_ok();
+        let parsed = if sound { serde_yaml::from_str(profiles).ok() } else { None };
+        let profiles = parsed.unwrap_or_else(|| serde_yaml::Value::String(profiles.to_owned()));
+        Self {
             topic_metadata: WriteTopicMetadata {
                 name: &topic.name,
                 type_name: &topic.type_name,
                 serialization_format: &topic.encoding,
-                offered_qos_profiles: serde_yaml::from_str(profiles).map_err(|error| error.to_string())?,
+                offered_qos_profiles: profiles,
                 type_description_hash: &topic.type_hash,
             },
             message_count: topic.message_count,
-        })
+        }
     }
 }

@@ -6,7 +6,7 @@ pub mod networks;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 use clap::ValueEnum;
 use govtwin::bag::{self, ReadOptions, Stream, Topics};
 use govtwin::comparison::summary::Searched;

@@ -2,6 +2,8 @@
 
 use serde_yaml::Value;
 
+use crate::files::check_yaml;
+
 /// A YAML value, reduced to what parameter files use.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Node {
@@ -72,21 +74,23 @@ impl Document {
     }
 }
 
-/// Text that is not YAML.
+/// Text that is not YAML, or more of it than is read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct SyntaxError {
     /// Where, counted from 1.
     pub line: Option<usize>,
-    /// What the YAML library says.
+    /// What is wrong.
     pub message: String,
 }
 
 /// Parses one document.
 pub(super) fn parse(text: &str) -> Result<Document, SyntaxError> {
+    check_yaml(text).map_err(|message| SyntaxError { line: None, message })?;
     match serde_yaml::from_str::<Value>(text) {
         Ok(value) => Ok(Document { root: convert(value), lines: locate(text) }),
         Err(error) => {
-            Err(SyntaxError { line: error.location().map(|location| location.line()), message: error.to_string() })
+            let line = error.location().map(|location| location.line());
+            Err(SyntaxError { line, message: format!("this is not YAML: {error}") })
         }
     }
 }

@@ -11,6 +11,7 @@ use govtwin::blind::said::Said;
 use govtwin::parameters::Unit;
 
 use super::cases::Case;
+use super::scoring::LARGEST_BYTES;
 use crate::commands::output::write_atomically;
 
 /// A method that says something of a unit.
@@ -45,7 +46,8 @@ impl Method {
         if !path.is_file() {
             return Ok(None);
         }
-        let text = std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
+        let text = govtwin::files::read_text(&path, LARGEST_BYTES)
+            .with_context(|| format!("cannot read {}", path.display()))?;
         Said::read(&text).with_context(|| path.display().to_string()).map(Some)
     }
 }

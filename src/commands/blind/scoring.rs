@@ -20,9 +20,13 @@ use super::cases::Case;
 use super::method::Method;
 use crate::commands::output::{Output, Progress, print};
 
+/// More than labels, or the report of one unit, hold.
+pub const LARGEST_BYTES: u64 = 1 << 24;
+
 /// Opens a label file.
 pub fn read_labels(path: &Path) -> anyhow::Result<Vec<Label>> {
-    let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let text =
+        govtwin::files::read_text(path, LARGEST_BYTES).with_context(|| format!("cannot read {}", path.display()))?;
     labels::read(&text).with_context(|| path.display().to_string())
 }
 

@@ -1,0 +1,65 @@
+//! What a YAML text may hold before a parser sees it: aliases unfold, and brackets nest, beyond what their text lets expect.
+
+/// The most aliases and anchors in a text.
+const MOST_ALIASES: usize = 10;
+
+/// A text with aliases is at most so long, bytes: ten of them make at most 40 of it.
+const LONGEST_WITH_ALIASES: usize = 1 << 16;
+
+/// The most opening brackets in a text: to parse nested ones takes the parser their number squared.
+const MOST_BRACKETS: usize = 10_000;
+
+/// Refuses a YAML text that would unfold or nest without measure; in words, with what was expected and found.
+///
+/// It counts in text and comments, too: a parser that knew better would be the one to be kept from it.
+///
+/// # Errors
+/// On more aliases or brackets than any file of measured values needs.
+pub fn check_yaml(text: &str) -> Result<(), String> {
+    let aliases = aliases(text);
+    if aliases > MOST_ALIASES {
+        return Err(format!("expected at most {MOST_ALIASES} anchors and aliases (& and *), found {aliases}"));
+    }
+    if aliases > 0 && text.len() > LONGEST_WITH_ALIASES {
+        let bytes = text.len();
+        return Err(format!("expected at most {LONGEST_WITH_ALIASES} bytes where there are aliases, found {bytes}"));
+    }
+    let brackets = text.bytes().filter(|byte| matches!(byte, b'[' | b'{')).count();
+    if brackets > MOST_BRACKETS {
+        return Err(format!("expected at most {MOST_BRACKETS} opening brackets, found {brackets}"));
+    }
+    Ok(())
+}
+
+/// Where `&` or `*` stands at the beginning of a word, as an anchor or alias does.
+fn aliases(text: &str) -> usize {
+    let mut before = b' ';
+    let mut found = 0;
+    let mut bytes = text.bytes().peekable();
+    while let Some(byte) = bytes.next() {
+        let begins = before.is_ascii_whitespace() || b"[{,:-?!\"'".contains(&before);
+        let follows = bytes.peek().is_some_and(|next| !next.is_ascii_whitespace());
+        found += usize::from(matches!(byte, b'&' | b'*') && begins && follows);
+        before = byte;
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_would_unfold_or_nest_without_measure_is_refused() {
+        let bomb: String = (1..30).map(|k| format!("a{k}: &a{k} [*a{0},*a{0}]\n", k - 1)).collect();
+        assert!(check_yaml(&bomb).unwrap_err().contains("at most 10 anchors and aliases (& and *), found 87"));
+        let long = format!("a: &a 1\nb: *a\nc: {}\n", "x".repeat(1 << 16));
+        assert!(check_yaml(&long).unwrap_err().contains("at most 65536 bytes where there are aliases"));
+        assert!(
+            check_yaml(&"{a: ".repeat(10_001)).unwrap_err().contains("at most 10000 opening brackets, found 10001")
+        );
+        for sound in ["a: &b {c: 1}\nd: *b\n", "a: 2 * 3 & 4 # rates*times\n", "note: \"R&D, 5 * x\"\n", ""] {
+            check_yaml(sound).unwrap();
+        }
+    }
+}
