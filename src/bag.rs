@@ -19,7 +19,7 @@
 //!    pressure run straight between their samples instead; the ESV always holds. Sharp interpolation puts
 //!    a bend of the command that lies between two samples where the lines of both sides meet.
 //! 5. `measured` is there only in rows whose time is the stamp of a servo state; it is never interpolated.
-//! 6. Rows begin when every input has a value.
+//! 6. Rows begin when every input has a value, and end at the last command or servo state.
 
 pub mod cdr;
 
@@ -45,6 +45,7 @@ mod segment;
 mod source;
 mod streams;
 mod survey;
+mod tally;
 mod topic;
 mod unfinished;
 mod writer;

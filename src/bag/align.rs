@@ -5,8 +5,11 @@ use super::{BagError, Interpolation};
 use crate::frame::{EsvState, Frame, Inputs, Signals};
 use crate::units::seconds_from_nanos;
 
-/// The most rows that resampling may make: 100 s at 1 µs, a day at 1 ms, about 8 GB.
-const ROW_LIMIT: i64 = 100_000_000;
+/// The most rows that resampling may make of any recording: 2.7 h at 1 ms, about 0.8 GB.
+const ROW_LIMIT: i64 = 10_000_000;
+
+/// The most rows that it may make for each sample: of long recordings a grid lies between samples, not between silences.
+const ROWS_PER_SAMPLE: i64 = 250;
 
 /// Rows further apart than this are of two clocks, ns: a day.
 const FARTHEST_NS: i64 = 86_400_000_000_000;
@@ -36,7 +39,8 @@ pub(super) fn align(
         .collect();
     times_ns.sort_unstable();
     let begin_ns = [first(&streams.command), first(&streams.esv), first(&streams.tank_pressure)].into_iter().max();
-    times_ns.retain(|time_ns| begin_ns.is_some_and(|begin_ns| *time_ns >= begin_ns));
+    let end_ns = end(streams);
+    times_ns.retain(|time_ns| begin_ns.is_some_and(|begin_ns| (begin_ns..=end_ns.max(begin_ns)).contains(time_ns)));
     if let Some(pair) = times_ns.windows(2).find(|pair| pair[1].saturating_sub(pair[0]) > FARTHEST_NS) {
         let gap_s = seconds_from_nanos(pair[1].saturating_sub(pair[0]));
         return Err(BagError::TwoClocks { path: path.to_owned(), from_ns: pair[0], to_ns: pair[1], gap_s });
@@ -46,9 +50,11 @@ pub(super) fn align(
         (interpolation.period_ns().filter(|_| bends), times_ns.first(), times_ns.last())
     {
         let count = end_ns.saturating_sub(begin_ns) / period_ns;
-        if count > ROW_LIMIT {
+        let samples = i64::try_from(times_ns.len()).unwrap_or(i64::MAX);
+        let limit = ROW_LIMIT.max(ROWS_PER_SAMPLE.saturating_mul(samples));
+        if count > limit {
             let duration_s = seconds_from_nanos(end_ns.saturating_sub(begin_ns));
-            return Err(BagError::TooManyRows { path: path.to_owned(), period_ns, duration_s, limit: ROW_LIMIT });
+            return Err(BagError::TooManyRows { path: path.to_owned(), period_ns, duration_s, rows: count, limit });
         }
         times_ns.extend((1..=count).map(|step| begin_ns + step * period_ns));
         times_ns.sort_unstable();
@@ -96,6 +102,13 @@ pub(super) fn constant<V>(value: V) -> Vec<Sample<V>> {
 /// The stamps of the samples that were sent.
 pub(super) fn stamps<V>(samples: &[Sample<V>]) -> impl Iterator<Item = i64> {
     samples.iter().map(|sample| sample.stamp_ns).filter(|stamp_ns| *stamp_ns != BEFORE_ALL_TIME_NS)
+}
+
+/// The last command or measurement: what senders that beat on report after it is no recording any more.
+fn end(streams: &Streams) -> i64 {
+    let last = |stamps: Option<i64>| stamps.unwrap_or(i64::MIN);
+    let end_ns = last(stamps(&streams.command).last()).max(last(stamps(&streams.servo_state).last()));
+    if end_ns == i64::MIN { i64::MAX } else { end_ns }
 }
 
 fn first<V>(samples: &[Sample<V>]) -> i64 {

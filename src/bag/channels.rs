@@ -9,8 +9,16 @@ use super::topic::{RawView, TopicInfo};
 /// Schemas and channels met so far.
 #[derive(Debug, Default)]
 pub(super) struct Channels {
-    schemas: BTreeMap<u16, (String, String, Vec<u8>)>,
+    schemas: BTreeMap<u16, Schema>,
     topics: BTreeMap<u16, Arc<TopicInfo>>,
+}
+
+/// A schema; the text stands in memory once, however many channels have it.
+#[derive(Clone, Debug, Default)]
+struct Schema {
+    name: String,
+    encoding: String,
+    data: Arc<[u8]>,
 }
 
 impl Channels {
@@ -29,10 +37,15 @@ impl Channels {
     pub(super) fn take_in(&mut self, record: &Record<'_>) {
         match record {
             Record::Schema { id, name, encoding, data } => {
-                self.schemas.insert(*id, ((*name).to_owned(), (*encoding).to_owned(), data.to_vec()));
+                let same = |known: &Schema| known.name == *name && known.encoding == *encoding && *known.data == **data;
+                if !self.schemas.get(id).is_some_and(same) {
+                    let (name, encoding) = ((*name).to_owned(), (*encoding).to_owned());
+                    self.schemas.insert(*id, Schema { name, encoding, data: (*data).into() });
+                }
             }
             Record::Channel { id, schema_id, topic, encoding, metadata } => {
-                let (type_name, schema_encoding, schema) = self.schemas.get(schema_id).cloned().unwrap_or_default();
+                let Schema { name: type_name, encoding: schema_encoding, data: schema } =
+                    self.schemas.get(schema_id).cloned().unwrap_or_default();
                 let text = |key: &str| metadata.get(key).copied().unwrap_or_default().to_owned();
                 let info = TopicInfo {
                     name: (*topic).to_owned(),
@@ -44,7 +57,7 @@ impl Channels {
                     type_hash: text("topic_type_hash"),
                 };
                 // Summary and data both hold the channel; the same `Arc` stays so that comparing is cheap.
-                if self.topics.get(id).is_none_or(|known| **known != info) {
+                if !self.topics.get(id).is_some_and(|known| is_same(known, &info)) {
                     self.topics.insert(*id, Arc::new(info));
                 }
             }
@@ -63,4 +76,16 @@ impl Channels {
             data,
         })
     }
+}
+
+/// Whether a channel is announced again as it was; of schemas it is enough to ask whether they are one.
+fn is_same(known: &TopicInfo, other: &TopicInfo) -> bool {
+    let schema = Arc::ptr_eq(&known.schema, &other.schema) || (known.schema.is_empty() && other.schema.is_empty());
+    schema
+        && known.name == other.name
+        && known.type_name == other.type_name
+        && known.encoding == other.encoding
+        && known.schema_encoding == other.schema_encoding
+        && known.offered_qos_profiles == other.offered_qos_profiles
+        && known.type_hash == other.type_hash
 }

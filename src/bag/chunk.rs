@@ -9,6 +9,17 @@ use super::record_file::HEAD_LEN;
 /// The most that a chunk may hold, bytes; rosbag2 makes chunks of less than 1 MB.
 const CHUNK_LIMIT: u64 = 1 << 28;
 
+/// How many times its own size a file may unpack to; zstd makes some 20 of ROS 2's messages.
+const UNPACK_RATIO: u64 = 256;
+
+/// What any file may unpack to, bytes.
+const UNPACK_LEAST: u64 = 1 << 26;
+
+/// The most that the chunks of a file of this size may hold together, bytes.
+pub(super) fn unpack_limit(file_bytes: u64) -> u64 {
+    UNPACK_LEAST.saturating_add(UNPACK_RATIO.saturating_mul(file_bytes))
+}
+
 /// Body of a chunk before the name of its compression: times, size, CRC, length of the name.
 const FIXED_LEN: usize = 8 + 8 + 8 + 4 + 4;
 
@@ -40,8 +51,8 @@ impl<'a> Chunk<'a> {
     }
 
     /// Unpacks as much as there is, at most one byte more than there should be.
-    fn unpack(&self, bytes: &mut Vec<u8>) -> io::Result<()> {
-        let limit = self.unpacked_len.min(CHUNK_LIMIT) + 1;
+    fn unpack(&self, most_bytes: u64, bytes: &mut Vec<u8>) -> io::Result<()> {
+        let limit = self.unpacked_len.min(CHUNK_LIMIT).min(most_bytes) + 1;
         match self.compression {
             "" => self.packed.take(limit).read_to_end(bytes),
             "zstd" => zstd::Decoder::with_buffer(self.packed)?.take(limit).read_to_end(bytes),
@@ -73,24 +84,22 @@ pub(super) fn looks_like_one(bytes: &[u8], left_in_file: u64) -> bool {
     })
 }
 
-/// One record of a chunk: its opcode and where its body lies in [`Records::bytes`].
-#[derive(Clone, Copy, Debug)]
-struct Place {
-    opcode: u8,
-    start: usize,
-    end: usize,
-}
-
-/// The records of one chunk.
+/// The records of one chunk, found as they are asked for: as many as nine bytes each may be in it.
 #[derive(Debug, Default)]
 pub(super) struct Records {
     bytes: Vec<u8>,
-    places: Vec<Place>,
+    unpacked_bytes: u64,
 }
 
 impl Records {
+    /// The records that are whole, with their opcodes.
     pub(super) fn iter(&self) -> impl Iterator<Item = (u8, &[u8])> {
-        self.places.iter().map(|place| (place.opcode, &self.bytes[place.start..place.end]))
+        let mut left = &self.bytes[..];
+        std::iter::from_fn(move || {
+            let (opcode, body, rest) = split(left)?;
+            left = rest;
+            Some((opcode, body))
+        })
     }
 
     /// Bytes of the records, their heads included.
@@ -98,56 +107,68 @@ impl Records {
         self.bytes.len()
     }
 
-    /// Finds the records in the bytes; false where the bytes end inside one.
-    fn find(&mut self) -> bool {
-        let mut at = 0;
-        while let Some((&[opcode, ref len @ ..], rest)) = self.bytes[at..].split_first_chunk::<HEAD_LEN>() {
-            let Some(len) = usize::try_from(u64::from_le_bytes(*len)).ok().filter(|len| *len <= rest.len()) else {
-                return false;
-            };
-            let start = at + HEAD_LEN;
-            self.places.push(Place { opcode, start, end: start + len });
-            at = start + len;
-        }
-        at == self.bytes.len()
+    /// Bytes that were unpacked to find them, those of chunks that turned out wrong included.
+    pub(super) fn unpacked_bytes(&self) -> u64 {
+        self.unpacked_bytes
     }
+
+    /// False where the bytes end inside a record.
+    fn are_whole(&self) -> bool {
+        self.iter().map(|(_, body)| HEAD_LEN + body.len()).sum::<usize>() == self.bytes.len()
+    }
+}
+
+/// The opcode and body of the first record, and what follows; none where no record is whole.
+fn split(bytes: &[u8]) -> Option<(u8, &[u8], &[u8])> {
+    let (&[opcode, ref len @ ..], rest) = bytes.split_first_chunk::<HEAD_LEN>()?;
+    let (body, rest) = rest.split_at_checked(usize::try_from(u64::from_le_bytes(*len)).ok()?)?;
+    Some((opcode, body, rest))
 }
 
 /// Reads the records of a chunk from the body of its record into `records`; an error is in words.
 ///
 /// `stated_len` is the length that the record's head gives; a shorter `body` is a chunk cut off at
 /// the end of the file. Of such a chunk every record that is whole is kept, and its CRC cannot be
-/// checked. A whole chunk with a wrong CRC yields nothing, for nobody can say which record is wrong.
-pub(super) fn read(body: &[u8], stated_len: u64, records: &mut Records) -> Result<(), String> {
+/// checked. A whole chunk with a wrong CRC yields nothing, for nobody can say which record is wrong. No more than
+/// `most_bytes` are unpacked.
+pub(super) fn read(body: &[u8], stated_len: u64, most_bytes: u64, records: &mut Records) -> Result<(), String> {
     records.bytes.clear();
-    records.places.clear();
+    records.unpacked_bytes = 0;
     let chunk = Chunk::parse(body);
     if (body.len() as u64) < stated_len {
         if let Some(chunk) = chunk {
             // What was unpacked before the end is kept.
-            let _ = chunk.unpack(&mut records.bytes);
-            records.find();
+            let _ = chunk.unpack(most_bytes, &mut records.bytes);
+            records.unpacked_bytes = records.len() as u64;
         }
         return Err("the file ends inside a chunk".into());
     }
     let chunk = chunk.ok_or("a chunk without a readable head")?;
-    let result = unpack_whole(&chunk, &mut records.bytes);
+    let result = unpack_whole(&chunk, most_bytes, &mut records.bytes);
+    records.unpacked_bytes = records.len() as u64;
     if result.is_err() {
         records.bytes.clear();
-    } else if !records.find() {
+    } else if !records.are_whole() {
         return Err("a chunk ends inside a record".into());
     }
     result
 }
 
-fn unpack_whole(chunk: &Chunk<'_>, bytes: &mut Vec<u8>) -> Result<(), String> {
-    if chunk.unpacked_len > CHUNK_LIMIT {
-        return Err(format!("a chunk that says it holds {} bytes, more than any should", chunk.unpacked_len));
+fn unpack_whole(chunk: &Chunk<'_>, most_bytes: u64, bytes: &mut Vec<u8>) -> Result<(), String> {
+    let Chunk { unpacked_len, .. } = *chunk;
+    if unpacked_len > CHUNK_LIMIT {
+        return Err(format!("a chunk that says it holds {unpacked_len} bytes, expected at most {CHUNK_LIMIT}"));
+    }
+    if unpacked_len > most_bytes {
+        return Err(format!(
+            "a chunk that says it holds {unpacked_len} bytes, expected at most {most_bytes}: a file may unpack to \
+             {UNPACK_RATIO} times its size"
+        ));
     }
     if chunk.packed.len() as u64 != chunk.packed_len {
         return Err("a chunk that says it is longer than its record".into());
     }
-    chunk.unpack(bytes).map_err(|error| format!("a chunk cannot be unpacked ({error})"))?;
+    chunk.unpack(most_bytes, bytes).map_err(|error| format!("a chunk cannot be unpacked ({error})"))?;
     if bytes.len() as u64 != chunk.unpacked_len {
         return Err(format!("a chunk of {} bytes unpacks to another length", chunk.unpacked_len));
     }

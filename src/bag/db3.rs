@@ -99,7 +99,7 @@ fn topics(connection: &Connection) -> rusqlite::Result<BTreeMap<u16, Arc<TopicIn
             name: row.get("name")?,
             encoding: row.get("serialization_format")?,
             schema_encoding,
-            schema: schema.into_bytes(),
+            schema: schema.into_bytes().into(),
             offered_qos_profiles: optional(row, "offered_qos_profiles"),
             type_hash: optional(row, "type_description_hash"),
             type_name,

@@ -15,7 +15,11 @@ const PERIODS: f64 = 3.0;
 pub(super) fn warnings(streams: &Streams, healths: &[StreamHealth]) -> Vec<Warning> {
     let heard = || healths.iter().filter(|health| health.kept > 0);
     let first_ns = heard().map(|health| health.pace.first_ns).min().unwrap_or_default();
-    let last_ns = heard().map(|health| health.pace.last_ns).max().unwrap_or_default();
+    let ends = |streams: &[Stream]| {
+        let of = Stream::ALL.iter().zip(healths).filter(|(stream, health)| health.kept > 0 && streams.contains(stream));
+        of.map(|(_, health)| health.pace.last_ns).max()
+    };
+    let last_ns = ends(&[Stream::Command, Stream::ServoState]).or(ends(&Stream::ALL)).unwrap_or_default();
     let mut found = vec![];
     for (stream, health) in Stream::ALL.into_iter().zip(healths) {
         if health.kept == 0 || !Stream::INPUTS.contains(&stream) {
@@ -31,6 +35,10 @@ pub(super) fn warnings(streams: &Streams, healths: &[StreamHealth]) -> Vec<Warni
         // An ESV may speak only when it changes: its last state holds by right.
         if stream != Stream::Esv && is_news(early_ns, &health.pace) {
             found.push(Warning::EndsEarly { topic: topic(), early_s: seconds_from_nanos(early_ns) });
+        }
+        let more_ns = health.pace.last_ns.saturating_sub(last_ns);
+        if is_news(more_ns, &health.pace) {
+            found.push(Warning::GoesOn { topic: topic(), more_s: seconds_from_nanos(more_ns) });
         }
     }
     found

@@ -110,7 +110,8 @@ pub enum BagError {
     },
     /// Resampling would make too many rows.
     #[error(
-        "{path}: a row every {period_ns} ns over {duration_s} s makes more than {limit} rows; choose a longer period"
+        "{path}: a row every {period_ns} ns over {duration_s} s makes {rows} rows, expected at most {limit}; cut the \
+         recording into shorter ones"
     )]
     TooManyRows {
         /// The bag.
@@ -119,6 +120,8 @@ pub enum BagError {
         period_ns: i64,
         /// How long the recording is, s.
         duration_s: f64,
+        /// How many rows that would be.
+        rows: i64,
         /// The most rows that are made.
         limit: i64,
     },

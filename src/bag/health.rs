@@ -216,6 +216,13 @@ pub enum Warning {
         /// How long before the last stamp of all streams, s.
         early_s: f64,
     },
+    /// An input goes on after the last command and measurement.
+    GoesOn {
+        /// The topic.
+        topic: String,
+        /// How long after them, s.
+        more_s: f64,
+    },
     /// A stream pauses.
     Gap {
         /// The topic.
@@ -279,6 +286,9 @@ impl fmt::Display for Warning {
             }
             Self::EndsEarly { topic, early_s } => {
                 write!(f, "{topic}: ends {early_s:.1} s before the recording: its last value holds")
+            }
+            Self::GoesOn { topic, more_s } => {
+                write!(f, "{topic}: goes on {more_s:.1} s after the last command and measurement: left out")
             }
             Self::Gap { topic, longest_s, count } => {
                 write!(f, "{topic}: {count} gaps, the longest {longest_s:.3} s; values hold across them")

@@ -1,5 +1,7 @@
 //! Where the numbers lie in messages of any type: a walk over CDR bytes along the type's schema.
 
+use std::collections::BTreeMap;
+
 use super::topic::TopicInfo;
 use crate::msg::definition::{Count, Definition, closure_of, parse_schema};
 use crate::msg::{Time, type_hash};
@@ -9,6 +11,12 @@ const DEEPEST: usize = 24;
 
 /// Types with more fields than this, those of nested types included, are not walked.
 const MOST_FIELDS: usize = 10_000;
+
+/// The names of all fields of a type together, with those of the fields that they are nested in, have at most so many bytes.
+const LONGEST_NAMES_BYTES: usize = 1 << 20;
+
+/// Steps of a walk for each byte of a message: one for every value, and for every structure round it.
+const STEPS_PER_BYTE: usize = DEEPEST + 8;
 
 /// One step of the walk.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,7 +55,9 @@ impl Layout {
         let types = schema
             .and_then(|schema| parse_schema(&topic.type_name, schema).ok())
             .or_else(|| closure_of(&topic.type_name).ok())?;
-        let mut build = Build { types: &types, names: vec![], fields: 0 };
+        // Of a name that is defined twice the first definition counts.
+        let by_name = types.iter().rev().map(|definition| (definition.type_name.as_str(), definition)).collect();
+        let mut build = Build { types: by_name, names: vec![], fields: 0, names_bytes: 0 };
         let root = build.structure(types.first()?, "", 0)?;
         let names = build.names;
         let first = types.first()?.fields.first();
@@ -74,7 +84,7 @@ impl Layout {
     )]
     pub(super) fn walk(&self, data: &[u8], on_float: &mut dyn FnMut(usize, f64)) -> Option<Option<Time>> {
         let [0, order @ (0 | 1), _, _, body @ ..] = data else { return None };
-        let mut walk = Walk { body, at: 0, little: *order == 1 };
+        let mut walk = Walk { body, at: 0, little: *order == 1, steps_left: steps(body.len()) };
         let stamp = if self.stamped {
             let mut head = Walk { ..walk };
             let [sec, nanosec] = [head.word()?, head.word()?];
@@ -87,19 +97,27 @@ impl Layout {
     }
 }
 
-/// A layout in the making.
-struct Build<'a> {
-    types: &'a [Definition],
-    names: Vec<String>,
-    fields: usize,
+/// The most steps of a walk over so many bytes. A layout that takes more has elements without a byte, of which a message may state
+/// any number.
+fn steps(bytes: usize) -> usize {
+    STEPS_PER_BYTE.saturating_mul(bytes.saturating_add(2))
 }
 
-impl Build<'_> {
-    fn structure(&mut self, definition: &Definition, path: &str, depth: usize) -> Option<Node> {
+/// A layout in the making.
+struct Build<'a> {
+    types: BTreeMap<&'a str, &'a Definition>,
+    names: Vec<String>,
+    fields: usize,
+    names_bytes: usize,
+}
+
+impl<'a> Build<'a> {
+    fn structure(&mut self, definition: &'a Definition, path: &str, depth: usize) -> Option<Node> {
         let mut nodes = vec![];
         for field in &definition.fields {
             self.fields += 1;
-            if depth > DEEPEST || self.fields > MOST_FIELDS {
+            self.names_bytes = self.names_bytes.saturating_add(path.len() + field.name.len());
+            if depth > DEEPEST || self.fields > MOST_FIELDS || self.names_bytes > LONGEST_NAMES_BYTES {
                 return None;
             }
             let path = if path.is_empty() { field.name.clone() } else { format!("{path}.{}", field.name) };
@@ -114,8 +132,7 @@ impl Build<'_> {
                 }
                 "string" => Node::Text,
                 nested => {
-                    let types = self.types;
-                    let nested = types.iter().find(|definition| definition.type_name == nested)?;
+                    let nested = *self.types.get(nested)?;
                     self.structure(nested, &path, depth + 1)?
                 }
             };
@@ -134,6 +151,7 @@ struct Walk<'a> {
     body: &'a [u8],
     at: usize,
     little: bool,
+    steps_left: usize,
 }
 
 impl<'a> Walk<'a> {
@@ -167,6 +185,7 @@ impl<'a> Walk<'a> {
     }
 
     fn over(&mut self, node: &Node, on_float: &mut dyn FnMut(usize, f64)) -> Option<()> {
+        self.steps_left = self.steps_left.checked_sub(1)?;
         match node {
             Node::Skip(size) => drop(self.take(*size)?),
             Node::Float { size, name } => on_float(*name, self.float(*size)?),
@@ -192,7 +211,7 @@ impl<'a> Walk<'a> {
                         self.bytes(self.at, rest)?;
                     }
                     _ => {
-                        // Every turn takes at least a byte, so the bytes bound the turns.
+                        // Bytes bound the turns, and steps those that take none.
                         for _ in 0..count {
                             self.over(node, on_float)?;
                         }
@@ -201,5 +220,56 @@ impl<'a> Walk<'a> {
             }
         }
         Some(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn layout(schema: &str) -> Option<Layout> {
+        Layout::of(&TopicInfo {
+            type_name: "p/msg/A".into(),
+            encoding: "cdr".into(),
+            schema_encoding: "ros2msg".into(),
+            schema: schema.as_bytes().into(),
+            ..TopicInfo::default()
+        })
+    }
+
+    #[test]
+    fn elements_without_a_byte_cost_no_more_steps_than_the_message_has_bytes() {
+        for schema in [
+            "E[18446744073709551615] a\n===\nMSG: p/E\nuint8[0] x\n",
+            "E[] a\n===\nMSG: p/E\nfloat64[0] x\n",
+            "E[4000000000] a\n===\nMSG: p/E\nF[4000000000] x\n===\nMSG: p/F\nG[0] x\n===\nMSG: p/G\nfloat64 x\n",
+        ] {
+            let layout = layout(schema).unwrap();
+            let message = [&[0, 1, 0, 0][..], &[0xff; 4]].concat();
+            let mut walk = Walk { body: &message[4..], at: 0, little: true, steps_left: steps(4) };
+            assert!(steps(4) < 1000 && walk.over(&layout.root, &mut |_, _| ()).is_none(), "{schema}");
+            assert_eq!(walk.steps_left, 0, "{schema}: ended by its steps");
+            assert_eq!(layout.walk(&message, &mut |_, _| ()), None);
+        }
+        // Structures in structures have all the steps that their bytes need.
+        let deep: String = (0..20).map(|k| format!("===\nMSG: p/T{k}\nT{}[] x\n", k + 1)).collect();
+        let layout = layout(&format!("T0[] x\n{deep}===\nMSG: p/T20\nfloat64[] x\n")).unwrap();
+        let message = [&[0, 1, 0, 0][..], &[1, 0, 0, 0].repeat(21), &[2, 0, 0, 0], &[0; 16]].concat();
+        let mut found = 0;
+        assert_eq!(layout.walk(&message, &mut |_, _| found += 1), Some(None));
+        assert_eq!(found, 2);
+    }
+
+    #[test]
+    fn schemas_that_unfold_without_end_are_not_walked() {
+        let long = "x".repeat(100_000);
+        let fields = |count: usize| (0..count).map(|k| format!("E a{k}\n")).collect::<String>();
+        assert!(layout(&format!("E {long}\n===\nMSG: p/E\n{}===\nMSG: p/F\nfloat64 b\n", fields(0))).is_some());
+        let names = (0..11).map(|k| format!("float64 {long}{k}\n")).collect::<String>();
+        assert!(layout(&names).is_none(), "names of more than a megabyte");
+        assert!(layout(&format!("{}===\nMSG: p/E\nfloat64 b\n", fields(6000))).is_none(), "too many fields");
+        assert!(layout("A a\n").is_none(), "a circle");
+        let error = parse_schema("p/msg/A", &"#\n".repeat(600_000)).unwrap_err().to_string();
+        assert!(error.contains("at most 1048576 bytes, found 1200000"), "{error}");
     }
 }

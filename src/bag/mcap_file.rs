@@ -16,6 +16,9 @@ use super::{BagError, Damage, FileHealth};
 /// More entries of damage than this say nothing more.
 const DAMAGE_LIMIT: usize = 32;
 
+/// More compressions, or names of metadata records, are not listed.
+const NAMES_LIMIT: usize = 100;
+
 /// What a scan finds in a file besides its messages.
 #[derive(Debug)]
 pub(super) struct ScannedFile {
@@ -30,13 +33,19 @@ pub(super) struct ScannedFile {
 /// Where the operating system refuses. Damage is no error.
 pub(super) fn scan(path: &Path, on_message: &mut OnMessage<'_>) -> Result<ScannedFile, BagError> {
     let mut file = RecordFile::open(path).map_err(BagError::io(path, "open"))?;
+    scan_records(&mut file, path, on_message).map_err(BagError::io(path, "read"))
+}
+
+fn scan_records(file: &mut RecordFile, path: &Path, on_message: &mut OnMessage<'_>) -> io::Result<ScannedFile> {
     let health = FileHealth { path: path.to_owned(), bytes: file.end(), storage: "mcap", ..FileHealth::default() };
     let mut scan = Scan {
         data_end: file.end(),
         found: ScannedFile { health, channels: Channels::default(), segments: vec![] },
+        unpack_left: chunk::unpack_limit(file.end()),
         last_good_ns: None,
     };
-    scan.summary(&mut file).and_then(|()| scan.data(&mut file, on_message)).map_err(BagError::io(path, "read"))?;
+    scan.summary(file)?;
+    scan.data(file, on_message)?;
     Ok(scan.found)
 }
 
@@ -67,12 +76,15 @@ impl Loader {
         while self.file.at() < segment.end {
             let (opcode, len) = match self.file.next(&mut body)? {
                 Step::Record(opcode) => (opcode, body.len() as u64),
-                Step::Cut { opcode, stated_len } => (opcode, stated_len),
+                Step::Cut { opcode, stated_len } => {
+                    self.file.rest(&mut body)?;
+                    (opcode, stated_len)
+                }
                 Step::Nonsense | Step::End { .. } => return Ok(()),
             };
             if opcode == op::CHUNK {
                 // What is whole is in `records` even where the chunk is damaged.
-                let _ = chunk::read(&body, len, &mut records);
+                let _ = chunk::read(&body, len, u64::MAX, &mut records);
                 for (opcode, data) in records.iter() {
                     self.hand_on(opcode, data, on_message);
                 }
@@ -97,6 +109,8 @@ struct Scan {
     /// Where the messages end at the latest.
     data_end: u64,
     found: ScannedFile,
+    /// How much more chunks may unpack to, bytes.
+    unpack_left: u64,
     last_good_ns: Option<i64>,
 }
 
@@ -145,6 +159,8 @@ impl Scan {
                     }
                     match step {
                         Step::Cut { opcode: op::CHUNK, stated_len } => {
+                            file.seek(at + HEAD_LEN as u64)?;
+                            file.rest(&mut body)?;
                             self.chunk(at, &body, stated_len, &mut records, on_message);
                         }
                         Step::Cut { opcode, .. } => {
@@ -166,7 +182,8 @@ impl Scan {
     }
 
     fn chunk(&mut self, at: u64, body: &[u8], len: u64, records: &mut Records, on_message: &mut OnMessage<'_>) {
-        let result = chunk::read(body, len, records);
+        let result = chunk::read(body, len, self.unpack_left, records);
+        self.unpack_left = self.unpack_left.saturating_sub(records.unpacked_bytes());
         let mut segment = Segment::new(at, len);
         let last_good_ns = self.last_good_ns;
         for (opcode, data) in records.iter() {
@@ -178,7 +195,9 @@ impl Scan {
         health.chunks += 1;
         health.uncompressed_bytes += records.len() as u64;
         let compression = chunk::compression(body).unwrap_or_default();
-        if let Err(place) = health.compressions.binary_search_by(|known| known.as_str().cmp(compression)) {
+        if health.compressions.len() < NAMES_LIMIT
+            && let Err(place) = health.compressions.binary_search_by(|known| known.as_str().cmp(compression))
+        {
             health.compressions.insert(place, compression.to_owned());
         }
         if let Err(problem) = result {
@@ -217,7 +236,12 @@ impl Scan {
                 profile.clone_into(&mut self.found.health.profile);
                 library.clone_into(&mut self.found.health.library);
             }
-            Some(Record::Metadata { name }) => self.found.health.metadata.push(name.to_owned()),
+            Some(Record::Metadata { name }) => {
+                let names = &mut self.found.health.metadata;
+                if names.len() < NAMES_LIMIT {
+                    names.push(name.to_owned());
+                }
+            }
             Some(record) => self.found.channels.take_in(&record),
             None => self.damage(at, body.len() as u64, "a record that does not hold what it should", 0),
         }
@@ -240,6 +264,78 @@ impl Scan {
                 recovered_messages,
                 last_good_ns: self.last_good_ns,
             }),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Scans bytes behind the magic; what was found, and how often each byte was looked at on average.
+    fn looks_per_byte(bytes: &[u8]) -> (ScannedFile, f64) {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.mcap");
+        std::fs::write(&path, [mcap::MAGIC, bytes].concat()).unwrap();
+        let mut file = RecordFile::open(&path).unwrap();
+        let found = scan_records(&mut file, &path, &mut |_| {}).unwrap();
+        (found, file.looked_at_bytes() as f64 / bytes.len() as f64)
+    }
+
+    fn record(opcode: u8, stated_len: u64, body: &[u8]) -> Vec<u8> {
+        [&[opcode][..], &stated_len.to_le_bytes(), body].concat()
+    }
+
+    /// An empty chunk without compression.
+    fn chunk() -> Vec<u8> {
+        record(op::CHUNK, 40, &[0; 40])
+    }
+
+    #[test]
+    fn damage_is_passed_over_in_time_that_grows_with_the_file_alone() {
+        for damage in [
+            // Heads of records that say they are longer than the file, or than any record.
+            record(op::MESSAGE, 1 << 40, &[]),
+            record(op::CHUNK, u64::MAX, &[1; 30]),
+            record(op::CHUNK, RECORD_LIMIT_BEYOND, &[]),
+            // No records.
+            vec![0; 12],
+            vec![0x7f; 3],
+            vec![op::CHUNK; 70],
+        ] {
+            let (found, few) = looks_per_byte(&[damage.clone(), chunk()].concat().repeat(1000));
+            let (_, many) = looks_per_byte(&[damage.clone(), chunk()].concat().repeat(8000));
+            assert!(many < 16.0 && many < few + 1.0, "{damage:02x?}: {few} and {many} looks per byte");
+            assert_eq!(found.health.chunks, 1000, "{damage:02x?}: every chunk is found");
+        }
+    }
+
+    const RECORD_LIMIT_BEYOND: u64 = (super::super::record_file::RECORD_LIMIT as u64) + 1;
+
+    #[test]
+    fn a_file_unpacks_to_a_stated_number_of_bytes() {
+        // Chunks of 64 MiB of zeros in some kilobytes: records of opcode 0 without a body.
+        let unpacked = vec![0; 9 << 20];
+        for (name, packed) in [
+            ("zstd", zstd::bulk::compress(&unpacked, 1).unwrap()),
+            ("lz4", {
+                let mut encoder = lz4::EncoderBuilder::new().build(vec![]).unwrap();
+                io::Write::write_all(&mut encoder, &unpacked).unwrap();
+                encoder.finish().0
+            }),
+        ] {
+            let head = [&[0; 16][..], &(unpacked.len() as u64).to_le_bytes(), &[0; 4]].concat();
+            let name_len = (name.len() as u32).to_le_bytes();
+            let packed_len = (packed.len() as u64).to_le_bytes();
+            let body = [&head, &name_len[..], name.as_bytes(), &packed_len, &packed].concat();
+            let bytes = record(op::CHUNK, body.len() as u64, &body).repeat(60);
+            let (found, _) = looks_per_byte(&bytes);
+            let most_bytes = chunk::unpack_limit(bytes.len() as u64 + mcap::MAGIC.len() as u64);
+            let health = found.health;
+            assert!(health.uncompressed_bytes <= most_bytes, "{name}: {}", health.uncompressed_bytes);
+            let said =
+                health.damage.iter().any(|damage| damage.problem.contains("a file may unpack to 256 times its size"));
+            assert_eq!(said, 60 * unpacked.len() as u64 > most_bytes, "{name}: {:?}", health.damage);
         }
     }
 }

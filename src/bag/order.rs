@@ -43,12 +43,28 @@ impl Silence {
     fn length_ns(self) -> i64 {
         self.end_ns.saturating_sub(self.begin_ns)
     }
+}
 
-    /// The longest between two samples of a stream. That an ESV says nothing while others speak is none.
-    fn longest_between<V>(silences: &[Self], before: &Sample<V>, after: &Sample<V>) -> Option<Self> {
-        let first = silences.partition_point(|silence| silence.begin_ns < before.log_time_ns);
-        let between = silences.iter().skip(first).take_while(|silence| silence.end_ns <= after.log_time_ns);
-        between.copied().max_by_key(|silence| silence.length_ns())
+/// The longest silence between a sample and those that arrive after it, each silence looked at once.
+struct Between<'a> {
+    later: &'a [Silence],
+    longest: Option<Silence>,
+}
+
+impl<'a> Between<'a> {
+    fn after<V>(silences: &'a [Silence], sample: &Sample<V>) -> Self {
+        let first = silences.partition_point(|silence| silence.begin_ns < sample.log_time_ns);
+        Self { later: silences.get(first..).unwrap_or_default(), longest: None }
+    }
+
+    /// The longest up to a sample, which must not arrive before the one last asked for. That an ESV says nothing while others speak
+    /// is none.
+    fn until<V>(&mut self, sample: &Sample<V>) -> Option<Silence> {
+        while let Some((next, later)) = self.later.split_first().filter(|(next, _)| next.end_ns <= sample.log_time_ns) {
+            self.longest = self.longest.into_iter().chain([*next]).max_by_key(|silence| silence.length_ns());
+            self.later = later;
+        }
+        self.longest
     }
 }
 
@@ -100,10 +116,11 @@ pub(super) fn drop_strays<V: Value>(samples: &mut Vec<Sample<V>>, health: &mut S
 /// Finds the jumps of a stream whose samples come in the order of arrival.
 pub(super) fn jumps_of<V>(samples: &[Sample<V>], silences: &[Silence], topic: &str) -> Vec<Jump> {
     let mut found = vec![];
-    let mut newest: Option<&Sample<V>> = None;
+    let mut newest: Option<(&Sample<V>, Between<'_>)> = None;
     for (index, sample) in samples.iter().enumerate() {
-        let silence = newest.and_then(|before| Silence::longest_between(silences, before, sample));
-        match newest {
+        let silence = newest.as_mut().and_then(|(_, between)| between.until(sample));
+        let begin = || Some((sample, Between::after(silences, sample)));
+        match newest.as_ref().map(|(before, _)| *before) {
             Some(before) if jumps(before, sample, silence) => {
                 // After a silence all streams begin together, however late the first sample of one comes.
                 found.push(Jump {
@@ -113,11 +130,11 @@ pub(super) fn jumps_of<V>(samples: &[Sample<V>], silences: &[Silence], topic: &s
                     from_ns: before.stamp_ns,
                     to_ns: sample.stamp_ns,
                 });
-                newest = Some(sample);
+                newest = begin();
             }
             // A late sample is no measure for its successor.
             Some(before) if sample.stamp_ns < before.stamp_ns => {}
-            _ => newest = Some(sample),
+            _ => newest = begin(),
         }
     }
     found

@@ -7,6 +7,9 @@ use std::collections::BTreeMap;
 
 use mcap::records::op;
 
+/// The longest name that is believed, bytes; ROS 2 allows 255.
+const LONGEST_NAME_BYTES: usize = 1024;
+
 /// A record's body, as far as it is used.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Record<'a> {
@@ -34,16 +37,16 @@ pub(super) enum Record<'a> {
 pub(super) fn parse(opcode: u8, body: &[u8]) -> Option<Record<'_>> {
     let mut fields = Fields(body);
     Some(match opcode {
-        op::HEADER => Record::Header { profile: fields.text()?, library: fields.text()? },
+        op::HEADER => Record::Header { profile: fields.name()?, library: fields.name()? },
         op::SCHEMA => {
-            let (id, name, encoding) = (fields.u16()?, fields.text()?, fields.text()?);
+            let (id, name, encoding) = (fields.u16()?, fields.name()?, fields.name()?);
             Record::Schema { id, name, encoding, data: fields.sized()? }
         }
         op::CHANNEL => Record::Channel {
             id: fields.u16()?,
             schema_id: fields.u16()?,
-            topic: fields.text()?,
-            encoding: fields.text()?,
+            topic: fields.name()?,
+            encoding: fields.name()?,
             metadata: fields.map()?,
         },
         op::MESSAGE => Record::Message {
@@ -54,7 +57,7 @@ pub(super) fn parse(opcode: u8, body: &[u8]) -> Option<Record<'_>> {
             data: fields.0,
         },
         op::STATISTICS => Record::Statistics { messages: fields.u64()? },
-        op::METADATA => Record::Metadata { name: fields.text()? },
+        op::METADATA => Record::Metadata { name: fields.name()? },
         op::CHUNK_INDEX => Record::ChunkIndex,
         op::FOOTER => Record::Footer,
         _ => Record::Other,
@@ -93,6 +96,11 @@ impl<'a> Fields<'a> {
 
     fn text(&mut self) -> Option<&'a str> {
         std::str::from_utf8(self.sized()?).ok()
+    }
+
+    /// Text that is kept for every topic, and so must be short.
+    fn name(&mut self) -> Option<&'a str> {
+        self.text().filter(|name| name.len() <= LONGEST_NAME_BYTES)
     }
 
     /// Texts by texts behind their length in bytes.

@@ -20,15 +20,18 @@ const TAIL_LEN: u64 = HEAD_LEN as u64 + 20 + mcap::MAGIC.len() as u64;
 /// Opcode and length of a footer.
 const FOOTER_HEAD: &[u8] = &[op::FOOTER, 20, 0, 0, 0, 0, 0, 0, 0];
 
-/// How far one look for the next chunk goes, bytes.
+/// How far one look for the next chunk goes at most, bytes.
 const WINDOW_LEN: usize = 1 << 16;
+
+/// How far the first look goes, bytes: where chunk follows on damage every few bytes, long looks would add up.
+const FIRST_LOOK_LEN: usize = 1 << 8;
 
 /// What stands at a place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Step {
     /// A whole record; its body was read.
     Record(u8),
-    /// A record that says it is longer than what is left; what is left was read, up to the limit.
+    /// A record that says it is longer than what is left, or than any should be; [`RecordFile::rest`] reads what is there.
     Cut { opcode: u8, stated_len: u64 },
     /// No record can begin here.
     Nonsense,
@@ -53,6 +56,8 @@ pub(super) struct RecordFile {
     reader: BufReader<File>,
     at: u64,
     end: u64,
+    /// Bytes looked at so far, those that were looked at twice counted twice.
+    looked_at_bytes: u64,
 }
 
 impl RecordFile {
@@ -60,7 +65,7 @@ impl RecordFile {
     pub(super) fn open(path: &Path) -> io::Result<Self> {
         let file = File::open(path)?;
         let end = file.metadata()?.len();
-        let mut this = Self { reader: BufReader::with_capacity(WINDOW_LEN, file), at: 0, end };
+        let mut this = Self { reader: BufReader::with_capacity(WINDOW_LEN, file), at: 0, end, looked_at_bytes: 0 };
         this.seek(mcap::MAGIC.len() as u64)?;
         Ok(this)
     }
@@ -73,6 +78,12 @@ impl RecordFile {
     /// Size of the file.
     pub(super) fn end(&self) -> u64 {
         self.end
+    }
+
+    /// Bytes looked at so far.
+    #[cfg(test)]
+    pub(super) fn looked_at_bytes(&self) -> u64 {
+        self.looked_at_bytes
     }
 
     /// Goes to a place.
@@ -93,6 +104,7 @@ impl RecordFile {
         let mut head = [0; HEAD_LEN];
         self.reader.read_exact(&mut head)?;
         self.at += HEAD_LEN as u64;
+        self.looked_at_bytes += HEAD_LEN as u64;
         let [opcode, len @ ..] = head;
         let stated_len = u64::from_le_bytes(len);
         // Opcodes up to 0x0f are in use, those from 0x80 are anybody's, the others are reserved.
@@ -105,22 +117,37 @@ impl RecordFile {
             self.seek(self.at + stated_len)?;
             return Ok(Step::Record(opcode));
         }
-        let len = stated_len.min(left).min(RECORD_LIMIT as u64);
-        self.reader.by_ref().take(len).read_to_end(body)?;
-        self.at += body.len() as u64;
+        if stated_len > left.min(RECORD_LIMIT as u64) {
+            // Not read yet: where a chunk follows, that is read instead, and whatever lies between is looked at once.
+            return Ok(Step::Cut { opcode, stated_len });
+        }
+        self.read(stated_len, body)?;
         let whole = body.len() as u64 == stated_len;
         Ok(if whole { Step::Record(opcode) } else { Step::Cut { opcode, stated_len } })
+    }
+
+    /// Reads what there is of a record behind its head, up to the limit, and goes behind it.
+    pub(super) fn rest(&mut self, body: &mut Vec<u8>) -> io::Result<()> {
+        body.clear();
+        self.read(RECORD_LIMIT as u64, body)
+    }
+
+    fn read(&mut self, len: u64, body: &mut Vec<u8>) -> io::Result<()> {
+        self.reader.by_ref().take(len).read_to_end(body)?;
+        self.at += body.len() as u64;
+        self.looked_at_bytes += body.len() as u64;
+        Ok(())
     }
 
     /// Looks for the next place from `from` on where a chunk could begin.
     pub(super) fn find_chunk(&mut self, from: u64) -> io::Result<Option<u64>> {
         let mut at = from;
-        let mut window = Vec::with_capacity(WINDOW_LEN);
+        let mut window = Vec::new();
+        let mut look_len = FIRST_LOOK_LEN;
         while at < self.end {
             self.seek(at)?;
             window.clear();
-            self.reader.by_ref().take(WINDOW_LEN as u64).read_to_end(&mut window)?;
-            self.at += window.len() as u64;
+            self.read(look_len as u64, &mut window)?;
             let found = (0..window.len()).find(|&place| {
                 window[place] == op::CHUNK && chunk::looks_like_one(&window[place..], self.end - at - place as u64)
             });
@@ -132,6 +159,7 @@ impl RecordFile {
             // A chunk that begins in the last bytes is seen whole in the next window.
             let step = if window.len() > chunk::LOOK_LEN { window.len() - chunk::LOOK_LEN } else { window.len() };
             at += step.max(1) as u64;
+            look_len = WINDOW_LEN.min(2 * look_len);
         }
         Ok(None)
     }
@@ -143,8 +171,7 @@ impl RecordFile {
         };
         self.seek(at)?;
         let mut tail = vec![];
-        self.reader.by_ref().take(TAIL_LEN).read_to_end(&mut tail)?;
-        self.at += tail.len() as u64;
+        self.read(TAIL_LEN, &mut tail)?;
         let footer = tail.strip_suffix(mcap::MAGIC).and_then(|tail| tail.strip_prefix(FOOTER_HEAD));
         Ok(match footer.and_then(|footer| footer.first_chunk()).map(|start| u64::from_le_bytes(*start)) {
             None => Tail::Unfinished,

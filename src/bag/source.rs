@@ -1,5 +1,6 @@
 //! Where a bag's files are: a single file, a folder with or without `metadata.yaml`, split bags.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -11,6 +12,10 @@ use super::metadata::{self, Metadata};
 use super::segment::Segment;
 use super::topic::{OnMessage, TopicInfo};
 use super::{BagError, FileHealth, Warning};
+use crate::files::{check_regular, read_text};
+
+/// More than `metadata.yaml` has for ten thousand topics.
+const LARGEST_METADATA_BYTES: u64 = 1 << 24;
 
 const SQLITE_MAGIC: &[u8] = b"SQLite format 3\0";
 const ZSTD_MAGIC: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];
@@ -49,6 +54,7 @@ pub(super) fn open(path: &Path) -> Result<Source, BagError> {
     if kind.is_dir() {
         folder(path, &mut source)?;
     } else {
+        check_regular(path).map_err(BagError::io(path, "read"))?;
         source.files.push(path.to_owned());
     }
     for file in &source.files {
@@ -64,7 +70,7 @@ fn folder(path: &Path, source: &mut Source) -> Result<(), BagError> {
         source.name = name.to_string_lossy().into_owned();
     }
     let file = path.join(metadata::FILE_NAME);
-    match fs::read_to_string(&file) {
+    match read_text(&file, LARGEST_METADATA_BYTES) {
         Ok(text) => match Metadata::parse(&text) {
             Ok(metadata) => {
                 if metadata.compression_mode.eq_ignore_ascii_case("message") {
@@ -210,6 +216,7 @@ impl Source {
     /// Where the operating system refuses, or a file is in a storage that this build cannot read.
     pub(super) fn scan(&self, on_message: &mut OnMessage<'_>) -> Result<Scanned, BagError> {
         let mut scanned = Scanned { files: vec![], topics: vec![], parts: vec![] };
+        let mut known = BTreeSet::new();
         for path in &self.files {
             let storage = storage_of(path)?;
             let ScannedFile { health, channels, segments } = match storage {
@@ -220,7 +227,7 @@ impl Source {
                 Storage::Sqlite => return Err(BagError::Sqlite { path: path.clone() }),
             };
             for topic in channels.topics() {
-                if !scanned.topics.iter().any(|known| known.name == topic.name && known.type_name == topic.type_name) {
+                if known.insert((topic.name.clone(), topic.type_name.clone())) {
                     scanned.topics.push(Arc::clone(topic));
                 }
             }

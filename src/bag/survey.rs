@@ -1,14 +1,10 @@
 //! What is in any bag, this project's or not: topics, types, counts, rates, gaps, jitter, stamps, values.
 
-use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::Arc;
 
 use serde::Serialize;
 
-use super::layout::Layout;
-use super::pace::Pace;
-use super::topic::{RawView, TopicInfo};
+use super::tally::Tallies;
 use super::{BagError, FileHealth, Warning, source};
 
 /// What is in a bag.
@@ -120,24 +116,13 @@ pub struct FieldSurvey {
 /// Where there is no bag at the path. Damage is no error.
 pub fn survey(path: &Path) -> Result<Survey, BagError> {
     let source = source::open(path)?;
-    let mut tallies: BTreeMap<(String, String), Tally> = BTreeMap::new();
-    let mut known: Option<(Arc<TopicInfo>, (String, String))> = None;
-    let scanned = source.scan(&mut |message| {
-        // Messages of a topic mostly share one `Arc`; looking by name is for when they do not.
-        let key = match &known {
-            Some((topic, key)) if Arc::ptr_eq(topic, message.topic) => key,
-            _ => &known.insert((Arc::clone(message.topic), key_of(message.topic))).1,
-        };
-        match tallies.get_mut(key) {
-            Some(tally) => tally.take(message),
-            None => tallies.entry(key.clone()).or_insert_with(|| Tally::new(message.topic)).take(message),
-        }
-    })?;
+    let mut tallies = Tallies::default();
+    let scanned = source.scan(&mut |message| tallies.take(message))?;
     let warnings = source.all_warnings(&scanned.files);
     for topic in &scanned.topics {
-        tallies.entry(key_of(topic)).or_insert_with(|| Tally::new(topic));
+        tallies.of(topic);
     }
-    let topics: Vec<TopicSurvey> = tallies.into_values().map(Tally::finish).collect();
+    let topics = tallies.finish();
     let busy = || topics.iter().filter(|topic| topic.messages > 0);
     Ok(Survey {
         files: scanned.files,
@@ -147,103 +132,4 @@ pub fn survey(path: &Path) -> Result<Survey, BagError> {
         topics,
         warnings,
     })
-}
-
-fn key_of(topic: &TopicInfo) -> (String, String) {
-    (topic.name.clone(), topic.type_name.clone())
-}
-
-/// A topic while its messages come in.
-struct Tally {
-    topic: Arc<TopicInfo>,
-    layout: Option<Layout>,
-    messages: u64,
-    bytes: u64,
-    log: Pace,
-    stamps: Pace,
-    delays_ns: Vec<i64>,
-    undecodable: u64,
-    fields: Vec<FieldSurvey>,
-}
-
-impl Tally {
-    fn new(topic: &Arc<TopicInfo>) -> Self {
-        let layout = Layout::of(topic);
-        let field =
-            |name: &String| FieldSurvey { name: name.clone(), finite: 0, nan: 0, infinite: 0, least: None, most: None };
-        Self {
-            topic: Arc::clone(topic),
-            fields: layout.iter().flat_map(|layout| layout.names().iter().map(field)).collect(),
-            layout,
-            messages: 0,
-            bytes: 0,
-            log: Pace::default(),
-            stamps: Pace::default(),
-            delays_ns: vec![],
-            undecodable: 0,
-        }
-    }
-
-    fn take(&mut self, message: RawView<'_>) {
-        self.messages += 1;
-        self.bytes += message.data.len() as u64;
-        self.log.push(message.log_time_ns);
-        let Some(layout) = &self.layout else { return };
-        let fields = &mut self.fields;
-        let walked = layout.walk(message.data, &mut |name, value| {
-            if let Some(field) = fields.get_mut(name) {
-                field.take(value);
-            }
-        });
-        let Some(stamp) = walked else {
-            self.undecodable += 1;
-            return;
-        };
-        if let Some(stamp_ns) = stamp.and_then(crate::msg::Time::nanos) {
-            self.stamps.push(stamp_ns);
-            self.delays_ns.push(message.log_time_ns.saturating_sub(stamp_ns));
-        }
-    }
-
-    fn finish(mut self) -> TopicSurvey {
-        self.delays_ns.sort_unstable();
-        let delay_s = |share: usize| {
-            let last = self.delays_ns.len().saturating_sub(1);
-            self.delays_ns.get(last * share / 100).map_or(f64::NAN, |ns| crate::units::seconds_from_nanos(*ns))
-        };
-        let stamped = self.layout.as_ref().is_some_and(Layout::is_stamped) && !self.delays_ns.is_empty();
-        let schema_hash = self.layout.as_ref().map(|layout| layout.type_hash.as_str());
-        let stated_hash = Some(self.topic.type_hash.as_str()).filter(|hash| !hash.is_empty());
-        TopicSurvey {
-            name: self.topic.name.clone(),
-            type_name: self.topic.type_name.clone(),
-            encoding: self.topic.encoding.clone(),
-            type_hash: self.topic.type_hash.clone(),
-            type_hash_fits: stated_hash.zip(schema_hash).map(|(stated, schema)| stated == schema),
-            messages: self.messages,
-            bytes: self.bytes,
-            log: self.log.finish(),
-            delay_s: stamped.then(|| Spread { least: delay_s(0), median: delay_s(50), most: delay_s(100) }),
-            stamps: stamped.then(|| self.stamps.finish()),
-            undecodable: self.undecodable,
-            readable: self.layout.is_some(),
-            nan: self.fields.iter().map(|field| field.nan).sum(),
-            infinite: self.fields.iter().map(|field| field.infinite).sum(),
-            fields: self.fields,
-        }
-    }
-}
-
-impl FieldSurvey {
-    fn take(&mut self, value: f64) {
-        if value.is_finite() {
-            self.finite += 1;
-            self.least = Some(self.least.map_or(value, |least| least.min(value)));
-            self.most = Some(self.most.map_or(value, |most| most.max(value)));
-        } else if value.is_nan() {
-            self.nan += 1;
-        } else {
-            self.infinite += 1;
-        }
-    }
 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 /// What a bag says of one topic.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct TopicInfo {
     /// Name, `/governor/command`.
     pub name: String,
@@ -13,8 +13,8 @@ pub struct TopicInfo {
     pub encoding: String,
     /// Language of the schema, `ros2msg`.
     pub schema_encoding: String,
-    /// The schema.
-    pub schema: Vec<u8>,
+    /// The schema, which topics of one type share.
+    pub schema: Arc<[u8]>,
     /// Quality of service as YAML, as rosbag2 keeps it; empty where the bag does not say.
     pub offered_qos_profiles: String,
     /// REP-2016 hash of the type; empty where the bag does not say.

@@ -5,6 +5,7 @@ use std::fs::File;
 use std::io::BufWriter;
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use mcap::records::{MessageHeader, Metadata};
 
@@ -46,7 +47,6 @@ impl<T> Copy for Topic<T> {}
 /// One topic of the file.
 #[derive(Debug)]
 struct Channel {
-    id: u16,
     info: TopicInfo,
     message_count: u64,
 }
@@ -62,7 +62,10 @@ pub struct Writer {
     folder: Unfinished,
     file_name: String,
     file_path: PathBuf,
-    channels: Vec<Channel>,
+    channels: BTreeMap<u16, Channel>,
+    by_topic: BTreeMap<TopicInfo, u16>,
+    /// By the address of what copied messages of one topic share, which is kept so that nothing else gets that address.
+    by_address: BTreeMap<usize, (Arc<TopicInfo>, u16)>,
     times_ns: Option<(i64, i64)>,
 }
 
@@ -110,7 +113,16 @@ impl Writer {
             .compression_threads(0)
             .create(BufWriter::new(file))
             .map_err(BagError::mcap(&file_path))?;
-        let mut writer = Self { file, folder, file_name, file_path, channels: vec![], times_ns: None };
+        let mut writer = Self {
+            file,
+            folder,
+            file_name,
+            file_path,
+            channels: BTreeMap::new(),
+            by_topic: BTreeMap::new(),
+            by_address: BTreeMap::new(),
+            times_ns: None,
+        };
         if let Some(mark) = options.mark {
             let by = concat!("govtwin ", env!("CARGO_PKG_VERSION")).to_owned();
             writer.describe(mark, BTreeMap::from([("generator".to_owned(), by)]))?;
@@ -136,7 +148,7 @@ impl Writer {
             type_name: T::TYPE_NAME.to_owned(),
             encoding: "cdr".to_owned(),
             schema_encoding: "ros2msg".to_owned(),
-            schema: definition::schema_of(T::TYPE_NAME)?.into_bytes(),
+            schema: definition::schema_of(T::TYPE_NAME)?.into_bytes().into(),
             offered_qos_profiles: qos.to_yaml(),
             type_hash: type_hash::type_hash(T::TYPE_NAME)?,
         };
@@ -158,7 +170,14 @@ impl Writer {
     /// # Errors
     /// Where the operating system refuses.
     pub fn copy(&mut self, message: &RawMessage) -> Result<(), BagError> {
-        let id = self.channel(&message.topic)?;
+        let address = Arc::as_ptr(&message.topic).addr();
+        let id = if let Some((_, id)) = self.by_address.get(&address) {
+            *id
+        } else {
+            let id = self.channel(&message.topic)?;
+            self.by_address.insert(address, (Arc::clone(&message.topic), id));
+            id
+        };
         self.put(id, message.log_time_ns, message.publish_time_ns, message.sequence, &message.data)
     }
 
@@ -211,8 +230,8 @@ impl Writer {
     }
 
     fn channel(&mut self, info: &TopicInfo) -> Result<u16, BagError> {
-        if let Some(known) = self.channels.iter().find(|channel| channel.info == *info) {
-            return Ok(known.id);
+        if let Some(id) = self.by_topic.get(info) {
+            return Ok(*id);
         }
         let refused = || BagError::mcap(&self.file_path);
         let schema_id = if info.type_name.is_empty() {
@@ -225,7 +244,8 @@ impl Writer {
             ("topic_type_hash".to_owned(), info.type_hash.clone()),
         ]);
         let id = self.file.add_channel(schema_id, &info.name, &info.encoding, &metadata).map_err(refused())?;
-        self.channels.push(Channel { id, info: info.clone(), message_count: 0 });
+        self.by_topic.insert(info.clone(), id);
+        self.channels.insert(id, Channel { info: info.clone(), message_count: 0 });
         Ok(id)
     }
 
@@ -237,7 +257,7 @@ impl Writer {
             publish_time: u64::try_from(publish_ns).unwrap_or_default(),
         };
         self.file.write_to_known_channel(&header, data).map_err(BagError::mcap(&self.file_path))?;
-        if let Some(channel) = self.channels.iter_mut().find(|channel| channel.id == id) {
+        if let Some(channel) = self.channels.get_mut(&id) {
             channel.message_count += 1;
         }
         let (first_ns, last_ns) = self.times_ns.unwrap_or((log_ns, log_ns));
@@ -259,8 +279,8 @@ impl Writer {
             file_name: self.file_name.clone(),
             starting_time_ns: first_ns,
             duration_ns: last_ns.saturating_sub(first_ns),
-            message_count: self.channels.iter().map(|channel| channel.message_count).sum(),
-            topics: self.channels.iter().map(topic).collect(),
+            message_count: self.channels.values().map(|channel| channel.message_count).sum(),
+            topics: self.channels.values().map(topic).collect(),
         }
     }
 }

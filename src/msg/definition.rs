@@ -22,6 +22,9 @@ const TEXTS: &[(&str, &str)] = &[
 /// The line between a definition and each of its dependencies in a `ros2msg` schema.
 const SEPARATOR: &str = "================================================================================";
 
+/// A longer schema is none: the largest of ROS 2 with all they refer to have some 50 kB.
+const LONGEST_SCHEMA_BYTES: usize = 1 << 20;
+
 /// Why a definition could not be read.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum DefinitionError {
@@ -35,6 +38,14 @@ pub enum DefinitionError {
         type_name: String,
         /// The line.
         line: String,
+    },
+    /// More text than any message needs.
+    #[error("`{type_name}`: expected a schema of at most {LONGEST_SCHEMA_BYTES} bytes, found {found_bytes}")]
+    Long {
+        /// The type.
+        type_name: String,
+        /// Length of its schema, bytes.
+        found_bytes: usize,
     },
 }
 
@@ -207,8 +218,11 @@ pub fn schema_of(type_name: &str) -> Result<String, DefinitionError> {
 /// Reads a whole `ros2msg` schema into the type and its dependencies, the type first.
 ///
 /// # Errors
-/// On a line that is neither a field nor a constant.
+/// On a line that is neither a field nor a constant, and on a schema that is longer than any should be.
 pub fn parse_schema(type_name: &str, schema: &str) -> Result<Vec<Definition>, DefinitionError> {
+    if schema.len() > LONGEST_SCHEMA_BYTES {
+        return Err(DefinitionError::Long { type_name: type_name.to_owned(), found_bytes: schema.len() });
+    }
     let mut parts = vec![(type_name.to_owned(), String::new())];
     let mut lines = schema.lines();
     while let Some(line) = lines.next() {

@@ -66,7 +66,8 @@ proptest! {
         let begin_ns = command[0].0.max(esv[0].0).max(pressure[0].0);
         let stamps = command.iter().chain(&pressure).chain(&servo).map(|sample| sample.0);
         let mut times_ns: Vec<i64> = stamps.chain(esv.iter().map(|sample| sample.0)).filter(|ns| *ns >= begin_ns).collect();
-        let end_ns = times_ns.iter().copied().max().unwrap();
+        let end_ns = command.last().unwrap().0.max(servo.last().unwrap().0).max(begin_ns);
+        times_ns.retain(|time_ns| *time_ns <= end_ns);
         if linear {
             times_ns.extend((0..).map(|step| begin_ns + step * period_ns).take_while(|time_ns| *time_ns <= end_ns));
         }
