@@ -6,6 +6,7 @@
 
 mod bounds;
 mod claim;
+pub(crate) mod fault;
 mod input;
 mod rename;
 mod temporary;
@@ -18,7 +19,7 @@ pub use bounds::check_yaml;
 pub use claim::{Claim, ClaimError};
 pub use input::{check_regular, read_bytes, read_text};
 pub use rename::{exchange, move_new};
-pub use temporary::{hold, is_held, temporary_folder};
+pub use temporary::{hold, is_held, remove_stale, temporary_folder};
 pub use together::Together;
 
 /// Writes a file, whole or not at all; missing folders on the way are made.

@@ -4,7 +4,7 @@ use super::align::Streams;
 use super::order::{self, Jump, Silence};
 use super::pace::Pace;
 use super::streams::{Command, Pressure, Sample, Value, decode};
-use super::topic::{RawView, TopicInfo};
+use super::topic::{RawView, TopicInfo, shown};
 use super::{ReadOptions, Stream, StreamHealth, Topics, Warning};
 use crate::frame::{EsvState, Signals};
 use crate::msg::Interface;
@@ -76,10 +76,10 @@ impl<V: Value> AnyCollector for Collector<V> {
 
     fn foreign_type(&self, topic: &TopicInfo) -> Option<String> {
         if topic.type_name != V::Message::TYPE_NAME {
-            return Some(format!("`{}`", topic.type_name));
+            return Some(format!("`{}`", shown(&topic.type_name)));
         }
         if topic.encoding != "cdr" {
-            return Some(format!("that type, but encoded as `{}` instead of `cdr`", topic.encoding));
+            return Some(format!("that type, but encoded as `{}` instead of `cdr`", shown(&topic.encoding)));
         }
         // A schema in another language, or none, leaves the name as the only witness.
         let schema = std::str::from_utf8(&topic.schema).ok().filter(|_| topic.schema_encoding == "ros2msg")?;

@@ -193,6 +193,10 @@ impl BagError {
 
     /// For `map_err` on what the MCAP library writes.
     pub(super) fn mcap(path: &Path) -> impl FnOnce(mcap::McapError) -> Self {
-        move |reason| Self::Mcap { path: path.to_owned(), reason }
+        move |reason| match reason {
+            // The library's own words would leave out the system's.
+            mcap::McapError::Io(reason) => Self::Io { path: path.to_owned(), action: "write", reason },
+            reason => Self::Mcap { path: path.to_owned(), reason },
+        }
     }
 }

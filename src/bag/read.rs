@@ -8,13 +8,16 @@ use super::collect::{AnyCollector, Collected};
 use super::edges;
 use super::source;
 use super::streams::{Command, Pressure};
-use super::topic::TopicInfo;
+use super::topic::{TopicInfo, shown};
 use super::{BagError, FileHealth, Health, Loaded, ReadOptions, Stream, Warning};
 use crate::frame::EsvState;
 use crate::recording::Recording;
 
 /// Gaps shorter than this are no news on any machine, s.
 const GAP_WORTH_A_WORD_S: f64 = 0.1;
+
+/// An error names at most so many topics.
+const MOST_TOPICS: usize = 50;
 
 /// Reads a bag into a recording.
 ///
@@ -134,7 +137,11 @@ fn check_streams(
 
 /// The topics of a bag in words.
 fn present(topics: &[Arc<TopicInfo>]) -> String {
-    let present: Vec<String> = topics.iter().map(|topic| format!("{} ({})", topic.name, topic.type_name)).collect();
+    let name = |topic: &Arc<TopicInfo>| format!("{} ({})", shown(&topic.name), shown(&topic.type_name));
+    let mut present: Vec<String> = topics.iter().take(MOST_TOPICS).map(name).collect();
+    if topics.len() > MOST_TOPICS {
+        present.push(format!("and {} more", topics.len() - MOST_TOPICS));
+    }
     present.join(", ")
 }
 
@@ -152,7 +159,7 @@ fn describe_missing(stream: &dyn AnyCollector, wanted: &str, topics: &[Arc<Topic
     let nearest = topics.iter().max_by(|a, b| likeness(a).total_cmp(&likeness(b)));
     match nearest.filter(|topic| likeness(topic) > 0.85) {
         Some(topic) => {
-            let name = &topic.name;
+            let name = shown(&topic.name);
             format!("topic `{wanted}` ({type_name}) is missing; did you mean `{name}`? then give `{option}{name}`")
         }
         None => format!("topic `{wanted}` ({type_name}) is missing; name another with `{option}NAME`"),

@@ -10,7 +10,7 @@ use super::channels::Channels;
 use super::mcap_file::{self, ScannedFile};
 use super::metadata::{self, Metadata};
 use super::segment::Segment;
-use super::topic::{OnMessage, TopicInfo};
+use super::topic::{OnMessage, TopicInfo, shown};
 use super::{BagError, FileHealth, Warning};
 use crate::files::{check_regular, read_text};
 
@@ -81,7 +81,8 @@ fn folder(path: &Path, source: &mut Source) -> Result<(), BagError> {
                     if wanted.is_file() {
                         source.files.push(wanted);
                     } else {
-                        source.warnings.push(Warning::FileMissing { path: wanted });
+                        // A name from the file, within the words of a warning.
+                        source.warnings.push(Warning::FileMissing { path: path.join(shown(relative)) });
                     }
                 }
                 source.metadata = Some(metadata);

@@ -38,14 +38,13 @@ impl Tallies {
     /// The number of a topic, which is new where it has not been met.
     pub(super) fn of(&mut self, topic: &Arc<TopicInfo>) -> usize {
         let name = (topic.name.clone(), topic.type_name.clone());
-        let index = match self.by_name.get(&name) {
-            Some(index) => *index,
-            None => {
-                let layout = self.layout(topic);
-                self.all.push(Tally::new(topic, layout));
-                self.by_name.insert(name, self.all.len() - 1);
-                self.all.len() - 1
-            }
+        let index = if let Some(index) = self.by_name.get(&name) {
+            *index
+        } else {
+            let layout = self.layout(topic);
+            self.all.push(Tally::new(topic, layout));
+            self.by_name.insert(name, self.all.len() - 1);
+            self.all.len() - 1
         };
         self.by_address.insert(address(topic), (Arc::clone(topic), index));
         index

@@ -36,6 +36,11 @@ pub struct RawMessage {
     pub data: Vec<u8>,
 }
 
+/// A name from a bag within a sentence: line breaks in it would pass for the program's own.
+pub(super) fn shown(name: &str) -> String {
+    name.replace('\n', "\\u000a").replace('\t', "\\u0009")
+}
+
 /// A message still in the reader's buffer.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RawView<'a> {

@@ -5,6 +5,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::{BagError, WriterOptions, metadata, source};
+use crate::files::fault::step;
 use crate::files::{exchange, is_held, move_new, temporary_folder};
 
 /// A folder beside the bag's place. Dropped, it is removed, unless it is to be kept.
@@ -20,10 +21,10 @@ pub(super) struct Unfinished {
 pub(super) fn check(place: &Path, options: WriterOptions) -> Result<(), BagError> {
     check_place(place, options)?;
     let path = kept(place);
-    match options.keep_unfinished && fs::symlink_metadata(&path).is_ok() {
-        true => Err(left_or_busy(place, path)),
-        false => Ok(()),
+    if options.keep_unfinished && fs::symlink_metadata(&path).is_ok() {
+        return Err(left_or_busy(place, path));
     }
+    Ok(())
 }
 
 fn check_place(place: &Path, options: WriterOptions) -> Result<(), BagError> {
@@ -52,7 +53,7 @@ impl Unfinished {
         let path = if options.keep_unfinished {
             let path = kept(place);
             // Of two recorders one makes it.
-            match fs::create_dir(&path) {
+            match step().and_then(|()| fs::create_dir(&path)) {
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => return Err(left_or_busy(place, path)),
                 other => other.map_err(BagError::io(&path, "create"))?,
             }

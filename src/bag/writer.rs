@@ -13,6 +13,7 @@ use super::metadata::{self, Summary, TopicSummary};
 use super::topic::{Qos, RawMessage, TopicInfo};
 use super::unfinished::{self, Unfinished};
 use super::{BagError, cdr};
+use crate::files::fault::step;
 use crate::files::{hold, write_atomically};
 use crate::msg::{Interface, definition, type_hash};
 
@@ -103,7 +104,7 @@ impl Writer {
         let folder = Unfinished::create(dir, options)?;
         let file_name = format!("{}_0.mcap", folder.name());
         let file_path = folder.path().join(&file_name);
-        let file = File::create(&file_path).map_err(BagError::io(&file_path, "create"))?;
+        let file = step().and_then(|()| File::create(&file_path)).map_err(BagError::io(&file_path, "create"))?;
         // Held as long as it is written, so that nobody takes it for left over.
         hold(&file).map_err(BagError::io(&file_path, "lock"))?;
         let file = mcap::WriteOptions::new()
@@ -223,7 +224,7 @@ impl Writer {
         file.finish().map_err(BagError::mcap(&file_path))?;
         let file = file.into_inner().into_inner();
         let file = file.map_err(|error| BagError::io(&file_path, "write")(error.into_error()))?;
-        file.sync_all().map_err(BagError::io(&file_path, "write"))?;
+        step().and_then(|()| file.sync_all()).map_err(BagError::io(&file_path, "write"))?;
         let yaml_path = folder.path().join(metadata::FILE_NAME);
         write_atomically(&yaml_path, yaml.as_bytes()).map_err(BagError::io(&yaml_path, "write"))?;
         Ok(Sealed { _file: file, folder })
@@ -282,5 +283,57 @@ impl Writer {
             message_count: self.channels.values().map(|channel| channel.message_count).sum(),
             topics: self.channels.values().map(topic).collect(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::files::fault::refuse_each;
+    use crate::msg::EsvState;
+
+    fn write(dir: &Path, options: WriterOptions, messages: i64) -> Result<PathBuf, BagError> {
+        let mut writer = Writer::create(dir, options)?;
+        let topic = writer.topic::<EsvState>("/esv", Qos::DEFAULT)?;
+        for time_ns in 0..messages {
+            writer.write(topic, time_ns, &EsvState::default())?;
+        }
+        writer.finish()
+    }
+
+    #[test]
+    fn whatever_step_is_refused_a_bag_is_the_new_one_or_the_old_one() {
+        let dir = tempfile::tempdir().unwrap();
+        let place = dir.path().join("run");
+        let count = || super::super::survey(&place).map_or(0, |survey| survey.messages);
+        let options = WriterOptions { mark: Some("test"), keep_unfinished: false };
+        for (old, new) in [(0, 10), (10, 20)] {
+            let refused = refuse_each(
+                || write(&place, options, new).is_ok(),
+                |went_well| {
+                    assert_eq!(count(), if went_well { new.cast_unsigned() } else { old });
+                    let entries = usize::from(went_well || old > 0);
+                    assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), entries, "nothing else stays");
+                },
+            );
+            assert!(refused >= 9, "{refused}");
+        }
+    }
+
+    #[test]
+    fn whatever_step_is_refused_a_recording_is_kept() {
+        let options = WriterOptions { mark: None, keep_unfinished: true };
+        let dir = tempfile::tempdir().unwrap();
+        let [place, kept] = ["run", ".run.unfinished"].map(|name| dir.path().join(name));
+        let refused = refuse_each(
+            || write(&place, options, 10).is_ok(),
+            |went_well| {
+                assert_eq!(place.exists(), went_well);
+                assert_eq!(kept.exists() && went_well, false);
+                // Moved away, as its user is told to do.
+                let _ = std::fs::remove_dir_all(&kept);
+            },
+        );
+        assert!(refused >= 8, "{refused}");
     }
 }

@@ -33,6 +33,11 @@ pub fn fail(error: &anyhow::Error) {
     let _ = writeln!(io::stderr().lock(), "govtwin: {}", plain(&format!("{error:#}")));
 }
 
+/// A line with names from files in it, which may hold breaks that would pass for the program's own.
+pub fn one_line(line: &str) -> String {
+    line.replace('\n', "\\u000a")
+}
+
 /// Text of which a terminal shows every character: names in files and bags may hold sequences that move its cursor, or turn the
 /// direction of writing. They are shown as `\u001b`, which JSON reads back.
 fn plain(text: &str) -> Cow<'_, str> {

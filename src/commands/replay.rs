@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 use clap::ValueEnum;
 use govtwin::bag::{self, Interpolation, ReadOptions, Sealed, Stream, Topics};
+use govtwin::files::remove_stale;
 use govtwin::parameters::Unit;
 use govtwin::params::{self, Sheet};
 use govtwin::replay::Replayed;
@@ -273,6 +274,9 @@ fn refuse_to_overwrite(out: &Path, bags: &[Bag]) -> anyhow::Result<()> {
             );
         }
         simulated::check(&target)?;
+        if let Some(folder) = target.parent() {
+            remove_stale(folder);
+        }
     }
     Ok(())
 }

@@ -4,6 +4,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io;
 use std::path::{Path, PathBuf};
 
+use super::fault::step;
 use super::temporary::{hold, remove_stale};
 
 /// The file that is locked. It stays where its process is killed, and counts for nothing then.
@@ -60,7 +61,9 @@ impl Claim {
         let refused = |reason| ClaimError::Refused { folder: folder.to_owned(), reason };
         let path = folder.join(LOCK);
         for _ in 0..TRIES {
-            let made = make(folder).map_err(|reason| not_a_folder(folder).unwrap_or_else(|| refused(reason)))?;
+            let made = step()
+                .and_then(|()| make(folder))
+                .map_err(|reason| not_a_folder(folder).unwrap_or_else(|| refused(reason)))?;
             if fs::symlink_metadata(&path).is_ok_and(|kind| !kind.is_file()) {
                 return Err(refused(io::Error::other(format!("{LOCK} in it is no regular file; move it away"))));
             }
@@ -84,7 +87,12 @@ impl Claim {
                 Err(error) if error.kind() == io::ErrorKind::ResourceBusy => {
                     return Err(ClaimError::Busy { folder: folder.to_owned(), lock: path });
                 }
-                Err(error) => return Err(refused(error)),
+                Err(error) => {
+                    // Of who removes it nobody else can have it: it was made here, or left.
+                    let _ = made.first().map(|_| fs::remove_file(&path));
+                    remove_empty(&made);
+                    return Err(refused(error));
+                }
             }
         }
         Err(ClaimError::Busy { folder: folder.to_owned(), lock: path })
@@ -169,6 +177,16 @@ mod tests {
         fs::write(out.join(LOCK), "").unwrap();
         drop(Claim::folder(&out).unwrap());
         assert_eq!(fs::read_dir(&out).unwrap().count(), 1, "only the report");
+    }
+
+    #[test]
+    fn whatever_step_is_refused_nothing_stays() {
+        let dir = tempfile::tempdir().unwrap();
+        let refused = crate::files::fault::refuse_each(
+            || Claim::folder(&dir.path().join("deep/out")).is_ok(),
+            |_| assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0),
+        );
+        assert_eq!(refused, 2, "folder and lock");
     }
 
     #[test]

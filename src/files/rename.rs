@@ -3,6 +3,8 @@
 use std::io;
 use std::path::Path;
 
+use super::fault::step;
+
 /// Moves a file or folder to a name that is free; an empty folder there counts as free.
 ///
 /// # Errors
@@ -10,6 +12,7 @@ use std::path::Path;
 #[cfg(target_os = "linux")]
 pub fn move_new(from: &Path, to: &Path) -> io::Result<()> {
     use rustix::fs::{CWD, RenameFlags, renameat_with};
+    step()?;
     match renameat_with(CWD, from, CWD, to, RenameFlags::NOREPLACE) {
         Err(rustix::io::Errno::INVAL | rustix::io::Errno::NOSYS) => move_checked(from, to),
         other => other.map_err(io::Error::from),
@@ -22,6 +25,7 @@ pub fn move_new(from: &Path, to: &Path) -> io::Result<()> {
 /// `AlreadyExists` where something stands there, or what the file system says.
 #[cfg(not(target_os = "linux"))]
 pub fn move_new(from: &Path, to: &Path) -> io::Result<()> {
+    step()?;
     move_checked(from, to)
 }
 
@@ -32,6 +36,7 @@ pub fn move_new(from: &Path, to: &Path) -> io::Result<()> {
 #[cfg(target_os = "linux")]
 pub fn exchange(one: &Path, other: &Path) -> io::Result<()> {
     use rustix::fs::{CWD, RenameFlags, renameat_with};
+    step()?;
     match renameat_with(CWD, one, CWD, other, RenameFlags::EXCHANGE) {
         Err(rustix::io::Errno::INVAL | rustix::io::Errno::NOSYS) => exchange_in_steps(one, other),
         result => result.map_err(io::Error::from),
@@ -44,6 +49,7 @@ pub fn exchange(one: &Path, other: &Path) -> io::Result<()> {
 /// What the file system says; then both have the names that they had, unless that fails, too.
 #[cfg(not(target_os = "linux"))]
 pub fn exchange(one: &Path, other: &Path) -> io::Result<()> {
+    step()?;
     exchange_in_steps(one, other)
 }
 

@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 
 use tempfile::{Builder, NamedTempFile};
 
+use super::fault::step;
+
 const PREFIX: &str = ".govtwin-";
 const SUFFIX: &str = ".tmp";
 
@@ -14,6 +16,7 @@ pub(super) fn temporary_file(folder: &Path) -> io::Result<NamedTempFile> {
     let mut builder = builder();
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    step()?;
     let file = builder.tempfile_in(folder)?;
     hold(file.as_file())?;
     Ok(file)
@@ -27,6 +30,7 @@ pub fn temporary_folder(parent: &Path) -> io::Result<PathBuf> {
     let mut builder = builder();
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o777));
+    step()?;
     Ok(builder.tempdir_in(parent)?.keep())
 }
 
@@ -41,6 +45,7 @@ fn builder() -> Builder<'static, 'static> {
 /// # Errors
 /// Where somebody else holds it, or what the file system says.
 pub fn hold(file: &File) -> io::Result<()> {
+    step()?;
     match file.try_lock() {
         Ok(()) => Ok(()),
         Err(TryLockError::WouldBlock) => Err(io::Error::new(io::ErrorKind::ResourceBusy, "another process holds it")),
@@ -61,8 +66,8 @@ pub fn is_held(path: &Path) -> bool {
     kind.is_file() && !File::open(path).is_ok_and(|file| file.try_lock().is_ok())
 }
 
-/// Removes the temporary files and folders in a folder that nobody holds.
-pub(super) fn remove_stale(folder: &Path) {
+/// Removes the temporary files and folders in a folder that nobody holds; only for who has claimed it, or one above it.
+pub fn remove_stale(folder: &Path) {
     let Ok(entries) = fs::read_dir(folder) else { return };
     for entry in entries.flatten() {
         let name = entry.file_name();

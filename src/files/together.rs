@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use tempfile::{NamedTempFile, TempPath};
 
+use super::fault::step;
 use super::folder_of;
 use super::rename::{exchange, move_new};
 use super::temporary::temporary_file;
@@ -22,6 +23,7 @@ impl Together {
     /// What the file system says, and where no file can have that name.
     pub fn add(&mut self, path: &Path, bytes: &[u8]) -> io::Result<()> {
         let folder = folder_of(path);
+        step()?;
         std::fs::create_dir_all(folder)?;
         if path.is_dir() {
             return Err(io::Error::new(
@@ -30,7 +32,9 @@ impl Together {
             ));
         }
         let mut file = temporary_file(folder)?;
+        step()?;
         file.write_all(bytes)?;
+        step()?;
         file.as_file().sync_all()?;
         self.files.push((file, path.to_owned()));
         Ok(())
@@ -69,6 +73,39 @@ impl Together {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::files::fault::refuse_each;
+
+    #[test]
+    fn whatever_step_is_refused_all_are_new_or_all_are_old() {
+        let dir = tempfile::tempdir().unwrap();
+        let names = ["a", "b", "deep/c"];
+        let read = || names.map(|name| std::fs::read_to_string(dir.path().join(name)).ok());
+        let write = |words: &str| -> io::Result<()> {
+            let mut files = Together::default();
+            for name in names {
+                files.add(&dir.path().join(name), words.as_bytes())?;
+            }
+            files.place()
+        };
+        // First where one of them is there already, then where all are.
+        std::fs::write(dir.path().join("b"), "old").unwrap();
+        for new in ["first", "second"] {
+            let before = read();
+            let refused = refuse_each(
+                || write(new).is_ok(),
+                |went_well| {
+                    let expected = if went_well { names.map(|_| Some(new.to_owned())) } else { before.clone() };
+                    assert_eq!(read(), expected);
+                    assert_eq!(
+                        std::fs::read_dir(dir.path().join("deep")).map_or(0, Iterator::count),
+                        usize::from(expected[2].is_some())
+                    );
+                },
+            );
+            assert_eq!(refused, 3 * 5 + 3, "folder, file, lock, write and sync of each, and its name");
+        }
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 3);
+    }
 
     #[test]
     fn all_appear_or_none() {

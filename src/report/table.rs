@@ -59,6 +59,10 @@ impl Table {
 
     fn push(&mut self, mut cells: Vec<String>, strong: bool) {
         cells.resize(self.columns.len(), String::new());
+        for cell in cells.iter_mut().filter(|cell| cell.contains(char::is_control)) {
+            // A cell with a line break would pass for a row.
+            *cell = cell.replace('\n', "\\u000a").replace('\t', "\\u0009");
+        }
         self.rows.push(Row { cells, strong });
     }
 

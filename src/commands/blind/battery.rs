@@ -9,6 +9,7 @@ use govtwin::battery::plan::{Rates, plan};
 use govtwin::battery::{self, Case as Plan, Kind, Label};
 use govtwin::blind::exam;
 use govtwin::digest::sha256;
+use govtwin::files::remove_stale;
 use govtwin::parameters::Unit;
 use govtwin::params::{self, labels};
 use govtwin::recording::Process;
@@ -64,6 +65,7 @@ pub fn make(dir: &Path, out: &Path, unit: &Unit, count: usize, seed: u64, rates:
     let made: anyhow::Result<()> = plans.par_iter().try_for_each(|case| {
         let lacking = |process: Process| !bags::is_bag_folder(&bag(dir, case, process));
         if Process::ALL.into_iter().any(lacking) {
+            remove_stale(&dir.join(&case.name));
             for (process, streams) in battery::make(unit, case).streams {
                 if lacking(process) {
                     generate::write(GENERATOR, process, case.seed, &streams, &bag(dir, case, process))?.place()?;

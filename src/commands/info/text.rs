@@ -5,6 +5,7 @@ use govtwin::report::table::{Table, fixed, significant};
 use govtwin::units::{NANOS_PER_SECOND, seconds_from_nanos};
 
 use super::Entry;
+use crate::commands::output::one_line;
 
 /// All that is said of one bag.
 pub(super) fn entry(entry: &Entry) -> String {
@@ -21,6 +22,7 @@ pub(super) fn entry(entry: &Entry) -> String {
     };
     lines.push(format!("  recording  {recording}"));
     lines.extend(entry.warnings_in_words.iter().map(|warning| format!("  warning    {warning}")));
+    let lines: Vec<String> = lines.iter().map(|line| one_line(line)).collect();
     format!("{}\n\n{}", lines.join("\n"), topics(&entry.survey.topics).to_text())
 }
 
