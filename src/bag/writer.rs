@@ -329,7 +329,7 @@ mod tests {
             || write(&place, options, 10).is_ok(),
             |went_well| {
                 assert_eq!(place.exists(), went_well);
-                assert_eq!(kept.exists() && went_well, false);
+                assert!(!(kept.exists() && went_well));
                 // Moved away, as its user is told to do.
                 let _ = std::fs::remove_dir_all(&kept);
             },
