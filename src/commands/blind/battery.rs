@@ -9,13 +9,14 @@ use govtwin::battery::plan::{Rates, plan};
 use govtwin::battery::{self, Case as Plan, Kind, Label};
 use govtwin::blind::exam;
 use govtwin::digest::sha256;
-use govtwin::files::remove_stale;
+use govtwin::files::{read_text, remove_stale};
 use govtwin::parameters::Unit;
 use govtwin::params::{self, labels};
 use govtwin::recording::Process;
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 
 use super::cases::Case;
+use super::scoring::LARGEST_BYTES;
 use crate::commands::output::{Progress, write_atomically};
 use crate::commands::{bags, generate};
 
@@ -77,7 +78,7 @@ pub fn make(dir: &Path, out: &Path, unit: &Unit, count: usize, seed: u64, rates:
     });
     made?;
     let labels = plans.iter().map(|case| battery::label(unit, case)).collect();
-    let known = std::fs::read_to_string(dir.join(STRENGTHS)).ok();
+    let known = read_text(&dir.join(STRENGTHS), LARGEST_BYTES).ok();
     let strengths = known.and_then(|text| labels::read_strengths(&text).ok()).unwrap_or_default();
     let battery = Battery { dir: dir.to_owned(), sheet: unit.clone(), plans, labels, strengths, seed };
     let key = sha256(battery.text());
@@ -87,7 +88,11 @@ pub fn make(dir: &Path, out: &Path, unit: &Unit, count: usize, seed: u64, rates:
 
 /// Refuses a folder that holds another battery's bags or reports, which would be kept and scored by answers that are not theirs.
 fn check_claim(folder: &Path, drawn: &Path, key: &str) -> anyhow::Result<()> {
-    if std::fs::read_to_string(drawn).is_ok_and(|there| there.trim() != key) {
+    let there = match read_text(drawn, LARGEST_BYTES) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),
+        there => there.with_context(|| format!("cannot read {}", drawn.display()))?,
+    };
+    if there.trim() != key {
         bail!(
             "{} is of a battery of another seed, rate or data sheet ({}); expected --seed, --rate and --params as before, or a folder of its own",
             folder.display(),

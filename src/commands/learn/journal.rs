@@ -4,9 +4,13 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use govtwin::digest::Digest;
+use govtwin::files::read_text;
 use govtwin::residual::table::Table;
 
 use crate::commands::output::write_atomically;
+
+/// More than the evaluations of many searches.
+const LARGEST_BYTES: u64 = 1 << 26;
 
 /// A point is known by its bits.
 type Known = BTreeMap<String, f64>;
@@ -33,7 +37,7 @@ impl Journal {
         }
         let mut key = hash.text();
         key.truncate(32);
-        let text = std::fs::read_to_string(path).unwrap_or_default();
+        let text = read_text(path, LARGEST_BYTES).unwrap_or_default();
         Self { path: path.to_owned(), key, all: serde_json::from_str(&text).unwrap_or_default() }
     }
 
