@@ -43,6 +43,11 @@ fn libraries_are_known_only_where_they_belong() {
 }
 
 #[test]
+fn one_place_prints() {
+    hold(&text::voices(&rust()));
+}
+
+#[test]
 fn nothing_below_the_edges_reaches_out() {
     hold(&text::reach(&rust(), floors::below_edges));
 }

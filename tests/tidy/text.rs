@@ -35,6 +35,24 @@ const LONGEST_FILE: usize = 450;
 /// Ways to the world outside the process, which only the edges and what stands above them may take.
 const WORLD: &[&str] = &["fs", "net", "env", "process", "thread"];
 
+/// Where text goes to a terminal: control characters in it are shown there, and nowhere else. Lines of numbers need none of that.
+const VOICES: &[&str] = &["src/commands/output.rs", "src/commands/fit/serve.rs"];
+
+/// Ways to standard output and standard error beside the one place that prints.
+pub fn voices(sources: &[Source]) -> Vec<String> {
+    let elsewhere =
+        |source: &&Source| source.path.starts_with("src/") && !VOICES.iter().any(|place| source.is_at(place));
+    let mut breaches = Vec::new();
+    for source in sources.iter().filter(elsewhere) {
+        for (line, code) in source.code() {
+            if ["io::stdout", "io::stderr", "{stdout", "{stderr"].iter().any(|way| code.contains(way)) {
+                breaches.push(format!("{}:{line}: prints; print through src/commands/output.rs", source.path));
+            }
+        }
+    }
+    breaches
+}
+
 /// Uses of the world outside the process below the edges, and unsafe code outside its one file.
 pub fn reach(sources: &[Source], below_edges: impl Fn(&str) -> bool) -> Vec<String> {
     let mut breaches = Vec::new();
@@ -230,6 +248,13 @@ mod tests {
         assert_eq!(reach(&at("src/bag.rs", "unsafe { x() }"), below).len(), 1);
         assert_eq!(reach(&at("src/bag.rs", "#![allow(unsafe_code)]"), below).len(), 1);
         assert!(reach(&at("src/node/realtime.rs", "unsafe { x() }"), below).is_empty());
+    }
+
+    #[test]
+    fn a_second_voice_is_seen() {
+        assert_eq!(voices(&at("src/commands/run.rs", "let x = std::io::stderr().lock();")).len(), 1);
+        assert!(voices(&at("src/commands/output.rs", "let x = io::stdout();")).is_empty());
+        assert!(voices(&at("src/commands/blind.rs", "let x = ended.stderr;")).is_empty());
     }
 
     #[test]
