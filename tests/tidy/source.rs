@@ -45,8 +45,8 @@ pub fn tree() -> Vec<Source> {
 }
 
 fn walk(folder: &Path, prefix: &str, files: &mut Vec<Source>) {
-    const LEFT_OUT: [&str; 8] =
-        [".git", "target", "out", "Cargo.lock", "fuzz/target", "fuzz/corpus", "fuzz/artifacts", ".venv"];
+    const LEFT_OUT: [&str; 9] =
+        [".git", "target", "out", "vendor", "Cargo.lock", "fuzz/target", "fuzz/corpus", "fuzz/artifacts", ".venv"];
     let mut entries: Vec<_> = std::fs::read_dir(folder).unwrap().map(Result::unwrap).collect();
     entries.sort_by_key(std::fs::DirEntry::file_name);
     for entry in entries {
