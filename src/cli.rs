@@ -1,15 +1,26 @@
 //! Parse, dispatch, and turn the outcome into an exit code.
 
 use std::process::ExitCode;
+use std::sync::LazyLock;
 
 use clap::{Parser, Subcommand};
 
 use crate::commands;
 use crate::commands::Outcome;
 
+/// What `--version` prints; `-V` prints the number alone.
+static LONG_VERSION: LazyLock<String> = LazyLock::new(|| {
+    let version = env!("CARGO_PKG_VERSION");
+    #[cfg(feature = "node")]
+    let text = format!("{version}\n{}", govtwin::node::transport::DESCRIPTION);
+    #[cfg(not(feature = "node"))]
+    let text = format!("{version}, built without the node");
+    text
+});
+
 /// Simulate a hydro-turbine governor's servo system, and find out why it differs from the real one.
 #[derive(Debug, Parser)]
-#[command(version, arg_required_else_help = true)]
+#[command(version, long_version = LONG_VERSION.as_str(), arg_required_else_help = true)]
 struct Cli {
     #[command(subcommand)]
     command: Command,

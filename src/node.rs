@@ -36,6 +36,7 @@ pub mod recorder;
 pub mod services;
 pub mod settings;
 pub mod stats;
+pub mod transport;
 pub mod words;
 
 #[cfg(not(target_os = "linux"))]

@@ -6,12 +6,11 @@ use anyhow::ensure;
 use govtwin::bag;
 use govtwin::node::arguments::Arguments;
 use govtwin::node::bus::Bus;
-use govtwin::node::environment::Environment;
 use govtwin::node::player::{Options, Played, Player};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::output;
-use super::run::{duration, stop_on_signals};
+use super::run::{duration, environment, stop_on_signals};
 use crate::commands::Outcome;
 
 /// Arguments of `govtwin play`.
@@ -38,6 +37,9 @@ pub struct Args {
     /// Wait so long for somebody to listen; 0 not to wait.
     #[arg(long = "wait", value_name = "S", default_value_t = 10.0)]
     wait_s: f64,
+    /// Peers drop a node that they did not hear for so long; it is announced five times in that span.
+    #[arg(long = "lease", value_name = "S", default_value_t = 10.0)]
+    lease_s: f64,
     /// What every ROS 2 program takes: `-r FROM:=TO`, `-r __ns:=/NAME`.
     #[arg(long = "ros-args", num_args = 0.., allow_hyphen_values = true, value_terminator = "--", value_name = "ARGS")]
     ros: Vec<String>,
@@ -61,7 +63,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         messages.retain(|message| message.log_time_ns <= end_ns);
     }
     ensure!(!messages.is_empty(), "{}: nothing to play{}", args.bag.display(), none_of(&args.topics));
-    let environment = Environment::of_process()?;
+    let environment = environment(args.lease_s)?;
     for remark in &environment.remarks {
         output::warn(remark);
     }

@@ -8,12 +8,11 @@ use anyhow::{Context, bail};
 use govtwin::bag::Writer;
 use govtwin::node::arguments::Arguments;
 use govtwin::node::bus::Bus;
-use govtwin::node::environment::Environment;
 use govtwin::node::realtime::{Until, pause};
 use govtwin::node::recorder::{DEFAULT_TOPICS, OPTIONS, record};
 
 use super::output;
-use super::run::{duration, stop_on_signals};
+use super::run::{duration, environment, stop_on_signals};
 use crate::commands::Outcome;
 
 /// Arguments of `govtwin record`.
@@ -31,6 +30,9 @@ pub struct Args {
     /// Look so long for a topic's type.
     #[arg(long = "wait", value_name = "S", default_value_t = 10.0)]
     wait_s: f64,
+    /// Peers drop a node that they did not hear for so long; it is announced five times in that span.
+    #[arg(long = "lease", value_name = "S", default_value_t = 10.0)]
+    lease_s: f64,
     /// What every ROS 2 program takes: `-r FROM:=TO`, `-r __ns:=/NAME`.
     #[arg(long = "ros-args", num_args = 0.., allow_hyphen_values = true, value_terminator = "--", value_name = "ARGS")]
     ros: Vec<String>,
@@ -41,7 +43,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     Writer::check(&args.out, OPTIONS).context("--out")?;
     let wait = duration(Some(args.wait_s), "--wait")?.unwrap_or_default();
     let length = duration(args.duration_s, "--duration")?;
-    let environment = Environment::of_process()?;
+    let environment = environment(args.lease_s)?;
     for remark in &environment.remarks {
         output::warn(remark);
     }

@@ -55,6 +55,9 @@ pub struct Args {
     /// The fail-safe: treat a stale input as an ESV trip, hold it for ever, or stop the node.
     #[arg(long, value_name = "WHAT", default_value = "trip", value_parser = OnStale::NAMES)]
     on_stale: String,
+    /// Peers drop a node that they did not hear for so long; it is announced five times in that span.
+    #[arg(long = "lease", value_name = "S", default_value_t = 10.0)]
+    lease_s: f64,
     /// Write a bag of the inputs as the twin took them and of its estimates.
     #[arg(long, value_name = "DIR")]
     bag: Option<PathBuf>,
@@ -98,7 +101,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         );
     }
     let options = Options {
-        environment: Environment::of_process()?,
+        environment: environment(args.lease_s)?,
         arguments: Arguments::parse(&args.ros, "govtwin")?,
         unit,
         residual: args.residual.as_deref().map(model::load).transpose()?,
@@ -131,6 +134,12 @@ pub fn stop_on_signals() -> anyhow::Result<Arc<AtomicBool>> {
     Ok(stop)
 }
 
+/// The environment of the process with the lease from the command line.
+pub fn environment(lease_s: f64) -> anyhow::Result<Environment> {
+    ensure!((1.0..=3600.0).contains(&lease_s), "--lease is {lease_s}: expected 1 to 3600 s");
+    Ok(Environment { lease: Duration::from_secs_f64(lease_s), ..Environment::of_process()? })
+}
+
 /// Seconds from the command line as a duration.
 pub fn duration(seconds_s: Option<f64>, flag: &str) -> anyhow::Result<Option<Duration>> {
     let convert = |seconds_s| {
@@ -144,7 +153,7 @@ fn figures(ended: &Ended) -> serde_json::Value {
         .into_iter()
         .map(|input| {
             let counts = ended.counts[input as usize];
-            let row = json!({"used": counts.used, "refused": counts.all_refused(), "restarts": counts.restarts});
+            let row = json!({"used": counts.used, "refused": counts.all_refused(), "restarts": counts.restarts, "lost": counts.lost});
             (input.topic().to_owned(), row)
         })
         .collect();
@@ -161,8 +170,8 @@ fn text(ended: &Ended) -> String {
     let mut text = ended.summary.text();
     for input in Input::ALL {
         let counts = ended.counts[input as usize];
-        let (topic, used, refused) = (input.topic(), counts.used, counts.all_refused());
-        text.push_str(&format!("{topic:<24}{used:>8} used {refused:>8} refused\n"));
+        let (topic, used, refused, lost) = (input.topic(), counts.used, counts.all_refused(), counts.lost);
+        text.push_str(&format!("{topic:<24}{used:>8} used {refused:>8} refused {lost:>8} lost on the way\n"));
     }
     for bag in &ended.bags {
         text.push_str(&format!("bag: {}\n", bag.display()));

@@ -14,6 +14,7 @@ use serde::Serialize;
 use super::arguments::Arguments;
 use super::environment::Environment;
 use super::qos::{self, best_effort, recorded, reliable};
+use super::transport;
 use crate::msg::Interface;
 
 /// The node cannot come on the bus.
@@ -66,7 +67,7 @@ impl Bus {
     /// When there is no network to join, or the node's name is none.
     pub fn open(environment: &Environment, arguments: Arguments) -> Result<Self, BusError> {
         let join = |reason: String| BusError::Join { domain: environment.domain, reason };
-        let mut builder = DomainParticipantBuilder::new(environment.domain);
+        let mut builder = transport::with_lease(DomainParticipantBuilder::new(environment.domain), environment.lease);
         if let Some(networks) = &environment.only_networks {
             builder = builder.with_only_networks(networks.iter().copied());
         }

@@ -85,6 +85,7 @@ pub fn compile(
         let mut values = vec![
             key_value("samples used", counts.used.to_string()),
             key_value("source restarts", counts.restarts.to_string()),
+            key_value("samples lost on the way", counts.lost.to_string()),
         ];
         values.extend(age_ns.map(|age_ns| key_value("age [s]", seconds_text(age_ns))));
         values.extend(

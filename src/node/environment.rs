@@ -1,11 +1,15 @@
 //! What the environment of a ROS 2 program asks for, and how far this node can follow.
 
 use std::net::{IpAddr, Ipv4Addr};
+use std::time::Duration;
 
 use ros2_client::ServiceMapping;
 
 /// Highest domain whose ports exist.
 const LARGEST_DOMAIN: u16 = 232;
+
+/// Lease of a node that does not say otherwise, as Cyclone DDS has it.
+pub const DEFAULT_LEASE: Duration = Duration::from_secs(10);
 
 /// An environment that cannot be followed.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -27,6 +31,8 @@ pub struct Environment {
     pub only_networks: Option<Vec<IpAddr>>,
     /// How services of the peers are laid out on DDS.
     pub service_mappings: Vec<ServiceMapping>,
+    /// How long peers believe in the node without a sign of life; no variable of the environment says it.
+    pub lease: Duration,
     /// What could not be followed, in words.
     pub remarks: Vec<String>,
 }
@@ -97,7 +103,7 @@ impl Environment {
             Some(name) => return Err(EnvironmentError::Middleware(name)),
         };
         let only_networks = localhost.then(|| vec![IpAddr::V4(Ipv4Addr::LOCALHOST)]);
-        Ok(Self { domain, only_networks, service_mappings, remarks })
+        Ok(Self { domain, only_networks, service_mappings, lease: DEFAULT_LEASE, remarks })
     }
 }
 

@@ -1,5 +1,7 @@
 //! Checks on what peers send: every number finite and in range, stamps in order, types as agreed.
 
+use std::collections::BTreeMap;
+
 use crate::frame::EsvState;
 use crate::msg::{self, Header};
 use crate::units::NANOS_PER_SECOND;
@@ -58,6 +60,8 @@ pub struct Counts {
     pub used: u64,
     /// Times at which the source started again.
     pub restarts: u64,
+    /// Samples that a sender numbered and that never came.
+    pub lost: u64,
     refused: [u64; 6],
 }
 
@@ -87,6 +91,11 @@ impl Gate {
     #[must_use]
     pub fn counts(&self) -> Counts {
         self.counts
+    }
+
+    /// Counts samples that were sent and never came.
+    pub fn miss(&mut self, samples: u64) {
+        self.counts.lost += samples;
     }
 
     /// Counts a sample that never became a message. Returns whether it is the first of its kind.
@@ -169,11 +178,38 @@ fn in_range(value: f64, (least, largest): (f64, f64)) -> Result<f64, Refusal> {
     }
 }
 
+/// Most senders whose numbers are remembered; beyond them counting starts anew.
+const MOST_SENDERS: usize = 256;
+
+/// The numbers that senders give their samples: what is left out between two was lost on the way.
+#[derive(Clone, Debug)]
+pub struct Numbering<Sender>(BTreeMap<Sender, i64>);
+
+impl<Sender> Default for Numbering<Sender> {
+    fn default() -> Self {
+        Self(BTreeMap::new())
+    }
+}
+
+impl<Sender: Ord> Numbering<Sender> {
+    /// Takes the number of a sample; returns how many before it never came. A number that is not above the one before it is a
+    /// sample that came late or again.
+    pub fn take(&mut self, sender: Sender, number: i64) -> u64 {
+        if self.0.len() >= MOST_SENDERS && !self.0.contains_key(&sender) {
+            self.0.clear();
+        }
+        let newest = self.0.entry(sender).or_insert(number);
+        let left_out = number.saturating_sub(*newest).saturating_sub(1);
+        *newest = (*newest).max(number);
+        u64::try_from(left_out).unwrap_or(0)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::{any, proptest};
 
-    use super::{Gate, Intake, Refusal};
+    use super::{Gate, Intake, MOST_SENDERS, Numbering, Refusal};
     use crate::msg::{EsvState, FluidPressure, GovernorCommand, Header, Time};
     use crate::node::core::Heard;
 
@@ -196,6 +232,21 @@ mod tests {
         assert_eq!(pressure.check(&mut Gate::default()), Err(Refusal::OutOfRange));
         let counts = gate.counts();
         assert_eq!((counts.used, counts.refused(Refusal::NotFinite), counts.all_refused()), (1, 2, 3));
+    }
+
+    #[test]
+    fn samples_left_out_are_counted_for_each_sender() {
+        let mut numbering = Numbering::default();
+        let lost: Vec<u64> =
+            [(1, 7), (1, 8), (2, 100), (1, 12), (1, 10), (1, 13), (2, 101), (2, i64::MAX), (3, i64::MIN)]
+                .into_iter()
+                .map(|(sender, number)| numbering.take(sender, number))
+                .collect();
+        assert_eq!(lost, [0, 0, 0, 3, 0, 0, 0, i64::MAX as u64 - 102, 0]);
+        for sender in 0..2 * MOST_SENDERS {
+            assert_eq!(numbering.take(sender, 1), 0);
+        }
+        assert!(numbering.0.len() <= MOST_SENDERS);
     }
 
     #[test]

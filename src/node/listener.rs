@@ -15,7 +15,7 @@ use rtrb::Producer;
 use super::bus::{Bus, BusError};
 use super::core::{Heard, Input};
 use super::environment::Environment;
-use super::intake::{Counts, Gate, Intake, Refusal};
+use super::intake::{Counts, Gate, Intake, Numbering, Refusal};
 use super::integration::{Event, Output};
 use super::parameters::Store;
 use super::realtime::{monotonic_ns, wall_ns};
@@ -83,6 +83,7 @@ pub struct Listener<'a> {
     pub counts: &'a Mutex<[Counts; 3]>,
     gates: RefCell<[Gate; 3]>,
     senders: RefCell<BTreeMap<Gid, bool>>,
+    numbers: RefCell<Numbering<Gid>>,
     full: RefCell<bool>,
 }
 
@@ -103,6 +104,7 @@ impl<'a> Listener<'a> {
             counts,
             gates: RefCell::default(),
             senders: RefCell::default(),
+            numbers: RefCell::default(),
             full: RefCell::new(false),
         }
     }
@@ -159,6 +161,9 @@ impl<'a> Listener<'a> {
         let input = M::INPUT;
         let mut gates = self.gates.borrow_mut();
         let gate = &mut gates[input as usize];
+        if let Ok((_, info)) = &sample {
+            gate.miss(self.numbers.borrow_mut().take(info.publisher_gid(), info.sequence_number()));
+        }
         let refused = match sample {
             Err(ReadError::Deserialization { .. }) => Some((Refusal::Undecodable, gate.refuse(Refusal::Undecodable))),
             Err(error) => {

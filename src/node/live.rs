@@ -23,10 +23,10 @@ use super::integration::{Integrator, Output};
 use super::journal::{Journal, Names};
 use super::listener::{Ears, Listener, News};
 use super::parameters::Store;
-use super::realtime::{Until, claim, lock_memory, resident_bytes, wall_ns};
+use super::realtime::{Until, carrier, claim, claim_as_carrier, claim_transport, lock_memory, resident_bytes, wall_ns};
 use super::settings::Settings;
 use super::stats::Summary;
-use super::{messages, qos, words};
+use super::{messages, qos, transport, words};
 use crate::bag::BagError;
 use crate::msg::{EsvState, FluidPressure, GovernorCommand, Interface, JointState, ServoState};
 use crate::parameters::{Parameters, Unit};
@@ -119,6 +119,7 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
         say(LogLevel::Warn, remark);
     }
     let mut bus = Bus::open(&options.environment, options.arguments.clone())?;
+    say(if transport::is_repaired() { LogLevel::Info } else { LogLevel::Warn }, transport::DESCRIPTION);
     // All endpoints are made before anything runs: announcements in a burst later may be lost.
     let ears = Ears::open(&mut bus, &options.environment, &settings, options.adapt)?;
     let mouth = Mouth {
@@ -138,6 +139,8 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
             ),
         ),
     }
+    let (level, words) = transport_words(settings.wishes.priority);
+    say(level, &words);
     let core = Core::new(Twin::new(&unit), settings.policy(), unit.parameters.oil.tank_pressure_pa);
     let core = core.with_corrector(corrector);
     let (integrator, ends) = Integrator::new(core, settings.pace(), 0);
@@ -161,13 +164,15 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
     let (stats, lost_publications, outcome) = std::thread::scope(|scope| {
         let listener = Listener::new(bus_ref, ends.events, news.clone(), counts_ref);
         let environment = &options.environment;
-        let hearing = std::thread::Builder::new()
-            .name("hear".to_owned())
-            .spawn_scoped(scope, move || listener.run(ears_ref, store, environment, listening))?;
+        let hearing = std::thread::Builder::new().name("hear".to_owned()).spawn_scoped(scope, move || {
+            claim_as_carrier(settings.wishes.priority);
+            listener.run(ears_ref, store, environment, listening);
+        })?;
         let (outputs, telling) = (ends.outputs, news.clone());
-        let publishing = std::thread::Builder::new()
-            .name("publish".to_owned())
-            .spawn_scoped(scope, move || publish(outputs, mouth_ref, &unit.parameters, &telling))?;
+        let publishing = std::thread::Builder::new().name("publish".to_owned()).spawn_scoped(scope, move || {
+            claim_as_carrier(settings.wishes.priority);
+            publish(outputs, mouth_ref, &unit.parameters, &telling)
+        })?;
         let publisher = publishing.thread().clone();
         let stepping = std::thread::Builder::new().name("step".to_owned()).spawn_scoped(scope, move || {
             for said in claim(settings.wishes) {
@@ -219,6 +224,23 @@ fn parameters(options: &Options, say: Say<'_>) -> Result<Store, NodeError> {
     }
     store.check_unit().map_err(NodeError::Parameter)?;
     Ok(store)
+}
+
+/// Raises the threads of the transport and says how that went.
+fn transport_words(priority: u8) -> (LogLevel, String) {
+    let middle = carrier(priority);
+    let low = carrier(middle);
+    match claim_transport(priority) {
+        (_, 0) if priority == 0 => (LogLevel::Info, "no thread asks for real time".to_owned()),
+        (found, raised) if raised == found && found > 0 => (
+            LogLevel::Info,
+            format!("SCHED_FIFO: integration {priority}; transport, hearing and publishing {middle}; discovery {low}"),
+        ),
+        (found, raised) => (
+            LogLevel::Warn,
+            format!("{raised} of {found} threads of the transport are real-time; other programs may delay samples"),
+        ),
+    }
 }
 
 fn names(bus: &Bus) -> Result<Names, BusError> {

@@ -94,7 +94,7 @@ pub fn claim(wishes: Wishes) -> Vec<Result<String, String>> {
         });
     }
     if wishes.priority > 0 {
-        said.push(match set_fifo(wishes.priority) {
+        said.push(match set_fifo(THIS_THREAD, wishes.priority) {
             Ok(()) => Ok(format!("SCHED_FIFO priority {}", wishes.priority)),
             Err(error) => Err(format!(
                 "no real-time priority: {error}; other programs may delay the loop (allow it with `ulimit -r`, \
@@ -103,6 +103,46 @@ pub fn claim(wishes: Wishes) -> Vec<Result<String, String>> {
         });
     }
     said
+}
+
+/// How far the threads that carry data stand below the integration thread, and discovery below them.
+const STEP_DOWN: u8 = 10;
+
+/// Threads of RustDDS as the system shortens their names: the one that moves samples, and the one that finds peers.
+const TRANSPORT: &str = "RustDDS Partici";
+const DISCOVERY: &str = "RustDDS discove";
+
+/// The priority of a thread that carries data, below an integration thread with `priority`; 0 where that has none.
+#[must_use]
+pub fn carrier(priority: u8) -> u8 {
+    if priority == 0 { 0 } else { priority.saturating_sub(STEP_DOWN).max(1) }
+}
+
+/// Raises this thread, which carries data, to its priority; where that is not allowed the integration thread says so.
+pub fn claim_as_carrier(priority: u8) {
+    if priority > 0 {
+        let _ = set_fifo(THIS_THREAD, carrier(priority));
+    }
+}
+
+/// Raises the threads of the transport: those that move samples to [`carrier`], discovery below them. Returns how many
+/// there are and how many were raised.
+#[must_use]
+pub fn claim_transport(priority: u8) -> (usize, usize) {
+    let Ok(tasks) = std::fs::read_dir("/proc/self/task") else { return (0, 0) };
+    let (mut found, mut raised) = (0, 0);
+    for task in tasks.flatten() {
+        let Ok(name) = std::fs::read_to_string(task.path().join("comm")) else { continue };
+        let wanted = match name.trim_end() {
+            TRANSPORT => carrier(priority),
+            DISCOVERY => carrier(carrier(priority)),
+            _ => continue,
+        };
+        found += 1;
+        let thread = task.file_name().to_str().and_then(|name| name.parse().ok());
+        raised += usize::from(wanted > 0 && thread.is_some_and(|thread| set_fifo(thread, wanted).is_ok()));
+    }
+    (found, raised)
 }
 
 /// Resident memory of this process in bytes; 0 where the system does not say.
@@ -131,17 +171,26 @@ fn pin_to(cpu: usize) -> io::Result<()> {
     Ok(sched_setaffinity(None, &set)?)
 }
 
+/// The calling thread, as the scheduler names it.
+const THIS_THREAD: i32 = 0;
+
 #[expect(unsafe_code, reason = "no safe library in use offers the scheduling policy")]
-fn set_fifo(priority: u8) -> io::Result<()> {
+fn set_fifo(thread: i32, priority: u8) -> io::Result<()> {
     let parameter = libc::sched_param { sched_priority: i32::from(priority) };
-    // SAFETY: `parameter` is a whole `sched_param` that outlives the call, which only reads it; 0 is this thread.
-    let outcome = unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &raw const parameter) };
+    // SAFETY: `parameter` is a whole `sched_param` that outlives the call, which only reads it; a thread that has gone
+    // is an error of the call.
+    let outcome = unsafe { libc::sched_setscheduler(thread, libc::SCHED_FIFO, &raw const parameter) };
     if outcome == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{Wishes, claim, monotonic_ns, resident_bytes, sleep_until};
+    use super::{Wishes, carrier, claim, monotonic_ns, resident_bytes, sleep_until};
+
+    #[test]
+    fn carriers_stand_below_the_loop_and_above_nothing_without_one() {
+        assert_eq!([80, 11, 5, 1, 0].map(carrier), [70, 1, 1, 1, 0]);
+    }
 
     #[test]
     fn a_sleep_ends_at_or_after_its_deadline() {

@@ -1,0 +1,46 @@
+//! Which RustDDS the program was built on: the published release, or the repaired copy below `vendor/`.
+//!
+//! Cargo takes the repaired copy for every build from this project's own sources. Built as a dependency of another
+//! package, or from a registry, the program gets the published release, whose defects are described in
+//! `docs/upstream`. Both must compile, so what only the copy has stands here once more as a trait: where a
+//! type has an item of that name itself, Rust takes that one.
+
+use std::time::Duration;
+
+use rustdds::DomainParticipantBuilder;
+
+/// What stands in for the repaired copy's items where the release lacks them.
+trait Published: Sized {
+    const CHANGES: &'static str = "RustDDS as published: large service replies are malformed, peers that were away for \
+                                   longer than their lease are lost, a hostile packet can exhaust memory";
+
+    fn lease_duration(self, _lease: Duration) -> Self {
+        self
+    }
+}
+
+impl Published for DomainParticipantBuilder {}
+
+/// The transport in words, for `--version` and for the first words of a node.
+pub const DESCRIPTION: &str = DomainParticipantBuilder::CHANGES;
+
+/// Whether the transport is the repaired copy.
+#[must_use]
+pub fn is_repaired() -> bool {
+    DESCRIPTION != <DomainParticipantBuilder as Published>::CHANGES
+}
+
+/// The builder with this lease: how long peers believe in the node without a sign of life. The release's 50 s are fixed.
+pub(super) fn with_lease(builder: DomainParticipantBuilder, lease: Duration) -> DomainParticipantBuilder {
+    if is_repaired() { builder.lease_duration(lease) } else { Published::lease_duration(builder, lease) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{DESCRIPTION, is_repaired};
+
+    #[test]
+    fn this_project_builds_on_the_repaired_copy() {
+        assert!(is_repaired(), "{DESCRIPTION}");
+    }
+}
