@@ -41,6 +41,11 @@ def stamp_ns(header):
     return header.stamp.sec * 10**9 + header.stamp.nanosec
 
 
+def whole(samples):
+    """Those that carry data; the others only tell that a writer went."""
+    return [sample for sample in samples if sample.sample_info.valid_data]
+
+
 class Bench:
     def __init__(self):
         self.participant = DomainParticipant(DOMAIN)
@@ -67,6 +72,10 @@ class Bench:
         self.get_reply = reader("rr/govtwin/get_parametersReply", ros.GetParametersResponse, RELIABLE)
         self.set_call = writer("rq/govtwin/set_parametersRequest", ros.SetParametersRequest)
         self.set_reply = reader("rr/govtwin/set_parametersReply", ros.SetParametersResponse, RELIABLE)
+        self.list_call = writer("rq/govtwin/list_parametersRequest", ros.ListParametersRequest)
+        self.list_reply = reader("rr/govtwin/list_parametersReply", ros.ListParametersResponse, RELIABLE)
+        self.describe_call = writer("rq/govtwin/describe_parametersRequest", ros.DescribeParametersRequest)
+        self.describe_reply = reader("rr/govtwin/describe_parametersReply", ros.DescribeParametersResponse, RELIABLE)
         self.publications = BuiltinDataReader(self.participant, BuiltinTopicDcpsPublication)
         self.own = {self.participant.guid}
 
@@ -81,8 +90,8 @@ class Bench:
                 self.pressure.write(ros.FluidPressure(now(), 6.3e6, 0.0))
             if step % 50 == 0:
                 self.esv.write(ros.EsvState(now(), esv))
-            states += self.state.take(100)
-            joints += self.joints.take(100)
+            states += whole(self.state.take(100))
+            joints += whole(self.joints.take(100))
             time.sleep(max(0.0, begin + (step + 1) / rate - time.monotonic()))
         return states, joints
 

@@ -113,3 +113,60 @@ class SetParametersResponse(IdlStruct, typename="rcl_interfaces::srv::dds_::SetP
     caller: uint64
     number: int64
     results: sequence[SetParametersResult]
+
+
+@dataclass
+class ListParametersRequest(IdlStruct, typename="rcl_interfaces::srv::dds_::ListParameters_Request_"):
+    caller: uint64
+    number: int64
+    prefixes: sequence[str]
+    depth: uint64
+
+
+# The result's two members stand where the struct that holds them in ROS 2 stands.
+@dataclass
+class ListParametersResponse(IdlStruct, typename="rcl_interfaces::srv::dds_::ListParameters_Response_"):
+    caller: uint64
+    number: int64
+    names: sequence[str]
+    prefixes: sequence[str]
+
+
+@dataclass
+class FloatingPointRange(IdlStruct, typename="rcl_interfaces::msg::dds_::FloatingPointRange_"):
+    from_value: float64
+    to_value: float64
+    step: float64
+
+
+@dataclass
+class IntegerRange(IdlStruct, typename="rcl_interfaces::msg::dds_::IntegerRange_"):
+    from_value: int64
+    to_value: int64
+    step: uint64
+
+
+@dataclass
+class ParameterDescriptor(IdlStruct, typename="rcl_interfaces::msg::dds_::ParameterDescriptor_"):
+    name: str
+    type: uint8
+    description: str
+    additional_constraints: str
+    read_only: bool
+    dynamic_typing: bool
+    floating_point_range: sequence[FloatingPointRange]
+    integer_range: sequence[IntegerRange]
+
+
+@dataclass
+class DescribeParametersRequest(IdlStruct, typename="rcl_interfaces::srv::dds_::DescribeParameters_Request_"):
+    caller: uint64
+    number: int64
+    names: sequence[str]
+
+
+@dataclass
+class DescribeParametersResponse(IdlStruct, typename="rcl_interfaces::srv::dds_::DescribeParameters_Response_"):
+    caller: uint64
+    number: int64
+    descriptors: sequence[ParameterDescriptor]

@@ -1,12 +1,15 @@
 // A bench on Fast DDS against a running `govtwin run`: it commands, listens and asks for parameters.
 //
-// Prints what it checked and exits with the number of checks that failed. Usage: bench DOMAIN
+// Prints what it checked and exits with the number of checks that failed. Usage: bench DOMAIN [watch]
+// With `watch` it is a peer as tests/dds/watch.py is one: it commands 0.3 and 0.5 in turn after each silence of 2 s, and
+// prints each half second how many states it received. Its lease is 2 s then.
 #include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <string>
 #include <thread>
+#include <utility>
 
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
@@ -42,7 +45,13 @@ static std_msgs::msg::dds_::Header_ now() {
 
 int main(int argc, char** argv) {
     const int domain = argc > 1 ? std::atoi(argv[1]) : 0;
-    auto* participant = DomainParticipantFactory::get_instance()->create_participant(domain, PARTICIPANT_QOS_DEFAULT);
+    const bool watching = argc > 2 && std::string(argv[2]) == "watch";
+    DomainParticipantQos own = PARTICIPANT_QOS_DEFAULT;
+    if (watching) {
+        own.wire_protocol().builtin.discovery_config.leaseDuration = eprosima::fastrtps::Duration_t(2, 0);
+        own.wire_protocol().builtin.discovery_config.leaseDuration_announcementperiod = eprosima::fastrtps::Duration_t(0, 500000000);
+    }
+    auto* participant = DomainParticipantFactory::get_instance()->create_participant(domain, own);
     if (participant == nullptr) {
         std::printf("FAIL cannot join domain %d\n", domain);
         return 1;
@@ -72,6 +81,9 @@ int main(int argc, char** argv) {
     using namespace rcl_interfaces::srv::dds_;
     auto* call = writer("rq/govtwin/get_parametersRequest", TypeSupport(new GetParameters_Request_PubSubType()));
     auto* replies = reader("rr/govtwin/get_parametersReply", TypeSupport(new GetParameters_Response_PubSubType()), true);
+
+    auto* list_call = writer("rq/govtwin/list_parametersRequest", TypeSupport(new ListParameters_Request_PubSubType()));
+    auto* lists = reader("rr/govtwin/list_parametersReply", TypeSupport(new ListParameters_Response_PubSubType()), true);
 
     ServoState_ state;
     SampleInfo info;
@@ -103,6 +115,35 @@ int main(int argc, char** argv) {
         }
     };
 
+    if (watching) {
+        const auto most = std::chrono::seconds(2);
+        double openings[2] = {0.3, 0.5};
+        auto told = steady_clock::now(), heard = told;
+        bool ever = false;
+        for (int printed = 0; printed < 600;) {
+            const auto loop = steady_clock::now();
+            const int before = count;
+            drive(0.02, openings[0], 1);
+            const auto at = steady_clock::now();
+            const bool got = count > before;
+            if ((ever && got && at - heard > most) || at - loop > most) {
+                std::swap(openings[0], openings[1]);
+                heard = at;
+            }
+            if (got) {
+                ever = true;
+                heard = at;
+            }
+            if (at - told >= milliseconds(500)) {
+                std::printf("states %d at %.5f\n", count, state.servomotor_position());
+                std::fflush(stdout);
+                count = 0;
+                told = at;
+                ++printed;
+            }
+        }
+        return 0;
+    }
     for (int wait = 0; wait < 100; ++wait) {
         SubscriptionMatchedStatus matched;
         states->get_subscription_matched_status(matched);
@@ -144,6 +185,23 @@ int main(int argc, char** argv) {
         }
     }
     check("a Fast DDS caller gets parameters, its call named in the answer", answered);
+
+    bool listed = false;
+    size_t names = 0;
+    for (int attempt = 0; attempt < 10 && !listed; ++attempt) {
+        ListParameters_Request_ request;
+        list_call->write(&request);
+        const auto until = steady_clock::now() + milliseconds(500);
+        while (steady_clock::now() < until && !listed) {
+            ListParameters_Response_ response;
+            while (lists->take_next_sample(&response, &info) == ReturnCode_t::RETCODE_OK) {
+                names = info.valid_data ? response.names().size() : names;
+                listed = names > 50;
+            }
+            std::this_thread::sleep_for(milliseconds(10));
+        }
+    }
+    check("and the list of all parameters, which takes fragments", listed, "(" + std::to_string(names) + " names)");
 
     drive(3.0, 0.50, 0);
     check("an ESV trip closes", state.servomotor_position() < 0.3,

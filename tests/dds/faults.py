@@ -1,0 +1,242 @@
+#!/usr/bin/env python3
+"""Faults of a bench against a running `govtwin run`: large replies, pauses past the lease, hostile packets.
+
+Usage: faults.py GOVTWIN FOLDER [--watch COMMAND...]   (needs PyPI `cyclonedds` 11; ROS_DOMAIN_ID picks the domain)
+The node's logs go to FOLDER. COMMAND is a peer of another maker that commands and watches as `watch.py` does; by
+default `watch.py` itself, on Cyclone DDS. Packets are sent to 127.0.0.1 only, with bounded counts.
+Exits 0 when everything was as it should be, 1 otherwise, 77 where cyclonedds is missing.
+"""
+
+import os
+import random
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import time
+
+from bench import DOMAIN, Bench, check, wait_for, FAILED
+import types_ros as ros
+
+LEASE_S = 3.0
+# A peer's lease is 2 s in this test; the node looks for expired leases every 2 s.
+PAUSE_S = 9.0
+MOST_MEGABYTES = 150
+
+
+class Node:
+    """A running node, with its log in a file."""
+
+    def __init__(self, binary, log, *more):
+        self.log_path = log
+        self.log = open(log, "w")
+        arguments = [binary, "run", "--stale-after", "1.5", "--hold", "0.5", *more]
+        self.process = subprocess.Popen(arguments, stderr=self.log, stdout=self.log)
+
+    def megabytes(self):
+        with open(f"/proc/{self.process.pid}/statm") as statm:
+            return int(statm.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+    def end(self):
+        """Ends it by SIGINT; whether it went with exit code 0 within 5 s."""
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+        try:
+            return self.process.wait(5) == 0
+        except subprocess.TimeoutExpired:
+            return False
+        finally:
+            if self.process.poll() is None:
+                self.process.kill()
+                self.process.wait()
+            self.log.close()
+
+
+def large_replies(binary, folder):
+    """Replies above one datagram, as `ros2 param list` asks for."""
+    node = Node(binary, os.path.join(folder, "replies.txt"))
+    bench = Bench()
+    try:
+        request = ros.ListParametersRequest(0x0102030405060708, 1, [], 0)
+        reply = bench.ask(bench.list_call, bench.list_reply, request, 10)
+        names = reply.names if reply else []
+        check("a Cyclone caller gets the list of all parameters", len(names) > 50 and "hold" in names,
+              f"({len(names)} names, {sum(map(len, names))} characters)")
+        if names:
+            request = ros.DescribeParametersRequest(0x0102030405060708, 2, list(names))
+            reply = bench.ask(bench.describe_call, bench.describe_reply, request, 10)
+            described = [d.name for d in reply.descriptors] if reply else []
+            check("and the descriptors of all", described == list(names), f"({len(described)} descriptors)")
+    finally:
+        node.end()
+
+
+class Watch:
+    """A peer in a process of its own that prints, each half second, the states it received and the last position."""
+
+    def __init__(self, command):
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, bufsize=1)
+        os.set_blocking(self.process.stdout.fileno(), False)
+        self.rest = ""
+
+    def lines(self):
+        """What it printed since the last call: (states, position) for each line."""
+        try:
+            self.rest += self.process.stdout.read() or ""
+        except (BlockingIOError, TypeError):
+            pass
+        whole, _, self.rest = self.rest.rpartition("\n")
+        rows = [line.split() for line in whole.splitlines()]
+        return [(int(row[1]), float(row[3])) for row in rows if len(row) == 4 and row[0] == "states"]
+
+    def until(self, condition, seconds):
+        """Seconds until a line fulfils the condition; None where none does."""
+        begin = time.monotonic()
+        while time.monotonic() < begin + seconds:
+            if any(condition(*line) for line in self.lines()):
+                return time.monotonic() - begin
+            time.sleep(0.05)
+        return None
+
+    def end(self):
+        self.process.send_signal(signal.SIGCONT)
+        self.process.terminate()
+        try:
+            self.process.wait(5)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+
+
+def pauses(binary, folder, command, leases):
+    """A peer that stops past its lease and comes back, and a node that does."""
+    node = Node(binary, os.path.join(folder, "pauses.txt"), *leases)
+    watch = Watch(command)
+    try:
+        check("a peer's command is followed", watch.until(lambda n, x: n > 0 and abs(x - 0.3) < 2e-3, 25) is not None)
+        # At each return the peer commands the other opening, so that both ways are seen to work.
+        for who, pid, opening in (("peer", watch.process.pid, 0.5), ("node", node.process.pid, 0.3)):
+            os.kill(pid, signal.SIGSTOP)
+            time.sleep(PAUSE_S)
+            watch.lines()
+            os.kill(pid, signal.SIGCONT)
+            back = watch.until(lambda n, x: n > 10 and abs(x - opening) < 2e-3, 30)
+            check(f"both ways work again after the {who} paused {PAUSE_S:.0f} s", back is not None,
+                  f"({back:.1f} s after its return)" if back else "(not within 30 s)")
+    finally:
+        watch.end()
+        check("the node ends in order", node.end())
+
+
+def header(prefix, vendor=b"\x01\x10"):
+    return b"RTPS\x02\x02" + vendor + prefix
+
+
+def submessage(kind, flags, body):
+    return struct.pack("<BBH", kind, flags, len(body)) + body
+
+
+def number(value):
+    return struct.pack("<iI", value >> 32, value & 0xFFFFFFFF)
+
+
+BUILTIN = [(0x3C7, 0x3C2), (0x4C7, 0x4C2), (0x200C7, 0x200C2)]
+
+
+def hostile(count):
+    """Submessages whose ranges and sizes are far beyond anything real, each well-formed."""
+    for reader, writer in BUILTIN:
+        ids = struct.pack(">II", reader, writer)
+        back = struct.pack(">II", reader, writer)
+        for first, last in ((1 << 30, 1 << 31), (1, 1 << 62), ((1 << 63) - 2, (1 << 63) - 1)):
+            yield submessage(7, 1, ids + number(first) + number(last) + struct.pack("<i", count))
+        yield submessage(8, 1, ids + number(1 << 20) + number(1 << 34) + struct.pack("<I", 0))
+        for sn in range(1, 9):
+            # One fragment of a sample that claims 4 GB.
+            yield submessage(0x16, 1, struct.pack("<HH", 0, 28) + ids + number(1000 + sn)
+                             + struct.pack("<IHHI", 1, 1, 60000, 0xFFFFFFF0) + bytes(64))
+            # Fragments requested that nothing has.
+            yield submessage(0x12, 1, back + number(sn) + struct.pack("<II", 0xFFFFFF00, 32)
+                             + struct.pack("<I", 0xFFFFFFFF) + struct.pack("<i", count + sn))
+        yield submessage(6, 1, back + number((1 << 62) + 5) + struct.pack("<I", 0) + struct.pack("<i", count))
+
+
+def hostile_packets(binary, folder):
+    """Hostile and mutated packets in the name of a matched peer: memory stays, data flows, SIGINT is heard."""
+    node = Node(binary, os.path.join(folder, "hostile.txt"))
+    bench = Bench()
+    out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    ports = [7400 + 250 * DOMAIN + 10 + 2 * index + user for index in range(4) for user in (0, 1)]
+
+    def send(packet):
+        for port in ports:
+            try:
+                out.sendto(packet, ("127.0.0.1", port))
+            except OSError:
+                pass
+
+    def flow(what):
+        """Whether commands and states flow, and the memory stayed where it was."""
+        states, _ = bench.drive(3.0, 0.4)
+        alive = node.process.poll() is None
+        now = node.megabytes() if alive else math_nan
+        right = alive and len(states) > 150 and now - before < MOST_MEGABYTES
+        check(what, right, f"({len(states)} states in 3 s, {before:.0f} MB before, {now:.0f} MB after)")
+        return right
+
+    math_nan = float("nan")
+    try:
+        wait_for(lambda: len(bench.command.get_matched_subscriptions()) > 0, 10)
+        bench.drive(2.0, 0.4)
+        before = node.megabytes()
+        prefix = bench.participant.guid.bytes[:12]
+        begin = time.monotonic()
+        for reader, writer in BUILTIN:
+            ids = struct.pack(">II", reader, writer)
+            body = ids + number(1 << 30) + number(1 << 31) + struct.pack("<i", 1_000_000)
+            send(header(prefix) + submessage(7, 1, body))
+        while time.monotonic() < begin + 4 and node.megabytes() < before + 1500:
+            time.sleep(0.05)
+        if not flow("a heartbeat of 2^30 to 2^31 is survived"):
+            return
+        for turn in range(20):
+            for body in hostile(2_000_000 + 100 * turn):
+                send(header(prefix) + body)
+            time.sleep(0.02)
+        if not flow("ranges and sizes beyond anything real are survived"):
+            return
+        source = random.Random(20_000)
+        templates = [header(prefix) + body for body in hostile(3_000_000)]
+        for index in range(20_000):
+            packet = bytearray(source.choice(templates))
+            for _ in range(source.randint(1, 6)):
+                packet[source.randrange(20, len(packet))] = source.randrange(256)
+            send(bytes(packet))
+            if index % 50 == 0:
+                time.sleep(0.01)
+                if node.process.poll() is not None or node.megabytes() > before + 1500:
+                    break
+        flow("20000 mutated packets are survived")
+    finally:
+        out.close()
+        check("the node hears SIGINT", node.end())
+
+
+def main():
+    binary, folder = sys.argv[1], sys.argv[2]
+    here = os.path.dirname(os.path.abspath(__file__))
+    command = sys.argv[4:] if sys.argv[3:4] == ["--watch"] else [sys.executable, os.path.join(here, "watch.py")]
+    wanted = os.environ.get("FAULTS", "replies pauses hostile").split()
+    if "pauses" in wanted:
+        pauses(binary, folder, command, os.environ.get("LEASE", f"--lease {LEASE_S}").split())
+    if "replies" in wanted:
+        large_replies(binary, folder)
+    if "hostile" in wanted:
+        hostile_packets(binary, folder)
+    print(f"{len(FAILED)} failed")
+    sys.exit(1 if FAILED else 0)
+
+
+if __name__ == "__main__":
+    main()
