@@ -37,6 +37,7 @@ stamped! {
     GovernorCommand = "governor_msgs/msg/GovernorCommand",
     EsvState = "governor_msgs/msg/EsvState",
     ServoState = "governor_msgs/msg/ServoState",
+    TwinStatus = "governor_msgs/msg/TwinStatus",
     FluidPressure = "sensor_msgs/msg/FluidPressure",
     JointState = "sensor_msgs/msg/JointState",
 }
@@ -140,6 +141,25 @@ pub struct ServoState {
     pub pilot_valve_position: f64,
     /// Control-chamber pressure, Pa gauge.
     pub control_pressure: f64,
+}
+
+/// `governor_msgs/msg/TwinStatus`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TwinStatus {
+    /// The model's time.
+    pub header: Header,
+    /// 0 waiting, 1 running, 2 holding, 3 fail-safe.
+    pub state: u8,
+    /// 0 default, 1 fresh, 2 held, 3 failed.
+    pub command: u8,
+    /// The same of the ESV state.
+    pub esv: u8,
+    /// The same of the tank pressure.
+    pub tank_pressure: u8,
+    /// Whether the regulator limits the command.
+    pub command_clamped: bool,
+    /// Whether a learned correction is loaded and not applied.
+    pub residual_off: bool,
 }
 
 /// `sensor_msgs/msg/FluidPressure`.

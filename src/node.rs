@@ -4,17 +4,17 @@
 //!
 //! ```text
 //!  DDS ─▶ hear ───events───▶ step ────outputs───▶ publish ─▶ DDS
-//!         `listener` ring    `integration` ring   `live`
+//!         `listener` ring    `integration` ring   `mouth`
 //!         checks, answers    `core` → Twin        └─news─▶ keeper: words, /rosout, /diagnostics, bag
 //! ```
 //!
-//! Only `step` runs in real time. It shares nothing with the others but two wait-free rings; it never touches
-//! DDS, a lock or the allocator. The model's time is the count of its steps, or `/clock` where
+//! `step` runs above all others; it shares nothing with them but two wait-free rings, and never touches
+//! DDS, a lock or the allocator. `hear`, `publish` and the transport's event loop run below it in real time, discovery below them. The model's time is the count of its steps, or `/clock` where
 //! `use_sim_time` is set; what arrives takes effect at the next step.
 //!
 //! What it does not do: REP-2016 type hashes are not announced (Iron and later warn, data flows); a
 //! publisher's lease, deadline and lifespan are not judged, silence is, by arrival; `ROS_STATIC_PEERS` and DDS
-//! security cannot be followed.
+//! security cannot be followed. RustDDS is the repaired copy below `vendor/`, see `transport`.
 
 pub mod arguments;
 pub mod bus;
@@ -28,13 +28,16 @@ pub mod journal;
 pub mod listener;
 pub mod live;
 pub mod messages;
+pub mod mouth;
 pub mod parameters;
 pub mod player;
+pub mod policy;
 pub mod qos;
 pub mod realtime;
 pub mod recorder;
 pub mod services;
 pub mod settings;
+pub mod startup;
 pub mod stats;
 pub mod transport;
 pub mod words;

@@ -4,7 +4,9 @@ use std::fmt;
 
 use govtwin::msg::definition::{Count, Definition, closure_of, parse_schema, schema_of, text_of};
 use govtwin::msg::type_hash::{hash_of, type_hash};
-use govtwin::msg::{EsvState, FluidPressure, GovernorCommand, Header, Interface, JointState, ServoState, Time};
+use govtwin::msg::{
+    EsvState, FluidPressure, GovernorCommand, Header, Interface, JointState, ServoState, Time, TwinStatus,
+};
 use serde::de::{DeserializeOwned, DeserializeSeed, Deserializer, SeqAccess, Visitor};
 
 /// Writes down what a type asks its decoder for: `[header: {…}, opening: float64]`.
@@ -145,6 +147,7 @@ fn structs_equal_their_definitions_in_order_type_and_name() {
     check::<GovernorCommand>();
     check::<EsvState>();
     check::<ServoState>();
+    check::<TwinStatus>();
     check::<FluidPressure>();
     check::<JointState>();
     assert_eq!(shape_of_struct::<Time>(), "{sec: int32; nanosec: uint32; }");

@@ -5,7 +5,7 @@
 mod residual;
 
 use govtwin::frame::EsvState;
-use govtwin::node::core::{Core, Heard, Notices, OnStale, Policy};
+use govtwin::node::core::{Core, Heard, Input, Notices, OnStale, Policy, Rule};
 use govtwin::node::integration::{Event, Integrator, Pace};
 use govtwin::params;
 use govtwin::residual::corrector::Corrector;
@@ -42,7 +42,9 @@ fn run(simulated: bool, corrected: bool, adapts: bool) -> (u64, i64) {
                 tell(Heard::TankPressure(6.2e6));
             }
             if step == 2000 {
-                tell(Heard::Policy(policy));
+                for input in Input::ALL {
+                    tell(Heard::Rule(input, Rule { policy, required: true }));
+                }
                 tell(Heard::PublishPeriod(5 * MS));
             }
             if adapts && step % 20 == 0 {

@@ -11,7 +11,7 @@ use govtwin::node::core::{Input, OnStale};
 use govtwin::node::environment::Environment;
 use govtwin::node::live::{self, Ended, Options};
 use govtwin::node::realtime::Wishes;
-use govtwin::node::settings::Settings;
+use govtwin::node::settings::{InputSettings, Settings};
 use govtwin::params;
 use govtwin::twin::Twin;
 use serde_json::json;
@@ -52,12 +52,15 @@ pub struct Args {
     /// Hold a stale input for so long before the fail-safe.
     #[arg(long = "hold", value_name = "S", default_value_t = 1.0)]
     hold_s: f64,
-    /// The fail-safe: treat a stale input as an ESV trip, hold it for ever, or stop the node.
+    /// The fail-safe: treat a stale input as an ESV trip, hold it for ever, stop the node, or go back to its default.
     #[arg(long, value_name = "WHAT", default_value = "trip", value_parser = OnStale::NAMES)]
     on_stale: String,
     /// Peers drop a node that they did not hear for so long; it is announced five times in that span.
     #[arg(long = "lease", value_name = "S", default_value_t = 10.0)]
     lease_s: f64,
+    /// Inputs that may stay away: their defaults are taken until they are heard.
+    #[arg(long, value_name = "INPUT", num_args = 1.., value_delimiter = ',', value_parser = Input::NAMES)]
+    optional: Vec<String>,
     /// Write a bag of the inputs as the twin took them and of its estimates.
     #[arg(long, value_name = "DIR")]
     bag: Option<PathBuf>,
@@ -90,8 +93,12 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         stale_after_s: args.stale_after_s,
         hold_s: args.hold_s,
         on_stale: OnStale::named(&args.on_stale).unwrap_or_default(),
-        use_sim_time: false,
+        inputs: Input::NAMES.map(|name| InputSettings {
+            required: !args.optional.iter().any(|optional| optional == name),
+            ..InputSettings::default()
+        }),
         wishes: Wishes { cpu: args.cpu, priority: args.priority },
+        ..Settings::default()
     };
     let mut unit = args.params.as_deref().map_or_else(|| Ok(params::reference()), params::load)?;
     if Twin::new(&unit).plant().lookahead_s > 0.0 {

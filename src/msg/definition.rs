@@ -17,6 +17,7 @@ const TEXTS: &[(&str, &str)] = &[
     ("governor_msgs/msg/GovernorCommand", include_str!("../../msg/governor_msgs/msg/GovernorCommand.msg")),
     ("governor_msgs/msg/EsvState", include_str!("../../msg/governor_msgs/msg/EsvState.msg")),
     ("governor_msgs/msg/ServoState", include_str!("../../msg/governor_msgs/msg/ServoState.msg")),
+    ("governor_msgs/msg/TwinStatus", include_str!("../../msg/governor_msgs/msg/TwinStatus.msg")),
 ];
 
 /// The line between a definition and each of its dependencies in a `ros2msg` schema.

@@ -8,7 +8,7 @@ use ros2_client::{
     Server, ServiceMapping, ServiceTypeName, Subscription,
 };
 use ros2args::Ros2ArgsError;
-use rustdds::{DomainParticipantBuilder, GUID, RTPSEntity};
+use rustdds::{DomainParticipantBuilder, GUID, QosPolicies, RTPSEntity};
 use serde::Serialize;
 
 use super::arguments::Arguments;
@@ -58,6 +58,15 @@ pub struct Bus {
     node: Node,
     context: Context,
     arguments: Arguments,
+    endpoints: Vec<Endpoint>,
+}
+
+/// A topic that the node reads or writes, and its quality of service.
+struct Endpoint {
+    /// Full name.
+    topic: String,
+    writes: bool,
+    qos: QosPolicies,
 }
 
 impl Bus {
@@ -77,7 +86,7 @@ impl Bus {
             .map_err(|error| BusError::Name { name: arguments.full_name(), reason: error.to_string() })?;
         let options = NodeOptions::new().enable_rosout(arguments.rosout);
         let node = context.new_node(name, options).map_err(|error| join(error.to_string()))?;
-        Ok(Self { node, context, arguments })
+        Ok(Self { node, context, arguments, endpoints: Vec::new() })
     }
 
     /// The node's arguments.
@@ -173,13 +182,43 @@ impl Bus {
         others.filter(|data| *data.topic_name() == dds_name && prefix_of(data.key()) != own_prefix).count()
     }
 
+    /// Endpoints of others on the node's topics with which no sample is exchanged, since their qualities of service do not go
+    /// together: each one's id, and why in words.
+    #[must_use]
+    pub fn incompatible(&self) -> Vec<(Gid, String)> {
+        let own = self.context.domain_participant();
+        let (writers, readers) = (own.discovered_writers(), own.discovered_readers());
+        let mut found = Vec::new();
+        for Endpoint { topic, writes, qos } in &self.endpoints {
+            let dds_name = format!("rt{topic}");
+            if *writes {
+                let data = readers.iter().map(|reader| &reader.subscription_topic_data);
+                for data in data.filter(|data| *data.topic_name() == dds_name) {
+                    if let Some(policy) = qos.compliance_failure_wrt(&data.qos()) {
+                        let words = format!("{topic}: a subscription asks for more {policy:?} than is offered");
+                        found.push((Gid::from(data.key()), words));
+                    }
+                }
+            } else {
+                let data = writers.iter().map(|writer| &writer.publication_topic_data);
+                for data in data.filter(|data| data.topic_name == dds_name) {
+                    if let Some(policy) = data.qos().compliance_failure_wrt(qos) {
+                        let words = format!("{topic}: a publisher offers less {policy:?} than is asked for");
+                        found.push((Gid::from(data.key), words));
+                    }
+                }
+            }
+        }
+        found
+    }
+
     fn listen<M: Interface + 'static>(&mut self, topic: &str, qos: QosProfile) -> Result<Subscription<M>, BusError> {
         let (full_name, topic) = self.topic(topic, M::TYPE_NAME, "subscription", qos)?;
         self.node.create_subscription(&topic, None).map_err(|source| BusError::Open { topic: full_name, source })
     }
 
     fn topic(
-        &self,
+        &mut self,
         topic: &str,
         type_name: &str,
         role: &str,
@@ -190,7 +229,12 @@ impl Bus {
         let name = parse_name(&full_name)?;
         let (package, base) = split_type(type_name);
         match self.node.create_topic(&name, MessageTypeName::new(package, base), &qos) {
-            Ok(topic) => Ok((full_name, topic)),
+            Ok(topic) => {
+                let endpoint =
+                    Endpoint { topic: full_name.clone(), writes: role == "publisher", qos: QosPolicies::from(&qos) };
+                self.endpoints.push(endpoint);
+                Ok((full_name, topic))
+            }
             Err(source) => Err(BusError::Open { topic: full_name, source }),
         }
     }

@@ -3,79 +3,10 @@
 //! The core reads no clock, knows no DDS, takes no memory and cannot fail; the threads around it hand
 //! it what arrived and the time. The same calls therefore give the same estimates, live or in a test.
 
+pub use super::policy::{Input, InputState, OnStale, Policies, Policy, Rule};
 use crate::frame::{Estimate, EsvState, Frame, Inputs, Signals};
 use crate::residual::corrector::{Correction, Corrector};
 use crate::twin::Twin;
-
-/// The three inputs of the node.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Input {
-    /// `governor/command`.
-    Command,
-    /// `governor/esv`.
-    Esv,
-    /// `governor/tank_pressure`.
-    TankPressure,
-}
-
-impl Input {
-    /// All inputs, in the order of the arrays here.
-    pub const ALL: [Self; 3] = [Self::Command, Self::Esv, Self::TankPressure];
-
-    /// The topic's name before namespace and remapping.
-    #[must_use]
-    pub fn topic(self) -> &'static str {
-        match self {
-            Self::Command => "governor/command",
-            Self::Esv => "governor/esv",
-            Self::TankPressure => "governor/tank_pressure",
-        }
-    }
-
-    fn bit(self) -> u16 {
-        1 << (self as u16)
-    }
-}
-
-/// What to do when an input stays away for longer than the hold.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum OnStale {
-    /// Treat it as an ESV trip: the servomotor closes.
-    #[default]
-    Trip,
-    /// Go on with the last value for ever.
-    Hold,
-    /// End the node.
-    Stop,
-}
-
-impl OnStale {
-    /// All choices, as users write them.
-    pub const NAMES: [&'static str; 3] = ["trip", "hold", "stop"];
-
-    /// The name that users write.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        Self::NAMES[self as usize]
-    }
-
-    /// The choice with this name.
-    #[must_use]
-    pub fn named(name: &str) -> Option<Self> {
-        [Self::Trip, Self::Hold, Self::Stop].into_iter().find(|choice| choice.name() == name)
-    }
-}
-
-/// How silence is treated.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Policy {
-    /// An input older than this is stale, ns.
-    pub stale_after_ns: i64,
-    /// A stale input is held for so long before the fail-safe, ns.
-    pub hold_ns: i64,
-    /// The fail-safe.
-    pub on_stale: OnStale,
-}
 
 /// Something heard, checked already: every number is finite and in range.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -95,8 +26,8 @@ pub enum Heard {
     },
     /// Simulated time, ns since the epoch.
     Clock(i64),
-    /// A new treatment of silence.
-    Policy(Policy),
+    /// A new treatment of one input's silence.
+    Rule(Input, Rule),
     /// A new publish period, ns.
     PublishPeriod(i64),
 }
@@ -169,8 +100,18 @@ pub struct Tick {
     pub fail_safe: bool,
     /// The fail-safe asks the node to end.
     pub stop: bool,
+    /// What stands behind each input.
+    pub states: [InputState; 3],
     /// Ages of the inputs, ns; `None` for one never heard.
     pub ages_ns: [Option<i64>; 3],
+}
+
+impl Tick {
+    /// Whether the command lies outside the stroke, so that the regulator limits it.
+    #[must_use]
+    pub fn is_clamped(&self) -> bool {
+        !(0.0..=1.0).contains(&self.frame.inputs.opening_command_pu)
+    }
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -185,7 +126,7 @@ pub struct Core {
     twin: Twin,
     corrector: Option<Corrector>,
     measured: Signals,
-    policy: Policy,
+    policies: Policies,
     inputs: Inputs,
     held: [Held; 3],
     began_ns: Option<i64>,
@@ -195,16 +136,20 @@ pub struct Core {
 }
 
 impl Core {
-    /// A core that waits for its inputs; `tank_pressure_pa` stands in for a pressure never heard.
+    /// A core that waits for the inputs that `policies` require; `tank_pressure_pa` is the default of a pressure whose
+    /// policy names none.
     #[must_use]
-    pub fn new(twin: Twin, policy: Policy, tank_pressure_pa: f64) -> Self {
-        let inputs = Inputs { opening_command_pu: 0.0, esv: EsvState::Normal, tank_pressure_pa };
+    pub fn new(twin: Twin, policies: impl Into<Policies>, tank_pressure_pa: f64) -> Self {
+        let mut policies: Policies = policies.into();
+        let tank_pressure_pa = *policies.default_tank_pressure_pa.get_or_insert(tank_pressure_pa);
+        let inputs =
+            Inputs { opening_command_pu: policies.default_command_pu, esv: policies.default_esv, tank_pressure_pa };
         let held = [Held { heard_ns: None, stale: false }; 3];
         Self {
             twin,
             corrector: None,
             measured: Signals::NONE,
-            policy,
+            policies,
             inputs,
             held,
             began_ns: None,
@@ -242,8 +187,8 @@ impl Core {
                 self.inputs.tank_pressure_pa = tank_pressure_pa;
                 Input::TankPressure
             }
-            Heard::Policy(policy) => {
-                self.policy = policy;
+            Heard::Rule(input, rule) => {
+                self.policies.rules[input as usize] = rule;
                 return;
             }
             Heard::Measured { spool_pu, servomotor_pu } => {
@@ -284,11 +229,14 @@ impl Core {
         if std::mem::take(&mut self.reset) {
             notices.add(Notices::RESET);
         }
-        let (mut complete, mut overdue, mut ages_ns) = (true, false, [None; 3]);
+        let (mut complete, mut ages_ns) = (true, [None; 3]);
+        let mut states = [InputState::Default; 3];
         for input in Input::ALL {
+            let rule = self.policies.rules[input as usize];
             let held = &mut self.held[input as usize];
             let age_ns = now_ns.saturating_sub(held.heard_ns.unwrap_or(began_ns));
-            let stale = age_ns > self.policy.stale_after_ns;
+            let awaited = held.heard_ns.is_some() || rule.required;
+            let stale = awaited && age_ns > rule.policy.stale_after_ns;
             if stale != held.stale {
                 held.stale = stale;
                 notices.add(match (stale, held.heard_ns) {
@@ -297,22 +245,30 @@ impl Core {
                     (false, _) => Notices::recovered(input),
                 });
             }
-            complete &= held.heard_ns.is_some();
-            overdue |= age_ns > self.policy.stale_after_ns.saturating_add(self.policy.hold_ns);
+            complete &= held.heard_ns.is_some() || !rule.required;
+            let overdue = stale && age_ns > rule.policy.stale_after_ns.saturating_add(rule.policy.hold_ns);
+            states[input as usize] = match (held.heard_ns, stale) {
+                (Some(_), false) => InputState::Fresh,
+                (Some(_), true) if overdue && rule.policy.on_stale != OnStale::Hold => InputState::Failed,
+                (Some(_), true) => InputState::Held,
+                (None, _) => InputState::Default,
+            };
             ages_ns[input as usize] = held.heard_ns.map(|_| age_ns);
         }
-        let fail_safe = overdue && self.policy.on_stale != OnStale::Hold;
+        // Without a first set of inputs there is no steady state to start from: the twin waits, and nothing trips.
+        let runs = complete || self.previous.is_some();
+        let failed = |choice: OnStale| {
+            let of = |input: &Input| self.policies.rules[*input as usize].policy.on_stale == choice;
+            runs && Input::ALL.iter().any(|input| states[*input as usize] == InputState::Failed && of(input))
+        };
+        let (trip, stop) = (failed(OnStale::Trip), failed(OnStale::Stop));
+        let fail_safe = trip || stop || failed(OnStale::Default);
         if fail_safe != self.fail_safe {
             self.fail_safe = fail_safe;
             notices.add(if fail_safe { Notices::FAIL_SAFE } else { Notices::RELEASED });
         }
-        let mut inputs = self.inputs;
-        if fail_safe && self.policy.on_stale == OnStale::Trip {
-            inputs.esv = EsvState::Shutdown;
-        }
+        let inputs = self.policies.inputs(&self.inputs, &states, trip);
         let frame = Frame { time_ns, inputs, measured: Signals::NONE };
-        // Without a first set of inputs there is no steady state to start from, unless the fail-safe gives one.
-        let runs = complete || self.previous.is_some() || (fail_safe && self.policy.on_stale == OnStale::Trip);
         let inputs_changed = runs && self.previous != Some(inputs);
         if runs && self.previous.is_none() {
             notices.add(Notices::STARTED);
@@ -332,14 +288,13 @@ impl Core {
         if runs {
             self.previous = Some(inputs);
         }
-        let stop = fail_safe && self.policy.on_stale == OnStale::Stop;
-        Tick { frame, estimate, correction, inputs_changed, notices, fail_safe, stop, ages_ns }
+        Tick { frame, estimate, correction, inputs_changed, notices, fail_safe, stop, states, ages_ns }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{Core, Heard, Input, Notices, OnStale, Policy};
+    use super::{Core, Heard, Input, InputState, Notices, OnStale, Policies, Policy, Rule};
     use crate::frame::EsvState;
     use crate::twin::Twin;
 
@@ -406,12 +361,44 @@ mod tests {
     }
 
     #[test]
-    fn without_any_input_the_fail_safe_starts_closed() {
+    fn without_first_inputs_it_waits_and_says_what_for() {
         let mut core = core(OnStale::Trip);
         assert_eq!(core.tick(0, 0).estimate, None);
+        core.hear(Heard::Command(0.4), MS);
         let tick = core.tick(151 * MS, 151 * MS);
-        assert_eq!(tick.frame.inputs.esv, EsvState::Shutdown);
-        assert!(tick.estimate.unwrap().signals.servomotor_position_pu.abs() < 0.05);
+        assert!(tick.estimate.is_none() && !tick.fail_safe && !tick.stop);
+        assert!(
+            tick.notices.has(Notices::missing(Input::Esv)) && tick.notices.has(Notices::missing(Input::TankPressure))
+        );
+        assert_eq!(tick.states, [InputState::Held, InputState::Default, InputState::Default]);
+    }
+
+    #[test]
+    fn an_optional_input_has_its_default_until_it_is_heard_and_its_own_limits_then() {
+        let policy = Policy { stale_after_ns: 100 * MS, hold_ns: 50 * MS, on_stale: OnStale::Trip };
+        let mut policies = Policies::from(policy);
+        policies.rules[Input::Esv as usize].required = false;
+        let relaxed = Policy { stale_after_ns: 1000 * MS, hold_ns: 0, on_stale: OnStale::Default };
+        policies.rules[Input::TankPressure as usize] = Rule { policy: relaxed, required: false };
+        policies.default_tank_pressure_pa = Some(5.9e6);
+        let mut core = Core::new(Twin::new(&crate::params::reference()), policies, 6.3e6);
+        let tick = |core: &mut Core, now: i64| {
+            core.hear(Heard::Command(0.4), now * MS);
+            core.tick(now * MS, now * MS)
+        };
+        let first = tick(&mut core, 0);
+        assert!(first.estimate.is_some());
+        assert_eq!((first.frame.inputs.esv, first.frame.inputs.tank_pressure_pa), (EsvState::Normal, 5.9e6));
+        assert!(!tick(&mut core, 5000).fail_safe, "an optional input never heard is not missed");
+        core.hear(Heard::TankPressure(6.1e6), 5000 * MS);
+        assert_eq!(tick(&mut core, 6000).frame.inputs.tank_pressure_pa, 6.1e6);
+        let late = tick(&mut core, 6001);
+        assert!(late.fail_safe && late.states[2] == InputState::Failed);
+        assert_eq!((late.frame.inputs.esv, late.frame.inputs.tank_pressure_pa), (EsvState::Normal, 5.9e6));
+        core.hear(Heard::Esv(EsvState::Normal), 6001 * MS);
+        let tripped = tick(&mut core, 6152);
+        assert_eq!(tripped.frame.inputs.esv, EsvState::Shutdown);
+        assert!(!tripped.is_clamped() && tick(&mut core, 6153).fail_safe);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::core::{Input, Policy};
+use super::core::{Input, Policies};
 use super::intake::{Counts, Refusal};
 use super::integration::Output;
 use crate::msg::Header;
@@ -46,14 +46,14 @@ pub struct DiagnosticArray {
 
 /// The health of one second.
 ///
-/// An input that is stale by `policy` is an error with its age, whatever the policy makes of it. Refused samples
+/// An input that is stale by its policy is an error with its age, whatever the policy makes of it. Refused samples
 /// are a warning in the one report after them: `reported` are the counts of the report before.
 #[must_use]
 pub fn compile(
     node: &str,
     time_ns: i64,
     newest: Option<&Output>,
-    policy: &Policy,
+    policies: &Policies,
     counts: &[Counts; 3],
     reported: &[Counts; 3],
 ) -> DiagnosticArray {
@@ -63,11 +63,12 @@ pub fn compile(
         let name = format!("{node}: {part}");
         status.push(DiagnosticStatus { level, name, message, hardware_id: String::new(), values });
     };
-    let is_stale = |age_ns: &i64| *age_ns > policy.stale_after_ns;
+    let is_stale = |input: Input, age_ns: i64| age_ns > policies.rules[input as usize].policy.stale_after_ns;
     let (level, message) = match newest.map(|output| &output.tick) {
         Some(tick) if tick.fail_safe => (2, "fail-safe: inputs are missing"),
         Some(tick) if tick.estimate.is_some() => {
-            let silent = tick.ages_ns.iter().flatten().any(is_stale);
+            let of = |input: Input| tick.ages_ns[input as usize].is_some_and(|age_ns| is_stale(input, age_ns));
+            let silent = Input::ALL.into_iter().any(of);
             if silent { (1, "running on the last value of silent inputs") } else { (0, "running") }
         }
         _ => (3, "waiting for inputs"),
@@ -92,9 +93,12 @@ pub fn compile(
             Refusal::ALL.iter().map(|&refusal| key_value(refusal.words(), counts.refused(refusal).to_string())),
         );
         let (level, message) = match (age_ns, counts.all_refused().saturating_sub(reported.all_refused())) {
-            (Some(age_ns), _) if is_stale(&age_ns) => (2, format!("silent for {} s", seconds_text(age_ns))),
+            (Some(age_ns), _) if is_stale(input, age_ns) => (2, format!("silent for {} s", seconds_text(age_ns))),
             (_, refused @ 1..) => (1, format!("samples refused since the last report: {refused}")),
             (Some(_), 0) => (0, "heard".to_owned()),
+            (None, 0) if !policies.rules[input as usize].required => {
+                (0, "nothing heard; its default is taken".to_owned())
+            }
             (None, 0) => (3, "nothing heard".to_owned()),
         };
         add(input.topic(), level, message, values);
@@ -132,7 +136,7 @@ mod tests {
 
     fn report(tick: Tick, counts: &[Counts; 3], reported: &[Counts; 3]) -> DiagnosticArray {
         let newest = Output { tick, publish: true, overruns: 0, worst_lateness_us: 0.0 };
-        compile("/govtwin", 5, Some(&newest), &policy(OnStale::Hold), counts, reported)
+        compile("/govtwin", 5, Some(&newest), &policy(OnStale::Hold).into(), counts, reported)
     }
 
     fn said(array: &DiagnosticArray) -> Vec<(u8, &str)> {
@@ -142,7 +146,7 @@ mod tests {
     #[test]
     fn silence_is_stale_and_every_part_is_there() {
         let none = <[_; 3]>::default();
-        let array = compile("/govtwin", 5, None, &policy(OnStale::Trip), &none, &none);
+        let array = compile("/govtwin", 5, None, &policy(OnStale::Trip).into(), &none, &none);
         assert_eq!(array.status.len(), 4);
         assert!(array.status.iter().all(|status| status.level == 3));
         assert_eq!(array.status[1].name, "/govtwin: governor/command");

@@ -243,7 +243,7 @@ mod tests {
                 .map(|(sender, number)| numbering.take(sender, number))
                 .collect();
         assert_eq!(lost, [0, 0, 0, 3, 0, 0, 0, i64::MAX as u64 - 102, 0]);
-        for sender in 0..2 * MOST_SENDERS {
+        for sender in 10..2 * MOST_SENDERS {
             assert_eq!(numbering.take(sender, 1), 0);
         }
         assert!(numbering.0.len() <= MOST_SENDERS);

@@ -230,7 +230,9 @@ impl<'a> Listener<'a> {
         let settings = desk.store.borrow().settings();
         // First to the keeper, so that whatever comes of them is told in their words.
         let _ = self.news.send(News::Settings(settings));
-        self.tell(Heard::Policy(settings.policy()));
+        for (input, rule) in Input::ALL.into_iter().zip(settings.policies().rules) {
+            self.tell(Heard::Rule(input, rule));
+        }
         self.tell(Heard::PublishPeriod(settings.publish_period_ns()));
         let event = raw::ParameterEvent {
             stamp: ros2_client::builtin_interfaces::Time::from_nanos(wall_ns()),

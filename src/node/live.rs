@@ -4,31 +4,30 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
 
 use futures::channel::oneshot;
 use ros2_client::log::LogLevel;
 use ros2_client::{Gid, Publisher, RosoutRaw};
-use rtrb::Consumer;
 
 use super::arguments::Arguments;
 use super::bus::{Bus, BusError};
 use super::core::{Core, Input};
-use super::corrected::Voice;
 use super::diagnostics::{self, DiagnosticArray};
 use super::environment::Environment;
 use super::intake::Counts;
-use super::integration::{Integrator, Output};
+use super::integration::Integrator;
 use super::journal::{Journal, Names};
 use super::listener::{Ears, Listener, News};
+use super::mouth::Mouth;
 use super::parameters::Store;
-use super::realtime::{Until, carrier, claim, claim_as_carrier, claim_transport, lock_memory, resident_bytes, wall_ns};
+use super::realtime::{Until, claim, claim_as_carrier, resident_bytes, wall_ns};
 use super::settings::Settings;
 use super::stats::Summary;
-use super::{messages, qos, transport, words};
+use super::{qos, startup, words};
 use crate::bag::BagError;
-use crate::msg::{EsvState, FluidPressure, GovernorCommand, Interface, JointState, ServoState};
+use crate::msg::{EsvState, FluidPressure, GovernorCommand, Interface};
 use crate::parameters::{Parameters, Unit};
 use crate::residual::corrector::Corrector;
 use crate::residual::model::{Model, ModelError};
@@ -94,13 +93,6 @@ pub enum NodeError {
     Thread(#[from] std::io::Error),
 }
 
-/// The node's mouth.
-struct Mouth {
-    servo_state: Publisher<ServoState>,
-    joint_states: Publisher<JointState>,
-    corrected: Option<Voice>,
-}
-
 /// Runs the node until `stop`, its duration or the fail-safe ends it.
 ///
 /// # Errors
@@ -119,29 +111,19 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
         say(LogLevel::Warn, remark);
     }
     let mut bus = Bus::open(&options.environment, options.arguments.clone())?;
-    say(if transport::is_repaired() { LogLevel::Info } else { LogLevel::Warn }, transport::DESCRIPTION);
+    for (level, words) in startup::words(&bus, &options.environment, &settings) {
+        say(level, &words);
+    }
     // All endpoints are made before anything runs: announcements in a burst later may be lost.
     let ears = Ears::open(&mut bus, &options.environment, &settings, options.adapt)?;
-    let mouth = Mouth {
-        servo_state: bus.publish("sim/servo_state", ServoState::TYPE_NAME)?,
-        joint_states: bus.publish("sim/joint_states", JointState::TYPE_NAME)?,
-        corrected: corrector.as_ref().map(|corrector| Voice::open(&mut bus, corrector.signal())).transpose()?,
-    };
+    let mouth = Mouth::open(&mut bus, corrector.as_ref().map(Corrector::signal))?;
     let health = bus.publish("/diagnostics", diagnostics::TYPE_NAME)?;
     let journal = options.bag.as_ref().map(|folder| Journal::create(folder, &names(&bus)?).map_err(NodeError::from));
     let journal = journal.transpose()?;
-    match lock_memory() {
-        Ok(()) => say(LogLevel::Info, "memory locked"),
-        Err(error) => say(
-            LogLevel::Warn,
-            &format!(
-                "memory not locked: {error}; a page fault may delay the loop (allow it with `ulimit -l`, CAP_IPC_LOCK or root)"
-            ),
-        ),
+    for (level, words) in startup::claim(settings.wishes.priority) {
+        say(level, &words);
     }
-    let (level, words) = transport_words(settings.wishes.priority);
-    say(level, &words);
-    let core = Core::new(Twin::new(&unit), settings.policy(), unit.parameters.oil.tank_pressure_pa);
+    let core = Core::new(Twin::new(&unit), settings.policies(), unit.parameters.oil.tank_pressure_pa);
     let core = core.with_corrector(corrector);
     let (integrator, ends) = Integrator::new(core, settings.pace(), 0);
     let counts = Mutex::new(<[Counts; 3]>::default());
@@ -171,7 +153,7 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
         let (outputs, telling) = (ends.outputs, news.clone());
         let publishing = std::thread::Builder::new().name("publish".to_owned()).spawn_scoped(scope, move || {
             claim_as_carrier(settings.wishes.priority);
-            publish(outputs, mouth_ref, &unit.parameters, &telling)
+            mouth_ref.publish(outputs, &unit.parameters, &telling)
         })?;
         let publisher = publishing.thread().clone();
         let stepping = std::thread::Builder::new().name("step".to_owned()).spawn_scoped(scope, move || {
@@ -226,23 +208,6 @@ fn parameters(options: &Options, say: Say<'_>) -> Result<Store, NodeError> {
     Ok(store)
 }
 
-/// Raises the threads of the transport and says how that went.
-fn transport_words(priority: u8) -> (LogLevel, String) {
-    let middle = carrier(priority);
-    let low = carrier(middle);
-    match claim_transport(priority) {
-        (_, 0) if priority == 0 => (LogLevel::Info, "no thread asks for real time".to_owned()),
-        (found, raised) if raised == found && found > 0 => (
-            LogLevel::Info,
-            format!("SCHED_FIFO: integration {priority}; transport, hearing and publishing {middle}; discovery {low}"),
-        ),
-        (found, raised) => (
-            LogLevel::Warn,
-            format!("{raised} of {found} threads of the transport are real-time; other programs may delay samples"),
-        ),
-    }
-}
-
 fn names(bus: &Bus) -> Result<Names, BusError> {
     let resolve = |topic: &str| bus.arguments().resolve(topic);
     let [command, esv, tank_pressure] = Input::ALL.map(Input::topic);
@@ -251,29 +216,6 @@ fn names(bus: &Bus) -> Result<Names, BusError> {
         servo_state: resolve("sim/servo_state")?,
         joint_states: resolve("sim/joint_states")?,
     })
-}
-
-/// The thread that speaks: results out to DDS, and on to the keeper. Returns how many DDS did not take.
-fn publish(mut outputs: Consumer<Output>, mouth: &Mouth, parameters: &Parameters, news: &Sender<News>) -> u64 {
-    let mut lost = 0;
-    loop {
-        let last = outputs.is_abandoned();
-        while let Ok(output) = outputs.pop() {
-            if let (true, Some(estimate)) = (output.publish, &output.tick.estimate) {
-                let state = mouth.servo_state.publish(messages::servo_state(estimate)).is_err();
-                let joints = mouth.joint_states.publish(messages::joint_state(estimate, parameters)).is_err();
-                lost += u64::from(state) + u64::from(joints);
-                if let Some((voice, correction)) = mouth.corrected.as_ref().zip(output.tick.correction.as_ref()) {
-                    lost += voice.say(estimate, correction);
-                }
-            }
-            let _ = news.send(News::Output(Box::new(output)));
-        }
-        if last {
-            return lost;
-        }
-        std::thread::park_timeout(Duration::from_millis(100));
-    }
 }
 
 fn log_level(level: ros2args::LogLevel) -> LogLevel {
@@ -321,13 +263,14 @@ impl Keeper<'_> {
                     journal.flush()?;
                 }
                 self.look_for_strangers();
+                self.look_for_mismatches();
                 let counts = self.counts.lock().map(|counts| *counts).unwrap_or_default();
                 let name = self.bus.arguments().full_name();
                 let array = diagnostics::compile(
                     &name,
                     wall_ns(),
                     newest.as_ref(),
-                    &self.settings.policy(),
+                    &self.settings.policies(),
                     &counts,
                     &std::mem::replace(&mut reported, counts),
                 );
@@ -348,6 +291,15 @@ impl Keeper<'_> {
                 let expected = expected.unwrap_or_default();
                 let words = format!("{topic}: a sender publishes `{found}`, expected `{expected}`; it is not heard");
                 self.tell(LogLevel::Error, &words);
+            }
+        }
+    }
+
+    /// Tells of endpoints that cannot be matched.
+    fn look_for_mismatches(&mut self) {
+        for (endpoint, words) in self.bus.incompatible() {
+            if self.strangers.insert(endpoint) {
+                self.tell(LogLevel::Warn, &format!("{words}; nothing passes between them (see `qos_overrides`)"));
             }
         }
     }

@@ -1,5 +1,6 @@
 //! Estimates and inputs as the messages that leave the node.
 
+use super::core::{InputState, Tick};
 use crate::frame::{Estimate, EsvState, Inputs};
 use crate::msg::{self, Header};
 use crate::parameters::Parameters;
@@ -16,6 +17,27 @@ pub fn servo_state(estimate: &Estimate) -> msg::ServoState {
         servomotor_position: estimate.signals.servomotor_position_pu,
         pilot_valve_position: estimate.signals.pilot_valve_position_pu,
         control_pressure: estimate.signals.control_pressure_pa,
+    }
+}
+
+/// What stands behind the state of a tick.
+#[must_use]
+pub fn status(tick: &Tick) -> msg::TwinStatus {
+    let state = match &tick.estimate {
+        None => 0,
+        Some(_) if tick.fail_safe => 3,
+        Some(_) if tick.states.iter().any(|state| matches!(state, InputState::Held | InputState::Failed)) => 2,
+        Some(_) => 1,
+    };
+    let [command, esv, tank_pressure] = tick.states.map(|state| state as u8);
+    msg::TwinStatus {
+        header: Header::at(tick.frame.time_ns),
+        state,
+        command,
+        esv,
+        tank_pressure,
+        command_clamped: tick.is_clamped(),
+        residual_off: tick.correction.as_ref().is_some_and(|correction| correction.weight_share <= 0.0),
     }
 }
 

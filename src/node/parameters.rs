@@ -3,13 +3,21 @@
 use ros2_client::parameters::{ParameterValue, raw};
 
 use super::arguments::Given;
-use super::core::OnStale;
-use super::settings::Settings;
+use super::policy::{Input, OnStale};
+use super::settings::{InputSettings, Settings};
+use crate::frame::EsvState;
 use crate::parameters::{ENTRIES, Unit, entry};
 use crate::params::{Conflict, conflicts};
 
 /// Prefix of the plant's parameters.
 const UNIT_PREFIX: &str = "unit.";
+
+/// The fail-safes of one input, and the word for that of all.
+const OWN_ON_STALE: [&str; 5] = [OnStale::NAMES[0], OnStale::NAMES[1], OnStale::NAMES[2], OnStale::NAMES[3], AS_ALL];
+const AS_ALL: &str = "as_all";
+
+/// States of the ESV.
+const ESV_NAMES: [&str; 2] = ["shutdown", "normal"];
 
 /// What a value may be.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,6 +78,30 @@ impl Store {
         add("cpu", ParameterValue::Integer(cpu), Domain::Whole(-1, 1023), true, cpu_doc);
         let priority_doc = "SCHED_FIFO priority of the integration thread, 0 for none";
         add("priority", ParameterValue::Integer(priority), Domain::Whole(0, 99), true, priority_doc);
+        for (input, name) in settings.inputs.iter().zip(Input::NAMES) {
+            let required = ParameterValue::Boolean(input.required);
+            let wait =
+                "Whether the twin waits for this input; one that is not required has its default until it is heard";
+            add(&format!("inputs.{name}.required"), required, Domain::Bool, true, wait);
+            let own = Domain::Real(0.0, 86_400.0);
+            let stale = "This input is stale when older than this; 0 for stale_after [s]";
+            add(&format!("inputs.{name}.stale_after"), real(input.stale_after_s.unwrap_or(0.0)), own, false, stale);
+            let held = "How long this stale input is held; -1 for hold [s]";
+            let from_minus_one = Domain::Real(-1.0, 86_400.0);
+            add(&format!("inputs.{name}.hold"), real(input.hold_s.unwrap_or(-1.0)), from_minus_one, false, held);
+            let choice = input.on_stale.map_or(AS_ALL, OnStale::name);
+            let choice = ParameterValue::String(choice.to_owned());
+            let fail_safe = "Fail-safe of this input; `as_all` for on_stale";
+            add(&format!("inputs.{name}.on_stale"), choice, Domain::Choice(&OWN_ON_STALE), false, fail_safe);
+        }
+        let command = "Command that stands in for one never heard [pu]";
+        add("inputs.command.default", real(settings.default_command_pu), Domain::Real(-0.5, 1.5), true, command);
+        let esv = ParameterValue::String(ESV_NAMES[usize::from(settings.default_esv == EsvState::Normal)].to_owned());
+        let esv_doc = "ESV state that stands in for one never heard";
+        add("inputs.esv.default", esv, Domain::Choice(&ESV_NAMES), true, esv_doc);
+        let pressure = real(settings.default_tank_pressure_pa.unwrap_or(0.0));
+        let pressure_doc = "Tank pressure that stands in for one never heard; 0 for the unit's own [Pa]";
+        add("inputs.tank_pressure.default", pressure, Domain::Real(0.0, 1.0e8), true, pressure_doc);
         for row in ENTRIES {
             let description = format!("{} [{}]", row.doc.trim(), row.unit);
             let value = real((row.get)(&unit.parameters));
@@ -82,7 +114,7 @@ impl Store {
     /// The settings as they stand.
     #[must_use]
     pub fn settings(&self) -> Settings {
-        let real = |name| match self.value(name) {
+        let real = |name: &str| match self.value(name) {
             ParameterValue::Double(value) => value,
             _ => f64::NAN,
         };
@@ -90,16 +122,26 @@ impl Store {
             ParameterValue::Integer(value) => value,
             _ => 0,
         };
-        let on_stale = match self.value("on_stale") {
-            ParameterValue::String(name) => OnStale::named(&name).unwrap_or_default(),
-            _ => OnStale::default(),
+        let text = |name: &str| match self.value(name) {
+            ParameterValue::String(text) => text,
+            _ => String::new(),
         };
+        let inputs = Input::NAMES.map(|name| InputSettings {
+            required: self.value(&format!("inputs.{name}.required")) != ParameterValue::Boolean(false),
+            stale_after_s: Some(real(&format!("inputs.{name}.stale_after"))).filter(|own_s| *own_s > 0.0),
+            hold_s: Some(real(&format!("inputs.{name}.hold"))).filter(|own_s| *own_s >= 0.0),
+            on_stale: OnStale::named(&text(&format!("inputs.{name}.on_stale"))),
+        });
         Settings {
             rate_hz: real("rate"),
             publish_rate_hz: real("publish_rate"),
             stale_after_s: real("stale_after"),
             hold_s: real("hold"),
-            on_stale,
+            on_stale: OnStale::named(&text("on_stale")).unwrap_or_default(),
+            inputs,
+            default_command_pu: real("inputs.command.default"),
+            default_esv: if text("inputs.esv.default") == ESV_NAMES[0] { EsvState::Shutdown } else { EsvState::Normal },
+            default_tank_pressure_pa: Some(real("inputs.tank_pressure.default")).filter(|own_pa| *own_pa > 0.0),
             use_sim_time: self.value("use_sim_time") == ParameterValue::Boolean(true),
             wishes: super::realtime::Wishes {
                 cpu: usize::try_from(whole("cpu")).ok(),
@@ -308,7 +350,7 @@ mod tests {
             ("hold", ParameterValue::Double(f64::NAN), "NaN"),
             ("hold", ParameterValue::Integer(1), "a number"),
             ("hold", ParameterValue::NotSet, "a number"),
-            ("on_stale", ParameterValue::String("panic".to_owned()), "trip, hold, stop"),
+            ("on_stale", ParameterValue::String("panic".to_owned()), "trip, hold, stop, default"),
             ("rate", ParameterValue::Double(500.0), "read-only"),
             ("hodl", ParameterValue::Double(1.0), "did you mean `hold`?"),
         ] {

@@ -1,9 +1,29 @@
 //! What can be set on the node, from the command line, by `--ros-args` or by parameter services.
 
-use super::core::{OnStale, Policy};
 use super::integration::Pace;
+use super::policy::{OnStale, Policies, Policy, Rule};
 use super::realtime::Wishes;
+use crate::frame::EsvState;
 use crate::units::nanos_from_seconds;
+
+/// What is set for one input; what is `None` is as for all.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InputSettings {
+    /// Whether the twin waits for it.
+    pub required: bool,
+    /// When it is stale, s.
+    pub stale_after_s: Option<f64>,
+    /// How long it is held, s.
+    pub hold_s: Option<f64>,
+    /// Its fail-safe.
+    pub on_stale: Option<OnStale>,
+}
+
+impl Default for InputSettings {
+    fn default() -> Self {
+        Self { required: true, stale_after_s: None, hold_s: None, on_stale: None }
+    }
+}
 
 /// The node's settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,6 +38,14 @@ pub struct Settings {
     pub hold_s: f64,
     /// The fail-safe.
     pub on_stale: OnStale,
+    /// What differs from that for each input.
+    pub inputs: [InputSettings; 3],
+    /// Command that stands in for one never heard, pu.
+    pub default_command_pu: f64,
+    /// Whether the ESV counts as tripped until it is heard.
+    pub default_esv: EsvState,
+    /// Tank pressure that stands in for one never heard, Pa gauge; the unit's own where there is none.
+    pub default_tank_pressure_pa: Option<f64>,
     /// Whether the model follows `/clock`.
     pub use_sim_time: bool,
     /// What the integration thread asks of the system.
@@ -33,6 +61,10 @@ impl Default for Settings {
             stale_after_s: 2.5,
             hold_s: 1.0,
             on_stale: OnStale::Trip,
+            inputs: [InputSettings::default(); 3],
+            default_command_pu: 0.0,
+            default_esv: EsvState::Normal,
+            default_tank_pressure_pa: None,
             use_sim_time: false,
             wishes: Wishes { cpu: None, priority: 80 },
         }
@@ -42,11 +74,20 @@ impl Default for Settings {
 impl Settings {
     /// The treatment of silence.
     #[must_use]
-    pub fn policy(&self) -> Policy {
-        Policy {
-            stale_after_ns: nanos_from_seconds(self.stale_after_s),
-            hold_ns: nanos_from_seconds(self.hold_s),
-            on_stale: self.on_stale,
+    pub fn policies(&self) -> Policies {
+        let rule = |input: InputSettings| Rule {
+            policy: Policy {
+                stale_after_ns: nanos_from_seconds(input.stale_after_s.unwrap_or(self.stale_after_s)),
+                hold_ns: nanos_from_seconds(input.hold_s.unwrap_or(self.hold_s)),
+                on_stale: input.on_stale.unwrap_or(self.on_stale),
+            },
+            required: input.required,
+        };
+        Policies {
+            rules: self.inputs.map(rule),
+            default_command_pu: self.default_command_pu,
+            default_esv: self.default_esv,
+            default_tank_pressure_pa: self.default_tank_pressure_pa,
         }
     }
 

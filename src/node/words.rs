@@ -28,17 +28,24 @@ fn of_tick(notices: Notices, settings: &Settings) -> Vec<(LogLevel, String)> {
     }
     for input in Input::ALL {
         let topic = input.topic();
+        let policy = settings.policies().rules[input as usize].policy;
+        let ([stale_after_s, hold_s], on_stale) = (policy.limits_s(), policy.on_stale);
         if notices.has(Notices::missing(input)) {
-            let words = format!("{topic}: nothing heard yet, after {} s", settings.stale_after_s);
+            let name = Input::NAMES[input as usize];
+            let words = format!(
+                "{topic}: nothing heard yet, after {stale_after_s} s; the twin waits for it, unless it is given \
+                 `--optional {name}`"
+            );
             said.push((LogLevel::Warn, words));
         }
         if notices.has(Notices::stale(input)) {
-            let then = match settings.on_stale {
+            let then = match on_stale {
                 OnStale::Hold => "its last value is held".to_owned(),
-                OnStale::Trip => format!("its last value is held for {} s, then the ESV trips", settings.hold_s),
-                OnStale::Stop => format!("its last value is held for {} s, then the node stops", settings.hold_s),
+                OnStale::Trip => format!("its last value is held for {hold_s} s, then the ESV trips"),
+                OnStale::Stop => format!("its last value is held for {hold_s} s, then the node stops"),
+                OnStale::Default => format!("its last value is held for {hold_s} s, then its default is taken"),
             };
-            let words = format!("{topic}: nothing heard for {} s; {then}", settings.stale_after_s);
+            let words = format!("{topic}: nothing heard for {stale_after_s} s; {then}");
             said.push((LogLevel::Warn, words));
         }
         if notices.has(Notices::recovered(input)) {
@@ -46,9 +53,13 @@ fn of_tick(notices: Notices, settings: &Settings) -> Vec<(LogLevel, String)> {
         }
     }
     if notices.has(Notices::FAIL_SAFE) {
-        let what = match settings.on_stale {
-            OnStale::Stop => "the node stops",
-            _ => "taken as an ESV trip until all inputs are back",
+        let has = |choice| settings.policies().rules.iter().any(|rule| rule.policy.on_stale == choice);
+        let what = if has(OnStale::Trip) {
+            "taken as an ESV trip until all inputs are back"
+        } else if has(OnStale::Stop) {
+            "the node stops"
+        } else {
+            "their defaults are taken until all inputs are back"
         };
         said.push((LogLevel::Error, format!("fail-safe: inputs are missing; {what}")));
     }
@@ -84,7 +95,7 @@ mod tests {
     #[test]
     fn what_is_set_while_the_node_runs_is_told_from_then_on() {
         let mut settings = Settings::default();
-        let mut tick = Core::new(Twin::new(&crate::params::reference()), settings.policy(), 6.3e6).tick(0, 0);
+        let mut tick = Core::new(Twin::new(&crate::params::reference()), settings.policies(), 6.3e6).tick(0, 0);
         tick.notices = Notices::stale(Input::Esv);
         let stale = News::Output(Box::new(Output { tick, publish: false, overruns: 0, worst_lateness_us: 0.0 }));
         assert!(of(&stale, &mut settings)[0].1.contains("held for 1 s, then the ESV trips"));

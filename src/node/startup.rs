@@ -1,0 +1,93 @@
+//! What a node says of itself when it starts: name, domain, topics with types and units, rates, real-time state.
+
+use ros2_client::log::LogLevel;
+
+use super::bus::Bus;
+use super::environment::Environment;
+use super::policy::{Input, OnStale};
+use super::realtime::{carrier, claim_transport, lock_memory};
+use super::settings::Settings;
+use super::transport;
+use crate::msg::{EsvState, FluidPressure, GovernorCommand, Interface, JointState, ServoState, TwinStatus};
+
+/// Type and unit of each input.
+const INPUTS: [(&str, &str); 3] = [
+    (GovernorCommand::TYPE_NAME, "pu"),
+    (EsvState::TYPE_NAME, "0 shutdown, 1 normal"),
+    (FluidPressure::TYPE_NAME, "Pa gauge"),
+];
+
+/// Topic, type and units of what is published at the state's rate.
+const OUTPUTS: [(&str, &str, &str); 3] = [
+    ("sim/servo_state", ServoState::TYPE_NAME, "pu, Pa"),
+    ("sim/joint_states", JointState::TYPE_NAME, "m, m/s"),
+    ("sim/status", TwinStatus::TYPE_NAME, "flags"),
+];
+
+/// The node's name, transport, topics and rates.
+#[must_use]
+pub fn words(bus: &Bus, environment: &Environment, settings: &Settings) -> Vec<(LogLevel, String)> {
+    let name = bus.arguments().full_name();
+    let networks = if environment.only_networks.is_some() { "this machine only" } else { "all networks" };
+    let (domain, lease_s) = (environment.domain, environment.lease.as_secs_f64());
+    let level = if transport::is_repaired() { LogLevel::Info } else { LogLevel::Warn };
+    let mut lines = vec![
+        (LogLevel::Info, format!("node {name}, DDS domain {domain}, {networks}, lease {lease_s} s")),
+        (level, transport::DESCRIPTION.to_owned()),
+    ];
+    let full = |topic: &str| bus.arguments().resolve(topic).unwrap_or_else(|_| topic.to_owned());
+    for input in Input::ALL {
+        let (type_name, unit) = INPUTS[input as usize];
+        let rule = settings.policies().rules[input as usize];
+        let [stale_after_s, hold_s] = rule.policy.limits_s();
+        let need = if rule.required { "required" } else { "optional" };
+        let then = match rule.policy.on_stale {
+            OnStale::Hold => "held for ever".to_owned(),
+            other => format!("held {hold_s} s, then {}", other.name()),
+        };
+        let topic = full(input.topic());
+        lines.push((
+            LogLevel::Info,
+            format!("hears {topic}: {type_name} [{unit}], {need}, stale after {stale_after_s} s, {then}"),
+        ));
+    }
+    for (topic, type_name, units) in OUTPUTS {
+        let rate_hz = settings.publish_rate_hz;
+        lines.push((LogLevel::Info, format!("publishes {}: {type_name} [{units}], {rate_hz} Hz", full(topic))));
+    }
+    let time = if settings.use_sim_time { "/clock" } else { "the machine's clock" };
+    lines.push((LogLevel::Info, format!("integrates at {} Hz on {time}", settings.rate_hz)));
+    lines
+}
+
+/// Locks the memory and raises the transport's threads; says how that went.
+#[must_use]
+pub fn claim(priority: u8) -> [(LogLevel, String); 2] {
+    let memory = match lock_memory() {
+        Ok(()) => (LogLevel::Info, "memory locked".to_owned()),
+        Err(error) => (
+            LogLevel::Warn,
+            format!(
+                "memory not locked: {error}; a page fault may delay the loop (allow it with `ulimit -l`, CAP_IPC_LOCK or root)"
+            ),
+        ),
+    };
+    [memory, raise(priority)]
+}
+
+/// Raises the threads of the transport and says how that went.
+fn raise(priority: u8) -> (LogLevel, String) {
+    let middle = carrier(priority);
+    let low = carrier(middle);
+    match claim_transport(priority) {
+        (_, 0) if priority == 0 => (LogLevel::Info, "no thread asks for real time".to_owned()),
+        (found, raised) if raised == found && found > 0 => (
+            LogLevel::Info,
+            format!("SCHED_FIFO: integration {priority}; transport, hearing and publishing {middle}; discovery {low}"),
+        ),
+        (found, raised) => (
+            LogLevel::Warn,
+            format!("{raised} of {found} threads of the transport are real-time; other programs may delay samples"),
+        ),
+    }
+}
