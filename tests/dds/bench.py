@@ -62,6 +62,7 @@ class Bench:
         def reader(name, kind, qos=BEST_EFFORT):
             return DataReader(self.participant, topic(name, kind), qos=qos)
 
+        self.reader = reader
         self.command = writer("rt/governor/command", ros.GovernorCommand)
         self.esv = writer("rt/governor/esv", ros.EsvState)
         self.pressure = writer("rt/governor/tank_pressure", ros.FluidPressure)

@@ -7,6 +7,7 @@ default `watch.py` itself, on Cyclone DDS. Packets are sent to 127.0.0.1 only, w
 Exits 0 when everything was as it should be, 1 otherwise, 77 where cyclonedds is missing.
 """
 
+import json
 import os
 import random
 import signal
@@ -16,7 +17,7 @@ import subprocess
 import sys
 import time
 
-from bench import DOMAIN, Bench, check, wait_for, FAILED
+from bench import DOMAIN, Bench, DataReader, Policy, Qos, Topic, check, duration, now, wait_for, whole, FAILED
 import types_ros as ros
 
 LEASE_S = 3.0
@@ -111,7 +112,8 @@ class Watch:
 
 def pauses(binary, folder, command, leases):
     """A peer that stops past its lease and comes back, and a node that does."""
-    node = Node(binary, os.path.join(folder, "pauses.txt"), *leases)
+    figures = os.path.join(folder, "pauses.json")
+    node = Node(binary, os.path.join(folder, "pauses.txt"), "--json", figures, *leases)
     watch = Watch(command)
     try:
         check("a peer's command is followed", watch.until(lambda n, x: n > 0 and abs(x - 0.3) < 2e-3, 25) is not None)
@@ -127,6 +129,53 @@ def pauses(binary, folder, command, leases):
     finally:
         watch.end()
         check("the node ends in order", node.end())
+    with open(figures) as text:
+        inputs = json.load(text)["inputs"]
+    lost = inputs["governor/command"].get("lost", 0)
+    check("commands that its pause cost are counted", lost > 100, f"({lost} lost)")
+
+
+def optional_inputs(binary, folder):
+    """A bench without ESV and tank pressure: the twin runs on their defaults, and its status says so."""
+    node = Node(binary, os.path.join(folder, "optional.txt"), "--optional", "esv", "tank_pressure")
+    bench = Bench()
+    status = bench.reader("rt/sim/status", ros.TwinStatus)
+    try:
+        time.sleep(3.0)
+        waiting = whole(status.take(1000))
+        check("without a command it waits and trips nothing",
+              waiting and all((s.state, s.command) == (0, 0) for s in waiting), f"({len(waiting)} statuses)")
+        # No ESV, no pressure.
+        states, seen = [], []
+        for _ in range(200):
+            bench.command.write(ros.GovernorCommand(now(), 0.4))
+            states += whole(bench.state.take(100))
+            seen += whole(status.take(100))
+            time.sleep(0.01)
+        last = seen[-1] if seen else None
+        check("the command alone moves it", states and abs(states[-1].servomotor_position - 0.4) < 2e-3)
+        check("its status says what stands behind", last and (last.state, last.command, last.esv, last.tank_pressure)
+              == (1, 1, 0, 0), f"({last.state}, {last.command}, {last.esv}, {last.tank_pressure})" if last else "")
+        stamps = {s.header.stamp.sec * 10**9 + s.header.stamp.nanosec for s in seen}
+        paired = [s for s in states if s.header.stamp.sec * 10**9 + s.header.stamp.nanosec in stamps]
+        check("a status comes with each state", states and len(paired) > 0.9 * len(states),
+              f"({len(paired)} of {len(states)})")
+        wanting = DataReader(bench.participant, Topic(bench.participant, "rt/sim/servo_state", ros.ServoState),
+                             qos=Qos(Policy.Reliability.Reliable(duration(milliseconds=100)), Policy.Durability.TransientLocal))
+        seen = []
+        for _ in range(125):
+            time.sleep(0.02)
+            seen += whole(status.take(100))
+        check("silence is held, then fails safe", {2, 3} & {s.state for s in seen} == {2, 3},
+              f"({sorted({s.state for s in seen})})")
+        del wanting
+    finally:
+        node.end()
+    said = open(node.log_path).read()
+    check("an incompatible QoS is reported by name", "/sim/servo_state: a subscription asks for more Durability" in said)
+    for words in ("node /govtwin, DDS domain", "hears /governor/esv: governor_msgs/msg/EsvState [0 shutdown, 1 normal], optional",
+                  "publishes /sim/servo_state: governor_msgs/msg/ServoState [pu, Pa], 100 Hz", "integrates at 1000 Hz"):
+        check(f"it said at start: {words}", words in said)
 
 
 def header(prefix, vendor=b"\x01\x10"):
@@ -227,11 +276,13 @@ def main():
     binary, folder = sys.argv[1], sys.argv[2]
     here = os.path.dirname(os.path.abspath(__file__))
     command = sys.argv[4:] if sys.argv[3:4] == ["--watch"] else [sys.executable, os.path.join(here, "watch.py")]
-    wanted = os.environ.get("FAULTS", "replies pauses hostile").split()
+    wanted = os.environ.get("FAULTS", "replies pauses optional hostile").split()
     if "pauses" in wanted:
         pauses(binary, folder, command, os.environ.get("LEASE", f"--lease {LEASE_S}").split())
     if "replies" in wanted:
         large_replies(binary, folder)
+    if "optional" in wanted:
+        optional_inputs(binary, folder)
     if "hostile" in wanted:
         hostile_packets(binary, folder)
     print(f"{len(FAILED)} failed")

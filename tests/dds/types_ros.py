@@ -40,6 +40,17 @@ class ServoState(IdlStruct, typename="governor_msgs::msg::dds_::ServoState_"):
 
 
 @dataclass
+class TwinStatus(IdlStruct, typename="governor_msgs::msg::dds_::TwinStatus_"):
+    header: Header
+    state: uint8
+    command: uint8
+    esv: uint8
+    tank_pressure: uint8
+    command_clamped: bool
+    residual_off: bool
+
+
+@dataclass
 class FluidPressure(IdlStruct, typename="sensor_msgs::msg::dds_::FluidPressure_"):
     header: Header
     fluid_pressure: float64
