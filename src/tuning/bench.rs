@@ -10,9 +10,12 @@ use crate::frame::Estimate;
 use crate::parameters::Unit;
 use crate::plant::lanes::Width;
 use crate::signal::Signal;
-use crate::tuning::noise::{Noise, Whitener, whiteners};
+use crate::tuning::noise::{Noise, Whitener, independent_share, whiteners};
 use crate::tuning::trial::{Traces, Trial};
 use crate::twin::{Cut, Twin};
+
+/// Cost per independent sample of sound generated units at 100 Hz.
+pub const GENEROUS: f64 = 0.64;
 
 /// What stands for a simulated value that is no number, in any signal's unit: far from everything, so that no fit ends there.
 const ASTRAY: f64 = 1.0e12;
@@ -161,6 +164,22 @@ impl Bench {
     pub fn swinging_samples(&self, trial: usize, signal: Signal) -> Option<Vec<bool>> {
         let place = self.trials[trial].place(signal)?;
         Some(self.whiteners[trial][place].swings.ignored_squares.iter().map(|square| *square > 0.0).collect())
+    }
+
+    /// Independent samples, all trials and signals together.
+    #[must_use]
+    pub fn independent_samples(&self) -> f64 {
+        let of = |trial: &Trial| {
+            let count = trial.signals().map(|signal| trial.measured(signal).iter().filter(|v| v.is_finite()).count());
+            count.sum::<usize>() as f64 * independent_share(trial.period_s)
+        };
+        self.trials.iter().map(of).sum()
+    }
+
+    /// The cost that a right model has: one for each independent sample, the noise being a little generous.
+    #[must_use]
+    pub fn expected_cost(&self) -> f64 {
+        GENEROUS * self.independent_samples()
     }
 
     /// For how long a trial swings of itself, s.

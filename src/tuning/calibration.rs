@@ -9,7 +9,7 @@ use crate::tuning::cooling::cooled;
 use crate::tuning::fit::{Effort, Fit, fit};
 use crate::tuning::knob::{Knob, unit_at};
 use crate::tuning::linear::normal;
-use crate::tuning::noise::{ALIKE, Noise};
+use crate::tuning::noise::{Noise, independent_share};
 use crate::tuning::trial::Trial;
 
 /// Half width of a 90 % interval, in standard deviations.
@@ -133,17 +133,17 @@ pub fn calibrate(
 
 /// Root mean square of the misses of each signal, over the noise to be expected.
 fn leftover(bench: &Bench, misses: &Misses) -> [Option<f64>; Signal::ALL.len()] {
-    let mut sums = [(0.0, 0_usize); Signal::ALL.len()];
+    let mut sums = [(0.0, 0.0); Signal::ALL.len()];
     for (trial, misses) in bench.trials.iter().zip(misses) {
         for (place, signal) in trial.signals().enumerate() {
             let of_signal = misses.rows(trial.miss(place, 0), trial.samples.len());
             for miss in of_signal.iter().filter(|miss| **miss != 0.0) {
                 sums[signal as usize].0 += miss * miss;
-                sums[signal as usize].1 += 1;
+                sums[signal as usize].1 += independent_share(trial.period_s);
             }
         }
     }
-    sums.map(|(sum, count)| (count > 0).then(|| (ALIKE * sum / count as f64).sqrt()))
+    sums.map(|(sum, count)| (count > 0.0).then(|| (sum / count).sqrt()))
 }
 
 /// The last way down, by slopes from both sides: one-sided ones end where a jump on their side hides what is left.

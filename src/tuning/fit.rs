@@ -75,11 +75,15 @@ pub fn slopes(
         .collect()
 }
 
-/// Sum of squares of the positions that the sheet speaks for.
+/// Sum of squares of the distances from what is likeliest beforehand, in standard deviations.
 #[must_use]
 pub fn prior_square(knobs: &[Knob], positions: &[f64]) -> f64 {
-    knobs.iter().zip(positions).filter(|(knob, _)| knob.has_prior()).map(|(_, p)| p * p).sum()
+    let distance = |(knob, position): (&Knob, &f64)| Some(position - knob.prior_centre()?);
+    knobs.iter().zip(positions).filter_map(distance).map(|distance| distance * distance).sum()
 }
+
+/// Dampings tried side by side, as multiples of the current one.
+const DAMPINGS: [f64; 4] = [1.0, 30.0, 1.0e3, 3.0e4];
 
 /// How much work a fit may be.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -130,18 +134,26 @@ pub fn fit(
     for _ in 0..effort.rounds {
         let (hessian, gradient) = normal(knobs, &positions, &misses, &slope, effort.temperature);
         let mut gain = 0.0;
-        for _ in 0..3 {
-            let candidate = step(base, knobs, &positions, &hessian, &gradient, damping);
-            let trial = bench.misses_of(&[unit_at(base, knobs, &candidate)]).pop().unwrap_or_default();
-            correct(&mut slope, &positions, &candidate, &misses, &trial);
-            let total = square(&trial) / effort.temperature + prior_square(knobs, &candidate);
-            if total < cost {
-                gain = cost - total;
-                (positions, misses, cost) = (candidate, trial, total);
-                damping *= 0.1;
-                break;
-            }
-            damping *= 30.0;
+        // All dampings at once: units side by side cost little more than one.
+        let dampings = DAMPINGS.map(|times| times * damping);
+        let candidates = dampings.map(|damping| step(base, knobs, &positions, &hessian, &gradient, damping));
+        let tried = bench.misses_of(&candidates.each_ref().map(|candidate| unit_at(base, knobs, candidate)));
+        let totals: Vec<f64> = tried
+            .iter()
+            .zip(&candidates)
+            .map(|(misses, candidate)| square(misses) / effort.temperature + prior_square(knobs, candidate))
+            .collect();
+        let best = (0..totals.len()).min_by(|&a, &b| totals[a].total_cmp(&totals[b])).unwrap_or(0);
+        // The shortest step says most about the slopes here, and the one taken is learned of last.
+        for k in (0..totals.len()).filter(|&k| k != best).chain([best]) {
+            correct(&mut slope, &positions, &candidates[k], &misses, &tried[k]);
+        }
+        if totals[best] < cost {
+            gain = cost - totals[best];
+            (positions, misses, cost) = (candidates[best].clone(), tried[best].clone(), totals[best]);
+            damping = (0.1 * dampings[best]).max(1e-6);
+        } else {
+            damping *= 1000.0;
         }
         age += 1;
         let small = gain <= 1e-2 + 1e-6 * cost;

@@ -63,6 +63,19 @@ impl Knob {
         matches!(self, Self::Parameter { .. })
     }
 
+    /// The position that is likeliest beforehand, with a standard deviation of 1; none where nothing is known.
+    ///
+    /// Of an effect the first parameter is its size, of which a fit takes nothing for granted; further ones give it its shape, and stand near
+    /// their typical values unless the recordings say otherwise.
+    #[must_use]
+    pub fn prior_centre(&self) -> Option<f64> {
+        match self {
+            Self::Parameter { .. } => Some(0.0),
+            Self::Effect { parameter, .. } if *parameter > 0 => Some(1.0),
+            Self::Free { .. } | Self::Effect { .. } => None,
+        }
+    }
+
     /// The key in parameter files, and the unit.
     #[must_use]
     pub fn key(&self, unit: &Unit) -> (String, &'static str) {

@@ -87,7 +87,7 @@ fn hessian(knobs: &[Knob], slopes: &[DMatrix<f64>], temperature: f64) -> DMatrix
         hessian += slopes.tr_mul(slopes);
     }
     hessian /= temperature;
-    for (k, _) in knobs.iter().enumerate().filter(|(_, knob)| knob.has_prior()) {
+    for (k, _) in knobs.iter().enumerate().filter(|(_, knob)| knob.prior_centre().is_some()) {
         hessian[(k, k)] += 1.0;
     }
     hessian
@@ -105,8 +105,8 @@ fn gradient(
         gradient += slopes.tr_mul(misses);
     }
     gradient /= temperature;
-    for (k, _) in knobs.iter().enumerate().filter(|(_, knob)| knob.has_prior()) {
-        gradient[k] += positions[k];
+    for (k, centre) in knobs.iter().enumerate().filter_map(|(k, knob)| Some((k, knob.prior_centre()?))) {
+        gradient[k] += positions[k] - centre;
     }
     gradient
 }

@@ -6,18 +6,28 @@ use crate::signal::Signal;
 use crate::tuning::swing::{Look, Swings, swings};
 use crate::tuning::trial::Trial;
 
-/// Of so many misses one counts as news: what a model leaves out shows in the same way for long, so that its errors are no independent
-/// witnesses even where the noise is. The likelihood is raised to one over this power (a power posterior; Grünwald & van Ommen 2017).
-pub const ALIKE: f64 = 20.0;
+/// Time over which the errors of a model's equations stay correlated, s: what a model leaves out shows in the same way for long, so that
+/// samples closer together than this are no independent evidence even where the noise is white. The likelihood is raised to a power that counts
+/// independent samples (a power posterior; Grünwald & van Ommen 2017).
+const CORRELATION_TIME_S: f64 = 0.2;
+
+/// Independent samples per sample of a recording with this sampling period.
+#[must_use]
+pub fn independent_share(period_s: f64) -> f64 {
+    period_s / (period_s + CORRELATION_TIME_S)
+}
+
+/// The same for the power of limit cycles, of which each block gives several octaves that say much the same.
+const LIMIT_CYCLE_SHARE: f64 = 0.05;
 
 /// From so many standard deviations on, a miss counts by its size rather than by its square: sudden events that come a little early or late
 /// are many deviations off, and say little (pseudo-Huber; Charbonnier et al. 1997).
 const OUTLYING: f64 = 8.0;
 
-/// The number whose square is what a miss costs.
-fn tamed(miss: f64) -> f64 {
+/// The number whose square is what a miss costs, where a sample is this share of an independent one.
+fn tamed(miss: f64, share: f64) -> f64 {
     let cost = 2.0 * OUTLYING * OUTLYING * ((1.0 + (miss / OUTLYING).powi(2)).sqrt() - 1.0);
-    (cost / ALIKE).sqrt().copysign(miss)
+    (cost * share).sqrt().copysign(miss)
 }
 
 /// Share of a bend that a right model may miss: it has sudden events a little early or late, and rounds them in its own way.
@@ -136,6 +146,8 @@ pub struct Whitener {
     decay: Vec<f64>,
     gain: Vec<f64>,
     scale: Vec<f64>,
+    /// Independent samples per sample.
+    pub share: f64,
     /// Where the recording swings.
     pub swings: Swings,
     /// Mean square that a right model would miss besides sudden events, in the signal's unit squared.
@@ -225,18 +237,18 @@ impl Whitener {
         let seen = look.noise_squares.iter().zip(&look.measured).filter(|(_, measured)| measured.is_finite());
         let seen: Vec<f64> = seen.map(|(square, _)| *square).collect();
         let floor_square = seen.iter().sum::<f64>() / seen.len().max(1) as f64;
-        Self { decay, gain, scale, swings, floor_square }
+        Self { decay, gain, scale, share: independent_share(trial.period_s), swings, floor_square }
     }
 
     /// Twice the logarithm of the standard deviation, over all samples, raised as the likelihood is.
     #[must_use]
     pub fn width(&self) -> f64 {
-        self.scale.iter().filter(|scale| **scale > 0.0).map(|scale| -2.0 * scale.ln() / ALIKE).sum()
+        self.scale.iter().filter(|scale| **scale > 0.0).map(|scale| -2.0 * scale.ln() * self.share).sum()
     }
 
     /// By how much a simulated signal swings otherwise than the recorded one, where that swings of itself.
     pub fn swings<'a>(&'a self, simulated: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
-        self.swings.misses(simulated).map(tamed)
+        self.swings.misses(simulated).map(|miss| tamed(miss, LIMIT_CYCLE_SHARE))
     }
 
     /// Turns misses into innovations over their standard deviation, in place; a miss that is not finite becomes 0.
@@ -250,7 +262,7 @@ impl Whitener {
             }
             let innovation = *miss - state;
             state += self.gain[k] * innovation;
-            *miss = tamed(innovation * self.scale[k]);
+            *miss = tamed(innovation * self.scale[k], self.share);
         }
     }
 }
