@@ -1,45 +1,46 @@
 //! The sim-to-real diagnosis: where the gap lies, which effect causes it, how far it shrinks.
 //!
-//! [`diagnose`] is the whole of it, a pure function of recordings and the sheet. It refits the sheet's parameters within their
-//! tolerances, tries every effect of the catalogue on top ([`search`]), weighs what was found ([`decide`]), and
-//! gathers the evidence that a reader needs to believe it: [`ledger`], [`stages`], [`latent`], [`visible`], [`closure`].
+//! The verdict is the most probable set of faults given all recordings, with model error and tolerances integrated out. [`diagnose`] is the whole
+//! of it, a pure function of recordings and the sheet: it refits the sheet within its tolerances ([`search`]), weighs all sets of up to three effects
+//! by linear algebra and fits the likeliest ([`linearisation`], [`explore`]), tabulates their evidence beside that of something unknown at each stage
+//! ([`evidence`], [`table`]), makes it a posterior by learned weights ([`posterior`]), reads the verdict off that ([`decision`]), and gathers what
+//! a reader needs to believe it ([`summary`]).
 
 pub mod agreement;
 pub mod channels;
 pub mod closure;
 pub mod contract;
-pub mod decide;
+pub mod decision;
+pub mod discrepancy;
+pub mod evidence;
 pub mod experiment;
-pub mod floor;
-pub mod latent;
+pub mod explore;
 pub mod ledger;
+pub mod linearisation;
 pub mod model;
 pub mod next;
 pub mod outcome;
 pub mod own_noise;
 pub mod part;
+pub mod posterior;
 pub mod ready;
-pub mod rivals;
 pub mod search;
 pub mod stage_experiment;
 pub mod stages;
 pub mod summary;
+pub mod support;
+pub mod table;
 pub mod traces;
-pub mod visible;
 
-use crate::diagnosis::decide::Decision;
+use crate::diagnosis::decision::Decision;
+use crate::diagnosis::explore::{Explored, explore};
 use crate::diagnosis::outcome::{Diagnosis, Verdict};
-use crate::diagnosis::rivals::Found;
-use crate::diagnosis::summary::Seen;
+use crate::diagnosis::posterior::{Posterior, Weights};
+use crate::diagnosis::summary::{Judged, Seen};
+use crate::diagnosis::table::Table;
 use crate::effects::{CATALOGUE, EffectSpec};
 use crate::parameters::Unit;
 use crate::recording::Recording;
-use crate::tuning::bench::Bench;
-
-/// Where no effect gains anything, a refitted sheet that leaves so many times what a right model may leave lacks something that the catalogue does
-/// not have. At 100 Hz generated sound units leave 1.19 times at most, a command that drops out now and then 5 times, a filter of the pilot
-/// valve that the catalogue was made to lack 1.55 times.
-const FOREIGN: f64 = 1.4;
 
 /// What to try.
 #[derive(Clone, Debug)]
@@ -93,75 +94,79 @@ pub fn diagnose(
     let settings = &Settings { catalogue: ready.catalogue.clone(), ..settings.clone() };
     let (bench, refitted, sheet) =
         search::nominal(ready.trials.clone(), &ready.unit, ready.turned.clone(), &ready.noise);
-    let (bench, mut found): (Bench, Found) = rivals::find(bench, refitted, sheet, &settings.catalogue, progress);
-    progress("placing free terms", 0.85);
-    let floor = floor::floor(&bench, &found);
-    let latents = latent::latents(&bench, &found.refitted, found.refitted.cost() - floor);
-    let explained = latents.first().map_or(0.0, |latent| latent.explains);
-    let mut decision = decide::decide(&found, &settings.catalogue, floor, explained);
+    let mut explored: Explored = explore(&bench, &refitted, &sheet, &settings.catalogue, progress);
+    progress("tabulating the evidence", 0.85);
+    let table = Table::new(&bench, &explored, &settings.catalogue);
+    let weights = Weights::shipped();
+    let posterior = Posterior::new(&table, &weights, &[]);
+    let mut decision = Decision::new(&table, &posterior, &settings.catalogue);
     let mut notes = ready.notes.clone();
     if stage_only {
-        let (modest, dropped) = part::modest(&bench, &mut found, &ready, decision, explained);
+        let (modest, dropped) = part::modest(&bench, &explored, &ready, decision);
         decision = modest;
         notes.extend(dropped);
+    } else if let Some(strange) = agreement::disagreement(&bench, &explored) {
+        decision = decision.forced(Verdict::Unknown);
+        notes.push(strange);
     }
-    if decision.verdict == Verdict::Named {
-        found.complete(&bench, &decision.blamed);
-    }
-    if !stage_only {
-        let strange = agreement::disagreement(&bench, &found, floor);
-        if strange.is_some() || untouched(&bench, &found, &decision) {
-            decision = decision.forced(Verdict::Unknown);
-        }
-        let (doubted, reason) = doubts(&bench, &found, decision);
-        decision = doubted;
-        notes.extend(reason);
-        notes.extend(
-            decision.besides.iter().map(|rivals| {
-                format!("Something acts besides what is named; {} would explain it.", rivals.join(" or "))
-            }),
-        );
-        notes.extend(strange);
-    }
+    notes.extend(rests_on(
+        &table,
+        &weights,
+        &decision,
+        &bench.trials.iter().map(|trial| trial.name.clone()).collect::<Vec<_>>(),
+    ));
+    notes.extend(stretched(&explored, &decision));
+    explored.complete(&bench, &decision.blamed, decision.verdict == Verdict::Named, &settings.catalogue);
     progress("gathering what the report shows", 0.9);
-    let mut said = summary::gather(&bench, &found, &decision, &ready.unit, settings, Seen { latents, channels, notes });
+    let judged = Judged { bench: &bench, explored: &explored, table, decision: &decision, weights: &weights };
+    let mut diagnosis = summary::gather(judged, &ready.unit, settings, Seen { channels, notes });
     if stage_only {
-        said.part = Some(part::describe(&ready, &found));
+        diagnosis.part = Some(part::describe(&ready, &explored, &decision));
     }
-    Ok(said)
+    Ok(diagnosis)
 }
 
-/// Doubts what is named, or that there is nothing, by what it leaves and by how far it stretches the sheet; with the reason where the verdict turns.
-fn doubts(bench: &Bench, found: &Found, decision: Decision) -> (Decision, Option<String>) {
-    let named = decision.blamed.join(if decision.verdict == Verdict::Class { " or " } else { " and " });
-    if named.is_empty() && decision.verdict != Verdict::NoGap {
-        return (decision, None);
-    }
-    let whole = decision.whole(found);
-    let left = if named.is_empty() { 0.0 } else { closure::share_left(bench, &found.refitted, whole) };
-    let (by_left, by_strain) = (decide::odds_of_left(left), decide::odds_of_strain(whole.strain()));
-    let doubted = decision.clone().doubted(by_left + by_strain);
-    if doubted.verdict == decision.verdict {
-        return (doubted, None);
-    }
-    let nearest = if named.is_empty() { String::new() } else { format!("Nearest in the catalogue: {named}. ") };
-    let reason = if by_left > by_strain {
-        format!(
-            "With that {:.0} % of the squared gap of the positions stays beyond what a right model may leave: it resembles the cause, or \
-             something acts besides.",
-            100.0 * left
-        )
-    } else {
-        format!(
-            "The twin follows these recordings only if {}: the sheet is wrong there, or something acts that has nearly the same mark. \
-             Correct the sheet or widen its tolerances if you know better.",
-            whole.stretched().join(" and ")
-        )
+/// Distance from the sheet, in tolerances, that a reader should hear of: by chance one sheet in a thousand is so far off anywhere.
+const FAR_FROM_SHEET: f64 = 4.0;
+
+/// What is nearest where nothing has a name, and how far the sheet must be wrong for it.
+fn stretched(explored: &Explored, decision: &Decision) -> Option<String> {
+    let nearest = explored.leader();
+    let far = nearest.stretched(FAR_FROM_SHEET);
+    let unknown = decision.verdict == Verdict::Unknown;
+    let name = match nearest.ids().join(" and ") {
+        name if unknown && !name.is_empty() => format!("Nearest in the catalogue: {name}. "),
+        _ => String::new(),
     };
-    (doubted, Some(nearest + &reason))
+    if far.is_empty() {
+        return (!name.is_empty()).then(|| format!("{name}It leaves more of the gap than a right equation would."));
+    }
+    Some(format!(
+        "{name}The twin follows these recordings only if {}: the sheet is wrong there, or something acts that has nearly the same mark. Correct \
+         the sheet or widen its tolerances if you know better.",
+        far.join(" and ")
+    ))
 }
 
-/// Whether nothing gains and yet much is left, so that the unit is not sound; between slow samples nobody knows what drives it.
-fn untouched(bench: &Bench, found: &Found, decision: &Decision) -> bool {
-    decision.verdict == Verdict::NoGap && !bench.is_slow() && found.refitted.cost() > FOREIGN * decision.floor
+/// Which recording a name rests on: without it the posterior would name something else, or nothing.
+fn rests_on(table: &Table, weights: &Weights, decision: &Decision, recordings: &[String]) -> Option<String> {
+    if decision.verdict != Verdict::Named {
+        return None;
+    }
+    if recordings.len() < 2 {
+        return Some("One recording alone: the best explanation of it, not confirmed by another.".to_owned());
+    }
+    let without = |left: usize| Posterior::new(&table.without(left), weights, &[]);
+    let kept = |left: usize| {
+        let posterior = without(left);
+        decision.blamed.iter().all(|id| posterior.inclusion(table, id) > 0.5)
+    };
+    let needed: Vec<&str> =
+        (0..recordings.len()).filter(|&left| !kept(left)).map(|left| recordings[left].as_str()).collect();
+    (!needed.is_empty()).then(|| {
+        format!(
+            "The verdict rests on {}: without it the other recordings would not name the same.",
+            needed.join(", or on ")
+        )
+    })
 }

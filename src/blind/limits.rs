@@ -19,7 +19,7 @@ pub type Sized<'a> = (&'a str, Vec<f64>);
 /// The effects are simulated at their size on top of the refitted unit. From what they change in the misses is taken off what the sheet's
 /// tolerances could do instead, and what the effects could that the answer names, at the sizes that it gives them (projection: the gain in
 /// likelihood that a perfect observer with the same equations could expect). Below
-/// [`SEEN`](crate::diagnosis::decide::SEEN) nobody could have told from these recordings.
+/// [`SEEN`](crate::blind::scored::SEEN) nobody could have told from these recordings.
 #[must_use]
 pub fn told(recordings: Vec<Recording>, refitted: &Unit, hidden: &[Sized], answer: &[Sized]) -> Option<f64> {
     let with = |effects: &[Sized]| {

@@ -1,9 +1,8 @@
 //! The page of a score: the measures beside their targets, who was taken for whom, how far probabilities can be trusted.
 
 use crate::blind::score::{Confusion, Measure, Score};
-use crate::blind::scored::{MissedBy, Scored};
+use crate::blind::scored::{MissedBy, SEEN, Scored};
 use crate::blind::statistics::{Bin, Measured};
-use crate::diagnosis::decide::SEEN;
 use crate::report::draw::{DrawError, svg};
 use crate::report::ink::Ink;
 use crate::report::page::{KeyFigure, Page, Tone};

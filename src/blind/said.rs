@@ -1,10 +1,10 @@
 //! What a diagnosis said, as far as it is scored: read from a report, or written as one by a baseline.
 
-use std::collections::BTreeMap;
-
 use serde::{Deserialize, Serialize};
 
 use crate::diagnosis::outcome::Verdict;
+use crate::diagnosis::table::{Row, Table};
+use crate::tuning::bench::GENEROUS;
 
 /// The part of `report.json` that is scored.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -34,31 +34,9 @@ pub struct Said {
 /// What a diagnosis rests on, as far as it is scored.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Evidence {
-    /// What the models cost.
+    /// The evidence of all fault sets.
     #[serde(default)]
-    pub costs: Costs,
-}
-
-/// What the models cost, in halves of a log-likelihood.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Costs {
-    /// Cost of a right model.
-    #[serde(default)]
-    pub floor: Option<f64>,
-    /// Each place among the effects that were found, in their order.
-    #[serde(default)]
-    pub places: Vec<Place>,
-}
-
-/// One place: the cost without an effect in it, and with each that was tried.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Place {
-    /// Without.
-    #[serde(default)]
-    pub before: Option<f64>,
-    /// With, by id.
-    #[serde(default)]
-    pub with: BTreeMap<String, Option<f64>>,
+    pub table: Table,
 }
 
 /// Where the gap lies.
@@ -189,15 +167,16 @@ impl Said {
     /// What the model of the verdict leaves above the cost of a right one, in halves of a log-likelihood; none where the report does not tell.
     #[must_use]
     pub fn leaves(&self) -> Option<f64> {
-        let places = &self.evidence.costs.places;
-        let cost = match (self.verdict()?, self.effects.len()) {
-            (Verdict::Named, several @ 2..) => {
-                places.get(several - 1).and_then(|place| place.with.values().copied().flatten().min_by(f64::total_cmp))
-            }
-            (Verdict::Named | Verdict::Class, _) => places.first().and_then(|place| *place.with.get(self.word())?),
-            _ => places.first().and_then(|place| place.before),
+        let wanted: Vec<&str> = match self.verdict()? {
+            Verdict::Named => self.effects.iter().map(|effect| effect.id.as_str()).collect(),
+            Verdict::Class => vec![self.word()],
+            _ => Vec::new(),
         };
-        Some(cost? - self.evidence.costs.floor?)
+        let table = &self.evidence.table;
+        let is_it = |row: &&Row| {
+            row.effects.len() == wanted.len() && wanted.iter().all(|id| row.effects.iter().any(|effect| effect == id))
+        };
+        Some(table.rows.iter().find(is_it)?.cost - GENEROUS * table.samples)
     }
 
     /// Whether an effect is blamed.
@@ -220,8 +199,11 @@ mod tests {
                 "closure": {"value": 0.91, "ci90": [0.87, 0.94]}}],
             "ranking": [{"id": "unknown", "probability": 0.04}, {"id": "port_overlap", "probability": 0.93}],
             "gap": {"signals": [], "closure": {"value": 0.91, "ci90": [0.87, 0.94]}}, "seconds": 41.0,
-            "evidence": {"costs": {"floor": 1000.0,
-                "places": [{"before": 1500.0, "with": {"port_overlap": 1030.0, "backlash": 1400.0, "load": null}}]}}}"#;
+            "evidence": {"table": {"samples": 1000.0, "slow_share": 0.0, "pilot": false, "unknown": {}, "unknown_besides": {}, "rows": [
+                {"effects": ["port_overlap"], "refined": true, "cost": 670.0, "prior": 0.0, "strain": 0.0, "by_kappa": [0.0, 0.0, 0.0, 0.0],
+                 "own_noise": 0.0, "without_each": [], "sizes": [1.0]},
+                {"effects": [], "refined": true, "cost": 1140.0, "prior": 0.0, "strain": 0.0, "by_kappa": [0.0, 0.0, 0.0, 0.0],
+                 "own_noise": 0.0, "without_each": [], "sizes": []}]}}}"#;
         let said = Said::read(report).unwrap();
         assert!(said.detects() && said.first() == "port_overlap" && said.word() == "port_overlap");
         assert_eq!(said.effects[0].parameters[0].ci90, Some([Some(2.8e-4), None]));

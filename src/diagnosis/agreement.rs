@@ -1,8 +1,7 @@
 //! Whether the recordings agree: the same parameters must fit each of them, or they are not of one unit.
 
-use crate::diagnosis::decide::UNKNOWN_LEAVES;
+use crate::diagnosis::explore::Explored;
 use crate::diagnosis::model::{Model, covariance};
-use crate::diagnosis::rivals::Found;
 use crate::parameters::Unit;
 use crate::tuning::bench::Bench;
 use crate::tuning::fit::{Effort, Fit, fit};
@@ -16,6 +15,9 @@ const STRANGE: f64 = 60.0;
 /// The same as a share of what their common fit leaves beyond noise, and as a share of the noise itself.
 const STRANGE_SHARES: (f64, f64) = (0.5, 0.15);
 
+/// Share of the gap that a model may leave and still speak for one unit.
+const EXPLAINED: f64 = 0.3;
+
 /// One recording fitted alone.
 struct Alone {
     gain: f64,
@@ -25,13 +27,14 @@ struct Alone {
 
 /// Fits each recording alone, from where all together stand; says in a sentence that they are not of one unit, where they are not.
 #[must_use]
-pub fn disagreement(bench: &Bench, found: &Found, floor: f64) -> Option<String> {
-    let model = &found.best;
+pub fn disagreement(bench: &Bench, found: &Explored) -> Option<String> {
+    let model = found.leader();
+    let floor = bench.expected_cost();
     if bench.trials.len() < 2 || model.fit.slopes.len() < bench.trials.len() || model.cost() - floor < STRANGE {
         return None;
     }
     // A model that explains the gap of all of them speaks for one unit, however much each gains by parameters of its own.
-    if model.cost() - floor < UNKNOWN_LEAVES.0 * (found.refitted.cost() - floor) {
+    if model.cost() - floor < EXPLAINED * (found.refitted().cost() - floor) {
         return None;
     }
     let alone: Vec<Alone> = (0..bench.trials.len())

@@ -6,7 +6,6 @@ use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::diagnosis::floor::LEEWAY;
 use crate::diagnosis::model::Model;
 use crate::diagnosis::outcome::Interval;
 use crate::frame::Estimate;
@@ -16,6 +15,10 @@ use crate::tuning::fit::{Effort, fit};
 use crate::tuning::knob::{Knob, unit_at};
 use crate::tuning::linear::normal;
 use crate::tuning::trial::Trial;
+
+/// By how much a right model may leave more than the noise, as a share of it, at fast and at slow rates: no equation is exact, and between
+/// slow samples nobody knows the inputs. Measured on the generated battery of seed 77.
+const LEEWAY: (f64, f64) = (0.15, 1.5);
 
 /// Length of a block, s: longer than what one miss has to do with the next.
 const BLOCK_S: f64 = 2.0;
@@ -156,24 +159,7 @@ fn squares_and_means(bench: &Bench, signal: Signal, twins: [&LeftOut; 2]) -> (Ve
     (all, means)
 }
 
-/// Share of the squared gap of both positions that a model with effects leaves beyond what a right one may; 0 where that gap is smaller than the
-/// noise, since no unit chatters quite as expected, and between slow samples, where nobody knows how much a right model may leave.
-#[must_use]
-pub fn share_left(bench: &Bench, refitted: &Model, with_effects: &Model) -> f64 {
-    if bench.is_slow() {
-        return 0.0;
-    }
-    let [refitted, with_effects] = [refitted, with_effects].map(|model| bench.simulate_all(&model.unit()));
-    let (mut gap, mut left) = (0.0, 0.0);
-    for signal in Signal::POSITIONS {
-        let (_, [before, after]) = squares_and_means(bench, signal, [&refitted, &with_effects]);
-        gap += (before - 1.0).max(0.0);
-        left += (after - 1.0 - LEEWAY.0).max(0.0);
-    }
-    if gap > Signal::POSITIONS.len() as f64 { (left / gap).min(1.0) } else { 0.0 }
-}
-
-/// Sums over both positions in blocks: squares refitted, squares with effects, noise.
+/// Sums over all recorded signals in blocks: squares refitted, squares with effects, noise.
 ///
 /// Noise that a twin leaves less than is not there: the floor of a signal is what its transducer and chatter should leave, or what the better
 /// twin does leave if that is less.
@@ -183,7 +169,7 @@ fn blocks(bench: &Bench, refitted: &LeftOut, with_effects: &LeftOut) -> Vec<Vec<
         .iter()
         .map(|trial| vec![[0.0; 3]; trial.samples.len().div_ceil(trial.samples_in(BLOCK_S))])
         .collect();
-    for signal in Signal::POSITIONS {
+    for signal in Signal::ALL {
         let (all, [before, after]) = squares_and_means(bench, signal, [refitted, with_effects]);
         let noise = before.min(after).min(1.0);
         for (index, samples) in all.iter().enumerate() {

@@ -165,16 +165,10 @@ fn evidence(diagnosis: &Diagnosis) -> Value {
         .iter()
         .map(|one| json!({"recording": one.recording, "closure": interval(one.closure)}))
         .collect();
-    let by_id = |tried: &[(String, f64)]| -> serde_json::Map<String, Value> {
-        tried.iter().map(|(id, cost)| (id.clone(), json!(cost))).collect()
-    };
-    let places: Vec<Value> =
-        diagnosis.places.iter().map(|place| json!({"before": place.before, "with": by_id(&place.tried)})).collect();
-    let costs = json!({
-        "values": diagnosis.samples, "floor": diagnosis.floor, "places": places, "further": by_id(&diagnosis.further),
-    });
+    let sets: Vec<Value> =
+        diagnosis.sets.iter().map(|(effects, p)| json!({"effects": effects, "probability": p})).collect();
     json!({
-        "costs": costs, "closure_without_recording": transfers,
+        "values": diagnosis.samples, "fault_sets": sets, "table": diagnosis.table, "closure_without_recording": transfers,
         "parameters": parameters, "tried": tried, "channels": channels, "smallest_visible": visible,
         "alike": alike, "ledgers": ledgers, "stage_tests": tests, "free_terms": latents,
         "simulations": diagnosis.simulations,

@@ -9,11 +9,6 @@ use crate::tuning::fit::{Effort, Fit, fit, prior_square, slopes};
 use crate::tuning::knob::{Knob, unit_at};
 use crate::tuning::linear::normal;
 
-/// How far a right model may stretch the sheet ([`Model::strain`]); the odds on something unknown are by how much it is stretched farther. On
-/// generated batteries (seeds 77, 502, 603, 604, the first 30 units of 605) right single effects and sound units stretch it by 3.2 at most, but for one
-/// that swings, of 19 effects given a neighbour's name eight by 4.2 to 12; in `practice` it is 2.4 at most.
-pub const STRAINED: f64 = 3.0;
-
 /// A model with all its knobs fitted: the sheet's tolerances, then the parameters of its effects.
 #[derive(Clone, Debug)]
 pub struct Model {
@@ -27,8 +22,6 @@ pub struct Model {
     pub fit: Fit,
     /// Covariance of the knobs about the fit.
     pub spread: DMatrix<f64>,
-    /// What it costs more with the noise of its own ([`charge`](crate::diagnosis::own_noise::charge)); 0 where all have that of the bench.
-    pub noise: f64,
 }
 
 impl Model {
@@ -36,7 +29,7 @@ impl Model {
     #[must_use]
     pub fn new(effects: Vec<&'static EffectSpec>, base: Unit, knobs: Vec<Knob>, fit: Fit) -> Self {
         let spread = covariance(&knobs, &fit);
-        Self { effects, base, knobs, fit, spread, noise: 0.0 }
+        Self { effects, base, knobs, fit, spread }
     }
 
     /// The unit without effects of ours, as the sheet has it, unfitted.
@@ -61,33 +54,10 @@ impl Model {
     #[must_use]
     pub fn or_better(&self, fit: Fit) -> Self {
         if fit.cost() <= self.fit.cost() || self.fit.slopes.is_empty() {
-            Self { noise: self.noise, ..Self::new(self.effects.clone(), self.base.clone(), self.knobs.clone(), fit) }
+            Self::new(self.effects.clone(), self.base.clone(), self.knobs.clone(), fit)
         } else {
             self.clone()
         }
-    }
-
-    /// The same model fitted anew to a bench with another noise.
-    #[must_use]
-    pub fn anew(&self, bench: &Bench) -> Self {
-        let fit = fit(bench, &self.base, &self.knobs, &self.fit.positions, Effort::FULL, None);
-        Self::new(self.effects.clone(), self.base.clone(), self.knobs.clone(), fit)
-    }
-
-    /// The same model, unfitted, where another that has one effect more has the parameters of this one; none where that one was only scouted.
-    #[must_use]
-    pub fn moved(&self, bench: &Bench, to: &Self) -> Option<Self> {
-        let count = self.knobs.len();
-        let positions = to.fit.positions.get(..count)?.to_vec();
-        let slopes: Vec<DMatrix<f64>> =
-            to.fit.slopes.iter().map(|slopes| slopes.columns(0, count).into_owned()).collect();
-        if slopes.is_empty() {
-            return None;
-        }
-        let misses = bench.misses_of(&[unit_at(&self.base, &self.knobs, &positions)]).pop()?;
-        let prior = prior_square(&self.knobs, &positions);
-        let fit = Fit { square: square(&misses), prior, positions, misses, slopes };
-        Some(Self::new(self.effects.clone(), self.base.clone(), self.knobs.clone(), fit))
     }
 
     /// The model with these of its effects alone, fitted anew from where it stands.
@@ -114,10 +84,10 @@ impl Model {
         Self::new(effects, base, knobs, fit)
     }
 
-    /// Squares of misses and priors together, and what its noise costs more.
+    /// Squares of misses and priors together.
     #[must_use]
     pub fn cost(&self) -> f64 {
-        self.fit.cost() + self.noise
+        self.fit.cost()
     }
 
     /// What the recordings say of a knob beyond the sheet: 0 where they say nothing, 1 where the sheet's tolerance does not matter.
@@ -134,24 +104,26 @@ impl Model {
         self.fit.prior / told.max(3.0)
     }
 
-    /// Whether the sheet is stretched farther than is believed of it.
+    /// The parameters that stand at least so many tolerances off the sheet, the farthest two, in words.
     #[must_use]
-    pub fn is_strained(&self) -> bool {
-        self.strain() > STRAINED
-    }
-
-    /// The parameters that are stretched farthest, one or two, in words.
-    #[must_use]
-    pub fn stretched(&self) -> Vec<String> {
+    pub fn stretched(&self, least: f64) -> Vec<String> {
         let positions = self.knobs.iter().zip(&self.fit.positions).filter(|(knob, _)| knob.has_prior());
         let mut far: Vec<(&Knob, f64)> = positions.map(|(knob, &position)| (knob, position)).collect();
         far.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
-        let least = far.first().map_or(0.0, |(_, position)| 0.5 * position.abs());
         let words = |(knob, position): (&Knob, f64)| {
             let than = if position > 0.0 { "above" } else { "below" };
             format!("{} is {:.1} tolerances {than} what the sheet says", knob.key(&self.base).0, position.abs())
         };
         far.into_iter().filter(|(_, position)| position.abs() >= least).take(2).map(words).collect()
+    }
+
+    /// The unit as fitted without one of the model's effects.
+    #[must_use]
+    pub fn without(&self, own: usize) -> Unit {
+        let mut unit = self.unit();
+        let first = unit.effects.len() - self.effects.len();
+        unit.effects.remove(first + own);
+        unit
     }
 
     /// The unit as fitted.
@@ -166,22 +138,10 @@ impl Model {
         self.effects.iter().any(|effect| effect.id == id)
     }
 
-    /// Id of the effect that was added last.
-    #[must_use]
-    pub fn newest(&self) -> Option<&'static str> {
-        self.effects.last().map(|effect| effect.id)
-    }
-
     /// Ids of the effects.
     #[must_use]
     pub fn ids(&self) -> Vec<&'static str> {
         self.effects.iter().map(|effect| effect.id).collect()
-    }
-
-    /// The model with slopes to judge it by, fitted on where it was only scouted.
-    #[must_use]
-    pub fn with_slopes(&self, bench: &Bench) -> Self {
-        if self.fit.slopes.is_empty() { self.refined(bench, Effort::SCOUT) } else { self.clone() }
     }
 
     /// Fits on from here with all the care that a report needs.

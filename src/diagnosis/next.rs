@@ -1,8 +1,8 @@
 //! What to try next: for the pairs that a verdict leaves open, the test that would tell them apart.
 
+use crate::diagnosis::explore::Explored;
 use crate::diagnosis::model::Model;
 use crate::diagnosis::outcome::{Blame, Experiment, Verdict};
-use crate::diagnosis::rivals::Found;
 use crate::diagnosis::{experiment, stage_experiment};
 use crate::signal::Signal;
 use crate::tuning::bench::Bench;
@@ -10,9 +10,11 @@ use crate::twin::Cut;
 
 /// For a class, a test for each pair of rivals; for one named effect, a test against the runner-up.
 #[must_use]
-pub fn experiments(bench: &Bench, found: &Found, blamed: &[Blame], verdict: Verdict) -> Vec<Experiment> {
-    let tried: Vec<&Model> = found.slots.first().into_iter().flat_map(|slot| &slot.tried).collect();
-    let model = |id: &str| found.slots.first().and_then(|slot| slot.with(id));
+pub fn experiments(bench: &Bench, found: &Explored, blamed: &[Blame], verdict: Verdict) -> Vec<Experiment> {
+    // The best fitted set that holds an effect stands for it.
+    let tried: Vec<&Model> =
+        found.hypotheses.iter().map(|one| &one.model).filter(|model| !model.effects.is_empty()).collect();
+    let model = |id: &str| tried.iter().copied().find(|model| model.has(id));
     let mut pairs: Vec<(String, String)> = Vec::new();
     match verdict {
         Verdict::Class => {
@@ -21,7 +23,7 @@ pub fn experiments(bench: &Bench, found: &Found, blamed: &[Blame], verdict: Verd
             }
         }
         Verdict::Named if blamed.len() == 1 => {
-            if let Some(other) = tried.iter().find(|model| model.effects[0].id != blamed[0].id) {
+            if let Some(other) = tried.iter().find(|model| !model.has(&blamed[0].id)) {
                 pairs.push((blamed[0].id.clone(), other.effects[0].id.to_owned()));
             }
         }

@@ -1,5 +1,6 @@
 //! What a diagnosis says: the verdict and the evidence for it.
 
+use crate::diagnosis::table::Table;
 use crate::effects::Stage;
 use crate::parameters::Unit;
 use crate::recording::Process;
@@ -248,15 +249,6 @@ pub struct Transfer {
     pub closure: Interval,
 }
 
-/// One place among the effects of a unit, and the rivals for it.
-#[derive(Clone, Debug)]
-pub struct Place {
-    /// Cost without an effect in this place.
-    pub before: f64,
-    /// Cost with each effect that was tried there, best first.
-    pub tried: Vec<(String, f64)>,
-}
-
 /// One recording as it was and as the twins have it, at the rows where something was measured.
 #[derive(Clone, Debug)]
 pub struct Trace {
@@ -337,12 +329,10 @@ pub struct Diagnosis {
     pub tried: Vec<Tried>,
     /// Closure on each recording by fits to the others; empty where there is nothing to transfer.
     pub transfers: Vec<Transfer>,
-    /// Costs that the probabilities rest on, for each place among the effects.
-    pub places: Vec<Place>,
-    /// Cost with one effect more, for each that was tried and did not earn its place; best first.
-    pub further: Vec<(String, f64)>,
-    /// Cost that a perfect model would have.
-    pub floor: f64,
+    /// Fault sets that hold nine tenths of the probability of something known, likeliest first.
+    pub sets: Vec<(Vec<String>, f64)>,
+    /// The evidence that the probabilities rest on.
+    pub table: Table,
     /// How many values were measured.
     pub samples: usize,
     /// Traces for pictures.

@@ -1,12 +1,14 @@
 //! Noise of its own: a model that chatters otherwise than the refitted sheet is judged by the chatter that it predicts.
 
-use crate::diagnosis::decide::SEEN;
 use crate::diagnosis::model::Model;
 use crate::parameters::Unit;
 use crate::tuning::bench::{Bench, square};
 
 /// Share of the least cost by which a model must be likelier with the noise of its own: less is not worth a new search.
 const NOTABLE: f64 = 0.1;
+
+/// The same in cost: less may be chance.
+const LEAST_GAIN: f64 = 20.0;
 
 /// The bench with the noise laid out along a unit, and what that unit then costs: its misses, and how much wider that noise is than before.
 ///
@@ -20,22 +22,13 @@ fn own(bench: &Bench, unit: &Unit) -> (Bench, f64) {
 
 /// Whether what is likeliest with the noise of its own is notably likelier than the least that anything costs with that of the bench.
 fn is_notable(own_cost: f64, least: f64) -> bool {
-    own_cost < (1.0 - NOTABLE) * least - SEEN
+    own_cost < (1.0 - NOTABLE) * least - LEAST_GAIN
 }
 
 /// What a model costs more with the noise laid out along itself than with that of the bench; next to nothing among models that chatter alike.
 #[must_use]
 pub fn charge(bench: &Bench, model: &Model) -> f64 {
     own(bench, &model.unit()).1 - model.fit.square
-}
-
-/// The model that is notably likelier with the noise of its own than any is with that of the bench; none where there is none.
-#[must_use]
-pub fn louder<'a>(bench: &Bench, before: &Model, tried: &'a [Model]) -> Option<&'a Model> {
-    let least = tried.iter().map(Model::cost).fold(before.cost(), f64::min);
-    let own: Vec<(f64, &Model)> = tried.iter().map(|model| (model.cost() + charge(bench, model), model)).collect();
-    let (cost, likeliest) = own.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
-    is_notable(cost, least).then_some(likeliest)
 }
 
 /// A bench of new recordings with the noise that a diagnosis would count with: along the improved unit where that is notably likelier so.

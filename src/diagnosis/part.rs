@@ -1,18 +1,17 @@
 //! A part of the chain: how well its models predict free runs, and how much of the verdict they bear.
 
-use crate::diagnosis::decide::{Decision, decide};
-use crate::diagnosis::floor::floor;
+use crate::diagnosis::decision::Decision;
+use crate::diagnosis::explore::Explored;
 use crate::diagnosis::model::Model;
 use crate::diagnosis::outcome::{FreeRun, StageOnly, Verdict};
 use crate::diagnosis::ready::Ready;
-use crate::diagnosis::rivals::{DETECTED, Found};
 use crate::frame::Frame;
 use crate::parameters::Unit;
 use crate::recording::Recording;
 use crate::tuning::bench::Bench;
 use crate::tuning::fit::{Effort, fit};
 use crate::tuning::knob::unit_at;
-use crate::tuning::noise::{ALIKE, Noise};
+use crate::tuning::noise::Noise;
 use crate::tuning::trial::Trial;
 use crate::units::seconds_from_nanos;
 
@@ -24,6 +23,8 @@ const SURE: (f64, f64) = (0.6, 0.95);
 const RIVAL: f64 = 0.03;
 /// A stage that misses no more than this, in squares of what the most flexible law misses, shows no gap.
 const CALM_ENOUGH: f64 = 3.0;
+/// Gain in cost that may be chance.
+const LEAST_GAIN: f64 = 8.0;
 /// Share of the movement that some law of the spool must explain, or there is too little to go by.
 const DRIVEN: f64 = 0.9;
 
@@ -32,19 +33,12 @@ const DRIVEN: f64 = 0.9;
 /// Without a sheet everything is fitted freely, and a piece of a recording starts in a state that nobody measured: a second effect, or the
 /// better of two alike, is then easily had.
 #[must_use]
-pub fn modest(
-    bench: &Bench,
-    found: &mut Found,
-    ready: &Ready,
-    decision: Decision,
-    explained: f64,
-) -> (Decision, Option<String>) {
+pub fn modest(bench: &Bench, found: &Explored, ready: &Ready, decision: Decision) -> (Decision, Option<String>) {
     let mut decision = decision;
-    let mut said = None;
-    let samples: usize = bench.trials.iter().map(|trial| trial.samples.len()).sum();
-    if !ready.sheet && found.refitted.cost() < CALM_ENOUGH * samples as f64 / ALIKE + DETECTED {
+    if !ready.sheet && found.refitted().cost() < CALM_ENOUGH * bench.independent_samples() + LEAST_GAIN {
         let blamed = decision.verdict != Verdict::NoGap;
-        said = blamed.then(|| "What the fitted stage misses, the most flexible law misses as well: no gap.".to_owned());
+        let mut said =
+            blamed.then(|| "What the fitted stage misses, the most flexible law misses as well: no gap.".to_owned());
         let mut verdict = Verdict::NoGap;
         if ready.explained < DRIVEN {
             verdict = Verdict::NotExcited;
@@ -56,22 +50,25 @@ pub fn modest(
         }
         return (decision.forced(verdict), said);
     }
-    let probability = |decision: &Decision, id: &str| {
-        decision.effects.iter().find(|(spec, _)| spec.id == id).map_or(0.0, |(_, p)| *p)
-    };
+    let probability = |id: &str| decision.effects.iter().find(|(spec, _)| spec.id == id).map_or(0.0, |(_, p)| *p);
     let sure = if ready.sheet { SURE.0 } else { SURE.1 };
-    let doubtful = decision.blamed.iter().any(|id| probability(&decision, id) < sure);
-    let first = found.slots.first().and_then(|slot| slot.tried.first()).cloned();
-    if let Some(first) = first.filter(|_| decision.verdict == Verdict::Named && decision.blamed.len() > 1 && doubtful) {
-        let further: Vec<&str> = found.best.effects.iter().skip(1).map(|effect| effect.id).collect();
+    let (kept, doubtful): (Vec<&'static str>, Vec<&'static str>) =
+        decision.blamed.iter().enumerate().map(|(k, &id)| (k, id)).fold((vec![], vec![]), |mut all, (k, id)| {
+            if k == 0 || probability(id) >= sure {
+                all.0.push(id)
+            } else {
+                all.1.push(id)
+            }
+            all
+        });
+    let mut said = None;
+    if decision.verdict == Verdict::Named && !doubtful.is_empty() {
         said = Some(format!(
             "On top of {} something like {} would fit somewhat better, but too little for a second name.",
-            first.ids().join(", "),
-            further.join(" or ")
+            kept.join(", "),
+            doubtful.join(" or ")
         ));
-        found.best = first;
-        found.further = found.slots.drain(1..).next().map(|slot| slot.tried).unwrap_or_default();
-        decision = decide(found, &ready.catalogue, floor(bench, found), explained);
+        decision.blamed = kept;
     }
     if !ready.sheet && decision.verdict == Verdict::Named && decision.blamed.len() == 1 {
         let mut rivals: Vec<(&'static str, f64)> =
@@ -142,11 +139,11 @@ fn error(trials: &[Trial], unit: &Unit, noise: &Noise) -> f64 {
 
 /// What a report says of the part.
 #[must_use]
-pub fn describe(ready: &Ready, found: &Found) -> StageOnly {
-    let tried = found.slots.first().into_iter().flat_map(|slot| &slot.tried).take(3);
-    let mut models: Vec<&Model> = std::iter::once(&found.refitted).chain(tried).collect();
-    if found.best.effects.len() > 1 {
-        models.push(&found.best);
+pub fn describe(ready: &Ready, found: &Explored, decision: &Decision) -> StageOnly {
+    let blamed = decision.blamed.iter().filter_map(|id| found.with(&[id]));
+    let mut models: Vec<&Model> = std::iter::once(found.refitted()).chain(blamed).collect();
+    if decision.blamed.len() > 1 {
+        models.extend(found.with(&decision.blamed));
     }
     let length_ns = ready.trials.first().map_or(0, |trial| match (trial.frames.first(), trial.frames.last()) {
         (Some(first), Some(last)) => last.time_ns - first.time_ns,

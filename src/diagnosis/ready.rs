@@ -1,7 +1,8 @@
 //! Recordings made ready for a diagnosis: of the whole chain where they hold the command, else of the servomotor stage behind the spool.
 
 use crate::diagnosis::model::Model;
-use crate::diagnosis::search::{Turned, with_effect};
+use crate::diagnosis::search::Turned;
+use crate::diagnosis::support::{Variant, with_effect};
 use crate::diagnosis::{DiagnosisError, Settings};
 use crate::effects::{EffectSpec, STAGE_ALONE};
 use crate::parameters::Unit;
@@ -184,7 +185,9 @@ fn acting(trials: &[Trial], unit: &Unit, settings: &Settings, noise: &Noise) -> 
     let fit = Fit { positions: Vec::new(), square: square(&misses), prior: 0.0, misses, slopes: Vec::new() };
     let model = Model::new(Vec::new(), unit.clone(), Vec::new(), fit);
     let acts = |spec: &&'static EffectSpec| {
-        let Some((base, knobs, positions)) = with_effect(&model, spec, 1.0, 1.0) else { return true };
+        let Some((base, knobs, positions)) = with_effect(&model, spec, Variant { size: 1.0, further: 1.0 }) else {
+            return true;
+        };
         bench.misses_of(&[unit_at(&base, &knobs, &positions)]).pop().is_some_and(|misses| misses != model.fit.misses)
     };
     let wanted = |spec: &&'static EffectSpec| !settings.free || sheetless::means_something(spec.id);

@@ -2,61 +2,81 @@
 
 use crate::diagnosis::Settings;
 use crate::diagnosis::closure::{LeftOut, Refitted, closure, closure_of, without_parts, without_recordings};
-use crate::diagnosis::decide::{Decision, stages as stage_shares};
-use crate::diagnosis::latent::draw_named;
+use crate::diagnosis::decision::Decision;
+use crate::diagnosis::discrepancy;
+use crate::diagnosis::explore::{Explored, Hypothesis};
 use crate::diagnosis::ledger::{gaps, ledgers};
 use crate::diagnosis::model::Model;
 use crate::diagnosis::next::experiments;
 use crate::diagnosis::outcome::{
-    Blame, Channel, Diagnosis, Fitted, Interval, Latent, Place, Ranked, Transfer, Tried, Verdict,
+    Blame, Channel, Diagnosis, Fitted, Interval, Latent, Ranked, Transfer, Tried, Verdict, Visible,
 };
-use crate::diagnosis::rivals::Found;
+use crate::diagnosis::posterior::Weights;
 use crate::diagnosis::stages;
+use crate::diagnosis::table::Table;
 use crate::diagnosis::traces::traces;
-use crate::diagnosis::visible::Marks;
-use crate::effects::{EffectSpec, Stage};
+use crate::effects::EffectSpec;
 use crate::parameters::Unit;
-use crate::tuning::bench::Bench;
+use crate::tuning::bench::{Bench, Misses};
 use crate::tuning::knob::Knob;
 
 /// Standard deviations to either side of a 90 % interval.
 const NINETY: f64 = 1.645;
 
-/// How far the size of an effect may be off because its true equation is another, one standard deviation over its size.
-///
-/// Seven of the eight sizes in the practice units then lie inside their 90 % intervals, the eighth just outside.
-const EQUATION: f64 = 0.1;
-
 /// Share of an effect's plausible range below which it counts as excited: smallest visible size over a moderate fault.
 const EXCITED: f64 = 3.0;
+
+/// Gain in cost from which an effect stands out: a log Bayes factor of 10, of which the odds against any effect take half.
+const STANDS_OUT: f64 = 20.0;
+
+/// From this cosine on the marks of two effects cannot be told apart here.
+const ALIKE: f64 = 0.97;
 
 /// So many of the tried models are judged on left-out recordings.
 const LEADERS: usize = 3;
 
+/// Size of something unknown, in moderate discrepancy terms, and of the error of equations beside it, for its picture.
+const UNKNOWN: (f64, f64) = (4.0, 0.03);
+
 /// What was seen before the verdict.
 #[derive(Clone, Debug)]
 pub struct Seen {
-    /// Free terms, best first.
-    pub latents: Vec<Latent>,
     /// Channels as found.
     pub channels: Vec<Channel>,
     /// What a reader must know.
     pub notes: Vec<String>,
 }
 
+/// What the verdict was read off.
+#[derive(Debug)]
+pub struct Judged<'a> {
+    /// The recordings with their noise.
+    pub bench: &'a Bench,
+    /// The fitted fault sets.
+    pub explored: &'a Explored,
+    /// Their evidence.
+    pub table: Table,
+    /// The verdict.
+    pub decision: &'a Decision,
+    /// The learned numbers.
+    pub weights: &'a Weights,
+}
+
+impl Judged<'_> {
+    /// The model of what is named: of several effects all at once, of rivals the first; the refitted sheet where nothing is.
+    fn chosen(&self) -> &Model {
+        let blamed = self.decision.blamed.as_slice();
+        let claim = if self.decision.verdict == Verdict::Class { &blamed[..1] } else { blamed };
+        self.explored.with(claim).unwrap_or_else(|| self.explored.refitted())
+    }
+}
+
 /// Builds the diagnosis.
 #[must_use]
-pub fn gather(
-    bench: &Bench,
-    found: &Found,
-    decision: &Decision,
-    unit: &Unit,
-    settings: &Settings,
-    seen: Seen,
-) -> Diagnosis {
-    let Seen { mut latents, channels, mut notes } = seen;
-    let marks = Marks::new(bench, &found.refitted, &settings.catalogue);
-    let visible = marks.visible();
+pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &Settings, seen: Seen) -> Diagnosis {
+    let Judged { bench, explored, decision, .. } = judged;
+    let Seen { channels, mut notes } = seen;
+    let visible = visible(explored, &settings.catalogue);
     let shown = visible.iter().filter(|effect| effect.smallest <= EXCITED * effect.typical).count();
     let mut verdict = decision.verdict;
     if verdict == Verdict::NoGap && shown * 2 < visible.len() {
@@ -67,38 +87,26 @@ pub fn gather(
         ));
     }
     // What the verdict claims, and nothing else, goes into the improved twin.
-    let chosen = decision.chosen(found).with_slopes(bench);
-    let mut unknown_at: Vec<(Stage, f64)> = Stage::ALL.into_iter().map(|stage| (stage, 0.0)).collect();
-    let best_share = latents.first().map_or(0.0, |latent| latent.explains);
-    for latent in &latents {
-        // Places that explain nearly as much share the blame; the tenth part of the gap is a factor of e.
-        let share = ((latent.explains - best_share) / 0.1).exp();
-        if let Some(at) = unknown_at.iter_mut().find(|(stage, _)| *stage == latent.stage) {
-            at.1 = f64::max(at.1, share);
-        }
-    }
-    let total: f64 = unknown_at.iter().map(|(_, share)| share).sum();
-    for (_, share) in &mut unknown_at {
-        *share /= total.max(1e-12);
-    }
-    if !chosen.effects.is_empty() {
-        draw_named(bench, &found.refitted, &chosen, &mut latents);
-    }
-    let stage_shares = stage_shares(decision, &unknown_at);
+    let refitted_model = explored.refitted();
+    let chosen = judged.chosen();
+    let stage_shares = decision.stages();
     let has_gap = !matches!(verdict, Verdict::NoGap | Verdict::NotExcited);
     let stage = stage_shares.iter().copied().reduce(|a, b| if b.1 > a.1 { b } else { a }).map(|(stage, _)| stage);
 
-    let refitted_parts = without_parts(bench, &found.refitted);
-    let whole = closure(bench, &refitted_parts, &without_parts(bench, &chosen), settings.seed);
-    let mut blamed = blames(bench, found, decision, &chosen, verdict, &refitted_parts, settings.seed);
+    let refitted_parts = without_parts(bench, refitted_model);
+    let widened = |interval: Interval| widened(interval, judged.weights.closure_widening);
+    let whole = widened(closure(bench, &refitted_parts, &without_parts(bench, chosen), settings.seed));
+    let mut blamed = blames(&judged, chosen, verdict, &refitted_parts, settings.seed);
     if verdict == Verdict::Named {
         share_out(whole.value, &mut blamed);
     }
-    let refitted_without = without_recordings(bench, &found.refitted);
+    let refitted_without = without_recordings(bench, refitted_model);
     let [delivered, refitted, with_effects] =
-        [unit, &found.refitted.unit(), &chosen.unit()].map(|unit| bench.simulate_all(unit));
+        [unit, &refitted_model.unit(), &chosen.unit()].map(|unit| bench.simulate_all(unit));
     let known = unit.effects.len();
-    let parameters = fitted(&chosen, |knob| !matches!(knob, Knob::Effect { effect, .. } if *effect >= known));
+    let spread = judged.weights.size_spread;
+    let of_sheet = |knob: &Knob| !matches!(knob, Knob::Effect { effect, .. } if *effect >= known);
+    let parameters = fitted(chosen, spread, of_sheet);
     for parameter in parameters.iter().filter(|parameter| parameter.at_bound) {
         notes.push(format!("{} was fitted onto the end of its range.", parameter.name));
     }
@@ -115,36 +123,92 @@ pub fn gather(
         ranking: ranking(decision),
         gap: gaps(bench, &delivered, &refitted, &with_effects),
         closure: whole,
-        experiments: experiments(bench, found, &blamed, verdict),
-        refitted: found.refitted.unit(),
+        experiments: experiments(bench, explored, &blamed, verdict),
+        refitted: refitted_model.unit(),
         fitted: chosen.unit(),
         parameters,
         channels,
+        alike: alike(explored, &settings.catalogue),
         visible,
-        alike: marks.alike(),
         ledgers: ledgers(bench, &refitted, &with_effects),
-        stage_tests: stages::tests(bench, &found.refitted.unit()),
-        latents,
-        transfers: transfers(bench, &refitted_without, &chosen, settings.seed),
-        tried: tried(found, &refitted_without, bench),
+        stage_tests: stages::tests(bench, &refitted_model.unit()),
+        latents: latents(bench, explored, chosen),
+        transfers: transfers(bench, &refitted_without, chosen, settings.seed),
+        tried: tried(explored, &refitted_without, bench, spread),
         samples: bench.trials.iter().map(|t| t.samples.len() * t.has.iter().filter(|&&has| has).count()).sum(),
-        floor: decision.floor,
-        places: found
-            .slots
-            .iter()
-            .map(|slot| Place { before: slot.before.cost(), tried: costs(&slot.tried) })
-            .collect(),
-        further: costs(&found.further),
+        sets: decision.sets.clone(),
         traces: traces(bench, [&delivered, &refitted, &with_effects]),
         blamed,
         part: None,
         notes,
         simulations: bench.simulations(),
+        table: judged.table,
     }
 }
 
+/// An interval so many times as wide about its value, of a share that is 1 at most.
+fn widened(interval: Interval, times: f64) -> Interval {
+    let Interval { value, low, high } = interval;
+    Interval { value, low: (value - times * (value - low)).max(-1.0), high: (value + times * (high - value)).min(1.0) }
+}
+
+/// The smallest size of each effect that would stand out.
+fn visible(explored: &Explored, catalogue: &[&'static EffectSpec]) -> Vec<Visible> {
+    let of = |(effect, spec): (usize, &&'static EffectSpec)| {
+        let parameter = &spec.parameters[0];
+        let typical = (parameter.typical - parameter.neutral).abs();
+        let smallest = typical * explored.linearisation.smallest_visible(effect, STANDS_OUT);
+        Visible { id: spec.id, parameter: parameter.name, unit: parameter.unit, smallest, typical }
+    };
+    catalogue.iter().enumerate().map(of).collect()
+}
+
+/// Pairs whose marks are alike, most alike first.
+fn alike(explored: &Explored, catalogue: &[&'static EffectSpec]) -> Vec<(String, String, f64)> {
+    let mut pairs = Vec::new();
+    for (a, one) in catalogue.iter().enumerate() {
+        for (b, other) in catalogue.iter().enumerate().skip(a + 1) {
+            let likeness = explored.linearisation.likeness(a, b);
+            if likeness > ALIKE {
+                pairs.push((one.id.to_owned(), other.id.to_owned(), likeness));
+            }
+        }
+    }
+    pairs.sort_by(|a, b| b.2.total_cmp(&a.2));
+    pairs
+}
+
+/// What something unknown would be like at each place, best first; beside it what it would be like if the unit were the improved twin.
+fn latents(bench: &Bench, explored: &Explored, chosen: &Model) -> Vec<Latent> {
+    let Some(empty) = explored.hypotheses.iter().find(|one| one.effects.is_empty()) else { return Vec::new() };
+    let gap = empty.model.fit.cost() - bench.expected_cost();
+    let goal = (!chosen.effects.is_empty()).then(|| -> Misses {
+        let pairs = empty.model.fit.misses.iter().zip(&chosen.fit.misses);
+        pairs.map(|(refitted, improved)| refitted - improved).collect()
+    });
+    let mut all: Vec<Latent> = discrepancy::PLACES
+        .iter()
+        .enumerate()
+        .map(|(index, place)| {
+            let (gain, sizes) = empty.normal.terms(index, UNKNOWN, None);
+            let mut curves = discrepancy::curves(place, &sizes);
+            if let Some(goal) = &goal {
+                let gradient = explored.discrepancy.along(goal);
+                let (_, sizes) = empty.normal.terms(index, UNKNOWN, Some(&gradient));
+                for (curve, named) in curves.iter_mut().zip(discrepancy::curves(place, &sizes)) {
+                    curve.named = named.points;
+                }
+            }
+            let explains = if gap > 0.0 { (gain / gap).clamp(0.0, 1.0) } else { 0.0 };
+            Latent { place: place.words, stage: place.stage, unit: place.unit, explains, curves }
+        })
+        .collect();
+    all.sort_by(|a, b| b.explains.total_cmp(&a.explains));
+    all
+}
+
 /// The fitted values of those knobs that are wanted.
-fn fitted(model: &Model, wanted: impl Fn(&Knob) -> bool) -> Vec<Fitted> {
+fn fitted(model: &Model, size_spread: f64, wanted: impl Fn(&Knob) -> bool) -> Vec<Fitted> {
     // Effects of the unit itself come before those that were tried.
     let first = model.base.effects.len().saturating_sub(model.effects.len());
     model
@@ -156,7 +220,7 @@ fn fitted(model: &Model, wanted: impl Fn(&Knob) -> bool) -> Vec<Fitted> {
             let position = model.fit.positions[k];
             let variance = model.spread[(k, k)].max(0.0);
             let (low, high) = knob.range(&model.base);
-            let equation = if matches!(knob, Knob::Effect { .. }) { EQUATION * position } else { 0.0 };
+            let equation = if matches!(knob, Knob::Effect { .. }) { size_spread * position } else { 0.0 };
             let deviation = variance.sqrt().hypot(equation);
             let at = |offset: f64| knob.value(&model.base, (position + offset * deviation).clamp(low, high));
             let (a, b) = (at(-NINETY), at(NINETY));
@@ -180,22 +244,15 @@ fn fitted(model: &Model, wanted: impl Fn(&Knob) -> bool) -> Vec<Fitted> {
 }
 
 /// The fitted parameters of one effect of a model.
-fn fitted_effect(model: &Model, effect: &EffectSpec) -> Vec<Fitted> {
-    fitted(model, |knob| match knob {
+fn fitted_effect(model: &Model, size_spread: f64, effect: &EffectSpec) -> Vec<Fitted> {
+    fitted(model, size_spread, |knob| match knob {
         Knob::Effect { effect: place, .. } => model.base.effects[*place].id == effect.id,
         _ => false,
     })
 }
 
-fn blames(
-    bench: &Bench,
-    found: &Found,
-    decision: &Decision,
-    chosen: &Model,
-    verdict: Verdict,
-    refitted: &LeftOut,
-    seed: u64,
-) -> Vec<Blame> {
+fn blames(judged: &Judged<'_>, chosen: &Model, verdict: Verdict, refitted: &LeftOut, seed: u64) -> Vec<Blame> {
+    let decision = judged.decision;
     let probability = |id: &str| decision.effects.iter().find(|(spec, _)| spec.id == id).map_or(0.0, |(_, p)| *p);
     if !matches!(verdict, Verdict::Named | Verdict::Class) {
         return Vec::new();
@@ -204,16 +261,17 @@ fn blames(
         .blamed
         .iter()
         .filter_map(|id| {
-            let alone = found.alone(id).with_slopes(bench);
+            let alone = judged.explored.with(&[id]).unwrap_or(chosen);
             let spec = decision.effects.iter().find(|(spec, _)| spec.id == *id)?.0;
             // Parameters come from the model that is claimed, closure from the effect on its own.
-            let model = if chosen.has(id) { chosen } else { &alone };
+            let model = if chosen.has(id) { chosen } else { alone };
+            let share = closure(judged.bench, refitted, &without_parts(judged.bench, alone), seed);
             Some(Blame {
                 id: spec.id.to_owned(),
                 stage: spec.stage,
                 probability: probability(id),
-                parameters: fitted_effect(model, spec),
-                closure: closure(bench, refitted, &without_parts(bench, &alone), seed),
+                parameters: fitted_effect(model, judged.weights.size_spread, spec),
+                closure: widened(share, judged.weights.closure_widening),
                 last_in: None,
                 shapley: None,
             })
@@ -247,11 +305,6 @@ fn ranking(decision: &Decision) -> Vec<Ranked> {
     all
 }
 
-/// What each model costs, by the effect that it has beyond the one before it.
-fn costs(models: &[Model]) -> Vec<(String, f64)> {
-    models.iter().map(|model| (model.newest().unwrap_or_default().to_owned(), model.cost())).collect()
-}
-
 /// Closure on each recording by fits to the others.
 fn transfers(bench: &Bench, refitted: &Refitted, chosen: &Model, seed: u64) -> Vec<Transfer> {
     if chosen.effects.is_empty() || bench.trials.len() < 2 {
@@ -269,26 +322,27 @@ fn transfers(bench: &Bench, refitted: &Refitted, chosen: &Model, seed: u64) -> V
         .collect()
 }
 
-fn tried(found: &Found, refitted: &Refitted, bench: &Bench) -> Vec<Tried> {
+fn tried(explored: &Explored, refitted: &Refitted, bench: &Bench, size_spread: f64) -> Vec<Tried> {
     let base: f64 = refitted.costs.iter().sum();
-    let mut models: Vec<&Model> = found.slots.first().into_iter().flat_map(|slot| &slot.tried).collect();
-    if found.best.effects.len() > 1 {
-        models.push(&found.best);
-    }
-    models.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
-    models
-        .into_iter()
+    let cost = explored.refitted().cost();
+    let sets: Vec<&Hypothesis> = explored.hypotheses.iter().filter(|one| !one.effects.is_empty()).collect();
+    sets.into_iter()
         .enumerate()
-        .map(|(rank, model)| Tried {
-            ids: model.ids().into_iter().map(str::to_owned).collect(),
-            gain: found.refitted.cost() - model.cost(),
+        .map(|(rank, one)| Tried {
+            ids: one.model.ids().into_iter().map(str::to_owned).collect(),
+            gain: cost - one.model.cost(),
             // Only the leaders were fitted with the care that leaving one out needs.
-            held_out_gain: if rank < LEADERS && !model.fit.slopes.is_empty() {
-                base - without_recordings(bench, model).costs.iter().sum::<f64>()
+            held_out_gain: if rank < LEADERS && one.refined && !one.model.fit.slopes.is_empty() {
+                base - without_recordings(bench, &one.model).costs.iter().sum::<f64>()
             } else {
                 f64::NAN
             },
-            parameters: model.effects.iter().flat_map(|effect| fitted_effect(model, effect)).collect(),
+            parameters: one
+                .model
+                .effects
+                .iter()
+                .flat_map(|effect| fitted_effect(&one.model, size_spread, effect))
+                .collect(),
         })
         .collect()
 }

@@ -1,0 +1,186 @@
+//! The verdict: the most probable set of faults given all recordings, with model error and tolerances integrated out.
+//!
+//! What is likeliest of nothing, something unknown and something known is the first word. Known is told by the smallest set of fault sets
+//! that holds nine tenths of its probability: effects that all of them share are named, with every other that is likelier there than not; where they
+//! share none, the verdict is the class of them.
+
+use crate::diagnosis::outcome::Verdict;
+use crate::diagnosis::posterior::Posterior;
+use crate::diagnosis::table::Table;
+use crate::effects::{EffectSpec, Stage};
+
+/// Probability that a credible set holds.
+const CREDIBLE: f64 = 0.9;
+
+/// Effects of a class at most.
+const CLASS: usize = 3;
+
+/// Probabilities and verdict.
+#[derive(Clone, Debug)]
+pub struct Decision {
+    /// Verdict; whether the recordings could show anything is judged elsewhere.
+    pub verdict: Verdict,
+    /// Ids that it blames.
+    pub blamed: Vec<&'static str>,
+    /// Probability of each effect of the catalogue, in its order.
+    pub effects: Vec<(&'static EffectSpec, f64)>,
+    /// Probability of something outside the catalogue.
+    pub unknown: f64,
+    /// The same by stage.
+    pub unknown_at: Vec<(Stage, f64)>,
+    /// Probability that there is nothing.
+    pub none: f64,
+    /// The fault sets that hold nine tenths of what is known, likeliest first; the sheet alone is the empty one.
+    pub sets: Vec<(Vec<String>, f64)>,
+}
+
+impl Decision {
+    /// By a posterior.
+    #[must_use]
+    pub fn new(table: &Table, posterior: &Posterior, catalogue: &[&'static EffectSpec]) -> Self {
+        let effects: Vec<(&'static EffectSpec, f64)> =
+            catalogue.iter().map(|&spec| (spec, posterior.inclusion(table, spec.id))).collect();
+        let (unknown, none) = (posterior.unknown(), posterior.nothing(table));
+        let known = (1.0 - unknown - none).max(0.0);
+        let ids = |row: usize| table.rows[row].effects.clone();
+        let mut held = 0.0;
+        let sets: Vec<(Vec<String>, f64)> = posterior
+            .sets
+            .iter()
+            .filter(|(row, _)| !table.rows[*row].effects.is_empty())
+            .take_while(|(_, probability)| {
+                let wanted = held < CREDIBLE * known;
+                held += probability;
+                wanted
+            })
+            .map(|&(row, probability)| (ids(row), probability))
+            .collect();
+        let unknown_at = |stage: Stage| {
+            let at = posterior.unknown.iter().find(|(id, _)| id == stage.id());
+            (stage, at.map_or(0.0, |(_, probability)| *probability))
+        };
+        let (verdict, blamed) = if none >= unknown.max(known) {
+            (Verdict::NoGap, Vec::new())
+        } else if unknown > known {
+            (Verdict::Unknown, Vec::new())
+        } else {
+            told(&sets, &effects, known)
+        };
+        Self {
+            verdict,
+            blamed,
+            effects,
+            unknown,
+            unknown_at: Stage::ALL.into_iter().map(unknown_at).collect(),
+            none,
+            sets,
+        }
+    }
+
+    /// The same with another verdict that blames nothing, which is then the probable one.
+    #[must_use]
+    pub fn forced(mut self, verdict: Verdict) -> Self {
+        let to_unknown = verdict == Verdict::Unknown;
+        let room = if to_unknown { 1.0 - self.unknown } else { 1.0 - self.none };
+        // What there is least doubt of keeps nine tenths.
+        let share = ((1.0 - CREDIBLE) / room.max(1e-12)).min(1.0);
+        self.effects.iter_mut().for_each(|(_, p)| *p *= share);
+        self.sets.iter_mut().for_each(|(_, p)| *p *= share);
+        if to_unknown {
+            self.none *= share;
+            let before = self.unknown.max(1e-12);
+            self.unknown = 1.0 - (1.0 - self.unknown) * share;
+            let grown = self.unknown / before;
+            self.unknown_at.iter_mut().for_each(|(_, p)| *p *= grown);
+        } else {
+            self.unknown *= share;
+            self.unknown_at.iter_mut().for_each(|(_, p)| *p *= share);
+            self.none = 1.0 - (1.0 - self.none) * share;
+        }
+        Self { verdict, blamed: Vec::new(), ..self }
+    }
+
+    /// Probability of each stage: of its effects, and of something unknown there.
+    #[must_use]
+    pub fn stages(&self) -> Vec<(Stage, f64)> {
+        let of = |stage: Stage| {
+            let known: f64 = self.effects.iter().filter(|(spec, _)| spec.stage == stage).map(|(_, p)| p).sum();
+            let unknown = self.unknown_at.iter().find(|(at, _)| *at == stage).map_or(0.0, |(_, p)| *p);
+            (stage, known + unknown)
+        };
+        let shares: Vec<(Stage, f64)> = Stage::ALL.into_iter().map(of).collect();
+        let total: f64 = shares.iter().map(|(_, share)| share).sum();
+        shares.into_iter().map(|(stage, share)| (stage, if total > 0.0 { share / total } else { 0.0 })).collect()
+    }
+}
+
+/// What is said of the known: named with the shared and the likely, or the class.
+fn told(
+    sets: &[(Vec<String>, f64)],
+    effects: &[(&'static EffectSpec, f64)],
+    known: f64,
+) -> (Verdict, Vec<&'static str>) {
+    let shared = |id: &str| sets.iter().all(|(set, _)| set.iter().any(|one| one == id));
+    let mut order: Vec<(&'static str, f64)> = effects.iter().map(|(spec, p)| (spec.id, *p)).collect();
+    order.sort_by(|a, b| b.1.total_cmp(&a.1));
+    if order.iter().any(|(id, _)| shared(id)) {
+        let named = order.iter().filter(|(id, p)| shared(id) || *p > 0.5 * known).map(|(id, _)| *id);
+        return (Verdict::Named, named.collect());
+    }
+    let mut held = 0.0;
+    let rivals = order.into_iter().filter(|(id, _)| sets.iter().any(|(set, _)| set.iter().any(|one| one == id)));
+    let class = rivals.take_while(|(_, p)| {
+        let wanted = held < CREDIBLE * known;
+        held += p;
+        wanted
+    });
+    (Verdict::Class, class.take(CLASS).map(|(id, _)| id).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnosis::table::Row;
+    use crate::effects::find;
+
+    /// The decision on fault sets with these probabilities, the rest unknown at the spool.
+    fn decided(sets: &[(&[&str], f64)]) -> Decision {
+        let row = |ids: &[&str]| Row { effects: ids.iter().map(|id| (*id).to_owned()).collect(), ..Row::default() };
+        let table = Table { rows: sets.iter().map(|(ids, _)| row(ids)).collect(), ..Table::default() };
+        let known: f64 = sets.iter().map(|(_, p)| p).sum();
+        let posterior = Posterior {
+            sets: sets.iter().enumerate().map(|(row, (_, p))| (row, *p)).collect(),
+            unknown: vec![("spool".to_owned(), 1.0 - known)],
+        };
+        let catalogue: Vec<&'static EffectSpec> =
+            ["backlash", "port_overlap", "load"].iter().filter_map(|id| find(id)).collect();
+        Decision::new(&table, &posterior, &catalogue)
+    }
+
+    #[test]
+    fn one_set_names_and_rivals_make_a_class() {
+        let one = decided(&[(&["backlash"], 0.95), (&[], 0.02)]);
+        assert_eq!((one.verdict, one.blamed.as_slice()), (Verdict::Named, ["backlash"].as_slice()));
+        let two = decided(&[(&["backlash"], 0.6), (&["load"], 0.3), (&[], 0.05)]);
+        assert_eq!((two.verdict, two.blamed.as_slice()), (Verdict::Class, ["backlash", "load"].as_slice()));
+        let pair = decided(&[(&["backlash", "load"], 0.6), (&["backlash", "port_overlap"], 0.35)]);
+        assert_eq!((pair.verdict, pair.blamed.as_slice()), (Verdict::Named, ["backlash", "load"].as_slice()));
+    }
+
+    #[test]
+    fn nothing_and_unknown_need_more_than_all_else() {
+        assert_eq!(decided(&[(&[], 0.5), (&["load"], 0.3)]).verdict, Verdict::NoGap);
+        assert_eq!(decided(&[(&[], 0.1), (&["load"], 0.4)]).verdict, Verdict::Unknown);
+        assert_eq!(decided(&[(&[], 0.1), (&["load"], 0.5)]).verdict, Verdict::Named);
+    }
+
+    #[test]
+    fn a_forced_verdict_keeps_the_sum() {
+        for verdict in [Verdict::Unknown, Verdict::NoGap] {
+            let forced = decided(&[(&["load"], 0.7), (&[], 0.2)]).forced(verdict);
+            let sum = forced.effects.iter().map(|(_, p)| p).sum::<f64>() + forced.unknown + forced.none;
+            assert!((sum - 1.0).abs() < 1e-9, "{sum}");
+            assert!(forced.blamed.is_empty() && forced.unknown.max(forced.none) > 0.89);
+        }
+    }
+}

@@ -1,0 +1,220 @@
+//! The evidence of a fitted fault set: its likelihood with tolerances, sizes and model error integrated out.
+//!
+//! `ln Z = −½ cost + ½ gᵦᵀ (H⁻¹)ᵦᵦ gᵦ − ½ ln |H| + ½ ln |P| + ln p(sizes)` (Laplace's method; MacKay 1992): H is the Hessian of residuals and priors
+//! over the free parameters and the discrepancy terms, P the precision of the priors. A discrepancy term of which every point of the chain has a
+//! little is the error of equations; much of it at one point is something unknown there.
+
+use nalgebra::{Cholesky, DMatrix, DVector};
+
+use crate::diagnosis::discrepancy::{self, Columns};
+use crate::diagnosis::linearisation::SIZE_PRIOR;
+use crate::diagnosis::model::Model;
+use crate::effects::Stage;
+use crate::tuning::knob::Knob;
+
+/// Sizes of the error of equations at which evidence is tabulated, in moderate discrepancy terms.
+pub const KAPPAS: [f64; 4] = [1e-3, 0.03, 0.1, 0.3];
+
+/// Sizes of something unknown at one stage, in moderate discrepancy terms.
+pub const UNKNOWN_SIZES: [f64; 3] = [1.0, 4.0, 16.0];
+
+/// Normal equations of a model beside the discrepancy terms.
+#[derive(Clone, Debug)]
+pub struct Normal {
+    cost: f64,
+    slopes: usize,
+    /// Over knobs and terms, without priors of the terms.
+    hessian: DMatrix<f64>,
+    /// Along the terms.
+    gradient: DVector<f64>,
+    /// Logarithm of the prior density of the sizes over a Gaussian of unit precision.
+    sizes: f64,
+    /// Logarithm of the precision of the knobs' priors, all together.
+    log_precision: f64,
+    /// What each recording has to say.
+    parts: Vec<Part>,
+}
+
+/// One recording's part in the normal equations of the knobs.
+#[derive(Clone, Debug)]
+struct Part {
+    cost: f64,
+    hessian: DMatrix<f64>,
+    gradient: DVector<f64>,
+}
+
+/// Products of the discrepancy marks with themselves, which all models share.
+#[derive(Clone, Debug)]
+pub struct Shared<'a> {
+    columns: &'a Columns,
+    gram: DMatrix<f64>,
+}
+
+impl<'a> Shared<'a> {
+    /// Of these marks.
+    #[must_use]
+    pub fn new(columns: &'a Columns) -> Self {
+        let n = columns.marks.first().map_or(0, DMatrix::ncols);
+        let gram = columns.marks.iter().fold(DMatrix::zeros(n, n), |sum, marks| sum + marks.transpose() * marks);
+        Self { columns, gram }
+    }
+
+    /// The normal equations of a fitted model that has its slopes.
+    #[must_use]
+    pub fn normal(&self, model: &Model) -> Normal {
+        let (n, b) = (model.knobs.len(), self.gram.nrows());
+        let mut hessian = DMatrix::zeros(n + b, n + b);
+        let mut gradient = DVector::zeros(b);
+        let mut parts = Vec::new();
+        for ((slopes, marks), residuals) in model.fit.slopes.iter().zip(&self.columns.marks).zip(&model.fit.misses) {
+            let transposed = slopes.transpose();
+            let part = &transposed * slopes;
+            let mut own = hessian.view_mut((0, 0), (n, n));
+            own += &part;
+            let along = &transposed * residuals;
+            parts.push(Part { cost: residuals.norm_squared(), hessian: part, gradient: along });
+            let mut mixed = hessian.view_mut((0, n), (n, b));
+            mixed += &transposed * marks;
+            gradient += marks.tr_mul(residuals);
+        }
+        let mixed = hessian.view((0, n), (n, b)).transpose();
+        hessian.view_mut((n, 0), (b, n)).copy_from(&mixed);
+        hessian.view_mut((n, n), (b, b)).copy_from(&self.gram);
+        let (median, spread) = SIZE_PRIOR;
+        let (mut sizes, mut log_precision) = (0.0, 0.0);
+        for (k, knob) in model.knobs.iter().enumerate() {
+            let position = model.fit.positions[k];
+            let (low, high) = knob.range(&model.base);
+            // A parameter on its bound does not follow.
+            if knob.prior_centre().is_some() && (position <= low || position >= high) && low < high {
+                hessian.row_mut(k).fill(0.0);
+                hessian.column_mut(k).fill(0.0);
+                for part in &mut parts {
+                    part.hessian.row_mut(k).fill(0.0);
+                    part.hessian.column_mut(k).fill(0.0);
+                    part.gradient[k] = 0.0;
+                }
+            }
+            let precision = match knob {
+                Knob::Effect { parameter: 0, .. } => {
+                    let size = position.abs().max(1e-3);
+                    let off = (size / median).ln() / spread;
+                    // The density of the size itself; that of a Gaussian with its precision is counted by |P|.
+                    sizes -= 0.5 * off * off;
+                    1.0 / (spread * size).powi(2)
+                }
+                Knob::Free { .. } => 1e-6,
+                _ => 1.0,
+            };
+            hessian[(k, k)] += precision;
+            log_precision += precision.ln();
+        }
+        Normal { cost: model.fit.cost(), slopes: n, hessian, gradient, sizes, log_precision, parts }
+    }
+}
+
+/// Logarithm of the sum of exponentials.
+#[must_use]
+pub fn log_sum(values: impl IntoIterator<Item = f64>) -> f64 {
+    let values: Vec<f64> = values.into_iter().collect();
+    let most = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if most == f64::NEG_INFINITY {
+        most
+    } else {
+        most + values.iter().map(|value| (value - most).exp()).sum::<f64>().ln()
+    }
+}
+
+/// Logarithm of the determinant from a Cholesky factor.
+fn log_determinant(cholesky: &Cholesky<f64, nalgebra::Dyn>) -> f64 {
+    2.0 * cholesky.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>()
+}
+
+impl Normal {
+    /// Logarithm of the evidence where the terms are of these sizes.
+    ///
+    /// The slopes' own gradient counts as nothing: the fit went where it could.
+    fn with_terms(&self, size: impl Fn(usize) -> f64) -> f64 {
+        let (n, b) = (self.slopes, self.gradient.len());
+        let mut h = self.hessian.clone();
+        let mut log_precision = self.log_precision;
+        for k in 0..b {
+            let precision = 1.0 / size(k).powi(2);
+            h[(n + k, n + k)] += precision;
+            log_precision += precision.ln();
+        }
+        let mut gradient = DVector::zeros(n + b);
+        gradient.rows_mut(n, b).copy_from(&self.gradient);
+        let Some(cholesky) = Cholesky::new(h) else { return -0.5 * self.cost };
+        let gain = gradient.dot(&cholesky.solve(&gradient));
+        0.5 * (gain - self.cost - log_determinant(&cholesky) + log_precision) + self.sizes
+    }
+
+    /// Logarithm of the evidence at each size of the error of equations.
+    #[must_use]
+    pub fn by_kappa(&self) -> [f64; KAPPAS.len()] {
+        KAPPAS.map(|kappa| self.at_kappa(kappa))
+    }
+
+    /// Logarithm of the evidence with an error of equations of this size.
+    #[must_use]
+    pub fn at_kappa(&self, kappa: f64) -> f64 {
+        self.with_terms(|_| kappa)
+    }
+
+    /// Logarithm of the evidence, whatever the size of the error of equations, all of [`KAPPAS`] being as likely.
+    #[must_use]
+    pub fn log_evidence(&self) -> f64 {
+        log_sum(self.by_kappa()) - (KAPPAS.len() as f64).ln()
+    }
+
+    /// The same with something unknown at a stage, whatever its size.
+    #[must_use]
+    pub fn unknown_at(&self, stage: Stage) -> f64 {
+        let at: Vec<bool> = discrepancy::places().map(|place| place.stage == stage).collect();
+        if !at.contains(&true) {
+            return f64::NEG_INFINITY;
+        }
+        let all = KAPPAS[1..].iter().flat_map(|&kappa| UNKNOWN_SIZES.map(|size| (kappa, size)));
+        let count = ((KAPPAS.len() - 1) * UNKNOWN_SIZES.len()) as f64;
+        log_sum(all.map(|(kappa, size)| self.with_terms(|k| if at[k] { size } else { kappa }))) - count.ln()
+    }
+
+    /// By how much something unknown at one place lowers the cost, and the most probable sizes of all terms, in moderate terms; `sizes` are those of
+    /// the unknown and of the error of equations beforehand. What is to be explained may be given by its products with the terms' marks.
+    #[must_use]
+    pub fn terms(&self, place: usize, sizes: (f64, f64), goal: Option<&DVector<f64>>) -> (f64, Vec<f64>) {
+        let at = discrepancy::PLACES.get(place).map(|place| place.words);
+        let here: Vec<bool> = discrepancy::places().map(|place| Some(place.words) == at).collect();
+        let (n, b) = (self.slopes, self.gradient.len());
+        let mut h = self.hessian.clone();
+        for k in 0..b {
+            h[(n + k, n + k)] += 1.0 / (if here[k] { sizes.0 } else { sizes.1 }).powi(2);
+        }
+        let mut gradient = DVector::zeros(n + b);
+        gradient.rows_mut(n, b).copy_from(goal.unwrap_or(&self.gradient));
+        let Some(cholesky) = Cholesky::new(h) else { return (0.0, vec![0.0; b]) };
+        let solved = cholesky.solve(&gradient);
+        (gradient.dot(&solved), solved.rows(n, b).iter().map(|size| -size).collect())
+    }
+
+    /// Logarithm of the evidence, without an error of equations, of all recordings but each in turn: one Gauss-Newton step refits the rest.
+    #[must_use]
+    pub fn without_each(&self) -> Vec<f64> {
+        let n = self.slopes;
+        let all = self.hessian.view((0, 0), (n, n)).into_owned();
+        let of = |part: &Part| {
+            let cost = self.cost - part.cost;
+            let Some(cholesky) = Cholesky::new(&all - &part.hessian) else { return -0.5 * cost };
+            let gain = part.gradient.dot(&cholesky.solve(&part.gradient));
+            0.5 * (gain - cost - log_determinant(&cholesky) + self.log_precision) + self.sizes
+        };
+        self.parts.iter().map(of).collect()
+    }
+
+    /// Cost of each recording.
+    #[must_use]
+    pub fn costs(&self) -> Vec<f64> {
+        self.parts.iter().map(|part| part.cost).collect()
+    }
+}

@@ -1,0 +1,325 @@
+//! Which fault sets are worth a joint fit, and those fits: proposals of the linear picture at several points, until the leader stands.
+
+use std::collections::BTreeMap;
+
+use rayon::iter::{IntoParallelIterator, IntoParallelRefIterator, ParallelIterator};
+
+use crate::diagnosis::discrepancy::{Columns, columns};
+use crate::diagnosis::evidence::{Normal, Shared};
+use crate::diagnosis::linearisation::{Linearisation, Proposal};
+use crate::diagnosis::model::Model;
+use crate::diagnosis::support::{Variant, add};
+use crate::effects::EffectSpec;
+use crate::tuning::bench::Bench;
+use crate::tuning::fit::{Effort, fit};
+
+/// Most effects at once.
+pub const MOST: usize = 3;
+
+/// Error of equations that proposals and rankings count with, in moderate discrepancy terms.
+pub const KAPPA: f64 = 0.03;
+
+/// Logarithm of the odds against each further effect that the exploration counts with; the posterior has learned odds of its own.
+const RARITY: f64 = 5.0;
+
+/// Proposals of each point that are fitted, by number of effects from one.
+const TAKEN: [usize; MOST] = [5, 3, 1];
+
+/// The same at the leader, where all sets resemble it.
+const TAKEN_AT_LEADER: usize = 5;
+
+/// Fitted sets that are fitted on with care, each time.
+const REFINED: usize = 3;
+
+/// Work of a careful fit.
+const CAREFUL: Effort = Effort { rounds: 6, refresh: 3, temperature: 1.0 };
+
+/// How often the leader is taken for a new point at most.
+const ROUNDS: usize = 3;
+
+/// Farthest that a proposal moves a free parameter, in its standard deviations.
+const FARTHEST: f64 = 3.0;
+
+/// A fault set that was fitted.
+#[derive(Clone, Debug)]
+pub struct Hypothesis {
+    /// Places of its effects in the catalogue, rising.
+    pub effects: Vec<usize>,
+    /// The model; without residuals and slopes where it is far from the leader.
+    pub model: Model,
+    /// Normal equations for its evidence.
+    pub normal: Normal,
+    /// Logarithm of its evidence, and of the odds against so many effects.
+    pub log_evidence: f64,
+    /// Whether it was fitted with care.
+    pub refined: bool,
+}
+
+/// What was explored.
+#[derive(Debug)]
+pub struct Explored {
+    /// All fitted sets, likeliest first; the empty one is among them.
+    pub hypotheses: Vec<Hypothesis>,
+    /// The others that a linear picture weighed: places in the catalogue, logarithm of the evidence.
+    pub linear: Vec<(Vec<usize>, f64)>,
+    /// Marks of the discrepancy terms at the refitted sheet.
+    pub discrepancy: Columns,
+    /// The linear picture there.
+    pub linearisation: Linearisation,
+}
+
+impl Explored {
+    /// The sheet refitted, without any effect.
+    #[must_use]
+    pub fn refitted(&self) -> &Model {
+        // Exploration begins with it.
+        self.hypotheses.iter().find(|one| one.effects.is_empty()).map_or(&self.hypotheses[0].model, |one| &one.model)
+    }
+
+    /// The likeliest fitted set.
+    #[must_use]
+    pub fn leader(&self) -> &Model {
+        &self.hypotheses[0].model
+    }
+
+    /// The model with just these effects, where it was fitted and kept.
+    #[must_use]
+    pub fn with(&self, ids: &[&str]) -> Option<&Model> {
+        let is_it = |one: &&Hypothesis| {
+            one.model.effects.len() == ids.len()
+                && ids.iter().all(|id| one.model.has(id))
+                && !one.model.fit.slopes.is_empty()
+        };
+        self.hypotheses.iter().find(is_it).map(|one| &one.model)
+    }
+
+    /// Fits with care what a verdict claims: all of the effects together where they are named, and each alone.
+    pub fn complete(
+        &mut self,
+        bench: &Bench,
+        blamed: &[&'static str],
+        together: bool,
+        catalogue: &[&'static EffectSpec],
+    ) {
+        let mut claims: Vec<Vec<&'static str>> = blamed.iter().map(|id| vec![*id]).collect();
+        if together && blamed.len() > 1 {
+            claims.push(blamed.to_vec());
+        }
+        for claim in claims {
+            let is_it =
+                |one: &Hypothesis| one.model.effects.len() == claim.len() && claim.iter().all(|id| one.model.has(id));
+            let there = self.hypotheses.iter().position(is_it);
+            if there.is_some_and(|place| {
+                self.hypotheses[place].refined && !self.hypotheses[place].model.fit.slopes.is_empty()
+            }) {
+                continue;
+            }
+            let model = match there {
+                Some(place) => self.hypotheses[place].model.refined(bench, Effort::FULL),
+                None => match self.hypotheses.iter().find(|one| claim.iter().all(|id| one.model.has(id))) {
+                    Some(larger) => larger.model.keeping(bench, &claim),
+                    None => continue,
+                },
+            };
+            let shared = Shared::new(&self.discrepancy);
+            let normal = shared.normal(&model);
+            let place_of = |id: &str| catalogue.iter().position(|spec| spec.id == id);
+            let effects: Vec<usize> = claim.iter().filter_map(|id| place_of(id)).collect();
+            let log_evidence = normal.at_kappa(KAPPA) - RARITY * effects.len() as f64;
+            let hypothesis = Hypothesis { effects, model, normal, log_evidence, refined: true };
+            match there {
+                Some(place) => self.hypotheses[place] = hypothesis,
+                None => self.hypotheses.push(hypothesis),
+            }
+        }
+    }
+}
+
+/// What all fits share.
+struct Explorer<'a> {
+    bench: &'a Bench,
+    nominal: &'a Model,
+    catalogue: &'a [&'static EffectSpec],
+    shared: Shared<'a>,
+}
+
+impl Explorer<'_> {
+    fn hypothesis(&self, effects: Vec<usize>, model: Model, refined: bool) -> Hypothesis {
+        let normal = self.shared.normal(&model);
+        let log_evidence = normal.at_kappa(KAPPA) - RARITY * effects.len() as f64;
+        Hypothesis { effects, model, normal, log_evidence, refined }
+    }
+
+    /// Places in the catalogue of the effects that a proposal at a point leaves or adds, with where they stand.
+    fn members(&self, point: &Model, proposal: &Proposal) -> Vec<(usize, Variant)> {
+        let first = self.nominal.knobs.len();
+        let mut members = proposal.effects.clone();
+        let mut place = first;
+        for (own, spec) in point.effects.iter().enumerate() {
+            let at = |k: usize| point.fit.positions[k] + proposal.change[k].clamp(-1.0, 1.0);
+            let variant =
+                Variant { size: at(place), further: if spec.parameters.len() > 1 { at(place + 1) } else { 1.0 } };
+            place += spec.parameters.len();
+            let known = self.catalogue.iter().position(|known| known.id == spec.id);
+            members.extend(known.filter(|_| !proposal.removed.contains(&own)).map(|known| (known, variant)));
+        }
+        members.sort_by_key(|(effect, _)| *effect);
+        members
+    }
+
+    /// Fits a proposal quickly.
+    fn scouted(&self, point: &Model, proposal: &Proposal) -> Hypothesis {
+        let count = self.nominal.knobs.len();
+        let members = self.members(point, proposal);
+        let positions = (0..count).map(|k| {
+            let (low, high) = self.nominal.knobs[k].range(&self.nominal.base);
+            (point.fit.positions[k] + proposal.change[k].clamp(-FARTHEST, FARTHEST)).clamp(low, high)
+        });
+        let mut placed = (self.nominal.base.clone(), self.nominal.knobs.clone(), positions.collect());
+        for &(effect, variant) in &members {
+            add(&mut placed, self.catalogue[effect], variant);
+        }
+        let (base, knobs, start) = placed;
+        let known: Vec<_> = point.fit.slopes.iter().map(|slopes| slopes.columns(0, count).into_owned()).collect();
+        let fit = fit(self.bench, &base, &knobs, &start, Effort::SCOUT, Some(&known));
+        let effects: Vec<usize> = members.into_iter().map(|(effect, _)| effect).collect();
+        let specs = effects.iter().map(|&effect| self.catalogue[effect]).collect();
+        self.hypothesis(effects, Model::new(specs, base, knobs, fit), false)
+    }
+
+    fn refined(&self, hypothesis: &Hypothesis) -> Hypothesis {
+        let model = hypothesis.model.refined(self.bench, CAREFUL);
+        self.hypothesis(hypothesis.effects.clone(), model, true)
+    }
+}
+
+/// Fitted sets so far, by their effects, and what linear pictures said of others.
+#[derive(Default)]
+struct Known {
+    fitted: BTreeMap<Vec<usize>, Hypothesis>,
+    linear: BTreeMap<Vec<usize>, f64>,
+}
+
+impl Known {
+    fn take(&mut self, hypothesis: Hypothesis) {
+        let better = |known: &Hypothesis| hypothesis.log_evidence > known.log_evidence;
+        if self.fitted.get(&hypothesis.effects).is_none_or(better) {
+            self.fitted.insert(hypothesis.effects.clone(), hypothesis);
+        }
+    }
+
+    fn ordered(&self) -> Vec<&Hypothesis> {
+        let mut all: Vec<&Hypothesis> = self.fitted.values().collect();
+        all.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+        all
+    }
+
+    /// Fits the leaders with care that were not yet.
+    fn refine(&mut self, explorer: &Explorer<'_>) {
+        let leaders: Vec<Hypothesis> =
+            self.ordered().into_iter().take(REFINED).filter(|leader| !leader.refined).cloned().collect();
+        let refined: Vec<Hypothesis> = leaders.par_iter().map(|leader| explorer.refined(leader)).collect();
+        for hypothesis in refined {
+            self.take(hypothesis);
+        }
+        // Slopes and residuals are nearly all of the memory.
+        let mut order: Vec<(f64, Vec<usize>)> =
+            self.fitted.values().map(|known| (known.log_evidence, known.effects.clone())).collect();
+        order.sort_by(|a, b| b.0.total_cmp(&a.0));
+        for (_, effects) in order.into_iter().skip(4 * REFINED) {
+            if let Some(known) = self.fitted.get_mut(&effects).filter(|known| !known.effects.is_empty()) {
+                known.model = known.model.clone().light();
+            }
+        }
+    }
+}
+
+/// Explores the fault sets of a catalogue from the refitted sheet and from the sheet itself.
+#[must_use]
+pub fn explore(
+    bench: &Bench,
+    refitted: &Model,
+    sheet: &Model,
+    catalogue: &[&'static EffectSpec],
+    progress: &(dyn Fn(&str, f64) + Sync),
+) -> Explored {
+    progress("placing discrepancy terms", 0.2);
+    let discrepancy = columns(bench, refitted);
+    let explorer = Explorer { bench, nominal: refitted, catalogue, shared: Shared::new(&discrepancy) };
+    let mut known = Known::default();
+    known.take(explorer.hypothesis(Vec::new(), refitted.clone(), true));
+    progress("weighing all sets of up to three effects", 0.25);
+    let at = |point: &Model| Linearisation::new(bench, point, catalogue, &discrepancy, KAPPA);
+    let linearisation = at(refitted);
+    let from_sheet = at(sheet);
+    progress("fitting the likeliest sets", 0.4);
+    let mut jobs: Vec<(&Model, Proposal)> = Vec::new();
+    let base = known.fitted.values().next().map_or(0.0, |empty| empty.log_evidence);
+    for (point, picture) in [(refitted, &linearisation), (sheet, &from_sheet)] {
+        let proposals = picture.proposals(MOST);
+        let offset = base + 0.5 * (linearisation.cost() - picture.cost());
+        for proposal in &proposals {
+            let effects: Vec<usize> = explorer.members(point, proposal).into_iter().map(|(effect, _)| effect).collect();
+            let entry = known.linear.entry(effects).or_insert(f64::NEG_INFINITY);
+            *entry = entry.max(offset + proposal.log_evidence - RARITY * proposal.effects.len() as f64);
+        }
+        for (size, taken) in TAKEN.into_iter().enumerate() {
+            let of_size = proposals.iter().filter(|proposal| proposal.effects.len() == size + 1);
+            jobs.extend(of_size.take(taken).map(|proposal| (point, proposal.clone())));
+        }
+    }
+    let scouted: Vec<Hypothesis> =
+        jobs.into_par_iter().map(|(point, proposal)| explorer.scouted(point, &proposal)).collect();
+    for hypothesis in scouted {
+        known.take(hypothesis);
+    }
+    known.refine(&explorer);
+    for round in 0..ROUNDS {
+        let Some(leader) = known.ordered().first().map(|leader| (*leader).clone()) else { break };
+        if leader.effects.is_empty() {
+            break;
+        }
+        progress("weighing all sets anew at the likeliest", 0.6 + 0.1 * round as f64);
+        let picture = at(&leader.model);
+        let mut proposals = picture.proposals(MOST - leader.effects.len());
+        let further = |proposal: &Proposal| proposal.effects.len() as f64 - proposal.removed.len() as f64;
+        let odds = |proposal: &Proposal| proposal.log_evidence - RARITY * further(proposal);
+        proposals.sort_by(|a, b| odds(b).total_cmp(&odds(a)));
+        let mut jobs: Vec<Proposal> = Vec::new();
+        for proposal in proposals {
+            let effects: Vec<usize> =
+                explorer.members(&leader.model, &proposal).into_iter().map(|(effect, _)| effect).collect();
+            if effects.is_empty() || effects.len() > MOST {
+                continue;
+            }
+            let entry = known.linear.entry(effects.clone()).or_insert(f64::NEG_INFINITY);
+            let further = effects.len() as f64 - leader.effects.len() as f64;
+            *entry = entry.max(leader.log_evidence + proposal.log_evidence - RARITY * further);
+            let refined = known.fitted.get(&effects).is_some_and(|known| known.refined);
+            if !refined && jobs.len() < TAKEN_AT_LEADER {
+                jobs.push(proposal);
+            }
+        }
+        let scouted: Vec<Hypothesis> =
+            jobs.par_iter().map(|proposal| explorer.scouted(&leader.model, proposal)).collect();
+        for hypothesis in scouted {
+            known.take(hypothesis);
+        }
+        known.refine(&explorer);
+        if known.ordered().first().is_some_and(|first| first.effects == leader.effects) {
+            break;
+        }
+    }
+    let mut linear: Vec<(Vec<usize>, f64)> = known
+        .linear
+        .iter()
+        .filter(|(effects, _)| !known.fitted.contains_key(*effects))
+        .map(|(e, z)| (e.clone(), *z))
+        .collect();
+    linear.sort_by(|a, b| b.1.total_cmp(&a.1));
+    linear.truncate(500);
+    let mut hypotheses: Vec<Hypothesis> = known.fitted.into_values().collect();
+    hypotheses.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+    drop(explorer);
+    Explored { hypotheses, linear, linearisation, discrepancy }
+}

@@ -1,0 +1,201 @@
+//! The posterior over fault sets: evidence, prior odds and a few learned weights make probabilities that sum to 1.
+//!
+//! Hypotheses are the sheet alone, every fitted fault set, and something unknown at each stage. Their probabilities are a conditional logit
+//! (McFadden 1974) over features of the evidence table. With the first weight at 1 and the others at 0 it is Bayes' theorem; the weights say how far
+//! the evidence of equations that are never exact can be trusted, and are learned by log score on generated units ([`Weights`]).
+
+use serde::{Deserialize, Serialize};
+
+use crate::diagnosis::evidence::log_sum;
+use crate::diagnosis::table::{Row, Table};
+use crate::tuning::bench::GENEROUS;
+
+/// The weights as shipped; `govtwin learn` writes them.
+const SHIPPED: &str = include_str!("../../params/diagnosis_weights.json");
+
+/// Number of features of a hypothesis.
+pub const FEATURES: usize = 16;
+
+/// What each feature is, in the order of the weights.
+pub const NAMES: [&str; FEATURES] = [
+    "evidence lost against the best hypothesis, nats, at fast rates",
+    "the same at slow rates",
+    "logarithm of 1 and that loss, at fast rates",
+    "the same at slow rates",
+    "loss as a share of the whole gap in evidence, at fast rates",
+    "the same at slow rates",
+    "number of effects",
+    "something unknown",
+    "unknown: logarithm of the share of a visible gap that the best fault set leaves, at fast rates",
+    "the same at slow rates",
+    "unknown: strain of the sheet under the best fault set",
+    "nothing",
+    "fitted quickly only",
+    "strain of the sheet",
+    "unknown where a gap is visible",
+    "unknown: evidence of something unknown besides the best fault set, tens of nats",
+];
+
+/// The learned numbers, with where they come from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Weights {
+    /// What each weight multiplies.
+    pub features: Vec<String>,
+    /// One for each of [`NAMES`].
+    pub weights: Vec<f64>,
+    /// Expected logarithm of the equation error of a size: one standard deviation of the logarithm of fitted over true size.
+    pub size_spread: f64,
+    /// By how much the interval of the explained share is widened, as a factor of its half-widths.
+    pub closure_widening: f64,
+    /// Where they were learned: seeds, number of units, program version, scores.
+    pub provenance: serde_json::Value,
+}
+
+impl Weights {
+    /// The weights that come with the program.
+    #[must_use]
+    pub fn shipped() -> Self {
+        serde_json::from_str(SHIPPED).unwrap_or_else(|_| Self::bayes())
+    }
+
+    /// Bayes' theorem with odds of e⁵ against each effect, nothing learned.
+    #[must_use]
+    pub fn bayes() -> Self {
+        let mut weights = vec![0.0; FEATURES];
+        weights[0] = -1.0;
+        weights[1] = -1.0;
+        weights[6] = -5.0;
+        weights[7] = -5.0;
+        Self {
+            features: NAMES.iter().map(|name| (*name).to_owned()).collect(),
+            weights,
+            size_spread: 0.1,
+            closure_widening: 1.0,
+            provenance: serde_json::Value::Null,
+        }
+    }
+}
+
+/// One hypothesis and its features.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Hypothesis {
+    /// The sheet alone (no effects) or a fault set, by its row of the table.
+    Effects(usize),
+    /// Something unknown at a stage, by its id.
+    Unknown(String),
+}
+
+/// The hypotheses of a table with their features; none of the struck effects.
+#[must_use]
+pub fn hypotheses(table: &Table, struck: &[&str]) -> Vec<(Hypothesis, [f64; FEATURES])> {
+    let allowed = |row: &Row| !row.effects.iter().any(|id| struck.contains(&id.as_str()));
+    let rows: Vec<usize> = (0..table.rows.len()).filter(|&k| allowed(&table.rows[k])).collect();
+    let evidence = |row: &Row| row.evidence();
+    let odds = |row: &Row| evidence(row) - 5.0 * row.effects.len() as f64;
+    let Some(&best) = rows.iter().max_by(|&&a, &&b| odds(&table.rows[a]).total_cmp(&odds(&table.rows[b]))) else {
+        return Vec::new();
+    };
+    let leader = &table.rows[best];
+    let nothing = rows.iter().map(|&k| &table.rows[k]).find(|row| row.effects.is_empty());
+    let empty = nothing.map_or(odds(leader), evidence);
+    let gap = (odds(leader) - empty).max(0.0);
+    let (fast, slow) = (1.0 - table.slow_share, table.slow_share);
+    let top = odds(leader).max(empty);
+    let losses = |evidence: f64, features: &mut [f64; FEATURES]| {
+        let loss = (top - evidence).clamp(-20.0, 2000.0);
+        let (log, share) = (loss.max(0.0).ln_1p(), loss.max(0.0) / (20.0 + gap));
+        for (k, of) in [loss.min(60.0), log, share].into_iter().enumerate() {
+            features[2 * k] = fast * of;
+            features[2 * k + 1] = slow * of;
+        }
+    };
+    let mut all = Vec::new();
+    for &k in &rows {
+        let row = &table.rows[k];
+        let mut features = [0.0; FEATURES];
+        losses(evidence(row), &mut features);
+        features[6] = row.effects.len() as f64;
+        features[11] = f64::from(u8::from(row.effects.is_empty()));
+        features[12] = f64::from(u8::from(!row.refined));
+        features[13] = row.strain.min(20.0);
+        all.push((Hypothesis::Effects(k), features));
+    }
+    let expected = GENEROUS * table.samples;
+    let empty_cost = nothing.map_or(leader.cost, |row| row.cost);
+    let share = ((leader.cost - expected) / (empty_cost - expected).max(1.0)).clamp(0.0, 1.0);
+    let visible = gap / (gap + 20.0);
+    let left = visible * (0.02 + share).ln();
+    let besides = table.unknown_besides.values().copied().fold(f64::NEG_INFINITY, f64::max) - evidence(leader);
+    // What was weighed on top of another leader says nothing.
+    let besides = if best == 0 { 0.1 * visible * besides.clamp(0.0, 50.0) } else { 0.0 };
+    for (stage, evidence) in &table.unknown {
+        let mut features = [0.0; FEATURES];
+        losses(*evidence, &mut features);
+        features[7] = 1.0;
+        features[8] = fast * left;
+        features[9] = slow * left;
+        features[10] = leader.strain.min(20.0);
+        features[14] = visible;
+        features[15] = besides;
+        all.push((Hypothesis::Unknown(stage.clone()), features));
+    }
+    all
+}
+
+/// Probabilities of the hypotheses of a table.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Posterior {
+    /// Probability of each fitted set, by its row of the table; the sheet alone is one of them.
+    pub sets: Vec<(usize, f64)>,
+    /// Probability of something unknown, by stage.
+    pub unknown: Vec<(String, f64)>,
+}
+
+impl Posterior {
+    /// By these weights.
+    #[must_use]
+    pub fn new(table: &Table, weights: &Weights, struck: &[&str]) -> Self {
+        let all = hypotheses(table, struck);
+        let scores: Vec<f64> = all.iter().map(|(_, features)| score(features, &weights.weights)).collect();
+        let total = log_sum(scores.iter().copied());
+        let mut posterior = Self { sets: Vec::new(), unknown: Vec::new() };
+        for ((hypothesis, _), score) in all.into_iter().zip(scores) {
+            let probability = (score - total).exp();
+            match hypothesis {
+                Hypothesis::Effects(row) => posterior.sets.push((row, probability)),
+                Hypothesis::Unknown(stage) => posterior.unknown.push((stage, probability)),
+            }
+        }
+        posterior.sets.sort_by(|a, b| b.1.total_cmp(&a.1));
+        posterior
+    }
+
+    /// Probability that an effect is present: the sum over the sets that hold it.
+    #[must_use]
+    pub fn inclusion(&self, table: &Table, id: &str) -> f64 {
+        let holds = |row: usize| table.rows[row].effects.iter().any(|effect| effect == id);
+        self.sets.iter().filter(|(row, _)| holds(*row)).map(|(_, probability)| probability).sum()
+    }
+
+    /// Probability of something unknown at any stage.
+    #[must_use]
+    pub fn unknown(&self) -> f64 {
+        self.unknown.iter().map(|(_, probability)| probability).sum()
+    }
+
+    /// Probability that there is nothing.
+    #[must_use]
+    pub fn nothing(&self, table: &Table) -> f64 {
+        self.sets
+            .iter()
+            .filter(|(row, _)| table.rows[*row].effects.is_empty())
+            .map(|(_, probability)| probability)
+            .sum()
+    }
+}
+
+/// The score of a hypothesis.
+#[must_use]
+pub fn score(features: &[f64; FEATURES], weights: &[f64]) -> f64 {
+    features.iter().zip(weights).map(|(feature, weight)| feature * weight).sum()
+}

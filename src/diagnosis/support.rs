@@ -1,0 +1,44 @@
+//! Fault sets: which effects are present at once, and the unit that has them.
+
+use crate::diagnosis::model::Model;
+use crate::effects::EffectSpec;
+use crate::parameters::{EffectSetting, Unit};
+use crate::tuning::knob::Knob;
+
+/// Size of an effect's first parameter in typical ones, and where its further ones stand: neutral at 0, typical at 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Variant {
+    /// Size.
+    pub size: f64,
+    /// Shape.
+    pub further: f64,
+}
+
+/// A unit with effects on top, all that may be fitted, and where it stands.
+pub type Placed = (Unit, Vec<Knob>, Vec<f64>);
+
+/// Puts one more effect onto a unit; none where the size is out of its range.
+pub fn add(placed: &mut Placed, spec: &'static EffectSpec, variant: Variant) -> bool {
+    let (base, knobs, positions) = placed;
+    let effect = base.effects.len();
+    let neutral = spec.parameters.iter().map(|parameter| parameter.neutral).collect();
+    base.effects.push(EffectSetting { id: spec.id.to_owned(), values: neutral });
+    let mut fits = true;
+    for (parameter, spec) in spec.parameters.iter().enumerate() {
+        let knob = Knob::Effect { effect, parameter, spec };
+        let (low, high) = knob.range(base);
+        let wanted = if parameter == 0 { variant.size } else { variant.further };
+        let held = wanted.clamp(low, high);
+        fits &= parameter > 0 || held == wanted;
+        positions.push(held);
+        knobs.push(knob);
+    }
+    fits
+}
+
+/// The model with one more effect; none where the size is out of its range.
+#[must_use]
+pub fn with_effect(from: &Model, spec: &'static EffectSpec, variant: Variant) -> Option<Placed> {
+    let mut placed = (from.base.clone(), from.knobs.clone(), from.fit.positions.clone());
+    add(&mut placed, spec, variant).then_some(placed)
+}

@@ -1,0 +1,132 @@
+//! The evidence table: what the recordings say of every fault set that was fitted, in numbers that a posterior needs and a report keeps.
+
+use std::collections::BTreeMap;
+
+use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
+use serde::{Deserialize, Serialize};
+
+use crate::diagnosis::evidence::{KAPPAS, log_sum};
+use crate::diagnosis::explore::{Explored, Hypothesis};
+use crate::diagnosis::own_noise;
+use crate::effects::{EffectSpec, Stage};
+use crate::tuning::bench::Bench;
+
+/// What the recordings say of one fault set.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Row {
+    /// Ids of its effects, in the order of the catalogue; none for the sheet alone.
+    pub effects: Vec<String>,
+    /// Whether it was fitted with care.
+    pub refined: bool,
+    /// Cost of the fit: squares of residuals and priors.
+    pub cost: f64,
+    /// Squares of the priors in it, in tolerances.
+    pub prior: f64,
+    /// Prior χ² per parameter that the recordings determine.
+    pub strain: f64,
+    /// Logarithm of the evidence at each size of the error of equations ([`KAPPAS`]).
+    pub by_kappa: [f64; KAPPAS.len()],
+    /// What the noise that it predicts itself changes in the cost; 0 where that was not asked.
+    pub own_noise: f64,
+    /// Logarithm of the evidence without each recording.
+    pub without_each: Vec<f64>,
+    /// Size of each effect, in typical ones.
+    pub sizes: Vec<f64>,
+}
+
+/// All of a unit.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Table {
+    /// Independent samples, all signals together.
+    pub samples: f64,
+    /// Share of these at rates too slow to show the inputs between samples.
+    pub slow_share: f64,
+    /// Whether pilot signals were recorded.
+    pub pilot: bool,
+    /// Fitted fault sets, likeliest first.
+    pub rows: Vec<Row>,
+    /// Logarithm of the evidence of something unknown at each stage, on the sheet alone.
+    pub unknown: BTreeMap<String, f64>,
+    /// The same on top of the likeliest set.
+    pub unknown_besides: BTreeMap<String, f64>,
+}
+
+impl Row {
+    /// Logarithm of the evidence, whatever the size of the error of equations; of a set that was fitted quickly with the usual one, since what it
+    /// lacks of a fit would pass for such an error.
+    #[must_use]
+    pub fn evidence(&self) -> f64 {
+        if self.refined { log_sum(self.by_kappa) - (KAPPAS.len() as f64).ln() } else { self.by_kappa[1] }
+    }
+}
+
+/// Sets whose own noise is asked for at most.
+const OWN_NOISE: usize = 8;
+
+impl Table {
+    /// The same as one recording less would have it; errors of equations are then counted with their usual size.
+    #[must_use]
+    pub fn without(&self, recording: usize) -> Self {
+        let mut table = self.clone();
+        let empty = |table: &Self| table.rows.iter().find(|row| row.effects.is_empty()).map_or(0.0, Row::evidence);
+        let before = empty(self);
+        for row in &mut table.rows {
+            if let Some(&evidence) = row.without_each.get(recording) {
+                row.by_kappa = [evidence; KAPPAS.len()];
+            }
+        }
+        let moved = empty(&table) - before;
+        table.unknown.values_mut().for_each(|evidence| *evidence += moved);
+        table
+    }
+
+    /// The table of what was explored.
+    #[must_use]
+    pub fn new(bench: &Bench, explored: &Explored, catalogue: &[&'static EffectSpec]) -> Self {
+        let kept = |hypothesis: &&Hypothesis| !hypothesis.model.fit.slopes.is_empty();
+        let asked: Vec<&Hypothesis> =
+            explored.hypotheses.iter().filter(kept).filter(|one| one.refined).take(OWN_NOISE).collect();
+        let charges: Vec<f64> = asked.par_iter().map(|one| own_noise::charge(bench, &one.model)).collect();
+        let charge = |hypothesis: &Hypothesis| {
+            asked.iter().position(|one| one.effects == hypothesis.effects).map_or(0.0, |place| charges[place])
+        };
+        let row = |hypothesis: &Hypothesis| {
+            let model = &hypothesis.model;
+            let first = model.knobs.len() - model.effects.iter().map(|spec| spec.parameters.len()).sum::<usize>();
+            let mut place = first;
+            let sizes = model.effects.iter().map(|spec| {
+                place += spec.parameters.len();
+                model.fit.positions[place - spec.parameters.len()]
+            });
+            Row {
+                effects: hypothesis.effects.iter().map(|&effect| catalogue[effect].id.to_owned()).collect(),
+                refined: hypothesis.refined,
+                cost: model.fit.cost(),
+                prior: model.fit.prior,
+                strain: model.strain(),
+                by_kappa: hypothesis.normal.by_kappa(),
+                own_noise: charge(hypothesis),
+                without_each: hypothesis.normal.without_each(),
+                sizes: sizes.collect(),
+            }
+        };
+        let unknown = |hypothesis: Option<&Hypothesis>| {
+            let of = |stage: Stage| Some((stage.id().to_owned(), hypothesis?.normal.unknown_at(stage)));
+            Stage::ALL.into_iter().filter_map(of).filter(|(_, evidence)| evidence.is_finite()).collect()
+        };
+        let samples = bench.independent_samples();
+        let slow: f64 = (0..bench.trials.len())
+            .filter(|&trial| bench.trials[trial].is_slow())
+            .map(|trial| bench.only(trial).independent_samples())
+            .sum();
+        let pilot = crate::signal::Signal::PilotValvePosition;
+        Self {
+            samples,
+            slow_share: slow / samples.max(1e-9),
+            pilot: bench.trials.iter().any(|trial| trial.has[pilot as usize]),
+            rows: explored.hypotheses.iter().map(row).collect(),
+            unknown: unknown(explored.hypotheses.iter().find(|one| one.effects.is_empty())),
+            unknown_besides: unknown(explored.hypotheses.first()),
+        }
+    }
+}
