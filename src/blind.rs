@@ -4,6 +4,7 @@
 //! reports, so that a diagnosis made elsewhere or long ago is scored alike.
 
 pub mod exam;
+pub mod learn;
 pub mod limits;
 pub mod page;
 pub mod said;

@@ -30,6 +30,8 @@ struct Cli {
 enum Command {
     /// Diagnose every unit of a folder, and score it where the truth is known.
     Blind(commands::blind::Args),
+    /// Learn how far the diagnosis can trust its evidence, from judged units whose faults are known.
+    Calibrate(commands::calibrate::Args),
     /// Validate a parameter file and print the merged unit.
     Check(commands::check::Args),
     /// Find out why a unit and its twin differ: where, which effect, how much of the gap it closes.
@@ -65,6 +67,7 @@ enum Command {
 pub fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Blind(args) => commands::blind::run(&args),
+        Command::Calibrate(args) => commands::calibrate::run(&args),
         Command::Diagnose(args) => commands::diagnose::run(&args),
         Command::Check(args) => commands::check::run(&args),
         Command::Effects(args) => commands::effects::run(&args),

@@ -2,6 +2,7 @@
 
 pub mod bags;
 pub mod blind;
+pub mod calibrate;
 pub mod check;
 #[cfg(feature = "residual")]
 pub mod compare;

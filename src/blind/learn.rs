@@ -1,0 +1,274 @@
+//! Learning the weights of the posterior: by log score, on units whose faults are known.
+//!
+//! The log score of a unit is the logarithm of the probability that was given to what is truly in it: the very set of faults, nothing, or something
+//! unknown where the catalogue lacks it. It is proper (Gneiting & Raftery 2007): only honest probabilities do best. A listed effect struck from the
+//! table is a unit outside the catalogue that costs no simulation.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::battery::Label;
+use crate::diagnosis::posterior::{FEATURES, Hypothesis, Posterior, Weights, hypotheses, score};
+use crate::diagnosis::table::{Row, Table};
+use crate::effects::find;
+
+/// Weight of a unit with an effect struck beside one as it is.
+const STRUCK: f64 = 0.3;
+
+/// Weight of the right stage beside that something is unknown at all.
+const STAGE: f64 = 0.25;
+
+/// Precision of the weights beforehand, about Bayes' theorem half believed.
+const RIDGE: f64 = 1.0;
+
+/// Gain in evidence from which a struck effect leaves a gap.
+const VISIBLE: f64 = 15.0;
+
+/// Least probability that is given to anything: what was not fitted, or nearly excluded.
+const LEAST: f64 = 1e-3;
+
+/// A unit to learn from.
+#[derive(Clone, Debug)]
+pub struct Example {
+    table: Table,
+    truth: Truth,
+    struck: Vec<String>,
+    weight: f64,
+}
+
+/// What is truly in a unit, as a hypothesis.
+#[derive(Clone, Debug, PartialEq)]
+enum Truth {
+    Effects(Vec<String>),
+    Unknown(Vec<String>),
+}
+
+/// The examples that a unit makes: as it is, and each single effect struck from it in turn.
+#[must_use]
+pub fn examples(label: &Label, table: &Table) -> Vec<Example> {
+    let mut ids: Vec<String> = label.effects.iter().map(|truth| truth.id.clone()).collect();
+    let stages = || label.effects.iter().map(|truth| truth.stage.id().to_owned()).collect::<Vec<_>>();
+    let as_is = |truth| Example { table: table.clone(), truth, struck: Vec::new(), weight: 1.0 };
+    if !label.listed {
+        return vec![as_is(Truth::Unknown(stages()))];
+    }
+    let mut all = Vec::new();
+    let best = |with: bool| {
+        let rows = table.rows.iter().filter(|row| ids.iter().all(|id| row.effects.contains(id)) == with);
+        rows.map(Row::evidence).fold(f64::NEG_INFINITY, f64::max)
+    };
+    let empty = table.rows.iter().find(|row| row.effects.is_empty()).map_or(0.0, Row::evidence);
+    if ids.len() == 1 && best(true) - empty > VISIBLE {
+        all.push(Example {
+            table: table.clone(),
+            truth: Truth::Unknown(stages()),
+            struck: ids.clone(),
+            weight: STRUCK,
+        });
+    }
+    ids.sort();
+    all.push(as_is(Truth::Effects(ids)));
+    all
+}
+
+fn holds(truth: &Truth, hypothesis: &Hypothesis, table: &Table) -> bool {
+    match (truth, hypothesis) {
+        (Truth::Effects(ids), Hypothesis::Effects(row)) => {
+            let mut effects = table.rows[*row].effects.clone();
+            effects.sort();
+            effects == *ids
+        }
+        (Truth::Unknown(_), Hypothesis::Unknown(_)) => true,
+        _ => false,
+    }
+}
+
+/// One example as numbers: features of all hypotheses, which of them are true, and which place it right as well.
+struct Numbers {
+    features: Vec<[f64; FEATURES]>,
+    right: Vec<bool>,
+    placed: Vec<bool>,
+    weight: f64,
+}
+
+fn numbers(example: &Example) -> Numbers {
+    let struck: Vec<&str> = example.struck.iter().map(String::as_str).collect();
+    let all = hypotheses(&example.table, &struck);
+    let right = all.iter().map(|(one, _)| holds(&example.truth, one, &example.table)).collect();
+    let placed = all
+        .iter()
+        .map(|(one, _)| match (&example.truth, one) {
+            (Truth::Unknown(stages), Hypothesis::Unknown(stage)) => stages.contains(stage),
+            _ => false,
+        })
+        .collect();
+    Numbers { features: all.into_iter().map(|(_, features)| features).collect(), right, placed, weight: example.weight }
+}
+
+impl Numbers {
+    /// Log probability of a subset, its gradient, and the information matrix.
+    fn of(&self, weights: &[f64], subset: &[bool]) -> Option<(f64, DVector<f64>, DMatrix<f64>)> {
+        if !subset.contains(&true) {
+            return None;
+        }
+        let scores: Vec<f64> = self.features.iter().map(|features| score(features, weights)).collect();
+        let most = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let (mut all, mut some) = (0.0, 0.0);
+        let (mut mean, mut inside) = (DVector::<f64>::zeros(FEATURES), DVector::<f64>::zeros(FEATURES));
+        let mut square = DMatrix::<f64>::zeros(FEATURES, FEATURES);
+        for ((features, score), subset) in self.features.iter().zip(scores).zip(subset) {
+            let p = (score - most).exp();
+            let features = DVector::from_column_slice(features);
+            all += p;
+            mean.axpy(p, &features, 1.0);
+            square.ger(p, &features, &features, 1.0);
+            if *subset {
+                some += p;
+                inside.axpy(p, &features, 1.0);
+            }
+        }
+        mean /= all;
+        square /= all;
+        square -= &mean * mean.transpose();
+        let probability = (some / all).max(1e-300);
+        inside /= some.max(1e-300);
+        Some((probability.ln(), inside - mean, square))
+    }
+}
+
+/// Mean log score of examples as they are, none struck, natural logarithms; what was not fitted counts as excluded.
+#[must_use]
+pub fn log_score(examples: &[Example], weights: &Weights) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0_f64);
+    for example in examples.iter().filter(|example| example.struck.is_empty()) {
+        let numbers = numbers(example);
+        let log = numbers.of(&weights.weights, &numbers.right).map_or(f64::NEG_INFINITY, |(log, ..)| log);
+        sum += log.max(LEAST.ln());
+        count += 1.0;
+    }
+    sum / count.max(1.0)
+}
+
+/// The weights that score best on these examples.
+#[must_use]
+pub fn fit(examples: &[Example]) -> Vec<f64> {
+    let numbers: Vec<Numbers> = examples.iter().map(numbers).collect();
+    let mut start = Weights::bayes().weights;
+    for weight in &mut start[..2] {
+        *weight *= 0.5;
+    }
+    let centre = DVector::from_vec(start.clone());
+    let mut weights = DVector::from_vec(start);
+    let value = |weights: &DVector<f64>| {
+        let mut sum = -0.5 * RIDGE * (weights - &centre).norm_squared();
+        for one in &numbers {
+            let of =
+                |subset: &[bool]| one.of(weights.as_slice(), subset).map_or(0.0, |(log, ..)| log.max(2.0 * LEAST.ln()));
+            sum += one.weight * (of(&one.right) + STAGE * of(&one.placed));
+        }
+        sum
+    };
+    let mut best = value(&weights);
+    let mut damping = 1e-2;
+    for _ in 0..200 {
+        let mut gradient = -RIDGE * (&weights - &centre);
+        let mut information = DMatrix::identity(FEATURES, FEATURES) * (RIDGE + damping);
+        for one in &numbers {
+            for (subset, share) in [(&one.right, 1.0), (&one.placed, STAGE)] {
+                if let Some((_, towards, spread)) = one.of(weights.as_slice(), subset) {
+                    gradient += towards * (share * one.weight);
+                    information += spread * (share * one.weight);
+                }
+            }
+        }
+        let Some(cholesky) = information.cholesky() else { break };
+        let next = &weights + cholesky.solve(&gradient);
+        let found = value(&next);
+        if found > best + 1e-9 {
+            (weights, best) = (next, found);
+            damping *= 0.3;
+        } else if damping > 1e6 {
+            break;
+        } else {
+            damping *= 10.0;
+        }
+    }
+    weights.iter().copied().collect()
+}
+
+/// Spread of the relative error of sizes, one standard deviation: a tenth of them lie outside 1.645 of it.
+#[must_use]
+pub fn size_spread(units: &[(&Label, &Table)]) -> f64 {
+    let mut errors: Vec<f64> = units
+        .iter()
+        .filter_map(|(label, table)| {
+            let [truth] = label.effects.as_slice() else { return None };
+            let row = table.rows.first().filter(|row| row.effects == [truth.id.clone()])?;
+            let parameter = find(&truth.id)?.parameters.first()?;
+            let fitted = row.sizes.first()? * (parameter.typical - parameter.neutral);
+            Some((fitted / (truth.size - parameter.neutral) - 1.0).abs())
+        })
+        .collect();
+    errors.sort_by(f64::total_cmp);
+    let place = errors.len().saturating_sub(1) * 9 / 10;
+    errors.get(place).map_or(0.1, |error| error / 1.645)
+}
+
+/// Whether the likeliest single word of a posterior is right: an effect that is there, unknown, or nothing.
+#[must_use]
+pub fn first_is_right(example: &Example, weights: &Weights) -> bool {
+    let table = &example.table;
+    let posterior = Posterior::new(table, weights, &[]);
+    let (unknown, none) = (posterior.unknown(), posterior.nothing(table));
+    let known = 1.0 - unknown - none;
+    match &example.truth {
+        Truth::Unknown(_) => unknown > known.max(none),
+        Truth::Effects(ids) if ids.is_empty() => none >= known.max(unknown),
+        Truth::Effects(ids) => {
+            let first = posterior.sets.iter().find(|(row, _)| !table.rows[*row].effects.is_empty());
+            known > none.max(unknown)
+                && first.is_some_and(|(row, _)| table.rows[*row].effects.iter().all(|id| ids.contains(id)))
+        }
+    }
+}
+
+/// What learning came to, each part judged by weights that never saw it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Learned {
+    /// Weights of all parts together.
+    pub weights: Vec<f64>,
+    /// Mean log score of Bayes' theorem on evidence as it is.
+    pub bayes: f64,
+    /// Mean log score of the weights learned on the other parts.
+    pub held_out: f64,
+    /// Share of units whose first word is right by these.
+    pub held_out_right: f64,
+    /// Mean log score on what was learned from.
+    pub seen: f64,
+}
+
+/// Learns from all parts, and judges each by the others.
+#[must_use]
+pub fn learn(parts: &[Vec<Example>]) -> Learned {
+    let bayes = Weights::bayes();
+    let with = |weights: Vec<f64>| Weights { weights, ..bayes.clone() };
+    let all: Vec<Example> = parts.iter().flatten().cloned().collect();
+    let (mut held_out, mut right, mut count) = (0.0, 0.0, 0.0_f64);
+    for (left, part) in parts.iter().enumerate() {
+        let others: Vec<Example> =
+            parts.iter().enumerate().filter(|(k, _)| *k != left).flat_map(|(_, part)| part.iter().cloned()).collect();
+        let weights = with(fit(&others));
+        let own: Vec<&Example> = part.iter().filter(|example| example.struck.is_empty()).collect();
+        held_out += log_score(part, &weights) * own.len() as f64;
+        right += own.iter().filter(|example| first_is_right(example, &weights)).count() as f64;
+        count += own.len() as f64;
+    }
+    let weights = fit(&all);
+    let seen = log_score(&all, &with(weights.clone()));
+    Learned {
+        weights,
+        bayes: log_score(&all, &bayes),
+        held_out: held_out / count.max(1.0),
+        held_out_right: right / count.max(1.0),
+        seen,
+    }
+}
