@@ -9,7 +9,7 @@ use govtwin::baselines::BASELINES;
 use govtwin::baselines::ground::Ground;
 use govtwin::blind::exam::laid_along;
 use govtwin::blind::limits;
-use govtwin::diagnosis::decide::SEEN;
+use govtwin::blind::scored::SEEN;
 use govtwin::digest::sha256;
 use govtwin::effects::find;
 use govtwin::frame::{EsvState, Frame};

@@ -129,15 +129,11 @@ fn a_spool_that_drives_something_else_is_refused() {
     }
 }
 
-/// Measured hydraulics of a crane, which is not ours to ship.
+/// Measured hydraulics of a crane, which is not ours to ship; `scripts/test` runs this where the recording is at hand, and says so where it is not.
 #[test]
+#[ignore = "needs ../shared/bags/real/crane.mcap"]
 fn the_crane_moves_unlike_both_ways_and_the_stage_predicts_it() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/bags/real/crane.mcap");
-    let near = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/bags/real/crane.mcap");
-    let Some(path) = [near, path].into_iter().find(|path| path.is_file()) else {
-        println!("skipped: ../shared/bags/real/crane.mcap is not here");
-        return;
-    };
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/bags/real/crane.mcap");
     let options = bag::ReadOptions { required: vec![bag::Stream::ServoState], ..bag::ReadOptions::default() };
     let recording = bag::read(&path, &options).unwrap().recording;
     let said = freely(vec![recording]);
