@@ -95,6 +95,20 @@ fn one_that_cannot_be_used_is_left_out_and_the_rest_is_judged() {
 }
 
 #[test]
+fn the_same_recording_twice_counts_once() {
+    let mut three = pair(&sheet());
+    let mut copy = three[0].clone();
+    copy.name = "a copy under another name".to_owned();
+    for frame in &mut copy.frames {
+        frame.time_ns += 5_000_000_000;
+    }
+    three.push(copy);
+    let said = judge(three).unwrap();
+    noted(&said, &["a copy under another name", "counts once"]);
+    assert!(said.traces.len() == 2, "{}", said.traces.len());
+}
+
+#[test]
 fn a_stuck_transducer_is_left_out() {
     let mut both = pair(&sheet());
     for frame in both.iter_mut().flat_map(|one| &mut one.frames) {

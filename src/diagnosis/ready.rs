@@ -62,7 +62,9 @@ pub fn ready(recordings: Vec<Recording>, sheet: &Unit, settings: &Settings) -> R
         return Err(DiagnosisError::Unusable(refused.join("\n  ")));
     }
     let admitted: Vec<Recording> = admitted.into_iter().map(|(recording, _)| recording).collect();
+    let (admitted, copies) = without_copies(admitted);
     let mut notes: Vec<String> = notes.into_iter().map(|note| format!("{note}.")).collect();
+    notes.extend(copies);
     notes.extend(refused.into_iter().map(|reason| format!("Left out: {reason}.")));
     if stage_only {
         return servomotor_stage(admitted, sheet, settings, notes);
@@ -85,6 +87,32 @@ pub fn ready(recordings: Vec<Recording>, sheet: &Unit, settings: &Settings) -> R
         sheet: true,
         explained: 1.0,
     })
+}
+
+/// Recordings that are not copies of earlier ones, and a sentence for each that is: the same samples are no further evidence.
+fn without_copies(recordings: Vec<Recording>) -> (Vec<Recording>, Vec<String>) {
+    let (mut kept, mut notes): (Vec<Recording>, Vec<String>) = (Vec::new(), Vec::new());
+    for recording in recordings {
+        match kept.iter().find(|other| is_copy(other, &recording)) {
+            Some(first) => notes
+                .push(format!("{} holds the same samples as {} and counts once with it.", recording.name, first.name)),
+            None => kept.push(recording),
+        }
+    }
+    (kept, notes)
+}
+
+/// Whether two recordings hold the same samples at the same distances in time.
+fn is_copy(a: &Recording, b: &Recording) -> bool {
+    let since = |recording: &Recording, row: usize| recording.frames[row].time_ns - recording.frames[0].time_ns;
+    let same = |a: f64, b: f64| a == b || (a.is_nan() && b.is_nan());
+    a.frames.len() == b.frames.len()
+        && (0..a.frames.len()).all(|row| {
+            since(a, row) == since(b, row)
+                && Signal::ALL
+                    .iter()
+                    .all(|signal| same(signal.of(&a.frames[row].measured), signal.of(&b.frames[row].measured)))
+        })
 }
 
 fn servomotor_stage(
