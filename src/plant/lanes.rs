@@ -1,7 +1,9 @@
-//! Several numbers in the lanes of one register: as many as the processor at hand holds, found out when the program runs.
+//! Several numbers in the lanes of one register or two: what the processor at hand has is found out when the program runs.
 //!
-//! Eight with AVX-512, four with AVX2, two with NEON, one elsewhere. Of crates that know instruction sets at run time, `pulp` gives typed
-//! registers without unsafe code in what uses it.
+//! Sixteen lanes with AVX-512, eight with AVX2, four with NEON, two elsewhere. Of crates that know instruction sets at run time, `pulp` gives
+//! typed registers without unsafe code in what uses it.
+
+mod pair;
 
 use std::fmt;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Sub};
@@ -9,12 +11,13 @@ use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Sub};
 use pulp::{Arch, Simd, WithSimd, bytemuck};
 
 use crate::plant::real::{Real, Truth};
+use pair::Pair;
 
-/// Most lanes of any register.
-pub const MOST_LANES: usize = 8;
+/// Most lanes of any width.
+pub const MOST_LANES: usize = 16;
 
-/// The bit of a number that is its sign, and those that are its size. `pulp`'s own `neg_f64s`, `abs_f64s` and `select_f64s` may be calls out of the function
-/// that is compiled for wide registers.
+/// The bit of a number that is its sign, and those that are its size. `pulp`'s own `neg_f64s`, `abs_f64s` and `select_f64s` may be calls out
+/// of the function that is compiled for wide registers.
 const SIGN: f64 = -0.0;
 const SIZE: f64 = f64::from_bits(!SIGN.to_bits());
 
@@ -37,30 +40,43 @@ pub trait Job {
     fn run<T: Wide>(self, zero: T) -> Self::Output;
 }
 
-/// A register width that this processor has.
+/// A number of lanes that this processor has registers for: one register, or two.
 #[derive(Clone, Copy, Debug)]
-pub struct Width(Arch);
+pub struct Width {
+    arch: Arch,
+    pair: bool,
+}
 
 impl Width {
-    /// The widest.
-    #[must_use]
-    pub fn widest() -> Self {
-        Self(Arch::new())
-    }
-
-    /// All, the narrowest first; one lane at least.
+    /// All that are worth their while, the narrowest first.
     #[must_use]
     pub fn all() -> Vec<Self> {
         #[cfg(target_arch = "x86_64")]
-        let wider = {
+        {
             use pulp::x86::{V3, V4};
-            [V3::try_new().map(Arch::V3), V4::try_new().map(Arch::V4)]
-        };
-        #[cfg(target_arch = "x86_64")]
-        let narrowest = Arch::Scalar;
+            // Two registers of AVX2 are faster than one of AVX-512: nothing waits for its quotients.
+            let avx2 = V3::try_new().map(Arch::V3).into_iter();
+            let avx2 = avx2.flat_map(|arch| [Self { arch, pair: false }, Self { arch, pair: true }]);
+            let avx512 = V4::try_new().map(|simd| Self { arch: Arch::V4(simd), pair: true });
+            std::iter::once(Self { arch: Arch::Scalar, pair: true }).chain(avx2).chain(avx512).collect()
+        }
         #[cfg(not(target_arch = "x86_64"))]
-        let (narrowest, wider) = (Arch::new(), [None::<Arch>]);
-        std::iter::once(narrowest).chain(wider.into_iter().flatten()).map(Self).collect()
+        {
+            let widths = [false, true].map(|pair| Self { arch: Arch::new(), pair });
+            widths.into_iter().filter(|width| width.lanes() > 1).collect()
+        }
+    }
+
+    /// The most lanes that a batch may have.
+    #[must_use]
+    pub fn most_lanes() -> usize {
+        Self::all().last().map_or(1, |widest| widest.lanes())
+    }
+
+    /// The narrowest with so many lanes; none where no register has as many.
+    #[must_use]
+    pub fn holding(count: usize) -> Option<Self> {
+        Self::all().into_iter().find(|width| width.lanes() >= count)
     }
 
     /// Its number of lanes.
@@ -69,6 +85,8 @@ impl Width {
         struct Count;
         impl Job for Count {
             type Output = usize;
+
+            #[inline(always)]
             fn run<T: Wide>(self, _zero: T) -> usize {
                 T::COUNT
             }
@@ -78,18 +96,32 @@ impl Width {
 
     /// Does a job compiled for this width.
     pub fn run<J: Job>(self, job: J) -> J::Output {
-        self.0.dispatch(Compiled(job))
+        if self.pair { self.arch.dispatch(Double(job)) } else { self.arch.dispatch(Single(job)) }
     }
 }
 
-struct Compiled<J>(J);
+/// A job in one register.
+struct Single<J>(J);
 
-impl<J: Job> WithSimd for Compiled<J> {
+impl<J: Job> WithSimd for Single<J> {
     type Output = J::Output;
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> J::Output {
         self.0.run(Lanes { simd, values: simd.splat_f64s(0.0) })
+    }
+}
+
+/// A job in two registers.
+struct Double<J>(J);
+
+impl<J: Job> WithSimd for Double<J> {
+    type Output = J::Output;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> J::Output {
+        let zero = Lanes { simd, values: simd.splat_f64s(0.0) };
+        self.0.run(Pair(zero, zero))
     }
 }
 
@@ -254,6 +286,10 @@ impl<S: Simd> Real for Lanes<S> {
 
     #[inline(always)]
     fn clamp(self, min: Self, max: Self) -> Self {
+        if S::IS_SCALAR {
+            // Its `min` and `max` would make a number of what is none.
+            return Self::select(self.lt(min), min, Self::select(max.lt(self), max, self));
+        }
         max.min(min.max(self))
     }
 

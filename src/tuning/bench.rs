@@ -254,7 +254,8 @@ impl Bench {
     /// The same of twins that no unit describes, such as those with terms of their own; each trial sets their cut.
     #[must_use]
     pub fn misses_of_twins(&self, twins: &[Twin]) -> Vec<Misses> {
-        let batches: Vec<&[Twin]> = twins.chunks(Width::widest().lanes()).collect();
+        let lanes = Width::most_lanes();
+        let batches: Vec<&[Twin]> = twins.chunks(lanes).collect();
         let jobs: Vec<Vec<DVector<f64>>> = (0..batches.len() * self.trials.len())
             .into_par_iter()
             .map(|job| {
@@ -266,7 +267,6 @@ impl Bench {
             })
             .collect();
         let mut misses: Vec<Misses> = vec![Vec::with_capacity(self.trials.len()); twins.len()];
-        let lanes = Width::widest().lanes();
         for (job, of_batch) in jobs.into_iter().enumerate() {
             let first = job / self.trials.len() * lanes;
             for (all, one) in misses[first..].iter_mut().zip(of_batch) {

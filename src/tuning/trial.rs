@@ -225,15 +225,14 @@ fn in_batches<R>(
     side_by_side: impl Fn(Width, &mut [Twin]) -> Vec<R>,
     alone: impl Fn(&mut Twin) -> R,
 ) -> Vec<R> {
-    let width = Width::widest();
     let batch = |twins: &mut [Twin]| {
-        if twins.len() > 1 && batch::fit(twins) {
-            side_by_side(width, twins)
-        } else {
-            twins.iter_mut().map(&alone).collect()
+        let width = if twins.len() > 1 && batch::fit(twins) { Width::holding(twins.len()) } else { None };
+        match width {
+            Some(width) => side_by_side(width, twins),
+            None => twins.iter_mut().map(&alone).collect(),
         }
     };
-    twins.chunks_mut(width.lanes()).flat_map(batch).collect()
+    twins.chunks_mut(Width::most_lanes()).flat_map(batch).collect()
 }
 
 /// Takes ranges of rows out, in their order; for each the row that now stands there, and the time that is left out, ns.

@@ -1,4 +1,4 @@
-//! Several twins in the lanes of one register: slightly different units under the same rows.
+//! Several twins in the lanes of a register or two: slightly different units under the same rows.
 //!
 //! Most of a diagnosis are such simulations. Laws and tick are those of a single twin, see `plant/real.rs` and `tick.rs`, and so are the results,
 //! to the last bit. What is no arithmetic of many equal steps goes lane by lane: the start, terms where a lane has any, and the large loop,
@@ -27,19 +27,14 @@ pub struct Row {
     pub is_sample: bool,
 }
 
-/// What becomes of the twins at the rows at which somebody looks.
-trait Watch {
-    fn look<T: Wide>(&mut self, time_ns: i64, positions_pu: (T, T), now: &Now<T>);
-}
-
 /// The estimates of several twins, each started anew, at the rows at which somebody looks.
 ///
-/// `rows` are those of each twin; they agree in everything but command and ESV.
+/// `rows` are those of each twin, or those of all; they agree in everything but command and ESV. No more twins than the width has lanes.
 #[must_use]
 pub fn estimates<I: Iterator<Item = Row>>(width: Width, twins: &mut [Twin], rows: Vec<I>) -> Vec<Vec<Estimate>> {
-    let mut watch = Estimates(vec![Vec::new(); twins.len()]);
+    let mut watch = Watch { wanted: None, estimates: vec![Vec::new(); twins.len()], traces: Vec::new() };
     run(width, twins, rows, &mut watch);
-    watch.0
+    watch.estimates
 }
 
 /// The same of some signals alone: for each of [`Signal::ALL`] that is wanted its values, twin by twin.
@@ -50,39 +45,37 @@ pub fn signals<I: Iterator<Item = Row>>(
     rows: Vec<I>,
     wanted: [bool; Signal::ALL.len()],
 ) -> Vec<[Vec<f64>; Signal::ALL.len()]> {
-    let mut watch = Traces { wanted, twins: vec![Default::default(); twins.len()] };
+    let traces = vec![Default::default(); twins.len()];
+    let mut watch = Watch { wanted: Some(wanted), estimates: Vec::new(), traces };
     run(width, twins, rows, &mut watch);
-    watch.twins
+    watch.traces
 }
 
-struct Estimates(Vec<Vec<Estimate>>);
+/// What is kept of the twins at the rows at which somebody looks.
+struct Watch {
+    /// Which signals; everything where none are named.
+    wanted: Option<[bool; Signal::ALL.len()]>,
+    estimates: Vec<Vec<Estimate>>,
+    traces: Vec<[Vec<f64>; Signal::ALL.len()]>,
+}
 
-impl Watch for Estimates {
+impl Watch {
     #[inline(always)]
-    fn look<T: Wide>(&mut self, time_ns: i64, positions_pu: (T, T), now: &Now<T>) {
-        for (lane, estimates) in self.0.iter_mut().enumerate() {
-            let positions_pu = (positions_pu.0.lane(lane), positions_pu.1.lane(lane));
-            estimates.push(estimate(time_ns, positions_pu, &now.lane(lane)));
-        }
-    }
-}
-
-struct Traces {
-    wanted: [bool; Signal::ALL.len()],
-    twins: Vec<[Vec<f64>; Signal::ALL.len()]>,
-}
-
-impl Watch for Traces {
-    #[inline(always)]
-    fn look<T: Wide>(&mut self, _time_ns: i64, (spool_pu, servomotor_pu): (T, T), now: &Now<T>) {
-        for signal in Signal::ALL.into_iter().filter(|&signal| self.wanted[signal as usize]) {
+    fn look<T: Wide>(&mut self, time_ns: i64, (spool_pu, servomotor_pu): (T, T), now: &Now<T>) {
+        let Some(wanted) = self.wanted else {
+            for (lane, estimates) in self.estimates.iter_mut().enumerate() {
+                estimates.push(estimate(time_ns, (spool_pu.lane(lane), servomotor_pu.lane(lane)), &now.lane(lane)));
+            }
+            return;
+        };
+        for signal in Signal::ALL.into_iter().filter(|&signal| wanted[signal as usize]) {
             let values = match signal {
                 Signal::ServomotorPosition => servomotor_pu,
                 Signal::SpoolPosition => spool_pu,
                 Signal::PilotValvePosition => now.state.pilot_position_pu,
                 Signal::ControlPressure => now.state.control_pressure_pa,
             };
-            for (lane, traces) in self.twins.iter_mut().enumerate() {
+            for (lane, traces) in self.traces.iter_mut().enumerate() {
                 traces[signal as usize].push(values.lane(lane));
             }
         }
@@ -99,19 +92,19 @@ pub fn fit(twins: &[Twin]) -> bool {
     })
 }
 
-/// Runs twins side by side, as many at a time as the width has lanes.
-fn run<I: Iterator<Item = Row>>(width: Width, twins: &mut [Twin], rows: Vec<I>, watch: &mut impl Watch) {
+/// Runs twins side by side.
+fn run<I: Iterator<Item = Row>>(width: Width, twins: &mut [Twin], rows: Vec<I>, watch: &mut Watch) {
     debug_assert!(twins.len() <= width.lanes() && (rows.len() == 1 || rows.len() == twins.len()));
     width.run(Run { twins, rows, watch });
 }
 
-struct Run<'a, I, W> {
+struct Run<'a, I> {
     twins: &'a mut [Twin],
     rows: Vec<I>,
-    watch: &'a mut W,
+    watch: &'a mut Watch,
 }
 
-impl<I: Iterator<Item = Row>, W: Watch> Job for Run<'_, I, W> {
+impl<I: Iterator<Item = Row>> Job for Run<'_, I> {
     type Output = ();
 
     #[inline(always)]

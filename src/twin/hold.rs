@@ -44,6 +44,10 @@ impl Hold {
     /// Takes the next demand and how far it may be off; mean and standard deviation of what is held from then on, pu, the latter as that of a
     /// demand with the sheet's period would be to move the spool as much.
     pub(super) fn next(&mut self, (demand_pu, sd_pu): (f64, f64)) -> (f64, f64) {
+        if self.runs_count == 1.0 {
+            // The mean of one, to the last bit what follows gives.
+            return (demand_pu, sd_pu);
+        }
         self.demands_pu.rotate_right(1);
         self.demands_pu[0] = demand_pu;
         let (mut sum, mut squares) = (0.0, 0.0);

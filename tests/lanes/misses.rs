@@ -50,7 +50,13 @@ fn a_lane_without_numbers_spoils_no_other() {
     let unit = params::reference();
     let mut broken = unit.clone();
     broken.parameters.servomotor.load_closed_n = f64::NAN;
-    let misses = bench.misses_of(&[unit.clone(), broken, unit]);
-    assert_eq!(misses[0], misses[2]);
-    assert!(misses[1][0].norm() > 1e3 * misses[0][0].norm() && misses[1][0].iter().all(|miss| miss.is_finite()));
+    let alone = [&unit, &broken].map(|unit| bench.misses_of(std::slice::from_ref(unit)).remove(0));
+    assert!(alone[1][0].norm() > 1e3 * alone[0][0].norm() && alone[1][0].iter().all(|miss| miss.is_finite()));
+    for count in [2, 3, 6, 12] {
+        let mut units = vec![unit.clone(); count];
+        units[1] = broken.clone();
+        for (k, misses) in bench.misses_of(&units).iter().enumerate() {
+            assert_eq!(*misses, alone[usize::from(k == 1)], "unit {k} of {count}");
+        }
+    }
 }
