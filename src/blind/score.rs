@@ -195,7 +195,8 @@ fn confusion(cases: &[Scored]) -> Confusion {
 mod tests {
     use super::*;
     use crate::battery::{Label, Truth};
-    use crate::blind::said::{Blamed, Costs, Evidence, Gap, Location, Place, Rank, Said, Size};
+    use crate::blind::said::{Blamed, Evidence, Gap, Location, Rank, Said, Size};
+    use crate::diagnosis::table::{Row, Table};
     use crate::effects::Stage;
 
     fn truth(id: &str, stage: Stage) -> Truth {
@@ -307,16 +308,20 @@ mod tests {
 
     #[test]
     fn a_miss_lies_with_recordings_tolerance_or_method() {
-        let costs = |left: f64| Costs {
-            floor: Some(1000.0),
-            places: vec![Place {
-                before: Some(2000.0),
-                with: [("load".to_owned(), Some(1000.0 + left))].into_iter().collect(),
-            }],
+        // A right model of a thousand independent samples costs 640.
+        let row = |effects: &[&str], cost: f64| Row {
+            effects: effects.iter().map(|id| (*id).to_owned()).collect(),
+            cost,
+            ..Row::default()
+        };
+        let table = |left: f64| Table {
+            samples: 1000.0,
+            rows: vec![row(&["load"], 640.0 + left), row(&["load", "backlash"], 640.0 + left), row(&[], 1640.0)],
+            ..Table::default()
         };
         let named = |told, left| {
             let mut case = case(&["backlash"], true, 9.0, "named", "servomotor", &[("load", 0.9)]);
-            (case.told, case.said.evidence.costs) = (told, costs(left));
+            (case.told, case.said.evidence.table) = (told, table(left));
             case
         };
         assert_eq!(named(Some(500.0), 300.0).missed_by(), Some(MissedBy::Method));
@@ -328,7 +333,7 @@ mod tests {
         assert_eq!(named(None, 3.0).missed_by(), Some(MissedBy::Tolerance));
         let more = &[("load", 0.9), ("backlash", 0.9)];
         let mut made_up = case(&["backlash"], true, 9.0, "named", "servomotor", more);
-        made_up.said.evidence.costs = costs(3.0);
+        made_up.said.evidence.table = table(3.0);
         assert_eq!(made_up.missed_by(), Some(MissedBy::Method));
         let right = case(&["backlash"], true, 9.0, "named", "servomotor", &[("backlash", 0.9)]);
         let score = score(&[named(Some(500.0), 300.0), named(Some(5.0), 300.0), named(None, 3.0), right]);

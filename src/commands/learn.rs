@@ -4,7 +4,7 @@ pub mod journal;
 #[cfg(feature = "deep")]
 pub mod networks;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::bail;
 use clap::ValueEnum;

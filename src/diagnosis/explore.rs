@@ -321,5 +321,5 @@ pub fn explore(
     let mut hypotheses: Vec<Hypothesis> = known.fitted.into_values().collect();
     hypotheses.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
     drop(explorer);
-    Explored { hypotheses, linear, linearisation, discrepancy }
+    Explored { hypotheses, linear, discrepancy, linearisation }
 }

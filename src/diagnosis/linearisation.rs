@@ -288,7 +288,7 @@ impl Linearisation {
             change -= self.follow.column(k) * scale;
             match self.atoms[k] {
                 Atom::Sized { effect, variant } => {
-                    effects.push((effect, Variant { size: variant.size * scale, ..variant }))
+                    effects.push((effect, Variant { size: variant.size * scale, ..variant }));
                 }
                 Atom::Removed { own } => removed.push(own),
             }

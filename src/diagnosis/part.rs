@@ -52,15 +52,10 @@ pub fn modest(bench: &Bench, found: &Explored, ready: &Ready, decision: Decision
     }
     let probability = |id: &str| decision.effects.iter().find(|(spec, _)| spec.id == id).map_or(0.0, |(_, p)| *p);
     let sure = if ready.sheet { SURE.0 } else { SURE.1 };
-    let (kept, doubtful): (Vec<&'static str>, Vec<&'static str>) =
-        decision.blamed.iter().enumerate().map(|(k, &id)| (k, id)).fold((vec![], vec![]), |mut all, (k, id)| {
-            if k == 0 || probability(id) >= sure {
-                all.0.push(id)
-            } else {
-                all.1.push(id)
-            }
-            all
-        });
+    let sure_of = |(place, id): &(usize, &&'static str)| *place == 0 || probability(id) >= sure;
+    let (kept, doubtful): (Vec<_>, Vec<_>) = decision.blamed.iter().enumerate().partition(sure_of);
+    let ids = |some: Vec<(usize, &&'static str)>| some.into_iter().map(|(_, id)| *id).collect::<Vec<_>>();
+    let (kept, doubtful) = (ids(kept), ids(doubtful));
     let mut said = None;
     if decision.verdict == Verdict::Named && !doubtful.is_empty() {
         said = Some(format!(

@@ -5,6 +5,7 @@ use crate::diagnosis::outcome::{
     Blame, Channel, Curve, Diagnosis, Experiment, Fitted, Interval, Latent, Ledger, Part, Ranked, SignalGap, StageTest,
     Trace, Tried, Verdict, Visible,
 };
+use crate::diagnosis::table::Table;
 use crate::effects::Stage;
 use crate::parameters::Unit;
 use crate::recording::Process;
@@ -117,9 +118,8 @@ fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
             parameters: vec![play()],
         }],
         transfers: Vec::new(),
-        places: Vec::new(),
-        further: Vec::new(),
-        floor: 1.0,
+        sets: vec![(vec!["backlash".into()], 0.9)],
+        table: Table::default(),
         samples: 100,
         traces: vec![Trace {
             name: "<b>one</b> & only".into(),
