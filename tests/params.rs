@@ -297,7 +297,7 @@ fn what_the_readme_shows_is_so() {
     assert_eq!(unit.parameters.oil.bulk_modulus_pa, 1.1e9);
     assert_eq!(unit.effects.len(), 1);
 
-    let told = block("README.md", "with the way out:\n```text");
+    let told = block("README.md", "with suggested fixes:\n```text");
     let slips = "name: x\noil:\n  bulk_modulus: 1.1e9\n  density_kg_m3: {value: 8650.0}\neffects:\n  backlsh: {play_pu: 0.004}\n";
     for problem in problems(slips) {
         let (line, problem) = problem.split_once(' ').unwrap();

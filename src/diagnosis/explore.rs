@@ -5,13 +5,14 @@ use std::collections::BTreeMap;
 use rayon::iter::{IntoParallelIterator, IntoParallelRefIterator, ParallelIterator};
 
 use crate::diagnosis::discrepancy::{Columns, columns};
-use crate::diagnosis::evidence::{Normal, Shared};
+use crate::diagnosis::evidence::{KAPPAS, Normal, Shared};
 use crate::diagnosis::linearisation::{Linearisation, Proposal};
 use crate::diagnosis::model::Model;
 use crate::diagnosis::support::{Variant, add};
 use crate::effects::EffectSpec;
 use crate::tuning::bench::Bench;
 use crate::tuning::fit::{Effort, fit};
+use crate::twin::Cut;
 
 /// Most effects at once.
 pub const MOST: usize = 3;
@@ -114,18 +115,20 @@ impl Explored {
             }) {
                 continue;
             }
-            let model = match there {
-                Some(place) => self.hypotheses[place].model.refined(bench, Effort::FULL),
-                None => match self.hypotheses.iter().find(|one| claim.iter().all(|id| one.model.has(id))) {
-                    Some(larger) => larger.model.keeping(bench, &claim),
-                    None => continue,
-                },
-            };
+            // The set as it was fitted, and as a larger one leaves it: one may stand behind a ridge.
+            let own = there.map(|place| self.hypotheses[place].model.refined(bench, Effort::FULL));
+            let larger = self
+                .hypotheses
+                .iter()
+                .find(|one| one.model.effects.len() > claim.len() && claim.iter().all(|id| one.model.has(id)));
+            let left = larger.map(|larger| larger.model.keeping(bench, &claim));
+            let cheaper = |a: &Model, b: &Model| a.cost().total_cmp(&b.cost());
+            let Some(model) = own.into_iter().chain(left).min_by(cheaper) else { continue };
             let shared = Shared::new(&self.discrepancy);
             let normal = shared.normal(&model);
             let place_of = |id: &str| catalogue.iter().position(|spec| spec.id == id);
             let effects: Vec<usize> = claim.iter().filter_map(|id| place_of(id)).collect();
-            let log_evidence = normal.at_kappa(KAPPA) - RARITY * effects.len() as f64;
+            let log_evidence = normal.at_kappa(kappa(bench)) - RARITY * effects.len() as f64;
             let hypothesis = Hypothesis { effects, model, normal, log_evidence, refined: true };
             match there {
                 Some(place) => self.hypotheses[place] = hypothesis,
@@ -135,8 +138,26 @@ impl Explored {
     }
 }
 
+/// Error of equations that explorations count with: next to none where the stage behind a recorded spool stands alone, of which the discrepancy
+/// terms know too much: at the spool's own rate nothing in the loop holds them.
+fn kappa(bench: &Bench) -> f64 {
+    if is_stage_alone(bench) { KAPPAS[0] } else { KAPPA }
+}
+
+/// How many leaders are fitted with care each time.
+fn leaders(bench: &Bench) -> usize {
+    if is_stage_alone(bench) { 4 * REFINED } else { REFINED }
+}
+
+/// Whether recorded spools drive all that is judged.
+#[must_use]
+pub fn is_stage_alone(bench: &Bench) -> bool {
+    bench.trials.iter().all(|trial| trial.cut == Cut::Spool)
+}
+
 /// What all fits share.
 struct Explorer<'a> {
+    kappa: f64,
     bench: &'a Bench,
     nominal: &'a Model,
     catalogue: &'a [&'static EffectSpec],
@@ -146,7 +167,7 @@ struct Explorer<'a> {
 impl Explorer<'_> {
     fn hypothesis(&self, effects: Vec<usize>, model: Model, refined: bool) -> Hypothesis {
         let normal = self.shared.normal(&model);
-        let log_evidence = normal.at_kappa(KAPPA) - RARITY * effects.len() as f64;
+        let log_evidence = normal.at_kappa(self.kappa) - RARITY * effects.len() as f64;
         Hypothesis { effects, model, normal, log_evidence, refined }
     }
 
@@ -216,8 +237,13 @@ impl Known {
 
     /// Fits the leaders with care that were not yet.
     fn refine(&mut self, explorer: &Explorer<'_>) {
-        let leaders: Vec<Hypothesis> =
-            self.ordered().into_iter().take(REFINED).filter(|leader| !leader.refined).cloned().collect();
+        let leaders: Vec<Hypothesis> = self
+            .ordered()
+            .into_iter()
+            .take(leaders(explorer.bench))
+            .filter(|leader| !leader.refined)
+            .cloned()
+            .collect();
         let refined: Vec<Hypothesis> = leaders.par_iter().map(|leader| explorer.refined(leader)).collect();
         for hypothesis in refined {
             self.take(hypothesis);
@@ -226,7 +252,7 @@ impl Known {
         let mut order: Vec<(f64, Vec<usize>)> =
             self.fitted.values().map(|known| (known.log_evidence, known.effects.clone())).collect();
         order.sort_by(|a, b| b.0.total_cmp(&a.0));
-        for (_, effects) in order.into_iter().skip(4 * REFINED) {
+        for (_, effects) in order.into_iter().skip(4 * leaders(explorer.bench)) {
             if let Some(known) = self.fitted.get_mut(&effects).filter(|known| !known.effects.is_empty()) {
                 known.model = known.model.clone().light();
             }
@@ -245,11 +271,12 @@ pub fn explore(
 ) -> Explored {
     progress("placing discrepancy terms", 0.2);
     let discrepancy = columns(bench, refitted);
-    let explorer = Explorer { bench, nominal: refitted, catalogue, shared: Shared::new(&discrepancy) };
+    let kappa = kappa(bench);
+    let explorer = Explorer { kappa, bench, nominal: refitted, catalogue, shared: Shared::new(&discrepancy) };
     let mut known = Known::default();
     known.take(explorer.hypothesis(Vec::new(), refitted.clone(), true));
     progress("weighing all sets of up to three effects", 0.25);
-    let at = |point: &Model| Linearisation::new(bench, point, catalogue, &discrepancy, KAPPA);
+    let at = |point: &Model| Linearisation::new(bench, point, catalogue, &discrepancy, kappa);
     let linearisation = at(refitted);
     let from_sheet = at(sheet);
     progress("fitting the likeliest sets", 0.4);
@@ -263,7 +290,9 @@ pub fn explore(
             let entry = known.linear.entry(effects).or_insert(f64::NEG_INFINITY);
             *entry = entry.max(offset + proposal.log_evidence - RARITY * proposal.effects.len() as f64);
         }
-        for (size, taken) in TAKEN.into_iter().enumerate() {
+        // A stage alone has few effects and all are alike: each is fitted.
+        let taken = if is_stage_alone(bench) { [usize::MAX, TAKEN[1], TAKEN[2]] } else { TAKEN };
+        for (size, taken) in taken.into_iter().enumerate() {
             let of_size = proposals.iter().filter(|proposal| proposal.effects.len() == size + 1);
             jobs.extend(of_size.take(taken).map(|proposal| (point, proposal.clone())));
         }

@@ -19,8 +19,8 @@ use crate::units::seconds_from_nanos;
 pub const FREE_RUN_SAMPLES: usize = 100;
 /// Effects on top of the first must all be this probable to be named: with a sheet, and where everything is fitted freely.
 const SURE: (f64, f64) = (0.6, 0.95);
-/// Without a sheet an effect of at least this probability is a rival.
-const RIVAL: f64 = 0.03;
+/// Without a sheet an effect that explains this share of what the best one does cannot be told from it.
+const CLOSE: f64 = 0.9;
 /// A stage that misses no more than this, in squares of what the most flexible law misses, shows no gap.
 const CALM_ENOUGH: f64 = 3.0;
 /// Gain in cost that may be chance.
@@ -65,17 +65,31 @@ pub fn modest(bench: &Bench, found: &Explored, ready: &Ready, decision: Decision
         ));
         decision.blamed = kept;
     }
-    if !ready.sheet && decision.verdict == Verdict::Named && decision.blamed.len() == 1 {
-        let mut rivals: Vec<(&'static str, f64)> =
-            decision.effects.iter().filter(|(_, p)| *p > RIVAL).map(|(spec, p)| (spec.id, *p)).collect();
-        rivals.sort_by(|a, b| b.1.total_cmp(&a.1));
-        rivals.truncate(3);
+    let names = matches!(decision.verdict, Verdict::Named | Verdict::Class);
+    if !ready.sheet && names && decision.blamed.len() == 1 {
+        let rivals = near(found);
         if rivals.len() > 1 {
             decision.verdict = Verdict::Class;
-            decision.blamed = rivals.into_iter().map(|(id, _)| id).collect();
+            decision.blamed = rivals;
         }
     }
     (decision, said)
+}
+
+/// The single effects that explain nearly as much as the best one, best first.
+fn near(found: &Explored) -> Vec<&'static str> {
+    let before = found.refitted().cost();
+    let mut gains: Vec<(&'static str, f64)> = found
+        .hypotheses
+        .iter()
+        .filter_map(|one| match one.model.effects.as_slice() {
+            [only] => Some((only.id, before - one.model.cost())),
+            _ => None,
+        })
+        .collect();
+    gains.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let best = gains.first().map_or(0.0, |(_, gain)| *gain);
+    gains.into_iter().filter(|(_, gain)| *gain >= CLOSE * best).take(3).map(|(id, _)| id).collect()
 }
 
 /// Errors of free runs: each half fitted, the other predicted.

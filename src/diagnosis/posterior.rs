@@ -14,7 +14,7 @@ use crate::tuning::bench::GENEROUS;
 const SHIPPED: &str = include_str!("../../params/diagnosis_weights.json");
 
 /// Number of features of a hypothesis.
-pub const FEATURES: usize = 17;
+pub const FEATURES: usize = 19;
 
 /// What each feature is, in the order of the weights.
 pub const NAMES: [&str; FEATURES] = [
@@ -35,6 +35,8 @@ pub const NAMES: [&str; FEATURES] = [
     "unknown where a gap is visible",
     "unknown: evidence of something unknown besides the best fault set, tens of nats",
     "unknown: logarithm of 1 and the evidence lost, over the scale of errors of equations",
+    "unknown: ten squares of the logarithm of χ² under the best fault set over that of sound units, at fast rates",
+    "the same at slow rates",
 ];
 
 /// The learned numbers, with where they come from.
@@ -129,6 +131,9 @@ pub fn hypotheses(table: &Table, struck: &[&str]) -> Vec<(Hypothesis, [f64; FEAT
     let expected = GENEROUS * table.samples;
     let empty_cost = nothing.map_or(leader.cost, |row| row.cost);
     let share = ((leader.cost - expected) / (empty_cost - expected).max(1.0)).clamp(0.0, 1.0);
+    // Sound units leave nearly the same χ² per sample, so that its logarithm is as good as normal.
+    let beyond = (leader.cost / expected.max(1.0)).max(1.0).ln();
+    let chi_square = (10.0 * beyond * beyond).min(40.0);
     let visible = gap / (gap + 20.0);
     let left = visible * (0.02 + share).ln();
     let besides = table.unknown_besides.values().copied().fold(f64::NEG_INFINITY, f64::max) - evidence(leader);
@@ -143,6 +148,8 @@ pub fn hypotheses(table: &Table, struck: &[&str]) -> Vec<(Hypothesis, [f64; FEAT
         features[9] = slow * left;
         features[10] = leader.strain.min(20.0);
         features[14] = visible;
+        features[17] = fast * chi_square;
+        features[18] = slow * chi_square;
         features[15] = besides;
         all.push((Hypothesis::Unknown(stage.clone()), features));
     }

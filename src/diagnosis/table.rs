@@ -6,7 +6,7 @@ use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use serde::{Deserialize, Serialize};
 
 use crate::diagnosis::evidence::{KAPPAS, log_sum};
-use crate::diagnosis::explore::{Explored, Hypothesis};
+use crate::diagnosis::explore::{Explored, Hypothesis, is_stage_alone};
 use crate::diagnosis::own_noise;
 use crate::effects::{EffectSpec, Stage};
 use crate::tuning::bench::Bench;
@@ -90,6 +90,11 @@ impl Table {
         let charge = |hypothesis: &Hypothesis| {
             asked.iter().position(|one| one.effects == hypothesis.effects).map_or(0.0, |place| charges[place])
         };
+        // Of a stage alone the discrepancy terms know too much; nothing unknown is weighed there.
+        let alone = is_stage_alone(bench);
+        let by_kappa = |hypothesis: &Hypothesis| {
+            if alone { [hypothesis.normal.at_kappa(KAPPAS[0]); KAPPAS.len()] } else { hypothesis.normal.by_kappa() }
+        };
         let row = |hypothesis: &Hypothesis| {
             let model = &hypothesis.model;
             let first = model.knobs.len() - model.effects.iter().map(|spec| spec.parameters.len()).sum::<usize>();
@@ -104,13 +109,14 @@ impl Table {
                 cost: model.fit.cost(),
                 prior: model.fit.prior,
                 strain: model.strain(),
-                by_kappa: hypothesis.normal.by_kappa(),
+                by_kappa: by_kappa(hypothesis),
                 own_noise: charge(hypothesis),
                 without_each: hypothesis.normal.without_each(),
                 sizes: sizes.collect(),
             }
         };
         let unknown = |hypothesis: Option<&Hypothesis>| {
+            let hypothesis = hypothesis.filter(|_| !alone);
             let of = |stage: Stage| Some((stage.id().to_owned(), hypothesis?.normal.unknown_at(stage)));
             Stage::ALL.into_iter().filter_map(of).filter(|(_, evidence)| evidence.is_finite()).collect()
         };

@@ -97,6 +97,10 @@ proptest! {
             let value = (entry.get)(&unit.parameters) * if period { 1.0 } else { factor };
             (entry.set)(&mut unit.parameters, value.clamp(entry.min, entry.max));
         }
+        // A chamber that would have no volume left with the spool on its stop is no unit.
+        let valve = &unit.parameters.distributing_valve;
+        let least_m3 = valve.control_volume_m3 + valve.control_area_m2 * valve.stroke_min_m;
+        proptest::prop_assume!(least_m3 > 0.1 * valve.control_volume_m3);
         let mut twin = Twin::with_method(&unit, Method::default());
         for row in &rows {
             within(&twin.step(row), &unit)?;
