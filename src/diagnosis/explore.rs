@@ -237,14 +237,14 @@ impl Known {
 
     /// Fits the leaders with care that were not yet.
     fn refine(&mut self, explorer: &Explorer<'_>) {
-        let leaders: Vec<Hypothesis> = self
+        let chosen: Vec<Hypothesis> = self
             .ordered()
             .into_iter()
             .take(leaders(explorer.bench))
             .filter(|leader| !leader.refined)
             .cloned()
             .collect();
-        let refined: Vec<Hypothesis> = leaders.par_iter().map(|leader| explorer.refined(leader)).collect();
+        let refined: Vec<Hypothesis> = chosen.par_iter().map(|leader| explorer.refined(leader)).collect();
         for hypothesis in refined {
             self.take(hypothesis);
         }
