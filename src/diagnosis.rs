@@ -41,7 +41,6 @@ use crate::diagnosis::table::Table;
 use crate::effects::{CATALOGUE, EffectSpec};
 use crate::parameters::Unit;
 use crate::recording::Recording;
-use crate::tuning::bench::Bench;
 
 /// What to try.
 #[derive(Clone, Debug)]
@@ -110,10 +109,6 @@ pub fn diagnose(
         decision = decision.forced(Verdict::Unknown);
         notes.push(strange);
     }
-    if !stage_only && decision.verdict == Verdict::NoGap && is_inconsistent(&bench, explored.leader().cost()) {
-        decision = decision.forced(Verdict::Unknown);
-        notes.push("No effect explains anything, and yet far more is left than noise leaves: the innovations are not those of a right model.".to_owned());
-    }
     notes.extend(rests_on(
         &table,
         &weights,
@@ -129,14 +124,6 @@ pub fn diagnose(
         diagnosis.part = Some(part::describe(&ready, &explored, &decision));
     }
     Ok(diagnosis)
-}
-
-/// χ² per sample over that of sound units at which the innovations are no longer a right model's: at 100 Hz sound units leave 1.3 at most.
-const INCONSISTENT: f64 = 2.0;
-
-/// Whether a model leaves more than a right one can; between slow samples nobody knows how much that is.
-fn is_inconsistent(bench: &Bench, cost: f64) -> bool {
-    !bench.is_slow() && cost > INCONSISTENT * bench.expected_cost()
 }
 
 /// Distance from the sheet, in tolerances, that a reader should hear of: by chance one sheet in a thousand is so far off anywhere.

@@ -209,6 +209,7 @@ impl Twin {
             let signal = match point {
                 Point::Command => now.inputs.opening_command_pu,
                 Point::EsvOpening => drive.esv_opening_pu,
+                Point::SupplyPressure => drive.tank_pressure_pa,
                 Point::ValveCurrent => now.valve_current_pu,
                 Point::ServomotorReading | Point::RegulatorServomotor => position_pu,
                 Point::RegulatorSpool => plant.spool.reading_pu(now.state.spool_position_m),

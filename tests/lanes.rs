@@ -97,6 +97,7 @@ fn twins() -> Vec<Twin> {
         effects::apply(unit, &mut plant);
         let size = match point {
             Point::SpoolForce => 200.0,
+            Point::SupplyPressure => 2e5,
             Point::ServomotorForce => 2e4,
             Point::ChamberFlow => 1e-5,
             Point::OpeningFlow | Point::ClosingFlow => 4e-4,

@@ -7,7 +7,7 @@ use crate::effects::find;
 use crate::parameters::{EffectSetting, Unit};
 use crate::recording::Recording;
 use crate::tuning::bench::Misses;
-use crate::tuning::fit::{beside, slopes};
+use crate::tuning::fit::{beside, pictured};
 use crate::tuning::knob::Knob;
 use crate::tuning::linear::Projection;
 
@@ -36,13 +36,13 @@ pub fn told(recordings: Vec<Recording>, refitted: &Unit, hidden: &[Sized], answe
     let bench = laid_along(recordings, refitted);
     let knobs = Knob::nuisances(refitted);
     let zeros = vec![0.0; knobs.len()];
-    let mut units = vec![refitted.clone(), wanted];
-    units.extend(answers);
-    let mut misses = bench.misses_of(&units).into_iter();
-    let at = misses.next()?;
-    let mut changes = misses.map(|moved| moved.iter().zip(&at).map(|(moved, at)| moved - at).collect::<Misses>());
+    let (at, mut columns) = pictured(&bench, refitted, &knobs, &zeros);
+    let units: Vec<Unit> = std::iter::once(wanted).chain(answers).collect();
+    let mut changes = bench
+        .misses_of(&units)
+        .into_iter()
+        .map(|moved| moved.iter().zip(&at).map(|(moved, at)| moved - at).collect::<Misses>());
     let change = changes.next()?;
-    let mut columns = slopes(&bench, refitted, &knobs, &zeros, 0, &at);
     for answer in changes {
         for (columns, answer) in columns.iter_mut().zip(answer) {
             *columns = beside(columns, &DMatrix::from_columns(&[answer]));

@@ -36,12 +36,13 @@ const fn place(point: Point, words: &'static str, stage: Stage, unit: &'static s
 }
 
 /// All places, along the chain.
-pub const PLACES: [Place; 10] = [
+pub const PLACES: [Place; 11] = [
     place(Point::Command, "command on its way to the regulator", Stage::Regulator, "pu", 1.0e-3),
     place(Point::RegulatorServomotor, "servomotor reading in the regulator", Stage::Sensor, "pu", 1.0e-3),
     place(Point::RegulatorSpool, "spool reading in the regulator", Stage::Sensor, "pu", 5.0e-3),
     place(Point::ValveCurrent, "current to the pilot valve", Stage::PilotValve, "pu", 5.0e-3),
     place(Point::EsvOpening, "opening of the emergency shutdown valve", Stage::Esv, "pu", 0.2),
+    place(Point::SupplyPressure, "supply pressure at the valves", Stage::Supply, "Pa", 5.0e4),
     place(Point::ChamberFlow, "flow into the control chamber", Stage::Spool, "m³/s", 5.0e-6),
     place(Point::SpoolForce, "force on the spool", Stage::Spool, "N", 100.0),
     place(Point::ServomotorForce, "force on the piston", Stage::Servomotor, "N", 1.0e4),

@@ -1,7 +1,8 @@
 //! The evidence of a fitted fault set: its likelihood with tolerances, sizes and model error integrated out.
 //!
-//! `ln Z = −½ cost + ½ gᵦᵀ (H⁻¹)ᵦᵦ gᵦ − ½ ln |H| + ½ ln |P| + ln p(sizes)` (Laplace's method; MacKay 1992): H is the Hessian of residuals and priors
-//! over the free parameters and the discrepancy terms, P the precision of the priors. A discrepancy term of which every point of the chain has a
+//! `ln Z = −½ cost + ½ |yᵦ|² − ½ ln |H| + ½ ln |P| + ln p(sizes)` with `L y = g`, `H = L Lᵀ` (Laplace's method; MacKay 1992): g and H are gradient and
+//! Hessian of residuals and priors over the free parameters and, behind them, the discrepancy terms β; P is the precision of the priors. What the
+//! terms gain is counted with the free parameters following; what these could gain alone is not, since a fit went where it could. A discrepancy term of which every point of the chain has a
 //! little is the error of equations; much of it at one point is something unknown there.
 
 use nalgebra::{Cholesky, DMatrix, DVector};
@@ -25,7 +26,7 @@ pub struct Normal {
     slopes: usize,
     /// Over knobs and terms, without priors of the terms.
     hessian: DMatrix<f64>,
-    /// Along the terms.
+    /// Along knobs and terms.
     gradient: DVector<f64>,
     /// Logarithm of the prior density of the sizes over a Gaussian of unit precision.
     sizes: f64,
@@ -64,7 +65,7 @@ impl<'a> Shared<'a> {
     pub fn normal(&self, model: &Model) -> Normal {
         let (n, b) = (model.knobs.len(), self.gram.nrows());
         let mut hessian = DMatrix::zeros(n + b, n + b);
-        let mut gradient = DVector::zeros(b);
+        let mut gradient = DVector::zeros(n + b);
         let mut parts = Vec::new();
         for ((slopes, marks), residuals) in model.fit.slopes.iter().zip(&self.columns.marks).zip(&model.fit.misses) {
             let transposed = slopes.transpose();
@@ -72,10 +73,13 @@ impl<'a> Shared<'a> {
             let mut own = hessian.view_mut((0, 0), (n, n));
             own += &part;
             let along = &transposed * residuals;
+            let mut own = gradient.rows_mut(0, n);
+            own += &along;
             parts.push(Part { cost: residuals.norm_squared(), hessian: part, gradient: along });
             let mut mixed = hessian.view_mut((0, n), (n, b));
             mixed += &transposed * marks;
-            gradient += marks.tr_mul(residuals);
+            let mut own = gradient.rows_mut(n, b);
+            own += marks.tr_mul(residuals);
         }
         let mixed = hessian.view((0, n), (n, b)).transpose();
         hessian.view_mut((n, 0), (b, n)).copy_from(&mixed);
@@ -84,11 +88,13 @@ impl<'a> Shared<'a> {
         let (mut sizes, mut log_precision) = (0.0, 0.0);
         for (k, knob) in model.knobs.iter().enumerate() {
             let position = model.fit.positions[k];
+            gradient[k] += knob.prior_centre().map_or(0.0, |centre| position - centre);
             let (low, high) = knob.range(&model.base);
             // A parameter on its bound does not follow.
             if knob.prior_centre().is_some() && (position <= low || position >= high) && low < high {
                 hessian.row_mut(k).fill(0.0);
                 hessian.column_mut(k).fill(0.0);
+                gradient[k] = 0.0;
                 for part in &mut parts {
                     part.hessian.row_mut(k).fill(0.0);
                     part.hessian.column_mut(k).fill(0.0);
@@ -132,10 +138,8 @@ fn log_determinant(cholesky: &Cholesky<f64, nalgebra::Dyn>) -> f64 {
 
 impl Normal {
     /// Logarithm of the evidence where the terms are of these sizes.
-    ///
-    /// The slopes' own gradient counts as nothing: the fit went where it could.
     fn with_terms(&self, size: impl Fn(usize) -> f64) -> f64 {
-        let (n, b) = (self.slopes, self.gradient.len());
+        let (n, b) = (self.slopes, self.gradient.len() - self.slopes);
         let mut h = self.hessian.clone();
         let mut log_precision = self.log_precision;
         for k in 0..b {
@@ -143,11 +147,19 @@ impl Normal {
             h[(n + k, n + k)] += precision;
             log_precision += precision.ln();
         }
-        let mut gradient = DVector::zeros(n + b);
-        gradient.rows_mut(n, b).copy_from(&self.gradient);
         let Some(cholesky) = Cholesky::new(h) else { return -0.5 * self.cost };
-        let gain = gradient.dot(&cholesky.solve(&gradient));
+        let gain = self.gain_of_terms(&cholesky, &self.gradient);
         0.5 * (gain - self.cost - log_determinant(&cholesky) + log_precision) + self.sizes
+    }
+
+    /// What the terms lower the cost by, the knobs following.
+    fn gain_of_terms(&self, cholesky: &Cholesky<f64, nalgebra::Dyn>, gradient: &DVector<f64>) -> f64 {
+        let mut solved = gradient.clone();
+        // Knobs come first, so that the factor's leading block is that of the knobs alone.
+        if !cholesky.l_dirty().solve_lower_triangular_mut(&mut solved) {
+            return 0.0;
+        }
+        solved.rows_range(self.slopes..).norm_squared()
     }
 
     /// Logarithm of the evidence at each size of the error of equations.
@@ -186,16 +198,19 @@ impl Normal {
     pub fn terms(&self, place: usize, sizes: (f64, f64), goal: Option<&DVector<f64>>) -> (f64, Vec<f64>) {
         let at = discrepancy::PLACES.get(place).map(|place| place.words);
         let here: Vec<bool> = discrepancy::places().map(|place| Some(place.words) == at).collect();
-        let (n, b) = (self.slopes, self.gradient.len());
+        let (n, b) = (self.slopes, self.gradient.len() - self.slopes);
         let mut h = self.hessian.clone();
         for k in 0..b {
             h[(n + k, n + k)] += 1.0 / (if here[k] { sizes.0 } else { sizes.1 }).powi(2);
         }
-        let mut gradient = DVector::zeros(n + b);
-        gradient.rows_mut(n, b).copy_from(goal.unwrap_or(&self.gradient));
+        let mut gradient = self.gradient.clone();
+        if let Some(goal) = goal {
+            gradient.rows_mut(0, n).fill(0.0);
+            gradient.rows_mut(n, b).copy_from(goal);
+        }
         let Some(cholesky) = Cholesky::new(h) else { return (0.0, vec![0.0; b]) };
         let solved = cholesky.solve(&gradient);
-        (gradient.dot(&solved), solved.rows(n, b).iter().map(|size| -size).collect())
+        (self.gain_of_terms(&cholesky, &gradient), solved.rows(n, b).iter().map(|size| -size).collect())
     }
 
     /// Logarithm of the evidence, without an error of equations, of all recordings but each in turn: one Gauss-Newton step refits the rest.

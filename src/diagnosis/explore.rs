@@ -2,16 +2,17 @@
 
 use std::collections::BTreeMap;
 
-use rayon::iter::{IntoParallelIterator, IntoParallelRefIterator, ParallelIterator};
+use nalgebra::DMatrix;
+use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, IntoParallelRefIterator, ParallelIterator};
 
 use crate::diagnosis::discrepancy::{Columns, columns};
 use crate::diagnosis::evidence::{KAPPAS, Normal, Shared};
 use crate::diagnosis::linearisation::{Linearisation, Proposal};
 use crate::diagnosis::model::Model;
-use crate::diagnosis::support::{Variant, add};
+use crate::diagnosis::support::{Placed, Variant, add};
 use crate::effects::EffectSpec;
 use crate::tuning::bench::Bench;
-use crate::tuning::fit::{Effort, fit};
+use crate::tuning::fit::{Effort, Start, fit_all};
 use crate::twin::Cut;
 
 /// Most effects at once.
@@ -106,34 +107,45 @@ impl Explored {
         if together && blamed.len() > 1 {
             claims.push(blamed.to_vec());
         }
-        for claim in claims {
-            let is_it =
-                |one: &Hypothesis| one.model.effects.len() == claim.len() && claim.iter().all(|id| one.model.has(id));
-            let there = self.hypotheses.iter().position(is_it);
-            if there.is_some_and(|place| {
-                self.hypotheses[place].refined && !self.hypotheses[place].model.fit.slopes.is_empty()
-            }) {
-                continue;
+        let is_it = |one: &Hypothesis, claim: &[&str]| {
+            one.effects.len() == claim.len() && claim.iter().all(|id| one.model.has(id))
+        };
+        claims.retain(|claim| {
+            let is_done = |one: &Hypothesis| is_it(one, claim) && one.refined && !one.model.fit.slopes.is_empty();
+            !self.hypotheses.iter().any(is_done)
+        });
+        // The set as it was fitted, and as a larger one leaves it: one may stand behind a ridge.
+        let mut places: Vec<(usize, Option<&Hypothesis>, Placed)> = Vec::new();
+        for (place, claim) in claims.iter().enumerate() {
+            let own = self.hypotheses.iter().find(|one| is_it(one, claim));
+            places.extend(own.map(|own| (place, Some(own), own.model.placed())));
+            let holds = |one: &&Hypothesis| one.effects.len() > claim.len() && claim.iter().all(|id| one.model.has(id));
+            let larger = self.hypotheses.iter().find(holds);
+            places.extend(larger.map(|larger| (place, None, larger.model.keeping(claim))));
+        }
+        let starts: Vec<Start<'_>> = places
+            .iter()
+            .map(|(_, own, (base, knobs, positions))| match own {
+                Some(own) => own.model.onwards(Effort::FULL),
+                None => Start { base, knobs, positions, effort: Effort::FULL, known: None },
+            })
+            .collect();
+        let fits = fit_all(bench, &starts);
+        let shared = Shared::new(&self.discrepancy);
+        let mut best: Vec<Option<Hypothesis>> = vec![None; claims.len()];
+        for ((place, _, (base, knobs, _)), fit) in places.into_iter().zip(fits) {
+            let known = catalogue.iter().enumerate().filter(|(_, spec)| claims[place].contains(&spec.id));
+            let (effects, specs): (Vec<usize>, Vec<&'static EffectSpec>) = known.map(|(k, spec)| (k, *spec)).unzip();
+            let model = Model::new(specs, base, knobs, fit);
+            if best[place].as_ref().is_none_or(|best| model.cost() < best.model.cost()) {
+                let normal = shared.normal(&model);
+                let log_evidence = normal.at_kappa(kappa(bench)) - RARITY * effects.len() as f64;
+                best[place] = Some(Hypothesis { effects, model, normal, log_evidence, refined: true });
             }
-            // The set as it was fitted, and as a larger one leaves it: one may stand behind a ridge.
-            let own = there.map(|place| self.hypotheses[place].model.refined(bench, Effort::FULL));
-            let larger = self
-                .hypotheses
-                .iter()
-                .find(|one| one.model.effects.len() > claim.len() && claim.iter().all(|id| one.model.has(id)));
-            let left = larger.map(|larger| larger.model.keeping(bench, &claim));
-            let cheaper = |a: &Model, b: &Model| a.cost().total_cmp(&b.cost());
-            let Some(model) = own.into_iter().chain(left).min_by(cheaper) else { continue };
-            let shared = Shared::new(&self.discrepancy);
-            let normal = shared.normal(&model);
-            let place_of = |id: &str| catalogue.iter().position(|spec| spec.id == id);
-            let effects: Vec<usize> = claim.iter().filter_map(|id| place_of(id)).collect();
-            let log_evidence = normal.at_kappa(kappa(bench)) - RARITY * effects.len() as f64;
-            let hypothesis = Hypothesis { effects, model, normal, log_evidence, refined: true };
-            match there {
-                Some(place) => self.hypotheses[place] = hypothesis,
-                None => self.hypotheses.push(hypothesis),
-            }
+        }
+        for found in best.into_iter().flatten() {
+            self.hypotheses.retain(|one| one.effects != found.effects);
+            self.hypotheses.push(found);
         }
     }
 }
@@ -188,11 +200,46 @@ impl Explorer<'_> {
         members
     }
 
-    /// Fits a proposal quickly.
-    fn scouted(&self, point: &Model, proposal: &Proposal) -> Hypothesis {
+    /// Fits proposals quickly, each at its point.
+    fn scouted(&self, jobs: &[(&Model, Proposal)]) -> Vec<Hypothesis> {
         let count = self.nominal.knobs.len();
+        let leading = |point: &Model| -> Vec<DMatrix<f64>> {
+            point.fit.slopes.iter().map(|slopes| slopes.columns(0, count).into_owned()).collect()
+        };
+        let mut known: Vec<(*const Model, Vec<DMatrix<f64>>)> = Vec::new();
+        for (point, _) in jobs {
+            if known.iter().all(|(other, _)| !std::ptr::eq(*other, *point)) {
+                known.push((*point, leading(point)));
+            }
+        }
+        let places: Vec<(Vec<usize>, Placed)> =
+            jobs.iter().map(|(point, proposal)| self.placed(point, proposal)).collect();
+        let starts: Vec<Start<'_>> = jobs
+            .iter()
+            .zip(&places)
+            .map(|((point, _), (_, (base, knobs, positions)))| {
+                let known = known.iter().find(|(other, _)| std::ptr::eq(*other, *point));
+                Start {
+                    base,
+                    knobs,
+                    positions,
+                    effort: Effort::SCOUT,
+                    known: known.map(|(_, slopes)| slopes.as_slice()),
+                }
+            })
+            .collect();
+        let fits = fit_all(self.bench, &starts);
+        let found = places.into_par_iter().zip(fits).map(|((effects, (base, knobs, _)), fit)| {
+            let specs = effects.iter().map(|&effect| self.catalogue[effect]).collect();
+            self.hypothesis(effects, Model::new(specs, base, knobs, fit), false)
+        });
+        found.collect()
+    }
+
+    /// The effects of a proposal at a point, and the unit with them where the fit begins.
+    fn placed(&self, point: &Model, proposal: &Proposal) -> (Vec<usize>, Placed) {
         let members = self.members(point, proposal);
-        let positions = (0..count).map(|k| {
+        let positions = (0..self.nominal.knobs.len()).map(|k| {
             let (low, high) = self.nominal.knobs[k].range(&self.nominal.base);
             (point.fit.positions[k] + proposal.change[k].clamp(-FARTHEST, FARTHEST)).clamp(low, high)
         });
@@ -200,17 +247,18 @@ impl Explorer<'_> {
         for &(effect, variant) in &members {
             add(&mut placed, self.catalogue[effect], variant);
         }
-        let (base, knobs, start) = placed;
-        let known: Vec<_> = point.fit.slopes.iter().map(|slopes| slopes.columns(0, count).into_owned()).collect();
-        let fit = fit(self.bench, &base, &knobs, &start, Effort::SCOUT, Some(&known));
-        let effects: Vec<usize> = members.into_iter().map(|(effect, _)| effect).collect();
-        let specs = effects.iter().map(|&effect| self.catalogue[effect]).collect();
-        self.hypothesis(effects, Model::new(specs, base, knobs, fit), false)
+        (members.into_iter().map(|(effect, _)| effect).collect(), placed)
     }
 
-    fn refined(&self, hypothesis: &Hypothesis) -> Hypothesis {
-        let model = hypothesis.model.refined(self.bench, CAREFUL);
-        self.hypothesis(hypothesis.effects.clone(), model, true)
+    /// Fits hypotheses on with care.
+    fn refined(&self, chosen: &[Hypothesis]) -> Vec<Hypothesis> {
+        let starts: Vec<Start<'_>> = chosen.iter().map(|one| one.model.onwards(CAREFUL)).collect();
+        let fits = fit_all(self.bench, &starts);
+        let found = chosen
+            .par_iter()
+            .zip(fits)
+            .map(|(one, fit)| self.hypothesis(one.effects.clone(), one.model.or_better(fit), true));
+        found.collect()
     }
 }
 
@@ -244,8 +292,7 @@ impl Known {
             .filter(|leader| !leader.refined)
             .cloned()
             .collect();
-        let refined: Vec<Hypothesis> = chosen.par_iter().map(|leader| explorer.refined(leader)).collect();
-        for hypothesis in refined {
+        for hypothesis in explorer.refined(&chosen) {
             self.take(hypothesis);
         }
         // Slopes and residuals are nearly all of the memory.
@@ -297,9 +344,7 @@ pub fn explore(
             jobs.extend(of_size.take(taken).map(|proposal| (point, proposal.clone())));
         }
     }
-    let scouted: Vec<Hypothesis> =
-        jobs.into_par_iter().map(|(point, proposal)| explorer.scouted(point, &proposal)).collect();
-    for hypothesis in scouted {
+    for hypothesis in explorer.scouted(&jobs) {
         known.take(hypothesis);
     }
     known.refine(&explorer);
@@ -314,7 +359,7 @@ pub fn explore(
         let further = |proposal: &Proposal| proposal.effects.len() as f64 - proposal.removed.len() as f64;
         let odds = |proposal: &Proposal| proposal.log_evidence - RARITY * further(proposal);
         proposals.sort_by(|a, b| odds(b).total_cmp(&odds(a)));
-        let mut jobs: Vec<Proposal> = Vec::new();
+        let mut jobs: Vec<(&Model, Proposal)> = Vec::new();
         for proposal in proposals {
             let effects: Vec<usize> =
                 explorer.members(&leader.model, &proposal).into_iter().map(|(effect, _)| effect).collect();
@@ -326,12 +371,10 @@ pub fn explore(
             *entry = entry.max(leader.log_evidence + proposal.log_evidence - RARITY * further);
             let refined = known.fitted.get(&effects).is_some_and(|known| known.refined);
             if !refined && jobs.len() < TAKEN_AT_LEADER {
-                jobs.push(proposal);
+                jobs.push((&leader.model, proposal));
             }
         }
-        let scouted: Vec<Hypothesis> =
-            jobs.par_iter().map(|proposal| explorer.scouted(&leader.model, proposal)).collect();
-        for hypothesis in scouted {
+        for hypothesis in explorer.scouted(&jobs) {
             known.take(hypothesis);
         }
         known.refine(&explorer);

@@ -2,10 +2,11 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::diagnosis::support::Placed;
 use crate::effects::EffectSpec;
 use crate::parameters::Unit;
 use crate::tuning::bench::{Bench, square};
-use crate::tuning::fit::{Effort, Fit, fit, prior_square, slopes};
+use crate::tuning::fit::{Effort, Fit, Start, pictured, prior_square};
 use crate::tuning::knob::{Knob, unit_at};
 use crate::tuning::linear::normal;
 
@@ -36,8 +37,7 @@ impl Model {
     #[must_use]
     pub fn sheet(bench: &Bench, unit: &Unit, knobs: &[Knob]) -> Self {
         let positions: Vec<f64> = knobs.iter().map(|knob| knob.start(unit)).collect();
-        let misses = bench.misses_of(&[unit_at(unit, knobs, &positions)]).pop().unwrap_or_default();
-        let slopes = slopes(bench, unit, knobs, &positions, 0, &misses);
+        let (misses, slopes) = pictured(bench, unit, knobs, &positions);
         let prior = prior_square(knobs, &positions);
         let fit = Fit { square: square(&misses), prior, positions, misses, slopes };
         Self::new(Vec::new(), unit.clone(), knobs.to_vec(), fit)
@@ -60,9 +60,9 @@ impl Model {
         }
     }
 
-    /// The model with these of its effects alone, fitted anew from where it stands.
+    /// The unit with these of the model's effects alone, its knobs, and where they stand.
     #[must_use]
-    pub fn keeping(&self, bench: &Bench, ids: &[&str]) -> Self {
+    pub fn keeping(&self, ids: &[&str]) -> Placed {
         let own = self.base.effects.len() - self.effects.len();
         let kept = |effect: usize| effect < own || ids.contains(&self.base.effects[effect].id.as_str());
         let place = |effect: usize| (0..effect).filter(|&before| kept(before)).count();
@@ -79,9 +79,7 @@ impl Model {
                 other => Some((other, *position)),
             })
             .unzip();
-        let effects = self.effects.iter().copied().filter(|spec| ids.contains(&spec.id)).collect();
-        let fit = fit(bench, &base, &knobs, &start, Effort::FULL, None);
-        Self::new(effects, base, knobs, fit)
+        (base, knobs, start)
     }
 
     /// Squares of misses and priors together.
@@ -144,11 +142,17 @@ impl Model {
         self.effects.iter().map(|effect| effect.id).collect()
     }
 
-    /// Fits on from here with all the care that a report needs.
+    /// The unit, its knobs, and where they stand.
     #[must_use]
-    pub fn refined(&self, bench: &Bench, effort: Effort) -> Self {
+    pub fn placed(&self) -> Placed {
+        (self.base.clone(), self.knobs.clone(), self.fit.positions.clone())
+    }
+
+    /// What a fit from here on begins with.
+    #[must_use]
+    pub fn onwards(&self, effort: Effort) -> Start<'_> {
         let known = (!self.fit.slopes.is_empty()).then_some(self.fit.slopes.as_slice());
-        self.or_better(fit(bench, &self.base, &self.knobs, &self.fit.positions, effort, known))
+        Start { base: &self.base, knobs: &self.knobs, positions: &self.fit.positions, effort, known }
     }
 }
 

@@ -14,7 +14,7 @@ use crate::tuning::bench::GENEROUS;
 const SHIPPED: &str = include_str!("../../params/diagnosis_weights.json");
 
 /// Number of features of a hypothesis.
-pub const FEATURES: usize = 19;
+pub const FEATURES: usize = 20;
 
 /// What each feature is, in the order of the weights.
 pub const NAMES: [&str; FEATURES] = [
@@ -37,6 +37,7 @@ pub const NAMES: [&str; FEATURES] = [
     "unknown: logarithm of 1 and the evidence lost, over the scale of errors of equations",
     "unknown: ten squares of the logarithm of χ² under the best fault set over that of sound units, at fast rates",
     "the same at slow rates",
+    "what the noise that it predicts itself costs more, tens of nats",
 ];
 
 /// The learned numbers, with where they come from.
@@ -126,6 +127,7 @@ pub fn hypotheses(table: &Table, struck: &[&str]) -> Vec<(Hypothesis, [f64; FEAT
         features[11] = f64::from(u8::from(row.effects.is_empty()));
         features[12] = f64::from(u8::from(!row.refined));
         features[13] = row.strain.min(20.0);
+        features[19] = 0.05 * row.own_noise.clamp(-100.0, 100.0);
         all.push((Hypothesis::Effects(k), features));
     }
     let expected = GENEROUS * table.samples;

@@ -36,13 +36,14 @@ pub fn nominal(trials: Vec<Trial>, unit: &Unit, turned: Turned, noise: &Noise) -
     let Turned { knobs, starts } = turned;
     let zeros: Vec<f64> = knobs.iter().map(|knob| knob.start(unit)).collect();
     let first = Bench::new(trials, unit, noise);
-    let start = (0..starts.max(1))
-        .map(|number| {
-            // Additive recurrence with the golden section: even, and without a generator.
-            let off = |k: usize| SCATTER * (2.0 * ((k * 7 + number * 3) as f64 * 0.618_033_988_75).fract() - 1.0);
-            let scattered = zeros.iter().enumerate().map(|(k, zero)| if number == 0 { *zero } else { zero + off(k) });
-            cooled(&first, unit, &knobs, &scattered.collect::<Vec<_>>(), 3)
-        })
+    let scattered = |number: usize| -> Vec<f64> {
+        // Additive recurrence with the golden section: even, and without a generator.
+        let off = |k: usize| SCATTER * (2.0 * ((k * 7 + number * 3) as f64 * 0.618_033_988_75).fract() - 1.0);
+        zeros.iter().enumerate().map(|(k, zero)| if number == 0 { *zero } else { zero + off(k) }).collect()
+    };
+    let scattered: Vec<Vec<f64>> = (0..starts.max(1)).map(scattered).collect();
+    let start = cooled(&first, unit, &knobs, &scattered, 3)
+        .into_iter()
         .min_by(|a, b| a.cost().total_cmp(&b.cost()))
         .map_or_else(|| zeros.clone(), |fit| fit.positions);
     let mut bench = first.laid_along(&unit_at(unit, &knobs, &start));

@@ -92,6 +92,7 @@ fn usual_stage(point: Point) -> Stage {
     match point {
         Point::Command | Point::RegulatorServomotor | Point::RegulatorSpool | Point::ValveCurrent => Stage::Regulator,
         Point::EsvOpening => Stage::Esv,
+        Point::SupplyPressure => Stage::Supply,
         Point::ServomotorReading => Stage::Sensor,
         Point::SpoolForce | Point::ChamberFlow => Stage::Spool,
         Point::ServomotorForce | Point::OpeningFlow | Point::ClosingFlow => Stage::Servomotor,

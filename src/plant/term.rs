@@ -18,6 +18,8 @@ pub enum Point {
     Command,
     /// The ESV's opening, 1 normal, 0 shutdown.
     EsvOpening,
+    /// The tank's pressure as it reaches the valves, Pa.
+    SupplyPressure,
     /// The servomotor's reading as the regulator takes it in, pu.
     RegulatorServomotor,
     /// The spool's reading as the regulator takes it in, pu.
@@ -43,9 +45,10 @@ pub const POINTS: usize = Point::ALL.len();
 
 impl Point {
     /// All points, along the chain as the variants stand.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Command,
         Self::EsvOpening,
+        Self::SupplyPressure,
         Self::RegulatorServomotor,
         Self::RegulatorSpool,
         Self::ValveCurrent,
@@ -63,6 +66,7 @@ impl Point {
         match self {
             Self::Command => "command_pu",
             Self::EsvOpening => "esv_opening_pu",
+            Self::SupplyPressure => "supply_pressure_pa",
             Self::RegulatorServomotor => "regulator_servomotor_pu",
             Self::RegulatorSpool => "regulator_spool_pu",
             Self::ValveCurrent => "valve_current_pu",

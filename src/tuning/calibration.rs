@@ -104,7 +104,8 @@ pub fn calibrate(
     let mut rough: Option<(f64, Vec<f64>)> = None;
     let mut costs = Vec::new();
     for number in 0..starts.max(1) {
-        let found = cooled(&first, base, &knobs, &start(base, &knobs, number), ROUGH.rounds);
+        let begin = [start(base, &knobs, number)];
+        let Some(found) = cooled(&first, base, &knobs, &begin, ROUGH.rounds).pop() else { continue };
         let cost = found.cost();
         costs.push(cost);
         if rough.as_ref().is_none_or(|(best, _)| cost < *best) {

@@ -2,17 +2,29 @@
 
 use crate::parameters::Unit;
 use crate::tuning::bench::Bench;
-use crate::tuning::fit::{Effort, Fit, fit};
+use crate::tuning::fit::{Effort, Fit, Start, fit_all};
 use crate::tuning::knob::Knob;
 
 /// Temperatures through which fits far from the sheet cool.
 pub const COOLING: [f64; 3] = [50.0, 5.0, 1.0];
 
-/// A fit through the temperatures of [`COOLING`], so many rounds at each.
+/// Fits from several starts through the temperatures of [`COOLING`], so many rounds at each.
 #[must_use]
-pub fn cooled(bench: &Bench, unit: &Unit, knobs: &[Knob], start: &[f64], rounds: usize) -> Fit {
+pub fn cooled(bench: &Bench, unit: &Unit, knobs: &[Knob], starts: &[Vec<f64>], rounds: usize) -> Vec<Fit> {
     let effort = |temperature| Effort { rounds, refresh: 2, temperature };
-    let hot = fit(bench, unit, knobs, start, effort(COOLING[0]), None);
-    let warm = fit(bench, unit, knobs, &hot.positions, effort(COOLING[1]), Some(&hot.slopes));
-    fit(bench, unit, knobs, &warm.positions, effort(COOLING[2]), Some(&warm.slopes))
+    let mut hot = Vec::new();
+    for positions in starts {
+        hot.push(Start { base: unit, knobs, positions, effort: effort(COOLING[0]), known: None });
+    }
+    let mut fits = fit_all(bench, &hot);
+    for temperature in &COOLING[1..] {
+        let mut cooler = Vec::new();
+        for Fit { positions, slopes, .. } in &fits {
+            cooler.push(Start { base: unit, knobs, positions, effort: effort(*temperature), known: Some(slopes) });
+        }
+        let next = fit_all(bench, &cooler);
+        drop(cooler);
+        fits = next;
+    }
+    fits
 }

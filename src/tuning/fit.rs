@@ -1,6 +1,7 @@
 //! Bounded, prior-weighted least squares over simulations: Gauss–Newton with Levenberg's damping.
 
 use nalgebra::DMatrix;
+use rayon::iter::{IndexedParallelIterator, IntoParallelRefMutIterator, ParallelIterator};
 
 use crate::parameters::Unit;
 use crate::tuning::bench::{Bench, Misses, square};
@@ -43,36 +44,38 @@ pub fn beside(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
     both
 }
 
-/// Slopes of the misses about a position, by every knob from the `first` on.
+/// Units that stand a small step of one knob each away from a position, by every knob from the `first` on, and these steps.
+fn stepped(base: &Unit, knobs: &[Knob], positions: &[f64], first: usize) -> (Vec<Unit>, Vec<f64>) {
+    let of = |k: usize| {
+        let mut moved = positions.to_vec();
+        let step = if positions[k] + DIFFERENCE > knobs[k].range(base).1 { -DIFFERENCE } else { DIFFERENCE };
+        moved[k] += step;
+        (unit_at(base, knobs, &moved), step)
+    };
+    (first..knobs.len()).map(of).unzip()
+}
+
+/// Slopes by what small steps changed.
+fn secants(moved: &[Misses], steps: &[f64], at: &Misses) -> Vec<DMatrix<f64>> {
+    let of = |trial: usize| {
+        let mut slope = DMatrix::zeros(at[trial].len(), steps.len());
+        for (k, step) in steps.iter().enumerate() {
+            slope.set_column(k, &((&moved[k][trial] - &at[trial]) / *step));
+        }
+        slope
+    };
+    (0..at.len()).map(of).collect()
+}
+
+/// Misses at a position, and their slopes by every knob.
 #[must_use]
-pub fn slopes(
-    bench: &Bench,
-    base: &Unit,
-    knobs: &[Knob],
-    positions: &[f64],
-    first: usize,
-    at: &Misses,
-) -> Vec<DMatrix<f64>> {
-    let mut steps = Vec::with_capacity(knobs.len());
-    let units: Vec<Unit> = (first..knobs.len())
-        .map(|k| {
-            let mut moved = positions.to_vec();
-            let step = if positions[k] + DIFFERENCE > knobs[k].range(base).1 { -DIFFERENCE } else { DIFFERENCE };
-            moved[k] += step;
-            steps.push(step);
-            unit_at(base, knobs, &moved)
-        })
-        .collect();
-    let moved = bench.misses_of(&units);
-    (0..at.len())
-        .map(|trial| {
-            let mut slope = DMatrix::zeros(at[trial].len(), steps.len());
-            for (k, step) in steps.iter().enumerate() {
-                slope.set_column(k, &((&moved[k][trial] - &at[trial]) / *step));
-            }
-            slope
-        })
-        .collect()
+pub fn pictured(bench: &Bench, base: &Unit, knobs: &[Knob], positions: &[f64]) -> (Misses, Vec<DMatrix<f64>>) {
+    let (mut units, steps) = stepped(base, knobs, positions, 0);
+    units.push(unit_at(base, knobs, positions));
+    let mut moved = bench.misses_of(&units);
+    let at = moved.pop().unwrap_or_default();
+    let slopes = secants(&moved, &steps, &at);
+    (at, slopes)
 }
 
 /// Sum of squares of the distances from what is likeliest beforehand, in standard deviations.
@@ -104,10 +107,22 @@ impl Effort {
     pub const FULL: Self = Self { rounds: 9, refresh: 3, temperature: 1.0 };
 }
 
-/// Fits the knobs from a start.
-///
-/// `known` are slopes for the leading knobs, good enough to begin with, which saves most of the work. Between measurements the
-/// slopes follow Broyden (1965): the least change that agrees with the step just made.
+/// What is to be fitted.
+#[derive(Clone, Copy, Debug)]
+pub struct Start<'a> {
+    /// The unit.
+    pub base: &'a Unit,
+    /// What may move.
+    pub knobs: &'a [Knob],
+    /// Where it begins.
+    pub positions: &'a [f64],
+    /// How much work it may be.
+    pub effort: Effort,
+    /// Slopes of the leading knobs, good enough to begin with, which saves most of the work.
+    pub known: Option<&'a [DMatrix<f64>]>,
+}
+
+/// Fits the knobs from a start; see [`fit_all`].
 #[must_use]
 pub fn fit(
     bench: &Bench,
@@ -117,60 +132,178 @@ pub fn fit(
     effort: Effort,
     known: Option<&[DMatrix<f64>]>,
 ) -> Fit {
-    let mut positions = start.to_vec();
-    let mut misses = bench.misses_of(&[unit_at(base, knobs, &positions)]).pop().unwrap_or_default();
-    let mut slope = match known {
-        None => slopes(bench, base, knobs, &positions, 0, &misses),
-        Some(known) => {
-            let kept = known.first().map_or(0, DMatrix::ncols);
-            let fresh = slopes(bench, base, knobs, &positions, kept, &misses);
-            known.iter().zip(&fresh).map(|(a, b)| beside(a, b)).collect()
+    let mut descent = Descent::new(&Start { base, knobs, positions: start, effort, known });
+    while !descent.units.is_empty() {
+        let answer = bench.misses_of(&descent.units);
+        descent.hear(answer);
+    }
+    descent.done()
+}
+
+/// Fits from several starts in step with each other, so that what they simulate fills the lanes of a register; each comes out as it would alone.
+///
+/// Between measurements the slopes follow Broyden (1965): the least change that agrees with the step just made.
+#[must_use]
+pub fn fit_all(bench: &Bench, starts: &[Start<'_>]) -> Vec<Fit> {
+    let mut fits: Vec<Descent<'_>> = starts.iter().map(Descent::new).collect();
+    loop {
+        // What each asks for next, all in one batch.
+        let counts: Vec<usize> = fits.iter().map(|fit| fit.units.len()).collect();
+        let units: Vec<Unit> = fits.iter().flat_map(|fit| fit.units.iter().cloned()).collect();
+        if units.is_empty() {
+            return fits.into_iter().map(Descent::done).collect();
         }
-    };
-    let mut cost = square(&misses) / effort.temperature + prior_square(knobs, &positions);
-    let mut damping = 1e-3;
-    let mut fresh = known.is_none();
-    let mut age = 0;
-    for _ in 0..effort.rounds {
-        let (hessian, gradient) = normal(knobs, &positions, &misses, &slope, effort.temperature);
-        let mut gain = 0.0;
-        // All dampings at once: units side by side cost little more than one.
-        let dampings = DAMPINGS.map(|times| times * damping);
-        let candidates = dampings.map(|damping| step(base, knobs, &positions, &hessian, &gradient, damping));
-        let tried = bench.misses_of(&candidates.each_ref().map(|candidate| unit_at(base, knobs, candidate)));
-        let totals: Vec<f64> = tried
-            .iter()
-            .zip(&candidates)
-            .map(|(misses, candidate)| square(misses) / effort.temperature + prior_square(knobs, candidate))
-            .collect();
+        let mut answers = bench.misses_of(&units).into_iter();
+        let answers: Vec<Vec<Misses>> = counts.iter().map(|&count| answers.by_ref().take(count).collect()).collect();
+        fits.par_iter_mut().zip(answers).filter(|(_, answer)| !answer.is_empty()).for_each(|(fit, answer)| {
+            fit.hear(answer);
+        });
+    }
+}
+
+/// What a descent waits for.
+#[derive(Clone, Debug)]
+enum Wanted {
+    /// The misses where it starts, and slopes by the knobs from a first on.
+    Start { steps: Vec<f64>, first: usize },
+    /// The misses at candidates for the next position.
+    Candidates { positions: Vec<Vec<f64>>, dampings: [f64; DAMPINGS.len()] },
+    /// Slopes where it stands, by the knobs from a first on.
+    Slopes { steps: Vec<f64>, first: usize },
+    /// Nothing: it has arrived.
+    Nothing,
+}
+
+/// A fit on its way.
+#[derive(Clone, Debug)]
+struct Descent<'a> {
+    start: Start<'a>,
+    positions: Vec<f64>,
+    misses: Misses,
+    slopes: Vec<DMatrix<f64>>,
+    cost: f64,
+    damping: f64,
+    /// Rounds so far.
+    round: usize,
+    /// Rounds since all slopes were measured.
+    age: usize,
+    /// Whether they were just now.
+    fresh: bool,
+    /// The units whose misses it wants to know next; none once it has arrived.
+    units: Vec<Unit>,
+    wanted: Wanted,
+}
+
+impl<'a> Descent<'a> {
+    fn new(start: &Start<'a>) -> Self {
+        let first = start.known.and_then(<[_]>::first).map_or(0, DMatrix::ncols);
+        let positions = start.positions.to_vec();
+        let (mut units, steps) = stepped(start.base, start.knobs, &positions, first);
+        units.push(unit_at(start.base, start.knobs, &positions));
+        Self {
+            start: *start,
+            positions,
+            misses: Misses::new(),
+            slopes: Vec::new(),
+            cost: f64::INFINITY,
+            damping: 1e-3,
+            round: 0,
+            age: 0,
+            fresh: start.known.is_none(),
+            units,
+            wanted: Wanted::Start { steps, first },
+        }
+    }
+
+    /// Goes on with the misses of what it asked for.
+    fn hear(&mut self, mut answer: Vec<Misses>) {
+        match std::mem::replace(&mut self.wanted, Wanted::Nothing) {
+            Wanted::Start { steps, first } => {
+                self.misses = answer.pop().unwrap_or_default();
+                let fresh = secants(&answer, &steps, &self.misses);
+                self.slopes = match self.start.known {
+                    Some(known) if first > 0 => known.iter().zip(&fresh).map(|(a, b)| beside(a, b)).collect(),
+                    _ => fresh,
+                };
+                self.cost = self.total(&self.misses, &self.positions);
+                self.step();
+            }
+            Wanted::Candidates { positions, dampings } => self.choose(&positions, &dampings, answer),
+            Wanted::Slopes { steps, first } => {
+                let fresh = secants(&answer, &steps, &self.misses);
+                for (slope, fresh) in self.slopes.iter_mut().zip(&fresh) {
+                    slope.columns_mut(first, fresh.ncols()).copy_from(fresh);
+                }
+                self.step();
+            }
+            Wanted::Nothing => {}
+        }
+    }
+
+    fn total(&self, misses: &Misses, positions: &[f64]) -> f64 {
+        square(misses) / self.start.effort.temperature + prior_square(self.start.knobs, positions)
+    }
+
+    /// Asks for the next candidates, all dampings at once: units side by side cost little more than one.
+    fn step(&mut self) {
+        self.units.clear();
+        if self.round >= self.start.effort.rounds {
+            return;
+        }
+        let Start { base, knobs, effort, .. } = self.start;
+        let (hessian, gradient) = normal(knobs, &self.positions, &self.misses, &self.slopes, effort.temperature);
+        let dampings = DAMPINGS.map(|times| times * self.damping);
+        let candidates = dampings.map(|damping| step(base, knobs, &self.positions, &hessian, &gradient, damping));
+        self.units = candidates.iter().map(|candidate| unit_at(base, knobs, candidate)).collect();
+        self.wanted = Wanted::Candidates { positions: candidates.to_vec(), dampings };
+    }
+
+    /// Takes the best candidate, learns of all of them, and asks for what it needs next.
+    fn choose(&mut self, candidates: &[Vec<f64>], dampings: &[f64; DAMPINGS.len()], mut tried: Vec<Misses>) {
+        self.units.clear();
+        let totals: Vec<f64> =
+            tried.iter().zip(candidates).map(|(misses, candidate)| self.total(misses, candidate)).collect();
         let best = (0..totals.len()).min_by(|&a, &b| totals[a].total_cmp(&totals[b])).unwrap_or(0);
         // The shortest step says most about the slopes here, and the one taken is learned of last.
         for k in (0..totals.len()).filter(|&k| k != best).chain([best]) {
-            correct(&mut slope, &positions, &candidates[k], &misses, &tried[k]);
+            correct(&mut self.slopes, &self.positions, &candidates[k], &self.misses, &tried[k]);
         }
-        if totals[best] < cost {
-            gain = cost - totals[best];
-            (positions, misses, cost) = (candidates[best].clone(), tried[best].clone(), totals[best]);
-            damping = (0.1 * dampings[best]).max(1e-6);
+        let mut gain = 0.0;
+        if totals[best] < self.cost {
+            gain = self.cost - totals[best];
+            self.positions.clone_from(&candidates[best]);
+            (self.misses, self.cost) = (tried.swap_remove(best), totals[best]);
+            self.damping = (0.1 * dampings[best]).max(1e-6);
         } else {
-            damping *= 1000.0;
+            self.damping *= 1000.0;
         }
-        age += 1;
-        let small = gain <= 1e-2 + 1e-6 * cost;
-        if small && (fresh || effort.refresh > effort.rounds) {
-            break;
+        self.round += 1;
+        self.age += 1;
+        let Start { base, knobs, effort, known, .. } = self.start;
+        let small = gain <= 1e-2 + 1e-6 * self.cost;
+        if small && (self.fresh || effort.refresh > effort.rounds) {
+            return;
         }
-        fresh = false;
-        if small || age >= effort.refresh {
-            slope = slopes(bench, base, knobs, &positions, 0, &misses);
-            (fresh, age, damping) = (true, 0, 1e-3);
+        self.fresh = false;
+        let first = if small || self.age >= effort.refresh {
+            (self.fresh, self.age, self.damping) = (true, 0, 1e-3);
+            0
         } else if let Some(kept) = known.and_then(<[_]>::first).map(DMatrix::ncols) {
             // An effect's own slopes bend most and are few.
-            let tail = slopes(bench, base, knobs, &positions, kept, &misses);
-            for (slope, tail) in slope.iter_mut().zip(&tail) {
-                slope.columns_mut(kept, tail.ncols()).copy_from(tail);
-            }
+            kept
+        } else {
+            knobs.len()
+        };
+        let (units, steps) = stepped(base, knobs, &self.positions, first);
+        if units.is_empty() {
+            return self.step();
         }
+        self.units = units;
+        self.wanted = Wanted::Slopes { steps, first };
     }
-    Fit { square: square(&misses), prior: prior_square(knobs, &positions), positions, misses, slopes: slope }
+
+    fn done(self) -> Fit {
+        let prior = prior_square(self.start.knobs, &self.positions);
+        Fit { square: square(&self.misses), prior, positions: self.positions, misses: self.misses, slopes: self.slopes }
+    }
 }

@@ -259,7 +259,7 @@ pub(super) fn tick<T: Real>(chain: &mut impl Chain<T>, setting: Setting, now: &m
         time_s,
         valve_current_pu: chain.apply(Point::ValveCurrent, now.valve_current_pu, &seen),
         esv_opening_pu,
-        tank_pressure_pa: now.inputs.tank_pressure_pa,
+        tank_pressure_pa: chain.apply(Point::SupplyPressure, now.inputs.tank_pressure_pa, &seen),
         edge_blur_m: now.demand.sd_pu * CHATTER_BLUR * reference_m,
         spool_force_n: chain.apply(Point::SpoolForce, zero, &seen),
         chamber_flow_m3_s: chain.apply(Point::ChamberFlow, zero, &seen),
