@@ -7,10 +7,13 @@ pub mod backlash;
 pub mod chamber_leak;
 pub mod clock_offset;
 pub mod command_delay;
+pub mod command_gain;
+pub mod current_limit;
 pub mod cushion;
 pub mod entrained_air;
 pub mod esv_delay;
 pub mod esv_slow;
+pub mod feedback_bias;
 pub mod feedback_lag;
 pub mod flow_force;
 pub mod load;
@@ -20,11 +23,13 @@ pub mod own;
 pub mod pilot_filter;
 pub mod port_asymmetry;
 pub mod port_overlap;
+pub mod port_wear;
 pub mod pv_bandwidth;
 pub mod pv_hysteresis;
 pub mod pv_null_shift;
 pub mod pv_overlap;
 pub mod regulator_cycle;
+pub mod return_loss;
 pub mod servo_friction;
 pub mod servo_leak;
 pub mod spool_friction;
@@ -166,12 +171,14 @@ impl EffectSpec {
 /// Every effect that the twin can switch on, by stage along the chain.
 pub const CATALOGUE: &[EffectSpec] = &[
     command_delay::SPEC,
+    command_gain::SPEC,
     regulator_cycle::SPEC,
     pv_overlap::SPEC,
     pv_null_shift::SPEC,
     pv_hysteresis::SPEC,
     pv_bandwidth::SPEC,
     pilot_filter::SPEC,
+    current_limit::SPEC,
     esv_delay::SPEC,
     esv_slow::SPEC,
     spool_friction::SPEC,
@@ -181,6 +188,7 @@ pub const CATALOGUE: &[EffectSpec] = &[
     flow_force::SPEC,
     viscosity::SPEC,
     port_overlap::SPEC,
+    port_wear::SPEC,
     port_asymmetry::SPEC,
     backlash::SPEC,
     servo_friction::SPEC,
@@ -188,8 +196,10 @@ pub const CATALOGUE: &[EffectSpec] = &[
     cushion::SPEC,
     load::SPEC,
     supply_loss::SPEC,
+    return_loss::SPEC,
     lvdt_gain::SPEC,
     lvdt_bias::SPEC,
+    feedback_bias::SPEC,
     feedback_lag::SPEC,
     clock_offset::SPEC,
 ];

@@ -178,10 +178,13 @@ impl Twin {
             tank_pressure_pa: first_finite([frame.inputs.tank_pressure_pa, self.nominal_tank_pressure_pa, 0.0]),
         };
         now.coming = now.inputs;
-        let position_pu = first_finite([measured_pu, now.inputs.opening_command_pu, 0.0]).clamp(0.0, 1.0);
+        let wanted_pu = plant.regulator.command_gain * now.inputs.opening_command_pu;
+        let bias_pu = plant.servomotor.reading_bias_pu;
+        let position_pu = (first_finite([measured_pu, wanted_pu, 0.0]) - bias_pu).clamp(0.0, 1.0);
+        let reading_pu = position_pu + bias_pu;
 
         // At rest when the error sits in the dead band; else on its way as measured.
-        let error_pu = now.inputs.opening_command_pu - position_pu;
+        let error_pu = wanted_pu - reading_pu;
         let (lower_pu, upper_pu) = plant.regulator.deadband_pu();
         let shut = frame.inputs.esv == EsvState::Shutdown;
         let rests = error_pu > lower_pu && error_pu < upper_pu && !shut && self.setting.cut != Cut::Spool;
@@ -200,10 +203,12 @@ impl Twin {
             ..Drive::default()
         };
         now.state = steady(plant, position_pu * plant.servomotor.stroke_m, spool_position_m, &drive);
-        now.valve_current_pu = (now.state.pilot_position_pu / plant.proportional_valve.gain_pu).clamp(-1.0, 1.0);
+        let limit_pu = plant.regulator.current_limit_pu;
+        now.valve_current_pu =
+            (now.state.pilot_position_pu / plant.proportional_valve.gain_pu).clamp(-limit_pu, limit_pu);
         now.demand = Demand { spool_command_pu: 0.0, sd_pu: 0.0 };
         self.hold.reset();
-        now.servomotor_reading_pu = position_pu;
+        now.servomotor_reading_pu = reading_pu;
         let terms = &plant.terms;
         for point in Point::ALL {
             let signal = match point {
@@ -211,7 +216,7 @@ impl Twin {
                 Point::EsvOpening => drive.esv_opening_pu,
                 Point::SupplyPressure => drive.tank_pressure_pa,
                 Point::ValveCurrent => now.valve_current_pu,
-                Point::ServomotorReading | Point::RegulatorServomotor => position_pu,
+                Point::ServomotorReading | Point::RegulatorServomotor => reading_pu,
                 Point::RegulatorSpool => plant.spool.reading_pu(now.state.spool_position_m),
                 _ => 0.0,
             };

@@ -14,13 +14,16 @@ use proptest::prelude::{ProptestConfig, any, proptest};
 
 /// The ids that reports and parameter files may count on, by stage.
 const CONTRACT: &[(Stage, &[&str])] = &[
-    (Stage::Regulator, &["command_delay", "regulator_cycle"]),
-    (Stage::PilotValve, &["pv_overlap", "pv_null_shift", "pv_hysteresis", "pv_bandwidth", "pilot_filter"]),
+    (Stage::Regulator, &["command_delay", "command_gain", "regulator_cycle"]),
+    (
+        Stage::PilotValve,
+        &["pv_overlap", "pv_null_shift", "pv_hysteresis", "pv_bandwidth", "pilot_filter", "current_limit"],
+    ),
     (Stage::Esv, &["esv_delay", "esv_slow"]),
     (Stage::Spool, &["spool_friction", "entrained_air", "chamber_leak", "spring", "flow_force", "viscosity"]),
-    (Stage::Servomotor, &["port_overlap", "backlash", "servo_friction", "servo_leak", "cushion", "load"]),
-    (Stage::Supply, &["supply_loss"]),
-    (Stage::Sensor, &["lvdt_gain", "lvdt_bias", "feedback_lag", "clock_offset"]),
+    (Stage::Servomotor, &["port_overlap", "port_wear", "backlash", "servo_friction", "servo_leak", "cushion", "load"]),
+    (Stage::Supply, &["supply_loss", "return_loss"]),
+    (Stage::Sensor, &["lvdt_gain", "lvdt_bias", "feedback_bias", "feedback_lag", "clock_offset"]),
 ];
 
 fn setting(spec: &EffectSpec, value: impl Fn(usize) -> f64) -> EffectSetting {

@@ -64,6 +64,23 @@ fn a_command_delay_moves_the_answer_in_time() {
 }
 
 #[test]
+fn a_command_gain_moves_where_the_servomotor_rests_and_not_how_it_trips() {
+    let rest_pu = |gain_ratio: f64, opening_pu: f64| {
+        run(&[setting("command_gain", &[gain_ratio])], &rests_at(opening_pu)).pop().unwrap().signals
+    };
+    for opening_pu in [0.2, 0.8] {
+        let reads_pu = rest_pu(1.03, opening_pu).servomotor_position_pu;
+        // The dead band is half a thousandth wide.
+        assert!((reads_pu - 1.03 * opening_pu).abs() < 1e-3, "{opening_pu}: {reads_pu}");
+    }
+    // What is asked for in other words is the same movement, a trip too.
+    let nominal = course(4, |_| 0.5, 1.0);
+    let mut scaled = nominal.clone();
+    scaled.frames.iter_mut().for_each(|frame| frame.inputs.opening_command_pu /= 1.25);
+    assert_eq!(run(&[setting("command_gain", &[1.25])], &scaled), run(&[], &nominal));
+}
+
+#[test]
 fn a_clock_offset_is_the_same_recording_with_other_stamps() {
     let recording = recording();
     let nominal = simulate(&[], Cut::None);
@@ -130,6 +147,20 @@ fn faults_of_the_pilot_valve_have_their_size() {
         assert!((share - 1.0 / (1.0 + 9.0 * s * s).sqrt()).abs() < 1e-12, "{s}: {share}");
         assert_eq!(flow(&clogged, -s, 3e6), flow(&nominal, -s, 3e6));
     }
+
+    // The amplifier gives no more than its limit, and all that is asked for below.
+    let step = course(4, |at_s| if at_s < 1.0 { 0.2 } else { 0.8 }, f64::INFINITY);
+    let limited = run(&[setting("current_limit", &[0.4])], &step);
+    let greatest_pu = limited.iter().map(|row| row.valve_current_pu).fold(0.0, f64::max);
+    assert_eq!(greatest_pu, 0.4);
+    let rises_s = |rows: &[Estimate]| {
+        let at = |above_pu: f64| rows.iter().position(|row| row.signals.spool_position_pu > above_pu).unwrap() as f64;
+        0.01 * (at(0.7) - at(0.1))
+    };
+    let slower = rises_s(&limited) / rises_s(&run(&[], &step));
+    assert!((1.8..3.2).contains(&slower), "{slower} times as long with 0.4 of the current");
+    let small = course(4, |at_s| if at_s < 1.0 { 0.2 } else { 0.2005 }, f64::INFINITY);
+    assert_eq!(run(&[setting("current_limit", &[0.4])], &small), run(&[], &small));
 
     // At rest the small loop holds the valve at its null: K2 times the spool's standoff.
     let rest = run(&[setting("pv_null_shift", &[0.03])], &rests_at(0.5)).pop().unwrap();
@@ -212,6 +243,24 @@ fn a_wrong_transducer_of_the_spool_shows_at_its_stop() {
     assert!((stop_pu(&[setting("lvdt_gain", &[1.08])]) - 1.08 * nominal_pu).abs() < 1e-9);
 }
 
+#[test]
+fn a_wrong_zero_of_the_servomotors_transducer_shows_where_it_is_shut() {
+    let shut_pu = |bias_pu: f64| {
+        let trip = course(12, |_| 0.5, 1.0);
+        run(&[setting("feedback_bias", &[bias_pu])], &trip).pop().unwrap().signals.servomotor_position_pu
+    };
+    for bias_pu in [0.01, -0.01] {
+        assert!((shut_pu(bias_pu) - shut_pu(0.0) - bias_pu).abs() < 1e-9);
+        // Away from the ends the regulator makes the reading what is commanded, and the piston stands off it.
+        let mut twin = Twin::new(&with(&[setting("feedback_bias", &[bias_pu])]));
+        let stroke_m = twin.plant().servomotor.stroke_m;
+        let reading_pu = rests_at(0.5).frames.iter().map(|frame| twin.step(frame)).last().unwrap();
+        let reading_pu = reading_pu.signals.servomotor_position_pu;
+        assert!((reading_pu - 0.5).abs() < 1e-3, "{reading_pu}");
+        assert!((twin.state().servomotor_position_m / stroke_m - reading_pu + bias_pu).abs() < 1e-12);
+    }
+}
+
 /// Steady speed of the piston at a spool position, m/s.
 fn speed_m_s(effects: &[EffectSetting], spool_pu: f64) -> f64 {
     let measured = Signals { spool_position_pu: spool_pu, servomotor_position_pu: 0.5, ..Signals::NONE };
@@ -227,8 +276,8 @@ fn forces_on_the_piston_change_its_speed_by_the_balance() {
     let (servo, oil) = (p.servomotor, p.oil);
     let (a_o, a_c) = (servo.opening_area_m2, servo.closing_area_m2);
     let conductance = p.esv.discharge_coefficient * p.main_ports.width_m * (2.0 / oil.density_kg_m3).sqrt();
-    // P_s A_o − P_t A_c − load − friction = (A_o³ + A_c³) w²/G² + R A_o³ w² + B w, at mid stroke on average.
-    let miss_n = |w: f64, spool_pu: f64, extra_n: f64, loss: f64| {
+    // P_s A_o − P_t A_c − load − friction = (A_o³ + A_c³) w²/G² + (R A_o³ + R_r A_c³) w² + B w, at mid stroke on average.
+    let miss_n = |w: f64, spool_pu: f64, extra_n: f64, losses: [f64; 2]| {
         let g = conductance * (spool_pu * p.distributing_valve.reference_stroke_m - p.main_ports.overlap_m);
         let z_pu = 0.5 + w / servo.stroke_m;
         let drive_n = TANK_PA * a_o
@@ -239,21 +288,47 @@ fn forces_on_the_piston_change_its_speed_by_the_balance() {
             - extra_n;
         drive_n
             - (a_o.powi(3) + a_c.powi(3)) / (g * g) * w * w
-            - loss * a_o.powi(3) * w * w
+            - (losses[0] * a_o.powi(3) + losses[1] * a_c.powi(3)) * w * w
             - servo.viscous_damping_n_s_m * w
     };
-    for (effects, extra_n, loss) in [
-        (vec![], 0.0, 0.0),
-        (vec![setting("servo_friction", &[6e4, 1.0])], 6e4, 0.0),
-        (vec![setting("load", &[0.4])], 0.4 * (servo.load_closed_n + 0.55 * servo.load_slope_n), 0.0),
-        (vec![setting("supply_loss", &[2e9])], 0.0, 2e9),
+    for (effects, extra_n, losses) in [
+        (vec![], 0.0, [0.0; 2]),
+        (vec![setting("servo_friction", &[6e4, 1.0])], 6e4, [0.0; 2]),
+        (vec![setting("load", &[0.4])], 0.4 * (servo.load_closed_n + 0.55 * servo.load_slope_n), [0.0; 2]),
+        (vec![setting("supply_loss", &[2e9])], 0.0, [2e9, 0.0]),
+        (vec![setting("return_loss", &[2e9])], 0.0, [0.0, 2e9]),
     ] {
         let w = speed_m_s(&effects, 0.4);
-        let miss = miss_n(w, 0.4, extra_n, loss);
+        let miss = miss_n(w, 0.4, extra_n, losses);
         assert!(w > 0.01 && miss.abs() < 1.5e4, "{effects:?}: {w} m/s leaves {miss} N of 1.2e6");
     }
     let overlap = speed_m_s(&[setting("port_overlap", &[3e-4])], 0.3 + 3e-4 / 0.015);
     assert!((overlap / speed_m_s(&[], 0.3) - 1.0).abs() < 1e-9);
+}
+
+#[test]
+fn a_loss_in_the_return_line_slows_the_other_direction_more_than_one_in_the_pressure_line() {
+    let slows = |id: &str, spool_pu: f64| {
+        1.0 - speed_m_s(&[setting(id, &[2e9])], spool_pu) / speed_m_s(&[setting(id, &[0.0])], spool_pu)
+    };
+    assert!(slows("supply_loss", 0.5) > 1.2 * slows("return_loss", 0.5));
+    assert!(slows("return_loss", -0.5) > 1.2 * slows("supply_loss", -0.5));
+}
+
+#[test]
+fn worn_edges_pass_oil_early_and_are_as_new_far_out() {
+    let (new, worn) = (plant("port_wear", &[0.0]).main_ports, plant("port_wear", &[1e-4]).main_ports);
+    let h_0 = new.opening_overlap_m;
+    // At the edge half the radius, less what the edge of the other direction passes.
+    let other_m = 0.5 * ((4.0 * h_0 * h_0 + 1e-8).sqrt() - 2.0 * h_0);
+    assert!((worn.travel_m(h_0) - (0.5e-4 - other_m)).abs() < 1e-12);
+    assert!((worn.travel_m(5e-3) - new.travel_m(5e-3)).abs() < 1e-6);
+    assert_eq!(worn.travel_m(0.0), 0.0);
+    assert_eq!(worn.travel_m(-3e-4), -worn.travel_m(3e-4));
+    // Within the overlap a new valve is shut.
+    let edge_pu = 0.5 * h_0 / govtwin::params::reference().parameters.distributing_valve.reference_stroke_m;
+    assert!(speed_m_s(&[], edge_pu).abs() < 1e-6 && speed_m_s(&[setting("port_wear", &[1e-4])], edge_pu) > 5e-5);
+    assert!(speed_m_s(&[setting("port_wear", &[1e-4])], -edge_pu) < -5e-5);
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use crate::battery::dice::Draw;
 use crate::battery::faults::Faults;
-use crate::battery::laws::rounded_loop;
+use crate::battery::laws::{rounded_loop, sagging, spanned};
 use crate::battery::oddities::Oddities;
 use crate::battery::rig::{Hand, Rig};
 use crate::frame::{EsvState, Inputs, Signals};
@@ -229,7 +229,8 @@ impl Controller {
             let period = (p.large_loop_period_s * 1e3 + extra).round().max(1.0) as i64;
             self.next_tick = tick + period;
             let readings_pu = (0..READINGS).map(|_| self.servomotor.read(rig.servomotor_reading_pu()));
-            let error_pu = self.arrived_pu - readings_pu.sum::<f64>() / f64::from(READINGS);
+            let error_pu =
+                spanned(self.arrived_pu, faults.command_gain) - readings_pu.sum::<f64>() / f64::from(READINGS);
             let jump_pu = if error_pu >= p.deadband_upper_pu {
                 p.compensation_positive_pu
             } else if error_pu <= p.deadband_lower_pu {
@@ -241,7 +242,10 @@ impl Controller {
                 (p.position_gain * error_pu + jump_pu).clamp(p.spool_command_min_pu, p.spool_command_max_pu);
         }
         let wanted_pu = p.spool_gain * (self.demand_pu - spool_pu - p.spool_reference_pu) + p.current_reference_pu;
-        let current_pu = wanted_pu.clamp(-1.0, 1.0);
+        let mut current_pu = wanted_pu.clamp(-1.0, 1.0);
+        if faults.current_limit_pu < 0.0 {
+            current_pu = sagging(current_pu, 1.0 + faults.current_limit_pu, tick as f64 * 1e-3);
+        }
         if faults.pv_hysteresis_pu > 0.0 {
             rounded_loop(current_pu, &mut self.plays_pu, faults.pv_hysteresis_pu)
         } else {

@@ -1,4 +1,4 @@
-//! Laws that real parts follow and the twin does not: bristles, rounded edges, mixed orifices, gas that is not isothermal.
+//! Laws that real parts follow and the twin does not: bristles, rounded and eroded edges, mixed orifices, gas that is not isothermal, soft limits.
 
 /// Absolute pressure of the atmosphere, Pa.
 const ATMOSPHERE_PA: f64 = 101_325.0;
@@ -46,6 +46,44 @@ impl Bristles {
 #[must_use]
 pub fn edge(beyond: f64, radius: f64) -> f64 {
     0.5 * (beyond + (beyond * beyond + radius * radius).sqrt())
+}
+
+/// What an eroded edge passes at a distance beyond it, m: before it inverse to the distance (Eryilmaz & Wilson 2000), and ever less more than a
+/// sharp one beyond it. Value and slope are continuous; at the edge it passes as much as a sharp one at `reach_m`.
+#[inline]
+#[must_use]
+pub fn eroded(beyond_m: f64, reach_m: f64) -> f64 {
+    if beyond_m <= 0.0 {
+        return reach_m * reach_m / (reach_m - beyond_m).max(f64::MIN_POSITIVE);
+    }
+    let ratio = 0.5 * beyond_m / reach_m;
+    beyond_m + reach_m / (1.0 + ratio * ratio)
+}
+
+/// Pressure that a clogged return filter holds back, Pa: part laminar, and less where its bypass begins to open.
+#[inline]
+#[must_use]
+pub fn held_back_pa(quadratic: f64, flow_m3_s: f64) -> f64 {
+    let filter_pa = quadratic * (0.85 * flow_m3_s.abs() + 0.15 * 0.02) * flow_m3_s;
+    let bypass = filter_pa / 8e6;
+    filter_pa / (1.0 + bypass * bypass).sqrt()
+}
+
+/// What an analogue link with a wrong span makes of a value, pu: its error grows faster than the value.
+#[inline]
+#[must_use]
+pub fn spanned(value_pu: f64, excess: f64) -> f64 {
+    value_pu * (1.0 + excess * (0.92 + 0.15 * value_pu))
+}
+
+/// What an amplifier makes of a current that comes near its limit, pu: round corners, unequal sides, and a limit that sinks while it warms.
+#[inline]
+#[must_use]
+pub fn sagging(current_pu: f64, limit_pu: f64, time_s: f64) -> f64 {
+    let side = if current_pu >= 0.0 { 1.03 } else { 0.97 };
+    let warming = 1.0 + 0.05 * (-time_s.max(0.0) / 15.0).exp();
+    let ratio = current_pu / (side * warming * limit_pu.max(1e-3));
+    current_pu / (1.0 + ratio.powi(12)).powf(1.0 / 12.0)
 }
 
 /// Root of a pressure drop through a rounded orifice, √Pa: laminar below `TRANSITION_PA`, turbulent above, smooth between.
@@ -124,6 +162,42 @@ mod tests {
     fn rounded_edges_meet_the_sharp_ones_far_out() {
         assert!((edge(1e-3, 1e-5) - 1e-3).abs() < 1e-7 && edge(-1e-3, 1e-5) < 1e-7);
         assert!((jet(4e6) - 2000.0).abs() < 1e-2 && (jet(-4e6) + 2000.0).abs() < 1e-2);
+    }
+
+    #[test]
+    fn eroded_edges_are_smooth_and_meet_the_sharp_ones_far_out() {
+        let reach_m = 1e-4;
+        let (mut last_m, mut last_slope) = (eroded(-1e-3, reach_m), f64::NAN);
+        for k in -999..=2000 {
+            let next_m = eroded(f64::from(k) * 1e-6, reach_m);
+            let slope = (next_m - last_m) / 1e-6;
+            assert!(
+                slope > 0.0 && (last_slope.is_nan() || (slope - last_slope).abs() < 0.03),
+                "{k}: {slope} after {last_slope}"
+            );
+            (last_m, last_slope) = (next_m, slope);
+        }
+        assert!((eroded(0.0, reach_m) - reach_m).abs() < 1e-18);
+        assert!((eroded(5e-3, reach_m) - 5e-3).abs() < 1e-6 && eroded(-5e-3, reach_m) < 3e-6);
+        assert_eq!(eroded(-1e-3, 0.0), 0.0);
+    }
+
+    #[test]
+    fn limits_are_soft_and_unequal_and_small_signals_pass() {
+        assert!((sagging(0.2, 0.5, 100.0) - 0.2).abs() < 1e-5);
+        assert!((sagging(1.0, 0.5, 1e3) - 0.515).abs() < 1e-4 && (sagging(-1.0, 0.5, 1e3) + 0.485).abs() < 1e-4);
+        assert!(sagging(1.0, 0.5, 0.0) > sagging(1.0, 0.5, 30.0));
+        assert!(sagging(0.5, 0.5, 1e3) < 0.5);
+    }
+
+    #[test]
+    fn a_clogged_filter_holds_back_both_ways_and_its_bypass_eases_it() {
+        assert_eq!(held_back_pa(0.0, 0.03), 0.0);
+        assert_eq!(held_back_pa(2e9, -0.02), -held_back_pa(2e9, 0.02));
+        assert!((held_back_pa(2e9, 0.02) / (2e9 * 0.02 * 0.02) - 1.0).abs() < 0.01);
+        assert!(held_back_pa(2e10, 0.04) < 0.8 * 2e10 * 0.04 * 0.04);
+        assert_eq!(spanned(0.7, 0.0), 0.7);
+        assert!((spanned(0.5, 0.02) / 0.5 - 1.0 - 0.02).abs() < 2e-4);
     }
 
     #[test]

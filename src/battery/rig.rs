@@ -5,7 +5,7 @@
 //! Runge–Kutta method at 50 µs.
 
 use crate::battery::faults::Faults;
-use crate::battery::laws::{Bristles, edge, filtered, gap, gas_compressibility_1_pa, jet};
+use crate::battery::laws::{Bristles, edge, eroded, filtered, gap, gas_compressibility_1_pa, held_back_pa, jet};
 use crate::battery::oddities::Oddities;
 use crate::parameters::Parameters;
 
@@ -14,9 +14,13 @@ const STEP_S: f64 = 5.0e-5;
 /// Steps in a tick of 1 ms.
 const STEPS: u32 = 20;
 /// Number of states.
-const STATES: usize = 20;
+const STATES: usize = 21;
 /// Length of the cushion, pu of stroke.
 const CUSHION_PU: f64 = 0.1;
+/// Reach of the four worn edges, over half the radius that labels give.
+const WEAR_SHARES: [f64; 4] = [1.2, 0.9, 1.1, 0.8];
+/// Time in which the oil of the return line comes up to speed, s.
+const RETURN_S: f64 = 3e-3;
 
 type Vector = [f64; STATES];
 
@@ -41,6 +45,7 @@ const READING_1: usize = 16;
 const READING_2: usize = 17;
 const ESV: usize = 18;
 const ESV_RATE: usize = 19;
+const RETURN: usize = 20;
 
 /// What acts on the rig during a tick.
 #[derive(Clone, Copy, Debug)]
@@ -191,20 +196,26 @@ impl Rig {
         let (opens_m, closes_m) = (1.1 * f.port_overlap_m, 0.9 * f.port_overlap_m);
         let radius_m = odd.edge_radius_m + 0.1 * f.port_overlap_m.abs();
         let port = p.esv.discharge_coefficient * p.main_ports.width_m * (2.0 / p.oil.density_kg_m3).sqrt();
-        let window = |beyond_m: f64| port * edge(beyond_m, radius_m);
-        let fed_1 = window(x - h_0 * e_1 - opens_m) * jet(y[NODE] - y[OPENING]);
-        let drained_2 = window(x - h_0 * e_2 - opens_m) * jet(y[CLOSING] - return_pa);
-        let fed_2 = window(-x - h_0 * e_3 - closes_m) * jet(y[NODE] - y[CLOSING]);
+        let window = |beyond_m: f64, worn: f64| {
+            let wear_m = 0.5 * worn * f.port_wear_m;
+            port * if wear_m > 0.0 { eroded(beyond_m, wear_m) } else { edge(beyond_m, radius_m) }
+        };
+        let [w_1, w_2, w_3, w_4] = WEAR_SHARES;
+        let behind_pa = return_pa + held_back_pa(f.return_loss, y[RETURN]);
+        let fed_1 = window(x - h_0 * e_1 - opens_m, w_1) * jet(y[NODE] - y[OPENING]);
+        let drained_2 = window(x - h_0 * e_2 - opens_m, w_2) * jet(y[CLOSING] - behind_pa);
+        let fed_2 = window(-x - h_0 * e_3 - closes_m, w_3) * jet(y[NODE] - y[CLOSING]);
         let servo = &p.servomotor;
         let opening_pu = y[PISTON] / servo.stroke_m;
-        let mut outlet = window(-x - h_0 * e_4 - closes_m);
+        let mut outlet = window(-x - h_0 * e_4 - closes_m, w_4);
         if f.cushion > 0.0 && y[PISTON_SPEED] < 0.0 && opening_pu < CUSHION_PU {
             let narrowing = (1.0 - opening_pu.max(0.0) / CUSHION_PU).powf(1.2);
             let series = f.cushion * narrowing / servo.opening_area_m2.powi(3);
             outlet /= (1.0 + outlet * outlet * series).sqrt();
         }
-        let drained_1 = outlet * jet(y[OPENING] - return_pa);
+        let drained_1 = outlet * jet(y[OPENING] - behind_pa);
         let drawn_m3_s = fed_1 + fed_2;
+        d[RETURN] = (drained_1 + drained_2 - y[RETURN]) / RETURN_S;
 
         // Line: inertia of its oil, compressible node, losses part laminar.
         let surplus_m3_s = y[LINE] - drawn_m3_s;
@@ -270,9 +281,9 @@ impl Rig {
             * (1.0 - f.spring_share * (1.1 - 0.1 * coils_m / dv.spring_precompression_m));
         let travel_m = x - x.clamp(-h_0, h_0);
         let drops_pa = if travel_m >= 0.0 {
-            (y[NODE] - y[OPENING]) + (y[CLOSING] - return_pa)
+            (y[NODE] - y[OPENING]) + (y[CLOSING] - behind_pa)
         } else {
-            (y[NODE] - y[CLOSING]) + (y[OPENING] - return_pa)
+            (y[NODE] - y[CLOSING]) + (y[OPENING] - behind_pa)
         };
         let jet_ratio = odd.flow_force_ratio + f.flow_force_ratio;
         let angle = 0.358 + 0.57 * (-travel_m.abs() / 4e-5).exp();
@@ -326,7 +337,9 @@ impl Rig {
         let slack_pu = opening_pu - y[ROD];
         let contact_pu = slack_pu - slack_pu.clamp(-0.5 * f.play_pu, 0.5 * f.play_pu);
         d[ROD] = contact_pu / if f.play_pu > 0.0 { 2e-3 } else { 1e-4 };
-        d[READING_1] = (y[ROD] - y[READING_1]) / (odd.feedback_lag_s + 0.5 * f.feedback_lag_s);
+        let slipped_pu =
+            f.feedback_bias_pu * (1.03 - 0.06 * y[ROD]) * (1.0 + 0.04 * (-hand.time_s.max(0.0) / 30.0).exp());
+        d[READING_1] = (y[ROD] + slipped_pu - y[READING_1]) / (odd.feedback_lag_s + 0.5 * f.feedback_lag_s);
         d[READING_2] = (y[READING_1] - y[READING_2]) / (1e-4 + 0.5 * f.feedback_lag_s);
         let bias_pu = f.lvdt_bias_pu * (1.0 + 0.05 * (-hand.time_s.max(0.0) / 20.0).exp());
         let straight = 1.0 + f.lvdt_gain * (1.0 - 0.1 * share * share);

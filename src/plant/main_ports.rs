@@ -3,7 +3,8 @@
 //! `x_eff = x − h_0` for `x > h_0`, `x + h_0` for `x < −h_0`, 0 between. `x_eff ≥ 0`: `Q_1 = C_d w x_eff √(2 (P_s − P_1)/ρ)` into
 //! the opening chamber, `Q_2 = C_d w x_eff √(2 (P_2 − P_t)/ρ)` out of the closing one; `x_eff < 0` the other way round
 //! (Merritt 1967, section 5.1). A line loss `R Q²` before the feeding port is in series with it, so that
-//! no algebraic loop remains: both share the drop from the tank to the chamber.
+//! no algebraic loop remains: both share the drop from the tank to the chamber. So it is with a loss in the return line and the draining port.
+//! Worn edges are rounded: `x_eff = e(x − h_0) − e(−x − h_0)`, `e(b) = (b + √(b² + r²))/2`.
 
 use crate::parameters;
 use crate::plant::lanes::abreast;
@@ -22,6 +23,8 @@ pub struct MainPorts<T = f64> {
     pub opening_overlap_m: T,
     /// Overlap on the closing side, m.
     pub closing_overlap_m: T,
+    /// Radius of the metering edges `r`, m; 0 on the sheet.
+    pub edge_radius_m: T,
     /// Steady flow force per port travel and pressure drop, m: `2 C_d w cos θ` where it counts, 0 on the sheet.
     pub flow_force_m: T,
     /// The theoretical flow-force coefficient `2 C_d w cos 69°`, m (Merritt 1967, section 5.6).
@@ -33,6 +36,7 @@ abreast!(MainPorts {
     closing_gain,
     opening_overlap_m,
     closing_overlap_m,
+    edge_radius_m,
     flow_force_m,
     theoretical_flow_force_m,
 });
@@ -69,6 +73,7 @@ impl MainPorts {
             closing_gain: gain,
             opening_overlap_m: p.overlap_m,
             closing_overlap_m: p.overlap_m,
+            edge_radius_m: 0.0,
             flow_force_m: 0.0,
             theoretical_flow_force_m: 2.0 * esv.discharge_coefficient * p.width_m * 69.0_f64.to_radians().cos(),
         }
@@ -80,19 +85,22 @@ impl<T: Real> MainPorts<T> {
     #[inline(always)]
     #[must_use]
     pub fn travel_m(&self, position_m: T) -> T {
-        position_m - position_m.clamp(-self.closing_overlap_m, self.opening_overlap_m)
+        self.blurred_travel_m(position_m, position_m.like(0.0))
     }
 
-    /// The same as the mean over chatter of the spool: each edge becomes a hyperbola of width `blur_m`.
+    /// The same as the mean over chatter of the spool: each edge becomes a hyperbola of width `blur_m`, and of a worn one the squares of radius
+    /// and blur add up.
     ///
     /// A Gaussian of standard deviation σ about an edge passes 0.4 σ of travel on average, a hyperbola half its width:
     /// `blur_m` = 0.8 σ matches them there.
     #[inline(always)]
     #[must_use]
     pub fn blurred_travel_m(&self, position_m: T, blur_m: T) -> T {
-        either!(blur_m.is(0.0), self.travel_m(position_m), {
-            blurred_edge(position_m - self.opening_overlap_m, blur_m)
-                - blurred_edge(-position_m - self.closing_overlap_m, blur_m)
+        let sharp = blur_m.is(0.0) & self.edge_radius_m.is(0.0);
+        either!(sharp, position_m - position_m.clamp(-self.closing_overlap_m, self.opening_overlap_m), {
+            let square_m2 = blur_m * blur_m + self.edge_radius_m * self.edge_radius_m;
+            rounded_edge(position_m - self.opening_overlap_m, square_m2)
+                - rounded_edge(-position_m - self.closing_overlap_m, square_m2)
         })
     }
 
@@ -107,7 +115,7 @@ impl<T: Real> MainPorts<T> {
             let (fed_pa, drained_pa) = <(T, T)>::choose(opens, (opening_pa, closing_pa), (closing_pa, opening_pa));
             let free = T::select(opens, self.opening_gain, -self.closing_gain) * travel_m;
             let fed = feed(in_series(free, supply.line_root), tank_pa - fed_pa);
-            let drained = drain(free, drained_pa - supply.return_pressure_pa);
+            let drained = drain(in_series(free, supply.return_root), drained_pa - supply.return_pressure_pa);
             PortFlows {
                 opening: Flow::choose(opens, fed, drained),
                 closing: Flow::choose(opens, drained, fed),
@@ -133,8 +141,8 @@ impl<T: Real> MainPorts<T> {
 }
 
 #[inline(always)]
-fn blurred_edge<T: Real>(beyond_m: T, blur_m: T) -> T {
-    (beyond_m + (beyond_m * beyond_m + blur_m * blur_m).sqrt()) * 0.5
+fn rounded_edge<T: Real>(beyond_m: T, square_m2: T) -> T {
+    (beyond_m + (beyond_m * beyond_m + square_m2).sqrt()) * 0.5
 }
 
 #[inline(always)]

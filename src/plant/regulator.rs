@@ -2,6 +2,7 @@
 //!
 //! Every large-loop period: `e = Y_pid − Y`; `u_c = K1 e + C_p` for `e ≥ Z_u`, `K1 e + C_n` for `e ≤ Z_l`, 0 between;
 //! `u_y = sat(u_c)`. Every small-loop period: `u = sat(K2 (u_y − y − y_r) + I_r)`, limits ±1 pu.
+//! Effects may scale the command and lower the limit of the current.
 //! Source: Liu et al. 2025, equations 1 to 4. The large loop holds its output between its instants.
 
 use crate::parameters;
@@ -18,6 +19,10 @@ pub struct Regulator {
     /// Noise of the servomotor reading inside the loop, one standard deviation, pu; 0 for a twin that is one
     /// realisation, the sheet's for one that is the mean of many.
     pub dither_pu: f64,
+    /// What the regulator takes a command for, over the command; 1 on the sheet.
+    pub command_gain: f64,
+    /// Greatest current that reaches the proportional valve, pu; 1 on the sheet.
+    pub current_limit_pu: f64,
     ticks_per_large_loop: u64,
     /// The same for a period that an effect lengthened, any number; 0 where none did.
     lengthened_ticks_count: f64,
@@ -29,7 +34,14 @@ impl Regulator {
     pub fn new(p: &parameters::Regulator) -> Self {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at least 1, and a cast saturates")]
         let ticks_per_large_loop = (p.large_loop_period_s / p.small_loop_period_s).round().max(1.0) as u64;
-        Self { p: *p, dither_pu: 0.0, ticks_per_large_loop, lengthened_ticks_count: 0.0 }
+        Self {
+            p: *p,
+            dither_pu: 0.0,
+            command_gain: 1.0,
+            current_limit_pu: 1.0,
+            ticks_per_large_loop,
+            lengthened_ticks_count: 0.0,
+        }
     }
 
     /// Period of the small loop, s.
@@ -93,7 +105,7 @@ impl Regulator {
     #[inline]
     #[must_use]
     pub fn spool_command_pu(&self, command_pu: f64, servomotor_reading_pu: f64) -> f64 {
-        let e = command_pu - servomotor_reading_pu;
+        let e = self.command_gain * command_pu - servomotor_reading_pu;
         let u_c = if e >= self.p.deadband_upper_pu {
             self.p.position_gain * e + self.p.compensation_positive_pu
         } else if e <= self.p.deadband_lower_pu {
@@ -112,7 +124,7 @@ impl Regulator {
     #[must_use]
     pub fn dithered_command_pu(&self, command_pu: f64, servomotor_reading_pu: f64) -> (f64, f64) {
         let sigma = self.dither_pu;
-        let e = command_pu - servomotor_reading_pu;
+        let e = self.command_gain * command_pu - servomotor_reading_pu;
         let gain = self.p.position_gain;
         let a = (e - self.p.deadband_upper_pu) / sigma;
         let b = (self.p.deadband_lower_pu - e) / sigma;
@@ -146,6 +158,7 @@ impl Regulator {
             gain: self.p.spool_gain,
             spool_reference_pu: self.p.spool_reference_pu,
             current_reference_pu: self.p.current_reference_pu,
+            current_limit_pu: self.current_limit_pu,
         }
     }
 
@@ -170,18 +183,18 @@ pub struct SmallLoop<T = f64> {
     gain: T,
     spool_reference_pu: T,
     current_reference_pu: T,
+    current_limit_pu: T,
 }
 
-abreast!(SmallLoop { gain, spool_reference_pu, current_reference_pu });
+abreast!(SmallLoop { gain, spool_reference_pu, current_reference_pu, current_limit_pu });
 
 impl<T: Real> SmallLoop<T> {
     /// Valve current `u`, pu.
     #[inline(always)]
     #[must_use]
     pub fn valve_current_pu(&self, spool_command_pu: T, spool_reading_pu: T) -> T {
-        let one = spool_command_pu.like(1.0);
         let off_pu = spool_command_pu - spool_reading_pu - self.spool_reference_pu;
-        (self.gain * off_pu + self.current_reference_pu).clamp(-one, one)
+        (self.gain * off_pu + self.current_reference_pu).clamp(-self.current_limit_pu, self.current_limit_pu)
     }
 }
 

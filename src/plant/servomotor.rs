@@ -41,6 +41,8 @@ pub struct Servomotor<T = f64> {
     pub cushion_n_s2_m2: T,
     /// Length of the cushion from the closed end, m.
     pub cushion_length_m: T,
+    /// Offset of the servomotor's transducer, pu.
+    pub reading_bias_pu: T,
 }
 
 abreast!(Servomotor {
@@ -58,6 +60,7 @@ abreast!(Servomotor {
     cross_leakage_m3_s_pa,
     cushion_n_s2_m2,
     cushion_length_m,
+    reading_bias_pu,
 });
 
 impl Servomotor {
@@ -79,11 +82,19 @@ impl Servomotor {
             cross_leakage_m3_s_pa: 0.0,
             cushion_n_s2_m2: 0.0,
             cushion_length_m: 0.0,
+            reading_bias_pu: 0.0,
         }
     }
 }
 
 impl<T: Real> Servomotor<T> {
+    /// What the transducer shows at a position, pu.
+    #[inline(always)]
+    #[must_use]
+    pub fn reading_pu(&self, position_m: T) -> T {
+        position_m / self.stroke_m + self.reading_bias_pu
+    }
+
     /// Guide-vane load towards closing, N.
     #[inline(always)]
     #[must_use]

@@ -1,11 +1,13 @@
 //! The supply: tank, line to the valve, return, and how cold the oil is.
 //!
-//! `P_s = P_tank − R Q²`, with Q the flow that the servomotor draws; R = 0 on the sheet.
+//! `P_s = P_tank − R Q²`, with Q the flow that the servomotor draws; `P_r = P_t + R_r Q_r²` behind the main ports, with Q_r the flow that
+//! it gives back. Both losses are 0 on the sheet.
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|
 //! | P_s | pressure at the valve | Pa |
-//! | R | quadratic loss of the line | Pa s²/m⁶ |
+//! | P_t, P_r | return pressure at the tank and behind the main ports | Pa |
+//! | R, R_r | quadratic loss of the pressure line and of the return line | Pa s²/m⁶ |
 
 use crate::parameters;
 use crate::plant::lanes::abreast;
@@ -18,19 +20,27 @@ pub struct Supply<T = f64> {
     pub return_pressure_pa: T,
     /// √R: the inverse conductance of the line, √Pa s/m³.
     pub line_root: T,
+    /// √R_r: the inverse conductance of the return line behind the main ports, √Pa s/m³.
+    pub return_root: T,
     /// Viscosity at the first frame over the sheet's, less 1.
     pub cold_excess: T,
     /// Time constant with which cold oil warms, s.
     pub warming_time_s: T,
 }
 
-abreast!(Supply { return_pressure_pa, line_root, cold_excess, warming_time_s });
+abreast!(Supply { return_pressure_pa, line_root, return_root, cold_excess, warming_time_s });
 
 impl Supply {
-    /// From the sheet: no line loss.
+    /// From the sheet: no losses in lines.
     #[must_use]
     pub fn new(p: &parameters::Oil) -> Self {
-        Self { return_pressure_pa: p.return_pressure_pa, line_root: 0.0, cold_excess: 0.0, warming_time_s: 1.0 }
+        Self {
+            return_pressure_pa: p.return_pressure_pa,
+            line_root: 0.0,
+            return_root: 0.0,
+            cold_excess: 0.0,
+            warming_time_s: 1.0,
+        }
     }
 }
 

@@ -24,14 +24,14 @@ pub(super) fn spool_reading_pu<T: Real>(
     spool.reading_pu(position_m + yield_m)
 }
 
-/// Piston position `after_s` past the last tick, pu.
+/// What the servomotor's transducer would show of the piston without lag or play `after_s` past the last tick, pu.
 #[inline(always)]
-pub(super) fn piston_position_pu<T: Real>(blocks: &Blocks<'_, T>, state: &State<T>, after_s: f64) -> T {
+pub(super) fn piston_reading_pu<T: Real>(blocks: &Blocks<'_, T>, state: &State<T>, after_s: f64) -> T {
     let servo = blocks.servomotor;
     let position_m = state.servomotor_position_m + state.servomotor_velocity_m_s * after_s;
     let position_m = position_m.clamp(position_m.like(0.0), servo.stroke_m);
     let yield_m = servo.stop_yield_m(position_m, state.opening_pressure_pa, state.closing_pressure_pa);
-    (position_m + yield_m) / servo.stroke_m
+    servo.reading_pu(position_m + yield_m)
 }
 
 /// Both positions as shown at a time less than a tick after the last one, pu: spool and servomotor.
@@ -40,7 +40,7 @@ pub(super) fn positions_pu<T: Real>(blocks: &Blocks<'_, T>, now: &Now<T>, cut: C
     let since_s = seconds_from_nanos(time_ns - now.time_ns).max(0.0);
     let moving_s = if cut == Cut::Spool { 0.0 } else { since_s };
     let moved_pu = if since_s > 0.0 {
-        piston_position_pu(blocks, &now.state, since_s) - piston_position_pu(blocks, &now.state, 0.0)
+        piston_reading_pu(blocks, &now.state, since_s) - piston_reading_pu(blocks, &now.state, 0.0)
     } else {
         now.servomotor_reading_pu.like(0.0)
     };

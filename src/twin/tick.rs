@@ -10,7 +10,7 @@ use crate::state::State;
 
 use super::Cut;
 use super::hold::Hold;
-use super::readings::{piston_position_pu, spool_reading_pu, standing_in_pu};
+use super::readings::{piston_reading_pu, spool_reading_pu, standing_in_pu};
 
 /// Blur of the port edges per standard deviation of the spool's demand: 0.8 for the shape of the blurred edge times
 /// 0.4, the share of the demand's noise that the spool follows (measured on simulated units).
@@ -278,8 +278,8 @@ pub(super) fn tick<T: Real>(chain: &mut impl Chain<T>, setting: Setting, now: &m
     now.ticks += 1;
     now.time_ns += tick_ns;
     now.inputs = now.coming;
-    let position_pu = piston_position_pu(&chain.blocks(), &now.state, 0.0);
-    now.servomotor_reading_pu = chain.apply(Point::ServomotorReading, position_pu, &seen);
+    let reading_pu = piston_reading_pu(&chain.blocks(), &now.state, 0.0);
+    now.servomotor_reading_pu = chain.apply(Point::ServomotorReading, reading_pu, &seen);
 }
 
 #[expect(clippy::cast_precision_loss, reason = "2^53 ticks are 285,000 years")]
