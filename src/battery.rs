@@ -45,6 +45,8 @@ pub enum Kind {
     Single(String),
     /// Two of them at once.
     Pair(String, String),
+    /// Three of them at once.
+    Triple(String, String, String),
     /// Something that no catalogue lists.
     Stranger(String),
     /// One effect of the catalogue, to be diagnosed without it.
@@ -59,6 +61,7 @@ impl Kind {
             Self::Sound => "sound",
             Self::Single(_) => "single",
             Self::Pair(..) => "pair",
+            Self::Triple(..) => "triple",
             Self::Stranger(_) => "stranger",
             Self::LeftOut(_) => "left_out",
         }
@@ -71,6 +74,7 @@ impl Kind {
             Self::Sound => vec![],
             Self::Single(id) | Self::Stranger(id) | Self::LeftOut(id) => vec![id],
             Self::Pair(a, b) => vec![a, b],
+            Self::Triple(a, b, c) => vec![a, b, c],
         }
     }
 }
@@ -163,7 +167,7 @@ pub fn strength(unit: &Unit, case: &Case) -> f64 {
 }
 
 fn unmeasured(case: &Case, effects: Vec<Truth>) -> Label {
-    let listed = matches!(case.kind, Kind::Sound | Kind::Single(_) | Kind::Pair(..));
+    let listed = matches!(case.kind, Kind::Sound | Kind::Single(_) | Kind::Pair(..) | Kind::Triple(..));
     Label { name: case.name.clone(), effects, listed, strength_ratio: f64::NAN, rate_hz: case.rate_hz }
 }
 
@@ -265,16 +269,21 @@ mod tests {
         let unit = crate::params::reference();
         let shown_by = [
             ("command_delay", Process::LoadRejection),
+            ("command_gain", Process::LoadRejection),
             ("regulator_cycle", Process::LoadRejection),
+            ("current_limit", Process::LoadRejection),
             ("esv_delay", Process::Shutdown),
             ("esv_slow", Process::Shutdown),
             ("viscosity", Process::LoadRejection),
             ("port_overlap", Process::LoadRejection),
+            ("port_wear", Process::LoadRejection),
             ("servo_friction", Process::LoadRejection),
             ("servo_leak", Process::LoadIncrease),
             ("cushion", Process::Shutdown),
             ("load", Process::LoadRejection),
             ("supply_loss", Process::LoadRejection),
+            ("return_loss", Process::LoadRejection),
+            ("feedback_bias", Process::Shutdown),
             ("lvdt_gain", Process::LoadRejection),
             ("feedback_lag", Process::LoadRejection),
         ];

@@ -1,4 +1,4 @@
-//! Which cases a battery has: sound units, single effects, pairs, strangers, and effects that the catalogue will lack.
+//! Which cases a battery has: sound units, single effects, pairs, triples, strangers, and effects that the catalogue will lack.
 
 use crate::battery::dice::{Draw, Question};
 use crate::battery::faults::STRANGERS;
@@ -33,6 +33,7 @@ enum Slot {
     Sound,
     Single,
     Pair,
+    Triple,
     Stranger,
     LeftOut,
 }
@@ -51,7 +52,7 @@ const PATTERN: [Slot; 20] = [
     Slot::Pair,
     Slot::Sound,
     Slot::Single,
-    Slot::Sound,
+    Slot::Triple,
     Slot::Single,
     Slot::Single,
     Slot::Pair,
@@ -67,10 +68,13 @@ const PATTERN: [Slot; 20] = [
 #[must_use]
 pub fn plan(count: usize, seed: u64, rates: Rates) -> Vec<Case> {
     let mut draw = Draw::new(seed, Question::Plan, 0);
+    // Triples have a stream of their own, so that they leave the other kinds as they were.
+    let mut of_triples = Draw::new(seed, Question::Plan, 1);
     let ids: Vec<&'static str> = of_the_chain().map(|spec| spec.id).collect();
     let seconds = ids.clone();
     let strangers: Vec<&str> = STRANGERS.iter().map(|stranger| stranger.id).collect();
     let mut singles = Deck::new(ids.clone(), &mut draw);
+    let mut triples = Deck::new(ids.clone(), &mut of_triples);
     let mut left_out = Deck::new(ids.clone(), &mut draw);
     let mut firsts = Deck::new(ids, &mut draw);
     let mut strangers = Deck::new(strangers, &mut draw);
@@ -83,13 +87,14 @@ pub fn plan(count: usize, seed: u64, rates: Rates) -> Vec<Case> {
                 Slot::Stranger => Kind::Stranger(strangers.next(&mut draw)),
                 Slot::Pair => {
                     let first = firsts.next(&mut draw);
-                    let second = loop {
-                        let second = seconds[draw.below(seconds.len())];
-                        if second != first {
-                            break second.to_owned();
-                        }
-                    };
+                    let second = another(&seconds, &[&first], &mut draw);
                     Kind::Pair(first, second)
+                }
+                Slot::Triple => {
+                    let first = triples.next(&mut of_triples);
+                    let second = another(&seconds, &[&first], &mut of_triples);
+                    let third = another(&seconds, &[&first, &second], &mut of_triples);
+                    Kind::Triple(first, second, third)
                 }
             };
             // Drawn whether needed or not, so that the rates asked for change nothing else.
@@ -104,6 +109,16 @@ pub fn plan(count: usize, seed: u64, rates: Rates) -> Vec<Case> {
             Case { name: format!("case_{:03}", place + 1), kind, rate_hz: if slow { 5.0 } else { 100.0 }, rich, seed }
         })
         .collect()
+}
+
+/// One of some ids that is none of those taken.
+fn another(ids: &[&'static str], taken: &[&str], draw: &mut Draw) -> String {
+    loop {
+        let id = ids[draw.below(ids.len())];
+        if !taken.contains(&id) {
+            break id.to_owned();
+        }
+    }
 }
 
 /// Ids dealt in random order, again and again.
@@ -133,6 +148,13 @@ mod tests {
     use super::*;
 
     #[test]
+    fn twenty_units_have_their_shares_of_each_kind() {
+        let of = |kind: &str| plan(20, 9, Rates::Both).iter().filter(|case| case.kind.id() == kind).count();
+        let shares = ["sound", "single", "pair", "triple", "stranger", "left_out"].map(of);
+        assert_eq!(shares, [2, 9, 3, 1, 2, 3]);
+    }
+
+    #[test]
     fn a_longer_battery_begins_with_the_shorter_and_covers_every_effect() {
         let (short, long) = (plan(12, 7, Rates::Both), plan(200, 7, Rates::Both));
         assert_eq!(short, long[..12]);
@@ -149,7 +171,13 @@ mod tests {
         for kind in ["sound", "single", "pair", "stranger", "left_out"] {
             assert!(kinds.contains(&kind), "{kind}");
         }
-        assert!(long.iter().all(|case| !matches!(&case.kind, Kind::Pair(a, b) if a == b)));
+        for case in &long {
+            let mut ids = case.kind.ids();
+            ids.sort_unstable();
+            assert!(ids.windows(2).all(|pair| pair[0] != pair[1]), "{ids:?}");
+        }
+        let triples: Vec<_> = long.iter().filter(|case| matches!(case.kind, Kind::Triple(..))).collect();
+        assert!(triples.len() == 10 && triples.iter().all(|case| case.kind.ids().len() == 3));
         let slow = long.iter().filter(|case| case.rate_hz == 5.0).count();
         assert!((40..100).contains(&slow), "{slow}");
         assert!(plan(12, 7, Rates::Plant).iter().all(|case| case.rate_hz == 5.0));

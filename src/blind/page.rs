@@ -65,7 +65,7 @@ pub fn page(
     body.heading("Who was taken for whom");
     body.figure(
         svg(&confusion_picture(&first.score.confusion))?,
-        "Rows: what is in the unit. Columns: the first word of the verdict. Units with two effects are not in it.",
+        "Rows: what is in the unit. Columns: the first word of the verdict. Units with two or three effects are not in it.",
     );
     body.heading("Probabilities");
     body.figure(

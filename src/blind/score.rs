@@ -90,10 +90,11 @@ fn measures(cases: &[Scored]) -> Vec<Measure> {
     let all = || cases.iter();
     let singles = || all().filter(|case| case.single());
     let pairs = || all().filter(|case| case.pair());
+    let triples = || all().filter(|case| case.triple());
     let outside = || all().filter(|case| !case.label.listed);
     let shares = |named: &Scored| named.label.effects.iter().filter(|truth| named.said.blames(&truth.id)).count();
     // A class says that one of them is there.
-    let both = |case: &Scored| case.names() && shares(case) == case.label.effects.len();
+    let every = |case: &Scored| case.names() && shares(case) == case.label.effects.len();
     let named = || all().filter(|case| case.label.listed && case.names());
     let detects = |case: &Scored| case.said.detects();
     let unknown = |case: &Scored| case.says(Verdict::Unknown);
@@ -136,13 +137,15 @@ fn measures(cases: &[Scored]) -> Vec<Measure> {
     rows.extend(twice(["stage", "stage_visible"], "stage right", target, faulty, Scored::stage_is_right));
     rows.extend([
         row("probability", "mean probability on the true effect", ("≥ 0.85", 0.85, 1.0), probability),
-        row("pair_both", "pairs: both named", ("≥ 60 %", 0.6, 1.0), share(pairs(), true, both)),
+        row("pair_both", "pairs: both named", ("≥ 60 %", 0.6, 1.0), share(pairs(), true, every)),
         row(
             "pair_one",
             "pairs: at least one named",
             ("≥ 95 %", 0.95, 1.0),
             share(pairs(), true, |case| shares(case) > 0),
         ),
+        row("triple_all", "triples: all three named", OPEN, share(triples(), true, every)),
+        row("triple_one", "triples: at least one named", OPEN, share(triples(), true, |case| shares(case) > 0)),
         row(
             "made_up",
             "named verdicts with an effect that is not there",
@@ -174,7 +177,7 @@ fn confusion(cases: &[Scored]) -> Confusion {
         };
         (order, word.to_owned())
     };
-    for case in cases.iter().filter(|case| !case.pair()) {
+    for case in cases.iter().filter(|case| !case.pair() && !case.triple()) {
         let truth = if case.label.listed { case.first_truth() } else { "outside" };
         *counts.entry(place(truth)).or_default().entry(place(case.said.word())).or_default() += 1;
     }
@@ -345,6 +348,33 @@ mod tests {
         assert_eq!(missed, [false, true, false, false, true, false, true, false, true]);
         // A false alarm is the method's own; of the rest nothing is known.
         assert_eq!(all.iter().filter_map(Scored::missed_by).collect::<Vec<_>>(), [MissedBy::Method]);
+    }
+
+    #[test]
+    fn a_triple_is_scored_like_a_pair_and_not_as_one() {
+        let of = |blamed: &[&str], verdict: &str| {
+            let blamed: Vec<(&str, f64)> = blamed.iter().map(|id| (*id, 0.9)).collect();
+            case(&["load", "backlash", "viscosity"], true, 9.0, verdict, "servomotor", &blamed)
+        };
+        let all = [
+            of(&["load", "backlash", "viscosity"], "named"),
+            of(&["viscosity", "cushion"], "named"),
+            of(&["cushion"], "named"),
+            of(&["load", "backlash", "viscosity"], "class"),
+        ];
+        let missed: Vec<bool> = all.iter().map(Scored::missed).collect();
+        assert_eq!(missed, [false, true, true, true]);
+        assert_eq!(all[3].hidden().count(), 2, "a class is one effect");
+        let score = score(&all);
+        let measured = |id: &str| score.measures.iter().find(|row| row.id == id).unwrap().measured;
+        assert_eq!(measured("triple_all"), Measured::share(1, 4));
+        assert_eq!(measured("triple_one"), Measured::share(3, 4));
+        assert_eq!(measured("made_up"), Measured::share(2, 3));
+        for id in ["pair_both", "pair_one", "single_first", "probability"] {
+            assert_eq!(measured(id).cases, 0, "{id}");
+        }
+        assert_eq!((measured("stage").cases, measured("detection").cases), (4, 4));
+        assert!(score.confusion.truths.is_empty());
     }
 
     #[test]

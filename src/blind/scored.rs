@@ -62,7 +62,11 @@ impl Scored {
     }
 
     pub(super) fn pair(&self) -> bool {
-        self.label.listed && self.label.effects.len() > 1
+        self.label.listed && self.label.effects.len() == 2
+    }
+
+    pub(super) fn triple(&self) -> bool {
+        self.label.listed && self.label.effects.len() > 2
     }
 
     /// Strong enough to be seen; where nobody measured the strength, every effect counts.

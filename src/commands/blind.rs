@@ -60,9 +60,9 @@ Each unit's reports stand in OUT/UNIT; those that are there already are kept, so
 stopped. With --labels or --generate, OUT/score.json and OUT/score.html hold all measures with 95 % intervals.
 
 --generate makes the units with a simulator of its own, which shares the data sheet with the twin but not its equations: bristle
-friction, contact gaps, rounded edges, polytropic gas, inertia in lines. It makes sound units, single effects, pairs, faults that no
-catalogue lists, and effects that the catalogue is then made to lack. DIR/answers/keys.sha256 commits to the answers before the first
-diagnosis; DIR/answers/labels.yaml, with strengths.yaml beside it, is written after the last one, and closure is checked on recordings
+friction, contact gaps, rounded edges, polytropic gas, inertia in lines. It makes sound units, single effects, two or three at once,
+faults that no catalogue lists, and effects that the catalogue is then made to lack. DIR/answers/keys.sha256 commits to the answers before
+the first diagnosis; DIR/answers/labels.yaml, with strengths.yaml beside it, is written after the last one, and closure is checked on recordings
 made after that. Where reports are missing, answers and scores of an earlier run are removed first, so that no diagnosis finds them, and
 written again at the end. A DIR or OUT of another seed, rate or data sheet is refused.
 
