@@ -34,6 +34,7 @@ mod error;
 mod health;
 mod layout;
 mod mcap_file;
+mod memory;
 mod merge;
 mod metadata;
 mod order;
@@ -56,6 +57,7 @@ use crate::recording::Recording;
 
 pub use error::BagError;
 pub use health::{Damage, FileHealth, Health, StreamHealth, Warning};
+pub use memory::InMemory;
 pub use merge::{Messages, messages};
 pub use read::read;
 pub use survey::{FieldSurvey, PaceSurvey, Spread, Survey, TopicSurvey, survey};

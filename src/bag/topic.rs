@@ -1,6 +1,10 @@
 //! Topics and messages as they stand in a bag, undecoded.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
+
+use crate::msg::definition::DefinitionError;
+use crate::msg::{Interface, definition, type_hash};
 
 /// What a bag says of one topic.
 #[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -19,6 +23,29 @@ pub struct TopicInfo {
     pub offered_qos_profiles: String,
     /// REP-2016 hash of the type; empty where the bag does not say.
     pub type_hash: String,
+}
+
+impl TopicInfo {
+    /// A topic of a type whose definition the crate carries.
+    pub(super) fn of<T: Interface>(name: &str, qos: Qos) -> Result<Self, DefinitionError> {
+        Ok(Self {
+            name: name.to_owned(),
+            type_name: T::TYPE_NAME.to_owned(),
+            encoding: "cdr".to_owned(),
+            schema_encoding: "ros2msg".to_owned(),
+            schema: definition::schema_of(T::TYPE_NAME)?.into_bytes().into(),
+            offered_qos_profiles: qos.to_yaml(),
+            type_hash: type_hash::type_hash(T::TYPE_NAME)?,
+        })
+    }
+
+    /// What rosbag2 keeps beside a channel.
+    pub(super) fn channel_metadata(&self) -> BTreeMap<String, String> {
+        BTreeMap::from([
+            ("offered_qos_profiles".to_owned(), self.offered_qos_profiles.clone()),
+            ("topic_type_hash".to_owned(), self.type_hash.clone()),
+        ])
+    }
 }
 
 /// One message as it stands in a bag.

@@ -15,7 +15,7 @@ use super::unfinished::{self, Unfinished};
 use super::{BagError, cdr};
 use crate::files::fault::step;
 use crate::files::{hold, write_atomically};
-use crate::msg::{Interface, definition, type_hash};
+use crate::msg::Interface;
 
 /// How a bag is to be written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -144,16 +144,7 @@ impl Writer {
     /// # Errors
     /// On a type whose definition the crate does not carry.
     pub fn topic<T: Interface>(&mut self, name: &str, qos: Qos) -> Result<Topic<T>, BagError> {
-        let info = TopicInfo {
-            name: name.to_owned(),
-            type_name: T::TYPE_NAME.to_owned(),
-            encoding: "cdr".to_owned(),
-            schema_encoding: "ros2msg".to_owned(),
-            schema: definition::schema_of(T::TYPE_NAME)?.into_bytes().into(),
-            offered_qos_profiles: qos.to_yaml(),
-            type_hash: type_hash::type_hash(T::TYPE_NAME)?,
-        };
-        Ok(Topic { id: self.channel(&info)?, message: PhantomData })
+        Ok(Topic { id: self.channel(&TopicInfo::of::<T>(name, qos)?)?, message: PhantomData })
     }
 
     /// Writes a message, little endian. A time before 1970 is written as 1970: MCAP knows no other.
@@ -240,11 +231,8 @@ impl Writer {
         } else {
             self.file.add_schema(&info.type_name, &info.schema_encoding, &info.schema).map_err(refused())?
         };
-        let metadata = BTreeMap::from([
-            ("offered_qos_profiles".to_owned(), info.offered_qos_profiles.clone()),
-            ("topic_type_hash".to_owned(), info.type_hash.clone()),
-        ]);
-        let id = self.file.add_channel(schema_id, &info.name, &info.encoding, &metadata).map_err(refused())?;
+        let id =
+            self.file.add_channel(schema_id, &info.name, &info.encoding, &info.channel_metadata()).map_err(refused())?;
         self.by_topic.insert(info.clone(), id);
         self.channels.insert(id, Channel { info: info.clone(), message_count: 0 });
         Ok(id)
