@@ -13,8 +13,8 @@ pub mod contract;
 pub mod decision;
 pub mod discrepancy;
 pub mod evidence;
-pub mod experiment;
 pub mod explore;
+pub mod information;
 pub mod ledger;
 pub mod linearisation;
 pub mod model;
@@ -24,11 +24,13 @@ pub mod own_noise;
 pub mod part;
 pub mod posterior;
 pub mod ready;
+pub mod script;
 pub mod search;
 pub mod stage_experiment;
 pub mod stages;
 pub mod summary;
 pub mod support;
+pub mod survivors;
 pub mod table;
 pub mod traces;
 
@@ -118,7 +120,14 @@ pub fn diagnose(
     notes.extend(stretched(&explored, &decision));
     explored.complete(&bench, &decision.blamed, decision.verdict == Verdict::Named, &settings.catalogue);
     progress("gathering what the report shows", 0.9);
-    let judged = Judged { bench: &bench, explored: &explored, table, decision: &decision, weights: &weights };
+    let judged = Judged {
+        bench: &bench,
+        explored: &explored,
+        table,
+        posterior: &posterior,
+        decision: &decision,
+        weights: &weights,
+    };
     let mut diagnosis = summary::gather(judged, &ready.unit, settings, Seen { channels, notes });
     if stage_only {
         diagnosis.part = Some(part::describe(&ready, &explored, &decision));

@@ -9,6 +9,9 @@ use crate::effects::Stage;
 /// The schema's name.
 pub const SCHEMA: &str = "govtwin-diagnosis/1";
 
+/// The file beside the report that holds the best test as a script.
+pub const NEXT_TEST: &str = "next_test.mcap";
+
 fn interval(interval: Interval) -> Value {
     json!({"value": interval.value, "ci90": [interval.low, interval.high]})
 }
@@ -62,7 +65,19 @@ pub fn report(diagnosis: &Diagnosis, seconds: f64) -> Value {
     let experiments: Vec<Value> = diagnosis
         .experiments
         .iter()
-        .map(|one| json!({"separates": one.separates, "test": one.test, "separation": one.separation}))
+        .enumerate()
+        .map(|(place, one)| {
+            // The first is written as a bag where a governor can be sent it.
+            let bag = one.script.filter(|_| place == 0).map(|_| NEXT_TEST);
+            json!({
+                "separates": one.separates, "test": one.test, "separation": one.separation,
+                "expected_drop_bits": one.expected_drop_bits, "expected_drop_at_most_bits": one.at_most_bits,
+                "entropy_bits": one.entropy_bits, "bits_per_minute": one.bits_per_minute,
+                "length_s": one.length_s, "trips": one.trips, "unit_state": one.unit_state,
+                "record": one.records.iter().map(|signal| signal.id()).collect::<Vec<_>>(), "rate_hz": one.rate_hz,
+                "bag": bag,
+            })
+        })
         .collect();
     json!({
         "schema": SCHEMA,
@@ -168,7 +183,7 @@ fn evidence(diagnosis: &Diagnosis) -> Value {
     let sets: Vec<Value> =
         diagnosis.sets.iter().map(|(effects, p)| json!({"effects": effects, "probability": p})).collect();
     json!({
-        "values": diagnosis.samples, "fault_sets": sets, "table": diagnosis.table, "closure_without_recording": transfers,
+        "values": diagnosis.samples, "entropy_bits": diagnosis.entropy_bits, "fault_sets": sets, "table": diagnosis.table, "closure_without_recording": transfers,
         "parameters": parameters, "tried": tried, "channels": channels, "smallest_visible": visible,
         "alike": alike, "ledgers": ledgers, "stage_tests": tests, "free_terms": latents,
         "simulations": diagnosis.simulations,

@@ -11,6 +11,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::diagnosis::model::Model;
 use crate::diagnosis::outcome::Curve;
 use crate::effects::{self, Stage};
+use crate::parameters::Unit;
 use crate::plant::Plant;
 use crate::plant::term::{Point, Term, View};
 use crate::solver::Method;
@@ -156,6 +157,19 @@ pub fn columns(bench: &Bench, model: &Model) -> Columns {
         .collect();
     let moved = bench.misses_of_twins(&twins);
     Columns { marks: (0..bench.trials.len()).map(|trial| changes(&moved, &model.fit.misses, trial, STEP)).collect() }
+}
+
+/// A twin of a unit with a term of every shape at one place; `sizes` are those of all columns, in moderate terms.
+#[must_use]
+pub fn twin_with(unit: &Unit, place: &Place, sizes: &[f64]) -> Twin {
+    let mut plant = Plant::new(&unit.parameters);
+    effects::apply(unit, &mut plant);
+    let first: usize = PLACES.iter().take_while(|other| other.point != place.point).map(Place::shapes).sum();
+    for shape in 0..place.shapes() {
+        let size = sizes.get(first + shape).copied().unwrap_or(0.0) * place.scale;
+        plant.terms.push(Arc::new(Free { point: place.point, shape, size }));
+    }
+    Twin::of_plant(plant, unit.parameters.oil.tank_pressure_pa, Method::default())
 }
 
 /// Changes of the residuals of one recording over a step, as columns.

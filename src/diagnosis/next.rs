@@ -1,45 +1,409 @@
-//! What to try next: for the pairs that a verdict leaves open, the test that would tell them apart.
+//! What to try next: of the tests that an operator could run, those that take most off the posterior's entropy per minute.
+//!
+//! Every hypothesis that is left is put through each candidate once. Its outcome is a Gaussian: the mean is its simulation, the covariance noise and
+//! what the free parameters leave open, `S = I + J Σ Jᵀ`, with the leader's slopes J of the sheet's parameters for all and each set's own slopes of its
+//! effects. What that is worth stands in [`information`]; nats count as the posterior counts them ([`counted_share`]).
 
+use nalgebra::{DMatrix, DVector};
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
+
+use crate::diagnosis::decision::Decision;
 use crate::diagnosis::explore::Explored;
+use crate::diagnosis::information::{Drop, Predicted, entropy_bits, expected_drop, square};
 use crate::diagnosis::model::Model;
-use crate::diagnosis::outcome::{Blame, Experiment, Verdict};
-use crate::diagnosis::{experiment, stage_experiment};
+use crate::diagnosis::outcome::Experiment;
+use crate::diagnosis::posterior::{Posterior, counted_share, gap};
+use crate::diagnosis::script::{CANDIDATES, PERIOD_S, Script};
+use crate::diagnosis::stage_experiment;
+use crate::diagnosis::survivors::{Survivor, deviations, survivors};
+use crate::diagnosis::table::Table;
+use crate::frame::{Frame, Signals};
+use crate::parameters::Unit;
+use crate::recording::Recording;
 use crate::signal::Signal;
-use crate::tuning::bench::Bench;
-use crate::twin::Cut;
+use crate::tuning::bench::{Bench, Misses};
+use crate::tuning::fit::slopes;
+use crate::tuning::trial::Trial;
+use crate::twin::{Cut, Twin};
+use crate::units::{nanos_from_seconds, seconds_from_nanos};
 
-/// For a class, a test for each pair of rivals; for one named effect, a test against the runner-up.
-#[must_use]
-pub fn experiments(bench: &Bench, found: &Explored, blamed: &[Blame], verdict: Verdict) -> Vec<Experiment> {
-    // The best fitted set that holds an effect stands for it.
-    let tried: Vec<&Model> =
-        found.hypotheses.iter().map(|one| &one.model).filter(|model| !model.effects.is_empty()).collect();
-    let model = |id: &str| tried.iter().copied().find(|model| model.has(id));
-    let mut pairs: Vec<(String, String)> = Vec::new();
-    match verdict {
-        Verdict::Class => {
-            for (k, one) in blamed.iter().enumerate() {
-                pairs.extend(blamed[k + 1..].iter().map(|other| (one.id.clone(), other.id.clone())));
-            }
+/// A test that is expected to tell less settles nothing, bits.
+pub const LEAST_BITS: f64 = 0.01;
+
+/// Simulated time that all candidates together may take, s: three hundred recordings of 40 s, a twentieth of a diagnosis.
+const SIMULATED_S: f64 = 12_000.0;
+
+/// Signals that a recorder of the pilot stage adds.
+const PILOT: [Signal; 2] = [Signal::PilotValvePosition, Signal::ControlPressure];
+
+/// A test that competes.
+#[derive(Clone, Debug)]
+pub struct Candidate {
+    /// What is done.
+    pub test: String,
+    /// The state of the unit.
+    pub unit_state: String,
+    /// As the leader would answer it.
+    pub trial: Trial,
+    /// The script, where one can be sent to a governor.
+    pub script: Option<Script>,
+    /// Samples a second.
+    pub rate_hz: f64,
+    /// Whether that is faster than the recordings were.
+    pub faster: bool,
+}
+
+impl Candidate {
+    fn length_s(&self) -> f64 {
+        match (self.trial.frames.first(), self.trial.frames.last()) {
+            (Some(first), Some(last)) => seconds_from_nanos(last.time_ns - first.time_ns),
+            _ => 0.0,
         }
-        Verdict::Named if blamed.len() == 1 => {
-            if let Some(other) = tried.iter().find(|model| !model.has(&blamed[0].id)) {
-                pairs.push((blamed[0].id.clone(), other.effects[0].id.to_owned()));
-            }
-        }
-        _ => {}
     }
-    let stage_only = bench.trials.first().is_some_and(|trial| trial.cut == Cut::Spool);
-    let pilot = [Signal::PilotValvePosition, Signal::ControlPressure];
-    let pilot_recorded = bench.trials.iter().any(|trial| pilot.iter().all(|&signal| trial.has[signal as usize]));
-    let noise_pu = bench.floor_square(0, Signal::ServomotorPosition).sqrt();
-    let test = |(a, b): &(String, String)| {
-        let units = [&model(a)?.unit(), &model(b)?.unit()];
-        if stage_only {
-            stage_experiment::between([a, b], units, noise_pu)
-        } else {
-            experiment::between([a, b], units, pilot_recorded)
-        }
+
+    fn trips(&self) -> u32 {
+        self.script.as_ref().map_or(0, Script::trips)
+    }
+}
+
+/// What a posterior leaves open and what would settle it.
+#[derive(Clone, Debug, Default)]
+pub struct Next {
+    /// Entropy of the posterior over the hypotheses that are left, bits.
+    pub entropy_bits: f64,
+    /// The tests, best first; none where nothing is to be settled.
+    pub experiments: Vec<Experiment>,
+}
+
+/// The best tests: of those that ask for nothing further, and with a trip, pilot signals or a faster recorder where these tell more per minute.
+#[must_use]
+pub fn next(bench: &Bench, found: &Explored, table: &Table, posterior: &Posterior, decision: &Decision) -> Next {
+    let left = survivors(found, table, posterior, decision);
+    let entropy_bits = entropy_bits(left.iter().map(|one| one.probability));
+    if entropy_bits < LEAST_BITS {
+        return Next { entropy_bits, experiments: Vec::new() };
+    }
+    let Some(leader) = left.iter().find(|one| !one.unknown).or(left.first()) else { return Next::default() };
+    let candidates = if bench.trials.first().is_some_and(|trial| trial.cut == Cut::Spool) {
+        stage_experiment::candidates(&leader.model.unit())
+    } else {
+        candidates(bench, &leader.model.unit(), &CANDIDATES)
     };
-    pairs.iter().filter_map(test).collect()
+    let recorded = Signal::ALL.map(|signal| bench.trials.iter().any(|trial| trial.has[signal as usize]));
+    let weighed = weigh(bench, &left, leader.model, &found.refitted().unit(), candidates, (gap(table), recorded));
+    Next { entropy_bits, experiments: chosen(weighed, entropy_bits) }
+}
+
+/// Scripts as a unit would answer them, at the rate of the recordings and, where that is slow, at the scripts' own.
+#[must_use]
+pub fn candidates(bench: &Bench, unit: &Unit, scripts: &[Script]) -> Vec<Candidate> {
+    let period_s = bench.trials.iter().map(|trial| trial.period_s).fold(PERIOD_S, f64::max);
+    let mut periods_s = vec![PERIOD_S];
+    if bench.is_slow() {
+        periods_s.push(period_s);
+    }
+    let of = |&script: &Script| {
+        let answer = answer(unit, &script);
+        let candidate = |&period_s: &f64| Candidate {
+            test: script.words(),
+            unit_state: script.unit_state(),
+            trial: Trial::new(Recording::new(script.words(), sampled(&answer, period_s))),
+            script: Some(script),
+            rate_hz: (1.0 / period_s).round(),
+            faster: bench.is_slow() && period_s <= PERIOD_S,
+        };
+        periods_s.iter().map(candidate).collect::<Vec<_>>()
+    };
+    scripts.iter().flat_map(of).collect()
+}
+
+/// A script as a unit answers it, all signals at every row.
+fn answer(unit: &Unit, script: &Script) -> Vec<Frame> {
+    let mut twin = Twin::new(unit).with_dither(unit.sensors.servomotor_position_pu.noise);
+    let mut frames = script.frames(unit.parameters.oil.tank_pressure_pa);
+    for frame in &mut frames {
+        frame.measured = twin.step(frame).signals;
+    }
+    frames
+}
+
+/// The rows with signals at so many seconds' distance alone.
+fn sampled(frames: &[Frame], period_s: f64) -> Vec<Frame> {
+    let period_ns = nanos_from_seconds(period_s).max(1);
+    let mut due_ns = i64::MIN;
+    let of = |frame: &Frame| {
+        let is_due = frame.time_ns >= due_ns;
+        if is_due {
+            due_ns = frame.time_ns + period_ns;
+        }
+        Frame { measured: if is_due { frame.measured } else { Signals::NONE }, ..*frame }
+    };
+    frames.iter().map(of).collect()
+}
+
+/// A candidate with the signals that are recorded for it, and what it is expected to tell.
+#[derive(Clone, Debug)]
+pub struct Weighed {
+    candidate: Candidate,
+    /// Signals to record.
+    records: Vec<Signal>,
+    /// Whether these are more than the recordings hold.
+    further: bool,
+    /// What it tells.
+    pub drop: Drop,
+    /// The two that it tells apart, with their distance.
+    separates: Option<([String; 2], f64)>,
+}
+
+impl Weighed {
+    fn per_minute(&self) -> f64 {
+        60.0 * self.drop.least_bits / self.candidate.length_s().max(1.0)
+    }
+
+    /// What it asks for beyond what was done already.
+    fn asks(&self) -> [bool; 3] {
+        [self.candidate.trips() > 0, self.further, self.candidate.faster]
+    }
+}
+
+/// Puts the survivors through the candidates and weighs what each would tell, with the signals of the recordings and, where pilot signals
+/// were not among them, with those too. `known` is the evidence for a gap so far and which signals were recorded.
+#[must_use]
+pub fn weigh(
+    bench: &Bench,
+    left: &[Survivor<'_>],
+    leader: &Model,
+    refitted: &Unit,
+    candidates: Vec<Candidate>,
+    known: (f64, [bool; Signal::ALL.len()]),
+) -> Vec<Weighed> {
+    let tests = bench.anew(candidates.iter().map(|one| one.trial.clone()).collect(), &leader.unit());
+    let mut twins: Vec<Twin> = left.iter().map(|one| one.twin.clone()).collect();
+    twins.push(Twin::new(refitted));
+    let outcomes = tests.misses_of_twins(&twins);
+    let sheet = leader.knobs.len() - own_count(leader);
+    let weighing = Weighing { left, leader, candidates, known, tests, outcomes, sheet };
+    weighing.close().into_par_iter().flat_map_iter(|index| weighing.weighed(index)).collect()
+}
+
+/// Parameters of a model's effects.
+fn own_count(model: &Model) -> usize {
+    model.effects.iter().map(|spec| spec.parameters.len()).sum()
+}
+
+/// Candidates with what every survivor, and behind them the refitted sheet, answers.
+struct Weighing<'a> {
+    left: &'a [Survivor<'a>],
+    leader: &'a Model,
+    candidates: Vec<Candidate>,
+    known: (f64, [bool; Signal::ALL.len()]),
+    /// The candidates with noise, the leader's answer being what is measured.
+    tests: Bench,
+    outcomes: Vec<Misses>,
+    /// Number of the sheet's parameters.
+    sheet: usize,
+}
+
+impl Weighing<'_> {
+    /// Place of the refitted sheet among the outcomes.
+    fn refitted(&self) -> usize {
+        self.left.len()
+    }
+
+    /// What is answered to a candidate, one column each.
+    fn answers(&self, index: usize) -> DMatrix<f64> {
+        let columns: Vec<DVector<f64>> = self.outcomes.iter().map(|of| of[index].clone()).collect();
+        DMatrix::from_columns(&columns)
+    }
+
+    /// Bits that a candidate would tell with all signals if every parameter were known.
+    fn plain_bits(&self, index: usize) -> f64 {
+        let answers = self.answers(index);
+        let predicted: Vec<Predicted> = (0..self.left.len())
+            .map(|k| Predicted {
+                probability: self.left[k].probability,
+                mean: unit_vector(answers.ncols(), k),
+                deviations: DMatrix::zeros(answers.ncols(), 0),
+            })
+            .collect();
+        expected_drop(&answers.tr_mul(&answers), &predicted, counted_share(self.known.0)).least_bits
+    }
+
+    /// The candidates to look at closely: of each kind in turn the best if every parameter were known, as many as time allows.
+    fn close(&self) -> Vec<usize> {
+        let count = self.candidates.len();
+        let length_s = |index: usize| self.candidates[index].length_s();
+        let mut order: Vec<(usize, f64)> = (0..count)
+            .into_par_iter()
+            .map(|index| (index, self.plain_bits(index) / length_s(index).max(1.0)))
+            .collect();
+        order.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let kind = |index: usize| (self.candidates[index].trips() > 0, self.candidates[index].faster);
+        let turn = |place: usize| order[..place].iter().filter(|(k, _)| kind(*k) == kind(order[place].0)).count();
+        let mut turns: Vec<(usize, usize)> = (0..count).map(|place| (turn(place), order[place].0)).collect();
+        turns.sort_by_key(|(turn, _)| *turn);
+        // Every candidate was simulated by all survivors and the sheet, and to lay out its noise.
+        let mut spent_s: f64 = (0..count).map(|index| (self.outcomes.len() + 3) as f64 * length_s(index)).sum();
+        let own: usize = self.left.iter().filter(|one| !one.unknown).map(|one| own_count(one.model)).sum();
+        let mut close = Vec::new();
+        for (turn, index) in turns {
+            let more_s = (self.sheet + own) as f64 * length_s(index);
+            if turn == 0 || spent_s + more_s <= SIMULATED_S {
+                spent_s += more_s;
+                close.push(index);
+            }
+        }
+        close
+    }
+
+    /// What a candidate tells, with each choice of signals.
+    fn weighed(&self, index: usize) -> Vec<Weighed> {
+        let only = self.tests.only(index);
+        let slopes_at = |model: &Model, first: usize, at: &DVector<f64>| {
+            slopes(&only, &model.base, &model.knobs, &model.fit.positions, first, &vec![at.clone()]).pop()
+        };
+        let leads = self.left.iter().position(|one| !one.unknown && std::ptr::eq(one.model, self.leader));
+        let at_leader = &self.outcomes[leads.unwrap_or(self.refitted())][index];
+        let answers = self.answers(index);
+        let of_leader = slopes_at(self.leader, 0, at_leader).unwrap_or_else(|| DMatrix::zeros(answers.nrows(), 0));
+        let first = answers.ncols();
+        let mut columns = beside(answers, &of_leader.columns(0, self.sheet.min(of_leader.ncols())).into_owned());
+        let mut places: Vec<usize> = Vec::new();
+        for (k, one) in self.left.iter().enumerate() {
+            places.push(columns.ncols());
+            let own = if one.unknown || one.model.effects.is_empty() {
+                None
+            } else if Some(k) == leads {
+                Some(of_leader.columns(self.sheet, own_count(one.model)).into_owned())
+            } else {
+                slopes_at(one.model, self.sheet, &self.outcomes[k][index])
+            };
+            if let Some(own) = own {
+                columns = beside(columns, &own);
+            }
+        }
+        let all = columns.ncols();
+        let predicted: Vec<Predicted> =
+            (0..self.left.len()).map(|k| self.predicted(k, (first, places[k]), all)).collect();
+        let empty =
+            Predicted { probability: 0.0, mean: unit_vector(all, self.refitted()), deviations: DMatrix::zeros(all, 0) };
+        let weighed = |(records, further): (Vec<Signal>, bool)| {
+            let gram = gram(&columns, &self.candidates[index].trial, &records);
+            // In a large gap small differences say little, also in the one that is yet to be recorded.
+            let new_gap = leads.map_or(0.0, |k| 0.5 * square(&gram, &predicted[k], &empty));
+            let drop = expected_drop(&gram, &predicted, counted_share(self.known.0 + new_gap));
+            let name = |k: usize| self.left[k].name.clone();
+            let separates = drop.separates.map(|(i, j, apart)| ([name(i), name(j)], apart));
+            Weighed { candidate: self.candidates[index].clone(), records, further, drop, separates }
+        };
+        variants(&self.candidates[index], self.known.1).into_iter().map(weighed).collect()
+    }
+
+    /// What one survivor predicts: `places` are those of the slopes of the sheet's parameters and of the survivor's own.
+    fn predicted(&self, k: usize, places: (usize, usize), columns: usize) -> Predicted {
+        let one = &self.left[k];
+        let root = deviations(one.model);
+        let mut all = DMatrix::zeros(columns, root.ncols() + usize::from(one.unknown));
+        for row in 0..root.nrows() {
+            let place = if row < self.sheet { places.0 + row } else { places.1 + row - self.sheet };
+            if place < columns {
+                all.row_mut(place).columns_mut(0, root.ncols()).copy_from(&root.row(row));
+            }
+        }
+        if one.unknown {
+            // Of something unknown no more is known than that: its mark may be twice as large, or none.
+            all[(k, root.ncols())] = 1.0;
+            all[(self.refitted(), root.ncols())] = -1.0;
+        }
+        Predicted { probability: one.probability, mean: unit_vector(columns, k), deviations: all }
+    }
+}
+
+fn unit_vector(length: usize, place: usize) -> DVector<f64> {
+    let mut vector = DVector::zeros(length);
+    vector[place] = 1.0;
+    vector
+}
+
+/// Columns, and further ones to their right.
+fn beside(left: DMatrix<f64>, right: &DMatrix<f64>) -> DMatrix<f64> {
+    let (first, more) = (left.ncols(), right.ncols());
+    let mut both = left.resize_horizontally(first + more, 0.0);
+    both.columns_mut(first, more).copy_from(right);
+    both
+}
+
+/// Signals to record in a candidate: those that were recorded, and these with the pilot signals where they were not.
+fn variants(candidate: &Candidate, recorded: [bool; Signal::ALL.len()]) -> Vec<(Vec<Signal>, bool)> {
+    let has: Vec<Signal> = candidate.trial.signals().collect();
+    let usual: Vec<Signal> = has.iter().copied().filter(|&signal| recorded[signal as usize]).collect();
+    let more = has.iter().any(|&signal| PILOT.contains(&signal) && !recorded[signal as usize]);
+    let with_pilot =
+        has.into_iter().filter(|signal| recorded[*signal as usize] || PILOT.contains(signal)).collect::<Vec<_>>();
+    let mut all = vec![(usual, false)];
+    if more {
+        all.push((with_pilot, true));
+    }
+    all
+}
+
+/// Products of columns over the samples of some signals.
+fn gram(columns: &DMatrix<f64>, trial: &Trial, signals: &[Signal]) -> DMatrix<f64> {
+    let n = columns.ncols();
+    let count = trial.samples.len();
+    signals.iter().filter_map(|&signal| trial.place(signal)).fold(DMatrix::zeros(n, n), |sum, place| {
+        let rows = columns.rows(trial.miss(place, 0), count);
+        sum + rows.tr_mul(&rows)
+    })
+}
+
+/// The best of each kind that tells more per minute than every kind that asks for less: those without a trip first.
+fn chosen(mut weighed: Vec<Weighed>, entropy_bits: f64) -> Vec<Experiment> {
+    weighed.retain(|one| one.drop.least_bits >= LEAST_BITS);
+    weighed.sort_by(|a, b| b.per_minute().total_cmp(&a.per_minute()));
+    let mut best: Vec<Weighed> = Vec::new();
+    for one in weighed {
+        // All that stand there already tell more per minute.
+        let asks = one.asks();
+        let asks_no_less = |other: &Weighed| other.asks().iter().zip(asks).all(|(other, own)| !other || own);
+        if !best.iter().any(asks_no_less) {
+            best.push(one);
+        }
+    }
+    best.sort_by_key(|one| one.candidate.trips());
+    best.into_iter().map(|one| experiment(one, entropy_bits)).collect()
+}
+
+fn experiment(one: Weighed, entropy_bits: f64) -> Experiment {
+    let bits_per_minute = one.per_minute();
+    let [signals, further] = [
+        one.records.iter().copied().filter(|signal| !PILOT.contains(signal)).collect::<Vec<_>>(),
+        one.records.iter().copied().filter(|signal| PILOT.contains(signal)).collect(),
+    ]
+    .map(|signals| signals.into_iter().map(Signal::title).collect::<Vec<_>>().join(", "));
+    let Weighed { candidate, records, separates, drop, .. } = one;
+    let (length_s, trips) = (candidate.length_s(), candidate.trips());
+    let mut test = candidate.test;
+    if one.further {
+        test = format!("{test}; record {further} beside {signals}");
+    }
+    if candidate.faster {
+        test = format!("{test}; record at {} Hz", candidate.rate_hz);
+    }
+    let (separates, separation) = separates.map_or((Vec::new(), 0.0), |(names, apart)| (names.to_vec(), apart));
+    Experiment {
+        separates,
+        test,
+        separation,
+        expected_drop_bits: drop.least_bits,
+        at_most_bits: drop.most_bits,
+        entropy_bits,
+        bits_per_minute,
+        length_s,
+        trips,
+        unit_state: candidate.unit_state,
+        records,
+        rate_hz: candidate.rate_hz,
+        script: candidate.script,
+    }
 }

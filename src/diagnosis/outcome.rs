@@ -1,5 +1,6 @@
 //! What a diagnosis says: the verdict and the evidence for it.
 
+use crate::diagnosis::script::Script;
 use crate::diagnosis::table::Table;
 use crate::effects::Stage;
 use crate::parameters::Unit;
@@ -116,15 +117,35 @@ pub struct SignalGap {
     pub with_effects: f64,
 }
 
-/// A test that would tell rivals apart.
+/// A test that is expected to take something off the posterior's entropy.
 #[derive(Clone, Debug)]
 pub struct Experiment {
-    /// Ids of the rivals.
+    /// The two hypotheses that it tells apart most: ids of effects joined by `+`, `none`, or `unknown:STAGE`.
     pub separates: Vec<String>,
     /// What to do, in words.
     pub test: String,
-    /// Expected distance between the rivals' answers, in standard deviations of the noise.
+    /// Expected distance between their answers beyond what parameters may hide, in standard deviations.
     pub separation: f64,
+    /// Bits that it takes off the entropy at least.
+    pub expected_drop_bits: f64,
+    /// The same at most.
+    pub at_most_bits: f64,
+    /// Entropy of the posterior now, bits.
+    pub entropy_bits: f64,
+    /// Bits that it takes off for each minute.
+    pub bits_per_minute: f64,
+    /// Length, s.
+    pub length_s: f64,
+    /// Trips of the emergency shutdown valve.
+    pub trips: u32,
+    /// The state of the unit and what to bring it to first.
+    pub unit_state: String,
+    /// Signals to record.
+    pub records: Vec<Signal>,
+    /// Samples a second.
+    pub rate_hz: f64,
+    /// Command and ESV over time, where the test can be sent to a governor.
+    pub script: Option<Script>,
 }
 
 /// One channel of one recording, as found.
@@ -305,8 +326,10 @@ pub struct Diagnosis {
     pub gap: Vec<SignalGap>,
     /// Share of the gap that the blamed effects close together, on data left out of the fit.
     pub closure: Interval,
-    /// Tests that would tell more.
+    /// Tests that would tell more, best first; none where nothing is to be settled.
     pub experiments: Vec<Experiment>,
+    /// Entropy of the posterior over the hypotheses that are left, bits.
+    pub entropy_bits: f64,
     /// The unit refitted without any effect.
     pub refitted: Unit,
     /// The unit refitted with the blamed effects.

@@ -92,6 +92,21 @@ pub enum Hypothesis {
 /// Scale of errors of equations in the evidence: nats, and a share of the evidence for a gap. Of a few pairs those that score best on units not seen.
 const INEXACT: (f64, f64) = (3.0, 0.02);
 
+/// Share with which a further nat of evidence counts by Bayes' theorem where so much evidence speaks for a gap: 1 where none does.
+#[must_use]
+pub fn counted_share(gap: f64) -> f64 {
+    INEXACT.0 / (INEXACT.0 + INEXACT.1 * gap.max(0.0))
+}
+
+/// Evidence for a gap: of the likeliest set, less the odds against its effects, over that of the sheet alone.
+#[must_use]
+pub fn gap(table: &Table) -> f64 {
+    let odds = |row: &Row| row.evidence() - 5.0 * row.effects.len() as f64;
+    let best = table.rows.iter().map(odds).fold(f64::NEG_INFINITY, f64::max);
+    let empty = table.rows.iter().find(|row| row.effects.is_empty()).map_or(best, Row::evidence);
+    (best - empty).max(0.0)
+}
+
 /// The hypotheses of a table with their features; none of the struck effects.
 #[must_use]
 pub fn hypotheses(table: &Table, struck: &[&str]) -> Vec<(Hypothesis, [f64; FEATURES])> {

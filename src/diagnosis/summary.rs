@@ -7,11 +7,11 @@ use crate::diagnosis::discrepancy;
 use crate::diagnosis::explore::{Explored, Hypothesis};
 use crate::diagnosis::ledger::{gaps, ledgers};
 use crate::diagnosis::model::Model;
-use crate::diagnosis::next::experiments;
+use crate::diagnosis::next::next;
 use crate::diagnosis::outcome::{
     Blame, Channel, Diagnosis, Fitted, Interval, Latent, Ranked, Transfer, Tried, Verdict, Visible,
 };
-use crate::diagnosis::posterior::Weights;
+use crate::diagnosis::posterior::{Posterior, Weights};
 use crate::diagnosis::stages;
 use crate::diagnosis::table::Table;
 use crate::diagnosis::traces::traces;
@@ -56,6 +56,8 @@ pub struct Judged<'a> {
     pub explored: &'a Explored,
     /// Their evidence.
     pub table: Table,
+    /// The probabilities.
+    pub posterior: &'a Posterior,
     /// The verdict.
     pub decision: &'a Decision,
     /// The learned numbers.
@@ -116,6 +118,7 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &Settings, seen: Seen) 
             notes.push(format!("{}, {}: {trouble}.", channel.recording, channel.signal.title()));
         }
     }
+    let next = next(bench, explored, &judged.table, judged.posterior, decision);
     Diagnosis {
         verdict,
         stage: stage.filter(|_| has_gap),
@@ -123,7 +126,8 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &Settings, seen: Seen) 
         ranking: ranking(decision),
         gap: gaps(bench, &delivered, &refitted, &with_effects),
         closure: whole,
-        experiments: experiments(bench, explored, &blamed, verdict),
+        experiments: next.experiments,
+        entropy_bits: next.entropy_bits,
         refitted: refitted_model.unit(),
         fitted: chosen.unit(),
         parameters,

@@ -1,5 +1,6 @@
 //! The page of a diagnosis: the verdict in words first, then the evidence for it.
 
+mod next_test;
 mod pictures;
 mod tables;
 mod traces;
@@ -203,7 +204,7 @@ fn next(body: &mut Blocks, diagnosis: &Diagnosis) {
     if !diagnosis.experiments.is_empty() {
         body.table(
             tables::experiments(diagnosis),
-            "Proposed tests: the best of six candidates for each pair, simulated with both.",
+            "Proposed tests: the best of the candidates, each simulated with every hypothesis that is left; parameters that nobody knows better and errors of equations count against them. The first stands in next_test.mcap where a governor can be sent it.",
         );
     }
     let mut inner = Blocks::new();

@@ -139,10 +139,25 @@ pub fn blamed(diagnosis: &Diagnosis) -> Table {
 
 /// Tests that would tell more.
 pub fn experiments(diagnosis: &Diagnosis) -> Table {
-    let mut table = Table::new().words("tells apart").words("test").numbers("noise deviations apart");
+    let mut table = Table::new()
+        .words("test")
+        .words("tells apart")
+        .numbers("entropy falls by, bits")
+        .numbers("bits a minute")
+        .numbers("length, s")
+        .numbers("trips")
+        .words("how to run it");
     for one in &diagnosis.experiments {
-        let names: Vec<String> = one.separates.iter().map(|id| id_words(id)).collect();
-        table.row([super::words::listed(&names, "and"), one.test.clone(), significant(one.separation, 2)]);
+        let names: Vec<String> = one.separates.iter().map(|name| super::next_test::hypothesis_words(name)).collect();
+        table.row([
+            one.test.clone(),
+            super::words::listed(&names, "and"),
+            format!("{} to {}", significant(one.expected_drop_bits, 2), significant(one.at_most_bits, 2)),
+            significant(one.bits_per_minute, 2),
+            significant(one.length_s, 3),
+            one.trips.to_string(),
+            super::next_test::how_to_run(one),
+        ]);
     }
     table
 }

@@ -2,6 +2,7 @@
 
 use crate::diagnosis::outcome::{Blame, Diagnosis, Fitted, Interval, SignalGap, Verdict};
 use crate::effects::{self, Stage};
+use crate::report::diagnosis::next_test;
 use crate::report::table::significant;
 use crate::signal::Signal;
 
@@ -254,15 +255,7 @@ pub fn explanation(diagnosis: &Diagnosis) -> Vec<String> {
             all.push("Record a process that travels: a start-up, a step of load, a shutdown by the ESV.".into());
         }
     }
-    if let Some(one) = diagnosis.experiments.first() {
-        let names: Vec<String> = one.separates.iter().map(|id| id_words(id)).collect();
-        let why = match (diagnosis.verdict, names.as_slice()) {
-            (Verdict::Named, [_, other]) => format!("To rule out {other} for good"),
-            (_, names) => format!("To tell {} apart", listed(names, "and")),
-        };
-        let far = significant(one.separation, 2);
-        all.push(format!("{why}: {} (the two would differ by {far} standard deviations of the noise).", one.test));
-    }
+    all.push(next_test::sentence(diagnosis));
     all.retain(|text| !text.is_empty());
     all
 }
@@ -331,8 +324,8 @@ pub fn summary(diagnosis: &Diagnosis) -> String {
         );
         line("free runs", words);
     }
-    for one in &diagnosis.experiments {
-        line("next test", format!("{} (tells {} apart)", one.test, listed(&one.separates, "and")));
+    for (name, words) in next_test::lines(diagnosis) {
+        line(name, words);
     }
     text
 }

@@ -1,0 +1,69 @@
+//! The next test in words: what it tells apart, how an operator runs it, and why none is proposed.
+
+use crate::diagnosis::next::LEAST_BITS;
+use crate::diagnosis::outcome::{Diagnosis, Experiment};
+use crate::report::diagnosis::words::{id_words, listed};
+use crate::report::table::significant;
+
+/// A hypothesis of a posterior in words: effects joined by `+`, `none`, or `unknown:STAGE`.
+pub fn hypothesis_words(name: &str) -> String {
+    match name.split_once(':') {
+        Some(("unknown", stage)) => format!("something unknown ({})", stage.replace('_', " ")),
+        _ => name.split('+').map(id_words).collect::<Vec<_>>().join(" with "),
+    }
+}
+
+/// How an operator runs a test.
+pub fn how_to_run(one: &Experiment) -> String {
+    let signals = one.records.iter().map(|signal| signal.title().to_owned()).collect::<Vec<_>>();
+    let commanded = if one.script.is_some() { "opening command, ESV state, tank pressure, " } else { "" };
+    format!("{}. Record {commanded}{} at {} Hz.", one.unit_state, listed(&signals, "and"), significant(one.rate_hz, 3))
+}
+
+/// Why no test is proposed.
+fn nothing_to_settle(diagnosis: &Diagnosis) -> String {
+    let bits = significant(diagnosis.entropy_bits, 2);
+    if diagnosis.entropy_bits < LEAST_BITS {
+        format!("nothing to settle: the posterior's entropy is {bits} bits")
+    } else {
+        format!("none of the candidates would take a hundredth of a bit off the posterior's entropy of {bits} bits")
+    }
+}
+
+/// The best test in a sentence, and one with a trip that would tell more.
+pub fn sentence(diagnosis: &Diagnosis) -> String {
+    let Some(one) = diagnosis.experiments.first() else {
+        return format!("Next test: {}.", nothing_to_settle(diagnosis));
+    };
+    let names: Vec<String> = one.separates.iter().map(|name| hypothesis_words(name)).collect();
+    let trips = |trips: u32| if trips == 0 { "no trip".to_owned() } else { format!("{trips} trip of the ESV") };
+    let mut text = format!(
+        "To tell {} apart: {}. In {} s, with {}, this is expected to take {} of {} bits off what is open. {}",
+        listed(&names, "and"),
+        one.test,
+        significant(one.length_s, 3),
+        trips(one.trips),
+        significant(one.expected_drop_bits, 2),
+        significant(one.entropy_bits, 2),
+        how_to_run(one),
+    );
+    if one.script.is_some() {
+        text += " `govtwin play next_test.mcap` sends it.";
+    }
+    if let Some(other) = diagnosis.experiments.iter().find(|other| one.trips == 0 && other.trips > 0) {
+        let bits = significant(other.bits_per_minute, 2);
+        text += &format!(" With a trip more can be had: {}, {bits} bits a minute.", other.test);
+    }
+    text
+}
+
+/// Lines of the summary on a terminal: what they are called, and what they say.
+pub fn lines(diagnosis: &Diagnosis) -> Vec<(&'static str, String)> {
+    let Some(one) = diagnosis.experiments.first() else { return vec![("next test", nothing_to_settle(diagnosis))] };
+    let names: Vec<String> = one.separates.iter().map(|name| hypothesis_words(name)).collect();
+    let bits = significant(one.expected_drop_bits, 2);
+    vec![
+        ("next test", format!("{} (tells {} apart; {bits} bits)", one.test, listed(&names, "and"))),
+        ("how to run it", how_to_run(one)),
+    ]
+}
