@@ -1,5 +1,7 @@
 //! `govtwin diagnose`: where the gap between a unit and its twin lies, which effect causes it, how far it shrinks.
 
+pub mod next_test;
+
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -30,7 +32,7 @@ pub struct Args {
     /// The unit's data sheet; without it the shipped reference unit.
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
-    /// Folder for report.json, report.html, refitted.yaml and fitted.yaml.
+    /// Folder for report.json, report.html, refitted.yaml, fitted.yaml and next_test.mcap.
     #[arg(long, value_name = "DIR", default_value = "diagnosis")]
     out: PathBuf,
     /// Leaves an effect out of the catalogue; may be repeated.
@@ -56,6 +58,8 @@ First refits the sheet's parameters within their tolerances: most gaps are param
   unknown      a gap that nothing in the catalogue explains, with its place and shape
   no_gap       nothing beyond noise and tolerances
   not_excited  the recordings do not move the unit enough to tell
+DIR/next_test.mcap is the test that is expected to settle most of what is open, a script of command, ESV and tank pressure: `govtwin play` sends
+it to a governor or to the twin. Record the answer as NEW; `govtwin diagnose OLD NEW` then judges both. Where nothing is open there is no such file.
 `govtwin replay --params DIR/fitted.yaml BAG` tries the claim on another recording, refitted.yaml the twin without it.
 
 Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 finished with warnings.";
@@ -81,14 +85,15 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             unit.own_effects.push(own);
         }
     }
-    let output = Output::claim(&args.out, &["report.json", "report.html", "refitted.yaml", "fitted.yaml"])?;
+    let output =
+        Output::claim(&args.out, &["report.json", "report.html", "refitted.yaml", "fitted.yaml", contract::NEXT_TEST])?;
     let Recordings { recordings, warnings } = bags::read(&args.bags, &args.topics.topics(), &unit)?;
     for warning in &warnings {
         warn(warning);
     }
     settings.free |= args.params.is_none() && !recordings.iter().any(Recording::has_command);
     let (diagnosis, seconds) = judge(recordings, &unit, &settings)?;
-    write(output, &diagnosis, &origins(&args.bags), seconds)?;
+    write(output, &diagnosis, &unit, &origins(&args.bags), seconds)?;
     print(&report::summary(&diagnosis))?;
     print(&format!("\nreport: {}\n", args.out.join("report.html").display()))?;
     for note in &diagnosis.notes {
@@ -117,8 +122,14 @@ fn judge(recordings: Vec<Recording>, unit: &Unit, settings: &Settings) -> anyhow
     Ok((diagnosis, start.elapsed().as_secs_f64()))
 }
 
-/// Writes the four files of a report into a folder.
-fn write(mut output: Output, diagnosis: &Diagnosis, origins: &[String], seconds: f64) -> anyhow::Result<()> {
+/// Writes the files of a report into a folder.
+fn write(
+    mut output: Output,
+    diagnosis: &Diagnosis,
+    unit: &Unit,
+    origins: &[String],
+    seconds: f64,
+) -> anyhow::Result<()> {
     let mut json = serde_json::to_string_pretty(&contract::report(diagnosis, seconds))
         .context("cannot write the report as JSON")?;
     json.push('\n');
@@ -129,6 +140,10 @@ fn write(mut output: Output, diagnosis: &Diagnosis, origins: &[String], seconds:
         _ => "refitted within tolerances; the diagnosis names no effect",
     };
     overlay(&mut output, "fitted.yaml", &diagnosis.fitted, what, &diagnosis.parameters)?;
+    match next_test::file(diagnosis, &output.path(contract::NEXT_TEST), &unit.parameters)? {
+        Some(script) => output.add(contract::NEXT_TEST, &script)?,
+        None => output.remove(contract::NEXT_TEST),
+    }
     output.add("report.html", report::page(diagnosis, origins)?.to_html().as_bytes())?;
     output.add("report.json", json.as_bytes())?;
     output.place()

@@ -70,6 +70,8 @@ pub struct Output {
     folder: PathBuf,
     bags: Vec<Sealed>,
     files: Together,
+    /// Files of an earlier run that would no longer be true.
+    outdated: Vec<PathBuf>,
     _claim: Claim,
 }
 
@@ -83,7 +85,13 @@ impl Output {
                 folder.join(name).display()
             );
         }
-        Ok(Self { folder: folder.to_owned(), bags: vec![], files: Together::default(), _claim: claim })
+        Ok(Self {
+            folder: folder.to_owned(),
+            bags: vec![],
+            files: Together::default(),
+            outdated: vec![],
+            _claim: claim,
+        })
     }
 
     /// Where a file of this name will be.
@@ -104,6 +112,11 @@ impl Output {
         self.add(name, json.as_bytes())
     }
 
+    /// Removes the file of this name that an earlier run left, once everything else has its name.
+    pub fn remove(&mut self, name: &str) {
+        self.outdated.push(self.path(name));
+    }
+
     /// Takes bags that are whole but for their names.
     pub fn add_bags(&mut self, bags: impl IntoIterator<Item = Sealed>) {
         self.bags.extend(bags);
@@ -114,7 +127,16 @@ impl Output {
         for bag in self.bags {
             bag.place()?;
         }
-        self.files.place().with_context(|| format!("cannot place the files in {}", self.folder.display()))
+        self.files.place().with_context(|| format!("cannot place the files in {}", self.folder.display()))?;
+        for path in self.outdated {
+            match std::fs::remove_file(&path) {
+                Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                    return Err(error).with_context(|| format!("cannot remove {}", path.display()));
+                }
+                _ => {}
+            }
+        }
+        Ok(())
     }
 }
 
