@@ -7,6 +7,7 @@
 //! a reader needs to believe it ([`summary`]).
 
 pub mod agreement;
+pub mod candidate;
 pub mod channels;
 pub mod closure;
 pub mod contract;

@@ -2,30 +2,28 @@
 //!
 //! Every hypothesis that is left is put through each candidate once. Its outcome is a Gaussian: the mean is its simulation, the covariance noise and
 //! what the free parameters leave open, `S = I + J Σ Jᵀ`, with the leader's slopes J of the sheet's parameters for all and each set's own slopes of its
-//! effects. What that is worth stands in [`information`]; nats count as the posterior counts them ([`counted_share`]).
+//! effects. What that is worth stands in [`crate::diagnosis::information`]; nats count as the posterior counts them ([`counted_share`]).
 
 use nalgebra::{DMatrix, DVector};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
+use crate::diagnosis::candidate::{Candidate, candidates};
 use crate::diagnosis::decision::Decision;
 use crate::diagnosis::explore::Explored;
 use crate::diagnosis::information::{Drop, Predicted, entropy_bits, expected_drop, square};
 use crate::diagnosis::model::Model;
 use crate::diagnosis::outcome::Experiment;
 use crate::diagnosis::posterior::{Posterior, counted_share, gap};
-use crate::diagnosis::script::{CANDIDATES, PERIOD_S, Script};
+use crate::diagnosis::script::CANDIDATES;
 use crate::diagnosis::stage_experiment;
 use crate::diagnosis::survivors::{Survivor, deviations, survivors};
 use crate::diagnosis::table::Table;
-use crate::frame::{Frame, Signals};
 use crate::parameters::Unit;
-use crate::recording::Recording;
 use crate::signal::Signal;
 use crate::tuning::bench::{Bench, Misses};
 use crate::tuning::fit::slopes;
 use crate::tuning::trial::Trial;
 use crate::twin::{Cut, Twin};
-use crate::units::{nanos_from_seconds, seconds_from_nanos};
 
 /// A test that is expected to tell less settles nothing, bits.
 pub const LEAST_BITS: f64 = 0.01;
@@ -35,36 +33,6 @@ const SIMULATED_S: f64 = 12_000.0;
 
 /// Signals that a recorder of the pilot stage adds.
 const PILOT: [Signal; 2] = [Signal::PilotValvePosition, Signal::ControlPressure];
-
-/// A test that competes.
-#[derive(Clone, Debug)]
-pub struct Candidate {
-    /// What is done.
-    pub test: String,
-    /// The state of the unit.
-    pub unit_state: String,
-    /// As the leader would answer it.
-    pub trial: Trial,
-    /// The script, where one can be sent to a governor.
-    pub script: Option<Script>,
-    /// Samples a second.
-    pub rate_hz: f64,
-    /// Whether that is faster than the recordings were.
-    pub faster: bool,
-}
-
-impl Candidate {
-    fn length_s(&self) -> f64 {
-        match (self.trial.frames.first(), self.trial.frames.last()) {
-            (Some(first), Some(last)) => seconds_from_nanos(last.time_ns - first.time_ns),
-            _ => 0.0,
-        }
-    }
-
-    fn trips(&self) -> u32 {
-        self.script.as_ref().map_or(0, Script::trips)
-    }
-}
 
 /// What a posterior leaves open and what would settle it.
 #[derive(Clone, Debug, Default)]
@@ -92,53 +60,6 @@ pub fn next(bench: &Bench, found: &Explored, table: &Table, posterior: &Posterio
     let recorded = Signal::ALL.map(|signal| bench.trials.iter().any(|trial| trial.has[signal as usize]));
     let weighed = weigh(bench, &left, leader.model, &found.refitted().unit(), candidates, (gap(table), recorded));
     Next { entropy_bits, experiments: chosen(weighed, entropy_bits) }
-}
-
-/// Scripts as a unit would answer them, at the rate of the recordings and, where that is slow, at the scripts' own.
-#[must_use]
-pub fn candidates(bench: &Bench, unit: &Unit, scripts: &[Script]) -> Vec<Candidate> {
-    let period_s = bench.trials.iter().map(|trial| trial.period_s).fold(PERIOD_S, f64::max);
-    let mut periods_s = vec![PERIOD_S];
-    if bench.is_slow() {
-        periods_s.push(period_s);
-    }
-    let of = |&script: &Script| {
-        let answer = answer(unit, &script);
-        let candidate = |&period_s: &f64| Candidate {
-            test: script.words(),
-            unit_state: script.unit_state(),
-            trial: Trial::new(Recording::new(script.words(), sampled(&answer, period_s))),
-            script: Some(script),
-            rate_hz: (1.0 / period_s).round(),
-            faster: bench.is_slow() && period_s <= PERIOD_S,
-        };
-        periods_s.iter().map(candidate).collect::<Vec<_>>()
-    };
-    scripts.iter().flat_map(of).collect()
-}
-
-/// A script as a unit answers it, all signals at every row.
-fn answer(unit: &Unit, script: &Script) -> Vec<Frame> {
-    let mut twin = Twin::new(unit).with_dither(unit.sensors.servomotor_position_pu.noise);
-    let mut frames = script.frames(unit.parameters.oil.tank_pressure_pa);
-    for frame in &mut frames {
-        frame.measured = twin.step(frame).signals;
-    }
-    frames
-}
-
-/// The rows with signals at so many seconds' distance alone.
-fn sampled(frames: &[Frame], period_s: f64) -> Vec<Frame> {
-    let period_ns = nanos_from_seconds(period_s).max(1);
-    let mut due_ns = i64::MIN;
-    let of = |frame: &Frame| {
-        let is_due = frame.time_ns >= due_ns;
-        if is_due {
-            due_ns = frame.time_ns + period_ns;
-        }
-        Frame { measured: if is_due { frame.measured } else { Signals::NONE }, ..*frame }
-    };
-    frames.iter().map(of).collect()
 }
 
 /// A candidate with the signals that are recorded for it, and what it is expected to tell.
