@@ -67,6 +67,20 @@ fn secants(moved: &[Misses], steps: &[f64], at: &Misses) -> Vec<DMatrix<f64>> {
     (0..at.len()).map(of).collect()
 }
 
+/// Slopes of the misses about a position, by every knob from the `first` on.
+#[must_use]
+pub fn slopes(
+    bench: &Bench,
+    base: &Unit,
+    knobs: &[Knob],
+    positions: &[f64],
+    first: usize,
+    at: &Misses,
+) -> Vec<DMatrix<f64>> {
+    let (units, steps) = stepped(base, knobs, positions, first);
+    secants(&bench.misses_of(&units), &steps, at)
+}
+
 /// Misses at a position, and their slopes by every knob.
 #[must_use]
 pub fn pictured(bench: &Bench, base: &Unit, knobs: &[Knob], positions: &[f64]) -> (Misses, Vec<DMatrix<f64>>) {
