@@ -312,10 +312,10 @@ impl UDPListener {
   /// with its [`PacketOrigin`] (source address + receiving interface, when
   /// available). Pass `usize::MAX` to read everything currently queued.
   ///
-  /// The reactor registers listeners edge-triggered, so it must pass
-  /// `usize::MAX`: a datagram left unread does not produce another readiness
-  /// event. `Ok(None)` from [`recv_one`](Self::recv_one) (`WouldBlock`) ends
-  /// the drain.
+  /// The reactor registers listeners edge-triggered: a datagram left unread does
+  /// not produce another readiness event, so where `max_messages` are returned
+  /// the caller must come back. `Ok(None)` from [`recv_one`](Self::recv_one)
+  /// (`WouldBlock`) ends the drain.
   pub fn messages_bounded(&mut self, max_messages: usize) -> Vec<(Bytes, PacketOrigin)> {
     let mut messages = Vec::with_capacity(4);
 

@@ -92,8 +92,18 @@ pub const MAX_FRAGMENTED_SAMPLE_BYTES: usize = 16 * 1024 * 1024;
 // Most bytes in incomplete fragmented samples of one Writer.
 pub const MAX_ASSEMBLY_BYTES_PER_WRITER: usize = 4 * MAX_FRAGMENTED_SAMPLE_BYTES;
 
+// Most unknown participants whose announcements are assembled from fragments at a
+// time. Announcements hardly ever need fragments.
+pub const MAX_UNMATCHED_ASSEMBLERS: usize = 4;
+
 // Most samples of which a remote Reader can have requested fragments at a time.
 pub const MAX_FRAGMENTED_SAMPLES_REQUESTED: usize = 64;
+
+// Most datagrams taken from one socket before the event loop turns to the other
+// sockets, to timers and to local Writers. Datagrams wait in the kernel's buffer
+// meanwhile, which drops what exceeds it; a sender that never pauses must not
+// keep the loop from everything else.
+pub const MAX_DATAGRAMS_PER_ROUND: usize = 64;
 
 // Most payload bytes a TopicCache retains for samples withheld from Reliable
 // DataReaders while an earlier sample from the same Writer is missing. Beyond

@@ -265,6 +265,9 @@ impl DPEventLoop {
 
     let mut poll_alive = Instant::now();
     let mut ev_wrapper = self;
+    // Listeners that may hold datagrams which were not read yet. They are
+    // registered edge-triggered, so there is no further event for those.
+    let mut unread_listeners: BTreeSet<Token> = BTreeSet::new();
     let mut preparing_to_stop = false;
 
     if let Err(e) = ev_wrapper.waker.install(&ev_wrapper.poll, LOOP_WAKE_TOKEN) {
@@ -302,7 +305,11 @@ impl DPEventLoop {
       } else {
         Duration::from_millis(2)
       };
-      let poll_timeout = timeout_until(ev_wrapper.shared_timer.borrow().next_deadline(), idle_cap);
+      let poll_timeout = if unread_listeners.is_empty() {
+        timeout_until(ev_wrapper.shared_timer.borrow().next_deadline(), idle_cap)
+      } else {
+        Duration::ZERO
+      };
       match ev_wrapper.poll.poll(&mut events, Some(poll_timeout)) {
         Ok(_) => {}
         // A stopped process that goes on (SIGSTOP and SIGCONT, a debugger, a machine
@@ -333,20 +340,7 @@ impl DPEventLoop {
               | DISCOVERY_MUL_LISTENER_TOKEN
               | USER_TRAFFIC_LISTENER_TOKEN
               | USER_TRAFFIC_MUL_LISTENER_TOKEN => {
-                // Edge-triggered: read until WouldBlock. A cap would leave
-                // datagrams sitting with no further readiness event.
-                let udp_messages = ev_wrapper.udp_listeners.get_mut(&token).map_or_else(
-                  || {
-                    error!("No listener with token {:?}", token);
-                    vec![]
-                  },
-                  |l| l.messages_bounded(usize::MAX),
-                );
-                for (packet, origin) in udp_messages {
-                  ev_wrapper
-                    .message_receiver
-                    .handle_received_packet(&packet, origin);
-                }
+                unread_listeners.insert(token);
               }
               LOOP_WAKE_TOKEN => {
                 // Queues are drained below, once, for this whole iteration.
@@ -374,6 +368,9 @@ impl DPEventLoop {
         }
       }
 
+      // Every listener gets its turn in every round, however much the others hold.
+      unread_listeners.retain(|token| ev_wrapper.receive_some(*token));
+
       ev_wrapper.drain_timers(preparing_to_stop);
       if ev_wrapper.drain_queues(
         &mut readers_to_remove,
@@ -395,6 +392,23 @@ impl DPEventLoop {
       ev_wrapper.service_outbound();
     } // loop
   } // fn
+
+  // Handles at most MAX_DATAGRAMS_PER_ROUND datagrams of a listener. Returns
+  // whether it may hold more.
+  fn receive_some(&mut self, token: Token) -> bool {
+    let Some(listener) = self.udp_listeners.get_mut(&token) else {
+      error!("No listener with token {token:?}");
+      return false;
+    };
+    let udp_messages = listener.messages_bounded(MAX_DATAGRAMS_PER_ROUND);
+    let maybe_more = udp_messages.len() >= MAX_DATAGRAMS_PER_ROUND;
+    for (packet, origin) in udp_messages {
+      self
+        .message_receiver
+        .handle_received_packet(&packet, origin);
+    }
+    maybe_more
+  }
 
   // Returns true when the loop should exit.
   fn drain_queues(

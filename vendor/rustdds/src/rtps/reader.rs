@@ -42,7 +42,7 @@ use crate::{
   network::udp_sender::UDPSender,
   polling::{ReadySender, SharedTimer, WakeReceiver},
   rtps::{
-    constant::MAX_PLAUSIBLE_SEQUENCE_NUMBER, fragment_assembler::FragmentAssembler, message_receiver::MessageReceiverState,
+    constant::{MAX_PLAUSIBLE_SEQUENCE_NUMBER, MAX_UNMATCHED_ASSEMBLERS}, fragment_assembler::FragmentAssembler, message_receiver::MessageReceiverState,
     rtps_writer_proxy::RtpsWriterProxy, timed_event::DpTimerEvent, Message,
   },
   structure::{
@@ -468,6 +468,7 @@ impl Reader {
   pub fn remove_writer_proxy(&mut self, writer_guid: GUID) {
     if self.matched_writers.contains_key(&writer_guid) {
       self.matched_writers.remove(&writer_guid);
+      self.fragment_assemblers.remove(&writer_guid);
       self
         .acquire_the_topic_cache_guard()
         .forget_reliable_writer(writer_guid);
@@ -633,6 +634,23 @@ impl Reader {
       write_options_b = write_options_b.related_sample_identity(related_sample_identity);
     }
 
+    // A fragment costs memory until its sample is complete, so there must be a use
+    // for that sample; `process_received_data` would discard it otherwise. Only
+    // participants announce themselves unasked.
+    if !self.like_stateless {
+      match self.matched_writer(writer_guid) {
+        Some(writer_proxy) if !writer_proxy.should_ignore_change(seq_num) => (),
+        Some(_) | None
+          if writer_guid.entity_id == EntityId::SPDP_BUILTIN_PARTICIPANT_WRITER
+            && (self.fragment_assemblers.contains_key(&writer_guid)
+              || self.fragment_assemblers.len() < MAX_UNMATCHED_ASSEMBLERS) => {}
+        _ => {
+          debug!("Ignoring DATAFRAG {seq_num:?} from {writer_guid:?}: no use for it");
+          return;
+        }
+      }
+    }
+
     // Feed to fragment assembler ...
     let writer_seq_num = datafrag.writer_sn; // for borrow checker
     let completed_dds_data = self
@@ -685,6 +703,7 @@ impl Reader {
           debug!("AssemblyBuffer GC writer {writer:?}");
           fa.garbage_collect_before(expire_before);
         });
+      self.fragment_assemblers.retain(|_, fa| !fa.is_empty());
     } else {
       trace!("Not yet AssemblyBuffer GC time.");
     }

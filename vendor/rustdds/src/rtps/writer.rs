@@ -1305,6 +1305,11 @@ impl Writer {
       AckSubmessage::NackFrag(ref nackfrag) => {
         // NackFrag is negative acknowledgement only, i.e. requesting missing fragments.
         let reader_guid = GUID::new(reader_guid_prefix, nackfrag.reader_id);
+        // There is nothing to send of a sample that is not there.
+        if self.send_buffer.get_by_sn(nackfrag.writer_sn).is_none() {
+          trace!("Ignoring NACK_FRAG of a missing sample: {nackfrag:?}");
+          return;
+        }
         let Some(reader_proxy) = self.lookup_reader_proxy_mut(reader_guid) else {
           return;
         };

@@ -454,6 +454,18 @@ where
       //
       // Without this chek the addition operation below could overflow.
       Err(speedy::Error::custom(format!("NumberSet size too large: {num_bits} > 256.")).into())
+    } else if !i64::from(bitmap_base.clone())
+      .checked_add(num_bits as i64)
+      .is_some_and(|end| i64::from(N::from(end)) == end)
+    {
+      // Members are base + bit number, which must not overflow: that is a panic in
+      // builds with overflow checks, and ends the thread that parses.
+      Err(
+        speedy::Error::custom(format!(
+          "NumberSet of {num_bits} bits at {bitmap_base:?} exceeds its number type."
+        ))
+        .into(),
+      )
     } else {
       let word_count = num_bits.div_ceil(32);
       let mut bitmap: Vec<u32> = Vec::with_capacity(word_count as usize);
@@ -555,6 +567,26 @@ where
 #[cfg(test)]
 mod tests {
   use super::*;
+
+  // Regression: the base comes from the network, members are base + bit number.
+  #[test]
+  fn number_set_beyond_its_number_type_is_refused() {
+    let set_at = |base: &[u8]| [base, &32u32.to_le_bytes(), &[0xFF; 4]].concat();
+    let fragments = |base: u32| {
+      let bytes = set_at(&base.to_le_bytes());
+      FragmentNumberSet::read_from_buffer_with_ctx(speedy::Endianness::LittleEndian, &bytes)
+    };
+    assert_eq!(fragments(u32::MAX - 32).unwrap().iter().count(), 32);
+    assert!(fragments(u32::MAX - 30).is_err());
+    assert!(fragments(u32::MAX).is_err());
+    let samples = |high: i32, low: u32| {
+      let bytes = set_at(&[high.to_le_bytes(), low.to_le_bytes()].concat());
+      SequenceNumberSet::read_from_buffer_with_ctx(speedy::Endianness::LittleEndian, &bytes)
+    };
+    assert_eq!(samples(i32::MAX, u32::MAX - 32).unwrap().iter().count(), 32);
+    assert!(samples(i32::MAX, u32::MAX - 30).is_err());
+    assert!(samples(-1, 0).is_ok());
+  }
 
   #[test]
   fn sequence_number_starts_by_default_from_one() {
