@@ -1,9 +1,10 @@
 //! The thread that hears: samples are checked and become events, parameter calls are answered.
 
+pub mod news;
+
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::sync::Mutex;
-use std::sync::mpsc::Sender;
 
 use futures::channel::oneshot;
 use futures::stream::{LocalBoxStream, StreamExt, select_all};
@@ -12,11 +13,12 @@ use ros2_client::parameters::raw;
 use ros2_client::{Gid, MessageInfo, Publisher, ReadError, Subscription};
 use rtrb::Producer;
 
+use self::news::{News, Teller};
 use super::bus::{Bus, BusError};
 use super::core::{Heard, Input};
 use super::environment::Environment;
 use super::intake::{Counts, Gate, Intake, Numbering, Refusal};
-use super::integration::{Event, Output};
+use super::integration::Event;
 use super::parameters::Store;
 use super::realtime::{monotonic_ns, wall_ns};
 use super::services::{Aftermath, Desk, ParameterServices};
@@ -28,17 +30,6 @@ pub const MEASURED: &str = "plant/servo_state";
 
 /// A measured position beyond this is no position, pu of stroke.
 const FARTHEST_PU: f64 = 10.0;
-
-/// What the other threads tell the keeper.
-#[derive(Debug, Clone)]
-pub enum News {
-    /// A result worth keeping or telling.
-    Output(Box<Output>),
-    /// Words for people.
-    Said(LogLevel, String),
-    /// Settings that changed while the node runs.
-    Settings(Settings),
-}
 
 /// Everything that the node hears through.
 pub struct Ears {
@@ -78,7 +69,7 @@ pub struct Listener<'a> {
     /// Where events go.
     pub events: RefCell<Producer<Event>>,
     /// Where words go.
-    pub news: Sender<News>,
+    pub news: Teller,
     /// Counts of the inputs, for whoever asks.
     pub counts: &'a Mutex<[Counts; 3]>,
     gates: RefCell<[Gate; 3]>,
@@ -96,7 +87,7 @@ enum Arrival {
 impl<'a> Listener<'a> {
     /// A listener that has heard nothing yet.
     #[must_use]
-    pub fn new(bus: &'a Bus, events: Producer<Event>, news: Sender<News>, counts: &'a Mutex<[Counts; 3]>) -> Self {
+    pub fn new(bus: &'a Bus, events: Producer<Event>, news: Teller, counts: &'a Mutex<[Counts; 3]>) -> Self {
         Self {
             bus,
             events: RefCell::new(events),
@@ -229,7 +220,7 @@ impl<'a> Listener<'a> {
         }
         let settings = desk.store.borrow().settings();
         // First to the keeper, so that whatever comes of them is told in their words.
-        let _ = self.news.send(News::Settings(settings));
+        self.news.tell(News::Settings(settings));
         for (input, rule) in Input::ALL.into_iter().zip(settings.policies().rules) {
             self.tell(Heard::Rule(input, rule));
         }
@@ -247,7 +238,6 @@ impl<'a> Listener<'a> {
     }
 
     fn say(&self, level: LogLevel, words: String) {
-        // The keeper outlives this thread; were it gone there would be nobody to tell.
-        let _ = self.news.send(News::Said(level, words));
+        self.news.tell(News::Said(level, words));
     }
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::mpsc::RecvTimeoutError;
 use std::time::Duration;
 
 use futures::channel::oneshot;
@@ -19,7 +19,8 @@ use super::environment::Environment;
 use super::intake::Counts;
 use super::integration::Integrator;
 use super::journal::{Journal, Names};
-use super::listener::{Ears, Listener, News};
+use super::listener::news::{News, Taker, way};
+use super::listener::{Ears, Listener};
 use super::mouth::Mouth;
 use super::parameters::Store;
 use super::realtime::{Until, claim, claim_as_carrier, resident_bytes, wall_ns};
@@ -127,7 +128,7 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
     let core = core.with_corrector(corrector);
     let (integrator, ends) = Integrator::new(core, settings.pace(), 0);
     let counts = Mutex::new(<[Counts; 3]>::default());
-    let (news, heard) = channel();
+    let (news, heard) = way();
     let (stop_listening, listening) = oneshot::channel();
     let ending = AtomicBool::new(false);
     let (bus_ref, ears_ref, mouth_ref, counts_ref, ending_ref) = (&bus, &ears, &mouth, &counts, &ending);
@@ -162,7 +163,7 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
                     Ok(words) => (LogLevel::Info, words),
                     Err(words) => (LogLevel::Warn, words),
                 };
-                let _ = news.send(News::Said(level, words));
+                news.tell(News::Said(level, words));
             }
             // From here on this thread touches nothing that can wait.
             drop(news);
@@ -243,12 +244,12 @@ struct Keeper<'a> {
 
 impl Keeper<'_> {
     /// Keeps the books until `done`.
-    fn keep(&mut self, news: &Receiver<News>, done: impl Fn() -> bool) -> Result<(), NodeError> {
+    fn keep(&mut self, news: &Taker, done: impl Fn() -> bool) -> Result<(), NodeError> {
         let second = Duration::from_secs(1);
         let mut next = Until::after(Some(second));
         let (mut newest, mut reported) = (None, <[Counts; 3]>::default());
         while !done() {
-            match news.recv_timeout(Duration::from_millis(20)) {
+            match news.take(Duration::from_millis(20)) {
                 Ok(item) => {
                     if let News::Output(output) = &item {
                         newest = Some(**output);
@@ -258,6 +259,7 @@ impl Keeper<'_> {
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,
             }
+            self.catch_up(news);
             if next.comes_round(second) {
                 if let Some(journal) = &mut self.journal {
                     journal.flush()?;
@@ -305,8 +307,22 @@ impl Keeper<'_> {
     }
 
     /// Takes what is left once all threads have ended.
-    fn drain(&mut self, news: &Receiver<News>) -> Result<(), NodeError> {
-        news.try_iter().try_for_each(|item| self.take(&item))
+    fn drain(&mut self, news: &Taker) -> Result<(), NodeError> {
+        let taken = news.rest().try_for_each(|item| self.take(&item));
+        self.catch_up(news);
+        taken
+    }
+
+    /// What found no room on the way here.
+    fn catch_up(&mut self, news: &Taker) {
+        if let Some(settings) = news.settings() {
+            self.settings = settings;
+        }
+        let left_out = news.left_out();
+        if left_out > 0 {
+            let words = format!("the books stood still: {left_out} results or words are missing in log and bag");
+            self.tell(LogLevel::Error, &words);
+        }
     }
 
     fn take(&mut self, item: &News) -> Result<(), NodeError> {

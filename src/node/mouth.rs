@@ -1,6 +1,5 @@
 //! The publishers of the node's results, and the thread that feeds them.
 
-use std::sync::mpsc::Sender;
 use std::time::Duration;
 
 use ros2_client::Publisher;
@@ -9,7 +8,7 @@ use rtrb::Consumer;
 use super::bus::{Bus, BusError};
 use super::corrected::Voice;
 use super::integration::Output;
-use super::listener::News;
+use super::listener::news::{News, Teller};
 use super::messages;
 use crate::msg::{Interface, JointState, ServoState, TwinStatus};
 use crate::parameters::Parameters;
@@ -38,7 +37,7 @@ impl Mouth {
     }
 
     /// Publishes results until the loop has gone, and hands them on to the keeper. Returns how many DDS did not take.
-    pub fn publish(&self, mut outputs: Consumer<Output>, parameters: &Parameters, news: &Sender<News>) -> u64 {
+    pub fn publish(&self, mut outputs: Consumer<Output>, parameters: &Parameters, news: &Teller) -> u64 {
         let mut lost = 0;
         loop {
             let last = outputs.is_abandoned();
@@ -54,7 +53,7 @@ impl Mouth {
                         lost += voice.say(estimate, correction);
                     }
                 }
-                let _ = news.send(News::Output(Box::new(output)));
+                news.tell(News::Output(Box::new(output)));
             }
             if last {
                 return lost;

@@ -1,0 +1,135 @@
+//! The way from the threads that must not wait to the keeper, who may: bounded, and it never makes a sender wait.
+//!
+//! The keeper writes to a terminal and to a disk, and looks into the transport's books while discovery changes them.
+//! Where it stands still, what happens meanwhile is left out and counted; hearing and publishing go on.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use ros2_client::log::LogLevel;
+
+use super::super::integration::Output;
+use super::super::settings::Settings;
+
+/// Room for news not yet taken: half a minute and more of the usual traffic.
+const ROOM: usize = 16_384;
+
+/// What the other threads tell the keeper.
+#[derive(Debug, Clone)]
+pub enum News {
+    /// A result worth keeping or telling.
+    Output(Box<Output>),
+    /// Words for people.
+    Said(LogLevel, String),
+    /// Settings that changed while the node runs.
+    Settings(Settings),
+}
+
+/// What both ends share besides the queue.
+#[derive(Debug, Default)]
+struct Aside {
+    left_out: AtomicU64,
+    /// The newest settings that found no room: they must not be lost, and only the newest count.
+    settings: Mutex<Option<Settings>>,
+}
+
+/// The end that tells.
+#[derive(Debug, Clone)]
+pub struct Teller {
+    queue: SyncSender<News>,
+    aside: Arc<Aside>,
+}
+
+/// The end that takes.
+#[derive(Debug)]
+pub struct Taker {
+    queue: Receiver<News>,
+    aside: Arc<Aside>,
+}
+
+/// Both ends of a new way.
+#[must_use]
+pub fn way() -> (Teller, Taker) {
+    way_with_room(ROOM)
+}
+
+fn way_with_room(room: usize) -> (Teller, Taker) {
+    let (sender, receiver) = sync_channel(room);
+    let aside = Arc::<Aside>::default();
+    (Teller { queue: sender, aside: Arc::clone(&aside) }, Taker { queue: receiver, aside })
+}
+
+impl Teller {
+    /// Tells, and never waits.
+    pub fn tell(&self, item: News) {
+        match self.queue.try_send(item) {
+            Err(TrySendError::Full(News::Settings(settings))) => {
+                if let Ok(mut waiting) = self.aside.settings.lock() {
+                    *waiting = Some(settings);
+                }
+            }
+            Err(TrySendError::Full(_)) => {
+                self.aside.left_out.fetch_add(1, Ordering::Relaxed);
+            }
+            // The keeper outlives the threads that tell; were it gone there would be nobody to tell.
+            Ok(()) | Err(TrySendError::Disconnected(_)) => {}
+        }
+    }
+}
+
+impl Taker {
+    /// The next news, for which it waits so long at most.
+    ///
+    /// # Errors
+    /// When nothing came, or nobody is left who tells.
+    pub fn take(&self, patience: Duration) -> Result<News, RecvTimeoutError> {
+        self.queue.recv_timeout(patience)
+    }
+
+    /// All that is there.
+    pub fn rest(&self) -> impl Iterator<Item = News> {
+        self.queue.try_iter()
+    }
+
+    /// Settings that found no room, once.
+    #[must_use]
+    pub fn settings(&self) -> Option<Settings> {
+        self.aside.settings.lock().ok()?.take()
+    }
+
+    /// How much was left out since this was asked last.
+    #[must_use]
+    pub fn left_out(&self) -> u64 {
+        self.aside.left_out.swap(0, Ordering::Relaxed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ros2_client::log::LogLevel;
+
+    use super::{News, Settings, way_with_room};
+
+    #[test]
+    fn a_full_way_takes_no_more_counts_and_keeps_the_newest_settings() {
+        let (teller, taker) = way_with_room(2);
+        for number in 0..5 {
+            teller.tell(News::Said(LogLevel::Info, number.to_string()));
+        }
+        for rate_hz in [10.0, 20.0] {
+            teller.tell(News::Settings(Settings { rate_hz, ..Settings::default() }));
+        }
+        let words = taker.rest().map(|item| match item {
+            News::Said(_, words) => words,
+            other => format!("{other:?}"),
+        });
+        assert_eq!(words.collect::<Vec<_>>(), ["0", "1"]);
+        assert_eq!((taker.left_out(), taker.left_out()), (3, 0));
+        assert_eq!(taker.settings().map(|settings| settings.rate_hz), Some(20.0));
+        assert!(taker.settings().is_none());
+        teller.tell(News::Said(LogLevel::Info, "again".to_owned()));
+        assert_eq!(taker.rest().count(), 1);
+    }
+}
