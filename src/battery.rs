@@ -276,7 +276,6 @@ mod tests {
             ("esv_slow", Process::Shutdown),
             ("viscosity", Process::LoadRejection),
             ("port_overlap", Process::LoadRejection),
-            ("port_wear", Process::LoadRejection),
             ("servo_friction", Process::LoadRejection),
             ("servo_leak", Process::LoadIncrease),
             ("cushion", Process::Shutdown),

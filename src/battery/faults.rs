@@ -33,7 +33,7 @@ pub struct Faults {
     pub(super) load_ratio: f64,
     /// Quadratic loss of the line, Pa s²/(m³ m³).
     pub(super) supply_loss: f64,
-    /// The same of the return line.
+    /// Quadratic loss of the return line, Pa s²/(m³ m³).
     pub(super) return_loss: f64,
     pub(super) lvdt_gain: f64,
     pub(super) lvdt_bias_pu: f64,

@@ -126,6 +126,18 @@ pub fn gas_compressibility_1_pa(share: f64, pressure_pa: f64) -> f64 {
     share / (POLYTROPIC_EXPONENT * ATMOSPHERE_PA) * ratio.powf(-1.0 - 1.0 / POLYTROPIC_EXPONENT)
 }
 
+/// Force of an elastic, damped stop, N; it pushes and never pulls.
+#[inline]
+#[must_use]
+pub fn stop(at_m: f64, speed_m_s: f64, low_m: f64, high_m: f64, stiffness_n_m: f64, mass_kg: f64) -> f64 {
+    let into_m = at_m - at_m.clamp(low_m, high_m);
+    if into_m == 0.0 {
+        return 0.0;
+    }
+    let force_n = -stiffness_n_m * into_m - 0.8 * (stiffness_n_m * mass_kg).sqrt() * speed_m_s;
+    if force_n * into_m < 0.0 { force_n } else { 0.0 }
+}
+
 /// Widths of the plays of a rounded loop, over the loop's.
 const PLAY_SHARES: [f64; 4] = [0.4, 0.8, 1.2, 1.6];
 

@@ -5,7 +5,7 @@
 //! Runge–Kutta method at 50 µs.
 
 use crate::battery::faults::Faults;
-use crate::battery::laws::{Bristles, edge, eroded, filtered, gap, gas_compressibility_1_pa, held_back_pa, jet};
+use crate::battery::laws::{Bristles, edge, eroded, filtered, gap, gas_compressibility_1_pa, held_back_pa, jet, stop};
 use crate::battery::oddities::Oddities;
 use crate::parameters::Parameters;
 
@@ -356,15 +356,4 @@ fn plus(y: &Vector, by: f64, k: &Vector) -> Vector {
         sum[i] += by * k[i];
     }
     sum
-}
-
-/// Force of an elastic, damped stop, N; it pushes and never pulls.
-#[inline]
-fn stop(at_m: f64, speed_m_s: f64, low_m: f64, high_m: f64, stiffness_n_m: f64, mass_kg: f64) -> f64 {
-    let into_m = at_m - at_m.clamp(low_m, high_m);
-    if into_m == 0.0 {
-        return 0.0;
-    }
-    let force_n = -stiffness_n_m * into_m - 0.8 * (stiffness_n_m * mass_kg).sqrt() * speed_m_s;
-    if force_n * into_m < 0.0 { force_n } else { 0.0 }
 }
