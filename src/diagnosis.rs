@@ -10,6 +10,7 @@ pub mod agreement;
 pub mod candidate;
 pub mod channels;
 pub mod closure;
+pub mod consistency;
 pub mod contract;
 pub mod decision;
 pub mod discrepancy;

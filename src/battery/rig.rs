@@ -62,6 +62,32 @@ pub struct Hand {
     pub tank_pa: f64,
 }
 
+/// What changes with time alone: the same at every stage of a step.
+#[derive(Clone, Copy, Debug)]
+struct Moment {
+    viscosity_ratio: f64,
+    ripple_pa: f64,
+    surge_n: f64,
+    /// What is left of things that fade within 10, 20 and 30 s.
+    fading: [f64; 3],
+}
+
+impl Moment {
+    fn new(time_s: f64, f: &Faults) -> Self {
+        use std::f64::consts::TAU;
+        let since_s = time_s.max(0.0);
+        // Viscosity falls exponentially with a temperature that settles exponentially.
+        let viscosity_ratio =
+            if f.cold_excess == 0.0 { 1.0 } else { (f.cold_excess.ln_1p() * (-since_s / 60.0).exp()).exp() };
+        Self {
+            viscosity_ratio,
+            ripple_pa: f.ripple_pa * (TAU * 2.0 * time_s).sin(),
+            surge_n: f.surge_n * (TAU * 0.7 * time_s).sin(),
+            fading: [10.0, 20.0, 30.0].map(|within_s| (-since_s / within_s).exp()),
+        }
+    }
+}
+
 /// The rig: parameters, faults, and what is odd about it.
 #[derive(Clone, Debug)]
 pub struct Rig {
@@ -70,6 +96,10 @@ pub struct Rig {
     odd: Oddities,
     spool_friction: Bristles,
     piston_friction: Bristles,
+    /// Natural frequency of the pilot valve's position loop.
+    pilot_rad_s: f64,
+    /// Lag of its coil.
+    coil_s: f64,
     y: Vector,
 }
 
@@ -106,7 +136,12 @@ impl Rig {
             bend_m: odd.piston_bend_m,
             damping_n_s_m: 1e6,
         };
-        Self { p: *p, faults: faults.clone(), odd: *odd, spool_friction, piston_friction, y }
+        let valve = &p.proportional_valve;
+        let ratio = 1.0 + faults.pv_frequency_ratio;
+        let pilot_rad_s = valve.natural_frequency_rad_s * ratio.powf(0.7);
+        let coil_s =
+            1e-4 + 2.0 * valve.damping_ratio / valve.natural_frequency_rad_s * (1.0 / ratio - ratio.powf(-0.7));
+        Self { p: *p, faults: faults.clone(), odd: *odd, spool_friction, piston_friction, pilot_rad_s, coil_s, y }
     }
 
     /// Advances by a millisecond.
@@ -115,10 +150,11 @@ impl Rig {
         let h = STEP_S;
         for _ in 0..STEPS {
             let y = self.y;
-            let k_1 = self.rates(&y, &hand);
-            let k_2 = self.rates(&plus(&y, 0.5 * h, &k_1), &hand);
-            let k_3 = self.rates(&plus(&y, 0.5 * h, &k_2), &hand);
-            let k_4 = self.rates(&plus(&y, h, &k_3), &hand);
+            let moment = Moment::new(hand.time_s, &self.faults);
+            let k_1 = self.rates(&y, &hand, &moment);
+            let k_2 = self.rates(&plus(&y, 0.5 * h, &k_1), &hand, &moment);
+            let k_3 = self.rates(&plus(&y, 0.5 * h, &k_2), &hand, &moment);
+            let k_4 = self.rates(&plus(&y, h, &k_3), &hand, &moment);
             for i in 0..STATES {
                 self.y[i] += h / 6.0 * (k_1[i] + 2.0 * (k_2[i] + k_3[i]) + k_4[i]);
             }
@@ -177,17 +213,13 @@ impl Rig {
     }
 
     #[expect(clippy::too_many_lines, reason = "one system of equations")]
-    fn rates(&self, y: &Vector, hand: &Hand) -> Vector {
+    fn rates(&self, y: &Vector, hand: &Hand, moment: &Moment) -> Vector {
         let (p, f, odd) = (&self.p, &self.faults, &self.odd);
         let mut d = [0.0; STATES];
         let return_pa = p.oil.return_pressure_pa;
         let compressibility_1_pa = 1.0 / p.oil.bulk_modulus_pa;
-        // Viscosity falls exponentially with a temperature that settles exponentially.
-        let viscosity = if f.cold_excess == 0.0 {
-            1.0
-        } else {
-            (f.cold_excess.ln_1p() * (-hand.time_s.max(0.0) / 60.0).exp()).exp()
-        };
+        let viscosity = moment.viscosity_ratio;
+        let [within_10_s, within_20_s, within_30_s] = moment.fading;
 
         // Main ports: four edges of their own.
         let x = y[SPOOL];
@@ -221,23 +253,19 @@ impl Rig {
         let surplus_m3_s = y[LINE] - drawn_m3_s;
         let at_node_pa = y[NODE] + odd.node_resistance_pa_s_m3 * surplus_m3_s;
         let loss_pa = f.supply_loss * (0.85 * y[LINE].abs() + 0.15 * 0.02) * y[LINE];
-        let ripple_pa = f.ripple_pa * (std::f64::consts::TAU * 2.0 * hand.time_s).sin();
-        d[LINE] = (hand.tank_pa + ripple_pa - at_node_pa - loss_pa) / odd.line_inertance;
+        d[LINE] = (hand.tank_pa + moment.ripple_pa - at_node_pa - loss_pa) / odd.line_inertance;
         d[NODE] = surplus_m3_s / (odd.node_volume_m3 * compressibility_1_pa);
 
         // Pilot valve: coil, position loop, two rounded edges.
         let valve = &p.proportional_valve;
-        let ratio = 1.0 + f.pv_frequency_ratio;
-        let omega = valve.natural_frequency_rad_s * ratio.powf(0.7);
-        let coil_s =
-            1e-4 + 2.0 * valve.damping_ratio / valve.natural_frequency_rad_s * (1.0 / ratio - ratio.powf(-0.7));
+        let (omega, coil_s) = (self.pilot_rad_s, self.coil_s);
         d[COIL] = (hand.current_pu - y[COIL]) / coil_s;
         d[PILOT] = y[PILOT_RATE];
         d[PILOT_RATE] =
             omega * (omega * (valve.gain_pu * y[COIL] - y[PILOT]) - 2.0 * valve.damping_ratio * y[PILOT_RATE]);
-        let at_pu = y[PILOT] - f.pv_null_shift_pu * (1.0 + 0.1 * (-hand.time_s.max(0.0) / 20.0).exp());
+        let at_pu = y[PILOT] - f.pv_null_shift_pu * (1.0 + 0.1 * within_20_s);
         let round_pu = 0.002 + 0.1 * f.pv_overlap_pu;
-        let fading = 1.0 - f.gain_drift_share * (1.0 - (-hand.time_s.max(0.0) / 10.0).exp());
+        let fading = 1.0 - f.gain_drift_share * (1.0 - within_10_s);
         let conductance = valve.rated_flow_m3_s / valve.rated_pressure_drop_pa.sqrt() * fading;
         let curved = |s: f64| s * (1.0 + odd.pilot_curvature_ratio * s);
         let filling = odd.filling_gain * conductance * curved(edge(at_pu - 1.1 * f.pv_overlap_pu, round_pu));
@@ -317,10 +345,11 @@ impl Rig {
         let sheet_n = servo.load_closed_n + servo.load_slope_n * opening_pu;
         let load_n = sheet_n * (1.0 + f.load_ratio * (1.0 + 0.1 * turn.sin()))
             + odd.load_ripple_ratio * servo.load_slope_n * turn.sin()
-            + f.surge_n * (std::f64::consts::TAU * 0.7 * hand.time_s).sin();
+            + moment.surge_n;
         let (bend_m_s, rub_n) = self.piston_friction.rate_and_force(w, y[PISTON_BEND]);
         let spot = (opening_pu - 0.45) / 0.02;
-        let spot_n = f.sticky_spot_n * (-spot * spot).exp() * (w / 1e-3).tanh();
+        let spot_n =
+            if f.sticky_spot_n == 0.0 { 0.0 } else { f.sticky_spot_n * (-spot * spot).exp() * (w / 1e-3).tanh() };
         let stop_n = stop(y[PISTON], w, 0.0, servo.stroke_m, odd.piston_stop_n_m, servo.moving_mass_kg);
         d[PISTON] = w;
         d[PISTON_BEND] = bend_m_s;
@@ -337,11 +366,10 @@ impl Rig {
         let slack_pu = opening_pu - y[ROD];
         let contact_pu = slack_pu - slack_pu.clamp(-0.5 * f.play_pu, 0.5 * f.play_pu);
         d[ROD] = contact_pu / if f.play_pu > 0.0 { 2e-3 } else { 1e-4 };
-        let slipped_pu =
-            f.feedback_bias_pu * (1.03 - 0.06 * y[ROD]) * (1.0 + 0.04 * (-hand.time_s.max(0.0) / 30.0).exp());
+        let slipped_pu = f.feedback_bias_pu * (1.03 - 0.06 * y[ROD]) * (1.0 + 0.04 * within_30_s);
         d[READING_1] = (y[ROD] + slipped_pu - y[READING_1]) / (odd.feedback_lag_s + 0.5 * f.feedback_lag_s);
         d[READING_2] = (y[READING_1] - y[READING_2]) / (1e-4 + 0.5 * f.feedback_lag_s);
-        let bias_pu = f.lvdt_bias_pu * (1.0 + 0.05 * (-hand.time_s.max(0.0) / 20.0).exp());
+        let bias_pu = f.lvdt_bias_pu * (1.0 + 0.05 * within_20_s);
         let straight = 1.0 + f.lvdt_gain * (1.0 - 0.1 * share * share);
         let shown_pu = straight * share + bias_pu + f.lvdt_cubic_pu * share * share * share;
         d[LVDT] = (shown_pu - y[LVDT]) / odd.lvdt_lag_s;

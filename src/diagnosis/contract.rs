@@ -2,6 +2,7 @@
 
 use serde_json::{Value, json};
 
+use crate::diagnosis::consistency::Consistency;
 use crate::diagnosis::outcome::{Diagnosis, Fitted, Interval, StageOnly};
 use crate::diagnosis::part::FREE_RUN_SAMPLES;
 use crate::effects::Stage;
@@ -182,7 +183,17 @@ fn evidence(diagnosis: &Diagnosis) -> Value {
         .collect();
     let sets: Vec<Value> =
         diagnosis.sets.iter().map(|(effects, p)| json!({"effects": effects, "probability": p})).collect();
+    let [refitted, likeliest] = diagnosis.consistency.each_ref().map(|all| {
+        let of = |one: &Consistency| {
+            json!({
+                "signal": one.signal.id(), "samples": one.samples,
+                "mean_square": one.mean_square, "lag1_correlation": one.correlation,
+            })
+        };
+        all.iter().map(of).collect::<Vec<_>>()
+    });
     json!({
+        "innovations": {"refitted": refitted, "likeliest": likeliest},
         "values": diagnosis.samples, "entropy_bits": diagnosis.entropy_bits, "fault_sets": sets, "table": diagnosis.table, "closure_without_recording": transfers,
         "parameters": parameters, "tried": tried, "channels": channels, "smallest_visible": visible,
         "alike": alike, "ledgers": ledgers, "stage_tests": tests, "free_terms": latents,

@@ -1,5 +1,6 @@
 //! What a diagnosis says: the verdict and the evidence for it.
 
+use crate::diagnosis::consistency::Consistency;
 use crate::diagnosis::script::Script;
 use crate::diagnosis::table::Table;
 use crate::effects::Stage;
@@ -356,6 +357,8 @@ pub struct Diagnosis {
     pub sets: Vec<(Vec<String>, f64)>,
     /// The evidence that the probabilities rest on.
     pub table: Table,
+    /// Innovations of the refitted sheet, and of the likeliest fault set.
+    pub consistency: [Vec<Consistency>; 2],
     /// How many values were measured.
     pub samples: usize,
     /// Traces for pictures.

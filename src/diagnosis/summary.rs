@@ -2,6 +2,7 @@
 
 use crate::diagnosis::Settings;
 use crate::diagnosis::closure::{LeftOut, Refitted, closure, closure_of, without_parts, without_recordings};
+use crate::diagnosis::consistency::consistency;
 use crate::diagnosis::decision::Decision;
 use crate::diagnosis::discrepancy;
 use crate::diagnosis::explore::{Explored, Hypothesis};
@@ -140,6 +141,7 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &Settings, seen: Seen) 
         transfers: transfers(bench, &refitted_without, chosen, settings.seed),
         tried: tried(explored, &refitted_without, bench, spread),
         samples: bench.trials.iter().map(|t| t.samples.len() * t.has.iter().filter(|&&has| has).count()).sum(),
+        consistency: [refitted_model, explored.leader()].map(|model| consistency(bench, model)),
         sets: decision.sets.clone(),
         traces: traces(bench, [&delivered, &refitted, &with_effects]),
         blamed,

@@ -244,6 +244,17 @@ impl Bench {
         DVector::from_vec(all)
     }
 
+    /// Normalised innovations of a signal in a trial, of its misses there: each sample over what it may miss, outliers by their size.
+    #[must_use]
+    pub fn innovations(&self, trial: usize, signal: Signal, misses: &DVector<f64>) -> Vec<f64> {
+        let data = &self.trials[trial];
+        let Some(place) = data.place(signal) else { return Vec::new() };
+        let root = self.whiteners[trial][place].share.sqrt();
+        let own = misses.iter().skip(place * data.samples.len());
+        let measured = data.measured(signal).into_iter().zip(own).filter(|(measured, _)| measured.is_finite());
+        measured.map(|(_, miss)| miss / root).collect()
+    }
+
     /// Misses of several units in all trials, in parallel, in order.
     #[must_use]
     pub fn misses_of(&self, units: &[Unit]) -> Vec<Misses> {

@@ -33,7 +33,7 @@ const WIDE: [(&str, f64); 5] = [
 /// The effect that takes up where the spool's zero lies, which nobody knows without a sheet.
 const SPOOL_ZERO: &str = "lvdt_bias";
 /// Effects that only say in which units a signal was recorded.
-const UNITS_ONLY: [&str; 2] = ["lvdt_bias", "lvdt_gain"];
+const UNITS_ONLY: [&str; 3] = ["lvdt_bias", "lvdt_gain", "feedback_bias"];
 /// Spool positions that need no scaling, pu.
 const USUAL_SPOOL: (f64, f64) = (0.2, 1.2);
 /// Openings that need no scaling, pu.

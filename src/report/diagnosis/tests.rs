@@ -131,6 +131,7 @@ fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
         transfers: Vec::new(),
         sets: vec![(vec!["backlash".into()], 0.9)],
         table: Table::default(),
+        consistency: [Vec::new(), Vec::new()],
         samples: 100,
         traces: vec![Trace {
             name: "<b>one</b> & only".into(),
