@@ -7,6 +7,7 @@ pub mod exam;
 pub mod learn;
 pub mod limits;
 pub mod page;
+pub mod rejudge;
 pub mod said;
 pub mod score;
 pub mod scored;

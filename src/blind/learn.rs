@@ -244,6 +244,8 @@ pub struct Learned {
     pub held_out_right: f64,
     /// Mean log score on what was learned from.
     pub seen: f64,
+    /// For each part the weights of all others.
+    pub of_others: Vec<Vec<f64>>,
 }
 
 /// Learns from all parts, and judges each by the others.
@@ -253,6 +255,7 @@ pub fn learn(parts: &[Vec<Example>]) -> Learned {
     let with = |weights: Vec<f64>| Weights { weights, ..bayes.clone() };
     let all: Vec<Example> = parts.iter().flatten().cloned().collect();
     let (mut held_out, mut right, mut count) = (0.0, 0.0, 0.0_f64);
+    let mut of_others = Vec::new();
     for (left, part) in parts.iter().enumerate() {
         let others: Vec<Example> =
             parts.iter().enumerate().filter(|(k, _)| *k != left).flat_map(|(_, part)| part.iter().cloned()).collect();
@@ -261,6 +264,7 @@ pub fn learn(parts: &[Vec<Example>]) -> Learned {
         held_out += log_score(part, &weights) * own.len() as f64;
         right += own.iter().filter(|example| first_is_right(example, &weights)).count() as f64;
         count += own.len() as f64;
+        of_others.push(weights.weights);
     }
     let weights = fit(&all);
     let seen = log_score(&all, &with(weights.clone()));
@@ -270,5 +274,6 @@ pub fn learn(parts: &[Vec<Example>]) -> Learned {
         held_out: held_out / count.max(1.0),
         held_out_right: right / count.max(1.0),
         seen,
+        of_others,
     }
 }

@@ -1,11 +1,14 @@
 //! `govtwin calibrate`: learn the weights of the diagnosis's posterior from judged units whose faults are known.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use govtwin::battery::Label;
-use govtwin::blind::learn::{Example, examples, learn, size_spread};
+use govtwin::blind::learn::{Example, Learned, examples, learn, size_spread};
+use govtwin::blind::rejudge::{LeftOut, rejudged};
 use govtwin::blind::said::Said;
+use govtwin::blind::score::{Score, score};
+use govtwin::blind::scored::Scored;
 use govtwin::diagnosis::posterior::Weights;
 use govtwin::diagnosis::table::Table;
 use govtwin::params::labels;
@@ -32,52 +35,63 @@ const HELP: &str = "\
 The diagnosis weighs every fault set by its evidence; how far evidence can be trusted where no equation is exact, it has to learn. This
 command reads the evidence tables in DIR/UNIT/report.json and the answers in DIR/answers/labels.yaml, fits the few weights by log score, and
 says how they do on units that they have not seen: with several folders each is judged by the others, with one it is cut into five parts.
+Beside the learned weights it judges the same units by evidence as it is, without the error of equations, without sets of several effects, and
+without anything unknown, each learned anew: what a part is worth. Nothing is simulated again.
 
 The program ships with the weights in params/diagnosis_weights.json; it takes others when it is built anew with that file replaced.
 
 Exit codes: 0 ok, 1 not possible, 2 wrong usage.";
 
+/// A unit with its answer.
+type Judged = (Label, Said);
+
+/// Variants that are scored on units not seen, by name: what is left out of the evidence, and whether weights are learned.
+const VARIANTS: [(&str, LeftOut, bool); 5] = [
+    ("learned", LeftOut::Nothing, true),
+    ("Bayes", LeftOut::Nothing, false),
+    ("no model error", LeftOut::ModelError, true),
+    ("single effects", LeftOut::SeveralEffects, true),
+    ("no unknown", LeftOut::Unknown, true),
+];
+
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    let mut batteries: Vec<Vec<(Label, Table)>> = Vec::new();
-    for dir in &args.dirs {
-        let path = dir.join("answers/labels.yaml");
-        let text = std::fs::read_to_string(&path).with_context(|| {
-            format!("cannot read {}; was `govtwin blind --generate` run to the end?", path.display())
-        })?;
-        let known = labels::read(&text).with_context(|| path.display().to_string())?;
-        let mut units = Vec::new();
-        for label in known {
-            let path = dir.join(&label.name).join("report.json");
-            let Ok(text) = std::fs::read_to_string(&path) else { continue };
-            let table = Said::read(&text).with_context(|| path.display().to_string())?.evidence.table;
-            if table.rows.is_empty() {
-                bail!(
-                    "{}: expected an evidence table, found none; is it a report of an older program?",
-                    path.display()
-                );
-            }
-            units.push((label, table));
-        }
-        if units.is_empty() {
-            bail!("{}: expected reports beside the answers, found none", dir.display());
-        }
-        batteries.push(units);
-    }
-    let all: Vec<&(Label, Table)> = batteries.iter().flatten().collect();
-    let of = |units: &[&(Label, Table)]| -> Vec<Example> {
-        units.iter().flat_map(|(label, table)| examples(label, table)).collect()
-    };
-    let parts: Vec<Vec<Example>> = match batteries.as_slice() {
+    let batteries = args.dirs.iter().map(|dir| read(dir)).collect::<anyhow::Result<Vec<_>>>()?;
+    let parts: Vec<Vec<&Judged>> = match batteries.as_slice() {
         [one] => (0..PARTS)
-            .map(|part| of(&one.iter().skip(part).step_by(PARTS).collect::<Vec<_>>()))
+            .map(|part| one.iter().skip(part).step_by(PARTS).collect::<Vec<_>>())
             .filter(|part| !part.is_empty())
             .collect(),
-        several => several.iter().map(|units| of(&units.iter().collect::<Vec<_>>())).collect(),
+        several => several.iter().map(|units| units.iter().collect()).collect(),
     };
-    let learned = learn(&parts);
-    let pairs: Vec<(&Label, &Table)> = all.iter().map(|(label, table)| (label, table)).collect();
-    let bayes = Weights::bayes();
+    let mut scores = Vec::new();
+    let mut whole: Option<Learned> = None;
+    for (name, left_out, is_learned) in VARIANTS {
+        let of = |units: &Vec<&Judged>| -> Vec<Example> {
+            let table = |said: &Said| left_out.of(&said.evidence.table);
+            units.iter().flat_map(|(label, said)| examples(label, &table(said))).collect()
+        };
+        let learned = learn(&parts.iter().map(of).collect::<Vec<_>>());
+        let weights = |part: usize| Weights {
+            weights: if is_learned { learned.of_others[part].clone() } else { Weights::bayes().weights },
+            ..Weights::bayes()
+        };
+        let mut cases = Vec::new();
+        for (part, units) in parts.iter().enumerate() {
+            cases.extend(units.iter().map(|(label, said)| Scored {
+                said: rejudged(said, &left_out.of(&said.evidence.table), &weights(part)),
+                label: label.clone(),
+                realised_closure: None,
+                told: None,
+            }));
+        }
+        let log_score = if is_learned { learned.held_out } else { learned.bayes };
+        scores.push((name, log_score, score(&cases)));
+        whole.get_or_insert(learned);
+    }
+    let Some(learned) = whole else { bail!("there is nothing to learn from") };
+    let all: Vec<&Judged> = batteries.iter().flatten().collect();
+    let pairs: Vec<(&Label, &Table)> = all.iter().map(|(label, said)| (label, &said.evidence.table)).collect();
     let weights = Weights {
         weights: learned.weights.clone(),
         size_spread: size_spread(&pairs),
@@ -89,14 +103,14 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             "log_score": {"bayes": learned.bayes, "held_out": learned.held_out, "seen": learned.seen},
             "first_word_right_held_out": learned.held_out_right,
         }),
-        ..bayes
+        ..Weights::bayes()
     };
     let mut text = serde_json::to_string_pretty(&weights)?;
     text.push('\n');
     write_atomically(&args.out, text.as_bytes())?;
     let mut lines = format!(
         "{} units. Mean log score: {:.3} by evidence alone, {:.3} learned, on units not seen; {:.3} on those seen.\n\
-         First word right on units not seen: {:.0} %.\n",
+         First word right on units not seen: {:.0} %.\n\n",
         all.len(),
         learned.bayes,
         learned.held_out,
@@ -106,6 +120,60 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     for (name, weight) in weights.features.iter().zip(&weights.weights) {
         lines += &format!("{weight:9.3}  {name}\n");
     }
-    print(&lines)?;
+    print(&(lines + &told(&scores)))?;
     Ok(Outcome::Ok)
+}
+
+/// The units of a battery that have a report, with their answers.
+fn read(dir: &Path) -> anyhow::Result<Vec<Judged>> {
+    let path = dir.join("answers/labels.yaml");
+    let text = std::fs::read_to_string(&path)
+        .with_context(|| format!("cannot read {}; was `govtwin blind --generate` run to the end?", path.display()))?;
+    let known = labels::read(&text).with_context(|| path.display().to_string())?;
+    let mut units = Vec::new();
+    for label in known {
+        let path = dir.join(&label.name).join("report.json");
+        let Ok(text) = std::fs::read_to_string(&path) else { continue };
+        let said = Said::read(&text).with_context(|| path.display().to_string())?;
+        if said.evidence.table.rows.is_empty() {
+            bail!("{}: expected an evidence table, found none; is it a report of an older program?", path.display());
+        }
+        units.push((label, said));
+    }
+    if units.is_empty() {
+        bail!("{}: expected reports beside the answers, found none", dir.display());
+    }
+    Ok(units)
+}
+
+/// All measures on units not seen, one column a variant, and how often what was said with a probability was so.
+fn told(scores: &[(&str, f64, Score)]) -> String {
+    let mut text = "\nOn units not seen:\n".to_owned();
+    let row = |text: &mut String, name: &str, cells: &mut dyn Iterator<Item = String>| {
+        *text += &format!("{name:<58}");
+        cells.for_each(|cell| *text += &format!("{cell:>16}"));
+        *text += "\n";
+    };
+    row(&mut text, "", &mut scores.iter().map(|(name, ..)| (*name).to_owned()));
+    row(&mut text, "mean log score", &mut scores.iter().map(|(_, log_score, _)| format!("{log_score:.3}")));
+    let Some((_, _, first)) = scores.first() else { return text };
+    for (k, measure) in first.measures.iter().enumerate() {
+        if measure.measured.cases == 0 || measure.id == "seconds" {
+            continue;
+        }
+        let cell = |score: &Score| {
+            let measured = score.measures[k].measured;
+            format!("{:.2} of {}", measured.value, measured.cases)
+        };
+        row(&mut text, measure.name, &mut scores.iter().map(|(_, _, score)| cell(score)));
+    }
+    text += "\nProbability said, how often it was so:\n";
+    for bin in &first.reliability {
+        let was = bin.was;
+        text += &format!(
+            "{:6.2}   {:.2} [{:.2}, {:.2}] of {}\n",
+            bin.said_probability, was.value, was.low, was.high, was.cases
+        );
+    }
+    text
 }

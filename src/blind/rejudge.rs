@@ -1,0 +1,113 @@
+//! What would have been said of a judged unit by other weights: read off its evidence table, without a simulation.
+
+use crate::blind::said::{Blamed, Location, Rank, Said};
+use crate::diagnosis::decision::Decision;
+use crate::diagnosis::outcome::Verdict;
+use crate::diagnosis::posterior::{Posterior, Weights};
+use crate::diagnosis::table::Table;
+use crate::effects::{EffectSpec, find};
+
+/// What is left out of the evidence, to see what it is worth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LeftOut {
+    /// Nothing.
+    Nothing,
+    /// The error of equations: evidence as if every equation were exact.
+    ModelError,
+    /// Sets of two and three effects.
+    SeveralEffects,
+    /// Something unknown.
+    Unknown,
+}
+
+impl LeftOut {
+    /// The table without it.
+    #[must_use]
+    pub fn of(self, table: &Table) -> Table {
+        let mut table = table.clone();
+        match self {
+            Self::Nothing => {}
+            Self::ModelError => {
+                for row in &mut table.rows {
+                    row.by_kappa = [row.by_kappa[0]; 4];
+                }
+            }
+            Self::SeveralEffects => table.rows.retain(|row| row.effects.len() < 2),
+            Self::Unknown => table.unknown.clear(),
+        }
+        table
+    }
+}
+
+/// The verdict on a unit by these weights and this table; sizes and closure stay those of the report where it blames the same.
+#[must_use]
+pub fn rejudged(said: &Said, table: &Table, weights: &Weights) -> Said {
+    let mut ids: Vec<&str> = table.rows.iter().flat_map(|row| &row.effects).map(String::as_str).collect();
+    ids.sort_unstable();
+    ids.dedup();
+    let catalogue: Vec<&'static EffectSpec> = ids.into_iter().filter_map(find).collect();
+    let decision = Decision::new(table, &Posterior::new(table, weights, &[]), &catalogue);
+    let rank = |id: &str, p: f64| Rank { id: id.to_owned(), probability: Some(p) };
+    let mut ranking: Vec<Rank> = decision.effects.iter().map(|(spec, p)| rank(spec.id, *p)).collect();
+    ranking.extend([rank("unknown", decision.unknown), rank("none", decision.none)]);
+    let stages = decision.stages();
+    let likeliest = stages.into_iter().reduce(|a, b| if b.1 > a.1 { b } else { a });
+    let has_gap = decision.verdict != Verdict::NoGap;
+    let blamed = decision.blamed.iter().map(|id| {
+        let known = said.effects.iter().find(|effect| effect.id == *id);
+        known.cloned().unwrap_or_else(|| Blamed { id: (*id).to_owned(), parameters: Vec::new() })
+    });
+    let effects: Vec<Blamed> = blamed.collect();
+    let same = said.effects.len() == effects.len() && effects.iter().all(|effect| said.blames(&effect.id));
+    Said {
+        // What moves too little to tell is told by the recordings, not by the weights.
+        verdict: if decision.verdict == Verdict::NoGap && said.verdict() == Some(Verdict::NotExcited) {
+            said.verdict.clone()
+        } else {
+            decision.verdict.id().to_owned()
+        },
+        location: Location { stage: likeliest.filter(|_| has_gap).map(|(stage, _)| stage.id().to_owned()) },
+        effects,
+        ranking,
+        gap: if same { said.gap.clone() } else { Default::default() },
+        seconds: said.seconds,
+        evidence: said.evidence.clone(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnosis::table::Row;
+
+    fn table() -> Table {
+        let row = |effects: &[&str], evidence: f64| Row {
+            effects: effects.iter().map(|id| (*id).to_owned()).collect(),
+            refined: true,
+            cost: -2.0 * evidence,
+            by_kappa: [evidence - 40.0, evidence, evidence, evidence],
+            ..Row::default()
+        };
+        Table {
+            samples: 100.0,
+            rows: vec![row(&["backlash", "load"], -100.0), row(&["load"], -160.0), row(&[], -400.0)],
+            unknown: [("spool".to_owned(), -390.0)].into(),
+            ..Table::default()
+        }
+    }
+
+    #[test]
+    fn what_is_left_out_is_gone_and_the_rest_is_judged() {
+        let said = Said { verdict: "unknown".into(), ..Said::default() };
+        let judged = |left_out: LeftOut| rejudged(&said, &left_out.of(&table()), &Weights::bayes());
+        let whole = judged(LeftOut::Nothing);
+        assert_eq!(whole.verdict, "named");
+        assert!(whole.blames("backlash") && whole.blames("load"));
+        let alone = judged(LeftOut::SeveralEffects);
+        assert!(alone.blames("load") && !alone.blames("backlash"), "{alone:?}");
+        assert_eq!(judged(LeftOut::Unknown).probability("unknown"), 0.0);
+        assert_eq!(LeftOut::ModelError.of(&table()).rows[0].by_kappa, [-140.0; 4]);
+        let sum: f64 = whole.ranking.iter().filter_map(|rank| rank.probability).sum();
+        assert!(sum > 1.0 && whole.probability("none") < 1e-9);
+    }
+}
