@@ -64,6 +64,13 @@ pub use survey::{FieldSurvey, PaceSurvey, Spread, Survey, TopicSurvey, survey};
 pub use topic::{Qos, RawMessage, TopicInfo};
 pub use writer::{Sealed, Topic, Writer, WriterOptions};
 
+/// Name of the metadata record in which the program says what it wrote.
+pub const GOVTWIN: &str = "govtwin";
+/// Key there that says what was simulated.
+pub const SIMULATOR: &str = "simulator";
+/// Its text where that was the twin itself.
+pub const TWIN: &str = "twin";
+
 /// A recording with what is to be said of its bag.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Loaded {

@@ -56,6 +56,8 @@ pub struct FileHealth {
     pub stated_messages: Option<u64>,
     /// Names of metadata records.
     pub metadata: Vec<String>,
+    /// Says that the program's own twin was simulated, and nothing measured ([`SIMULATOR`](crate::bag::SIMULATOR)).
+    pub from_the_twin: bool,
     /// What could not be read.
     pub damage: Vec<Damage>,
 }

@@ -1,5 +1,6 @@
 //! One MCAP file from start to end: every record that is whole, and an account of what is not.
 
+use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -11,7 +12,7 @@ use super::record::{Record, parse};
 use super::record_file::{HEAD_LEN, RecordFile, Step, Tail};
 use super::segment::Segment;
 use super::topic::OnMessage;
-use super::{BagError, Damage, FileHealth};
+use super::{BagError, Damage, FileHealth, GOVTWIN, SIMULATOR, TWIN};
 
 /// More entries of damage than this say nothing more.
 const DAMAGE_LIMIT: usize = 32;
@@ -236,7 +237,8 @@ impl Scan {
                 profile.clone_into(&mut self.found.health.profile);
                 library.clone_into(&mut self.found.health.library);
             }
-            Some(Record::Metadata { name }) => {
+            Some(Record::Metadata { name, texts }) => {
+                self.found.health.from_the_twin |= is_from_the_twin(name, &texts);
                 let names = &mut self.found.health.metadata;
                 if names.len() < NAMES_LIMIT {
                     names.push(name.to_owned());
@@ -266,6 +268,11 @@ impl Scan {
             }),
         }
     }
+}
+
+/// Whether a metadata record says that the program's own twin stands behind what is recorded.
+fn is_from_the_twin(name: &str, texts: &BTreeMap<&str, &str>) -> bool {
+    name == GOVTWIN && texts.get(SIMULATOR).is_some_and(|simulator| *simulator == TWIN)
 }
 
 #[cfg(test)]

@@ -23,8 +23,8 @@ pub(super) enum Record<'a> {
     Message { channel_id: u16, sequence: u32, log_time_ns: u64, publish_time_ns: u64, data: &'a [u8] },
     /// How many messages the file says it has.
     Statistics { messages: u64 },
-    /// Metadata of this name.
-    Metadata { name: &'a str },
+    /// Metadata of this name; its texts where they can be read.
+    Metadata { name: &'a str, texts: BTreeMap<&'a str, &'a str> },
     /// One of the index of chunks.
     ChunkIndex,
     /// The end.
@@ -57,7 +57,7 @@ pub(super) fn parse(opcode: u8, body: &[u8]) -> Option<Record<'_>> {
             data: fields.0,
         },
         op::STATISTICS => Record::Statistics { messages: fields.u64()? },
-        op::METADATA => Record::Metadata { name: fields.name()? },
+        op::METADATA => Record::Metadata { name: fields.name()?, texts: fields.map().unwrap_or_default() },
         op::CHUNK_INDEX => Record::ChunkIndex,
         op::FOOTER => Record::Footer,
         _ => Record::Other,

@@ -7,6 +7,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::battery::Label;
+use crate::diagnosis::outcome::Interval;
 use crate::diagnosis::posterior::{FEATURES, Hypothesis, Posterior, Weights, hypotheses, score};
 use crate::diagnosis::table::{Row, Table};
 use crate::effects::find;
@@ -211,6 +212,16 @@ pub fn size_spread(units: &[(&Label, &Table)]) -> f64 {
     errors.sort_by(f64::total_cmp);
     let place = errors.len().saturating_sub(1) * 9 / 10;
     errors.get(place).map_or(0.1, |error| error / 1.645)
+}
+
+/// Factor by which intervals of the explained share are to be widened so that nine tenths of what came true lies inside; 1 without any.
+#[must_use]
+pub fn closure_widening(claims: &[(Interval, f64)]) -> f64 {
+    let mut short: Vec<f64> = claims.iter().map(|(claim, came_true)| claim.falls_short(*came_true)).collect();
+    short.sort_by(f64::total_cmp);
+    // The rank of conformal prediction: one claim more than there are must lie inside as often (Vovk, Gammerman & Shafer 2005).
+    let rank = (0.9 * (short.len() + 1) as f64).ceil() as usize;
+    rank.checked_sub(1).and_then(|place| short.get(place)).copied().filter(|factor| *factor > 0.0).unwrap_or(1.0)
 }
 
 /// Whether the likeliest single word of a posterior is right: an effect that is there, unknown, or nothing.

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::diagnosis::outcome::Verdict;
+use crate::diagnosis::outcome::{Interval, Verdict};
 use crate::diagnosis::table::{Row, Table};
 use crate::tuning::bench::GENEROUS;
 
@@ -177,6 +177,16 @@ impl Said {
             row.effects.len() == wanted.len() && wanted.iter().all(|id| row.effects.iter().any(|effect| effect == id))
         };
         Some(table.rows.iter().find(is_it)?.cost - GENEROUS * table.samples)
+    }
+
+    /// The claimed closure; none where nothing is claimed, or an interval leaves everything open.
+    #[must_use]
+    pub fn closure(&self) -> Option<Interval> {
+        let Size { value, ci90: Some([Some(low), Some(high)]) } = self.gap.closure else { return None };
+        // What leaves everything open is not given as a figure.
+        let claim = Interval { value: value.unwrap_or(f64::NAN), low, high };
+        let claims = matches!(self.verdict(), Some(Verdict::Named | Verdict::Class));
+        (claims && !claim.leaves_all_open()).then_some(claim)
     }
 
     /// Whether an effect is blamed.

@@ -1,8 +1,8 @@
 //! One unit before the scorer: what was said of it beside what is so.
 
 use crate::battery::{Label, Truth};
-use crate::blind::said::{Said, Size};
-use crate::diagnosis::outcome::{Interval, Verdict};
+use crate::blind::said::Said;
+use crate::diagnosis::outcome::Verdict;
 
 /// Strength from which an effect must be seen, over the noise floor.
 /// Gain in likelihood, as −2 ln, from which something can be told: a log Bayes factor of 10, of which the odds against any effect take half.
@@ -161,11 +161,7 @@ impl Scored {
 
     pub(super) fn closure_is_covered(&self) -> Option<bool> {
         // A class claims what its most probable effect closes.
-        let claims = self.names() || self.says(Verdict::Class);
-        let realised = self.realised_closure.filter(|_| claims)?;
-        let Size { value, ci90: Some([Some(low), Some(high)]) } = self.said.gap.closure else { return None };
-        // What leaves everything open is not given as a figure.
-        let claim = Interval { value: value.unwrap_or(f64::NAN), low, high };
-        (!claim.leaves_all_open()).then(|| (low..=high).contains(&realised))
+        let (claim, realised) = (self.said.closure()?, self.realised_closure?);
+        Some((claim.low..=claim.high).contains(&realised))
     }
 }

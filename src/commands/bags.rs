@@ -93,8 +93,14 @@ pub fn read(paths: &[PathBuf], topics: &Topics, unit: &Unit) -> anyhow::Result<R
         .collect();
     drop(progress);
     let (mut recordings, mut warnings, mut refused) = (vec![], vec![], vec![]);
+    let is_own = |loaded: &Loaded| loaded.health.files.iter().any(|file| file.from_the_twin);
+    let some_measured = loaded.iter().flatten().any(|loaded| !is_own(loaded));
     for (bag, loaded) in bags.into_iter().zip(loaded) {
         match loaded {
+            Ok(loaded) if some_measured && is_own(&loaded) => warnings.push(format!(
+                "{}: simulated by govtwin's own twin, which says nothing of the unit that the other recordings are of (left out)",
+                bag.name
+            )),
             Ok(Loaded { recording, health }) => {
                 let news = |warning: &&Warning| recording.has_command() || !matches!(warning, Warning::Filled { .. });
                 warnings.extend(health.warnings.iter().filter(news).map(|warning| format!("{}: {warning}", bag.name)));
@@ -212,7 +218,15 @@ fn parts(path: &Path) -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
-    use super::find;
+    use std::path::PathBuf;
+
+    use govtwin::bag::Topics;
+    use govtwin::generate::{self, Scenario};
+    use govtwin::params;
+    use govtwin::recording::Process;
+
+    use super::{find, read};
+    use crate::commands::generate::write;
 
     fn names(paths: &[std::path::PathBuf]) -> Vec<String> {
         find(paths).unwrap().into_iter().map(|bag| bag.name).collect()
@@ -239,6 +253,31 @@ mod tests {
     fn a_folder_without_bags_is_an_error() {
         let dir = tempfile::tempdir().unwrap();
         assert!(find(&[dir.path().to_owned()]).unwrap_err().to_string().contains("no bag in this folder"));
+    }
+
+    #[test]
+    fn what_the_twin_simulated_says_nothing_beside_what_was_measured() {
+        let dir = tempfile::tempdir().unwrap();
+        let scenario = Scenario {
+            unit: params::reference(),
+            process: Process::LoadIncrease,
+            rate_hz: 50.0,
+            duration_s: 5.0,
+            rich: false,
+            seed: 1,
+        };
+        let streams = generate::streams(&scenario);
+        let [own, other] = [("generate", "own"), ("blind --generate", "other")].map(|(command, name)| {
+            let path = dir.path().join(name);
+            write(command, scenario.process, scenario.seed, &streams, &path).unwrap().place().unwrap();
+            path
+        });
+        let read = |paths: &[PathBuf]| read(paths, &Topics::default(), &scenario.unit).unwrap();
+        let both = read(&[own.clone(), other]);
+        assert_eq!(both.recordings.iter().map(|one| one.name.as_str()).collect::<Vec<_>>(), ["other"]);
+        assert!(both.warnings.iter().any(|warning| warning.starts_with("own: simulated by govtwin's own twin")));
+        // Alone it may be read: that is how a bench or a diagnosis is tried.
+        assert_eq!(read(&[own]).recordings.len(), 1);
     }
 
     #[test]

@@ -4,11 +4,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use govtwin::battery::Label;
-use govtwin::blind::learn::{Example, Learned, examples, learn, size_spread};
+use govtwin::blind::learn::{Example, Learned, closure_widening, examples, learn, size_spread};
 use govtwin::blind::rejudge::{LeftOut, rejudged};
 use govtwin::blind::said::Said;
 use govtwin::blind::score::{Score, score};
 use govtwin::blind::scored::Scored;
+use govtwin::diagnosis::outcome::Interval;
 use govtwin::diagnosis::posterior::Weights;
 use govtwin::diagnosis::table::Table;
 use govtwin::params::labels;
@@ -42,8 +43,19 @@ The program ships with the weights in params/diagnosis_weights.json; it takes ot
 
 Exit codes: 0 ok, 1 not possible, 2 wrong usage.";
 
-/// A unit with its answer.
-type Judged = (Label, Said);
+/// A unit: its answer, what was said of it, and which share of the gap was closed on recordings made afterwards.
+struct Judged {
+    label: Label,
+    said: Said,
+    came_true: Option<f64>,
+}
+
+impl Judged {
+    /// What it claims of the share explained, beside what came true.
+    fn claim(&self) -> Option<(Interval, f64)> {
+        Some((self.said.closure()?, self.came_true?))
+    }
+}
 
 /// Variants that are scored on units not seen, by name: what is left out of the evidence, and whether weights are learned.
 const VARIANTS: [(&str, LeftOut, bool); 5] = [
@@ -69,7 +81,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     for (name, left_out, is_learned) in VARIANTS {
         let of = |units: &Vec<&Judged>| -> Vec<Example> {
             let table = |said: &Said| left_out.of(&said.evidence.table);
-            units.iter().flat_map(|(label, said)| examples(label, &table(said))).collect()
+            units.iter().flat_map(|unit| examples(&unit.label, &table(&unit.said))).collect()
         };
         let learned = learn(&parts.iter().map(of).collect::<Vec<_>>());
         let weights = |part: usize| Weights {
@@ -78,11 +90,15 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         };
         let mut cases = Vec::new();
         for (part, units) in parts.iter().enumerate() {
-            cases.extend(units.iter().map(|(label, said)| Scored {
-                said: rejudged(said, &left_out.of(&said.evidence.table), &weights(part)),
-                label: label.clone(),
-                realised_closure: None,
-                told: None,
+            let others = parts.iter().enumerate().filter(|(other, _)| *other != part).flat_map(|(_, units)| units);
+            let widening = closure_widening(&others.filter_map(|unit| unit.claim()).collect::<Vec<_>>());
+            cases.extend(units.iter().map(|unit| {
+                let mut said = rejudged(&unit.said, &left_out.of(&unit.said.evidence.table), &weights(part));
+                if let Some(claim) = said.closure() {
+                    let Interval { low, high, .. } = claim.widened(widening);
+                    said.gap.closure.ci90 = Some([Some(low), Some(high)]);
+                }
+                Scored { said, label: unit.label.clone(), realised_closure: unit.came_true, told: None }
             }));
         }
         let log_score = if is_learned { learned.held_out } else { learned.bayes };
@@ -91,10 +107,12 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let Some(learned) = whole else { bail!("there is nothing to learn from") };
     let all: Vec<&Judged> = batteries.iter().flatten().collect();
-    let pairs: Vec<(&Label, &Table)> = all.iter().map(|(label, said)| (label, &said.evidence.table)).collect();
+    let pairs: Vec<(&Label, &Table)> = all.iter().map(|unit| (&unit.label, &unit.said.evidence.table)).collect();
+    let claims: Vec<(Interval, f64)> = all.iter().filter_map(|unit| unit.claim()).collect();
     let weights = Weights {
         weights: learned.weights.clone(),
         size_spread: size_spread(&pairs),
+        closure_widening: Weights::shipped().closure_widening * closure_widening(&claims),
         provenance: serde_json::json!({
             "program": env!("CARGO_PKG_VERSION"),
             "folders": args.dirs.iter().map(|dir| dir.file_name().map(|name| name.to_string_lossy().into_owned())).collect::<Vec<_>>(),
@@ -130,6 +148,9 @@ fn read(dir: &Path) -> anyhow::Result<Vec<Judged>> {
     let text = std::fs::read_to_string(&path)
         .with_context(|| format!("cannot read {}; was `govtwin blind --generate` run to the end?", path.display()))?;
     let known = labels::read(&text).with_context(|| path.display().to_string())?;
+    // Closures are examined after all units are judged; a battery that was broken off has none.
+    let scored = std::fs::read_to_string(dir.join("score.json")).unwrap_or_default();
+    let scored: serde_json::Value = serde_json::from_str(&scored).unwrap_or_default();
     let mut units = Vec::new();
     for label in known {
         let path = dir.join(&label.name).join("report.json");
@@ -138,7 +159,8 @@ fn read(dir: &Path) -> anyhow::Result<Vec<Judged>> {
         if said.evidence.table.rows.is_empty() {
             bail!("{}: expected an evidence table, found none; is it a report of an older program?", path.display());
         }
-        units.push((label, said));
+        let came_true = scored["closures"][label.name.as_str()].as_f64();
+        units.push(Judged { label, said, came_true });
     }
     if units.is_empty() {
         bail!("{}: expected reports beside the answers, found none", dir.display());

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use clap::ValueEnum;
-use govtwin::bag::{Qos, Sealed, Topics, Writer, WriterOptions};
+use govtwin::bag::{self, Qos, Sealed, Topics, Writer, WriterOptions};
 use govtwin::files::Claim;
 use govtwin::frame::EsvState;
 use govtwin::generate::noise::{Dice, Purpose};
@@ -24,6 +24,8 @@ use crate::commands::output::{Output, Progress, print};
 
 /// The unit that was simulated.
 const TRUTH: &str = "truth.yaml";
+/// This command, which simulates the twin itself.
+const COMMAND: &str = "generate";
 
 /// Arguments of `govtwin generate`.
 #[derive(Debug, clap::Args)]
@@ -178,7 +180,7 @@ fn within(option: &str, value: f64, min: f64, max: f64, unit: &str) -> anyhow::R
 /// Simulates a scenario and writes its bag.
 fn record(scenario: &Scenario, dir: &Path) -> anyhow::Result<(Sealed, String)> {
     let streams = generate::streams(scenario);
-    let sealed = write("generate", scenario.process, scenario.seed, &streams, dir)?;
+    let sealed = write(COMMAND, scenario.process, scenario.seed, &streams, dir)?;
     let rows = streams.servo_state.len();
     Ok((sealed, format!("{}: {rows} rows of servo state at {} Hz", dir.display(), scenario.rate_hz)))
 }
@@ -207,10 +209,14 @@ fn put(by: &str, process: Process, seed: u64, streams: &Streams, dir: &Path) -> 
     let about = [
         ("synthetic", "true".to_owned()),
         ("generator", format!("govtwin {} {by}", env!("CARGO_PKG_VERSION"))),
+        (bag::SIMULATOR, if by == COMMAND { bag::TWIN } else { "independent of the twin" }.to_owned()),
         ("process", process.id().to_owned()),
         ("note", "simulated, not measured; for trying benches and diagnoses".to_owned()),
     ];
-    bag.describe("govtwin", about.map(|(key, value)| (key.to_owned(), value)).into_iter().collect::<BTreeMap<_, _>>())?;
+    bag.describe(
+        bag::GOVTWIN,
+        about.map(|(key, value)| (key.to_owned(), value)).into_iter().collect::<BTreeMap<_, _>>(),
+    )?;
     for (log_time_ns, message) in messages(process, seed, streams) {
         match &message {
             Message::Command(message) => bag.write(command, log_time_ns, message)?,

@@ -97,7 +97,7 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &Settings, seen: Seen) 
     let stage = stage_shares.iter().copied().reduce(|a, b| if b.1 > a.1 { b } else { a }).map(|(stage, _)| stage);
 
     let refitted_parts = without_parts(bench, refitted_model);
-    let widened = |interval: Interval| widened(interval, judged.weights.closure_widening);
+    let widened = |interval: Interval| interval.widened(judged.weights.closure_widening);
     let whole = widened(closure(bench, &refitted_parts, &without_parts(bench, chosen), settings.seed));
     let mut blamed = blames(&judged, chosen, verdict, &refitted_parts, settings.seed);
     if verdict == Verdict::Named {
@@ -150,12 +150,6 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &Settings, seen: Seen) 
         simulations: bench.simulations(),
         table: judged.table,
     }
-}
-
-/// An interval so many times as wide about its value, of a share that is 1 at most.
-fn widened(interval: Interval, times: f64) -> Interval {
-    let Interval { value, low, high } = interval;
-    Interval { value, low: (value - times * (value - low)).max(-1.0), high: (value + times * (high - value)).min(1.0) }
 }
 
 /// The smallest size of each effect that would stand out.
@@ -277,7 +271,7 @@ fn blames(judged: &Judged<'_>, chosen: &Model, verdict: Verdict, refitted: &Left
                 stage: spec.stage,
                 probability: probability(id),
                 parameters: fitted_effect(model, judged.weights.size_spread, spec),
-                closure: widened(share, judged.weights.closure_widening),
+                closure: share.widened(judged.weights.closure_widening),
                 last_in: None,
                 shapley: None,
             })
