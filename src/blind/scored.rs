@@ -4,10 +4,10 @@ use crate::battery::{Label, Truth};
 use crate::blind::said::Said;
 use crate::diagnosis::outcome::Verdict;
 
-/// Strength from which an effect must be seen, over the noise floor.
 /// Gain in likelihood, as −2 ln, from which something can be told: a log Bayes factor of 10, of which the odds against any effect take half.
 pub const SEEN: f64 = 20.0;
 
+/// Strength from which an effect must be seen, over the noise floor.
 const VISIBLE_RATIO: f64 = 3.0;
 /// A class with more members is no answer.
 const LARGEST_CLASS: usize = 3;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, IntoParallelRefIterator, ParallelIterator};
 
 use crate::diagnosis::discrepancy::{Columns, columns};
@@ -25,10 +25,10 @@ pub const KAPPA: f64 = 0.03;
 const RARITY: f64 = 5.0;
 
 /// Proposals of each point that are fitted, by number of effects from one.
-const TAKEN: [usize; MOST] = [5, 3, 1];
+const TAKEN: [usize; MOST] = [5, 8, 4];
 
 /// The same at the leader, where all sets resemble it.
-const TAKEN_AT_LEADER: usize = 5;
+const TAKEN_AT_LEADER: usize = 6;
 
 /// Fitted sets that are fitted on with care, each time.
 const REFINED: usize = 3;
@@ -250,6 +250,24 @@ impl Explorer<'_> {
         (members.into_iter().map(|(effect, _)| effect).collect(), placed)
     }
 
+    /// Proposals of what a leader holds, begun from the sheet, and of what it holds without one of its effects, from the sheet and from where it
+    /// stands: what takes an effect's place may have strained it.
+    fn narrowed<'b>(&self, leader: &'b Model, sheet: &'b Model) -> Vec<(&'b Model, Proposal)> {
+        let still = |point: &Model| DVector::zeros(point.knobs.len());
+        let stand = |removed| Proposal { effects: Vec::new(), removed, log_evidence: 0.0, change: still(leader) };
+        let own = self.members(leader, &stand(Vec::new()));
+        let from_sheet = |left: Option<usize>| {
+            let kept = (0..own.len()).filter(|&k| Some(k) != left).map(|k| own[k]).collect();
+            (sheet, Proposal { effects: kept, removed: Vec::new(), log_evidence: 0.0, change: still(sheet) })
+        };
+        let mut jobs = vec![from_sheet(None)];
+        if own.len() > 1 {
+            jobs.extend((0..own.len()).map(|left| from_sheet(Some(left))));
+            jobs.extend((0..own.len()).map(|left| (leader, stand(vec![left]))));
+        }
+        jobs
+    }
+
     /// Fits hypotheses on with care.
     fn refined(&self, chosen: &[Hypothesis]) -> Vec<Hypothesis> {
         let starts: Vec<Start<'_>> = chosen.iter().map(|one| one.model.onwards(CAREFUL)).collect();
@@ -374,6 +392,7 @@ pub fn explore(
                 jobs.push((&leader.model, proposal));
             }
         }
+        jobs.extend(explorer.narrowed(&leader.model, sheet));
         for hypothesis in explorer.scouted(&jobs) {
             known.take(hypothesis);
         }

@@ -25,6 +25,9 @@ const REACH: (f64, f64) = (0.5, 1.8);
 /// Sizes of effects beforehand: median and spread of the logarithm of the size over the typical one.
 pub const SIZE_PRIOR: (f64, f64) = (1.1, 0.8);
 
+/// Marks that are weighed together at most: three effects in place of one of the point's own, or two in place of two.
+const LARGEST: usize = 4;
+
 /// Sets of two effects that are tried with a third.
 const PAIRS_EXTENDED: usize = 40;
 
@@ -198,17 +201,25 @@ impl Linearisation {
         most.min(1.0)
     }
 
-    /// The best way of every set of up to `most` further effects, likeliest first; with or without one of the point's own taken away.
+    /// The best way of every set of up to `most` further effects, likeliest first; with or without one or two of the point's own taken away.
     #[must_use]
     pub fn proposals(&self, most: usize) -> Vec<Proposal> {
         let sized: Vec<usize> =
             (0..self.atoms.len()).filter(|&k| matches!(self.atoms[k], Atom::Sized { .. })).collect();
         let removed: Vec<usize> = (0..self.atoms.len()).filter(|&k| !sized.contains(&k)).collect();
+        // With all of the point's own effects, without each, and without each two.
+        let mut starts: Vec<Vec<usize>> = vec![Vec::new()];
+        starts.extend(removed.iter().map(|&one| vec![one]));
+        starts.extend(
+            removed
+                .iter()
+                .enumerate()
+                .flat_map(|(k, &one)| removed[k + 1..].iter().map(move |&other| vec![one, other])),
+        );
         let mut all: Vec<Weighed> = Vec::new();
-        for without in std::iter::once(None).chain(removed.into_iter().map(Some)) {
-            let most = most + usize::from(without.is_some());
-            let start: Vec<usize> = without.into_iter().collect();
-            if without.is_some() {
+        for start in starts {
+            let most = (most + start.len()).min(LARGEST - start.len());
+            if !start.is_empty() {
                 all.extend(self.weighed(&start));
             }
             let ones = best_of_each(self.grown(&start, &sized), self);
@@ -245,7 +256,7 @@ impl Linearisation {
             Atom::Sized { .. } => REACH,
             Atom::Removed { .. } => (1.0, 1.0),
         };
-        let mut scales = [1.0; 4];
+        let mut scales = [1.0; LARGEST];
         if n > scales.len() {
             return None;
         }
@@ -302,7 +313,7 @@ impl Linearisation {
 #[derive(Clone, Debug)]
 struct Weighed {
     atoms: Vec<usize>,
-    scales: [f64; 4],
+    scales: [f64; LARGEST],
     log_evidence: f64,
 }
 

@@ -1,8 +1,8 @@
 //! The posterior over fault sets: evidence, prior odds and a few learned weights make probabilities that sum to 1.
 //!
 //! Hypotheses are the sheet alone, every fitted fault set, and something unknown at each stage. Their probabilities are a conditional logit
-//! (McFadden 1974) over features of the evidence table. With the first weight at 1 and the others at 0 it is Bayes' theorem; the weights say how far
-//! the evidence of equations that are never exact can be trusted, and are learned by log score on generated units ([`Weights`]).
+//! (McFadden 1974) over features of the evidence table. [`Weights::bayes`] is Bayes' theorem where the gap is small; the weights say how far the
+//! evidence of equations that are never exact can be trusted, and are learned by log score on generated units ([`Weights`]).
 
 use serde::{Deserialize, Serialize};
 
@@ -10,7 +10,7 @@ use crate::diagnosis::evidence::log_sum;
 use crate::diagnosis::table::{Row, Table};
 use crate::tuning::bench::GENEROUS;
 
-/// The weights as shipped; `govtwin learn` writes them.
+/// The weights as shipped; `govtwin calibrate` writes such a file.
 const SHIPPED: &str = include_str!("../../params/diagnosis_weights.json");
 
 /// Number of features of a hypothesis.
@@ -34,7 +34,7 @@ pub const NAMES: [&str; FEATURES] = [
     "strain of the sheet",
     "unknown where a gap is visible",
     "unknown: evidence of something unknown besides the best fault set, tens of nats",
-    "unknown: logarithm of 1 and the evidence lost, over the scale of errors of equations",
+    "unknown: logarithm of 1 and the evidence lost, over the scale of errors of equations, negative where it is won",
     "unknown: ten squares of the logarithm of χ² under the best fault set over that of sound units, at fast rates",
     "the same at slow rates",
     "what the noise that it predicts itself costs more, tens of nats",
@@ -122,7 +122,8 @@ pub fn hypotheses(table: &Table, struck: &[&str]) -> Vec<(Hypothesis, [f64; FEAT
     let empty = nothing.map_or(odds(leader), evidence);
     let gap = (odds(leader) - empty).max(0.0);
     let (fast, slow) = (1.0 - table.slow_share, table.slow_share);
-    let top = odds(leader).max(empty);
+    // Losses are counted against the best of all sets by evidence alone: what odds say of their number is a feature of its own.
+    let top = rows.iter().map(|&k| evidence(&table.rows[k])).fold(f64::NEG_INFINITY, f64::max);
     // The equation of a true effect is off by a share of what the effect causes: in a large gap small differences say little.
     let scale = INEXACT.0 + INEXACT.1 * gap;
     let losses = |evidence: f64, features: &mut [f64; FEATURES]| {
@@ -159,7 +160,8 @@ pub fn hypotheses(table: &Table, struck: &[&str]) -> Vec<(Hypothesis, [f64; FEAT
     for (stage, evidence) in &table.unknown {
         let mut features = [0.0; FEATURES];
         // A few shapes explain far less of a gap than any equation does, so that their loss counts otherwise.
-        features[16] = ((top - evidence).max(0.0) / scale).ln_1p();
+        let lost = (top - evidence) / scale;
+        features[16] = lost.abs().ln_1p().copysign(lost);
         features[7] = 1.0;
         features[8] = fast * left;
         features[9] = slow * left;
