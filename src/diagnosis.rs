@@ -1,7 +1,7 @@
 //! The sim-to-real diagnosis: where the gap lies, which effect causes it, how far it shrinks.
 //!
 //! The verdict is the most probable set of faults given all recordings, with model error and tolerances integrated out. [`diagnose`] is the whole
-//! of it, a pure function of recordings and the sheet: it refits the sheet within its tolerances ([`search`]), weighs all sets of up to three effects
+//! of it, a pure function of recordings and the sheet: it refits the sheet within its tolerances ([`search`]), weighs sets of up to three effects
 //! by linear algebra and fits the likeliest ([`linearisation`], [`mod@explore`]), tabulates their evidence beside that of something unknown at each stage
 //! ([`evidence`], [`table`]), makes it a posterior by learned weights ([`posterior`]), reads the verdict off that ([`decision`]), and gathers what
 //! a reader needs to believe it ([`summary`]).

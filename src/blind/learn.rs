@@ -149,10 +149,31 @@ pub fn log_score(examples: &[Example], weights: &Weights) -> f64 {
     sum / count.max(1.0)
 }
 
+/// Share of units that are sound beforehand: a battery has fewer, so that faults are met more often, and a plant has more.
+const SOUND: f64 = 0.25;
+
+/// By how much more a sound unit counts than a faulty one, so that they stand for [`SOUND`] of all.
+fn weight_of_sound(examples: &[Example]) -> f64 {
+    let is_sound = |example: &&Example| example.truth == Truth::Effects(Vec::new());
+    let as_they_are = || examples.iter().filter(|example| example.struck.is_empty());
+    let (sound, all) = (as_they_are().filter(is_sound).count() as f64, as_they_are().count() as f64);
+    if sound > 0.0 && sound < all { SOUND / (1.0 - SOUND) * (all - sound) / sound } else { 1.0 }
+}
+
 /// The weights that score best on these examples.
 #[must_use]
 pub fn fit(examples: &[Example]) -> Vec<f64> {
-    let numbers: Vec<Numbers> = examples.iter().map(numbers).collect();
+    let more = weight_of_sound(examples);
+    let numbers: Vec<Numbers> = examples
+        .iter()
+        .map(|example| {
+            let mut numbers = numbers(example);
+            if example.truth == Truth::Effects(Vec::new()) {
+                numbers.weight *= more;
+            }
+            numbers
+        })
+        .collect();
     let mut start = Weights::bayes().weights;
     for weight in &mut start[..2] {
         *weight *= 0.5;

@@ -232,3 +232,41 @@ impl Posterior {
 pub fn score(features: &[f64; FEATURES], weights: &[f64]) -> f64 {
     features.iter().zip(weights).map(|(feature, weight)| feature * weight).sum()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_shipped_weights_are_of_these_features() {
+        let weights: Weights = serde_json::from_str(SHIPPED).unwrap();
+        assert_eq!(weights.features, NAMES);
+        assert_eq!(weights.weights.len(), FEATURES);
+        assert!(weights.weights.iter().all(|weight| weight.is_finite()));
+        assert!(weights.size_spread > 0.0 && weights.closure_widening > 0.0);
+    }
+
+    /// In a small gap the odds of two sets are those of Bayes' theorem, also where their evidence differs by less than an effect's odds.
+    #[test]
+    fn evidence_alone_gives_the_odds_of_bayes() {
+        let row = |effects: &[&str], evidence: f64| Row {
+            effects: effects.iter().map(|id| (*id).to_owned()).collect(),
+            refined: true,
+            by_kappa: [evidence; 4],
+            ..Row::default()
+        };
+        let rows =
+            vec![row(&["backlash", "load"], 0.0), row(&["backlash"], -2.0), row(&["load"], -3.0), row(&[], -8.0)];
+        let table = Table { samples: 1e3, rows, ..Table::default() };
+        let posterior = Posterior::new(&table, &Weights::bayes(), &[]);
+        let p = |row: usize| posterior.sets.iter().find(|(k, _)| *k == row).unwrap().1;
+        // The scale of equation errors is 3 nats and a fiftieth of a gap of 1 nat.
+        let counted = counted_share(1.0);
+        for (a, b, nats) in [(0, 1, 2.0 * counted - 5.0), (1, 2, counted), (1, 3, 6.0 * counted - 5.0)] {
+            assert!(((p(a) / p(b)).ln() - nats).abs() < 1e-9, "{a} {b}: {}", (p(a) / p(b)).ln());
+        }
+        let sum: f64 = posterior.sets.iter().map(|(_, p)| p).sum();
+        assert!((sum - 1.0).abs() < 1e-12 && (posterior.inclusion(&table, "load") - p(0) - p(2)).abs() < 1e-12);
+        assert_eq!(Posterior::new(&table, &Weights::bayes(), &["load"]).sets.len(), 2);
+    }
+}
