@@ -235,14 +235,15 @@ pub fn size_spread(units: &[(&Label, &Table)]) -> f64 {
     errors.get(place).map_or(0.1, |error| error / 1.645)
 }
 
-/// Factor by which intervals of the explained share are to be widened so that nine tenths of what came true lies inside; 1 without any.
+/// Factor by which intervals of the explained share are to be widened so that nine tenths of what came true lies inside; 1 at least, since a few
+/// claims that all came true say little of how much too wide they were.
 #[must_use]
 pub fn closure_widening(claims: &[(Interval, f64)]) -> f64 {
     let mut short: Vec<f64> = claims.iter().map(|(claim, came_true)| claim.falls_short(*came_true)).collect();
     short.sort_by(f64::total_cmp);
     // The rank of conformal prediction: one claim more than there are must lie inside as often (Vovk, Gammerman & Shafer 2005).
     let rank = (0.9 * (short.len() + 1) as f64).ceil() as usize;
-    rank.checked_sub(1).and_then(|place| short.get(place)).copied().filter(|factor| *factor > 0.0).unwrap_or(1.0)
+    rank.checked_sub(1).and_then(|place| short.get(place)).copied().unwrap_or(1.0).max(1.0)
 }
 
 /// Whether the likeliest single word of a posterior is right: an effect that is there, unknown, or nothing.

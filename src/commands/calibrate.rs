@@ -36,8 +36,8 @@ const HELP: &str = "\
 The diagnosis weighs every fault set by its evidence; how far evidence can be trusted where no equation is exact, it has to learn. This
 command reads the evidence tables in DIR/UNIT/report.json and the answers in DIR/answers/labels.yaml, fits the few weights by log score, and
 says how they do on units that they have not seen: with several folders each is judged by the others, with one it is cut into five parts.
-Beside the learned weights it judges the same units by evidence as it is, without the error of equations, without sets of several effects, and
-without anything unknown, each learned anew: what a part is worth. Nothing is simulated again.
+Beside the learned weights it judges the same units with nothing learned (evidence as it is, something unknown by its prior odds), and without the
+error of equations, without sets of several effects and without anything unknown, each learned anew: what a part is worth. Nothing is simulated.
 
 The program ships with the weights in params/diagnosis_weights.json; it takes others when it is built anew with that file replaced.
 
@@ -60,7 +60,7 @@ impl Judged {
 /// Variants that are scored on units not seen, by name: what is left out of the evidence, and whether weights are learned.
 const VARIANTS: [(&str, LeftOut, bool); 5] = [
     ("learned", LeftOut::Nothing, true),
-    ("Bayes", LeftOut::Nothing, false),
+    ("not learned", LeftOut::Nothing, false),
     ("no model error", LeftOut::ModelError, true),
     ("single effects", LeftOut::SeveralEffects, true),
     ("no unknown", LeftOut::Unknown, true),
@@ -118,7 +118,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             "folders": args.dirs.iter().map(|dir| dir.file_name().map(|name| name.to_string_lossy().into_owned())).collect::<Vec<_>>(),
             "units": all.len(),
             "units_are": "synthetic, made by `govtwin blind --generate`",
-            "log_score": {"bayes": learned.bayes, "held_out": learned.held_out, "seen": learned.seen},
+            "log_score": {"not_learned": learned.bayes, "held_out": learned.held_out, "seen": learned.seen},
             "first_word_right_held_out": learned.held_out_right,
         }),
         ..Weights::bayes()
@@ -127,7 +127,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     text.push('\n');
     write_atomically(&args.out, text.as_bytes())?;
     let mut lines = format!(
-        "{} units. Mean log score: {:.3} by evidence alone, {:.3} learned, on units not seen; {:.3} on those seen.\n\
+        "{} units. Mean log score: {:.3} with nothing learned, {:.3} learned, on units not seen; {:.3} on those seen.\n\
          First word right on units not seen: {:.0} %.\n\n",
         all.len(),
         learned.bayes,
@@ -148,6 +148,8 @@ fn read(dir: &Path) -> anyhow::Result<Vec<Judged>> {
     let text = std::fs::read_to_string(&path)
         .with_context(|| format!("cannot read {}; was `govtwin blind --generate` run to the end?", path.display()))?;
     let known = labels::read(&text).with_context(|| path.display().to_string())?;
+    let strengths = std::fs::read_to_string(dir.join("answers/strengths.yaml")).unwrap_or_default();
+    let strengths = labels::read_strengths(&strengths).unwrap_or_default();
     // Closures are examined after all units are judged; a battery that was broken off has none.
     let scored = std::fs::read_to_string(dir.join("score.json")).unwrap_or_default();
     let scored: serde_json::Value = serde_json::from_str(&scored).unwrap_or_default();
@@ -160,7 +162,8 @@ fn read(dir: &Path) -> anyhow::Result<Vec<Judged>> {
             bail!("{}: expected an evidence table, found none; is it a report of an older program?", path.display());
         }
         let came_true = scored["closures"][label.name.as_str()].as_f64();
-        units.push(Judged { label, said, came_true });
+        let strength_ratio = strengths.get(&label.name).copied().unwrap_or(label.strength_ratio);
+        units.push(Judged { label: Label { strength_ratio, ..label }, said, came_true });
     }
     if units.is_empty() {
         bail!("{}: expected reports beside the answers, found none", dir.display());

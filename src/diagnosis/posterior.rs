@@ -14,7 +14,7 @@ use crate::tuning::bench::GENEROUS;
 const SHIPPED: &str = include_str!("../../params/diagnosis_weights.json");
 
 /// Number of features of a hypothesis.
-pub const FEATURES: usize = 20;
+pub const FEATURES: usize = 13;
 
 /// What each feature is, in the order of the weights.
 pub const NAMES: [&str; FEATURES] = [
@@ -22,22 +22,15 @@ pub const NAMES: [&str; FEATURES] = [
     "the same at slow rates",
     "logarithm of 1 and that ratio, at fast rates",
     "the same at slow rates",
-    "logarithm of 1 and the evidence lost, nats, at fast rates",
-    "the same at slow rates",
     "number of effects",
     "something unknown",
-    "unknown: logarithm of the share of a visible gap that the best fault set leaves, at fast rates",
-    "the same at slow rates",
-    "unknown: strain of the sheet under the best fault set",
     "nothing",
-    "fitted quickly only",
     "strain of the sheet",
+    "what the noise that it predicts itself costs more, tens of nats",
+    "unknown: logarithm of the share of a visible gap that the best fault set leaves, at fast rates",
     "unknown where a gap is visible",
-    "unknown: evidence of something unknown besides the best fault set, tens of nats",
     "unknown: logarithm of 1 and the evidence lost, over the scale of errors of equations, negative where it is won",
     "unknown: ten squares of the logarithm of χ² under the best fault set over that of sound units, at fast rates",
-    "the same at slow rates",
-    "what the noise that it predicts itself costs more, tens of nats",
 ];
 
 /// The learned numbers, with where they come from.
@@ -68,8 +61,8 @@ impl Weights {
         let mut weights = vec![0.0; FEATURES];
         weights[0] = -INEXACT.0;
         weights[1] = -INEXACT.0;
-        weights[6] = -5.0;
-        weights[7] = -5.0;
+        weights[4] = -5.0;
+        weights[5] = -5.0;
         Self {
             features: NAMES.iter().map(|name| (*name).to_owned()).collect(),
             weights,
@@ -107,6 +100,9 @@ pub fn gap(table: &Table) -> f64 {
     (best - empty).max(0.0)
 }
 
+/// Loss from which on nothing changes any more: a hypothesis that could not be simulated is as far behind as any.
+const FARTHEST: f64 = 1e6;
+
 /// The hypotheses of a table with their features; none of the struck effects.
 #[must_use]
 pub fn hypotheses(table: &Table, struck: &[&str]) -> Vec<(Hypothesis, [f64; FEATURES])> {
@@ -126,24 +122,19 @@ pub fn hypotheses(table: &Table, struck: &[&str]) -> Vec<(Hypothesis, [f64; FEAT
     let top = rows.iter().map(|&k| evidence(&table.rows[k])).fold(f64::NEG_INFINITY, f64::max);
     // The equation of a true effect is off by a share of what the effect causes: in a large gap small differences say little.
     let scale = INEXACT.0 + INEXACT.1 * gap;
-    let losses = |evidence: f64, features: &mut [f64; FEATURES]| {
-        let loss = (top - evidence).max(0.0);
-        let scaled = loss / scale;
-        for (k, of) in [scaled.min(30.0), scaled.ln_1p(), loss.ln_1p()].into_iter().enumerate() {
-            features[2 * k] = fast * of;
-            features[2 * k + 1] = slow * of;
-        }
-    };
     let mut all = Vec::new();
     for &k in &rows {
         let row = &table.rows[k];
         let mut features = [0.0; FEATURES];
-        losses(evidence(row), &mut features);
-        features[6] = row.effects.len() as f64;
-        features[11] = f64::from(u8::from(row.effects.is_empty()));
-        features[12] = f64::from(u8::from(!row.refined));
-        features[13] = row.strain.min(20.0);
-        features[19] = 0.05 * row.own_noise.clamp(-100.0, 100.0);
+        let lost = ((top - evidence(row)) / scale).min(FARTHEST);
+        features[0] = fast * lost.min(30.0);
+        features[1] = slow * lost.min(30.0);
+        features[2] = fast * lost.ln_1p();
+        features[3] = slow * lost.ln_1p();
+        features[4] = row.effects.len() as f64;
+        features[6] = f64::from(u8::from(row.effects.is_empty()));
+        features[7] = row.strain.min(20.0);
+        features[8] = 0.05 * row.own_noise.clamp(-100.0, 100.0);
         all.push((Hypothesis::Effects(k), features));
     }
     let expected = GENEROUS * table.samples;
@@ -154,22 +145,15 @@ pub fn hypotheses(table: &Table, struck: &[&str]) -> Vec<(Hypothesis, [f64; FEAT
     let chi_square = (10.0 * beyond * beyond).min(40.0);
     let visible = gap / (gap + 20.0);
     let left = visible * (0.02 + share).ln();
-    let besides = table.unknown_besides.values().copied().fold(f64::NEG_INFINITY, f64::max) - evidence(leader);
-    // What was weighed on top of another leader says nothing.
-    let besides = if best == 0 { 0.1 * visible * besides.clamp(0.0, 50.0) } else { 0.0 };
     for (stage, evidence) in &table.unknown {
         let mut features = [0.0; FEATURES];
+        features[5] = 1.0;
+        features[9] = fast * left;
+        features[10] = visible;
         // A few shapes explain far less of a gap than any equation does, so that their loss counts otherwise.
-        let lost = (top - evidence) / scale;
-        features[16] = lost.abs().ln_1p().copysign(lost);
-        features[7] = 1.0;
-        features[8] = fast * left;
-        features[9] = slow * left;
-        features[10] = leader.strain.min(20.0);
-        features[14] = visible;
-        features[17] = fast * chi_square;
-        features[18] = slow * chi_square;
-        features[15] = besides;
+        let lost = ((top - evidence) / scale).min(FARTHEST);
+        features[11] = lost.abs().ln_1p().copysign(lost);
+        features[12] = fast * chi_square;
         all.push((Hypothesis::Unknown(stage.clone()), features));
     }
     all

@@ -47,8 +47,6 @@ pub struct Table {
     pub rows: Vec<Row>,
     /// Logarithm of the evidence of something unknown at each stage, on the sheet alone.
     pub unknown: BTreeMap<String, f64>,
-    /// The same on top of the likeliest set.
-    pub unknown_besides: BTreeMap<String, f64>,
 }
 
 impl Row {
@@ -132,7 +130,6 @@ impl Table {
             pilot: bench.trials.iter().any(|trial| trial.has[pilot as usize]),
             rows: explored.hypotheses.iter().map(row).collect(),
             unknown: unknown(explored.hypotheses.iter().find(|one| one.effects.is_empty())),
-            unknown_besides: unknown(explored.hypotheses.first()),
         }
     }
 }
