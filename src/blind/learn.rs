@@ -242,7 +242,7 @@ pub fn closure_widening(claims: &[(Interval, f64)]) -> f64 {
     let mut short: Vec<f64> = claims.iter().map(|(claim, came_true)| claim.falls_short(*came_true)).collect();
     short.sort_by(f64::total_cmp);
     // The rank of conformal prediction: one claim more than there are must lie inside as often (Vovk, Gammerman & Shafer 2005).
-    let rank = (0.9 * (short.len() + 1) as f64).ceil() as usize;
+    let rank = (9 * (short.len() + 1)).div_ceil(10);
     rank.checked_sub(1).and_then(|place| short.get(place)).copied().unwrap_or(1.0).max(1.0)
 }
 

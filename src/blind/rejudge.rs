@@ -1,6 +1,6 @@
 //! What would have been said of a judged unit by other weights: read off its evidence table, without a simulation.
 
-use crate::blind::said::{Blamed, Location, Rank, Said};
+use crate::blind::said::{Blamed, Gap, Location, Rank, Said};
 use crate::diagnosis::decision::Decision;
 use crate::diagnosis::outcome::Verdict;
 use crate::diagnosis::posterior::{Posterior, Weights};
@@ -69,7 +69,7 @@ pub fn rejudged(said: &Said, table: &Table, weights: &Weights) -> Said {
         location: Location { stage: likeliest.filter(|_| has_gap).map(|(stage, _)| stage.id().to_owned()) },
         effects,
         ranking,
-        gap: if same { said.gap.clone() } else { Default::default() },
+        gap: if same { said.gap.clone() } else { Gap::default() },
         seconds: said.seconds,
         evidence: said.evidence.clone(),
     }

@@ -183,23 +183,26 @@ fn evidence(diagnosis: &Diagnosis) -> Value {
         .collect();
     let sets: Vec<Value> =
         diagnosis.sets.iter().map(|(effects, p)| json!({"effects": effects, "probability": p})).collect();
-    let [refitted, likeliest] = diagnosis.consistency.each_ref().map(|all| {
-        let of = |one: &Consistency| {
-            json!({
-                "signal": one.signal.id(), "samples": one.samples,
-                "mean_square": one.mean_square, "lag1_correlation": one.correlation,
-            })
-        };
-        all.iter().map(of).collect::<Vec<_>>()
-    });
     json!({
-        "innovations": {"refitted": refitted, "likeliest": likeliest},
+        "innovations": innovations(diagnosis),
         "values": diagnosis.samples, "entropy_bits": diagnosis.entropy_bits, "fault_sets": sets, "table": diagnosis.table, "closure_without_recording": transfers,
         "parameters": parameters, "tried": tried, "channels": channels, "smallest_visible": visible,
         "alike": alike, "ledgers": ledgers, "stage_tests": tests, "free_terms": latents,
         "simulations": diagnosis.simulations,
         "servomotor_stage_only": diagnosis.part.as_ref().map(stage_only),
     })
+}
+
+/// How the innovations look, of the refitted sheet and of the likeliest fault set.
+fn innovations(diagnosis: &Diagnosis) -> Value {
+    let of = |one: &Consistency| {
+        json!({
+            "signal": one.signal.id(), "samples": one.samples,
+            "mean_square": one.mean_square, "lag1_correlation": one.correlation,
+        })
+    };
+    let [refitted, likeliest] = diagnosis.consistency.each_ref().map(|all| all.iter().map(of).collect::<Vec<_>>());
+    json!({"refitted": refitted, "likeliest": likeliest})
 }
 
 /// What to know where the servomotor stage alone was judged.

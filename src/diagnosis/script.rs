@@ -150,9 +150,8 @@ impl Script {
     pub fn frames(&self, tank_pressure_pa: f64) -> Vec<Frame> {
         let period_ns = nanos_from_seconds(PERIOD_S);
         let end_ns = nanos_from_seconds(self.length_s);
-        (0..)
-            .map(|row: i64| row * period_ns)
-            .take_while(|time_ns| *time_ns <= end_ns)
+        (0..=end_ns / period_ns)
+            .map(|row| row * period_ns)
             .map(|time_ns| {
                 let time_s = seconds_from_nanos(time_ns);
                 let inputs =
@@ -190,7 +189,7 @@ impl Script {
                 let rate = percent(2.0 * (to_pu - self.start_pu).abs() / (self.length_s - DWELL_S));
                 format!("ramp the opening command from {start} to {} and back at {rate} a second", percent(to_pu))
             }
-            Shape::Trip { by_pu } if by_pu == 0.0 => {
+            Shape::Trip { by_pu: 0.0 } => {
                 format!("trip the ESV from {start} opening and record until the servomotor stands closed")
             }
             Shape::Trip { by_pu } => {

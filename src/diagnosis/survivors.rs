@@ -77,7 +77,9 @@ pub fn survivors<'a>(
         })
         .collect();
     let total: f64 = left.iter().map(|one| one.probability).sum();
-    left.iter_mut().for_each(|one| one.probability /= total.max(1e-12));
+    for one in &mut left {
+        one.probability /= total.max(1e-12);
+    }
     left
 }
 
