@@ -36,7 +36,7 @@ const HELP: &str = "\
 The diagnosis weighs every fault set by its evidence; how far evidence can be trusted where no equation is exact, it has to learn. This
 command reads the evidence tables in DIR/UNIT/report.json and the answers in DIR/answers/labels.yaml, fits the few weights by log score, and
 says how they do on units that they have not seen: with several folders each is judged by the others, with one it is cut into five parts.
-Beside the learned weights it judges the same units with nothing learned (evidence as it is, something unknown by its prior odds), and without the
+Beside the learned weights it judges the same units with nothing learned (evidence as it is), and without the
 error of equations, without sets of several effects and without anything unknown, each learned anew: what a part is worth. Nothing is simulated.
 
 The program ships with the weights in params/diagnosis_weights.json; it takes others when it is built anew with that file replaced.

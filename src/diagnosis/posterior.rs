@@ -63,6 +63,8 @@ impl Weights {
         weights[1] = -INEXACT.0;
         weights[4] = -5.0;
         weights[5] = -5.0;
+        // For losses that matter the logarithm is near the loss itself.
+        weights[11] = -INEXACT.0;
         Self {
             features: NAMES.iter().map(|name| (*name).to_owned()).collect(),
             weights,
