@@ -7,6 +7,7 @@ pub mod bench;
 pub mod dice;
 pub mod faults;
 pub mod laws;
+mod moment;
 pub mod oddities;
 pub mod plan;
 pub mod rig;

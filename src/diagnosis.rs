@@ -17,6 +17,7 @@ pub mod discrepancy;
 pub mod evidence;
 pub mod explore;
 pub mod information;
+mod known;
 pub mod ledger;
 pub mod linearisation;
 pub mod model;

@@ -6,6 +6,7 @@
 
 use crate::battery::faults::Faults;
 use crate::battery::laws::{Bristles, edge, eroded, filtered, gap, gas_compressibility_1_pa, held_back_pa, jet, stop};
+use crate::battery::moment::Moment;
 use crate::battery::oddities::Oddities;
 use crate::parameters::Parameters;
 
@@ -60,32 +61,6 @@ pub struct Hand {
     pub tripped_s: f64,
     /// Tank pressure, Pa.
     pub tank_pa: f64,
-}
-
-/// What changes with time alone: the same at every stage of a step.
-#[derive(Clone, Copy, Debug)]
-struct Moment {
-    viscosity_ratio: f64,
-    ripple_pa: f64,
-    surge_n: f64,
-    /// What is left of things that fade within 10, 20 and 30 s.
-    fading: [f64; 3],
-}
-
-impl Moment {
-    fn new(time_s: f64, f: &Faults) -> Self {
-        use std::f64::consts::TAU;
-        let since_s = time_s.max(0.0);
-        // Viscosity falls exponentially with a temperature that settles exponentially.
-        let viscosity_ratio =
-            if f.cold_excess == 0.0 { 1.0 } else { (f.cold_excess.ln_1p() * (-since_s / 60.0).exp()).exp() };
-        Self {
-            viscosity_ratio,
-            ripple_pa: f.ripple_pa * (TAU * 2.0 * time_s).sin(),
-            surge_n: f.surge_n * (TAU * 0.7 * time_s).sin(),
-            fading: [10.0, 20.0, 30.0].map(|within_s| (-since_s / within_s).exp()),
-        }
-    }
 }
 
 /// The rig: parameters, faults, and what is odd about it.

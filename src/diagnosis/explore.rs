@@ -1,12 +1,11 @@
 //! Which fault sets are worth a joint fit, and those fits: proposals of the linear picture at several points, until the leader stands.
 
-use std::collections::BTreeMap;
-
 use nalgebra::{DMatrix, DVector};
 use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, IntoParallelRefIterator, ParallelIterator};
 
 use crate::diagnosis::discrepancy::{Columns, columns};
 use crate::diagnosis::evidence::{KAPPAS, Normal, Shared};
+use crate::diagnosis::known::Known;
 use crate::diagnosis::linearisation::{Linearisation, Proposal};
 use crate::diagnosis::model::Model;
 use crate::diagnosis::support::{Placed, Variant, add};
@@ -157,7 +156,7 @@ fn kappa(bench: &Bench) -> f64 {
 }
 
 /// How many leaders are fitted with care each time.
-fn leaders(bench: &Bench) -> usize {
+pub(super) fn leaders(bench: &Bench) -> usize {
     if is_stage_alone(bench) { 4 * REFINED } else { REFINED }
 }
 
@@ -168,9 +167,9 @@ pub fn is_stage_alone(bench: &Bench) -> bool {
 }
 
 /// What all fits share.
-struct Explorer<'a> {
+pub(super) struct Explorer<'a> {
     kappa: f64,
-    bench: &'a Bench,
+    pub(super) bench: &'a Bench,
     nominal: &'a Model,
     catalogue: &'a [&'static EffectSpec],
     shared: Shared<'a>,
@@ -269,7 +268,7 @@ impl Explorer<'_> {
     }
 
     /// Fits hypotheses on with care.
-    fn refined(&self, chosen: &[Hypothesis]) -> Vec<Hypothesis> {
+    pub(super) fn refined(&self, chosen: &[Hypothesis]) -> Vec<Hypothesis> {
         let starts: Vec<Start<'_>> = chosen.iter().map(|one| one.model.onwards(CAREFUL)).collect();
         let fits = fit_all(self.bench, &starts);
         let found = chosen
@@ -277,51 +276,6 @@ impl Explorer<'_> {
             .zip(fits)
             .map(|(one, fit)| self.hypothesis(one.effects.clone(), one.model.or_better(fit), true));
         found.collect()
-    }
-}
-
-/// Fitted sets so far, by their effects, and what linear pictures said of others.
-#[derive(Default)]
-struct Known {
-    fitted: BTreeMap<Vec<usize>, Hypothesis>,
-    linear: BTreeMap<Vec<usize>, f64>,
-}
-
-impl Known {
-    fn take(&mut self, hypothesis: Hypothesis) {
-        let better = |known: &Hypothesis| hypothesis.log_evidence > known.log_evidence;
-        if self.fitted.get(&hypothesis.effects).is_none_or(better) {
-            self.fitted.insert(hypothesis.effects.clone(), hypothesis);
-        }
-    }
-
-    fn ordered(&self) -> Vec<&Hypothesis> {
-        let mut all: Vec<&Hypothesis> = self.fitted.values().collect();
-        all.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
-        all
-    }
-
-    /// Fits the leaders with care that were not yet.
-    fn refine(&mut self, explorer: &Explorer<'_>) {
-        let chosen: Vec<Hypothesis> = self
-            .ordered()
-            .into_iter()
-            .take(leaders(explorer.bench))
-            .filter(|leader| !leader.refined)
-            .cloned()
-            .collect();
-        for hypothesis in explorer.refined(&chosen) {
-            self.take(hypothesis);
-        }
-        // Slopes and residuals are nearly all of the memory.
-        let mut order: Vec<(f64, Vec<usize>)> =
-            self.fitted.values().map(|known| (known.log_evidence, known.effects.clone())).collect();
-        order.sort_by(|a, b| b.0.total_cmp(&a.0));
-        for (_, effects) in order.into_iter().skip(4 * leaders(explorer.bench)) {
-            if let Some(known) = self.fitted.get_mut(&effects).filter(|known| !known.effects.is_empty()) {
-                known.model = known.model.clone().light();
-            }
-        }
     }
 }
 

@@ -30,7 +30,7 @@ pub const NAMES: [&str; FEATURES] = [
     "unknown: logarithm of the share of a visible gap that the best fault set leaves, at fast rates",
     "unknown where a gap is visible",
     "unknown: logarithm of 1 and the evidence lost, over the scale of errors of equations, negative where it is won",
-    "unknown: ten squares of the logarithm of χ² under the best fault set over that of sound units, at fast rates",
+    "nothing: ten squares of the logarithm of its χ² over that of sound units, at fast rates",
 ];
 
 /// The learned numbers, with where they come from.
@@ -124,6 +124,7 @@ pub fn hypotheses(table: &Table, struck: &[&str]) -> Vec<(Hypothesis, [f64; FEAT
     let top = rows.iter().map(|&k| evidence(&table.rows[k])).fold(f64::NEG_INFINITY, f64::max);
     // The equation of a true effect is off by a share of what the effect causes: in a large gap small differences say little.
     let scale = INEXACT.0 + INEXACT.1 * gap;
+    let expected = GENEROUS * table.samples;
     let mut all = Vec::new();
     for &k in &rows {
         let row = &table.rows[k];
@@ -136,15 +137,16 @@ pub fn hypotheses(table: &Table, struck: &[&str]) -> Vec<(Hypothesis, [f64; FEAT
         features[4] = row.effects.len() as f64;
         features[6] = f64::from(u8::from(row.effects.is_empty()));
         features[7] = row.strain.min(20.0);
+        if row.effects.is_empty() {
+            // Sound units leave nearly the same χ² per sample, so that its logarithm is as good as normal.
+            let beyond = (row.cost / expected.max(1.0)).max(1.0).ln();
+            features[12] = fast * (10.0 * beyond * beyond).min(40.0);
+        }
         features[8] = 0.05 * row.own_noise.clamp(-100.0, 100.0);
         all.push((Hypothesis::Effects(k), features));
     }
-    let expected = GENEROUS * table.samples;
     let empty_cost = nothing.map_or(leader.cost, |row| row.cost);
     let share = ((leader.cost - expected) / (empty_cost - expected).max(1.0)).clamp(0.0, 1.0);
-    // Sound units leave nearly the same χ² per sample, so that its logarithm is as good as normal.
-    let beyond = (leader.cost / expected.max(1.0)).max(1.0).ln();
-    let chi_square = (10.0 * beyond * beyond).min(40.0);
     let visible = gap / (gap + 20.0);
     let left = visible * (0.02 + share).ln();
     for (stage, evidence) in &table.unknown {
@@ -155,7 +157,6 @@ pub fn hypotheses(table: &Table, struck: &[&str]) -> Vec<(Hypothesis, [f64; FEAT
         // A few shapes explain far less of a gap than any equation does, so that their loss counts otherwise.
         let lost = ((top - evidence) / scale).min(FARTHEST);
         features[11] = lost.abs().ln_1p().copysign(lost);
-        features[12] = fast * chi_square;
         all.push((Hypothesis::Unknown(stage.clone()), features));
     }
     all

@@ -1,0 +1,55 @@
+//! What an exploration knows so far: fitted sets, and what linear pictures said of others.
+
+use std::collections::BTreeMap;
+
+use crate::diagnosis::explore::{Explorer, Hypothesis, is_stage_alone, leaders};
+
+/// Fitted sets so far, by their effects, and what linear pictures said of others.
+#[derive(Default)]
+pub(super) struct Known {
+    pub(super) fitted: BTreeMap<Vec<usize>, Hypothesis>,
+    pub(super) linear: BTreeMap<Vec<usize>, f64>,
+}
+
+impl Known {
+    pub(super) fn take(&mut self, hypothesis: Hypothesis) {
+        let better = |known: &Hypothesis| hypothesis.log_evidence > known.log_evidence;
+        if self.fitted.get(&hypothesis.effects).is_none_or(better) {
+            self.fitted.insert(hypothesis.effects.clone(), hypothesis);
+        }
+    }
+
+    pub(super) fn ordered(&self) -> Vec<&Hypothesis> {
+        let mut all: Vec<&Hypothesis> = self.fitted.values().collect();
+        all.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+        all
+    }
+
+    /// Fits the leaders with care that were not yet.
+    pub(super) fn refine(&mut self, explorer: &Explorer<'_>) {
+        let chosen: Vec<Hypothesis> = self
+            .ordered()
+            .into_iter()
+            .enumerate()
+            // Single effects of a stage alone are alike, so that each is fitted with care.
+            .filter(|(place, one)| {
+                *place < leaders(explorer.bench) || (one.effects.len() == 1 && is_stage_alone(explorer.bench))
+            })
+            .map(|(_, one)| one)
+            .filter(|leader| !leader.refined)
+            .cloned()
+            .collect();
+        for hypothesis in explorer.refined(&chosen) {
+            self.take(hypothesis);
+        }
+        // Slopes and residuals are nearly all of the memory.
+        let mut order: Vec<(f64, Vec<usize>)> =
+            self.fitted.values().map(|known| (known.log_evidence, known.effects.clone())).collect();
+        order.sort_by(|a, b| b.0.total_cmp(&a.0));
+        for (_, effects) in order.into_iter().skip(4 * leaders(explorer.bench)) {
+            if let Some(known) = self.fitted.get_mut(&effects).filter(|known| !known.effects.is_empty()) {
+                known.model = known.model.clone().light();
+            }
+        }
+    }
+}
