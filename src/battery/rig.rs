@@ -354,9 +354,5 @@ impl Rig {
 
 #[inline]
 fn plus(y: &Vector, by: f64, k: &Vector) -> Vector {
-    let mut sum = *y;
-    for i in 0..STATES {
-        sum[i] += by * k[i];
-    }
-    sum
+    std::array::from_fn(|i| y[i] + by * k[i])
 }

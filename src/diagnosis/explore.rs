@@ -61,8 +61,6 @@ pub struct Hypothesis {
 pub struct Explored {
     /// All fitted sets, likeliest first; the empty one is among them.
     pub hypotheses: Vec<Hypothesis>,
-    /// The others that a linear picture weighed: places in the catalogue, logarithm of the evidence.
-    pub linear: Vec<(Vec<usize>, f64)>,
     /// Marks of the discrepancy terms at the refitted sheet.
     pub discrepancy: Columns,
     /// The linear picture there.
@@ -300,15 +298,8 @@ pub fn explore(
     let from_sheet = at(sheet);
     progress("fitting the likeliest sets", 0.4);
     let mut jobs: Vec<(&Model, Proposal)> = Vec::new();
-    let base = known.fitted.values().next().map_or(0.0, |empty| empty.log_evidence);
     for (point, picture) in [(refitted, &linearisation), (sheet, &from_sheet)] {
         let proposals = picture.proposals(MOST);
-        let offset = base + 0.5 * (linearisation.cost() - picture.cost());
-        for proposal in &proposals {
-            let effects: Vec<usize> = explorer.members(point, proposal).into_iter().map(|(effect, _)| effect).collect();
-            let entry = known.linear.entry(effects).or_insert(f64::NEG_INFINITY);
-            *entry = entry.max(offset + proposal.log_evidence - RARITY * proposal.effects.len() as f64);
-        }
         // A stage alone has few effects and all are alike: each is fitted.
         let taken = if is_stage_alone(bench) { [usize::MAX, TAKEN[1], TAKEN[2]] } else { TAKEN };
         for (size, taken) in taken.into_iter().enumerate() {
@@ -338,9 +329,6 @@ pub fn explore(
             if effects.is_empty() || effects.len() > MOST {
                 continue;
             }
-            let entry = known.linear.entry(effects.clone()).or_insert(f64::NEG_INFINITY);
-            let further = effects.len() as f64 - leader.effects.len() as f64;
-            *entry = entry.max(leader.log_evidence + proposal.log_evidence - RARITY * further);
             let refined = known.fitted.get(&effects).is_some_and(|known| known.refined);
             if !refined && jobs.len() < TAKEN_AT_LEADER {
                 jobs.push((&leader.model, proposal));
@@ -355,16 +343,8 @@ pub fn explore(
             break;
         }
     }
-    let mut linear: Vec<(Vec<usize>, f64)> = known
-        .linear
-        .iter()
-        .filter(|(effects, _)| !known.fitted.contains_key(*effects))
-        .map(|(e, z)| (e.clone(), *z))
-        .collect();
-    linear.sort_by(|a, b| b.1.total_cmp(&a.1));
-    linear.truncate(500);
     let mut hypotheses: Vec<Hypothesis> = known.fitted.into_values().collect();
     hypotheses.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
     drop(explorer);
-    Explored { hypotheses, linear, discrepancy, linearisation }
+    Explored { hypotheses, discrepancy, linearisation }
 }

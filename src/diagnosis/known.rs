@@ -1,14 +1,13 @@
-//! What an exploration knows so far: fitted sets, and what linear pictures said of others.
+//! The fault sets that an exploration fitted so far, the likeliest of them with care.
 
 use std::collections::BTreeMap;
 
 use crate::diagnosis::explore::{Explorer, Hypothesis, is_stage_alone, leaders};
 
-/// Fitted sets so far, by their effects, and what linear pictures said of others.
+/// Fitted sets so far, by their effects.
 #[derive(Default)]
 pub(super) struct Known {
     pub(super) fitted: BTreeMap<Vec<usize>, Hypothesis>,
-    pub(super) linear: BTreeMap<Vec<usize>, f64>,
 }
 
 impl Known {

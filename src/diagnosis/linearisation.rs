@@ -66,7 +66,6 @@ pub struct Proposal {
 pub struct Linearisation {
     atoms: Vec<Atom>,
     slopes: usize,
-    cost: f64,
     /// Products of the projected marks with the residual, and with each other.
     towards: DVector<f64>,
     gram: DMatrix<f64>,
@@ -127,14 +126,12 @@ impl Linearisation {
         let mut h = gram.view((0, 0), (known, known)).into_owned();
         let mut shared = gram.view((0, known), (known, all - known)).into_owned();
         let residual = all - known - 1;
-        let mut cost = gram[(all - 1, all - 1)];
         for (k, knob) in model.knobs.iter().enumerate() {
             h[(k, k)] += 1e-9;
             if let Some(centre) = knob.prior_centre() {
                 let distance = model.fit.positions[k] - centre;
                 h[(k, k)] += 1.0;
                 shared[(k, residual)] += distance;
-                cost += distance * distance;
             }
         }
         for k in slopes..known {
@@ -143,23 +140,15 @@ impl Linearisation {
         let solved =
             Cholesky::<f64, Dyn>::new(h).map_or_else(|| shared.clone() * 0.0, |cholesky| cholesky.solve(&shared));
         let projected = gram.view((known, known), (all - known, all - known)) - shared.transpose() * &solved;
-        cost -= shared.column(residual).dot(&solved.column(residual));
         let count = atoms.len();
         Self {
             slopes,
-            cost,
             towards: projected.view((0, residual), (count, 1)).column(0).into_owned(),
             gram: projected.view((0, 0), (count, count)).into_owned(),
             rest: solved.view((0, residual), (slopes, 1)).column(0).into_owned(),
             follow: solved.view((0, 0), (slopes, count)).into_owned(),
             atoms,
         }
-    }
-
-    /// The cost that refitting the free parameters alone promises.
-    #[must_use]
-    pub fn cost(&self) -> f64 {
-        self.cost
     }
 
     /// Smallest size of each effect that would stand out by this gain in cost, in typical sizes; infinite where none would.
