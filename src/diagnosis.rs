@@ -102,7 +102,11 @@ pub fn diagnose(
     let mut explored: Explored = explore(&bench, &refitted, &sheet, &settings.catalogue, progress);
     progress("tabulating the evidence", 0.85);
     let table = Table::new(&bench, &explored, &settings.catalogue);
-    let weights = Weights::shipped();
+    // Weights are learned on whole chains; of a stage alone nothing is learned, and evidence counts as it is.
+    let mut weights = Weights::shipped();
+    if stage_only {
+        weights.weights = Weights::bayes().weights;
+    }
     let posterior = Posterior::new(&table, &weights, &[]);
     let mut decision = Decision::new(&table, &posterior, &settings.catalogue);
     let mut notes = ready.notes.clone();
