@@ -18,6 +18,7 @@ pub mod evidence;
 pub mod explore;
 pub mod information;
 mod known;
+pub mod law_error;
 pub mod ledger;
 pub mod linearisation;
 pub mod model;
@@ -105,7 +106,11 @@ pub fn diagnose(
     // Weights are learned on whole chains; of a stage alone nothing is learned, and evidence counts as it is.
     let mut weights = Weights::shipped();
     if stage_only {
-        weights.weights = Weights::bayes().weights;
+        weights = Weights {
+            size_spread: weights.size_spread,
+            closure_widening: weights.closure_widening,
+            ..Weights::bayes()
+        };
     }
     let posterior = Posterior::new(&table, &weights, &[]);
     let mut decision = Decision::new(&table, &posterior, &settings.catalogue);

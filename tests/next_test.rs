@@ -118,7 +118,7 @@ fn a_test_tells_more_than_standing_idle_and_nothing_is_asked_where_one_hypothesi
     let left = survivors(&found, &table, &open, &decision);
     assert_eq!(left.iter().map(|one| one.probability).collect::<Vec<_>>(), [0.5, 0.5]);
     let before = bench.simulations();
-    let proposed = next(&bench, &found, &table, &open, &decision);
+    let proposed = next(&bench, &found, (&table, &open, &Weights::bayes()), &decision);
     let spent = bench.simulations() - before;
     assert!(spent < 600, "{spent} short simulations");
     assert!((proposed.entropy_bits - 1.0).abs() < 1e-9);
@@ -128,13 +128,13 @@ fn a_test_tells_more_than_standing_idle_and_nothing_is_asked_where_one_hypothesi
     let recorded = Signal::ALL.map(|signal| Signal::POSITIONS.contains(&signal));
     let leader = left[0].model;
     let idle = candidates(&bench, &leader.unit(), &[idle]);
-    let idle = weigh(&bench, &left, leader, &found.refitted().unit(), idle, (gap(&table), recorded));
+    let idle = weigh(&bench, &left, leader, &found.refitted().unit(), idle, (1.0, recorded));
     let most = idle.iter().map(|one| one.drop.least_bits).fold(0.0, f64::max);
     assert!(best.expected_drop_bits > 2.0 * most, "{} and idle {most}", best.expected_drop_bits);
 
     let settled = of(vec![(one, 0.9999), (other, 0.0001)]);
     let decision = Decision::new(&table, &settled, &catalogue());
-    let proposed = next(&bench, &found, &table, &settled, &decision);
+    let proposed = next(&bench, &found, (&table, &settled, &Weights::bayes()), &decision);
     assert!(proposed.experiments.is_empty() && proposed.entropy_bits == 0.0, "{proposed:?}");
 }
 

@@ -1,24 +1,22 @@
 //! Learning the weights of the posterior: by log score, on units whose faults are known.
 //!
 //! The log score of a unit is the logarithm of the probability that was given to what is truly in it: the very set of faults, nothing, or something
-//! unknown where the catalogue lacks it. It is proper (Gneiting & Raftery 2007): only honest probabilities do best. A listed effect struck from the
-//! table is a unit outside the catalogue that costs no simulation.
+//! unknown where the catalogue lacks it. It is proper (Gneiting & Raftery 2007): only honest probabilities do best. It is the sum of what its three
+//! questions score, so that each is learned by itself: is it unknown, which set, at which stage. A listed effect struck from the table is a unit
+//! outside the catalogue that costs no simulation.
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::battery::Label;
 use crate::diagnosis::outcome::Interval;
-use crate::diagnosis::posterior::{FEATURES, Hypothesis, Posterior, Weights, hypotheses, score};
+use crate::diagnosis::posterior::{Feature, Hypotheses, OF_SETS, OF_STAGES, OF_UNKNOWN, Posterior, Weights, score};
 use crate::diagnosis::table::{Row, Table};
 use crate::effects::find;
 
 /// Weight of a unit with an effect struck beside one as it is.
 const STRUCK: f64 = 0.3;
 
-/// Weight of the right stage beside that something is unknown at all.
-const STAGE: f64 = 0.25;
-
-/// Precision of the weights beforehand, about Bayes' theorem half believed.
+/// Precision of the weights beforehand, about what they are with nothing learned.
 const RIDGE: f64 = 1.0;
 
 /// Gain in evidence from which a struck effect leaves a gap.
@@ -71,58 +69,51 @@ pub fn examples(label: &Label, table: &Table) -> Vec<Example> {
     all
 }
 
-fn holds(truth: &Truth, hypothesis: &Hypothesis, table: &Table) -> bool {
-    match (truth, hypothesis) {
-        (Truth::Effects(ids), Hypothesis::Effects(row)) => {
-            let mut effects = table.rows[*row].effects.clone();
-            effects.sort();
-            effects == *ids
-        }
-        (Truth::Unknown(_), Hypothesis::Unknown(_)) => true,
-        _ => false,
+impl Example {
+    fn hypotheses(&self) -> Option<Hypotheses> {
+        let struck: Vec<&str> = self.struck.iter().map(String::as_str).collect();
+        Hypotheses::new(&self.table, &struck)
+    }
+
+    /// Whether a fault set, by its row of the table, is what is in the unit.
+    fn is_truth(&self, row: usize) -> bool {
+        let Truth::Effects(ids) = &self.truth else { return false };
+        let mut effects = self.table.rows[row].effects.clone();
+        effects.sort();
+        effects == *ids
+    }
+
+    fn is_sound(&self) -> bool {
+        self.truth == Truth::Effects(Vec::new())
     }
 }
 
-/// One example as numbers: features of all hypotheses, which of them are true, and which place it right as well.
-struct Numbers {
-    features: Vec<[f64; FEATURES]>,
+/// One question that was asked of a unit: the features of every answer, and which are right.
+struct Choice {
+    answers: Vec<Vec<f64>>,
     right: Vec<bool>,
-    placed: Vec<bool>,
     weight: f64,
 }
 
-fn numbers(example: &Example) -> Numbers {
-    let struck: Vec<&str> = example.struck.iter().map(String::as_str).collect();
-    let all = hypotheses(&example.table, &struck);
-    let right = all.iter().map(|(one, _)| holds(&example.truth, one, &example.table)).collect();
-    let placed = all
-        .iter()
-        .map(|(one, _)| match (&example.truth, one) {
-            (Truth::Unknown(stages), Hypothesis::Unknown(stage)) => stages.contains(stage),
-            _ => false,
-        })
-        .collect();
-    Numbers { features: all.into_iter().map(|(_, features)| features).collect(), right, placed, weight: example.weight }
-}
-
-impl Numbers {
-    /// Log probability of a subset, its gradient, and the information matrix.
-    fn of(&self, weights: &[f64], subset: &[bool]) -> Option<(f64, DVector<f64>, DMatrix<f64>)> {
-        if !subset.contains(&true) {
+impl Choice {
+    /// Log probability of the right answers, its gradient, and the information matrix; none where no answer is right.
+    fn of(&self, weights: &[f64]) -> Option<(f64, DVector<f64>, DMatrix<f64>)> {
+        if !self.right.contains(&true) {
             return None;
         }
-        let scores: Vec<f64> = self.features.iter().map(|features| score(features, weights)).collect();
+        let count = weights.len();
+        let scores: Vec<f64> = self.answers.iter().map(|features| score(features, weights)).collect();
         let most = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let (mut all, mut some) = (0.0, 0.0);
-        let (mut mean, mut inside) = (DVector::<f64>::zeros(FEATURES), DVector::<f64>::zeros(FEATURES));
-        let mut square = DMatrix::<f64>::zeros(FEATURES, FEATURES);
-        for ((features, score), subset) in self.features.iter().zip(scores).zip(subset) {
+        let (mut mean, mut inside) = (DVector::<f64>::zeros(count), DVector::<f64>::zeros(count));
+        let mut square = DMatrix::<f64>::zeros(count, count);
+        for ((features, score), right) in self.answers.iter().zip(scores).zip(&self.right) {
             let p = (score - most).exp();
             let features = DVector::from_column_slice(features);
             all += p;
             mean.axpy(p, &features, 1.0);
             square.ger(p, &features, &features, 1.0);
-            if *subset {
+            if *right {
                 some += p;
                 inside.axpy(p, &features, 1.0);
             }
@@ -136,14 +127,41 @@ impl Numbers {
     }
 }
 
+/// The questions that examples answer: which set, whether it is unknown, at which stage.
+fn choices(examples: &[Example]) -> [Vec<Choice>; 3] {
+    let more = weight_of_sound(examples);
+    let mut all = [Vec::new(), Vec::new(), Vec::new()];
+    for example in examples {
+        let Some(of) = example.hypotheses() else { continue };
+        let weight = example.weight * if example.is_sound() { more } else { 1.0 };
+        let known = vec![0.0; of.unknown.len()];
+        let is_unknown = matches!(example.truth, Truth::Unknown(_));
+        all[1].push(Choice { answers: vec![of.unknown, known], right: vec![is_unknown, !is_unknown], weight });
+        match &example.truth {
+            Truth::Effects(_) => {
+                let right = of.sets.iter().map(|(row, _)| example.is_truth(*row)).collect();
+                all[0].push(Choice { answers: of.sets.into_iter().map(|(_, of)| of).collect(), right, weight });
+            }
+            Truth::Unknown(stages) => {
+                let right = of.stages.iter().map(|(id, _)| stages.contains(id)).collect();
+                all[2].push(Choice { answers: of.stages.into_iter().map(|(_, of)| of).collect(), right, weight });
+            }
+        }
+    }
+    all
+}
+
 /// Mean log score of examples as they are, none struck, natural logarithms; what was not fitted counts as excluded.
 #[must_use]
 pub fn log_score(examples: &[Example], weights: &Weights) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0_f64);
     for example in examples.iter().filter(|example| example.struck.is_empty()) {
-        let numbers = numbers(example);
-        let log = numbers.of(&weights.weights, &numbers.right).map_or(f64::NEG_INFINITY, |(log, ..)| log);
-        sum += log.max(LEAST.ln());
+        let posterior = Posterior::new(&example.table, weights, &[]);
+        let probability: f64 = match example.truth {
+            Truth::Unknown(_) => posterior.unknown(),
+            Truth::Effects(_) => posterior.sets.iter().filter(|(row, _)| example.is_truth(*row)).map(|(_, p)| p).sum(),
+        };
+        sum += probability.max(LEAST).ln();
         count += 1.0;
     }
     sum / count.max(1.0)
@@ -154,54 +172,43 @@ const SOUND: f64 = 0.5;
 
 /// By how much more a sound unit counts than a faulty one, so that they stand for [`SOUND`] of all.
 fn weight_of_sound(examples: &[Example]) -> f64 {
-    let is_sound = |example: &&Example| example.truth == Truth::Effects(Vec::new());
     let as_they_are = || examples.iter().filter(|example| example.struck.is_empty());
-    let (sound, all) = (as_they_are().filter(is_sound).count() as f64, as_they_are().count() as f64);
+    let (sound, all) =
+        (as_they_are().filter(|example| example.is_sound()).count() as f64, as_they_are().count() as f64);
     if sound > 0.0 && sound < all { SOUND / (1.0 - SOUND) * (all - sound) / sound } else { 1.0 }
 }
 
 /// The weights that score best on these examples.
 #[must_use]
-pub fn fit(examples: &[Example]) -> Vec<f64> {
-    let more = weight_of_sound(examples);
-    let numbers: Vec<Numbers> = examples
-        .iter()
-        .map(|example| {
-            let mut numbers = numbers(example);
-            if example.truth == Truth::Effects(Vec::new()) {
-                numbers.weight *= more;
-            }
-            numbers
-        })
-        .collect();
-    let mut start = Weights::bayes().weights;
-    for weight in &mut start[..2] {
-        *weight *= 0.5;
+pub fn fit(examples: &[Example]) -> Weights {
+    let [sets, unknown, stages] = choices(examples);
+    Weights {
+        sets: best(&sets, &OF_SETS),
+        unknown: best(&unknown, &OF_UNKNOWN),
+        stages: best(&stages, &OF_STAGES),
+        ..Weights::bayes()
     }
-    // How far a few shapes lag behind a true equation is for the units to say.
-    start[11] = 0.0;
-    let centre = DVector::from_vec(start.clone());
-    let mut weights = DVector::from_vec(start);
+}
+
+/// The weights of one question: Newton's method on the log score with a Gaussian prior about what they are with nothing learned.
+fn best(choices: &[Choice], features: &[Feature]) -> Vec<f64> {
+    let count = features.len();
+    let centre = DVector::from_iterator(count, features.iter().map(|feature| feature.bayes));
+    let mut weights = centre.clone();
     let value = |weights: &DVector<f64>| {
-        let mut sum = -0.5 * RIDGE * (weights - &centre).norm_squared();
-        for one in &numbers {
-            let of =
-                |subset: &[bool]| one.of(weights.as_slice(), subset).map_or(0.0, |(log, ..)| log.max(2.0 * LEAST.ln()));
-            sum += one.weight * (of(&one.right) + STAGE * of(&one.placed));
-        }
-        sum
+        let log = |one: &Choice| one.of(weights.as_slice()).map_or(0.0, |(log, ..)| log.max(2.0 * LEAST.ln()));
+        let prior = -0.5 * RIDGE * (weights - &centre).norm_squared();
+        prior + choices.iter().map(|one| one.weight * log(one)).sum::<f64>()
     };
     let mut best = value(&weights);
     let mut damping = 1e-2;
     for _ in 0..200 {
         let mut gradient = -RIDGE * (&weights - &centre);
-        let mut information = DMatrix::identity(FEATURES, FEATURES) * (RIDGE + damping);
-        for one in &numbers {
-            for (subset, share) in [(&one.right, 1.0), (&one.placed, STAGE)] {
-                if let Some((_, towards, spread)) = one.of(weights.as_slice(), subset) {
-                    gradient += towards * (share * one.weight);
-                    information += spread * (share * one.weight);
-                }
+        let mut information = DMatrix::identity(count, count) * (RIDGE + damping);
+        for one in choices {
+            if let Some((_, towards, spread)) = one.of(weights.as_slice()) {
+                gradient += towards * one.weight;
+                information += spread * one.weight;
             }
         }
         let Some(cholesky) = information.cholesky() else { break };
@@ -270,7 +277,7 @@ pub fn first_is_right(example: &Example, weights: &Weights) -> bool {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Learned {
     /// Weights of all parts together.
-    pub weights: Vec<f64>,
+    pub weights: Weights,
     /// Mean log score of Bayes' theorem on evidence as it is.
     pub bayes: f64,
     /// Mean log score of the weights learned on the other parts.
@@ -280,29 +287,28 @@ pub struct Learned {
     /// Mean log score on what was learned from.
     pub seen: f64,
     /// For each part the weights of all others.
-    pub of_others: Vec<Vec<f64>>,
+    pub of_others: Vec<Weights>,
 }
 
 /// Learns from all parts, and judges each by the others.
 #[must_use]
 pub fn learn(parts: &[Vec<Example>]) -> Learned {
     let bayes = Weights::bayes();
-    let with = |weights: Vec<f64>| Weights { weights, ..bayes.clone() };
     let all: Vec<Example> = parts.iter().flatten().cloned().collect();
     let (mut held_out, mut right, mut count) = (0.0, 0.0, 0.0_f64);
     let mut of_others = Vec::new();
     for (left, part) in parts.iter().enumerate() {
         let others: Vec<Example> =
             parts.iter().enumerate().filter(|(k, _)| *k != left).flat_map(|(_, part)| part.iter().cloned()).collect();
-        let weights = with(fit(&others));
+        let weights = fit(&others);
         let own: Vec<&Example> = part.iter().filter(|example| example.struck.is_empty()).collect();
         held_out += log_score(part, &weights) * own.len() as f64;
         right += own.iter().filter(|example| first_is_right(example, &weights)).count() as f64;
         count += own.len() as f64;
-        of_others.push(weights.weights);
+        of_others.push(weights);
     }
     let weights = fit(&all);
-    let seen = log_score(&all, &with(weights.clone()));
+    let seen = log_score(&all, &weights);
     Learned {
         weights,
         bayes: log_score(&all, &bayes),

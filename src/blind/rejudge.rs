@@ -2,6 +2,8 @@
 
 use crate::blind::said::{Blamed, Gap, Location, Rank, Said};
 use crate::diagnosis::decision::Decision;
+use crate::diagnosis::evidence::KAPPAS;
+use crate::diagnosis::law_error::LAW_ERRORS;
 use crate::diagnosis::outcome::Verdict;
 use crate::diagnosis::posterior::{Posterior, Weights};
 use crate::diagnosis::table::Table;
@@ -29,7 +31,7 @@ impl LeftOut {
             Self::Nothing => {}
             Self::ModelError => {
                 for row in &mut table.rows {
-                    row.by_kappa = [row.by_kappa[0]; 4];
+                    row.grid = [[row.grid[0][0]; LAW_ERRORS.len()]; KAPPAS.len()];
                 }
             }
             Self::SeveralEffects => table.rows.retain(|row| row.effects.len() < 2),
@@ -84,13 +86,15 @@ mod tests {
         let row = |effects: &[&str], evidence: f64| Row {
             effects: effects.iter().map(|id| (*id).to_owned()).collect(),
             refined: true,
-            cost: -2.0 * evidence,
-            by_kappa: [evidence - 40.0, evidence, evidence, evidence],
+            // As much as a right model leaves of the likeliest set.
+            cost: 64.0 - 2.0 * (evidence + 100.0),
+            sizes: vec![1.1; effects.len()],
+            grid: [[evidence - 40.0; 3], [evidence; 3], [evidence; 3], [evidence; 3]],
             ..Row::default()
         };
         Table {
             samples: 100.0,
-            rows: vec![row(&["backlash", "load"], -100.0), row(&["load"], -160.0), row(&[], -400.0)],
+            rows: vec![row(&["backlash", "load"], -100.0), row(&["load"], -112.0), row(&[], -400.0)],
             unknown: [("spool".to_owned(), -390.0)].into(),
             ..Table::default()
         }
@@ -106,7 +110,7 @@ mod tests {
         let alone = judged(LeftOut::SeveralEffects);
         assert!(alone.blames("load") && !alone.blames("backlash"), "{alone:?}");
         assert_eq!(judged(LeftOut::Unknown).probability("unknown"), 0.0);
-        assert_eq!(LeftOut::ModelError.of(&table()).rows[0].by_kappa, [-140.0; 4]);
+        assert_eq!(LeftOut::ModelError.of(&table()).rows[0].grid, [[-140.0; 3]; 4]);
         let sum: f64 = whole.ranking.iter().filter_map(|rank| rank.probability).sum();
         assert!(sum > 1.0 && whole.probability("none") < 1e-9);
     }

@@ -84,10 +84,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             units.iter().flat_map(|unit| examples(&unit.label, &table(&unit.said))).collect()
         };
         let learned = learn(&parts.iter().map(of).collect::<Vec<_>>());
-        let weights = |part: usize| Weights {
-            weights: if is_learned { learned.of_others[part].clone() } else { Weights::bayes().weights },
-            ..Weights::bayes()
-        };
+        let weights = |part: usize| if is_learned { learned.of_others[part].clone() } else { Weights::bayes() };
         let mut cases = Vec::new();
         for (part, units) in parts.iter().enumerate() {
             let others = parts.iter().enumerate().filter(|(other, _)| *other != part).flat_map(|(_, units)| units);
@@ -110,7 +107,6 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let pairs: Vec<(&Label, &Table)> = all.iter().map(|unit| (&unit.label, &unit.said.evidence.table)).collect();
     let claims: Vec<(Interval, f64)> = all.iter().filter_map(|unit| unit.claim()).collect();
     let weights = Weights {
-        weights: learned.weights.clone(),
         size_spread: size_spread(&pairs),
         closure_widening: Weights::shipped().closure_widening * closure_widening(&claims),
         provenance: serde_json::json!({
@@ -121,7 +117,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             "log_score": {"not_learned": learned.bayes, "held_out": learned.held_out, "seen": learned.seen},
             "first_word_right_held_out": learned.held_out_right,
         }),
-        ..Weights::bayes()
+        ..learned.weights.clone()
     };
     let mut text = serde_json::to_string_pretty(&weights)?;
     text.push('\n');
@@ -135,8 +131,12 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         learned.seen,
         100.0 * learned.held_out_right
     );
-    for (name, weight) in weights.features.iter().zip(&weights.weights) {
-        lines += &format!("{weight:9.3}  {name}\n");
+    let groups = ["Fault sets", "Something unknown", "Stages"].into_iter().zip(&weights.features);
+    for ((group, names), of) in groups.zip([&weights.sets, &weights.unknown, &weights.stages]) {
+        lines += &format!("{group}:\n");
+        for (name, weight) in names.iter().zip(of) {
+            lines += &format!("{weight:9.3}  {name}\n");
+        }
     }
     print(&(lines + &told(&scores)))?;
     Ok(Outcome::Ok)

@@ -14,8 +14,7 @@ use crate::effects::{self, Stage};
 use crate::parameters::Unit;
 use crate::plant::Plant;
 use crate::plant::term::{Point, Term, View};
-use crate::solver::Method;
-use crate::tuning::bench::{Bench, Misses};
+use crate::tuning::bench::{Bench, METHOD, Misses};
 use crate::twin::Twin;
 
 /// A place for a discrepancy term.
@@ -152,7 +151,7 @@ pub fn columns(bench: &Bench, model: &Model) -> Columns {
             let mut plant = Plant::new(&unit.parameters);
             effects::apply(&unit, &mut plant);
             plant.terms.push(Arc::new(Free { point: place.point, shape, size: STEP * place.scale }));
-            Twin::of_plant(plant, unit.parameters.oil.tank_pressure_pa, Method::default())
+            Twin::of_plant(plant, unit.parameters.oil.tank_pressure_pa, METHOD)
         })
         .collect();
     let moved = bench.misses_of_twins(&twins);
@@ -169,7 +168,7 @@ pub fn twin_with(unit: &Unit, place: &Place, sizes: &[f64]) -> Twin {
         let size = sizes.get(first + shape).copied().unwrap_or(0.0) * place.scale;
         plant.terms.push(Arc::new(Free { point: place.point, shape, size }));
     }
-    Twin::of_plant(plant, unit.parameters.oil.tank_pressure_pa, Method::default())
+    Twin::of_plant(plant, unit.parameters.oil.tank_pressure_pa, METHOD)
 }
 
 /// Changes of the residuals of one recording over a step, as columns.

@@ -8,10 +8,13 @@
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use crate::diagnosis::discrepancy::{self, Columns};
+use crate::diagnosis::law_error::{LAW_ERRORS, Modulations};
 use crate::diagnosis::linearisation::SIZE_PRIOR;
 use crate::diagnosis::model::Model;
 use crate::effects::Stage;
+use crate::tuning::bench::Bench;
 use crate::tuning::knob::Knob;
+use crate::tuning::linear::crossed;
 
 /// Sizes of the error of equations at which evidence is tabulated, in moderate discrepancy terms.
 pub const KAPPAS: [f64; 4] = [1e-3, 0.03, 0.1, 0.3];
@@ -24,9 +27,10 @@ pub const UNKNOWN_SIZES: [f64; 3] = [1.0, 4.0, 16.0];
 pub struct Normal {
     cost: f64,
     slopes: usize,
-    /// Over knobs and terms, without priors of the terms.
+    terms: usize,
+    /// Over knobs, discrepancy terms and errors of laws, without priors of the latter two.
     hessian: DMatrix<f64>,
-    /// Along knobs and terms.
+    /// Along all of these.
     gradient: DVector<f64>,
     /// Logarithm of the prior density of the sizes over a Gaussian of unit precision.
     sizes: f64,
@@ -48,42 +52,53 @@ struct Part {
 #[derive(Clone, Debug)]
 pub struct Shared<'a> {
     columns: &'a Columns,
+    modulations: Modulations,
     gram: DMatrix<f64>,
 }
 
 impl<'a> Shared<'a> {
     /// Of these marks.
     #[must_use]
-    pub fn new(columns: &'a Columns) -> Self {
+    pub fn new(bench: &Bench, columns: &'a Columns) -> Self {
+        let rows: Vec<usize> = columns.marks.iter().map(DMatrix::nrows).collect();
         let n = columns.marks.first().map_or(0, DMatrix::ncols);
-        let gram = columns.marks.iter().fold(DMatrix::zeros(n, n), |sum, marks| sum + marks.transpose() * marks);
-        Self { columns, gram }
+        let gram = columns.marks.iter().fold(DMatrix::zeros(n, n), |sum, marks| sum + crossed(marks, marks));
+        Self { columns, modulations: Modulations::new(bench, &rows), gram }
     }
 
     /// The normal equations of a fitted model that has its slopes.
     #[must_use]
     pub fn normal(&self, model: &Model) -> Normal {
         let (n, b) = (model.knobs.len(), self.gram.nrows());
-        let mut hessian = DMatrix::zeros(n + b, n + b);
-        let mut gradient = DVector::zeros(n + b);
+        let laws = if model.fit.slopes.is_empty() { 0 } else { self.modulations.marks(model, 0).ncols() };
+        let mut hessian = DMatrix::zeros(n + b + laws, n + b + laws);
+        let mut gradient = DVector::zeros(n + b + laws);
         let mut parts = Vec::new();
-        for ((slopes, marks), residuals) in model.fit.slopes.iter().zip(&self.columns.marks).zip(&model.fit.misses) {
-            let transposed = slopes.transpose();
-            let part = &transposed * slopes;
-            let mut own = hessian.view_mut((0, 0), (n, n));
-            own += &part;
-            let along = &transposed * residuals;
-            let mut own = gradient.rows_mut(0, n);
-            own += &along;
-            parts.push(Part { cost: residuals.norm_squared(), hessian: part, gradient: along });
-            let mut mixed = hessian.view_mut((0, n), (n, b));
-            mixed += &transposed * marks;
-            let mut own = gradient.rows_mut(n, b);
-            own += marks.tr_mul(residuals);
-        }
-        let mixed = hessian.view((0, n), (n, b)).transpose();
-        hessian.view_mut((n, 0), (b, n)).copy_from(&mixed);
         hessian.view_mut((n, n), (b, b)).copy_from(&self.gram);
+        for (trial, residuals) in model.fit.misses.iter().enumerate() {
+            let (slopes, marks) = (&model.fit.slopes[trial], &self.columns.marks[trial]);
+            let errors = self.modulations.marks(model, trial);
+            let part = crossed(slopes, slopes);
+            let along = slopes.tr_mul(residuals);
+            let mut add = |at: (usize, usize), block: &DMatrix<f64>| {
+                let mut view = hessian.view_mut(at, block.shape());
+                view += block;
+            };
+            add((0, 0), &part);
+            add((0, n), &crossed(slopes, marks));
+            if laws > 0 {
+                add((0, n + b), &crossed(slopes, &errors));
+                add((n, n + b), &crossed(marks, &errors));
+                add((n + b, n + b), &crossed(&errors, &errors));
+            }
+            for (first, along) in [(0, along.clone()), (n, marks.tr_mul(residuals)), (n + b, errors.tr_mul(residuals))]
+            {
+                let mut view = gradient.rows_mut(first, along.len());
+                view += along;
+            }
+            parts.push(Part { cost: residuals.norm_squared(), hessian: part, gradient: along });
+        }
+        hessian.fill_lower_triangle_with_upper_triangle();
         let (median, spread) = SIZE_PRIOR;
         let (mut sizes, mut log_precision) = (0.0, 0.0);
         for (k, knob) in model.knobs.iter().enumerate() {
@@ -115,7 +130,7 @@ impl<'a> Shared<'a> {
             hessian[(k, k)] += precision;
             log_precision += precision.ln();
         }
-        Normal { cost: model.fit.cost(), slopes: n, hessian, gradient, sizes, log_precision, parts }
+        Normal { cost: model.fit.cost(), slopes: n, terms: b, hessian, gradient, sizes, log_precision, parts }
     }
 }
 
@@ -137,13 +152,13 @@ fn log_determinant(cholesky: &Cholesky<f64, nalgebra::Dyn>) -> f64 {
 }
 
 impl Normal {
-    /// Logarithm of the evidence where the terms are of these sizes.
-    fn with_terms(&self, size: impl Fn(usize) -> f64) -> f64 {
-        let (n, b) = (self.slopes, self.gradient.len() - self.slopes);
+    /// Logarithm of the evidence where the terms are of these sizes, and errors of laws of this one.
+    fn with_terms(&self, size: impl Fn(usize) -> f64, law_error: f64) -> f64 {
+        let n = self.slopes;
         let mut h = self.hessian.clone();
         let mut log_precision = self.log_precision;
-        for k in 0..b {
-            let precision = 1.0 / size(k).powi(2);
+        for k in 0..self.gradient.len() - n {
+            let precision = 1.0 / if k < self.terms { size(k) } else { law_error }.powi(2);
             h[(n + k, n + k)] += precision;
             log_precision += precision.ln();
         }
@@ -162,22 +177,16 @@ impl Normal {
         solved.rows_range(self.slopes..).norm_squared()
     }
 
-    /// Logarithm of the evidence at each size of the error of equations.
+    /// Logarithm of the evidence at each size of the error of equations (rows of [`KAPPAS`]) and of laws ([`LAW_ERRORS`]).
     #[must_use]
-    pub fn by_kappa(&self) -> [f64; KAPPAS.len()] {
-        KAPPAS.map(|kappa| self.at_kappa(kappa))
+    pub fn grid(&self) -> [[f64; LAW_ERRORS.len()]; KAPPAS.len()] {
+        KAPPAS.map(|kappa| LAW_ERRORS.map(|law_error| self.at(kappa, law_error)))
     }
 
-    /// Logarithm of the evidence with an error of equations of this size.
+    /// Logarithm of the evidence with errors of equations and of laws of these sizes.
     #[must_use]
-    pub fn at_kappa(&self, kappa: f64) -> f64 {
-        self.with_terms(|_| kappa)
-    }
-
-    /// Logarithm of the evidence, whatever the size of the error of equations, all of [`KAPPAS`] being as likely.
-    #[must_use]
-    pub fn log_evidence(&self) -> f64 {
-        log_sum(self.by_kappa()) - (KAPPAS.len() as f64).ln()
+    pub fn at(&self, kappa: f64, law_error: f64) -> f64 {
+        self.with_terms(|_| kappa, law_error)
     }
 
     /// The same with something unknown at a stage, whatever its size.
@@ -189,7 +198,8 @@ impl Normal {
         }
         let all = KAPPAS[1..].iter().flat_map(|&kappa| UNKNOWN_SIZES.map(|size| (kappa, size)));
         let count = ((KAPPAS.len() - 1) * UNKNOWN_SIZES.len()) as f64;
-        log_sum(all.map(|(kappa, size)| self.with_terms(|k| if at[k] { size } else { kappa }))) - count.ln()
+        log_sum(all.map(|(kappa, size)| self.with_terms(|k| if at[k] { size } else { kappa }, LAW_ERRORS[0])))
+            - count.ln()
     }
 
     /// By how much something unknown at one place lowers the cost, and the most probable sizes of all terms, in moderate terms; `sizes` are those of
@@ -198,10 +208,17 @@ impl Normal {
     pub fn terms(&self, place: usize, sizes: (f64, f64), goal: Option<&DVector<f64>>) -> (f64, Vec<f64>) {
         let at = discrepancy::PLACES.get(place).map(|place| place.words);
         let here: Vec<bool> = discrepancy::places().map(|place| Some(place.words) == at).collect();
-        let (n, b) = (self.slopes, self.gradient.len() - self.slopes);
+        let (n, b) = (self.slopes, self.terms);
         let mut h = self.hessian.clone();
-        for k in 0..b {
-            h[(n + k, n + k)] += 1.0 / (if here[k] { sizes.0 } else { sizes.1 }).powi(2);
+        for k in 0..self.gradient.len() - n {
+            let size = if k >= b {
+                LAW_ERRORS[0]
+            } else if here[k] {
+                sizes.0
+            } else {
+                sizes.1
+            };
+            h[(n + k, n + k)] += 1.0 / size.powi(2);
         }
         let mut gradient = self.gradient.clone();
         if let Some(goal) = goal {

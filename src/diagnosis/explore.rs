@@ -1,5 +1,7 @@
 //! Which fault sets are worth a joint fit, and those fits: proposals of the linear picture at several points, until the leader stands.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{DMatrix, DVector};
 use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, IntoParallelRefIterator, ParallelIterator};
 
@@ -11,7 +13,7 @@ use crate::diagnosis::model::Model;
 use crate::diagnosis::support::{Placed, Variant, add};
 use crate::effects::EffectSpec;
 use crate::tuning::bench::Bench;
-use crate::tuning::fit::{Effort, Start, fit_all};
+use crate::tuning::fit::{Effort, Fit, Start, fit_all};
 use crate::twin::Cut;
 
 /// Most effects at once.
@@ -20,17 +22,29 @@ pub const MOST: usize = 3;
 /// Error of equations that proposals and rankings count with, in moderate discrepancy terms.
 pub const KAPPA: f64 = 0.03;
 
+/// Error of laws that rankings count with, as a share of what an effect does.
+pub const LAW_ERROR: f64 = 0.05;
+
 /// Logarithm of the odds against each further effect that the exploration counts with; the posterior has learned odds of its own.
 const RARITY: f64 = 5.0;
 
 /// Proposals of each point that are fitted, by number of effects from one.
-const TAKEN: [usize; MOST] = [5, 8, 4];
+const TAKEN: [usize; MOST] = [5, 6, 3];
 
 /// The same at the leader, where all sets resemble it.
 const TAKEN_AT_LEADER: usize = 6;
 
 /// Fitted sets that are fitted on with care, each time.
-const REFINED: usize = 3;
+const REFINED: usize = 4;
+
+/// Least gain in evidence for which a further effect is tried, nats: a fiftieth of the odds against it.
+const LEAST_GAIN: f64 = 1.0;
+
+/// Of the sets that were fitted by one step, one in so many is fitted on.
+const PURSUED: usize = 3;
+
+/// Further steps of such a fit.
+const FURTHER: Effort = Effort { rounds: 2, refresh: 100, temperature: 1.0 };
 
 /// Work of a careful fit.
 const CAREFUL: Effort = Effort { rounds: 6, refresh: 3, temperature: 1.0 };
@@ -128,7 +142,7 @@ impl Explored {
             })
             .collect();
         let fits = fit_all(bench, &starts);
-        let shared = Shared::new(&self.discrepancy);
+        let shared = Shared::new(bench, &self.discrepancy);
         let mut best: Vec<Option<Hypothesis>> = vec![None; claims.len()];
         for ((place, _, (base, knobs, _)), fit) in places.into_iter().zip(fits) {
             let known = catalogue.iter().enumerate().filter(|(_, spec)| claims[place].contains(&spec.id));
@@ -136,7 +150,7 @@ impl Explored {
             let model = Model::new(specs, base, knobs, fit);
             if best[place].as_ref().is_none_or(|best| model.cost() < best.model.cost()) {
                 let normal = shared.normal(&model);
-                let log_evidence = normal.at_kappa(kappa(bench)) - RARITY * effects.len() as f64;
+                let log_evidence = normal.at(kappa(bench), LAW_ERROR) - RARITY * effects.len() as f64;
                 best[place] = Some(Hypothesis { effects, model, normal, log_evidence, refined: true });
             }
         }
@@ -176,7 +190,7 @@ pub(super) struct Explorer<'a> {
 impl Explorer<'_> {
     fn hypothesis(&self, effects: Vec<usize>, model: Model, refined: bool) -> Hypothesis {
         let normal = self.shared.normal(&model);
-        let log_evidence = normal.at_kappa(self.kappa) - RARITY * effects.len() as f64;
+        let log_evidence = normal.at(self.kappa, LAW_ERROR) - RARITY * effects.len() as f64;
         Hypothesis { effects, model, normal, log_evidence, refined }
     }
 
@@ -197,16 +211,12 @@ impl Explorer<'_> {
         members
     }
 
-    /// Fits proposals quickly, each at its point.
+    /// Fits proposals quickly, each at its point: one step each, and those that are worth it then go on.
     fn scouted(&self, jobs: &[(&Model, Proposal)]) -> Vec<Hypothesis> {
-        let count = self.nominal.knobs.len();
-        let leading = |point: &Model| -> Vec<DMatrix<f64>> {
-            point.fit.slopes.iter().map(|slopes| slopes.columns(0, count).into_owned()).collect()
-        };
         let mut known: Vec<(*const Model, Vec<DMatrix<f64>>)> = Vec::new();
         for (point, _) in jobs {
             if known.iter().all(|(other, _)| !std::ptr::eq(*other, *point)) {
-                known.push((*point, leading(point)));
+                known.push((*point, self.sheet_slopes(point)));
             }
         }
         let places: Vec<(Vec<usize>, Placed)> =
@@ -220,17 +230,37 @@ impl Explorer<'_> {
                     base,
                     knobs,
                     positions,
-                    effort: Effort::SCOUT,
+                    effort: Effort::GLANCE,
                     known: known.map(|(_, slopes)| slopes.as_slice()),
                 }
             })
             .collect();
         let fits = fit_all(self.bench, &starts);
+        drop(starts);
         let found = places.into_par_iter().zip(fits).map(|((effects, (base, knobs, _)), fit)| {
             let specs = effects.iter().map(|&effect| self.catalogue[effect]).collect();
             self.hypothesis(effects, Model::new(specs, base, knobs, fit), false)
         });
-        found.collect()
+        let mut found: Vec<Hypothesis> = found.collect();
+        found.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+        let promising = found.len().div_ceil(PURSUED);
+        // An effect's own slopes bend most and are measured at each step.
+        let known: Vec<Vec<DMatrix<f64>>> =
+            found[..promising].iter().map(|one| self.sheet_slopes(&one.model)).collect();
+        let starts = found.iter().zip(&known);
+        let starts: Vec<Start<'_>> =
+            starts.map(|(one, known)| Start { known: Some(known), ..one.model.onwards(FURTHER) }).collect();
+        let fits = fit_all(self.bench, &starts);
+        drop(starts);
+        let further = self.better(&found[..promising], fits, false);
+        found.splice(..promising, further);
+        found
+    }
+
+    /// Slopes of a model by the parameters of the sheet alone.
+    fn sheet_slopes(&self, model: &Model) -> Vec<DMatrix<f64>> {
+        let count = self.nominal.knobs.len();
+        model.fit.slopes.iter().map(|slopes| slopes.columns(0, count).into_owned()).collect()
     }
 
     /// The effects of a proposal at a point, and the unit with them where the fit begins.
@@ -268,13 +298,41 @@ impl Explorer<'_> {
     /// Fits hypotheses on with care.
     pub(super) fn refined(&self, chosen: &[Hypothesis]) -> Vec<Hypothesis> {
         let starts: Vec<Start<'_>> = chosen.iter().map(|one| one.model.onwards(CAREFUL)).collect();
-        let fits = fit_all(self.bench, &starts);
+        self.better(chosen, fit_all(self.bench, &starts), true)
+    }
+
+    /// Hypotheses with fits that went on from them, where these are better.
+    fn better(&self, chosen: &[Hypothesis], fits: Vec<Fit>, refined: bool) -> Vec<Hypothesis> {
         let found = chosen
             .par_iter()
             .zip(fits)
-            .map(|(one, fit)| self.hypothesis(one.effects.clone(), one.model.or_better(fit), true));
+            .map(|(one, fit)| self.hypothesis(one.effects.clone(), one.model.or_better(fit), refined));
         found.collect()
     }
+}
+
+/// Proposals without those whose evidence hardly exceeds that of a proposal with one effect less: the odds against an effect leave them next to
+/// no probability, and effects that leave no mark would take all places.
+fn worthwhile(proposals: Vec<Proposal>) -> Vec<Proposal> {
+    let ids = |proposal: &Proposal| -> Vec<usize> {
+        let mut ids: Vec<usize> = proposal.effects.iter().map(|(effect, _)| *effect).collect();
+        ids.sort_unstable();
+        ids
+    };
+    let mut known: BTreeMap<Vec<usize>, f64> = BTreeMap::from([(Vec::new(), 0.0)]);
+    for proposal in &proposals {
+        let best = known.entry(ids(proposal)).or_insert(f64::NEG_INFINITY);
+        *best = best.max(proposal.log_evidence);
+    }
+    let gains = |proposal: &Proposal| {
+        let all = ids(proposal);
+        (0..all.len()).all(|left| {
+            let mut fewer = all.clone();
+            fewer.remove(left);
+            known.get(&fewer).is_none_or(|fewer| proposal.log_evidence > fewer + LEAST_GAIN)
+        })
+    };
+    proposals.into_iter().filter(|proposal| proposal.effects.len() < 2 || gains(proposal)).collect()
 }
 
 /// Explores the fault sets of a catalogue from the refitted sheet and from the sheet itself.
@@ -289,7 +347,7 @@ pub fn explore(
     progress("placing discrepancy terms", 0.2);
     let discrepancy = columns(bench, refitted);
     let kappa = kappa(bench);
-    let explorer = Explorer { kappa, bench, nominal: refitted, catalogue, shared: Shared::new(&discrepancy) };
+    let explorer = Explorer { kappa, bench, nominal: refitted, catalogue, shared: Shared::new(bench, &discrepancy) };
     let mut known = Known::default();
     known.take(explorer.hypothesis(Vec::new(), refitted.clone(), true));
     progress("weighing all sets of up to three effects", 0.25);
@@ -299,7 +357,7 @@ pub fn explore(
     progress("fitting the likeliest sets", 0.4);
     let mut jobs: Vec<(&Model, Proposal)> = Vec::new();
     for (point, picture) in [(refitted, &linearisation), (sheet, &from_sheet)] {
-        let proposals = picture.proposals(MOST);
+        let proposals = worthwhile(picture.proposals(MOST));
         // A stage alone has few effects and all are alike: each is fitted.
         let taken = if is_stage_alone(bench) { [usize::MAX, TAKEN[1], TAKEN[2]] } else { TAKEN };
         for (size, taken) in taken.into_iter().enumerate() {
@@ -330,7 +388,9 @@ pub fn explore(
                 continue;
             }
             let refined = known.fitted.get(&effects).is_some_and(|known| known.refined);
-            if !refined && jobs.len() < TAKEN_AT_LEADER {
+            let idle =
+                proposal.removed.is_empty() && proposal.log_evidence < LEAST_GAIN * proposal.effects.len() as f64;
+            if !refined && !idle && jobs.len() < TAKEN_AT_LEADER {
                 jobs.push((&leader.model, proposal));
             }
         }

@@ -15,6 +15,7 @@ use crate::diagnosis::support::{Variant, with_effect};
 use crate::effects::EffectSpec;
 use crate::tuning::bench::Bench;
 use crate::tuning::knob::unit_at;
+use crate::tuning::linear::crossed;
 
 /// Sizes at which an effect is simulated, in typical ones; those out of its range are left out.
 const SIZES: [f64; 5] = [0.35, 1.2, 3.0, -0.35, -1.2];
@@ -113,7 +114,7 @@ impl Linearisation {
                     all.set_column(slopes + b.ncols() + k, &(&moved[trial] - at));
                 }
                 all.set_column(all.ncols() - 1, at);
-                all.transpose() * all
+                crossed(&all, &all)
             })
             .collect();
         let gram = grams.into_iter().reduce(|a, b| a + b).unwrap_or_else(|| DMatrix::zeros(1, 1));

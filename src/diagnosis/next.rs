@@ -2,7 +2,7 @@
 //!
 //! Every hypothesis that is left is put through each candidate once. Its outcome is a Gaussian: the mean is its simulation, the covariance noise and
 //! what the free parameters leave open, `S = I + J Σ Jᵀ`, with the leader's slopes J of the sheet's parameters for all and each set's own slopes of its
-//! effects. What that is worth stands in [`crate::diagnosis::information`]; nats count as the posterior counts them ([`counted_share`]).
+//! effects. What that is worth stands in [`crate::diagnosis::information`]; nats count as the posterior counts them ([`Weights::counted_share`]).
 
 use nalgebra::{DMatrix, DVector};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
@@ -10,17 +10,17 @@ use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use crate::diagnosis::candidate::{Candidate, candidates};
 use crate::diagnosis::decision::Decision;
 use crate::diagnosis::explore::Explored;
-use crate::diagnosis::information::{Drop, Predicted, entropy_bits, expected_drop, square};
+use crate::diagnosis::information::{Drop, Predicted, entropy_bits, expected_drop};
 use crate::diagnosis::model::Model;
 use crate::diagnosis::outcome::Experiment;
-use crate::diagnosis::posterior::{Posterior, counted_share, gap};
+use crate::diagnosis::posterior::{Posterior, Weights};
 use crate::diagnosis::script::CANDIDATES;
 use crate::diagnosis::stage_experiment;
 use crate::diagnosis::survivors::{Survivor, deviations, survivors};
 use crate::diagnosis::table::Table;
 use crate::parameters::Unit;
 use crate::signal::Signal;
-use crate::tuning::bench::{Bench, Misses};
+use crate::tuning::bench::{Bench, Misses, twin_of};
 use crate::tuning::fit::slopes;
 use crate::tuning::trial::Trial;
 use crate::twin::{Cut, Twin};
@@ -45,7 +45,8 @@ pub struct Next {
 
 /// The best tests: of those that ask for nothing further, and with a trip, pilot signals or a faster recorder where these tell more per minute.
 #[must_use]
-pub fn next(bench: &Bench, found: &Explored, table: &Table, posterior: &Posterior, decision: &Decision) -> Next {
+pub fn next(bench: &Bench, found: &Explored, judged: (&Table, &Posterior, &Weights), decision: &Decision) -> Next {
+    let (table, posterior, weights) = judged;
     let left = survivors(found, table, posterior, decision);
     let entropy_bits = entropy_bits(left.iter().map(|one| one.probability));
     if entropy_bits < LEAST_BITS {
@@ -58,7 +59,14 @@ pub fn next(bench: &Bench, found: &Explored, table: &Table, posterior: &Posterio
         candidates(bench, &leader.model.unit(), &CANDIDATES)
     };
     let recorded = Signal::ALL.map(|signal| bench.trials.iter().any(|trial| trial.has[signal as usize]));
-    let weighed = weigh(bench, &left, leader.model, &found.refitted().unit(), candidates, (gap(table), recorded));
+    let weighed = weigh(
+        bench,
+        &left,
+        leader.model,
+        &found.refitted().unit(),
+        candidates,
+        (weights.counted_share(table), recorded),
+    );
     Next { entropy_bits, experiments: chosen(weighed, entropy_bits) }
 }
 
@@ -88,7 +96,7 @@ impl Weighed {
 }
 
 /// Puts the survivors through the candidates and weighs what each would tell, with the signals of the recordings and, where pilot signals
-/// were not among them, with those too. `known` is the evidence for a gap so far and which signals were recorded.
+/// were not among them, with those too. `known` is the share with which a nat counts and which signals were recorded.
 #[must_use]
 pub fn weigh(
     bench: &Bench,
@@ -100,7 +108,7 @@ pub fn weigh(
 ) -> Vec<Weighed> {
     let tests = bench.anew(candidates.iter().map(|one| one.trial.clone()).collect(), &leader.unit());
     let mut twins: Vec<Twin> = left.iter().map(|one| one.twin.clone()).collect();
-    twins.push(Twin::new(refitted));
+    twins.push(twin_of(refitted));
     let outcomes = tests.misses_of_twins(&twins);
     let sheet = leader.knobs.len() - own_count(leader);
     let weighing = Weighing { left, leader, candidates, known, tests, outcomes, sheet };
@@ -147,7 +155,7 @@ impl Weighing<'_> {
                 deviations: DMatrix::zeros(answers.ncols(), 0),
             })
             .collect();
-        expected_drop(&answers.tr_mul(&answers), &predicted, counted_share(self.known.0)).least_bits
+        expected_drop(&answers.tr_mul(&answers), &predicted, self.known.0).least_bits
     }
 
     /// The candidates to look at closely: of each kind in turn the best if every parameter were known, as many as time allows.
@@ -206,13 +214,9 @@ impl Weighing<'_> {
         let all = columns.ncols();
         let predicted: Vec<Predicted> =
             (0..self.left.len()).map(|k| self.predicted(k, (first, places[k]), all)).collect();
-        let empty =
-            Predicted { probability: 0.0, mean: unit_vector(all, self.refitted()), deviations: DMatrix::zeros(all, 0) };
         let weighed = |(records, further): (Vec<Signal>, bool)| {
             let gram = gram(&columns, &self.candidates[index].trial, &records);
-            // In a large gap small differences say little, also in the one that is yet to be recorded.
-            let new_gap = leads.map_or(0.0, |k| 0.5 * square(&gram, &predicted[k], &empty));
-            let drop = expected_drop(&gram, &predicted, counted_share(self.known.0 + new_gap));
+            let drop = expected_drop(&gram, &predicted, self.known.0);
             let name = |k: usize| self.left[k].name.clone();
             let separates = drop.separates.map(|(i, j, apart)| ([name(i), name(j)], apart));
             Weighed { candidate: self.candidates[index].clone(), records, further, drop, separates }
@@ -274,7 +278,7 @@ fn gram(columns: &DMatrix<f64>, trial: &Trial, signals: &[Signal]) -> DMatrix<f6
     let count = trial.samples.len();
     signals.iter().filter_map(|&signal| trial.place(signal)).fold(DMatrix::zeros(n, n), |sum, place| {
         let rows = columns.rows(trial.miss(place, 0), count);
-        sum + rows.tr_mul(&rows)
+        sum + rows.transpose() * rows
     })
 }
 

@@ -1,45 +1,81 @@
 //! The posterior over fault sets: evidence, prior odds and a few learned weights make probabilities that sum to 1.
 //!
-//! Hypotheses are the sheet alone, every fitted fault set, and something unknown at each stage. Their probabilities are a conditional logit
-//! (McFadden 1974) over features of the evidence table. [`Weights::bayes`] is Bayes' theorem where the gap is small; the weights say how far the
-//! evidence of equations that are never exact can be trusted, and are learned by log score on generated units ([`Weights`]).
+//! Three questions, each with learned weights. Is something unknown at work: does the best fault set leave more than a right model would (a logistic
+//! regression)? If not, which set (a conditional logit over the evidence of all fitted sets, the sheet alone among them; McFadden 1974)? If so, at which
+//! stage (a conditional logit over the evidence of discrepancy terms there)? [`Weights::bayes`] is Bayes' theorem with nothing learned; `govtwin
+//! calibrate` learns the weights by log score on generated units.
 
 use serde::{Deserialize, Serialize};
 
 use crate::diagnosis::evidence::log_sum;
+use crate::diagnosis::linearisation::SIZE_PRIOR;
 use crate::diagnosis::table::{Row, Table};
 use crate::tuning::bench::GENEROUS;
 
 /// The weights as shipped; `govtwin calibrate` writes such a file.
 const SHIPPED: &str = include_str!("../../params/diagnosis_weights.json");
 
-/// Number of features of a hypothesis.
-pub const FEATURES: usize = 13;
+/// A weight with what it multiplies, and its value beforehand.
+#[derive(Clone, Copy, Debug)]
+pub struct Feature {
+    /// What the weight multiplies.
+    pub name: &'static str,
+    /// The weight with nothing learned.
+    pub bayes: f64,
+}
 
-/// What each feature is, in the order of the weights.
-pub const NAMES: [&str; FEATURES] = [
-    "evidence lost against the best hypothesis, over the scale of errors of equations, at fast rates",
-    "the same at slow rates",
-    "logarithm of 1 and that ratio, at fast rates",
-    "the same at slow rates",
-    "number of effects",
-    "something unknown",
-    "nothing",
-    "strain of the sheet",
-    "what the noise that it predicts itself costs more, tens of nats",
-    "unknown: logarithm of the share of a visible gap that the best fault set leaves, at fast rates",
-    "unknown where a gap is visible",
-    "unknown: logarithm of 1 and the evidence lost, over the scale of errors of equations, negative where it is won",
-    "nothing: ten squares of the logarithm of its χ² over that of sound units, at fast rates",
+const fn feature(name: &'static str, bayes: f64) -> Feature {
+    Feature { name, bayes }
+}
+
+/// Features of a fault set. Nats at slow rates count over the excess of χ²: the noise between slow samples is known to a factor.
+pub const OF_SETS: [Feature; 10] = [
+    feature("nats of evidence lost against the best set, fast", -1.0),
+    feature("the same, slow", 0.0),
+    feature("nats lost, over χ² of the best set against that of sound units, fast", 0.0),
+    feature("the same, slow", -1.0),
+    feature("logarithm of 1 and the nats lost", 0.0),
+    feature("number of effects", -5.0),
+    feature("nothing", 0.0),
+    feature("strain of the sheet", 0.0),
+    feature("tens of nats that the noise costs which the set predicts itself", 0.0),
+    feature("squares of the sizes' distances from the typical one", 0.0),
+];
+
+/// Features of something unknown against all that is known, of the set that is best by Bayes' theorem.
+pub const OF_UNKNOWN: [Feature; 10] = [
+    feature("fast", -3.0),
+    feature("slow", -3.0),
+    feature("logarithm of χ² over that of sound units, fast", 8.0),
+    feature("the same, slow", 2.0),
+    feature("logarithm of the share of a visible gap that is left, fast", 0.5),
+    feature("the same, slow", 0.5),
+    feature("strain of the sheet", 0.0),
+    feature("squares of the sizes' distances from the typical one", 0.0),
+    feature("number of effects", 0.0),
+    feature(
+        "logarithm of the nats that discrepancy terms at a stage gain beyond the set, negative where they lose",
+        0.5,
+    ),
+];
+
+/// Features of a stage, where something is unknown.
+pub const OF_STAGES: [Feature; 2] = [
+    feature("nats lost against the best stage, over χ² of the best set", -0.5),
+    feature("logarithm of 1 and the nats lost", 0.0),
 ];
 
 /// The learned numbers, with where they come from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Weights {
-    /// What each weight multiplies.
-    pub features: Vec<String>,
-    /// One for each of [`NAMES`].
-    pub weights: Vec<f64>,
+    /// One for each of [`OF_SETS`].
+    pub sets: Vec<f64>,
+    /// One for each of [`OF_UNKNOWN`].
+    pub unknown: Vec<f64>,
+    /// One for each of [`OF_STAGES`].
+    pub stages: Vec<f64>,
+    /// What the weights multiply, group by group, as a reader of the file needs it.
+    pub features: [Vec<String>; 3],
     /// Expected logarithm of the equation error of a size: one standard deviation of the logarithm of fitted over true size.
     pub size_spread: f64,
     /// By how much the interval of the explained share is widened, as a factor of its half-widths.
@@ -58,108 +94,109 @@ impl Weights {
     /// Bayes' theorem with odds of e⁵ against each effect, nothing learned.
     #[must_use]
     pub fn bayes() -> Self {
-        let mut weights = vec![0.0; FEATURES];
-        weights[0] = -INEXACT.0;
-        weights[1] = -INEXACT.0;
-        weights[4] = -5.0;
-        weights[5] = -5.0;
-        // For losses that matter the logarithm is near the loss itself.
-        weights[11] = -INEXACT.0;
+        let weights = |features: &[Feature]| features.iter().map(|feature| feature.bayes).collect();
+        let names = |features: &[Feature]| features.iter().map(|feature| feature.name.to_owned()).collect();
         Self {
-            features: NAMES.iter().map(|name| (*name).to_owned()).collect(),
-            weights,
+            sets: weights(&OF_SETS),
+            unknown: weights(&OF_UNKNOWN),
+            stages: weights(&OF_STAGES),
+            features: [names(&OF_SETS), names(&OF_UNKNOWN), names(&OF_STAGES)],
             size_spread: 0.1,
             closure_widening: 1.0,
             provenance: serde_json::Value::Null,
         }
     }
+
+    /// Share with which a further nat of evidence counts between two sets, given a unit's table.
+    #[must_use]
+    pub fn counted_share(&self, table: &Table) -> f64 {
+        let fast = 1.0 - table.slow_share;
+        let chi = Hypotheses::new(table, &[]).map_or(1.0, |all| all.excess.exp().max(1.0));
+        let of = |plain: usize, over: usize| -(self.sets[plain] + self.sets[over] / chi);
+        (fast * of(0, 2) + table.slow_share * of(1, 3)).clamp(0.0, 1.0)
+    }
 }
 
-/// One hypothesis and its features.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Hypothesis {
-    /// The sheet alone (no effects) or a fault set, by its row of the table.
-    Effects(usize),
-    /// Something unknown at a stage, by its id.
-    Unknown(String),
-}
-
-/// Scale of errors of equations in the evidence: nats, and a share of the evidence for a gap. Of a few pairs those that score best on units not seen.
-const INEXACT: (f64, f64) = (3.0, 0.02);
-
-/// Share with which a further nat of evidence counts by Bayes' theorem where so much evidence speaks for a gap: 1 where none does.
-#[must_use]
-pub fn counted_share(gap: f64) -> f64 {
-    INEXACT.0 / (INEXACT.0 + INEXACT.1 * gap.max(0.0))
-}
-
-/// Evidence for a gap: of the likeliest set, less the odds against its effects, over that of the sheet alone.
-#[must_use]
-pub fn gap(table: &Table) -> f64 {
-    let odds = |row: &Row| row.evidence() - 5.0 * row.effects.len() as f64;
-    let best = table.rows.iter().map(odds).fold(f64::NEG_INFINITY, f64::max);
-    let empty = table.rows.iter().find(|row| row.effects.is_empty()).map_or(best, Row::evidence);
-    (best - empty).max(0.0)
-}
+/// Logarithm of the odds against each effect by which the best set is chosen whose remainder is looked at.
+const ODDS: f64 = 5.0;
 
 /// Loss from which on nothing changes any more: a hypothesis that could not be simulated is as far behind as any.
-const FARTHEST: f64 = 1e6;
+const FARTHEST: f64 = 1e3;
 
-/// The hypotheses of a table with their features; none of the struck effects.
-#[must_use]
-pub fn hypotheses(table: &Table, struck: &[&str]) -> Vec<(Hypothesis, [f64; FEATURES])> {
-    let allowed = |row: &Row| !row.effects.iter().any(|id| struck.contains(&id.as_str()));
-    let rows: Vec<usize> = (0..table.rows.len()).filter(|&k| allowed(&table.rows[k])).collect();
-    let evidence = |row: &Row| row.evidence();
-    let odds = |row: &Row| evidence(row) - 5.0 * row.effects.len() as f64;
-    let Some(&best) = rows.iter().max_by(|&&a, &&b| odds(&table.rows[a]).total_cmp(&odds(&table.rows[b]))) else {
-        return Vec::new();
-    };
-    let leader = &table.rows[best];
-    let nothing = rows.iter().map(|&k| &table.rows[k]).find(|row| row.effects.is_empty());
-    let empty = nothing.map_or(odds(leader), evidence);
-    let gap = (odds(leader) - empty).max(0.0);
-    let (fast, slow) = (1.0 - table.slow_share, table.slow_share);
-    // Losses are counted against the best of all sets by evidence alone: what odds say of their number is a feature of its own.
-    let top = rows.iter().map(|&k| evidence(&table.rows[k])).fold(f64::NEG_INFINITY, f64::max);
-    // The equation of a true effect is off by a share of what the effect causes: in a large gap small differences say little.
-    let scale = INEXACT.0 + INEXACT.1 * gap;
-    let expected = GENEROUS * table.samples;
-    let mut all = Vec::new();
-    for &k in &rows {
-        let row = &table.rows[k];
-        let mut features = [0.0; FEATURES];
-        let lost = ((top - evidence(row)) / scale).min(FARTHEST);
-        features[0] = fast * lost.min(30.0);
-        features[1] = slow * lost.min(30.0);
-        features[2] = fast * lost.ln_1p();
-        features[3] = slow * lost.ln_1p();
-        features[4] = row.effects.len() as f64;
-        features[6] = f64::from(u8::from(row.effects.is_empty()));
-        features[7] = row.strain.min(20.0);
-        if row.effects.is_empty() {
-            // Sound units leave nearly the same χ² per sample, so that its logarithm is as good as normal.
-            let beyond = (row.cost / expected.max(1.0)).max(1.0).ln();
-            features[12] = fast * (10.0 * beyond * beyond).min(40.0);
-        }
-        features[8] = 0.05 * row.own_noise.clamp(-100.0, 100.0);
-        all.push((Hypothesis::Effects(k), features));
+/// The hypotheses of a table with their features.
+#[derive(Clone, Debug)]
+pub struct Hypotheses {
+    /// Fault sets by their row of the table.
+    pub sets: Vec<(usize, Vec<f64>)>,
+    /// Something unknown, against all sets together.
+    pub unknown: Vec<f64>,
+    /// Stages by id, where something unknown may be; none where nothing unknown is weighed.
+    pub stages: Vec<(String, Vec<f64>)>,
+    /// Logarithm of χ² of the best set over that of sound units.
+    pub excess: f64,
+}
+
+/// Squares of the distances of a set's sizes from the typical one, in deviations of their prior.
+fn oddness(row: &Row) -> f64 {
+    let (median, spread) = SIZE_PRIOR;
+    row.sizes.iter().map(|size| ((size.abs().max(1e-3) / median).ln() / spread).powi(2).min(9.0)).sum()
+}
+
+impl Hypotheses {
+    /// Those of a table, without sets of struck effects; none of an empty table.
+    #[must_use]
+    pub fn new(table: &Table, struck: &[&str]) -> Option<Self> {
+        let allowed = |row: &&Row| !row.effects.iter().any(|id| struck.contains(&id.as_str()));
+        let odds = |row: &Row| row.evidence() - ODDS * row.effects.len() as f64;
+        let leader = table.rows.iter().filter(allowed).max_by(|a, b| odds(a).total_cmp(&odds(b)))?;
+        let empty = table.rows.iter().find(|row| row.effects.is_empty());
+        let top = table.rows.iter().filter(allowed).map(Row::evidence).fold(f64::NEG_INFINITY, f64::max);
+        let (fast, slow) = (1.0 - table.slow_share, table.slow_share);
+        let expected = (GENEROUS * table.samples).max(1.0);
+        let excess = (leader.cost / expected).max(1e-3).ln();
+        let chi = excess.exp().max(1.0);
+        let set = |(k, row): (usize, &Row)| {
+            let lost = (top - row.evidence()).min(FARTHEST);
+            let features = vec![
+                fast * lost,
+                slow * lost,
+                fast * lost / chi,
+                slow * lost / chi,
+                lost.ln_1p(),
+                row.effects.len() as f64,
+                f64::from(u8::from(row.effects.is_empty())),
+                row.strain.min(20.0),
+                0.1 * row.own_noise.clamp(-100.0, 100.0),
+                oddness(row),
+            ];
+            (k, features)
+        };
+        let rows = table.rows.iter().enumerate().filter(|(_, row)| allowed(row));
+        let before = empty.map_or(leader.cost, |row| row.cost);
+        let gap = (odds(leader) - empty.map_or(odds(leader), Row::evidence)).max(0.0);
+        let visible = gap / (gap + 20.0);
+        let left = ((leader.cost - expected) / (before - expected).max(1.0)).clamp(0.0, 1.0);
+        let left = visible * (0.02 + left).ln();
+        let best_stage = table.unknown.values().copied().fold(f64::NEG_INFINITY, f64::max);
+        let gained = (best_stage - top).max(-FARTHEST);
+        let unknown = vec![
+            fast,
+            slow,
+            fast * excess.clamp(-1.0, 2.0),
+            slow * excess.clamp(-1.0, 2.0),
+            fast * left,
+            slow * left,
+            leader.strain.min(20.0),
+            oddness(leader),
+            leader.effects.len() as f64,
+            (gained.abs() / chi).ln_1p().copysign(gained),
+        ];
+        let stage = |(id, evidence): (&String, &f64)| {
+            let lost = (best_stage - evidence).clamp(0.0, FARTHEST);
+            (id.clone(), vec![lost / chi, lost.ln_1p()])
+        };
+        Some(Self { sets: rows.map(set).collect(), unknown, stages: table.unknown.iter().map(stage).collect(), excess })
     }
-    let empty_cost = nothing.map_or(leader.cost, |row| row.cost);
-    let share = ((leader.cost - expected) / (empty_cost - expected).max(1.0)).clamp(0.0, 1.0);
-    let visible = gap / (gap + 20.0);
-    let left = visible * (0.02 + share).ln();
-    for (stage, evidence) in &table.unknown {
-        let mut features = [0.0; FEATURES];
-        features[5] = 1.0;
-        features[9] = fast * left;
-        features[10] = visible;
-        // A few shapes explain far less of a gap than any equation does, so that their loss counts otherwise.
-        let lost = ((top - evidence) / scale).min(FARTHEST);
-        features[11] = lost.abs().ln_1p().copysign(lost);
-        all.push((Hypothesis::Unknown(stage.clone()), features));
-    }
-    all
 }
 
 /// Probabilities of the hypotheses of a table.
@@ -172,22 +209,20 @@ pub struct Posterior {
 }
 
 impl Posterior {
-    /// By these weights.
+    /// By these weights; sets of struck effects are left out.
     #[must_use]
     pub fn new(table: &Table, weights: &Weights, struck: &[&str]) -> Self {
-        let all = hypotheses(table, struck);
-        let scores: Vec<f64> = all.iter().map(|(_, features)| score(features, &weights.weights)).collect();
-        let total = log_sum(scores.iter().copied());
-        let mut posterior = Self { sets: Vec::new(), unknown: Vec::new() };
-        for ((hypothesis, _), score) in all.into_iter().zip(scores) {
-            let probability = (score - total).exp();
-            match hypothesis {
-                Hypothesis::Effects(row) => posterior.sets.push((row, probability)),
-                Hypothesis::Unknown(stage) => posterior.unknown.push((stage, probability)),
-            }
-        }
-        posterior.sets.sort_by(|a, b| b.1.total_cmp(&a.1));
-        posterior
+        let Some(all) = Hypotheses::new(table, struck) else { return Self { sets: Vec::new(), unknown: Vec::new() } };
+        let unknown = if all.stages.is_empty() { 0.0 } else { logistic(score(&all.unknown, &weights.unknown)) };
+        let share_out = |scores: Vec<f64>, whole: f64| -> Vec<f64> {
+            let total = log_sum(scores.iter().copied());
+            scores.into_iter().map(|score| whole * (score - total).exp()).collect()
+        };
+        let of_sets = share_out(all.sets.iter().map(|(_, of)| score(of, &weights.sets)).collect(), 1.0 - unknown);
+        let of_stages = share_out(all.stages.iter().map(|(_, of)| score(of, &weights.stages)).collect(), unknown);
+        let mut sets: Vec<(usize, f64)> = all.sets.iter().map(|(row, _)| *row).zip(of_sets).collect();
+        sets.sort_by(|a, b| b.1.total_cmp(&a.1));
+        Self { sets, unknown: all.stages.into_iter().map(|(id, _)| id).zip(of_stages).collect() }
     }
 
     /// Probability that an effect is present: the sum over the sets that hold it.
@@ -216,8 +251,14 @@ impl Posterior {
 
 /// The score of a hypothesis.
 #[must_use]
-pub fn score(features: &[f64; FEATURES], weights: &[f64]) -> f64 {
+pub fn score(features: &[f64], weights: &[f64]) -> f64 {
     features.iter().zip(weights).map(|(feature, weight)| feature * weight).sum()
+}
+
+/// Probability with these log odds.
+#[must_use]
+pub fn logistic(log_odds: f64) -> f64 {
+    1.0 / (1.0 + (-log_odds).exp())
 }
 
 #[cfg(test)]
@@ -227,33 +268,59 @@ mod tests {
     #[test]
     fn the_shipped_weights_are_of_these_features() {
         let weights: Weights = serde_json::from_str(SHIPPED).unwrap();
-        assert_eq!(weights.features, NAMES);
-        assert_eq!(weights.weights.len(), FEATURES);
-        assert!(weights.weights.iter().all(|weight| weight.is_finite()));
+        assert_eq!(weights.features, Weights::bayes().features);
+        for (weights, features) in
+            [(&weights.sets, &OF_SETS[..]), (&weights.unknown, &OF_UNKNOWN[..]), (&weights.stages, &OF_STAGES[..])]
+        {
+            assert_eq!(weights.len(), features.len());
+            assert!(weights.iter().all(|weight| weight.is_finite()));
+        }
         assert!(weights.size_spread > 0.0 && weights.closure_widening > 0.0);
     }
 
-    /// In a small gap the odds of two sets are those of Bayes' theorem, also where their evidence differs by less than an effect's odds.
-    #[test]
-    fn evidence_alone_gives_the_odds_of_bayes() {
-        let row = |effects: &[&str], evidence: f64| Row {
+    fn row(effects: &[&str], evidence: f64, cost: f64) -> Row {
+        Row {
             effects: effects.iter().map(|id| (*id).to_owned()).collect(),
             refined: true,
-            by_kappa: [evidence; 4],
+            cost,
+            grid: [[evidence; 3]; 4],
+            sizes: vec![1.1; effects.len()],
             ..Row::default()
-        };
-        let rows =
-            vec![row(&["backlash", "load"], 0.0), row(&["backlash"], -2.0), row(&["load"], -3.0), row(&[], -8.0)];
+        }
+    }
+
+    /// With nothing learned the odds of two sets are those of Bayes' theorem.
+    #[test]
+    fn evidence_alone_gives_the_odds_of_bayes() {
+        let rows = vec![
+            row(&["backlash", "load"], 0.0, 600.0),
+            row(&["backlash"], -2.0, 604.0),
+            row(&["load"], -3.0, 606.0),
+            row(&[], -8.0, 616.0),
+        ];
         let table = Table { samples: 1e3, rows, ..Table::default() };
         let posterior = Posterior::new(&table, &Weights::bayes(), &[]);
         let p = |row: usize| posterior.sets.iter().find(|(k, _)| *k == row).unwrap().1;
-        // The scale of equation errors is 3 nats and a fiftieth of a gap of 1 nat.
-        let counted = counted_share(1.0);
-        for (a, b, nats) in [(0, 1, 2.0 * counted - 5.0), (1, 2, counted), (1, 3, 6.0 * counted - 5.0)] {
+        for (a, b, nats) in [(0, 1, 2.0 - 5.0), (1, 2, 1.0), (1, 3, 6.0 - 5.0)] {
             assert!(((p(a) / p(b)).ln() - nats).abs() < 1e-9, "{a} {b}: {}", (p(a) / p(b)).ln());
         }
         let sum: f64 = posterior.sets.iter().map(|(_, p)| p).sum();
         assert!((sum - 1.0).abs() < 1e-12 && (posterior.inclusion(&table, "load") - p(0) - p(2)).abs() < 1e-12);
         assert_eq!(Posterior::new(&table, &Weights::bayes(), &["load"]).sets.len(), 2);
+    }
+
+    /// What the best set leaves speaks for something unknown, and its stage is where discrepancy terms explain most.
+    #[test]
+    fn what_is_left_is_something_unknown() {
+        let of = |left: f64| {
+            let rows = vec![row(&["load"], -200.0 - left, 640.0 + 2.0 * left), row(&[], -800.0, 1840.0)];
+            let unknown = [("spool".to_owned(), -500.0), ("esv".to_owned(), -790.0)].into();
+            Posterior::new(&Table { samples: 1e3, rows, unknown, ..Table::default() }, &Weights::bayes(), &[])
+        };
+        let (right, wrong) = (of(0.0), of(400.0));
+        assert!(right.unknown() < 0.1 && wrong.unknown() > 0.9, "{} {}", right.unknown(), wrong.unknown());
+        assert!(wrong.unknown[1].0 == "spool" && wrong.unknown[1].1 > 0.99 * wrong.unknown());
+        let sum: f64 = wrong.sets.iter().map(|(_, p)| p).sum::<f64>() + wrong.unknown();
+        assert!((sum - 1.0).abs() < 1e-12);
     }
 }

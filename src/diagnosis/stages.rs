@@ -3,9 +3,9 @@
 use crate::diagnosis::outcome::StageTest;
 use crate::parameters::Unit;
 use crate::signal::Signal;
-use crate::tuning::bench::Bench;
+use crate::tuning::bench::{Bench, twin_of};
 use crate::tuning::trial::Trial;
-use crate::twin::{Cut, Twin};
+use crate::twin::Cut;
 
 /// A test: what is driven, where the chain is cut, what it is judged by.
 const TESTS: [(&str, Cut, Signal); 4] = [
@@ -63,7 +63,7 @@ fn miss(bench: &Bench, unit: &Unit, index: usize, (cut, signal): (Cut, Signal), 
     if zero_pu != 0.0 {
         trial.frames.iter_mut().for_each(|frame| frame.measured.spool_position_pu -= zero_pu);
     }
-    let estimates = trial.run(&mut Twin::new(unit).with_dither(bench.dither_pu(index)).with_cut(cut));
+    let estimates = trial.run(&mut twin_of(unit).with_dither(bench.dither_pu(index)).with_cut(cut));
     let pairs = trial.samples.iter().zip(&estimates);
     pairs
         .map(|(&row, estimate)| signal.of(&trial.frames[row].measured) - signal.of(&estimate.signals))

@@ -119,7 +119,7 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &Settings, seen: Seen) 
             notes.push(format!("{}, {}: {trouble}.", channel.recording, channel.signal.title()));
         }
     }
-    let next = next(bench, explored, &judged.table, judged.posterior, decision);
+    let next = next(bench, explored, (&judged.table, judged.posterior, judged.weights), decision);
     Diagnosis {
         verdict,
         stage: stage.filter(|_| has_gap),

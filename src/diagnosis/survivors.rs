@@ -11,6 +11,7 @@ use crate::diagnosis::model::Model;
 use crate::diagnosis::posterior::Posterior;
 use crate::diagnosis::table::Table;
 use crate::effects::Stage;
+use crate::tuning::bench::twin_of;
 use crate::tuning::knob::Knob;
 use crate::twin::Twin;
 
@@ -70,7 +71,7 @@ pub fn survivors<'a>(
         .filter_map(|(name, probability, of)| {
             let unknown = of.is_err();
             let (model, twin) = match of {
-                Ok(model) => (model, Twin::new(&model.unit())),
+                Ok(model) => (model, twin_of(&model.unit())),
                 Err(stage) => (found.refitted(), with_unknown(found, stage)?),
             };
             Some(Survivor { name, probability, model, twin, unknown })

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::diagnosis::evidence::{KAPPAS, log_sum};
 use crate::diagnosis::explore::{Explored, Hypothesis, is_stage_alone};
+use crate::diagnosis::law_error::LAW_ERRORS;
 use crate::diagnosis::own_noise;
 use crate::effects::{EffectSpec, Stage};
 use crate::tuning::bench::Bench;
@@ -24,8 +25,8 @@ pub struct Row {
     pub prior: f64,
     /// Prior χ² per parameter that the recordings determine.
     pub strain: f64,
-    /// Logarithm of the evidence at each size of the error of equations ([`KAPPAS`]).
-    pub by_kappa: [f64; KAPPAS.len()],
+    /// Logarithm of the evidence at each size of the error of equations ([`KAPPAS`]) and of laws ([`LAW_ERRORS`]).
+    pub grid: [[f64; LAW_ERRORS.len()]; KAPPAS.len()],
     /// What the noise that it predicts itself changes in the cost; 0 where that was not asked.
     pub own_noise: f64,
     /// Logarithm of the evidence without each recording.
@@ -54,7 +55,12 @@ impl Row {
     /// lacks of a fit would pass for such an error.
     #[must_use]
     pub fn evidence(&self) -> f64 {
-        if self.refined { log_sum(self.by_kappa) - (KAPPAS.len() as f64).ln() } else { self.by_kappa[1] }
+        let all = self.grid.iter().flatten();
+        if self.refined {
+            log_sum(all.copied()) - ((KAPPAS.len() * LAW_ERRORS.len()) as f64).ln()
+        } else {
+            self.grid[1][1]
+        }
     }
 }
 
@@ -70,7 +76,7 @@ impl Table {
         let before = empty(self);
         for row in &mut table.rows {
             if let Some(&evidence) = row.without_each.get(recording) {
-                row.by_kappa = [evidence; KAPPAS.len()];
+                row.grid = [[evidence; LAW_ERRORS.len()]; KAPPAS.len()];
             }
         }
         let moved = empty(&table) - before;
@@ -90,8 +96,9 @@ impl Table {
         };
         // Of a stage alone the discrepancy terms know too much; nothing unknown is weighed there.
         let alone = is_stage_alone(bench);
-        let by_kappa = |hypothesis: &Hypothesis| {
-            if alone { [hypothesis.normal.at_kappa(KAPPAS[0]); KAPPAS.len()] } else { hypothesis.normal.by_kappa() }
+        let grid = |hypothesis: &Hypothesis| {
+            let exact = || [[hypothesis.normal.at(KAPPAS[0], LAW_ERRORS[0]); LAW_ERRORS.len()]; KAPPAS.len()];
+            if alone { exact() } else { hypothesis.normal.grid() }
         };
         let row = |hypothesis: &Hypothesis| {
             let model = &hypothesis.model;
@@ -107,7 +114,7 @@ impl Table {
                 cost: model.fit.cost(),
                 prior: model.fit.prior,
                 strain: model.strain(),
-                by_kappa: by_kappa(hypothesis),
+                grid: grid(hypothesis),
                 own_noise: charge(hypothesis),
                 without_each: hypothesis.normal.without_each(),
                 sizes: sizes.collect(),
@@ -128,7 +135,7 @@ impl Table {
             samples,
             slow_share: slow / samples.max(1e-9),
             pilot: bench.trials.iter().any(|trial| trial.has[pilot as usize]),
-            rows: explored.hypotheses.iter().map(row).collect(),
+            rows: explored.hypotheses.par_iter().map(row).collect(),
             unknown: unknown(explored.hypotheses.iter().find(|one| one.effects.is_empty())),
         }
     }

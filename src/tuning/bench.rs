@@ -10,12 +10,17 @@ use crate::frame::Estimate;
 use crate::parameters::Unit;
 use crate::plant::lanes::Width;
 use crate::signal::Signal;
+use crate::solver::Method;
 use crate::tuning::noise::{Noise, Whitener, independent_share, whiteners};
 use crate::tuning::trial::{Traces, Trial};
 use crate::twin::{Cut, Twin};
 
 /// Cost per independent sample of sound generated units at 100 Hz.
 pub const GENEROUS: f64 = 0.64;
+
+/// How units are simulated when they are compared with recordings: spool steps of 1 ms, of which the error, 5e-5 pu of the spool, is a tenth of
+/// its transducer's noise; half of the default's work there.
+pub const METHOD: Method = Method::Split { max_step_s: 1.0e-3 };
 
 /// What stands for a simulated value that is no number, in any signal's unit: far from everything, so that no fit ends there.
 const ASTRAY: f64 = 1.0e12;
@@ -47,8 +52,8 @@ impl Bench {
     /// The same trials, their noise laid out along another unit's simulation.
     #[must_use]
     pub fn laid_along(&self, reference: &Unit) -> Self {
-        let [less, more] = [-1.0, 1.0].map(|times| Twin::new(&with_moved_stops(reference, times)));
-        let twins = [Twin::new(reference), less, more];
+        let [less, more] = [-1.0, 1.0].map(|times| twin_of(&with_moved_stops(reference, times)));
+        let twins = [twin_of(reference), less, more];
         let whiteners = (0..self.trials.len())
             .into_par_iter()
             .map(|index| {
@@ -88,7 +93,7 @@ impl Bench {
     #[must_use]
     pub fn simulate(&self, unit: &Unit, trial: usize) -> Vec<Estimate> {
         self.simulations.fetch_add(1, Ordering::Relaxed);
-        self.trials[trial].run(&mut self.prepared(Twin::new(unit), trial))
+        self.trials[trial].run(&mut self.prepared(twin_of(unit), trial))
     }
 
     /// All trials through the mean twin of a unit, one after another.
@@ -209,7 +214,7 @@ impl Bench {
     /// Misses of a unit in one trial.
     #[must_use]
     pub fn misses(&self, unit: &Unit, trial: usize) -> DVector<f64> {
-        self.misses_by(Twin::new(unit), trial)
+        self.misses_by(twin_of(unit), trial)
     }
 
     /// Misses of a twin in one trial, which sets its cut.
@@ -258,7 +263,7 @@ impl Bench {
     /// Misses of several units in all trials, in parallel, in order.
     #[must_use]
     pub fn misses_of(&self, units: &[Unit]) -> Vec<Misses> {
-        let twins: Vec<Twin> = units.iter().map(Twin::new).collect();
+        let twins: Vec<Twin> = units.iter().map(twin_of).collect();
         self.misses_of_twins(&twins)
     }
 
@@ -286,6 +291,12 @@ impl Bench {
         }
         misses
     }
+}
+
+/// The twin of a unit as it is compared with recordings.
+#[must_use]
+pub fn twin_of(unit: &Unit) -> Twin {
+    Twin::with_method(unit, METHOD)
 }
 
 /// The unit with the spool's stops farther apart by so many times the noise of the spool's transducer.

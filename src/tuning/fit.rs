@@ -117,6 +117,8 @@ pub struct Effort {
 impl Effort {
     /// Enough to tell whether a model is worth more.
     pub const SCOUT: Self = Self { rounds: 3, refresh: 100, temperature: 1.0 };
+    /// A first look, which a scout goes on from.
+    pub const GLANCE: Self = Self { rounds: 1, ..Self::SCOUT };
     /// Enough for the figures of a report.
     pub const FULL: Self = Self { rounds: 9, refresh: 3, temperature: 1.0 };
 }

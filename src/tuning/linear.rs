@@ -68,6 +68,20 @@ impl<'a> Projection<'a> {
     }
 }
 
+/// Rows of a block that stays in the cache.
+const BLOCK_ROWS: usize = 1024;
+
+/// `aᵀ b` of tall matrices, block by block: nalgebra's `tr_mul` multiplies column by column, ten times slower here.
+#[must_use]
+pub fn crossed(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
+    let mut product = DMatrix::zeros(a.ncols(), b.ncols());
+    for first in (0..a.nrows()).step_by(BLOCK_ROWS) {
+        let count = BLOCK_ROWS.min(a.nrows() - first);
+        product.gemm(1.0, &a.rows(first, count).transpose(), &b.rows(first, count), 1.0);
+    }
+    product
+}
+
 /// Normal matrix and gradient, priors included; slopes behind those of the knobs have none.
 #[must_use]
 pub fn normal(
@@ -84,7 +98,7 @@ fn hessian(knobs: &[Knob], slopes: &[DMatrix<f64>], temperature: f64) -> DMatrix
     let n = slopes.first().map_or(knobs.len(), DMatrix::ncols);
     let mut hessian = DMatrix::zeros(n, n);
     for slopes in slopes {
-        hessian += slopes.tr_mul(slopes);
+        hessian += crossed(slopes, slopes);
     }
     hessian /= temperature;
     for (k, _) in knobs.iter().enumerate().filter(|(_, knob)| knob.prior_centre().is_some()) {

@@ -2,9 +2,8 @@
 
 use crate::frame::EsvState;
 use crate::parameters::Unit;
-use crate::tuning::bench::Bench;
+use crate::tuning::bench::{Bench, twin_of};
 use crate::tuning::trial::Trial;
-use crate::twin::Twin;
 use crate::units::nanos_from_seconds;
 
 /// Places tried between two samples before the search narrows.
@@ -28,7 +27,7 @@ pub fn placed(bench: &Bench, unit: &Unit) -> Option<Vec<Trial>> {
             Some((row, doubt_ns)) => {
                 any = true;
                 let price = |early_ns: i64| {
-                    bench.misses_in(&trip_at(trial, row, early_ns), Twin::new(unit), index).norm_squared()
+                    bench.misses_in(&trip_at(trial, row, early_ns), twin_of(unit), index).norm_squared()
                 };
                 trip_at(trial, row, cheapest(doubt_ns, price))
             }
