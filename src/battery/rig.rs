@@ -2,7 +2,7 @@
 //!
 //! It has what the twin leaves out (LuGre friction, rounded edges that differ, the inertia of the line's oil, elastic stops,
 //! transducers with a lag) and its faults follow other laws than the effects of the catalogue. Steps of the classic
-//! Runge–Kutta method at 100 µs.
+//! Runge–Kutta method at 200 µs.
 
 use crate::battery::faults::Faults;
 use crate::battery::laws::{Bristles, edge, eroded, filtered, gap, gas_compressibility_1_pa, held_back_pa, jet, stop};
@@ -11,7 +11,7 @@ use crate::battery::oddities::Oddities;
 use crate::parameters::Parameters;
 
 /// Steps of the integration in a tick of 1 ms.
-const STEPS: u32 = 10;
+const STEPS: u32 = 5;
 /// Number of states.
 const STATES: usize = 21;
 /// Length of the cushion, pu of stroke.
@@ -366,15 +366,16 @@ mod tests {
     use crate::battery::dice::{Draw, Question};
     use crate::effects::of_the_chain;
 
-    /// Steps of 100 µs are as good as steps of 12.5 µs: they agree within a hundredth of the transducers' noise, whatever is wrong.
+    /// Steps of 200 µs are as good as steps of 25 µs: they agree within a thirtieth of the transducers' noise, whatever is wrong.
     #[test]
     fn the_steps_are_short_enough() {
         let unit = crate::params::reference();
         let p = &unit.parameters;
-        let odd = Oddities::draw(p, &mut Draw::new(5, Question::Oddities, 0));
         let mut ids: Vec<(&str, f64)> = vec![("", 0.0)];
         ids.extend(of_the_chain().map(|spec| (spec.id, spec.parameters[0].typical)));
-        for (id, size) in ids {
+        let cases = ids.into_iter().map(|(id, size)| (id, size, 5)).chain((10..20).map(|seed| ("", 0.0, seed)));
+        for (id, size, seed) in cases {
+            let odd = Oddities::draw(p, &mut Draw::new(seed, Question::Oddities, 0));
             let mut faults = Faults::default();
             faults.add(id, size);
             let mut rigs = [STEPS, 8 * STEPS].map(|steps| (steps, Rig::new(p, &faults, &odd, 0.3)));
@@ -395,7 +396,7 @@ mod tests {
                 }
             }
             let rms = squares.map(f64::sqrt);
-            assert!(rms[0] < 1e-5 && rms[1] < 1e-6, "{id}: {rms:?}");
+            assert!(rms[0] < 2e-5 && rms[1] < 2e-6, "{id}, {seed}: {rms:?}");
         }
     }
 }

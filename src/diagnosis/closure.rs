@@ -35,8 +35,8 @@ const FARTHEST: f64 = 2.0;
 /// Share of what all recordings say of an effect that the others must say to fit it without one.
 const TELLING: f64 = 0.2;
 
-/// Steps of a fit without a recording, from the fit to all.
-const REFIT: Effort = Effort { rounds: 4, refresh: 100, temperature: 1.0 };
+/// Steps of a fit without a recording, from the fit to all, which is near.
+const REFIT: Effort = Effort { rounds: 2, refresh: 100, temperature: 1.0 };
 
 /// Estimates by trial, each made by a fit that did not see it.
 pub type LeftOut = Vec<Vec<Estimate>>;

@@ -104,6 +104,8 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &Settings, seen: Seen) 
         share_out(whole.value, &mut blamed);
     }
     let refitted_without = without_recordings(bench, refitted_model);
+    let is_new = !chosen.effects.is_empty();
+    let chosen_without = if is_new { without_recordings(bench, chosen) } else { refitted_without.clone() };
     let [delivered, refitted, with_effects] =
         [unit, &refitted_model.unit(), &chosen.unit()].map(|unit| bench.simulate_all(unit));
     let known = unit.effects.len();
@@ -138,8 +140,8 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &Settings, seen: Seen) 
         ledgers: ledgers(bench, &refitted, &with_effects),
         stage_tests: stages::tests(bench, &refitted_model.unit()),
         latents: latents(bench, explored, chosen),
-        transfers: transfers(bench, &refitted_without, chosen, settings.seed),
-        tried: tried(explored, &refitted_without, bench, spread),
+        transfers: transfers(bench, [&refitted_without, &chosen_without], chosen, settings.seed),
+        tried: tried(explored, (&refitted_without, chosen, &chosen_without), bench, spread),
         samples: bench.trials.iter().map(|t| t.samples.len() * t.has.iter().filter(|&&has| has).count()).sum(),
         consistency: [refitted_model, explored.leader()].map(|model| consistency(bench, model)),
         sets: decision.sets.clone(),
@@ -306,11 +308,10 @@ fn ranking(decision: &Decision) -> Vec<Ranked> {
 }
 
 /// Closure on each recording by fits to the others.
-fn transfers(bench: &Bench, refitted: &Refitted, chosen: &Model, seed: u64) -> Vec<Transfer> {
+fn transfers(bench: &Bench, [refitted, with_effects]: [&Refitted; 2], chosen: &Model, seed: u64) -> Vec<Transfer> {
     if chosen.effects.is_empty() || bench.trials.len() < 2 {
         return Vec::new();
     }
-    let with_effects = without_recordings(bench, chosen);
     bench
         .trials
         .iter()
@@ -322,8 +323,15 @@ fn transfers(bench: &Bench, refitted: &Refitted, chosen: &Model, seed: u64) -> V
         .collect()
 }
 
-fn tried(explored: &Explored, refitted: &Refitted, bench: &Bench, size_spread: f64) -> Vec<Tried> {
+/// All sets that were fitted; `judged` are the refitted sheet's fits without each recording, and the chosen model with its own.
+fn tried(explored: &Explored, judged: (&Refitted, &Model, &Refitted), bench: &Bench, size_spread: f64) -> Vec<Tried> {
+    let (refitted, chosen, chosen_without) = judged;
     let base: f64 = refitted.costs.iter().sum();
+    let held_out = |model: &Model| -> f64 {
+        let same = model.ids() == chosen.ids();
+        let without = if same { chosen_without.clone() } else { without_recordings(bench, model) };
+        base - without.costs.iter().sum::<f64>()
+    };
     let cost = explored.refitted().cost();
     let sets: Vec<&Hypothesis> = explored.hypotheses.iter().filter(|one| !one.effects.is_empty()).collect();
     sets.into_iter()
@@ -333,7 +341,7 @@ fn tried(explored: &Explored, refitted: &Refitted, bench: &Bench, size_spread: f
             gain: cost - one.model.cost(),
             // Only the leaders were fitted with the care that leaving one out needs.
             held_out_gain: if rank < LEADERS && one.refined && !one.model.fit.slopes.is_empty() {
-                base - without_recordings(bench, &one.model).costs.iter().sum::<f64>()
+                held_out(&one.model)
             } else {
                 f64::NAN
             },
