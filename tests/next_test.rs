@@ -9,7 +9,7 @@ use govtwin::diagnosis::explore::{Explored, explore};
 use govtwin::diagnosis::model::Model;
 use govtwin::diagnosis::next::{next, weigh};
 use govtwin::diagnosis::outcome::Diagnosis;
-use govtwin::diagnosis::posterior::{Posterior, gap};
+use govtwin::diagnosis::posterior::{Posterior, Weights};
 use govtwin::diagnosis::script::{Script, Shape};
 use govtwin::diagnosis::survivors::survivors;
 use govtwin::diagnosis::table::Table;

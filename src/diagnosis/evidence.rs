@@ -8,7 +8,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use crate::diagnosis::discrepancy::{self, Columns};
-use crate::diagnosis::law_error::{LAW_ERRORS, Modulations};
+use crate::diagnosis::law_error::{LAW_ERRORS, Modulations, limits};
 use crate::diagnosis::linearisation::SIZE_PRIOR;
 use crate::diagnosis::model::Model;
 use crate::effects::Stage;
@@ -53,31 +53,33 @@ struct Part {
 pub struct Shared<'a> {
     columns: &'a Columns,
     modulations: Modulations,
+    without_effects: f64,
     gram: DMatrix<f64>,
 }
 
 impl<'a> Shared<'a> {
-    /// Of these marks.
+    /// Of these marks; the model without effects costs so much.
     #[must_use]
-    pub fn new(bench: &Bench, columns: &'a Columns) -> Self {
+    pub fn new(bench: &Bench, columns: &'a Columns, without_effects: f64) -> Self {
         let rows: Vec<usize> = columns.marks.iter().map(DMatrix::nrows).collect();
         let n = columns.marks.first().map_or(0, DMatrix::ncols);
         let gram = columns.marks.iter().fold(DMatrix::zeros(n, n), |sum, marks| sum + crossed(marks, marks));
-        Self { columns, modulations: Modulations::new(bench, &rows), gram }
+        Self { columns, modulations: Modulations::new(bench, &rows), without_effects, gram }
     }
 
     /// The normal equations of a fitted model that has its slopes.
     #[must_use]
     pub fn normal(&self, model: &Model) -> Normal {
         let (n, b) = (model.knobs.len(), self.gram.nrows());
-        let laws = if model.fit.slopes.is_empty() { 0 } else { self.modulations.marks(model, 0).ncols() };
+        let laws = self.modulations.count(model);
+        let limits = limits(model, self.without_effects);
         let mut hessian = DMatrix::zeros(n + b + laws, n + b + laws);
         let mut gradient = DVector::zeros(n + b + laws);
         let mut parts = Vec::new();
         hessian.view_mut((n, n), (b, b)).copy_from(&self.gram);
         for (trial, residuals) in model.fit.misses.iter().enumerate() {
             let (slopes, marks) = (&model.fit.slopes[trial], &self.columns.marks[trial]);
-            let errors = self.modulations.marks(model, trial);
+            let errors = self.modulations.marks(model, trial, &limits);
             let part = crossed(slopes, slopes);
             let along = slopes.tr_mul(residuals);
             let mut add = |at: (usize, usize), block: &DMatrix<f64>| {
@@ -228,6 +230,15 @@ impl Normal {
         let Some(cholesky) = Cholesky::new(h) else { return (0.0, vec![0.0; b]) };
         let solved = cholesky.solve(&gradient);
         (self.gain_of_terms(&cholesky, &gradient), solved.rows(n, b).iter().map(|size| -size).collect())
+    }
+
+    /// What the knobs could still gain by the slopes at hand, nats: next to nothing where a fit has ended.
+    #[must_use]
+    pub fn unfinished(&self) -> f64 {
+        let n = self.slopes;
+        let gradient = self.gradient.rows(0, n).into_owned();
+        let Some(cholesky) = Cholesky::new(self.hessian.view((0, 0), (n, n)).into_owned()) else { return 0.0 };
+        0.5 * gradient.dot(&cholesky.solve(&gradient))
     }
 
     /// Logarithm of the evidence, without an error of equations, of all recordings but each in turn: one Gauss-Newton step refits the rest.

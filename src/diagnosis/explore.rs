@@ -40,7 +40,7 @@ const REFINED: usize = 4;
 /// Least gain in evidence for which a further effect is tried, nats: a fiftieth of the odds against it.
 const LEAST_GAIN: f64 = 1.0;
 
-/// Of the sets that were fitted by one step, one in so many is fitted on.
+/// Of the sets of several effects that were fitted by one step, one in so many is fitted on.
 const PURSUED: usize = 3;
 
 /// Further steps of such a fit.
@@ -48,6 +48,9 @@ const FURTHER: Effort = Effort { rounds: 2, refresh: 100, temperature: 1.0 };
 
 /// Work of a careful fit.
 const CAREFUL: Effort = Effort { rounds: 6, refresh: 3, temperature: 1.0 };
+
+/// Sets behind the leader that are tried without each of their effects, each time.
+const RUNNERS_UP: usize = 2;
 
 /// How often the leader is taken for a new point at most.
 const ROUNDS: usize = 3;
@@ -142,7 +145,7 @@ impl Explored {
             })
             .collect();
         let fits = fit_all(bench, &starts);
-        let shared = Shared::new(bench, &self.discrepancy);
+        let shared = Shared::new(bench, &self.discrepancy, self.refitted().cost());
         let mut best: Vec<Option<Hypothesis>> = vec![None; claims.len()];
         for ((place, _, (base, knobs, _)), fit) in places.into_iter().zip(fits) {
             let known = catalogue.iter().enumerate().filter(|(_, spec)| claims[place].contains(&spec.id));
@@ -243,7 +246,10 @@ impl Explorer<'_> {
         });
         let mut found: Vec<Hypothesis> = found.collect();
         found.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
-        let promising = found.len().div_ceil(PURSUED);
+        // Single effects are few, and what a verdict most often names.
+        found.sort_by_key(|one| one.effects.len() > 1);
+        let singles = found.iter().take_while(|one| one.effects.len() == 1).count();
+        let promising = singles + (found.len() - singles).div_ceil(PURSUED);
         // An effect's own slopes bend most and are measured at each step.
         let known: Vec<Vec<DMatrix<f64>>> =
             found[..promising].iter().map(|one| self.sheet_slopes(&one.model)).collect();
@@ -293,6 +299,23 @@ impl Explorer<'_> {
             jobs.extend((0..own.len()).map(|left| (leader, stand(vec![left]))));
         }
         jobs
+    }
+
+    /// Proposals of what a set holds without each of its effects, from where it stands, where that was not fitted with care yet: an effect may have
+    /// led a fit past a ridge and then vanished.
+    fn lessened<'b>(&self, model: &'b Model, known: &Known) -> Vec<(&'b Model, Proposal)> {
+        let change = DVector::zeros(model.knobs.len());
+        let of = |left: usize| Proposal {
+            effects: Vec::new(),
+            removed: vec![left],
+            log_evidence: 0.0,
+            change: change.clone(),
+        };
+        let is_open = |proposal: &Proposal| {
+            let effects: Vec<usize> = self.members(model, proposal).into_iter().map(|(effect, _)| effect).collect();
+            known.fitted.get(&effects).is_none_or(|one| !one.refined)
+        };
+        (0..model.effects.len()).map(of).filter(is_open).map(|proposal| (model, proposal)).collect()
     }
 
     /// Fits hypotheses on with care.
@@ -347,7 +370,13 @@ pub fn explore(
     progress("placing discrepancy terms", 0.2);
     let discrepancy = columns(bench, refitted);
     let kappa = kappa(bench);
-    let explorer = Explorer { kappa, bench, nominal: refitted, catalogue, shared: Shared::new(bench, &discrepancy) };
+    let explorer = Explorer {
+        kappa,
+        bench,
+        nominal: refitted,
+        catalogue,
+        shared: Shared::new(bench, &discrepancy, refitted.cost()),
+    };
     let mut known = Known::default();
     known.take(explorer.hypothesis(Vec::new(), refitted.clone(), true));
     progress("weighing all sets of up to three effects", 0.25);
@@ -395,6 +424,16 @@ pub fn explore(
             }
         }
         jobs.extend(explorer.narrowed(&leader.model, sheet));
+        let runners_up: Vec<Hypothesis> = known
+            .ordered()
+            .into_iter()
+            .filter(|one| one.effects.len() > 1 && one.effects != leader.effects && !one.model.fit.slopes.is_empty())
+            .take(RUNNERS_UP)
+            .cloned()
+            .collect();
+        for one in &runners_up {
+            jobs.extend(explorer.lessened(&one.model, &known));
+        }
         for hypothesis in explorer.scouted(&jobs) {
             known.take(hypothesis);
         }

@@ -24,11 +24,14 @@ impl Known {
         all
     }
 
-    /// Fits the leaders with care that were not yet.
+    /// Fits with care what leads, or would lead if its fit had ended, and was not yet.
     pub(super) fn refine(&mut self, explorer: &Explorer<'_>) {
-        let chosen: Vec<Hypothesis> = self
-            .ordered()
+        let promise = |one: &Hypothesis| one.log_evidence + if one.refined { 0.0 } else { one.normal.unfinished() };
+        let mut promising: Vec<(f64, &Hypothesis)> = self.fitted.values().map(|one| (promise(one), one)).collect();
+        promising.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let chosen: Vec<Hypothesis> = promising
             .into_iter()
+            .map(|(_, one)| one)
             .enumerate()
             // Single effects of a stage alone are alike, so that each is fitted with care.
             .filter(|(place, one)| {

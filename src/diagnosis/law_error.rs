@@ -25,6 +25,9 @@ const FAST_PU_S: f64 = 0.1;
 /// Time over which a law may drift, s.
 const DRIFT_S: f64 = 20.0;
 
+/// What an effect may gain by chance, in cost.
+const CHANCE: f64 = 10.0;
+
 /// Modulations besides those by process.
 const SHAPES: usize = 3;
 
@@ -61,16 +64,21 @@ impl Modulations {
         Self { by_trial: bench.trials.iter().zip(rows).map(of).collect() }
     }
 
-    /// Marks of the law errors of a model's effects in one recording, a column for each effect and modulation.
+    /// How many columns the law errors of a model have.
     #[must_use]
-    pub fn marks(&self, model: &Model, trial: usize) -> DMatrix<f64> {
+    pub fn count(&self, model: &Model) -> usize {
+        sizes(model).len() * self.by_trial.first().map_or(0, DMatrix::ncols)
+    }
+
+    /// Marks of the law errors of a model's effects in one recording, a column for each effect and modulation; `limits` are those of [`limits`].
+    #[must_use]
+    pub fn marks(&self, model: &Model, trial: usize, limits: &[f64]) -> DMatrix<f64> {
         let modulations = &self.by_trial[trial];
         let slopes = &model.fit.slopes[trial];
-        let sizes: Vec<usize> =
-            (0..model.knobs.len()).filter(|&k| matches!(model.knobs[k], Knob::Effect { parameter: 0, .. })).collect();
+        let sizes = sizes(model);
         let mut marks = DMatrix::zeros(modulations.nrows(), sizes.len() * modulations.ncols());
-        for (effect, &knob) in sizes.iter().enumerate() {
-            let does = slopes.column(knob) * model.fit.positions[knob];
+        for (effect, (&knob, limit)) in sizes.iter().zip(limits).enumerate() {
+            let does = slopes.column(knob) * (model.fit.positions[knob] * limit);
             for k in 0..modulations.ncols() {
                 let mark = does.component_mul(&modulations.column(k));
                 marks.set_column(effect * modulations.ncols() + k, &mark);
@@ -78,6 +86,23 @@ impl Modulations {
         }
         marks
     }
+}
+
+/// Knobs of a model that are sizes of effects.
+fn sizes(model: &Model) -> Vec<usize> {
+    (0..model.knobs.len()).filter(|&k| matches!(model.knobs[k], Knob::Effect { parameter: 0, .. })).collect()
+}
+
+/// Factor of each effect of a model that keeps what it does to the residuals within what the model gained over the one without effects, in cost:
+/// near a threshold the slope by the size promises far more than the effect does.
+#[must_use]
+pub fn limits(model: &Model, without_effects: f64) -> Vec<f64> {
+    let most = 2.0 * (without_effects - model.fit.cost()).max(0.0) + CHANCE;
+    let of = |&knob: &usize| {
+        let squares: f64 = model.fit.slopes.iter().map(|slopes| slopes.column(knob).norm_squared()).sum();
+        (most / (squares * model.fit.positions[knob].powi(2)).max(1e-12)).sqrt().min(1.0)
+    };
+    sizes(model).iter().map(of).collect()
 }
 
 /// Position, speed and time at each sample, each about from −1 to 1.
