@@ -2,7 +2,7 @@
 //!
 //! The verdict is the most probable set of faults given all recordings, with model error and tolerances integrated out. [`diagnose`] is the whole
 //! of it, a pure function of recordings and the sheet: it refits the sheet within its tolerances ([`search`]), weighs sets of up to three effects
-//! by linear algebra and fits the likeliest ([`linearisation`], [`mod@explore`]), tabulates their evidence beside that of something unknown at each stage
+//! by linear algebra and fits the likeliest ([`linearisation`], [`mod@explore`], [`explorer`]), tabulates their evidence beside that of something unknown at each stage
 //! ([`evidence`], [`table`]), makes it a posterior by learned weights ([`posterior`]), reads the verdict off that ([`decision`]), and gathers what
 //! a reader needs to believe it ([`summary`]).
 
@@ -16,6 +16,7 @@ pub mod decision;
 pub mod discrepancy;
 pub mod evidence;
 pub mod explore;
+pub mod explorer;
 pub mod information;
 mod known;
 pub mod law_error;

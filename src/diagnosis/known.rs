@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::diagnosis::explore::{Explorer, Hypothesis, is_stage_alone, leaders};
+use crate::diagnosis::explorer::{Explorer, Hypothesis, is_stage_alone, leaders};
 
 /// Fitted sets so far, by their effects.
 #[derive(Default)]

@@ -5,7 +5,8 @@ use crate::diagnosis::closure::{LeftOut, Refitted, closure, closure_of, without_
 use crate::diagnosis::consistency::consistency;
 use crate::diagnosis::decision::Decision;
 use crate::diagnosis::discrepancy;
-use crate::diagnosis::explore::{Explored, Hypothesis};
+use crate::diagnosis::explore::Explored;
+use crate::diagnosis::explorer::Hypothesis;
 use crate::diagnosis::ledger::{gaps, ledgers};
 use crate::diagnosis::model::Model;
 use crate::diagnosis::next::next;

@@ -6,7 +6,8 @@ use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use serde::{Deserialize, Serialize};
 
 use crate::diagnosis::evidence::{KAPPAS, log_sum};
-use crate::diagnosis::explore::{Explored, Hypothesis, is_stage_alone};
+use crate::diagnosis::explore::Explored;
+use crate::diagnosis::explorer::{Hypothesis, is_stage_alone};
 use crate::diagnosis::law_error::LAW_ERRORS;
 use crate::diagnosis::own_noise;
 use crate::effects::{EffectSpec, Stage};

@@ -1,0 +1,267 @@
+//! What explorations share: fault sets, where their fits begin, and these fits.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{DMatrix, DVector};
+use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, IntoParallelRefIterator, ParallelIterator};
+
+use crate::diagnosis::discrepancy::Columns;
+use crate::diagnosis::evidence::{KAPPAS, Normal, Shared};
+use crate::diagnosis::linearisation::Proposal;
+use crate::diagnosis::model::Model;
+use crate::diagnosis::support::{Placed, Variant, add};
+use crate::effects::EffectSpec;
+use crate::tuning::bench::Bench;
+use crate::tuning::fit::{Effort, Fit, Start, fit_all};
+use crate::twin::Cut;
+
+/// Error of equations that proposals and rankings count with, in moderate discrepancy terms.
+pub const KAPPA: f64 = 0.03;
+
+/// Error of laws that rankings count with, as a share of what an effect does.
+pub const LAW_ERROR: f64 = 0.05;
+
+/// Logarithm of the odds against each further effect that the exploration counts with; the posterior has learned odds of its own.
+pub(super) const RARITY: f64 = 5.0;
+
+/// Fitted sets that are fitted on with care, each time.
+const REFINED: usize = 4;
+
+/// Least gain in evidence for which a further effect is tried, nats: a fiftieth of the odds against it.
+pub(super) const LEAST_GAIN: f64 = 1.0;
+
+/// Of the sets of several effects that were fitted by one step, one in so many is fitted on.
+const PURSUED: usize = 3;
+
+/// Further steps of such a fit.
+const FURTHER: Effort = Effort { rounds: 2, refresh: 100, temperature: 1.0 };
+
+/// Work of a careful fit.
+const CAREFUL: Effort = Effort { rounds: 6, refresh: 3, temperature: 1.0 };
+
+/// Farthest that a proposal moves a free parameter, in its standard deviations.
+const FARTHEST: f64 = 3.0;
+
+/// A fault set that was fitted.
+#[derive(Clone, Debug)]
+pub struct Hypothesis {
+    /// Places of its effects in the catalogue, rising.
+    pub effects: Vec<usize>,
+    /// The model; without residuals and slopes where it is far from the leader.
+    pub model: Model,
+    /// Normal equations for its evidence.
+    pub normal: Normal,
+    /// Logarithm of its evidence, and of the odds against so many effects.
+    pub log_evidence: f64,
+    /// Whether it was fitted with care.
+    pub refined: bool,
+}
+
+/// Error of equations that explorations count with: next to none where the stage behind a recorded spool stands alone, of which the discrepancy
+/// terms know too much: at the spool's own rate nothing in the loop holds them.
+pub(super) fn kappa(bench: &Bench) -> f64 {
+    if is_stage_alone(bench) { KAPPAS[0] } else { KAPPA }
+}
+
+/// How many leaders are fitted with care each time.
+pub(super) fn leaders(bench: &Bench) -> usize {
+    if is_stage_alone(bench) { 4 * REFINED } else { REFINED }
+}
+
+/// Whether recorded spools drive all that is judged.
+#[must_use]
+pub fn is_stage_alone(bench: &Bench) -> bool {
+    bench.trials.iter().all(|trial| trial.cut == Cut::Spool)
+}
+
+/// What all fits share.
+pub(super) struct Explorer<'a> {
+    kappa: f64,
+    pub(super) bench: &'a Bench,
+    nominal: &'a Model,
+    catalogue: &'a [&'static EffectSpec],
+    shared: Shared<'a>,
+}
+
+impl<'a> Explorer<'a> {
+    /// For a bench, the refitted sheet on it, a catalogue and the marks of the discrepancy terms.
+    pub(super) fn new(
+        bench: &'a Bench,
+        nominal: &'a Model,
+        catalogue: &'a [&'static EffectSpec],
+        discrepancy: &'a Columns,
+    ) -> Self {
+        let shared = Shared::new(bench, discrepancy, nominal.cost());
+        Self { kappa: kappa(bench), bench, nominal, catalogue, shared }
+    }
+
+    pub(super) fn hypothesis(&self, effects: Vec<usize>, model: Model, refined: bool) -> Hypothesis {
+        let normal = self.shared.normal(&model);
+        let log_evidence = normal.at(self.kappa, LAW_ERROR) - RARITY * effects.len() as f64;
+        Hypothesis { effects, model, normal, log_evidence, refined }
+    }
+
+    /// Places in the catalogue of the effects that a proposal at a point leaves or adds, with where they stand.
+    pub(super) fn members(&self, point: &Model, proposal: &Proposal) -> Vec<(usize, Variant)> {
+        let first = self.nominal.knobs.len();
+        let mut members = proposal.effects.clone();
+        let mut place = first;
+        for (own, spec) in point.effects.iter().enumerate() {
+            let at = |k: usize| point.fit.positions[k] + proposal.change[k].clamp(-1.0, 1.0);
+            let variant =
+                Variant { size: at(place), further: if spec.parameters.len() > 1 { at(place + 1) } else { 1.0 } };
+            place += spec.parameters.len();
+            let known = self.catalogue.iter().position(|known| known.id == spec.id);
+            members.extend(known.filter(|_| !proposal.removed.contains(&own)).map(|known| (known, variant)));
+        }
+        members.sort_by_key(|(effect, _)| *effect);
+        members
+    }
+
+    /// Fits proposals quickly, each at its point: one step each, and those that are worth it then go on.
+    pub(super) fn scouted(&self, jobs: &[(&Model, Proposal)]) -> Vec<Hypothesis> {
+        let mut known: Vec<(*const Model, Vec<DMatrix<f64>>)> = Vec::new();
+        for (point, _) in jobs {
+            if known.iter().all(|(other, _)| !std::ptr::eq(*other, *point)) {
+                known.push((*point, self.sheet_slopes(point)));
+            }
+        }
+        let places: Vec<(Vec<usize>, Placed)> =
+            jobs.iter().map(|(point, proposal)| self.placed(point, proposal)).collect();
+        let starts: Vec<Start<'_>> = jobs
+            .iter()
+            .zip(&places)
+            .map(|((point, _), (_, (base, knobs, positions)))| {
+                let known = known.iter().find(|(other, _)| std::ptr::eq(*other, *point));
+                Start {
+                    base,
+                    knobs,
+                    positions,
+                    effort: Effort::GLANCE,
+                    known: known.map(|(_, slopes)| slopes.as_slice()),
+                }
+            })
+            .collect();
+        let fits = fit_all(self.bench, &starts);
+        drop(starts);
+        let found = places.into_par_iter().zip(fits).map(|((effects, (base, knobs, _)), fit)| {
+            let specs = effects.iter().map(|&effect| self.catalogue[effect]).collect();
+            self.hypothesis(effects, Model::new(specs, base, knobs, fit), false)
+        });
+        let mut found: Vec<Hypothesis> = found.collect();
+        found.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+        // Single effects are few, and what a verdict most often names.
+        found.sort_by_key(|one| one.effects.len() > 1);
+        let singles = found.iter().take_while(|one| one.effects.len() == 1).count();
+        let promising = singles + (found.len() - singles).div_ceil(PURSUED);
+        // An effect's own slopes bend most and are measured at each step.
+        let known: Vec<Vec<DMatrix<f64>>> =
+            found[..promising].iter().map(|one| self.sheet_slopes(&one.model)).collect();
+        let starts = found.iter().zip(&known);
+        let starts: Vec<Start<'_>> =
+            starts.map(|(one, known)| Start { known: Some(known), ..one.model.onwards(FURTHER) }).collect();
+        let fits = fit_all(self.bench, &starts);
+        drop(starts);
+        let further = self.better(&found[..promising], fits, false);
+        found.splice(..promising, further);
+        found
+    }
+
+    /// Slopes of a model by the parameters of the sheet alone.
+    fn sheet_slopes(&self, model: &Model) -> Vec<DMatrix<f64>> {
+        let count = self.nominal.knobs.len();
+        model.fit.slopes.iter().map(|slopes| slopes.columns(0, count).into_owned()).collect()
+    }
+
+    /// The effects of a proposal at a point, and the unit with them where the fit begins.
+    fn placed(&self, point: &Model, proposal: &Proposal) -> (Vec<usize>, Placed) {
+        let members = self.members(point, proposal);
+        let positions = (0..self.nominal.knobs.len()).map(|k| {
+            let (low, high) = self.nominal.knobs[k].range(&self.nominal.base);
+            (point.fit.positions[k] + proposal.change[k].clamp(-FARTHEST, FARTHEST)).clamp(low, high)
+        });
+        let mut placed = (self.nominal.base.clone(), self.nominal.knobs.clone(), positions.collect());
+        for &(effect, variant) in &members {
+            add(&mut placed, self.catalogue[effect], variant);
+        }
+        (members.into_iter().map(|(effect, _)| effect).collect(), placed)
+    }
+
+    /// Proposals of what a leader holds, begun from the sheet, and of what it holds without one of its effects, from the sheet and from where it
+    /// stands: what takes an effect's place may have strained it.
+    pub(super) fn narrowed<'b>(&self, leader: &'b Model, sheet: &'b Model) -> Vec<(&'b Model, Proposal)> {
+        let still = |point: &Model| DVector::zeros(point.knobs.len());
+        let stand = |removed| Proposal { effects: Vec::new(), removed, log_evidence: 0.0, change: still(leader) };
+        let own = self.members(leader, &stand(Vec::new()));
+        let from_sheet = |left: Option<usize>| {
+            let kept = (0..own.len()).filter(|&k| Some(k) != left).map(|k| own[k]).collect();
+            (sheet, Proposal { effects: kept, removed: Vec::new(), log_evidence: 0.0, change: still(sheet) })
+        };
+        let mut jobs = vec![from_sheet(None)];
+        if own.len() > 1 {
+            jobs.extend((0..own.len()).map(|left| from_sheet(Some(left))));
+            jobs.extend((0..own.len()).map(|left| (leader, stand(vec![left]))));
+        }
+        jobs
+    }
+
+    /// Proposals of what a set holds without each of its effects, from where it stands, where that was not fitted with care yet: an effect may have
+    /// led a fit past a ridge and then vanished.
+    pub(super) fn lessened<'b>(
+        &self,
+        model: &'b Model,
+        is_open: impl Fn(&[usize]) -> bool,
+    ) -> Vec<(&'b Model, Proposal)> {
+        let change = DVector::zeros(model.knobs.len());
+        let of = |left: usize| Proposal {
+            effects: Vec::new(),
+            removed: vec![left],
+            log_evidence: 0.0,
+            change: change.clone(),
+        };
+        let is_open = |proposal: &Proposal| {
+            let effects: Vec<usize> = self.members(model, proposal).into_iter().map(|(effect, _)| effect).collect();
+            is_open(&effects)
+        };
+        (0..model.effects.len()).map(of).filter(is_open).map(|proposal| (model, proposal)).collect()
+    }
+
+    /// Fits hypotheses on with care.
+    pub(super) fn refined(&self, chosen: &[Hypothesis]) -> Vec<Hypothesis> {
+        let starts: Vec<Start<'_>> = chosen.iter().map(|one| one.model.onwards(CAREFUL)).collect();
+        self.better(chosen, fit_all(self.bench, &starts), true)
+    }
+
+    /// Hypotheses with fits that went on from them, where these are better.
+    fn better(&self, chosen: &[Hypothesis], fits: Vec<Fit>, refined: bool) -> Vec<Hypothesis> {
+        let found = chosen
+            .par_iter()
+            .zip(fits)
+            .map(|(one, fit)| self.hypothesis(one.effects.clone(), one.model.or_better(fit), refined));
+        found.collect()
+    }
+}
+
+/// Proposals without those whose evidence hardly exceeds that of a proposal with one effect less: the odds against an effect leave them next to
+/// no probability, and effects that leave no mark would take all places.
+pub(super) fn worthwhile(proposals: Vec<Proposal>) -> Vec<Proposal> {
+    let ids = |proposal: &Proposal| -> Vec<usize> {
+        let mut ids: Vec<usize> = proposal.effects.iter().map(|(effect, _)| *effect).collect();
+        ids.sort_unstable();
+        ids
+    };
+    let mut known: BTreeMap<Vec<usize>, f64> = BTreeMap::from([(Vec::new(), 0.0)]);
+    for proposal in &proposals {
+        let best = known.entry(ids(proposal)).or_insert(f64::NEG_INFINITY);
+        *best = best.max(proposal.log_evidence);
+    }
+    let gains = |proposal: &Proposal| {
+        let all = ids(proposal);
+        (0..all.len()).all(|left| {
+            let mut fewer = all.clone();
+            fewer.remove(left);
+            known.get(&fewer).is_none_or(|fewer| proposal.log_evidence > fewer + LEAST_GAIN)
+        })
+    };
+    proposals.into_iter().filter(|proposal| proposal.effects.len() < 2 || gains(proposal)).collect()
+}
