@@ -196,7 +196,7 @@ fn best(choices: &[Choice], features: &[Feature]) -> Vec<f64> {
     let centre = DVector::from_iterator(count, features.iter().map(|feature| feature.bayes));
     let mut weights = centre.clone();
     let value = |weights: &DVector<f64>| {
-        let log = |one: &Choice| one.of(weights.as_slice()).map_or(0.0, |(log, ..)| log.max(2.0 * LEAST.ln()));
+        let log = |one: &Choice| one.of(weights.as_slice()).map_or(0.0, |(log, ..)| (log.exp() + LEAST).ln());
         let prior = -0.5 * RIDGE * (weights - &centre).norm_squared();
         prior + choices.iter().map(|one| one.weight * log(one)).sum::<f64>()
     };
@@ -206,9 +206,11 @@ fn best(choices: &[Choice], features: &[Feature]) -> Vec<f64> {
         let mut gradient = -RIDGE * (&weights - &centre);
         let mut information = DMatrix::identity(count, count) * (RIDGE + damping);
         for one in choices {
-            if let Some((_, towards, spread)) = one.of(weights.as_slice()) {
-                gradient += towards * one.weight;
-                information += spread * one.weight;
+            if let Some((log, towards, spread)) = one.of(weights.as_slice()) {
+                // What has next to no probability, as a set whose fit went astray, pulls no weight.
+                let counts = one.weight * log.exp() / (log.exp() + LEAST);
+                gradient += towards * counts;
+                information += spread * counts;
             }
         }
         let Some(cholesky) = information.cholesky() else { break };

@@ -154,17 +154,29 @@ impl<'a> Explorer<'a> {
         found.sort_by_key(|one| one.effects.len() > 1);
         let singles = found.iter().take_while(|one| one.effects.len() == 1).count();
         let promising = singles + (found.len() - singles).div_ceil(PURSUED);
+        let mut rest = found.split_off(promising);
+        // Slopes are nearly all of the memory.
+        rest.iter_mut().for_each(|one| one.model.lighten());
         // An effect's own slopes bend most and are measured at each step.
-        let known: Vec<Vec<DMatrix<f64>>> =
-            found[..promising].iter().map(|one| self.sheet_slopes(&one.model)).collect();
+        let count = self.nominal.knobs.len();
+        let known: Vec<Vec<DMatrix<f64>>> = found
+            .iter_mut()
+            .map(|one| std::mem::take(&mut one.model.fit.slopes))
+            .map(|slopes| slopes.into_iter().map(|slopes| slopes.resize_horizontally(count, 0.0)).collect())
+            .collect();
         let starts = found.iter().zip(&known);
         let starts: Vec<Start<'_>> =
             starts.map(|(one, known)| Start { known: Some(known), ..one.model.onwards(FURTHER) }).collect();
         let fits = fit_all(self.bench, &starts);
         drop(starts);
-        let further = self.better(&found[..promising], fits, false);
-        found.splice(..promising, further);
-        found
+        // A fit ends no higher than it began.
+        let further = found.into_par_iter().zip(fits).map(|(one, fit)| {
+            let Model { effects, base, knobs, .. } = one.model;
+            self.hypothesis(one.effects, Model::new(effects, base, knobs, fit), false)
+        });
+        let mut all: Vec<Hypothesis> = further.collect();
+        all.append(&mut rest);
+        all
     }
 
     /// Slopes of a model by the parameters of the sheet alone.

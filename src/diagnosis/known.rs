@@ -50,7 +50,7 @@ impl Known {
         order.sort_by(|a, b| b.0.total_cmp(&a.0));
         for (_, effects) in order.into_iter().skip(4 * leaders(explorer.bench)) {
             if let Some(known) = self.fitted.get_mut(&effects).filter(|known| !known.effects.is_empty()) {
-                known.model = known.model.clone().light();
+                known.model.lighten();
             }
         }
     }

@@ -43,11 +43,9 @@ impl Model {
         Self::new(Vec::new(), unit.clone(), knobs.to_vec(), fit)
     }
 
-    /// The same without misses and slopes, which are nearly all of its memory.
-    #[must_use]
-    pub fn light(mut self) -> Self {
+    /// Gives up misses and slopes, which are nearly all of its memory.
+    pub fn lighten(&mut self) {
         (self.fit.misses, self.fit.slopes) = (Vec::new(), Vec::new());
-        self
     }
 
     /// The same effects and knobs, fitted otherwise, if that is better.

@@ -28,11 +28,12 @@ const fn feature(name: &'static str, bayes: f64) -> Feature {
     Feature { name, bayes }
 }
 
-/// Features of a fault set. Nats at slow rates count over the excess of χ²: the noise between slow samples is known to a factor.
+/// Features of a fault set. Where the best set leaves more than a right model would, its equations or its noise are wrong in some way, and so are nats:
+/// what it leaves beyond that is spread over some [`FREEDOM`] numbers, by any of which a further effect may gain as much.
 pub const OF_SETS: [Feature; 10] = [
-    feature("nats of evidence lost against the best set, fast", -1.0),
+    feature("nats of evidence lost against the best set, fast", 0.0),
     feature("the same, slow", 0.0),
-    feature("nats lost, over χ² of the best set against that of sound units, fast", 0.0),
+    feature("nats lost, over what the best set leaves beyond a right model, fast", -1.0),
     feature("the same, slow", -1.0),
     feature("logarithm of 1 and the nats lost", 0.0),
     feature("number of effects", -5.0),
@@ -111,14 +112,20 @@ impl Weights {
     #[must_use]
     pub fn counted_share(&self, table: &Table) -> f64 {
         let fast = 1.0 - table.slow_share;
-        let chi = Hypotheses::new(table, &[]).map_or(1.0, |all| all.excess.exp().max(1.0));
-        let of = |plain: usize, over: usize| -(self.sets[plain] + self.sets[over] / chi);
+        let scale = Hypotheses::new(table, &[]).map_or(1.0, |all| all.scale);
+        let of = |plain: usize, over: usize| -(self.sets[plain] + self.sets[over] / scale);
         (fast * of(0, 2) + table.slow_share * of(1, 3)).clamp(0.0, 1.0)
     }
 }
 
 /// Logarithm of the odds against each effect by which the best set is chosen whose remainder is looked at.
 const ODDS: f64 = 5.0;
+
+/// Numbers over which what a set leaves beyond a right model is spread: four processes of ten seconds that matter, correlated for about a second.
+const FREEDOM: f64 = 30.0;
+
+/// χ² up to which a set leaves no more than a right model may, over that of sound units.
+const RIGHT: f64 = 1.1;
 
 /// Loss from which on nothing changes any more: a hypothesis that could not be simulated is as far behind as any.
 const FARTHEST: f64 = 1e3;
@@ -132,8 +139,8 @@ pub struct Hypotheses {
     pub unknown: Vec<f64>,
     /// Stages by id, where something unknown may be; none where nothing unknown is weighed.
     pub stages: Vec<(String, Vec<f64>)>,
-    /// Logarithm of χ² of the best set over that of sound units.
-    pub excess: f64,
+    /// By what nats are divided for what the best set leaves beyond a right model.
+    pub scale: f64,
 }
 
 /// Squares of the distances of a set's sizes from the typical one, in deviations of their prior.
@@ -155,13 +162,14 @@ impl Hypotheses {
         let expected = (GENEROUS * table.samples).max(1.0);
         let excess = (leader.cost / expected).max(1e-3).ln();
         let chi = excess.exp().max(1.0);
+        let scale = 1.0 + (leader.cost - RIGHT * expected).max(0.0) / FREEDOM;
         let set = |(k, row): (usize, &Row)| {
             let lost = (top - row.evidence()).min(FARTHEST);
             let features = vec![
                 fast * lost,
                 slow * lost,
-                fast * lost / chi,
-                slow * lost / chi,
+                fast * lost / scale,
+                slow * lost / scale,
                 lost.ln_1p(),
                 row.effects.len() as f64,
                 f64::from(u8::from(row.effects.is_empty())),
@@ -195,7 +203,7 @@ impl Hypotheses {
             let lost = (best_stage - evidence).clamp(0.0, FARTHEST);
             (id.clone(), vec![lost / chi, lost.ln_1p()])
         };
-        Some(Self { sets: rows.map(set).collect(), unknown, stages: table.unknown.iter().map(stage).collect(), excess })
+        Some(Self { sets: rows.map(set).collect(), unknown, stages: table.unknown.iter().map(stage).collect(), scale })
     }
 }
 
