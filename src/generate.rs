@@ -13,7 +13,7 @@ use crate::effects;
 use crate::frame::{EsvState, Frame, Inputs, Signals};
 use crate::generate::governor::Governor;
 use crate::generate::machine::Machine;
-use crate::generate::noise::{Dice, Purpose, Transducer};
+use crate::generate::noise::{Dice, Purpose, READINGS, Transducer};
 use crate::generate::script::Script;
 use crate::generate::streams::Streams;
 use crate::parameters::{ENTRIES, Tolerance, Unit};
@@ -73,11 +73,11 @@ pub fn streams_of(mut plant: Plant, scenario: &Scenario) -> Streams {
     let dice = Dice { seed: scenario.seed, process: *process };
     let sensors = &unit.sensors;
     let tick_s = plant.regulator.small_loop_period_s();
-    for (point, sensor, purpose) in [
-        (Point::RegulatorServomotor, sensors.servomotor_position_pu, Purpose::RegulatorServomotor),
-        (Point::RegulatorSpool, sensors.spool_position_pu, Purpose::RegulatorSpool),
+    for (point, sensor, readings, purpose) in [
+        (Point::RegulatorServomotor, sensors.servomotor_position_pu, READINGS, Purpose::RegulatorServomotor),
+        (Point::RegulatorSpool, sensors.spool_position_pu, 1, Purpose::RegulatorSpool),
     ] {
-        plant.terms.push(noise::in_loop(point, sensor, dice.of(purpose), scenario.duration_s / tick_s));
+        plant.terms.push(noise::in_loop(point, sensor, readings, dice.of(purpose), scenario.duration_s / tick_s));
     }
     let lookahead_ns = nanos_from_seconds(plant.lookahead_s);
     let script = Script::new(*process, scenario.duration_s, &dice);

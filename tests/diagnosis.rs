@@ -83,11 +83,12 @@ fn a_planted_bias_is_named_with_its_size_and_closes_the_gap() {
 /// What is claimed of three effects of which the second has no name: the other two, fitted without it, and each alone.
 #[test]
 fn what_is_claimed_has_the_named_effects_and_no_others() {
-    let planted = [("lvdt_bias", 0.03), ("backlash", 0.004), ("feedback_lag", 0.05)];
+    let planted = [("lvdt_bias", 0.03), ("backlash", 0.003), ("feedback_lag", 0.05)];
     let mut true_unit = unit(3, None);
     let setting = |(id, value): (&str, f64)| EffectSetting { id: id.to_owned(), values: vec![value] };
     true_unit.effects.extend(planted.map(setting));
-    let trials = recordings(&true_unit, &[Process::LoadIncrease], 3).into_iter().map(Trial::new).collect();
+    let processes = [Process::LoadIncrease, Process::LoadRejection];
+    let trials = recordings(&true_unit, &processes, 3).into_iter().map(Trial::new).collect();
     let bench = Bench::new(trials, &reference(), &expected(&reference().sensors));
     let sheet = Model::sheet(&bench, &reference(), &Knob::nuisances(&reference()));
     let catalogue: Vec<_> = planted.iter().filter_map(|(id, _)| find(id)).collect();
@@ -133,7 +134,7 @@ fn a_unit_that_swings_of_itself_is_named_by_its_loudness() {
 #[test]
 fn a_neighbour_of_what_the_catalogue_lacks_is_not_named() {
     let leak = find("servo_leak").unwrap().parameters[0];
-    let said = judged(Some(("servo_leak", 2.0 * leak.typical)));
+    let said = judged(Some(("servo_leak", 1.5 * leak.typical)));
     assert_eq!(said.verdict, Verdict::Unknown);
     assert!(said.blamed.is_empty() && said.fitted.effects.is_empty());
     assert!(said.notes.iter().any(|note| note.starts_with("Nearest in the catalogue: lvdt_bias")), "{:?}", said.notes);

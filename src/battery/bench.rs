@@ -10,7 +10,7 @@ use crate::battery::rig::{Hand, Rig};
 use crate::frame::{EsvState, Inputs, Signals};
 use crate::generate::governor::Governor;
 use crate::generate::machine::Machine;
-use crate::generate::noise::{Dice, Purpose, Transducer};
+use crate::generate::noise::{Dice, Purpose, READINGS, Transducer};
 use crate::generate::script::Script;
 use crate::generate::streams::Streams;
 use crate::parameters::{Parameters, Sensor, Sensors};
@@ -26,8 +26,6 @@ const TANK_TICKS: i64 = 50;
 /// Ticks between two reports of the ESV.
 const ESV_TICKS: i64 = 1000;
 const TICK_NS: i64 = 1_000_000;
-/// Readings of which the regulator takes the mean: its chatter is then as loud as that of the practice units.
-const READINGS: u32 = 6;
 /// Stamp of the first row of the first process, ns since 1970; the others follow an hour apart.
 const EPOCH_NS: i64 = 1_700_000_000_000_000_000;
 

@@ -105,22 +105,26 @@ fn stepped(value: f64, step: f64) -> f64 {
     if step > 0.0 { (value / step).round() * step } else { value }
 }
 
-/// A transducer between the plant and its regulator, with noise for `ticks_count` ticks.
+/// Readings of the servomotor of which a regulator takes the mean: its chatter is then as large as that of the recorded units.
+pub const READINGS: u32 = 6;
+
+/// A transducer between the plant and its regulator, which takes the mean of so many readings; with noise for `ticks_count` ticks.
 ///
 /// The noise is drawn before the run, so that the twin that carries it can be cloned and run again.
 #[must_use]
-pub fn in_loop(point: Point, sensor: Sensor, mut draws: Draws, ticks_count: f64) -> Arc<dyn Term> {
+pub fn in_loop(point: Point, sensor: Sensor, readings: u32, mut draws: Draws, ticks_count: f64) -> Arc<dyn Term> {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to what memory holds")]
     let count = ticks_count.ceil().clamp(1.0, 1e8) as usize;
-    let noise = (0..count).map(|_| sensor.noise * draws.normal()).collect();
-    Arc::new(InLoop { point, noise, sensor })
+    let noise_of_mean = sensor.noise / f64::from(readings).sqrt();
+    let noise = (0..count).map(|_| noise_of_mean * draws.normal()).collect();
+    Arc::new(InLoop { point, noise, step: sensor.step / f64::from(readings) })
 }
 
 #[derive(Debug)]
 struct InLoop {
     point: Point,
     noise: Vec<f64>,
-    sensor: Sensor,
+    step: f64,
 }
 
 impl Term for InLoop {
@@ -131,7 +135,7 @@ impl Term for InLoop {
     fn apply(&self, signal: f64, view: &View<'_>, _memory: &mut [f64]) -> f64 {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the number of a tick")]
         let tick = (view.time_s / view.tick_s).round().max(0.0) as usize;
-        stepped(signal + self.noise[tick % self.noise.len()], self.sensor.step)
+        stepped(signal + self.noise[tick % self.noise.len()], self.step)
     }
 }
 
