@@ -3,7 +3,12 @@
 use std::fmt;
 
 use govtwin::msg::definition::{Count, Definition, closure_of, parse_schema, schema_of, text_of};
+use govtwin::msg::service::{Service, Trigger};
+use govtwin::msg::simulation::{
+    GetSimulationState, GetSimulatorFeatures, ResetSimulation, SetSimulationState, StepSimulation,
+};
 use govtwin::msg::type_hash::{hash_of, type_hash};
+use govtwin::msg::upkeep::{GetLoggerLevels, GetTypeDescription, SetLoggerLevels};
 use govtwin::msg::{
     EsvState, FluidPressure, GovernorCommand, Header, Interface, JointState, ServoState, Time, TwinStatus,
 };
@@ -142,12 +147,37 @@ fn check<T: Interface>() {
     assert_eq!(shape_of_struct::<T>(), shape_of_definition(&closure[0], &closure), "{}", T::TYPE_NAME);
 }
 
+fn check_service<S: Service>() {
+    let shape = |half: &Definition| {
+        let mut all = vec![half.clone()];
+        for name in half.dependencies() {
+            all.extend(closure_of(name).unwrap());
+        }
+        match half.fields.is_empty() {
+            true => "{structure_needs_at_least_one_member: uint8; }".to_owned(),
+            false => shape_of_definition(half, &all),
+        }
+    };
+    let [request, response] = S::definitions().unwrap();
+    assert_eq!(shape_of_struct::<S::Request>(), shape(&request), "{}", S::TYPE_NAME);
+    assert_eq!(shape_of_struct::<S::Response>(), shape(&response), "{}", S::TYPE_NAME);
+}
+
 #[test]
 fn structs_equal_their_definitions_in_order_type_and_name() {
     check::<GovernorCommand>();
     check::<EsvState>();
     check::<ServoState>();
     check::<TwinStatus>();
+    check_service::<Trigger>();
+    check_service::<GetSimulatorFeatures>();
+    check_service::<GetSimulationState>();
+    check_service::<SetSimulationState>();
+    check_service::<StepSimulation>();
+    check_service::<ResetSimulation>();
+    check_service::<GetLoggerLevels>();
+    check_service::<SetLoggerLevels>();
+    check_service::<GetTypeDescription>();
     check::<FluidPressure>();
     check::<JointState>();
     assert_eq!(shape_of_struct::<Time>(), "{sec: int32; nanosec: uint32; }");
