@@ -26,6 +26,13 @@ fn of_tick(notices: Notices, settings: &Settings) -> Vec<(LogLevel, String)> {
         let words = "time jumped back, or ahead by more than 10 s: the twin forgot everything and waits for inputs";
         said.push((LogLevel::Warn, words.to_owned()));
     }
+    if notices.has(Notices::RESTARTED) {
+        said.push((LogLevel::Warn, "the twin was set back, and starts again from what it heard last".to_owned()));
+    }
+    if notices.has(Notices::REFITTED) {
+        let words = "the changed unit took hold between two ticks; a bag does not replay across such a change";
+        said.push((LogLevel::Info, words.to_owned()));
+    }
     for input in Input::ALL {
         let topic = input.topic();
         let policy = settings.policies().rules[input as usize].policy;
@@ -97,7 +104,13 @@ mod tests {
         let mut settings = Settings::default();
         let mut tick = Core::new(Twin::new(&crate::params::reference()), settings.policies(), 6.3e6).tick(0, 0);
         tick.notices = Notices::stale(Input::Esv);
-        let stale = News::Output(Box::new(Output { tick, publish: false, overruns: 0, worst_lateness_us: 0.0 }));
+        let stale = News::Output(Box::new(Output {
+            tick,
+            publish: false,
+            patient: false,
+            overruns: 0,
+            worst_lateness_us: 0.0,
+        }));
         assert!(of(&stale, &mut settings)[0].1.contains("held for 1 s, then the ESV trips"));
         let longer = Settings { hold_s: 30.0, ..settings };
         assert!(of(&News::Settings(longer), &mut settings).is_empty());
