@@ -138,7 +138,8 @@ def soak(binary, folder):
     node = Node(binary, os.path.join(folder, "soak.txt"), "--json", figures)
     bench = Bench()
     try:
-        bench.drive(10.0, 0.4)
+        # Rings and the transport's caches fill first: 80 s at 100 Hz.
+        bench.drive(100.0, 0.4)
         first, begin = resources(node), time.monotonic()
         times, sizes, states = [], [], 0
         while time.monotonic() < begin + seconds:
@@ -149,7 +150,8 @@ def soak(binary, folder):
         mean_t, mean_s = sum(times) / len(times), sum(sizes) / len(sizes)
         spread = sum((t - mean_t) ** 2 for t in times)
         slope = 3600 * sum((t - mean_t) * (s - mean_s) for t, s in zip(times, sizes)) / spread
-        check("memory does not grow", slope < 6.0, f"({slope:+.2f} MB an hour over {times[-1]:.0f} s; {sizes[0]:.1f} -> {sizes[-1]:.1f} MB)")
+        print("     MB every 5 s: " + " ".join(f"{size:.1f}" for size in sizes))
+        check("memory does not grow", slope < 2.0, f"({slope:+.2f} MB an hour over {times[-1]:.0f} s; {sizes[0]:.1f} -> {sizes[-1]:.1f} MB)")
         check("nor do threads and descriptors", resources(node)[0] <= first[0] and resources(node)[1] <= first[1] + 1,
               f"({first} -> {resources(node)})")
         check("states keep their rate", states > 95 * times[-1], f"({states / times[-1]:.1f} a second)")
