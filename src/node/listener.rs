@@ -241,7 +241,7 @@ impl<'a> Listener<'a> {
         }
         let settings = desk.store.borrow().settings();
         // First to the keeper, so that whatever comes of them is told in their words.
-        self.news.tell(News::Settings(settings));
+        self.news.tell(News::Settings(Box::new(settings)));
         for (input, rule) in Input::ALL.into_iter().zip(settings.policies().rules) {
             self.tell(Heard::Rule(input, rule));
         }

@@ -106,12 +106,7 @@ pub enum NodeError {
 pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, NodeError> {
     let store = parameters(options, say)?;
     let (settings, unit) = (store.settings(), store.unit().clone());
-    let corrector = options.residual.as_ref().map(|model| {
-        model.check(&unit, Opening::Simulated)?;
-        let corrector = Corrector::new(model)?;
-        if options.adapt { corrector.adapting(model) } else { Ok(corrector) }
-    });
-    let corrector = corrector.transpose()?;
+    let corrector = corrector(options, &unit)?;
     for remark in options.environment.remarks.iter().chain(&options.arguments.remarks) {
         say(LogLevel::Warn, remark);
     }
@@ -212,6 +207,16 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
     let counts = counts.into_inner().unwrap_or_default();
     let by_fail_safe = !stop.load(Ordering::Relaxed) && stats.ended_by_fail_safe;
     Ok(Ended { summary: stats.summary(resident), counts, by_fail_safe, bags, lost_publications })
+}
+
+/// The learned residual, where there is one and it is of this unit.
+fn corrector(options: &Options, unit: &Unit) -> Result<Option<Corrector>, ModelError> {
+    let corrector = options.residual.as_ref().map(|model| {
+        model.check(unit, Opening::Simulated)?;
+        let corrector = Corrector::new(model)?;
+        if options.adapt { corrector.adapting(model) } else { Ok(corrector) }
+    });
+    corrector.transpose()
 }
 
 /// The node's parameters with what was given at start.

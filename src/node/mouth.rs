@@ -80,7 +80,9 @@ impl Mouth {
                 }
                 news.tell(News::Output(Box::new(output)));
             }
-            done.into_iter().for_each(|answer| replies.answer(answer));
+            for answer in done {
+                replies.answer(answer);
+            }
             if last {
                 return lost;
             }

@@ -13,7 +13,7 @@ pub fn of(news: &News, settings: &mut Settings) -> Vec<(LogLevel, String)> {
         News::Output(output) => of_tick(output.tick.notices, settings),
         News::Said(level, words) => vec![(*level, words.clone())],
         News::Settings(new) => {
-            *settings = *new;
+            *settings = **new;
             Vec::new()
         }
     }
@@ -113,10 +113,10 @@ mod tests {
         }));
         assert!(of(&stale, &mut settings)[0].1.contains("held for 1 s, then the ESV trips"));
         let longer = Settings { hold_s: 30.0, ..settings };
-        assert!(of(&News::Settings(longer), &mut settings).is_empty());
+        assert!(of(&News::Settings(Box::new(longer)), &mut settings).is_empty());
         assert!(of(&stale, &mut settings)[0].1.contains("held for 30 s, then the ESV trips"));
         let holding = Settings { on_stale: OnStale::Hold, ..longer };
-        assert!(of(&News::Settings(holding), &mut settings).is_empty());
+        assert!(of(&News::Settings(Box::new(holding)), &mut settings).is_empty());
         assert!(of(&stale, &mut settings)[0].1.ends_with("its last value is held"));
     }
 }
