@@ -5,6 +5,7 @@
 mod journal;
 
 use govtwin::frame::EsvState;
+use govtwin::node::control::Order;
 use govtwin::node::core::{Core, Heard, OnStale, Policy};
 use govtwin::node::integration::{Ends, Event, Integrator, Output, Pace, Time};
 use govtwin::node::journal::{Journal, Names};
@@ -120,6 +121,34 @@ fn with_a_simulated_clock_too() {
     assert_eq!(bags, [path.clone(), folder.path().join("simulated_2")]);
     for bag in bags {
         assert_replays(&bag, 390);
+    }
+}
+
+#[test]
+fn a_twin_that_was_set_back_begins_another_bag_and_both_replay() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("reset");
+    let mut journal = Journal::create(&path, &names()).unwrap();
+    let (mut integrator, mut ends) =
+        integrator(Pace { period_ns: MS, publish_period_ns: 10 * MS, time: Time::Own, paused: false }, 0);
+    for step in 0..4000_i64 {
+        if step % 100 == 0 {
+            tell(&mut ends, step * MS, Heard::Command(if step % 2000 < 1000 { 0.2 } else { 0.6 }));
+            tell(&mut ends, step * MS, Heard::TankPressure(6.3e6));
+            tell(&mut ends, step * MS, Heard::Esv(EsvState::Normal));
+        }
+        if step == 1777 {
+            tell(&mut ends, step * MS, Heard::Order(Order::Reset { time: true }, 1));
+        }
+        integrator.turn(step * MS);
+    }
+    while let Ok(output) = ends.outputs.pop() {
+        journal.write(&output.tick).unwrap();
+    }
+    let bags = journal.finish().unwrap();
+    assert_eq!(bags, [path.clone(), folder.path().join("reset_2")]);
+    for (bag, rows) in bags.iter().zip([170, 220]) {
+        assert_replays(bag, rows);
     }
 }
 

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::control::State;
 use super::core::{Input, Policies};
 use super::intake::{Counts, Refusal};
 use super::integration::Output;
@@ -44,6 +45,15 @@ pub struct DiagnosticArray {
     pub status: Vec<DiagnosticStatus>,
 }
 
+/// How time goes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Course {
+    /// Whether the simulation runs.
+    pub state: State,
+    /// Of a `/clock` that is followed: how bad, and what.
+    pub clock: Option<(u8, &'static str)>,
+}
+
 /// The health of one second.
 ///
 /// An input that is stale by its policy is an error with its age, whatever the policy makes of it. Refused samples
@@ -56,8 +66,9 @@ pub fn compile(
     policies: &Policies,
     counts: &[Counts; Input::COUNT],
     reported: &[Counts; Input::COUNT],
-    clock: Option<(u8, &'static str)>,
+    course: Course,
 ) -> DiagnosticArray {
+    let Course { state, clock } = course;
     let mut status = Vec::new();
     let key_value = |key: &str, value: String| KeyValue { key: key.to_owned(), value };
     let mut add = |part: &str, level, message: String, values| {
@@ -66,6 +77,7 @@ pub fn compile(
     };
     let is_stale = |input: Input, age_ns: i64| age_ns > policies.rules[input as usize].policy.stale_after_ns;
     let (level, message) = match newest.map(|output| &output.tick) {
+        _ if state != State::Playing => (0, "the simulation stands, until it is played or stepped"),
         Some(tick) if tick.fail_safe => (2, "fail-safe: inputs are missing"),
         Some(tick) if tick.estimate.is_some() => {
             let of = |input: Input| tick.ages_ns[input as usize].is_some_and(|age_ns| is_stale(input, age_ns));
@@ -116,7 +128,7 @@ fn seconds_text(time_ns: i64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{DiagnosticArray, compile};
+    use super::{Course, DiagnosticArray, State, compile};
     use crate::frame::EsvState;
     use crate::node::core::{Core, Heard, Input, OnStale, Policy, Tick};
     use crate::node::intake::{Counts, Gate, Refusal};
@@ -141,7 +153,7 @@ mod tests {
 
     fn report(tick: Tick, counts: &[Counts; Input::COUNT], reported: &[Counts; Input::COUNT]) -> DiagnosticArray {
         let newest = Output { tick, publish: true, patient: false, overruns: 0, worst_lateness_us: 0.0 };
-        compile("/govtwin", 5, Some(&newest), &policy(OnStale::Hold).into(), counts, reported, None)
+        compile("/govtwin", 5, Some(&newest), &policy(OnStale::Hold).into(), counts, reported, Course::default())
     }
 
     fn said(array: &DiagnosticArray) -> Vec<(u8, &str)> {
@@ -151,7 +163,15 @@ mod tests {
     #[test]
     fn silence_is_stale_and_every_part_is_there() {
         let none = <[_; Input::COUNT]>::default();
-        let array = compile("/govtwin", 5, None, &policy(OnStale::Trip).into(), &none, &none, Some((2, "missing")));
+        let array = compile(
+            "/govtwin",
+            5,
+            None,
+            &policy(OnStale::Trip).into(),
+            &none,
+            &none,
+            Course { clock: Some((2, "missing")), ..Course::default() },
+        );
         assert_eq!(array.status.len(), 6);
         assert!(array.status[..4].iter().all(|status| status.level == 3));
         assert_eq!((array.status[4].level, array.status[5].level), (0, 2), "a load need not come, a clock must");
@@ -189,6 +209,21 @@ mod tests {
         assert_eq!(said(&tripped)[0], (2, "fail-safe: inputs are missing"));
         core.reset();
         assert_eq!(said(&report(core.tick(0, 0), &none, &none))[0], (3, "waiting for inputs"));
+    }
+
+    #[test]
+    fn a_simulation_that_stands_is_told_as_such() {
+        let none = <[_; Input::COUNT]>::default();
+        let array = compile(
+            "/govtwin",
+            5,
+            None,
+            &policy(OnStale::Trip).into(),
+            &none,
+            &none,
+            Course { state: State::Paused, clock: None },
+        );
+        assert_eq!(said(&array)[0], (0, "the simulation stands, until it is played or stepped"));
     }
 
     #[test]

@@ -40,6 +40,10 @@ use crate::residual::corrector::Corrector;
 use crate::residual::model::{Model, ModelError};
 use crate::residual::row::Opening;
 
+/// Why a unit with a learned residual cannot be changed while the node runs.
+const FIXED_UNIT: &str =
+    "a learned residual is of the unit as it was at start: start anew with the changed unit, or without --residual";
+
 /// Where words go.
 pub type Say<'a> = &'a mut dyn FnMut(LogLevel, &str);
 
@@ -126,9 +130,7 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
     for (level, words) in startup::claim(settings.wishes.priority) {
         say(level, &words);
     }
-    let fixed_unit = corrector.is_some().then_some(
-        "a learned residual is of the unit as it was at start: start anew with the changed unit, or without --residual",
-    );
+    let fixed_unit = corrector.is_some().then_some(FIXED_UNIT);
     let core = Core::of_refit(Refit::new(&unit), settings.policies()).with_corrector(corrector);
     let (integrator, ends) = Integrator::new(core, settings.pace(), 0);
     let Ends { events, refits, retired, outputs, answers } = ends;
@@ -141,6 +143,7 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
     let ending = AtomicBool::new(false);
     let (bus_ref, ears_ref, mouth_ref, counts_ref, ending_ref) = (&bus, &ears, &mouth, &counts, &ending);
     let (replies_ref, clock_ref, least_ref) = (&replies, &clock, &least);
+    let state = || replies_ref.state();
     let mut keeper = Keeper {
         bus: bus_ref,
         health,
@@ -150,6 +153,7 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
         strangers: BTreeSet::new(),
         clock: clock_ref,
         watch: Watch::new(monotonic_ns()),
+        state: &state,
         rival_clock: false,
         least: least_ref,
         say,
@@ -233,6 +237,12 @@ fn parameters(options: &Options, say: Say<'_>) -> Result<Store, NodeError> {
         }
     }
     store.check_unit().map_err(NodeError::Parameter)?;
+    if store.settings().use_sim_time && store.settings().paused {
+        say(
+            LogLevel::Warn,
+            "start_paused does nothing: a node that follows /clock (use_sim_time) stands until the clock goes",
+        );
+    }
     if store.settings().use_sim_time && store.settings().publish_clock {
         let words =
             "publish_clock:=true: a node that follows /clock (use_sim_time) cannot publish it too; give one of them";

@@ -24,7 +24,7 @@ from relay import Network
 HERE = os.path.dirname(os.path.abspath(__file__))
 # Name, what the network does, how long; the state's rate that is wanted then, Hz, of 100.
 CONDITIONS = [
-    ("an even network", {}, 6, 95),
+    ("an even network", {}, 6, 90),
     ("5 % of packets lost", {"loss": 0.05}, 10, 85),
     ("20 % of packets lost", {"loss": 0.2}, 10, 65),
     ("50 ms delay", {"delay_s": 0.05}, 10, 90),

@@ -11,8 +11,9 @@ use ros2_client::{Gid, Publisher, RosoutRaw};
 
 use super::super::bus::Bus;
 use super::super::clock::{self, Watch};
+use super::super::control::State;
 use super::super::core::Input;
-use super::super::diagnostics::{self, DiagnosticArray};
+use super::super::diagnostics::{self, Course, DiagnosticArray};
 use super::super::intake::Counts;
 use super::super::journal::Journal;
 use super::super::listener::news::{News, Taker};
@@ -32,6 +33,7 @@ pub(super) struct Keeper<'a> {
     pub(super) strangers: BTreeSet<Gid>,
     pub(super) clock: &'a clock::Heard,
     pub(super) watch: Watch,
+    pub(super) state: &'a dyn Fn() -> State,
     pub(super) rival_clock: bool,
     pub(super) least: &'a AtomicU8,
     pub(super) say: Say<'a>,
@@ -71,7 +73,7 @@ impl Keeper<'_> {
                     &self.settings.policies(),
                     &counts,
                     &std::mem::replace(&mut reported, counts),
-                    self.settings.use_sim_time.then(|| self.watch.state()),
+                    Course { state: (self.state)(), clock: self.settings.use_sim_time.then(|| self.watch.state()) },
                 );
                 // Nobody may be listening; the next second brings the next one.
                 let _ = self.health.publish(array);
