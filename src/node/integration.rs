@@ -217,6 +217,9 @@ impl Integrator {
     pub fn run(mut self, stop: &AtomicBool, listener: &Thread) -> Stats {
         let period_ns = self.pace.period_ns;
         let mut deadline = None;
+        if self.pace.time == Time::Wall {
+            self.restart_at(wall_ns());
+        }
         while !stop.load(Ordering::Relaxed) && !self.stats.ended_by_fail_safe && !self.stats.ended_by_caller {
             if self.follows() || self.state != State::Playing {
                 deadline = None;
