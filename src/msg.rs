@@ -1,7 +1,10 @@
 //! Wire types: the ROS 2 messages that the twin reads and writes, as `serde` structs in field order.
 
 pub mod definition;
+pub mod service;
+pub mod simulation;
 pub mod type_hash;
+pub mod upkeep;
 
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -156,6 +159,8 @@ pub struct TwinStatus {
     pub esv: u8,
     /// The same of the tank pressure.
     pub tank_pressure: u8,
+    /// The same of the load force.
+    pub load: u8,
     /// Whether the regulator limits the command.
     pub command_clamped: bool,
     /// Whether a learned correction is loaded and not applied.

@@ -18,6 +18,8 @@
 
 pub mod arguments;
 pub mod bus;
+pub mod clock;
+pub mod control;
 pub mod core;
 pub mod corrected;
 pub mod diagnostics;
@@ -35,6 +37,7 @@ pub mod policy;
 pub mod qos;
 pub mod realtime;
 pub mod recorder;
+pub mod refit;
 pub mod services;
 pub mod settings;
 pub mod startup;

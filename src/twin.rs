@@ -209,19 +209,41 @@ impl Twin {
         now.demand = Demand { spool_command_pu: 0.0, sd_pu: 0.0 };
         self.hold.reset();
         now.servomotor_reading_pu = reading_pu;
-        let terms = &plant.terms;
+        self.settle();
+    }
+
+    /// Sets the memories of all terms as if the signals of now had long been what they are.
+    fn settle(&mut self) {
+        let Self { plant, now, memory, .. } = self;
         for point in Point::ALL {
             let signal = match point {
                 Point::Command => now.inputs.opening_command_pu,
-                Point::EsvOpening => drive.esv_opening_pu,
-                Point::SupplyPressure => drive.tank_pressure_pa,
+                Point::EsvOpening => now.inputs.esv_opening_pu,
+                Point::SupplyPressure => now.inputs.tank_pressure_pa,
                 Point::ValveCurrent => now.valve_current_pu,
-                Point::ServomotorReading | Point::RegulatorServomotor => reading_pu,
+                Point::ServomotorReading | Point::RegulatorServomotor => now.servomotor_reading_pu,
                 Point::RegulatorSpool => plant.spool.reading_pu(now.state.spool_position_m),
                 _ => 0.0,
             };
-            terms.reset(point, signal, &mut self.memory);
+            plant.terms.reset(point, signal, memory);
         }
+    }
+
+    /// Goes on as `next`, a twin with other parameters or effects, from where this one is; `next` becomes what this one was.
+    ///
+    /// Terms go on with what they remember where both twins have the same places for it; otherwise they start as if the signals of now had
+    /// long been what they are. Takes no memory.
+    pub fn go_on_as(&mut self, next: &mut Self) {
+        if self.running {
+            next.running = true;
+            next.now = self.now;
+            if next.plant.terms.remember_like(&self.plant.terms) {
+                next.memory.copy_from_slice(&self.memory);
+            } else {
+                next.settle();
+            }
+        }
+        std::mem::swap(self, next);
     }
 
     /// Takes a frame's inputs and measured signals as far as they are finite.

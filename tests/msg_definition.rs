@@ -3,7 +3,12 @@
 use std::fmt;
 
 use govtwin::msg::definition::{Count, Definition, closure_of, parse_schema, schema_of, text_of};
+use govtwin::msg::service::{Service, Trigger};
+use govtwin::msg::simulation::{
+    GetSimulationState, GetSimulatorFeatures, ResetSimulation, SetSimulationState, StepSimulation,
+};
 use govtwin::msg::type_hash::{hash_of, type_hash};
+use govtwin::msg::upkeep::{GetLoggerLevels, GetTypeDescription, SetLoggerLevels};
 use govtwin::msg::{
     EsvState, FluidPressure, GovernorCommand, Header, Interface, JointState, ServoState, Time, TwinStatus,
 };
@@ -142,12 +147,37 @@ fn check<T: Interface>() {
     assert_eq!(shape_of_struct::<T>(), shape_of_definition(&closure[0], &closure), "{}", T::TYPE_NAME);
 }
 
+fn check_service<S: Service>() {
+    let shape = |half: &Definition| {
+        let mut all = vec![half.clone()];
+        for name in half.dependencies() {
+            all.extend(closure_of(name).unwrap());
+        }
+        match half.fields.is_empty() {
+            true => "{structure_needs_at_least_one_member: uint8; }".to_owned(),
+            false => shape_of_definition(half, &all),
+        }
+    };
+    let [request, response] = S::definitions().unwrap();
+    assert_eq!(shape_of_struct::<S::Request>(), shape(&request), "{}", S::TYPE_NAME);
+    assert_eq!(shape_of_struct::<S::Response>(), shape(&response), "{}", S::TYPE_NAME);
+}
+
 #[test]
 fn structs_equal_their_definitions_in_order_type_and_name() {
     check::<GovernorCommand>();
     check::<EsvState>();
     check::<ServoState>();
     check::<TwinStatus>();
+    check_service::<Trigger>();
+    check_service::<GetSimulatorFeatures>();
+    check_service::<GetSimulationState>();
+    check_service::<SetSimulationState>();
+    check_service::<StepSimulation>();
+    check_service::<ResetSimulation>();
+    check_service::<GetLoggerLevels>();
+    check_service::<SetLoggerLevels>();
+    check_service::<GetTypeDescription>();
     check::<FluidPressure>();
     check::<JointState>();
     assert_eq!(shape_of_struct::<Time>(), "{sec: int32; nanosec: uint32; }");
@@ -191,6 +221,18 @@ fn type_hashes_equal_the_published_ones() {
         ("builtin_interfaces/msg/Time", "b106235e25a4c5ed35098aa0a61a3ee9c9b18d197f398b0e4206cea9acf9c197"),
         ("std_msgs/msg/Header", "f49fb3ae2cf070f793645ff749683ac6b06203e41c891e17701b1cb597ce6a01"),
         ("rosgraph_msgs/msg/Clock", "692f7a66e93a3c83e71765d033b60349ba68023a8c689a79e48078bcb5c58564"),
+        ("diagnostic_msgs/msg/DiagnosticArray", "5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e"),
+        ("diagnostic_msgs/msg/DiagnosticStatus", "b0e3e692ea2d54a8af2f4ef1930e81556a2db55216b771f8a7d2724ed47bf0e4"),
+        ("rcl_interfaces/msg/LoggerLevel", "95785cc42f048ab4f395af65035aeaf2181d8e1c7a44edb8ad4558445fdb43c0"),
+        (
+            "rcl_interfaces/msg/SetLoggerLevelsResult",
+            "9316e5e679a5b72d2dd7fd80c539bae9e106fa0890a06dc5da3a8177a3ff6909",
+        ),
+        (
+            "type_description_interfaces/msg/FieldType",
+            "a70b6dd919645a03a3586f7f821defbc886ea3e531a1d95cc0f380a3973ccaa6",
+        ),
+        ("type_description_interfaces/msg/Field", "c0b01379cd4226281285ccaf6be46653968f855f7c5e41614ff5d7a854efef7c"),
         ("sensor_msgs/msg/FluidPressure", "22dfb2b145a0bd5a31a1ac3882a1b32148b51d9b2f3bab250290d66f3595bc32"),
         ("sensor_msgs/msg/JointState", "a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e"),
         ("governor_msgs/msg/GovernorCommand", "2ca93afe4a8d6a6fee83a453a093c0436f5e0f6f085a48ffa3ac2ab84a041274"),

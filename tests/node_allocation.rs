@@ -5,15 +5,17 @@
 mod residual;
 
 use govtwin::frame::EsvState;
+use govtwin::node::control::Order;
 use govtwin::node::core::{Core, Heard, Input, Notices, OnStale, Policy, Rule};
-use govtwin::node::integration::{Event, Integrator, Pace};
+use govtwin::node::integration::{Event, Integrator, Pace, Time};
+use govtwin::node::refit::Refit;
 use govtwin::params;
 use govtwin::residual::corrector::Corrector;
 use govtwin::twin::Twin;
 
 const MS: i64 = 1_000_000;
 /// Long enough for an alarm of drift, at five samples a second.
-const TICKS: i64 = 6000;
+const TICKS: i64 = 6600;
 
 /// Memory taken, and memory taken less memory given back.
 fn calls_of(work: impl FnOnce()) -> (u64, i64) {
@@ -28,9 +30,11 @@ fn run(simulated: bool, corrected: bool, adapts: bool) -> (u64, i64) {
     let corrector = corrected.then(|| Corrector::new(&model).unwrap());
     let corrector = corrector.map(|one| if adapts { one.adapting(&model).unwrap() } else { one });
     let core = Core::new(Twin::new(&unit), policy, 6.3e6).with_corrector(corrector);
-    let pace = Pace { period_ns: MS, publish_period_ns: 10 * MS, simulated };
+    let time = if simulated { Time::Follow } else { Time::Wall };
+    let pace = Pace { period_ns: MS, publish_period_ns: 10 * MS, time, paused: false };
     let mut drifted = false;
     let (mut integrator, mut ends) = Integrator::new(core, pace, 0);
+    let mut refit = Some(Box::new(Refit::new(&unit)));
     let calls = calls_of(|| {
         for step in 0..TICKS {
             let now_ns = step * MS;
@@ -43,13 +47,26 @@ fn run(simulated: bool, corrected: bool, adapts: bool) -> (u64, i64) {
             }
             if step == 2000 {
                 for input in Input::ALL {
-                    tell(Heard::Rule(input, Rule { policy, required: true }));
+                    tell(Heard::Rule(input, Rule { policy, required: input != Input::Load }));
                 }
                 tell(Heard::PublishPeriod(5 * MS));
             }
             if adapts && step % 20 == 0 {
                 // A unit that has drifted far away.
                 tell(Heard::Measured { spool_pu: 0.3, servomotor_pu: 0.4 });
+            }
+            match (step, simulated) {
+                (6000, false) => tell(Heard::Order(Order::Pause, 1)),
+                (6100, false) => tell(Heard::Order(Order::Step { ticks: 50 }, 2)),
+                (6200, false) => tell(Heard::Order(Order::Reset { time: true }, 3)),
+                (6300, false) => tell(Heard::Order(Order::Play, 4)),
+                _ => {}
+            }
+            if step == 6400
+                && let Some(refit) = refit.take()
+            {
+                ends.refits.push(refit).unwrap();
+                tell(Heard::Refit);
             }
             if simulated {
                 // A jump back at the end of every second.

@@ -5,8 +5,9 @@
 mod journal;
 
 use govtwin::frame::EsvState;
+use govtwin::node::control::Order;
 use govtwin::node::core::{Core, Heard, OnStale, Policy};
-use govtwin::node::integration::{Ends, Event, Integrator, Output, Pace};
+use govtwin::node::integration::{Ends, Event, Integrator, Output, Pace, Time};
 use govtwin::node::journal::{Journal, Names};
 use govtwin::params;
 use govtwin::twin::Twin;
@@ -20,7 +21,8 @@ const START_NS: i64 = 1_790_100_100_123_456_789;
 
 fn names() -> Names {
     Names {
-        inputs: ["/governor/command", "/governor/esv", "/governor/tank_pressure"].map(str::to_owned),
+        inputs: ["/governor/command", "/governor/esv", "/governor/tank_pressure", "/sim/joint_commands"]
+            .map(str::to_owned),
         servo_state: "/sim/servo_state".to_owned(),
         joint_states: "/sim/joint_states".to_owned(),
     }
@@ -39,7 +41,7 @@ fn tell(ends: &mut Ends, arrived_ns: i64, heard: Heard) {
 /// Twelve seconds of a bench: steps and a ramp at a ragged rate, pressure dips, an ESV trip, a silence that
 /// trips the fail-safe, ticks left out after a stall.
 fn scripted(publish_period_ns: i64, record: &mut dyn FnMut(&Output)) -> u64 {
-    let pace = Pace { period_ns: MS, publish_period_ns, simulated: false };
+    let pace = Pace { period_ns: MS, publish_period_ns, time: Time::Wall, paused: false };
     let (mut integrator, mut ends) = integrator(pace, START_NS);
     let mut random = ChaCha8Rng::seed_from_u64(7);
     let mut recorded = 0;
@@ -82,12 +84,11 @@ fn what_the_node_recorded_replays_to_the_last_bit() {
     for publish_ms in [1, 7, 10] {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("live");
-        let unit = params::reference();
         let mut journal = Journal::create(&path, &names()).unwrap();
         let mut tripped = false;
         let recorded = scripted(publish_ms * MS, &mut |output| {
             tripped |= output.tick.frame.inputs.esv == EsvState::Shutdown;
-            journal.write(&output.tick, &unit.parameters).unwrap();
+            journal.write(&output.tick).unwrap();
         });
         journal.finish().unwrap();
         assert!(tripped && recorded > 1300);
@@ -99,9 +100,9 @@ fn what_the_node_recorded_replays_to_the_last_bit() {
 fn with_a_simulated_clock_too() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("simulated");
-    let unit = params::reference();
     let mut journal = Journal::create(&path, &names()).unwrap();
-    let (mut integrator, mut ends) = integrator(Pace { period_ns: MS, publish_period_ns: 10 * MS, simulated: true }, 0);
+    let (mut integrator, mut ends) =
+        integrator(Pace { period_ns: MS, publish_period_ns: 10 * MS, time: Time::Follow, paused: false }, 0);
     for step in 0..800_i64 {
         // Half-way the clock jumps back to the beginning, as a recording that is played again.
         let clock_ns = START_NS + step % 400 * 10 * MS;
@@ -114,7 +115,7 @@ fn with_a_simulated_clock_too() {
         }
     }
     while let Ok(output) = ends.outputs.pop() {
-        journal.write(&output.tick, &unit.parameters).unwrap();
+        journal.write(&output.tick).unwrap();
     }
     let bags = journal.finish().unwrap();
     assert_eq!(bags, [path.clone(), folder.path().join("simulated_2")]);
@@ -124,11 +125,39 @@ fn with_a_simulated_clock_too() {
 }
 
 #[test]
+fn a_twin_that_was_set_back_begins_another_bag_and_both_replay() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("reset");
+    let mut journal = Journal::create(&path, &names()).unwrap();
+    let (mut integrator, mut ends) =
+        integrator(Pace { period_ns: MS, publish_period_ns: 10 * MS, time: Time::Own, paused: false }, 0);
+    for step in 0..4000_i64 {
+        if step % 100 == 0 {
+            tell(&mut ends, step * MS, Heard::Command(if step % 2000 < 1000 { 0.2 } else { 0.6 }));
+            tell(&mut ends, step * MS, Heard::TankPressure(6.3e6));
+            tell(&mut ends, step * MS, Heard::Esv(EsvState::Normal));
+        }
+        if step == 1777 {
+            tell(&mut ends, step * MS, Heard::Order(Order::Reset { time: true }, 1));
+        }
+        integrator.turn(step * MS);
+    }
+    while let Ok(output) = ends.outputs.pop() {
+        journal.write(&output.tick).unwrap();
+    }
+    let bags = journal.finish().unwrap();
+    assert_eq!(bags, [path.clone(), folder.path().join("reset_2")]);
+    for (bag, rows) in bags.iter().zip([170, 220]) {
+        assert_replays(bag, rows);
+    }
+}
+
+#[test]
 fn inputs_that_repeat_themselves_change_nothing() {
     let mut estimates = [Vec::new(), Vec::new()];
     for (repeat, estimates) in [1, 5].into_iter().zip(&mut estimates) {
         let (mut integrator, mut ends) =
-            integrator(Pace { period_ns: MS, publish_period_ns: MS, simulated: false }, START_NS);
+            integrator(Pace { period_ns: MS, publish_period_ns: MS, time: Time::Wall, paused: false }, START_NS);
         for step in 0..2000_i64 {
             if step % 100 == 0 {
                 for _ in 0..repeat {

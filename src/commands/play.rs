@@ -70,6 +70,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let stop = stop_on_signals()?;
     let mut bus = Bus::open(&environment, Arguments::parse(&args.ros, "govtwin_play")?)?;
     let player = Player::open(&mut bus, &messages, &options)?;
+    for words in bus.arguments().remarks.iter().chain(&bus.idle_arguments()) {
+        output::warn(words);
+    }
     for topic in &player.left_out {
         output::warn(&format!("{topic} is not played: its type is not one of this program's"));
     }

@@ -53,6 +53,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let recorded = record(&mut bus, &topics, &args.out, length, &stop, &mut || {
         output::say("recording");
     })?;
+    for words in bus.arguments().remarks.iter().chain(&bus.idle_arguments()) {
+        output::warn(words);
+    }
     drop(bus);
     let mut text = String::new();
     for (topic, count) in &recorded.messages {

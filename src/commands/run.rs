@@ -58,6 +58,12 @@ pub struct Args {
     /// Peers drop a node that they did not hear for so long; it is announced five times in that span.
     #[arg(long = "lease", value_name = "S", default_value_t = 10.0)]
     lease_s: f64,
+    /// Count time from 0 and publish it as `/clock`, for others to follow.
+    #[arg(long = "publish-clock")]
+    publish_clock: bool,
+    /// Stand still at first, until `~/step_simulation` or `~/set_simulation_state` lets the simulation go.
+    #[arg(long)]
+    paused: bool,
     /// Inputs that may stay away: their defaults are taken until they are heard.
     #[arg(long, value_name = "INPUT", num_args = 1.., value_delimiter = ',', value_parser = Input::NAMES)]
     optional: Vec<String>,
@@ -94,9 +100,11 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         hold_s: args.hold_s,
         on_stale: OnStale::named(&args.on_stale).unwrap_or_default(),
         inputs: Input::NAMES.map(|name| InputSettings {
-            required: !args.optional.iter().any(|optional| optional == name),
+            required: name != "load" && !args.optional.iter().any(|optional| optional == name),
             ..InputSettings::default()
         }),
+        publish_clock: args.publish_clock,
+        paused: args.paused,
         wishes: Wishes { cpu: args.cpu, priority: args.priority },
         ..Settings::default()
     };

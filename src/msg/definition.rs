@@ -2,6 +2,13 @@
 
 use std::fmt::{self, Write};
 
+/// A type's name and the text below `msg/standard`.
+macro_rules! standard {
+    ($name:literal) => {
+        ($name, include_str!(concat!("../../msg/standard/", $name, ".msg")))
+    };
+}
+
 /// The texts that this crate carries, by full name. The standard ones are common interfaces of ROS 2
 /// without their comments; those of `governor_msgs` are the very files that the package installs.
 const TEXTS: &[(&str, &str)] = &[
@@ -18,6 +25,20 @@ const TEXTS: &[(&str, &str)] = &[
     ("governor_msgs/msg/EsvState", include_str!("../../msg/governor_msgs/msg/EsvState.msg")),
     ("governor_msgs/msg/ServoState", include_str!("../../msg/governor_msgs/msg/ServoState.msg")),
     ("governor_msgs/msg/TwinStatus", include_str!("../../msg/governor_msgs/msg/TwinStatus.msg")),
+    standard!("diagnostic_msgs/msg/DiagnosticArray"),
+    standard!("diagnostic_msgs/msg/DiagnosticStatus"),
+    standard!("diagnostic_msgs/msg/KeyValue"),
+    standard!("rcl_interfaces/msg/LoggerLevel"),
+    standard!("rcl_interfaces/msg/SetLoggerLevelsResult"),
+    standard!("simulation_interfaces/msg/Result"),
+    standard!("simulation_interfaces/msg/SimulationState"),
+    standard!("simulation_interfaces/msg/SimulatorFeatures"),
+    standard!("type_description_interfaces/msg/Field"),
+    standard!("type_description_interfaces/msg/FieldType"),
+    standard!("type_description_interfaces/msg/IndividualTypeDescription"),
+    standard!("type_description_interfaces/msg/KeyValue"),
+    standard!("type_description_interfaces/msg/TypeDescription"),
+    standard!("type_description_interfaces/msg/TypeSource"),
 ];
 
 /// The line between a definition and each of its dependencies in a `ros2msg` schema.
@@ -180,6 +201,11 @@ pub fn full_name(name: &str, package: &str) -> String {
 pub fn text_of(type_name: &str) -> Result<&'static str, DefinitionError> {
     let found = TEXTS.iter().find(|(name, _)| *name == type_name);
     found.map(|(_, text)| *text).ok_or_else(|| DefinitionError::Unknown(type_name.to_owned()))
+}
+
+/// Every type whose text the crate carries.
+pub fn known() -> impl Iterator<Item = &'static str> {
+    TEXTS.iter().map(|(name, _)| *name)
 }
 
 /// A type and everything that it depends on, each once, the type first, in the order of first use.

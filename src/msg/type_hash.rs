@@ -1,6 +1,7 @@
 //! REP-2016 type hashes (RIHS01): how ROS 2 since Iron tells two definitions of one name apart.
 
 use super::definition::{Count, Definition, DefinitionError, Field, closure_of};
+use super::upkeep::FieldType;
 use crate::digest::sha256;
 
 /// The hash of a type that the crate carries, as `RIHS01_` and 64 hexadecimal digits.
@@ -41,23 +42,30 @@ fn description(definition: &Definition) -> String {
 }
 
 fn field(field: &Field) -> String {
+    let FieldType { type_id, capacity, string_capacity, nested_type_name } = field_type(field);
+    format!(
+        "{{\"name\": \"{}\", \"type\": {{\"type_id\": {type_id}, \"capacity\": {capacity}, \"string_capacity\": \
+         {string_capacity}, \"nested_type_name\": \"{nested_type_name}\"}}}}",
+        field.name
+    )
+}
+
+/// A field's type in the numbers of `type_description_interfaces`.
+#[must_use]
+pub fn field_type(field: &Field) -> FieldType {
     let (series, capacity) = match field.count {
         Count::One => (0, 0),
         Count::Exactly(count) => (48, count),
         Count::AtMost(bound) => (96, bound),
         Count::Any => (144, 0),
     };
-    let nested = if field.base.contains('/') { field.base.as_str() } else { "" };
-    let id = base_id(&field.base, field.string_bound > 0) + series;
-    format!(
-        "{{\"name\": \"{}\", \"type\": {{\"type_id\": {id}, \"capacity\": {capacity}, \"string_capacity\": {}, \
-         \"nested_type_name\": \"{nested}\"}}}}",
-        field.name, field.string_bound
-    )
+    let nested_type_name = if field.base.contains('/') { field.base.clone() } else { String::new() };
+    let type_id = base_id(&field.base, field.string_bound > 0) + series;
+    FieldType { type_id, capacity, string_capacity: field.string_bound, nested_type_name }
 }
 
 /// Numbers of `type_description_interfaces/msg/FieldType`.
-fn base_id(base: &str, bounded: bool) -> u16 {
+fn base_id(base: &str, bounded: bool) -> u8 {
     match (base, bounded) {
         ("int8", _) => 2,
         // `char` in a .msg file is an alias of uint8.

@@ -1,5 +1,6 @@
 //! `--ros-args`: names, remappings, parameters and log level as every ROS 2 program takes them.
 
+use std::collections::BTreeSet;
 use std::fmt;
 
 use ros2args::{LogLevel, ParamAssignment, Ros2Args, Ros2ArgsError, build_node_fqn, expand_topic_name};
@@ -59,14 +60,22 @@ impl Arguments {
         let name = special(&["__node", "__name"]).unwrap_or_else(|| default_name.to_owned());
         ros2args::validate_namespace(&namespace)?;
         ros2args::validate_node_name(&name)?;
-        let mut rules = Vec::new();
-        for rule in args.remap_rules.iter().filter(|rule| !rule.from.starts_with("__")) {
-            if rule.applies_to_node(default_name) || rule.applies_to_node(&name) {
+        let (mut rules, mut remarks) = (Vec::new(), Vec::new());
+        for rule in &args.remap_rules {
+            let mine = rule.applies_to_node(default_name) || rule.applies_to_node(&name);
+            if !mine {
+                let of = rule.node_name.as_deref().unwrap_or_default();
+                remarks.push(format!(
+                    "-r {of}:{}:={} is for a node `{of}`; this process has only `{name}`",
+                    rule.from, rule.to
+                ));
+            } else if !rule.from.starts_with("__") {
                 let from = expand_topic_name(&namespace, &name, &rule.from)?;
                 rules.push((from, expand_topic_name(&namespace, &name, &rule.to)?));
+            } else if !["__ns", "__node", "__name"].contains(&rule.from.as_str()) {
+                remarks.push(format!("-r {}:={} is no remapping: expected __ns or __node", rule.from, rule.to));
             }
         }
-        let mut remarks = Vec::new();
         let mut parameters = Vec::new();
         for file in &args.param_files {
             for assignment in ros2args::parse_param_file(file)? {
@@ -94,15 +103,39 @@ impl Arguments {
         build_node_fqn(&self.namespace, &self.name)
     }
 
+    /// Remappings that no name among `opened` is behind, in words; `opened` are full names before remapping.
+    #[must_use]
+    pub fn idle_remappings(&self, opened: &BTreeSet<String>) -> Vec<String> {
+        let idle = self.rules.iter().filter(|(from, _)| !opened.contains(from));
+        let words = |(from, to): &(String, String)| {
+            let hint = nearest(from, opened.iter()).map(|name| format!("; did you mean `{name}`?")).unwrap_or_default();
+            format!("-r {from}:={to} matches no topic or service of this node{hint}")
+        };
+        idle.map(words).collect()
+    }
+
+    /// The full name of a topic or service before any remapping.
+    ///
+    /// # Errors
+    /// Where `topic` is no name.
+    pub fn expand(&self, topic: &str) -> Result<String, Ros2ArgsError> {
+        expand_topic_name(&self.namespace, &self.name, topic)
+    }
+
     /// The full name of a topic or service after namespace and remapping.
     ///
     /// # Errors
     /// Where `topic` is no name.
     pub fn resolve(&self, topic: &str) -> Result<String, Ros2ArgsError> {
-        let full = expand_topic_name(&self.namespace, &self.name, topic)?;
+        let full = self.expand(topic)?;
         let rule = self.rules.iter().find(|(from, _)| *from == full);
         Ok(rule.map_or(full, |(_, to)| to.clone()))
     }
+}
+
+/// The name among `names` that is most like `name`.
+pub fn nearest<'a>(name: &str, names: impl Iterator<Item = &'a String>) -> Option<&'a String> {
+    names.max_by(|a, b| strsim::jaro_winkler(a, name).total_cmp(&strsim::jaro_winkler(b, name)))
 }
 
 /// Adds an assignment that is for this node; maps inside become dotted names.
@@ -180,6 +213,18 @@ mod tests {
         assert_eq!(arguments.resolve("sim/servo_state").unwrap(), "/unit2/out");
         assert_eq!(arguments.resolve("governor/esv").unwrap(), "/unit2/governor/esv");
         assert_eq!(arguments.resolve("~/log").unwrap(), "/unit2/servo/log");
+    }
+
+    #[test]
+    fn remappings_that_match_nothing_are_told_with_what_may_be_meant() {
+        let arguments = parse(&["-r", "governor/comand:=/y", "-r", "sim/servo_state:=out", "-r", "other:a:=b"]);
+        assert!(arguments.remarks[0].contains("for a node `other`"), "{:?}", arguments.remarks);
+        let opened = ["/governor/command", "/governor/esv", "/sim/servo_state"].map(str::to_owned).into();
+        let idle = arguments.idle_remappings(&opened);
+        let expected =
+            "-r /governor/comand:=/y matches no topic or service of this node; did you mean `/governor/command`?";
+        assert_eq!(idle, [expected]);
+        assert!(parse(&["-r", "__nod:=x"]).remarks[0].contains("expected __ns or __node"));
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! The node on DDS: participant, names, topics and their QoS; the only file that opens and closes them.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use ros2_client::parameters::raw;
 use ros2_client::{
@@ -16,6 +16,7 @@ use super::environment::Environment;
 use super::qos::{self, best_effort, recorded, reliable};
 use super::transport;
 use crate::msg::Interface;
+use crate::msg::service::Service;
 
 /// The node cannot come on the bus.
 #[derive(Debug, thiserror::Error)]
@@ -59,6 +60,8 @@ pub struct Bus {
     context: Context,
     arguments: Arguments,
     endpoints: Vec<Endpoint>,
+    /// Full names of topics and services before remapping.
+    opened: BTreeSet<String>,
 }
 
 /// A topic that the node reads or writes, and its quality of service.
@@ -86,7 +89,7 @@ impl Bus {
             .map_err(|error| BusError::Name { name: arguments.full_name(), reason: error.to_string() })?;
         let options = NodeOptions::new().enable_rosout(arguments.rosout);
         let node = context.new_node(name, options).map_err(|error| join(error.to_string()))?;
-        Ok(Self { node, context, arguments, endpoints: Vec::new() })
+        Ok(Self { node, context, arguments, endpoints: Vec::new(), opened: BTreeSet::new() })
     }
 
     /// The node's arguments.
@@ -141,12 +144,40 @@ impl Bus {
         Response: Message + Clone + 'static,
     {
         let full_name = self.arguments.resolve(service)?;
+        self.opened.insert(self.arguments.expand(service)?);
         let name = parse_name(&full_name)?;
         let (package, base) = split_type(type_name);
         let type_name = ServiceTypeName::new(package, base);
         self.node
             .create_server(mapping, &name, &type_name, reliable(), reliable())
             .map_err(|source| BusError::Open { topic: full_name, source })
+    }
+
+    /// Opens a service of a type that this crate defines.
+    ///
+    /// # Errors
+    /// As [`Bus::serve`].
+    pub fn offer<S: Service>(
+        &mut self,
+        mapping: ServiceMapping,
+        service: &str,
+    ) -> Result<Server<S::Request, S::Response>, BusError>
+    where
+        S::Request: Message + Clone + 'static,
+        S::Response: Message + Clone + 'static,
+    {
+        self.serve(mapping, service, S::TYPE_NAME)
+    }
+
+    /// Remappings and `qos_overrides` that nothing of this node is behind, in words; asked once all endpoints are open.
+    #[must_use]
+    pub fn idle_arguments(&self) -> Vec<String> {
+        let mut idle = self.arguments.idle_remappings(&self.opened);
+        let role = |writes: bool| if writes { "publisher" } else { "subscription" };
+        let places: Vec<String> =
+            self.endpoints.iter().map(|endpoint| format!("{}.{}", endpoint.topic, role(endpoint.writes))).collect();
+        idle.extend(qos::idle(&self.arguments.parameters, &places));
+        idle
     }
 
     /// Opens `/parameter_events`.
@@ -169,6 +200,17 @@ impl Bus {
             Some((Gid::from(data.key), (topic, ros_type(&data.type_name))))
         });
         named.collect()
+    }
+
+    /// How many writers other participants have on this topic, given by its full name.
+    #[must_use]
+    pub fn writers_of(&self, full_name: &str) -> usize {
+        let own = self.context.domain_participant();
+        let own_prefix = prefix_of(own.guid());
+        let dds_name = format!("rt{full_name}");
+        let writers = own.discovered_writers();
+        let others = writers.iter().map(|writer| &writer.publication_topic_data);
+        others.filter(|data| data.topic_name == dds_name && prefix_of(data.key) != own_prefix).count()
     }
 
     /// How many readers other participants have on this topic, given by its full name.
@@ -225,6 +267,7 @@ impl Bus {
         qos: QosProfile,
     ) -> Result<(String, rustdds::Topic), BusError> {
         let full_name = self.arguments.resolve(topic)?;
+        self.opened.insert(self.arguments.expand(topic)?);
         let qos = qos::overridden(&self.arguments.parameters, &full_name, role, qos).map_err(BusError::Qos)?;
         let name = parse_name(&full_name)?;
         let (package, base) = split_type(type_name);

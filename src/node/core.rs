@@ -3,7 +3,14 @@
 //! The core reads no clock, knows no DDS, takes no memory and cannot fail; the threads around it hand
 //! it what arrived and the time. The same calls therefore give the same estimates, live or in a test.
 
+pub mod notices;
+
+use std::sync::Arc;
+
+pub use self::notices::Notices;
+use super::control::{Order, Ticket};
 pub use super::policy::{Input, InputState, OnStale, Policies, Policy, Rule};
+use super::refit::{Load, Refit};
 use crate::frame::{Estimate, EsvState, Frame, Inputs, Signals};
 use crate::residual::corrector::{Correction, Corrector};
 use crate::twin::Twin;
@@ -24,63 +31,18 @@ pub enum Heard {
         /// Servomotor.
         servomotor_pu: f64,
     },
+    /// Force on the piston besides the sheet's load, N, + opens.
+    Load(f64),
     /// Simulated time, ns since the epoch.
     Clock(i64),
+    /// What a caller wants of the simulation.
+    Order(Order, Ticket),
+    /// A twin of changed parameters waits on its own ring.
+    Refit,
     /// A new treatment of one input's silence.
     Rule(Input, Rule),
     /// A new publish period, ns.
     PublishPeriod(i64),
-}
-
-/// What happened in a tick that a person should hear of: a set of flags.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Notices(pub u16);
-
-impl Notices {
-    /// The twin was set to the steady state of the first complete inputs.
-    pub const STARTED: Self = Self(1 << 6);
-    /// The fail-safe began.
-    pub const FAIL_SAFE: Self = Self(1 << 7);
-    /// The fail-safe ended: all inputs are back.
-    pub const RELEASED: Self = Self(1 << 8);
-    /// Time ran backwards or leapt ahead: the twin forgot everything.
-    pub const RESET: Self = Self(1 << 9);
-    /// The adaptation's detector raised an alarm: the unit drifts away from twin and residual.
-    pub const DRIFT: Self = Self(1 << 13);
-
-    /// This input became stale.
-    #[must_use]
-    pub fn stale(input: Input) -> Self {
-        Self(input.bit())
-    }
-
-    /// This input is back after it was stale.
-    #[must_use]
-    pub fn recovered(input: Input) -> Self {
-        Self(input.bit() << 3)
-    }
-
-    /// This input was never heard and is overdue.
-    #[must_use]
-    pub fn missing(input: Input) -> Self {
-        Self(input.bit() << 10)
-    }
-
-    /// Whether `other` is among them.
-    #[must_use]
-    pub fn has(self, other: Self) -> bool {
-        self.0 & other.0 != 0
-    }
-
-    /// Whether nothing happened.
-    #[must_use]
-    pub fn is_empty(self) -> bool {
-        self.0 == 0
-    }
-
-    fn add(&mut self, other: Self) {
-        self.0 |= other.0;
-    }
 }
 
 /// The outcome of one tick.
@@ -101,9 +63,13 @@ pub struct Tick {
     /// The fail-safe asks the node to end.
     pub stop: bool,
     /// What stands behind each input.
-    pub states: [InputState; 3],
+    pub states: [InputState; Input::COUNT],
+    /// Spool's reference stroke and servomotor's stroke, by which positions become metres.
+    pub strokes_m: [f64; 2],
+    /// Force on the piston besides the sheet's load, N, + opens.
+    pub load_n: f64,
     /// Ages of the inputs, ns; `None` for one never heard.
-    pub ages_ns: [Option<i64>; 3],
+    pub ages_ns: [Option<i64>; Input::COUNT],
 }
 
 impl Tick {
@@ -124,15 +90,18 @@ struct Held {
 #[derive(Clone, Debug)]
 pub struct Core {
     twin: Twin,
+    load: Arc<Load>,
+    strokes_m: [f64; 2],
+    load_n: f64,
     corrector: Option<Corrector>,
     measured: Signals,
     policies: Policies,
     inputs: Inputs,
-    held: [Held; 3],
+    held: [Held; Input::COUNT],
     began_ns: Option<i64>,
     previous: Option<Inputs>,
     fail_safe: bool,
-    reset: bool,
+    pending: Notices,
 }
 
 impl Core {
@@ -144,9 +113,14 @@ impl Core {
         let tank_pressure_pa = *policies.default_tank_pressure_pa.get_or_insert(tank_pressure_pa);
         let inputs =
             Inputs { opening_command_pu: policies.default_command_pu, esv: policies.default_esv, tank_pressure_pa };
-        let held = [Held { heard_ns: None, stale: false }; 3];
+        let held = [Held { heard_ns: None, stale: false }; Input::COUNT];
+        let plant = twin.plant();
+        let strokes_m = [plant.spool.reference_stroke_m, plant.servomotor.stroke_m];
         Self {
             twin,
+            load: Arc::default(),
+            strokes_m,
+            load_n: 0.0,
             corrector: None,
             measured: Signals::NONE,
             policies,
@@ -155,8 +129,15 @@ impl Core {
             began_ns: None,
             previous: None,
             fail_safe: false,
-            reset: false,
+            pending: Notices::default(),
         }
+    }
+
+    /// The same for a unit to whose piston `sim/joint_commands` may add a force.
+    #[must_use]
+    pub fn of_refit(refit: Refit, policies: impl Into<Policies>) -> Self {
+        let Refit { twin, load, strokes_m, tank_pressure_pa } = refit;
+        Self { load, strokes_m, ..Self::new(twin, policies, tank_pressure_pa) }
     }
 
     /// The same with a learned residual.
@@ -196,7 +177,11 @@ impl Core {
                 self.measured.servomotor_position_pu = servomotor_pu;
                 return;
             }
-            Heard::Clock(_) | Heard::PublishPeriod(_) => return,
+            Heard::Load(load_n) => {
+                self.load_n = load_n;
+                Input::Load
+            }
+            Heard::Clock(_) | Heard::PublishPeriod(_) | Heard::Order(..) | Heard::Refit => return,
         };
         self.held[input as usize].heard_ns = Some(now_ns);
     }
@@ -215,22 +200,39 @@ impl Core {
             corrector.reset();
         }
         self.measured = Signals::NONE;
-        self.held = [Held { heard_ns: None, stale: false }; 3];
+        self.held = [Held { heard_ns: None, stale: false }; Input::COUNT];
         self.began_ns = None;
+        self.load_n = 0.0;
         self.previous = None;
         self.fail_safe = false;
-        self.reset = true;
+        self.pending.add(Notices::RESET);
+    }
+
+    /// Sets the twin back on request: its next tick starts from the steady state of what was heard last.
+    pub fn restart(&mut self) {
+        self.twin.reset();
+        if let Some(corrector) = &mut self.corrector {
+            corrector.reset();
+        }
+        self.previous = None;
+        self.fail_safe = false;
+        self.pending.add(Notices::RESTARTED);
+    }
+
+    /// Goes on with another twin from where this one is, and leaves this one in `refit`.
+    pub fn refit(&mut self, refit: &mut Refit) {
+        self.twin.go_on_as(&mut refit.twin);
+        std::mem::swap(&mut self.load, &mut refit.load);
+        std::mem::swap(&mut self.strokes_m, &mut refit.strokes_m);
+        self.pending.add(Notices::REFITTED);
     }
 
     /// Advances the twin to `time_ns`, the model's time; `now_ns` is the time on which ages are counted.
     pub fn tick(&mut self, time_ns: i64, now_ns: i64) -> Tick {
         let began_ns = *self.began_ns.get_or_insert(now_ns);
-        let mut notices = Notices::default();
-        if std::mem::take(&mut self.reset) {
-            notices.add(Notices::RESET);
-        }
-        let (mut complete, mut ages_ns) = (true, [None; 3]);
-        let mut states = [InputState::Default; 3];
+        let mut notices = std::mem::take(&mut self.pending);
+        let (mut complete, mut ages_ns) = (true, [None; Input::COUNT]);
+        let mut states = [InputState::Default; Input::COUNT];
         for input in Input::ALL {
             let rule = self.policies.rules[input as usize];
             let held = &mut self.held[input as usize];
@@ -273,6 +275,8 @@ impl Core {
         if runs && self.previous.is_none() {
             notices.add(Notices::STARTED);
         }
+        let load_n = if states[Input::Load as usize] == InputState::Failed { 0.0 } else { self.load_n };
+        self.load.set(load_n);
         let estimate = runs.then(|| self.twin.step(&frame));
         // A measured sample belongs to the tick that first sees it, and is no input of the twin.
         let seen = Frame { measured: std::mem::replace(&mut self.measured, Signals::NONE), ..frame };
@@ -288,7 +292,19 @@ impl Core {
         if runs {
             self.previous = Some(inputs);
         }
-        Tick { frame, estimate, correction, inputs_changed, notices, fail_safe, stop, states, ages_ns }
+        Tick {
+            frame,
+            estimate,
+            correction,
+            inputs_changed,
+            notices,
+            fail_safe,
+            stop,
+            states,
+            strokes_m: self.strokes_m,
+            load_n,
+            ages_ns,
+        }
     }
 }
 
@@ -343,7 +359,7 @@ mod tests {
         }
         let steps: Vec<i64> = seen.iter().map(|(step, _)| *step).collect();
         assert_eq!(steps, [0, 101, 151, 300]);
-        assert!(Input::ALL.into_iter().all(|input| seen[1].1.has(Notices::stale(input))));
+        assert!(Input::ALL[..3].iter().all(|&input| seen[1].1.has(Notices::stale(input))));
         assert!(seen[2].1.has(Notices::FAIL_SAFE));
         assert!(seen[3].1.has(Notices::RELEASED) && seen[3].1.has(Notices::recovered(Input::Esv)));
     }
@@ -370,7 +386,7 @@ mod tests {
         assert!(
             tick.notices.has(Notices::missing(Input::Esv)) && tick.notices.has(Notices::missing(Input::TankPressure))
         );
-        assert_eq!(tick.states, [InputState::Held, InputState::Default, InputState::Default]);
+        assert_eq!(tick.states, [InputState::Held, InputState::Default, InputState::Default, InputState::Default]);
     }
 
     #[test]

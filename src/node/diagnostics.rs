@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::control::State;
 use super::core::{Input, Policies};
 use super::intake::{Counts, Refusal};
 use super::integration::Output;
@@ -44,6 +45,15 @@ pub struct DiagnosticArray {
     pub status: Vec<DiagnosticStatus>,
 }
 
+/// How time goes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Course {
+    /// Whether the simulation runs.
+    pub state: State,
+    /// Of a `/clock` that is followed: how bad, and what.
+    pub clock: Option<(u8, &'static str)>,
+}
+
 /// The health of one second.
 ///
 /// An input that is stale by its policy is an error with its age, whatever the policy makes of it. Refused samples
@@ -54,9 +64,11 @@ pub fn compile(
     time_ns: i64,
     newest: Option<&Output>,
     policies: &Policies,
-    counts: &[Counts; 3],
-    reported: &[Counts; 3],
+    counts: &[Counts; Input::COUNT],
+    reported: &[Counts; Input::COUNT],
+    course: Course,
 ) -> DiagnosticArray {
+    let Course { state, clock } = course;
     let mut status = Vec::new();
     let key_value = |key: &str, value: String| KeyValue { key: key.to_owned(), value };
     let mut add = |part: &str, level, message: String, values| {
@@ -65,6 +77,7 @@ pub fn compile(
     };
     let is_stale = |input: Input, age_ns: i64| age_ns > policies.rules[input as usize].policy.stale_after_ns;
     let (level, message) = match newest.map(|output| &output.tick) {
+        _ if state != State::Playing => (0, "the simulation stands, until it is played or stepped"),
         Some(tick) if tick.fail_safe => (2, "fail-safe: inputs are missing"),
         Some(tick) if tick.estimate.is_some() => {
             let of = |input: Input| tick.ages_ns[input as usize].is_some_and(|age_ns| is_stale(input, age_ns));
@@ -103,6 +116,9 @@ pub fn compile(
         };
         add(input.topic(), level, message, values);
     }
+    if let Some((level, message)) = clock {
+        add("/clock", level, message.to_owned(), Vec::new());
+    }
     DiagnosticArray { header: Header::at(time_ns), status }
 }
 
@@ -112,14 +128,15 @@ fn seconds_text(time_ns: i64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{DiagnosticArray, compile};
+    use super::{Course, DiagnosticArray, State, compile};
     use crate::frame::EsvState;
-    use crate::node::core::{Core, Heard, OnStale, Policy, Tick};
+    use crate::node::core::{Core, Heard, Input, OnStale, Policy, Tick};
     use crate::node::intake::{Counts, Gate, Refusal};
     use crate::node::integration::Output;
     use crate::twin::Twin;
 
     const SECOND_NS: i64 = 1_000_000_000;
+    const NO_LOAD: (u8, &str) = (0, "nothing heard; its default is taken");
 
     fn policy(on_stale: OnStale) -> Policy {
         Policy { stale_after_ns: 2 * SECOND_NS, hold_ns: SECOND_NS, on_stale }
@@ -134,9 +151,9 @@ mod tests {
         core
     }
 
-    fn report(tick: Tick, counts: &[Counts; 3], reported: &[Counts; 3]) -> DiagnosticArray {
-        let newest = Output { tick, publish: true, overruns: 0, worst_lateness_us: 0.0 };
-        compile("/govtwin", 5, Some(&newest), &policy(OnStale::Hold).into(), counts, reported)
+    fn report(tick: Tick, counts: &[Counts; Input::COUNT], reported: &[Counts; Input::COUNT]) -> DiagnosticArray {
+        let newest = Output { tick, publish: true, patient: false, overruns: 0, worst_lateness_us: 0.0 };
+        compile("/govtwin", 5, Some(&newest), &policy(OnStale::Hold).into(), counts, reported, Course::default())
     }
 
     fn said(array: &DiagnosticArray) -> Vec<(u8, &str)> {
@@ -145,34 +162,48 @@ mod tests {
 
     #[test]
     fn silence_is_stale_and_every_part_is_there() {
-        let none = <[_; 3]>::default();
-        let array = compile("/govtwin", 5, None, &policy(OnStale::Trip).into(), &none, &none);
-        assert_eq!(array.status.len(), 4);
-        assert!(array.status.iter().all(|status| status.level == 3));
+        let none = <[_; Input::COUNT]>::default();
+        let array = compile(
+            "/govtwin",
+            5,
+            None,
+            &policy(OnStale::Trip).into(),
+            &none,
+            &none,
+            Course { clock: Some((2, "missing")), ..Course::default() },
+        );
+        assert_eq!(array.status.len(), 6);
+        assert!(array.status[..4].iter().all(|status| status.level == 3));
+        assert_eq!((array.status[4].level, array.status[5].level), (0, 2), "a load need not come, a clock must");
         assert_eq!(array.status[1].name, "/govtwin: governor/command");
     }
 
     #[test]
     fn an_input_that_fell_silent_is_an_error_with_its_age_even_where_it_is_held() {
-        let none = <[_; 3]>::default();
+        let none = <[_; Input::COUNT]>::default();
         let mut core = core(OnStale::Hold);
         assert_eq!(
             said(&report(core.tick(0, 0), &none, &none)),
-            [(0, "running"), (0, "heard"), (0, "heard"), (0, "heard")]
+            [(0, "running"), (0, "heard"), (0, "heard"), (0, "heard"), NO_LOAD]
         );
         let hour_ns = 3600 * SECOND_NS;
         core.hear(Heard::Esv(EsvState::Normal), hour_ns);
         core.hear(Heard::TankPressure(6.3e6), hour_ns);
         let array = report(core.tick(SECOND_NS, hour_ns), &none, &none);
-        let expected =
-            [(1, "running on the last value of silent inputs"), (2, "silent for 3600.0 s"), (0, "heard"), (0, "heard")];
+        let expected = [
+            (1, "running on the last value of silent inputs"),
+            (2, "silent for 3600.0 s"),
+            (0, "heard"),
+            (0, "heard"),
+            NO_LOAD,
+        ];
         assert_eq!(said(&array), expected);
         assert!(array.status[1].values.iter().any(|value| value.key == "age [s]" && value.value == "3600.0"));
     }
 
     #[test]
     fn a_fail_safe_is_told_until_it_ends_or_time_starts_anew() {
-        let none = <[_; 3]>::default();
+        let none = <[_; Input::COUNT]>::default();
         let mut core = core(OnStale::Trip);
         let tripped = report(core.tick(4 * SECOND_NS, 4 * SECOND_NS), &none, &none);
         assert_eq!(said(&tripped)[0], (2, "fail-safe: inputs are missing"));
@@ -181,12 +212,28 @@ mod tests {
     }
 
     #[test]
+    fn a_simulation_that_stands_is_told_as_such() {
+        let none = <[_; Input::COUNT]>::default();
+        let array = compile(
+            "/govtwin",
+            5,
+            None,
+            &policy(OnStale::Trip).into(),
+            &none,
+            &none,
+            Course { state: State::Paused, clock: None },
+        );
+        assert_eq!(said(&array)[0], (0, "the simulation stands, until it is played or stepped"));
+    }
+
+    #[test]
     fn a_refused_sample_warns_in_one_report() {
         let mut core = core(OnStale::Hold);
         let mut gate = Gate::default();
         gate.refuse(Refusal::OutOfRange);
-        let none = <[Counts; 3]>::default();
-        let counts = [gate.counts(), Counts::default(), Counts::default()];
+        let none = <[Counts; Input::COUNT]>::default();
+        let mut counts = none;
+        counts[0] = gate.counts();
         let tick = core.tick(0, 0);
         assert_eq!(said(&report(tick, &counts, &none))[1], (1, "samples refused since the last report: 1"));
         assert_eq!(said(&report(tick, &counts, &counts))[1], (0, "heard"));

@@ -20,6 +20,12 @@ pub enum EnvironmentError {
     /// The middleware speaks another protocol than DDS.
     #[error("RMW_IMPLEMENTATION is `{0}`, which does not speak DDS; set it to rmw_fastrtps_cpp or rmw_cyclonedds_cpp")]
     Middleware(String),
+    /// Security that must be kept and cannot.
+    #[error(
+        "ROS_SECURITY_ENABLE=true with ROS_SECURITY_STRATEGY=Enforce asks for DDS Security, which this build does not have; \
+         the node does not run without it. Set ROS_SECURITY_STRATEGY=Permissive to run unprotected, or ROS_SECURITY_ENABLE=false"
+    )]
+    Security,
 }
 
 /// The environment, read once.
@@ -41,7 +47,7 @@ impl Environment {
     /// Reads the environment of this process.
     ///
     /// # Errors
-    /// On a domain that does not exist, or a middleware that is not DDS.
+    /// On a domain that does not exist, a middleware that is not DDS, or security that must be enforced.
     pub fn of_process() -> Result<Self, EnvironmentError> {
         Self::read(|name| std::env::var(name).ok())
     }
@@ -94,6 +100,18 @@ impl Environment {
             remarks.push(format!(
                 "ROS_STATIC_PEERS={peers} cannot be followed: RustDDS has no list of peers; only multicast and this \
                  machine are searched"
+            ));
+        }
+        // As rcl reads them: only these very words switch security on, and enforce it.
+        if set("ROS_SECURITY_ENABLE").as_deref() == Some("true") {
+            if set("ROS_SECURITY_STRATEGY").as_deref() == Some("Enforce") {
+                return Err(EnvironmentError::Security);
+            }
+            let enclave = set("ROS_SECURITY_ENCLAVE_OVERRIDE").or_else(|| set("ROS_SECURITY_KEYSTORE"));
+            let keys = enclave.map(|path| format!(" (keys of {path} are not read)")).unwrap_or_default();
+            remarks.push(format!(
+                "ROS_SECURITY_ENABLE=true cannot be followed: this build has no DDS Security{keys}; everything is sent and \
+                 believed unprotected, and nodes that enforce security are not seen"
             ));
         }
         let service_mappings = match set("RMW_IMPLEMENTATION") {
@@ -149,6 +167,15 @@ mod tests {
         assert!(read(&[("ROS_STATIC_PEERS", "10.0.0.1")]).unwrap().remarks[0].contains("ROS_STATIC_PEERS"));
         assert!(read(&[("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")]).unwrap().remarks[0].contains("OFF"));
         assert!(matches!(read(&[("RMW_IMPLEMENTATION", "rmw_zenoh_cpp")]), Err(EnvironmentError::Middleware(_))));
+    }
+
+    #[test]
+    fn security_that_cannot_be_kept_is_refused_where_it_must_and_told_where_it_may() {
+        let enforced = [("ROS_SECURITY_ENABLE", "true"), ("ROS_SECURITY_STRATEGY", "Enforce")];
+        assert_eq!(read(&enforced), Err(EnvironmentError::Security));
+        let permissive = read(&[("ROS_SECURITY_ENABLE", "true"), ("ROS_SECURITY_KEYSTORE", "/keys")]).unwrap();
+        assert!(permissive.remarks[0].contains("keys of /keys are not read"), "{:?}", permissive.remarks);
+        assert!(read(&[("ROS_SECURITY_ENABLE", "false"), enforced[1]]).unwrap().remarks.is_empty());
     }
 
     #[test]

@@ -1,5 +1,8 @@
 //! Checks on what peers send: every number finite and in range, stamps in order, types as agreed.
 
+pub mod joints;
+pub mod rivals;
+
 use std::collections::BTreeMap;
 
 use crate::frame::EsvState;
@@ -32,12 +35,21 @@ pub enum Refusal {
     Undecodable,
     /// Its sender announced another type on the topic.
     ForeignType,
+    /// A joint command without position or effort of the servomotor.
+    NothingAsked,
 }
 
 impl Refusal {
     /// All reasons, in the order of their counts.
-    pub const ALL: [Self; 6] =
-        [Self::NotFinite, Self::OutOfRange, Self::BadStamp, Self::Late, Self::Undecodable, Self::ForeignType];
+    pub const ALL: [Self; 7] = [
+        Self::NotFinite,
+        Self::OutOfRange,
+        Self::BadStamp,
+        Self::Late,
+        Self::Undecodable,
+        Self::ForeignType,
+        Self::NothingAsked,
+    ];
 
     /// The reason in words.
     #[must_use]
@@ -49,6 +61,7 @@ impl Refusal {
             Self::Late => "older than the sample before it",
             Self::Undecodable => "not of the agreed type",
             Self::ForeignType => "from a sender of another type",
+            Self::NothingAsked => "without position or effort of the joint `servomotor`",
         }
     }
 }
@@ -62,7 +75,7 @@ pub struct Counts {
     pub restarts: u64,
     /// Samples that a sender numbered and that never came.
     pub lost: u64,
-    refused: [u64; 6],
+    refused: [u64; 7],
 }
 
 impl Counts {
@@ -106,7 +119,7 @@ impl Gate {
     }
 
     /// Lets a stamped value through or refuses it.
-    fn pass(&mut self, header: &Header, heard: Result<Heard, Refusal>) -> Result<Heard, Refusal> {
+    fn pass<Value>(&mut self, header: &Header, heard: Result<Value, Refusal>) -> Result<Value, Refusal> {
         let outcome = heard.and_then(|heard| {
             let stamp_ns = header.stamp.nanos().ok_or(Refusal::BadStamp)?;
             // Senders without a clock leave the stamp at zero.

@@ -1,12 +1,17 @@
 //! The thread that integrates: absolute deadlines, no lock, no wait, no allocation, no DDS.
 
+mod orders;
+
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::Thread;
+use std::time::Duration;
 
 use rtrb::{Consumer, Producer, RingBuffer};
 
+use super::control::{AgeClock, Answer, State, Steps};
 use super::core::{Core, Heard, Notices, Tick};
 use super::realtime::{monotonic_ns, sleep_until, wall_ns};
+use super::refit::Refit;
 use super::stats::Stats;
 
 /// Behind by more than this, the loop leaves ticks out instead of catching up, ns.
@@ -20,6 +25,21 @@ const EVENTS: usize = 16_384;
 
 /// Room for results not yet taken.
 const OUTPUTS: usize = 16_384;
+
+/// Most orders that wait for their answers.
+pub const ANSWERS: usize = 64;
+
+/// Most exchanges of the twin that wait.
+pub const REFITS: usize = 4;
+
+/// Without so much room for results a simulation that is ahead of them waits.
+const ROOM_TO_STEP: usize = 256;
+
+/// How long a loop without a deadline sleeps where nobody wakes it.
+const IDLE: Duration = Duration::from_millis(50);
+
+/// How long it waits for room.
+const BLOCKED: Duration = Duration::from_micros(200);
 
 /// Something heard, and when, on the monotonic clock.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,6 +58,8 @@ pub struct Output {
     pub tick: Tick,
     /// Whether it is to be published.
     pub publish: bool,
+    /// Whether the loop waits for room, so that whoever publishes may wait for a reader.
+    pub patient: bool,
     /// Overruns so far.
     pub overruns: u64,
     /// Largest lateness so far, us.
@@ -48,8 +70,26 @@ pub struct Output {
 pub struct Ends {
     /// Takes what was heard.
     pub events: Producer<Event>,
+    /// Takes twins of changed parameters, each announced by [`Heard::Refit`].
+    pub refits: Producer<Box<Refit>>,
+    /// Gives back what was exchanged, for whoever may give back memory.
+    pub retired: Consumer<Box<Refit>>,
     /// Gives results.
     pub outputs: Consumer<Output>,
+    /// Gives answers to orders; what led to an answer is among the results before it.
+    pub answers: Consumer<Answer>,
+}
+
+/// Whose time the model's is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Time {
+    /// The machine's.
+    #[default]
+    Wall,
+    /// That of `/clock`, tick by tick as it comes.
+    Follow,
+    /// Its own from 0 on, which others follow.
+    Own,
 }
 
 /// How the loop runs.
@@ -59,8 +99,10 @@ pub struct Pace {
     pub period_ns: i64,
     /// Time between two published results, ns.
     pub publish_period_ns: i64,
-    /// Whether the model's time follows `/clock` instead of counting ticks.
-    pub simulated: bool,
+    /// Whose time the model's is.
+    pub time: Time,
+    /// Whether it stands at first.
+    pub paused: bool,
 }
 
 /// The loop's state between two wake-ups.
@@ -68,8 +110,15 @@ pub struct Integrator {
     core: Core,
     pace: Pace,
     events: Consumer<Event>,
+    refits: Consumer<Box<Refit>>,
+    retired: Producer<Box<Refit>>,
     outputs: Producer<Output>,
+    answers: Producer<Answer>,
     stats: Stats,
+    state: State,
+    steps: Option<Steps>,
+    ages: AgeClock,
+    start_ns: i64,
     time_ns: i64,
     next_publish_ns: i64,
     clock_ns: Option<i64>,
@@ -77,24 +126,40 @@ pub struct Integrator {
 }
 
 impl Integrator {
-    /// A loop at rest, with its two rings. `time_ns` is the model's time at the first tick; with a simulated clock
+    /// A loop at rest, with its rings. `time_ns` is the model's time at the first tick; with a simulated clock
     /// the clock gives it.
     #[must_use]
     pub fn new(core: Core, pace: Pace, time_ns: i64) -> (Self, Ends) {
         let (event_in, events) = RingBuffer::new(EVENTS);
         let (outputs, output_out) = RingBuffer::new(OUTPUTS);
+        let (answers, answer_out) = RingBuffer::new(ANSWERS);
+        let (refit_in, refits) = RingBuffer::new(REFITS);
+        let (retired, retired_out) = RingBuffer::new(2 * REFITS);
+        let mut ages = AgeClock::default();
+        if pace.paused {
+            ages.stop(0);
+        }
         let integrator = Self {
             core,
             pace,
             events,
+            refits,
+            retired,
             outputs,
+            answers,
             stats: Stats::default(),
+            state: if pace.paused { State::Paused } else { State::Playing },
+            steps: None,
+            ages,
+            start_ns: time_ns,
             time_ns,
             next_publish_ns: time_ns,
             clock_ns: None,
             news: false,
         };
-        (integrator, Ends { events: event_in, outputs: output_out })
+        let ends =
+            Ends { events: event_in, refits: refit_in, retired: retired_out, outputs: output_out, answers: answer_out };
+        (integrator, ends)
     }
 
     /// Counts so far.
@@ -107,44 +172,71 @@ impl Integrator {
     pub fn turn(&mut self, now_ns: i64) -> bool {
         self.news = false;
         for _ in 0..EVENTS {
+            // What comes after a time of the clock counts from then on.
+            if !self.catch_up() {
+                break;
+            }
             let Ok(event) = self.events.pop() else { break };
             match event.heard {
                 Heard::PublishPeriod(period_ns) => {
                     self.pace.publish_period_ns = period_ns;
                     self.next_publish_ns = self.time_ns;
                 }
-                Heard::Clock(clock_ns) if self.pace.simulated => self.follow(clock_ns),
+                Heard::Clock(clock_ns) if self.follows() => self.follow(clock_ns),
+                Heard::Order(order, ticket) => self.obey(order, ticket, now_ns),
+                Heard::Refit => self.refit(),
                 // Ages are counted on the clock that the model follows; they begin with its first word.
-                heard if self.pace.simulated => self.core.hear(heard, self.clock_ns.unwrap_or(0)),
-                heard => self.core.hear(heard, event.arrived_ns),
+                heard if self.follows() => self.core.hear(heard, self.clock_ns.unwrap_or(0)),
+                heard => self.core.hear(heard, self.ages.at(event.arrived_ns)),
             }
         }
-        if !self.pace.simulated {
-            self.tick(now_ns);
+        if self.follows() {
+            self.catch_up();
+        } else if self.state == State::Playing {
+            self.tick(self.ages.at(now_ns), false);
+        } else {
+            self.step();
         }
         self.news
     }
 
     /// Leaves out `ticks` ticks: the next one steps over them. A simulated clock says itself how far time is; it loses none.
     pub fn skip(&mut self, ticks: i64) {
-        if self.pace.simulated {
+        if self.follows() {
             return;
         }
         self.time_ns += ticks * self.pace.period_ns;
         self.stats.skipped += u64::try_from(ticks).unwrap_or(0);
     }
 
-    /// Runs until `stop`, or until the fail-safe ends the node; wakes `listener` when there are results.
+    /// Runs until `stop`, or until the fail-safe or a caller ends the node; wakes `listener` when there are results.
+    ///
+    /// With the machine's clock it wakes at each deadline; while it follows `/clock` or stands it sleeps until whoever pushes an
+    /// event unparks its thread.
     #[must_use]
     pub fn run(mut self, stop: &AtomicBool, listener: &Thread) -> Stats {
         let period_ns = self.pace.period_ns;
-        // Deadlines lie on whole periods of the monotonic clock, so that loops on one machine can keep clear of each other.
-        let mut deadline_ns = (monotonic_ns() / period_ns + 2) * period_ns;
-        if !self.pace.simulated {
-            self.time_ns = wall_ns() + (deadline_ns - monotonic_ns());
-            self.next_publish_ns = self.time_ns;
+        let mut deadline = None;
+        if self.pace.time == Time::Wall {
+            self.restart_at(wall_ns());
         }
-        while !stop.load(Ordering::Relaxed) && !self.stats.ended_by_fail_safe {
+        while !stop.load(Ordering::Relaxed) && !self.stats.ended_by_fail_safe && !self.stats.ended_by_caller {
+            if self.follows() || self.state != State::Playing {
+                deadline = None;
+                let waits = if self.has_work() { BLOCKED } else { IDLE };
+                if !self.has_work() || self.outputs.slots() < ROOM_TO_STEP {
+                    std::thread::park_timeout(waits);
+                }
+                if self.turn(monotonic_ns()) {
+                    listener.unpark();
+                }
+                continue;
+            }
+            // Deadlines lie on whole periods of the monotonic clock, so that loops on one machine can keep clear of each other.
+            let mut deadline_ns = deadline.unwrap_or_else(|| (monotonic_ns() / period_ns + 2) * period_ns);
+            if self.stats.ticks == 0 && deadline.is_none() && self.pace.time == Time::Wall {
+                self.restart_at(wall_ns() + (deadline_ns - monotonic_ns()));
+            }
             sleep_until(deadline_ns);
             let woke_ns = monotonic_ns();
             let behind_ns = woke_ns - deadline_ns;
@@ -157,14 +249,27 @@ impl Integrator {
                 listener.unpark();
             }
             self.stats.woke(deadline_ns, woke_ns, monotonic_ns(), period_ns);
-            deadline_ns += period_ns;
+            deadline = Some(deadline_ns + period_ns);
         }
         listener.unpark();
         self.stats.residual = self.core.corrector().map(|corrector| (*corrector.counts(), corrector.adaptation()));
         self.stats
     }
 
-    /// Follows a simulated clock to `clock_ns`, tick by tick; where it jumps back or leaps far ahead, all begins anew there.
+    fn follows(&self) -> bool {
+        self.pace.time == Time::Follow
+    }
+
+    /// Whether there is something to do before the next event.
+    fn has_work(&self) -> bool {
+        self.steps.is_some() || self.is_behind() || !self.events.is_empty()
+    }
+
+    fn is_behind(&self) -> bool {
+        self.follows() && self.clock_ns.is_some_and(|clock_ns| self.time_ns <= clock_ns)
+    }
+
+    /// Follows a simulated clock to `clock_ns`; where it jumps back or leaps far ahead, all begins anew there.
     fn follow(&mut self, clock_ns: i64) {
         match self.clock_ns {
             Some(before_ns) if clock_ns < before_ns || clock_ns - before_ns > LARGEST_CLOCK_STEP_NS => {
@@ -178,9 +283,14 @@ impl Integrator {
             Some(_) => {}
         }
         self.clock_ns = Some(clock_ns);
-        while self.time_ns <= clock_ns {
-            self.tick(self.time_ns);
+    }
+
+    /// Ticks up to the clock as far as there is room for results. Returns whether it is there.
+    fn catch_up(&mut self) -> bool {
+        while self.is_behind() && self.outputs.slots() >= ROOM_TO_STEP {
+            self.tick(self.time_ns, false);
         }
+        !self.is_behind()
     }
 
     fn restart_at(&mut self, time_ns: i64) {
@@ -188,8 +298,9 @@ impl Integrator {
         self.next_publish_ns = time_ns;
     }
 
-    /// One tick at the model's next time; `now_ns` is the time on which ages are counted.
-    fn tick(&mut self, now_ns: i64) {
+    /// One tick at the model's next time; `now_ns` is the time on which ages are counted. It is published where that is due,
+    /// or `shown` asks for it.
+    fn tick(&mut self, now_ns: i64, shown: bool) {
         let tick = self.core.tick(self.time_ns, now_ns);
         self.stats.ticked(&tick.ages_ns);
         self.stats.ended_by_fail_safe |= tick.stop;
@@ -198,11 +309,13 @@ impl Integrator {
             let periods = (self.time_ns - self.next_publish_ns) / self.pace.publish_period_ns + 1;
             self.next_publish_ns += periods * self.pace.publish_period_ns;
         }
+        let due = due || shown;
         let publish = tick.estimate.is_some() && (due || tick.notices.has(Notices::STARTED));
         if due || publish || tick.inputs_changed || tick.notices != Notices::default() || tick.stop {
             let output = Output {
                 tick,
                 publish,
+                patient: self.steps.is_some(),
                 overruns: self.stats.overruns,
                 worst_lateness_us: self.stats.worst_lateness_us(),
             };
@@ -210,129 +323,5 @@ impl Integrator {
             self.news = true;
         }
         self.time_ns += self.pace.period_ns;
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{Event, Integrator, Output, Pace};
-    use crate::frame::EsvState;
-    use crate::node::core::{Core, Heard, Notices, OnStale, Policy};
-    use crate::twin::Twin;
-
-    const MS: i64 = 1_000_000;
-
-    fn integrator(simulated: bool) -> (Integrator, super::Ends) {
-        let policy = Policy { stale_after_ns: 1000 * MS, hold_ns: 1000 * MS, on_stale: OnStale::Trip };
-        let core = Core::new(Twin::new(&crate::params::reference()), policy, 6.3e6);
-        Integrator::new(core, Pace { period_ns: MS, publish_period_ns: 10 * MS, simulated }, 0)
-    }
-
-    fn hear(ends: &mut super::Ends, heard: &[Heard]) {
-        for &heard in heard {
-            ends.events.push(Event { arrived_ns: 0, heard }).unwrap();
-        }
-    }
-
-    const INPUTS: [Heard; 3] = [Heard::Command(0.3), Heard::Esv(EsvState::Normal), Heard::TankPressure(6.3e6)];
-
-    fn outputs(ends: &mut super::Ends) -> Vec<Output> {
-        std::iter::from_fn(|| ends.outputs.pop().ok()).collect()
-    }
-
-    #[test]
-    fn publishes_at_its_period_and_at_each_new_input() {
-        let (mut integrator, mut ends) = integrator(false);
-        hear(&mut ends, &INPUTS);
-        for now in 0..100 {
-            if now == 55 {
-                hear(&mut ends, &[Heard::Command(0.31)]);
-            }
-            integrator.turn(now * MS);
-        }
-        let times: Vec<(i64, bool)> =
-            outputs(&mut ends).iter().map(|output| (output.tick.frame.time_ns / MS, output.publish)).collect();
-        let mut expected: Vec<(i64, bool)> = (0..10).map(|tenth| (tenth * 10, true)).collect();
-        expected.insert(6, (55, false));
-        assert_eq!(times, expected);
-    }
-
-    #[test]
-    fn a_skip_keeps_the_models_time_on_the_grid() {
-        let (mut integrator, mut ends) = integrator(false);
-        hear(&mut ends, &INPUTS);
-        integrator.turn(0);
-        integrator.skip(499);
-        integrator.turn(500 * MS);
-        assert_eq!(outputs(&mut ends).last().unwrap().tick.frame.time_ns, 500 * MS);
-        assert_eq!(integrator.stats().skipped, 499);
-    }
-
-    #[test]
-    fn a_stall_leaves_no_simulated_time_out() {
-        let (mut integrator, mut ends) = integrator(true);
-        hear(&mut ends, &[Heard::Clock(0)]);
-        integrator.turn(0);
-        integrator.skip(500);
-        hear(&mut ends, &[Heard::Clock(250 * MS)]);
-        integrator.turn(500 * MS);
-        assert_eq!((integrator.stats().ticks, integrator.stats().skipped), (251, 0));
-    }
-
-    #[test]
-    fn a_simulated_clock_sets_the_pace_and_a_jump_back_resets() {
-        let (mut integrator, mut ends) = integrator(true);
-        integrator.turn(0);
-        assert!(outputs(&mut ends).is_empty(), "no tick before the clock speaks");
-        hear(&mut ends, &[Heard::Clock(1000 * MS)]);
-        hear(&mut ends, &INPUTS);
-        hear(&mut ends, &[Heard::Clock(1050 * MS)]);
-        integrator.turn(0);
-        assert_eq!(integrator.stats().ticks, 51);
-        let heard = outputs(&mut ends);
-        assert!(
-            heard[0].tick.frame.time_ns == 1000 * MS && !heard[0].publish,
-            "ages are known before the first estimate"
-        );
-        assert!(heard[1].tick.frame.time_ns == 1001 * MS && heard[1].publish);
-        hear(&mut ends, &[Heard::Clock(10 * MS)]);
-        integrator.turn(0);
-        let back = outputs(&mut ends);
-        assert!(back[0].tick.notices.has(Notices::RESET) && back[0].tick.frame.time_ns == 10 * MS);
-    }
-
-    #[test]
-    fn a_leap_of_the_clock_starts_anew_instead_of_integrating_it() {
-        let (mut integrator, mut ends) = integrator(true);
-        hear(&mut ends, &[Heard::Clock(0)]);
-        hear(&mut ends, &INPUTS);
-        // Ten seconds are followed tick by tick, whatever comes after only where it is another time.
-        for (second, ticks) in [(10, 10_001), (21, 10_002), (1_700_000_000, 10_003)] {
-            let clock_ns = second * 1000 * MS;
-            hear(&mut ends, &[Heard::Clock(clock_ns)]);
-            integrator.turn(0);
-            assert_eq!(integrator.stats().ticks, ticks);
-            let last = outputs(&mut ends).pop().unwrap().tick;
-            assert_eq!(last.frame.time_ns, clock_ns);
-            assert_eq!((last.notices.has(Notices::RESET), last.estimate.is_none()), (second > 10, second > 10));
-        }
-        hear(&mut ends, &INPUTS);
-        hear(&mut ends, &[Heard::Clock(1_700_000_000_001 * MS)]);
-        integrator.turn(0);
-        assert!(outputs(&mut ends)[0].tick.notices.has(Notices::STARTED));
-    }
-
-    #[test]
-    fn an_input_before_the_first_clock_is_as_old_as_the_clock() {
-        let (mut integrator, mut ends) = integrator(true);
-        hear(&mut ends, &[Heard::Command(0.3), Heard::Clock(1_000_000 * MS)]);
-        integrator.turn(0);
-        hear(&mut ends, &[INPUTS[1], INPUTS[2], Heard::Clock(1_000_001 * MS)]);
-        integrator.turn(MS);
-        let heard = outputs(&mut ends);
-        assert!(heard.iter().all(|output| !output.tick.notices.has(Notices::FAIL_SAFE)), "{heard:?}");
-        let first = heard[1].tick;
-        assert!(first.notices.has(Notices::STARTED) && first.frame.inputs.esv == EsvState::Normal, "{first:?}");
-        assert_eq!(first.ages_ns[0], Some(MS));
     }
 }

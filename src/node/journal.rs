@@ -1,7 +1,8 @@
 //! The node's own bag: inputs as the twin took them, stamped with the tick at which they took effect, and estimates.
 //!
 //! A replay of this bag gives the estimates again, to the last bit: time is data, and the twin never
-//! learns whether a frame came from a bus or from a file.
+//! learns whether a frame came from a bus or from a file. Two things are on the bus alone: a force on the piston is written, as the joint
+//! command that asked for it, but no replay reads it, and a unit changed while it runs is told in the log.
 
 use std::path::{Path, PathBuf};
 
@@ -10,13 +11,12 @@ use super::messages;
 use crate::bag::{BagError, Qos, Topic, Writer, WriterOptions};
 use crate::frame::Inputs;
 use crate::msg::{EsvState, FluidPressure, GovernorCommand, JointState, ServoState};
-use crate::parameters::Parameters;
 
 /// Topic names of a journal.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Names {
     /// Names of the inputs, in the order of [`Input::ALL`].
-    pub inputs: [String; 3],
+    pub inputs: [String; Input::COUNT],
     /// Name of the simulated servo state.
     pub servo_state: String,
     /// Name of the simulated joint state.
@@ -38,9 +38,11 @@ struct Bag {
     command: Topic<GovernorCommand>,
     esv: Topic<EsvState>,
     tank_pressure: Topic<FluidPressure>,
+    load: Topic<JointState>,
     servo_state: Topic<ServoState>,
     joint_states: Topic<JointState>,
     previous: Option<Inputs>,
+    previous_load_n: f64,
 }
 
 impl Journal {
@@ -55,18 +57,19 @@ impl Journal {
 
     /// Writes what a tick took and gave.
     ///
-    /// Where time jumped a new bag begins, `FOLDER_2` and so on: within a bag time only rises.
+    /// Where time jumped, or the twin was set back, a new bag begins, `FOLDER_2` and so on: within a bag time only rises.
     ///
     /// # Errors
     /// Where the system refuses.
-    pub fn write(&mut self, tick: &Tick, parameters: &Parameters) -> Result<(), BagError> {
-        if tick.notices.has(Notices::RESET) && self.bag.previous.is_some() {
+    pub fn write(&mut self, tick: &Tick) -> Result<(), BagError> {
+        let begins = tick.notices.has(Notices::RESET) || tick.notices.has(Notices::RESTARTED);
+        if begins && self.bag.previous.is_some() {
             let mut name = self.folder.file_name().unwrap_or_default().to_owned();
             name.push(format!("_{}", self.finished.len() + 2));
             let next = Bag::create(&self.folder.with_file_name(name), &self.names)?;
             self.finished.push(std::mem::replace(&mut self.bag, next).writer.finish()?);
         }
-        self.bag.write(tick, parameters)
+        self.bag.write(tick)
     }
 
     /// Closes the open chunk, so that a crash loses nothing written before.
@@ -96,12 +99,14 @@ impl Bag {
             tank_pressure: writer.topic(&names.inputs[Input::TankPressure as usize], Qos::SENSOR)?,
             servo_state: writer.topic(&names.servo_state, Qos::DEFAULT)?,
             joint_states: writer.topic(&names.joint_states, Qos::DEFAULT)?,
+            load: writer.topic(&names.inputs[Input::Load as usize], Qos::SENSOR)?,
             previous: None,
+            previous_load_n: 0.0,
             writer,
         })
     }
 
-    fn write(&mut self, tick: &Tick, parameters: &Parameters) -> Result<(), BagError> {
+    fn write(&mut self, tick: &Tick) -> Result<(), BagError> {
         let Some(estimate) = &tick.estimate else { return Ok(()) };
         let (inputs, time_ns) = (&tick.frame.inputs, tick.frame.time_ns);
         let before = self.previous.replace(*inputs);
@@ -115,7 +120,10 @@ impl Bag {
         if changed(|a, b| a.tank_pressure_pa.to_bits() == b.tank_pressure_pa.to_bits()) {
             self.writer.write(self.tank_pressure, time_ns, &messages::tank_pressure(inputs, time_ns))?;
         }
+        if std::mem::replace(&mut self.previous_load_n, tick.load_n).to_bits() != tick.load_n.to_bits() {
+            self.writer.write(self.load, time_ns, &messages::load(tick.load_n, time_ns))?;
+        }
         self.writer.write(self.servo_state, time_ns, &messages::servo_state(estimate))?;
-        self.writer.write(self.joint_states, time_ns, &messages::joint_state(estimate, parameters))
+        self.writer.write(self.joint_states, time_ns, &messages::joint_state(estimate, tick.strokes_m))
     }
 }

@@ -3,7 +3,6 @@
 use super::core::{InputState, Tick};
 use crate::frame::{Estimate, EsvState, Inputs};
 use crate::msg::{self, Header};
-use crate::parameters::Parameters;
 
 /// Names of the two joints, in the order of [`joint_state`].
 pub const JOINTS: [&str; 2] = ["spool", "servomotor"];
@@ -29,13 +28,14 @@ pub fn status(tick: &Tick) -> msg::TwinStatus {
         Some(_) if tick.states.iter().any(|state| matches!(state, InputState::Held | InputState::Failed)) => 2,
         Some(_) => 1,
     };
-    let [command, esv, tank_pressure] = tick.states.map(|state| state as u8);
+    let [command, esv, tank_pressure, load] = tick.states.map(|state| state as u8);
     msg::TwinStatus {
         header: Header::at(tick.frame.time_ns),
         state,
         command,
         esv,
         tank_pressure,
+        load,
         command_clamped: tick.is_clamped(),
         residual_off: tick.correction.as_ref().is_some_and(|correction| correction.weight_share <= 0.0),
     }
@@ -43,9 +43,9 @@ pub fn status(tick: &Tick) -> msg::TwinStatus {
 
 /// Spool and servomotor in metres and metres per second.
 #[must_use]
-pub fn joint_state(estimate: &Estimate, parameters: &Parameters) -> msg::JointState {
-    let spool_m = estimate.signals.spool_position_pu * parameters.distributing_valve.reference_stroke_m;
-    let servomotor_m = estimate.signals.servomotor_position_pu * parameters.servomotor.stroke_m;
+pub fn joint_state(estimate: &Estimate, [spool_stroke_m, servomotor_stroke_m]: [f64; 2]) -> msg::JointState {
+    let spool_m = estimate.signals.spool_position_pu * spool_stroke_m;
+    let servomotor_m = estimate.signals.servomotor_position_pu * servomotor_stroke_m;
     msg::JointState {
         header: Header::at(estimate.time_ns),
         name: JOINTS.map(str::to_owned).to_vec(),
@@ -59,6 +59,17 @@ pub fn joint_state(estimate: &Estimate, parameters: &Parameters) -> msg::JointSt
 #[must_use]
 pub fn command(inputs: &Inputs, time_ns: i64) -> msg::GovernorCommand {
     msg::GovernorCommand { header: Header::at(time_ns), opening: inputs.opening_command_pu }
+}
+
+/// A load force as the joint command that asks for it, stamped `time_ns`.
+#[must_use]
+pub fn load(load_n: f64, time_ns: i64) -> msg::JointState {
+    msg::JointState {
+        header: Header::at(time_ns),
+        name: vec![JOINTS[1].to_owned()],
+        effort: vec![load_n],
+        ..msg::JointState::default()
+    }
 }
 
 /// The ESV's state as a message stamped `time_ns`.

@@ -1,16 +1,31 @@
 //! The node's ROS 2 parameters: a table with units, ranges and reasons, and the rules for changing them.
 
+mod domain;
+
 use ros2_client::parameters::{ParameterValue, raw};
+
+use domain::Domain;
+pub use domain::words_of;
 
 use super::arguments::Given;
 use super::policy::{Input, OnStale};
 use super::settings::{InputSettings, Settings};
+use crate::effects::{CATALOGUE, EffectParameter, EffectSpec, own};
 use crate::frame::EsvState;
-use crate::parameters::{ENTRIES, Unit, entry};
+use crate::parameters::{ENTRIES, EffectSetting, Unit, entry};
 use crate::params::{Conflict, conflicts};
 
 /// Prefix of the plant's parameters.
 const UNIT_PREFIX: &str = "unit.";
+
+/// Prefix of the effects' parameters.
+const EFFECTS_PREFIX: &str = "effects.";
+
+/// Effects that a running node can have: the catalogue's but the one that looks ahead in time, then the owner's.
+fn live_effects(unit: &Unit) -> impl Iterator<Item = &EffectSpec> {
+    let catalogue = CATALOGUE.iter().filter(|spec| spec.id != "clock_offset");
+    catalogue.chain(unit.own_effects.iter().filter_map(|own| own::spec(own).ok()))
+}
 
 /// The fail-safes of one input, and the word for that of all.
 const OWN_ON_STALE: [&str; 5] = [OnStale::NAMES[0], OnStale::NAMES[1], OnStale::NAMES[2], OnStale::NAMES[3], AS_ALL];
@@ -18,15 +33,6 @@ const AS_ALL: &str = "as_all";
 
 /// States of the ESV.
 const ESV_NAMES: [&str; 2] = ["shutdown", "normal"];
-
-/// What a value may be.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Domain {
-    Bool,
-    Real(f64, f64),
-    Whole(i64, i64),
-    Choice(&'static [&'static str]),
-}
 
 /// One parameter.
 #[derive(Clone, Debug)]
@@ -102,10 +108,25 @@ impl Store {
         let pressure = real(settings.default_tank_pressure_pa.unwrap_or(0.0));
         let pressure_doc = "Tank pressure that stands in for one never heard; 0 for the unit's own [Pa]";
         add("inputs.tank_pressure.default", pressure, Domain::Real(0.0, 1.0e8), true, pressure_doc);
+        let own_clock = "Count time from 0 and publish it as /clock";
+        add("publish_clock", ParameterValue::Boolean(settings.publish_clock), Domain::Bool, true, own_clock);
+        let paused = "Whether the simulation stands at first, to be stepped or played by its services";
+        add("start_paused", ParameterValue::Boolean(settings.paused), Domain::Bool, true, paused);
         for row in ENTRIES {
             let description = format!("{} [{}]", row.doc.trim(), row.unit);
             let value = real((row.get)(&unit.parameters));
-            add(&format!("{UNIT_PREFIX}{}", row.key), value, Domain::Real(row.min, row.max), true, &description);
+            add(&format!("{UNIT_PREFIX}{}", row.key), value, Domain::Real(row.min, row.max), false, &description);
+        }
+        for spec in live_effects(unit) {
+            let setting = unit.effects.iter().find(|setting| setting.id == spec.id);
+            for (index, parameter) in spec.parameters.iter().enumerate() {
+                let value = setting.and_then(|setting| setting.values.get(index)).copied();
+                let description =
+                    format!("{}; {} is without it [{}]", parameter.doc, parameter.neutral, parameter.unit);
+                let name = format!("{EFFECTS_PREFIX}{}.{}", spec.id, parameter.name);
+                let domain = Domain::Real(parameter.min, parameter.max);
+                add(&name, real(value.unwrap_or(parameter.neutral)), domain, false, &description);
+            }
         }
         entries.sort_by(|a, b| a.name.cmp(&b.name));
         Self { entries, unit: unit.clone() }
@@ -143,6 +164,8 @@ impl Store {
             default_esv: if text("inputs.esv.default") == ESV_NAMES[0] { EsvState::Shutdown } else { EsvState::Normal },
             default_tank_pressure_pa: Some(real("inputs.tank_pressure.default")).filter(|own_pa| *own_pa > 0.0),
             use_sim_time: self.value("use_sim_time") == ParameterValue::Boolean(true),
+            publish_clock: self.value("publish_clock") == ParameterValue::Boolean(true),
+            paused: self.value("start_paused") == ParameterValue::Boolean(true),
             wishes: super::realtime::Wishes {
                 cpu: usize::try_from(whole("cpu")).ok(),
                 priority: u8::try_from(whole("priority")).unwrap_or(0),
@@ -172,13 +195,36 @@ impl Store {
             (_, given) => return Err(format!("`{name}` is {}, not {given}", domain.words())),
         };
         domain.check(name, &value)?;
-        if let (Some(key), ParameterValue::Double(number)) = (name.strip_prefix(UNIT_PREFIX), &value)
-            && let Some(row) = entry(key)
-        {
+        self.take(index, value);
+        Ok(())
+    }
+
+    /// Takes a value that was checked, into the unit too where it is one of its own.
+    fn take(&mut self, index: usize, value: ParameterValue) {
+        let name = self.entries[index].name.clone();
+        if let (Some(row), ParameterValue::Double(number)) = (name.strip_prefix(UNIT_PREFIX).and_then(entry), &value) {
             (row.set)(&mut self.unit.parameters, *number);
         }
         self.entries[index].value = value;
-        Ok(())
+        if let Some((id, _)) = name.strip_prefix(EFFECTS_PREFIX).and_then(|rest| rest.split_once('.')) {
+            self.switch(id);
+        }
+    }
+
+    /// Switches the effect with this id on in the unit as its parameters say, or off where all are neutral.
+    fn switch(&mut self, id: &str) {
+        let Some(spec) = live_effects(&self.unit).find(|spec| spec.id == id) else { return };
+        let value = |parameter: &EffectParameter| match self.value(&format!("{EFFECTS_PREFIX}{id}.{}", parameter.name))
+        {
+            ParameterValue::Double(value) => value,
+            _ => parameter.neutral,
+        };
+        let values: Vec<f64> = spec.parameters.iter().map(value).collect();
+        let neutral = spec.parameters.iter().zip(&values).all(|(one, value)| one.neutral.to_bits() == value.to_bits());
+        self.unit.effects.retain(|setting| setting.id != id);
+        if !neutral {
+            self.unit.effects.push(EffectSetting { id: id.to_owned(), values });
+        }
     }
 
     /// Whether the unit's values go together; asked once all are preset, since two may be right only together.
@@ -200,7 +246,7 @@ impl Store {
     /// In words for the caller.
     pub fn set(&mut self, name: &str, value: ParameterValue) -> Result<(), String> {
         let index = self.check(name, &value)?;
-        self.entries[index].value = value;
+        self.take(index, value);
         Ok(())
     }
 
@@ -287,41 +333,6 @@ impl Store {
     }
 }
 
-impl Domain {
-    fn words(self) -> String {
-        match self {
-            Self::Bool => "true or false".to_owned(),
-            Self::Real(least, largest) => format!("a number from {least} to {largest}"),
-            Self::Whole(least, largest) => format!("a whole number from {least} to {largest}"),
-            Self::Choice(names) => format!("one of {}", names.join(", ")),
-        }
-    }
-
-    fn check(self, name: &str, value: &ParameterValue) -> Result<(), String> {
-        let right = match (self, value) {
-            (Self::Bool, ParameterValue::Boolean(_)) => true,
-            (Self::Real(least, largest), ParameterValue::Double(value)) => (least..=largest).contains(value),
-            (Self::Whole(least, largest), ParameterValue::Integer(value)) => (least..=largest).contains(value),
-            (Self::Choice(names), ParameterValue::String(value)) => names.contains(&value.as_str()),
-            _ => false,
-        };
-        if right { Ok(()) } else { Err(format!("`{name}` is {}, not {}", self.words(), words_of(value))) }
-    }
-}
-
-/// A value as a person would write it.
-#[must_use]
-pub fn words_of(value: &ParameterValue) -> String {
-    match value {
-        ParameterValue::NotSet => "nothing".to_owned(),
-        ParameterValue::Boolean(value) => value.to_string(),
-        ParameterValue::Integer(value) => format!("the whole number {value}"),
-        ParameterValue::Double(value) => value.to_string(),
-        ParameterValue::String(value) => format!("`{value}`"),
-        _ => "an array".to_owned(),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use ros2_client::parameters::ParameterValue;
@@ -391,7 +402,9 @@ mod tests {
         assert!(hold.description.ends_with("[s]") && !hold.read_only);
         assert_eq!(hold.floating_point_range[0].from_value.to_bits(), 0.0_f64.to_bits());
         assert!(store.describe("on_stale").additional_constraints.contains("trip"));
-        assert!(store.describe("unit.oil.density_kg_m3").read_only);
+        assert!(store.describe("rate").read_only && !store.describe("unit.oil.density_kg_m3").read_only);
+        let leak = store.describe("effects.servo_leak.leakage_m3_s_pa");
+        assert!(leak.description.ends_with("[m3/(s Pa)]") && !leak.read_only, "{}", leak.description);
         assert_eq!(store.describe("nothing").r#type, 0);
     }
 

@@ -3,7 +3,10 @@
 use crate::frame::{EsvState, Inputs};
 use crate::units::seconds_from_nanos;
 
-/// The three inputs of the node.
+/// Topic of joint commands, whose positions are opening commands and whose efforts are load forces.
+pub const JOINT_COMMANDS: &str = "sim/joint_commands";
+
+/// The inputs of the node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Input {
     /// `governor/command`.
@@ -12,14 +15,19 @@ pub enum Input {
     Esv,
     /// `governor/tank_pressure`.
     TankPressure,
+    /// Force on the piston besides the sheet's load: `effort` of `sim/joint_commands`.
+    Load,
 }
 
 impl Input {
     /// All inputs, in the order of the arrays here.
-    pub const ALL: [Self; 3] = [Self::Command, Self::Esv, Self::TankPressure];
+    pub const ALL: [Self; Self::COUNT] = [Self::Command, Self::Esv, Self::TankPressure, Self::Load];
+
+    /// How many there are.
+    pub const COUNT: usize = 4;
 
     /// The name that parameters and options have for it.
-    pub const NAMES: [&'static str; 3] = ["command", "esv", "tank_pressure"];
+    pub const NAMES: [&'static str; Self::COUNT] = ["command", "esv", "tank_pressure", "load"];
 
     /// The topic's name before namespace and remapping.
     #[must_use]
@@ -28,11 +36,12 @@ impl Input {
             Self::Command => "governor/command",
             Self::Esv => "governor/esv",
             Self::TankPressure => "governor/tank_pressure",
+            Self::Load => JOINT_COMMANDS,
         }
     }
 
-    pub(super) fn bit(self) -> u16 {
-        1 << (self as u16)
+    pub(super) fn bit(self) -> u32 {
+        1 << (self as u32)
     }
 }
 
@@ -99,7 +108,7 @@ pub struct Rule {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Policies {
     /// For each input.
-    pub rules: [Rule; 3],
+    pub rules: [Rule; Input::COUNT],
     /// Opening command that stands in for one never heard, pu.
     pub default_command_pu: f64,
     /// ESV state that stands in for one never heard.
@@ -109,10 +118,10 @@ pub struct Policies {
 }
 
 impl From<Policy> for Policies {
-    /// All inputs are required and treated alike.
+    /// All inputs are treated alike, and all but the load are required.
     fn from(policy: Policy) -> Self {
         Self {
-            rules: [Rule { policy, required: true }; 3],
+            rules: Input::ALL.map(|input| Rule { policy, required: input != Input::Load }),
             default_command_pu: 0.0,
             default_esv: EsvState::Normal,
             default_tank_pressure_pa: None,
@@ -137,7 +146,7 @@ pub enum InputState {
 impl Policies {
     /// The inputs for a tick: the last values, the defaults where a fail-safe goes back to them, and an ESV trip.
     #[must_use]
-    pub fn inputs(&self, last: &Inputs, states: &[InputState; 3], trip: bool) -> Inputs {
+    pub fn inputs(&self, last: &Inputs, states: &[InputState; Input::COUNT], trip: bool) -> Inputs {
         let back = |input: Input| {
             let policy = self.rules[input as usize].policy;
             states[input as usize] == InputState::Failed && policy.on_stale == OnStale::Default

@@ -1,9 +1,11 @@
 //! Qualities of service: what the node asks for, and `qos_overrides` parameters that change it.
 
+use std::time::Duration;
+
 use ros2_client::QosProfile;
 use ros2_client::qos::{Durability, History, Reliability, WhenFull};
 
-use super::arguments::Given;
+use super::arguments::{Given, nearest};
 
 /// Prefix of the parameters that change a quality of service.
 pub const PREFIX: &str = "qos_overrides.";
@@ -55,6 +57,12 @@ pub fn overridden(
                 qos.durability = Durability::TransientLocal;
             }
             ("history", Given::Text(text)) if text == "keep_last" => {}
+            ("liveliness", Given::Text(text)) if text == "automatic" => {}
+            ("deadline", Given::Number(span_ns)) if is_span(*span_ns) => qos.deadline = span(*span_ns),
+            ("lifespan", Given::Number(span_ns)) if is_span(*span_ns) => qos.lifespan = span(*span_ns),
+            ("liveliness_lease_duration", Given::Number(span_ns)) if is_span(*span_ns) => {
+                qos.liveliness_lease = span(*span_ns);
+            }
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole and in range")]
             ("depth", Given::Number(depth)) if (1.0..=10_000.0).contains(depth) && depth.fract() == 0.0 => {
                 qos.history = History::KeepLast { depth: *depth as usize };
@@ -62,7 +70,8 @@ pub fn overridden(
             _ => {
                 return Err(format!(
                     "{name} is {given}: expected reliability (reliable, best_effort), durability (volatile, \
-                     transient_local), history (keep_last) or depth (1 to 10000)"
+                     transient_local), history (keep_last), depth (1 to 10000), liveliness (automatic), or one of deadline, \
+                     lifespan and liveliness_lease_duration in whole nanoseconds"
                 ));
             }
         }
@@ -70,11 +79,37 @@ pub fn overridden(
     Ok(qos)
 }
 
+/// Whether a number is a span of time in whole nanoseconds.
+fn is_span(span_ns: f64) -> bool {
+    span_ns >= 1.0 && span_ns.fract() == 0.0
+}
+
+/// A span of time; the longest one of ROS 2 and longer ones are none.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole and positive, as `is_span` says")]
+fn span(span_ns: f64) -> Option<Duration> {
+    (span_ns < 9.2e18).then(|| Duration::from_nanos(span_ns as u64))
+}
+
+/// `qos_overrides` that are for no endpoint among `places` (`TOPIC.ROLE`), in words.
+#[must_use]
+pub fn idle(parameters: &[(String, Given)], places: &[String]) -> Vec<String> {
+    let overrides = parameters.iter().filter_map(|(name, _)| name.strip_prefix(PREFIX));
+    let at = |name: &str, place: &String| name.strip_prefix(place.as_str()).is_some_and(|rest| rest.starts_with('.'));
+    let idle = overrides.filter(|name| !places.iter().any(|place| at(name, place)));
+    let words = |name: &str| {
+        let hint = nearest(name, places.iter())
+            .map(|place| format!("; did you mean `{PREFIX}{place}.…`?"))
+            .unwrap_or_default();
+        format!("-p {PREFIX}{name} is for no topic of this node in that role{hint}")
+    };
+    idle.map(words).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use ros2_client::qos::{Durability, History, Reliability};
 
-    use super::{Given, overridden, reliable};
+    use super::{Given, idle, overridden, reliable};
 
     fn text(name: &str, value: &str) -> (String, Given) {
         (name.to_owned(), Given::Text(value.to_owned()))
@@ -91,6 +126,31 @@ mod tests {
         assert_eq!(qos.reliability, Reliability::BestEffort);
         assert_eq!((qos.durability, qos.history), (Durability::Volatile, History::KeepLast { depth: 3 }));
         assert_eq!(overridden(&parameters, "/other", "publisher", reliable()).unwrap(), reliable());
+    }
+
+    #[test]
+    fn spans_are_in_nanoseconds_and_the_longest_is_none() {
+        let number = |policy: &str, value| (format!("qos_overrides./a.publisher.{policy}"), Given::Number(value));
+        let parameters = [
+            number("deadline", 1e8),
+            number("lifespan", i64::MAX as f64),
+            text("qos_overrides./a.publisher.liveliness", "automatic"),
+        ];
+        let qos = overridden(&parameters, "/a", "publisher", reliable()).unwrap();
+        assert_eq!((qos.deadline, qos.lifespan), (Some(std::time::Duration::from_millis(100)), None));
+        assert!(overridden(&[number("deadline", 0.5)], "/a", "publisher", reliable()).is_err());
+    }
+
+    #[test]
+    fn overrides_for_nothing_are_told_with_what_may_be_meant() {
+        let parameters = [
+            text("qos_overrides./sim/servo_stat.publisher.reliability", "best_effort"),
+            text("qos_overrides./sim/servo_state.subscription.depth", "3"),
+            text("qos_overrides./sim/servo_state.publisher.depth", "3"),
+        ];
+        let told = idle(&parameters, &["/sim/servo_state.publisher".to_owned()]);
+        assert_eq!(told.len(), 2, "{told:?}");
+        assert!(told.iter().all(|words| words.contains("did you mean `qos_overrides./sim/servo_state.publisher.…`?")));
     }
 
     #[test]

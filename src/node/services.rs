@@ -6,7 +6,12 @@
 //! `RMW_IMPLEMENTATION` does not decide, both layouts are served side by side and each caller is heard
 //! by exactly one of them.
 
-use std::cell::RefCell;
+pub mod replies;
+pub mod simulation;
+pub mod upkeep;
+
+use std::cell::{Cell, RefCell};
+use std::sync::atomic::{AtomicU8, Ordering};
 
 use futures::stream::{LocalBoxStream, StreamExt};
 use ros2_client::parameters::raw;
@@ -18,7 +23,9 @@ use ros2_client::rcl_interfaces::{
 use ros2_client::{Gid, Message, ParameterValue, Server, ServiceMapping};
 
 use super::bus::{Bus, BusError};
+use super::control::{Order, Ticket};
 use super::parameters::{Store, words_of};
+use super::refit::Refit;
 
 /// Vendor of Cyclone DDS, the first two bytes of its ids.
 const CYCLONE: [u8; 2] = [0x01, 0x10];
@@ -41,27 +48,54 @@ pub struct ParameterServices {
 }
 
 /// What answering a call left to do.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Default)]
 pub struct Aftermath {
     /// Parameters that changed.
     pub changed: Vec<raw::Parameter>,
     /// Words for the log.
     pub words: Vec<String>,
+    /// Orders for the loop.
+    pub orders: Vec<(Order, Ticket)>,
+    /// A twin of the changed unit, for the loop.
+    pub refit: Option<Box<Refit>>,
 }
 
 /// What the answers share.
-pub struct Desk {
+pub struct Desk<'a> {
     /// The parameters.
     pub store: RefCell<Store>,
+    /// Why the unit cannot be changed while the node runs; `None` where it can.
+    pub fixed_unit: Option<&'static str>,
+    /// Whether the loop has room for another twin.
+    pub room_for_twins: Cell<bool>,
+    least: &'a AtomicU8,
     mappings: Vec<ServiceMapping>,
     strangers: RefCell<Vec<[u8; 2]>>,
 }
 
-impl Desk {
-    /// A desk for these parameters, serving these layouts.
+impl<'a> Desk<'a> {
+    /// A desk for these parameters, serving these layouts; `least` is the level below which nothing is told.
     #[must_use]
-    pub fn new(store: Store, mappings: &[ServiceMapping]) -> Self {
-        Self { store: RefCell::new(store), mappings: mappings.to_vec(), strangers: RefCell::default() }
+    pub fn new(store: Store, mappings: &[ServiceMapping], least: &'a AtomicU8) -> Self {
+        Self {
+            store: RefCell::new(store),
+            fixed_unit: None,
+            room_for_twins: Cell::new(true),
+            least,
+            mappings: mappings.to_vec(),
+            strangers: RefCell::default(),
+        }
+    }
+
+    /// The level below which nothing is told.
+    #[must_use]
+    pub fn least(&self) -> u8 {
+        self.least.load(Ordering::Relaxed)
+    }
+
+    /// Sets the level below which nothing is told.
+    pub fn set_least(&self, level: u8) {
+        self.least.store(level, Ordering::Relaxed);
     }
 
     /// Whether a server of `mapping` is the one to answer this caller.
@@ -113,7 +147,7 @@ impl ParameterServices {
     }
 
     /// Answers calls as they come; each item says what an answer left to do.
-    pub fn answers<'a>(&'a self, desk: &'a Desk) -> Vec<LocalBoxStream<'a, Aftermath>> {
+    pub fn answers<'a>(&'a self, desk: &'a Desk<'a>) -> Vec<LocalBoxStream<'a, Aftermath>> {
         let mapping = self.mapping;
         vec![
             answer(mapping, &self.get, desk, |request, desk, _| {
@@ -153,32 +187,67 @@ impl ParameterServices {
 }
 
 /// Sets all or none.
-fn set(items: &[raw::Parameter], desk: &Desk, aftermath: &mut Aftermath) -> raw::SetParametersResult {
-    let mut store = desk.store.borrow_mut();
-    let values: Vec<ParameterValue> = items.iter().map(|item| item.value.clone().into()).collect();
-    let refused = items.iter().zip(&values).find_map(|(item, value)| store.check(&item.name, value).err());
-    if let Some(reason) = refused {
-        return raw::SetParametersResult { successful: false, reason };
+fn set(items: &[raw::Parameter], desk: &Desk<'_>, aftermath: &mut Aftermath) -> raw::SetParametersResult {
+    let refuse = |reason| raw::SetParametersResult { successful: false, reason };
+    let mut changed = desk.store.borrow().clone();
+    let mut words = Vec::new();
+    for item in items {
+        let value: ParameterValue = item.value.clone().into();
+        words.push(format!("parameter `{}` set to {}", item.name, words_of(&value)));
+        if let Err(reason) = changed.set(&item.name, value) {
+            return refuse(reason);
+        }
     }
-    for (item, value) in items.iter().zip(values) {
-        aftermath.words.push(format!("parameter `{}` set to {}", item.name, words_of(&value)));
-        // Checked above.
-        let _ = store.set(&item.name, value);
-        aftermath.changed.push(item.clone());
+    if changed.unit() != desk.store.borrow().unit() {
+        if let Some(reason) = desk.fixed_unit {
+            return refuse(reason.to_owned());
+        }
+        if let Err(reason) = changed.check_unit() {
+            return refuse(reason);
+        }
+        if !desk.room_for_twins.get() {
+            return refuse("the changes before this one have not taken hold yet; try again".to_owned());
+        }
+        aftermath.refit = Some(Box::new(Refit::new(changed.unit())));
     }
+    *desk.store.borrow_mut() = changed;
+    aftermath.words.append(&mut words);
+    aftermath.changed.extend(items.iter().cloned());
     raw::SetParametersResult { successful: true, reason: String::new() }
 }
 
-/// The stream that answers one service.
+/// Sends the answer to one call; `false` where it is lost.
+type Send<'a, Response> = Box<dyn FnOnce(Response) -> bool + std::marker::Send + 'a>;
+
+/// The stream that answers one service at once.
 fn answer<'a, Request, Response>(
     mapping: ServiceMapping,
     server: &'a Server<Request, Response>,
-    desk: &'a Desk,
-    respond: impl Fn(Request, &Desk, &mut Aftermath) -> Response + 'a,
+    desk: &'a Desk<'a>,
+    respond: impl Fn(Request, &Desk<'_>, &mut Aftermath) -> Response + 'a,
 ) -> LocalBoxStream<'a, Aftermath>
 where
-    Request: Message + 'static,
-    Response: Message + 'static,
+    Request: Message + Sync + 'static,
+    Response: Message + Sync + 'static,
+{
+    attend(mapping, server, desk, move |request, desk, aftermath, send| {
+        let response = respond(request, desk, aftermath);
+        if !send(response) {
+            aftermath.words.push("an answer to a service call was lost".to_owned());
+        }
+    })
+}
+
+/// The stream of one service, whose calls may be answered later.
+fn attend<'a, 's: 'a, Request, Response>(
+    mapping: ServiceMapping,
+    server: &'s Server<Request, Response>,
+    desk: &'a Desk<'a>,
+    take: impl Fn(Request, &Desk<'_>, &mut Aftermath, Send<'s, Response>) + 'a,
+) -> LocalBoxStream<'a, Aftermath>
+where
+    Request: Message + Sync + 'static,
+    Response: Message + Sync + 'static,
 {
     let answered = server.receive_request_stream().map(move |call| {
         let mut aftermath = Aftermath::default();
@@ -186,10 +255,7 @@ where
         let Ok((id, request)) = call else { return aftermath };
         let vendor = vendor_of(id.writer_gid);
         if desk.is_for(mapping, vendor) {
-            let response = respond(request, desk, &mut aftermath);
-            if let Err(error) = server.send_response(id, response) {
-                aftermath.words.push(format!("an answer to a service call was lost: {error}"));
-            }
+            take(request, desk, &mut aftermath, Box::new(move |response| server.send_response(id, response).is_ok()));
         } else {
             aftermath.words.extend(desk.turn_away(vendor));
         }
@@ -205,6 +271,8 @@ fn vendor_of(id: Gid) -> [u8; 2] {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::AtomicU8;
+
     use ros2_client::ServiceMapping::{Cyclone, Enhanced};
     use ros2_client::parameters::{ParameterValue, raw};
 
@@ -212,8 +280,10 @@ mod tests {
     use crate::node::parameters::Store;
     use crate::node::settings::Settings;
 
-    fn desk(mappings: &[ros2_client::ServiceMapping]) -> Desk {
-        Desk::new(Store::new(&Settings::default(), &crate::params::reference()), mappings)
+    static LEAST: AtomicU8 = AtomicU8::new(20);
+
+    fn desk(mappings: &[ros2_client::ServiceMapping]) -> Desk<'static> {
+        Desk::new(Store::new(&Settings::default(), &crate::params::reference()), mappings, &LEAST)
     }
 
     #[test]
@@ -247,5 +317,35 @@ mod tests {
         let outcome = set(&[item("hold", 4.0), item("stale_after", 3.0)], &desk, &mut aftermath);
         assert!(outcome.successful && aftermath.changed.len() == 2);
         assert_eq!(desk.store.borrow().value("hold"), ParameterValue::Double(4.0));
+    }
+
+    #[test]
+    fn the_unit_and_its_effects_change_together_or_not_at_all() {
+        let mut desk = desk(&[Enhanced]);
+        let item =
+            |name: &str, value| raw::Parameter { name: name.to_owned(), value: ParameterValue::Double(value).into() };
+        let mut aftermath = Aftermath::default();
+        let leak = item("effects.servo_leak.leakage_m3_s_pa", 1e-9);
+        // A return line above the tank's pressure contradicts the sheet, whatever else is right.
+        let outcome = set(
+            &[leak.clone(), item("unit.oil.return_pressure_pa", 4.9e6), item("unit.oil.tank_pressure_pa", 5.0e5)],
+            &desk,
+            &mut aftermath,
+        );
+        assert!(!outcome.successful && outcome.reason.contains("return_pressure_pa"), "{}", outcome.reason);
+        assert!(aftermath.refit.is_none() && desk.store.borrow().unit().effects.is_empty());
+        let outcome = set(&[leak.clone(), item("unit.servomotor.load_closed_n", 2.0e5)], &desk, &mut aftermath);
+        assert!(outcome.successful, "{}", outcome.reason);
+        assert!(aftermath.refit.take().is_some());
+        let unit = desk.store.borrow().unit().clone();
+        assert_eq!(unit.effects[0].id, "servo_leak");
+        assert_eq!(unit.parameters.servomotor.load_closed_n.to_bits(), 2.0e5_f64.to_bits());
+        // Back to neutral the effect is gone.
+        assert!(set(&[item("effects.servo_leak.leakage_m3_s_pa", 0.0)], &desk, &mut aftermath).successful);
+        assert!(desk.store.borrow().unit().effects.is_empty());
+        desk.room_for_twins.set(false);
+        assert!(set(&[leak.clone()], &desk, &mut aftermath).reason.contains("try again"));
+        desk.fixed_unit = Some("a residual");
+        assert_eq!(set(&[leak], &desk, &mut aftermath).reason, "a residual");
     }
 }

@@ -1,7 +1,7 @@
 //! What can be set on the node, from the command line, by `--ros-args` or by parameter services.
 
-use super::integration::Pace;
-use super::policy::{OnStale, Policies, Policy, Rule};
+use super::integration::{Pace, Time};
+use super::policy::{Input, OnStale, Policies, Policy, Rule};
 use super::realtime::Wishes;
 use crate::frame::EsvState;
 use crate::units::nanos_from_seconds;
@@ -39,7 +39,7 @@ pub struct Settings {
     /// The fail-safe.
     pub on_stale: OnStale,
     /// What differs from that for each input.
-    pub inputs: [InputSettings; 3],
+    pub inputs: [InputSettings; Input::COUNT],
     /// Command that stands in for one never heard, pu.
     pub default_command_pu: f64,
     /// Whether the ESV counts as tripped until it is heard.
@@ -48,6 +48,10 @@ pub struct Settings {
     pub default_tank_pressure_pa: Option<f64>,
     /// Whether the model follows `/clock`.
     pub use_sim_time: bool,
+    /// Whether the node's own time, from 0 on, is published as `/clock`.
+    pub publish_clock: bool,
+    /// Whether the simulation stands at first.
+    pub paused: bool,
     /// What the integration thread asks of the system.
     pub wishes: Wishes,
 }
@@ -61,11 +65,14 @@ impl Default for Settings {
             stale_after_s: 2.5,
             hold_s: 1.0,
             on_stale: OnStale::Trip,
-            inputs: [InputSettings::default(); 3],
+            inputs: Input::ALL
+                .map(|input| InputSettings { required: input != Input::Load, ..InputSettings::default() }),
             default_command_pu: 0.0,
             default_esv: EsvState::Normal,
             default_tank_pressure_pa: None,
             use_sim_time: false,
+            publish_clock: false,
+            paused: false,
             wishes: Wishes { cpu: None, priority: 80 },
         }
     }
@@ -97,7 +104,12 @@ impl Settings {
         Pace {
             period_ns: nanos_from_seconds(1.0 / self.rate_hz).max(1),
             publish_period_ns: self.publish_period_ns(),
-            simulated: self.use_sim_time,
+            time: match (self.use_sim_time, self.publish_clock) {
+                (true, _) => Time::Follow,
+                (false, true) => Time::Own,
+                (false, false) => Time::Wall,
+            },
+            paused: self.paused && !self.use_sim_time,
         }
     }
 

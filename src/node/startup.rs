@@ -4,6 +4,7 @@ use ros2_client::log::LogLevel;
 
 use super::bus::Bus;
 use super::environment::Environment;
+use super::integration::Time;
 use super::policy::{Input, OnStale};
 use super::realtime::{carrier, claim_transport, lock_memory};
 use super::settings::Settings;
@@ -11,10 +12,11 @@ use super::transport;
 use crate::msg::{EsvState, FluidPressure, GovernorCommand, Interface, JointState, ServoState, TwinStatus};
 
 /// Type and unit of each input.
-const INPUTS: [(&str, &str); 3] = [
+const INPUTS: [(&str, &str); Input::COUNT] = [
     (GovernorCommand::TYPE_NAME, "pu"),
     (EsvState::TYPE_NAME, "0 shutdown, 1 normal"),
     (FluidPressure::TYPE_NAME, "Pa gauge"),
+    (JointState::TYPE_NAME, "servomotor: m, N"),
 ];
 
 /// Topic, type and units of what is published at the state's rate.
@@ -51,12 +53,22 @@ pub fn words(bus: &Bus, environment: &Environment, settings: &Settings) -> Vec<(
             format!("hears {topic}: {type_name} [{unit}], {need}, stale after {stale_after_s} s, {then}"),
         ));
     }
-    for (topic, type_name, units) in OUTPUTS {
-        let rate_hz = settings.publish_rate_hz;
-        lines.push((LogLevel::Info, format!("publishes {}: {type_name} [{units}], {rate_hz} Hz", full(topic))));
-    }
-    let time = if settings.use_sim_time { "/clock" } else { "the machine's clock" };
-    lines.push((LogLevel::Info, format!("integrates at {} Hz on {time}", settings.rate_hz)));
+    let outputs = OUTPUTS.map(|(topic, type_name, units)| format!("{}: {type_name} [{units}]", full(topic)));
+    lines.push((LogLevel::Info, format!("publishes at {} Hz {}", settings.publish_rate_hz, outputs.join("; "))));
+    let time = match (settings.pace().time, settings.paused) {
+        (Time::Follow, _) => "/clock as it comes",
+        (Time::Wall, false) => "the machine's clock",
+        (Time::Own, false) => "its own clock from 0, published as /clock",
+        (Time::Wall, true) => "the machine's clock, once it is played or stepped",
+        (Time::Own, true) => "its own clock from 0, published as /clock, once it is played or stepped",
+    };
+    lines.push((
+        LogLevel::Info,
+        format!(
+            "integrates at {} Hz on {time}; serves {}/reset, parameters, logger levels, types, simulation_interfaces",
+            settings.rate_hz, name
+        ),
+    ));
     lines
 }
 

@@ -5,6 +5,7 @@ use std::fmt::Write;
 use hdrhistogram::Histogram;
 use serde::Serialize;
 
+use super::policy::Input;
 use crate::residual::adapt::Adaptation;
 use crate::residual::guard::Counts;
 
@@ -16,7 +17,7 @@ const LONGEST_NS: u64 = 60_000_000_000;
 pub struct Stats {
     lateness: Histogram<u64>,
     work: Histogram<u64>,
-    ages: [Histogram<u64>; 3],
+    ages: [Histogram<u64>; Input::COUNT],
     /// Ticks done.
     pub ticks: u64,
     /// Ticks whose work ended after the next tick's deadline.
@@ -27,6 +28,8 @@ pub struct Stats {
     pub lost_outputs: u64,
     /// Whether the fail-safe asked the node to end.
     pub ended_by_fail_safe: bool,
+    /// Whether a caller asked the node to end.
+    pub ended_by_caller: bool,
     /// What the guard and the adaptation of a learned residual did, at the end.
     pub residual: Option<(Counts, Option<Adaptation>)>,
 }
@@ -59,6 +62,8 @@ pub struct Summary {
     pub esv_age: Percentiles,
     /// Age of the newest tank pressure at each tick.
     pub tank_pressure_age: Percentiles,
+    /// Age of the newest load force at each tick.
+    pub load_age: Percentiles,
     /// See [`Stats::overruns`].
     pub overruns: u64,
     /// See [`Stats::skipped`].
@@ -83,12 +88,13 @@ impl Default for Stats {
         Self {
             lateness: histogram(),
             work: histogram(),
-            ages: [histogram(), histogram(), histogram()],
+            ages: Input::ALL.map(|_| histogram()),
             ticks: 0,
             overruns: 0,
             skipped: 0,
             lost_outputs: 0,
             ended_by_fail_safe: false,
+            ended_by_caller: false,
             residual: None,
         }
     }
@@ -103,7 +109,7 @@ impl Stats {
     }
 
     /// Counts one tick with the ages of its inputs, ns; an input never heard has none.
-    pub fn ticked(&mut self, ages_ns: &[Option<i64>; 3]) {
+    pub fn ticked(&mut self, ages_ns: &[Option<i64>; Input::COUNT]) {
         self.ticks += 1;
         for (histogram, age_ns) in self.ages.iter_mut().zip(ages_ns) {
             if let Some(age_ns) = age_ns {
@@ -128,6 +134,7 @@ impl Stats {
             command_age: percentiles(&self.ages[0]),
             esv_age: percentiles(&self.ages[1]),
             tank_pressure_age: percentiles(&self.ages[2]),
+            load_age: percentiles(&self.ages[3]),
             overruns: self.overruns,
             skipped: self.skipped,
             lost_outputs: self.lost_outputs,
@@ -158,6 +165,7 @@ impl Summary {
             ("age of command", self.command_age),
             ("age of ESV state", self.esv_age),
             ("age of tank pressure", self.tank_pressure_age),
+            ("age of load force", self.load_age),
         ] {
             let _ = writeln!(
                 text,
@@ -208,7 +216,7 @@ mod tests {
         let mut stats = Stats::default();
         for tick in 1..=1000_i64 {
             stats.woke(0, tick * 1000, tick * 1000 + 500, 1_000_000);
-            stats.ticked(&[Some(2_000_000), None, None]);
+            stats.ticked(&[Some(2_000_000), None, None, None]);
         }
         let summary = stats.summary(0);
         assert!((summary.lateness.p50_us - 500.0).abs() < 1.0, "{summary:?}");

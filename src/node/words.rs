@@ -13,7 +13,7 @@ pub fn of(news: &News, settings: &mut Settings) -> Vec<(LogLevel, String)> {
         News::Output(output) => of_tick(output.tick.notices, settings),
         News::Said(level, words) => vec![(*level, words.clone())],
         News::Settings(new) => {
-            *settings = *new;
+            *settings = **new;
             Vec::new()
         }
     }
@@ -25,6 +25,13 @@ fn of_tick(notices: Notices, settings: &Settings) -> Vec<(LogLevel, String)> {
     if notices.has(Notices::RESET) {
         let words = "time jumped back, or ahead by more than 10 s: the twin forgot everything and waits for inputs";
         said.push((LogLevel::Warn, words.to_owned()));
+    }
+    if notices.has(Notices::RESTARTED) {
+        said.push((LogLevel::Warn, "the twin was set back, and starts again from what it heard last".to_owned()));
+    }
+    if notices.has(Notices::REFITTED) {
+        let words = "the changed unit took hold between two ticks; a bag does not replay across such a change";
+        said.push((LogLevel::Info, words.to_owned()));
     }
     for input in Input::ALL {
         let topic = input.topic();
@@ -97,13 +104,19 @@ mod tests {
         let mut settings = Settings::default();
         let mut tick = Core::new(Twin::new(&crate::params::reference()), settings.policies(), 6.3e6).tick(0, 0);
         tick.notices = Notices::stale(Input::Esv);
-        let stale = News::Output(Box::new(Output { tick, publish: false, overruns: 0, worst_lateness_us: 0.0 }));
+        let stale = News::Output(Box::new(Output {
+            tick,
+            publish: false,
+            patient: false,
+            overruns: 0,
+            worst_lateness_us: 0.0,
+        }));
         assert!(of(&stale, &mut settings)[0].1.contains("held for 1 s, then the ESV trips"));
         let longer = Settings { hold_s: 30.0, ..settings };
-        assert!(of(&News::Settings(longer), &mut settings).is_empty());
+        assert!(of(&News::Settings(Box::new(longer)), &mut settings).is_empty());
         assert!(of(&stale, &mut settings)[0].1.contains("held for 30 s, then the ESV trips"));
         let holding = Settings { on_stale: OnStale::Hold, ..longer };
-        assert!(of(&News::Settings(holding), &mut settings).is_empty());
+        assert!(of(&News::Settings(Box::new(holding)), &mut settings).is_empty());
         assert!(of(&stale, &mut settings)[0].1.ends_with("its last value is held"));
     }
 }

@@ -146,6 +146,13 @@ impl Terms {
         self.memory_len
     }
 
+    /// Whether terms at the same points have the same places in both memories.
+    #[must_use]
+    pub fn remember_like(&self, other: &Self) -> bool {
+        let place = |(term, start): &(Arc<dyn Term>, usize)| (term.point(), *start);
+        self.memory_len == other.memory_len && self.list.iter().map(place).eq(other.list.iter().map(place))
+    }
+
     /// True when nothing stands at the point.
     #[inline]
     #[must_use]

@@ -174,7 +174,7 @@ def optional_inputs(binary, folder):
     said = open(node.log_path).read()
     check("an incompatible QoS is reported by name", "/sim/servo_state: a subscription asks for more Durability" in said)
     for words in ("node /govtwin, DDS domain", "hears /governor/esv: governor_msgs/msg/EsvState [0 shutdown, 1 normal], optional",
-                  "publishes /sim/servo_state: governor_msgs/msg/ServoState [pu, Pa], 100 Hz", "integrates at 1000 Hz"):
+                  "publishes at 100 Hz /sim/servo_state: governor_msgs/msg/ServoState [pu, Pa]", "integrates at 1000 Hz"):
         check(f"it said at start: {words}", words in said)
 
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from cyclonedds.idl import IdlStruct
-from cyclonedds.idl.types import float64, int32, int64, sequence, uint8, uint32, uint64
+from cyclonedds.idl.types import float64, int32, int64, sequence, uint8, uint16, uint32, uint64
 
 
 @dataclass
@@ -46,6 +46,7 @@ class TwinStatus(IdlStruct, typename="governor_msgs::msg::dds_::TwinStatus_"):
     command: uint8
     esv: uint8
     tank_pressure: uint8
+    load: uint8
     command_clamped: bool
     residual_off: bool
 
@@ -181,3 +182,206 @@ class DescribeParametersResponse(IdlStruct, typename="rcl_interfaces::srv::dds_:
     caller: uint64
     number: int64
     descriptors: sequence[ParameterDescriptor]
+
+
+# A request without fields carries one member without meaning.
+@dataclass
+class TriggerRequest(IdlStruct, typename="std_srvs::srv::dds_::Trigger_Request_"):
+    caller: uint64
+    number: int64
+    structure_needs_at_least_one_member: uint8
+
+
+@dataclass
+class TriggerResponse(IdlStruct, typename="std_srvs::srv::dds_::Trigger_Response_"):
+    caller: uint64
+    number: int64
+    success: bool
+    message: str
+
+
+@dataclass
+class SimulationResult(IdlStruct, typename="simulation_interfaces::msg::dds_::Result_"):
+    result: uint8
+    error_message: str
+
+
+@dataclass
+class SimulatorFeatures(IdlStruct, typename="simulation_interfaces::msg::dds_::SimulatorFeatures_"):
+    features: sequence[uint16]
+    spawn_formats: sequence[str]
+    custom_info: str
+
+
+@dataclass
+class FeaturesRequest(IdlStruct, typename="simulation_interfaces::srv::dds_::GetSimulatorFeatures_Request_"):
+    caller: uint64
+    number: int64
+    structure_needs_at_least_one_member: uint8
+
+
+@dataclass
+class FeaturesResponse(IdlStruct, typename="simulation_interfaces::srv::dds_::GetSimulatorFeatures_Response_"):
+    caller: uint64
+    number: int64
+    features: SimulatorFeatures
+
+
+@dataclass
+class GetStateRequest(IdlStruct, typename="simulation_interfaces::srv::dds_::GetSimulationState_Request_"):
+    caller: uint64
+    number: int64
+    structure_needs_at_least_one_member: uint8
+
+
+@dataclass
+class GetStateResponse(IdlStruct, typename="simulation_interfaces::srv::dds_::GetSimulationState_Response_"):
+    caller: uint64
+    number: int64
+    state: uint8
+    result: SimulationResult
+
+
+@dataclass
+class SetStateRequest(IdlStruct, typename="simulation_interfaces::srv::dds_::SetSimulationState_Request_"):
+    caller: uint64
+    number: int64
+    state: uint8
+
+
+@dataclass
+class SetStateResponse(IdlStruct, typename="simulation_interfaces::srv::dds_::SetSimulationState_Response_"):
+    caller: uint64
+    number: int64
+    result: SimulationResult
+
+
+@dataclass
+class StepRequest(IdlStruct, typename="simulation_interfaces::srv::dds_::StepSimulation_Request_"):
+    caller: uint64
+    number: int64
+    steps: uint64
+
+
+@dataclass
+class StepResponse(IdlStruct, typename="simulation_interfaces::srv::dds_::StepSimulation_Response_"):
+    caller: uint64
+    number: int64
+    result: SimulationResult
+
+
+@dataclass
+class ResetRequest(IdlStruct, typename="simulation_interfaces::srv::dds_::ResetSimulation_Request_"):
+    caller: uint64
+    number: int64
+    scope: uint8
+
+
+@dataclass
+class ResetResponse(IdlStruct, typename="simulation_interfaces::srv::dds_::ResetSimulation_Response_"):
+    caller: uint64
+    number: int64
+    result: SimulationResult
+
+
+@dataclass
+class LoggerLevel(IdlStruct, typename="rcl_interfaces::msg::dds_::LoggerLevel_"):
+    name: str
+    level: uint32
+
+
+@dataclass
+class SetLoggerLevelsRequest(IdlStruct, typename="rcl_interfaces::srv::dds_::SetLoggerLevels_Request_"):
+    caller: uint64
+    number: int64
+    levels: sequence[LoggerLevel]
+
+
+@dataclass
+class SetLoggerLevelsResponse(IdlStruct, typename="rcl_interfaces::srv::dds_::SetLoggerLevels_Response_"):
+    caller: uint64
+    number: int64
+    results: sequence[SetParametersResult]
+
+
+@dataclass
+class GetLoggerLevelsRequest(IdlStruct, typename="rcl_interfaces::srv::dds_::GetLoggerLevels_Request_"):
+    caller: uint64
+    number: int64
+    names: sequence[str]
+
+
+@dataclass
+class GetLoggerLevelsResponse(IdlStruct, typename="rcl_interfaces::srv::dds_::GetLoggerLevels_Response_"):
+    caller: uint64
+    number: int64
+    levels: sequence[LoggerLevel]
+
+
+@dataclass
+class SetParametersAtomicallyRequest(IdlStruct, typename="rcl_interfaces::srv::dds_::SetParametersAtomically_Request_"):
+    caller: uint64
+    number: int64
+    parameters: sequence[Parameter]
+
+
+@dataclass
+class SetParametersAtomicallyResponse(IdlStruct, typename="rcl_interfaces::srv::dds_::SetParametersAtomically_Response_"):
+    caller: uint64
+    number: int64
+    result: SetParametersResult
+
+
+@dataclass
+class FieldType(IdlStruct, typename="type_description_interfaces::msg::dds_::FieldType_"):
+    type_id: uint8
+    capacity: uint64
+    string_capacity: uint64
+    nested_type_name: str
+
+
+@dataclass
+class Field(IdlStruct, typename="type_description_interfaces::msg::dds_::Field_"):
+    name: str
+    type: FieldType
+    default_value: str
+
+
+@dataclass
+class IndividualTypeDescription(IdlStruct, typename="type_description_interfaces::msg::dds_::IndividualTypeDescription_"):
+    type_name: str
+    fields: sequence[Field]
+
+
+@dataclass
+class TypeSource(IdlStruct, typename="type_description_interfaces::msg::dds_::TypeSource_"):
+    type_name: str
+    encoding: str
+    raw_file_contents: str
+
+
+@dataclass
+class TypeKeyValue(IdlStruct, typename="type_description_interfaces::msg::dds_::KeyValue_"):
+    key: str
+    value: str
+
+
+@dataclass
+class TypeRequest(IdlStruct, typename="type_description_interfaces::srv::dds_::GetTypeDescription_Request_"):
+    caller: uint64
+    number: int64
+    type_name: str
+    type_hash: str
+    include_type_sources: bool
+
+
+@dataclass
+class TypeResponse(IdlStruct, typename="type_description_interfaces::srv::dds_::GetTypeDescription_Response_"):
+    caller: uint64
+    number: int64
+    successful: bool
+    failure_reason: str
+    type_description: IndividualTypeDescription
+    referenced_type_descriptions: sequence[IndividualTypeDescription]
+    type_sources: sequence[TypeSource]
+    extra_information: sequence[TypeKeyValue]

@@ -24,7 +24,7 @@ pub enum News {
     /// Words for people.
     Said(LogLevel, String),
     /// Settings that changed while the node runs.
-    Settings(Settings),
+    Settings(Box<Settings>),
 }
 
 /// What both ends share besides the queue.
@@ -67,7 +67,7 @@ impl Teller {
         match self.queue.try_send(item) {
             Err(TrySendError::Full(News::Settings(settings))) => {
                 if let Ok(mut waiting) = self.aside.settings.lock() {
-                    *waiting = Some(settings);
+                    *waiting = Some(*settings);
                 }
             }
             Err(TrySendError::Full(_)) => {
@@ -119,7 +119,7 @@ mod tests {
             teller.tell(News::Said(LogLevel::Info, number.to_string()));
         }
         for rate_hz in [10.0, 20.0] {
-            teller.tell(News::Settings(Settings { rate_hz, ..Settings::default() }));
+            teller.tell(News::Settings(Box::new(Settings { rate_hz, ..Settings::default() })));
         }
         let words = taker.rest().map(|item| match item {
             News::Said(_, words) => words,

@@ -203,6 +203,54 @@ int main(int argc, char** argv) {
     }
     check("and the list of all parameters, which takes fragments", listed, "(" + std::to_string(names) + " names)");
 
+    using namespace std_srvs::srv::dds_;
+    using namespace simulation_interfaces::srv::dds_;
+    // One call, sent once; what `right` says of the answer to it.
+    auto ask = [&](DataWriter* to, DataReader* from, auto& request, auto& response, auto right) {
+        for (int wait = 0; wait < 100; ++wait) {
+            PublicationMatchedStatus out;
+            SubscriptionMatchedStatus in;
+            to->get_publication_matched_status(out);
+            from->get_subscription_matched_status(in);
+            if (out.current_count > 0 && in.current_count > 0) break;
+            std::this_thread::sleep_for(milliseconds(100));
+        }
+        eprosima::fastrtps::rtps::WriteParams params;
+        to->write(&request, params);
+        const auto until = steady_clock::now() + std::chrono::seconds(5);
+        while (steady_clock::now() < until) {
+            while (from->take_next_sample(&response, &info) == ReturnCode_t::RETCODE_OK) {
+                if (info.valid_data && info.related_sample_identity == params.sample_identity()) return right(response);
+            }
+            std::this_thread::sleep_for(milliseconds(1));
+        }
+        return false;
+    };
+    auto* reset = writer("rq/govtwin/resetRequest", TypeSupport(new Trigger_Request_PubSubType()));
+    auto* was_reset = reader("rr/govtwin/resetReply", TypeSupport(new Trigger_Response_PubSubType()), true);
+    auto* set = writer("rq/govtwin/set_simulation_stateRequest", TypeSupport(new SetSimulationState_Request_PubSubType()));
+    auto* was_set = reader("rr/govtwin/set_simulation_stateReply", TypeSupport(new SetSimulationState_Response_PubSubType()), true);
+    auto* step = writer("rq/govtwin/step_simulationRequest", TypeSupport(new StepSimulation_Request_PubSubType()));
+    auto* was_step = reader("rr/govtwin/step_simulationReply", TypeSupport(new StepSimulation_Response_PubSubType()), true);
+    Trigger_Request_ trigger;
+    Trigger_Response_ triggered;
+    check("a Fast DDS caller sets the twin back", ask(reset, was_reset, trigger, triggered, [](auto& answer) { return answer.success(); }));
+    SetSimulationState_Request_ wanted;
+    SetSimulationState_Response_ done;
+    auto ok = [](auto& answer) { return answer.result().result() == 1; };
+    wanted.state().state(2);
+    check("pauses the simulation", ask(set, was_set, wanted, done, ok));
+    StepSimulation_Request_ steps;
+    StepSimulation_Response_ stepped;
+    steps.steps(10);
+    int exact = 0;
+    const auto before = steady_clock::now();
+    for (int round = 0; round < 100; ++round) exact += ask(step, was_step, steps, stepped, ok) ? 1 : 0;
+    const double took = duration<double>(steady_clock::now() - before).count();
+    check("steps it", exact == 100, "(" + std::to_string(exact) + " of 100 calls, " + std::to_string(10 * took) + " ms each)");
+    wanted.state().state(1);
+    check("and lets it play", ask(set, was_set, wanted, done, ok));
+
     drive(3.0, 0.50, 0);
     check("an ESV trip closes", state.servomotor_position() < 0.3,
           "(" + std::to_string(state.servomotor_position()) + ")");

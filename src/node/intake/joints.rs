@@ -1,0 +1,72 @@
+//! Joint commands: what they ask of the servomotor, as `ros2_control`'s topic based hardware sends them.
+
+use super::super::messages::JOINTS;
+use super::{Gate, OPENING_RANGE_PU, Refusal, in_range};
+use crate::msg::JointState;
+
+/// Forces beyond this are none, N.
+const LARGEST_FORCE_N: f64 = 1.0e8;
+
+/// What a message asks for; what it leaves out, or gives as NaN, it does not ask for.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Asked {
+    /// Opening command, pu of the stroke.
+    pub opening_command_pu: Option<f64>,
+    /// Force on the piston besides the sheet's load, N, + opens.
+    pub load_n: Option<f64>,
+}
+
+/// Checks a joint command: `position` of the servomotor in metres, `effort` in newtons.
+///
+/// # Errors
+/// With the reason for which it is not used.
+pub fn asked(message: &JointState, stroke_m: f64, gate: &mut Gate) -> Result<Asked, Refusal> {
+    gate.pass(&message.header, read(message, stroke_m))
+}
+
+fn read(message: &JointState, stroke_m: f64) -> Result<Asked, Refusal> {
+    let index = message.name.iter().position(|name| name == JOINTS[1]).ok_or(Refusal::NothingAsked)?;
+    let at = |values: &[f64]| values.get(index).copied().filter(|value| !value.is_nan());
+    let opening_command_pu = at(&message.position).map(|position_m| in_range(position_m / stroke_m, OPENING_RANGE_PU));
+    let load_n = at(&message.effort).map(|force_n| in_range(force_n, (-LARGEST_FORCE_N, LARGEST_FORCE_N)));
+    match (opening_command_pu.transpose()?, load_n.transpose()?) {
+        (None, None) => Err(Refusal::NothingAsked),
+        (opening_command_pu, load_n) => Ok(Asked { opening_command_pu, load_n }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Asked, Gate, JointState, Refusal, asked};
+
+    fn command(name: &str, position: &[f64], effort: &[f64]) -> JointState {
+        JointState {
+            name: vec!["spool".to_owned(), name.to_owned()],
+            position: position.to_vec(),
+            effort: effort.to_vec(),
+            ..JointState::default()
+        }
+    }
+
+    #[test]
+    fn position_and_effort_of_the_servomotor_each_ask_for_something() {
+        let ask = |position: &[f64], effort: &[f64]| {
+            asked(&command("servomotor", position, effort), 0.6, &mut Gate::default())
+        };
+        let both = Asked { opening_command_pu: Some(0.5), load_n: Some(-2e5) };
+        assert_eq!(ask(&[0.0, 0.3], &[0.0, -2e5]), Ok(both));
+        assert_eq!(ask(&[0.0, f64::NAN], &[0.0, -2e5]), Ok(Asked { opening_command_pu: None, ..both }));
+        assert_eq!(ask(&[0.0, 0.3], &[]), Ok(Asked { load_n: None, ..both }));
+        for (position, effort, refusal) in [
+            (vec![], vec![], Refusal::NothingAsked),
+            (vec![0.3], vec![1.0], Refusal::NothingAsked),
+            (vec![0.0, 3.0], vec![], Refusal::OutOfRange),
+            (vec![0.0, f64::INFINITY], vec![], Refusal::NotFinite),
+            (vec![0.0, 0.3], vec![0.0, 1e9], Refusal::OutOfRange),
+        ] {
+            assert_eq!(ask(&position, &effort), Err(refusal), "{position:?} {effort:?}");
+        }
+        let other = asked(&command("gate", &[0.0, 0.3], &[]), 0.6, &mut Gate::default());
+        assert_eq!(other, Err(Refusal::NothingAsked));
+    }
+}

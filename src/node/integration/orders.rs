@@ -1,0 +1,105 @@
+//! What callers want of the loop, done between two ticks.
+
+use rtrb::PushError;
+
+use super::super::control::{Answer, Order, Outcome, State, Steps, Ticket};
+use super::{Integrator, ROOM_TO_STEP, Time};
+
+/// Most steps between two looks at what was heard.
+const MOST_STEPS: usize = 256;
+
+impl Integrator {
+    /// Does what a caller asks for, or says why not; steps are answered once they are done.
+    pub(super) fn obey(&mut self, order: Order, ticket: Ticket, now_ns: i64) {
+        let outcome = match order {
+            Order::Play => self.enter(State::Playing, now_ns),
+            Order::Pause => self.enter(State::Paused, now_ns),
+            Order::Stop => self.enter(State::Stopped, now_ns),
+            Order::Step { .. } if self.state == State::Playing => Outcome::NotPaused,
+            Order::Step { .. } if self.steps.is_some() => Outcome::Busy,
+            Order::Step { ticks: 0 } => Outcome::Done,
+            Order::Step { ticks } => {
+                self.state = State::Paused;
+                self.steps = Some(Steps { ticket, left_count: ticks });
+                return;
+            }
+            Order::Reset { time } => {
+                self.interrupt();
+                self.set_back(time);
+                Outcome::Done
+            }
+            Order::Quit => {
+                self.stats.ended_by_caller = true;
+                self.interrupt();
+                Outcome::Done
+            }
+        };
+        self.answer(ticket, outcome);
+    }
+
+    /// Goes into a state.
+    fn enter(&mut self, state: State, now_ns: i64) -> Outcome {
+        if self.state == state && self.steps.is_none() {
+            return Outcome::Already;
+        }
+        self.interrupt();
+        self.state = state;
+        match state {
+            State::Playing => self.ages.go_on(now_ns),
+            State::Paused => self.ages.stop(now_ns),
+            State::Stopped => {
+                self.ages.stop(now_ns);
+                self.set_back(true);
+            }
+        }
+        Outcome::Done
+    }
+
+    /// Back to the start; the machine's time stays what it is.
+    fn set_back(&mut self, time: bool) {
+        self.core.restart();
+        if time && self.pace.time == Time::Own {
+            self.restart_at(self.start_ns);
+        }
+    }
+
+    /// Ends steps that are under way.
+    fn interrupt(&mut self) {
+        if let Some(steps) = self.steps.take() {
+            self.answer(steps.ticket, Outcome::Interrupted);
+        }
+    }
+
+    /// Does steps as far as there is room for results; the last one is published whatever the period.
+    pub(super) fn step(&mut self) {
+        for _ in 0..MOST_STEPS {
+            let Some(Steps { ticket, left_count }) = self.steps else { return };
+            if self.outputs.slots() < ROOM_TO_STEP {
+                return;
+            }
+            self.ages.step(self.pace.period_ns);
+            self.tick(self.ages.at(0), left_count == 1);
+            self.steps = (left_count > 1).then_some(Steps { ticket, left_count: left_count - 1 });
+            if left_count == 1 {
+                self.answer(ticket, Outcome::Done);
+            }
+        }
+    }
+
+    fn answer(&mut self, ticket: Ticket, outcome: Outcome) {
+        // The hearing thread lets no more orders wait than there is room for answers.
+        let _ = self.answers.push(Answer { ticket, outcome, state: self.state });
+        self.news = true;
+    }
+
+    /// Takes over a twin that waits.
+    pub(super) fn refit(&mut self) {
+        if let Ok(mut refit) = self.refits.pop() {
+            self.core.refit(&mut refit);
+            if let Err(PushError::Full(refit)) = self.retired.push(refit) {
+                // Whoever sends twins takes back those before; were it not so, a leak would be better than a stall.
+                std::mem::forget(refit);
+            }
+        }
+    }
+}

@@ -1,0 +1,125 @@
+//! Samples as they come: checked, counted, compared with what others say, passed on.
+
+use ros2_client::log::LogLevel;
+use ros2_client::{Gid, MessageInfo, ReadError};
+
+use super::super::core::{Heard, Input};
+use super::super::intake::{Gate, Intake, Refusal, joints};
+use super::super::realtime::monotonic_ns;
+use super::Listener;
+use crate::msg::{Interface, JointState, ServoState};
+
+/// A measured position beyond this is no position, pu of stroke.
+const FARTHEST_PU: f64 = 10.0;
+
+impl Listener<'_> {
+    /// Checks one sample and passes it on.
+    pub(super) fn sample<M: Interface + Intake>(&self, sample: Result<(M, MessageInfo), ReadError>) {
+        self.check(M::INPUT, M::TYPE_NAME, sample, |message, sender, gate| {
+            let heard = message.check(gate)?;
+            match heard {
+                Heard::Command(said) | Heard::TankPressure(said) => self.compare(M::INPUT, sender, said),
+                Heard::Esv(state) => self.compare(M::INPUT, sender, f64::from(state as u8)),
+                _ => {}
+            }
+            self.tell(heard);
+            Ok(())
+        });
+    }
+
+    /// Checks a joint command and passes on what it asks for.
+    pub(super) fn asked(&self, sample: Result<(JointState, MessageInfo), ReadError>) {
+        self.check(Input::Load, JointState::TYPE_NAME, sample, |message, sender, gate| {
+            let asked = joints::asked(message, self.stroke_m.get(), gate)?;
+            if let Some(opening_command_pu) = asked.opening_command_pu {
+                self.compare(Input::Command, sender, opening_command_pu);
+                self.tell(Heard::Command(opening_command_pu));
+            }
+            if let Some(load_n) = asked.load_n {
+                self.compare(Input::Load, sender, load_n);
+                self.tell(Heard::Load(load_n));
+            }
+            Ok(())
+        });
+    }
+
+    /// Counts a sample of an input's topic, and says why it is not used where `take` refuses it.
+    fn check<M>(
+        &self,
+        input: Input,
+        type_name: &str,
+        sample: Result<(M, MessageInfo), ReadError>,
+        take: impl FnOnce(&M, Gid, &mut Gate) -> Result<(), Refusal>,
+    ) {
+        let mut gates = self.gates.borrow_mut();
+        let gate = &mut gates[input as usize];
+        if let Ok((_, info)) = &sample {
+            gate.miss(self.numbers.borrow_mut().take(info.publisher_gid(), info.sequence_number()));
+        }
+        let refused = match sample {
+            Err(ReadError::Deserialization { .. }) => Some((Refusal::Undecodable, gate.refuse(Refusal::Undecodable))),
+            Err(error) => {
+                self.say(LogLevel::Warn, format!("{}: {error}", input.topic()));
+                None
+            }
+            Ok((_, info)) if self.is_foreign(info.publisher_gid(), type_name) => {
+                gate.refuse(Refusal::ForeignType);
+                None
+            }
+            Ok((message, info)) => {
+                let refusal = take(&message, info.publisher_gid(), gate).err();
+                refusal.map(|refusal| (refusal, gate.counts().refused(refusal) == 1))
+            }
+        };
+        if let Some((refusal, true)) = refused {
+            let words = format!("{}: a sample was refused: {}; more are only counted", input.topic(), refusal.words());
+            self.say(LogLevel::Warn, words);
+        }
+        if let Ok(mut counts) = self.counts.lock() {
+            counts[input as usize] = gate.counts();
+        }
+    }
+
+    /// Tells of a second sender that says something else on the same input.
+    fn compare(&self, input: Input, sender: Gid, said: f64) {
+        let rival = self.rivals.borrow_mut()[input as usize].take(sender, said, monotonic_ns());
+        if let Some((other, before)) = rival {
+            let name = Input::NAMES[input as usize];
+            let words = format!(
+                "{name}: two publishers say different things, {said} by {} and {before} by {}; the newest sample counts, \
+                 whoever sent it (`ros2 topic info -v {}` shows who they are)",
+                hexadecimal(sender),
+                hexadecimal(other),
+                input.topic()
+            );
+            self.say(LogLevel::Error, words);
+        }
+    }
+
+    /// Passes a measured state on; one that cannot be is left out, since the adaptation lives well without it.
+    pub(super) fn measured(&self, sample: Result<(ServoState, MessageInfo), ReadError>) {
+        let Ok((state, info)) = sample else { return };
+        let [spool_pu, servomotor_pu] = [state.spool_position, state.servomotor_position]
+            .map(|position_pu| if position_pu.abs() <= FARTHEST_PU { position_pu } else { f64::NAN });
+        if !self.is_foreign(info.publisher_gid(), ServoState::TYPE_NAME) {
+            self.tell(Heard::Measured { spool_pu, servomotor_pu });
+        }
+    }
+
+    /// Whether a sender announced another type than ours; asked once for each sender.
+    fn is_foreign(&self, sender: Gid, expected: &str) -> bool {
+        if let Some(&foreign) = self.senders.borrow().get(&sender) {
+            return foreign;
+        }
+        // Not listed yet: believed, and asked again at its next sample.
+        let Some((_, found)) = self.bus.writers().remove(&sender) else { return false };
+        let foreign = found != expected;
+        self.senders.borrow_mut().insert(sender, foreign);
+        foreign
+    }
+}
+
+/// An id as ROS 2 shows it.
+fn hexadecimal(id: Gid) -> String {
+    id.to_bytes16().map(|byte| format!("{byte:02x}")).join(".")
+}

@@ -1,0 +1,157 @@
+//! The books of a running node: words, bag, diagnostics, and what is wrong with its peers.
+
+use std::collections::BTreeSet;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU8, Ordering};
+use std::sync::mpsc::RecvTimeoutError;
+use std::time::Duration;
+
+use ros2_client::log::LogLevel;
+use ros2_client::{Gid, Publisher, RosoutRaw};
+
+use super::super::bus::Bus;
+use super::super::clock::{self, Watch};
+use super::super::control::State;
+use super::super::core::Input;
+use super::super::diagnostics::{self, Course, DiagnosticArray};
+use super::super::intake::Counts;
+use super::super::journal::Journal;
+use super::super::listener::news::{News, Taker};
+use super::super::realtime::{Until, monotonic_ns, wall_ns};
+use super::super::settings::Settings;
+use super::super::words;
+use super::{NodeError, Say};
+use crate::msg::{EsvState, FluidPressure, GovernorCommand, Interface, JointState};
+
+/// The books: words, bag, diagnostics.
+pub(super) struct Keeper<'a> {
+    pub(super) bus: &'a Bus,
+    pub(super) health: Publisher<DiagnosticArray>,
+    pub(super) counts: &'a Mutex<[Counts; Input::COUNT]>,
+    pub(super) settings: Settings,
+    pub(super) journal: Option<Journal>,
+    pub(super) strangers: BTreeSet<Gid>,
+    pub(super) clock: &'a clock::Heard,
+    pub(super) watch: Watch,
+    pub(super) state: &'a dyn Fn() -> State,
+    pub(super) rival_clock: bool,
+    pub(super) least: &'a AtomicU8,
+    pub(super) say: Say<'a>,
+}
+
+impl Keeper<'_> {
+    /// Keeps the books until `done`.
+    pub(super) fn keep(&mut self, news: &Taker, done: impl Fn() -> bool) -> Result<(), NodeError> {
+        let second = Duration::from_secs(1);
+        let mut next = Until::after(Some(second));
+        let (mut newest, mut reported) = (None, <[Counts; Input::COUNT]>::default());
+        while !done() {
+            match news.take(Duration::from_millis(20)) {
+                Ok(item) => {
+                    if let News::Output(output) = &item {
+                        newest = Some(**output);
+                    }
+                    self.take(&item)?;
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => break,
+            }
+            self.catch_up(news);
+            if next.comes_round(second) {
+                if let Some(journal) = &mut self.journal {
+                    journal.flush()?;
+                }
+                self.look_for_strangers();
+                self.look_for_mismatches();
+                self.look_at_the_clock();
+                let counts = self.counts.lock().map(|counts| *counts).unwrap_or_default();
+                let name = self.bus.arguments().full_name();
+                let array = diagnostics::compile(
+                    &name,
+                    wall_ns(),
+                    newest.as_ref(),
+                    &self.settings.policies(),
+                    &counts,
+                    &std::mem::replace(&mut reported, counts),
+                    Course { state: (self.state)(), clock: self.settings.use_sim_time.then(|| self.watch.state()) },
+                );
+                // Nobody may be listening; the next second brings the next one.
+                let _ = self.health.publish(array);
+            }
+        }
+        Ok(())
+    }
+
+    /// Tells of senders that announce another type on an input's topic; some middlewares match them, none can be used.
+    fn look_for_strangers(&mut self) {
+        let types = [GovernorCommand::TYPE_NAME, EsvState::TYPE_NAME, FluidPressure::TYPE_NAME, JointState::TYPE_NAME];
+        let names = Input::ALL.map(|input| self.bus.arguments().resolve(input.topic()).unwrap_or_default());
+        for (sender, (topic, found)) in self.bus.writers() {
+            let expected = names.iter().zip(types).find(|(name, _)| **name == topic).map(|(_, expected)| expected);
+            if expected.is_some_and(|expected| expected != found) && self.strangers.insert(sender) {
+                let expected = expected.unwrap_or_default();
+                let words = format!("{topic}: a sender publishes `{found}`, expected `{expected}`; it is not heard");
+                self.tell(LogLevel::Error, &words);
+            }
+        }
+    }
+
+    /// Tells of a clock that is followed and does not go, or of others beside the node's own.
+    fn look_at_the_clock(&mut self) {
+        let writers = self.bus.arguments().resolve("/clock").map_or(0, |name| self.bus.writers_of(&name));
+        if self.settings.use_sim_time {
+            if let Some((level, words)) = self.watch.look(self.clock, writers, monotonic_ns()) {
+                self.tell(level, &words);
+            }
+        } else if self.settings.publish_clock && writers > 0 && !std::mem::replace(&mut self.rival_clock, true) {
+            self.tell(LogLevel::Error, "/clock: another node publishes it beside this one; whoever follows it jumps");
+        }
+    }
+
+    /// Tells of endpoints that cannot be matched.
+    fn look_for_mismatches(&mut self) {
+        for (endpoint, words) in self.bus.incompatible() {
+            if self.strangers.insert(endpoint) {
+                self.tell(LogLevel::Warn, &format!("{words}; nothing passes between them (see `qos_overrides`)"));
+            }
+        }
+    }
+
+    /// Takes what is left once all threads have ended.
+    pub(super) fn drain(&mut self, news: &Taker) -> Result<(), NodeError> {
+        let taken = news.rest().try_for_each(|item| self.take(&item));
+        self.catch_up(news);
+        taken
+    }
+
+    /// What found no room on the way here.
+    fn catch_up(&mut self, news: &Taker) {
+        if let Some(settings) = news.settings() {
+            self.settings = settings;
+        }
+        let left_out = news.left_out();
+        if left_out > 0 {
+            let words = format!("the books stood still: {left_out} results or words are missing in log and bag");
+            self.tell(LogLevel::Error, &words);
+        }
+    }
+
+    fn take(&mut self, item: &News) -> Result<(), NodeError> {
+        for (level, words) in words::of(item, &mut self.settings) {
+            self.tell(level, &words);
+        }
+        match (item, &mut self.journal) {
+            (News::Output(output), Some(journal)) => Ok(journal.write(&output.tick)?),
+            _ => Ok(()),
+        }
+    }
+
+    fn tell(&mut self, level: LogLevel, words: &str) {
+        if (level as u8) < self.least.load(Ordering::Relaxed) {
+            return;
+        }
+        (self.say)(level, words);
+        let stamp = ros2_client::builtin_interfaces::Time::from_nanos(wall_ns());
+        self.bus.node().rosout_raw(stamp, level, &self.bus.arguments().name, words, file!(), "", line!());
+    }
+}

@@ -1,0 +1,251 @@
+//! `simulation_interfaces` 2.1 and `~/reset`: the simulation asked for its state, set, stepped and set back.
+//!
+//! What needs the loop is answered by the thread that publishes, after everything that the order led to: whoever has the answer to a step
+//! was sent its states before. `~/reset` is a `std_srvs/Trigger`, which every ROS 2 has; `~/reset_simulation` does the same for those who
+//! have `simulation_interfaces`.
+
+use futures::stream::LocalBoxStream;
+use ros2_client::{Server, ServiceMapping};
+
+use super::super::bus::{Bus, BusError};
+use super::super::control::{Answer, Order, Outcome, State};
+use super::super::integration::Time;
+use super::replies::Replies;
+use super::{Aftermath, Desk, answer, attend};
+use crate::msg::service::{Nothing, Trigger, TriggerResponse};
+use crate::msg::simulation::{
+    FeaturesResponse, GetSimulationState, GetSimulatorFeatures, ResetRequest, ResetSimulation, ResultResponse,
+    SetSimulationState, SetStateRequest, SimulationResult, SimulationState, SimulatorFeatures, StateResponse,
+    StepRequest, StepSimulation,
+};
+
+/// Most steps of one call: 11 days at 1 kHz.
+const MOST_STEPS: u64 = 1_000_000_000;
+
+/// Why a node that follows a clock cannot be stopped or stepped.
+const FOLLOWS: &str = "this node follows /clock (use_sim_time): whoever publishes it stops and steps the simulation";
+
+/// One layout of the services.
+pub struct SimulationServices {
+    mapping: ServiceMapping,
+    time: Time,
+    features: Server<Nothing, FeaturesResponse>,
+    get: Server<Nothing, StateResponse>,
+    set: Server<SetStateRequest, ResultResponse>,
+    step: Server<StepRequest, ResultResponse>,
+    reset: Server<ResetRequest, ResultResponse>,
+    trigger: Server<Nothing, TriggerResponse>,
+}
+
+impl SimulationServices {
+    /// Opens the services under the node's name.
+    ///
+    /// # Errors
+    /// When DDS refuses.
+    pub fn open(bus: &mut Bus, mapping: ServiceMapping, time: Time) -> Result<Self, BusError> {
+        Ok(Self {
+            mapping,
+            time,
+            features: bus.offer::<GetSimulatorFeatures>(mapping, "~/get_simulator_features")?,
+            get: bus.offer::<GetSimulationState>(mapping, "~/get_simulation_state")?,
+            set: bus.offer::<SetSimulationState>(mapping, "~/set_simulation_state")?,
+            step: bus.offer::<StepSimulation>(mapping, "~/step_simulation")?,
+            reset: bus.offer::<ResetSimulation>(mapping, "~/reset_simulation")?,
+            trigger: bus.offer::<Trigger>(mapping, "~/reset")?,
+        })
+    }
+
+    /// Answers calls as they come, some of them once the loop has done what they ask for.
+    pub fn answers<'a, 's: 'a>(
+        &'s self,
+        desk: &'a Desk<'a>,
+        replies: &'a Replies<'s>,
+    ) -> Vec<LocalBoxStream<'a, Aftermath>> {
+        let (mapping, time) = (self.mapping, self.time);
+        vec![
+            answer(mapping, &self.features, desk, move |_, _, _| FeaturesResponse { features: features(time) }),
+            answer(mapping, &self.get, desk, |_, _, _| {
+                let state = SimulationState { state: number(replies.state()) };
+                StateResponse { state, result: SimulationResult::ok() }
+            }),
+            attend(mapping, &self.set, desk, move |request, _, aftermath, send| {
+                let send = move |result| send(ResultResponse { result });
+                order(replies, aftermath, state_order(request.state, time), send);
+            }),
+            attend(mapping, &self.step, desk, move |request, _, aftermath, send| {
+                let send = move |result| send(ResultResponse { result });
+                order(replies, aftermath, step_order(request.steps, time), send);
+            }),
+            attend(mapping, &self.reset, desk, move |request, _, aftermath, send| {
+                let send = move |result| send(ResultResponse { result });
+                order(replies, aftermath, reset_order(request.scope, time), send);
+            }),
+            attend(mapping, &self.trigger, desk, move |_, _, aftermath, send| {
+                let send = move |result: SimulationResult| {
+                    let success = result.result == SimulationResult::OK;
+                    let done = "the twin starts again from the steady state of its inputs";
+                    send(TriggerResponse {
+                        success,
+                        message: if success { done.to_owned() } else { result.error_message },
+                    })
+                };
+                order(replies, aftermath, Ok(Order::Reset { time: true }), send);
+            }),
+        ]
+    }
+}
+
+/// Gives an order to the loop, or says at once why not.
+fn order<'a>(
+    replies: &Replies<'a>,
+    aftermath: &mut Aftermath,
+    order: Result<Order, SimulationResult>,
+    send: impl FnOnce(SimulationResult) -> bool + Send + 'a,
+) {
+    let order = match order {
+        Ok(order) => order,
+        Err(refusal) => {
+            send(refusal);
+            return;
+        }
+    };
+    let reply = move |answer: Answer| {
+        send(result(answer.outcome));
+    };
+    if let Some(ticket) = replies.expect(reply) {
+        aftermath.words.extend(words(order).map(str::to_owned));
+        aftermath.orders.push((order, ticket));
+    }
+}
+
+/// What an order does, for the log; steps are too many to tell.
+fn words(order: Order) -> Option<&'static str> {
+    match order {
+        Order::Play => Some("a caller lets the simulation play"),
+        Order::Pause => Some("a caller pauses the simulation"),
+        Order::Stop => Some("a caller stops the simulation and sets it back"),
+        Order::Reset { .. } => Some("a caller sets the twin back"),
+        Order::Quit => Some("a caller ends the node"),
+        Order::Step { .. } => None,
+    }
+}
+
+fn state_order(state: SimulationState, time: Time) -> Result<Order, SimulationResult> {
+    let refuse = |result, why: &str| Err(SimulationResult::refused(result, why));
+    match state.state {
+        SimulationState::QUITTING => Ok(Order::Quit),
+        SimulationState::STOPPED..=SimulationState::PAUSED if time == Time::Follow => {
+            refuse(SimulationResult::INCORRECT_STATE, FOLLOWS)
+        }
+        SimulationState::STOPPED => Ok(Order::Stop),
+        SimulationState::PLAYING => Ok(Order::Play),
+        SimulationState::PAUSED => Ok(Order::Pause),
+        _ => refuse(
+            SimulationResult::FEATURE_UNSUPPORTED,
+            "expected 0 (stopped), 1 (playing), 2 (paused) or 3 (quitting); there are no worlds to load",
+        ),
+    }
+}
+
+fn step_order(steps: u64, time: Time) -> Result<Order, SimulationResult> {
+    match steps {
+        _ if time == Time::Follow => Err(SimulationResult::refused(SimulationResult::INCORRECT_STATE, FOLLOWS)),
+        0..=MOST_STEPS => Ok(Order::Step { ticks: steps }),
+        _ => {
+            let why = format!("{steps} steps: expected at most {MOST_STEPS}");
+            Err(SimulationResult::refused(SimulationResult::OPERATION_FAILED, why))
+        }
+    }
+}
+
+fn reset_order(scope: u8, time: Time) -> Result<Order, SimulationResult> {
+    let refuse = |why: &str| Err(SimulationResult::refused(SimulationResult::FEATURE_UNSUPPORTED, why));
+    let (wants_time, wants_state) = (scope & ResetRequest::SCOPE_TIME != 0, scope & ResetRequest::SCOPE_STATE != 0);
+    match (wants_time, wants_state) {
+        _ if scope == 0 || scope == ResetRequest::SCOPE_ALL => Ok(Order::Reset { time: true }),
+        (false, true) => Ok(Order::Reset { time: false }),
+        (true, true) if time == Time::Own => Ok(Order::Reset { time: true }),
+        (true, _) if time != Time::Own => refuse("the time is not this node's to set back (see --publish-clock)"),
+        (true, _) => refuse("the time is set back together with the state only: expected scope 3, 0 or 255"),
+        (false, false) => refuse("nothing is spawned here: expected scope 2 (state), 3 (and time), 0 or 255 (all)"),
+    }
+}
+
+fn result(outcome: Outcome) -> SimulationResult {
+    let refuse = SimulationResult::refused;
+    match outcome {
+        Outcome::Done => SimulationResult::ok(),
+        Outcome::Already => refuse(SimulationResult::ALREADY_IN_TARGET_STATE, "it is in that state already"),
+        Outcome::NotPaused => {
+            refuse(SimulationResult::OPERATION_FAILED, "the simulation plays: pause it before you step it")
+        }
+        Outcome::Busy => refuse(SimulationResult::INCORRECT_STATE, "other callers are before this one"),
+        Outcome::Interrupted => refuse(SimulationResult::OPERATION_FAILED, "another call ended the steps early"),
+    }
+}
+
+fn number(state: State) -> u8 {
+    match state {
+        State::Stopped => SimulationState::STOPPED,
+        State::Playing => SimulationState::PLAYING,
+        State::Paused => SimulationState::PAUSED,
+    }
+}
+
+fn features(time: Time) -> SimulatorFeatures {
+    use SimulatorFeatures as F;
+    let mut features = vec![F::SIMULATION_RESET, F::SIMULATION_RESET_STATE, F::SIMULATION_STATE_GETTING];
+    if time == Time::Own {
+        features.push(F::SIMULATION_RESET_TIME);
+    }
+    if time != Time::Follow {
+        features.extend([F::SIMULATION_STATE_SETTING, F::SIMULATION_STATE_PAUSE]);
+        features.extend([F::STEP_SIMULATION_SINGLE, F::STEP_SIMULATION_MULTIPLE]);
+    }
+    features.sort_unstable();
+    let custom_info = format!(
+        "govtwin {}: servo system of a hydro-turbine governor; simulation_interfaces 2.1; a step is one tick of `rate`",
+        env!("CARGO_PKG_VERSION")
+    );
+    SimulatorFeatures { features, spawn_formats: Vec::new(), custom_info }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Order, SimulationResult, SimulationState, Time, features, reset_order, state_order, step_order};
+
+    #[test]
+    fn orders_are_those_that_the_time_allows() {
+        let state = |state, time| state_order(SimulationState { state }, time);
+        assert_eq!(state(2, Time::Wall), Ok(Order::Pause));
+        assert_eq!(state(3, Time::Follow), Ok(Order::Quit));
+        let refused = |order: Result<Order, SimulationResult>| order.unwrap_err().result;
+        assert_eq!(refused(state(2, Time::Follow)), SimulationResult::INCORRECT_STATE);
+        assert_eq!(refused(state(5, Time::Own)), SimulationResult::FEATURE_UNSUPPORTED);
+        assert_eq!(step_order(5, Time::Wall), Ok(Order::Step { ticks: 5 }));
+        // The first half of an id read as a number, as a call in the other layout would be.
+        assert_eq!(refused(step_order(0x1122_3344_5566_7788, Time::Own)), SimulationResult::OPERATION_FAILED);
+    }
+
+    #[test]
+    fn a_reset_is_of_what_there_is() {
+        for (scope, time, expected) in [
+            (0, Time::Wall, Some(true)),
+            (255, Time::Follow, Some(true)),
+            (2, Time::Own, Some(false)),
+            (3, Time::Own, Some(true)),
+            (3, Time::Wall, None),
+            (1, Time::Own, None),
+            (4, Time::Own, None),
+        ] {
+            assert_eq!(reset_order(scope, time).ok(), expected.map(|time| Order::Reset { time }), "{scope} {time:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_offered_is_what_the_time_allows() {
+        assert_eq!(features(Time::Own).features, [20, 21, 22, 24, 25, 26, 31, 32]);
+        assert_eq!(features(Time::Wall).features, [20, 22, 24, 25, 26, 31, 32]);
+        assert_eq!(features(Time::Follow).features, [20, 22, 24]);
+    }
+}

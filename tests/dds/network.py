@@ -1,0 +1,177 @@
+#!/usr/bin/env python3
+"""A running `govtwin run` on a bad network, with peers that come and go, and over some minutes.
+
+Usage: network.py GOVTWIN FOLDER   (needs PyPI `cyclonedds` 11; ROS_DOMAIN_ID picks the domain; logs go to FOLDER)
+CASES picks among: link churn soak; `link` needs root. SOAK_S and CHURN_S are their lengths. Exits 0 when everything was as it
+should be, 1 otherwise, 77 where nothing could be tried.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import time
+
+from bench import DOMAIN, Bench, check, whole, FAILED
+from cyclonedds.domain import DomainParticipant
+from cyclonedds.pub import DataWriter
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+import types_ros as ros
+from faults import Node, Watch
+from relay import Network
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+# Name, what the network does, how long; the state's rate that is wanted then, Hz, of 100.
+CONDITIONS = [
+    ("an even network", {}, 6, 90),
+    ("5 % of packets lost", {"loss": 0.05}, 10, 85),
+    ("20 % of packets lost", {"loss": 0.2}, 10, 65),
+    ("50 ms delay", {"delay_s": 0.05}, 10, 90),
+    ("0 to 30 ms delay, reordered", {"jitter_s": 0.03}, 10, 30),
+    ("10 % lost, 20 ms delay, reordered by 20 ms", {"loss": 0.1, "delay_s": 0.02, "jitter_s": 0.02}, 10, 30),
+]
+OUTAGES_S = (1.0, 15.0)
+
+
+class Remote(Node):
+    """A node in a namespace."""
+
+    def __init__(self, side, binary, log, *more):
+        self.side = side
+        self.log = open(log, "w")
+        arguments = [binary, "run", "--stale-after", "1.5", "--hold", "0.5", *more]
+        self.process = subprocess.Popen(side.command(*arguments), stderr=self.log, stdout=self.log)
+        self.log_path = log
+
+
+def link(binary, folder):
+    """Loss, delay, reordering and outages between node and peer."""
+    if os.geteuid() != 0 or not os.path.exists("/dev/net/tun"):
+        print("skipped: needs root and /dev/net/tun")
+        return
+    network = Network("gtn")
+    figures = os.path.join(folder, "link.json")
+    node = Remote(network.sides[0], binary, os.path.join(folder, "link.txt"), "--json", figures, "--lease", "3")
+    watch = Watch(network.sides[1].command(sys.executable, os.path.join(HERE, "watch.py")))
+    try:
+        check("they meet across the relay", watch.until(lambda n, x: n > 0 and abs(x - 0.3) < 2e-3, 30) is not None)
+        for name, conditions, seconds, wanted_hz in CONDITIONS:
+            network.set(**conditions)
+            time.sleep(1.0)
+            watch.lines()
+            begin, states, positions = time.monotonic(), 0, []
+            while time.monotonic() < begin + seconds:
+                # Each line is of the half second before it.
+                for count, position in watch.lines():
+                    states += count
+                    positions.append(position)
+                time.sleep(0.05)
+            rate_hz = states / (0.5 * max(len(positions), 1))
+            steady = positions and max(abs(x - 0.3) for x in positions) < 5e-3
+            check(f"{name}: states come and nothing moves wrongly", steady and rate_hz > wanted_hz,
+                  f"({rate_hz:.0f} a second; {min(positions, default=0):.4f} to {max(positions, default=0):.4f} pu)")
+        network.set()
+        opening = 0.3
+        for seconds in OUTAGES_S:
+            watch.lines()
+            network.set(is_up=False)
+            time.sleep(seconds)
+            network.set()
+            # After a silence of 2 s the watch commands the other opening.
+            opening = 0.8 - opening if seconds > 2.0 else opening
+            back = watch.until(lambda n, x: abs(x - opening) < 2e-3, 40)
+            check(f"a link that was down for {seconds:.0f} s works again", back is not None,
+                  f"({back:.1f} s after it came back)" if back is not None else "(not within 40 s)")
+    finally:
+        watch.end()
+        check("the node ends in order", node.end())
+        network.close()
+    said = open(node.log_path).read()
+    check("an outage beyond the limits fails safe, a short one does not", said.count("fail-safe: inputs are missing") == 1,
+          f"({said.count('fail-safe: inputs are missing')} times)")
+    with open(figures) as text:
+        lost = json.load(text)["inputs"]["governor/command"]["lost"]
+    check("what was lost is counted", lost > 100, f"({lost} commands; the relay lost {network.lost} of {network.lost + network.passed} packets)")
+
+
+def resources(node):
+    """Threads and descriptors of the node."""
+    process = f"/proc/{node.process.pid}"
+    return len(os.listdir(f"{process}/task")), len(os.listdir(f"{process}/fd"))
+
+
+def churn(binary, folder):
+    """A peer that joins and leaves each second while another one commands."""
+    seconds = float(os.environ.get("CHURN_S", "60"))
+    node = Node(binary, os.path.join(folder, "churn.txt"))
+    bench = Bench()
+    try:
+        bench.drive(3.0, 0.4)
+        before, threads = node.megabytes(), resources(node)
+        begin, rounds, states, positions = time.monotonic(), 0, 0, []
+        while time.monotonic() < begin + seconds:
+            visitor = DomainParticipant(DOMAIN)
+            readers = [DataReader(visitor, Topic(visitor, f"rt/sim/{name}", kind))
+                       for name, kind in (("servo_state", ros.ServoState), ("joint_states", ros.JointState))]
+            writer = DataWriter(visitor, Topic(visitor, "rt/plant/nothing", ros.EsvState))
+            got, _ = bench.drive(0.9, 0.4)
+            states += len(got)
+            positions += [sample.servomotor_position for sample in got]
+            rounds += 1
+            del readers, writer, visitor
+        took = time.monotonic() - begin
+        check("commands and states flow", states > 80 * took * 0.9, f"({states} states in {took:.0f} s, {rounds} visitors)")
+        check("and nothing moves wrongly", max(abs(x - 0.4) for x in positions) < 2e-3)
+        time.sleep(2.0)
+        after, now = node.megabytes(), resources(node)
+        check("memory, threads and descriptors stay", after - before < 8 and now[0] <= threads[0] and now[1] <= threads[1] + 2,
+              f"({before:.1f} -> {after:.1f} MB, {threads} -> {now})")
+    finally:
+        check("the node ends in order", node.end())
+
+
+def soak(binary, folder):
+    """Some minutes at 100 Hz: the slope of memory, threads, descriptors, the state's age."""
+    seconds = float(os.environ.get("SOAK_S", "180"))
+    figures = os.path.join(folder, "soak.json")
+    node = Node(binary, os.path.join(folder, "soak.txt"), "--json", figures)
+    bench = Bench()
+    try:
+        # Rings and the transport's caches fill first: 80 s at 100 Hz.
+        bench.drive(100.0, 0.4)
+        first, begin = resources(node), time.monotonic()
+        times, sizes, states = [], [], 0
+        while time.monotonic() < begin + seconds:
+            got, _ = bench.drive(5.0, 0.4 + 0.1 * (len(times) % 2))
+            states += len(got)
+            times.append(time.monotonic() - begin)
+            sizes.append(node.megabytes())
+        mean_t, mean_s = sum(times) / len(times), sum(sizes) / len(sizes)
+        spread = sum((t - mean_t) ** 2 for t in times)
+        slope = 3600 * sum((t - mean_t) * (s - mean_s) for t, s in zip(times, sizes)) / spread
+        print("     MB every 5 s: " + " ".join(f"{size:.1f}" for size in sizes))
+        check("memory does not grow", slope < 2.0, f"({slope:+.2f} MB an hour over {times[-1]:.0f} s; {sizes[0]:.1f} -> {sizes[-1]:.1f} MB)")
+        check("nor do threads and descriptors", resources(node)[0] <= first[0] and resources(node)[1] <= first[1] + 1,
+              f"({first} -> {resources(node)})")
+        check("states keep their rate", states > 95 * times[-1], f"({states / times[-1]:.1f} a second)")
+    finally:
+        check("the node ends in order", node.end())
+    with open(figures) as text:
+        run = json.load(text)
+    print(f"     wake-up lateness {run['loop']['lateness']['p99_9_us']:.0f} us at 99.9 %, {run['loop']['overruns']} overruns, "
+          f"{run['lost_publications']} publications lost, {run['inputs']['governor/command']['lost']} commands lost")
+
+
+def main():
+    binary, folder = sys.argv[1], sys.argv[2]
+    cases = {"link": link, "churn": churn, "soak": soak}
+    for name in os.environ.get("CASES", " ".join(cases)).split():
+        print(f"-- {name}: {cases[name].__doc__}")
+        cases[name](binary, folder)
+    print(f"{len(FAILED)} failed")
+    sys.exit(1 if FAILED else 0)
+
+
+if __name__ == "__main__":
+    main()
