@@ -14,6 +14,8 @@ mod info;
 mod make;
 #[path = "bag/order.rs"]
 mod order;
+#[path = "bag/qualification.rs"]
+mod qualification;
 #[path = "bag/read.rs"]
 mod read;
 #[path = "bag/shipped.rs"]

@@ -1,6 +1,7 @@
 //! The four streams while a bag is read: each takes its own messages, then they become samples on one clock.
 
 use super::align::Streams;
+use super::evidence::StreamEvidence;
 use super::order::{self, Jump, Silence};
 use super::pace::Pace;
 use super::streams::{Command, Pressure, Sample, Value, decode};
@@ -13,8 +14,11 @@ use crate::msg::definition;
 /// One stream.
 pub(super) struct Collector<V> {
     stream: Stream,
-    samples: Vec<Sample<V>>,
-    health: StreamHealth,
+    pub(super) samples: Vec<Sample<V>>,
+    /// There was a sample.
+    heard: bool,
+    pub(super) health: StreamHealth,
+    pub(super) evidence: StreamEvidence,
 }
 
 /// What the rest of the reader needs of a stream, whatever its value.
@@ -45,7 +49,7 @@ pub(super) trait AnyCollector {
 impl<V: Value> Collector<V> {
     fn new(stream: Stream, topics: &Topics) -> Self {
         let health = StreamHealth { topic: topics.of(stream).to_owned(), ..StreamHealth::default() };
-        Self { stream, samples: vec![], health }
+        Self { stream, samples: vec![], heard: false, health, evidence: StreamEvidence::new(stream) }
     }
 }
 
@@ -63,12 +67,13 @@ impl<V: Value> AnyCollector for Collector<V> {
     }
 
     fn is_empty(&self) -> bool {
-        self.samples.is_empty()
+        !self.heard
     }
 
     fn take(&mut self, message: RawView<'_>) -> bool {
         let mine = message.topic.name == self.health.topic;
-        if mine && let Some(sample) = decode(message.data, message.log_time_ns, &mut self.health) {
+        if mine && let Some(sample) = decode(message, &mut self.health, &mut self.evidence) {
+            self.heard = true;
             self.samples.push(sample);
         }
         mine
@@ -119,6 +124,7 @@ impl<V: Value> AnyCollector for Collector<V> {
         let mut pace = Pace::default();
         for sample in &self.samples {
             pace.push(sample.stamp_ns);
+            self.evidence.sample(sample.stamp_ns, sample.log_time_ns, sample.value.number());
         }
         self.health.pace = pace.finish();
     }
@@ -126,10 +132,10 @@ impl<V: Value> AnyCollector for Collector<V> {
 
 /// All four.
 pub(super) struct Collected {
-    command: Collector<Command>,
-    esv: Collector<EsvState>,
-    tank_pressure: Collector<Pressure>,
-    servo_state: Collector<Signals>,
+    pub(super) command: Collector<Command>,
+    pub(super) esv: Collector<EsvState>,
+    pub(super) tank_pressure: Collector<Pressure>,
+    pub(super) servo_state: Collector<Signals>,
 }
 
 impl Collected {
@@ -150,11 +156,12 @@ impl Collected {
         [&mut self.command, &mut self.esv, &mut self.tank_pressure, &mut self.servo_state]
     }
 
-    pub(super) fn take(&mut self, message: RawView<'_>) {
-        let _ = self.command.take(message)
+    /// Takes a message; false where it is on none of the four topics.
+    pub(super) fn take(&mut self, message: RawView<'_>) -> bool {
+        self.command.take(message)
             || self.esv.take(message)
             || self.tank_pressure.take(message)
-            || self.servo_state.take(message);
+            || self.servo_state.take(message)
     }
 
     /// Leaves the samples of one clock, each stream in the order of its stamps.
@@ -183,12 +190,12 @@ impl Collected {
             for (stream, runs) in self.all_mut().into_iter().zip(&runs) {
                 stream.keep_run(runs, longest);
             }
-            Warning::ClockJump {
-                topic: first.topic.clone(),
-                from_ns: first.from_ns,
-                to_ns: first.to_ns,
-                jumps: common.len() as u64,
-                left_out: of - most,
+            let (topic, from_ns, to_ns) = (first.topic.clone(), first.from_ns, first.to_ns);
+            let (jumps, left_out) = (common.len() as u64, of - most);
+            if common.iter().all(|jump| jump.pause) {
+                Warning::Pause { topic, from_ns, to_ns, pauses: jumps, left_out }
+            } else {
+                Warning::ClockJump { topic, from_ns, to_ns, jumps, left_out }
             }
         });
         for stream in self.all_mut() {
@@ -197,16 +204,17 @@ impl Collected {
         warning
     }
 
-    /// The samples, and the health of each stream.
-    pub(super) fn finish(self) -> (Streams, Vec<StreamHealth>) {
+    /// The samples, and health and evidence of each stream.
+    pub(super) fn finish(self) -> (Streams, Vec<StreamHealth>, [StreamEvidence; 4]) {
         let Self { command, esv, tank_pressure, servo_state } = self;
         let health = vec![command.health, esv.health, tank_pressure.health, servo_state.health];
+        let evidence = [command.evidence, esv.evidence, tank_pressure.evidence, servo_state.evidence];
         let streams = Streams {
             command: command.samples,
             esv: esv.samples,
             tank_pressure: tank_pressure.samples,
             servo_state: servo_state.samples,
         };
-        (streams, health)
+        (streams, health, evidence)
     }
 }
