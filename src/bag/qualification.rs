@@ -120,7 +120,7 @@ const FROZEN_SAMPLES: u64 = 20;
 const SATURATED: u64 = 10;
 const SATURATED_SHARE: f64 = 0.01;
 const REPEATS_SHARE: f64 = 0.05;
-const SATURATED_VISITS: u64 = 5;
+const SATURATED_VISITS: u64 = 3;
 
 /// A stop is this near to the end of a stroke, pu: a position that is cut off there may be one that the plant itself ends.
 const STOP_PU: f64 = 0.005;
@@ -204,7 +204,7 @@ fn drift(streams: &[(&str, &mut StreamEvidence, u64)], found: &mut Vec<Finding>)
         let drift = evidence.clock.drift()?;
         (drift.scatter_s * DRIFT_SCATTERS < drift.shift_s.abs().max(DRIFT_S)).then_some((*topic, drift))
     });
-    let (played, drifts): (Vec<_>, Vec<_>) = drifts.partition(|(_, drift)| drift.slope.abs() > PLAYED);
+    let (played, drifts): (Vec<_>, Vec<_>) = drifts.partition(|(_, drift)| drift.drift_ratio.abs() > PLAYED);
     for (topic, drift) in played {
         Found::new(topic, found).note(Kind::Played, findings::played(drift));
     }
