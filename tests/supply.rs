@@ -32,7 +32,9 @@ fn every_duplicate_crate_has_its_reason() {
     let mut versions: BTreeMap<String, BTreeSet<Vec<u64>>> = BTreeMap::new();
     for line in String::from_utf8(output.stdout).unwrap().lines() {
         let mut words = line.split(' ');
-        let (Some(name), Some(version)) = (words.next(), words.next().and_then(|word| word.strip_prefix('v'))) else { continue };
+        let (Some(name), Some(version)) = (words.next(), words.next().and_then(|word| word.strip_prefix('v'))) else {
+            continue;
+        };
         let numbers = version.split(['.', '+', '-']).map_while(|part| part.parse().ok()).collect();
         versions.entry(name.to_owned()).or_default().insert(numbers);
     }

@@ -12,7 +12,7 @@ use super::metadata::{self, Metadata};
 use super::segment::Segment;
 use super::topic::{OnMessage, TopicInfo, shown};
 use super::{BagError, FileHealth, Finding, Warning, qualification};
-use crate::files::{check_regular, read_text};
+use crate::files::{check_regular, read_text, settle};
 
 /// More than `metadata.yaml` has for ten thousand topics.
 const LARGEST_METADATA_BYTES: u64 = 1 << 24;
@@ -47,6 +47,7 @@ pub(super) enum Storage {
 /// # Errors
 /// Where there is nothing at the path, or something that is no bag.
 pub(super) fn open(path: &Path) -> Result<Source, BagError> {
+    settle(path).map_err(BagError::io(path, "read"))?;
     let kind = fs::metadata(path).map_err(BagError::io(path, "open"))?;
     let name = path.file_stem().or_else(|| path.file_name()).unwrap_or(path.as_os_str());
     let mut source =

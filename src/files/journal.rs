@@ -1,7 +1,6 @@
 //! Files and folders of one report take their names together even where the process is killed between two of them: what is to be done
 //! stands in a journal first, and who comes next completes it.
 
-use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::io;
 use std::path::{Component, Path, PathBuf};
@@ -12,7 +11,7 @@ use super::fault::step;
 use super::input::bounded_text;
 use super::rename::{exchange, move_new};
 use super::temporary::is_temporary;
-use super::{Claim, ClaimError, Together};
+use super::{Claim, ClaimError, Together, folder_of};
 
 /// Its name, in the folder of the report.
 const NAME: &str = ".govtwin.journal";
@@ -91,7 +90,8 @@ pub(super) fn complete(folder: &Path) -> io::Result<()> {
         return Err(foreign(&path, "another schema"));
     }
     let names = journal.moves.iter().flat_map(|one| [&one.from, &one.to]).chain(&journal.removes);
-    let strange = names.clone().any(|name| !is_inside(name)) || journal.moves.iter().any(|one| !is_temporary(&one.from));
+    let strange =
+        names.clone().any(|name| !is_inside(name)) || journal.moves.iter().any(|one| !is_temporary(&one.from));
     if strange {
         return Err(foreign(&path, "a name that leads elsewhere"));
     }
@@ -116,11 +116,12 @@ pub(super) fn complete(folder: &Path) -> io::Result<()> {
     fs::remove_file(&path)
 }
 
-/// Completes what a killed process left to do in a folder that is about to be read.
+/// Completes what a killed process left to do in the folder of a file or bag that is about to be read.
 ///
 /// # Errors
 /// Where that cannot be done: some files there would be of another report than others.
-pub fn settle(folder: &Path) -> io::Result<()> {
+pub fn settle(read: &Path) -> io::Result<()> {
+    let folder = folder_of(read);
     let path = folder.join(NAME);
     for _ in 0..TRIES {
         if fs::symlink_metadata(&path).is_err() {
@@ -138,11 +139,6 @@ pub fn settle(folder: &Path) -> io::Result<()> {
         }
     }
     Ok(())
-}
-
-/// Whether a name belongs to a journal.
-pub(super) fn is_journal(name: &OsStr) -> bool {
-    name == NAME
 }
 
 /// A relative path that stays where it is.
@@ -197,7 +193,11 @@ mod tests {
         let moves: Vec<_> = files.moves().chain([(made.clone(), bag.clone())]).collect();
         let outdated = folder.join("outdated");
         journalled(folder, &moves, &[outdated.clone()], || {
-            if bag.exists() { exchange(&made, &bag)? } else { move_new(&made, &bag)? }
+            if bag.exists() {
+                exchange(&made, &bag)?
+            } else {
+                move_new(&made, &bag)?
+            }
             files.place()?;
             step()?;
             let _ = fs::remove_file(&outdated);
@@ -209,7 +209,7 @@ mod tests {
     fn read(folder: &Path) -> (Vec<Option<String>>, bool) {
         let mut names = NAMES.map(|name| folder.join(name)).to_vec();
         names.insert(0, folder.join("bag/words"));
-        settle(folder).unwrap();
+        settle(&folder.join("bag")).unwrap();
         (names.iter().map(|name| read_text(name, 100).ok()).collect(), folder.join("outdated").exists())
     }
 
@@ -266,7 +266,9 @@ mod tests {
         let number = |path: &Path| inode(path).unwrap();
         let mine = number(&dir.path().join("mine"));
         for journal in [
-            format!(r#"{{"schema":"{SCHEMA}","moves":[{{"from":"../mine","to":"taken","inode":{mine}}}],"removes":[]}}"#),
+            format!(
+                r#"{{"schema":"{SCHEMA}","moves":[{{"from":"../mine","to":"taken","inode":{mine}}}],"removes":[]}}"#
+            ),
             format!(r#"{{"schema":"{SCHEMA}","moves":[],"removes":["../mine"]}}"#),
             format!(r#"{{"schema":"{SCHEMA}","moves":[],"removes":["{}"]}}"#, dir.path().join("mine").display()),
             format!(
