@@ -75,7 +75,8 @@ fn mutate(dice: &mut Dice, seeds: &[Vec<u8>]) -> Vec<u8> {
     let mut bytes = seeds[dice.draw(seeds.len())].clone();
     for _ in 0..=dice.draw(8) {
         let at = dice.draw(bytes.len() + 1);
-        let len = dice.draw(1 << dice.draw(9)).min(bytes.len() - at);
+        let most = 1 << dice.draw(9);
+        let len = dice.draw(most).min(bytes.len() - at);
         match dice.draw(8) {
             0 | 1 if at < bytes.len() => bytes[at] ^= 1 << dice.draw(8),
             2 if at < bytes.len() => bytes[at] = dice.draw(256) as u8,

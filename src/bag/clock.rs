@@ -34,7 +34,7 @@ pub(super) struct Clock {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Drift {
     /// Seconds of the recorder for each of the stamps, less one.
-    pub(super) drift_ratio: f64,
+    pub(super) rate_excess: f64,
     /// How far the two drifted apart over the recording, s; above 0 where the recorder's clock is the faster one.
     pub(super) shift_s: f64,
     /// How far the least delays are from a straight line, their median, s.
@@ -92,7 +92,7 @@ impl Clock {
         let level = median(points.iter().map(|point| point[1] - slope * point[0]).collect())?;
         let scatter_s = median(points.iter().map(|point| (point[1] - slope * point[0] - level).abs()).collect())?;
         let span_s = seconds_from_nanos(self.last_ns.saturating_sub(first_ns));
-        Some(Drift { drift_ratio: slope, shift_s: slope * span_s, scatter_s })
+        Some(Drift { rate_excess: slope, shift_s: slope * span_s, scatter_s })
     }
 }
 
@@ -118,7 +118,7 @@ mod tests {
             }
             let drift = clock.drift().unwrap();
             assert!(
-                (drift.drift_ratio * 1e6 - ppm).abs() < 1.0 && (drift.shift_s - ppm * 1e-3).abs() < 2e-3,
+                (drift.rate_excess * 1e6 - ppm).abs() < 1.0 && (drift.shift_s - ppm * 1e-3).abs() < 2e-3,
                 "{drift:?}"
             );
             assert!(drift.scatter_s < 1e-3 && clock.ahead == 0, "{drift:?}");

@@ -1,5 +1,8 @@
 //! The four streams while a bag is read: each takes its own messages, then they become samples on one clock.
 
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
 use super::align::Streams;
 use super::evidence::StreamEvidence;
 use super::order::{self, Jump, Silence};
@@ -27,8 +30,8 @@ pub(super) trait AnyCollector {
     fn type_name(&self) -> &'static str;
     fn health(&self) -> &StreamHealth;
     fn is_empty(&self) -> bool;
-    /// Takes the message if it is on this stream's topic.
-    fn take(&mut self, message: RawView<'_>) -> bool;
+    /// Takes a message of this stream's topic.
+    fn take(&mut self, message: RawView<'_>);
     /// What the topic carries instead of the stream's type.
     fn foreign_type(&self, topic: &TopicInfo) -> Option<String>;
     /// Whether the clock of the stamps shows a time near 0 that is a time, as a simulation's does.
@@ -70,13 +73,11 @@ impl<V: Value> AnyCollector for Collector<V> {
         !self.heard
     }
 
-    fn take(&mut self, message: RawView<'_>) -> bool {
-        let mine = message.topic.name == self.health.topic;
-        if mine && let Some(sample) = decode(message, &mut self.health, &mut self.evidence) {
+    fn take(&mut self, message: RawView<'_>) {
+        if let Some(sample) = decode(message, &mut self.health, &mut self.evidence) {
             self.heard = true;
             self.samples.push(sample);
         }
-        mine
     }
 
     fn foreign_type(&self, topic: &TopicInfo) -> Option<String> {
@@ -136,6 +137,8 @@ pub(super) struct Collected {
     pub(super) esv: Collector<EsvState>,
     pub(super) tank_pressure: Collector<Pressure>,
     pub(super) servo_state: Collector<Signals>,
+    /// By the address of what messages of one announcement share, which is kept so that nothing else gets that address.
+    known: BTreeMap<usize, (Arc<TopicInfo>, Option<Stream>)>,
 }
 
 impl Collected {
@@ -145,6 +148,7 @@ impl Collected {
             esv: Collector::new(Stream::Esv, &options.topics),
             tank_pressure: Collector::new(Stream::TankPressure, &options.topics),
             servo_state: Collector::new(Stream::ServoState, &options.topics),
+            known: BTreeMap::new(),
         }
     }
 
@@ -158,10 +162,25 @@ impl Collected {
 
     /// Takes a message; false where it is on none of the four topics.
     pub(super) fn take(&mut self, message: RawView<'_>) -> bool {
-        self.command.take(message)
-            || self.esv.take(message)
-            || self.tank_pressure.take(message)
-            || self.servo_state.take(message)
+        let Some(place) = self.place(message.topic) else { return false };
+        match place {
+            Stream::Command => self.command.take(message),
+            Stream::Esv => self.esv.take(message),
+            Stream::TankPressure => self.tank_pressure.take(message),
+            Stream::ServoState => self.servo_state.take(message),
+        }
+        true
+    }
+
+    /// The stream of a topic, by name once for each announcement of it.
+    fn place(&mut self, topic: &Arc<TopicInfo>) -> Option<Stream> {
+        let address = Arc::as_ptr(topic).addr();
+        if let Some((_, stream)) = self.known.get(&address) {
+            return *stream;
+        }
+        let stream = self.all().iter().find(|one| one.health().topic == topic.name).map(|one| one.stream());
+        self.known.insert(address, (Arc::clone(topic), stream));
+        stream
     }
 
     /// Leaves the samples of one clock, each stream in the order of its stamps.
@@ -206,7 +225,7 @@ impl Collected {
 
     /// The samples, and health and evidence of each stream.
     pub(super) fn finish(self) -> (Streams, Vec<StreamHealth>, [StreamEvidence; 4]) {
-        let Self { command, esv, tank_pressure, servo_state } = self;
+        let Self { command, esv, tank_pressure, servo_state, .. } = self;
         let health = vec![command.health, esv.health, tank_pressure.health, servo_state.health];
         let evidence = [command.evidence, esv.evidence, tank_pressure.evidence, servo_state.evidence];
         let streams = Streams {

@@ -4,7 +4,7 @@
 const MOST_BUCKETS: usize = 4096;
 
 /// Values are sorted into the buckets so many at a time.
-const TOGETHER: usize = 2048;
+const TOGETHER: usize = 8192;
 
 /// Bits behind the leading one that a bucket keeps at first where values no longer stand each for itself: 1 part in 16,384.
 const FINEST_BITS: u32 = 14;

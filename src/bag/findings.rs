@@ -64,7 +64,7 @@ pub(super) fn ahead(clock: &Clock) -> String {
 
 pub(super) fn apart(least: &(&str, Drift), most: &(&str, Drift)) -> String {
     let apart_s = most.1.shift_s - least.1.shift_s;
-    let ppm = (most.1.drift_ratio - least.1.drift_ratio) * 1e6;
+    let ppm = (most.1.rate_excess - least.1.rate_excess) * 1e6;
     format!(
         "its clock and that of {} drift apart, by {apart_s:.3} s from begin to end ({ppm:.0} parts in a million); samples of one stamp \
          are not of one instant",
@@ -73,7 +73,7 @@ pub(super) fn apart(least: &(&str, Drift), most: &(&str, Drift)) -> String {
 }
 
 pub(super) fn together(drift: Drift) -> String {
-    let (shift_s, ppm) = (drift.shift_s, drift.drift_ratio * 1e6);
+    let (shift_s, ppm) = (drift.shift_s, drift.rate_excess * 1e6);
     format!(
         "the stamps' clock and the recorder's drift apart, by {shift_s:.3} s from begin to end ({ppm:.0} parts in a million); the \
          streams do not differ"
@@ -81,7 +81,7 @@ pub(super) fn together(drift: Drift) -> String {
 }
 
 pub(super) fn played(drift: Drift) -> String {
-    let speed = 1.0 / (1.0 + drift.drift_ratio);
+    let speed = 1.0 / (1.0 + drift.rate_excess);
     format!(
         "the stamps run {speed:.2} times as fast as the time of recording, as when a bag is played at another speed"
     )

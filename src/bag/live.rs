@@ -193,7 +193,7 @@ impl Live {
             return Err(Irregular);
         }
         self.newest_log_ns = self.newest_log_ns.max(Some(message.log_time_ns));
-        let Collected { command, esv, tank_pressure, servo_state } = &mut self.collected;
+        let Collected { command, esv, tank_pressure, servo_state, .. } = &mut self.collected;
         self.command.admit(command, self.done_ns)?;
         self.esv.admit(esv, self.done_ns)?;
         self.tank_pressure.admit(tank_pressure, self.done_ns)?;
@@ -233,7 +233,7 @@ impl Live {
     }
 
     fn row(&mut self, time_ns: i64, on_row: &mut dyn FnMut(&Frame)) -> Result<(), Irregular> {
-        let Collected { command, esv, tank_pressure, servo_state } = &mut self.collected;
+        let Collected { command, esv, tank_pressure, servo_state, .. } = &mut self.collected;
         let commanded = self.command.advance(time_ns, &mut command.evidence);
         self.esv.advance(time_ns, &mut esv.evidence);
         self.tank_pressure.advance(time_ns, &mut tank_pressure.evidence);

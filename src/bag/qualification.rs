@@ -204,7 +204,7 @@ fn drift(streams: &[(&str, &mut StreamEvidence, u64)], found: &mut Vec<Finding>)
         let drift = evidence.clock.drift()?;
         (drift.scatter_s * DRIFT_SCATTERS < drift.shift_s.abs().max(DRIFT_S)).then_some((*topic, drift))
     });
-    let (played, drifts): (Vec<_>, Vec<_>) = drifts.partition(|(_, drift)| drift.drift_ratio.abs() > PLAYED);
+    let (played, drifts): (Vec<_>, Vec<_>) = drifts.partition(|(_, drift)| drift.rate_excess.abs() > PLAYED);
     for (topic, drift) in played {
         Found::new(topic, found).note(Kind::Played, findings::played(drift));
     }

@@ -304,13 +304,11 @@ fn write_bag(bag: &Bag, dir: &Path, replayed: &Replayed, unit: &Unit, args: &Arg
     let options = options(args, unit);
     let mut twin = Twin::new(unit).with_cut(args.cut.cut());
     let measured = replayed.scores.are_measured();
-    match rows::write(&bag.path, dir, &options, &mut twin, measured, &topics)? {
-        Some(sealed) => Ok(sealed),
-        None => {
-            let recording = bag::read(&bag.path, &options)?.recording;
-            simulated::write(&bag.path, dir, &Replayed::new(&mut twin, recording), &topics)
-        }
+    if let Some(sealed) = rows::write(&bag.path, dir, &options, &mut twin, measured, &topics)? {
+        return Ok(sealed);
     }
+    let recording = bag::read(&bag.path, &options)?.recording;
+    simulated::write(&bag.path, dir, &Replayed::new(&mut twin, recording), &topics)
 }
 
 /// Writes the bags, the page and the figures.
