@@ -24,21 +24,30 @@
 pub mod cdr;
 
 mod align;
+mod channel;
 mod channels;
 mod chunk;
+mod clock;
 mod collect;
 #[cfg(feature = "sqlite")]
 mod db3;
+mod distribution;
 mod edges;
 mod error;
+mod evidence;
+mod finding;
+mod findings;
 mod health;
 mod layout;
+mod live;
+mod look;
 mod mcap_file;
 mod memory;
 mod merge;
 mod metadata;
 mod order;
 mod pace;
+mod qualification;
 mod read;
 mod record;
 mod record_file;
@@ -56,7 +65,9 @@ use std::fmt;
 use crate::recording::Recording;
 
 pub use error::BagError;
+pub use finding::{Finding, Kind, Severity};
 pub use health::{Damage, FileHealth, Health, StreamHealth, Warning};
+pub use look::{NeedsAll, Overview, Rows, RowsOfMessages, look, read_rows};
 pub use memory::InMemory;
 pub use merge::{Messages, messages};
 pub use read::read;

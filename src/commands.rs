@@ -20,6 +20,7 @@ pub mod play;
 #[cfg(feature = "node")]
 pub mod record;
 pub mod replay;
+pub mod report_file;
 #[cfg(feature = "node")]
 pub mod run;
 #[cfg(feature = "residual")]

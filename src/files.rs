@@ -2,12 +2,14 @@
 //!
 //! A name that a reader may meet always stands for something whole. What is in the making has a name of its own for each process,
 //! `.govtwin-*.tmp`, and is locked; so what a killed process left is known by nobody holding it, and is removed by the next
-//! [`Claim`] of the folder.
+//! [`Claim`] of the folder. The files of one report take their names together even where the process is killed between two of them: by
+//! a journal, [`journalled`].
 
 mod bounds;
 mod claim;
 pub(crate) mod fault;
 mod input;
+mod journal;
 mod rename;
 mod temporary;
 mod together;
@@ -18,6 +20,7 @@ use std::path::Path;
 pub use bounds::check_yaml;
 pub use claim::{Claim, ClaimError};
 pub use input::{check_regular, read_bytes, read_text};
+pub use journal::{journalled, settle};
 pub use rename::{exchange, move_new};
 pub use temporary::{hold, is_held, remove_stale, temporary_folder};
 pub use together::Together;

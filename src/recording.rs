@@ -1,5 +1,7 @@
 //! A recording: frames in time order, with a name and the dynamic process that they show.
 
+use std::collections::VecDeque;
+
 use crate::frame::{EsvState, Frame};
 use crate::units::seconds_from_nanos;
 
@@ -49,24 +51,52 @@ impl Process {
     /// everything else is a change of load.
     #[must_use]
     pub fn of(frames: &[Frame]) -> Self {
-        let command = |frame: &Frame| frame.inputs.opening_command_pu;
-        if frames.iter().any(|frame| frame.inputs.esv == EsvState::Shutdown) {
-            return Self::Shutdown;
-        }
-        let starts_closed = frames.first().is_some_and(|first| command(first) < 0.02);
-        if starts_closed && frames.iter().any(|frame| command(frame) > 0.05) {
-            return Self::Startup;
-        }
-        let mut oldest = 0;
+        let mut watch = ProcessWatch::default();
         for frame in frames {
-            while seconds_from_nanos(frame.time_ns - frames[oldest].time_ns) > 2.0 {
-                oldest += 1;
-            }
-            if command(&frames[oldest]) - command(frame) > 0.20 {
-                return Self::LoadRejection;
-            }
+            watch.row(frame);
         }
-        Self::LoadIncrease
+        watch.process()
+    }
+}
+
+/// Recognises a process row by row.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ProcessWatch {
+    /// Whether the command starts closed, once there is one.
+    starts_closed: Option<bool>,
+    opens: bool,
+    trips: bool,
+    falls: bool,
+    /// Commands of the last two seconds.
+    recent: VecDeque<(i64, f64)>,
+}
+
+impl ProcessWatch {
+    /// Takes a row.
+    pub fn row(&mut self, frame: &Frame) {
+        let command_pu = frame.inputs.opening_command_pu;
+        self.trips |= frame.inputs.esv == EsvState::Shutdown;
+        self.starts_closed.get_or_insert(command_pu < 0.02);
+        self.opens |= command_pu > 0.05;
+        while self.recent.front().is_some_and(|(time_ns, _)| seconds_from_nanos(frame.time_ns - time_ns) > 2.0) {
+            self.recent.pop_front();
+        }
+        self.recent.push_back((frame.time_ns, command_pu));
+        self.falls |= self.recent.front().is_some_and(|(_, oldest_pu)| oldest_pu - command_pu > 0.20);
+    }
+
+    /// The process that the rows so far show.
+    #[must_use]
+    pub fn process(&self) -> Process {
+        if self.trips {
+            Process::Shutdown
+        } else if self.starts_closed == Some(true) && self.opens {
+            Process::Startup
+        } else if self.falls {
+            Process::LoadRejection
+        } else {
+            Process::LoadIncrease
+        }
     }
 }
 

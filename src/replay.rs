@@ -1,14 +1,15 @@
 //! Replay: a recording through a twin, and how far apart the two are.
 
 pub mod ladder;
+pub mod rows;
 pub mod summary;
 
-use crate::frame::{Estimate, Frame, Inputs, Signals};
+use crate::frame::{Estimate, Frame};
 use crate::metrics::{Accumulator, Figures};
 use crate::recording::Recording;
 use crate::signal::Signal;
 use crate::twin::{Cut, Twin};
-use crate::units::nanos_from_seconds;
+use rows::Simulator;
 
 /// Runs a recording through a twin from its start; one estimate for each frame.
 ///
@@ -16,35 +17,20 @@ use crate::units::nanos_from_seconds;
 /// ESV edges reach the twin earlier than their rows.
 #[must_use]
 pub fn simulate(twin: &mut Twin, recording: &Recording) -> Vec<Estimate> {
-    twin.reset();
-    let lookahead_ns = nanos_from_seconds(twin.plant().lookahead_s);
-    // Behind a spool cut neither command nor ESV counts.
-    if lookahead_ns > 0 && twin.cut() != Cut::Spool {
-        return simulate_ahead(twin, &recording.frames, lookahead_ns);
+    let mut simulator = Simulator::new(twin);
+    let mut estimates = Vec::with_capacity(recording.frames.len());
+    let mut take = |_: &Frame, estimate| estimates.push(estimate);
+    for frame in &recording.frames {
+        simulator.row(frame, &mut take);
     }
-    recording.frames.iter().map(|frame| twin.step(frame)).collect()
+    simulator.finish(&mut take);
+    estimates
 }
 
-/// The same with commands and ESV edges handed on earlier by `lookahead_ns`, between rows where they fall there.
-fn simulate_ahead(twin: &mut Twin, frames: &[Frame], lookahead_ns: i64) -> Vec<Estimate> {
-    let mut ahead = frames.iter().map(|frame| (frame.time_ns.saturating_sub(lookahead_ns), frame.inputs)).peekable();
-    let mut newest = match frames.first() {
-        Some(first) => first.inputs,
-        None => return vec![],
-    };
-    let mut estimates = Vec::with_capacity(frames.len());
-    for frame in frames {
-        while let Some((time_ns, inputs)) = ahead.next_if(|(time_ns, _)| *time_ns <= frame.time_ns) {
-            newest = inputs;
-            if time_ns < frame.time_ns && !estimates.is_empty() {
-                let inputs = Inputs { tank_pressure_pa: f64::NAN, ..newest };
-                twin.advance(&Frame { time_ns, inputs, measured: Signals::NONE });
-            }
-        }
-        let inputs = Inputs { tank_pressure_pa: frame.inputs.tank_pressure_pa, ..newest };
-        estimates.push(twin.step(&Frame { inputs, ..*frame }));
-    }
-    estimates
+/// Whether anything was measured at a row.
+#[must_use]
+pub fn is_measured(frame: &Frame) -> bool {
+    Signal::ALL.iter().any(|signal| signal.of(&frame.measured).is_finite())
 }
 
 /// The signal that a cut takes from the recording, and that therefore says nothing about the twin.
@@ -69,14 +55,25 @@ impl Scores {
     pub fn of(recording: &Recording, estimates: &[Estimate]) -> Self {
         let mut scores = Self::default();
         for (frame, estimate) in recording.frames.iter().zip(estimates) {
-            for (signal, whole) in Signal::ALL.into_iter().zip(&mut scores.0) {
-                let measured = signal.of(&frame.measured);
-                if measured.is_finite() {
-                    whole.push(measured, signal.of(&estimate.signals));
-                }
-            }
+            scores.push(frame, estimate);
         }
         scores
+    }
+
+    /// Adds one row.
+    pub fn push(&mut self, frame: &Frame, estimate: &Estimate) {
+        for (signal, whole) in Signal::ALL.into_iter().zip(&mut self.0) {
+            let measured = signal.of(&frame.measured);
+            if measured.is_finite() {
+                whole.push(measured, signal.of(&estimate.signals));
+            }
+        }
+    }
+
+    /// Whether anything was measured at all.
+    #[must_use]
+    pub fn are_measured(&self) -> bool {
+        self.0.iter().map(Accumulator::figures).any(|figures| figures.count + figures.skipped > 0)
     }
 
     /// Adds the rows of another recording.
@@ -96,12 +93,16 @@ impl Scores {
 /// One recording, simulated and compared.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Replayed {
-    /// What was measured.
+    /// What was measured: all rows, or as many as pictures need.
     pub recording: Recording,
-    /// What the twin says, frame by frame.
+    /// What the twin says, frame by frame of `recording`.
     pub estimates: Vec<Estimate>,
-    /// How far apart they are.
+    /// How far apart they are, over all rows.
     pub scores: Scores,
+    /// All rows.
+    pub rows: usize,
+    /// One in so many rows is in `recording`; 1 where all are.
+    pub every: usize,
 }
 
 impl Replayed {
@@ -110,6 +111,7 @@ impl Replayed {
     pub fn new(twin: &mut Twin, recording: Recording) -> Self {
         let estimates = simulate(twin, &recording);
         let scores = Scores::of(&recording, &estimates);
-        Self { recording, estimates, scores }
+        let rows = recording.frames.len();
+        Self { recording, estimates, scores, rows, every: 1 }
     }
 }

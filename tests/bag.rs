@@ -14,6 +14,10 @@ mod info;
 mod make;
 #[path = "bag/order.rs"]
 mod order;
+#[path = "bag/outcomes.rs"]
+mod outcomes;
+#[path = "bag/qualification.rs"]
+mod qualification;
 #[path = "bag/read.rs"]
 mod read;
 #[path = "bag/shipped.rs"]

@@ -12,7 +12,7 @@ const ROW_LIMIT: i64 = 10_000_000;
 const ROWS_PER_SAMPLE: i64 = 250;
 
 /// Rows further apart than this are of two clocks, ns: a day.
-const FARTHEST_NS: i64 = 86_400_000_000_000;
+pub(super) const FARTHEST_NS: i64 = 86_400_000_000_000;
 
 /// The four streams, each strictly rising in stamp. An absent input is one sample at the beginning of time.
 #[derive(Debug, Default)]

@@ -29,8 +29,8 @@ impl Channels {
     }
 
     /// The topics in the order of their channel numbers.
-    pub(super) fn topics(&self) -> impl Iterator<Item = &Arc<TopicInfo>> {
-        self.topics.values()
+    pub(super) fn topics(&self) -> impl Iterator<Item = (u16, &Arc<TopicInfo>)> {
+        self.topics.iter().map(|(id, topic)| (*id, topic))
     }
 
     /// Takes in a schema or channel record; others pass by.

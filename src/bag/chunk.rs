@@ -68,6 +68,11 @@ pub(super) fn compression(body: &[u8]) -> Option<&str> {
     Chunk::parse(body).map(|chunk| chunk.compression)
 }
 
+/// Whether a chunk has a checksum.
+pub(super) fn is_checked(body: &[u8]) -> bool {
+    Chunk::parse(body).is_some_and(|chunk| chunk.crc != 0)
+}
+
 /// Bytes that [`looks_like_one`] needs.
 pub(super) const LOOK_LEN: usize = HEAD_LEN + FIXED_LEN + 4 + 8;
 

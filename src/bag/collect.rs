@@ -1,6 +1,10 @@
 //! The four streams while a bag is read: each takes its own messages, then they become samples on one clock.
 
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
 use super::align::Streams;
+use super::evidence::StreamEvidence;
 use super::order::{self, Jump, Silence};
 use super::pace::Pace;
 use super::streams::{Command, Pressure, Sample, Value, decode};
@@ -13,8 +17,11 @@ use crate::msg::definition;
 /// One stream.
 pub(super) struct Collector<V> {
     stream: Stream,
-    samples: Vec<Sample<V>>,
-    health: StreamHealth,
+    pub(super) samples: Vec<Sample<V>>,
+    /// There was a sample.
+    heard: bool,
+    pub(super) health: StreamHealth,
+    pub(super) evidence: StreamEvidence,
 }
 
 /// What the rest of the reader needs of a stream, whatever its value.
@@ -23,8 +30,8 @@ pub(super) trait AnyCollector {
     fn type_name(&self) -> &'static str;
     fn health(&self) -> &StreamHealth;
     fn is_empty(&self) -> bool;
-    /// Takes the message if it is on this stream's topic.
-    fn take(&mut self, message: RawView<'_>) -> bool;
+    /// Takes a message of this stream's topic.
+    fn take(&mut self, message: RawView<'_>);
     /// What the topic carries instead of the stream's type.
     fn foreign_type(&self, topic: &TopicInfo) -> Option<String>;
     /// Whether the clock of the stamps shows a time near 0 that is a time, as a simulation's does.
@@ -45,7 +52,7 @@ pub(super) trait AnyCollector {
 impl<V: Value> Collector<V> {
     fn new(stream: Stream, topics: &Topics) -> Self {
         let health = StreamHealth { topic: topics.of(stream).to_owned(), ..StreamHealth::default() };
-        Self { stream, samples: vec![], health }
+        Self { stream, samples: vec![], heard: false, health, evidence: StreamEvidence::new(stream) }
     }
 }
 
@@ -63,15 +70,14 @@ impl<V: Value> AnyCollector for Collector<V> {
     }
 
     fn is_empty(&self) -> bool {
-        self.samples.is_empty()
+        !self.heard
     }
 
-    fn take(&mut self, message: RawView<'_>) -> bool {
-        let mine = message.topic.name == self.health.topic;
-        if mine && let Some(sample) = decode(message.data, message.log_time_ns, &mut self.health) {
+    fn take(&mut self, message: RawView<'_>) {
+        if let Some(sample) = decode(message, &mut self.health, &mut self.evidence) {
+            self.heard = true;
             self.samples.push(sample);
         }
-        mine
     }
 
     fn foreign_type(&self, topic: &TopicInfo) -> Option<String> {
@@ -119,6 +125,7 @@ impl<V: Value> AnyCollector for Collector<V> {
         let mut pace = Pace::default();
         for sample in &self.samples {
             pace.push(sample.stamp_ns);
+            self.evidence.sample(sample.stamp_ns, sample.log_time_ns, sample.value.number());
         }
         self.health.pace = pace.finish();
     }
@@ -126,10 +133,12 @@ impl<V: Value> AnyCollector for Collector<V> {
 
 /// All four.
 pub(super) struct Collected {
-    command: Collector<Command>,
-    esv: Collector<EsvState>,
-    tank_pressure: Collector<Pressure>,
-    servo_state: Collector<Signals>,
+    pub(super) command: Collector<Command>,
+    pub(super) esv: Collector<EsvState>,
+    pub(super) tank_pressure: Collector<Pressure>,
+    pub(super) servo_state: Collector<Signals>,
+    /// By the address of what messages of one announcement share, which is kept so that nothing else gets that address.
+    known: BTreeMap<usize, (Arc<TopicInfo>, Option<Stream>)>,
 }
 
 impl Collected {
@@ -139,6 +148,7 @@ impl Collected {
             esv: Collector::new(Stream::Esv, &options.topics),
             tank_pressure: Collector::new(Stream::TankPressure, &options.topics),
             servo_state: Collector::new(Stream::ServoState, &options.topics),
+            known: BTreeMap::new(),
         }
     }
 
@@ -150,11 +160,27 @@ impl Collected {
         [&mut self.command, &mut self.esv, &mut self.tank_pressure, &mut self.servo_state]
     }
 
-    pub(super) fn take(&mut self, message: RawView<'_>) {
-        let _ = self.command.take(message)
-            || self.esv.take(message)
-            || self.tank_pressure.take(message)
-            || self.servo_state.take(message);
+    /// Takes a message; false where it is on none of the four topics.
+    pub(super) fn take(&mut self, message: RawView<'_>) -> bool {
+        let Some(place) = self.place(message.topic) else { return false };
+        match place {
+            Stream::Command => self.command.take(message),
+            Stream::Esv => self.esv.take(message),
+            Stream::TankPressure => self.tank_pressure.take(message),
+            Stream::ServoState => self.servo_state.take(message),
+        }
+        true
+    }
+
+    /// The stream of a topic, by name once for each announcement of it.
+    fn place(&mut self, topic: &Arc<TopicInfo>) -> Option<Stream> {
+        let address = Arc::as_ptr(topic).addr();
+        if let Some((_, stream)) = self.known.get(&address) {
+            return *stream;
+        }
+        let stream = self.all().iter().find(|one| one.health().topic == topic.name).map(|one| one.stream());
+        self.known.insert(address, (Arc::clone(topic), stream));
+        stream
     }
 
     /// Leaves the samples of one clock, each stream in the order of its stamps.
@@ -183,12 +209,12 @@ impl Collected {
             for (stream, runs) in self.all_mut().into_iter().zip(&runs) {
                 stream.keep_run(runs, longest);
             }
-            Warning::ClockJump {
-                topic: first.topic.clone(),
-                from_ns: first.from_ns,
-                to_ns: first.to_ns,
-                jumps: common.len() as u64,
-                left_out: of - most,
+            let (topic, from_ns, to_ns) = (first.topic.clone(), first.from_ns, first.to_ns);
+            let (jumps, left_out) = (common.len() as u64, of - most);
+            if common.iter().all(|jump| jump.pause) {
+                Warning::Pause { topic, from_ns, to_ns, pauses: jumps, left_out }
+            } else {
+                Warning::ClockJump { topic, from_ns, to_ns, jumps, left_out }
             }
         });
         for stream in self.all_mut() {
@@ -197,16 +223,17 @@ impl Collected {
         warning
     }
 
-    /// The samples, and the health of each stream.
-    pub(super) fn finish(self) -> (Streams, Vec<StreamHealth>) {
-        let Self { command, esv, tank_pressure, servo_state } = self;
+    /// The samples, and health and evidence of each stream.
+    pub(super) fn finish(self) -> (Streams, Vec<StreamHealth>, [StreamEvidence; 4]) {
+        let Self { command, esv, tank_pressure, servo_state, .. } = self;
         let health = vec![command.health, esv.health, tank_pressure.health, servo_state.health];
+        let evidence = [command.evidence, esv.evidence, tank_pressure.evidence, servo_state.evidence];
         let streams = Streams {
             command: command.samples,
             esv: esv.samples,
             tank_pressure: tank_pressure.samples,
             servo_state: servo_state.samples,
         };
-        (streams, health)
+        (streams, health, evidence)
     }
 }

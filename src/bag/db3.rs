@@ -40,6 +40,7 @@ pub(super) fn scan(path: &Path, on_message: &mut OnMessage<'_>) -> Result<Scanne
             last.count(message.log_time_ns);
         }
     });
+    health.unchecked_messages = health.messages;
     health.finished = result.is_ok();
     if let Err(error) = result {
         health.damage.push(Damage {

@@ -11,8 +11,29 @@ const WORTH_A_WORD_S: f64 = 1.0;
 /// Edges nearer than this many intervals of the stream are none.
 const PERIODS: f64 = 3.0;
 
+/// Rows before each input's first sample, in the order of [`Stream::INPUTS`].
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Edges([u64; 3]);
+
+impl Edges {
+    /// Counts them, input by input, with all samples at hand.
+    pub(super) fn of(streams: &Streams) -> Self {
+        let first_ns =
+            [stamps(&streams.command).next(), stamps(&streams.esv).next(), stamps(&streams.tank_pressure).next()];
+        Self(first_ns.map(|first_ns| first_ns.map_or(0, |first_ns| rows_before(streams, first_ns))))
+    }
+
+    /// Counts a row that has these inputs; true where one of them is missing, so that it is left out.
+    pub(super) fn count(&mut self, in_force: [bool; 3]) -> bool {
+        for (rows, in_force) in self.0.iter_mut().zip(in_force) {
+            *rows += u64::from(!in_force);
+        }
+        in_force.contains(&false)
+    }
+}
+
 /// What is to be said of the edges of the inputs; `healths` in the order of [`Stream::ALL`].
-pub(super) fn warnings(streams: &Streams, healths: &[StreamHealth]) -> Vec<Warning> {
+pub(super) fn warnings(edges: Edges, healths: &[StreamHealth]) -> Vec<Warning> {
     let heard = || healths.iter().filter(|health| health.kept > 0);
     let first_ns = heard().map(|health| health.pace.first_ns).min().unwrap_or_default();
     let ends = |streams: &[Stream]| {
@@ -29,7 +50,8 @@ pub(super) fn warnings(streams: &Streams, healths: &[StreamHealth]) -> Vec<Warni
         let (late_ns, early_ns) =
             (health.pace.first_ns.saturating_sub(first_ns), last_ns.saturating_sub(health.pace.last_ns));
         if is_news(late_ns, &health.pace) {
-            let rows = rows_before(streams, health.pace.first_ns);
+            let place = Stream::INPUTS.iter().position(|input| *input == stream);
+            let rows = place.map_or(0, |place| edges.0[place]);
             found.push(Warning::BeginsLate { topic: topic(), late_s: seconds_from_nanos(late_ns), rows });
         }
         // An ESV may speak only when it changes: its last state holds by right.

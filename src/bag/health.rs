@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
+use super::Finding;
 use super::survey::PaceSurvey;
 use crate::units::seconds_from_nanos;
 
@@ -17,6 +18,8 @@ pub struct Health {
     pub streams: Vec<StreamHealth>,
     /// What a user should read, most serious first.
     pub warnings: Vec<Warning>,
+    /// What a reader of results should know besides; none of it speaks against them.
+    pub notes: Vec<Finding>,
 }
 
 impl Health {
@@ -52,6 +55,8 @@ pub struct FileHealth {
     pub finished: bool,
     /// Messages read.
     pub messages: u64,
+    /// Messages whose bytes no checksum protects.
+    pub unchecked_messages: u64,
     /// Messages that the file's own summary counts; `None` without one.
     pub stated_messages: Option<u64>,
     /// Names of metadata records.
@@ -225,6 +230,21 @@ pub enum Warning {
         /// How long after them, s.
         more_s: f64,
     },
+    /// Nothing was recorded for so long that the run with most samples is read.
+    Pause {
+        /// The topic on which it shows first.
+        topic: String,
+        /// From this stamp, ns.
+        from_ns: i64,
+        /// To this stamp, ns.
+        to_ns: i64,
+        /// How many pauses and jumps there are.
+        pauses: u64,
+        /// Samples left out, over all streams.
+        left_out: u64,
+    },
+    /// Data that can be read and looks plausible, and may be wrong.
+    Doubtful(Finding),
     /// A stream pauses.
     Gap {
         /// The topic.
@@ -282,6 +302,16 @@ impl fmt::Display for Warning {
                      run with most samples is read, {left_out} samples of the others are left out"
                 )
             }
+            Self::Pause { topic, from_ns, to_ns, pauses, left_out } => {
+                let for_s = seconds_from_nanos(to_ns.saturating_sub(*from_ns));
+                write!(
+                    f,
+                    "{topic}: nothing is recorded for {for_s:.1} s, from {from_ns} ns to {to_ns} ns, by stamps and log times alike \
+                     (pauses in all: {pauses}); the run with most samples is read, {left_out} samples of the others are left out; \
+                     split the bag to read them"
+                )
+            }
+            Self::Doubtful(finding) => write!(f, "{finding}"),
             Self::Filled { topic, with } => write!(f, "{topic}: not in the bag; {with} stands in for it"),
             Self::BeginsLate { topic, late_s, rows } => {
                 write!(f, "{topic}: begins {late_s:.1} s after the recording: {rows} rows left out")

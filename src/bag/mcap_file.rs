@@ -38,16 +38,21 @@ pub(super) fn scan(path: &Path, on_message: &mut OnMessage<'_>) -> Result<Scanne
 }
 
 fn scan_records(file: &mut RecordFile, path: &Path, on_message: &mut OnMessage<'_>) -> io::Result<ScannedFile> {
-    let health = FileHealth { path: path.to_owned(), bytes: file.end(), storage: "mcap", ..FileHealth::default() };
-    let mut scan = Scan {
-        data_end: file.end(),
-        found: ScannedFile { health, channels: Channels::default(), segments: vec![] },
-        unpack_left: chunk::unpack_limit(file.end()),
-        last_good_ns: None,
-    };
+    let mut scan = Scan::new(file, path);
     scan.summary(file)?;
     scan.data(file, on_message)?;
     Ok(scan.found)
+}
+
+/// The names of the topics with a message, where the file's summary is whole and counts them.
+pub(super) fn topics(path: &Path) -> Option<Vec<String>> {
+    let mut file = RecordFile::open(path).ok()?;
+    let mut scan = Scan::new(&file, path);
+    scan.summary(&mut file).ok()?;
+    scan.found.health.stated_messages.filter(|_| scan.found.health.damage.is_empty())?;
+    // A channel without a message has no count.
+    let busy = scan.found.channels.topics().filter(|(id, _)| scan.counts.is_empty() || scan.counts.contains_key(id));
+    Some(busy.map(|(_, topic)| topic.name.clone()).collect())
 }
 
 /// Loads segments of a scanned file again.
@@ -113,22 +118,48 @@ struct Scan {
     /// How much more chunks may unpack to, bytes.
     unpack_left: u64,
     last_good_ns: Option<i64>,
+    /// Messages of each channel by the file's summary.
+    counts: BTreeMap<u16, u64>,
 }
 
 impl Scan {
+    fn new(file: &RecordFile, path: &Path) -> Self {
+        let health = FileHealth { path: path.to_owned(), bytes: file.end(), storage: "mcap", ..FileHealth::default() };
+        Self {
+            data_end: file.end(),
+            found: ScannedFile { health, channels: Channels::default(), segments: vec![] },
+            unpack_left: chunk::unpack_limit(file.end()),
+            last_good_ns: None,
+            counts: BTreeMap::new(),
+        }
+    }
+
     /// Reads what the end of a finished file says of it: channels, counts, whether there is an index.
     fn summary(&mut self, file: &mut RecordFile) -> io::Result<()> {
         let tail = file.tail()?;
         self.found.health.finished = tail != Tail::Unfinished;
-        if let Tail::Summary(start) = tail {
+        if let Tail::Summary { start, crc } = tail {
+            if crc.is_some() && file.summary_crc(start)? != crc {
+                // Where it begins is as doubtful as what it holds; all of it stands before it as well.
+                self.damage(start, self.data_end - start, "the summary fails its CRC; it is done without", 0);
+                return file.seek(mcap::MAGIC.len() as u64);
+            }
             self.data_end = start;
             file.seek(start)?;
             let mut body = vec![];
             while let Step::Record(opcode) = file.next(&mut body)? {
                 match parse(opcode, &body) {
                     Some(Record::ChunkIndex) => self.found.health.indexed = true,
-                    Some(Record::Statistics { messages }) => self.found.health.stated_messages = Some(messages),
-                    Some(Record::Footer) | None => break,
+                    Some(Record::Statistics { messages, counts }) => {
+                        self.found.health.stated_messages = Some(messages);
+                        self.counts = counts;
+                    }
+                    Some(Record::Footer) => break,
+                    None => {
+                        let at = file.at();
+                        self.damage(at, self.found.health.bytes - at, "a summary that does not hold what it should", 0);
+                        break;
+                    }
                     Some(record) => self.found.channels.take_in(&record),
                 }
             }
@@ -195,6 +226,9 @@ impl Scan {
         let health = &mut self.found.health;
         health.chunks += 1;
         health.uncompressed_bytes += records.len() as u64;
+        if !chunk::is_checked(body) {
+            health.unchecked_messages += recovered;
+        }
         let compression = chunk::compression(body).unwrap_or_default();
         if health.compressions.len() < NAMES_LIMIT
             && let Err(place) = health.compressions.binary_search_by(|known| known.as_str().cmp(compression))
@@ -211,6 +245,7 @@ impl Scan {
     fn bare(&mut self, at: u64, opcode: u8, body: &[u8], on_message: &mut OnMessage<'_>) {
         let mut segment = Segment::bare(at, body.len() as u64);
         self.record(at, opcode, body, &mut segment, on_message);
+        self.found.health.unchecked_messages += segment.messages();
         self.keep(segment);
     }
 

@@ -5,14 +5,17 @@ use super::streams::{Sample, Value, note};
 use crate::units::NANOS_PER_SECOND;
 
 /// A stamp this far behind its predecessor is a clock set back; less is a late sample.
-const SET_BACK_NS: i64 = NANOS_PER_SECOND;
+pub(super) const SET_BACK_NS: i64 = NANOS_PER_SECOND;
 
 /// A stamp that runs this far ahead of the time of recording is a clock set forward; less may be a
 /// recording that was played fast.
-const SET_FORWARD_NS: i64 = 600 * NANOS_PER_SECOND;
+pub(super) const SET_FORWARD_NS: i64 = 600 * NANOS_PER_SECOND;
 
 /// Clocks of several streams that jump within this time of recording jump together.
 const TOGETHER_NS: i64 = 2 * NANOS_PER_SECOND;
+
+/// Clocks that were never set tell times before this, ns.
+const YEAR_2000_NS: i64 = 946_684_800 * NANOS_PER_SECOND;
 
 /// A jump of the clock that stamps one stream.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -23,6 +26,8 @@ pub(super) struct Jump {
     pub(super) topic: String,
     pub(super) from_ns: i64,
     pub(super) to_ns: i64,
+    /// Stamps and log times went on alike: a pause, for a clock that was never set tells no time before 2000.
+    pub(super) pause: bool,
 }
 
 /// A time in which no stream of the bag got a sample, as the log times tell it: a pause, or the recorder's own clock set forward.
@@ -74,6 +79,15 @@ fn jumps<V>(before: &Sample<V>, after: &Sample<V>, silence: Option<Silence>) -> 
     let log_step_ns = after.log_time_ns.saturating_sub(before.log_time_ns);
     let heard_ns = log_step_ns.saturating_sub(silence.map_or(0, Silence::length_ns));
     stamp_step_ns < -SET_BACK_NS || stamp_step_ns.saturating_sub(heard_ns) > SET_FORWARD_NS
+}
+
+/// Whether stamps and log times went on alike, between times that are none of a clock that was never set.
+fn is_pause<V>(before: &Sample<V>, after: &Sample<V>) -> bool {
+    let stamp_step_ns = after.stamp_ns.saturating_sub(before.stamp_ns);
+    let log_step_ns = after.log_time_ns.saturating_sub(before.log_time_ns);
+    let alike = stamp_step_ns.saturating_sub(log_step_ns).saturating_abs() <= TOGETHER_NS;
+    let unset = |stamp_ns: i64| stamp_ns < YEAR_2000_NS;
+    alike && unset(before.stamp_ns) == unset(after.stamp_ns)
 }
 
 /// Whether a stamp other than 0 lies so near to it that 0, too, would be a time.
@@ -129,6 +143,7 @@ pub(super) fn jumps_of<V>(samples: &[Sample<V>], silences: &[Silence], topic: &s
                     topic: topic.to_owned(),
                     from_ns: before.stamp_ns,
                     to_ns: sample.stamp_ns,
+                    pause: is_pause(before, sample),
                 });
                 newest = begin();
             }
@@ -180,6 +195,11 @@ pub(super) fn keep_run<V: Value>(samples: &mut Vec<Sample<V>>, runs: &[usize], r
     health.other_run = (all - samples.len()) as u64;
 }
 
+/// What is said of two samples with one stamp.
+pub(super) fn second_value(stamp_ns: i64) -> String {
+    format!("a second value for stamp {stamp_ns} ns; the later one stays")
+}
+
 /// Sorts samples by stamp and leaves one for each stamp.
 ///
 /// `samples` come in the order of arrival. Of samples with one stamp the last to arrive stays.
@@ -199,11 +219,7 @@ pub(super) fn by_stamp<V: Value>(samples: &mut Vec<Sample<V>>, health: &mut Stre
             health.duplicates += 1;
         } else if doubled {
             health.conflicts += 1;
-            note(
-                health,
-                later.log_time_ns,
-                &format!("a second value for stamp {} ns; the later one stays", later.stamp_ns),
-            );
+            note(health, later.log_time_ns, &second_value(later.stamp_ns));
             *kept = *later;
         }
         doubled

@@ -3,13 +3,17 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::align;
+use super::align::{self, Streams};
 use super::collect::{AnyCollector, Collected};
-use super::edges;
-use super::source;
+use super::edges::{self, Edges};
+use super::evidence::{RowEvidence, StreamEvidence};
+use super::qualification;
+use super::source::{self, Scanned, Source};
 use super::streams::{Command, Pressure};
 use super::topic::{TopicInfo, shown};
-use super::{BagError, FileHealth, Health, Loaded, ReadOptions, Stream, Warning};
+use super::{
+    BagError, FileHealth, Finding, Health, Kind, Loaded, ReadOptions, Severity, Stream, StreamHealth, Warning,
+};
 use crate::frame::EsvState;
 use crate::recording::Recording;
 
@@ -27,40 +31,114 @@ const MOST_TOPICS: usize = 50;
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Loaded, BagError> {
     let source = source::open(path)?;
     let mut collected = Collected::new(options);
-    let scanned = source.scan(&mut |message| collected.take(message))?;
-    check_not_empty(path, &scanned.files)?;
-    check_streams(path, &collected, options, &scanned.topics)?;
+    let scanned = source.scan(&mut |message| {
+        collected.take(message);
+    })?;
+    check(path, &collected, options, &scanned)?;
     let jump = collected.settle();
-    let (mut streams, healths) = collected.finish();
-    let warnings = source.all_warnings(&scanned.files);
-    let mut health = Health { files: scanned.files, streams: healths, warnings };
-    health.warnings.extend(jump);
-    warn(&mut health);
-    health.warnings.extend(edges::warnings(&streams, &health.streams));
-    let mut filled = |stream: Stream, with| {
-        let topic = options.topics.of(stream).to_owned();
-        health.warnings.push(Warning::Filled { topic, with });
-    };
+    let (mut streams, healths, evidence) = collected.finish();
+    let edges = Edges::of(&streams);
+    fill(&mut streams);
+    let frames = align::align(&streams, options.interpolation, path)?;
+    drop(streams);
+    let mut rows = RowEvidence::new();
+    for frame in &frames {
+        rows.row(frame);
+    }
+    let read = Read { healths, evidence, rows, edges, jump, count: frames.len() };
+    let health = read.judge(path, &source, &scanned, options)?;
+    Ok(Loaded { recording: Recording::new(source.name, frames), health })
+}
+
+/// What was read besides the rows themselves.
+pub(super) struct Read {
+    pub(super) healths: Vec<StreamHealth>,
+    pub(super) evidence: [StreamEvidence; 4],
+    pub(super) rows: RowEvidence,
+    pub(super) edges: Edges,
+    pub(super) jump: Option<Warning>,
+    /// Rows.
+    pub(super) count: usize,
+}
+
+impl Read {
+    /// Says how the bag is, or why it cannot be used.
+    pub(super) fn judge(
+        mut self,
+        path: &Path,
+        source: &Source,
+        scanned: &Scanned,
+        options: &ReadOptions,
+    ) -> Result<Health, BagError> {
+        if self.count == 0 {
+            return Err(BagError::NoRows { path: path.to_owned(), present: present(&scanned.topics) });
+        }
+        let (warnings, notes) = (source.all_warnings(&scanned.files), source.notes(&scanned.files));
+        let mut health = Health { files: scanned.files.clone(), streams: self.healths, warnings, notes };
+        health.warnings.extend(self.jump);
+        warn(&mut health);
+        health.warnings.extend(edges::warnings(self.edges, &health.streams));
+        let filled = Stream::ALL.into_iter().zip(&health.streams).filter(|(_, stream)| stream.kept == 0);
+        let filled = filled.map(|(stream, health)| {
+            let with = match stream {
+                Stream::Command | Stream::TankPressure => "NaN",
+                Stream::Esv => "state normal",
+                Stream::ServoState => "NaN in every measured signal",
+            };
+            Warning::Filled { topic: health.topic.clone(), with }
+        });
+        let filled: Vec<Warning> = filled.collect();
+        health.warnings.extend(filled);
+        qualify(&mut health, &mut self.evidence, &mut self.rows);
+        let nothing = health.warnings.iter().find(|warning| is_nothing_measured(warning));
+        if let Some(nothing) = nothing.filter(|_| options.required.contains(&Stream::ServoState)) {
+            let topic = options.topics.of(Stream::ServoState).to_owned();
+            let messages = health.streams.last().map_or(0, |stream| stream.messages);
+            return Err(BagError::Unusable { path: path.to_owned(), topic, messages, first: nothing.to_string() });
+        }
+        Ok(health)
+    }
+}
+
+/// Constants in the place of absent inputs.
+fn fill(streams: &mut Streams) {
     if streams.command.is_empty() {
         streams.command = align::constant(Command(f64::NAN));
-        filled(Stream::Command, "NaN");
     }
     if streams.esv.is_empty() {
         streams.esv = align::constant(EsvState::Normal);
-        filled(Stream::Esv, "state normal");
     }
     if streams.tank_pressure.is_empty() {
         streams.tank_pressure = align::constant(Pressure(f64::NAN));
-        filled(Stream::TankPressure, "NaN");
     }
-    if streams.servo_state.is_empty() {
-        filled(Stream::ServoState, "NaN in every measured signal");
+}
+
+/// Whether there is something to read.
+pub(super) fn check(
+    path: &Path,
+    collected: &Collected,
+    options: &ReadOptions,
+    scanned: &Scanned,
+) -> Result<(), BagError> {
+    check_not_empty(path, &scanned.files)?;
+    check_streams(path, collected, options, &scanned.topics)
+}
+
+fn is_nothing_measured(warning: &Warning) -> bool {
+    matches!(warning, Warning::Doubtful(Finding { what: Kind::NothingMeasured, .. }))
+}
+
+/// Adds what the data shows of its senders, clocks and transducers.
+fn qualify(health: &mut Health, evidence: &mut [StreamEvidence; 4], rows: &mut RowEvidence) {
+    let heard = health.streams.iter().zip(evidence.iter_mut());
+    let mut heard: Vec<_> = heard.map(|(stream, evidence)| (&*stream.topic, evidence, stream.conflicts)).collect();
+    let mut found = qualification::of_streams(&mut heard);
+    if let Some((topic, servo_state, _)) = heard.pop() {
+        found.extend(qualification::of_rows(topic, servo_state, rows));
     }
-    let frames = align::align(&streams, options.interpolation, path)?;
-    if frames.is_empty() {
-        return Err(BagError::NoRows { path: path.to_owned(), present: present(&scanned.topics) });
-    }
-    Ok(Loaded { recording: Recording::new(source.name, frames), health })
+    let (notes, warnings): (Vec<_>, Vec<_>) = found.into_iter().partition(|found| found.severity == Severity::Note);
+    health.warnings.extend(warnings.into_iter().map(Warning::Doubtful));
+    health.notes.extend(notes);
 }
 
 /// Turns counts into warnings.

@@ -21,8 +21,8 @@ pub(super) enum Record<'a> {
     Channel { id: u16, schema_id: u16, topic: &'a str, encoding: &'a str, metadata: BTreeMap<&'a str, &'a str> },
     /// A message.
     Message { channel_id: u16, sequence: u32, log_time_ns: u64, publish_time_ns: u64, data: &'a [u8] },
-    /// How many messages the file says it has.
-    Statistics { messages: u64 },
+    /// How many messages the file says it has, and each channel that has any where that can be read.
+    Statistics { messages: u64, counts: BTreeMap<u16, u64> },
     /// Metadata of this name; its texts where they can be read.
     Metadata { name: &'a str, texts: BTreeMap<&'a str, &'a str> },
     /// One of the index of chunks.
@@ -56,7 +56,7 @@ pub(super) fn parse(opcode: u8, body: &[u8]) -> Option<Record<'_>> {
             publish_time_ns: fields.u64()?,
             data: fields.0,
         },
-        op::STATISTICS => Record::Statistics { messages: fields.u64()? },
+        op::STATISTICS => Record::Statistics { messages: fields.u64()?, counts: fields.counts().unwrap_or_default() },
         op::METADATA => Record::Metadata { name: fields.name()?, texts: fields.map().unwrap_or_default() },
         op::CHUNK_INDEX => Record::ChunkIndex,
         op::FOOTER => Record::Footer,
@@ -101,6 +101,17 @@ impl<'a> Fields<'a> {
     /// Text that is kept for every topic, and so must be short.
     fn name(&mut self) -> Option<&'a str> {
         self.text().filter(|name| name.len() <= LONGEST_NAME_BYTES)
+    }
+
+    /// Messages by channel, behind how many schemas, channels, attachments, metadata and chunks there are, and two times.
+    fn counts(&mut self) -> Option<BTreeMap<u16, u64>> {
+        self.take::<{ 2 + 4 * 4 + 2 * 8 }>()?;
+        let mut pairs = Fields(self.sized()?);
+        let mut counts = BTreeMap::new();
+        while !pairs.0.is_empty() {
+            counts.insert(pairs.u16()?, pairs.u64()?);
+        }
+        Some(counts)
     }
 
     /// Texts by texts behind their length in bytes.

@@ -46,8 +46,8 @@ pub(super) enum Tail {
     Unfinished,
     /// As a finished file without a summary.
     NoSummary,
-    /// As a finished file whose summary begins at this byte.
-    Summary(u64),
+    /// As a finished file whose summary begins at this byte, and has this CRC where it states one.
+    Summary { start: u64, crc: Option<u32> },
 }
 
 /// An MCAP file, read record by record.
@@ -173,10 +173,29 @@ impl RecordFile {
         let mut tail = vec![];
         self.read(TAIL_LEN, &mut tail)?;
         let footer = tail.strip_suffix(mcap::MAGIC).and_then(|tail| tail.strip_prefix(FOOTER_HEAD));
-        Ok(match footer.and_then(|footer| footer.first_chunk()).map(|start| u64::from_le_bytes(*start)) {
+        let start = footer.and_then(|footer| footer.first_chunk()).map(|start| u64::from_le_bytes(*start));
+        let crc = footer.and_then(|footer| footer.last_chunk()).map(|crc| u32::from_le_bytes(*crc));
+        Ok(match start {
             None => Tail::Unfinished,
-            Some(start) if start > 0 && start < at => Tail::Summary(start),
+            Some(start) if start > 0 && start < at => Tail::Summary { start, crc: crc.filter(|crc| *crc != 0) },
             Some(_) => Tail::NoSummary,
         })
+    }
+
+    /// The CRC of a summary that begins at `start`: up to that of the footer itself.
+    pub(super) fn summary_crc(&mut self, start: u64) -> io::Result<Option<u32>> {
+        let end = self.end.saturating_sub(mcap::MAGIC.len() as u64 + 4);
+        self.seek(start)?;
+        let mut crc = crc32fast::Hasher::new();
+        let mut bytes = Vec::new();
+        while self.at < end {
+            bytes.clear();
+            self.read((end - self.at).min(WINDOW_LEN as u64), &mut bytes)?;
+            if bytes.is_empty() {
+                return Ok(None);
+            }
+            crc.update(&bytes);
+        }
+        Ok(Some(crc.finalize()))
     }
 }

@@ -11,8 +11,8 @@ use super::mcap_file::{self, ScannedFile};
 use super::metadata::{self, Metadata};
 use super::segment::Segment;
 use super::topic::{OnMessage, TopicInfo, shown};
-use super::{BagError, FileHealth, Warning};
-use crate::files::{check_regular, read_text};
+use super::{BagError, FileHealth, Finding, Warning, qualification};
+use crate::files::{check_regular, read_text, settle};
 
 /// More than `metadata.yaml` has for ten thousand topics.
 const LARGEST_METADATA_BYTES: u64 = 1 << 24;
@@ -47,6 +47,7 @@ pub(super) enum Storage {
 /// # Errors
 /// Where there is nothing at the path, or something that is no bag.
 pub(super) fn open(path: &Path) -> Result<Source, BagError> {
+    settle(path).map_err(BagError::io(path, "read"))?;
     let kind = fs::metadata(path).map_err(BagError::io(path, "open"))?;
     let name = path.file_stem().or_else(|| path.file_name()).unwrap_or(path.as_os_str());
     let mut source =
@@ -198,6 +199,18 @@ pub(super) struct Scanned {
 }
 
 impl Source {
+    /// The names of all topics with a message, where every file's summary counts them.
+    pub(super) fn topics(&self) -> Option<BTreeSet<String>> {
+        let mut names = BTreeSet::new();
+        for path in &self.files {
+            if storage_of(path).ok()? != Storage::Mcap {
+                return None;
+            }
+            names.extend(mcap_file::topics(path)?);
+        }
+        Some(names)
+    }
+
     /// Everything to be said of how the files were found and how they are.
     pub(super) fn all_warnings(&self, files: &[FileHealth]) -> Vec<Warning> {
         let mut warnings: Vec<Warning> = files.iter().flat_map(FileHealth::warnings).collect();
@@ -209,6 +222,12 @@ impl Source {
         }
         warnings.extend(self.warnings.iter().cloned());
         warnings
+    }
+
+    /// What is to be known of the files beside what is wrong with them.
+    pub(super) fn notes(&self, files: &[FileHealth]) -> Vec<Finding> {
+        let is_counted = self.metadata.as_ref().is_some_and(|metadata| metadata.message_count.is_some());
+        qualification::of_files(files, is_counted)
     }
 
     /// Reads all files in order, hands on each message, and gives their health and topics.
@@ -227,7 +246,7 @@ impl Source {
                 #[cfg(not(feature = "sqlite"))]
                 Storage::Sqlite => return Err(BagError::Sqlite { path: path.clone() }),
             };
-            for topic in channels.topics() {
+            for (_, topic) in channels.topics() {
                 if known.insert((topic.name.clone(), topic.type_name.clone())) {
                     scanned.topics.push(Arc::clone(topic));
                 }

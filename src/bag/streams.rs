@@ -1,46 +1,11 @@
 //! Decoding of the four streams: bytes to samples, with values that cannot be dropped and counted.
 
+use super::evidence::StreamEvidence;
+use super::qualification::{COMMAND_LIMITS, POSITION_LIMITS, PRESSURE_LIMITS, check_tank_pressure};
+use super::topic::RawView;
 use super::{StreamHealth, cdr};
 use crate::frame::{EsvState, Signals};
 use crate::msg::{self, Interface, Time};
-
-/// A physically possible range.
-#[derive(Clone, Copy, Debug)]
-struct Limits {
-    what: &'static str,
-    unit: &'static str,
-    least: f64,
-    most: f64,
-}
-
-/// A command outside this range asks for no guide-vane opening that exists, overshoot included.
-const COMMAND: Limits = Limits { what: "opening", unit: "pu", least: -0.5, most: 1.5 };
-/// From vacuum to ten times the pressure of any governor's tank.
-const PRESSURE: Limits = Limits { what: "pressure", unit: "Pa", least: -1.1e5, most: 1.0e8 };
-/// Positions in pu; a transducer may overshoot its span, not multiply it.
-const POSITION: Limits = Limits { what: "position", unit: "pu", least: -10.0, most: 10.0 };
-
-impl Limits {
-    fn check(self, value: f64) -> Result<f64, String> {
-        let Self { what, unit, least, most } = self;
-        if (least..=most).contains(&value) {
-            Ok(value)
-        } else {
-            Err(format!("{what} is {value} {unit}, expected {least} to {most} {unit}"))
-        }
-    }
-
-    /// NaN says "not available" and passes.
-    fn check_signal(self, value: f64, faults: &mut Vec<String>) -> f64 {
-        if value.is_nan() {
-            return value;
-        }
-        self.check(value).unwrap_or_else(|fault| {
-            faults.push(fault);
-            f64::NAN
-        })
-    }
-}
 
 /// One decoded value with its times.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,6 +28,12 @@ pub(super) trait Value: Copy + Sized {
 
     /// Equal to the last bit: a repeated message, not a new one.
     fn same(self, other: Self) -> bool;
+
+    /// Who says of itself that it sent the message.
+    fn frame_id(message: &Self::Message) -> &str;
+
+    /// A number of it, NaN where it has none.
+    fn number(self) -> f64;
 }
 
 /// Opening command, pu.
@@ -73,7 +44,15 @@ impl Value for Command {
     type Message = msg::GovernorCommand;
 
     fn of(message: &Self::Message, _: &mut Vec<String>) -> Result<Self, String> {
-        COMMAND.check(message.opening).map(Self)
+        COMMAND_LIMITS.check(message.opening).map(Self)
+    }
+
+    fn frame_id(message: &Self::Message) -> &str {
+        &message.header.frame_id
+    }
+
+    fn number(self) -> f64 {
+        self.0
     }
 
     fn same(self, other: Self) -> bool {
@@ -89,7 +68,15 @@ impl Value for Pressure {
     type Message = msg::FluidPressure;
 
     fn of(message: &Self::Message, _: &mut Vec<String>) -> Result<Self, String> {
-        PRESSURE.check(message.fluid_pressure).map(Self)
+        check_tank_pressure(message.fluid_pressure).map(Self)
+    }
+
+    fn frame_id(message: &Self::Message) -> &str {
+        &message.header.frame_id
+    }
+
+    fn number(self) -> f64 {
+        self.0
     }
 
     fn same(self, other: Self) -> bool {
@@ -108,6 +95,14 @@ impl Value for EsvState {
         }
     }
 
+    fn frame_id(message: &Self::Message) -> &str {
+        &message.header.frame_id
+    }
+
+    fn number(self) -> f64 {
+        f64::NAN
+    }
+
     fn same(self, other: Self) -> bool {
         self == other
     }
@@ -118,11 +113,25 @@ impl Value for Signals {
 
     fn of(message: &Self::Message, faults: &mut Vec<String>) -> Result<Self, String> {
         Ok(Self {
-            spool_position_pu: POSITION.check_signal(message.spool_position, faults),
-            servomotor_position_pu: POSITION.check_signal(message.servomotor_position, faults),
-            pilot_valve_position_pu: POSITION.check_signal(message.pilot_valve_position, faults),
-            control_pressure_pa: PRESSURE.check_signal(message.control_pressure, faults),
+            spool_position_pu: POSITION_LIMITS.check_signal(message.spool_position, faults),
+            servomotor_position_pu: POSITION_LIMITS.check_signal(message.servomotor_position, faults),
+            pilot_valve_position_pu: POSITION_LIMITS.check_signal(message.pilot_valve_position, faults),
+            control_pressure_pa: PRESSURE_LIMITS.check_signal(message.control_pressure, faults),
         })
+    }
+
+    fn frame_id(message: &Self::Message) -> &str {
+        &message.header.frame_id
+    }
+
+    fn number(self) -> f64 {
+        let all = [
+            self.spool_position_pu,
+            self.servomotor_position_pu,
+            self.pilot_valve_position_pu,
+            self.control_pressure_pa,
+        ];
+        all.into_iter().find(|number| number.is_finite()).unwrap_or(f64::NAN)
     }
 
     fn same(self, other: Self) -> bool {
@@ -140,9 +149,14 @@ impl Value for Signals {
 }
 
 /// Decodes one message into a sample; what cannot be used is counted.
-pub(super) fn decode<V: Value>(data: &[u8], log_time_ns: i64, health: &mut StreamHealth) -> Option<Sample<V>> {
+pub(super) fn decode<V: Value>(
+    view: RawView<'_>,
+    health: &mut StreamHealth,
+    evidence: &mut StreamEvidence,
+) -> Option<Sample<V>> {
+    let log_time_ns = view.log_time_ns;
     health.messages += 1;
-    let message: V::Message = match cdr::decode(data) {
+    let message: V::Message = match cdr::decode(view.data) {
         Ok(message) => message,
         Err(error) => {
             health.undecodable += 1;
@@ -150,6 +164,7 @@ pub(super) fn decode<V: Value>(data: &[u8], log_time_ns: i64, health: &mut Strea
             return None;
         }
     };
+    evidence.message(view, V::frame_id(&message));
     let Some(stamp_ns) = message.stamp().and_then(Time::nanos) else {
         health.bad_stamps += 1;
         note(health, log_time_ns, "stamp is no time: its nanoseconds reach a whole second");

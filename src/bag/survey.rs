@@ -4,8 +4,9 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use super::source::{self, Scanned, Source};
 use super::tally::Tallies;
-use super::{BagError, FileHealth, Warning, source};
+use super::{BagError, FileHealth, Finding, Warning};
 
 /// What is in a bag.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -22,6 +23,8 @@ pub struct Survey {
     pub last_ns: Option<i64>,
     /// What is wrong with the files.
     pub warnings: Vec<Warning>,
+    /// What is to be known besides.
+    pub notes: Vec<Finding>,
 }
 
 /// What is on a topic.
@@ -118,18 +121,25 @@ pub fn survey(path: &Path) -> Result<Survey, BagError> {
     let source = source::open(path)?;
     let mut tallies = Tallies::default();
     let scanned = source.scan(&mut |message| tallies.take(message))?;
+    Ok(of(&source, scanned, tallies))
+}
+
+/// What is to be said once all messages are counted.
+pub(super) fn of(source: &Source, scanned: Scanned, mut tallies: Tallies) -> Survey {
     let warnings = source.all_warnings(&scanned.files);
+    let notes = source.notes(&scanned.files);
     for topic in &scanned.topics {
         tallies.of(topic);
     }
     let topics = tallies.finish();
     let busy = || topics.iter().filter(|topic| topic.messages > 0);
-    Ok(Survey {
+    Survey {
         files: scanned.files,
         messages: topics.iter().map(|topic| topic.messages).sum(),
         first_ns: busy().map(|topic| topic.log.first_ns).min(),
         last_ns: busy().map(|topic| topic.log.last_ns).max(),
         topics,
         warnings,
-    })
+        notes,
+    }
 }

@@ -3,10 +3,12 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use super::distribution::Distribution;
 use super::layout::Layout;
 use super::pace::Pace;
 use super::survey::{FieldSurvey, Spread, TopicSurvey};
 use super::topic::{RawView, TopicInfo};
+use crate::units::seconds_from_nanos;
 
 /// Fields of all topics together that are looked into; messages of further topics are counted only.
 const MOST_FIELDS: usize = 100_000;
@@ -80,7 +82,9 @@ struct Tally {
     bytes: u64,
     log: Pace,
     stamps: Pace,
-    delays_ns: Vec<i64>,
+    delays: Distribution,
+    /// The least and the most of them, ns.
+    delay_range_ns: Option<(i64, i64)>,
     undecodable: u64,
     fields: Vec<FieldSurvey>,
 }
@@ -97,7 +101,8 @@ impl Tally {
             bytes: 0,
             log: Pace::default(),
             stamps: Pace::default(),
-            delays_ns: vec![],
+            delays: Distribution::default(),
+            delay_range_ns: None,
             undecodable: 0,
         }
     }
@@ -119,17 +124,22 @@ impl Tally {
         };
         if let Some(stamp_ns) = stamp.and_then(crate::msg::Time::nanos) {
             self.stamps.push(stamp_ns);
-            self.delays_ns.push(message.log_time_ns.saturating_sub(stamp_ns));
+            let delay_ns = message.log_time_ns.saturating_sub(stamp_ns);
+            self.delays.push(delay_ns);
+            let (least_ns, most_ns) = self.delay_range_ns.unwrap_or((delay_ns, delay_ns));
+            self.delay_range_ns = Some((least_ns.min(delay_ns), most_ns.max(delay_ns)));
         }
     }
 
     fn finish(mut self) -> TopicSurvey {
-        self.delays_ns.sort_unstable();
-        let delay_s = |share: usize| {
-            let last = self.delays_ns.len().saturating_sub(1);
-            self.delays_ns.get(last * share / 100).map_or(f64::NAN, |ns| crate::units::seconds_from_nanos(*ns))
-        };
-        let stamped = self.layout.as_ref().is_some_and(|layout| layout.is_stamped()) && !self.delays_ns.is_empty();
+        // The lower median, as of a list.
+        let middle = self.delays.count().saturating_sub(1) / 2;
+        let delay_s = self.delay_range_ns.map(|(least_ns, most_ns)| Spread {
+            least: seconds_from_nanos(least_ns),
+            median: seconds_from_nanos(self.delays.at_rank(middle)),
+            most: seconds_from_nanos(most_ns),
+        });
+        let delay_s = delay_s.filter(|_| self.layout.as_ref().is_some_and(|layout| layout.is_stamped()));
         let schema_hash = self.layout.as_ref().map(|layout| layout.type_hash.as_str());
         let stated_hash = Some(self.topic.type_hash.as_str()).filter(|hash| !hash.is_empty());
         TopicSurvey {
@@ -141,8 +151,8 @@ impl Tally {
             messages: self.messages,
             bytes: self.bytes,
             log: self.log.finish(),
-            delay_s: stamped.then(|| Spread { least: delay_s(0), median: delay_s(50), most: delay_s(100) }),
-            stamps: stamped.then(|| self.stamps.finish()),
+            stamps: delay_s.is_some().then(|| self.stamps.finish()),
+            delay_s,
             undecodable: self.undecodable,
             readable: self.layout.is_some(),
             nan: self.fields.iter().map(|field| field.nan).sum(),

@@ -110,6 +110,11 @@ impl Qos {
     /// Reliable, last ten: the default of ROS 2.
     pub const DEFAULT: Self = Self { reliable: true, transient_local: false, depth: 10 };
 
+    /// Senders whose quality of service rosbag2 keeps in a channel's metadata.
+    pub(super) fn offered(profiles: &str) -> usize {
+        profiles.lines().filter(|line| line.starts_with("- ")).count()
+    }
+
     /// As rosbag2 keeps it in a channel's metadata.
     #[must_use]
     pub fn to_yaml(self) -> String {

@@ -69,6 +69,11 @@ impl Unfinished {
         &self.path
     }
 
+    /// Where it will be.
+    pub(super) fn place(&self) -> &Path {
+        &self.place
+    }
+
     /// The name that the bag will have.
     pub(super) fn name(&self) -> String {
         self.place.file_name().unwrap_or(self.place.as_os_str()).to_string_lossy().into_owned()

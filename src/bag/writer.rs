@@ -85,6 +85,12 @@ pub struct Sealed {
 }
 
 impl Sealed {
+    /// The bag's folder as it is called now, and as it will be.
+    #[must_use]
+    pub fn moves(&self) -> (PathBuf, PathBuf) {
+        (self.folder.path().to_owned(), self.folder.place().to_owned())
+    }
+
     /// Puts the bag in its place, and gives the path of its folder.
     ///
     /// # Errors

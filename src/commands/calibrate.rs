@@ -12,9 +12,11 @@ use govtwin::blind::scored::Scored;
 use govtwin::diagnosis::outcome::Interval;
 use govtwin::diagnosis::posterior::Weights;
 use govtwin::diagnosis::table::Table;
+use govtwin::files::read_text;
 use govtwin::params::labels;
 
 use super::output::{print, write_atomically};
+use super::report_file::{self, LARGEST_BYTES};
 use crate::commands::Outcome;
 
 /// Parts that a single battery is cut into, each judged by what the others taught.
@@ -145,19 +147,21 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 /// The units of a battery that have a report, with their answers.
 fn read(dir: &Path) -> anyhow::Result<Vec<Judged>> {
     let path = dir.join("answers/labels.yaml");
-    let text = std::fs::read_to_string(&path)
+    let text = read_text(&path, LARGEST_BYTES)
         .with_context(|| format!("cannot read {}; was `govtwin blind --generate` run to the end?", path.display()))?;
     let known = labels::read(&text).with_context(|| path.display().to_string())?;
-    let strengths = std::fs::read_to_string(dir.join("answers/strengths.yaml")).unwrap_or_default();
+    let strengths = read_text(&dir.join("answers/strengths.yaml"), LARGEST_BYTES).unwrap_or_default();
     let strengths = labels::read_strengths(&strengths).unwrap_or_default();
     // Closures are examined after all units are judged; a battery that was broken off has none.
-    let scored = std::fs::read_to_string(dir.join("score.json")).unwrap_or_default();
+    let scored = read_text(&dir.join("score.json"), LARGEST_BYTES).unwrap_or_default();
     let scored: serde_json::Value = serde_json::from_str(&scored).unwrap_or_default();
     let mut units = Vec::new();
     for label in known {
         let path = dir.join(&label.name).join("report.json");
-        let Ok(text) = std::fs::read_to_string(&path) else { continue };
-        let said = Said::read(&text).with_context(|| path.display().to_string())?;
+        if !path.is_file() {
+            continue;
+        }
+        let said = report_file::read(&path)?;
         if said.evidence.table.rows.is_empty() {
             bail!("{}: expected an evidence table, found none; is it a report of an older program?", path.display());
         }

@@ -4,7 +4,7 @@ mod text;
 
 use std::path::{Path, PathBuf};
 
-use govtwin::bag::{self, BagError, ReadOptions, StreamHealth, Survey, Warning};
+use govtwin::bag::{self, BagError, Overview, ReadOptions, StreamHealth, Survey, Warning};
 use serde::Serialize;
 
 use super::bags::{self, TopicArgs};
@@ -37,6 +37,8 @@ What the table says of a topic:
   delay       time of recording less stamp: median, and the extremes
   NaN, inf    numbers in the messages that are none, or infinite
 
+Warnings are what may make results wrong; notes are what a reader of results should know, and change no exit code.
+
 Rate, jitter and gaps are taken from `header.stamp`, from the time of recording (*) where a message has no
 stamp. Times are UTC.
 
@@ -60,6 +62,7 @@ struct Entry {
     /// Why a bag with some of the servo system's topics is no recording of it.
     no_recording: Option<String>,
     warnings_in_words: Vec<String>,
+    notes_in_words: Vec<String>,
 }
 
 /// A bag that is a recording of the servo system.
@@ -100,21 +103,21 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 }
 
 fn look(name: String, path: &Path, options: &ReadOptions) -> Result<Entry, BagError> {
-    let mut survey = bag::survey(path)?;
+    let (mut survey, overview) = bag::look(path, options)?;
     // A bag of something else is not judged as a recording.
     let related = survey.topics.iter().any(|topic| topic.type_name.starts_with("governor_msgs/"));
     let mut recording = None;
     let mut no_recording = None;
-    match bag::read(path, options) {
-        Ok(loaded) => {
-            let process = loaded.recording.process;
-            survey.warnings = loaded.health.warnings;
+    match overview {
+        Ok(Overview { process, rows, duration_s, health }) => {
+            survey.warnings = health.warnings;
+            survey.notes = health.notes;
             recording = Some(RecordingEntry {
                 process: process.id(),
                 title: process.title(),
-                rows: loaded.recording.frames.len(),
-                duration_s: loaded.recording.duration_s(),
-                streams: loaded.health.streams,
+                rows,
+                duration_s,
+                streams: health.streams,
             });
         }
         Err(BagError::Missing { missing, .. }) if related => no_recording = Some(missing.join("; ")),
@@ -128,5 +131,6 @@ fn look(name: String, path: &Path, options: &ReadOptions) -> Result<Entry, BagEr
     said.extend(survey.topics.iter().filter(|topic| topic.type_hash_fits == Some(false)).map(|topic| {
         format!("{}: the stated type hash {} is not that of the schema beside it", topic.name, topic.type_hash)
     }));
-    Ok(Entry { name, path: path.to_owned(), survey, recording, no_recording, warnings_in_words: said })
+    let notes_in_words = survey.notes.iter().map(ToString::to_string).collect();
+    Ok(Entry { name, path: path.to_owned(), survey, recording, no_recording, warnings_in_words: said, notes_in_words })
 }

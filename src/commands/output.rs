@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use anyhow::Context;
 use govtwin::bag::Sealed;
-use govtwin::files::{Claim, Together};
+use govtwin::files::{Claim, Together, journalled};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 /// Writes text to standard output; a reader that has gone away (`… | head`) is no error.
@@ -122,21 +122,28 @@ impl Output {
         self.bags.extend(bags);
     }
 
-    /// Gives everything its name: first the bags, then the files in the order in which they were added.
+    /// Gives everything its name: first the bags, then the files in the order in which they were added. A process that is killed
+    /// meanwhile leaves a journal, by which the next reader or writer of the folder does the rest.
     pub fn place(self) -> anyhow::Result<()> {
-        for bag in self.bags {
-            bag.place()?;
-        }
-        self.files.place().with_context(|| format!("cannot place the files in {}", self.folder.display()))?;
-        for path in self.outdated {
-            match std::fs::remove_file(&path) {
-                Err(error) if error.kind() != io::ErrorKind::NotFound => {
-                    return Err(error).with_context(|| format!("cannot remove {}", path.display()));
-                }
-                _ => {}
+        let Self { folder, bags, files, outdated, _claim } = self;
+        let moves: Vec<_> = bags.iter().map(Sealed::moves).chain(files.moves()).collect();
+        let placing = || format!("cannot place the files in {}", folder.display());
+        let act = || -> anyhow::Result<()> {
+            for bag in bags {
+                bag.place()?;
             }
-        }
-        Ok(())
+            files.place().with_context(placing)?;
+            for path in &outdated {
+                match std::fs::remove_file(path) {
+                    Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                        return Err(error).with_context(|| format!("cannot remove {}", path.display()));
+                    }
+                    _ => {}
+                }
+            }
+            Ok(())
+        };
+        journalled(&folder, &moves, &outdated, act).with_context(placing)?
     }
 }
 

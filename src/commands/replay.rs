@@ -3,16 +3,18 @@
 mod ladder;
 pub mod origin;
 mod residual;
+mod rows;
 mod simulated;
 
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use clap::ValueEnum;
-use govtwin::bag::{self, Interpolation, ReadOptions, Sealed, Stream, Topics};
+use govtwin::bag::{self, Interpolation, Loaded, ReadOptions, Sealed, Stream};
 use govtwin::files::remove_stale;
 use govtwin::parameters::Unit;
 use govtwin::params::{self, Sheet};
+use govtwin::recording::Recording;
 use govtwin::replay::Replayed;
 use govtwin::replay::ladder::Ladder;
 use govtwin::replay::summary::{Parameters, Provenance, Residual, Summary, summarise};
@@ -163,7 +165,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         print(&format!("{origin}\n"))?;
     }
     match output {
-        Some(output) => write_all(output, &summary, &results, &bags, &sheet.unit, &args.topics.topics())?,
+        Some(output) => write_all(output, &summary, &results, &bags, &sheet.unit, args)?,
         None => print("Add --out DIR for pictures, all figures and bags with the simulated state.\n")?,
     }
     let mut outcome = Outcome::Ok;
@@ -182,9 +184,8 @@ fn ladder_text(ladder: &Ladder) -> String {
     format!("{}{stars}{findings}", ladder_table(ladder).to_text())
 }
 
-/// Replays every bag, in parallel, with results in the order of the bags; all that cannot be read are named at once.
-fn replay_all(args: &Args, unit: &Unit, bags: &[Bag], corrector: Option<&Corrector>) -> anyhow::Result<Vec<Result>> {
-    let twin = Twin::new(unit).with_cut(args.cut.cut());
+/// How the bags are read.
+fn options(args: &Args, unit: &Unit) -> ReadOptions {
     let mut options = ReadOptions { topics: args.topics.topics(), ..ReadOptions::default() };
     if args.rate_of_inputs == Between::Linear {
         let period_ns = nanos_from_seconds(unit.parameters.regulator.large_loop_period_s).max(1);
@@ -196,11 +197,20 @@ fn replay_all(args: &Args, unit: &Unit, bags: &[Bag], corrector: Option<&Correct
         // Behind the spool neither command nor ESV counts, and the sheet knows a tank pressure.
         CutAt::Spool => options.required = vec![Stream::ServoState],
     }
+    options
+}
+
+/// Replays every bag, in parallel, with results in the order of the bags; all that cannot be read are named at once.
+fn replay_all(args: &Args, unit: &Unit, bags: &[Bag], corrector: Option<&Corrector>) -> anyhow::Result<Vec<Result>> {
+    let twin = Twin::new(unit).with_cut(args.cut.cut());
+    let options = options(args, unit);
+    // A further unit or a learned residual runs along all rows again.
+    let whole = !args.then.is_empty() || !args.residual.is_empty();
     let progress = Progress::new(bags.len(), "recordings");
     let results: Vec<anyhow::Result<Result>> = bags
         .par_iter()
         .map(|bag| {
-            let result = replay(bag, &options, twin.clone(), corrector, unit, args.out.is_some());
+            let result = replay(bag, &options, twin.clone(), corrector, unit, [whole, args.out.is_some()]);
             progress.step();
             result
         })
@@ -227,19 +237,23 @@ fn replay(
     mut twin: Twin,
     corrector: Option<&Corrector>,
     unit: &Unit,
-    draw: bool,
+    [whole, draw]: [bool; 2],
 ) -> anyhow::Result<Result> {
-    let mut loaded = bag::read(&bag.path, options)?;
-    loaded.recording.name.clone_from(&bag.name);
-    let mut warnings: Vec<String> = loaded.health.warnings.iter().map(ToString::to_string).collect();
-    warnings.extend(bags::doubt_of_pressure(&loaded.recording, &options.topics, unit));
+    let (replayed, health) = if whole {
+        let Loaded { recording, health } = bag::read(&bag.path, options)?;
+        (Replayed::new(&mut twin, Recording { name: bag.name.clone(), ..recording }), health)
+    } else {
+        rows::replay(&bag.path, &bag.name, options, &mut twin)?
+    };
+    let mut warnings: Vec<String> = health.warnings.iter().map(ToString::to_string).collect();
+    warnings.extend(bags::doubt_of_pressure(&replayed.recording, &options.topics, unit));
     let provenance = Provenance {
         path: bag.path.display().to_string(),
-        bytes: loaded.health.files.iter().map(|file| file.bytes).sum(),
+        bytes: health.files.iter().map(|file| file.bytes).sum(),
         origin: origin::of(&bag.path),
         warnings,
+        notes: health.notes.iter().map(ToString::to_string).collect(),
     };
-    let replayed = Replayed::new(&mut twin, loaded.recording);
     let pictures = draw.then(|| Pictures::draw(&replayed, &unit.sensors)).transpose()?;
     let corrected = corrector.map(|corrector| residual::correct(corrector, &replayed));
     Ok(Result { replayed, provenance, pictures, corrected })
@@ -281,6 +295,22 @@ fn refuse_to_overwrite(out: &Path, bags: &[Bag]) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Writes the simulated bag of a replay, anew where not all of its rows were kept.
+fn write_bag(bag: &Bag, dir: &Path, replayed: &Replayed, unit: &Unit, args: &Args) -> anyhow::Result<Sealed> {
+    let topics = args.topics.topics();
+    if replayed.every == 1 {
+        return simulated::write(&bag.path, dir, replayed, &topics);
+    }
+    let options = options(args, unit);
+    let mut twin = Twin::new(unit).with_cut(args.cut.cut());
+    let measured = replayed.scores.are_measured();
+    if let Some(sealed) = rows::write(&bag.path, dir, &options, &mut twin, measured, &topics)? {
+        return Ok(sealed);
+    }
+    let recording = bag::read(&bag.path, &options)?.recording;
+    simulated::write(&bag.path, dir, &Replayed::new(&mut twin, recording), &topics)
+}
+
 /// Writes the bags, the page and the figures.
 fn write_all(
     mut output: Output,
@@ -288,14 +318,14 @@ fn write_all(
     results: &[Result],
     bags: &[Bag],
     unit: &Unit,
-    topics: &Topics,
+    args: &Args,
 ) -> anyhow::Result<()> {
     let progress = Progress::new(bags.len(), "bags written");
     let pairs: Vec<_> = results.iter().zip(bags).collect();
     let written: anyhow::Result<Vec<Sealed>> = pairs
         .into_par_iter()
         .map(|(one, bag)| {
-            let sealed = simulated::write(&bag.path, &output.path(&bag.name), &one.replayed, topics)?;
+            let sealed = write_bag(bag, &output.path(&bag.name), &one.replayed, unit, args)?;
             progress.step();
             Ok(sealed)
         })

@@ -5,6 +5,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::fault::step;
+use super::journal;
 use super::temporary::{hold, remove_stale};
 
 /// The file that is locked. It stays where its process is killed, and counts for nothing then.
@@ -81,6 +82,7 @@ impl Claim {
                 // Between opening and locking its last holder may have removed it.
                 Ok(()) if !is_at(&lock, &path) => {}
                 Ok(()) => {
+                    journal::complete(folder).map_err(refused)?;
                     remove_stale(folder);
                     return Ok(Self { _lock: lock, path, made });
                 }

@@ -15,6 +15,15 @@ pub(crate) fn step() -> io::Result<()> {
 thread_local! {
     /// Steps that this thread may still take before one is refused; none where all may be taken.
     static LEFT: std::cell::Cell<Option<usize>> = const { std::cell::Cell::new(None) };
+    /// The refused step ends the process instead.
+    static DIES: std::cell::Cell<bool> = const { std::cell::Cell::new(false) };
+}
+
+/// Lets so many steps through, and ends the process at the next one, as a kill would.
+#[cfg(test)]
+pub(crate) fn die_at(steps: usize) {
+    LEFT.set(Some(steps));
+    DIES.set(true);
 }
 
 /// Lets a step through, unless it is the one to be refused.
@@ -22,6 +31,9 @@ thread_local! {
 pub(crate) fn step() -> io::Result<()> {
     let left = LEFT.get();
     LEFT.set(left.and_then(|left| left.checked_sub(1)));
+    if left == Some(0) && DIES.get() {
+        std::process::abort();
+    }
     if left == Some(0) { Err(io::Error::from(io::ErrorKind::StorageFull)) } else { Ok(()) }
 }
 

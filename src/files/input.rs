@@ -4,6 +4,8 @@ use std::fs::{File, Metadata};
 use std::io::{self, Read as _};
 use std::path::Path;
 
+use super::journal::settle;
+
 /// Refuses pipes, devices and sockets, which may never end, or wait for ever, or do something when read.
 ///
 /// # Errors
@@ -37,11 +39,17 @@ fn describe(kind: &Metadata) -> Option<&'static str> {
     (!kind.is_file()).then_some(if kind.is_dir() { "a folder" } else { "something else" })
 }
 
-/// Reads a regular file of at most so many bytes, however long it says it is.
+/// Reads a regular file of at most so many bytes, however long it says it is. Where a report was broken off while its files took their
+/// names, it is completed first.
 ///
 /// # Errors
 /// As [`check_regular`], and where it is longer.
 pub fn read_bytes(path: &Path, most_bytes: u64) -> io::Result<Vec<u8>> {
+    settle(path)?;
+    bounded_bytes(path, most_bytes)
+}
+
+fn bounded_bytes(path: &Path, most_bytes: u64) -> io::Result<Vec<u8>> {
     let stated_bytes = check_regular(path)?.len();
     let mut bytes = vec![];
     if stated_bytes <= most_bytes {
@@ -60,7 +68,13 @@ pub fn read_bytes(path: &Path, most_bytes: u64) -> io::Result<Vec<u8>> {
 /// # Errors
 /// As [`read_bytes`], and where it is not UTF-8.
 pub fn read_text(path: &Path, most_bytes: u64) -> io::Result<String> {
-    let bytes = read_bytes(path, most_bytes)?;
+    settle(path)?;
+    bounded_text(path, most_bytes)
+}
+
+/// The same without a look for what was broken off.
+pub(super) fn bounded_text(path: &Path, most_bytes: u64) -> io::Result<String> {
+    let bytes = bounded_bytes(path, most_bytes)?;
     String::from_utf8(bytes).map_err(|error| {
         let at = error.utf8_error().valid_up_to();
         io::Error::new(

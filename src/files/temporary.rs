@@ -1,5 +1,6 @@
 //! Temporary names: one for each process and file, locked while in use, and removed where a process that is gone left them.
 
+use std::ffi::OsStr;
 use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -66,13 +67,21 @@ pub fn is_held(path: &Path) -> bool {
     kind.is_file() && !File::open(path).is_ok_and(|file| file.try_lock().is_ok())
 }
 
+/// Whether a path ends with a temporary name.
+pub(super) fn is_temporary(path: &Path) -> bool {
+    path.file_name().is_some_and(is_temporary_name)
+}
+
+fn is_temporary_name(name: &OsStr) -> bool {
+    let name = name.as_encoded_bytes();
+    name.starts_with(PREFIX.as_bytes()) && name.ends_with(SUFFIX.as_bytes())
+}
+
 /// Removes the temporary files and folders in a folder that nobody holds; only for who has claimed it, or one above it.
 pub fn remove_stale(folder: &Path) {
     let Ok(entries) = fs::read_dir(folder) else { return };
     for entry in entries.flatten() {
-        let name = entry.file_name();
-        let ours = name.as_encoded_bytes().starts_with(PREFIX.as_bytes())
-            && name.as_encoded_bytes().ends_with(SUFFIX.as_bytes());
+        let ours = is_temporary_name(&entry.file_name());
         let path = entry.path();
         let Ok(kind) = entry.file_type() else { continue };
         if !ours || is_held(&path) {

@@ -40,6 +40,11 @@ impl Together {
         Ok(())
     }
 
+    /// The files with their temporary names and their own.
+    pub fn moves(&self) -> impl Iterator<Item = (PathBuf, PathBuf)> {
+        self.files.iter().map(|(file, path)| (file.path().to_owned(), path.clone()))
+    }
+
     /// Gives all files their names, in the order in which they were added. Where one cannot have its own, those before it are taken
     /// back, and what stood there stands there again.
     ///

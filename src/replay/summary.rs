@@ -8,7 +8,7 @@
 //!  "cut": "none", "inputs_between_samples": "hold",
 //!  "recordings": [{"name": "startup_01", "path": "bags/startup_01.mcap", "bytes": 121174, "origin": "…",
 //!                  "process": "startup", "rows": 1250, "start_ns": 1780008000000000000, "duration_s": 249.8,
-//!                  "warnings": ["…"], "signals": [SIGNAL, …]}],
+//!                  "warnings": ["…"], "notes": ["…"], "signals": [SIGNAL, …]}],
 //!  "processes": [{"process": "startup", "recordings": 4, "signals": [SIGNAL, …]}],
 //!  "overall": {"recordings": 16, "signals": [SIGNAL, …]},
 //!  "residual": {"model": "model.residual", "guard": {"rows": 23293, "clamped": 0, "faded": 3, "outside": 0, "bad": 0},
@@ -140,6 +140,8 @@ pub struct Provenance {
     pub origin: Option<String>,
     /// What a user should read.
     pub warnings: Vec<String>,
+    /// What a reader of results should know besides.
+    pub notes: Vec<String>,
 }
 
 /// Figures of one recording.
@@ -163,6 +165,8 @@ pub struct Recorded {
     pub duration_s: f64,
     /// What a user should read.
     pub warnings: Vec<String>,
+    /// What a reader of results should know besides; none of it speaks against them.
+    pub notes: Vec<String>,
     /// Figures, signal by signal.
     pub signals: Vec<SignalFigures>,
 }
@@ -229,10 +233,11 @@ pub fn summarise(
         bytes: from.bytes,
         origin: from.origin.clone(),
         process: one.recording.process.id(),
-        rows: one.recording.frames.len(),
+        rows: one.rows,
         start_ns: one.recording.frames.first().map_or(0, |frame| frame.time_ns),
         duration_s: one.recording.duration_s(),
         warnings: from.warnings.clone(),
+        notes: from.notes.clone(),
         signals: signals(&one.scores, cut),
     };
     Summary {

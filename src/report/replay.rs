@@ -78,6 +78,14 @@ pub fn page(
         }
         body.heading("Spread");
     }
+    for one in replayed.iter().filter(|one| one.every > 1) {
+        let Replayed { recording, rows, every, .. } = one;
+        let shown = format!(
+            "{}: pictures and spread show one in {every} of its {rows} rows; all figures are over all rows.",
+            recording.name
+        );
+        body.note(Tone::Plain, shown);
+    }
     body.figure(svg(&errors(summary, replayed, sensors))?, "Left: RMSE by process. Right: how the differences are spread over all rows; the outermost bars hold all that lies further out.");
     let mut inner = Blocks::new();
     inner.table(
@@ -128,6 +136,10 @@ fn opening(body: &mut Blocks, summary: &Summary) {
     let warned: Vec<_> = summary.recordings.iter().filter(|one| !one.warnings.is_empty()).collect();
     for one in warned.iter().take(5) {
         body.note(Tone::Warning, format!("{}: {}", one.name, one.warnings.join("; ")));
+    }
+    let noted: Vec<_> = summary.recordings.iter().filter(|one| !one.notes.is_empty()).collect();
+    for one in noted.iter().take(5) {
+        body.note(Tone::Plain, format!("{}: {}", one.name, one.notes.join("; ")));
     }
     if warned.len() > 5 {
         body.note(Tone::Warning, format!("{} more recordings have warnings; see the JSON.", warned.len() - 5));

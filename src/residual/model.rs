@@ -154,6 +154,10 @@ impl Model {
         model.signal()?;
         model.forest()?;
         let features = model.features()?.len();
+        // Every feature costs time in every row; more than there are would be no more than a way to take it.
+        if let Some(twice) = model.features.iter().enumerate().find(|(at, name)| model.features[..*at].contains(name)) {
+            return Err(damaged(format!("its feature `{}` stands twice", twice.1)));
+        }
         for (what, len) in [("support", model.guard.support.len()), ("importance", model.importance.len())] {
             if len != features {
                 return Err(damaged(format!("`{what}` has {len} entries for {features} features")));

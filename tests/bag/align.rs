@@ -1,11 +1,11 @@
 //! The alignment rule against a slow and obvious reading of it, on streams with their own rates and jitter.
 
-use govtwin::bag::{self, Interpolation, ReadOptions};
+use govtwin::bag::{Interpolation, ReadOptions};
 use govtwin::frame::EsvState;
 use mcap::WriteOptions;
 use proptest::prelude::{Just, ProptestConfig, Strategy, any, prop, prop_assert, prop_assert_eq, proptest};
 
-use crate::make::{BEGIN_NS, Bag, MS};
+use crate::make::{BEGIN_NS, Bag, MS, read_both_ways};
 
 /// Times within four seconds, in any order, each once.
 fn stamps(most: usize) -> impl Strategy<Value = Vec<i64>> {
@@ -61,7 +61,7 @@ proptest! {
         let (_folder, path) = bag.file(WriteOptions::new());
         let period_ns = 7 * MS;
         let interpolation = if linear { Interpolation::Linear { period_ns } } else { Interpolation::Hold };
-        let read = bag::read(&path, &ReadOptions { interpolation, ..ReadOptions::default() });
+        let read = read_both_ways(&path, &ReadOptions { interpolation, ..ReadOptions::default() });
 
         let begin_ns = command[0].0.max(esv[0].0).max(pressure[0].0);
         let stamps = command.iter().chain(&pressure).chain(&servo).map(|sample| sample.0);
@@ -103,7 +103,7 @@ fn rows_begin_when_every_input_has_a_value() {
     bag.servo(BEGIN_NS, 0.0, 0.0);
     bag.command(BEGIN_NS + 500 * MS, 0.2);
     let (_folder, path) = bag.file(WriteOptions::new());
-    let frames = bag::read(&path, &ReadOptions::default()).unwrap().recording.frames;
+    let frames = read_both_ways(&path, &ReadOptions::default()).unwrap().recording.frames;
     assert_eq!(frames.len(), 1, "only the last stamp has all inputs");
     assert_eq!(frames[0].time_ns, BEGIN_NS + 500 * MS);
 }

@@ -7,11 +7,11 @@ use mcap::{Compression, WriteOptions};
 use proptest::prelude::{ProptestConfig, any, prop, prop_assert, proptest};
 use proptest::sample::Index;
 
-use crate::make::{Bag, in_file, small_chunks};
+use crate::make::{Bag, in_file, read_both_ways, small_chunks};
 
 fn read_all_ways(path: &Path) {
-    let _ = bag::read(path, &ReadOptions::default());
-    let _ = bag::read(path, &ReadOptions { required: vec![], ..ReadOptions::default() });
+    let _ = read_both_ways(path, &ReadOptions::default());
+    let _ = read_both_ways(path, &ReadOptions { required: vec![], ..ReadOptions::default() });
     let _ = bag::survey(path);
     if let Ok(messages) = bag::messages(path) {
         let _ = messages.count();
@@ -82,7 +82,7 @@ proptest! {
         }
         let (_folder, path) = bag.file(WriteOptions::new());
         let options = ReadOptions { required: vec![], ..ReadOptions::default() };
-        if let Ok(loaded) = bag::read(&path, &options) {
+        if let Ok(loaded) = read_both_ways(&path, &options) {
             let frames = &loaded.recording.frames;
             prop_assert!(frames.windows(2).all(|pair| pair[0].time_ns < pair[1].time_ns));
             for frame in frames {

@@ -3,7 +3,7 @@
 use govtwin::bag::{self, BagError, ReadOptions, Warning};
 use mcap::{Compression, WriteOptions};
 
-use crate::make::{Bag, in_file, small_chunks};
+use crate::make::{Bag, in_file, read_both_ways, small_chunks};
 
 /// Whether the messages are the first ones of the bag, in file order.
 fn is_prefix(messages: &[Vec<u8>], bag: &Bag) -> bool {
@@ -86,7 +86,7 @@ fn a_hole_in_the_middle_is_bridged() {
     let (from, to) = (bytes.len() / 3, bytes.len() / 3 + 2000);
     bytes[from..to].fill(0);
     let (_folder, path) = in_file(&bytes);
-    let loaded = bag::read(&path, &ReadOptions::default()).unwrap();
+    let loaded = read_both_ways(&path, &ReadOptions::default()).unwrap();
     let read: u64 = loaded.health.streams.iter().map(|stream| stream.kept).sum();
     assert!(read > bag.entries.len() as u64 * 2 / 3, "{read} of {}", bag.entries.len());
     let last = loaded.recording.frames.last().unwrap().time_ns;
@@ -121,11 +121,11 @@ fn a_finished_file_without_messages_is_empty_not_damaged() {
     let bytes = Bag::default().bytes(WriteOptions::new());
     let (_folder, path) = in_file(&bytes);
     assert_eq!(bag::messages(&path).unwrap().count(), 0);
-    let error = bag::read(&path, &ReadOptions::default()).unwrap_err();
+    let error = read_both_ways(&path, &ReadOptions::default()).unwrap_err();
     assert!(matches!(&error, BagError::Empty { lost, .. } if lost.is_empty()), "{error}");
     let error = {
         let (_folder, path) = in_file(&bytes[..20]);
-        bag::read(&path, &ReadOptions::default()).unwrap_err().to_string()
+        read_both_ways(&path, &ReadOptions::default()).unwrap_err().to_string()
     };
     assert!(error.contains("holds no message; ") && error.contains("bytes lost"), "{error}");
 }

@@ -3,14 +3,14 @@
 use std::fs;
 use std::path::Path;
 
-use govtwin::bag::{self, BagError, ReadOptions, Warning};
+use govtwin::bag::{BagError, ReadOptions, Warning};
 use govtwin::msg::{FluidPressure, Header, JointState};
 use mcap::WriteOptions;
 
-use crate::make::{BEGIN_NS, Bag, in_file, small_chunks};
+use crate::make::{BEGIN_NS, Bag, in_file, read_both_ways, small_chunks};
 
 fn error_of(path: &Path) -> (BagError, String) {
-    let error = bag::read(path, &ReadOptions::default()).map(|_| ()).unwrap_err();
+    let error = read_both_ways(path, &ReadOptions::default()).map(|_| ()).unwrap_err();
     let text = error.to_string();
     assert!(text.starts_with(&path.display().to_string()), "the path comes first: {text}");
     (error, text)
@@ -118,8 +118,8 @@ fn split_bags_are_read_in_the_order_of_their_numbers() {
         fs::write(folder.path().join(format!("run_{number}.mcap")), bytes).unwrap();
     }
     let (_single, path) = bag.file(WriteOptions::new());
-    let whole = bag::read(&path, &ReadOptions::default()).unwrap().recording.frames;
-    let split = bag::read(folder.path(), &ReadOptions::default()).unwrap();
+    let whole = read_both_ways(&path, &ReadOptions::default()).unwrap().recording.frames;
+    let split = read_both_ways(folder.path(), &ReadOptions::default()).unwrap();
     assert_eq!(format!("{:?}", split.recording.frames), format!("{whole:?}"));
     let numbers: Vec<String> =
         split.health.files.iter().map(|file| file.path.file_stem().unwrap().to_string_lossy().into_owned()).collect();
@@ -134,9 +134,9 @@ fn split_bags_are_read_in_the_order_of_their_numbers() {
         bag.entries.len()
     );
     fs::write(folder.path().join("metadata.yaml"), yaml).unwrap();
-    assert!(bag::read(folder.path(), &ReadOptions::default()).unwrap().health.is_clean());
+    assert!(read_both_ways(folder.path(), &ReadOptions::default()).unwrap().health.is_clean());
     fs::remove_file(folder.path().join("run_4.mcap")).unwrap();
-    let warnings = bag::read(folder.path(), &ReadOptions::default()).unwrap().health.warnings;
+    let warnings = read_both_ways(folder.path(), &ReadOptions::default()).unwrap().health.warnings;
     let gone = |warning: &Warning| matches!(warning, Warning::FileMissing { path } if path.ends_with("run_4.mcap"));
     assert!(warnings.iter().any(gone), "{warnings:?}");
     let counted = |warning: &Warning| warning.to_string().contains(&format!("counts {} messages", bag.entries.len()));
@@ -148,7 +148,7 @@ fn metadata_that_cannot_be_read_is_told_and_done_without() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("a.mcap"), Bag::standard(1).bytes(WriteOptions::new())).unwrap();
     fs::write(folder.path().join("metadata.yaml"), "rosbag2_bagfile_information: [1, 2").unwrap();
-    let loaded = bag::read(folder.path(), &ReadOptions::default()).unwrap();
+    let loaded = read_both_ways(folder.path(), &ReadOptions::default()).unwrap();
     assert!(matches!(&loaded.health.warnings[..], [Warning::Metadata { .. }]), "{:?}", loaded.health.warnings);
     let yaml = "rosbag2_bagfile_information:\n  version: 9\n  compression_mode: MESSAGE\n";
     fs::write(folder.path().join("metadata.yaml"), yaml).unwrap();

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
-use govtwin::bag::cdr;
+use govtwin::bag::{self, BagError, Loaded, ReadOptions, Rows, cdr};
+use govtwin::frame::Frame;
 use govtwin::msg::{EsvState, FluidPressure, GovernorCommand, Header, Interface, ServoState, definition};
 use mcap::WriteOptions;
 use mcap::records::MessageHeader;
@@ -20,6 +21,7 @@ pub struct Entry {
     pub topic: String,
     pub type_name: String,
     pub log_ns: i64,
+    pub sequence: u32,
     pub data: Vec<u8>,
 }
 
@@ -33,7 +35,7 @@ impl Bag {
     /// Adds a message logged at a time.
     pub fn put<T: Interface>(&mut self, topic: &str, log_ns: i64, message: &T) {
         let (topic, type_name) = (topic.to_owned(), T::TYPE_NAME.to_owned());
-        self.entries.push(Entry { topic, type_name, log_ns, data: cdr::encode(message).unwrap() });
+        self.entries.push(Entry { topic, type_name, log_ns, sequence: 0, data: cdr::encode(message).unwrap() });
     }
 
     pub fn command(&mut self, stamp_ns: i64, opening: f64) {
@@ -90,7 +92,7 @@ impl Bag {
                 writer.add_channel(schema, &entry.topic, "cdr", &BTreeMap::new()).unwrap()
             });
             let log_time = entry.log_ns as u64;
-            let header = MessageHeader { channel_id: id, sequence: 0, log_time, publish_time: log_time };
+            let header = MessageHeader { channel_id: id, sequence: entry.sequence, log_time, publish_time: log_time };
             writer.write_to_known_channel(&header, &entry.data).unwrap();
         }
         writer.finish().unwrap();
@@ -102,6 +104,44 @@ impl Bag {
     pub fn file(&self, options: WriteOptions) -> (tempfile::TempDir, PathBuf) {
         in_file(&self.bytes(options))
     }
+}
+
+/// Rows one by one, as they come.
+#[derive(Default)]
+pub struct All {
+    pub frames: Vec<Frame>,
+    /// Whether the bag needed all of its samples at once.
+    pub restarted: bool,
+}
+
+impl Rows for All {
+    fn restart(&mut self) {
+        *self = Self { frames: vec![], restarted: true };
+    }
+
+    fn row(&mut self, frame: &Frame) {
+        self.frames.push(*frame);
+    }
+}
+
+/// Reads a bag as a whole and row by row, and fails where the two differ in a row, a warning or a refusal.
+#[track_caller]
+pub fn read_both_ways(path: &Path, options: &ReadOptions) -> Result<Loaded, BagError> {
+    let words = |error: BagError| error.to_string();
+    let mut all = All::default();
+    let rows = bag::read_rows(path, options, &mut all);
+    let whole = bag::read(path, options);
+    match (&whole, rows.map_err(words)) {
+        // As text, in which NaN is NaN.
+        (Ok(whole), Ok(health)) => {
+            assert_eq!(format!("{:?}", whole.health), format!("{health:?}"));
+            assert!(format!("{:?}", whole.recording.frames) == format!("{:?}", all.frames), "rows differ");
+        }
+        (Err(whole), Err(rows)) => assert_eq!(whole.to_string(), rows),
+        (Ok(_), Err(rows)) => panic!("refused row by row: {rows}"),
+        (Err(whole), Ok(_)) => panic!("refused as a whole: {whole}"),
+    }
+    whole
 }
 
 /// Bytes in a file `bag.mcap` of a folder of its own.

@@ -4,7 +4,7 @@ use govtwin::bag::{self, BagError, Health, Interpolation, ReadOptions, StreamHea
 use govtwin::msg::{EsvState, GovernorCommand, Header, Time};
 use mcap::WriteOptions;
 
-use crate::make::{BEGIN_NS, Bag, MS};
+use crate::make::{BEGIN_NS, Bag, MS, read_both_ways};
 
 const COMMAND: usize = 0;
 const ESV: usize = 1;
@@ -13,7 +13,7 @@ const SERVO: usize = 3;
 
 fn read(bag: &Bag) -> bag::Loaded {
     let (_folder, path) = bag.file(WriteOptions::new());
-    bag::read(&path, &ReadOptions::default()).unwrap()
+    read_both_ways(&path, &ReadOptions::default()).unwrap()
 }
 
 fn stream(health: &Health, number: usize) -> &StreamHealth {
@@ -92,7 +92,7 @@ fn a_stream_without_one_usable_value_says_why() {
     bag.entries.retain(|entry| entry.topic != "/governor/esv");
     bag.esv(BEGIN_NS, 2);
     let (_folder, path) = bag.file(WriteOptions::new());
-    let error = bag::read(&path, &ReadOptions::default()).unwrap_err();
+    let error = read_both_ways(&path, &ReadOptions::default()).unwrap_err();
     assert!(matches!(error, BagError::Unusable { messages: 1, .. }), "{error}");
     assert!(error.to_string().contains("ESV state is 2"), "{error}");
 }
@@ -199,11 +199,11 @@ fn a_leap_in_which_nothing_is_recorded_splits_the_recording() {
         assert!(loaded.recording.frames[0].time_ns >= BEGIN_NS + to_ns);
         assert!(loaded.recording.duration_s() < 5.0);
         let by = if to_ns > 0 {
-            "time jumps forwards by 3597.0 s, from"
+            ["nothing is recorded for 3597.0 s, from", "(pauses in all: 1)"]
         } else {
-            "time jumps forwards by 1699999987.0 s, from"
+            ["time jumps forwards by 1699999987.0 s, from", "(jumps in all: 1)"]
         };
-        for part in [by, "(jumps in all: 1)"] {
+        for part in by {
             assert!(said(&loaded.health).contains(part), "{}", said(&loaded.health));
         }
     }
@@ -266,7 +266,7 @@ fn streams_of_clocks_that_differ_by_years_are_refused() {
     bag.entries.iter_mut().for_each(|entry| entry.log_ns += BEGIN_NS - 1_000_000 * MS);
     (0..200).for_each(|step| bag.servo(BEGIN_NS + step * 10 * MS, 0.0, 0.3));
     let (_folder, path) = bag.file(WriteOptions::new());
-    let error = bag::read(&path, &ReadOptions::default()).unwrap_err();
+    let error = read_both_ways(&path, &ReadOptions::default()).unwrap_err();
     assert!(matches!(error, BagError::TwoClocks { .. }), "{error}");
     assert!(error.to_string().contains("1001990000000 ns to 1700000000000000000 ns"), "{error}");
 }
@@ -319,7 +319,8 @@ fn linear_inputs_meet_their_samples_and_the_esv_holds() {
     }
     let (_folder, path) = bag.file(WriteOptions::new());
     let interpolation = Interpolation::Linear { period_ns: 50 * MS };
-    let frames = bag::read(&path, &ReadOptions { interpolation, ..ReadOptions::default() }).unwrap().recording.frames;
+    let frames =
+        read_both_ways(&path, &ReadOptions { interpolation, ..ReadOptions::default() }).unwrap().recording.frames;
     assert_eq!(frames.len(), 17);
     for (step, frame) in frames.iter().enumerate() {
         assert!((frame.inputs.opening_command_pu - 0.025 * step as f64).abs() < 1e-12);

@@ -4,13 +4,13 @@ use govtwin::bag::{self, BagError, Interpolation, ReadOptions, Stream, Warning};
 use govtwin::frame::EsvState;
 use mcap::{Compression, WriteOptions};
 
-use crate::make::{BEGIN_NS, Bag, MS, small_chunks};
+use crate::make::{BEGIN_NS, Bag, MS, read_both_ways, small_chunks};
 
 #[test]
 fn every_way_to_store_gives_the_same_recording() {
     let bag = Bag::standard(5);
     let (_folder, path) = bag.file(WriteOptions::new());
-    let whole = bag::read(&path, &ReadOptions::default()).unwrap();
+    let whole = read_both_ways(&path, &ReadOptions::default()).unwrap();
     assert!(whole.health.is_clean(), "{:?}", whole.health.warnings);
     assert_eq!(whole.recording.frames.len(), 500);
     let plain = || WriteOptions::new().compression(None);
@@ -25,7 +25,7 @@ fn every_way_to_store_gives_the_same_recording() {
         ("no channels in the summary", small_chunks().repeat_channels(false).repeat_schemas(false)),
     ] {
         let (_folder, path) = bag.file(options);
-        let loaded = bag::read(&path, &ReadOptions::default()).unwrap();
+        let loaded = read_both_ways(&path, &ReadOptions::default()).unwrap();
         assert!(loaded.health.is_clean(), "{name}: {:?}", loaded.health.warnings);
         // NaN is unequal to itself; its text is not.
         assert_eq!(format!("{:?}", loaded.recording), format!("{:?}", whole.recording), "{name}");
@@ -62,7 +62,7 @@ fn absent_streams_are_filled_by_constants_only_when_they_are_not_required() {
         bag.servo(BEGIN_NS + step * 20 * MS, 0.01, 0.5);
     }
     let (_folder, path) = bag.file(WriteOptions::new());
-    let Err(BagError::Missing { missing, present, .. }) = bag::read(&path, &ReadOptions::default()) else {
+    let Err(BagError::Missing { missing, present, .. }) = read_both_ways(&path, &ReadOptions::default()) else {
         panic!("three inputs are missing");
     };
     assert_eq!(missing.len(), 3);
@@ -70,7 +70,7 @@ fn absent_streams_are_filled_by_constants_only_when_they_are_not_required() {
     assert_eq!(present, "/plant/servo_state (governor_msgs/msg/ServoState)");
 
     let options = ReadOptions { required: vec![Stream::ServoState], ..ReadOptions::default() };
-    let loaded = bag::read(&path, &options).unwrap();
+    let loaded = read_both_ways(&path, &options).unwrap();
     assert_eq!(loaded.recording.frames.len(), 50);
     let frame = loaded.recording.frames[7];
     assert!(frame.inputs.opening_command_pu.is_nan() && frame.inputs.tank_pressure_pa.is_nan());
@@ -88,16 +88,16 @@ fn other_topic_names_can_be_named() {
     }
     let (_folder, path) = bag.file(WriteOptions::new());
     let mut options = ReadOptions { required: Stream::ALL.to_vec(), ..ReadOptions::default() };
-    let error = bag::read(&path, &options).unwrap_err().to_string();
+    let error = read_both_ways(&path, &options).unwrap_err().to_string();
     assert!(error.contains("did you mean `/unit_3/servo_state`?"), "{error}");
     options.topics.servo_state = "/unit_3/servo_state".into();
-    assert!(bag::read(&path, &options).unwrap().recording.frames[0].measured.servomotor_position_pu.is_finite());
+    assert!(read_both_ways(&path, &options).unwrap().recording.frames[0].measured.servomotor_position_pu.is_finite());
 }
 
 #[test]
 fn a_grid_of_too_many_rows_is_refused() {
     let (_folder, path) = Bag::standard(3).file(WriteOptions::new());
     let options = ReadOptions { interpolation: Interpolation::Linear { period_ns: 1 }, ..ReadOptions::default() };
-    let error = bag::read(&path, &options).unwrap_err();
+    let error = read_both_ways(&path, &options).unwrap_err();
     assert!(matches!(error, BagError::TooManyRows { period_ns: 1, .. }), "{error}");
 }

@@ -6,7 +6,7 @@ use govtwin::bag::{self, ReadOptions};
 use govtwin::digest::sha256;
 use govtwin::recording::Process;
 
-use crate::make::shipped;
+use crate::make::{All, read_both_ways, shipped};
 
 #[test]
 fn checksums_hold_and_cover_every_recording() {
@@ -43,7 +43,7 @@ fn reference_recordings_have_every_row_and_their_process() {
     for process in Process::ALL {
         for number in 1..=4 {
             let path = shipped(&format!("reference/{}_0{number}.mcap", process.id()));
-            let loaded = bag::read(&path, &ReadOptions::default()).unwrap();
+            let loaded = read_both_ways(&path, &ReadOptions::default()).unwrap();
             assert_eq!(loaded.recording.process, process, "{}", loaded.recording.name);
             assert!(loaded.health.is_clean(), "{:?}", loaded.health.warnings);
             let frames = &loaded.recording.frames;
@@ -56,12 +56,21 @@ fn reference_recordings_have_every_row_and_their_process() {
 }
 
 #[test]
+fn sound_recordings_are_read_row_by_row() {
+    for name in ["reference/startup_02.mcap", "practice/case_03/shutdown.mcap", "sealed/case_11/load_increase.mcap"] {
+        let mut all = All::default();
+        bag::read_rows(&shipped(name), &ReadOptions::default(), &mut all).unwrap();
+        assert!(!all.restarted && all.frames.len() > 100, "{name}");
+    }
+}
+
+#[test]
 fn every_unit_has_four_clean_processes() {
     for (set, units) in [("practice", 8), ("sealed", 24)] {
         for unit in 1..=units {
             for process in Process::ALL {
                 let path = shipped(&format!("{set}/case_{unit:02}/{}.mcap", process.id()));
-                let loaded = bag::read(&path, &ReadOptions::default()).unwrap();
+                let loaded = read_both_ways(&path, &ReadOptions::default()).unwrap();
                 assert!(loaded.health.is_clean(), "{}: {:?}", path.display(), loaded.health.warnings);
                 assert_eq!(loaded.recording.process, process, "{}", path.display());
             }

@@ -20,6 +20,8 @@ const SYMBOLS: &[&str] = &["m", "m²", "m³", "s", "s²", "Pa", "N", "kg", "rad"
 /// Places whose numbers have no unit of their own.
 const ELSEWHERE: &[(&str, &str)] = &[
     ("src/msg.rs", "names are those of the messages, which state the units"),
+    ("src/bag/channel.rs", "numbers of any channel, in the unit of its signal"),
+    ("src/bag/evidence.rs", "numbers of any channel, in the unit of its signal"),
     ("src/metrics.rs", "errors are in the unit of what is compared"),
     ("src/residual/", "corrections, ranges and bands are in the unit of the signal that is corrected"),
     ("src/comparison/", "errors are in the unit of what is compared"),

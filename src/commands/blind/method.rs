@@ -11,8 +11,8 @@ use govtwin::blind::said::Said;
 use govtwin::parameters::Unit;
 
 use super::cases::Case;
-use super::scoring::LARGEST_BYTES;
 use crate::commands::output::write_atomically;
+use crate::commands::report_file;
 
 /// A method that says something of a unit.
 #[derive(Clone, Copy, Debug)]
@@ -46,9 +46,7 @@ impl Method {
         if !path.is_file() {
             return Ok(None);
         }
-        let text = govtwin::files::read_text(&path, LARGEST_BYTES)
-            .with_context(|| format!("cannot read {}", path.display()))?;
-        Said::read(&text).with_context(|| path.display().to_string()).map(Some)
+        report_file::read(&path).map(Some)
     }
 }
 

@@ -20,8 +20,7 @@ use super::cases::Case;
 use super::method::Method;
 use crate::commands::output::{Output, Progress, print};
 
-/// More than labels, or the report of one unit, hold.
-pub const LARGEST_BYTES: u64 = 1 << 24;
+pub use crate::commands::report_file::LARGEST_BYTES;
 
 /// Opens a label file.
 pub fn read_labels(path: &Path) -> anyhow::Result<Vec<Label>> {

@@ -22,6 +22,7 @@ pub(super) fn entry(entry: &Entry) -> String {
     };
     lines.push(format!("  recording  {recording}"));
     lines.extend(entry.warnings_in_words.iter().map(|warning| format!("  warning    {warning}")));
+    lines.extend(entry.notes_in_words.iter().map(|note| format!("  note       {note}")));
     let lines: Vec<String> = lines.iter().map(|line| one_line(line)).collect();
     format!("{}\n\n{}", lines.join("\n"), topics(&entry.survey.topics).to_text())
 }

@@ -53,7 +53,7 @@ fn follow(corrector: &mut Corrector, replayed: &Replayed) -> (Replayed, Counts) 
     }
     let recording = replayed.recording.clone();
     let scores = Scores::of(&recording, &estimates);
-    (Replayed { recording, estimates, scores }, *corrector.counts())
+    (Replayed { recording, estimates, scores, rows: replayed.rows, every: replayed.every }, *corrector.counts())
 }
 
 /// The summary of the corrected recordings, for the figures of the whole replay.

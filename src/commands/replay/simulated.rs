@@ -3,17 +3,16 @@
 use std::path::Path;
 
 use anyhow::Context;
-use govtwin::bag::{self, BagError, Qos, Sealed, Stream, Topics, Writer, WriterOptions};
+use govtwin::bag::{self, BagError, Qos, RawMessage, Sealed, Stream, Topic, Topics, Writer, WriterOptions};
 use govtwin::frame::Estimate;
 use govtwin::msg::{Header, ServoState};
-use govtwin::replay::Replayed;
-use govtwin::signal::Signal;
+use govtwin::replay::{Replayed, is_measured};
 
 /// Topic of the simulated state.
 pub const TOPIC: &str = "/sim/servo_state";
 
 /// How the bags of a replay are written: one replaces another of the same place, and nothing else.
-const OPTIONS: WriterOptions = WriterOptions { mark: Some("govtwin.replay"), keep_unfinished: false };
+pub const OPTIONS: WriterOptions = WriterOptions { mark: Some("govtwin.replay"), keep_unfinished: false };
 
 /// Whether the bag folder `dir` may be written: nothing is there but what a replay wrote before.
 pub fn check(dir: &Path) -> anyhow::Result<()> {
@@ -26,19 +25,12 @@ pub fn check(dir: &Path) -> anyhow::Result<()> {
 /// row. Its stamps are those of the rows; its log times follow the recorded messages' own clock. A
 /// simulated state that the bag already holds is left behind.
 pub fn write(source: &Path, dir: &Path, replayed: &Replayed, topics: &Topics) -> anyhow::Result<Sealed> {
-    let failed = || format!("cannot write the simulated bag {}", dir.display());
-    if let Some(parent) = dir.parent() {
-        std::fs::create_dir_all(parent).with_context(failed)?;
-    }
     let lag_ns = lag_ns(source, topics)?;
-    let mut writer = Writer::create(dir, OPTIONS)?;
-    let topic = writer.topic::<ServoState>(TOPIC, Qos::SENSOR)?;
+    let (mut writer, topic) = begin(dir)?;
     let recorded = replayed.recording.frames.iter().zip(&replayed.estimates);
-    let measured = recorded.clone().any(|(frame, _)| Signal::ALL.iter().any(|s| s.of(&frame.measured).is_finite()));
-    let mut estimates = recorded
-        .filter(|(frame, _)| !measured || Signal::ALL.iter().any(|s| s.of(&frame.measured).is_finite()))
-        .map(|(_, estimate)| estimate)
-        .peekable();
+    let measured = replayed.scores.are_measured();
+    let mut estimates =
+        recorded.filter(|(frame, _)| !measured || is_measured(frame)).map(|(_, estimate)| estimate).peekable();
     for message in bag::messages(source)? {
         let message = message?;
         if message.topic.name == TOPIC {
@@ -55,23 +47,38 @@ pub fn write(source: &Path, dir: &Path, replayed: &Replayed, topics: &Topics) ->
     Ok(writer.seal()?)
 }
 
+/// Begins a simulated bag.
+pub fn begin(dir: &Path) -> anyhow::Result<(Writer, Topic<ServoState>)> {
+    let failed = || format!("cannot write the simulated bag {}", dir.display());
+    if let Some(parent) = dir.parent() {
+        std::fs::create_dir_all(parent).with_context(failed)?;
+    }
+    let mut writer = Writer::create(dir, OPTIONS)?;
+    let topic = writer.topic::<ServoState>(TOPIC, Qos::SENSOR)?;
+    Ok((writer, topic))
+}
+
 /// How much later than its stamp the first message of the known topics that has one was logged, ns.
 fn lag_ns(source: &Path, topics: &Topics) -> Result<i64, BagError> {
     for message in bag::messages(source)? {
-        let message = message?;
-        if Stream::ALL.iter().any(|stream| topics.of(*stream) == message.topic.name) {
-            // All four types begin with their header, which is all that is read here.
-            let header = bag::cdr::decode::<Header>(&message.data).ok();
-            // A stamp of 0 tells no time.
-            if let Some(stamp_ns) = header.and_then(|header| header.stamp.nanos()).filter(|stamp_ns| *stamp_ns != 0) {
-                return Ok(message.log_time_ns.saturating_sub(stamp_ns));
-            }
+        if let Some(lag_ns) = lag_of(&message?, topics) {
+            return Ok(lag_ns);
         }
     }
     Ok(0)
 }
 
-fn state(estimate: &Estimate) -> ServoState {
+/// How much later than its stamp a message of the known topics was logged, where it has one, ns.
+pub fn lag_of(message: &RawMessage, topics: &Topics) -> Option<i64> {
+    Stream::ALL.iter().find(|stream| topics.of(**stream) == message.topic.name)?;
+    // All four types begin with their header, which is all that is read here.
+    let header = bag::cdr::decode::<Header>(&message.data).ok()?;
+    // A stamp of 0 tells no time.
+    let stamp_ns = header.stamp.nanos().filter(|stamp_ns| *stamp_ns != 0)?;
+    Some(message.log_time_ns.saturating_sub(stamp_ns))
+}
+
+pub fn state(estimate: &Estimate) -> ServoState {
     ServoState {
         header: Header { frame_id: "govtwin".into(), ..Header::at(estimate.time_ns) },
         spool_position: estimate.signals.spool_position_pu,

@@ -1,0 +1,183 @@
+//! What samples and rows show of their senders, clocks and transducers, taken one by one in memory that does not grow.
+
+use super::channel::{Behaviour, Channel};
+use super::clock::Clock;
+use super::qualification::{COMMAND, ESV, MEASURED, PRESSURE};
+use super::topic::RawView;
+use super::{Qos, Stream};
+use crate::frame::{EsvState, Frame};
+use crate::signal::Signal;
+
+/// Names of frames that are told from each other.
+const MOST_FRAMES: usize = 4;
+
+/// What one stream shows.
+#[derive(Clone, Debug)]
+pub(super) struct StreamEvidence {
+    /// Different `frame_id`s, the first few.
+    pub(super) frames: Vec<String>,
+    frame: usize,
+    /// How often the `frame_id` is another than in the message before.
+    pub(super) switches: u64,
+    sequence: Option<u32>,
+    /// Numbers that a sender's count leaves out.
+    pub(super) lost: u64,
+    /// How often the count goes back.
+    pub(super) counted_back: u64,
+    /// Senders that the recorder saw on the topic.
+    pub(super) offered: usize,
+    /// Samples in use.
+    pub(super) samples: u64,
+    /// Stamps against the time of recording.
+    pub(super) clock: Clock,
+    /// A number of each sample.
+    pub(super) channel: Channel,
+}
+
+impl StreamEvidence {
+    pub(super) fn new(stream: Stream) -> Self {
+        let behaviour = match stream {
+            Stream::Command => COMMAND,
+            Stream::TankPressure => PRESSURE,
+            Stream::Esv | Stream::ServoState => ESV,
+        };
+        Self {
+            frames: vec![],
+            frame: 0,
+            switches: 0,
+            sequence: None,
+            lost: 0,
+            counted_back: 0,
+            offered: 0,
+            samples: 0,
+            clock: Clock::default(),
+            channel: Channel::new(behaviour),
+        }
+    }
+
+    /// A message as it arrives.
+    pub(super) fn message(&mut self, message: RawView<'_>, frame_id: &str) {
+        if self.frames.get(self.frame).is_none_or(|frame| frame != frame_id) {
+            self.switches += u64::from(!self.frames.is_empty());
+            self.frame = self.frames.iter().position(|frame| frame == frame_id).unwrap_or(self.frames.len());
+            if self.frame == self.frames.len() && self.frames.len() < MOST_FRAMES {
+                self.frames.push(frame_id.to_owned());
+            }
+        }
+        // 0 throughout says that nobody counts.
+        if let Some(last) = self.sequence.filter(|last| *last > 0 || message.sequence > 0) {
+            match message.sequence.checked_sub(last) {
+                Some(step) if step > 0 => self.lost += u64::from(step - 1),
+                _ => self.counted_back += 1,
+            }
+        }
+        if self.sequence.is_none() {
+            self.offered = Qos::offered(&message.topic.offered_qos_profiles);
+        }
+        self.sequence = Some(message.sequence);
+    }
+
+    /// A sample in the order of stamps.
+    pub(super) fn sample(&mut self, stamp_ns: i64, log_time_ns: i64, number: f64) {
+        self.samples += 1;
+        self.clock.push(stamp_ns, log_time_ns);
+        self.channel.push(stamp_ns, number);
+    }
+}
+
+/// A run in which a measured signal stays the same to the last bit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Still {
+    /// The value.
+    pub(super) value: f64,
+    /// When it begins, ns.
+    pub(super) from_ns: i64,
+    /// When it ends, ns.
+    pub(super) to_ns: i64,
+    /// Samples in it.
+    pub(super) samples: u64,
+    /// How far command or servomotor moved meanwhile, pu.
+    pub(super) moved_pu: f64,
+    least: [f64; 2],
+    most: [f64; 2],
+}
+
+/// What one measured signal shows.
+#[derive(Clone, Debug)]
+pub(super) struct MeasuredEvidence {
+    pub(super) signal: Signal,
+    pub(super) channel: Channel,
+    still: Option<Still>,
+    /// The run during which most moved.
+    pub(super) frozen: Option<Still>,
+}
+
+impl MeasuredEvidence {
+    fn row(&mut self, frame: &Frame) {
+        let value = self.signal.of(&frame.measured);
+        if !value.is_finite() {
+            return;
+        }
+        self.channel.push(frame.time_ns, value);
+        let servomotor = Signal::ServomotorPosition;
+        let movers = [
+            frame.inputs.opening_command_pu,
+            if self.signal == servomotor { f64::NAN } else { servomotor.of(&frame.measured) },
+        ];
+        let normal = frame.inputs.esv == EsvState::Normal;
+        match &mut self.still {
+            // A servo system that has been shut down rests, whatever its command.
+            Some(still) if still.value.to_bits() == value.to_bits() && normal => {
+                still.to_ns = frame.time_ns;
+                still.samples += 1;
+                for (k, mover) in movers.into_iter().enumerate() {
+                    // NaN leaves both as they are.
+                    still.least[k] = still.least[k].min(mover);
+                    still.most[k] = still.most[k].max(mover);
+                    still.moved_pu = still.moved_pu.max(still.most[k] - still.least[k]);
+                }
+                if self.frozen.is_none_or(|frozen| frozen.moved_pu <= still.moved_pu) {
+                    self.frozen = Some(*still);
+                }
+            }
+            still => {
+                *still = normal.then_some(Still {
+                    value,
+                    from_ns: frame.time_ns,
+                    to_ns: frame.time_ns,
+                    samples: 1,
+                    moved_pu: 0.0,
+                    least: movers,
+                    most: movers,
+                });
+            }
+        }
+    }
+}
+
+/// What the measured signals show, row by row.
+#[derive(Clone, Debug)]
+pub(super) struct RowEvidence {
+    pub(super) signals: [MeasuredEvidence; Signal::ALL.len()],
+}
+
+impl RowEvidence {
+    pub(super) fn new() -> Self {
+        let behaviour = |signal: Signal| -> Behaviour { MEASURED[signal as usize] };
+        Self {
+            signals: Signal::ALL.map(|signal| MeasuredEvidence {
+                signal,
+                channel: Channel::new(behaviour(signal)),
+                still: None,
+                frozen: None,
+            }),
+        }
+    }
+
+    /// Takes a row.
+    pub(super) fn row(&mut self, frame: &Frame) {
+        for signal in &mut self.signals {
+            signal.row(frame);
+        }
+    }
+}

@@ -1,0 +1,300 @@
+//! Rows as the messages come in, in memory that does not grow: each row as soon as no later message can belong before it.
+//!
+//! The result is that of reading all samples first, or none: a bag that needs all of them (a clock that jumps, stamps of 0, a stream that
+//! lags behind the others by more than is waited for) is found out on the way, and is read anew.
+
+use std::collections::{BTreeSet, VecDeque};
+
+use super::align::FARTHEST_NS;
+use super::collect::{Collected, Collector};
+use super::edges::Edges;
+use super::evidence::{RowEvidence, StreamEvidence};
+use super::order;
+use super::pace::Pace;
+use super::read::Read;
+use super::streams::{Command, Pressure, Sample, Value, note};
+use super::topic::RawView;
+use super::{ReadOptions, Stream, StreamHealth};
+use crate::frame::{EsvState, Frame, Inputs, Signals};
+use crate::units::NANOS_PER_SECOND;
+
+/// A sample may be so late behind the newest of its own stream; one that is later shows a clock that was set back.
+const LATE_NS: i64 = order::SET_BACK_NS;
+
+/// A stream that says nothing is waited for as long as its messages have taken at most, and so much longer.
+const LAG_NS: i64 = 10 * NANOS_PER_SECOND;
+
+/// Stamps and log times that part by more, or silences that last longer, may be a jump of time.
+const DOUBTFUL_NS: i64 = order::SET_FORWARD_NS / 4;
+
+/// Samples and rows that may wait.
+const MOST_WAITING: usize = 200_000;
+
+/// Rows are looked for each time so many samples have come in.
+const TOGETHER: usize = 64;
+
+/// All samples are needed at once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Irregular;
+
+/// One stream on its way into rows.
+#[derive(Debug)]
+struct Track<V> {
+    /// Samples that no row holds yet, strictly rising in stamp.
+    waiting: VecDeque<Sample<V>>,
+    /// The sample in force.
+    current: Option<Sample<V>>,
+    newest: Option<(i64, i64)>,
+    most_delay_ns: i64,
+    /// It has no topic in the bag.
+    absent: bool,
+    pace: Pace,
+    kept: u64,
+    conflict: Option<(i64, String)>,
+}
+
+impl<V: Value> Track<V> {
+    fn new(absent: bool) -> Self {
+        Self {
+            waiting: VecDeque::new(),
+            current: None,
+            newest: None,
+            most_delay_ns: i64::MIN,
+            absent,
+            pace: Pace::default(),
+            kept: 0,
+            conflict: None,
+        }
+    }
+
+    /// Takes the sample that a collector has just decoded.
+    fn admit(&mut self, collector: &mut Collector<V>, done_ns: i64) -> Result<(), Irregular> {
+        let Some(sample) = collector.samples.pop() else { return Ok(()) };
+        if sample.stamp_ns == 0 || self.absent {
+            return Err(Irregular);
+        }
+        let delay_ns = sample.log_time_ns.saturating_sub(sample.stamp_ns);
+        let mut place = self.waiting.len();
+        if let Some((stamp_ns, log_time_ns)) = self.newest {
+            let step_ns = sample.stamp_ns.saturating_sub(stamp_ns);
+            let log_step_ns = sample.log_time_ns.saturating_sub(log_time_ns);
+            let parted_ns = step_ns.saturating_sub(log_step_ns).saturating_abs();
+            if log_step_ns < 0 || step_ns < -LATE_NS || parted_ns > DOUBTFUL_NS {
+                return Err(Irregular);
+            }
+            if step_ns < 0 {
+                collector.health.late += 1;
+            }
+            if step_ns <= 0 {
+                place = self.waiting.partition_point(|other| other.stamp_ns < sample.stamp_ns);
+            }
+        }
+        if sample.stamp_ns <= done_ns {
+            return Err(Irregular);
+        }
+        self.newest = Some((self.newest.map_or(i64::MIN, |newest| newest.0).max(sample.stamp_ns), sample.log_time_ns));
+        self.most_delay_ns = self.most_delay_ns.max(delay_ns);
+        match self.waiting.get_mut(place).filter(|other| other.stamp_ns == sample.stamp_ns) {
+            Some(other) if sample.value.same(other.value) => collector.health.duplicates += 1,
+            Some(other) => {
+                collector.health.conflicts += 1;
+                self.conflict.get_or_insert_with(|| (sample.log_time_ns, order::second_value(sample.stamp_ns)));
+                *other = sample;
+            }
+            None => self.waiting.insert(place, sample),
+        }
+        Ok(())
+    }
+
+    /// The stamp up to which no sample will come any more, at this time of recording.
+    fn final_ns(&self, log_time_ns: i64) -> i64 {
+        let Some((newest_ns, _)) = self.newest else { return if self.absent { i64::MAX } else { i64::MIN } };
+        let by_delay_ns = log_time_ns.saturating_sub(self.most_delay_ns.max(0)).saturating_sub(LAG_NS);
+        by_delay_ns.max(newest_ns.saturating_sub(LATE_NS + 1))
+    }
+
+    fn is_settled(&self) -> bool {
+        self.absent || self.current.is_some()
+    }
+
+    fn next_ns(&self) -> Option<i64> {
+        self.waiting.front().map(|sample| sample.stamp_ns)
+    }
+
+    /// Brings the sample of this stamp into force, where there is one.
+    fn advance(&mut self, time_ns: i64, evidence: &mut StreamEvidence) -> bool {
+        if self.next_ns() != Some(time_ns) {
+            return false;
+        }
+        let Some(sample) = self.waiting.pop_front() else { return false };
+        self.kept += 1;
+        self.pace.push(sample.stamp_ns);
+        evidence.sample(sample.stamp_ns, sample.log_time_ns, sample.value.number());
+        self.current = Some(sample);
+        true
+    }
+
+    fn finish(self, health: &mut StreamHealth) {
+        health.kept = self.kept;
+        health.pace = self.pace.finish();
+        if let Some((log_time_ns, fault)) = self.conflict {
+            note(health, log_time_ns, &fault);
+        }
+    }
+}
+
+/// The four streams on their way into rows, which are handed on one by one.
+pub(super) struct Live {
+    pub(super) collected: Collected,
+    command: Track<Command>,
+    esv: Track<EsvState>,
+    tank_pressure: Track<Pressure>,
+    servo_state: Track<Signals>,
+    newest_log_ns: Option<i64>,
+    untried: usize,
+    /// Rows up to here are made.
+    done_ns: i64,
+    /// Rows since the last command or servo state: they count once another one comes.
+    pending: VecDeque<Frame>,
+    previous_ns: Option<i64>,
+    /// Rows that were handed on.
+    pub(super) count: usize,
+    pub(super) evidence: RowEvidence,
+    edges: Edges,
+}
+
+impl Live {
+    /// Begins; `topics` are those of the bag, where its summary lists them.
+    pub(super) fn new(options: &ReadOptions, topics: Option<&BTreeSet<String>>) -> Self {
+        let absent = |stream| topics.is_some_and(|topics| !topics.contains(options.topics.of(stream)));
+        Self {
+            collected: Collected::new(options),
+            command: Track::new(absent(Stream::Command)),
+            esv: Track::new(absent(Stream::Esv)),
+            tank_pressure: Track::new(absent(Stream::TankPressure)),
+            servo_state: Track::new(absent(Stream::ServoState)),
+            newest_log_ns: None,
+            untried: 0,
+            done_ns: i64::MIN,
+            pending: VecDeque::new(),
+            previous_ns: None,
+            count: 0,
+            evidence: RowEvidence::new(),
+            edges: Edges::default(),
+        }
+    }
+
+    /// Takes a message; rows that are complete by it go to `on_row`.
+    pub(super) fn take(&mut self, message: RawView<'_>, on_row: &mut dyn FnMut(&Frame)) -> Result<(), Irregular> {
+        if !self.collected.take(message) {
+            return Ok(());
+        }
+        if self.newest_log_ns.is_some_and(|newest_ns| message.log_time_ns.saturating_sub(newest_ns) > DOUBTFUL_NS) {
+            return Err(Irregular);
+        }
+        self.newest_log_ns = self.newest_log_ns.max(Some(message.log_time_ns));
+        let Collected { command, esv, tank_pressure, servo_state, .. } = &mut self.collected;
+        self.command.admit(command, self.done_ns)?;
+        self.esv.admit(esv, self.done_ns)?;
+        self.tank_pressure.admit(tank_pressure, self.done_ns)?;
+        self.servo_state.admit(servo_state, self.done_ns)?;
+        self.untried += 1;
+        if self.untried < TOGETHER {
+            return Ok(());
+        }
+        self.untried = 0;
+        let log_time_ns = self.newest_log_ns.unwrap_or(i64::MIN);
+        let final_ns = [
+            self.command.final_ns(log_time_ns),
+            self.esv.final_ns(log_time_ns),
+            self.tank_pressure.final_ns(log_time_ns),
+            self.servo_state.final_ns(log_time_ns),
+        ];
+        self.rows(final_ns.into_iter().min().unwrap_or(i64::MIN), on_row)?;
+        let waiting = self.command.waiting.len()
+            + self.esv.waiting.len()
+            + self.tank_pressure.waiting.len()
+            + self.servo_state.waiting.len()
+            + self.pending.len();
+        if waiting > MOST_WAITING { Err(Irregular) } else { Ok(()) }
+    }
+
+    /// Makes all rows up to a time.
+    fn rows(&mut self, final_ns: i64, on_row: &mut dyn FnMut(&Frame)) -> Result<(), Irregular> {
+        loop {
+            let next =
+                [self.command.next_ns(), self.esv.next_ns(), self.tank_pressure.next_ns(), self.servo_state.next_ns()];
+            let Some(time_ns) = next.into_iter().flatten().min().filter(|time_ns| *time_ns <= final_ns) else {
+                return Ok(());
+            };
+            self.done_ns = time_ns;
+            self.row(time_ns, on_row)?;
+        }
+    }
+
+    fn row(&mut self, time_ns: i64, on_row: &mut dyn FnMut(&Frame)) -> Result<(), Irregular> {
+        let Collected { command, esv, tank_pressure, servo_state, .. } = &mut self.collected;
+        let commanded = self.command.advance(time_ns, &mut command.evidence);
+        self.esv.advance(time_ns, &mut esv.evidence);
+        self.tank_pressure.advance(time_ns, &mut tank_pressure.evidence);
+        let measured = self.servo_state.advance(time_ns, &mut servo_state.evidence);
+        let in_force = [self.command.is_settled(), self.esv.is_settled(), self.tank_pressure.is_settled()];
+        if self.edges.count(in_force) {
+            return Ok(());
+        }
+        if self.previous_ns.is_some_and(|previous_ns| time_ns.saturating_sub(previous_ns) > FARTHEST_NS) {
+            return Err(Irregular);
+        }
+        self.previous_ns = Some(time_ns);
+        let value = |sample: Option<Sample<Signals>>| sample.map_or(Signals::NONE, |sample| sample.value);
+        self.pending.push_back(Frame {
+            time_ns,
+            inputs: Inputs {
+                opening_command_pu: self.command.current.map_or(f64::NAN, |sample| sample.value.0),
+                esv: self.esv.current.map_or(EsvState::Normal, |sample| sample.value),
+                tank_pressure_pa: self.tank_pressure.current.map_or(f64::NAN, |sample| sample.value.0),
+            },
+            measured: value(self.servo_state.current.filter(|_| measured)),
+        });
+        if commanded || measured {
+            self.hand_on(usize::MAX, on_row);
+        }
+        Ok(())
+    }
+
+    /// Hands on so many of the rows that wait.
+    fn hand_on(&mut self, count: usize, on_row: &mut dyn FnMut(&Frame)) {
+        let count = count.min(self.pending.len());
+        for frame in self.pending.drain(..count) {
+            self.evidence.row(&frame);
+            self.count += 1;
+            on_row(&frame);
+        }
+    }
+
+    /// Makes the last rows, and gives health, evidence and edges.
+    pub(super) fn finish(&mut self, on_row: &mut dyn FnMut(&Frame)) -> Result<(), Irregular> {
+        self.rows(i64::MAX, on_row)?;
+        // A topic without one usable sample is as good as absent, which nobody knew.
+        if !(self.command.is_settled() && self.esv.is_settled() && self.tank_pressure.is_settled()) {
+            return Err(Irregular);
+        }
+        let nobody = self.command.current.is_none() && self.servo_state.current.is_none();
+        // Inputs that begin after the last command or measurement make the one row in which they begin.
+        let last = if nobody { usize::MAX } else { usize::from(self.count == 0) };
+        self.hand_on(last, on_row);
+        Ok(())
+    }
+
+    /// What was read, once it is finished.
+    pub(super) fn conclude(self) -> Read {
+        let (_, mut healths, evidence) = self.collected.finish();
+        if let [command, esv, tank_pressure, servo_state] = &mut healths[..] {
+            self.command.finish(command);
+            self.esv.finish(esv);
+            self.tank_pressure.finish(tank_pressure);
+            self.servo_state.finish(servo_state);
+        }
+        Read { healths, evidence, rows: self.evidence, edges: self.edges, jump: None, count: self.count }
+    }
+}

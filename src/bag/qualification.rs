@@ -1,0 +1,300 @@
+//! Data qualification: the one place that decides which data is disqualified, warned of, or only noted.
+//!
+//! Limits are physical where a governor's hydraulics set them, and statistical where they do not; each stands with its reason. They were
+//! set beforehand, from data sheets, standards and clocks, and not from recordings. What a statistical limit cannot tell is said beside it.
+//!
+//! | severity | what is found |
+//! |---|---|
+//! | disqualified | values out of every physical range, a tank pressure of zero, stamps that are no time or far from their neighbours, a required servo state without one number |
+//! | warning | several senders, stamps ahead, clocks that drift apart, lost messages, outliers, frozen and saturated signals, nothing measured, commands beyond the stroke, and everything in [`Warning`](super::Warning) |
+//! | note | drift that all streams share, recordings that were played, signals that are absent or constant, small overshoot of a command, files without checksum or count |
+
+use super::channel::Behaviour;
+use super::evidence::{RowEvidence, Still, StreamEvidence};
+use super::findings::{self, Found};
+use super::{FileHealth, Finding, Kind, Severity, Stream};
+use crate::signal::Signal;
+
+/// A physically possible range.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Limits {
+    what: &'static str,
+    unit: &'static str,
+    least: f64,
+    most: f64,
+}
+
+/// A command outside this range asks for no guide-vane opening that exists, overshoot included.
+pub(super) const COMMAND_LIMITS: Limits = Limits { what: "opening", unit: "pu", least: -0.5, most: 1.5 };
+/// From vacuum to ten times the pressure of any governor's tank.
+pub(super) const PRESSURE_LIMITS: Limits = Limits { what: "pressure", unit: "Pa", least: -1.1e5, most: 1.0e8 };
+/// Positions in pu; a transducer may overshoot its span, not multiply it.
+pub(super) const POSITION_LIMITS: Limits = Limits { what: "position", unit: "pu", least: -10.0, most: 10.0 };
+
+/// Guide-vane commands in percent lie here.
+const PERCENT: std::ops::RangeInclusive<f64> = 2.0..=105.0;
+
+/// A tank at no more than this has no pressure at all, Pa: no transducer's noise is that small, so that nothing is connected to it, or
+/// nobody filled the message in.
+const NO_PRESSURE_PA: f64 = 0.5;
+
+impl Limits {
+    /// The value, or what disqualifies it.
+    pub(super) fn check(self, value: f64) -> Result<f64, String> {
+        let Self { what, unit, least, most } = self;
+        if (least..=most).contains(&value) {
+            return Ok(value);
+        }
+        let hint = if unit == "pu" && PERCENT.contains(&value) { "; was it sent in percent?" } else { "" };
+        Err(format!("{what} is {value} {unit}, expected {least} to {most} {unit}{hint}"))
+    }
+
+    /// NaN says "not available" and passes.
+    pub(super) fn check_signal(self, value: f64, faults: &mut Vec<String>) -> f64 {
+        if value.is_nan() {
+            return value;
+        }
+        self.check(value).unwrap_or_else(|fault| {
+            faults.push(fault);
+            f64::NAN
+        })
+    }
+}
+
+/// A tank pressure, or what disqualifies it.
+pub(super) fn check_tank_pressure(pressure_pa: f64) -> Result<f64, String> {
+    if pressure_pa.abs() < NO_PRESSURE_PA {
+        return Err("pressure is 0 Pa, which moves nothing; expected that of the tank, or no such topic".into());
+    }
+    PRESSURE_LIMITS.check(pressure_pa)
+}
+
+/// Opening command: a governor computes it, so that nothing bounds its speed; 2 % of the stroke is more than any dither.
+pub(super) const COMMAND: Behaviour = Behaviour { worth: 0.02, fastest_per_s: 0.0 };
+/// Tank pressure: oil and gas of an accumulator do not rise and fall by more than 0.2 MPa each second.
+pub(super) const PRESSURE: Behaviour = Behaviour { worth: 1e5, fastest_per_s: 2e5 };
+/// ESV: two states, of which each may follow the other.
+pub(super) const ESV: Behaviour = Behaviour { worth: f64::INFINITY, fastest_per_s: f64::INFINITY };
+/// The measured signals in the order of [`Signal::ALL`](crate::signal::Signal::ALL). No servomotor runs its stroke in less than 0.5 s, no
+/// spool in less than 50 ms, no pilot valve in less than 5 ms; of the control pressure nothing is known, for oil hammers.
+pub(super) const MEASURED: [Behaviour; 4] = [
+    Behaviour { worth: 0.02, fastest_per_s: 2.0 },
+    Behaviour { worth: 0.02, fastest_per_s: 20.0 },
+    Behaviour { worth: 0.05, fastest_per_s: 200.0 },
+    Behaviour { worth: f64::INFINITY, fastest_per_s: f64::INFINITY },
+];
+
+/// An outlier is so many times as far from the middle of its neighbours as half of all samples are: some 16 standard deviations of
+/// Gaussian noise, which 10^50 samples do not reach. A spike smaller than that, or of more than one sample, is not found.
+const OUTLIER_MEDIANS: f64 = 20.0;
+
+/// Two senders' stamps may wander, a `frame_id` may change when a sender starts anew; it does not change back and forth.
+const SWITCHES: u64 = 3;
+
+/// A sender that starts anew counts from the beginning; it does so once or twice, not in this share of its messages.
+const COUNTED_BACK: f64 = 0.01;
+
+/// Of one sender's messages few share a stamp; where this share does, with other values, two senders have one clock.
+const CONFLICTS: f64 = 0.1;
+
+/// Streams that are shifted against each other by this much, s, are not of one instant: a servomotor at full speed moves 1 % of its
+/// stroke in 20 ms. Clocks of quartz differ by up to 1 part in 10,000, so that a minute does not show it and an hour does.
+const DRIFT_S: f64 = 0.01;
+
+/// A drift is believed where the least delays are this many times nearer to its line than it is long.
+const DRIFT_SCATTERS: f64 = 5.0;
+
+/// No clock is wrong by more than this share: a bag was played at another speed.
+const PLAYED: f64 = 0.01;
+
+/// A servo system follows a command that moves by 5 % of the stroke, far beyond the dead band of any governor (IEC 61362 asks for less
+/// than 0.1 %).
+const MOVED_PU: f64 = 0.05;
+
+/// As long as this it may take to begin, s, and as many equal samples may be chance where a transducer has coarse steps.
+const FROZEN_S: f64 = 2.0;
+const FROZEN_SAMPLES: u64 = 20;
+
+/// Samples at one end of the range, at least, and their share, where hardly another sample repeats the one before it, and how often the
+/// signal comes there: noise is cut off. A signal without noise rests at one end, comes there once or twice, and is not accused.
+const SATURATED: u64 = 10;
+const SATURATED_SHARE: f64 = 0.01;
+const REPEATS_SHARE: f64 = 0.05;
+const SATURATED_VISITS: u64 = 3;
+
+/// A stop is this near to the end of a stroke, pu: a position that is cut off there may be one that the plant itself ends.
+const STOP_PU: f64 = 0.005;
+
+/// Governors press the servomotor into its stops by some per cent of the stroke.
+const PRESSED_PU: f64 = 0.05;
+/// Rounding is no overshoot, pu.
+const ROUNDED_PU: f64 = 0.001;
+
+/// Numbers of which fewer than this are there say nothing of their kind.
+const FEW: u64 = 20;
+
+/// What is to be said of the streams, in the order of [`Stream::ALL`]: by topic, evidence, and how many samples conflicted.
+pub(super) fn of_streams(streams: &mut [(&str, &mut StreamEvidence, u64)]) -> Vec<Finding> {
+    let mut found = vec![];
+    for (topic, evidence, conflicts) in &mut *streams {
+        let mut found = Found::new(topic, &mut found);
+        senders(&mut found, evidence, *conflicts);
+        let count = evidence.channel.count;
+        if evidence.clock.ahead > 0 {
+            found.warn(Kind::StampsAhead, findings::ahead(&evidence.clock));
+        }
+        if let Some(outliers) = evidence.channel.outliers(OUTLIER_MEDIANS).filter(|_| count >= FEW) {
+            found.warn(Kind::Outliers, findings::outliers(outliers, count));
+        }
+    }
+    drift(streams, &mut found);
+    for (stream, (topic, evidence, _)) in Stream::ALL.into_iter().zip(streams) {
+        let channel = &evidence.channel;
+        let mut found = Found::new(topic, &mut found);
+        match stream {
+            Stream::Command => {
+                let beyond = (-channel.least).max(channel.most - 1.0);
+                let severity = if beyond > PRESSED_PU { Severity::Warning } else { Severity::Note };
+                if beyond > ROUNDED_PU && channel.count > 0 {
+                    found.add(severity, Kind::BeyondStroke, findings::beyond(channel));
+                }
+            }
+            Stream::TankPressure if channel.count >= FEW && channel.least == channel.most => {
+                found.note(Kind::Constant, findings::constant(channel.least, "Pa"));
+            }
+            _ => {}
+        }
+    }
+    found
+}
+
+/// More than one sender on a topic, and messages that did not arrive.
+fn senders(found: &mut Found<'_>, evidence: &StreamEvidence, conflicts: u64) {
+    let messages = evidence.samples.max(FEW);
+    let two_frames = evidence.frames.len() > 1 && evidence.switches >= SWITCHES;
+    let goes_back = evidence.counted_back as f64 > COUNTED_BACK * messages as f64 && evidence.counted_back >= SWITCHES;
+    let two_values = conflicts as f64 > CONFLICTS * messages as f64;
+    let alternates = evidence.channel.alternating;
+    if two_frames || goes_back || two_values || alternates > 0 {
+        let mut signs = vec![];
+        if two_frames {
+            signs.push(findings::frames(&evidence.frames, evidence.switches));
+        }
+        if goes_back {
+            signs.push(format!("the messages' own count goes back {} times", evidence.counted_back));
+        }
+        if two_values {
+            signs.push(format!("{conflicts} stamps have two values"));
+        }
+        if alternates > 0 {
+            signs.push(format!("{alternates} values alternate between two courses"));
+        }
+        found.warn(Kind::SeveralSenders, findings::senders(&signs));
+    } else if evidence.offered > 1 {
+        found.note(Kind::SeveralSenders, findings::offered(evidence.offered));
+    }
+    if evidence.lost > 0 && !goes_back {
+        found.warn(Kind::Lost, findings::lost(evidence.lost));
+    }
+}
+
+/// Clocks that drift: from each other, or all of them from the recorder's.
+fn drift(streams: &[(&str, &mut StreamEvidence, u64)], found: &mut Vec<Finding>) {
+    let drifts = streams.iter().filter_map(|(topic, evidence, _)| {
+        let drift = evidence.clock.drift()?;
+        (drift.scatter_s * DRIFT_SCATTERS < drift.shift_s.abs().max(DRIFT_S)).then_some((*topic, drift))
+    });
+    let (played, drifts): (Vec<_>, Vec<_>) = drifts.partition(|(_, drift)| drift.rate_excess.abs() > PLAYED);
+    for (topic, drift) in played {
+        Found::new(topic, found).note(Kind::Played, findings::played(drift));
+    }
+    let by_shift = |a: &&(&str, _), b: &&(&str, _)| {
+        let shift_s = |drift: &super::clock::Drift| drift.shift_s;
+        shift_s(&a.1).total_cmp(&shift_s(&b.1))
+    };
+    let (Some(least), Some(most)) = (drifts.iter().min_by(by_shift), drifts.iter().max_by(by_shift)) else { return };
+    if most.1.shift_s - least.1.shift_s > DRIFT_S {
+        let words = findings::apart(least, most);
+        Found::new(most.0, found).warn(Kind::ClockDrift, words);
+    } else if most.1.shift_s.abs().max(least.1.shift_s.abs()) > DRIFT_S {
+        Found::new(most.0, found).note(Kind::ClockDrift, findings::together(most.1));
+    }
+}
+
+/// What is to be said of the servo state's topic, which has so many samples, and of its rows.
+pub(super) fn of_rows(topic: &str, servo_state: &StreamEvidence, rows: &mut RowEvidence) -> Vec<Finding> {
+    let mut found = vec![];
+    if servo_state.samples > 0 && servo_state.channel.count == 0 {
+        Found::new(topic, &mut found).warn(Kind::NothingMeasured, findings::nothing_measured(servo_state.samples));
+    }
+    if rows.signals.iter().all(|signal| signal.channel.count == 0) {
+        return found;
+    }
+    for signal in &mut rows.signals {
+        let mut found = Found::new(topic, &mut found).of(signal.signal);
+        let unit = signal.signal.unit();
+        let count = signal.channel.count;
+        if count == 0 {
+            found.note(Kind::NotMeasured, "is NaN throughout: not measured".into());
+            continue;
+        }
+        if count < FEW {
+            continue;
+        }
+        if let Some(outliers) = signal.channel.outliers(OUTLIER_MEDIANS) {
+            found.warn(Kind::Outliers, findings::outliers(outliers, count));
+        }
+        if signal.channel.alternating > 0 {
+            let signs = [format!("{} values alternate between two courses", signal.channel.alternating)];
+            found.warn(Kind::SeveralSenders, findings::senders(&signs));
+        }
+        let at_stop = |value: f64| unit == "pu" && [0.0, 1.0].iter().any(|stop| (value - stop).abs() < STOP_PU);
+        let frozen = signal.frozen.filter(|frozen| {
+            frozen.moved_pu > MOVED_PU && frozen.samples >= FROZEN_SAMPLES && frozen.duration_s() >= FROZEN_S
+        });
+        // A signal that is cut off stays at the end of its range more than once.
+        let cut_off = |frozen: &Still| {
+            let ends = [(0, signal.channel.least), (1, signal.channel.most)];
+            let varies = signal.channel.least < signal.channel.most;
+            varies
+                && ends
+                    .iter()
+                    .any(|(end, value)| *value == frozen.value && signal.channel.at_ends[*end] > frozen.samples)
+        };
+        let stopped = |frozen: &Still| signal.signal == Signal::ServomotorPosition && at_stop(frozen.value);
+        if let Some(frozen) = frozen.filter(|frozen| !cut_off(frozen) && !stopped(frozen)) {
+            found.warn(Kind::Frozen, findings::frozen(&frozen, unit));
+        } else if signal.channel.least == signal.channel.most {
+            found.note(Kind::Constant, findings::constant(signal.channel.least, unit));
+        }
+        for (end, value) in [(0, signal.channel.least), (1, signal.channel.most)] {
+            let there = signal.channel.at_ends[end];
+            let cut = there >= SATURATED
+                && there as f64 > SATURATED_SHARE * count as f64
+                && there < count
+                && signal.channel.visits[end] >= SATURATED_VISITS
+                && signal.channel.repeats_elsewhere(end) < REPEATS_SHARE;
+            if cut {
+                let severity = if at_stop(value) { Severity::Note } else { Severity::Warning };
+                found.add(severity, Kind::Saturated, findings::saturated(there, count, value, unit));
+            }
+        }
+    }
+    found
+}
+
+/// What is to be said of the files beside damage, and of a bag whose metadata states how many messages it has.
+pub(super) fn of_files(files: &[FileHealth], is_counted: bool) -> Vec<Finding> {
+    let mut found = vec![];
+    for file in files.iter().filter(|file| file.messages > 0) {
+        let path = file.path.display().to_string();
+        let mut found = Found::new(&path, &mut found);
+        if file.unchecked_messages > 0 {
+            found.note(Kind::NoChecksum, findings::unchecked(file));
+        }
+        if file.stated_messages.is_none() && !is_counted && file.finished {
+            found.note(Kind::NoCount, findings::uncounted());
+        }
+    }
+    found
+}
