@@ -31,6 +31,7 @@ mod collect;
 mod db3;
 mod edges;
 mod error;
+mod field;
 mod health;
 mod layout;
 mod mcap_file;
@@ -56,6 +57,7 @@ use std::fmt;
 use crate::recording::Recording;
 
 pub use error::BagError;
+pub use field::{FieldPath, FieldReader, FieldValue};
 pub use health::{Damage, FileHealth, Health, StreamHealth, Warning};
 pub use memory::InMemory;
 pub use merge::{Messages, messages};

@@ -10,6 +10,7 @@ pub mod diagnose;
 pub mod effects;
 pub mod fit;
 pub mod generate;
+pub mod import;
 pub mod info;
 #[cfg(feature = "residual")]
 pub mod learn;

@@ -37,6 +37,7 @@ pub mod tuning;
 // edges
 pub mod bag;
 pub mod files;
+pub mod import;
 pub mod msg;
 #[cfg(feature = "node")]
 pub mod node;

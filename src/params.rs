@@ -25,7 +25,7 @@ mod number;
 mod sheet;
 mod suggest;
 mod write;
-mod yaml;
+pub(crate) mod yaml;
 
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
