@@ -48,6 +48,8 @@ enum Command {
     Info(commands::info::Args),
     /// Simulate recordings and compare with what was measured.
     Replay(commands::replay::Args),
+    /// Make a parameter file from a name plate.
+    Sheet(commands::sheet::Args),
     /// Train a model of what the twin misses.
     #[cfg(feature = "residual")]
     Train(commands::train::Args),
@@ -78,6 +80,7 @@ pub fn main() -> ExitCode {
         Command::Import(args) => commands::import::run(&args),
         Command::Info(args) => commands::info::run(&args),
         Command::Replay(args) => commands::replay::run(&args),
+        Command::Sheet(args) => commands::sheet::run(&args),
         #[cfg(feature = "residual")]
         Command::Train(args) => commands::train::run(&args),
         #[cfg(feature = "residual")]

@@ -23,6 +23,7 @@ pub mod record;
 pub mod replay;
 #[cfg(feature = "node")]
 pub mod run;
+pub mod sheet;
 #[cfg(feature = "residual")]
 pub mod train;
 

@@ -32,6 +32,7 @@ pub mod generate;
 pub mod metrics;
 pub mod replay;
 pub mod report;
+pub mod sheet;
 pub mod tuning;
 
 // edges

@@ -22,6 +22,7 @@ mod error;
 pub mod labels;
 mod merge;
 mod number;
+mod plate;
 mod sheet;
 mod suggest;
 mod write;
@@ -36,9 +37,10 @@ use crate::parameters::{ENTRIES, OwnEffect, Unit};
 pub use consistency::{Conflict, conflicts};
 pub use error::{ParamsError, Problem};
 pub use number::{number_text, quantity_text, tolerance_text};
+pub use plate::{load_plate, plate_template, plate_value};
 pub use sheet::{Origin, SENSOR_ENTRIES, SensorEntry, Sheet};
 pub use suggest::nearest;
-pub use write::{Overlay, overlay_text, write};
+pub use write::{Overlay, WholeSheet, overlay_text, whole_text, write};
 
 /// Text of the shipped sheet.
 const REFERENCE: &str = include_str!("../params/reference_unit.yaml");

@@ -285,14 +285,7 @@ impl<'a> Visit<'a, '_> {
         Some(())
     }
 
-    fn one(
-        &mut self,
-        base: &'a str,
-        wanted: bool,
-        below: Option<&[Step]>,
-        path: &str,
-        depth: usize,
-    ) -> Option<()> {
+    fn one(&mut self, base: &'a str, wanted: bool, below: Option<&[Step]>, path: &str, depth: usize) -> Option<()> {
         self.walk.step()?;
         if let Some(size) = size_of(base) {
             let value = self.walk.number(base, size)?;

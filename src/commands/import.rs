@@ -103,13 +103,27 @@ fn progress() -> Progress {
 }
 
 fn table(imported: &Imported) -> Table {
-    let mut table =
-        Table::new().words("signal").words("from").words("unit").numbers("samples").numbers("Hz").numbers("least").numbers("most");
+    let mut table = Table::new()
+        .words("signal")
+        .words("from")
+        .words("unit")
+        .numbers("samples")
+        .numbers("Hz")
+        .numbers("least")
+        .numbers("most");
     for found in &imported.signals {
         let [least, most] = found.ends.map(|end| number_text(significant(end)));
         let unit = if found.unit.is_empty() { found.target.unit().to_owned() } else { found.unit.clone() };
         let (samples, rate) = (found.samples.to_string(), format!("{:.1}", found.rate_hz));
-        table.row([found.target.id().to_owned(), super::output::one_line(&found.place), unit, samples, rate, least, most]);
+        table.row([
+            found.target.id().to_owned(),
+            super::output::one_line(&found.place),
+            unit,
+            samples,
+            rate,
+            least,
+            most,
+        ]);
     }
     table
 }

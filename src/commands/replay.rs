@@ -210,7 +210,8 @@ fn replay_all(
     let results: Vec<anyhow::Result<Result>> = bags
         .par_iter()
         .map(|bag| {
-            let result = replay((bag, mapped.given(&bag.path)), &options, twin.clone(), corrector, unit, args.out.is_some());
+            let result =
+                replay((bag, mapped.given(&bag.path)), &options, twin.clone(), corrector, unit, args.out.is_some());
             progress.step();
             result
         })

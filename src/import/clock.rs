@@ -143,11 +143,14 @@ impl Clock {
         };
         if let Some(start) = &map.start {
             let wanted = format!("time.start: expected a moment such as 2024-05-02T10:00:00+02:00, found `{start}`");
-            clock.start_ns = match start.parse::<Date>() {
+            let date = start.parse::<Date>().map_err(short);
+            // A moment would be read as its day.
+            clock.start_ns = match date.and_then(|date| if start.len() > 10 { Err(String::new()) } else { Ok(date) }) {
                 Ok(date) => clock.at(date.to_datetime(Time::midnight()))?,
                 Err(_) => clock.iso(start).map_err(|_| wanted)?,
             };
-            clock.day = clock.zone.to_datetime(Timestamp::from_nanosecond(clock.start_ns.into()).map_err(short)?).date().into();
+            clock.day =
+                clock.zone.to_datetime(Timestamp::from_nanosecond(clock.start_ns.into()).map_err(short)?).date().into();
             clock.used_zone = false;
         }
         Ok(clock)
@@ -171,7 +174,8 @@ impl Clock {
             Format::Relative { unit_ns } => count((*unit_ns).into())?.saturating_add(self.start_ns),
             Format::Excel => self.serial(count(DAY_NS)?, EXCEL_DAYS)?,
             Format::Matlab => {
-                let days_ns = decimal_ns(&self.numbers.plain(text), DAY_NS / 1000).ok_or_else(|| wanted(&self.format))?;
+                let days_ns =
+                    decimal_ns(&self.numbers.plain(text), DAY_NS / 1000).ok_or_else(|| wanted(&self.format))?;
                 self.matlab(days_ns)?
             }
             Format::Iso => self.iso(text)?,
@@ -185,14 +189,16 @@ impl Clock {
     fn serial(&mut self, since_zero_ns: i64, zero_days: i64) -> Result<i64, String> {
         let grains = (since_zero_ns + SERIAL_GRAIN_NS / 2).div_euclid(SERIAL_GRAIN_NS);
         let day_ns = i64::try_from(DAY_NS).unwrap_or(i64::MAX);
-        let local_ns = (grains * SERIAL_GRAIN_NS).checked_sub(zero_days * day_ns).ok_or("a day beyond all calendars")?;
+        let local_ns =
+            (grains * SERIAL_GRAIN_NS).checked_sub(zero_days * day_ns).ok_or("a day beyond all calendars")?;
         self.local(local_ns)
     }
 
     /// MATLAB's days, which in ns would overflow, come as a thousandth.
     fn matlab(&mut self, thousandths: i64) -> Result<i64, String> {
         let day = i64::try_from(DAY_NS / 1000).unwrap_or(i64::MAX);
-        let since_1970 = thousandths.checked_sub(MATLAB_DAYS.saturating_mul(day)).ok_or("a day beyond all calendars")?;
+        let since_1970 =
+            thousandths.checked_sub(MATLAB_DAYS.saturating_mul(day)).ok_or("a day beyond all calendars")?;
         let since_1970_ns = since_1970.checked_mul(1000).ok_or("a day beyond all calendars")?;
         self.serial(since_1970_ns, 0)
     }
@@ -206,7 +212,8 @@ impl Clock {
 
     fn iso(&mut self, text: &str) -> Result<i64, String> {
         // Commas before the fraction are as good as points in ISO 8601.
-        let wanted = || format!("expected a time such as 2024-05-02T10:00:00.125 or 2024-05-02 10:00:00+02:00, found `{text}`");
+        let wanted =
+            || format!("expected a time such as 2024-05-02T10:00:00.125 or 2024-05-02 10:00:00+02:00, found `{text}`");
         if let Ok(timestamp) = text.parse::<Timestamp>() {
             return ns(timestamp);
         }

@@ -129,8 +129,8 @@ pub const OF_TRANSDUCERS: [&str; 15] =
 /// A unit in a plain form: lower case, brackets and blanks off, `(a)` and `abs` as `a`.
 #[must_use]
 pub fn plain(text: &str) -> String {
-    let lower = text.trim().trim_matches(['[', ']', '(', ')']).to_lowercase().replace([' ', '_'], "");
-    let lower = lower.replace("²", "2").replace("^2", "2").replace("(a)", "a").replace("(g)", "g");
+    let lower = text.to_lowercase().replace([' ', '_'], "").replace("(a)", "a").replace("(g)", "g");
+    let lower = lower.trim_matches(['[', ']', '(', ')']).replace("²", "2").replace("^2", "2");
     match lower.strip_suffix("abs") {
         Some(unit) if !unit.is_empty() => format!("{unit}a"),
         _ => lower,

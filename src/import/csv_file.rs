@@ -15,7 +15,8 @@ use super::dialect::{Dialect, sniff};
 use super::map::FileMap;
 use super::number::{Cell as NumberCell, Numbers};
 use super::source::channel::{Bad, Value};
-use super::source::table::{Head, Records};
+use super::source::head::Head;
+use super::source::table::Records;
 
 /// From so many bytes the layout is found out.
 const SAMPLE_BYTES: u64 = 1 << 18;
@@ -168,7 +169,8 @@ fn decoded(path: &Path, encoding: Option<&'static Encoding>, counts: &Counts) ->
 fn encoding(path: &Path, map: &FileMap, notes: &mut Vec<String>) -> Result<Option<&'static Encoding>, ImportError> {
     if let Some(label) = &map.encoding {
         let known = Encoding::for_label(label.as_bytes()).ok_or_else(|| {
-            let problem = format!("file.encoding: expected a name such as utf-8, windows-1252 or utf-16le, found `{label}`");
+            let problem =
+                format!("file.encoding: expected a name such as utf-8, windows-1252 or utf-16le, found `{label}`");
             ImportError::file(path, problem)
         })?;
         return Ok(Some(known));

@@ -65,7 +65,8 @@ pub(super) fn sniff(sample: &str, map: &FileMap) -> Result<Dialect, String> {
     };
     let units_at = match map.unit_line {
         Some(line) => usize::try_from(line).ok().and_then(|line| line.checked_sub(1)),
-        None => above.iter().copied().find(|k| unit_row(*k)),
+        // A single line above the data names the columns, and `t,a` are names.
+        None => above.iter().copied().find(|k| above.len() > 1 && unit_row(*k)),
     };
     let names_at = match map.header_line {
         Some(0) => None,
@@ -73,7 +74,8 @@ pub(super) fn sniff(sample: &str, map: &FileMap) -> Result<Dialect, String> {
         None => {
             let named = |k: &usize| {
                 let row = &cells[*k];
-                Some(*k) != units_at && row.iter().enumerate().all(|(i, cell)| !cell.is_empty() && !row[..i].contains(cell))
+                Some(*k) != units_at
+                    && row.iter().enumerate().all(|(i, cell)| !cell.is_empty() && !row[..i].contains(cell))
             };
             let rest = || above.iter().copied().filter(|k| Some(*k) != units_at);
             rest().filter(named).last().or(rest().next())

@@ -199,7 +199,9 @@ impl Findings {
             if watch.target != Target::Esv {
                 if watch.range.span() == 0.0 && watch.range.count > 1 && something_moves && !is_input {
                     let value = watch.range.ends()[0];
-                    say(format!("stands at {value} {unit} throughout while the unit moves: a dead channel, or another signal?"));
+                    say(format!(
+                        "stands at {value} {unit} throughout while the unit moves: a dead channel, or another signal?"
+                    ));
                 } else if let Some(run) = watch.frozen() {
                     let (length_s, count) = (run.length_s(), run.count);
                     let after_s = seconds_from_nanos(run.begin_ns - watch.pace.first_ns());

@@ -1,6 +1,7 @@
 //! Maps: which column or field holds which signal, and how it is to be read; from YAML and to it.
 
 mod parse;
+mod reader;
 mod text;
 
 use std::path::Path;

@@ -4,12 +4,30 @@ use std::borrow::Cow;
 
 /// Texts that stand for no value everywhere, in lower case; `#NV` is Excel's German `#N/A`.
 const MISSING: [&str; 20] = [
-    "", "nan", "na", "n/a", "null", "none", "-", "--", "---", "#n/a", "#nv", "#value!", "#wert!", "bad", "no data", "nodata",
-    "missing", "undefined", "nul", "<null>",
+    "",
+    "nan",
+    "na",
+    "n/a",
+    "null",
+    "none",
+    "-",
+    "--",
+    "---",
+    "#n/a",
+    "#nv",
+    "#value!",
+    "#wert!",
+    "bad",
+    "no data",
+    "nodata",
+    "missing",
+    "undefined",
+    "nul",
+    "<null>",
 ];
 
 /// More digits than any time has.
-const MOST_DIGITS: usize = 30;
+const MOST_DIGITS: usize = 24;
 
 /// How numbers are written.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -104,7 +122,6 @@ pub(super) fn decimal_ns(text: &str, unit_ns: i128) -> Option<i64> {
             places += i32::from(!behind);
         }
     }
-    // Thirty digits times a day in ns stay below 2^127 once the places behind the point are off.
     let mut divide: i128 = 1;
     while places < 0 {
         if divide > 10_i128.pow(28) {
@@ -117,13 +134,10 @@ pub(super) fn decimal_ns(text: &str, unit_ns: i128) -> Option<i64> {
     for _ in 0..places {
         value = value.checked_mul(10)?;
     }
-    let (days, rest) = (value / divide, value % divide);
-    // The rest is smaller than what divides it: 29 digits, to which a unit adds fourteen more only in part.
-    let part = rest.checked_mul(unit_ns).map_or_else(
-        || (rest / 1_000_000) * unit_ns / (divide / 1_000_000).max(1),
-        |product| (product + divide / 2) / divide,
-    );
-    let total = days.checked_mul(unit_ns)?.checked_add(part)?;
+    // The rest has no more than 24 digits, which a day in ns takes to 38: just what there is room for.
+    let (units, rest) = (value / divide, value % divide);
+    let part = (rest.checked_mul(unit_ns)?.checked_add(divide / 2)?) / divide;
+    let total = units.checked_mul(unit_ns)?.checked_add(part)?;
     i64::try_from(sign * total).ok()
 }
 

@@ -11,7 +11,8 @@ use parquet::record::{Field, Row};
 use super::ImportError;
 use super::number::Numbers;
 use super::source::channel::{Bad, Value};
-use super::source::table::{Head, Records};
+use super::source::head::Head;
+use super::source::table::Records;
 
 /// Milliseconds in a day.
 const DAY_MS: i64 = 86_400_000;
@@ -85,13 +86,22 @@ impl ParquetFile {
         let total = u64::try_from(reader.metadata().file_metadata().num_rows()).unwrap_or(0).max(1);
         let rows = RowIter::from_file_into(Box::new(reader));
         let path = self.head.path.clone();
-        Ok(ParquetRecords { path, rows, row: vec![], times: self.times.clone(), passed: 0, total, none: Bad::default() })
+        Ok(ParquetRecords {
+            path,
+            rows,
+            row: vec![],
+            times: self.times.clone(),
+            passed: 0,
+            total,
+            none: Bad::default(),
+        })
     }
 }
 
 fn reader(path: &Path) -> Result<SerializedFileReader<File>, ImportError> {
     let file = File::open(path).map_err(ImportError::io(path, "open"))?;
-    SerializedFileReader::new(file).map_err(|error| ImportError::file(path, format!("cannot be read as Parquet: {error}")))
+    SerializedFileReader::new(file)
+        .map_err(|error| ImportError::file(path, format!("cannot be read as Parquet: {error}")))
 }
 
 /// Rows of a Parquet file.
@@ -132,7 +142,9 @@ impl Records for ParquetRecords {
             Field::UInt(value) => i64::from(*value),
             Field::ULong(value) => i64::try_from(*value).unwrap_or(i64::MAX),
             Field::Bool(value) => i64::from(*value),
-            Field::Date(days) => return Value::Local(i64::from(*days).saturating_mul(DAY_MS).saturating_mul(1_000_000)),
+            Field::Date(days) => {
+                return Value::Local(i64::from(*days).saturating_mul(DAY_MS).saturating_mul(1_000_000));
+            }
             Field::Float16(value) => return Value::Number(f64::from(f32::from(*value))),
             Field::Float(value) => return Value::Number(f64::from(*value)),
             Field::Double(value) => return Value::Number(*value),

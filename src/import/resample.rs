@@ -123,7 +123,8 @@ mod tests {
     fn signals_of_other_rates_meet_on_the_grid() {
         let mut resampler = Resampler::new(100.0);
         let ms = 1_000_000;
-        let mut samples: Vec<(i64, Target, f64)> = (0..50).map(|k| (k * 7 * ms, Target::SpoolPosition, k as f64 * 7.0)).collect();
+        let mut samples: Vec<(i64, Target, f64)> =
+            (0..50).map(|k| (k * 7 * ms, Target::SpoolPosition, k as f64 * 7.0)).collect();
         samples.extend((0..70).map(|k| (k * 5 * ms + ms, Target::ServomotorPosition, k as f64 * 5.0 + 1.0)));
         samples.push((9000 * ms, Target::SpoolPosition, 0.0));
         samples.sort_by_key(|sample| sample.0);

@@ -92,7 +92,9 @@ impl Import {
             return Err(ImportError::file(path, format!("{id}: {problem}")));
         }
         match self.sources.iter().find(|part| part.source.holds().is_empty()) {
-            Some(part) => Err(ImportError::file(&part.path, "holds none of the signals that the map names; leave it out")),
+            Some(part) => {
+                Err(ImportError::file(&part.path, "holds none of the signals that the map names; leave it out"))
+            }
             None => Ok(()),
         }
     }
@@ -222,7 +224,7 @@ fn open(path: &Path, map: &Map) -> Result<Box<dyn Source>, ImportError> {
 }
 
 /// The columns of a table.
-fn head_of(path: &Path, map: &Map) -> Result<super::source::table::Head, ImportError> {
+fn head_of(path: &Path, map: &Map) -> Result<super::source::head::Head, ImportError> {
     match kind_of(path)? {
         #[cfg(feature = "parquet")]
         Kind::Parquet => Ok(super::parquet_file::ParquetFile::open(path)?.head),

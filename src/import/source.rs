@@ -1,7 +1,9 @@
 //! Sources of rows: tables and bags behind one face, told apart by their first bytes.
 
 pub(super) mod channel;
+pub(super) mod head;
 pub(super) mod table;
+mod timing;
 
 use std::fs::File;
 use std::io::Read as _;
@@ -25,7 +27,10 @@ pub enum Kind {
 /// Files that people have and that are none of these, by their first bytes, with the way out.
 const OTHERS: [(&[u8], &str); 9] = [
     (b"PK\x03\x04", "a workbook or zip archive; in Excel or LibreOffice save the sheet as CSV, and import that"),
-    (b"\xd0\xcf\x11\xe0", "a workbook of the older kind; in Excel or LibreOffice save the sheet as CSV, and import that"),
+    (
+        b"\xd0\xcf\x11\xe0",
+        "a workbook of the older kind; in Excel or LibreOffice save the sheet as CSV, and import that",
+    ),
     (b"\x1f\x8b", "a file compressed with gzip; unpack it first: `gunzip -k FILE`"),
     (b"\x28\xb5\x2f\xfd", "a file compressed with zstd; unpack it first: `zstd -d FILE`"),
     (b"MATLAB", "a MAT-file; in MATLAB write the signals with `writetable(table(t, y, …), 'FILE.csv')`"),

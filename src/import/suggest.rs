@@ -2,15 +2,17 @@
 
 mod column;
 mod names;
+mod propose;
 mod rank;
 
 use std::path::Path;
 
 use super::ImportError;
 use super::csv_file::CsvFile;
-use super::map::{FileMap, Map, TimeMap};
+use super::map::{FileMap, Map, Repeated, TimeMap};
 use super::source::channel::Value;
-use super::source::table::{Head, Records, SAMPLED, Table};
+use super::source::head::Head;
+use super::source::table::{Records, SAMPLED, Table};
 use super::source::{Kind, Source as _, kind_of};
 use crate::bag::{FieldReader, FieldValue, messages};
 
@@ -91,7 +93,10 @@ fn of_table<R: Records>(
     let mut columns: Vec<Column> =
         names.iter().zip(&units).take(MOST_COLUMNS).map(|(name, unit)| Column::new(name, unit)).collect();
     let mut rows = 0_u64;
+    let (mut newest_ns, mut repeated) = (None, 0_u64);
     while let Some(time_ns) = table.advance()? {
+        repeated += u64::from(newest_ns == Some(time_ns));
+        newest_ns = Some(time_ns);
         for (index, column) in columns.iter_mut().enumerate().filter(|(index, _)| !time_columns.contains(index)) {
             column.take(time_ns, table.value(index));
         }
@@ -109,6 +114,14 @@ fn of_table<R: Records>(
     let mut suggestion = rank::rank(Map { time, ..map }, columns, false);
     suggestion.notes = said.notes;
     suggestion.open.extend(said.warnings);
+    if 2 * repeated > rows {
+        // Most rows have the time of the one before: a clock without fractions of the second.
+        suggestion.map.time.repeated = Repeated::Spread;
+        suggestion.open.push(format!(
+            "time: {repeated} of {rows} rows have the time of the one before, as if an export had cut the fraction of the second; the map spreads \
+             them evenly (`repeated: spread`); an export with fractions is better"
+        ));
+    }
     if names.len() > MOST_COLUMNS {
         suggestion.notes.push(format!("of {} columns the first {MOST_COLUMNS} were looked at", names.len()));
     }
@@ -117,7 +130,10 @@ fn of_table<R: Records>(
 }
 
 /// The column of names in a table with one value a line: text that repeats itself beside few other columns.
-fn long_table<R: Records>(head: &Head, open: &impl Fn() -> Result<R, ImportError>) -> Result<Option<usize>, ImportError> {
+fn long_table<R: Records>(
+    head: &Head,
+    open: &impl Fn() -> Result<R, ImportError>,
+) -> Result<Option<usize>, ImportError> {
     if head.names.len() > 6 {
         return Ok(None);
     }
@@ -141,7 +157,12 @@ fn long_table<R: Records>(head: &Head, open: &impl Fn() -> Result<R, ImportError
         let distinct = seen[*column].len();
         let named = ["tag", "tagname", "name", "signal", "variable", "point", "messstelle", "kanal", "topic"]
             .contains(&head.names[*column].trim().to_lowercase().as_str());
-        !time.contains(column) && texts[*column] == count && count > 0 && named && distinct >= 1 && distinct * 2 <= count
+        !time.contains(column)
+            && texts[*column] == count
+            && count > 0
+            && named
+            && distinct >= 1
+            && distinct * 2 <= count
     };
     Ok((0..head.names.len()).find(is_tag))
 }
@@ -155,7 +176,9 @@ fn of_bag(path: &Path, on_progress: &mut dyn FnMut(f64)) -> Result<Suggestion, I
         match FieldReader::new(topic) {
             Ok(reader) => {
                 notes.push(format!("topic {} of type {}", topic.name, topic.type_name));
-                readers.push((topic.name.clone(), reader));
+                // Positions of its joints are in m or rad, never in pu (REP 103).
+                let joints = topic.type_name == "sensor_msgs/msg/JointState";
+                readers.push((topic.name.clone(), reader, joints));
             }
             Err(problem) => notes.push(format!("topic {}: {problem}", topic.name)),
         }
@@ -168,7 +191,9 @@ fn of_bag(path: &Path, on_progress: &mut dyn FnMut(f64)) -> Result<Suggestion, I
         if rows.is_multiple_of(ROWS_PER_CALL) {
             on_progress(rows as f64 / total.max(1) as f64);
         }
-        let Some((topic, reader)) = readers.iter().find(|(name, _)| *name == message.topic.name) else { continue };
+        let Some((topic, reader, joints)) = readers.iter().find(|(name, ..)| *name == message.topic.name) else {
+            continue;
+        };
         let time_ns = reader.stamp_ns(&message.data).unwrap_or(message.log_time_ns);
         for (field, value) in reader.leaves(&message.data) {
             if field.starts_with("header.") || field.starts_with("stamp.") {
@@ -178,7 +203,8 @@ fn of_bag(path: &Path, on_progress: &mut dyn FnMut(f64)) -> Result<Suggestion, I
             let place = columns.iter().position(|column| column.name == name);
             let place = place.or_else(|| {
                 (columns.len() < MOST_COLUMNS).then(|| {
-                    columns.push(Column::new(&name, ""));
+                    let unit = if *joints && field.starts_with("position") { "m" } else { "" };
+                    columns.push(Column::new(&name, unit));
                     columns.len() - 1
                 })
             });

@@ -49,8 +49,8 @@ impl Topics {
             let reader = match known {
                 Some(known) => known,
                 None => {
-                    let reader =
-                        FieldReader::new(topic).map_err(|problem| wrong(format!("topic `{}`: {problem}", topic.name)))?;
+                    let reader = FieldReader::new(topic)
+                        .map_err(|problem| wrong(format!("topic `{}`: {problem}", topic.name)))?;
                     readers.push((Arc::clone(topic), reader));
                     readers.len() - 1
                 }
@@ -58,7 +58,8 @@ impl Topics {
             readers[reader].1.check(&field).map_err(|problem| wrong(format!("{id}: {problem}")))?;
             wanted.push(Wanted { path: field, reader, channel: Channel::new(signal, one), absent: 0 });
         }
-        let notes = readers.iter().map(|(topic, _)| format!("topic {} of type {}", topic.name, topic.type_name)).collect();
+        let notes =
+            readers.iter().map(|(topic, _)| format!("topic {} of type {}", topic.name, topic.type_name)).collect();
         let total = messages.files().iter().map(|file| file.messages).sum();
         let path = path.to_owned();
         let by_log = map.time.by_log;
@@ -94,7 +95,9 @@ impl Source for Topics {
             let mut row = Row::at(stamp_ns.unwrap_or(message.log_time_ns));
             for wanted in self.wanted.iter_mut().filter(|wanted| wanted.reader == reader) {
                 match self.readers[reader].1.value(&wanted.path, &message.data) {
-                    Some(FieldValue::Number(number)) => wanted.channel.take(Value::Number(number), self.passed, &mut row),
+                    Some(FieldValue::Number(number)) => {
+                        wanted.channel.take(Value::Number(number), self.passed, &mut row)
+                    }
                     Some(FieldValue::Text(text)) => wanted.channel.take(Value::Text(&text), self.passed, &mut row),
                     None => wanted.absent += 1,
                 }
@@ -116,11 +119,13 @@ impl Source for Topics {
 
     fn said(&self) -> Said {
         let path = self.path.display();
-        let mut said = Said { notes: self.notes.iter().map(|note| format!("{path}: {note}")).collect(), warnings: vec![] };
+        let mut said =
+            Said { notes: self.notes.iter().map(|note| format!("{path}: {note}")).collect(), warnings: vec![] };
         said.warnings.extend(self.messages.warnings().iter().map(|warning| format!("{path}: {warning}")));
         if self.undated > 0 {
             let count = self.undated;
-            said.notes.push(format!("{path}: {count} messages have no stamp of their own; the time of recording stands in"));
+            said.notes
+                .push(format!("{path}: {count} messages have no stamp of their own; the time of recording stands in"));
         }
         for wanted in &self.wanted {
             let (id, place) = (wanted.channel.map.target.id(), wanted.channel.map.place().unwrap_or_default());
@@ -129,7 +134,9 @@ impl Source for Topics {
             }
             if let Some((message, text)) = &wanted.channel.bad.first {
                 let count = wanted.channel.bad.count;
-                said.warnings.push(format!("{path}: {id} (`{place}`): {count} values are no numbers, the first `{text}` in message {message}"));
+                said.warnings.push(format!(
+                    "{path}: {id} (`{place}`): {count} values are no numbers, the first `{text}` in message {message}"
+                ));
             }
         }
         said

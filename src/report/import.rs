@@ -50,7 +50,11 @@ pub struct Look {
 pub fn page(look: &Look) -> Result<Page, DrawError> {
     let mut page = Page::new(format!("What {} holds", look.file), format!("{} rows", look.rows));
     let body = &mut page.body;
-    body.lead(format!("{} of {} columns were taken for signals.", look.chosen.len(), look.chosen.len() + look.unused.len()));
+    body.lead(format!(
+        "{} of {} columns were taken for signals.",
+        look.chosen.len(),
+        look.chosen.len() + look.unused.len()
+    ));
     for open in &look.open {
         body.note(Tone::Warning, open.clone());
     }
@@ -133,7 +137,15 @@ mod tests {
             map: "signals:\n  esv: normal\n".into(),
         };
         let html = page(&look).unwrap().to_html();
-        for words in ["Servomotor position, pu (Y_ist)", "its name", "range: yours", "esv:", "1 columns", "read as it is", "<svg"] {
+        for words in [
+            "Servomotor position, pu (Y_ist)",
+            "its name",
+            "range: yours",
+            "esv:",
+            "1 columns",
+            "read as it is",
+            "<svg",
+        ] {
             assert!(html.contains(words), "{words}");
         }
     }

@@ -79,7 +79,12 @@ impl Streams {
             pilot_valve_position: signal(Target::PilotValvePosition),
             control_pressure: signal(Target::ControlPressure),
         };
-        let all = [message.spool_position, message.servomotor_position, message.pilot_valve_position, message.control_pressure];
+        let all = [
+            message.spool_position,
+            message.servomotor_position,
+            message.pilot_valve_position,
+            message.control_pressure,
+        ];
         if all.iter().any(|value| !value.is_nan()) {
             self.bag.write(self.servo_state, time_ns, &message)?;
         }

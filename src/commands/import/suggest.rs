@@ -24,7 +24,8 @@ pub fn run(file: &Path, given: &Map, out: &Path, as_json: bool) -> anyhow::Resul
     let suggestion = suggest(file, given, &mut |share| progress.at(share, "read"))?;
     drop(progress);
     if suggestion.map.signals.iter().all(|signal| signal.place().is_none()) {
-        let names: Vec<String> = suggestion.columns.iter().take(40).map(|column| format!("`{}`", column.name)).collect();
+        let names: Vec<String> =
+            suggestion.columns.iter().take(40).map(|column| format!("`{}`", column.name)).collect();
         anyhow::bail!(
             "{}: nothing in it looks like a signal of a servo system; its columns are {}; write a map by hand (docs/import.md)",
             file.display(),
@@ -59,20 +60,27 @@ pub fn run(file: &Path, given: &Map, out: &Path, as_json: bool) -> anyhow::Resul
 
 fn text(file: &Path, suggestion: &Suggestion) -> String {
     let name = file.file_name().unwrap_or(file.as_os_str()).to_string_lossy();
-    let mut head = vec![one_line(&format!("Proposed by govtwin {} import --suggest for {name}.", env!("CARGO_PKG_VERSION")))];
+    let mut head =
+        vec![one_line(&format!("Proposed by govtwin {} import --suggest for {name}.", env!("CARGO_PKG_VERSION")))];
     if !suggestion.open.is_empty() {
         head.push("Open, and yours to settle:".to_owned());
         head.extend(suggestion.open.iter().map(|open| format!("- {}", one_line(open))));
     }
     let why = |signal: &SignalMap| {
         let reasons = suggestion.reasons.iter();
-        reasons.filter(|reason| reason.target == signal.target).map(|reason| reason.why.clone()).collect::<Vec<_>>().join("; ")
+        reasons
+            .filter(|reason| reason.target == signal.target)
+            .map(|reason| reason.why.clone())
+            .collect::<Vec<_>>()
+            .join("; ")
     };
     map_text(&suggestion.map, &head, why)
 }
 
 fn place(suggestion: &Suggestion, column: Option<usize>) -> String {
-    column.and_then(|column| suggestion.columns.get(column)).map_or_else(|| "–".to_owned(), |column| one_line(&column.name))
+    column
+        .and_then(|column| suggestion.columns.get(column))
+        .map_or_else(|| "–".to_owned(), |column| one_line(&column.name))
 }
 
 fn table(suggestion: &Suggestion) -> Table {
@@ -86,7 +94,12 @@ fn table(suggestion: &Suggestion) -> Table {
 
 /// What the page shows.
 fn look(file: &Path, suggestion: &Suggestion, text: &str) -> Look {
-    let begin_ns = suggestion.columns.iter().filter_map(|column| column.envelope.points().next()).map(|(time_ns, _)| time_ns).min();
+    let begin_ns = suggestion
+        .columns
+        .iter()
+        .filter_map(|column| column.envelope.points().next())
+        .map(|(time_ns, _)| time_ns)
+        .min();
     let guess = |column: &Column, title: String, why: String, signal: Option<&SignalMap>| {
         let convert = |value: f64| signal.map_or(value, |signal| signal.conversion.apply(value));
         let points = column.envelope.points().map(|(time_ns, bucket)| {

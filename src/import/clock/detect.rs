@@ -43,9 +43,15 @@ pub struct Detected {
 ///
 /// # Errors
 /// In words, where no format fits, or more than one.
-pub(in crate::import) fn detect(texts: &[String], name: &str, unit: &str, numbers: &Numbers) -> Result<Detected, String> {
+pub(in crate::import) fn detect(
+    texts: &[String],
+    name: &str,
+    unit: &str,
+    numbers: &Numbers,
+) -> Result<Detected, String> {
     let cells: Vec<Cell> = texts.iter().map(|text| numbers.cell(text)).collect();
-    let values: Vec<f64> = cells.iter().filter_map(|cell| if let Cell::Number(x) = cell { Some(*x) } else { None }).collect();
+    let values: Vec<f64> =
+        cells.iter().filter_map(|cell| if let Cell::Number(x) = cell { Some(*x) } else { None }).collect();
     if values.len() * 10 >= texts.len() * 9 && !values.is_empty() {
         return number(&values, name, unit);
     }

@@ -55,7 +55,8 @@ impl Range {
 /// What is to be said of the range of a signal, with the likely way out.
 pub(super) fn unit(target: Target, range: &Range, mapped: &str, ranged: bool) -> Option<String> {
     let [least, most] = range.ends();
-    let stated = if mapped.is_empty() { format!("no unit, which means {}", target.unit()) } else { format!("`{mapped}`") };
+    let stated =
+        if mapped.is_empty() { format!("no unit, which means {}", target.unit()) } else { format!("`{mapped}`") };
     match target {
         Target::Esv => None,
         Target::TankPressure => {
@@ -63,7 +64,8 @@ pub(super) fn unit(target: Target, range: &Range, mapped: &str, ranged: bool) ->
                 return None;
             }
             // What the file holds, where the unit is one of those tried.
-            let factor = PRESSURES_PA.iter().find(|(name, _)| name.eq_ignore_ascii_case(mapped)).map_or(1.0, |(_, pa)| *pa);
+            let factor =
+                PRESSURES_PA.iter().find(|(name, _)| name.eq_ignore_ascii_case(mapped)).map_or(1.0, |(_, pa)| *pa);
             let usual = |(_, pa): &&(&str, f64)| (USUAL_PA[0]..=USUAL_PA[1]).contains(&(most / factor * pa));
             let hint = PRESSURES_PA.iter().find(usual).filter(|_| !ranged);
             let hint = hint.map_or(String::new(), |(name, _)| format!("; is it in {name}? then give `unit: {name}`"));
@@ -82,15 +84,23 @@ pub(super) fn unit(target: Target, range: &Range, mapped: &str, ranged: bool) ->
             let percent = mapped == "%";
             if percent && farthest <= 0.0125 && range.span() > 0.0 {
                 let raw = farthest * 100.0;
-                return Some(format!("moves by {:.3} % of its stroke at most ({raw:.3} in the file); is it in pu? then give `unit: pu`", range.span() * 100.0));
+                return Some(format!(
+                    "moves by {:.3} % of its stroke at most ({raw:.3} in the file); is it in pu? then give `unit: pu`",
+                    range.span() * 100.0
+                ));
             }
-            let reaches = format!("runs from {least:.4} to {most:.4} pu, expected about {}; the map says {stated}", usual(target));
+            let reaches = format!(
+                "runs from {least:.4} to {most:.4} pu, expected about {}; the map says {stated}",
+                usual(target)
+            );
             match farthest {
                 ..=1.6 => None,
                 ..=160.0 if !percent && !ranged => Some(format!(
                     "{reaches}; is it in percent? then give `unit: \"%\"`, and for mm or volts `range: [value when closed, value when open]`"
                 )),
-                _ => Some(format!("{reaches}; give `range: [value when closed, value when open]` in the file's own unit")),
+                _ => Some(format!(
+                    "{reaches}; give `range: [value when closed, value when open]` in the file's own unit"
+                )),
             }
         }
     }

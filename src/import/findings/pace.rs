@@ -91,20 +91,35 @@ impl Pace {
         let mut found = vec![];
         let all = self.intervals + self.repeated + self.backwards;
         if self.backwards > 0 {
-            found.push(format!("time goes back {} times; a reader of the bag puts samples into the order of time", self.backwards));
+            found.push(format!(
+                "time goes back {} times; a reader of the bag puts samples into the order of time",
+                self.backwards
+            ));
         }
         if self.repeated as f64 > REPEATED_SHARE * all as f64 {
             let runs = 1.0 + self.repeated as f64 / self.intervals.max(1) as f64;
+            let way = if runs > 1.5 {
+                format!(
+                    "some {runs:.0} at each: has the export cut the fraction of the second? `time: {{repeated: spread}}` spreads them evenly"
+                )
+            } else {
+                "here and there: has the export rounded the times? where rows are evenly spaced, `time: {rate_hz: …}` counts them instead"
+                    .to_owned()
+            };
             found.push(format!(
-                "{} of {all} samples have the time of the one before, some {runs:.0} at each: has the export cut the fraction of the \
-                 second? `time: {{repeated: spread}}` spreads them evenly; else the last of each counts",
+                "{} of {all} samples have the time of the one before, {way}; else the last of each counts",
                 self.repeated
             ));
         }
         let Some(median_s) = self.median_s() else { return found };
         let gap_s = GAP_MEDIANS * median_s;
-        let gaps: u64 =
-            self.counts.iter().zip(&self.sums_s).filter(|(n, sum)| **n > 0 && **sum / **n as f64 > gap_s).map(|(n, _)| n).sum();
+        let gaps: u64 = self
+            .counts
+            .iter()
+            .zip(&self.sums_s)
+            .filter(|(n, sum)| **n > 0 && **sum / **n as f64 > gap_s)
+            .map(|(n, _)| n)
+            .sum();
         if gaps > 0 && self.longest_gap_s() > GAP_S && !event {
             let after_s = seconds_from_nanos(self.longest_at_ns - self.first_ns());
             found.push(format!(
@@ -141,10 +156,21 @@ mod tests {
     }
 
     #[test]
+    fn rounded_times_are_told_with_another_way_out() {
+        let mut pace = Pace::default();
+        (0..1000).for_each(|k| pace.push((k * 7_753_100_i64 + 5_000_000).div_euclid(10_000_000) * 10_000_000));
+        let said = pace.warnings(false).join(" ");
+        assert!(said.contains("has the export rounded the times?") && said.contains("rate_hz"), "{said}");
+    }
+
+    #[test]
     fn whole_seconds_beside_faster_samples_are_told_with_the_way_out() {
         let mut pace = Pace::default();
         (0..1000).for_each(|k| pace.push(k / 10 * 1_000_000_000));
         let said = pace.warnings(false).join(" ");
-        assert!(said.contains("900 of 999") && said.contains("some 10 at each") && said.contains("repeated: spread"), "{said}");
+        assert!(
+            said.contains("900 of 999") && said.contains("some 10 at each") && said.contains("repeated: spread"),
+            "{said}"
+        );
     }
 }

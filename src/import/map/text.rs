@@ -152,7 +152,8 @@ signals:
   pilot_valve_position: "u [V]"
   control_pressure: {constant: 33, unit: bar}
 "#;
-        let read = |text: &str| Map::parse(text, Path::new("map.yaml")).unwrap_or_else(|error| panic!("{error}\n{text}"));
+        let read =
+            |text: &str| Map::parse(text, Path::new("map.yaml")).unwrap_or_else(|error| panic!("{error}\n{text}"));
         let map = read(text);
         let written = map_text(&map, &["made".to_owned()], |_| "because\nof # it".to_owned());
         let mut again = read(&written);

@@ -5,7 +5,10 @@ use crate::import::row::{Row, Target};
 
 /// What a cell or field holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(not(feature = "parquet"), expect(dead_code, reason = "only Parquet tells times and whole numbers from others"))]
+#[cfg_attr(
+    not(feature = "parquet"),
+    expect(dead_code, reason = "only Parquet tells times and whole numbers from others")
+)]
 pub(in crate::import) enum Value<'a> {
     /// Nothing.
     Missing,

@@ -145,8 +145,31 @@ const WORDS: &[(Target, &[(&str, f64)])] = &[
 
 /// Words of quantities that are none of the signals.
 const OTHERS: [&str; 26] = [
-    "speed", "drehzahl", "vitesse", "frequency", "frequenz", "power", "leistung", "puissance", "temp", "temperature", "temperatur",
-    "level", "niveau", "stand", "head", "flow", "durchfluss", "force", "kraft", "voltage", "spannung", "rpm", "hz", "mw", "velocity",
+    "speed",
+    "drehzahl",
+    "vitesse",
+    "frequency",
+    "frequenz",
+    "power",
+    "leistung",
+    "puissance",
+    "temp",
+    "temperature",
+    "temperatur",
+    "level",
+    "niveau",
+    "stand",
+    "head",
+    "flow",
+    "durchfluss",
+    "force",
+    "kraft",
+    "voltage",
+    "spannung",
+    "rpm",
+    "hz",
+    "mw",
+    "velocity",
     "effort",
 ];
 
@@ -192,7 +215,8 @@ fn words(name: &str) -> Vec<String> {
     let mut words = vec![String::new()];
     let mut before = ' ';
     for letter in name.chars() {
-        let parts = (before.is_lowercase() && letter.is_uppercase()) || (before.is_ascii_digit() != letter.is_ascii_digit());
+        let parts =
+            (before.is_lowercase() && letter.is_uppercase()) || (before.is_ascii_digit() != letter.is_ascii_digit());
         if !letter.is_alphanumeric() || parts {
             words.push(String::new());
         }
@@ -243,7 +267,15 @@ mod tests {
         ] {
             assert_eq!(best(name), Some(target), "{name}: {:?}", Target::ALL.map(|target| score(name, target)));
         }
-        for name in ["Drehzahl", "Power_MW", "Frequency", "Oil temperature", "u", "status word", "/joint_states.velocity[servomotor]"] {
+        for name in [
+            "Drehzahl",
+            "Power_MW",
+            "Frequency",
+            "Oil temperature",
+            "u",
+            "status word",
+            "/joint_states.velocity[servomotor]",
+        ] {
             assert_eq!(best(name), None, "{name}: {:?}", Target::ALL.map(|target| score(name, target)));
         }
     }

@@ -1,12 +1,13 @@
 //! Which column is most likely which signal: names, units, ranges, and how signals of a servo system hang together.
 
+use super::Suggestion;
 use super::column::Column;
 use super::names::score;
-use super::Suggestion;
+use super::propose::{guessed_pressure, rounded, signal};
 use crate::import::clock::Format;
 use crate::import::convert::{OF_TRANSDUCERS, plain, pressure, share};
 use crate::import::findings::Pairs;
-use crate::import::map::{Event, Map, Place, SignalMap};
+use crate::import::map::{Map, Place, SignalMap};
 use crate::import::row::Target;
 
 /// A column with less evidence is not proposed.
@@ -17,10 +18,8 @@ const MOST_RELATED: usize = 40;
 const RELATED: (f64, f64) = (5.0, 3.0);
 /// A weaker correlation is none.
 const WEAKEST: f64 = 0.4;
-/// Units that a pressure without one may have, Pa, with the range in which governors work.
-const PRESSURES_PA: [(&str, f64); 4] = [("bar", 1e5), ("MPa", 1e6), ("Pa", 1.0), ("kPa", 1e3)];
-const USUAL_PA: [f64; 2] = [1.5e6, 2.5e7];
-
+/// A correlation that is weaker by less than this is as good.
+const RIVAL: f64 = 0.05;
 /// Why a column was taken for a signal.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proposed {
@@ -33,6 +32,9 @@ pub struct Proposed {
     /// In words.
     pub why: String,
 }
+
+/// A column with its evidence and its reasons; none where none is good enough.
+type Choice = Option<(usize, f64, Vec<String>)>;
 
 /// How two columns hang together.
 struct Relations {
@@ -47,10 +49,11 @@ pub(super) fn rank(mut map: Map, columns: Vec<Column>, fields: bool) -> Suggesti
     let own: Vec<[(f64, Vec<String>); Target::ALL.len()]> =
         columns.iter().map(|column| Target::ALL.map(|target| evidence(column, target))).collect();
     let score = |column: usize, target: Target| own[column][target.place()].0;
-    let mut chosen: Vec<Option<(usize, f64, Vec<String>)>> = vec![None; Target::ALL.len()];
+    let mut chosen: Vec<Choice> = vec![None; Target::ALL.len()];
     let trio = [Target::ServomotorPosition, Target::SpoolPosition, Target::OpeningCommand];
     let most = |column: &usize| trio.iter().map(|target| score(*column, *target)).fold(f64::NEG_INFINITY, f64::max);
-    let mut related: Vec<usize> = (0..columns.len()).filter(|column| columns[*column].moves() && !columns[*column].is_binary()).collect();
+    let mut related: Vec<usize> =
+        (0..columns.len()).filter(|column| columns[*column].moves() && !columns[*column].is_binary()).collect();
     related.sort_by(|a, b| most(b).total_cmp(&most(a)));
     related.truncate(MOST_RELATED);
     let relations = relations(&columns, &related);
@@ -88,21 +91,41 @@ pub(super) fn rank(mut map: Map, columns: Vec<Column>, fields: bool) -> Suggesti
             None => absent(target, &chosen, &mut map, &mut reasons, &mut open),
         }
     }
-    let local = map.time.format.as_deref().and_then(|name| Format::of(name).ok()).is_some_and(|format| format.is_local());
+    open.extend(rivals(&columns, &related, &relations, &chosen));
+    let local =
+        map.time.format.as_deref().and_then(|name| Format::of(name).ok()).is_some_and(|format| format.is_local());
     if local && map.time.zone.is_none() {
-        open.push("time: local times without a zone; give `zone: Europe/Zurich` or an offset such as `\"+01:00\"`".to_owned());
+        open.push(
+            "time: local times without a zone; give `zone: Europe/Zurich` or an offset such as `\"+01:00\"`".to_owned(),
+        );
     }
     Suggestion { map, columns, reasons, notes: vec![], open, rows: 0 }
 }
 
+/// Columns that move with the spool as the chosen servomotor does: which of them is the piston only its reader knows.
+fn rivals(columns: &[Column], related: &[usize], relations: &Relations, chosen: &[Choice]) -> Option<String> {
+    let of = |target: Target| chosen[target.place()].as_ref().map(|(column, ..)| *column);
+    let (servomotor, spool) = (of(Target::ServomotorPosition)?, of(Target::SpoolPosition)?);
+    let at = |wanted: usize| related.iter().position(|column| *column == wanted);
+    let spool_at = at(spool)?;
+    let best = relations.drives[at(servomotor)?][spool_at].abs();
+    let taken = |column: usize| chosen.iter().flatten().any(|(known, ..)| *known == column);
+    let alike = |&&column: &&usize| {
+        !taken(column) && at(column).is_some_and(|at| relations.drives[at][spool_at].abs() > best - RIVAL)
+    };
+    let names: Vec<String> =
+        related.iter().filter(alike).map(|column| format!("`{}`", columns[*column].name)).collect();
+    (!names.is_empty() && best >= WEAKEST).then(|| {
+        format!(
+            "servomotor_position: {} goes with the spool as well as `{}` does; take the one that is the piston's position",
+            names.join(", "),
+            columns[servomotor].name
+        )
+    })
+}
+
 /// A signal that no column seems to hold.
-fn absent(
-    target: Target,
-    chosen: &[Option<(usize, f64, Vec<String>)>],
-    map: &mut Map,
-    reasons: &mut Vec<Proposed>,
-    open: &mut Vec<String>,
-) {
+fn absent(target: Target, chosen: &[Choice], map: &mut Map, reasons: &mut Vec<Proposed>, open: &mut Vec<String>) {
     let has_command = chosen[Target::OpeningCommand.place()].is_some();
     match target {
         Target::Esv if has_command => {
@@ -163,8 +186,6 @@ fn evidence(column: &Column, target: Target) -> (f64, Vec<String>) {
     (sum, why)
 }
 
-type Choice = Option<(usize, f64, Vec<String>)>;
-
 /// Servomotor, spool and command that go together best; numbers are places in `related`.
 fn best_trio(related: &[usize], relations: &Relations, score: &dyn Fn(usize, Target) -> f64) -> [Choice; 3] {
     let count = related.len();
@@ -197,7 +218,8 @@ fn best_trio(related: &[usize], relations: &Relations, score: &dyn Fn(usize, Tar
         }
     }
     let [servomotor, spool, command] = best.1;
-    let relation = |words: &str, value: f64| (value.abs() >= WEAKEST).then(|| format!("{words} (correlation {value:.2})"));
+    let relation =
+        |words: &str, value: f64| (value.abs() >= WEAKEST).then(|| format!("{words} (correlation {value:.2})"));
     let driven = servomotor.zip(spool).map(|(servomotor, spool)| relations.drives[servomotor][spool]);
     let follows = servomotor.zip(command).map(|(servomotor, command)| relations.alike[servomotor][command]);
     let driven_words = driven.and_then(|value| relation("spool and speed of the servomotor go together", value));
@@ -231,7 +253,9 @@ fn relations(columns: &[Column], related: &[usize]) -> Relations {
         let (mut drives, mut alike) = (Pairs::default(), Pairs::default());
         let (from, to) = envelopes[first].span();
         for at in from..to {
-            let (Some(value), Some(other)) = (envelopes[first].mean_at(at), envelopes[second].mean_at(at)) else { continue };
+            let (Some(value), Some(other)) = (envelopes[first].mean_at(at), envelopes[second].mean_at(at)) else {
+                continue;
+            };
             alike.take(value, other);
             // The speed over two widths is that of the bucket between.
             if let (Some(before), Some(after)) = (envelopes[first].mean_at(at - 1), envelopes[first].mean_at(at + 1)) {
@@ -246,83 +270,4 @@ fn relations(columns: &[Column], related: &[usize]) -> Relations {
         drives: all.iter().map(|row| row.iter().map(|pair| pair.0).collect()).collect(),
         alike: all.iter().map(|row| row.iter().map(|pair| pair.1).collect()).collect(),
     }
-}
-
-/// The unit in which a pressure of this size is one of a governor.
-fn guessed_pressure(most: f64) -> Option<(&'static str, f64)> {
-    PRESSURES_PA.into_iter().find(|(_, pa)| (USUAL_PA[0]..=USUAL_PA[1]).contains(&(most * pa)))
-}
-
-/// The signal with unit, range and sign as the column shows them.
-fn signal(target: Target, column: &Column, fields: bool, turned: bool, open: &mut Vec<String>) -> SignalMap {
-    let mut signal = SignalMap::of_column(target, &column.name);
-    if fields {
-        signal.from = Place::Field(column.name.clone());
-    }
-    let [least, most] = column.range.ends();
-    let id = target.id();
-    match target {
-        Target::Esv => {
-            let (state, told) = trip_state(column);
-            signal.shutdown = vec![Event::Is(state)];
-            open.push(told);
-        }
-        Target::TankPressure | Target::ControlPressure => {
-            if pressure(&column.unit).is_some() {
-                signal.unit.clone_from(&column.unit);
-            } else if let Some((unit, _)) = guessed_pressure(most) {
-                unit.clone_into(&mut signal.unit);
-                open.push(format!("{id}: the file states no unit; up to {} looks like {unit}", rounded(most)));
-            } else {
-                "Pa".clone_into(&mut signal.unit);
-                open.push(format!("{id}: the file states no unit, and up to {} is none of a governor's oil in any; give it", rounded(most)));
-            }
-        }
-        _ => {
-            signal.conversion.turned = turned;
-            if turned {
-                open.push(format!("{id}: the servomotor moves against it, so that it is turned round (`sign: -1`)"));
-            }
-            let one_sided = matches!(target, Target::OpeningCommand | Target::ServomotorPosition);
-            let farthest = least.abs().max(most.abs());
-            if share(&column.unit).is_some() {
-                signal.unit.clone_from(&column.unit);
-            } else if column.unit.is_empty() && farthest <= 1.2 && (!one_sided || least > -0.1) && farthest > 0.05 {
-                "pu".clone_into(&mut signal.unit);
-                open.push(format!("{id}: the file states no unit; {} to {} looks like pu", rounded(least), rounded(most)));
-            } else if column.unit.is_empty() && one_sided && least >= -5.0 && (20.0..=110.0).contains(&most) {
-                "%".clone_into(&mut signal.unit);
-                open.push(format!("{id}: the file states no unit; {} to {} looks like %", rounded(least), rounded(most)));
-            } else {
-                signal.unit.clone_from(&column.unit);
-                signal.conversion.range = Some(if one_sided { [least, most] } else { [0.0, farthest] });
-                let meant = if one_sided { "closed and open" } else { "at neutral and at full stroke" };
-                open.push(format!(
-                    "{id}: `range` holds what the file shows; replace it by the values {meant}, in the file's own unit{}",
-                    if column.unit.is_empty() { String::new() } else { format!(" ({})", column.unit) }
-                ));
-            }
-        }
-    }
-    signal
-}
-
-/// The state that means a trip, and what to say of the choice.
-fn trip_state(column: &Column) -> (String, String) {
-    let bad = ["trip", "tripped", "aus", "shutdown", "alarm", "true", "on", "active", "1"];
-    if let Some(word) = column.words.iter().find(|word| bad.contains(&word.to_lowercase().as_str())) {
-        return (word.clone(), format!("esv: `{word}` is taken as shutdown"));
-    }
-    let lower = column.name.to_lowercase();
-    // This project's own message says 1 for normal; so does a valve that is held by its coil.
-    let valve = lower.contains("esv") || lower.contains("valve") || lower.contains("normal");
-    let [least, most] = column.range.ends();
-    let state = if valve { least.min(0.0) } else { most.max(1.0) };
-    let other = if valve { "0" } else { "the greater value" };
-    (state.to_string(), format!("esv: {other} ({state}) is taken as shutdown; turn it round if the column says the contrary"))
-}
-
-fn rounded(value: f64) -> String {
-    let text = format!("{value:.4}");
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
