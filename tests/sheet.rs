@@ -20,15 +20,24 @@ fn derived(values: &[&str]) -> Derived {
     derive(&plate(values), &params::reference()).unwrap_or_else(|problems| panic!("{problems:?}"))
 }
 
-const LEAST: [&str; 5] =
-    ["tank_pressure=63 bar", "servomotor_stroke=600 mm", "servomotor_volume=120 L", "opening_time=9 s", "closing_time=6.5 s"];
+const LEAST: [&str; 5] = [
+    "tank_pressure=63 bar",
+    "servomotor_stroke=600 mm",
+    "servomotor_volume=120 L",
+    "opening_time=9 s",
+    "closing_time=6.5 s",
+];
 
 /// Time of a full stroke of the twin when the command jumps, s, scaled up from the middle eighty percent, which end cushions and the spool's way do not reach.
 fn stroke_time_s(unit: &Unit, opens: bool) -> f64 {
     let mut twin = Twin::new(unit);
     let row = |time_ns: i64, opening_command_pu: f64| Frame {
         time_ns,
-        inputs: Inputs { opening_command_pu, esv: EsvState::Normal, tank_pressure_pa: unit.parameters.oil.tank_pressure_pa },
+        inputs: Inputs {
+            opening_command_pu,
+            esv: EsvState::Normal,
+            tank_pressure_pa: unit.parameters.oil.tank_pressure_pa,
+        },
         measured: Signals::NONE,
     };
     let (from, to) = if opens { (0.0, 1.0) } else { (1.0, 0.0) };
@@ -54,11 +63,30 @@ fn the_twin_moves_in_the_times_of_the_plate() {
     for values in [
         LEAST.to_vec(),
         // Areas halved, 160 bar.
-        vec!["tank_pressure=160 bar", "servomotor_stroke=600 mm", "servomotor_volume=60 L", "opening_time=12 s", "closing_time=8 s"],
+        vec![
+            "tank_pressure=160 bar",
+            "servomotor_stroke=600 mm",
+            "servomotor_volume=60 L",
+            "opening_time=12 s",
+            "closing_time=8 s",
+        ],
         // 4 m3 at low pressure.
-        vec!["tank_pressure=40 bar", "servomotor_stroke=1.6 m", "servomotor_volume=4 m3", "opening_time=20 s", "closing_time=12 s"],
+        vec![
+            "tank_pressure=40 bar",
+            "servomotor_stroke=1.6 m",
+            "servomotor_volume=4 m3",
+            "opening_time=20 s",
+            "closing_time=12 s",
+        ],
         // Two small ones in push and pull.
-        vec!["tank_pressure=100 bar", "servomotor_stroke=250 mm", "piston_diameter=140 mm", "rod_diameter=60 mm", "servomotors=2", "closing_time=5 s"],
+        vec![
+            "tank_pressure=100 bar",
+            "servomotor_stroke=250 mm",
+            "piston_diameter=140 mm",
+            "rod_diameter=60 mm",
+            "servomotors=2",
+            "closing_time=5 s",
+        ],
         // Stops known, width not.
         [&LEAST[..], &["spool_opening_stop=9 mm", "spool_closing_stop=11 mm"]].concat(),
     ] {
@@ -67,10 +95,16 @@ fn the_twin_moves_in_the_times_of_the_plate() {
         for (opens, by_formula_s) in [(true, found.times_s[0]), (false, found.times_s[1])] {
             let key = if opens { "opening_time" } else { "closing_time" };
             let simulated_s = stroke_time_s(&found.unit, opens);
-            assert!((simulated_s / by_formula_s - 1.0).abs() < 0.03, "{values:?}: {key} {simulated_s}, by formula {by_formula_s}");
+            assert!(
+                (simulated_s / by_formula_s - 1.0).abs() < 0.03,
+                "{values:?}: {key} {simulated_s}, by formula {by_formula_s}"
+            );
             let stops = values.iter().any(|value| value.starts_with("spool_opening_stop"));
             if let Some(wanted_s) = plate(&values).get(key).filter(|_| !stops) {
-                assert!((by_formula_s / wanted_s - 1.0).abs() < 1e-3, "{values:?}: {key} {by_formula_s}, wanted {wanted_s}");
+                assert!(
+                    (by_formula_s / wanted_s - 1.0).abs() < 1e-3,
+                    "{values:?}: {key} {by_formula_s}, wanted {wanted_s}"
+                );
             }
         }
     }
@@ -83,7 +117,9 @@ fn a_full_plate_of_the_reference_unit_gives_the_reference_unit_back() {
         .lines()
         .filter_map(|line| line.strip_prefix("# ")?.split_once(": "))
         .filter(|(key, _)| govtwin::sheet::item::item(key).is_some())
-        .filter(|(key, _)| !["servomotor_volume", "piston_diameter", "rod_diameter", "opening_time", "closing_time"].contains(key))
+        .filter(|(key, _)| {
+            !["servomotor_volume", "piston_diameter", "rod_diameter", "opening_time", "closing_time"].contains(key)
+        })
         .map(|(key, rest)| format!("{key}={}", rest.split('#').next().unwrap().trim()))
         .collect();
     let found = derived(&values.iter().map(String::as_str).collect::<Vec<_>>());
@@ -147,15 +183,28 @@ fn knowing_more_shows_faults_sharper_and_the_missing_items_say_so() {
     let unit = derive(&values, &params::reference()).unwrap().unit;
     let found = matter(&unit, &values, 1, &|| ());
     assert_eq!(found.faults.len(), CATALOGUE.len());
-    assert!(found.faults.iter().all(|fault| fault.with_sheet_ratio <= fault.at_best_ratio * 1.000_001), "{:?}", found.faults);
+    assert!(
+        found.faults.iter().all(|fault| fault.with_sheet_ratio <= fault.at_best_ratio * 1.000_001),
+        "{:?}",
+        found.faults
+    );
     assert!(found.missing.windows(2).all(|pair| pair[0].gain >= pair[1].gain));
     // Ports whose width is only guessed hide ports that are asymmetric, or a supply that loses pressure; a drawing tells them apart.
     let helps = |key: &str| found.missing.iter().find(|help| help.item.key == key).unwrap_or_else(|| panic!("{key}"));
-    assert!(helps("position_gain").gain > 0.0 && !helps("position_gain").effects.is_empty(), "{:?}", helps("position_gain"));
+    assert!(
+        helps("position_gain").gain > 0.0 && !helps("position_gain").effects.is_empty(),
+        "{:?}",
+        helps("position_gain")
+    );
     assert!(found.missing.iter().all(|help| help.item.key != "closing_time"), "what is given is not missing");
     // With the full sheet of the reference unit less is hidden.
     let reference = matter(&params::reference(), &Plate::default(), 1, &|| ());
-    assert!(reference.hidden().count() < found.hidden().count(), "{} {}", reference.hidden().count(), found.hidden().count());
+    assert!(
+        reference.hidden().count() < found.hidden().count(),
+        "{} {}",
+        reference.hidden().count(),
+        found.hidden().count()
+    );
 }
 
 fn govtwin(args: &[&str], folder: &Path) -> (Option<i32>, String) {
@@ -170,7 +219,10 @@ fn the_command_writes_a_sheet_that_every_command_takes() {
     let text = "name: unit 3\nsource: plate of 1998\ntank_pressure: 63 bar\nservomotor_stroke: 600 mm\nservomotor_volume: 120 L\nopening_time: 9 \
                 s\nclosing_time: {value: 6.5 s, tol: 0.05, source: rejection test}\n";
     std::fs::write(folder.path().join("plate.yaml"), text).unwrap();
-    let (code, said) = govtwin(&["sheet", "new", "plate.yaml", "--quick", "--out", "unit.yaml", "--set", "position_gain=25"], folder.path());
+    let (code, said) = govtwin(
+        &["sheet", "new", "plate.yaml", "--quick", "--out", "unit.yaml", "--set", "position_gain=25"],
+        folder.path(),
+    );
     assert_eq!(code, Some(3), "{said}");
     assert!(said.contains("Full stroke through the ports: 9.00 s opening, 6.50 s closing"), "{said}");
     let sheet = params::load_sheet(&folder.path().join("unit.yaml")).unwrap();

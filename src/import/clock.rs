@@ -296,7 +296,7 @@ fn zone(text: &str) -> Result<TimeZone, String> {
 
 fn named_zone(text: &str) -> Result<TimeZone, String> {
     TimeZone::get(text).map_err(|_| {
-        let names: Vec<String> = tz::db().available().map(|name| name.to_string()).collect();
+        let names: Vec<String> = tz::db().available().map(|name| name.as_str().to_owned()).collect();
         let near = names.iter().max_by(|a, b| {
             let likeness = |name: &str| strsim::jaro_winkler(&text.to_lowercase(), &name.to_lowercase());
             likeness(a).total_cmp(&likeness(b))

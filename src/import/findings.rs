@@ -195,6 +195,8 @@ impl Findings {
                 continue;
             }
             let unit = watch.target.unit();
+            // A command stands still, and at its limits, by right.
+            let commanded = watch.target == Target::OpeningCommand;
             let is_input = matches!(watch.target, Target::OpeningCommand | Target::TankPressure);
             if watch.target != Target::Esv {
                 if watch.range.span() == 0.0 && watch.range.count > 1 && something_moves && !is_input {
@@ -202,15 +204,15 @@ impl Findings {
                     say(format!(
                         "stands at {value} {unit} throughout while the unit moves: a dead channel, or another signal?"
                     ));
-                } else if let Some(run) = watch.frozen() {
+                } else if let Some(run) = watch.frozen().filter(|_| !commanded) {
                     let (length_s, count) = (run.length_s(), run.count);
                     let after_s = seconds_from_nanos(run.begin_ns - watch.pace.first_ns());
                     say(format!(
-                        "frozen at {} {unit} for {length_s:.1} s ({count} samples), {after_s:.1} s after its beginning; elsewhere it \
-                         changes from sample to sample",
+                        "frozen at {} {unit} for {length_s:.1} s ({count} samples), {after_s:.1} s after its beginning, while elsewhere it \
+                         changes from sample to sample: a stuck transducer or logger, unless the unit was at rest and shows no noise",
                         run.value
                     ));
-                } else if let Some((value, count)) = watch.saturated() {
+                } else if let Some((value, count)) = watch.saturated().filter(|_| !commanded) {
                     say(format!(
                         "stands at its {} of {value} {unit} in {count} of {} samples, to the last digit: saturated there, or clipped by \
                          an export",

@@ -139,30 +139,25 @@ fn long_table<R: Records>(
     }
     let time = head.time_columns();
     let mut records = open()?;
-    let mut seen: Vec<Vec<String>> = vec![vec![]; head.names.len()];
-    let mut texts = vec![0_usize; head.names.len()];
+    let mut seen: Vec<(Vec<String>, usize)> = vec![(vec![], 0); head.names.len()];
     let mut count = 0;
     while count < SAMPLED && records.advance()? {
         count += 1;
-        for column in 0..head.names.len() {
+        for (column, (words, texts)) in seen.iter_mut().enumerate() {
             if let Value::Text(text) = records.value(column) {
-                texts[column] += 1;
-                if !seen[column].iter().any(|known| known == text) {
-                    seen[column].push(text.to_owned());
+                *texts += 1;
+                if !words.iter().any(|known| known == text) {
+                    words.push(text.to_owned());
                 }
             }
         }
     }
     let is_tag = |column: &usize| {
-        let distinct = seen[*column].len();
+        let (words, texts) = &seen[*column];
+        let distinct = words.len();
         let named = ["tag", "tagname", "name", "signal", "variable", "point", "messstelle", "kanal", "topic"]
             .contains(&head.names[*column].trim().to_lowercase().as_str());
-        !time.contains(column)
-            && texts[*column] == count
-            && count > 0
-            && named
-            && distinct >= 1
-            && distinct * 2 <= count
+        !time.contains(column) && *texts == count && count > 0 && named && distinct >= 1 && distinct * 2 <= count
     };
     Ok((0..head.names.len()).find(is_tag))
 }

@@ -107,6 +107,15 @@ fn picture(what: &str, guesses: &[Guess], ink: Ink) -> Picture {
         };
         let middle = guess.points.iter().map(|[time_s, least, most]| [*time_s, 0.5 * (least + most)]).collect();
         let mut panel = Panel::new(title).height(90).x_name("time, s");
+        let ends = guess
+            .points
+            .iter()
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |ends, point| [ends[0].min(point[1]), ends[1].max(point[2])]);
+        if ends[0] == ends[1] {
+            // What stands still needs a scale of its own size.
+            let around = 0.5 * ends[0].abs().max(1.0);
+            panel = panel.y_range(ends[0] - around, ends[1] + around);
+        }
         panel.marks.push(Mark::new(Shape::Band(guess.points.clone()), ink, ""));
         panel.marks.push(Mark::new(Shape::Line(middle), ink, ""));
         panel

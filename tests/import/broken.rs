@@ -157,11 +157,11 @@ fn maps_and_files_that_do_not_go_together_are_named() {
             "the map names the column `y`, and a bag has topics; expected `field: /topic.field`",
         ),
         (
-            "signals: {servomotor_position: /joint_state.position[0]}\n",
+            "signals: {servomotor_position: '/joint_state.position[0]'}\n",
             "did you mean `/joint_states`? topics: /gate/setpoint (std_msgs/msg/Float64)",
         ),
         (
-            "signals: {servomotor_position: /joint_states.positions[0]}\n",
+            "signals: {servomotor_position: '/joint_states.positions[0]'}\n",
             "has no field `positions`; it has header, name, position",
         ),
         (

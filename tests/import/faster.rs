@@ -74,7 +74,13 @@ impl Half<'_> {
 }
 
 /// The free run of integrated shapes.
-fn integrated(shapes: &dyn Fn(f64) -> Vec<f64>, gains: &[f64], period_s: f64, input: &[f64], displacement: &[f64]) -> Vec<f64> {
+fn integrated(
+    shapes: &dyn Fn(f64) -> Vec<f64>,
+    gains: &[f64],
+    period_s: f64,
+    input: &[f64],
+    displacement: &[f64],
+) -> Vec<f64> {
     let mut at = displacement[0];
     let step = |u: &f64| {
         let now = at;
@@ -142,7 +148,8 @@ fn the_table_of_plain_models_on_the_faster_rig_is_as_the_document_says() {
     rows.push(("ARX of second order", [0, 1].map(|half| halves[half].rmse(&model))));
     let document = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/import.md")).unwrap();
     println!("null {} V, dead zone {} V", best.1, best.2);
-    let lines: Vec<String> = rows.iter().map(|(name, [one, other])| format!("| {name} | {one:.3} | {other:.3} |")).collect();
+    let lines: Vec<String> =
+        rows.iter().map(|(name, [one, other])| format!("| {name} | {one:.3} | {other:.3} |")).collect();
     println!("{}", lines.join("\n"));
     for line in &lines {
         assert!(document.contains(line.as_str()), "docs/import.md lacks `{line}` of\n{}", lines.join("\n"));

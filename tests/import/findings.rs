@@ -55,6 +55,7 @@ fn frozen_dead_and_saturated_channels_are_told() {
         MAP,
     );
     assert!(frozen.contains("servomotor_position (`y`): frozen at 0.75") && frozen.contains("for 5.0 s"), "{frozen}");
+    assert!(frozen.contains("unless the unit was at rest"), "{frozen}");
     let dead = warnings(&|t| [unit(t)[0], 0.0, unit(t)[2], unit(t)[3]].to_vec(), MAP);
     assert!(dead.contains("spool_position (`u`): stands at 0 pu throughout while the unit moves"), "{dead}");
     let saturated = warnings(&|t| [unit(t)[0], unit(t)[1].min(0.5), unit(t)[2], unit(t)[3]].to_vec(), MAP);
@@ -80,7 +81,7 @@ fn units_that_cannot_be_meant_come_with_the_likely_one() {
         move |t: f64| unit(t).iter().zip(scales).map(|(value, scale)| value * scale).collect::<Vec<f64>>()
     };
     for (scales, map, words) in [
-        ([1.0, 1.0, 1.0, 1e-5], MAP, "tank_pressure (`p`): reaches 63.01 Pa, expected 5.0e5 to 5.0e7 Pa"),
+        ([1.0, 1.0, 1.0, 1e-5], MAP, "tank_pressure (`p`): reaches 63.0100 Pa, expected 5.0e5 to 5.0e7 Pa"),
         ([1.0, 1.0, 1.0, 1e-5], MAP, "is it in bar? then give `unit: bar`"),
         ([1.0, 1.0, 1.0, 1e-6], MAP, "is it in MPa? then give `unit: MPa`"),
         (

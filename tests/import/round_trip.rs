@@ -90,12 +90,20 @@ fn imported(text: &str, map: &str) -> Loaded {
 fn tables_of_every_kind_come_back_to_the_last_bit() {
     let iso = |zone_s: i64| {
         move |time_ns: i64| {
-            // Days and times by hand, so that the reader's library is not its own witness: all are in September 2026.
+            // Days by Hinnant's algorithm, so that the reader's library is not its own witness.
             let second = time_ns.div_euclid(1_000_000_000) + zone_s;
-            let (day, of_day) = (second.div_euclid(86_400), second.rem_euclid(86_400));
-            let day = day - 20_697; // 1 September 2026
+            let (days, of_day) = (second.div_euclid(86_400) + 719_468, second.rem_euclid(86_400));
+            let (era, of_era) = (days.div_euclid(146_097), days.rem_euclid(146_097));
+            let of_400 = (of_era - of_era / 1460 + of_era / 36_524 - of_era / 146_096) / 365;
+            let of_year = of_era - (365 * of_400 + of_400 / 4 - of_400 / 100);
+            let from_march = (5 * of_year + 2) / 153;
+            let (day, month) = (of_year - (153 * from_march + 2) / 5 + 1, (from_march + 2) % 12 + 1);
+            let year = of_400 + era * 400 + i64::from(month <= 2);
             let (hour, minute, rest) = (of_day / 3600, of_day / 60 % 60, of_day % 60);
-            format!("{:02}.09.2026 {hour:02}:{minute:02}:{rest:02}.{:09}", day + 1, time_ns.rem_euclid(1_000_000_000))
+            format!(
+                "{day:02}.{month:02}.{year} {hour:02}:{minute:02}:{rest:02}.{:09}",
+                time_ns.rem_euclid(1_000_000_000)
+            )
         }
     };
     for name in ["practice/case_01/shutdown.mcap", "practice/case_02/startup.mcap", "reference/load_increase_01.mcap"] {
@@ -106,8 +114,8 @@ fn tables_of_every_kind_come_back_to_the_last_bit() {
         let cases: [(&str, String, &str); 4] = [
             ("ns since 1970", table(name, ',', |time_ns| time_ns.to_string(), plain), ""),
             ("seconds since 1970", table(name, '\t', seconds, plain), ""),
-            ("local time with decimal comma", table(name, ';', iso(7200), comma), "time: {zone: Europe/Zurich}\n"),
-            ("UTC+01:00", table(name, '|', iso(3600), plain), "time: {zone: \"+01:00\"}\n"),
+            ("local time with decimal comma", table(name, ';', iso(7200), comma), "time: {zone: \"+02:00\"}\n"),
+            ("half an hour", table(name, '|', iso(-12_600), plain), "time: {zone: \"-03:30\"}\n"),
         ];
         for (what, text, time) in cases {
             let frames = imported(&text, &format!("{time}{SIGNALS}")).recording.frames;

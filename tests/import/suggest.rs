@@ -43,6 +43,10 @@ fn columns_are_recognised_in_files_of_many_tools() {
         let (rows, _) = crate::rows(&[fixture(name)], &text).unwrap();
         assert_eq!(rows.len(), 300, "{name}");
     }
+    // What the page draws is in the units after the import.
+    let german = of(&fixture("german.csv"));
+    assert_eq!(german.map.signals[0].conversion.apply(50.0), 0.5);
+    assert_eq!(german.map.signals[2].conversion.apply(63.0), 6.3e6);
     let own = of(&shipped("practice/case_01/load_rejection.mcap"));
     assert_eq!(places(&own)[3].1, "/plant/servo_state.spool_position");
     assert!(own.reasons.iter().all(|reason| !reason.why.is_empty()));

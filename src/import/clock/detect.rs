@@ -2,6 +2,7 @@
 
 use super::Format;
 use crate::import::convert::plain;
+use crate::import::map::TimeMap;
 use crate::import::number::{Cell, Numbers};
 
 /// Patterns that are tried, the more special first; of the last two only one may fit.
@@ -58,7 +59,7 @@ pub(in crate::import) fn detect(
     let texts: Vec<&String> = texts.iter().filter(|text| !numbers.is_missing(text.trim())).collect();
     let example = texts.first().map(|text| text.trim()).unwrap_or_default();
     let fits = |format: &Format| {
-        let mut clock = super::Clock::new(format.clone(), &Default::default(), numbers).ok()?;
+        let mut clock = super::Clock::new(format.clone(), &TimeMap::default(), numbers).ok()?;
         // A footer or a broken line does not decide.
         let read = texts.iter().filter(|text| clock.read(text).is_ok()).count();
         (read * 10 >= texts.len() * 9 && read > 0).then_some(())

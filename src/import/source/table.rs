@@ -244,8 +244,8 @@ impl<R: Records> Source for Table<R> {
         for one in said.notes.iter_mut().chain(&mut said.warnings) {
             *one = format!("{path}: {one}");
         }
-        if let Some((line, problem)) = &self.bad_times.first {
-            let count = self.bad_times.count;
+        if let Some((line, _)) = &self.bad_times.first {
+            let (count, problem) = (self.bad_times.count, &self.first_bad_time);
             said.warnings.push(format!("{path}:{line}: {count} lines left out, the first because {problem}"));
         }
         if let Some((line, text)) = &self.records.ragged().first {

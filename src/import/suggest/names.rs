@@ -214,7 +214,7 @@ fn score_of(target: Target, has: &dyn Fn(&str) -> bool) -> f64 {
 fn words(name: &str) -> Vec<String> {
     let mut words = vec![String::new()];
     let mut before = ' ';
-    for letter in name.chars() {
+    for letter in name.replace('ß', "ss").chars() {
         let parts =
             (before.is_lowercase() && letter.is_uppercase()) || (before.is_ascii_digit() != letter.is_ascii_digit());
         if !letter.is_alphanumeric() || parts {

@@ -76,6 +76,10 @@ pub(super) fn signal(target: Target, column: &Column, fields: bool, turned: bool
             }
         }
     }
+    let unit = if target.is_pressure() { pressure(&signal.unit) } else { share(&signal.unit) };
+    if let (None, Some(unit)) = (signal.conversion.range, unit) {
+        signal.conversion.unit = unit;
+    }
     signal
 }
 
