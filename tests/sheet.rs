@@ -41,7 +41,7 @@ fn stroke_time_s(unit: &Unit, opens: bool) -> f64 {
         measured: Signals::NONE,
     };
     let (from, to) = if opens { (0.0, 1.0) } else { (1.0, 0.0) };
-    twin.step(&row(0, from));
+    let _ = twin.step(&row(0, from));
     let mut passed = [None, None];
     for k in 1..400_000_i64 {
         let opening = twin.step(&row(k * 1_000_000, to)).signals.servomotor_position_pu;

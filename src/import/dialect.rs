@@ -46,15 +46,14 @@ pub(super) fn sniff(sample: &str, map: &FileMap) -> Result<Dialect, String> {
     let numbers = Numbers { decimal, thousands: map.thousands, missing: map.missing.clone() };
     let data = |row: &Vec<String>| is_data(row, width, &numbers);
     let header = map.header_line.filter(|line| *line > 0);
-    let begin = match map.first_line {
-        Some(line) => usize::try_from(line.saturating_sub(1)).unwrap_or(usize::MAX),
-        None => {
-            let from = header.max(map.unit_line).map_or(0, |line| usize::try_from(line).unwrap_or(0));
-            let rows = || cells.iter().enumerate().skip(from).filter(|(_, row)| !is_blank(row));
-            // One line with numbers may be part of a preamble, two in a row are data.
-            let next = |k: usize| rows().find(|(other, _)| *other > k).is_none_or(|(_, row)| data(row));
-            rows().find(|(k, row)| data(row) && next(*k)).map(|(k, _)| k).ok_or_else(|| no_data(&cells, separator))?
-        }
+    let begin = if let Some(line) = map.first_line {
+        usize::try_from(line.saturating_sub(1)).unwrap_or(usize::MAX)
+    } else {
+        let from = header.max(map.unit_line).map_or(0, |line| usize::try_from(line).unwrap_or(0));
+        let rows = || cells.iter().enumerate().skip(from).filter(|(_, row)| !is_blank(row));
+        // One line with numbers may be part of a preamble, two in a row are data.
+        let next = |k: usize| rows().find(|(other, _)| *other > k).is_none_or(|(_, row)| data(row));
+        rows().find(|(k, row)| data(row) && next(*k)).map(|(k, _)| k).ok_or_else(|| no_data(&cells, separator))?
     };
     let above = begin.min(cells.len());
     let above: Vec<usize> = (0..above).rev().take(MOST_HEADER_LINES).take_while(|k| cells[*k].len() == width).collect();
@@ -78,7 +77,7 @@ pub(super) fn sniff(sample: &str, map: &FileMap) -> Result<Dialect, String> {
                     && row.iter().enumerate().all(|(i, cell)| !cell.is_empty() && !row[..i].contains(cell))
             };
             let rest = || above.iter().copied().filter(|k| Some(*k) != units_at);
-            rest().filter(named).last().or(rest().next())
+            rest().rev().find(named).or(rest().next())
         }
     };
     let row = |k: Option<usize>| k.and_then(|k| cells.get(k)).cloned().unwrap_or_default();

@@ -65,7 +65,7 @@ pub fn kind_of(path: &Path) -> Result<Kind, ImportError> {
         return Err(ImportError::file(path, format!("expected a table or a bag, found {found}")));
     }
     let marked = head.starts_with(b"\xff\xfe") || head.starts_with(b"\xfe\xff");
-    let zeros = head.iter().filter(|byte| **byte == 0).count();
+    let zeros: usize = head.iter().map(|byte| usize::from(*byte == 0)).sum();
     // Of text in two bytes a letter nearly every second byte is 0.
     if zeros > 0 && !marked && !(zeros * 5 > head.len() * 2 && zeros * 5 < head.len() * 3) {
         let found = "a file with zero bytes, which no table of text has";

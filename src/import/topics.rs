@@ -46,14 +46,13 @@ impl Topics {
             let field = FieldPath::parse(field).map_err(|problem| wrong(format!("{id}: {problem}")))?;
             let Some(topic) = messages.topics().iter().find(|topic| topic.name == field.topic) else { continue };
             let known = readers.iter().position(|(known, _)| known.name == topic.name);
-            let reader = match known {
-                Some(known) => known,
-                None => {
-                    let reader = FieldReader::new(topic)
-                        .map_err(|problem| wrong(format!("topic `{}`: {problem}", topic.name)))?;
-                    readers.push((Arc::clone(topic), reader));
-                    readers.len() - 1
-                }
+            let reader = if let Some(known) = known {
+                known
+            } else {
+                let reader =
+                    FieldReader::new(topic).map_err(|problem| wrong(format!("topic `{}`: {problem}", topic.name)))?;
+                readers.push((Arc::clone(topic), reader));
+                readers.len() - 1
             };
             readers[reader].1.check(&field).map_err(|problem| wrong(format!("{id}: {problem}")))?;
             wanted.push(Wanted { path: field, reader, channel: Channel::new(signal, one), absent: 0 });
@@ -96,7 +95,7 @@ impl Source for Topics {
             for wanted in self.wanted.iter_mut().filter(|wanted| wanted.reader == reader) {
                 match self.readers[reader].1.value(&wanted.path, &message.data) {
                     Some(FieldValue::Number(number)) => {
-                        wanted.channel.take(Value::Number(number), self.passed, &mut row)
+                        wanted.channel.take(Value::Number(number), self.passed, &mut row);
                     }
                     Some(FieldValue::Text(text)) => wanted.channel.take(Value::Text(&text), self.passed, &mut row),
                     None => wanted.absent += 1,

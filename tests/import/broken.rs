@@ -87,9 +87,9 @@ fn twenty_broken_files_are_each_named_with_a_way_out() {
         ),
         (
             "decimal commas in a table of points",
-            table(100).replace(',', ";").replace("0.5;", "0,5;").into_bytes(),
+            table(100).replace(',', ";").replace("0.479425538604203", "0,479425538604203").into_bytes(),
             MAP,
-            &["cells are no numbers, the first `0,5`", "file: {decimal: \",\"}"],
+            &["1 cells are no numbers, the first `0,479425538604203`", "file: {decimal: \",\"}"],
         ),
         (
             "groups of digits",

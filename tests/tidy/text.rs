@@ -9,7 +9,7 @@ const KNOWN_BY: &[(&str, &[&str])] = &[
     ("encoding_rs", &["src/import/csv_file.rs"]),
     ("encoding_rs_io", &["src/import/csv_file.rs"]),
     ("jiff", &["src/import/clock.rs"]),
-    ("parquet", &["src/import/parquet_file.rs"]),
+    ("parquet", &["src/import/parquet_file.rs", "tests/"]),
     ("sha2", &["src/digest.rs"]),
     ("mcap", &["src/bag/", "src/bag.rs", "tests/", "benches/"]),
     ("ros2_client", &["src/node/", "src/node.rs", "src/msg/", "src/msg.rs"]),

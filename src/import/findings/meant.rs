@@ -60,7 +60,7 @@ pub(super) fn unit(target: Target, range: &Range, mapped: &str, ranged: bool) ->
     match target {
         Target::Esv => None,
         Target::TankPressure => {
-            if most >= TANK_PA[0] && most <= TANK_PA[1] {
+            if (TANK_PA[0]..=TANK_PA[1]).contains(&most) {
                 return None;
             }
             // What the file holds, where the unit is one of those tried.

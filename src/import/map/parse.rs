@@ -176,8 +176,8 @@ impl<'a> Reader<'a> {
         conversion.range = self.pair(pairs, path, "range");
         match self.number(pairs, path, "sign") {
             None => {}
-            Some(sign) if sign == 1.0 => {}
-            Some(sign) if sign == -1.0 => conversion.turned = true,
+            Some(1.0) => {}
+            Some(-1.0) => conversion.turned = true,
             Some(other) => self.say(&with(path, "sign"), format!("expected 1 or -1, found {other}")),
         }
         if conversion.scale == 0.0 {
