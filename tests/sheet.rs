@@ -236,7 +236,7 @@ fn the_command_writes_a_sheet_that_every_command_takes() {
     let (code, said) = govtwin(&["check", "unit.yaml"], folder.path());
     assert_eq!(code, Some(0), "{said}");
     let (code, said) = govtwin(&["sheet", "new", "--template"], folder.path());
-    assert!(code == Some(0) && said.contains("# closing_time: 6.5 s"), "{said}");
+    assert!(code == Some(0) && said.contains("# closing_time: 4.7 s"), "{said}");
     for (args, code, words) in [
         (vec!["sheet", "new"], 2, "PLATE"),
         (vec!["sheet", "new", "--set", "closing_time=6.5 bar"], 2, "expected a number and one of the units s, ms, min"),

@@ -92,7 +92,14 @@ impl MapArgs {
         let map = Map::load(map)?;
         let folder = tempfile::tempdir().context("cannot make a folder for what is imported")?;
         let mut mapped = Mapped { paths: vec![], given: vec![], ..none };
-        for (number, path) in paths.iter().enumerate() {
+        let mut files = vec![];
+        for path in paths {
+            // A folder of bags stands for each of them; tables are named one by one.
+            let bags = if path.is_dir() { find(std::slice::from_ref(path))? } else { vec![] };
+            files.extend(bags.into_iter().map(|bag| bag.path));
+            files.extend(Some(path.clone()).filter(|path| !path.is_dir()));
+        }
+        for (number, path) in files.iter().enumerate() {
             let name = path.file_stem().unwrap_or(path.as_os_str());
             let bag = folder.path().join(number.to_string()).join(name);
             let (sealed, outcome) = import::bag::write(std::slice::from_ref(path), &map, &bag, true)?;

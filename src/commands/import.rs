@@ -75,6 +75,14 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let map = map.context("--map is needed; `govtwin import --suggest FILE` proposes one")?;
     let imported = match &args.out {
         Some(out) => {
+            let same =
+                |file: &&PathBuf| file.canonicalize().is_ok_and(|file| out.canonicalize().is_ok_and(|out| file == out));
+            if let Some(file) = args.files.iter().find(same) {
+                anyhow::bail!(
+                    "--out {}: the bag would take the place of what is read; choose another folder",
+                    file.display()
+                );
+            }
             let (sealed, imported) = bag::write(&args.files, &map, out, true)?;
             sealed.place()?;
             imported

@@ -121,6 +121,11 @@ fn of_table<R: Records>(
             "time: {repeated} of {rows} rows have the time of the one before, as if an export had cut the fraction of the second; the map spreads \
              them evenly (`repeated: spread`); an export with fractions is better"
         ));
+    } else if 100 * repeated > rows {
+        suggestion.open.push(format!(
+            "time: {repeated} of {rows} rows have the time of the one before, as if an export had rounded them; where rows are evenly spaced, \
+             `rate_hz` in place of the column counts them"
+        ));
     }
     if names.len() > MOST_COLUMNS {
         suggestion.notes.push(format!("of {} columns the first {MOST_COLUMNS} were looked at", names.len()));

@@ -157,7 +157,7 @@ mod tests {
             (1, "did you mean `servomotor_stroke`?"),
             (2, "`tolerance` is none of value, tol, source"),
             (3, "600 m makes no sense of servomotor_stroke; expected 0.01 to 5 m"),
-            (4, "expected a value such as `9 s`, found a list"),
+            (4, "expected a value such as `7.1 s`, found a list"),
         ] {
             assert!(said[number].contains(words), "{words}: {said:?}");
         }

@@ -45,8 +45,8 @@ items! {
     piston_diameter: Length [0.02 ..= 3.0] "505 mm" "bore of one servomotor (drawing); in place of the areas" => ["servomotor.opening_area_m2", "servomotor.closing_area_m2"];
     rod_diameter: Length [0.005 ..= 2.0] "160 mm" "rod of one servomotor (drawing)" => ["servomotor.closing_area_m2"];
     servomotors: Plain [1.0 ..= 2.0] "1" "1, or 2 that work in push and pull on one ring" => [];
-    opening_time: Time [0.5 ..= 200.0] "9 s" "full stroke opening with the spool at its opening stop (commissioning report)" => ["distributing_valve.stroke_max_m", "main_ports.width_m"];
-    closing_time: Time [0.5 ..= 200.0] "6.5 s" "full stroke closing with the spool at its closing stop, without cushion (commissioning report)" => ["distributing_valve.stroke_min_m", "main_ports.width_m"];
+    opening_time: Time [0.5 ..= 200.0] "7.1 s" "full stroke opening with the spool at its opening stop (commissioning report)" => ["distributing_valve.stroke_max_m", "main_ports.width_m"];
+    closing_time: Time [0.5 ..= 200.0] "4.7 s" "full stroke closing with the spool at its closing stop, without cushion (commissioning report)" => ["distributing_valve.stroke_min_m", "main_ports.width_m"];
     return_pressure: Pressure [0.0 ..= 5e6] "1 bar" "pressure of the return line, gauge" => ["oil.return_pressure_pa"];
     oil_density: Density [500.0 ..= 1500.0] "870 kg/m3" "at working temperature (oil's data sheet)" => ["oil.density_kg_m3"];
     load_closed: Force [-1e8 ..= 1e8] "150 kN" "force of the guide vanes towards closing, closed (index test: difference of chamber pressures times area)" => ["servomotor.load_closed_n"];

@@ -67,6 +67,22 @@ fn slips_are_told_before_anything_is_written() {
         assert!(said(&output).contains(words), "{args:?}: {}", said(&output));
     }
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "nothing is left behind");
+    // A bag is not written over what is read.
+    std::fs::write(
+        folder.path().join("m.yaml"),
+        "signals: {servomotor_position: /plant/servo_state.servomotor_position}\n",
+    )
+    .unwrap();
+    let bag = folder.path().join("bag");
+    let shipped = shipped("practice/case_01/shutdown.mcap");
+    let first = govtwin(&["import", shipped.to_str().unwrap(), "--map", "m.yaml", "--out", "bag"], folder.path());
+    assert!(matches!(first.status.code(), Some(0 | 3)), "{}", said(&first));
+    let again = govtwin(&["import", "bag", "--map", "m.yaml", "--out", bag.to_str().unwrap()], folder.path());
+    assert!(
+        again.status.code() == Some(1) && said(&again).contains("would take the place of what is read"),
+        "{}",
+        said(&again)
+    );
 }
 
 #[test]

@@ -110,5 +110,5 @@ fn two_columns_that_would_both_do_are_named() {
     }
     let (_folder, path) = file("rig.csv", &text);
     let open = of(&path).open.join("\n");
-    assert!(open.contains("goes with the spool as well as"), "{open}");
+    assert!(open.contains("moves with the spool as"), "{open}");
 }

@@ -175,8 +175,7 @@ impl<'a> Reader<'a> {
         conversion.offset = self.number(pairs, path, "offset").unwrap_or(0.0);
         conversion.range = self.pair(pairs, path, "range");
         match self.number(pairs, path, "sign") {
-            None => {}
-            Some(1.0) => {}
+            None | Some(1.0) => {}
             Some(-1.0) => conversion.turned = true,
             Some(other) => self.say(&with(path, "sign"), format!("expected 1 or -1, found {other}")),
         }

@@ -117,7 +117,7 @@ fn rivals(columns: &[Column], related: &[usize], relations: &Relations, chosen: 
         related.iter().filter(alike).map(|column| format!("`{}`", columns[*column].name)).collect();
     (!names.is_empty() && best >= WEAKEST).then(|| {
         format!(
-            "servomotor_position: {} goes with the spool as well as `{}` does; take the one that is the piston's position",
+            "servomotor_position: also {} moves with the spool as `{}` does; take the one that is the piston's position",
             names.join(", "),
             columns[servomotor].name
         )
