@@ -35,6 +35,7 @@ mod distribution;
 mod edges;
 mod error;
 mod evidence;
+mod field;
 mod finding;
 mod findings;
 mod health;
@@ -65,6 +66,7 @@ use std::fmt;
 use crate::recording::Recording;
 
 pub use error::BagError;
+pub use field::{FieldPath, FieldReader, FieldValue};
 pub use finding::{Finding, Kind, Severity};
 pub use health::{Damage, FileHealth, Health, StreamHealth, Warning};
 pub use look::{NeedsAll, Overview, Rows, RowsOfMessages, look, read_rows};

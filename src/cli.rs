@@ -42,10 +42,14 @@ enum Command {
     Fit(commands::fit::Args),
     /// Make synthetic recordings of the four processes, with chosen effects, for trying a bench or a diagnosis.
     Generate(commands::generate::Args),
+    /// Make a bag of recordings as plants have them: CSV, Parquet, bags with other types.
+    Import(commands::import::Args),
     /// Say what is in a bag: topics, types, counts, rates, gaps, health.
     Info(commands::info::Args),
     /// Simulate recordings and compare with what was measured.
     Replay(commands::replay::Args),
+    /// Make a parameter file from a name plate.
+    Sheet(commands::sheet::Args),
     /// Train a model of what the twin misses.
     #[cfg(feature = "residual")]
     Train(commands::train::Args),
@@ -73,8 +77,10 @@ pub fn main() -> ExitCode {
         Command::Effects(args) => commands::effects::run(&args),
         Command::Fit(args) => commands::fit::run(&args),
         Command::Generate(args) => commands::generate::run(&args),
+        Command::Import(args) => commands::import::run(&args),
         Command::Info(args) => commands::info::run(&args),
         Command::Replay(args) => commands::replay::run(&args),
+        Command::Sheet(args) => commands::sheet::run(&args),
         #[cfg(feature = "residual")]
         Command::Train(args) => commands::train::run(&args),
         #[cfg(feature = "residual")]

@@ -10,6 +10,7 @@ pub mod diagnose;
 pub mod effects;
 pub mod fit;
 pub mod generate;
+pub mod import;
 pub mod info;
 #[cfg(feature = "residual")]
 pub mod learn;
@@ -23,6 +24,7 @@ pub mod replay;
 pub mod report_file;
 #[cfg(feature = "node")]
 pub mod run;
+pub mod sheet;
 #[cfg(feature = "residual")]
 pub mod train;
 

@@ -32,11 +32,13 @@ pub mod generate;
 pub mod metrics;
 pub mod replay;
 pub mod report;
+pub mod sheet;
 pub mod tuning;
 
 // edges
 pub mod bag;
 pub mod files;
+pub mod import;
 pub mod msg;
 #[cfg(feature = "node")]
 pub mod node;

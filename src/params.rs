@@ -22,10 +22,11 @@ mod error;
 pub mod labels;
 mod merge;
 mod number;
+mod plate;
 mod sheet;
 mod suggest;
 mod write;
-mod yaml;
+pub(crate) mod yaml;
 
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
@@ -36,9 +37,10 @@ use crate::parameters::{ENTRIES, OwnEffect, Unit};
 pub use consistency::{Conflict, conflicts};
 pub use error::{ParamsError, Problem};
 pub use number::{number_text, quantity_text, tolerance_text};
+pub use plate::{load_plate, plate_template, plate_value};
 pub use sheet::{Origin, SENSOR_ENTRIES, SensorEntry, Sheet};
 pub use suggest::nearest;
-pub use write::{Overlay, overlay_text, write};
+pub use write::{Overlay, WholeSheet, overlay_text, whole_text, write};
 
 /// Text of the shipped sheet.
 const REFERENCE: &str = include_str!("../params/reference_unit.yaml");

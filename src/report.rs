@@ -24,6 +24,7 @@ pub mod comparison;
 pub mod diagnosis;
 pub mod draw;
 mod dress;
+pub mod import;
 pub mod ink;
 mod layout;
 pub mod page;

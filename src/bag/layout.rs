@@ -147,7 +147,7 @@ impl<'a> Build<'a> {
 }
 
 #[derive(Clone, Copy)]
-struct Walk<'a> {
+pub(super) struct Walk<'a> {
     body: &'a [u8],
     at: usize,
     little: bool,
@@ -155,8 +155,49 @@ struct Walk<'a> {
 }
 
 impl<'a> Walk<'a> {
+    /// Begins at the first value of a message, with so many steps to go; none where the message has no CDR head.
+    pub(super) fn over_message(data: &'a [u8], steps_left: usize) -> Option<Self> {
+        let [0, order @ (0 | 1), _, _, body @ ..] = data else { return None };
+        Some(Walk { body, at: 0, little: *order == 1, steps_left })
+    }
+
+    /// One step less to go.
+    pub(super) fn step(&mut self) -> Option<()> {
+        self.steps_left = self.steps_left.checked_sub(1)?;
+        Some(())
+    }
+
+    /// Passes over bytes.
+    pub(super) fn skip(&mut self, len: usize) -> Option<()> {
+        self.bytes(self.at, len).map(drop)
+    }
+
+    /// A text without its closing zero; what is no UTF-8 is no text.
+    pub(super) fn text(&mut self) -> Option<&'a str> {
+        self.step()?;
+        let len = usize::try_from(self.word()?).ok()?;
+        let bytes = self.bytes(self.at, len)?;
+        std::str::from_utf8(bytes.strip_suffix(&[0]).unwrap_or(bytes)).ok()
+    }
+
+    /// A primitive number of a type and its size; truth values are 0 and 1.
+    pub(super) fn number(&mut self, base: &str, size: usize) -> Option<f64> {
+        if base.starts_with("float") {
+            return self.float(size);
+        }
+        let bytes = self.take(size)?;
+        let mut wide = [0; 8];
+        for (k, byte) in bytes.iter().enumerate() {
+            wide[if self.little { k } else { size - 1 - k }] = *byte;
+        }
+        let unsigned = u64::from_le_bytes(wide);
+        let shift = 64 - 8 * size;
+        let is_signed = base.starts_with("int");
+        Some(if is_signed { ((unsigned << shift).cast_signed() >> shift) as f64 } else { unsigned as f64 })
+    }
+
     /// The next value of a size, aligned to it.
-    fn take(&mut self, size: usize) -> Option<&'a [u8]> {
+    pub(super) fn take(&mut self, size: usize) -> Option<&'a [u8]> {
         let start = self.at.checked_next_multiple_of(size)?;
         self.bytes(start, size)
     }
@@ -168,7 +209,7 @@ impl<'a> Walk<'a> {
         Some(bytes)
     }
 
-    fn word(&mut self) -> Option<u32> {
+    pub(super) fn word(&mut self) -> Option<u32> {
         let bytes = self.take(4)?.try_into().ok()?;
         Some(if self.little { u32::from_le_bytes(bytes) } else { u32::from_be_bytes(bytes) })
     }

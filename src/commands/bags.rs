@@ -5,11 +5,14 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use govtwin::bag::{self, BagError, Interpolation, Loaded, ReadOptions, Stream, Topics, Warning};
+use govtwin::import::Map;
 use govtwin::parameters::Unit;
 use govtwin::params::quantity_text;
 use govtwin::recording::Recording;
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
+use tempfile::TempDir;
 
+use super::import;
 use super::output::Progress;
 
 /// Folders within folders deeper than this are a mistake, or a circle of links.
@@ -59,6 +62,60 @@ fn stream_and_name(text: &str) -> Result<(Stream, String), String> {
         None => {
             Err(format!("expected STREAM=NAME with one of {}", Stream::ALL.map(|known| known.to_string()).join(", ")))
         }
+    }
+}
+
+/// Files that are no bags of this project, for the commands that read recordings.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub struct MapArgs {
+    /// A map of `govtwin import`, by which tables and bags with other topics and types are read; each file is then a recording of its own.
+    #[arg(long = "map", value_name = "MAP", conflicts_with = "named")]
+    map: Option<PathBuf>,
+}
+
+/// Recordings by their files, imported into bags where a map says how; those go with this.
+pub struct Mapped {
+    /// The bags.
+    pub paths: Vec<PathBuf>,
+    /// The files that were named, one for each of the bags where there is a map.
+    given: Vec<PathBuf>,
+    /// What the import has to say, each with the name of its file.
+    pub warnings: Vec<String>,
+    _folder: Option<TempDir>,
+}
+
+impl MapArgs {
+    /// The files as they are, or by the map as bags that stand in for them.
+    pub fn open(&self, paths: &[PathBuf]) -> anyhow::Result<Mapped> {
+        let none = Mapped { paths: paths.to_vec(), given: paths.to_vec(), warnings: vec![], _folder: None };
+        let Some(map) = &self.map else { return Ok(none) };
+        let map = Map::load(map)?;
+        let folder = tempfile::tempdir().context("cannot make a folder for what is imported")?;
+        let mut mapped = Mapped { paths: vec![], given: vec![], ..none };
+        let mut files = vec![];
+        for path in paths {
+            // A folder of bags stands for each of them; tables are named one by one.
+            let bags = if path.is_dir() { find(std::slice::from_ref(path))? } else { vec![] };
+            files.extend(bags.into_iter().map(|bag| bag.path));
+            files.extend(Some(path.clone()).filter(|path| !path.is_dir()));
+        }
+        for (number, path) in files.iter().enumerate() {
+            let name = path.file_stem().unwrap_or(path.as_os_str());
+            let bag = folder.path().join(number.to_string()).join(name);
+            let (sealed, outcome) = import::bag::write(std::slice::from_ref(path), &map, &bag, true)?;
+            mapped.paths.push(sealed.place()?);
+            mapped.given.push(path.clone());
+            mapped.warnings.extend(outcome.warnings);
+        }
+        Ok(Mapped { _folder: Some(folder), ..mapped })
+    }
+}
+
+impl Mapped {
+    /// The file that was named, of a bag that stands in for it.
+    pub fn given<'a>(&'a self, bag: &'a Path) -> &'a Path {
+        let known = self.paths.iter().position(|path| path == bag);
+        known.and_then(|known| self.given.get(known)).map_or(bag, PathBuf::as_path)
     }
 }
 

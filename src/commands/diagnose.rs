@@ -15,7 +15,7 @@ use govtwin::params::{self, Overlay};
 use govtwin::recording::Recording;
 use govtwin::report::diagnosis as report;
 
-use super::bags::{self, Recordings, TopicArgs};
+use super::bags::{self, MapArgs, Recordings, TopicArgs};
 use super::output::{Output, Progress, print, warn};
 use super::replay::origin;
 use crate::commands::Outcome;
@@ -29,6 +29,8 @@ pub struct Args {
     bags: Vec<PathBuf>,
     #[command(flatten)]
     topics: TopicArgs,
+    #[command(flatten)]
+    map: MapArgs,
     /// The unit's data sheet; without it the shipped reference unit.
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
@@ -87,7 +89,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let output =
         Output::claim(&args.out, &["report.json", "report.html", "refitted.yaml", "fitted.yaml", contract::NEXT_TEST])?;
-    let Recordings { recordings, warnings } = bags::read(&args.bags, &args.topics.topics(), &unit)?;
+    let mapped = args.map.open(&args.bags)?;
+    let Recordings { recordings, warnings } = bags::read(&mapped.paths, &args.topics.topics(), &unit)?;
+    let warnings = [mapped.warnings, warnings].concat();
     for warning in &warnings {
         warn(warning);
     }

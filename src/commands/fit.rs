@@ -19,7 +19,7 @@ use govtwin::tuning::noise;
 use govtwin::tuning::trial::Trial;
 use govtwin::twin::Cut;
 
-use super::bags::{self, Recordings, TopicArgs};
+use super::bags::{self, MapArgs, Recordings, TopicArgs};
 use super::generate::effect;
 use super::output::{Output, Progress, print, warn};
 use crate::commands::Outcome;
@@ -36,6 +36,8 @@ pub struct Args {
     bags: Vec<PathBuf>,
     #[command(flatten)]
     topics: TopicArgs,
+    #[command(flatten)]
+    map: MapArgs,
     /// Parameter file of the unit; without it the shipped reference unit.
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
@@ -83,7 +85,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let knobs = knobs(args, &mut sheet.unit)?;
     let output = args.out.as_ref().map(|out| Output::claim(out, &["fitted.yaml", "fit.json"])).transpose()?;
-    let (trials, mut warnings) = trials(&args.bags, &args.topics.topics(), &sheet.unit)?;
+    let mapped = args.map.open(&args.bags)?;
+    let (trials, found) = trials(&mapped.paths, &args.topics.topics(), &sheet.unit)?;
+    let mut warnings = [mapped.warnings, found].concat();
     let starts = usize::from(args.starts);
     let progress = Progress::new(parts(starts), "parts of the fit");
     let expected = noise::expected(&sheet.unit.sensors);

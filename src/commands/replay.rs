@@ -25,7 +25,7 @@ use govtwin::twin::{Cut, Twin};
 use govtwin::units::nanos_from_seconds;
 use rayon::iter::{IntoParallelIterator, IntoParallelRefIterator, ParallelIterator};
 
-use super::bags::{self, Bag, TopicArgs};
+use super::bags::{self, Bag, MapArgs, Mapped, TopicArgs};
 use super::model;
 use super::output::{Output, Progress, print, warn};
 use crate::commands::Outcome;
@@ -49,6 +49,8 @@ pub struct Args {
     bags: Vec<PathBuf>,
     #[command(flatten)]
     topics: TopicArgs,
+    #[command(flatten)]
+    map: MapArgs,
     /// Parameter file of the unit; without it the shipped reference unit.
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
@@ -117,7 +119,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         Some(path) => params::load_sheet(path)?,
         None => params::reference_sheet(),
     };
-    let bags = bags::find(&args.bags)?;
+    let mapped = args.map.open(&args.bags)?;
+    let bags = bags::find(&mapped.paths)?;
     let output = args.out.as_ref().map(|out| Output::claim(out, &[PAGE, FIGURES])).transpose()?;
     if let Some(out) = &args.out {
         refuse_to_overwrite(out, &bags)?;
@@ -131,7 +134,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         bail!("--adapt follows one residual; leave out --then and further --residual");
     }
     let corrector = single.map(|(_, model)| residual::ready(model, &sheet.unit, args.cut.cut())).transpose()?;
-    let mut results = replay_all(args, &sheet.unit, &bags, corrector.as_ref())?;
+    let mut results = replay_all(args, &sheet.unit, &bags, &mapped, corrector.as_ref())?;
     let mut adaptation = None;
     if let Some((_, model)) = single.filter(|_| args.adapt) {
         let corrector = residual::ready(model, &sheet.unit, args.cut.cut())?.adapting(model)?;
@@ -168,7 +171,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         Some(output) => write_all(output, &summary, &results, &bags, &sheet.unit, args)?,
         None => print("Add --out DIR for pictures, all figures and bags with the simulated state.\n")?,
     }
-    let mut outcome = Outcome::Ok;
+    let mut outcome = if mapped.warnings.is_empty() { Outcome::Ok } else { Outcome::Warnings };
+    mapped.warnings.iter().for_each(|warning| warn(warning));
     for one in &summary.recordings {
         for warning in &one.warnings {
             warn(&format!("{}: {warning}", one.name));
@@ -201,7 +205,13 @@ fn options(args: &Args, unit: &Unit) -> ReadOptions {
 }
 
 /// Replays every bag, in parallel, with results in the order of the bags; all that cannot be read are named at once.
-fn replay_all(args: &Args, unit: &Unit, bags: &[Bag], corrector: Option<&Corrector>) -> anyhow::Result<Vec<Result>> {
+fn replay_all(
+    args: &Args,
+    unit: &Unit,
+    bags: &[Bag],
+    mapped: &Mapped,
+    corrector: Option<&Corrector>,
+) -> anyhow::Result<Vec<Result>> {
     let twin = Twin::new(unit).with_cut(args.cut.cut());
     let options = options(args, unit);
     // A further unit or a learned residual runs along all rows again.
@@ -210,7 +220,8 @@ fn replay_all(args: &Args, unit: &Unit, bags: &[Bag], corrector: Option<&Correct
     let results: Vec<anyhow::Result<Result>> = bags
         .par_iter()
         .map(|bag| {
-            let result = replay(bag, &options, twin.clone(), corrector, unit, [whole, args.out.is_some()]);
+            let from = (bag, mapped.given(&bag.path));
+            let result = replay(from, &options, twin.clone(), corrector, unit, [whole, args.out.is_some()]);
             progress.step();
             result
         })
@@ -232,7 +243,7 @@ fn replay_all(args: &Args, unit: &Unit, bags: &[Bag], corrector: Option<&Correct
 }
 
 fn replay(
-    bag: &Bag,
+    (bag, given): (&Bag, &Path),
     options: &ReadOptions,
     mut twin: Twin,
     corrector: Option<&Corrector>,
@@ -248,9 +259,9 @@ fn replay(
     let mut warnings: Vec<String> = health.warnings.iter().map(ToString::to_string).collect();
     warnings.extend(bags::doubt_of_pressure(&replayed.recording, &options.topics, unit));
     let provenance = Provenance {
-        path: bag.path.display().to_string(),
+        path: given.display().to_string(),
         bytes: health.files.iter().map(|file| file.bytes).sum(),
-        origin: origin::of(&bag.path),
+        origin: origin::of(given),
         warnings,
         notes: health.notes.iter().map(ToString::to_string).collect(),
     };

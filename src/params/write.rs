@@ -1,6 +1,7 @@
 //! Writes an overlay: a file that holds only what differs, and that reads back to the last bit.
 
 mod effects;
+mod whole;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -14,6 +15,8 @@ use super::merge::{name_of, section_of};
 use super::number::number_text;
 use super::sheet::SENSOR_ENTRIES;
 use super::{reference, sheet_over_reference};
+
+pub use whole::{WholeSheet, whole_text};
 
 /// What an overlay file says.
 #[derive(Clone, Debug, PartialEq)]

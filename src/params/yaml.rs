@@ -6,7 +6,7 @@ use crate::files::check_yaml;
 
 /// A YAML value, reduced to what parameter files use.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Node {
+pub(crate) enum Node {
     /// Nothing, `~` or `null`.
     Null,
     /// `true` or `false`.
@@ -23,7 +23,7 @@ pub(super) enum Node {
 
 impl Node {
     /// What it is, in a reader's words.
-    pub(super) fn describe(&self) -> String {
+    pub(crate) fn describe(&self) -> String {
         match self {
             Self::Null => "nothing".to_owned(),
             Self::Bool(value) => format!("the truth value {value}"),
@@ -46,7 +46,7 @@ fn shorten(text: &str) -> String {
 
 /// A parsed file.
 #[derive(Clone, Debug)]
-pub(super) struct Document {
+pub(crate) struct Document {
     /// Top level of the file.
     pub root: Node,
     lines: Vec<(Vec<String>, usize)>,
@@ -54,7 +54,7 @@ pub(super) struct Document {
 
 impl Document {
     /// The text of a key at the top of the file.
-    pub(super) fn text(&self, key: &str) -> Option<&str> {
+    pub(crate) fn text(&self, key: &str) -> Option<&str> {
         let Node::Map(map) = &self.root else { return None };
         map.iter().find_map(|(known, node)| match node {
             Node::Text(text) if known == key => Some(text.as_str()),
@@ -63,7 +63,7 @@ impl Document {
     }
 
     /// Line of a key given by its path, counted from 1; of the nearest parent where the key shares a line.
-    pub(super) fn line(&self, path: &[&str]) -> Option<usize> {
+    pub(crate) fn line(&self, path: &[&str]) -> Option<usize> {
         (1..=path.len()).rev().find_map(|length| {
             {
                 let wanted = path.get(..length)?;
@@ -76,7 +76,7 @@ impl Document {
 
 /// Text that is not YAML, or more of it than is read.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct SyntaxError {
+pub(crate) struct SyntaxError {
     /// Where, counted from 1.
     pub line: Option<usize>,
     /// What is wrong.
@@ -84,7 +84,7 @@ pub(super) struct SyntaxError {
 }
 
 /// Parses one document.
-pub(super) fn parse(text: &str) -> Result<Document, SyntaxError> {
+pub(crate) fn parse(text: &str) -> Result<Document, SyntaxError> {
     check_yaml(text).map_err(|message| SyntaxError { line: None, message })?;
     match serde_yaml::from_str::<Value>(text) {
         Ok(value) => Ok(Document { root: convert(value), lines: locate(text) }),

@@ -7,7 +7,7 @@ use crate::source::Source;
 /// The floors from the top, each with its modules.
 const FLOORS: &[(&str, &[&str])] = &[
     ("entry", &["main", "cli", "commands"]),
-    ("edges", &["bag", "files", "msg", "node", "params"]),
+    ("edges", &["bag", "files", "import", "msg", "node", "params"]),
     (
         "judgement",
         &[
@@ -20,6 +20,7 @@ const FLOORS: &[(&str, &[&str])] = &[
             "metrics",
             "replay",
             "report",
+            "sheet",
             "tuning",
         ],
     ),

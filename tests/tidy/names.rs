@@ -22,6 +22,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("src/msg.rs", "names are those of the messages, which state the units"),
     ("src/bag/channel.rs", "numbers of any channel, in the unit of its signal"),
     ("src/bag/evidence.rs", "numbers of any channel, in the unit of its signal"),
+    ("src/import/", "values are in the unit that a map states for them"),
     ("src/metrics.rs", "errors are in the unit of what is compared"),
     ("src/residual/", "corrections, ranges and bands are in the unit of the signal that is corrected"),
     ("src/comparison/", "errors are in the unit of what is compared"),
@@ -31,6 +32,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("src/replay/", "errors are in the unit of what is compared"),
     ("src/commands/", "fields are flags, whose help names the unit"),
     ("src/report/", "places on paper, and values in the unit of their axis"),
+    ("src/sheet/item.rs", "values are in the unit of the item's dimension"),
 ];
 
 /// Fields of one number that say their unit neither in the name nor, for composite coefficients, in the doc comment.

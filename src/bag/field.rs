@@ -1,0 +1,419 @@
+//! Numbers of messages of any type by their paths, such as `/joint_states.position[servomotor]`.
+
+use super::layout::Walk;
+use super::topic::TopicInfo;
+use crate::msg::Time;
+use crate::msg::definition::{Count, Definition, Field, closure_of, parse_schema};
+
+/// Types nested deeper than this are a circle, which no message can be.
+const DEEPEST: usize = 24;
+/// An array with more elements is no list of signals: only so many of it are listed.
+const MOST_LISTED: u64 = 64;
+/// Steps of a walk for each byte of a message.
+const STEPS_PER_BYTE: usize = 32;
+
+/// What a field holds.
+#[derive(Clone, Debug, PartialEq)]
+pub enum FieldValue {
+    /// A number; truth values are 0 and 1.
+    Number(f64),
+    /// Text.
+    Text(String),
+}
+
+/// The path of a value: `/topic.field.field[index]`, the index a number or, where names stand beside the array, a name.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FieldPath {
+    /// The topic.
+    pub topic: String,
+    steps: Vec<Step>,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Step {
+    name: String,
+    index: Option<Index>,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Index {
+    Number(u64),
+    Name(String),
+}
+
+impl FieldPath {
+    /// Reads a path.
+    ///
+    /// # Errors
+    /// In words, where it is none.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let wanted = || format!("expected /topic.field or /topic.field[index], found `{text}`");
+        let (topic, fields) = text.split_once('.').ok_or_else(wanted)?;
+        if !topic.starts_with('/') || topic.len() < 2 {
+            return Err(wanted());
+        }
+        // A name in brackets may hold a dot.
+        let mut steps = vec![];
+        let mut rest = fields;
+        loop {
+            let end = rest.find(['.', '[']).unwrap_or(rest.len());
+            let (name, after) = rest.split_at(end);
+            let (index, after) = match after.strip_prefix('[') {
+                Some(inside) => {
+                    let (index, after) = inside.split_once(']').ok_or_else(wanted)?;
+                    (Some(index.parse().map_or_else(|_| Index::Name(index.to_owned()), Index::Number)), after)
+                }
+                None => (None, after),
+            };
+            if name.is_empty() {
+                return Err(wanted());
+            }
+            steps.push(Step { name: name.to_owned(), index });
+            match after.strip_prefix('.') {
+                Some(next) => rest = next,
+                None if after.is_empty() => break,
+                None => return Err(wanted()),
+            }
+        }
+        Ok(Self { topic: topic.to_owned(), steps })
+    }
+}
+
+/// Finds values in the messages of one topic.
+#[derive(Clone, Debug)]
+pub struct FieldReader {
+    types: Vec<Definition>,
+    stamped: bool,
+}
+
+impl FieldReader {
+    /// For the messages of a topic.
+    ///
+    /// # Errors
+    /// In words, where their definition is not known.
+    pub fn new(topic: &TopicInfo) -> Result<Self, String> {
+        if topic.encoding != "cdr" {
+            return Err(format!("its messages are encoded as `{}`, expected `cdr`", topic.encoding));
+        }
+        let schema = std::str::from_utf8(&topic.schema).ok().filter(|_| topic.schema_encoding == "ros2msg");
+        let types = match schema.map(|schema| parse_schema(&topic.type_name, schema)) {
+            Some(Ok(types)) => types,
+            _ => closure_of(&topic.type_name).map_err(|_| {
+                format!("the bag holds no `ros2msg` definition of `{}`, by which its fields are found", topic.type_name)
+            })?,
+        };
+        let stamped = types.first().and_then(|first| first.fields.first()).is_some_and(|first| {
+            first.count == Count::One
+                && ["std_msgs/msg/Header", "builtin_interfaces/msg/Time"].contains(&first.base.as_str())
+        });
+        Ok(Self { types, stamped })
+    }
+
+    /// Whether messages of this type can hold the path.
+    ///
+    /// # Errors
+    /// In words, with the fields there are, where they cannot.
+    pub fn check(&self, path: &FieldPath) -> Result<(), String> {
+        let mut definition = self.types.first().ok_or("it has no fields")?;
+        for (depth, step) in path.steps.iter().enumerate() {
+            let type_name = &definition.type_name;
+            let Some(field) = definition.fields.iter().find(|field| field.name == step.name) else {
+                let names: Vec<&str> = definition.fields.iter().map(|field| field.name.as_str()).collect();
+                return Err(format!("`{type_name}` has no field `{}`; it has {}", step.name, names.join(", ")));
+            };
+            match (field.count == Count::One, &step.index) {
+                (true, Some(_)) => return Err(format!("`{}` is no array; leave out its index", step.name)),
+                (false, None) => {
+                    return Err(format!(
+                        "`{}` is an array; name an element, `{0}[0]`, or by its name in the message, `{0}[NAME]`",
+                        step.name
+                    ));
+                }
+                _ => {}
+            }
+            let last = depth + 1 == path.steps.len();
+            let nested = self.nested(&field.base);
+            match nested {
+                Some(nested) if last => {
+                    let names: Vec<&str> = nested.fields.iter().map(|field| field.name.as_str()).collect();
+                    return Err(format!("`{}` is a structure; go on with one of {}", step.name, names.join(", ")));
+                }
+                Some(nested) => definition = nested,
+                None if last && (size_of(&field.base).is_some() || field.base == "string") => {}
+                None if last => return Err(format!("`{}` is a `{}`, which is no number", step.name, field.base)),
+                None => return Err(format!("`{}` is a `{}` and has no fields", step.name, field.base)),
+            }
+        }
+        Ok(())
+    }
+
+    fn nested(&self, base: &str) -> Option<&Definition> {
+        self.types.iter().find(|definition| definition.type_name == base)
+    }
+
+    /// The time of a message by its own header, ns; none where it has none, or says 0.
+    #[must_use]
+    pub fn stamp_ns(&self, data: &[u8]) -> Option<i64> {
+        if !self.stamped {
+            return None;
+        }
+        let mut walk = Walk::over_message(data, 0)?;
+        let time = Time { sec: walk.word()?.cast_signed(), nanosec: walk.word()? };
+        time.nanos().filter(|time_ns| *time_ns != 0)
+    }
+
+    /// The value at a path; none where this message does not hold it.
+    #[must_use]
+    pub fn value(&self, path: &FieldPath, data: &[u8]) -> Option<FieldValue> {
+        let mut found = None;
+        self.visit(data, Some(path), &mut |_, value| found = Some(value))?;
+        found
+    }
+
+    /// Every number and text of a message with its path below the topic, such as `position[servomotor]`.
+    #[must_use]
+    pub fn leaves(&self, data: &[u8]) -> Vec<(String, FieldValue)> {
+        let mut found = vec![];
+        let whole = self.visit(data, None, &mut |path, value| found.push((path.to_owned(), value)));
+        if whole.is_some() { found } else { vec![] }
+    }
+
+    fn visit(&self, data: &[u8], path: Option<&FieldPath>, on_leaf: &mut OnLeaf<'_>) -> Option<()> {
+        let steps = STEPS_PER_BYTE.saturating_mul(data.len().saturating_add(2));
+        let walk = Walk::over_message(data, steps)?;
+        let wanted = path.map(|path| path.steps.as_slice());
+        let mut visit = Visit { reader: self, walk, names: vec![], on_leaf };
+        visit.structure(self.types.first()?, wanted, "", 0)
+    }
+}
+
+type OnLeaf<'a> = dyn FnMut(&str, FieldValue) + 'a;
+
+/// A walk over one message.
+struct Visit<'a, 'b> {
+    reader: &'a FieldReader,
+    walk: Walk<'a>,
+    /// Lists of texts that were passed in the structures that are open, by which elements are named.
+    names: Vec<Vec<String>>,
+    on_leaf: &'b mut OnLeaf<'b>,
+}
+
+impl<'a> Visit<'a, '_> {
+    /// Over a structure; `wanted` are the steps of a path that leads into it, none where all is wanted, empty where nothing is.
+    fn structure(
+        &mut self,
+        definition: &'a Definition,
+        wanted: Option<&[Step]>,
+        path: &str,
+        depth: usize,
+    ) -> Option<()> {
+        if depth > DEEPEST {
+            return None;
+        }
+        let open = self.names.len();
+        for field in &definition.fields {
+            let step = wanted.and_then(|steps| steps.first()).filter(|step| step.name == field.name);
+            let below: Option<&[Step]> = match wanted {
+                None => None,
+                Some(steps) if step.is_some() => Some(&steps[1..]),
+                Some(_) => Some(&[]),
+            };
+            let all_or_this = wanted.is_none() || step.is_some();
+            let here = if path.is_empty() { field.name.clone() } else { format!("{path}.{}", field.name) };
+            self.field(field, (all_or_this, step, below), &here, depth)?;
+        }
+        if definition.fields.is_empty() {
+            // An empty structure has one byte on the wire.
+            self.walk.take(1)?;
+        }
+        self.names.truncate(open);
+        Some(())
+    }
+
+    fn field(
+        &mut self,
+        field: &'a Field,
+        (wanted, step, below): (bool, Option<&Step>, Option<&[Step]>),
+        path: &str,
+        depth: usize,
+    ) -> Option<()> {
+        let count = match field.count {
+            Count::One => return self.one(&field.base, wanted, below, path, depth),
+            Count::Exactly(count) => count,
+            _ => u64::from(self.walk.word()?),
+        };
+        if !wanted && let Some(size) = size_of(&field.base).filter(|_| count > 0) {
+            // Pictures and point clouds are not walked byte by byte.
+            self.walk.take(size)?;
+            return self.walk.skip(usize::try_from(count - 1).ok()?.checked_mul(size)?);
+        }
+        if field.base == "string" && !wanted {
+            let mut names = vec![];
+            for _ in 0..count {
+                names.push(self.walk.text()?.to_owned());
+            }
+            self.names.push(names);
+            return Some(());
+        }
+        let index = match step.and_then(|step| step.index.as_ref()) {
+            Some(Index::Number(index)) => Some(*index),
+            Some(Index::Name(name)) => {
+                let lists = self.names.iter().rev();
+                let mut places = lists.filter_map(|names| names.iter().position(|known| known == name));
+                Some(places.next().map_or(u64::MAX, |place| place as u64))
+            }
+            None => None,
+        };
+        let mut texts = vec![];
+        for k in 0..count {
+            let this = wanted && index.is_none_or(|index| index == k) && (step.is_some() || k < MOST_LISTED);
+            let name = || self.names.last().filter(|names| names.len() as u64 == count)?.get(usize::try_from(k).ok()?);
+            let here = if step.is_some() || !this {
+                String::new()
+            } else {
+                name().map_or_else(|| format!("{path}[{k}]"), |name| format!("{path}[{name}]"))
+            };
+            if field.base == "string" && step.is_none() {
+                texts.push(self.walk.text()?.to_owned());
+            } else {
+                self.one(&field.base, this, if this { below } else { Some(&[]) }, &here, depth)?;
+            }
+        }
+        if !texts.is_empty() {
+            self.names.push(texts);
+        }
+        Some(())
+    }
+
+    fn one(&mut self, base: &'a str, wanted: bool, below: Option<&[Step]>, path: &str, depth: usize) -> Option<()> {
+        self.walk.step()?;
+        if let Some(size) = size_of(base) {
+            let value = self.walk.number(base, size)?;
+            if wanted {
+                (self.on_leaf)(path, FieldValue::Number(value));
+            }
+        } else if base == "string" {
+            let text = self.walk.text()?;
+            if wanted {
+                (self.on_leaf)(path, FieldValue::Text(text.to_owned()));
+            }
+        } else {
+            let nested = self.reader.nested(base)?;
+            self.structure(nested, below, path, depth + 1)?;
+        }
+        Some(())
+    }
+}
+
+/// Bytes of a primitive number.
+fn size_of(base: &str) -> Option<usize> {
+    Some(match base {
+        "bool" | "byte" | "char" | "int8" | "uint8" => 1,
+        "int16" | "uint16" => 2,
+        "int32" | "uint32" | "float32" => 4,
+        "int64" | "uint64" | "float64" => 8,
+        _ => return None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn reader(type_name: &str, schema: &str) -> FieldReader {
+        FieldReader::new(&TopicInfo {
+            type_name: type_name.into(),
+            encoding: "cdr".into(),
+            schema_encoding: "ros2msg".into(),
+            schema: schema.as_bytes().into(),
+            ..TopicInfo::default()
+        })
+        .unwrap()
+    }
+
+    #[test]
+    fn paths_are_read_and_refused() {
+        let path = FieldPath::parse("/a/b.state.position[servo.main].x").unwrap();
+        assert_eq!((path.topic.as_str(), path.steps.len()), ("/a/b", 3));
+        assert_eq!(path.steps[1].index, Some(Index::Name("servo.main".into())));
+        for text in ["a.b", "/a", "/a.", "/a.b[0", "/a.b]0[", "/.b", "/a..b"] {
+            assert!(FieldPath::parse(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn numbers_of_every_kind_are_found_by_index_and_by_name() {
+        let schema = "string[] joint_names\nV[] values\nuint8 mode\nint16[3] raw\nbool trip\nfloat32 p\nstring word\n===\nMSG: \
+                      p/V\nstring[] interface_names\nfloat64[] values\n";
+        let reader = reader("p/msg/A", schema);
+        let mut body: Vec<u8> = vec![];
+        let pad = |body: &mut Vec<u8>, size: usize| body.resize(body.len().next_multiple_of(size), 0);
+        let word = |body: &mut Vec<u8>, value: u32| {
+            pad(body, 4);
+            body.extend(value.to_le_bytes());
+        };
+        let text = |body: &mut Vec<u8>, text: &str| {
+            word(body, u32::try_from(text.len()).unwrap() + 1);
+            body.extend(text.as_bytes());
+            body.push(0);
+        };
+        word(&mut body, 2);
+        text(&mut body, "spool");
+        text(&mut body, "servomotor");
+        word(&mut body, 2);
+        for values in [[0.25_f64, 1.0], [0.5, 2.0]] {
+            word(&mut body, 2);
+            text(&mut body, "position");
+            text(&mut body, "velocity");
+            word(&mut body, 2);
+            pad(&mut body, 8);
+            values.iter().for_each(|value| body.extend(value.to_le_bytes()));
+        }
+        body.push(7);
+        pad(&mut body, 2);
+        [-1_i16, 2, -300].iter().for_each(|value| body.extend(value.to_le_bytes()));
+        body.push(1);
+        pad(&mut body, 4);
+        body.extend(6.5_f32.to_le_bytes());
+        text(&mut body, "TRIP");
+        let message = [&[0, 1, 0, 0][..], &body].concat();
+        let number = |path: &str| reader.value(&FieldPath::parse(path).unwrap(), &message);
+        for (path, value) in [
+            ("/a.values[servomotor].values[position]", 0.5),
+            ("/a.values[0].values[velocity]", 1.0),
+            ("/a.values[1].values[1]", 2.0),
+            ("/a.mode", 7.0),
+            ("/a.raw[2]", -300.0),
+            ("/a.trip", 1.0),
+            ("/a.p", 6.5),
+        ] {
+            reader.check(&FieldPath::parse(path).unwrap()).unwrap();
+            assert_eq!(number(path), Some(FieldValue::Number(value)), "{path}");
+        }
+        assert_eq!(number("/a.word"), Some(FieldValue::Text("TRIP".into())));
+        assert_eq!(number("/a.values[absent].values[0]"), None);
+        assert_eq!(number("/a.raw[9]"), None);
+        assert_eq!(reader.value(&FieldPath::parse("/a.p").unwrap(), &message[..60]), None, "cut short");
+        let leaves: Vec<String> = reader.leaves(&message).into_iter().map(|(path, _)| path).collect();
+        assert!(leaves.contains(&"values[servomotor].values[position]".to_owned()), "{leaves:?}");
+        assert!(leaves.contains(&"raw[2]".to_owned()) && leaves.contains(&"word".to_owned()), "{leaves:?}");
+        for (path, words) in [
+            ("/a.value", "has no field `value`; it has joint_names, values, mode"),
+            ("/a.raw", "`raw` is an array; name an element"),
+            ("/a.mode[0]", "is no array"),
+            ("/a.values[0]", "is a structure; go on with one of interface_names, values"),
+            ("/a.mode.x", "has no fields"),
+        ] {
+            let error = reader.check(&FieldPath::parse(path).unwrap()).unwrap_err();
+            assert!(error.contains(words), "{error}");
+        }
+    }
+
+    #[test]
+    fn crafted_lengths_cost_no_more_than_the_message_has_bytes() {
+        let reader = reader("p/msg/A", "E[] a\nfloat64 x\n===\nMSG: p/E\nuint8[0] x\n");
+        let message = [&[0, 1, 0, 0][..], &[0xff; 12]].concat();
+        assert_eq!(reader.value(&FieldPath::parse("/a.x").unwrap(), &message), None);
+        assert!(reader.leaves(&message).is_empty());
+    }
+}

@@ -1,0 +1,108 @@
+//! The bag of an import: the four streams in this project's types, and a record of files and map.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use govtwin::bag::{self, Qos, Sealed, Topic, Topics, Writer, WriterOptions};
+use govtwin::frame::EsvState;
+use govtwin::import::{Import, ImportError, Map, Outcome, Row, Target, map_text};
+use govtwin::msg;
+
+use super::progress;
+
+/// How the bags of an import are written: one replaces another of the same place, and nothing else.
+const OPTIONS: WriterOptions = WriterOptions { mark: Some("govtwin.import"), keep_unfinished: false };
+
+/// The topics of a bag in the making.
+struct Streams {
+    bag: Writer,
+    command: Topic<msg::GovernorCommand>,
+    esv: Topic<msg::EsvState>,
+    tank_pressure: Topic<msg::FluidPressure>,
+    servo_state: Topic<msg::ServoState>,
+}
+
+/// Reads files by a map and writes them as a bag under a temporary name.
+pub fn write(files: &[PathBuf], map: &Map, out: &Path, bar: bool) -> anyhow::Result<(Sealed, Outcome)> {
+    let failed = || format!("cannot write {}", out.display());
+    let import = Import::open(files, map)?;
+    if let Some(parent) = out.parent() {
+        std::fs::create_dir_all(parent).with_context(failed)?;
+    }
+    let mut bag = Writer::create(out, OPTIONS).with_context(failed)?;
+    bag.describe(bag::GOVTWIN, about(files, map))?;
+    let topics = Topics::default();
+    let mut streams = Streams {
+        command: bag.topic(&topics.command, Qos::DEFAULT)?,
+        esv: bag.topic(&topics.esv, Qos::DEFAULT)?,
+        tank_pressure: bag.topic(&topics.tank_pressure, Qos::SENSOR)?,
+        servo_state: bag.topic(&topics.servo_state, Qos::SENSOR)?,
+        bag,
+    };
+    let progress = bar.then(progress);
+    let mut on_progress = |share: f64| progress.iter().for_each(|progress| progress.at(share, "read"));
+    let outcome = import.run(&mut |row| streams.put(row), &mut on_progress)?;
+    Ok((streams.bag.seal().with_context(failed)?, outcome))
+}
+
+/// Reads files by a map and writes nothing.
+pub fn check(files: &[PathBuf], map: &Map) -> anyhow::Result<Outcome> {
+    let progress = progress();
+    let import = Import::open(files, map)?;
+    Ok(import.run(&mut |_| Ok::<(), ImportError>(()), &mut |share| progress.at(share, "read"))?)
+}
+
+impl Streams {
+    fn put(&mut self, row: &Row) -> anyhow::Result<()> {
+        let time_ns = row.time_ns;
+        let header = || msg::Header::at(time_ns);
+        if let Some(opening) = row.value(Target::OpeningCommand) {
+            self.bag.write(self.command, time_ns, &msg::GovernorCommand { header: header(), opening })?;
+        }
+        if let Some(state) = row.esv() {
+            let state = match state {
+                EsvState::Shutdown => msg::EsvState::SHUTDOWN,
+                EsvState::Normal => msg::EsvState::NORMAL,
+            };
+            self.bag.write(self.esv, time_ns, &msg::EsvState { header: header(), state })?;
+        }
+        if let Some(fluid_pressure) = row.value(Target::TankPressure) {
+            let message = msg::FluidPressure { header: header(), fluid_pressure, variance: 0.0 };
+            self.bag.write(self.tank_pressure, time_ns, &message)?;
+        }
+        let signal = |target: Target| row.value(target).unwrap_or(f64::NAN);
+        let message = msg::ServoState {
+            header: header(),
+            spool_position: signal(Target::SpoolPosition),
+            servomotor_position: signal(Target::ServomotorPosition),
+            pilot_valve_position: signal(Target::PilotValvePosition),
+            control_pressure: signal(Target::ControlPressure),
+        };
+        let all = [
+            message.spool_position,
+            message.servomotor_position,
+            message.pilot_valve_position,
+            message.control_pressure,
+        ];
+        if all.iter().any(|value| !value.is_nan()) {
+            self.bag.write(self.servo_state, time_ns, &message)?;
+        }
+        Ok(())
+    }
+}
+
+/// What the bag says of where it comes from: names of files, not the places where they lay.
+fn about(files: &[PathBuf], map: &Map) -> BTreeMap<String, String> {
+    let name = |file: &PathBuf| file.file_name().unwrap_or(file.as_os_str()).to_string_lossy().into_owned();
+    let files: Vec<String> = files.iter().map(name).collect();
+    let mut about = BTreeMap::from([
+        ("generator".to_owned(), format!("govtwin {} import", env!("CARGO_PKG_VERSION"))),
+        ("imported_from".to_owned(), files.join(", ")),
+        ("map".to_owned(), map_text(map, &[], |_| String::new())),
+    ]);
+    if !map.source.is_empty() {
+        about.insert("source".to_owned(), map.source.clone());
+    }
+    about
+}

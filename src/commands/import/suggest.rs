@@ -1,0 +1,147 @@
+//! `govtwin import --suggest`: the proposed map, its reasons, and the page that shows what was understood.
+
+use std::path::Path;
+
+use govtwin::import::suggest::{Column, Suggestion, suggest};
+use govtwin::import::{Map, SignalMap, map_text};
+use govtwin::report::import::{Guess, Look, page};
+use govtwin::report::table::Table;
+use govtwin::units::seconds_from_nanos;
+use serde_json::json;
+
+use super::progress;
+use crate::commands::Outcome;
+use crate::commands::output::{Output, one_line, print, warn};
+
+/// The map.
+const MAP: &str = "map.yaml";
+/// The page.
+const PAGE: &str = "suggestion.html";
+
+/// Looks through a file, writes map and page, and prints what was chosen and why.
+pub fn run(file: &Path, given: &Map, out: &Path, as_json: bool) -> anyhow::Result<Outcome> {
+    let progress = progress();
+    let suggestion = suggest(file, given, &mut |share| progress.at(share, "read"))?;
+    drop(progress);
+    if suggestion.map.signals.iter().all(|signal| signal.place().is_none()) {
+        let names: Vec<String> =
+            suggestion.columns.iter().take(40).map(|column| format!("`{}`", column.name)).collect();
+        anyhow::bail!(
+            "{}: nothing in it looks like a signal of a servo system; its columns are {}; write a map by hand (docs/import.md)",
+            file.display(),
+            names.join(", ")
+        );
+    }
+    let mut output = Output::claim(out, &[MAP, PAGE])?;
+    let text = text(file, &suggestion);
+    let look = look(file, &suggestion, &text);
+    output.add(MAP, text.as_bytes())?;
+    output.add(PAGE, page(&look)?.to_html().as_bytes())?;
+    let [map_path, page_path] = [MAP, PAGE].map(|name| output.path(name));
+    output.place()?;
+    if as_json {
+        print(&format!("{:#}\n", figures(&suggestion)))?;
+    } else {
+        for note in &suggestion.notes {
+            print(&format!("{}\n", one_line(note)))?;
+        }
+        print(&table(&suggestion).to_text())?;
+        print(&format!(
+            "Map: {}\nPicture: {}\nNext, once what is open is settled: govtwin import {} --map {} --out BAG\n",
+            map_path.display(),
+            page_path.display(),
+            file.display(),
+            map_path.display()
+        ))?;
+    }
+    suggestion.open.iter().for_each(|open| warn(open));
+    Ok(if suggestion.open.is_empty() { Outcome::Ok } else { Outcome::Warnings })
+}
+
+fn text(file: &Path, suggestion: &Suggestion) -> String {
+    let name = file.file_name().unwrap_or(file.as_os_str()).to_string_lossy();
+    let mut head =
+        vec![one_line(&format!("Proposed by govtwin {} import --suggest for {name}.", env!("CARGO_PKG_VERSION")))];
+    if !suggestion.open.is_empty() {
+        head.push("Open, and yours to settle:".to_owned());
+        head.extend(suggestion.open.iter().map(|open| format!("- {}", one_line(open))));
+    }
+    let why = |signal: &SignalMap| {
+        let reasons = suggestion.reasons.iter();
+        reasons
+            .filter(|reason| reason.target == signal.target)
+            .map(|reason| reason.why.clone())
+            .collect::<Vec<_>>()
+            .join("; ")
+    };
+    map_text(&suggestion.map, &head, why)
+}
+
+fn place(suggestion: &Suggestion, column: Option<usize>) -> String {
+    column
+        .and_then(|column| suggestion.columns.get(column))
+        .map_or_else(|| "–".to_owned(), |column| one_line(&column.name))
+}
+
+fn table(suggestion: &Suggestion) -> Table {
+    let mut table = Table::new().words("signal").words("from").words("unit").words("because of");
+    for (reason, signal) in suggestion.reasons.iter().zip(&suggestion.map.signals) {
+        let unit = signal.unit.clone();
+        table.row([reason.target.id().to_owned(), place(suggestion, reason.column), unit, reason.why.clone()]);
+    }
+    table
+}
+
+/// What the page shows.
+fn look(file: &Path, suggestion: &Suggestion, text: &str) -> Look {
+    let begin_ns = suggestion
+        .columns
+        .iter()
+        .filter_map(|column| column.envelope.points().next())
+        .map(|(time_ns, _)| time_ns)
+        .min();
+    let guess = |column: &Column, title: String, why: String, signal: Option<&SignalMap>| {
+        let convert = |value: f64| signal.map_or(value, |signal| signal.conversion.apply(value));
+        let points = column.envelope.points().map(|(time_ns, bucket)| {
+            let (one, other) = (convert(bucket.least), convert(bucket.most));
+            [seconds_from_nanos(time_ns - begin_ns.unwrap_or(0)), one.min(other), one.max(other)]
+        });
+        let unit = signal.map_or(column.unit.as_str(), |signal| signal.target.unit());
+        Guess { title, column: column.name.clone(), unit: unit.to_owned(), why, points: points.collect() }
+    };
+    let chosen = suggestion.reasons.iter().zip(&suggestion.map.signals).filter_map(|(reason, signal)| {
+        let column = suggestion.columns.get(reason.column?)?;
+        // States have no conversion; what is drawn is what the file holds.
+        Some(guess(column, reason.target.title().to_owned(), reason.why.clone(), Some(signal)))
+    });
+    let used = |index: usize| suggestion.reasons.iter().any(|reason| reason.column == Some(index));
+    let unused = suggestion.columns.iter().enumerate().filter(|(index, _)| !used(*index));
+    let unused = unused.map(|(_, column)| guess(column, column.name.clone(), String::new(), None));
+    Look {
+        file: file.file_name().unwrap_or(file.as_os_str()).to_string_lossy().into_owned(),
+        rows: suggestion.rows,
+        chosen: chosen.collect(),
+        unused: unused.collect(),
+        notes: suggestion.notes.clone(),
+        open: suggestion.open.clone(),
+        map: text.to_owned(),
+    }
+}
+
+fn figures(suggestion: &Suggestion) -> serde_json::Value {
+    let reasons = suggestion.reasons.iter().map(|reason| {
+        let column = reason.column.and_then(|column| suggestion.columns.get(column)).map(|column| column.name.clone());
+        json!({"signal": reason.target.id(), "from": column, "evidence": reason.score, "because_of": reason.why})
+    });
+    let columns = suggestion.columns.iter().map(|column| {
+        let [least, most] = column.range.ends();
+        json!({"name": column.name, "unit": column.unit, "numbers": column.range.count, "texts": column.texts, "least": least, "most": most})
+    });
+    json!({
+        "rows": suggestion.rows,
+        "signals": reasons.collect::<Vec<_>>(),
+        "columns": columns.collect::<Vec<_>>(),
+        "notes": suggestion.notes,
+        "open": suggestion.open,
+    })
+}

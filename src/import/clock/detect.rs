@@ -1,0 +1,186 @@
+//! How the times of a file are written, found out from some of them; what may be meant two ways is not guessed.
+
+use super::Format;
+use crate::import::convert::plain;
+use crate::import::map::TimeMap;
+use crate::import::number::{Cell, Numbers};
+
+/// Patterns that are tried, the more special first; of the last two only one may fit.
+const PATTERNS: [&str; 22] = [
+    "%Y-%m-%d %H:%M:%S%.f %z",
+    "%Y/%m/%d %H:%M:%S%.f",
+    "%Y.%m.%d %H:%M:%S%.f",
+    "%Y%m%dT%H%M%S%.f",
+    "%Y%m%d %H:%M:%S%.f",
+    "%Y-%m-%d %H:%M",
+    "%d.%m.%Y %H:%M:%S%.f",
+    "%d.%m.%y %H:%M:%S%.f",
+    "%d.%m.%Y %H:%M",
+    "%d.%m.%y %H:%M",
+    "%d-%m-%Y %H:%M:%S%.f",
+    "%d-%b-%Y %H:%M:%S%.f",
+    "%d-%b-%y %H:%M:%S%.f",
+    "%d %b %Y %H:%M:%S%.f",
+    "%b %d, %Y %I:%M:%S%.f %p",
+    "%H:%M:%S%.f",
+    "%m/%d/%Y %I:%M:%S%.f %p",
+    "%d/%m/%Y %I:%M:%S%.f %p",
+    "%m/%d/%Y %H:%M:%S%.f",
+    "%d/%m/%Y %H:%M:%S%.f",
+    "%m/%d/%Y %H:%M",
+    "%d/%m/%Y %H:%M",
+];
+
+/// What was found out.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Detected {
+    /// The format.
+    pub format: Format,
+    /// Why, for people.
+    pub why: String,
+}
+
+/// Finds out how some times are written, in the order of the file; `name` and `unit` are those of their column.
+///
+/// # Errors
+/// In words, where no format fits, or more than one.
+pub(in crate::import) fn detect(
+    texts: &[String],
+    name: &str,
+    unit: &str,
+    numbers: &Numbers,
+) -> Result<Detected, String> {
+    let cells: Vec<Cell> = texts.iter().map(|text| numbers.cell(text)).collect();
+    let values: Vec<f64> =
+        cells.iter().filter_map(|cell| if let Cell::Number(x) = cell { Some(*x) } else { None }).collect();
+    if values.len() * 10 >= texts.len() * 9 && !values.is_empty() {
+        return number(&values, name, unit);
+    }
+    let texts: Vec<&String> = texts.iter().filter(|text| !numbers.is_missing(text.trim())).collect();
+    let example = texts.first().map(|text| text.trim()).unwrap_or_default();
+    let fits = |format: &Format| {
+        let mut clock = super::Clock::new(format.clone(), &TimeMap::default(), numbers).ok()?;
+        // A footer or a broken line does not decide.
+        let read = texts.iter().filter(|text| clock.read(text).is_ok()).count();
+        (read * 10 >= texts.len() * 9 && read > 0).then_some(())
+    };
+    let found = |format: Format| {
+        let why = format!("`{example}` is read as {}", format.name());
+        Ok(Detected { format, why })
+    };
+    if fits(&Format::Iso).is_some() {
+        return found(Format::Iso);
+    }
+    let fitting: Vec<&str> =
+        PATTERNS.into_iter().filter(|pattern| fits(&Format::Pattern((*pattern).to_owned())).is_some()).collect();
+    match fitting[..] {
+        [first, other, ..] if first.starts_with("%m/%d") => Err(format!(
+            "`{example}` may be month/day or day/month; say which with `time: {{format: \"{first}\"}}` or `{{format: \"{other}\"}}` in \
+             the map"
+        )),
+        [first, ..] => found(Format::Pattern(first.to_owned())),
+        [] => Err(format!(
+            "column `{name}`: expected times, found `{example}`; give their pattern, such as `time: {{format: \"%d.%m.%Y \
+             %H:%M:%S%.f\"}}`, or name another column"
+        )),
+    }
+}
+
+fn number(values: &[f64], name: &str, unit: &str) -> Result<Detected, String> {
+    let found = |format: Format, why: &str| Ok(Detected { format, why: why.to_owned() });
+    let first = values[0];
+    let mut steps: Vec<f64> = values.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0).collect();
+    steps.sort_by(f64::total_cmp);
+    let step = steps.get(steps.len() / 2).copied().unwrap_or(0.0);
+    let relative = |unit: &str| match plain(unit).as_str() {
+        "s" | "sec" | "seconds" => Some(("seconds", 1_000_000_000)),
+        "ms" | "msec" | "milliseconds" => Some(("milliseconds", 1_000_000)),
+        "us" | "µs" | "microseconds" => Some(("microseconds", 1000)),
+        "ns" | "nanoseconds" => Some(("nanoseconds", 1)),
+        "min" | "minutes" => Some(("minutes", 60_000_000_000)),
+        "h" | "hours" => Some(("hours", 3_600_000_000_000)),
+        _ => None,
+    };
+    for (at_least, unit_ns, words) in [
+        (1e17, 1, "nanoseconds since 1970"),
+        (1e14, 1000, "microseconds since 1970"),
+        (1e11, 1_000_000, "milliseconds since 1970"),
+        (3e8, 1_000_000_000, "seconds since 1970"),
+    ] {
+        if first >= at_least {
+            return found(Format::Epoch { unit_ns }, &format!("numbers of this size are {words}"));
+        }
+    }
+    if (7e5..8e5).contains(&first) && step < 0.02 {
+        return found(Format::Matlab, "numbers of this size with such small steps are MATLAB's days");
+    }
+    if let Some((words, unit_ns)) = relative(unit) {
+        return found(Format::Relative { unit_ns }, &format!("the header says {words}"));
+    }
+    if (2e4..8e4).contains(&first) {
+        if step < 0.002 {
+            return found(Format::Excel, "numbers of this size with such small steps are Excel's days");
+        }
+        return Err(format!(
+            "column `{name}` begins at {first} and rises by {step}: days of Excel, or seconds? Say it with `time: {{format: excel}}` or \
+             `{{format: seconds}}` in the map"
+        ));
+    }
+    let whole = values.iter().all(|value| value.fract() == 0.0);
+    if whole && step >= 1.0 {
+        let rate_hint = "if it only counts rows, leave it out and give `time: {rate_hz: …}`";
+        return Err(format!(
+            "column `{name}` holds whole numbers that rise by {step} from {first}: in which unit? Say it with `time: {{format: milliseconds}}` \
+             or `{{format: seconds}}` in the map; {rate_hint}"
+        ));
+    }
+    found(Format::Relative { unit_ns: 1_000_000_000 }, "numbers with such steps are taken as seconds from the start")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(texts: &[&str], unit: &str) -> Result<Format, String> {
+        let numbers = Numbers { decimal: '.', thousands: None, missing: vec![] };
+        let texts: Vec<String> = texts.iter().map(|text| (*text).to_owned()).collect();
+        detect(&texts, "t", unit, &numbers).map(|detected| detected.format)
+    }
+
+    #[test]
+    fn formats_are_found_out() {
+        for (texts, unit, name) in [
+            (["0.0", "0.01", "0.02"], "", "seconds"),
+            (["0", "10", "20"], "ms", "milliseconds"),
+            (["1714636800", "1714636801", "1714636802"], "", "unix_s"),
+            (["1714636800250", "1714636800260", "1714636800270"], "", "unix_ms"),
+            (["1714636800250000000", "1714636800260000000", "1714636800270000000"], "", "unix_ns"),
+            (["45414.4166667", "45414.4166782", "45414.4166898"], "", "excel"),
+            (["739374.333336227", "739374.333336343", "739374.333336459"], "", "matlab"),
+            (["2024-05-02T10:00:00", "2024-05-02T10:00:01", "2024-05-02T10:00:02"], "", "iso"),
+            (["2024-05-02 10:00:00.125+02:00", "2024-05-02 10:00:01+02:00", ""], "", "iso"),
+            (["02.05.2024 10:00:00", "02.05.2024 10:00:01", "02.05.2024 10:00:02"], "", "%d.%m.%Y %H:%M:%S%.f"),
+            (["02.05.24 10:00:00,1", "02.05.24 10:00:00,2", "02.05.24 10:00:01"], "", "%d.%m.%y %H:%M:%S%.f"),
+            (["5/13/2024 10:00:00", "5/13/2024 10:00:01", "5/13/2024 10:00:02"], "", "%m/%d/%Y %H:%M:%S%.f"),
+            (["13/05/2024 10:00:00", "13/05/2024 10:00:01", "13/05/2024 10:00:02"], "", "%d/%m/%Y %H:%M:%S%.f"),
+            (["5/13/2024 1:00:00 PM", "5/13/2024 1:00:01 PM", "5/13/2024 1:00:02 PM"], "", "%m/%d/%Y %I:%M:%S%.f %p"),
+            (["02-May-2024 10:00:00", "02-May-2024 10:00:01", "02-May-2024 10:00:02"], "", "%d-%b-%Y %H:%M:%S%.f"),
+            (["10:00:00.1", "10:00:00.2", "10:00:00.3"], "", "%H:%M:%S%.f"),
+        ] {
+            assert_eq!(of(&texts, unit).unwrap_or_else(|error| panic!("{error}")).name(), name, "{texts:?}");
+        }
+    }
+
+    #[test]
+    fn what_may_be_meant_two_ways_is_asked_for() {
+        for (texts, words) in [
+            (["05/02/2024 10:00:00", "05/02/2024 10:00:01", "05/02/2024 10:00:02"], "month/day or day/month"),
+            (["45000", "45001", "45002"], "days of Excel, or seconds?"),
+            (["0", "1", "2"], "in which unit?"),
+            (["open", "close", "open"], "expected times, found `open`"),
+        ] {
+            let error = of(&texts, "").unwrap_err();
+            assert!(error.contains(words) && error.contains("time: {"), "{error}");
+        }
+    }
+}

@@ -1,0 +1,228 @@
+//! From what a file holds to SI units: scale, offset, range, unit and sign, in this order.
+
+use super::row::Target;
+
+/// Pressure of the standard atmosphere, Pa (ISO 2533), by which absolute pressures exceed gauge pressures.
+pub const ATMOSPHERE_PA: f64 = 101_325.0;
+
+/// A linear law with a stated order of steps, of which those that do nothing leave every bit as it was.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Conversion {
+    /// Multiplies what the file holds.
+    pub scale: f64,
+    /// Is added then.
+    pub offset: f64,
+    /// What of it is [`Conversion::to`]'s first and second value.
+    pub range: Option<[f64; 2]>,
+    /// What the ends of the range mean, in the unit.
+    pub to: [f64; 2],
+    /// The unit.
+    pub unit: Unit,
+    /// Turns the sign at the end.
+    pub turned: bool,
+}
+
+impl Conversion {
+    /// The law that changes nothing.
+    pub const NONE: Self =
+        Self { scale: 1.0, offset: 0.0, range: None, to: [0.0, 1.0], unit: Unit::ONE, turned: false };
+
+    /// The value after the import.
+    #[must_use]
+    pub fn apply(&self, raw: f64) -> f64 {
+        let mut value = raw;
+        if self.scale != 1.0 {
+            value *= self.scale;
+        }
+        if self.offset != 0.0 {
+            value += self.offset;
+        }
+        if let Some([low, high]) = self.range {
+            value = (value - low) / (high - low);
+            let [from, to] = self.to;
+            if self.to != [0.0, 1.0] {
+                value = from + value * (to - from);
+            }
+        }
+        value = self.unit.apply(value);
+        if self.turned { -value } else { value }
+    }
+}
+
+/// A unit as multiplication, division and addition; a percentage is divided by 100, so that it reads as people write it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Unit {
+    times: f64,
+    by: f64,
+    plus: f64,
+}
+
+impl Unit {
+    /// The unit of the import itself.
+    pub const ONE: Self = Self { times: 1.0, by: 1.0, plus: 0.0 };
+
+    /// A value in SI units.
+    #[must_use]
+    pub fn apply(&self, value: f64) -> f64 {
+        let mut value = value;
+        if self.times != 1.0 {
+            value *= self.times;
+        }
+        if self.by != 1.0 {
+            value /= self.by;
+        }
+        if self.plus != 0.0 {
+            value += self.plus;
+        }
+        value
+    }
+
+    fn times(times: f64) -> Self {
+        Self { times, ..Self::ONE }
+    }
+
+    fn by(by: f64) -> Self {
+        Self { by, ..Self::ONE }
+    }
+}
+
+/// Units of pressure as people write them, in lower case.
+const PRESSURES: &[(&str, f64)] = &[
+    ("pa", 1.0),
+    ("hpa", 1e2),
+    ("mbar", 1e2),
+    ("kpa", 1e3),
+    ("bar", 1e5),
+    ("barg", 1e5),
+    ("mpa", 1e6),
+    ("psi", 6_894.757_293_168),
+    ("psig", 6_894.757_293_168),
+    ("kgf/cm2", 98_066.5),
+    ("kg/cm2", 98_066.5),
+    ("at", 98_066.5),
+    ("atm", ATMOSPHERE_PA),
+    ("ata", 98_066.5),
+    ("bara", 1e5),
+    ("psia", 6_894.757_293_168),
+];
+
+/// Units that name absolute pressures.
+const ABSOLUTE: [&str; 3] = ["ata", "bara", "psia"];
+
+/// Units of a share of a stroke, with what they are divided by.
+const SHARES: [(&str, f64); 9] = [
+    ("pu", 1.0),
+    ("p.u.", 1.0),
+    ("1", 1.0),
+    ("-", 1.0),
+    ("%", 100.0),
+    ("percent", 100.0),
+    ("prozent", 100.0),
+    ("‰", 1000.0),
+    ("permille", 1000.0),
+];
+
+/// Units of what a position transducer gives, for which a range says what is closed and open.
+pub const OF_TRANSDUCERS: [&str; 15] =
+    ["m", "mm", "cm", "um", "µm", "in", "deg", "°", "rad", "v", "mv", "ma", "a", "counts", "digits"];
+
+/// A unit in a plain form: lower case, brackets and blanks off, `(a)` and `abs` as `a`.
+#[must_use]
+pub fn plain(text: &str) -> String {
+    let lower = text.to_lowercase().replace([' ', '_'], "").replace("(a)", "a").replace("(g)", "g");
+    let lower = lower.trim_matches(['[', ']', '(', ')']).replace("²", "2").replace("^2", "2");
+    match lower.strip_suffix("abs") {
+        Some(unit) if !unit.is_empty() => format!("{unit}a"),
+        _ => lower,
+    }
+}
+
+/// A unit of pressure, gauge or absolute.
+#[must_use]
+pub fn pressure(text: &str) -> Option<Unit> {
+    let name = plain(text);
+    // `MPa` and `mPa` differ only in case, and nobody measures oil in the latter.
+    let find = |name: &str| PRESSURES.iter().find(|(known, _)| *known == name).map(|(_, in_pa)| *in_pa);
+    if let Some(in_pa) = find(&name) {
+        let plus = if ABSOLUTE.contains(&name.as_str()) { -ATMOSPHERE_PA } else { 0.0 };
+        return Some(Unit { plus, ..Unit::times(in_pa) });
+    }
+    if let Some(in_pa) = name.strip_suffix('a').and_then(find) {
+        return Some(Unit { plus: -ATMOSPHERE_PA, ..Unit::times(in_pa) });
+    }
+    name.strip_suffix('g').and_then(find).map(Unit::times)
+}
+
+/// A unit of a share of a stroke.
+#[must_use]
+pub fn share(text: &str) -> Option<Unit> {
+    let name = plain(text);
+    SHARES.iter().find(|(known, _)| *known == name).map(|(_, by)| Unit::by(*by))
+}
+
+/// Whether a text is a unit that a header may state for any signal.
+#[must_use]
+pub fn is_unit(text: &str) -> bool {
+    let name = plain(text);
+    pressure(text).is_some()
+        || share(text).is_some_and(|_| name != "1")
+        || OF_TRANSDUCERS.contains(&name.as_str())
+        || ["s", "ms", "us", "µs", "ns", "min", "h", "hz", "rpm", "kw", "mw", "bool", "m3/s", "°c", "l/min"]
+            .contains(&name.as_str())
+}
+
+/// The units of a signal, for messages.
+#[must_use]
+pub fn units_of(target: Target) -> &'static str {
+    if target.is_pressure() {
+        "Pa, kPa, MPa, bar, psi, kgf/cm2, each gauge, or absolute as `bara`, `MPa(a)`"
+    } else {
+        "pu, %, permille, or any other together with `range: [value when closed, value when open]`"
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_are_known_as_people_write_them() {
+        for (text, value, pa) in [
+            ("bar", 63.0, 6.3e6),
+            ("[Bar]", 63.0, 6.3e6),
+            ("MPa", 6.3, 6.3e6),
+            ("kPa", 6300.0, 6.3e6),
+            ("bar(a)", 64.013_25, 6.3e6),
+            ("bar abs", 64.013_25, 6.3e6),
+            ("MPa(a)", 6.401_325, 6.3e6),
+            ("kgf/cm²", 10.0, 980_665.0),
+            ("psi", 1000.0, 6_894_757.293_168),
+        ] {
+            let found = pressure(text).unwrap().apply(value);
+            assert!((found - pa).abs() < 1e-6 * pa, "{text}: {found}");
+        }
+        assert!(pressure("mm").is_none() && share("bar").is_none());
+        // A percentage is the number that people write: 0.07 · 100 would be off in the last digit.
+        assert_eq!(share("%").unwrap().apply(7.0), 0.07);
+        assert_eq!(share("pu").unwrap().apply(0.1), 0.1);
+        assert!(is_unit("[mm]") && is_unit("%") && !is_unit("1") && !is_unit("valve"));
+    }
+
+    #[test]
+    fn steps_come_in_their_order_and_the_neutral_ones_change_no_bit() {
+        for value in [0.1, -0.0, 1e-300, f64::MAX] {
+            assert_eq!(Conversion::NONE.apply(value).to_bits(), value.to_bits());
+        }
+        let current = Conversion {
+            range: Some([4.0, 20.0]),
+            to: [0.0, 100.0],
+            unit: pressure("bar").unwrap(),
+            ..Conversion::NONE
+        };
+        assert_eq!(current.apply(12.0), 5.0e6);
+        let position = Conversion { range: Some([600.0, 0.0]), turned: true, ..Conversion::NONE };
+        assert_eq!(position.apply(150.0), -0.75);
+        let scaled = Conversion { scale: 2.0, offset: -1.0, ..Conversion::NONE };
+        assert_eq!(scaled.apply(3.0), 5.0);
+    }
+}

@@ -1,0 +1,254 @@
+//! How a table is laid out, found out from its first lines: separator, decimal sign, where names, units and data stand.
+
+use super::convert::is_unit;
+use super::map::FileMap;
+use super::number::{Cell, Numbers};
+
+/// Lines of a sample that are looked at.
+const MOST_LINES: usize = 200;
+/// Separators that are tried, in this order: a comma may be a decimal sign, the others hardly anything else.
+const SEPARATORS: [u8; 4] = [b';', b'\t', b'|', b','];
+/// The share of lines that must have as many cells as most.
+const CONSISTENT: f64 = 0.8;
+/// Lines of names, units and words that may stand above the data.
+const MOST_HEADER_LINES: usize = 4;
+
+/// How a table is laid out.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Dialect {
+    pub(super) separator: u8,
+    pub(super) numbers: Numbers,
+    /// Names of the columns; their numbers where the table has none.
+    pub(super) names: Vec<String>,
+    /// Units of the columns, empty where the table does not say.
+    pub(super) units: Vec<String>,
+    /// Line of the names, counted from 1; 0 where there is none.
+    pub(super) header_line: u64,
+    pub(super) unit_line: Option<u64>,
+    /// First line of data.
+    pub(super) first_line: u64,
+    /// Whether cells may be quoted.
+    pub(super) quoted: bool,
+}
+
+/// Finds out how a table is laid out from its first lines, of which the last may be cut; what the map says counts.
+///
+/// # Errors
+/// In words, where it is no table.
+pub(super) fn sniff(sample: &str, map: &FileMap) -> Result<Dialect, String> {
+    let lines: Vec<&str> = sample.lines().take(MOST_LINES).collect();
+    let stated = lines.first().and_then(|line| line.trim().strip_prefix("sep=")).and_then(|rest| rest.bytes().next());
+    let separator = map.separator.or(stated).unwrap_or_else(|| separator(&lines));
+    let cells: Vec<Vec<String>> = lines.iter().map(|line| split(line, separator)).collect();
+    let width = most_common(cells.iter().filter(|row| !is_blank(row)).map(Vec::len))
+        .ok_or("expected a table, found no line with text in it")?;
+    let decimal = map.decimal.unwrap_or_else(|| decimal(&cells, separator, width));
+    let numbers = Numbers { decimal, thousands: map.thousands, missing: map.missing.clone() };
+    let data = |row: &Vec<String>| is_data(row, width, &numbers);
+    let header = map.header_line.filter(|line| *line > 0);
+    let begin = if let Some(line) = map.first_line {
+        usize::try_from(line.saturating_sub(1)).unwrap_or(usize::MAX)
+    } else {
+        let from = header.max(map.unit_line).map_or(0, |line| usize::try_from(line).unwrap_or(0));
+        let rows = || cells.iter().enumerate().skip(from).filter(|(_, row)| !is_blank(row));
+        // One line with numbers may be part of a preamble, two in a row are data.
+        let next = |k: usize| rows().find(|(other, _)| *other > k).is_none_or(|(_, row)| data(row));
+        rows().find(|(k, row)| data(row) && next(*k)).map(|(k, _)| k).ok_or_else(|| no_data(&cells, separator))?
+    };
+    let above = begin.min(cells.len());
+    let above: Vec<usize> = (0..above).rev().take(MOST_HEADER_LINES).take_while(|k| cells[*k].len() == width).collect();
+    let unit_row = |k: usize| {
+        let filled: Vec<&String> = cells[k].iter().filter(|cell| !cell.is_empty()).collect();
+        let units = filled.iter().filter(|cell| is_unit(cell) || cell.starts_with('[')).count();
+        units > 0 && 2 * units >= filled.len()
+    };
+    let units_at = match map.unit_line {
+        Some(line) => usize::try_from(line).ok().and_then(|line| line.checked_sub(1)),
+        // A single line above the data names the columns, and `t,a` are names.
+        None => above.iter().copied().find(|k| above.len() > 1 && unit_row(*k)),
+    };
+    let names_at = match map.header_line {
+        Some(0) => None,
+        Some(line) => usize::try_from(line).ok().map(|line| line - 1),
+        None => {
+            let named = |k: &usize| {
+                let row = &cells[*k];
+                Some(*k) != units_at
+                    && row.iter().enumerate().all(|(i, cell)| !cell.is_empty() && !row[..i].contains(cell))
+            };
+            let rest = || above.iter().copied().filter(|k| Some(*k) != units_at);
+            rest().rev().find(named).or(rest().next())
+        }
+    };
+    let row = |k: Option<usize>| k.and_then(|k| cells.get(k)).cloned().unwrap_or_default();
+    let mut names = row(names_at);
+    let mut units = row(units_at);
+    if names_at.is_none() {
+        names = (1..=width).map(|k| format!("#{k}")).collect();
+    }
+    for (k, name) in names.iter_mut().enumerate().filter(|(_, name)| name.is_empty()) {
+        *name = format!("#{}", k + 1);
+    }
+    units.resize(names.len(), String::new());
+    for (name, unit) in names.iter().zip(&mut units) {
+        *unit = unit.trim_matches(['[', ']', '(', ')']).to_owned();
+        if unit.is_empty() {
+            *unit = bracketed(name).map_or_else(String::new, |(_, unit)| unit.to_owned());
+        }
+    }
+    let line = |k: usize| k as u64 + 1;
+    Ok(Dialect {
+        separator,
+        numbers,
+        names,
+        units,
+        header_line: names_at.map_or(0, line),
+        unit_line: units_at.map(line),
+        first_line: map.first_line.unwrap_or(line(begin)),
+        quoted: sample.contains('"'),
+    })
+}
+
+fn no_data(cells: &[Vec<String>], separator: u8) -> String {
+    let first = cells.iter().find(|row| !is_blank(row)).map(|row| row.join(&char::from(separator).to_string()));
+    let first: String = first.unwrap_or_default().chars().take(60).collect();
+    format!(
+        "expected lines of numbers, found none in the first {} lines, which begin with `{first}`; if data begin later, say \
+         where with `file: {{first_line: N}}` in the map",
+        cells.len()
+    )
+}
+
+/// A name and the unit in brackets at its end, `p_tank [bar]`.
+pub(super) fn bracketed(name: &str) -> Option<(&str, &str)> {
+    let name = name.trim();
+    let open = name.rfind(['[', '('])?;
+    let unit = name[open + 1..].strip_suffix([']', ')'])?;
+    let unit = unit.trim();
+    (is_unit(unit) && open > 0).then(|| (name[..open].trim(), unit))
+}
+
+/// The separator by which most lines have the same number of cells, more than one.
+fn separator(lines: &[&str]) -> u8 {
+    let full = || lines.iter().filter(|line| !line.trim().is_empty());
+    let consistent = |separator: &u8| {
+        let counts: Vec<usize> = full().map(|line| split(line, *separator).len()).collect();
+        let Some(width) = most_common(counts.iter().copied()) else { return false };
+        let same = counts.iter().filter(|count| **count == width).count();
+        width > 1 && same as f64 >= CONSISTENT * counts.len().saturating_sub(MOST_HEADER_LINES).max(1) as f64
+    };
+    if let Some(found) = SEPARATORS.into_iter().find(consistent) {
+        return found;
+    }
+    let blank = |line: &&&str| line.split_whitespace().count() > 1 && line.bytes().any(|byte| byte.is_ascii_digit());
+    if full().filter(blank).count() * 2 > lines.len() { b' ' } else { b',' }
+}
+
+/// Cells of a line; of one that blanks separate, runs of blanks count as one.
+fn split(line: &str, separator: u8) -> Vec<String> {
+    if separator == b' ' {
+        return line.split_whitespace().map(str::to_owned).collect();
+    }
+    let mut cells = vec![String::new()];
+    let mut quoted = false;
+    for letter in line.trim_end_matches('\r').chars() {
+        if letter == '"' {
+            quoted = !quoted;
+        } else if letter == char::from(separator) && !quoted {
+            cells.push(String::new());
+        } else if let Some(cell) = cells.last_mut() {
+            cell.push(letter);
+        }
+    }
+    for cell in &mut cells {
+        *cell = cell.trim().to_owned();
+    }
+    cells
+}
+
+fn is_blank(row: &[String]) -> bool {
+    row.iter().all(String::is_empty)
+}
+
+fn most_common(counts: impl Iterator<Item = usize>) -> Option<usize> {
+    let mut counts: Vec<usize> = counts.collect();
+    counts.sort_unstable();
+    counts.chunk_by(|a, b| a == b).max_by_key(|same| (same.len(), same[0])).map(|same| same[0])
+}
+
+/// Whether a row holds data: at least half of what it holds are numbers or times.
+fn is_data(row: &[String], width: usize, numbers: &Numbers) -> bool {
+    let filled: Vec<&String> = row.iter().filter(|cell| numbers.cell(cell) != Cell::Missing).collect();
+    let values = filled.iter().filter(|cell| matches!(numbers.cell(cell), Cell::Number(_)) || is_time(cell)).count();
+    row.len() == width && values > 0 && 2 * values >= filled.len()
+}
+
+/// Whether a text looks like a date or a time of day.
+fn is_time(text: &str) -> bool {
+    let digits = text.bytes().filter(u8::is_ascii_digit).count();
+    text.starts_with(|letter: char| letter.is_ascii_digit())
+        && digits >= 4
+        && 2 * digits >= text.len()
+        && text.contains([':', '-', '.', '/'])
+}
+
+/// The decimal sign that most numbers have which have one.
+fn decimal(cells: &[Vec<String>], separator: u8, width: usize) -> char {
+    if separator == b',' {
+        return '.';
+    }
+    let signed = |sign: char| {
+        let has = |cell: &&String| {
+            let digits = cell.trim_start_matches(['-', '+']);
+            digits.split_once(sign).is_some_and(|(whole, part)| {
+                let part = part.split(['e', 'E']).next().unwrap_or_default();
+                !part.is_empty() && whole.bytes().chain(part.bytes()).all(|byte| byte.is_ascii_digit())
+            })
+        };
+        cells.iter().filter(|row| row.len() == width).flatten().filter(has).count()
+    };
+    if signed(',') > signed('.') { ',' } else { '.' }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(sample: &str) -> Dialect {
+        sniff(sample, &FileMap::default()).unwrap_or_else(|error| panic!("{error}\n{sample}"))
+    }
+
+    #[test]
+    fn layouts_of_many_tools_are_found_out() {
+        // Name of the last column, separator, decimal sign, line of the names, first line.
+        for (sample, name, separator, decimal, header, first) in [
+            ("t,r,u\n0,1,2\n1,2,3\n", "u", b',', '.', 1, 2),
+            ("Zeit;p [bar];Y\n02.05.2024 10:00:00;63,5;0,1\n02.05.2024 10:00:01;63,4;0,2\n", "Y", b';', ',', 1, 2),
+            ("Anlage X\nUnit 3\n\nt;p\ns;bar\n0;63,5\n1;63,5\n", "p", b';', ',', 4, 6),
+            ("sep=;\nt;p\n0,5;1\n1,5;1\n", "p", b';', ',', 2, 3),
+            ("t\ty\n0\t1.5\n1\t2.5\n", "y", b'\t', '.', 1, 2),
+            ("0.1 0.2 0.3\n0.2 0.3 0.4\n", "#3", b' ', '.', 0, 1),
+            ("   1.0000000e+00   2.0000000e+00\n   2.0000000e+00   2.0e+00\n", "#2", b' ', '.', 0, 1),
+            ("1.5\n1.6\n", "#1", b',', '.', 0, 1),
+            (",a,b\n0,1.5,\n1,,2.5\n", "b", b',', '.', 1, 2),
+            ("\"Time\",\"Y, ist\"\n\"0\",\"1.5\"\n\"1\",\"2.5\"\n", "Y, ist", b',', '.', 1, 2),
+        ] {
+            let found = of(sample);
+            let shape = (found.separator, found.numbers.decimal, found.header_line, found.first_line);
+            assert_eq!(shape, (separator, decimal, header, first), "{sample}");
+            assert_eq!(found.names.last().map(String::as_str), Some(name), "{sample}");
+        }
+        let three = of("TAG1;TAG2\nTank pressure;Position\nbar;mm\n63;1\n63;2\n");
+        assert_eq!((three.names, three.units), (vec!["TAG1".into(), "TAG2".into()], vec!["bar".into(), "mm".into()]));
+        let groups = of("Regler;;Anlage\nt;u;p [bar]\n0;1;63\n1;1;63\n");
+        assert_eq!((groups.names[1].as_str(), groups.units[2].as_str()), ("u", "bar"));
+    }
+
+    #[test]
+    fn what_is_no_table_is_refused_in_words() {
+        let refused = |sample: &str| sniff(sample, &FileMap::default()).unwrap_err();
+        assert!(refused("").contains("no line with text"));
+        let words = refused("Dear colleague,\nplease find attached\nthe data.\n");
+        assert!(words.contains("expected lines of numbers") && words.contains("first_line"), "{words}");
+    }
+}

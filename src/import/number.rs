@@ -1,0 +1,192 @@
+//! Numbers as tables write them: decimal comma, groups of digits, and times without a rounded digit.
+
+use std::borrow::Cow;
+
+/// Texts that stand for no value everywhere, in lower case; `#NV` is Excel's German `#N/A`.
+const MISSING: [&str; 20] = [
+    "",
+    "nan",
+    "na",
+    "n/a",
+    "null",
+    "none",
+    "-",
+    "--",
+    "---",
+    "#n/a",
+    "#nv",
+    "#value!",
+    "#wert!",
+    "bad",
+    "no data",
+    "nodata",
+    "missing",
+    "undefined",
+    "nul",
+    "<null>",
+];
+
+/// More digits than any time has.
+const MOST_DIGITS: usize = 24;
+
+/// How numbers are written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Numbers {
+    pub(super) decimal: char,
+    pub(super) thousands: Option<char>,
+    /// Further texts that stand for no value.
+    pub(super) missing: Vec<String>,
+}
+
+/// What a cell holds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Cell {
+    /// Nothing.
+    Missing,
+    /// A number, finite.
+    Number(f64),
+    /// Something else.
+    Other,
+}
+
+impl Numbers {
+    pub(super) fn is_missing(&self, text: &str) -> bool {
+        let short = text.len() <= 10;
+        text.is_empty()
+            || (short && MISSING.contains(&text.to_ascii_lowercase().as_str()))
+            || self.missing.iter().any(|missing| missing == text)
+    }
+
+    /// A cell as a number; blanks round it do not count.
+    pub(super) fn cell(&self, text: &str) -> Cell {
+        let text = text.trim();
+        // Digits begin nearly every cell, and no other text that Rust would take for a number.
+        let begins = text.bytes().next().is_some_and(|byte| byte.is_ascii_digit() || b"+-.,".contains(&byte));
+        if begins
+            && !self.missing.iter().any(|missing| missing == text)
+            && let Ok(number) = self.plain(text).parse::<f64>()
+            && number.is_finite()
+        {
+            return Cell::Number(number);
+        }
+        if self.is_missing(text) { Cell::Missing } else { Cell::Other }
+    }
+
+    /// The text with a decimal point and without groups.
+    pub(super) fn plain<'a>(&self, text: &'a str) -> Cow<'a, str> {
+        if self.decimal == '.' && self.thousands.is_none() {
+            return Cow::Borrowed(text);
+        }
+        let mut plain = String::with_capacity(text.len());
+        for letter in text.chars() {
+            if letter == self.decimal {
+                plain.push('.');
+            } else if letter == '.' && self.thousands != Some('.') {
+                // A point where the comma is the decimal sign is no number.
+                plain.push('?');
+            } else if Some(letter) != self.thousands && !(self.thousands == Some(' ') && letter == '\u{a0}') {
+                plain.push(letter);
+            }
+        }
+        Cow::Owned(plain)
+    }
+}
+
+/// A decimal number in units of so many ns, as whole ns to the nearest, without a detour through floating point.
+pub(super) fn decimal_ns(text: &str, unit_ns: i128) -> Option<i64> {
+    let text = text.trim();
+    let (text, sign) = match text.as_bytes().first()? {
+        b'-' => (&text[1..], -1),
+        b'+' => (&text[1..], 1),
+        _ => (text, 1),
+    };
+    let (mantissa, exponent) = match text.split_once(['e', 'E']) {
+        Some((mantissa, exponent)) => (mantissa, exponent.parse::<i32>().ok()?),
+        None => (text, 0),
+    };
+    let (whole, fraction) = mantissa.split_once('.').unwrap_or((mantissa, ""));
+    if whole.is_empty() && fraction.is_empty() {
+        return None;
+    }
+    let mut value: i128 = 0;
+    let mut places = exponent;
+    for (kept, (k, byte)) in whole.bytes().chain(fraction.bytes()).enumerate().enumerate() {
+        if !byte.is_ascii_digit() {
+            return None;
+        }
+        let behind = k >= whole.len();
+        if kept < MOST_DIGITS {
+            value = value * 10 + i128::from(byte - b'0');
+            places -= i32::from(behind);
+        } else {
+            places += i32::from(!behind);
+        }
+    }
+    let mut divide: i128 = 1;
+    while places < 0 {
+        if divide > 10_i128.pow(28) {
+            value /= 10;
+        } else {
+            divide *= 10;
+        }
+        places += 1;
+    }
+    for _ in 0..places {
+        value = value.checked_mul(10)?;
+    }
+    // The rest has no more than 24 digits, which a day in ns takes to 38: just what there is room for.
+    let (units, rest) = (value / divide, value % divide);
+    let part = (rest.checked_mul(unit_ns)?.checked_add(divide / 2)?) / divide;
+    let total = units.checked_mul(unit_ns)?.checked_add(part)?;
+    i64::try_from(sign * total).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_of_every_country_are_read() {
+        let numbers = |decimal, thousands| Numbers { decimal, thousands, missing: vec!["Bad Input".into()] };
+        for (decimal, thousands, text, value) in [
+            ('.', None, " 1.5e-3 ", 1.5e-3),
+            (',', None, "-0,25", -0.25),
+            (',', Some('.'), "1.234.567,5", 1_234_567.5),
+            ('.', Some(','), "1,234.5", 1234.5),
+            ('.', Some('\''), "1'234.5", 1234.5),
+            (',', Some(' '), "1\u{a0}234,5", 1234.5),
+            ('.', None, ".5", 0.5),
+            (',', None, "3E+2", 300.0),
+        ] {
+            assert_eq!(numbers(decimal, thousands).cell(text), Cell::Number(value), "{text}");
+        }
+        for text in ["", "NaN", "#N/A", "Bad", "Bad Input", "-", " null "] {
+            assert_eq!(numbers('.', None).cell(text), Cell::Missing, "{text}");
+        }
+        for text in ["1,5", "abc", "1.2.3", "inf", "0x10", "12:30"] {
+            assert_eq!(numbers('.', None).cell(text), Cell::Other, "{text}");
+        }
+        assert_eq!(numbers(',', None).cell("1.5"), Cell::Other, "a point beside a decimal comma");
+    }
+
+    #[test]
+    fn times_keep_every_digit() {
+        const S: i128 = 1_000_000_000;
+        for (text, unit_ns, ns) in [
+            ("1700000000.123456789", S, 1_700_000_000_123_456_789),
+            ("1.700000000123456789e9", S, 1_700_000_000_123_456_789),
+            ("1700000000123", 1_000_000, 1_700_000_000_123_000_000),
+            ("-0.5", S, -500_000_000),
+            ("0.0000000004", S, 0),
+            ("0.0000000005", S, 1),
+            ("45000.5", 86_400 * S, 3_888_043_200_000_000_000),
+            ("7.35e5", 1, 735_000),
+            ("0.33333333333333333333333333333333333333", 86_400 * S, 28_800_000_000_000),
+        ] {
+            assert_eq!(decimal_ns(text, unit_ns), Some(ns), "{text}");
+        }
+        for text in ["", "-", ".", "1e400", "abc", "1:2", "99999999999999999999"] {
+            assert_eq!(decimal_ns(text, S), None, "{text}");
+        }
+    }
+}

@@ -1,0 +1,261 @@
+//! An import from its files to its rows: merged by time, constants first, the ESV on change and once a second.
+
+use std::path::{Path, PathBuf};
+
+use super::ImportError;
+use super::csv_file::CsvFile;
+use super::findings::{Findings, Found};
+use super::map::{Map, Place};
+use super::resample::Resampler;
+use super::row::{Row, Target};
+use super::source::table::Table;
+use super::source::{Kind, Source, kind_of};
+use super::topics::{self, Topics};
+
+/// Time after which the state of the ESV, and what is constant, is given again, ns.
+const AGAIN_NS: i64 = 1_000_000_000;
+/// Rows between two calls of the progress.
+const ROWS_PER_CALL: u64 = 4096;
+
+/// Files opened by a map.
+pub struct Import {
+    map: Map,
+    sources: Vec<Part>,
+}
+
+/// A source and its next row.
+struct Part {
+    path: PathBuf,
+    bytes: u64,
+    source: Box<dyn Source>,
+    next: Option<Row>,
+}
+
+/// What became of an import.
+#[derive(Clone, Debug, Default)]
+pub struct Outcome {
+    /// Rows handed on.
+    pub rows: u64,
+    /// What is known of each signal.
+    pub signals: Vec<Found>,
+    /// How the files were understood.
+    pub notes: Vec<String>,
+    /// What a user should look into.
+    pub warnings: Vec<String>,
+}
+
+impl Import {
+    /// Opens files by a map: parts that follow each other in time, or that hold some of the signals each.
+    ///
+    /// # Errors
+    /// Where a file cannot be read, or a signal of the map is in none of them.
+    pub fn open(paths: &[PathBuf], map: &Map) -> Result<Self, ImportError> {
+        let mut sources = vec![];
+        for path in paths {
+            let source = open(path, map)?;
+            let bytes = std::fs::metadata(path).map_or(1, |meta| meta.len().max(1));
+            sources.push(Part { path: path.clone(), bytes, source, next: None });
+        }
+        let import = Self { map: map.clone(), sources };
+        import.check()?;
+        Ok(import)
+    }
+
+    /// Every signal of the map is somewhere, and every file holds something.
+    fn check(&self) -> Result<(), ImportError> {
+        for (number, signal) in self.map.signals.iter().enumerate() {
+            let Some(place) = signal.place() else { continue };
+            if self.sources.iter().any(|part| part.source.holds().contains(&number)) {
+                continue;
+            }
+            let id = signal.target.id();
+            let kinds: Vec<Kind> = self.sources.iter().map(|part| kind_of(&part.path)).collect::<Result<_, _>>()?;
+            let is_field = matches!(signal.from, Place::Field(_));
+            let fits = |kind: &Kind| (*kind == Kind::Bag) == is_field;
+            let Some(at) = kinds.iter().position(fits) else {
+                let (key, has, wants) = if is_field {
+                    ("field", "a table has columns", "column: NAME")
+                } else {
+                    ("column", "a bag has topics", "field: /topic.field")
+                };
+                let path = self.sources.first().map_or(Path::new(""), |part| &part.path);
+                return Err(ImportError::file(
+                    path,
+                    format!("{id}: the map names the {key} `{place}`, and {has}; expected `{wants}`"),
+                ));
+            };
+            let path = &self.sources[at].path;
+            let problem = match kinds[at] {
+                Kind::Bag => topics::absent(path, place)?,
+                _ => head_of(path, &self.map)?.absent(place),
+            };
+            return Err(ImportError::file(path, format!("{id}: {problem}")));
+        }
+        match self.sources.iter().find(|part| part.source.holds().is_empty()) {
+            Some(part) => {
+                Err(ImportError::file(&part.path, "holds none of the signals that the map names; leave it out"))
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Reads everything: hands on each row, and now and then the share that is done.
+    ///
+    /// # Errors
+    /// Where a file cannot be read on, or `on_row` fails.
+    pub fn run<E: From<ImportError>>(
+        mut self,
+        on_row: &mut dyn FnMut(&Row) -> Result<(), E>,
+        on_progress: &mut dyn FnMut(f64),
+    ) -> Result<Outcome, E> {
+        let mut findings = Findings::new(&self.map);
+        let mut rows = 0_u64;
+        let mut esv = Esv::default();
+        let mut resampler = self.map.resample_hz.map(Resampler::new);
+        let constants = self.constants();
+        let mut held: Option<Row> = None;
+        for part in &mut self.sources {
+            part.next = part.source.next()?;
+        }
+        let mut given_ns: Option<i64> = None;
+        let mut hand_on = |row: &mut Row, rows: &mut u64| {
+            // Constants hold from the first row on, and are given again as the state of the ESV is.
+            if given_ns.is_none_or(|given_ns| row.time_ns - given_ns >= AGAIN_NS) {
+                given_ns = Some(row.time_ns);
+                for (target, value) in &constants {
+                    row.set(*target, *value);
+                }
+            }
+            esv.thin(row);
+            *rows += u64::from(!row.is_empty());
+            if row.is_empty() { Ok(()) } else { on_row(row) }
+        };
+        let mut read = 0_u64;
+        loop {
+            let row = self.earliest()?;
+            if let (Some(held), Some(row)) = (&mut held, &row)
+                && held.merge(row)
+            {
+                continue;
+            }
+            if let Some(mut whole) = std::mem::replace(&mut held, row) {
+                findings.take(&whole);
+                match &mut resampler {
+                    Some(resampler) => {
+                        resampler.push(&whole);
+                        while let Some(mut row) = resampler.pop() {
+                            hand_on(&mut row, &mut rows)?;
+                        }
+                    }
+                    None => hand_on(&mut whole, &mut rows)?,
+                }
+            }
+            if held.is_none() {
+                break;
+            }
+            read += 1;
+            if read.is_multiple_of(ROWS_PER_CALL) {
+                on_progress(self.share());
+            }
+        }
+        let mut outcome = Outcome::default();
+        if let Some(mut resampler) = resampler {
+            resampler.end();
+            while let Some(mut row) = resampler.pop() {
+                hand_on(&mut row, &mut rows)?;
+            }
+            outcome.notes.push(resampler.said());
+        }
+        for part in &self.sources {
+            let said = part.source.said();
+            outcome.notes.extend(said.notes);
+            outcome.warnings.extend(said.warnings);
+        }
+        let (signals, warnings) = findings.finish();
+        outcome.rows = rows;
+        outcome.signals = signals;
+        outcome.warnings.extend(warnings);
+        Ok(outcome)
+    }
+
+    /// Values that no file holds.
+    fn constants(&self) -> Vec<(Target, f64)> {
+        let constant = |signal: &super::map::SignalMap| match signal.from {
+            Place::Constant(value) => Some((signal.target, value)),
+            _ => None,
+        };
+        self.map.signals.iter().filter_map(constant).collect()
+    }
+
+    /// The earliest row of all sources, of one time that of the file named first.
+    fn earliest(&mut self) -> Result<Option<Row>, ImportError> {
+        let next = |part: &Part| part.next.as_ref().map(|row| row.time_ns);
+        let with_row = self.sources.iter().enumerate().filter_map(|(k, part)| Some((next(part)?, k)));
+        let Some((_, k)) = with_row.min() else { return Ok(None) };
+        let part = &mut self.sources[k];
+        let row = part.next.take();
+        part.next = part.source.next()?;
+        Ok(row)
+    }
+
+    fn share(&self) -> f64 {
+        let total: u64 = self.sources.iter().map(|part| part.bytes).sum();
+        let done: f64 = self.sources.iter().map(|part| part.source.share() * part.bytes as f64).sum();
+        done / total.max(1) as f64
+    }
+}
+
+/// Opens one file.
+fn open(path: &Path, map: &Map) -> Result<Box<dyn Source>, ImportError> {
+    Ok(match kind_of(path)? {
+        Kind::Bag => Box::new(Topics::open(path, map)?),
+        Kind::Table => {
+            let file = CsvFile::open(path, &map.file)?;
+            Box::new(Table::new(file.head.clone(), map, || file.records())?)
+        }
+        #[cfg(feature = "parquet")]
+        Kind::Parquet => {
+            let file = super::parquet_file::ParquetFile::open(path)?;
+            Box::new(Table::new(file.head.clone(), map, || file.records())?)
+        }
+        #[cfg(not(feature = "parquet"))]
+        Kind::Parquet => return Err(no_parquet(path)),
+    })
+}
+
+/// The columns of a table.
+fn head_of(path: &Path, map: &Map) -> Result<super::source::head::Head, ImportError> {
+    match kind_of(path)? {
+        #[cfg(feature = "parquet")]
+        Kind::Parquet => Ok(super::parquet_file::ParquetFile::open(path)?.head),
+        _ => Ok(CsvFile::open(path, &map.file)?.head),
+    }
+}
+
+/// Says that this build reads no Parquet.
+#[cfg(not(feature = "parquet"))]
+pub(super) fn no_parquet(path: &Path) -> ImportError {
+    ImportError::file(
+        path,
+        "a Parquet file, which this build cannot read; build with `--features parquet`, or write it as CSV once: \
+         `python3 -c \"import pandas; pandas.read_parquet('IN').to_csv('OUT.csv', index=False)\"`",
+    )
+}
+
+/// Gives the state of the ESV on change and once a second, as a governor does.
+#[derive(Debug, Default)]
+struct Esv {
+    last: Option<(i64, f64)>,
+}
+
+impl Esv {
+    fn thin(&mut self, row: &mut Row) {
+        let Some(state) = row.value(Target::Esv) else { return };
+        match self.last {
+            Some((time_ns, last)) if last == state && (0..AGAIN_NS).contains(&(row.time_ns - time_ns)) => {
+                row.set(Target::Esv, f64::NAN);
+            }
+            _ => self.last = Some((row.time_ns, state)),
+        }
+    }
+}

@@ -1,0 +1,152 @@
+//! One signal of a source: from a cell to a value of a row, with what could not be used counted.
+
+use crate::import::map::{Event, SignalMap};
+use crate::import::row::{Row, Target};
+
+/// What a cell or field holds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(
+    not(feature = "parquet"),
+    expect(dead_code, reason = "only Parquet tells times and whole numbers from others")
+)]
+pub(in crate::import) enum Value<'a> {
+    /// Nothing.
+    Missing,
+    /// A number.
+    Number(f64),
+    /// A whole number that may be too long for a floating-point one.
+    Whole(i64),
+    /// Text.
+    Text(&'a str),
+    /// A time, ns since 1970, UTC.
+    Time(i64),
+    /// A time of a wall clock, ns as if its zone were UTC.
+    Local(i64),
+}
+
+/// Cells that could not be used.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(in crate::import) struct Bad {
+    pub(in crate::import) count: u64,
+    /// Where, and what stands there.
+    pub(in crate::import) first: Option<(u64, String)>,
+}
+
+impl Bad {
+    pub(in crate::import) fn note(&mut self, place: u64, text: &str) {
+        self.count += 1;
+        if self.first.is_none() {
+            self.first = Some((place, text.chars().take(40).collect()));
+        }
+    }
+}
+
+/// A signal of a source.
+#[derive(Clone, Debug)]
+pub(in crate::import) struct Channel {
+    /// Its number in the map.
+    pub(in crate::import) signal: usize,
+    pub(in crate::import) map: SignalMap,
+    latched: bool,
+    pub(in crate::import) bad: Bad,
+}
+
+impl Channel {
+    pub(in crate::import) fn new(signal: usize, map: &SignalMap) -> Self {
+        Self { signal, map: map.clone(), latched: false, bad: Bad::default() }
+    }
+
+    /// Puts a value into a row.
+    pub(in crate::import) fn take(&mut self, value: Value<'_>, place: u64, row: &mut Row) {
+        let value = match value {
+            Value::Whole(whole) => Value::Number(whole as f64),
+            other => other,
+        };
+        if value == Value::Missing {
+            return;
+        }
+        if self.map.target == Target::Esv {
+            let tripped = self.map.shutdown.iter().any(|event| happens(event, value));
+            self.latched |= tripped && self.map.latch;
+            row.set(Target::Esv, if tripped || self.latched { 0.0 } else { 1.0 });
+            return;
+        }
+        match value {
+            Value::Number(raw) if raw.is_finite() => row.set(self.map.target, self.map.conversion.apply(raw)),
+            Value::Number(raw) if raw.is_nan() => {}
+            Value::Number(raw) => self.bad.note(place, &raw.to_string()),
+            Value::Text(text) => self.bad.note(place, text),
+            _ => self.bad.note(place, "a time"),
+        }
+    }
+}
+
+/// Whether a cell says that an event happens.
+fn happens(event: &Event, value: Value<'_>) -> bool {
+    let number = match value {
+        Value::Number(number) => Some(number),
+        Value::Text(text) => truth(text).or_else(|| text.trim().parse().ok()),
+        _ => None,
+    };
+    match event {
+        Event::Above(level) => number.is_some_and(|number| number > *level),
+        Event::Below(level) => number.is_some_and(|number| number < *level),
+        Event::Is(wanted) => {
+            let same = matches!(value, Value::Text(text) if text.trim().eq_ignore_ascii_case(wanted));
+            let wanted = truth(wanted).or_else(|| wanted.parse().ok());
+            same || wanted.is_some_and(|wanted: f64| number == Some(wanted))
+        }
+    }
+}
+
+fn truth(text: &str) -> Option<f64> {
+    let text = text.trim();
+    let is = |word: &str| text.eq_ignore_ascii_case(word);
+    if is("true") {
+        Some(1.0)
+    } else if is("false") {
+        Some(0.0)
+    } else {
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn events_are_recognised_as_text_number_and_level() {
+        let is = |text: &str| Event::Is(text.to_owned());
+        for (event, value, expected) in [
+            (is("TRIP"), Value::Text(" trip "), true),
+            (is("TRIP"), Value::Text("TRIPPED"), false),
+            (is("1"), Value::Number(1.0), true),
+            (is("1"), Value::Text("1.0"), true),
+            (is("1"), Value::Text("true"), true),
+            (is("true"), Value::Number(1.0), true),
+            (Event::Above(0.5), Value::Text("0.7"), true),
+            (Event::Above(0.5), Value::Number(0.5), false),
+            (Event::Below(20.0), Value::Number(3.0), true),
+        ] {
+            assert_eq!(happens(&event, value), expected, "{event:?} {value:?}");
+        }
+    }
+
+    #[test]
+    fn a_latched_trip_stays() {
+        let mut map = SignalMap::of_column(Target::Esv, "trip");
+        map.shutdown = vec![Event::Is("1".into())];
+        map.latch = true;
+        let mut channel = Channel::new(0, &map);
+        let states: Vec<f64> = [0.0, 1.0, 0.0]
+            .into_iter()
+            .map(|value| {
+                let mut row = Row::at(0);
+                channel.take(Value::Number(value), 1, &mut row);
+                row.values[Target::Esv.place()]
+            })
+            .collect();
+        assert_eq!(states, [1.0, 0.0, 0.0]);
+    }
+}

@@ -1,0 +1,218 @@
+//! One column of a file that nobody has mapped: what it holds, in memory that does not grow with the file.
+
+use crate::import::findings::Range;
+use crate::import::source::channel::Value;
+
+/// Most buckets of an envelope; beyond, pairs become one.
+const MOST_BUCKETS: usize = 4096;
+/// Width of a bucket at first, ns.
+const FIRST_WIDTH_NS: i64 = 50_000_000;
+/// So many different values or texts are kept.
+const MOST_DISTINCT: usize = 4;
+
+/// Values of some time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bucket {
+    /// The least of them.
+    pub least: f64,
+    /// The greatest.
+    pub most: f64,
+    sum: f64,
+    count: f64,
+}
+
+impl Bucket {
+    /// Their mean.
+    #[must_use]
+    pub fn mean(&self) -> f64 {
+        self.sum / self.count
+    }
+
+    fn merge(&mut self, other: &Self) {
+        self.least = self.least.min(other.least);
+        self.most = self.most.max(other.most);
+        self.sum += other.sum;
+        self.count += other.count;
+    }
+}
+
+/// A signal over time as buckets of one width, whose edges are whole widths since 1970.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Envelope {
+    width_ns: i64,
+    first: i64,
+    buckets: Vec<Option<Bucket>>,
+}
+
+impl Default for Envelope {
+    fn default() -> Self {
+        Self { width_ns: FIRST_WIDTH_NS, first: 0, buckets: vec![] }
+    }
+}
+
+impl Envelope {
+    fn take(&mut self, time_ns: i64, value: f64) {
+        let mut at = time_ns.div_euclid(self.width_ns);
+        if self.buckets.is_empty() {
+            self.first = at;
+        }
+        let far = |at: i64, first: i64, len: usize| {
+            let end = first + i64::try_from(len).unwrap_or(i64::MAX);
+            (at.max(end - 1) - at.min(first)) >= i64::try_from(MOST_BUCKETS).unwrap_or(i64::MAX)
+        };
+        while far(at, self.first, self.buckets.len()) {
+            self.widen();
+            at = time_ns.div_euclid(self.width_ns);
+        }
+        while at < self.first {
+            self.buckets.insert(0, None);
+            self.first -= 1;
+        }
+        let Ok(place) = usize::try_from(at - self.first) else { return };
+        if place >= self.buckets.len() {
+            self.buckets.resize(place + 1, None);
+        }
+        let one = Bucket { least: value, most: value, sum: value, count: 1.0 };
+        match &mut self.buckets[place] {
+            Some(bucket) => bucket.merge(&one),
+            empty => *empty = Some(one),
+        }
+    }
+
+    /// Makes every two buckets one.
+    pub(super) fn widen(&mut self) {
+        let mut wide: Vec<Option<Bucket>> = vec![];
+        let first = self.first.div_euclid(2);
+        for (k, bucket) in self.buckets.iter().enumerate() {
+            let at = (self.first + i64::try_from(k).unwrap_or(i64::MAX)).div_euclid(2) - first;
+            let Ok(place) = usize::try_from(at) else { continue };
+            if place >= wide.len() {
+                wide.resize(place + 1, None);
+            }
+            match (&mut wide[place], bucket) {
+                (Some(into), Some(bucket)) => into.merge(bucket),
+                (empty, Some(bucket)) => *empty = Some(*bucket),
+                _ => {}
+            }
+        }
+        self.width_ns = self.width_ns.saturating_mul(2);
+        self.first = first;
+        self.buckets = wide;
+    }
+
+    /// The width of a bucket, ns.
+    #[must_use]
+    pub fn width_ns(&self) -> i64 {
+        self.width_ns
+    }
+
+    /// Buckets that hold something, each with the middle of its time, ns.
+    pub fn points(&self) -> impl Iterator<Item = (i64, &Bucket)> {
+        let middle = move |k: i64| (self.first + k) * self.width_ns + self.width_ns / 2;
+        (0..).zip(&self.buckets).filter_map(move |(k, bucket)| Some((middle(k), bucket.as_ref()?)))
+    }
+
+    /// The mean of the bucket of a number.
+    pub(super) fn mean_at(&self, at: i64) -> Option<f64> {
+        let place = usize::try_from(at - self.first).ok()?;
+        self.buckets.get(place)?.as_ref().map(Bucket::mean)
+    }
+
+    /// Numbers of the first bucket and of the one behind the last.
+    pub(super) fn span(&self) -> (i64, i64) {
+        (self.first, self.first + i64::try_from(self.buckets.len()).unwrap_or(0))
+    }
+}
+
+/// A column or field and what it holds.
+#[derive(Clone, Debug)]
+pub struct Column {
+    /// Its name; of a bag the path of the field.
+    pub name: String,
+    /// The unit that the file states; empty where it does not.
+    pub unit: String,
+    /// Its numbers.
+    pub range: Range,
+    /// Cells with text that is no number.
+    pub texts: u64,
+    /// The first different texts.
+    pub words: Vec<String>,
+    /// The first different numbers.
+    pub distinct: Vec<f64>,
+    /// The signal over time.
+    pub envelope: Envelope,
+    last: Option<f64>,
+    /// Samples that differ from the one before.
+    pub changes: u64,
+}
+
+impl Column {
+    pub(super) fn new(name: &str, unit: &str) -> Self {
+        Self {
+            name: name.to_owned(),
+            unit: unit.to_owned(),
+            range: Range::default(),
+            texts: 0,
+            words: vec![],
+            distinct: vec![],
+            envelope: Envelope::default(),
+            last: None,
+            changes: 0,
+        }
+    }
+
+    pub(super) fn take(&mut self, time_ns: i64, value: Value<'_>) {
+        let number = match value {
+            Value::Number(number) if number.is_finite() => number,
+            Value::Whole(whole) => whole as f64,
+            Value::Text(text) => {
+                self.texts += 1;
+                if self.words.len() < MOST_DISTINCT && !self.words.iter().any(|word| word == text.trim()) {
+                    self.words.push(text.trim().chars().take(40).collect());
+                }
+                return;
+            }
+            _ => return,
+        };
+        self.range.take(number);
+        if self.distinct.len() < MOST_DISTINCT && !self.distinct.contains(&number) {
+            self.distinct.push(number);
+        }
+        self.changes += u64::from(self.last.is_some_and(|last| last != number));
+        self.last = Some(number);
+        self.envelope.take(time_ns, number);
+    }
+
+    /// Two states or fewer, as numbers or as words.
+    #[must_use]
+    pub fn is_binary(&self) -> bool {
+        let words = self.range.count == 0 && (1..=3).contains(&self.words.len()) && self.texts > 0;
+        words || (self.texts == 0 && (1..=2).contains(&self.distinct.len()))
+    }
+
+    /// Holds numbers that are not all the same.
+    #[must_use]
+    pub fn moves(&self) -> bool {
+        self.range.span() > 0.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_envelope_keeps_extremes_and_means_in_bounded_memory() {
+        let mut envelope = Envelope::default();
+        for k in 0..2_000_000_i64 {
+            envelope.take(1_700_000_000_000_000_000 + k * 10_000_000, (k % 100) as f64);
+        }
+        assert!(envelope.buckets.len() <= MOST_BUCKETS && envelope.buckets.len() > MOST_BUCKETS / 4);
+        let inner: Vec<&Bucket> = envelope.points().skip(1).map(|(_, bucket)| bucket).take(100).collect();
+        assert!(inner.iter().all(|bucket| bucket.least == 0.0 && bucket.most == 99.0));
+        assert!(inner.iter().all(|bucket| (bucket.mean() - 49.5).abs() < 6.0));
+        // Times that go back find their place.
+        envelope.take(1_699_999_999_000_000_000, -5.0);
+        assert_eq!(envelope.points().next().unwrap().1.least, -5.0);
+    }
+}

@@ -1,0 +1,107 @@
+//! The line of a map for a column: unit, range, sign and states as the file shows them, with what its reader must settle.
+
+use super::column::Column;
+use crate::import::convert::{pressure, share};
+use crate::import::map::{Event, Place, SignalMap};
+use crate::import::row::Target;
+
+/// Units that a pressure without one may have, Pa, with the range in which governors work.
+const PRESSURES_PA: [(&str, f64); 4] = [("bar", 1e5), ("MPa", 1e6), ("Pa", 1.0), ("kPa", 1e3)];
+const USUAL_PA: [f64; 2] = [1.5e6, 2.5e7];
+
+/// The unit in which a pressure of this size is one of a governor.
+pub(super) fn guessed_pressure(most: f64) -> Option<(&'static str, f64)> {
+    PRESSURES_PA.into_iter().find(|(_, pa)| (USUAL_PA[0]..=USUAL_PA[1]).contains(&(most * pa)))
+}
+
+/// The signal with unit, range and sign as the column shows them.
+pub(super) fn signal(target: Target, column: &Column, fields: bool, turned: bool, open: &mut Vec<String>) -> SignalMap {
+    let mut signal = SignalMap::of_column(target, &column.name);
+    if fields {
+        signal.from = Place::Field(column.name.clone());
+    }
+    let [least, most] = column.range.ends();
+    let id = target.id();
+    match target {
+        Target::Esv => {
+            let (state, told) = trip_state(column);
+            signal.shutdown = vec![Event::Is(state)];
+            open.push(told);
+        }
+        Target::TankPressure | Target::ControlPressure => {
+            if pressure(&column.unit).is_some() {
+                signal.unit.clone_from(&column.unit);
+            } else if let Some((unit, _)) = guessed_pressure(most) {
+                unit.clone_into(&mut signal.unit);
+                open.push(format!("{id}: the file states no unit; up to {} looks like {unit}", rounded(most)));
+            } else {
+                "Pa".clone_into(&mut signal.unit);
+                open.push(format!(
+                    "{id}: the file states no unit, and up to {} is none of a governor's oil in any; give it",
+                    rounded(most)
+                ));
+            }
+        }
+        _ => {
+            signal.conversion.turned = turned;
+            if turned {
+                open.push(format!("{id}: the servomotor moves against it, so that it is turned round (`sign: -1`)"));
+            }
+            let one_sided = matches!(target, Target::OpeningCommand | Target::ServomotorPosition);
+            let farthest = least.abs().max(most.abs());
+            if share(&column.unit).is_some() {
+                signal.unit.clone_from(&column.unit);
+            } else if column.unit.is_empty() && farthest <= 1.2 && (!one_sided || least > -0.1) && farthest > 0.05 {
+                "pu".clone_into(&mut signal.unit);
+                open.push(format!(
+                    "{id}: the file states no unit; {} to {} looks like pu",
+                    rounded(least),
+                    rounded(most)
+                ));
+            } else if column.unit.is_empty() && one_sided && least >= -5.0 && (20.0..=110.0).contains(&most) {
+                "%".clone_into(&mut signal.unit);
+                open.push(format!(
+                    "{id}: the file states no unit; {} to {} looks like %",
+                    rounded(least),
+                    rounded(most)
+                ));
+            } else {
+                signal.unit.clone_from(&column.unit);
+                signal.conversion.range = Some(if one_sided { [least, most] } else { [0.0, farthest] });
+                let meant = if one_sided { "closed and open" } else { "at neutral and at full stroke" };
+                open.push(format!(
+                    "{id}: `range` holds what the file shows; replace it by the values {meant}, in the file's own unit{}",
+                    if column.unit.is_empty() { String::new() } else { format!(" ({})", column.unit) }
+                ));
+            }
+        }
+    }
+    let unit = if target.is_pressure() { pressure(&signal.unit) } else { share(&signal.unit) };
+    if let (None, Some(unit)) = (signal.conversion.range, unit) {
+        signal.conversion.unit = unit;
+    }
+    signal
+}
+
+/// The state that means a trip, and what to say of the choice.
+fn trip_state(column: &Column) -> (String, String) {
+    let bad = ["trip", "tripped", "aus", "shutdown", "alarm", "true", "on", "active", "1"];
+    if let Some(word) = column.words.iter().find(|word| bad.contains(&word.to_lowercase().as_str())) {
+        return (word.clone(), format!("esv: `{word}` is taken as shutdown"));
+    }
+    let lower = column.name.to_lowercase();
+    // This project's own message says 1 for normal; so does a valve that is held by its coil.
+    let valve = lower.contains("esv") || lower.contains("valve") || lower.contains("normal");
+    let [least, most] = column.range.ends();
+    let state = if valve { least.min(0.0) } else { most.max(1.0) };
+    let other = if valve { "0" } else { "the greater value" };
+    (
+        state.to_string(),
+        format!("esv: {other} ({state}) is taken as shutdown; turn it round if the column says the contrary"),
+    )
+}
+
+pub(super) fn rounded(value: f64) -> String {
+    let text = format!("{value:.4}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+}

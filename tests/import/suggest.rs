@@ -1,0 +1,114 @@
+//! Maps proposed for files of other tools: which columns, which units, and what is left to the reader.
+
+use std::path::Path;
+
+use govtwin::import::suggest::{Suggestion, suggest};
+use govtwin::import::{Map, Place, Target, map_text};
+
+use crate::{file, fixture, shipped};
+
+fn of(path: &Path) -> Suggestion {
+    suggest(path, &Map::default(), &mut |_| ()).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn places(suggestion: &Suggestion) -> Vec<(Target, String)> {
+    let place = |signal: &govtwin::import::SignalMap| (signal.target, signal.place().unwrap_or("constant").to_owned());
+    suggestion.map.signals.iter().map(place).collect()
+}
+
+#[test]
+fn columns_are_recognised_in_files_of_many_tools() {
+    let signals =
+        [Target::OpeningCommand, Target::Esv, Target::TankPressure, Target::SpoolPosition, Target::ServomotorPosition];
+    for (name, expected) in [
+        ("pandas_iso.csv", ["opening_command", "esv_state", "tank_pressure", "spool", "servomotor"]),
+        ("german.csv", ["Y_soll [%]", "Notschluß", "p_Tank [bar]", "Hauptsteuerventil [mm]", "Y_ist [mm]"]),
+        ("calc.csv", ["Y_soll [%]", "Notschluß", "p_Tank [bar]", "Hauptsteuerventil [mm]", "Y_ist [mm]"]),
+        (
+            "rosbags.mcap",
+            [
+                "/gate/setpoint.data",
+                "/trip.data",
+                "/oil.fluid_pressure",
+                "/joint_states.position[spool]",
+                "/joint_states.position[servomotor]",
+            ],
+        ),
+    ] {
+        let found = of(&fixture(name));
+        let expected: Vec<(Target, String)> = signals.into_iter().zip(expected.map(str::to_owned)).collect();
+        assert_eq!(places(&found), expected, "{name}");
+        // The map reads back, and reads the file.
+        let text = map_text(&found.map, &[], |_| String::new());
+        let (rows, _) = crate::rows(&[fixture(name)], &text).unwrap();
+        assert_eq!(rows.len(), 300, "{name}");
+    }
+    // What the page draws is in the units after the import.
+    let german = of(&fixture("german.csv"));
+    assert_eq!(german.map.signals[0].conversion.apply(50.0), 0.5);
+    assert_eq!(german.map.signals[2].conversion.apply(63.0), 6.3e6);
+    let own = of(&shipped("practice/case_01/load_rejection.mcap"));
+    assert_eq!(places(&own)[3].1, "/plant/servo_state.spool_position");
+    assert!(own.reasons.iter().all(|reason| !reason.why.is_empty()));
+}
+
+#[test]
+fn what_a_spool_does_to_a_servomotor_tells_columns_without_names() {
+    // A spool that the transducer shows upside down, and a force that says nothing.
+    let mut text = "zeit,a,b,c\n".to_owned();
+    let mut opening = 50.0;
+    for k in 0..6000 {
+        let time_s = k as f64 * 0.01;
+        let spool = (0.7 * time_s).sin() + 0.4 * (1.9 * time_s).sin();
+        opening += 0.1 * spool;
+        text.push_str(&format!("{time_s},{},{opening},{}\n", -5.0 * spool, (13.0 * time_s).sin()));
+    }
+    let (_folder, path) = file("unnamed.csv", &text);
+    let found = of(&path);
+    assert_eq!(places(&found), [(Target::SpoolPosition, "a".into()), (Target::ServomotorPosition, "b".into())]);
+    assert!(found.map.signals[0].conversion.turned, "{:?}", found.map.signals[0]);
+    let open = found.open.join("\n");
+    assert!(open.contains("turned round (`sign: -1`)") && open.contains("`range` holds what the file shows"), "{open}");
+    assert!(matches!(found.map.signals[0].from, Place::Column(_)));
+}
+
+#[test]
+fn units_without_a_word_are_guessed_by_size_and_left_open() {
+    let mut text = "time,gate setpoint,gate feedback,oil pressure,trip\n".to_owned();
+    for k in 0..2000 {
+        let time_s = k as f64 * 0.02;
+        let y = 50.0 + 30.0 * (0.5 * time_s).sin();
+        text.push_str(&format!("{time_s},{},{y},{},0\n", y + 1.0, 62.5 + 0.3 * (0.2 * time_s).sin()));
+    }
+    let (_folder, path) = file("plain.csv", &text);
+    let found = of(&path);
+    let unit = |target: Target| {
+        found.map.signals.iter().find(|signal| signal.target == target).map(|signal| signal.unit.clone())
+    };
+    assert_eq!(unit(Target::OpeningCommand).as_deref(), Some("%"));
+    assert_eq!(unit(Target::ServomotorPosition).as_deref(), Some("%"));
+    assert_eq!(unit(Target::TankPressure).as_deref(), Some("bar"));
+    let open = found.open.join("\n");
+    for words in [
+        "up to 62.8 looks like bar",
+        "esv: the greater value (1) is taken as shutdown",
+        "spool_position: no column found",
+    ] {
+        assert!(open.contains(words), "{words}: {open}");
+    }
+}
+
+#[test]
+fn two_columns_that_would_both_do_are_named() {
+    let mut text = "t,u,force,d\n".to_owned();
+    let mut d = 0.0;
+    for k in 0..4000 {
+        let time_s = k as f64 * 0.01;
+        let u = (0.9 * time_s).sin() + 0.3 * (2.3 * time_s).sin();
+        d += 0.01 * u;
+        text.push_str(&format!("{time_s},{u},{},{d}\n", 2.0 * d));
+    }
+    let (_folder, path) = file("rig.csv", &text);
+    let open = of(&path).open.join("\n");
+    assert!(open.contains("moves with the spool as"), "{open}");
+}
