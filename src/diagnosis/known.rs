@@ -44,6 +44,16 @@ impl Known {
         for hypothesis in explorer.refined(&chosen) {
             self.take(hypothesis);
         }
+        // What leads is compared with what it holds: each effect of it must be worth its odds.
+        let Some(leader) = self.ordered().first().map(|one| one.effects.clone()) else { return };
+        let is_within = |one: &&Hypothesis| {
+            one.effects.len() + 1 == leader.len() && one.effects.iter().all(|effect| leader.contains(effect))
+        };
+        let within: Vec<Hypothesis> =
+            self.fitted.values().filter(is_within).filter(|one| !one.refined).cloned().collect();
+        for hypothesis in explorer.refined(&within) {
+            self.take(hypothesis);
+        }
         // Slopes and residuals are nearly all of the memory.
         let mut order: Vec<(f64, Vec<usize>)> =
             self.fitted.values().map(|known| (known.log_evidence, known.effects.clone())).collect();

@@ -15,56 +15,67 @@ use crate::tuning::bench::GENEROUS;
 /// The weights as shipped; `govtwin calibrate` writes such a file.
 const SHIPPED: &str = include_str!("../../params/diagnosis_weights.json");
 
-/// A weight with what it multiplies, and its value beforehand.
+/// What a weight multiplies, and its value beforehand.
 #[derive(Clone, Copy, Debug)]
 pub struct Feature {
     /// What the weight multiplies.
     pub name: &'static str,
-    /// The weight with nothing learned.
-    pub bayes: f64,
+    /// The weight with nothing learned, at fast and at slow rates.
+    pub bayes: [f64; 2],
 }
 
-const fn feature(name: &'static str, bayes: f64) -> Feature {
+const fn feature(name: &'static str, bayes: [f64; 2]) -> Feature {
     Feature { name, bayes }
 }
 
 /// Features of a fault set. Where the best set leaves more than a right model would, its equations or its noise are wrong in some way, and so are nats:
 /// what it leaves beyond that is spread over some [`FREEDOM`] numbers, by any of which a further effect may gain as much.
-pub const OF_SETS: [Feature; 10] = [
-    feature("nats of evidence lost against the best set, fast", 0.0),
-    feature("the same, slow", 0.0),
-    feature("nats lost, over what the best set leaves beyond a right model, fast", -1.0),
-    feature("the same, slow", -1.0),
-    feature("logarithm of 1 and the nats lost", 0.0),
-    feature("number of effects", -5.0),
-    feature("nothing", 0.0),
-    feature("strain of the sheet", 0.0),
-    feature("tens of nats that the noise costs which the set predicts itself", 0.0),
-    feature("squares of the sizes' distances from the typical one", 0.0),
+pub const OF_SETS: [Feature; 8] = [
+    feature("nats of evidence lost against the best set", [0.0; 2]),
+    feature("nats lost, over what the best set leaves beyond a right model", [-1.0; 2]),
+    feature("logarithm of 1 and the nats lost", [0.0; 2]),
+    feature("number of effects", [-5.0; 2]),
+    feature("nothing", [0.0; 2]),
+    feature("strain of the sheet", [0.0; 2]),
+    feature("tens of nats that the noise costs which the set predicts itself", [0.0; 2]),
+    feature("squares of the sizes' distances from the typical one", [0.0; 2]),
 ];
 
 /// Features of something unknown against all that is known, of the set that is best by Bayes' theorem.
-pub const OF_UNKNOWN: [Feature; 10] = [
-    feature("fast", -3.0),
-    feature("slow", -3.0),
-    feature("logarithm of χ² over that of sound units, fast", 8.0),
-    feature("the same, slow", 2.0),
-    feature("logarithm of the share of a visible gap that is left, fast", 0.5),
-    feature("the same, slow", 0.5),
-    feature("strain of the sheet", 0.0),
-    feature("squares of the sizes' distances from the typical one", 0.0),
-    feature("number of effects", 0.0),
+pub const OF_UNKNOWN: [Feature; 7] = [
+    feature("any unit", [-3.0; 2]),
+    feature("logarithm of χ² over that of sound units", [8.0, 2.0]),
+    feature("logarithm of the share of a visible gap that is left", [0.5; 2]),
+    feature("strain of the sheet", [0.0; 2]),
+    feature("squares of the sizes' distances from the typical one", [0.0; 2]),
+    feature("number of effects", [0.0; 2]),
     feature(
         "logarithm of the nats that discrepancy terms at a stage gain beyond the set, negative where they lose",
-        0.5,
+        [0.5; 2],
     ),
 ];
 
 /// Features of a stage, where something is unknown.
 pub const OF_STAGES: [Feature; 2] = [
-    feature("nats lost against the best stage, over χ² of the best set", -0.5),
-    feature("logarithm of 1 and the nats lost", 0.0),
+    feature("nats lost against the best stage, over χ² of the best set", [-0.5; 2]),
+    feature("logarithm of 1 and the nats lost", [0.0; 2]),
 ];
+
+/// Names of the rates, in the order of the weights: each feature counts for both, by their share of the samples.
+const RATES: [&str; 2] = ["at fast rates", "at slow rates"];
+
+/// What the weights multiply, in their order.
+#[must_use]
+pub fn names(features: &[Feature]) -> Vec<String> {
+    let of = |rate: &&str| features.iter().map(|feature| format!("{}, {rate}", feature.name)).collect::<Vec<_>>();
+    RATES.iter().flat_map(of).collect()
+}
+
+/// The weights with nothing learned.
+#[must_use]
+pub fn beforehand(features: &[Feature]) -> Vec<f64> {
+    (0..RATES.len()).flat_map(|rate| features.iter().map(move |feature| feature.bayes[rate])).collect()
+}
 
 /// The learned numbers, with where they come from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -95,12 +106,10 @@ impl Weights {
     /// Bayes' theorem with odds of e⁵ against each effect, nothing learned.
     #[must_use]
     pub fn bayes() -> Self {
-        let weights = |features: &[Feature]| features.iter().map(|feature| feature.bayes).collect();
-        let names = |features: &[Feature]| features.iter().map(|feature| feature.name.to_owned()).collect();
         Self {
-            sets: weights(&OF_SETS),
-            unknown: weights(&OF_UNKNOWN),
-            stages: weights(&OF_STAGES),
+            sets: beforehand(&OF_SETS),
+            unknown: beforehand(&OF_UNKNOWN),
+            stages: beforehand(&OF_STAGES),
             features: [names(&OF_SETS), names(&OF_UNKNOWN), names(&OF_STAGES)],
             size_spread: 0.1,
             closure_widening: 1.0,
@@ -111,10 +120,10 @@ impl Weights {
     /// Share with which a further nat of evidence counts between two sets, given a unit's table.
     #[must_use]
     pub fn counted_share(&self, table: &Table) -> f64 {
-        let fast = 1.0 - table.slow_share;
         let scale = Hypotheses::new(table, &[]).map_or(1.0, |all| all.scale);
-        let of = |plain: usize, over: usize| -(self.sets[plain] + self.sets[over] / scale);
-        (fast * of(0, 2) + table.slow_share * of(1, 3)).clamp(0.0, 1.0)
+        let of = |first: usize| -(self.sets[first] + self.sets[first + 1] / scale);
+        let shares = [1.0 - table.slow_share, table.slow_share];
+        (shares[0] * of(0) + shares[1] * of(OF_SETS.len())).clamp(0.0, 1.0)
     }
 }
 
@@ -158,25 +167,26 @@ impl Hypotheses {
         let leader = table.rows.iter().filter(allowed).max_by(|a, b| odds(a).total_cmp(&odds(b)))?;
         let empty = table.rows.iter().find(|row| row.effects.is_empty());
         let top = table.rows.iter().filter(allowed).map(Row::evidence).fold(f64::NEG_INFINITY, f64::max);
-        let (fast, slow) = (1.0 - table.slow_share, table.slow_share);
+        let shares = [1.0 - table.slow_share, table.slow_share];
+        let by_rate = |features: &[f64]| -> Vec<f64> {
+            shares.iter().flat_map(|share| features.iter().map(move |feature| share * feature)).collect()
+        };
         let expected = (GENEROUS * table.samples).max(1.0);
         let excess = (leader.cost / expected).max(1e-3).ln();
         let chi = excess.exp().max(1.0);
         let scale = 1.0 + (leader.cost - RIGHT * expected).max(0.0) / FREEDOM;
         let set = |(k, row): (usize, &Row)| {
             let lost = (top - row.evidence()).min(FARTHEST);
-            let features = vec![
-                fast * lost,
-                slow * lost,
-                fast * lost / scale,
-                slow * lost / scale,
+            let features = by_rate(&[
+                lost,
+                lost / scale,
                 lost.ln_1p(),
                 row.effects.len() as f64,
                 f64::from(u8::from(row.effects.is_empty())),
                 row.strain.min(20.0),
                 0.1 * row.own_noise.clamp(-100.0, 100.0),
                 oddness(row),
-            ];
+            ]);
             (k, features)
         };
         let rows = table.rows.iter().enumerate().filter(|(_, row)| allowed(row));
@@ -187,21 +197,18 @@ impl Hypotheses {
         let left = visible * (0.02 + left).ln();
         let best_stage = table.unknown.values().copied().fold(f64::NEG_INFINITY, f64::max);
         let gained = (best_stage - top).max(-FARTHEST);
-        let unknown = vec![
-            fast,
-            slow,
-            fast * excess.clamp(-1.0, 2.0),
-            slow * excess.clamp(-1.0, 2.0),
-            fast * left,
-            slow * left,
+        let unknown = by_rate(&[
+            1.0,
+            excess.clamp(-1.0, 2.0),
+            left,
             leader.strain.min(20.0),
             oddness(leader),
             leader.effects.len() as f64,
             (gained.abs() / chi).ln_1p().copysign(gained),
-        ];
+        ]);
         let stage = |(id, evidence): (&String, &f64)| {
             let lost = (best_stage - evidence).clamp(0.0, FARTHEST);
-            (id.clone(), vec![lost / chi, lost.ln_1p()])
+            (id.clone(), by_rate(&[lost / chi, lost.ln_1p()]))
         };
         Some(Self { sets: rows.map(set).collect(), unknown, stages: table.unknown.iter().map(stage).collect(), scale })
     }
@@ -280,7 +287,7 @@ mod tests {
         for (weights, features) in
             [(&weights.sets, &OF_SETS[..]), (&weights.unknown, &OF_UNKNOWN[..]), (&weights.stages, &OF_STAGES[..])]
         {
-            assert_eq!(weights.len(), features.len());
+            assert_eq!(weights.len(), 2 * features.len());
             assert!(weights.iter().all(|weight| weight.is_finite()));
         }
         assert!(weights.size_spread > 0.0 && weights.closure_widening > 0.0);

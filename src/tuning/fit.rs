@@ -1,6 +1,6 @@
 //! Bounded, prior-weighted least squares over simulations: Gauss–Newton with Levenberg's damping.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use rayon::iter::{IndexedParallelIterator, IntoParallelRefMutIterator, ParallelIterator};
 
 use crate::parameters::Unit;
@@ -236,6 +236,12 @@ impl<'a> Descent<'a> {
         match std::mem::replace(&mut self.wanted, Wanted::Nothing) {
             Wanted::Start { steps, first } => {
                 self.misses = answer.pop().unwrap_or_default();
+                let fits = |(known, misses): (&DMatrix<f64>, &DVector<f64>)| known.nrows() == misses.len();
+                if !self.start.known.is_none_or(|known| known.iter().zip(&self.misses).all(fits)) {
+                    // Noise that is laid out anew may compare limit cycles elsewhere: slopes of before are of other residuals.
+                    *self = Self::new(&Start { known: None, ..self.start });
+                    return;
+                }
                 let fresh = secants(&answer, &steps, &self.misses);
                 self.slopes = match self.start.known {
                     Some(known) if first > 0 => known.iter().zip(&fresh).map(|(a, b)| beside(a, b)).collect(),
