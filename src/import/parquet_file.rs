@@ -54,13 +54,13 @@ impl ParquetFile {
                     _ => None,
                 };
                 match info.logical_type_ref() {
-                    Some(LogicalType::Timestamp { is_adjusted_to_u_t_c, unit }) => {
-                        let unit_ns = match unit {
+                    Some(LogicalType::Timestamp(time)) => {
+                        let unit_ns = match time.unit {
                             TimeUnit::MILLIS => 1_000_000,
                             TimeUnit::MICROS => 1000,
                             TimeUnit::NANOS => 1,
                         };
-                        Some(Times { unit_ns, utc: *is_adjusted_to_u_t_c })
+                        Some(Times { unit_ns, utc: time.is_adjusted_to_u_t_c })
                     }
                     _ => legacy,
                 }
