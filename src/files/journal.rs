@@ -58,7 +58,10 @@ pub fn journalled<R>(
     if moves.len() + removes.len() < 2 || cfg!(not(unix)) {
         return Ok(act());
     }
-    let inside = |path: &Path| path.strip_prefix(folder).map(Path::to_owned).map_err(io::Error::other);
+    // Temporary files have absolute names, whatever the folder is called.
+    let root = std::path::absolute(folder)?;
+    let inside =
+        |path: &Path| std::path::absolute(path)?.strip_prefix(&root).map(Path::to_owned).map_err(io::Error::other);
     let mut journal = Journal { schema: SCHEMA.to_owned(), ..Journal::default() };
     for (from, to) in moves {
         let inode = inode(from).ok_or(io::ErrorKind::NotFound)?;
