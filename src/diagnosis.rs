@@ -13,6 +13,7 @@ pub mod closure;
 pub mod consistency;
 pub mod contract;
 pub mod decision;
+pub mod detectability;
 pub mod discrepancy;
 pub mod evidence;
 pub mod explore;

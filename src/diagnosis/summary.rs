@@ -4,6 +4,7 @@ use crate::diagnosis::Settings;
 use crate::diagnosis::closure::{LeftOut, Refitted, closure, closure_of, without_parts, without_recordings};
 use crate::diagnosis::consistency::consistency;
 use crate::diagnosis::decision::Decision;
+use crate::diagnosis::detectability::{alike, visible};
 use crate::diagnosis::discrepancy;
 use crate::diagnosis::explore::Explored;
 use crate::diagnosis::explorer::Hypothesis;
@@ -11,7 +12,7 @@ use crate::diagnosis::ledger::{gaps, ledgers};
 use crate::diagnosis::model::Model;
 use crate::diagnosis::next::next;
 use crate::diagnosis::outcome::{
-    Blame, Channel, Diagnosis, Fitted, Interval, Latent, Ranked, Transfer, Tried, Verdict, Visible,
+    Blame, Channel, Diagnosis, Fitted, Interval, Latent, Ranked, Transfer, Tried, Verdict,
 };
 use crate::diagnosis::posterior::{Posterior, Weights};
 use crate::diagnosis::stages;
@@ -27,12 +28,6 @@ const NINETY: f64 = 1.645;
 
 /// Share of an effect's plausible range below which it counts as excited: smallest visible size over a moderate fault.
 const EXCITED: f64 = 3.0;
-
-/// Gain in cost from which an effect stands out: a log Bayes factor of 10, of which the odds against any effect take half.
-const STANDS_OUT: f64 = 20.0;
-
-/// From this cosine on the marks of two effects cannot be told apart here.
-const ALIKE: f64 = 0.97;
 
 /// So many of the tried models are judged on left-out recordings.
 const LEADERS: usize = 3;
@@ -153,32 +148,6 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &Settings, seen: Seen) 
         simulations: bench.simulations(),
         table: judged.table,
     }
-}
-
-/// The smallest size of each effect that would stand out.
-fn visible(explored: &Explored, catalogue: &[&'static EffectSpec]) -> Vec<Visible> {
-    let of = |(effect, spec): (usize, &&'static EffectSpec)| {
-        let parameter = &spec.parameters[0];
-        let typical = (parameter.typical - parameter.neutral).abs();
-        let smallest = typical * explored.linearisation.smallest_visible(effect, STANDS_OUT);
-        Visible { id: spec.id, parameter: parameter.name, unit: parameter.unit, smallest, typical }
-    };
-    catalogue.iter().enumerate().map(of).collect()
-}
-
-/// Pairs whose marks are alike, most alike first.
-fn alike(explored: &Explored, catalogue: &[&'static EffectSpec]) -> Vec<(String, String, f64)> {
-    let mut pairs = Vec::new();
-    for (a, one) in catalogue.iter().enumerate() {
-        for (b, other) in catalogue.iter().enumerate().skip(a + 1) {
-            let likeness = explored.linearisation.likeness(a, b);
-            if likeness > ALIKE {
-                pairs.push((one.id.to_owned(), other.id.to_owned(), likeness));
-            }
-        }
-    }
-    pairs.sort_by(|a, b| b.2.total_cmp(&a.2));
-    pairs
 }
 
 /// What something unknown would be like at each place, best first; beside it what it would be like if the unit were the improved twin.

@@ -117,14 +117,15 @@ pub fn in_loop(point: Point, sensor: Sensor, readings: u32, mut draws: Draws, ti
     let count = ticks_count.ceil().clamp(1.0, 1e8) as usize;
     let noise_of_mean = sensor.noise / f64::from(readings).sqrt();
     let noise = (0..count).map(|_| noise_of_mean * draws.normal()).collect();
-    Arc::new(InLoop { point, noise, step: sensor.step / f64::from(readings) })
+    let sensor = Sensor { step: sensor.step / f64::from(readings), ..sensor };
+    Arc::new(InLoop { point, noise, sensor })
 }
 
 #[derive(Debug)]
 struct InLoop {
     point: Point,
     noise: Vec<f64>,
-    step: f64,
+    sensor: Sensor,
 }
 
 impl Term for InLoop {
@@ -135,7 +136,7 @@ impl Term for InLoop {
     fn apply(&self, signal: f64, view: &View<'_>, _memory: &mut [f64]) -> f64 {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the number of a tick")]
         let tick = (view.time_s / view.tick_s).round().max(0.0) as usize;
-        stepped(signal + self.noise[tick % self.noise.len()], self.step)
+        stepped(signal + self.noise[tick % self.noise.len()], self.sensor.step)
     }
 }
 

@@ -1,0 +1,39 @@
+//! What the recordings could show: the smallest size of each effect that would stand out, and effects that leave the same mark.
+
+use crate::diagnosis::explore::Explored;
+use crate::diagnosis::outcome::Visible;
+use crate::effects::EffectSpec;
+
+/// Gain in cost from which an effect stands out: a log Bayes factor of 10, of which the odds against any effect take half.
+const STANDS_OUT: f64 = 20.0;
+
+/// From this cosine on the marks of two effects cannot be told apart here.
+const ALIKE: f64 = 0.97;
+
+/// The smallest size of each effect that would stand out.
+#[must_use]
+pub fn visible(explored: &Explored, catalogue: &[&'static EffectSpec]) -> Vec<Visible> {
+    let of = |(effect, spec): (usize, &&'static EffectSpec)| {
+        let parameter = &spec.parameters[0];
+        let typical = (parameter.typical - parameter.neutral).abs();
+        let smallest = typical * explored.linearisation.smallest_visible(effect, STANDS_OUT);
+        Visible { id: spec.id, parameter: parameter.name, unit: parameter.unit, smallest, typical }
+    };
+    catalogue.iter().enumerate().map(of).collect()
+}
+
+/// Pairs whose marks are alike, most alike first.
+#[must_use]
+pub fn alike(explored: &Explored, catalogue: &[&'static EffectSpec]) -> Vec<(String, String, f64)> {
+    let mut pairs = Vec::new();
+    for (a, one) in catalogue.iter().enumerate() {
+        for (b, other) in catalogue.iter().enumerate().skip(a + 1) {
+            let likeness = explored.linearisation.likeness(a, b);
+            if likeness > ALIKE {
+                pairs.push((one.id.to_owned(), other.id.to_owned(), likeness));
+            }
+        }
+    }
+    pairs.sort_by(|a, b| b.2.total_cmp(&a.2));
+    pairs
+}
