@@ -38,7 +38,7 @@ fn catalogue() -> Vec<&'static EffectSpec> {
 
 fn unit() -> Unit {
     let mut unit = spread(&reference(), 3);
-    unit.effects.push(EffectSetting { id: "supply_loss".to_owned(), values: vec![1.2e9] });
+    unit.effects.push(EffectSetting { id: "supply_loss".to_owned(), values: vec![3.0e10] });
     unit
 }
 
@@ -155,7 +155,7 @@ fn the_best_test_stands_beside_the_report_as_a_bag_to_play() {
         "--process",
         "load_increase",
         "--effect",
-        "supply_loss=1.2e9",
+        "supply_loss=1.0e10",
         "--seed",
         "3",
         "--out",

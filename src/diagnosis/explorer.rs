@@ -156,7 +156,9 @@ impl<'a> Explorer<'a> {
         let promising = singles + (found.len() - singles).div_ceil(PURSUED);
         let mut rest = found.split_off(promising);
         // Slopes are nearly all of the memory.
-        rest.iter_mut().for_each(|one| one.model.lighten());
+        for one in &mut rest {
+            one.model.lighten();
+        }
         // An effect's own slopes bend most and are measured at each step.
         let count = self.nominal.knobs.len();
         let known: Vec<Vec<DMatrix<f64>>> = found

@@ -196,7 +196,7 @@ mod tests {
         fs::write(made.join("words"), words)?;
         let moves: Vec<_> = files.moves().chain([(made.clone(), bag.clone())]).collect();
         let outdated = folder.join("outdated");
-        journalled(folder, &moves, &[outdated.clone()], || {
+        journalled(folder, &moves, std::slice::from_ref(&outdated), || {
             if bag.exists() {
                 exchange(&made, &bag)?
             } else {

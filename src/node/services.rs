@@ -344,7 +344,7 @@ mod tests {
         assert!(set(&[item("effects.servo_leak.leakage_m3_s_pa", 0.0)], &desk, &mut aftermath).successful);
         assert!(desk.store.borrow().unit().effects.is_empty());
         desk.room_for_twins.set(false);
-        assert!(set(&[leak.clone()], &desk, &mut aftermath).reason.contains("try again"));
+        assert!(set(std::slice::from_ref(&leak), &desk, &mut aftermath).reason.contains("try again"));
         desk.fixed_unit = Some("a residual");
         assert_eq!(set(&[leak], &desk, &mut aftermath).reason, "a residual");
     }

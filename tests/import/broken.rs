@@ -135,11 +135,7 @@ fn twenty_broken_files_are_each_named_with_a_way_out() {
             assert!(said.contains(words), "{what}: expected `{words}`, said:\n{}", &said[..said.len().min(1500)]);
         }
     }
-    assert_eq!(
-        rows_of(&table(400), MAP).unwrap().1.warnings,
-        Vec::<String>::new(),
-        "a sound one passes without a word"
-    );
+    assert_eq!(rows_of(table(400), MAP).unwrap().1.warnings, Vec::<String>::new(), "a sound one passes without a word");
 }
 
 #[test]

@@ -34,6 +34,9 @@ fn rig() -> (Vec<f64>, Vec<f64>, f64) {
     (input, displacement, period_s)
 }
 
+/// Simulates a free run: input and measured displacement, of which only the start may be used, to displacement.
+type FreeRun<'a> = dyn Fn(&[f64], &[f64]) -> Vec<f64> + 'a;
+
 /// A half of the recording in free runs.
 struct Half<'a> {
     input: &'a [f64],
@@ -46,7 +49,7 @@ impl Half<'_> {
     }
 
     /// Root mean square of the errors of all free runs, mm.
-    fn rmse(&self, simulate: &dyn Fn(&[f64], &[f64]) -> Vec<f64>) -> f64 {
+    fn rmse(&self, simulate: &FreeRun<'_>) -> f64 {
         let (mut sum, mut count) = (0.0, 0.0);
         for (input, displacement) in self.runs() {
             for (said, measured) in simulate(input, displacement).iter().zip(displacement) {
@@ -54,7 +57,7 @@ impl Half<'_> {
                 count += 1.0;
             }
         }
-        (sum / count as f64).sqrt()
+        (sum / count).sqrt()
     }
 
     /// Coefficients of shapes of the input whose integrals explain the free runs best.
