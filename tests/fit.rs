@@ -52,7 +52,7 @@ fn a_simulation_without_numbers_is_the_worst_of_all() {
 
 #[test]
 fn planted_parameters_come_back_within_their_intervals() {
-    let planted = [("backlash", 0.003, 21), ("feedback_lag", 0.04, 22), ("chamber_leak", 6e-12, 23)];
+    let planted = [("backlash", 0.005, 21), ("feedback_lag", 0.04, 22), ("chamber_leak", 6e-12, 23)];
     let (mut inside, mut all) = (0, 0);
     for (effect, value, seed) in planted {
         let (truth, trials) = plant(effect, value, seed);

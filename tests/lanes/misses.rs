@@ -4,7 +4,7 @@ use govtwin::parameters::Unit;
 use govtwin::params;
 use govtwin::recording::Process;
 use govtwin::signal::Signal;
-use govtwin::tuning::bench::Bench;
+use govtwin::tuning::bench::{Bench, twin_of};
 use govtwin::tuning::noise;
 use govtwin::tuning::trial::Trial;
 use govtwin::twin::Twin;
@@ -37,7 +37,7 @@ fn misses_do_not_depend_on_who_else_is_simulated() {
             assert_eq!(bench.misses(unit, trial), *misses);
         }
     }
-    let twins: Vec<Twin> = units.iter().rev().map(Twin::new).collect();
+    let twins: Vec<Twin> = units.iter().rev().map(twin_of).collect();
     let mut reversed = bench.misses_of_twins(&twins);
     reversed.reverse();
     assert_eq!(reversed, all);
