@@ -1,6 +1,6 @@
 //! A data sheet from a name plate: what stands on the plate and in the manual, the rest by stated formulas with wide tolerances.
 //!
-//! [`Plate`] holds what is known, [`derive`] makes a whole [`Unit`](crate::parameters::Unit) of it and says of every value where it comes
+//! [`Plate`] holds what is known, [`derive()`] makes a whole [`Unit`](crate::parameters::Unit) of it and says of every value where it comes
 //! from. Laws of similarity tie what no plate says to what it does: flows, areas and volumes of a valve scale with the flow that it has to
 //! pass, forces with pressure times area. [`matter`] finds what it would help most to know.
 

@@ -29,7 +29,7 @@ const fn feature(name: &'static str, bayes: [f64; 2]) -> Feature {
 }
 
 /// Features of a fault set. Where the best set leaves more than a right model would, its equations or its noise are wrong in some way, and so are nats:
-/// what it leaves beyond that is spread over some [`FREEDOM`] numbers, by any of which a further effect may gain as much.
+/// what it leaves beyond that is spread over some thirty numbers, by any of which a further effect may gain as much.
 pub const OF_SETS: [Feature; 8] = [
     feature("nats of evidence lost against the best set", [0.0; 2]),
     feature("nats lost, over what the best set leaves beyond a right model", [-1.0; 2]),
