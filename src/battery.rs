@@ -32,6 +32,8 @@ const LENGTHS_TICKS: (i64, i64) = (40_000, 150_000);
 const ARCHIVE_TICKS: i64 = 100;
 /// Smallest and largest size of an effect over its typical one.
 const SIZES: (f64, f64) = (0.5, 2.5);
+/// Fewest and most readings of the servomotor of which a regulator takes the mean.
+const READINGS: (f64, f64) = (3.0, 12.0);
 /// Added to a seed for another course of the same plant.
 const ANOTHER_DAY: u64 = 0x5eed_0dd5;
 /// What a right twin may miss of a signal, in the order of [`Signal::ALL`]: transducers, and chatter of the spool.
@@ -194,6 +196,8 @@ fn bench(unit: &Unit, case: &Case) -> (Bench, Vec<Truth>) {
             effects.push(truth);
         }
     }
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between the bounds")]
+    let readings = Draw::new(case.seed, Question::Regulator, 0).log_between(READINGS.0, READINGS.1).round() as u32;
     #[expect(clippy::cast_possible_truncation, reason = "a period in ticks")]
     let row_ticks = (1000.0 / case.rate_hz).round().max(1.0) as i64;
     let bench = Bench {
@@ -201,6 +205,7 @@ fn bench(unit: &Unit, case: &Case) -> (Bench, Vec<Truth>) {
         sensors: unit.sensors,
         faults,
         odd: Oddities::draw(&parameters, &mut Draw::new(case.seed, Question::Oddities, 0)),
+        readings,
         row_ticks,
         rich: case.rich,
         ticks: if row_ticks < ARCHIVE_TICKS { LENGTHS_TICKS.0 } else { LENGTHS_TICKS.1 },

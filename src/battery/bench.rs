@@ -10,7 +10,7 @@ use crate::battery::rig::{Hand, Rig};
 use crate::frame::{EsvState, Inputs, Signals};
 use crate::generate::governor::Governor;
 use crate::generate::machine::Machine;
-use crate::generate::noise::{Dice, Purpose, READINGS, Transducer};
+use crate::generate::noise::{Dice, Purpose, Transducer};
 use crate::generate::script::Script;
 use crate::generate::streams::Streams;
 use crate::parameters::{Parameters, Sensor, Sensors};
@@ -40,6 +40,8 @@ pub struct Bench {
     pub faults: Faults,
     /// What is odd.
     pub odd: Oddities,
+    /// Readings of the servomotor of which the regulator takes the mean: the fewer, the more it chatters.
+    pub readings: u32,
     /// Ticks between two rows.
     pub row_ticks: i64,
     /// Whether the pilot signals are recorded.
@@ -226,9 +228,9 @@ impl Controller {
             #[expect(clippy::cast_possible_truncation, reason = "a period in ticks")]
             let period = (p.large_loop_period_s * 1e3 + extra).round().max(1.0) as i64;
             self.next_tick = tick + period;
-            let readings_pu = (0..READINGS).map(|_| self.servomotor.read(rig.servomotor_reading_pu()));
+            let readings_pu = (0..bench.readings).map(|_| self.servomotor.read(rig.servomotor_reading_pu()));
             let error_pu =
-                spanned(self.arrived_pu, faults.command_gain) - readings_pu.sum::<f64>() / f64::from(READINGS);
+                spanned(self.arrived_pu, faults.command_gain) - readings_pu.sum::<f64>() / f64::from(bench.readings);
             let jump_pu = if error_pu >= p.deadband_upper_pu {
                 p.compensation_positive_pu
             } else if error_pu <= p.deadband_lower_pu {

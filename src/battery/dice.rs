@@ -16,6 +16,8 @@ pub enum Question {
     Oddities,
     /// Clocks, dropouts, jitter of cycles.
     Time,
+    /// How the regulator reads its transducer.
+    Regulator,
 }
 
 /// A stream of draws.

@@ -39,7 +39,7 @@ enum Slot {
 }
 
 /// How kinds follow each other, so that a short battery has some of each.
-const PATTERN: [Slot; 20] = [
+const PATTERN: [Slot; 24] = [
     Slot::Single,
     Slot::Sound,
     Slot::Single,
@@ -48,16 +48,20 @@ const PATTERN: [Slot; 20] = [
     Slot::Single,
     Slot::Stranger,
     Slot::Single,
+    Slot::Sound,
     Slot::LeftOut,
     Slot::Pair,
-    Slot::Sound,
     Slot::Single,
     Slot::Triple,
+    Slot::Sound,
     Slot::Single,
     Slot::Single,
+    Slot::Stranger,
     Slot::Pair,
     Slot::LeftOut,
-    Slot::Stranger,
+    Slot::Single,
+    Slot::Sound,
+    Slot::LeftOut,
     Slot::Single,
     Slot::Single,
 ];
@@ -148,10 +152,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn twenty_units_have_their_shares_of_each_kind() {
-        let of = |kind: &str| plan(20, 9, Rates::Both).iter().filter(|case| case.kind.id() == kind).count();
+    fn a_round_of_units_has_their_shares_of_each_kind() {
+        let of = |kind: &str| plan(PATTERN.len(), 9, Rates::Both).iter().filter(|case| case.kind.id() == kind).count();
         let shares = ["sound", "single", "pair", "triple", "stranger", "left_out"].map(of);
-        assert_eq!(shares, [2, 9, 3, 1, 2, 3]);
+        assert_eq!(shares, [4, 10, 3, 1, 2, 4]);
     }
 
     #[test]
@@ -161,7 +165,7 @@ mod tests {
         assert_ne!(short, plan(12, 8, Rates::Both));
         for spec in of_the_chain() {
             let single = |case: &&Case| matches!(&case.kind, Kind::Single(id) if id == spec.id);
-            assert!(long.iter().filter(single).count() >= 3, "{}", spec.id);
+            assert!(long.iter().filter(single).count() >= 2, "{}", spec.id);
             assert!(long.iter().any(|case| matches!(&case.kind, Kind::LeftOut(id) if id == spec.id)), "{}", spec.id);
         }
         for stranger in STRANGERS {
