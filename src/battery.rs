@@ -196,8 +196,6 @@ fn bench(unit: &Unit, case: &Case) -> (Bench, Vec<Truth>) {
             effects.push(truth);
         }
     }
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between the bounds")]
-    let readings = Draw::new(case.seed, Question::Regulator, 0).log_between(READINGS.0, READINGS.1).round() as u32;
     #[expect(clippy::cast_possible_truncation, reason = "a period in ticks")]
     let row_ticks = (1000.0 / case.rate_hz).round().max(1.0) as i64;
     let bench = Bench {
@@ -205,13 +203,20 @@ fn bench(unit: &Unit, case: &Case) -> (Bench, Vec<Truth>) {
         sensors: unit.sensors,
         faults,
         odd: Oddities::draw(&parameters, &mut Draw::new(case.seed, Question::Oddities, 0)),
-        readings,
+        readings: readings(case.seed),
         row_ticks,
         rich: case.rich,
         ticks: if row_ticks < ARCHIVE_TICKS { LENGTHS_TICKS.0 } else { LENGTHS_TICKS.1 },
         seed: case.seed,
     };
     (bench, effects)
+}
+
+/// Of how many readings of the servomotor the regulator of a case takes the mean.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between the bounds")]
+#[must_use]
+pub fn readings(seed: u64) -> u32 {
+    Draw::new(seed, Question::Regulator, 0).log_between(READINGS.0, READINGS.1).round() as u32
 }
 
 /// Draws how much of an effect or a stranger there is.

@@ -2,6 +2,7 @@
 
 pub mod admission;
 pub mod bench;
+mod between;
 pub mod calibration;
 pub mod cooling;
 mod descent;
@@ -9,6 +10,7 @@ pub mod fit;
 pub mod flexible;
 pub mod knob;
 pub mod linear;
+pub mod loop_noise;
 pub mod noise;
 pub mod rest;
 pub mod sheetless;

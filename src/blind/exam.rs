@@ -5,6 +5,7 @@ use crate::diagnosis::own_noise;
 use crate::parameters::Unit;
 use crate::recording::Recording;
 use crate::tuning::bench::Bench;
+use crate::tuning::loop_noise::heard;
 use crate::tuning::noise::expected;
 use crate::tuning::trial::Trial;
 use crate::tuning::trips::placed;
@@ -20,9 +21,9 @@ pub fn closure(recordings: Vec<Recording>, refitted: &Unit, improved: &Unit) -> 
 #[must_use]
 pub fn laid_along(recordings: Vec<Recording>, refitted: &Unit) -> Bench {
     let noise = expected(&refitted.sensors);
-    let bench = Bench::new(recordings.into_iter().map(Trial::new).collect(), refitted, &noise);
+    let bench = heard(Bench::new(recordings.into_iter().map(Trial::new).collect(), refitted, &noise), refitted);
     match placed(&bench, refitted) {
-        Some(trials) => Bench::new(trials, refitted, &noise),
+        Some(trials) => bench.anew(trials, refitted),
         None => bench,
     }
 }

@@ -6,6 +6,7 @@ use crate::tuning::bench::Bench;
 use crate::tuning::cooling::cooled;
 use crate::tuning::fit::{Effort, fit};
 use crate::tuning::knob::{Knob, unit_at};
+use crate::tuning::loop_noise::heard;
 use crate::tuning::noise::Noise;
 use crate::tuning::trial::Trial;
 use crate::tuning::trips::placed;
@@ -46,7 +47,7 @@ pub fn nominal(trials: Vec<Trial>, unit: &Unit, turned: Turned, noise: &Noise) -
         .into_iter()
         .min_by(|a, b| a.cost().total_cmp(&b.cost()))
         .map_or_else(|| zeros.clone(), |fit| fit.positions);
-    let mut bench = first.laid_along(&unit_at(unit, &knobs, &start));
+    let mut bench = heard(first, &unit_at(unit, &knobs, &start));
     let mut fine = fit(&bench, unit, &knobs, &start, Effort::FULL, None);
     let mut settled = true;
     // The unit that explains the trips best and the trips that suit it best are found in turns.

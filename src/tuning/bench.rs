@@ -11,12 +11,13 @@ use crate::parameters::Unit;
 use crate::plant::lanes::Width;
 use crate::signal::Signal;
 use crate::solver::Method;
+use crate::tuning::loop_noise::USUAL_RATIO;
 use crate::tuning::noise::{Noise, Whitener, independent_share, whiteners};
 use crate::tuning::trial::{Traces, Trial};
 use crate::twin::{Cut, Twin};
 
 /// Cost per independent sample of sound generated units at 100 Hz.
-pub const GENEROUS: f64 = 0.64;
+pub const GENEROUS: f64 = 0.92;
 
 /// How units are simulated when they are compared with recordings: spool steps of 1 ms, of which the error, 5e-5 pu of the spool, is a tenth of
 /// its transducer's noise; half of the default's work there.
@@ -33,7 +34,10 @@ pub struct Bench {
     /// Filters, by trial and by signal.
     whiteners: Vec<Vec<Whitener>>,
     noise: Noise,
-    dither_pu: f64,
+    /// Noise of one reading of the regulator's transducer, pu.
+    reading_noise_pu: f64,
+    /// Noise inside the loop over that.
+    loop_noise_ratio: f64,
     simulations: Arc<AtomicUsize>,
 }
 
@@ -44,8 +48,14 @@ impl Bench {
     /// Prepares trials; the noise is laid out along a reference unit's simulation.
     #[must_use]
     pub fn new(trials: Vec<Trial>, reference: &Unit, noise: &Noise) -> Self {
-        let dither_pu = reference.sensors.servomotor_position_pu.noise;
-        let bench = Self { trials, whiteners: Vec::new(), noise: *noise, dither_pu, simulations: Arc::default() };
+        let bench = Self {
+            trials,
+            whiteners: Vec::new(),
+            noise: *noise,
+            reading_noise_pu: reference.sensors.servomotor_position_pu.noise,
+            loop_noise_ratio: USUAL_RATIO,
+            simulations: Arc::default(),
+        };
         bench.laid_along(reference)
     }
 
@@ -125,7 +135,8 @@ impl Bench {
             trials,
             whiteners,
             noise: self.noise,
-            dither_pu: self.dither_pu,
+            reading_noise_pu: self.reading_noise_pu,
+            loop_noise_ratio: self.loop_noise_ratio,
             simulations: Arc::clone(&self.simulations),
         }
     }
@@ -136,10 +147,28 @@ impl Bench {
         self.simulations.load(Ordering::Relaxed)
     }
 
-    /// Noise inside the loop over which the twin is a mean, pu: the transducer's, and what a slow recorder does not show of the command.
+    /// The same bench, its noise not laid out, with other noise to expect of the signals.
+    #[must_use]
+    pub fn with_noise(&self, noise: Noise) -> Self {
+        Self { noise, ..self.of(self.trials.clone(), Vec::new()) }
+    }
+
+    /// Noise inside the loop over that of one reading.
+    #[must_use]
+    pub fn loop_noise_ratio(&self) -> f64 {
+        self.loop_noise_ratio
+    }
+
+    /// The same bench, its noise not laid out, with so much noise inside the loop over that of one reading of the regulator's transducer.
+    #[must_use]
+    pub fn with_loop_noise(&self, ratio: f64) -> Self {
+        Self { loop_noise_ratio: ratio, ..self.of(self.trials.clone(), Vec::new()) }
+    }
+
+    /// Noise inside the loop over which the twin is a mean, pu: what the regulator hears of its transducer's, and what a slow recorder does not show of the command.
     #[must_use]
     pub fn dither_pu(&self, trial: usize) -> f64 {
-        self.dither_pu.hypot(self.trials[trial].command_jitter_pu)
+        (self.loop_noise_ratio * self.reading_noise_pu).hypot(self.trials[trial].command_jitter_pu)
     }
 
     /// Mean square that a right model would miss of a signal in a trial, in its unit squared; 0 where it was not measured.
@@ -258,6 +287,18 @@ impl Bench {
         let own = misses.iter().skip(place * data.samples.len());
         let measured = data.measured(signal).into_iter().zip(own).filter(|(measured, _)| measured.is_finite());
         measured.map(|(_, miss)| miss / root).collect()
+    }
+
+    /// One over the standard deviation that each innovation of a signal in a trial is divided by.
+    #[must_use]
+    pub fn scales(&self, trial: usize, signal: Signal) -> Vec<f64> {
+        self.trials[trial].place(signal).map_or_else(Vec::new, |place| self.whiteners[trial][place].scales())
+    }
+
+    /// Independent samples per sample of a trial.
+    #[must_use]
+    pub fn share(&self, trial: usize) -> f64 {
+        independent_share(self.trials[trial].period_s)
     }
 
     /// Misses of several units in all trials, in parallel, in order.

@@ -9,6 +9,7 @@ use crate::tuning::cooling::cooled;
 use crate::tuning::fit::{Effort, Fit, fit};
 use crate::tuning::knob::{Knob, unit_at};
 use crate::tuning::linear::normal;
+use crate::tuning::loop_noise::heard;
 use crate::tuning::noise::{Noise, independent_share};
 use crate::tuning::trial::Trial;
 
@@ -117,13 +118,13 @@ pub fn calibrate(
     // Chatter depends on the parameters: the noise is laid out along the best start. A signal that misses more than it
     // should then counts for less, so that neither fit nor intervals trust it beyond what it is worth.
     let unit = unit_at(base, &knobs, &positions);
-    let bench = Bench::new(first.trials, &unit, noise);
+    let bench = heard(first, &unit);
     let expected = fit(&bench, base, &knobs, &positions, ROUGH, None);
     let leftover = leftover(&bench, &expected.misses);
     step();
     let widened: Noise =
         std::array::from_fn(|signal| noise[signal].scaled(leftover[signal].map_or(1.0, |ratio| ratio.max(1.0))));
-    let bench = Bench::new(bench.trials, &unit, &widened);
+    let bench = bench.with_noise(widened).laid_along(&unit);
     let found = fit(&bench, base, &knobs, &expected.positions, Effort::FULL, None);
     let found = polish(&bench, base, &knobs, found);
     let slopes = Slopes::about(&bench, base, &knobs, &found, WIDE_STEP);

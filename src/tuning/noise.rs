@@ -251,6 +251,11 @@ impl Whitener {
         self.scale.iter().filter(|scale| **scale > 0.0).map(|scale| -2.0 * scale.ln() * self.share).sum()
     }
 
+    /// One over the standard deviation of each innovation, where there was a sample.
+    pub fn scales(&self) -> Vec<f64> {
+        self.scale.iter().copied().filter(|scale| *scale > 0.0).collect()
+    }
+
     /// By how much a simulated signal swings otherwise than the recorded one, where that swings of itself.
     pub fn swings<'a>(&'a self, simulated: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
         self.swings.misses(simulated).map(|miss| tamed(miss, LIMIT_CYCLE_SHARE))

@@ -6,6 +6,7 @@ use crate::frame::{Estimate, Frame};
 use crate::plant::lanes::Width;
 use crate::recording::{Process, Recording};
 use crate::signal::Signal;
+use crate::tuning::between::filled;
 use crate::tuning::rest::rests;
 use crate::twin::batch::{self, Row};
 use crate::twin::{Cut, Twin};
@@ -46,25 +47,31 @@ pub struct Trial {
 }
 
 impl Trial {
-    /// Prepares a recording; of a long rest it keeps beginning and end.
+    /// Prepares a recording: between slow samples its inputs run straight, and of a long rest it keeps beginning and end.
     #[must_use]
     pub fn new(mut recording: Recording) -> Self {
+        let period_s = period_s(&recording.frames);
+        if period_s > SLOW_S {
+            recording.frames = filled(&recording.frames, is_sample, period_s);
+        }
         let rests = rests(&recording.frames);
         let seams = leave_out(&mut recording.frames, &rests);
         Self::with_seams(recording, seams)
     }
 
+    /// Lays in a row at which nothing was measured, before the row at a place.
+    pub fn lay_in(&mut self, place: usize, frame: Frame) {
+        self.frames.insert(place, frame);
+        self.samples.iter_mut().filter(|row| **row >= place).for_each(|row| *row += 1);
+        self.seams.iter_mut().filter(|(behind, _)| *behind >= place).for_each(|(behind, _)| *behind += 1);
+    }
+
     /// Prepares what is left of a recording.
     fn with_seams(recording: Recording, seams: Vec<(usize, i64)>) -> Self {
         let Recording { name, process, frames } = recording;
-        let samples: Vec<usize> = (0..frames.len())
-            .filter(|&row| Signal::ALL.iter().any(|signal| signal.of(&frames[row].measured).is_finite()))
-            .collect();
+        let samples: Vec<usize> = (0..frames.len()).filter(|&row| is_sample(&frames[row])).collect();
         let has = Signal::ALL.map(|signal| samples.iter().any(|&row| signal.of(&frames[row].measured).is_finite()));
-        let mut periods_ns: Vec<i64> =
-            samples.windows(2).map(|pair| frames[pair[1]].time_ns - frames[pair[0]].time_ns).collect();
-        periods_ns.sort_unstable();
-        let period_s = periods_ns.get(periods_ns.len() / 2).map_or(0.0, |&period_ns| seconds_from_nanos(period_ns));
+        let period_s = period_s(&frames);
         let command = |row: usize| frames[row].inputs.opening_command_pu;
         let mut command_doubt_pu = vec![0.0; samples.len()];
         let mut bends = Vec::with_capacity(samples.len());
@@ -113,6 +120,12 @@ impl Trial {
     #[must_use]
     pub fn is_slow(&self) -> bool {
         self.period_s > SLOW_S
+    }
+
+    /// Whether its recorded spool drives all that is judged.
+    #[must_use]
+    pub fn is_driven(&self) -> bool {
+        self.cut == Cut::Spool
     }
 
     /// The signals that were measured.
@@ -217,6 +230,19 @@ impl Trial {
         let alike = twins.windows(2).all(|two| two[0].plant().lookahead_s == two[1].plant().lookahead_s);
         twins[..if alike { 1 } else { twins.len() }].iter().map(|twin| self.rows(twin)).collect()
     }
+}
+
+/// Whether anything was measured at a row.
+fn is_sample(frame: &Frame) -> bool {
+    Signal::ALL.iter().any(|signal| signal.of(&frame.measured).is_finite())
+}
+
+/// Median time between the rows at which something was measured, s; 0 where there are fewer than two.
+fn period_s(frames: &[Frame]) -> f64 {
+    let times_ns: Vec<i64> = frames.iter().filter(|frame| is_sample(frame)).map(|frame| frame.time_ns).collect();
+    let mut periods_ns: Vec<i64> = times_ns.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    periods_ns.sort_unstable();
+    periods_ns.get(periods_ns.len() / 2).map_or(0.0, |&period_ns| seconds_from_nanos(period_ns))
 }
 
 /// Goes through twins as many at a time as there are lanes, and one by one where they do not fit side by side.

@@ -1,0 +1,93 @@
+//! Noise inside the loop: how much of its transducer's noise a regulator hears, learned from how the spool chatters.
+//!
+//! A regulator that decides on the mean of n readings hears 1/√n of a reading's noise, and no sheet tells n. Too much noise assumed hides small
+//! faults, too little makes every unit strange. The likelihood of the spool's misses has its maximum at the right amount where the twin is right;
+//! where it is not, misses of a fault must not pass for noise. So each stretch of a recording is either as the noise says or spoiled by some larger
+//! factor (a scale mixture of normals; Box & Tiao 1968, *Biometrika* 55(1), 119–129), and only stretches that are not spoiled tell the noise.
+
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
+
+use crate::parameters::Unit;
+use crate::signal::Signal;
+use crate::tuning::bench::Bench;
+
+/// Noise inside the loop over that of one reading, as it is most often: the mean of six readings.
+pub const USUAL_RATIO: f64 = 0.41;
+
+/// Standard deviation of the ratio's logarithm from unit to unit: means of two to twenty readings are usual.
+const SPREAD: f64 = 0.4;
+
+/// Ratios that are tried.
+const TRIED: [f64; 7] = [0.2, 0.27, 0.37, 0.5, 0.68, 0.93, 1.26];
+
+/// Length of a stretch, s and samples at least.
+const STRETCH: (f64, usize) = (1.0, 25);
+
+/// Probabilities that a stretch's squared misses are so many times what noise makes them.
+const SPOILED: [(f64, f64); 5] = [(0.6, 1.0), (0.1, 4.0), (0.1, 16.0), (0.1, 64.0), (0.1, 256.0)];
+
+/// The bench with the noise inside the loop that a unit's spool most probably has, laid out along that unit; as it is where no spool was measured.
+#[must_use]
+pub fn heard(bench: Bench, unit: &Unit) -> Bench {
+    if bench.trials.iter().all(|trial| trial.place(Signal::SpoolPosition).is_none() || trial.is_driven()) {
+        return bench;
+    }
+    let scored = TRIED.into_par_iter().map(|ratio| {
+        let tried = bench.with_loop_noise(ratio).laid_along(unit);
+        (log_posterior(&tried, unit, ratio), tried)
+    });
+    scored.max_by(|a, b| a.0.total_cmp(&b.0)).map_or(bench, |(_, best)| best)
+}
+
+/// Logarithm of the probability of a ratio, but for a constant.
+fn log_posterior(bench: &Bench, unit: &Unit, ratio: f64) -> f64 {
+    let misses = bench.misses_of(std::slice::from_ref(unit)).pop().unwrap_or_default();
+    let of_trial = |(trial, misses)| {
+        let innovations = bench.innovations(trial, Signal::SpoolPosition, misses);
+        let scales = bench.scales(trial, Signal::SpoolPosition);
+        let samples = bench.trials[trial].samples_in(STRETCH.0).max(STRETCH.1);
+        let stretches = innovations.chunks(samples).zip(scales.chunks(samples));
+        stretches.map(|(innovations, scales)| log_likelihood(innovations, scales, bench.share(trial))).sum::<f64>()
+    };
+    misses.iter().enumerate().map(of_trial).sum::<f64>() - 0.5 * ((ratio / USUAL_RATIO).ln() / SPREAD).powi(2)
+}
+
+/// Logarithm of the likelihood of a stretch, of whose samples a share is independent.
+fn log_likelihood(innovations: &[f64], scales: &[f64], share: f64) -> f64 {
+    let square: f64 = innovations.iter().map(|one| one * one).sum();
+    let width: f64 = scales.iter().map(|scale| -2.0 * scale.ln()).sum();
+    let count = innovations.len() as f64;
+    let parts = SPOILED
+        .map(|(probability, factor)| probability.ln() - 0.5 * share * (square / factor + width + count * factor.ln()));
+    let most = parts.into_iter().fold(f64::NEG_INFINITY, f64::max);
+    most + parts.into_iter().map(|part| (part - most).exp()).sum::<f64>().ln()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::battery::{self, Case, Kind};
+    use crate::params;
+    use crate::tuning::noise::expected;
+    use crate::tuning::trial::Trial;
+
+    /// Sound plants with other equations than the twin's, that differ in the mean their regulators take, each at its true parameters' sheet.
+    #[test]
+    fn the_ratio_follows_the_readings_of_which_the_regulator_takes_the_mean() {
+        let unit = params::reference();
+        let ratio_of = |seed: u64| {
+            let kind = Kind::Sound;
+            let case = Case { name: "sound".into(), kind, rate_hz: 100.0, rich: false, seed };
+            let trials = battery::make(&unit, &case).recordings().into_iter().map(Trial::new).collect();
+            let bench = Bench::new(trials, &unit, &expected(&unit.sensors));
+            heard(bench, &unit).loop_noise_ratio()
+        };
+        let told = |seed: u64| battery::readings(seed);
+        let mut seeds: Vec<u64> = (0..24).collect();
+        seeds.sort_by_key(|seed| told(*seed));
+        let (fewest, most) = (seeds[0], seeds[seeds.len() - 1]);
+        assert!(told(fewest) <= 4 && told(most) >= 10, "{} {}", told(fewest), told(most));
+        let (loud, quiet) = (ratio_of(fewest), ratio_of(most));
+        assert!(loud > 1.3 * quiet && (0.3..0.9).contains(&loud) && quiet < 0.45, "{loud} {quiet}");
+    }
+}
