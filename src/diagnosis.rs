@@ -49,6 +49,7 @@ use crate::diagnosis::table::Table;
 use crate::effects::{CATALOGUE, EffectSpec};
 use crate::parameters::Unit;
 use crate::recording::Recording;
+use crate::tuning::loop_noise::quieter;
 
 /// What to try.
 #[derive(Clone, Debug)]
@@ -100,9 +101,15 @@ pub fn diagnose(
     let stage_only = !ready.whole.is_empty();
     progress("refitting the sheet's parameters within their tolerances", 0.02);
     let settings = &Settings { catalogue: ready.catalogue.clone(), ..settings.clone() };
-    let (bench, refitted, sheet) =
+    let (mut bench, refitted, sheet) =
         search::nominal(ready.trials.clone(), &ready.unit, ready.turned.clone(), &ready.noise);
     let mut explored: Explored = explore(&bench, &refitted, &sheet, &settings.catalogue, progress);
+    if let Some(quieter) = quieter(&bench, &explored.leader().unit()) {
+        progress("starting again with the noise that the likeliest set leaves", 0.2);
+        let (renewed, refitted, sheet) = search::renewed(&quieter, &refitted);
+        explored = explore(&renewed, &refitted, &sheet, &settings.catalogue, progress);
+        bench = renewed;
+    }
     progress("tabulating the evidence", 0.85);
     let table = Table::new(&bench, &explored, &settings.catalogue);
     // Weights are learned on whole chains; of a stage alone nothing is learned, and evidence counts as it is.

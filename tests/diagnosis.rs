@@ -98,8 +98,8 @@ fn what_is_claimed_has_the_named_effects_and_no_others() {
     let mut sizes: Vec<(&str, f64)> = claimed.effects.iter().map(|one| (one.id.as_str(), one.values[0])).collect();
     sizes.sort_by(|a, b| b.0.cmp(a.0));
     assert!(sizes.len() == 2 && sizes[0].0 == "lvdt_bias" && sizes[1].0 == "feedback_lag", "{sizes:?}");
-    // The lag takes up some of the play that is not claimed.
-    assert!((sizes[0].1 / 0.03 - 1.0).abs() < 0.2 && (sizes[1].1 / 0.05 - 1.0).abs() < 0.7, "{sizes:?}");
+    // Both take up some of the play that is not claimed.
+    assert!((sizes[0].1 / 0.03 - 1.0).abs() < 0.25 && (sizes[1].1 / 0.05 - 1.0).abs() < 0.7, "{sizes:?}");
     assert_eq!(found.with(&["feedback_lag"]).unwrap().ids(), ["feedback_lag"]);
     // What was fitted with care is not fitted again.
     let before = bench.simulations();
@@ -137,7 +137,11 @@ fn a_neighbour_of_what_the_catalogue_lacks_is_not_named() {
     let said = judged(Some(("servo_leak", 1.5 * leak.typical)));
     assert_eq!(said.verdict, Verdict::Unknown);
     assert!(said.blamed.is_empty() && said.fitted.effects.is_empty());
-    assert!(said.notes.iter().any(|note| note.starts_with("Nearest in the catalogue: lvdt_bias")), "{:?}", said.notes);
+    assert!(
+        said.notes.iter().any(|note| note.starts_with("Nearest in the catalogue: ") && note.contains("lvdt_bias")),
+        "{:?}",
+        said.notes
+    );
     assert!(said.ranking[0].id == "unknown" && said.ranking[1].id == "lvdt_bias", "{:?}", said.ranking);
 }
 

@@ -64,3 +64,14 @@ pub fn nominal(trials: Vec<Trial>, unit: &Unit, turned: Turned, noise: &Noise) -
     let refitted = Model::new(Vec::new(), unit.clone(), knobs, fine);
     (bench, refitted, sheet)
 }
+
+/// The same on a bench whose noise was learned anew, from where the refitted model stands.
+#[must_use]
+pub fn renewed(bench: &Bench, refitted: &Model) -> (Bench, Model, Model) {
+    let bench = bench.laid_along(&refitted.unit());
+    let Model { base, knobs, .. } = refitted;
+    let fine = fit(&bench, base, knobs, &refitted.fit.positions, Effort::FULL, None);
+    let sheet = Model::sheet(&bench, base, knobs);
+    let refitted = Model::new(Vec::new(), base.clone(), knobs.clone(), fine);
+    (bench, refitted, sheet)
+}

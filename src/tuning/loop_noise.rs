@@ -17,11 +17,14 @@ pub const USUAL_RATIO: f64 = 0.41;
 /// Standard deviation of the ratio's logarithm from unit to unit: means of two to twenty readings are usual.
 const SPREAD: f64 = 0.4;
 
-/// Ratios that are tried.
-const TRIED: [f64; 7] = [0.2, 0.27, 0.37, 0.5, 0.68, 0.93, 1.26];
+/// Ratios that are tried, up to a regulator that decides on single readings.
+const TRIED: [f64; 7] = [0.2, 0.26, 0.34, 0.45, 0.59, 0.77, 1.0];
 
 /// Length of a stretch, s and samples at least.
 const STRETCH: (f64, usize) = (1.0, 25);
+
+/// A ratio so many times as small is worth another exploration.
+const FAR: f64 = 1.6;
 
 /// Probabilities that a stretch's squared misses are so many times what noise makes them.
 const SPOILED: [(f64, f64); 5] = [(0.6, 1.0), (0.1, 4.0), (0.1, 16.0), (0.1, 64.0), (0.1, 256.0)];
@@ -29,14 +32,24 @@ const SPOILED: [(f64, f64); 5] = [(0.6, 1.0), (0.1, 4.0), (0.1, 16.0), (0.1, 64.
 /// The bench with the noise inside the loop that a unit's spool most probably has, laid out along that unit; as it is where no spool was measured.
 #[must_use]
 pub fn heard(bench: Bench, unit: &Unit) -> Bench {
+    likeliest(&bench, unit).unwrap_or(bench)
+}
+
+/// The same where a model with effects hears far less than the bench assumes, so that misses of these effects had passed for noise; else none.
+#[must_use]
+pub fn quieter(bench: &Bench, unit: &Unit) -> Option<Bench> {
+    likeliest(bench, unit).filter(|quieter| quieter.loop_noise_ratio() < bench.loop_noise_ratio() / FAR)
+}
+
+fn likeliest(bench: &Bench, unit: &Unit) -> Option<Bench> {
     if bench.trials.iter().all(|trial| trial.place(Signal::SpoolPosition).is_none() || trial.is_driven()) {
-        return bench;
+        return None;
     }
     let scored = TRIED.into_par_iter().map(|ratio| {
         let tried = bench.with_loop_noise(ratio).laid_along(unit);
         (log_posterior(&tried, unit, ratio), tried)
     });
-    scored.max_by(|a, b| a.0.total_cmp(&b.0)).map_or(bench, |(_, best)| best)
+    scored.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, likeliest)| likeliest)
 }
 
 /// Logarithm of the probability of a ratio, but for a constant.
