@@ -9,7 +9,6 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 
 use crate::diagnosis::model::Model;
-use crate::diagnosis::outcome::Curve;
 use crate::effects::{self, Stage};
 use crate::parameters::Unit;
 use crate::plant::Plant;
@@ -178,6 +177,18 @@ fn changes(moved: &[Misses], at: &Misses, trial: usize, step: f64) -> DMatrix<f6
         marks.set_column(k, &((&moved[trial] - &at[trial]) / step));
     }
     marks
+}
+
+/// A recovered shape.
+#[derive(Clone, Debug)]
+pub struct Curve {
+    /// What it is drawn against, with the unit.
+    pub against: &'static str,
+    /// Points of the free term.
+    pub points: Vec<(f64, f64)>,
+    /// The same for the improved twin in the unit's stead: the free term that would stand for the named effects. Of the leading place only, and
+    /// none where nothing is named.
+    pub named: Vec<(f64, f64)>,
 }
 
 /// The shape of a place's term against position, speed, spool and time, from the sizes of all columns in moderate terms.

@@ -11,7 +11,7 @@ use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 use crate::diagnosis::discrepancy::Columns;
 use crate::diagnosis::model::Model;
-use crate::diagnosis::support::{Variant, with_effect};
+use crate::diagnosis::support::Variant;
 use crate::effects::EffectSpec;
 use crate::tuning::bench::Bench;
 use crate::tuning::knob::unit_at;
@@ -90,7 +90,7 @@ impl Linearisation {
         let mut units = Vec::new();
         for (effect, spec) in catalogue.iter().enumerate().filter(|(_, spec)| !model.has(spec.id)) {
             for variant in variants(spec) {
-                if let Some((base, knobs, positions)) = with_effect(model, spec, variant) {
+                if let Some((base, knobs, positions)) = model.with_effect(spec, variant) {
                     atoms.push(Atom::Sized { effect, variant });
                     units.push(unit_at(&base, &knobs, &positions));
                 }

@@ -2,13 +2,13 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::diagnosis::support::Placed;
+use crate::diagnosis::support::{Placed, Variant, add};
 use crate::effects::EffectSpec;
 use crate::parameters::Unit;
 use crate::tuning::bench::{Bench, square};
-use crate::tuning::fit::{Effort, Fit, Start, pictured, prior_square};
+use crate::tuning::fit::{Effort, Fit, Start, pictured};
 use crate::tuning::knob::{Knob, unit_at};
-use crate::tuning::linear::normal;
+use crate::tuning::linear::{normal, prior_square};
 
 /// A model with all its knobs fitted: the sheet's tolerances, then the parameters of its effects.
 #[derive(Clone, Debug)]
@@ -144,6 +144,13 @@ impl Model {
     #[must_use]
     pub fn placed(&self) -> Placed {
         (self.base.clone(), self.knobs.clone(), self.fit.positions.clone())
+    }
+
+    /// The same with one more effect; none where the size is out of its range.
+    #[must_use]
+    pub fn with_effect(&self, spec: &'static EffectSpec, variant: Variant) -> Option<Placed> {
+        let mut placed = self.placed();
+        add(&mut placed, spec, variant).then_some(placed)
     }
 
     /// What a fit from here on begins with.

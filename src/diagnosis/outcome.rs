@@ -1,6 +1,7 @@
 //! What a diagnosis says: the verdict and the evidence for it.
 
 use crate::diagnosis::consistency::Consistency;
+use crate::diagnosis::discrepancy::Curve;
 use crate::diagnosis::script::Script;
 use crate::diagnosis::table::Table;
 use crate::effects::Stage;
@@ -253,18 +254,6 @@ pub struct Latent {
     pub explains: f64,
     /// Its shape against what it depends on.
     pub curves: Vec<Curve>,
-}
-
-/// A recovered shape.
-#[derive(Clone, Debug)]
-pub struct Curve {
-    /// What it is drawn against, with the unit.
-    pub against: &'static str,
-    /// Points of the free term.
-    pub points: Vec<(f64, f64)>,
-    /// The same for the improved twin in the unit's stead: the free term that would stand for the named effects. Of the leading place only, and
-    /// none where nothing is named.
-    pub named: Vec<(f64, f64)>,
 }
 
 /// An effect tried alone on top of the refitted twin.

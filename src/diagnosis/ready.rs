@@ -2,7 +2,7 @@
 
 use crate::diagnosis::model::Model;
 use crate::diagnosis::search::Turned;
-use crate::diagnosis::support::{Variant, with_effect};
+use crate::diagnosis::support::Variant;
 use crate::diagnosis::{DiagnosisError, Settings};
 use crate::effects::{EffectSpec, STAGE_ALONE};
 use crate::parameters::Unit;
@@ -213,7 +213,7 @@ fn acting(trials: &[Trial], unit: &Unit, settings: &Settings, noise: &Noise) -> 
     let fit = Fit { positions: Vec::new(), square: square(&misses), prior: 0.0, misses, slopes: Vec::new() };
     let model = Model::new(Vec::new(), unit.clone(), Vec::new(), fit);
     let acts = |spec: &&'static EffectSpec| {
-        let Some((base, knobs, positions)) = with_effect(&model, spec, Variant { size: 1.0, further: 1.0 }) else {
+        let Some((base, knobs, positions)) = model.with_effect(spec, Variant { size: 1.0, further: 1.0 }) else {
             return true;
         };
         bench.misses_of(&[unit_at(&base, &knobs, &positions)]).pop().is_some_and(|misses| misses != model.fit.misses)

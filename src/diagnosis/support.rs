@@ -1,6 +1,5 @@
 //! Fault sets: which effects are present at once, and the unit that has them.
 
-use crate::diagnosis::model::Model;
 use crate::effects::EffectSpec;
 use crate::parameters::{EffectSetting, Unit};
 use crate::tuning::knob::Knob;
@@ -34,11 +33,4 @@ pub fn add(placed: &mut Placed, spec: &'static EffectSpec, variant: Variant) -> 
         knobs.push(knob);
     }
     fits
-}
-
-/// The model with one more effect; none where the size is out of its range.
-#[must_use]
-pub fn with_effect(from: &Model, spec: &'static EffectSpec, variant: Variant) -> Option<Placed> {
-    let mut placed = (from.base.clone(), from.knobs.clone(), from.fit.positions.clone());
-    add(&mut placed, spec, variant).then_some(placed)
 }

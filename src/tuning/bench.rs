@@ -11,13 +11,15 @@ use crate::parameters::Unit;
 use crate::plant::lanes::Width;
 use crate::signal::Signal;
 use crate::solver::Method;
-use crate::tuning::loop_noise::USUAL_RATIO;
 use crate::tuning::noise::{Noise, Whitener, independent_share, whiteners};
 use crate::tuning::trial::{Traces, Trial};
 use crate::twin::{Cut, Twin};
 
 /// Cost per independent sample of sound generated units at 100 Hz.
 pub const GENEROUS: f64 = 0.92;
+
+/// Noise inside the loop over that of one reading, as it is most often: the mean of six readings.
+pub const USUAL_LOOP_NOISE: f64 = 0.41;
 
 /// How units are simulated when they are compared with recordings: spool steps of 1 ms, of which the error, 5e-5 pu of the spool, is a tenth of
 /// its transducer's noise; half of the default's work there.
@@ -53,7 +55,7 @@ impl Bench {
             whiteners: Vec::new(),
             noise: *noise,
             reading_noise_pu: reference.sensors.servomotor_position_pu.noise,
-            loop_noise_ratio: USUAL_RATIO,
+            loop_noise_ratio: USUAL_LOOP_NOISE,
             simulations: Arc::default(),
         };
         bench.laid_along(reference)

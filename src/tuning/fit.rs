@@ -7,7 +7,7 @@ use crate::parameters::Unit;
 use crate::tuning::bench::{Bench, Misses, square};
 use crate::tuning::descent::{correct, step};
 use crate::tuning::knob::{Knob, unit_at};
-use crate::tuning::linear::normal;
+use crate::tuning::linear::{normal, prior_square};
 
 /// Step of a forward difference, in units of a knob.
 pub const DIFFERENCE: f64 = 0.05;
@@ -90,13 +90,6 @@ pub fn pictured(bench: &Bench, base: &Unit, knobs: &[Knob], positions: &[f64]) -
     let at = moved.pop().unwrap_or_default();
     let slopes = secants(&moved, &steps, &at);
     (at, slopes)
-}
-
-/// Sum of squares of the distances from what is likeliest beforehand, in standard deviations.
-#[must_use]
-pub fn prior_square(knobs: &[Knob], positions: &[f64]) -> f64 {
-    let distance = |(knob, position): (&Knob, &f64)| Some(position - knob.prior_centre()?);
-    knobs.iter().zip(positions).filter_map(distance).map(|distance| distance * distance).sum()
 }
 
 /// Dampings tried side by side, as multiples of the current one.

@@ -3,8 +3,14 @@
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use crate::tuning::bench::{Misses, square};
-use crate::tuning::fit::prior_square;
 use crate::tuning::knob::Knob;
+
+/// Sum of squares of the distances from what is likeliest beforehand, in standard deviations.
+#[must_use]
+pub fn prior_square(knobs: &[Knob], positions: &[f64]) -> f64 {
+    let distance = |(knob, position): (&Knob, &f64)| Some(position - knob.prior_centre()?);
+    knobs.iter().zip(positions).filter_map(distance).map(|distance| distance * distance).sum()
+}
 
 /// A parameter of whose mark less than this share is its own is taken for a mixture of others.
 const ALIKE: f64 = 1e-4;

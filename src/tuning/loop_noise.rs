@@ -9,10 +9,7 @@ use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 use crate::parameters::Unit;
 use crate::signal::Signal;
-use crate::tuning::bench::Bench;
-
-/// Noise inside the loop over that of one reading, as it is most often: the mean of six readings.
-pub const USUAL_RATIO: f64 = 0.41;
+use crate::tuning::bench::{Bench, USUAL_LOOP_NOISE};
 
 /// Standard deviation of the ratio's logarithm from unit to unit: means of two to twenty readings are usual.
 const SPREAD: f64 = 0.4;
@@ -62,7 +59,7 @@ fn log_posterior(bench: &Bench, unit: &Unit, ratio: f64) -> f64 {
         let stretches = innovations.chunks(samples).zip(scales.chunks(samples));
         stretches.map(|(innovations, scales)| log_likelihood(innovations, scales, bench.share(trial))).sum::<f64>()
     };
-    misses.iter().enumerate().map(of_trial).sum::<f64>() - 0.5 * ((ratio / USUAL_RATIO).ln() / SPREAD).powi(2)
+    misses.iter().enumerate().map(of_trial).sum::<f64>() - 0.5 * ((ratio / USUAL_LOOP_NOISE).ln() / SPREAD).powi(2)
 }
 
 /// Logarithm of the likelihood of a stretch, of whose samples a share is independent.

@@ -1,9 +1,10 @@
 //! A made-up diagnosis on paper, with names that would break a careless page.
 
 use super::{page, summary};
+use crate::diagnosis::discrepancy::Curve;
 use crate::diagnosis::outcome::{
-    Blame, Channel, Curve, Diagnosis, Experiment, Fitted, Interval, Latent, Ledger, Part, Ranked, SignalGap, StageTest,
-    Trace, Tried, Verdict, Visible,
+    Blame, Channel, Diagnosis, Experiment, Fitted, Interval, Latent, Ledger, Part, Ranked, SignalGap, StageTest, Trace,
+    Tried, Verdict, Visible,
 };
 use crate::diagnosis::table::Table;
 use crate::effects::Stage;
