@@ -58,6 +58,7 @@ mod streams;
 mod survey;
 mod tally;
 mod topic;
+mod topic_survey;
 mod unfinished;
 mod writer;
 
@@ -73,8 +74,9 @@ pub use look::{NeedsAll, Overview, Rows, RowsOfMessages, look, read_rows};
 pub use memory::InMemory;
 pub use merge::{Messages, messages};
 pub use read::read;
-pub use survey::{FieldSurvey, PaceSurvey, Spread, Survey, TopicSurvey, survey};
+pub use survey::{Survey, survey};
 pub use topic::{Qos, RawMessage, TopicInfo};
+pub use topic_survey::{FieldSurvey, PaceSurvey, Spread, TopicSurvey};
 pub use writer::{Sealed, Topic, Writer, WriterOptions};
 
 /// Name of the metadata record in which the program says what it wrote.

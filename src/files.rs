@@ -10,6 +10,7 @@ mod claim;
 pub(crate) mod fault;
 mod input;
 mod journal;
+mod regular;
 mod rename;
 mod temporary;
 mod together;
@@ -19,8 +20,9 @@ use std::path::Path;
 
 pub use bounds::check_yaml;
 pub use claim::{Claim, ClaimError};
-pub use input::{check_regular, read_bytes, read_text};
+pub use input::{read_bytes, read_text};
 pub use journal::{journalled, settle};
+pub use regular::check_regular;
 pub use rename::{exchange, move_new};
 pub use temporary::{hold, is_held, remove_stale, temporary_folder};
 pub use together::Together;

@@ -2,6 +2,7 @@
 
 pub mod batch;
 mod hold;
+mod now;
 mod readings;
 mod tick;
 
@@ -19,8 +20,9 @@ use crate::state::State;
 use crate::units::nanos_from_seconds;
 
 use hold::Hold;
+use now::{Acting, Demand, Now, esv_opening_pu};
 use readings::positions_pu;
-use tick::{Acting, Chain, Demand, Now, Read, Seen, Setting, esv_opening_pu, large_loop, tick};
+use tick::{Chain, Read, Seen, Setting, large_loop, tick};
 
 /// Where recorded signals stand in for simulated ones, so that one stage is judged by its own input.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -4,7 +4,8 @@ use std::io::{self, Read};
 
 use mcap::records::op;
 
-use super::record_file::HEAD_LEN;
+/// A record's head: opcode and length.
+pub(super) const HEAD_LEN: usize = 9;
 
 /// The most that a chunk may hold, bytes; rosbag2 makes chunks of less than 1 MB.
 const CHUNK_LIMIT: u64 = 1 << 28;

@@ -1,7 +1,7 @@
 //! Where an input begins after the recording, or ends before it: rows that are left out, and a last value that holds.
 
 use super::align::{Streams, stamps};
-use super::survey::PaceSurvey;
+use super::topic_survey::PaceSurvey;
 use super::{Stream, StreamHealth, Warning};
 use crate::units::seconds_from_nanos;
 

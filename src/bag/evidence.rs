@@ -2,11 +2,25 @@
 
 use super::channel::{Behaviour, Channel};
 use super::clock::Clock;
-use super::qualification::{COMMAND, ESV, MEASURED, PRESSURE};
 use super::topic::RawView;
 use super::{Qos, Stream};
 use crate::frame::{EsvState, Frame};
 use crate::signal::Signal;
+
+/// Opening command: a governor computes it, so that nothing bounds its speed; 2 % of the stroke is more than any dither.
+pub(super) const COMMAND: Behaviour = Behaviour { worth: 0.02, fastest_per_s: 0.0 };
+/// Tank pressure: oil and gas of an accumulator do not rise and fall by more than 0.2 MPa each second.
+pub(super) const PRESSURE: Behaviour = Behaviour { worth: 1e5, fastest_per_s: 2e5 };
+/// ESV: two states, of which each may follow the other.
+pub(super) const ESV: Behaviour = Behaviour { worth: f64::INFINITY, fastest_per_s: f64::INFINITY };
+/// The measured signals in the order of [`Signal::ALL`](crate::signal::Signal::ALL). No servomotor runs its stroke in less than 0.5 s, no
+/// spool in less than 50 ms, no pilot valve in less than 5 ms; of the control pressure nothing is known, for oil hammers.
+pub(super) const MEASURED: [Behaviour; 4] = [
+    Behaviour { worth: 0.02, fastest_per_s: 2.0 },
+    Behaviour { worth: 0.02, fastest_per_s: 20.0 },
+    Behaviour { worth: 0.05, fastest_per_s: 200.0 },
+    Behaviour { worth: f64::INFINITY, fastest_per_s: f64::INFINITY },
+];
 
 /// Names of frames that are told from each other.
 const MOST_FRAMES: usize = 4;

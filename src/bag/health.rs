@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::Finding;
-use super::survey::PaceSurvey;
+use super::topic_survey::PaceSurvey;
 use crate::units::seconds_from_nanos;
 
 /// Everything worth knowing about a bag besides its values.

@@ -7,9 +7,10 @@ use std::path::{Path, PathBuf};
 use mcap::records::op;
 
 use super::channels::Channels;
+use super::chunk::HEAD_LEN;
 use super::chunk::{self, Records};
 use super::record::{Record, parse};
-use super::record_file::{HEAD_LEN, RecordFile, Step, Tail};
+use super::record_file::{RecordFile, Step, Tail};
 use super::segment::Segment;
 use super::topic::OnMessage;
 use super::{BagError, Damage, FileHealth, GOVTWIN, SIMULATOR, TWIN};

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use super::distribution::Distribution;
-use super::survey::PaceSurvey;
+use super::topic_survey::PaceSurvey;
 use crate::units::seconds_from_nanos;
 
 /// An interval longer than this many medians is a gap.

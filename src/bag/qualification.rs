@@ -9,7 +9,6 @@
 //! | warning | several senders, stamps ahead, clocks that drift apart, lost messages, outliers, frozen and saturated signals, nothing measured, commands beyond the stroke, and everything in [`Warning`](super::Warning) |
 //! | note | drift that all streams share, recordings that were played, signals that are absent or constant, small overshoot of a command, files without checksum or count |
 
-use super::channel::Behaviour;
 use super::evidence::{RowEvidence, Still, StreamEvidence};
 use super::findings::{self, Found};
 use super::{FileHealth, Finding, Kind, Severity, Stream};
@@ -68,21 +67,6 @@ pub(super) fn check_tank_pressure(pressure_pa: f64) -> Result<f64, String> {
     }
     PRESSURE_LIMITS.check(pressure_pa)
 }
-
-/// Opening command: a governor computes it, so that nothing bounds its speed; 2 % of the stroke is more than any dither.
-pub(super) const COMMAND: Behaviour = Behaviour { worth: 0.02, fastest_per_s: 0.0 };
-/// Tank pressure: oil and gas of an accumulator do not rise and fall by more than 0.2 MPa each second.
-pub(super) const PRESSURE: Behaviour = Behaviour { worth: 1e5, fastest_per_s: 2e5 };
-/// ESV: two states, of which each may follow the other.
-pub(super) const ESV: Behaviour = Behaviour { worth: f64::INFINITY, fastest_per_s: f64::INFINITY };
-/// The measured signals in the order of [`Signal::ALL`](crate::signal::Signal::ALL). No servomotor runs its stroke in less than 0.5 s, no
-/// spool in less than 50 ms, no pilot valve in less than 5 ms; of the control pressure nothing is known, for oil hammers.
-pub(super) const MEASURED: [Behaviour; 4] = [
-    Behaviour { worth: 0.02, fastest_per_s: 2.0 },
-    Behaviour { worth: 0.02, fastest_per_s: 20.0 },
-    Behaviour { worth: 0.05, fastest_per_s: 200.0 },
-    Behaviour { worth: f64::INFINITY, fastest_per_s: f64::INFINITY },
-];
 
 /// An outlier is so many times as far from the middle of its neighbours as half of all samples are: some 16 standard deviations of
 /// Gaussian noise, which 10^50 samples do not reach. A spike smaller than that, or of more than one sample, is not found.

@@ -6,10 +6,7 @@ use std::path::Path;
 
 use mcap::records::op;
 
-use super::chunk;
-
-/// A record's head: opcode and length.
-pub(super) const HEAD_LEN: usize = 9;
+use super::chunk::{self, HEAD_LEN};
 
 /// The largest record that is believed, bytes; rosbag2 makes chunks of less than 1 MB.
 pub(super) const RECORD_LIMIT: usize = 1 << 28;

@@ -1,6 +1,6 @@
 //! Segments: pieces of a file small enough to load at once, with the times of their messages.
 
-use super::record_file::HEAD_LEN;
+use super::chunk::HEAD_LEN;
 
 /// Bare records are taken together up to this size, bytes.
 const TOGETHER_LEN: u64 = 1 << 20;

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use super::distribution::Distribution;
 use super::layout::Layout;
 use super::pace::Pace;
-use super::survey::{FieldSurvey, Spread, TopicSurvey};
 use super::topic::{RawView, TopicInfo};
+use super::topic_survey::{FieldSurvey, Spread, TopicSurvey};
 use crate::units::seconds_from_nanos;
 
 /// Fields of all topics together that are looked into; messages of further topics are counted only.

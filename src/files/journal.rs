@@ -8,7 +8,7 @@ use std::path::{Component, Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::fault::step;
-use super::input::bounded_text;
+use super::regular::bounded_text;
 use super::rename::{exchange, move_new};
 use super::temporary::is_temporary;
 use super::{Claim, ClaimError, Together, folder_of};

@@ -16,7 +16,7 @@ use super::map::FileMap;
 use super::number::{Cell as NumberCell, Numbers};
 use super::source::channel::{Bad, Value};
 use super::source::head::Head;
-use super::source::table::Records;
+use super::source::records::Records;
 
 /// From so many bytes the layout is found out.
 const SAMPLE_BYTES: u64 = 1 << 18;

@@ -12,7 +12,7 @@ use super::ImportError;
 use super::number::Numbers;
 use super::source::channel::{Bad, Value};
 use super::source::head::Head;
-use super::source::table::Records;
+use super::source::records::Records;
 
 /// Milliseconds in a day.
 const DAY_MS: i64 = 86_400_000;

@@ -2,6 +2,7 @@
 
 pub(super) mod channel;
 pub(super) mod head;
+pub(super) mod records;
 pub(super) mod table;
 mod timing;
 

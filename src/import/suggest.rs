@@ -12,7 +12,8 @@ use super::csv_file::CsvFile;
 use super::map::{FileMap, Map, Repeated, TimeMap};
 use super::source::channel::Value;
 use super::source::head::Head;
-use super::source::table::{Records, SAMPLED, Table};
+use super::source::records::{Records, SAMPLED};
+use super::source::table::Table;
 use super::source::{Kind, Source as _, kind_of};
 use crate::bag::{FieldReader, FieldValue, messages};
 

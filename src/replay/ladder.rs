@@ -5,7 +5,7 @@
 
 use serde::Serialize;
 
-use super::summary::{Group, SignalFigures};
+use super::figures::{Group, SignalFigures};
 use crate::recording::Process;
 use crate::signal::Signal;
 
@@ -122,7 +122,7 @@ fn capitalised(words: &str) -> String {
 mod tests {
     use super::{Ladder, Rung};
     use crate::recording::Process;
-    use crate::replay::summary::{Group, SignalFigures};
+    use crate::replay::figures::{Group, SignalFigures};
     use crate::signal::Signal;
 
     fn group(process: Option<&'static str>, mae: f64) -> Group {

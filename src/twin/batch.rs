@@ -14,8 +14,9 @@ use crate::solver::Solver;
 use crate::solver::split::Split;
 use crate::state::State;
 
+use super::now::{Acting, Demand, Now, esv_opening_pu};
 use super::readings::positions_pu;
-use super::tick::{Acting, Chain, Demand, Now, Read, Seen, esv_opening_pu, large_loop, tick};
+use super::tick::{Chain, Read, Seen, large_loop, tick};
 use super::{Twin, estimate};
 
 /// One row, and whether somebody looks at the twins there.

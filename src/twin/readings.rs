@@ -7,7 +7,7 @@ use crate::state::State;
 use crate::units::seconds_from_nanos;
 
 use super::Cut;
-use super::tick::Now;
+use super::now::Now;
 
 /// What the spool's transducer shows `after_s` past the last tick, pu.
 #[inline(always)]

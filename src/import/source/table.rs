@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 
 use super::channel::{Bad, Channel, Value};
 use super::head::{Head, hint, with_header_unit};
+use super::records::Records;
 use super::timing::{read_time, timing};
 use super::{Said, Source};
 use crate::import::ImportError;
@@ -11,26 +12,6 @@ use crate::import::clock::Clock;
 use crate::import::map::{Map, Place, Repeated, TimeMap};
 use crate::import::row::Row;
 use crate::units::nanos_from_seconds;
-
-/// Records from which the format of times is found out.
-pub(in crate::import) const SAMPLED: usize = 300;
-/// Records of a table file.
-pub(in crate::import) trait Records {
-    /// Goes on to the next record; false at the end.
-    fn advance(&mut self) -> Result<bool, ImportError>;
-    /// The record's line or number, counted from 1.
-    fn place(&self) -> u64;
-    /// What stands in a column.
-    fn value(&self, column: usize) -> Value<'_>;
-    /// The text of a cell, where the file holds text: times keep every digit of it.
-    fn text_of(&self, _column: usize) -> Option<&str> {
-        None
-    }
-    /// The share of the file that is read.
-    fn share(&self) -> f64;
-    /// Records that had too few cells.
-    fn ragged(&self) -> &Bad;
-}
 
 /// A signal and its column.
 struct Column {

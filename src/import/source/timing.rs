@@ -2,7 +2,7 @@
 
 use super::channel::Value;
 use super::head::Head;
-use super::table::{Records, SAMPLED};
+use super::records::{Records, SAMPLED};
 use crate::import::ImportError;
 use crate::import::clock::{Clock, Format, detect};
 use crate::import::map::Map;
