@@ -135,7 +135,7 @@ fn main() {
         .env("ROS_DOMAIN_ID", DOMAIN)
         .args(["run", "--publish-rate", "1000", "--cpu", &core.to_string()])
         .args(["--duration", &(seconds + 3).to_string()])
-        .args(["--bag".as_ref(), journal.as_os_str(), "--json".as_ref(), figures.as_os_str()])
+        .args(["--bag".as_ref(), journal.as_os_str(), "--out".as_ref(), figures.as_os_str()])
         .stdout(std::process::Stdio::null())
         .spawn()
         .expect("the node starts");

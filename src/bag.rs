@@ -85,6 +85,10 @@ pub const GOVTWIN: &str = "govtwin";
 pub const SIMULATOR: &str = "simulator";
 /// Its text where that was the twin itself.
 pub const TWIN: &str = "twin";
+/// Key there that is `true` where the data was simulated and not measured.
+pub const SYNTHETIC: &str = "synthetic";
+/// Key there for where the data comes from, in words.
+pub const ORIGIN: &str = "origin";
 
 /// A recording with what is to be said of its bag.
 #[derive(Clone, Debug, PartialEq)]

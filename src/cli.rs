@@ -3,10 +3,10 @@
 use std::process::ExitCode;
 use std::sync::LazyLock;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory as _, Parser, Subcommand};
 
 use crate::commands;
-use crate::commands::Outcome;
+use crate::commands::{Outcome, Usage};
 
 /// What `--version` prints; `-V` prints the number alone.
 static LONG_VERSION: LazyLock<String> = LazyLock::new(|| {
@@ -50,21 +50,63 @@ enum Command {
     Replay(commands::replay::Args),
     /// Make a parameter file from a name plate.
     Sheet(commands::sheet::Args),
+    /// Make the page of a diagnosis again from its JSON.
+    Report(commands::report::Args),
     /// Train a model of what the twin misses.
     #[cfg(feature = "residual")]
     Train(commands::train::Args),
+    /// Train a model of what the twin misses (not in this build).
+    #[cfg(not(feature = "residual"))]
+    Train(Absent),
     /// Compare the twin, data-only models and hybrids as the paper does.
     #[cfg(feature = "residual")]
     Compare(commands::compare::Args),
+    /// Compare the twin, data-only models and hybrids as the paper does (not in this build).
+    #[cfg(not(feature = "residual"))]
+    Compare(Absent),
     /// Run the twin as a ROS 2 node.
     #[cfg(feature = "node")]
     Run(commands::run::Args),
+    /// Run the twin as a ROS 2 node (not in this build).
+    #[cfg(not(feature = "node"))]
+    Run(Absent),
     /// Publish a recording over DDS with its timing.
     #[cfg(feature = "node")]
     Play(commands::play::Args),
+    /// Publish a recording over DDS with its timing (not in this build).
+    #[cfg(not(feature = "node"))]
+    Play(Absent),
     /// Record from DDS into a bag.
     #[cfg(feature = "node")]
     Record(commands::record::Args),
+    /// Record from DDS into a bag (not in this build).
+    #[cfg(not(feature = "node"))]
+    Record(Absent),
+    /// Print what a shell needs to complete commands, options and values.
+    Completions(commands::completions::Args),
+    /// Print the manual page, or write one for each command.
+    Man(commands::man::Args),
+}
+
+/// Arguments of a command that this build does not have: whatever they are, the answer is which build has it.
+#[cfg(not(all(feature = "residual", feature = "node")))]
+#[derive(Debug, clap::Args)]
+struct Absent {
+    #[arg(hide = true, trailing_var_arg = true, allow_hyphen_values = true)]
+    _anything: Vec<String>,
+}
+
+/// Which build has a command.
+#[cfg(not(all(feature = "residual", feature = "node")))]
+fn absent(command: &str, feature: &str) -> anyhow::Result<Outcome> {
+    let needs = match feature {
+        "residual" => "it needs CMake 3.28, a C++ compiler and libclang, which scripts/test sets up",
+        _ => "it needs Linux, and is in the default build",
+    };
+    anyhow::bail!(
+        "`govtwin {command}` is not in this build, which was made without the cargo feature `{feature}`; `cargo install --path . --features \
+         {feature}` makes one that has it ({needs})"
+    )
 }
 
 /// Runs the command line; exit codes: 0 ok, 1 error, 2 usage, 3 finished with warnings.
@@ -81,6 +123,19 @@ pub fn main() -> ExitCode {
         Command::Info(args) => commands::info::run(&args),
         Command::Replay(args) => commands::replay::run(&args),
         Command::Sheet(args) => commands::sheet::run(&args),
+        Command::Report(args) => commands::report::run(&args),
+        Command::Completions(args) => commands::completions::run(&args, Cli::command()),
+        Command::Man(args) => commands::man::run(&args, Cli::command()),
+        #[cfg(not(feature = "residual"))]
+        Command::Train(_) => absent("train", "residual"),
+        #[cfg(not(feature = "residual"))]
+        Command::Compare(_) => absent("compare", "residual"),
+        #[cfg(not(feature = "node"))]
+        Command::Run(_) => absent("run", "node"),
+        #[cfg(not(feature = "node"))]
+        Command::Play(_) => absent("play", "node"),
+        #[cfg(not(feature = "node"))]
+        Command::Record(_) => absent("record", "node"),
         #[cfg(feature = "residual")]
         Command::Train(args) => commands::train::run(&args),
         #[cfg(feature = "residual")]
@@ -97,7 +152,7 @@ pub fn main() -> ExitCode {
         Ok(Outcome::Warnings) => ExitCode::from(3),
         Err(error) => {
             commands::output::fail(&error);
-            ExitCode::FAILURE
+            if error.downcast_ref::<Usage>().is_some() { ExitCode::from(2) } else { ExitCode::FAILURE }
         }
     }
 }

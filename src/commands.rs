@@ -6,6 +6,7 @@ pub mod calibrate;
 pub mod check;
 #[cfg(feature = "residual")]
 pub mod compare;
+pub mod completions;
 pub mod diagnose;
 pub mod effects;
 pub mod fit;
@@ -14,19 +15,25 @@ pub mod import;
 pub mod info;
 #[cfg(feature = "residual")]
 pub mod learn;
+pub mod man;
 pub mod model;
 pub mod output;
 #[cfg(feature = "node")]
 pub mod play;
+pub mod provenance;
 #[cfg(feature = "node")]
 pub mod record;
 pub mod replay;
+pub mod report;
 pub mod report_file;
 #[cfg(feature = "node")]
 pub mod run;
 pub mod sheet;
 #[cfg(feature = "residual")]
 pub mod train;
+mod usage;
+
+pub use usage::{Usage, expect, usage};
 
 /// How a command that did not fail ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

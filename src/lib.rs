@@ -13,6 +13,7 @@ pub mod units;
 
 // physics
 pub mod plant;
+pub mod provenance;
 pub mod solver;
 
 // corrections

@@ -38,7 +38,7 @@ pub use consistency::{Conflict, conflicts};
 pub use error::{ParamsError, Problem};
 pub use number::{number_text, quantity_text, tolerance_text};
 pub use plate::{load_plate, plate_template, plate_value};
-pub use sheet::{Origin, SENSOR_ENTRIES, SensorEntry, Sheet};
+pub use sheet::{Origin, SENSOR_ENTRIES, SensorEntry, Sheet, unit_digest};
 pub use suggest::nearest;
 pub use write::{Overlay, WholeSheet, overlay_text, whole_text, write};
 

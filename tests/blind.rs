@@ -14,6 +14,7 @@ use govtwin::digest::sha256;
 use govtwin::effects::find;
 use govtwin::frame::{EsvState, Frame};
 use govtwin::params;
+use govtwin::provenance::{FileUsed, Input, Provenance, SheetUsed};
 use govtwin::recording::Recording;
 use govtwin::twin::Twin;
 use serde_json::Value;
@@ -33,14 +34,28 @@ fn report(verdict: &str, blamed: &[(&str, f64)]) -> String {
     )
 }
 
+/// A report that says which recording and sheet it is of: a bag with these bytes, and the shipped sheet.
+fn of_recording(report: &str, bytes: &str) -> String {
+    let mut report: Value = serde_json::from_str(report).unwrap();
+    let files = vec![FileUsed { path: "startup.mcap".into(), bytes: bytes.len() as u64, sha256: sha256(bytes) }];
+    let made = Provenance {
+        recordings: vec![Input { name: "startup".into(), files, ..Input::default() }],
+        sheet: SheetUsed { sha256: params::unit_digest(&params::reference()), ..SheetUsed::default() },
+        ..Provenance::default()
+    };
+    report["provenance"] = serde_json::to_value(made).unwrap();
+    format!("{report:#}\n")
+}
+
 fn unit(dir: &Path, name: &str, report: &str) {
     let folder = dir.join(name);
     fs::create_dir_all(&folder).unwrap();
-    // Named, never read: the reports are there.
+    // Named, and read for its digest only: the reports are there.
     fs::write(folder.join("startup.mcap"), "").unwrap();
-    fs::write(folder.join("report.json"), report).unwrap();
+    let report = of_recording(report, "");
+    fs::write(folder.join("report.json"), &report).unwrap();
     for baseline in BASELINES {
-        fs::write(folder.join(format!("baseline_{}.json", baseline.id)), report).unwrap();
+        fs::write(folder.join(format!("baseline_{}.json", baseline.id)), &report).unwrap();
     }
 }
 
@@ -79,7 +94,7 @@ fn reports_that_are_there_are_scored_and_kept() {
     assert!(!page().to_lowercase().contains("synthetic"), "nobody said where the units come from");
     assert_eq!(
         fs::read_to_string(dir.path().join("case_2/report.json")).unwrap(),
-        report("named", &[("backlash", 0.9)])
+        of_recording(&report("named", &[("backlash", 0.9)]), "")
     );
     fs::write(dir.path().join("ORIGIN.txt"), "From the moon.\n").unwrap();
     blind(&[dir.path().to_str().unwrap(), "--labels", labels.to_str().unwrap()]);
@@ -132,7 +147,7 @@ fn a_battery_is_made_once_and_answered_as_it_was_committed_to() {
     fs::write(out.join("case_001/report.json"), report("no_gap", &[])).unwrap();
     let run = |dir: &Path, out: &Path, more: &[&str]| {
         let folders = [dir.to_str().unwrap(), "--out", out.to_str().unwrap()];
-        blind(&[&folders[..], &["--generate", "1", "--rate", "100"], more].concat())
+        blind(&[&folders[..], &["--generate", "1", "--rate", "100", "--unchecked"], more].concat())
     };
     let (code, words) = run(&dir, &out, &[]);
     assert_eq!(code, Some(0), "{words}");
@@ -187,6 +202,35 @@ fn what_is_not_scored_is_told() {
     assert_eq!(score["methods"]["govtwin"]["scored"].as_u64(), Some(1));
 }
 
+#[test]
+fn a_report_counts_only_for_its_own_recordings_and_sheet() {
+    let dir = tempfile::tempdir().unwrap();
+    unit(dir.path(), "case_1", &report("no_gap", &[]));
+    let labels = dir.path().join("labels.yaml");
+    fs::write(&labels, "case_1: {effects: []}\n").unwrap();
+    let run =
+        |more: &[&str]| blind(&[&[dir.path().to_str().unwrap(), "--labels", labels.to_str().unwrap()], more].concat());
+    assert_eq!(run(&[]).0, Some(0));
+    let at = dir.path().join("case_1/report.json");
+    // Another recording under the same name.
+    fs::write(&at, of_recording(&report("no_gap", &[]), "other")).unwrap();
+    let (code, words) = run(&[]);
+    assert!(code == Some(3) && words.contains("other recordings than those of case_1"), "{words}");
+    assert!(words.contains("case_1: govtwin said nothing of it; not counted"), "{words}");
+    assert!(run(&["--unchecked"]).1.contains("other recordings"), "what says something else is never taken");
+    // No word of it, as of an early program.
+    fs::write(&at, report("no_gap", &[])).unwrap();
+    let (code, words) = run(&[]);
+    assert!(code == Some(3) && words.contains("does not say which recordings"), "{words}");
+    assert_eq!(run(&["--unchecked"]).0, Some(0));
+    // Another sheet.
+    fs::write(&at, of_recording(&report("no_gap", &[]), "")).unwrap();
+    let sheet = dir.path().join("unit2.yaml");
+    fs::write(&sheet, "name: unit 2\noil:\n  bulk_modulus_pa: 1.1e9\n").unwrap();
+    let (code, words) = run(&["--params", sheet.to_str().unwrap()]);
+    assert!(code == Some(3) && words.contains("another data sheet (the shipped one)"), "{words}");
+}
+
 /// What a unit of the sheet does at 5 Hz about a trip, whose stamp is so many rows of 1 ms late; and the row of the trip.
 fn trip_stamped_late(late_rows: usize) -> (Recording, usize) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/reference/shutdown_01.mcap");
@@ -229,7 +273,7 @@ fn slips_say_the_way_out() {
     let (code, words) = run(&[]);
     assert!(code == Some(1) && words.contains("expected folders with .mcap files"), "{words}");
     let (code, words) = run(&["--generate", "0"]);
-    assert!(code == Some(1) && words.contains("at least 1 unit"), "{words}");
+    assert!(code == Some(2) && words.contains("at least 1 unit"), "{words}");
     // Bags of another draw would be scored by answers that are not theirs.
     std::fs::create_dir(dir.path().join("answers")).unwrap();
     std::fs::write(dir.path().join("answers/drawn.sha256"), "another\n").unwrap();

@@ -1,12 +1,13 @@
 //! The health of a bag: what is damaged, dropped, late or doubled, counted and placed.
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::path::PathBuf;
 
 use serde::Serialize;
 
-use super::Finding;
 use super::topic_survey::PaceSurvey;
+use super::{Finding, SYNTHETIC};
 use crate::units::seconds_from_nanos;
 
 /// Everything worth knowing about a bag besides its values.
@@ -27,6 +28,18 @@ impl Health {
     #[must_use]
     pub fn is_clean(&self) -> bool {
         self.warnings.is_empty()
+    }
+
+    /// What the bag says of itself under a key; the first of its files that says anything counts.
+    #[must_use]
+    pub fn about(&self, key: &str) -> Option<&str> {
+        self.files.iter().find_map(|file| file.about.get(key)).map(String::as_str)
+    }
+
+    /// The bag says that its data was simulated and not measured.
+    #[must_use]
+    pub fn is_synthetic(&self) -> bool {
+        self.about(SYNTHETIC) == Some("true")
     }
 }
 
@@ -63,6 +76,8 @@ pub struct FileHealth {
     pub metadata: Vec<String>,
     /// Says that the program's own twin was simulated, and nothing measured ([`SIMULATOR`](crate::bag::SIMULATOR)).
     pub from_the_twin: bool,
+    /// What the program wrote of the bag ([`GOVTWIN`](crate::bag::GOVTWIN)), by key; long texts are cut.
+    pub about: BTreeMap<String, String>,
     /// What could not be read.
     pub damage: Vec<Damage>,
 }

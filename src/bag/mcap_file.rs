@@ -21,6 +21,12 @@ const DAMAGE_LIMIT: usize = 32;
 /// More compressions, or names of metadata records, are not listed.
 const NAMES_LIMIT: usize = 100;
 
+/// More texts of the program's own metadata are not kept.
+const TEXTS_LIMIT: usize = 32;
+
+/// Longer ones are cut, characters.
+const TEXT_LIMIT: usize = 2000;
+
 /// What a scan finds in a file besides its messages.
 #[derive(Debug)]
 pub(super) struct ScannedFile {
@@ -275,6 +281,11 @@ impl Scan {
             }
             Some(Record::Metadata { name, texts }) => {
                 self.found.health.from_the_twin |= is_from_the_twin(name, &texts);
+                if name == GOVTWIN {
+                    let room = TEXTS_LIMIT.saturating_sub(self.found.health.about.len());
+                    let known = texts.iter().take(room).map(|(key, text)| (clipped(key), clipped(text)));
+                    self.found.health.about.extend(known);
+                }
                 let names = &mut self.found.health.metadata;
                 if names.len() < NAMES_LIMIT {
                     names.push(name.to_owned());
@@ -304,6 +315,11 @@ impl Scan {
             }),
         }
     }
+}
+
+/// A text of metadata, as far as it is kept.
+fn clipped(text: &str) -> String {
+    text.chars().take(TEXT_LIMIT).collect()
 }
 
 /// Whether a metadata record says that the program's own twin stands behind what is recorded.

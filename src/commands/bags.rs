@@ -4,16 +4,17 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use govtwin::bag::{self, BagError, Interpolation, Loaded, ReadOptions, Stream, Topics, Warning};
+use govtwin::bag::{self, BagError, Health, Interpolation, Loaded, ReadOptions, Stream, Topics, Warning};
 use govtwin::import::Map;
 use govtwin::parameters::Unit;
 use govtwin::params::quantity_text;
+use govtwin::provenance::Provenance;
 use govtwin::recording::Recording;
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 use tempfile::TempDir;
 
-use super::import;
 use super::output::Progress;
+use super::{import, provenance, usage};
 
 /// Folders within folders deeper than this are a mistake, or a circle of links.
 const DEEPEST: usize = 16;
@@ -111,6 +112,18 @@ impl MapArgs {
     }
 }
 
+/// Notes topics and map among the options of a report, the map with its digest.
+pub fn options(topics: &TopicArgs, map: &MapArgs, made: &mut Provenance) -> anyhow::Result<()> {
+    if !topics.named.is_empty() {
+        let named = topics.named.iter().map(|(stream, name)| format!("{stream}={name}"));
+        made.options.insert("topic".to_owned(), named.collect::<Vec<_>>().join(", "));
+    }
+    if let Some(map) = &map.map {
+        made.options.insert("map".to_owned(), provenance::file(map)?.to_string());
+    }
+    Ok(())
+}
+
 impl Mapped {
     /// The file that was named, of a bag that stands in for it.
     pub fn given<'a>(&'a self, bag: &'a Path) -> &'a Path {
@@ -125,7 +138,25 @@ pub struct Recordings {
     pub recordings: Vec<Recording>,
     /// Warnings, each with the name of its recording.
     pub warnings: Vec<String>,
+    /// All that were named, in the order of the command line.
+    pub read: Vec<Read>,
 }
+
+/// A bag that was to be read.
+#[derive(Clone, Debug)]
+pub struct Read {
+    /// Where it is.
+    pub path: PathBuf,
+    /// What its recording is called.
+    pub name: String,
+    /// What its reader had to say; none where it could not be read.
+    pub health: Option<Health>,
+    /// Why it was left out, where it was.
+    pub left_out: Option<String>,
+}
+
+/// Why the program's own simulations are no evidence beside measurements.
+const OWN: &str = "simulated by govtwin's own twin, which says nothing of the unit that the other recordings are of";
 
 /// Reads all bags that the paths name; what cannot be read is left out with a warning, as long as something is left.
 ///
@@ -149,30 +180,36 @@ pub fn read(paths: &[PathBuf], topics: &Topics, unit: &Unit) -> anyhow::Result<R
         })
         .collect();
     drop(progress);
-    let (mut recordings, mut warnings, mut refused) = (vec![], vec![], vec![]);
+    let (mut recordings, mut warnings, mut refused, mut read) = (vec![], vec![], vec![], vec![]);
     let is_own = |loaded: &Loaded| loaded.health.files.iter().any(|file| file.from_the_twin);
     let some_measured = loaded.iter().flatten().any(|loaded| !is_own(loaded));
     for (bag, loaded) in bags.into_iter().zip(loaded) {
-        match loaded {
-            Ok(loaded) if some_measured && is_own(&loaded) => warnings.push(format!(
-                "{}: simulated by govtwin's own twin, which says nothing of the unit that the other recordings are of (left out)",
-                bag.name
-            )),
+        let Bag { path, name } = bag;
+        let (health, left_out) = match loaded {
+            Ok(loaded) if some_measured && is_own(&loaded) => {
+                warnings.push(format!("{name}: {OWN} (left out)"));
+                (Some(loaded.health), Some(OWN.to_owned()))
+            }
             Ok(Loaded { recording, health }) => {
                 let news = |warning: &&Warning| recording.has_command() || !matches!(warning, Warning::Filled { .. });
-                warnings.extend(health.warnings.iter().filter(news).map(|warning| format!("{}: {warning}", bag.name)));
+                warnings.extend(health.warnings.iter().filter(news).map(|warning| format!("{name}: {warning}")));
                 let doubt = doubt_of_pressure(&recording, topics, unit);
-                warnings.extend(doubt.map(|doubt| format!("{}: {doubt}", bag.name)));
-                recordings.push(Recording { name: bag.name, ..recording });
+                warnings.extend(doubt.map(|doubt| format!("{name}: {doubt}")));
+                recordings.push(Recording { name: name.clone(), ..recording });
+                (Some(health), None)
             }
-            Err(error) => refused.push(error.to_string()),
-        }
+            Err(error) => {
+                refused.push(error.to_string());
+                (None, Some(error.to_string()))
+            }
+        };
+        read.push(Read { path, name, health, left_out });
     }
     if recordings.is_empty() {
         anyhow::bail!("no recording can be read:\n  {}", refused.join("\n  "));
     }
     warnings.extend(refused.into_iter().map(|reason| format!("{reason} (left out)")));
-    Ok(Recordings { recordings, warnings })
+    Ok(Recordings { recordings, warnings, read })
 }
 
 /// Units in which a pressure may have been sent by mistake, Pa.
@@ -204,6 +241,11 @@ pub fn doubt_of_pressure(recording: &Recording, topics: &Topics, unit: &Unit) ->
 pub fn find(paths: &[PathBuf]) -> anyhow::Result<Vec<Bag>> {
     let mut found = vec![];
     for path in paths {
+        if path.as_os_str() == "-" {
+            return Err(usage(
+                "`-`: a bag cannot be read from a pipe, since it is read at more than one place; write it to a file first and name that",
+            ));
+        }
         let before = found.len();
         collect(path, 0, &mut found)?;
         if found.len() == before && path.is_dir() {

@@ -2,23 +2,25 @@
 
 mod battery;
 mod cases;
+mod expected;
 mod method;
 mod scoring;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::bail;
 use clap::ValueEnum;
 use govtwin::battery::plan::Rates;
 use govtwin::params;
 use rayon::prelude::{ParallelBridge, ParallelIterator};
 
 use self::cases::{Case, find};
+use self::expected::Expected;
 use self::method::methods;
 use super::bags::TopicArgs;
-use super::output::{Output, Progress, print, warn};
+use super::output::{Output, Progress, print, table_text, warn};
+use super::provenance;
 use super::replay::origin;
-use crate::commands::Outcome;
+use crate::commands::{Outcome, usage};
 
 /// Arguments of `govtwin blind`.
 #[derive(Debug, clap::Args)]
@@ -53,11 +55,17 @@ pub struct Args {
     /// Judge by the baselines only.
     #[arg(long, conflicts_with = "baselines")]
     baselines_only: bool,
+    /// Also take reports that do not say which recordings and data sheet they are of, as those of early programs.
+    #[arg(long)]
+    unchecked: bool,
+    /// Print JSON instead of tables: what DIR/score.json holds, or the verdicts where there are no answers.
+    #[arg(long)]
+    json: bool,
 }
 
 const HELP: &str = "\
-Each unit's reports stand in OUT/UNIT; those that are there already are kept, so that a check that was broken off goes on where it
-stopped. With --labels or --generate, OUT/score.json and OUT/score.html hold all measures with 95 % intervals.
+Each unit's reports stand in OUT/UNIT; those that are there already are kept where they are of the unit's recordings and data sheet, by their
+digests, so that a check that was broken off goes on where it stopped; others are named and not counted. With --labels or --generate, OUT/score.json and OUT/score.html hold all measures with 95 % intervals.
 
 --generate makes the units with a simulator of its own, which shares the data sheet with the twin but not its equations: bristle
 friction, contact gaps, rounded edges, polytropic gas, inertia in lines. It makes sound units, single effects, two or three at once,
@@ -83,24 +91,25 @@ enum Rate {
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    let unit = match &args.params {
-        Some(path) => params::load(path)?,
-        None => params::reference(),
+    let sheet = match &args.params {
+        Some(path) => params::load_sheet(path)?,
+        None => params::reference_sheet(),
     };
+    let unit = &sheet.unit;
     let out = args.out.as_ref().unwrap_or(&args.dir);
     let output = Output::claim(out, &["score.json", "score.html"])?;
     // With --generate the folder of units is written to as well.
     let other = args.generate.is_some() && args.out.as_ref().is_some_and(|out| !is_same(out, &args.dir));
     let _units = other.then(|| Output::claim(&args.dir, &[])).transpose()?;
     let made = match args.generate {
-        Some(0) => bail!("--generate: expected at least 1 unit, found 0"),
+        Some(0) => return Err(usage("--generate: expected at least 1 unit, found 0")),
         Some(count) => {
             let rates = match args.rate_hz {
                 Rate::Bench => Rates::Bench,
                 Rate::Plant => Rates::Plant,
                 Rate::Both => Rates::Both,
             };
-            Some(battery::make(&args.dir, out, &unit, count, args.seed, rates)?)
+            Some(battery::make(&args.dir, out, unit, count, args.seed, rates)?)
         }
         None => None,
     };
@@ -115,11 +124,12 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             made.close(out)?;
         }
     }
+    let expected = Expected::new(&cases, unit, args.unchecked)?;
     let progress = Progress::new(cases.len(), "units");
     let threads = (rayon::current_num_threads() / cases.len().max(1)).max(1);
     // Dealt out one by one, so that what is broken off has the first units and not some of each half.
     let judged = cases.iter().par_bridge().map(|case| {
-        let judged = method::judge(case, &unit, args.params.as_deref(), &methods, threads, out);
+        let judged = method::judge(case, (&sheet, &expected), args.params.as_deref(), &methods, threads, out);
         progress.step();
         judged.map_err(|error| format!("{}: {error:#}", case.name))
     });
@@ -133,19 +143,35 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         (None, None) => None,
     };
     let Some(labels) = labels else {
-        print(&scoring::verdicts(&cases, &methods, out)?.to_text())?;
-        print("Add --labels FILE to score the verdicts.\n")?;
+        let verdicts = scoring::verdicts(&cases, &methods, (out, &expected))?;
+        if args.json {
+            print(&format!("{:#}\n", scoring::verdicts_json(&verdicts)))?;
+        } else {
+            let table = table_text(&scoring::verdicts_table(&verdicts));
+            print(&format!("{table}Add --labels FILE to score the verdicts.\n"))?;
+        }
         return Ok(outcome(&failed));
     };
     let exams = made.as_ref().map(|made| {
-        let (closures, unexamined) = made.exams(out, &unit);
+        let (closures, unexamined) = made.exams(out, unit);
         warn_of(&unexamined);
         failed.extend(unexamined);
         closures
     });
     let origin = if made.is_some() { Some(battery::ORIGIN.to_owned()) } else { origin::of(&args.dir) };
-    let unscored =
-        scoring::score_all(&labels, exams.as_ref(), &methods, &cases, (&args.dir, origin.as_deref()), (out, output))?;
+    let mut made_from = provenance::new("blind", &sheet, made.is_some().then_some(args.seed))?;
+    made_from.unit = args.dir.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    made_from.recordings = expected.inputs(origin.as_deref());
+    made_from.warnings.clone_from(&failed);
+    let unscored = scoring::score_all(
+        &labels,
+        exams.as_ref(),
+        &methods,
+        (&cases, &expected),
+        made_from,
+        (out, output),
+        args.json,
+    )?;
     warn_of(&unscored);
     failed.extend(unscored);
     Ok(outcome(&failed))

@@ -32,6 +32,9 @@ pub struct Args {
     /// File to write the weights to.
     #[arg(long, value_name = "FILE", default_value = "diagnosis_weights.json")]
     out: PathBuf,
+    /// Print JSON instead of tables: the weights, as in FILE.
+    #[arg(long)]
+    json: bool,
 }
 
 const HELP: &str = "\
@@ -118,6 +121,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             "units_are": "synthetic, made by `govtwin blind --generate`",
             "log_score": {"not_learned": learned.bayes, "held_out": learned.held_out, "seen": learned.seen},
             "first_word_right_held_out": learned.held_out_right,
+            "reliability": reliability(&scores),
         }),
         ..learned.weights.clone()
     };
@@ -140,8 +144,15 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             lines += &format!("{weight:9.3}  {name}\n");
         }
     }
-    print(&(lines + &told(&scores)))?;
+    print(&if args.json { text } else { lines + &told(&scores) })?;
     Ok(Outcome::Ok)
+}
+
+/// How often what was said with a probability was so, on units not seen: pages set it beside such claims.
+fn reliability(scores: &[(&str, f64, Score)]) -> Vec<serde_json::Value> {
+    let bins = scores.first().into_iter().flat_map(|(_, _, learned)| &learned.reliability);
+    bins.map(|bin| serde_json::json!({"said": bin.said_probability, "was": bin.was.value, "units": bin.was.cases}))
+        .collect()
 }
 
 /// The units of a battery that have a report, with their answers.

@@ -8,14 +8,14 @@ use govtwin::parameters::{ENTRIES, Tolerance, Unit};
 use govtwin::params::{self, Origin, SENSOR_ENTRIES, Sheet, number_text, quantity_text, tolerance_text};
 use serde_json::{Value, json};
 
-use crate::commands::Outcome;
-use crate::commands::output::print;
+use crate::commands::output::{print, warn};
+use crate::commands::{Outcome, bags, info};
 
 /// Arguments of `govtwin check`.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = HELP)]
 pub struct Args {
-    /// The parameter file, YAML.
+    /// The parameter file, YAML. A bag is checked as `govtwin info` does.
     file: PathBuf,
     /// Print JSON instead of a table.
     #[arg(long)]
@@ -44,15 +44,28 @@ expression in the state, as in docs/own_effect.md.
 Unknown keys, wrong types and units, values outside their physical range and values that contradict each other are
 errors, all of a file at once. To see every key with its unit and the shipped values, check an empty file.
 
-Exit codes: 0 valid, 1 not valid or not readable, 2 wrong usage.";
+Exit codes: 0 valid, 1 not valid or not readable, 2 wrong usage, 3 a bag with warnings.";
 
 /// Validates the file and prints the merged unit.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
+    if is_bag(&args.file) {
+        warn(&format!(
+            "{} is a bag and no parameter file; here is what `govtwin info` says of it",
+            args.file.display()
+        ));
+        return info::run(&info::Args::of(args.file.clone(), args.json));
+    }
     let sheet = params::load_sheet(&args.file)?;
     let rows = rows(&sheet);
     let text = if args.json { format!("{:#}\n", to_json(&sheet, &rows)) } else { table(&args.file, &sheet, &rows) };
     print(&text)?;
     Ok(Outcome::Ok)
+}
+
+/// Whether somebody means a recording: a bag folder, or a file that bags are called like.
+fn is_bag(path: &Path) -> bool {
+    let named = path.extension().is_some_and(|suffix| suffix == "mcap" || suffix == "db3");
+    named || bags::is_bag_folder(path)
 }
 
 /// One number of the merged unit beside the shipped one.

@@ -19,7 +19,7 @@ use govtwin::signal::Signal;
 use govtwin::twin::Cut;
 
 use super::learn::{self, CutAt, Job, Ready};
-use super::output::{Output, Progress, print};
+use super::output::{Output, Progress, print, table_text};
 use crate::commands::Outcome;
 
 /// Compare the twin, data-only models and hybrids as the paper does.
@@ -104,8 +104,12 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     output.add("compare.html", page(&summary, &shown)?.to_html().as_bytes())?;
     output.add_json("compare.json", &summary)?;
     output.place()?;
-    say(&summary, table.layout.signal.unit())?;
-    print(&format!("Pictures: {}\n", html.display()))?;
+    if args.learn.json {
+        print(&(serde_json::to_string_pretty(&summary)? + "\n"))?;
+    } else {
+        say(&summary, table.layout.signal.unit())?;
+        print(&format!("Pictures: {}\n", html.display()))?;
+    }
     Ok(Outcome::Ok)
 }
 
@@ -190,12 +194,12 @@ fn importance(model: &Model) -> Vec<Importance> {
 }
 
 fn say(summary: &Summary, unit: &str) -> anyhow::Result<()> {
-    print(&models_table(&summary.models, unit).to_text())?;
+    print(&table_text(&models_table(&summary.models, unit)))?;
     let mut table = Printed::new().words("claim").numbers("paper").numbers("here").words("unit");
     for claim in &summary.claims {
         table.row([claim.what, claim.paper, &claim.here, claim.unit]);
     }
-    print(&table.to_text())?;
+    print(&table_text(&table))?;
     for unseen in &summary.left_out_process {
         let said: Vec<String> =
             unseen.models.iter().map(|model| format!("{} {:.5}", model.title, model.overall.mae)).collect();

@@ -1,24 +1,26 @@
 //! `govtwin diagnose`: where the gap between a unit and its twin lies, which effect causes it, how far it shrinks.
 
+mod files;
 pub mod next_test;
 
-use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::{Context, bail};
-use govtwin::diagnosis::outcome::{Diagnosis, Fitted, Verdict};
-use govtwin::diagnosis::{Settings, contract, diagnose};
+use clap::ValueEnum;
+use govtwin::diagnosis::outcome::{Diagnosis, Verdict};
+use govtwin::diagnosis::{Settings, diagnose};
 use govtwin::effects::own;
 use govtwin::parameters::Unit;
-use govtwin::params::{self, Overlay};
+use govtwin::params;
+use govtwin::provenance::Provenance;
 use govtwin::recording::Recording;
 use govtwin::report::diagnosis as report;
 
 use super::bags::{self, MapArgs, Recordings, TopicArgs};
-use super::output::{Output, Progress, print, warn};
-use super::replay::origin;
-use crate::commands::Outcome;
+use super::output::{Output, Progress, print, warn, width};
+use super::provenance;
+use crate::commands::{Outcome, usage};
 
 /// Arguments of `govtwin diagnose`.
 #[derive(Debug, clap::Args)]
@@ -34,9 +36,13 @@ pub struct Args {
     /// The unit's data sheet; without it the shipped reference unit.
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
-    /// Folder for report.json, report.html, refitted.yaml, fitted.yaml and next_test.mcap.
-    #[arg(long, value_name = "DIR", default_value = "diagnosis")]
-    out: PathBuf,
+    /// Folder for report.json, report.html, refitted.yaml, fitted.yaml and next_test.mcap [default: diagnosis/UNIT, UNIT being the folder that
+    /// holds the recordings, or the one recording].
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Replaces the report of another unit in the folder; without it such a report is never touched.
+    #[arg(long)]
+    overwrite: bool,
     /// Leaves an effect out of the catalogue; may be repeated.
     #[arg(long, value_name = "ID")]
     without: Vec<String>,
@@ -45,11 +51,17 @@ pub struct Args {
     candidates: Vec<PathBuf>,
     /// No data sheet is known: judges the servomotor stage alone, driven by the recorded spool, all of it fitted freely.
     /// Taken for granted where no recording holds a command and no sheet is given.
-    #[arg(long, conflicts_with = "params")]
+    #[arg(long = "no-sheet", alias = "free", conflicts_with = "params")]
     free: bool,
     /// Seed of the resampling behind the intervals of closures.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
+    /// Print JSON instead of a summary: the report that DIR/report.json holds.
+    #[arg(long)]
+    json: bool,
+    /// End with exit code 1 on these verdicts, for checks that run by themselves; the report is written all the same.
+    #[arg(long, value_name = "VERDICTS", value_enum, value_delimiter = ',')]
+    fail_on: Vec<Which>,
 }
 
 const HELP: &str = "\
@@ -64,17 +76,94 @@ DIR/next_test.mcap is the test that is expected to settle most of what is open, 
 it to a governor or to the twin. Record the answer as NEW; `govtwin diagnose OLD NEW` then judges both. Where nothing is open there is no such file.
 `govtwin replay --params DIR/fitted.yaml BAG` tries the claim on another recording, refitted.yaml the twin without it.
 
-Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 finished with warnings.";
+Every file says what it was made from: program, digests of the recordings and of the data sheet, options, seed, warnings and date
+(SOURCE_DATE_EPOCH in its place where that is set). A report is replaced by one that shares a recording with it.
+
+Examples:
+  govtwin diagnose bags/practice/case_03                              # report in diagnosis/case_03
+  govtwin diagnose --params unit3.yaml monday.mcap tuesday.mcap --out unit3
+  govtwin diagnose --json --fail-on named,class,unknown RUN | jq .verdict
+
+Exit codes: 0 ok, 1 not possible or a verdict of --fail-on, 2 wrong usage, 3 finished with warnings.";
+
+/// The verdicts as options name them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[value(rename_all = "snake_case")]
+enum Which {
+    Named,
+    Class,
+    Unknown,
+    NoGap,
+    NotExcited,
+}
+
+impl Which {
+    fn is(self, verdict: Verdict) -> bool {
+        verdict
+            == match self {
+                Self::Named => Verdict::Named,
+                Self::Class => Verdict::Class,
+                Self::Unknown => Verdict::Unknown,
+                Self::NoGap => Verdict::NoGap,
+                Self::NotExcited => Verdict::NotExcited,
+            }
+    }
+}
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    let mut unit = match &args.params {
-        Some(path) => params::load(path)?,
-        None => params::reference(),
+    let sheet = match &args.params {
+        Some(path) => params::load_sheet(path)?,
+        None => params::reference_sheet(),
     };
+    let mut unit = sheet.unit.clone();
+    let settings = settings(args, &mut unit)?;
+    let name = provenance::unit_of(&args.bags);
+    let out = args.out.clone().unwrap_or_else(|| PathBuf::from("diagnosis").join(&name));
+    let output = Output::claim(&out, &files::NAMES)?;
+    let mut made = provenance::new("diagnose", &sheet, Some(args.seed))?;
+    let mapped = args.map.open(&args.bags)?;
+    let Recordings { recordings, warnings, read } = bags::read(&mapped.paths, &args.topics.topics(), &unit)?;
+    made.recordings = provenance::inputs(&read, &mapped);
+    if !args.overwrite {
+        files::refuse_to_replace(&out, &made)?;
+    }
+    let warnings = [mapped.warnings, warnings].concat();
+    for warning in &warnings {
+        warn(warning);
+    }
+    let settings = Settings {
+        free: settings.free || (args.params.is_none() && !recordings.iter().any(Recording::has_command)),
+        ..settings
+    };
+    let (diagnosis, seconds) = judge(recordings, &unit, &settings)?;
+    describe(&mut made, args, &settings, &name, &warnings, &diagnosis)?;
+    let json = files::write(output, &diagnosis, &unit, &made, seconds)?;
+    if args.json {
+        print(&json)?;
+    } else {
+        print(&report::summary(&diagnosis, width()))?;
+        print(&format!("\nreport: {}\n", out.join("report.html").display()))?;
+    }
+    for note in &diagnosis.notes {
+        warn(note);
+    }
+    if args.fail_on.iter().any(|which| which.is(diagnosis.verdict)) {
+        bail!("the verdict is {}, on which --fail-on ends with an error", diagnosis.verdict.id());
+    }
+    Ok(if warnings.is_empty() && diagnosis.notes.is_empty() { Outcome::Ok } else { Outcome::Warnings })
+}
+
+/// What to try; effects of the user's own go into the unit.
+fn settings(args: &Args, unit: &mut Unit) -> anyhow::Result<Settings> {
     let mut settings = Settings { seed: args.seed, free: args.free, ..Settings::default() };
     for id in &args.without {
-        govtwin::effects::find(id).with_context(|| format!("--without {id}: no such effect; see `govtwin effects`"))?;
+        let known = || settings.catalogue.iter().map(|spec| spec.id);
+        if govtwin::effects::find(id).is_none() {
+            let near = params::nearest(id, known()).map(|near| format!("did you mean `{near}`?"));
+            let way_out = near.unwrap_or_else(|| "`govtwin effects` lists them".to_owned());
+            return Err(usage(format!("--without {id}: there is no such effect; {way_out}")));
+        }
         settings.catalogue.retain(|spec| spec.id != id);
     }
     for path in &args.candidates {
@@ -87,34 +176,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             unit.own_effects.push(own);
         }
     }
-    let output =
-        Output::claim(&args.out, &["report.json", "report.html", "refitted.yaml", "fitted.yaml", contract::NEXT_TEST])?;
-    let mapped = args.map.open(&args.bags)?;
-    let Recordings { recordings, warnings } = bags::read(&mapped.paths, &args.topics.topics(), &unit)?;
-    let warnings = [mapped.warnings, warnings].concat();
-    for warning in &warnings {
-        warn(warning);
-    }
-    settings.free |= args.params.is_none() && !recordings.iter().any(Recording::has_command);
-    let (diagnosis, seconds) = judge(recordings, &unit, &settings)?;
-    write(output, &diagnosis, &unit, &origins(&args.bags), seconds)?;
-    print(&report::summary(&diagnosis))?;
-    print(&format!("\nreport: {}\n", args.out.join("report.html").display()))?;
-    for note in &diagnosis.notes {
-        warn(note);
-    }
-    Ok(if warnings.is_empty() && diagnosis.notes.is_empty() { Outcome::Ok } else { Outcome::Warnings })
-}
-
-/// What the folders of the recordings say of where they come from, each saying once.
-fn origins(paths: &[PathBuf]) -> Vec<String> {
-    let mut all: Vec<String> = Vec::new();
-    for origin in paths.iter().filter_map(|path| origin::of(path)) {
-        if !all.contains(&origin) {
-            all.push(origin);
-        }
-    }
-    all
+    Ok(settings)
 }
 
 /// Diagnoses with a progress bar; also how long it took, s.
@@ -126,50 +188,31 @@ fn judge(recordings: Vec<Recording>, unit: &Unit, settings: &Settings) -> anyhow
     Ok((diagnosis, start.elapsed().as_secs_f64()))
 }
 
-/// Writes the files of a report into a folder.
-fn write(
-    mut output: Output,
+/// Completes what the report was made from: options, warnings, recordings that the diagnosis left out.
+fn describe(
+    made: &mut Provenance,
+    args: &Args,
+    settings: &Settings,
+    name: &str,
+    warnings: &[String],
     diagnosis: &Diagnosis,
-    unit: &Unit,
-    origins: &[String],
-    seconds: f64,
 ) -> anyhow::Result<()> {
-    let mut json = serde_json::to_string_pretty(&contract::report(diagnosis, seconds))
-        .context("cannot write the report as JSON")?;
-    json.push('\n');
-    overlay(&mut output, "refitted.yaml", &diagnosis.refitted, "refitted within tolerances, without any effect", &[])?;
-    let what = match diagnosis.verdict {
-        Verdict::Named => "refitted with the effects that the diagnosis names",
-        Verdict::Class => "refitted with the most probable of the effects that the diagnosis could not tell apart",
-        _ => "refitted within tolerances; the diagnosis names no effect",
-    };
-    overlay(&mut output, "fitted.yaml", &diagnosis.fitted, what, &diagnosis.parameters)?;
-    match next_test::file(diagnosis, &output.path(contract::NEXT_TEST), &unit.parameters)? {
-        Some(script) => output.add(contract::NEXT_TEST, &script)?,
-        None => output.remove(contract::NEXT_TEST),
+    name.clone_into(&mut made.unit);
+    made.warnings = [warnings, &diagnosis.notes].concat();
+    for one in made.recordings.iter_mut().filter(|one| one.left_out.is_none()) {
+        let head = format!("Left out: {}: ", one.name);
+        one.left_out = diagnosis.notes.iter().find_map(|note| Some(note.strip_prefix(&head)?.to_owned()));
     }
-    output.add("report.html", report::page(diagnosis, origins)?.to_html().as_bytes())?;
-    output.add("report.json", json.as_bytes())?;
-    output.place()
-}
-
-fn overlay(output: &mut Output, name: &str, unit: &Unit, what: &str, parameters: &[Fitted]) -> anyhow::Result<()> {
-    let mut unit = unit.clone();
-    unit.own_effects.retain(|own| unit.effects.iter().any(|setting| setting.id == own.id));
-    let comments: BTreeMap<String, String> = parameters
-        .iter()
-        .filter(|one| one.name.contains('.'))
-        .map(|one| (one.name.clone(), format!("90 %: {:.4e} to {:.4e} {}", one.value.low, one.value.high, one.unit)))
-        .collect();
-    let text = params::overlay_text(
-        &output.path(name),
-        &Overlay {
-            unit,
-            name: String::new(),
-            source: "govtwin diagnose".to_owned(),
-            head: vec![format!("The unit {what}.")],
-            comments,
-        },
-    )?;
-    output.add(name, text.as_bytes())
+    let mut option = |name: &str, value: String| made.options.insert(name.to_owned(), value);
+    if !args.without.is_empty() {
+        option("without", args.without.join(", "));
+    }
+    if !args.candidates.is_empty() {
+        let files = args.candidates.iter().map(|path| Ok(provenance::file(path)?.to_string()));
+        option("candidate", files.collect::<anyhow::Result<Vec<_>>>()?.join(", "));
+    }
+    if settings.free {
+        option("no-sheet", if args.free { "given" } else { "taken for granted: no command, no sheet" }.to_owned());
+    }
+    bags::options(&args.topics, &args.map, made)
 }

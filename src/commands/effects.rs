@@ -1,12 +1,12 @@
 //! `govtwin effects`: what the catalogue holds, and the documentation of one effect.
 
-use anyhow::bail;
 use govtwin::effects::{CATALOGUE, EffectParameter, EffectSpec, Stage};
 use govtwin::params::{nearest, number_text, quantity_text};
+use govtwin::report::table;
 use serde_json::{Value, json};
 
-use crate::commands::Outcome;
-use crate::commands::output::print;
+use crate::commands::output::{print, width};
+use crate::commands::{Outcome, usage};
 
 /// Arguments of `govtwin effects`.
 #[derive(Debug, clap::Args)]
@@ -30,12 +30,12 @@ every command that takes parameters:
 
 A parameter that is not given is neutral. Effects combine; their order does not matter.
 
-Exit codes: 0 ok, 1 no such effect, 2 wrong usage.";
+Exit codes: 0 ok, 2 wrong usage, such as an effect that is not there.";
 
 /// Prints the catalogue, or one effect.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let text = match (&args.id, args.json) {
-        (None, false) => table(),
+        (None, false) => listing(),
         (None, true) => to_text(&json!({"schema": "govtwin-effects/1", "effects": entries(CATALOGUE)})),
         (Some(id), json) => {
             let Some(spec) = govtwin::effects::find(id) else {
@@ -43,7 +43,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
                     Some(near) => format!("did you mean `{near}`?"),
                     None => "`govtwin effects` lists them".to_owned(),
                 };
-                bail!("there is no effect `{id}`; {way_out}");
+                return Err(usage(format!("there is no effect `{id}`; {way_out}")));
             };
             if json { to_text(&entry(spec)) } else { page(spec) }
         }
@@ -52,7 +52,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     Ok(Outcome::Ok)
 }
 
-fn table() -> String {
+fn listing() -> String {
     let mut text = String::new();
     for stage in Stage::ALL {
         text.push_str(&format!("{}\n", stage.id()));
@@ -147,16 +147,8 @@ fn plain(text: &str) -> String {
     text.replace(['`', '*'], "")
 }
 
-/// Lines of at most 98 characters, indented by two.
+/// Lines of at most 98 characters, or as many as the terminal has room for, indented by two.
 fn wrapped(text: &str) -> String {
-    let mut lines = vec![String::from(" ")];
-    for word in plain(text).split(' ') {
-        if let Some(line) = lines.last_mut().filter(|line| line.chars().count() + 1 + word.chars().count() <= 100) {
-            line.push(' ');
-            line.push_str(word);
-        } else {
-            lines.push(format!("  {word}"));
-        }
-    }
-    lines.join("\n")
+    let lines = table::wrapped(&plain(text), width().min(100) - 2);
+    lines.into_iter().map(|line| format!("  {line}")).collect::<Vec<_>>().join("\n")
 }

@@ -6,10 +6,10 @@ mod serve;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use anyhow::bail;
-use govtwin::bag::Topics;
+use anyhow::{Context, bail};
 use govtwin::parameters::{ENTRIES, Unit};
 use govtwin::params::{self, Overlay, Sheet, nearest, number_text};
+use govtwin::provenance::Provenance;
 use govtwin::recording::Recording;
 use govtwin::tuning::admission::{Intake, admit_all};
 use govtwin::tuning::bench::Bench;
@@ -19,10 +19,11 @@ use govtwin::tuning::noise;
 use govtwin::tuning::trial::Trial;
 use govtwin::twin::Cut;
 
-use super::bags::{self, MapArgs, Recordings, TopicArgs};
+use super::bags::{self, MapArgs, Mapped, Recordings, TopicArgs};
 use super::generate::effect;
 use super::output::{Output, Progress, print, warn};
-use crate::commands::Outcome;
+use super::provenance;
+use crate::commands::{Outcome, usage};
 
 /// Fit parameters and chosen effects to recordings, and say how far they are determined.
 ///
@@ -86,7 +87,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let knobs = knobs(args, &mut sheet.unit)?;
     let output = args.out.as_ref().map(|out| Output::claim(out, &["fitted.yaml", "fit.json"])).transpose()?;
     let mapped = args.map.open(&args.bags)?;
-    let (trials, found) = trials(&mapped.paths, &args.topics.topics(), &sheet.unit)?;
+    let read = bags::read(&mapped.paths, &args.topics.topics(), &sheet.unit)?;
+    let mut made = describe(args, &sheet, &mapped, &read)?;
+    let (trials, found) = trials(read, &mut made)?;
     let mut warnings = [mapped.warnings, found].concat();
     let starts = usize::from(args.starts);
     let progress = Progress::new(parts(starts), "parts of the fit");
@@ -102,9 +105,12 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let parameter_warnings = fitted.warnings();
     warnings.extend(parameter_warnings);
-    let json = format!("{:#}\n", figures::json(&bench, &sheet, &fitted, &warnings));
+    made.warnings.clone_from(&warnings);
+    let mut json = figures::json(&bench, &sheet, &fitted, &warnings);
+    json["provenance"] = serde_json::to_value(&made).context("cannot write the provenance as JSON")?;
+    let json = format!("{json:#}\n");
     if let Some(mut output) = output {
-        let fitted = params::overlay_text(&output.path("fitted.yaml"), &overlay(&bench, &sheet, &fitted))?;
+        let fitted = params::overlay_text(&output.path("fitted.yaml"), &overlay(&bench, &sheet, &fitted, &made))?;
         output.add("fitted.yaml", fitted.as_bytes())?;
         output.add("fit.json", json.as_bytes())?;
         output.place()?;
@@ -119,9 +125,29 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     Ok(if warnings.is_empty() { Outcome::Ok } else { Outcome::Warnings })
 }
 
-/// Reads all bags and takes in what can be used, those without a command as recordings of the servomotor stage; also warnings.
-fn trials(paths: &[PathBuf], topics: &Topics, unit: &Unit) -> anyhow::Result<(Vec<Trial>, Vec<String>)> {
-    let Recordings { recordings, mut warnings } = bags::read(paths, topics, unit)?;
+/// What the fit is made from, but for its warnings.
+fn describe(args: &Args, sheet: &Sheet, mapped: &Mapped, read: &Recordings) -> anyhow::Result<Provenance> {
+    let mut made = provenance::new("fit", sheet, None)?;
+    made.unit = provenance::unit_of(&args.bags);
+    made.recordings = provenance::inputs(&read.read, mapped);
+    bags::options(&args.topics, &args.map, &mut made)?;
+    let mut option = |name: &str, value: String| made.options.insert(name.to_owned(), value);
+    option("starts", args.starts.to_string());
+    for (name, values) in [("effect", &args.effects), ("free", &args.free)] {
+        if !values.is_empty() {
+            option(name, values.join(", "));
+        }
+    }
+    if !args.candidates.is_empty() {
+        let files = args.candidates.iter().map(|path| Ok(provenance::file(path)?.to_string()));
+        option("candidate", files.collect::<anyhow::Result<Vec<_>>>()?.join(", "));
+    }
+    Ok(made)
+}
+
+/// Takes in what can be used, recordings without a command as those of the servomotor stage; also warnings.
+fn trials(read: Recordings, made: &mut Provenance) -> anyhow::Result<(Vec<Trial>, Vec<String>)> {
+    let Recordings { recordings, mut warnings, .. } = read;
     let whole_or_stage = |recording: &Recording| if recording.has_command() { Cut::None } else { Cut::Spool };
     let Intake { admitted, notes, refused } = admit_all(recordings, whole_or_stage);
     if admitted.is_empty() {
@@ -137,6 +163,10 @@ fn trials(paths: &[PathBuf], topics: &Topics, unit: &Unit) -> anyhow::Result<(Ve
         }
     });
     let trials = trials.collect();
+    for one in made.recordings.iter_mut().filter(|one| one.left_out.is_none()) {
+        let head = format!("{}: ", one.name);
+        one.left_out = refused.iter().find_map(|reason| Some(reason.strip_prefix(&head)?.to_owned()));
+    }
     warnings.extend(refused.into_iter().map(|reason| format!("{reason} (left out)")));
     Ok((trials, warnings))
 }
@@ -162,7 +192,7 @@ fn knobs(args: &Args, unit: &mut Unit) -> anyhow::Result<Vec<Knob>> {
         let Some(index) = ENTRIES.iter().position(|entry| entry.key == key) else {
             let near = nearest(key, ENTRIES.iter().map(|entry| entry.key));
             let hint = near.map_or("`govtwin check` lists them".to_owned(), |near| format!("did you mean `{near}`?"));
-            bail!("--free {key}: there is no such parameter; {hint}");
+            return Err(usage(format!("--free {key}: there is no such parameter; {hint}")));
         };
         free.push(index);
     }
@@ -198,7 +228,7 @@ fn knobs(args: &Args, unit: &mut Unit) -> anyhow::Result<Vec<Knob>> {
 }
 
 /// The fitted unit as a parameter file.
-fn overlay(bench: &Bench, sheet: &Sheet, fitted: &Calibration) -> Overlay {
+fn overlay(bench: &Bench, sheet: &Sheet, fitted: &Calibration, made: &Provenance) -> Overlay {
     let comment = |row: &govtwin::tuning::calibration::Row| {
         let [low, high] = row.ci90.map(number_text);
         let bound = if row.at_bound { ", at a bound" } else { "" };
@@ -209,10 +239,12 @@ fn overlay(bench: &Bench, sheet: &Sheet, fitted: &Calibration) -> Overlay {
         unit: fitted.unit.clone(),
         name: sheet.name.clone(),
         source: format!("govtwin fit on {}", names.join(", ")),
-        head: vec![
-            format!("Fitted by govtwin {} fit; behind each value its 90 % interval.", env!("CARGO_PKG_VERSION")),
-            format!("Left over, in times the noise to be expected: {}.", figures::leftover(fitted)),
-        ],
+        head: [
+            vec!["A fit; behind each value its 90 % interval.".to_owned()],
+            made.comments(),
+            vec![format!("Left over, in times the noise to be expected: {}.", figures::leftover(fitted))],
+        ]
+        .concat(),
         comments: fitted.rows.iter().map(comment).collect::<BTreeMap<_, _>>(),
     }
 }

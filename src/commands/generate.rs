@@ -19,8 +19,8 @@ use govtwin::recording::Process;
 use govtwin::{msg, units};
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 
-use crate::commands::Outcome;
 use crate::commands::output::{Output, Progress, print};
+use crate::commands::{Outcome, expect};
 
 /// The unit that was simulated.
 const TRUTH: &str = "truth.yaml";
@@ -58,6 +58,9 @@ pub struct Args {
     /// Folder for the bags and `truth.yaml`; must not exist, or be empty.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    /// Print JSON instead of text: the bags, the file of the truth, and the effects.
+    #[arg(long)]
+    json: bool,
 }
 
 const HELP: &str = "\
@@ -154,7 +157,17 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     output.add(TRUTH, params::overlay_text(&truth, &label(args, &unit))?.as_bytes())?;
     output.place()?;
     lines.push(format!("{}: the unit simulated, {}", truth.display(), effects_text(&unit)));
-    print(&format!("{}\n", lines.join("\n")))?;
+    if args.json {
+        let bags: Vec<_> = processes.iter().map(|process| args.out.join(process.id()).display().to_string()).collect();
+        let effects: Vec<_> = unit.effects.iter().map(|setting| effect::text(&unit, setting)).collect();
+        let made = serde_json::json!({
+            "schema": "govtwin-generate/1", "synthetic": true, "bags": bags, "truth": truth.display().to_string(), "effects": effects,
+            "seed": args.seed,
+        });
+        print(&format!("{made:#}\n"))?;
+    } else {
+        print(&format!("{}\n", lines.join("\n")))?;
+    }
     Ok(Outcome::Ok)
 }
 
@@ -171,10 +184,7 @@ fn refuse_what_cannot_be(unit: &Unit, seed: u64) -> anyhow::Result<()> {
 }
 
 fn within(option: &str, value: f64, min: f64, max: f64, unit: &str) -> anyhow::Result<()> {
-    if !(min..=max).contains(&value) {
-        bail!("{option}: expected {min} to {max} {unit}, found {value}");
-    }
-    Ok(())
+    expect((min..=max).contains(&value), || format!("{option}: expected {min} to {max} {unit}, found {value}"))
 }
 
 /// Simulates a scenario and writes its bag.

@@ -12,8 +12,8 @@ use govtwin::params::number_text;
 use govtwin::report::table::Table;
 use serde_json::json;
 
-use super::output::{Progress, print, warn};
-use crate::commands::Outcome;
+use super::output::{Progress, print, table_text, warn};
+use crate::commands::{Outcome, usage};
 
 /// Make a bag of recordings as plants have them: CSV, Parquet, and bags with other topics and types.
 ///
@@ -67,7 +67,10 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let map = args.map.as_deref().map(Map::load).transpose()?;
     if args.suggest {
         let [file] = &args.files[..] else {
-            anyhow::bail!("--suggest looks at one file, found {}; give one after the other", args.files.len());
+            return Err(usage(format!(
+                "--suggest looks at one file, found {}; give one after the other",
+                args.files.len()
+            )));
         };
         let out = args.out.clone().unwrap_or_else(|| PathBuf::from("import"));
         return suggest::run(file, &map.unwrap_or_default(), &out, args.json);
@@ -95,7 +98,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         for note in &imported.notes {
             print(&format!("{note}\n"))?;
         }
-        print(&table(&imported).to_text())?;
+        print(&table_text(&table(&imported)))?;
         match &args.out {
             Some(out) => print(&format!("{}: {} rows\n", out.display(), imported.rows))?,
             None => print("Nothing was written; add --out BAG.\n")?,

@@ -28,6 +28,13 @@ pub struct Args {
     json: bool,
 }
 
+impl Args {
+    /// The arguments for one bag.
+    pub fn of(bag: PathBuf, json: bool) -> Self {
+        Self { bags: vec![bag], topics: TopicArgs::default(), json }
+    }
+}
+
 const HELP: &str = "\
 What the table says of a topic:
   rate        messages per second: one over the median interval

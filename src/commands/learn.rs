@@ -61,6 +61,9 @@ pub struct Args {
     /// Folder for what comes out; made where missing. Evaluations done before are taken from there.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
+    /// Print JSON instead of tables: all figures, as in the folder's JSON file.
+    #[arg(long)]
+    pub json: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

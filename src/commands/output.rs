@@ -1,14 +1,17 @@
 //! What several commands say and leave behind: text on standard output, progress, whole files.
 
+mod progress;
+
 use std::borrow::Cow;
-use std::io::{self, Write};
+use std::io::{self, IsTerminal as _, Write};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use anyhow::Context;
 use govtwin::bag::Sealed;
 use govtwin::files::{Claim, Together, journalled};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use govtwin::report::table::Table;
+
+pub use progress::Progress;
 
 /// Writes text to standard output; a reader that has gone away (`… | head`) is no error.
 pub fn print(text: &str) -> anyhow::Result<()> {
@@ -20,6 +23,21 @@ pub fn print(text: &str) -> anyhow::Result<()> {
         _ => Ok(()),
     }
 }
+
+/// How many characters a line of standard output may have: those of the terminal, or of the variable `COLUMNS`; no end in a pipe or file.
+pub fn width() -> usize {
+    let stated = std::env::var("COLUMNS").ok().and_then(|text| text.trim().parse().ok());
+    let terminal = || terminal_size::terminal_size_of(io::stdout()).map(|(width, _)| usize::from(width.0));
+    if io::stdout().is_terminal() { stated.or_else(terminal).unwrap_or(80).max(NARROWEST) } else { usize::MAX }
+}
+
+/// A table as wide as the terminal has room for.
+pub fn table_text(table: &Table) -> String {
+    table.to_text_within(width())
+}
+
+/// A narrower terminal is taken for one that does not know its width.
+const NARROWEST: usize = 40;
 
 /// Writes a warning line to standard error.
 pub fn warn(text: &str) {
@@ -58,7 +76,6 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
 }
 
 /// Writes a line for the person who waits to standard error.
-#[cfg(feature = "node")]
 pub fn say(text: &str) {
     // Where even standard error is closed there is nobody left to tell.
     let _ = writeln!(io::stderr().lock(), "govtwin: {}", plain(text));
@@ -144,47 +161,6 @@ impl Output {
             Ok(())
         };
         journalled(&folder, &moves, &outdated, act).with_context(placing)?
-    }
-}
-
-/// A progress bar on standard error that shows itself only on a terminal, and only after a second of work.
-pub struct Progress {
-    bar: ProgressBar,
-}
-
-impl Progress {
-    /// Starts counting to `total` of whatever `noun` names, such as `recordings`.
-    pub fn new(total: usize, noun: &str) -> Self {
-        let bar = ProgressBar::with_draw_target(Some(total as u64), ProgressDrawTarget::hidden());
-        let template = format!("{{bar:40}} {{pos}}/{{len}} {noun}, {{eta}} left {{msg}}");
-        if let Ok(style) = ProgressStyle::with_template(&template) {
-            bar.set_style(style);
-        }
-        Self { bar }
-    }
-
-    /// One more done.
-    pub fn step(&self) {
-        if self.bar.is_hidden() && self.bar.elapsed() > Duration::from_secs(1) {
-            self.bar.set_draw_target(ProgressDrawTarget::stderr());
-        }
-        self.bar.inc(1);
-    }
-
-    /// This share is done by now, and this is what goes on.
-    pub fn at(&self, share: f64, what: &str) {
-        if self.bar.is_hidden() && self.bar.elapsed() > Duration::from_secs(1) {
-            self.bar.set_draw_target(ProgressDrawTarget::stderr());
-        }
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of 100 steps")]
-        self.bar.set_position((share.clamp(0.0, 1.0) * 100.0) as u64);
-        self.bar.set_message(plain(what).into_owned());
-    }
-}
-
-impl Drop for Progress {
-    fn drop(&mut self) {
-        self.bar.finish_and_clear();
     }
 }
 

@@ -8,10 +8,11 @@ use govtwin::node::arguments::Arguments;
 use govtwin::node::bus::Bus;
 use govtwin::node::player::{Options, Played, Player};
 use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::json;
 
 use super::output;
 use super::run::{duration, environment, stop_on_signals};
-use crate::commands::Outcome;
+use crate::commands::{Outcome, expect};
 
 /// Arguments of `govtwin play`.
 #[derive(Debug, clap::Args)]
@@ -20,7 +21,7 @@ pub struct Args {
     #[arg(value_name = "BAG")]
     bag: PathBuf,
     /// Speed, 2 for twice as fast.
-    #[arg(long = "rate", value_name = "FACTOR", default_value_t = 1.0)]
+    #[arg(long = "speed", alias = "rate", value_name = "FACTOR", default_value_t = 1.0)]
     speed: f64,
     /// Start again at the end, until told to stop.
     #[arg(long = "loop")]
@@ -40,6 +41,9 @@ pub struct Args {
     /// Peers drop a node that they did not hear for so long; it is announced five times in that span.
     #[arg(long = "lease", value_name = "S", default_value_t = 10.0)]
     lease_s: f64,
+    /// Print JSON instead of text.
+    #[arg(long)]
+    json: bool,
     /// What every ROS 2 program takes: `-r FROM:=TO`, `-r __ns:=/NAME`.
     #[arg(long = "ros-args", num_args = 0.., allow_hyphen_values = true, value_terminator = "--", value_name = "ARGS")]
     ros: Vec<String>,
@@ -47,9 +51,9 @@ pub struct Args {
 
 /// Plays a recording to its end, or until a signal.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    ensure!((1e-3..=1e3).contains(&args.speed), "--rate is {}: expected 0.001 to 1000", args.speed);
+    expect((1e-3..=1e3).contains(&args.speed), || format!("--speed is {}: expected 0.001 to 1000", args.speed))?;
     let clock_ok = args.clock_hz.is_none_or(|hz| (0.1..=10_000.0).contains(&hz));
-    ensure!(clock_ok, "--clock is {:?}: expected 0.1 to 10000 Hz", args.clock_hz);
+    expect(clock_ok, || format!("--clock is {}: expected 0.1 to 10000 Hz", args.clock_hz.unwrap_or_default()))?;
     let wait = duration(Some(args.wait_s), "--wait")?.unwrap_or_default();
     let options = Options { speed_ratio: args.speed, repeat: args.repeat, clock_hz: args.clock_hz, wait };
     let read = bag::messages(&args.bag)?;
@@ -93,12 +97,19 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     bar.finish_and_clear();
     drop(player);
     drop(bus);
-    output::print(&text(&played))?;
+    output::print(&if args.json { format!("{:#}\n", figures(&played)) } else { text(&played) })?;
     Ok(if played.lost > 0 { Outcome::Warnings } else { Outcome::Ok })
 }
 
 fn none_of(topics: &[String]) -> String {
     if topics.is_empty() { String::new() } else { format!(" on {}", topics.join(", ")) }
+}
+
+fn figures(played: &Played) -> serde_json::Value {
+    json!({
+        "schema": "govtwin-play/1", "messages": played.messages, "lost": played.lost, "passes": played.passes,
+        "worst_delay_s": played.worst_delay_s,
+    })
 }
 
 fn text(played: &Played) -> String {

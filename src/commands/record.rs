@@ -11,6 +11,8 @@ use govtwin::node::bus::Bus;
 use govtwin::node::realtime::{Until, pause};
 use govtwin::node::recorder::{DEFAULT_TOPICS, OPTIONS, record};
 
+use serde_json::json;
+
 use super::output;
 use super::run::{duration, environment, stop_on_signals};
 use crate::commands::Outcome;
@@ -33,6 +35,9 @@ pub struct Args {
     /// Peers drop a node that they did not hear for so long; it is announced five times in that span.
     #[arg(long = "lease", value_name = "S", default_value_t = 10.0)]
     lease_s: f64,
+    /// Print JSON instead of text.
+    #[arg(long)]
+    json: bool,
     /// What every ROS 2 program takes: `-r FROM:=TO`, `-r __ns:=/NAME`.
     #[arg(long = "ros-args", num_args = 0.., allow_hyphen_values = true, value_terminator = "--", value_name = "ARGS")]
     ros: Vec<String>,
@@ -72,6 +77,15 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         output::warn(words);
     }
     text.push_str(&format!("bag: {}\n", recorded.bag.display()));
+    if args.json {
+        text = format!(
+            "{:#}\n",
+            json!({
+                "schema": "govtwin-record/1", "bag": recorded.bag.display().to_string(), "messages": recorded.messages,
+                "undecodable": recorded.undecodable, "foreign": recorded.foreign.iter().map(|(topic, _)| topic).collect::<Vec<_>>(),
+            })
+        );
+    }
     output::print(&text)?;
     let clean = recorded.undecodable == 0 && recorded.foreign.is_empty() && silence.is_empty();
     Ok(if clean { Outcome::Ok } else { Outcome::Warnings })

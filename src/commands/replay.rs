@@ -1,34 +1,35 @@
 //! `govtwin replay`: simulate recordings and compare with what was measured.
 
+mod files;
 mod ladder;
 pub mod origin;
 mod residual;
 mod rows;
 mod simulated;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use anyhow::bail;
 use clap::ValueEnum;
-use govtwin::bag::{self, Interpolation, Loaded, ReadOptions, Sealed, Stream};
-use govtwin::files::remove_stale;
+use govtwin::bag::{self, Interpolation, Loaded, ReadOptions, Stream};
 use govtwin::parameters::Unit;
 use govtwin::params::{self, Sheet};
+use govtwin::provenance::Provenance;
 use govtwin::recording::Recording;
 use govtwin::replay::Replayed;
 use govtwin::replay::ladder::Ladder;
-use govtwin::replay::summary::{Parameters, Provenance, Residual, Summary, summarise};
-use govtwin::report::replay::{Pictures, ladder_table, page, process_table, reason_for_dashes, reason_for_stars};
+use govtwin::replay::summary::{Parameters, Residual, Source, summarise};
+use govtwin::report::replay::{ladder_table, process_table, reason_for_dashes, reason_for_stars};
 use govtwin::residual::corrector::Corrector;
 use govtwin::residual::guard::Counts;
 use govtwin::twin::{Cut, Twin};
 use govtwin::units::nanos_from_seconds;
-use rayon::iter::{IntoParallelIterator, IntoParallelRefIterator, ParallelIterator};
+use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
-use super::bags::{self, Bag, MapArgs, Mapped, TopicArgs};
-use super::model;
-use super::output::{Output, Progress, print, warn};
-use crate::commands::Outcome;
+use super::bags::{self, Bag, MapArgs, Mapped, Read, TopicArgs};
+use super::output::{Output, Progress, print, table_text, warn};
+use super::{model, provenance};
+use crate::commands::{Outcome, usage};
 
 /// The page.
 const PAGE: &str = "replay.html";
@@ -75,6 +76,9 @@ pub struct Args {
     /// replay are replaced.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Print JSON instead of tables: the figures that DIR/replay.json holds.
+    #[arg(long)]
+    json: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -82,8 +86,10 @@ enum CutAt {
     /// Everything is simulated.
     None,
     /// The measured servomotor position feeds the regulator: judges the spool (the paper's mode).
+    #[value(alias = "servo", alias = "guide-vane", alias = "servomotor_position")]
     Servomotor,
     /// The measured spool position drives the servomotor: judges the servomotor stage alone.
+    #[value(alias = "valve", alias = "main-valve", alias = "distributing-valve", alias = "spool_position")]
     Spool,
 }
 
@@ -108,8 +114,10 @@ enum Between {
 /// One bag, replayed, with what was drawn of it.
 struct Result {
     replayed: Replayed,
-    provenance: Provenance,
-    pictures: Option<Pictures>,
+    source: Source,
+    read: Read,
+    /// What the bag with the simulated state says of itself.
+    about: BTreeMap<String, String>,
     corrected: Option<(Replayed, Counts)>,
 }
 
@@ -123,7 +131,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let bags = bags::find(&mapped.paths)?;
     let output = args.out.as_ref().map(|out| Output::claim(out, &[PAGE, FIGURES])).transpose()?;
     if let Some(out) = &args.out {
-        refuse_to_overwrite(out, &bags)?;
+        files::refuse_to_overwrite(out, &bags)?;
     }
     let models = args.residual.iter().map(|path| Ok((path.as_path(), model::load(path)?)));
     let models = models.collect::<anyhow::Result<Vec<_>>>()?;
@@ -131,7 +139,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     // On a ladder every model stands on a unit of its own.
     let single = models.first().filter(|_| !climbs);
     if climbs && args.adapt {
-        bail!("--adapt follows one residual; leave out --then and further --residual");
+        return Err(usage("--adapt follows one residual; leave out --then and further --residual"));
     }
     let corrector = single.map(|(_, model)| residual::ready(model, &sheet.unit, args.cut.cut())).transpose()?;
     let mut results = replay_all(args, &sheet.unit, &bags, &mapped, corrector.as_ref())?;
@@ -140,36 +148,36 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         let corrector = residual::ready(model, &sheet.unit, args.cut.cut())?.adapting(model)?;
         adaptation = residual::adapt(corrector, &mut results);
     }
-    let together: Vec<_> = results.iter().map(|one| (&one.replayed, &one.provenance)).collect();
+    let together: Vec<_> = results.iter().map(|one| (&one.replayed, &one.source)).collect();
     let between = if args.rate_of_inputs == Between::Hold { "hold" } else { "linear" };
     let mut summary = summarise(parameters(&sheet), args.cut.cut(), between, &together);
-    print(&process_table(&summary).to_text())?;
-    if let Some(reason) = reason_for_dashes(&summary) {
-        print(&format!("{reason}\n"))?;
-    }
+    let mut text = table_text(&process_table(&summary));
+    text.extend(reason_for_dashes(&summary).map(|reason| format!("{reason}\n")));
+    let mut after = None;
     if climbs {
-        let ladder = ladder::climb(args, &sheet.unit, &models, &results, &summary)?;
-        print(&ladder_text(&ladder))?;
+        let (ladder, last) = ladder::climb(args, &sheet.unit, &models, &results, &summary)?;
+        text += &ladder_text(&ladder);
         summary.ladder = Some(ladder);
+        after = last;
     }
     if let Some((path, _)) = single {
-        let corrected: Vec<_> =
-            results.iter().filter_map(|one| Some((one.corrected.as_ref()?, &one.provenance))).collect();
+        let corrected: Vec<_> = results.iter().filter_map(|one| Some((one.corrected.as_ref()?, &one.source))).collect();
         let with = residual::summary(path, &corrected, &summary, args.cut.cut());
-        print(&format!("With the residual of {}:\n{}", path.display(), process_table(&with).to_text()))?;
-        if let Some(adaptation) = &adaptation {
-            print(&format!("Adaptation: {}.\n", adaptation.words()))?;
-        }
+        text += &format!("With the residual of {}:\n{}", path.display(), table_text(&process_table(&with)));
+        text.extend(adaptation.as_ref().map(|adaptation| format!("Adaptation: {}.\n", adaptation.words())));
         summary.residual = with.residual.map(|residual| Residual { adaptation, ..residual });
     }
-    let mut origins: Vec<&str> = summary.recordings.iter().filter_map(|one| one.origin.as_deref()).collect();
-    origins.dedup();
-    for origin in origins {
-        print(&format!("{origin}\n"))?;
+    let made = describe(args, &sheet, between, &mapped, &results)?;
+    made.origins().iter().for_each(|origin| text += &format!("{origin}\n"));
+    summary.provenance = Some(made);
+    if args.json {
+        text = serde_json::to_string_pretty(&summary)? + "\n";
+    } else if args.out.is_none() {
+        text += "Add --out DIR for pictures, all figures and bags with the simulated state.\n";
     }
-    match output {
-        Some(output) => write_all(output, &summary, &results, &bags, &sheet.unit, args)?,
-        None => print("Add --out DIR for pictures, all figures and bags with the simulated state.\n")?,
+    print(&text)?;
+    if let Some(output) = output {
+        files::write_all(output, &summary, &results, &bags, &sheet.unit, after.as_ref(), args)?;
     }
     let mut outcome = if mapped.warnings.is_empty() { Outcome::Ok } else { Outcome::Warnings };
     mapped.warnings.iter().for_each(|warning| warn(warning));
@@ -182,10 +190,42 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     Ok(outcome)
 }
 
+/// What the figures are made from.
+fn describe(
+    args: &Args,
+    sheet: &Sheet,
+    between: &str,
+    mapped: &Mapped,
+    results: &[Result],
+) -> anyhow::Result<Provenance> {
+    let mut made = provenance::new("replay", sheet, None)?;
+    made.unit = provenance::unit_of(&args.bags);
+    made.recordings = provenance::inputs(&results.iter().map(|one| one.read.clone()).collect::<Vec<_>>(), mapped);
+    let said = results.iter().flat_map(|one| {
+        let name = &one.replayed.recording.name;
+        one.source.warnings.iter().map(move |warning| format!("{name}: {warning}"))
+    });
+    made.warnings = mapped.warnings.iter().cloned().chain(said).collect();
+    let cut = govtwin::replay::summary::cut_id(args.cut.cut());
+    made.options.extend([("cut".to_owned(), cut.to_owned()), ("rate-of-inputs".to_owned(), between.to_owned())]);
+    for (name, paths) in [("then", &args.then), ("residual", &args.residual)] {
+        let files: Vec<String> =
+            paths.iter().map(|path| Ok(provenance::file(path)?.to_string())).collect::<anyhow::Result<_>>()?;
+        if !files.is_empty() {
+            made.options.insert(name.to_owned(), files.join(", "));
+        }
+    }
+    if args.adapt {
+        made.options.insert("adapt".to_owned(), "given".to_owned());
+    }
+    bags::options(&args.topics, &args.map, &mut made)?;
+    Ok(made)
+}
+
 fn ladder_text(ladder: &Ladder) -> String {
     let stars = reason_for_stars(ladder).map(|reason| format!("{reason}\n")).unwrap_or_default();
     let findings: String = ladder.findings.iter().map(|finding| format!("{finding}\n")).collect();
-    format!("{}{stars}{findings}", ladder_table(ladder).to_text())
+    format!("{}{stars}{findings}", table_text(&ladder_table(ladder)))
 }
 
 /// How the bags are read.
@@ -221,7 +261,7 @@ fn replay_all(
         .par_iter()
         .map(|bag| {
             let from = (bag, mapped.given(&bag.path));
-            let result = replay(from, &options, twin.clone(), corrector, unit, [whole, args.out.is_some()]);
+            let result = replay(from, &options, twin.clone(), corrector, unit, whole);
             progress.step();
             result
         })
@@ -248,7 +288,7 @@ fn replay(
     mut twin: Twin,
     corrector: Option<&Corrector>,
     unit: &Unit,
-    [whole, draw]: [bool; 2],
+    whole: bool,
 ) -> anyhow::Result<Result> {
     let (replayed, health) = if whole {
         let Loaded { recording, health } = bag::read(&bag.path, options)?;
@@ -258,97 +298,21 @@ fn replay(
     };
     let mut warnings: Vec<String> = health.warnings.iter().map(ToString::to_string).collect();
     warnings.extend(bags::doubt_of_pressure(&replayed.recording, &options.topics, unit));
-    let provenance = Provenance {
+    let marked = provenance::marked(Some(&health), given);
+    let source = Source {
         path: given.display().to_string(),
         bytes: health.files.iter().map(|file| file.bytes).sum(),
-        origin: origin::of(given),
+        origin: marked.origin.clone(),
         warnings,
         notes: health.notes.iter().map(ToString::to_string).collect(),
     };
-    let pictures = draw.then(|| Pictures::draw(&replayed, &unit.sensors)).transpose()?;
+    let about = simulated::about(&bag.name, &health, &marked);
     let corrected = corrector.map(|corrector| residual::correct(corrector, &replayed));
-    Ok(Result { replayed, provenance, pictures, corrected })
+    let read = Read { path: bag.path.clone(), name: bag.name.clone(), health: Some(health), left_out: None };
+    Ok(Result { replayed, source, read, about, corrected })
 }
 
 fn parameters(sheet: &Sheet) -> Parameters {
     let files = sheet.files.iter().map(|path| path.display().to_string()).collect();
     Parameters::new(sheet.name.clone(), files, &sheet.unit, &params::reference())
-}
-
-/// Nothing may be replaced by the bags that are written but bags of an earlier replay: neither what is read, nor others, nor one another.
-fn refuse_to_overwrite(out: &Path, bags: &[Bag]) -> anyhow::Result<()> {
-    for bag in bags {
-        if let Some(inner) = bags.iter().find(|other| *other != bag && Path::new(&other.name).starts_with(&bag.name)) {
-            anyhow::bail!(
-                "--out {}: the simulated bag {} of {} would lie inside {} of {}; replay the two apart",
-                out.display(),
-                inner.name,
-                inner.path.display(),
-                bag.name,
-                bag.path.display()
-            );
-        }
-        let target = out.join(&bag.name);
-        if let (Ok(from), Ok(to)) = (bag.path.canonicalize(), target.canonicalize())
-            && from.starts_with(&to)
-        {
-            anyhow::bail!(
-                "--out {}: the simulated bag would take the place of {}, which is read; choose another folder",
-                out.display(),
-                bag.path.display()
-            );
-        }
-        simulated::check(&target)?;
-        if let Some(folder) = target.parent() {
-            remove_stale(folder);
-        }
-    }
-    Ok(())
-}
-
-/// Writes the simulated bag of a replay, anew where not all of its rows were kept.
-fn write_bag(bag: &Bag, dir: &Path, replayed: &Replayed, unit: &Unit, args: &Args) -> anyhow::Result<Sealed> {
-    let topics = args.topics.topics();
-    if replayed.every == 1 {
-        return simulated::write(&bag.path, dir, replayed, &topics);
-    }
-    let options = options(args, unit);
-    let mut twin = Twin::new(unit).with_cut(args.cut.cut());
-    let measured = replayed.scores.are_measured();
-    if let Some(sealed) = rows::write(&bag.path, dir, &options, &mut twin, measured, &topics)? {
-        return Ok(sealed);
-    }
-    let recording = bag::read(&bag.path, &options)?.recording;
-    simulated::write(&bag.path, dir, &Replayed::new(&mut twin, recording), &topics)
-}
-
-/// Writes the bags, the page and the figures.
-fn write_all(
-    mut output: Output,
-    summary: &Summary,
-    results: &[Result],
-    bags: &[Bag],
-    unit: &Unit,
-    args: &Args,
-) -> anyhow::Result<()> {
-    let progress = Progress::new(bags.len(), "bags written");
-    let pairs: Vec<_> = results.iter().zip(bags).collect();
-    let written: anyhow::Result<Vec<Sealed>> = pairs
-        .into_par_iter()
-        .map(|(one, bag)| {
-            let sealed = write_bag(bag, &output.path(&bag.name), &one.replayed, unit, args)?;
-            progress.step();
-            Ok(sealed)
-        })
-        .collect();
-    drop(progress);
-    output.add_bags(written?);
-    let replayed: Vec<&Replayed> = results.iter().map(|one| &one.replayed).collect();
-    let pictures: Vec<Pictures> = results.iter().filter_map(|one| one.pictures.clone()).collect();
-    let page = page(summary, &replayed, &pictures, &unit.sensors)?;
-    let html_path = output.path(PAGE);
-    output.add(PAGE, page.to_html().as_bytes())?;
-    output.add_json(FIGURES, summary)?;
-    output.place()?;
-    print(&format!("Pictures: {}\n", html_path.display()))
 }

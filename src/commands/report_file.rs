@@ -6,6 +6,7 @@ use anyhow::{Context, bail};
 use govtwin::blind::said::Said;
 use govtwin::diagnosis::contract::SCHEMA;
 use govtwin::files::read_text;
+use govtwin::provenance::Provenance;
 
 /// More than a report of one unit has with all its evidence.
 pub const LARGEST_BYTES: u64 = 1 << 24;
@@ -14,6 +15,17 @@ pub const LARGEST_BYTES: u64 = 1 << 24;
 pub fn read(path: &Path) -> anyhow::Result<Said> {
     let text = read_text(path, LARGEST_BYTES).with_context(|| format!("cannot read {}", path.display()))?;
     check(&text).with_context(|| path.display().to_string())
+}
+
+/// What a report was made from; none where it does not say.
+pub fn provenance(path: &Path) -> anyhow::Result<Option<Provenance>> {
+    #[derive(serde::Deserialize)]
+    struct Made {
+        provenance: Option<Provenance>,
+    }
+    let text = read_text(path, LARGEST_BYTES).with_context(|| format!("cannot read {}", path.display()))?;
+    let made: Made = serde_json::from_str(&text).with_context(|| path.display().to_string())?;
+    Ok(made.provenance)
 }
 
 /// What the text of a report says. One without a schema is a baseline's, which `govtwin blind` writes itself.

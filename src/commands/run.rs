@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use anyhow::{Context, ensure};
+use anyhow::Context;
 use govtwin::node::arguments::Arguments;
 use govtwin::node::core::{Input, OnStale};
 use govtwin::node::environment::Environment;
@@ -17,7 +17,7 @@ use govtwin::twin::Twin;
 use serde_json::json;
 
 use super::{model, output};
-use crate::commands::Outcome;
+use crate::commands::{Outcome, expect, usage};
 
 /// Arguments of `govtwin run`.
 #[derive(Debug, clap::Args)]
@@ -70,9 +70,12 @@ pub struct Args {
     /// Write a bag of the inputs as the twin took them and of its estimates.
     #[arg(long, value_name = "DIR")]
     bag: Option<PathBuf>,
-    /// Write the figures of the run as JSON.
+    /// Write the figures of the run as JSON to this file.
     #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
+    out: Option<PathBuf>,
+    /// Print the figures of the run as JSON instead of text.
+    #[arg(long)]
+    json: bool,
     /// What every ROS 2 program takes: `-r FROM:=TO`, `-p NAME:=VALUE`, `--params-file FILE`, `--log-level LEVEL`.
     #[arg(long = "ros-args", num_args = 0.., allow_hyphen_values = true, value_terminator = "--", value_name = "ARGS")]
     ros: Vec<String>,
@@ -80,19 +83,15 @@ pub struct Args {
 
 /// Runs the node until a signal, its duration or the fail-safe ends it.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    ensure!((1.0..=10_000.0).contains(&args.rate_hz), "--rate is {}: expected 1 to 10000 Hz", args.rate_hz);
-    ensure!(
-        (0.1..=args.rate_hz).contains(&args.publish_rate_hz),
-        "--publish-rate is {}: expected 0.1 Hz to --rate, {} Hz",
-        args.publish_rate_hz,
-        args.rate_hz
-    );
-    ensure!(
-        (0.001..=86_400.0).contains(&args.stale_after_s),
-        "--stale-after is {}: expected 0.001 to 86400 s",
-        args.stale_after_s
-    );
-    ensure!((0.0..=86_400.0).contains(&args.hold_s), "--hold is {}: expected 0 to 86400 s", args.hold_s);
+    let Args { rate_hz, publish_rate_hz, stale_after_s, hold_s, .. } = args;
+    expect((1.0..=10_000.0).contains(rate_hz), || format!("--rate is {rate_hz}: expected 1 to 10000 Hz"))?;
+    expect((0.1..=*rate_hz).contains(publish_rate_hz), || {
+        format!("--publish-rate is {publish_rate_hz}: expected 0.1 Hz to --rate, {rate_hz} Hz")
+    })?;
+    expect((0.001..=86_400.0).contains(stale_after_s), || {
+        format!("--stale-after is {stale_after_s}: expected 0.001 to 86400 s")
+    })?;
+    expect((0.0..=86_400.0).contains(hold_s), || format!("--hold is {hold_s}: expected 0 to 86400 s"))?;
     let settings = Settings {
         rate_hz: args.rate_hz,
         publish_rate_hz: args.publish_rate_hz,
@@ -129,11 +128,11 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let ended = live::run(&options, &stop, &mut |level, words| {
         output::say(&format!("{level:?}: {words}"));
     })?;
-    if let Some(path) = &args.json {
-        let text = serde_json::to_string_pretty(&figures(&ended))?;
-        output::write_atomically(path, text.as_bytes())?;
+    let figures = serde_json::to_string_pretty(&figures(&ended))? + "\n";
+    if let Some(path) = &args.out {
+        output::write_atomically(path, figures.as_bytes())?;
     }
-    output::print(&text(&ended))?;
+    output::print(&if args.json { figures } else { text(&ended) })?;
     Ok(if ended.by_fail_safe { Outcome::Warnings } else { Outcome::Ok })
 }
 
@@ -151,14 +150,14 @@ pub fn stop_on_signals() -> anyhow::Result<Arc<AtomicBool>> {
 
 /// The environment of the process with the lease from the command line.
 pub fn environment(lease_s: f64) -> anyhow::Result<Environment> {
-    ensure!((1.0..=3600.0).contains(&lease_s), "--lease is {lease_s}: expected 1 to 3600 s");
+    expect((1.0..=3600.0).contains(&lease_s), || format!("--lease is {lease_s}: expected 1 to 3600 s"))?;
     Ok(Environment { lease: Duration::from_secs_f64(lease_s), ..Environment::of_process()? })
 }
 
 /// Seconds from the command line as a duration.
 pub fn duration(seconds_s: Option<f64>, flag: &str) -> anyhow::Result<Option<Duration>> {
     let convert = |seconds_s| {
-        Duration::try_from_secs_f64(seconds_s).with_context(|| format!("{flag} is {seconds_s}: expected seconds"))
+        Duration::try_from_secs_f64(seconds_s).map_err(|_| usage(format!("{flag} is {seconds_s}: expected seconds")))
     };
     seconds_s.map(convert).transpose()
 }

@@ -11,7 +11,7 @@ use govtwin::sheet::matter::{Matter, PARTS, matter};
 use govtwin::sheet::{Derived, Given, Plate, derive};
 use serde_json::json;
 
-use super::output::{Progress, print, warn, write_atomically};
+use super::output::{Progress, print, table_text, warn, write_atomically};
 use crate::commands::Outcome;
 
 /// Seed of the recordings by which it is found out what matters.
@@ -169,7 +169,7 @@ fn summary(derived: &Derived, matter: Option<&Matter>, out: &Path) -> String {
     let [opening_s, closing_s] = derived.times_s;
     let mut text = format!(
         "{}Full stroke through the ports: {opening_s:.2} s opening, {closing_s:.2} s closing.\n",
-        table.to_text()
+        table_text(&table)
     );
     if let Some(matter) = matter {
         let mut table =
@@ -177,7 +177,7 @@ fn summary(derived: &Derived, matter: Option<&Matter>, out: &Path) -> String {
         for help in matter.missing.iter().filter(|help| !help.effects.is_empty()).take(MOST_ITEMS) {
             table.row([help.item.key.to_owned(), help.item.doc.to_owned(), effects_text(&help.effects)]);
         }
-        text.push_str(&format!("\n{}", table.to_text()));
+        text.push_str(&format!("\n{}", table_text(&table)));
         let hidden: Vec<&str> = matter.hidden().map(|fault| fault.effect).collect();
         if hidden.is_empty() {
             text.push_str("No fault of typical size hides behind the tolerances.\n");

@@ -15,7 +15,7 @@ use govtwin::residual::training;
 use serde::Serialize;
 
 use super::learn::{self, CutAt, Job};
-use super::output::{Output, print};
+use super::output::{Output, print, table_text};
 use crate::commands::Outcome;
 
 /// Train a model of what the twin misses.
@@ -122,13 +122,11 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 
     let scored: Vec<Scored> = standings.iter().map(Scored::from).collect();
     let table_of_models = models_table(&scored, model.unit.as_str());
-    print(&table_of_models.to_text())?;
-    if let Some(origin) = &ready.origin {
-        print(&format!("{origin}\n"))?;
-    }
+    let mut said = table_text(&table_of_models);
+    said.extend(ready.origin.iter().map(|origin| format!("{origin}\n")));
     if let Some(band) = &band {
         let (stated, found) = (100.0 * band.coverage_share, 100.0 * band.overall_share);
-        print(&format!("Band: {stated:.0} % stated, {found:.1} % of the judging rows inside.\n"))?;
+        said += &format!("Band: {stated:.0} % stated, {found:.1} % of the judging rows inside.\n");
     }
     let mut page =
         Page::new("Training of the residual", format!("{} rows teach, {} judge", rows.0.len(), rows.1.len()));
@@ -150,6 +148,10 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     };
     output.add_json("train.json", &figures)?;
     output.place()?;
-    print(&format!("Model: {}\n", path.display()))?;
+    print(&if args.learn.json {
+        serde_json::to_string_pretty(&figures)? + "\n"
+    } else {
+        format!("{said}Model: {}\n", path.display())
+    })?;
     Ok(Outcome::Ok)
 }

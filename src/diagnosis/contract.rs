@@ -1,5 +1,9 @@
 //! The machine-readable report, `govtwin-diagnosis/1`: the agreed fields first, the evidence behind them below `evidence`.
 
+pub mod curves;
+pub mod read;
+mod values;
+
 use serde_json::{Value, json};
 
 use crate::diagnosis::consistency::Consistency;

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
+use crate::digest::Digest;
 use crate::parameters::{ENTRIES, Parameters, Sensor, Sensors, Unit};
 
 /// Where a value was read.
@@ -47,6 +48,25 @@ impl Sheet {
     }
 }
 
+/// Digest of all that a unit is: values, tolerances, transducers and effects, each under its key. Two files that say the same have one digest.
+#[must_use]
+pub fn unit_digest(unit: &Unit) -> String {
+    let mut digest = Digest::default();
+    for (entry, tolerance) in ENTRIES.iter().zip(&unit.tolerances) {
+        digest.update(entry.key);
+        digest.update_f64((entry.get)(&unit.parameters));
+        digest.update(format!("{tolerance:?}"));
+    }
+    for entry in SENSOR_ENTRIES {
+        digest.update(entry.name);
+        let sensor = (entry.get)(&unit.sensors);
+        digest.update_f64(sensor.noise);
+        digest.update_f64(sensor.step);
+    }
+    digest.update(format!("{:?}{:?}", unit.effects, unit.own_effects));
+    digest.text()
+}
+
 /// One transducer of [`Sensors`], for files and tables.
 pub struct SensorEntry {
     /// Name of the signal, with its unit suffix.
@@ -80,4 +100,22 @@ sensors! {
     pilot_valve_position_pu ["pu"] 0.2,
     tank_pressure_pa ["Pa"] 1.0e6,
     control_pressure_pa ["Pa"] 1.0e6,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::unit_digest;
+    use crate::params::reference;
+
+    #[test]
+    fn a_digest_tells_units_apart_and_not_their_files() {
+        let mut unit = reference();
+        let shipped = unit_digest(&unit);
+        assert_eq!(shipped, unit_digest(&reference()));
+        unit.parameters.oil.density_kg_m3 += 1e-9;
+        assert_ne!(shipped, unit_digest(&unit));
+        let mut unit = reference();
+        unit.tolerances[0] = None;
+        assert_ne!(shipped, unit_digest(&unit));
+    }
 }

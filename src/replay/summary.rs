@@ -2,7 +2,7 @@
 //!
 //! ```json
 //! {"schema": "govtwin-replay/1",
-//!  "program": "govtwin 0.1.0",
+//!  "program": "govtwin 0.1.0", "provenance": {"date": "2026-11-24T08:54:27Z", "recordings": […], "sheet": {…}, …},
 //!  "parameters": {"name": "…", "files": ["unit.yaml"],
 //!                 "changed": {"oil.bulk_modulus_pa": 1.1e9}, "effects": [{"id": "backlash", "parameters": {"play_pu": 0.002}}]},
 //!  "cut": "none", "inputs_between_samples": "hold",
@@ -26,8 +26,9 @@
 //! `adaptation` is `null` where it did not adapt.
 //! `ladder` is there where further units or residuals were given; its groups are the figures of each.
 //! `changed` holds what differs from the shipped unit. `origin` is what the bag's folder says of
-//! where its data comes from, `null` where it says nothing. Keys may be added to a version, and
-//! never change their meaning. The same bags and parameters give the same bytes.
+//! where its data comes from, `null` where it says nothing. `provenance` is
+//! [`crate::provenance::Provenance`]. Keys may be added to a version, and never change their meaning. The same bags and
+//! parameters give the same bytes but for the date in `provenance`.
 
 use std::collections::BTreeMap;
 
@@ -38,6 +39,7 @@ use super::ladder::Ladder;
 use super::{Replayed, Scores, stands_in};
 use crate::effects;
 use crate::parameters::{ENTRIES, EffectSetting, Unit};
+use crate::provenance::Provenance;
 use crate::recording::Process;
 use crate::residual::adapt::Adaptation;
 use crate::residual::guard::Counts;
@@ -54,6 +56,9 @@ pub struct Summary {
     pub schema: &'static str,
     /// Program and version.
     pub program: &'static str,
+    /// What the figures were made from.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub provenance: Option<Provenance>,
     /// What was simulated.
     pub parameters: Parameters,
     /// Name of the cut.
@@ -132,7 +137,7 @@ pub struct Effect {
 
 /// Where a recording came from, and what its reader had to say.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Provenance {
+pub struct Source {
     /// The path as given.
     pub path: String,
     /// Size of its files.
@@ -178,7 +183,7 @@ pub fn summarise(
     parameters: Parameters,
     cut: Cut,
     inputs_between_samples: &'static str,
-    replayed: &[(&Replayed, &Provenance)],
+    replayed: &[(&Replayed, &Source)],
 ) -> Summary {
     let group = |process: Option<Process>| {
         let mut scores = Scores::default();
@@ -191,7 +196,7 @@ pub fn summarise(
         }
         Group { process: process.map(Process::id), recordings, signals: signals(&scores, cut) }
     };
-    let recorded = |(one, from): &(&Replayed, &Provenance)| Recorded {
+    let recorded = |(one, from): &(&Replayed, &Source)| Recorded {
         name: one.recording.name.clone(),
         path: from.path.clone(),
         bytes: from.bytes,
@@ -207,6 +212,7 @@ pub fn summarise(
     Summary {
         schema: SCHEMA,
         program: concat!("govtwin ", env!("CARGO_PKG_VERSION")),
+        provenance: None,
         parameters,
         cut: cut_id(cut),
         inputs_between_samples,

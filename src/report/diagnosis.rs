@@ -1,5 +1,6 @@
 //! The page of a diagnosis: the verdict in words first, then the evidence for it.
 
+mod answers;
 mod next_test;
 mod pictures;
 mod tables;
@@ -10,43 +11,55 @@ use super::draw::{DrawError, svg};
 use super::page::{Blocks, KeyFigure, Page, Tone};
 use crate::diagnosis::outcome::{Diagnosis, Trace, Verdict};
 use crate::diagnosis::part::FREE_RUN_SAMPLES;
+use crate::provenance::Provenance;
 use crate::signal::Signal;
 
+pub use traces::kept as kept_traces;
 pub use words::summary;
 
 #[cfg(test)]
 mod tests;
 
-/// The page; `origins` say where the recordings come from, where their folders know.
+/// The page; `made` says what the diagnosis was made from, and where the recordings come from.
 ///
 /// # Errors
 /// Where a picture cannot be drawn.
-pub fn page(diagnosis: &Diagnosis, origins: &[String]) -> Result<Page, DrawError> {
-    let names: Vec<&str> = diagnosis.traces.iter().map(|trace| trace.name.as_str()).collect();
-    let subtitle = if names.len() > 6 { format!("{} recordings", names.len()) } else { names.join(", ") };
-    let mut page = Page::new("Diagnosis: where twin and unit part", subtitle);
+pub fn page(diagnosis: &Diagnosis, made: &Provenance) -> Result<Page, DrawError> {
+    let mut page = Page::new("Why the unit differs from its twin", subtitle(diagnosis, made));
     // Without an effect the twin with effects is the refitted one.
     let explained = !diagnosis.blamed.is_empty();
     let body = &mut page.body;
-    opening(body, diagnosis, origins);
+    opening(body, diagnosis, made);
     misses(body, diagnosis, explained)?;
-    if !diagnosis.traces.is_empty() {
+    if diagnosis.traces.iter().any(|trace| !trace.time_s.is_empty()) {
         recordings(body, diagnosis, explained)?;
     }
     location(body, diagnosis, explained)?;
     causes(body, diagnosis)?;
     next(body, diagnosis);
-    closing(body, diagnosis);
+    closing(body, diagnosis, made);
     Ok(page)
 }
 
-fn opening(body: &mut Blocks, diagnosis: &Diagnosis, origins: &[String]) {
-    body.lead(words::lead(diagnosis));
-    for text in words::explanation(diagnosis) {
-        body.paragraph(text);
-    }
-    let mut key = vec![KeyFigure::new("verdict", words::verdict_title(diagnosis.verdict), "")];
-    if let Some((stage, hint)) = words::place(diagnosis) {
+/// Unit, recordings and day.
+fn subtitle(diagnosis: &Diagnosis, made: &Provenance) -> String {
+    let mut names: Vec<&str> = diagnosis.traces.iter().map(|trace| trace.name.as_str()).collect();
+    // Pieces of one recording have names of their own.
+    names.dedup();
+    let recordings = if names.len() > 6 { format!("{} recordings", names.len()) } else { names.join(", ") };
+    let day = made.date.split('T').next().unwrap_or_default();
+    let parts = [made.unit.as_str(), recordings.as_str(), day];
+    parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(" · ")
+}
+
+fn opening(body: &mut Blocks, diagnosis: &Diagnosis, made: &Provenance) {
+    body.answers(answers::answers(diagnosis));
+    let verdict = words::verdict_title(diagnosis.verdict);
+    let verdict = KeyFigure::new("verdict", verdict, "");
+    let alone = diagnosis.verdict == Verdict::Named && answers::is_alone(diagnosis);
+    let mut key = vec![if alone { verdict.hint("not confirmed") } else { verdict }];
+    let some = matches!(diagnosis.verdict, Verdict::Named | Verdict::Class | Verdict::Unknown);
+    if let Some((stage, hint)) = words::place(diagnosis).filter(|_| some) {
         key.push(KeyFigure::new("stage", stage, "").hint(hint));
     }
     if let Some(first) = diagnosis.ranking.first() {
@@ -65,16 +78,23 @@ fn opening(body: &mut Blocks, diagnosis: &Diagnosis, origins: &[String]) {
     if !diagnosis.blamed.is_empty() {
         let closure = diagnosis.closure;
         let hint =
-            format!("on data left out; 90 %: {} to {}", words::percent(closure.low), words::percent(closure.high));
+            format!("on data held out; 90 %: {} to {}", words::percent(closure.low), words::percent(closure.high));
         let value = if closure.leaves_all_open() { "cannot be told".to_owned() } else { words::percent(closure.value) };
-        key.push(KeyFigure::new("gap closed", value, "").hint(hint));
+        key.push(KeyFigure::new("error explained", value, "").hint(hint));
     }
     body.key_figures(key);
-    for origin in origins {
-        body.note(Tone::Plain, origin.as_str());
+    for origin in made.origins() {
+        body.note(Tone::Plain, origin);
     }
-    for note in &diagnosis.notes {
+    // What comes nearest to something unknown stands among the answers.
+    let answered = |note: &&String| diagnosis.verdict == Verdict::Unknown && note.starts_with(answers::NEAREST);
+    for note in diagnosis.notes.iter().filter(|note| !answered(note)) {
         body.note(Tone::Warning, note.as_str());
+    }
+    let far = answers::moved(diagnosis, answers::FAR);
+    if !far.is_empty() {
+        let caption = "Values of the data sheet that recalibration moved by more than three standard deviations of their tolerance.";
+        body.table(tables::moved(&far), caption);
     }
 }
 
@@ -82,31 +102,32 @@ fn misses(body: &mut Blocks, diagnosis: &Diagnosis, explained: bool) -> Result<(
     body.heading("How far off the twin is");
     if !diagnosis.gap.is_empty() {
         let caption = if diagnosis.part.as_ref().is_some_and(|part| !part.sheet) {
-            "Delivered: a first guess, as no data sheet is known. Refitted: the same stage fitted freely, alike in both directions. The \
-             line is what the most flexible law of spool and opening leaves."
+            "Data sheet: a first guess, as none is known. Recalibrated: the same stage fitted freely, alike in both directions. The line is \
+             what the most flexible law of spool and opening leaves."
         } else {
-            "Delivered: the sheet's values. Refitted: the same parameters moved within their tolerances. The line is what a right twin \
-             would still miss, from noise and steps of the transducers."
+            "Data sheet: its values as they are. Recalibrated: the same values moved within their tolerances. The line is the error of a \
+             right twin, from noise and steps of the transducers."
         };
         body.figure(svg(&pictures::misses(diagnosis, explained))?, caption);
     }
-    body.table(tables::gap(diagnosis, explained), "RMS miss over all recordings; positions in % of their stroke.");
+    body.table(tables::gap(diagnosis, explained), "RMS error over all recordings; positions in % of their stroke.");
     if let Some(part) = diagnosis.part.as_ref().filter(|part| !part.free_runs.is_empty()) {
         let caption = format!(
             "Free runs of {FREE_RUN_SAMPLES} samples, each from its own measured start: fitted to one half of the recordings, the other \
-             predicted. RMS miss of the servomotor in % of its stroke."
+             predicted. RMS error of the servomotor in % of its stroke."
         );
         body.table(tables::free_runs(part), caption);
     }
     if diagnosis.blamed.len() > 1 {
-        body.table(tables::blamed(diagnosis), "What the verdict blames; closures on data left out of the fit.");
+        body.table(tables::blamed(diagnosis), "The causes; shares of the error explained on data held out of the fit.");
     }
     Ok(())
 }
 
 fn recordings(body: &mut Blocks, diagnosis: &Diagnosis, explained: bool) -> Result<(), DrawError> {
     body.heading("Before and after");
-    let mut order: Vec<&Trace> = diagnosis.traces.iter().collect();
+    // A report that was read back has the curves of one recording.
+    let mut order: Vec<&Trace> = diagnosis.traces.iter().filter(|trace| !trace.time_s.is_empty()).collect();
     order.sort_by(|a, b| traces::gap(b).total_cmp(&traces::gap(a)));
     for (rank, trace) in order.into_iter().enumerate() {
         let mut inner = Blocks::new();
@@ -115,10 +136,14 @@ fn recordings(body: &mut Blocks, diagnosis: &Diagnosis, explained: bool) -> Resu
             Some(_) => trace.name.clone(),
             None => format!("{} ({})", trace.name, trace.process.title()),
         };
-        let first = if rank == 0 && diagnosis.traces.len() > 1 { " The recording with most of the gap." } else { "" };
+        let first = if rank == 0 && diagnosis.traces.len() > 1 { " The recording with most of the error." } else { "" };
         into.figure(svg(&traces::picture(trace, None, explained))?, format!("{what}.{first}"));
         if let Some(window_s) = traces::close_up(trace) {
-            let caption = format!("{what}, the stretch in which the refitted twin misses most.");
+            let caption = format!("{what}, the stretch in which the recalibrated twin is farthest off.");
+            into.figure(svg(&traces::picture(trace, Some(window_s), explained))?, caption);
+        }
+        if let Some(window_s) = traces::worst(trace, answers::WORST_S).filter(|_| rank == 0) {
+            let caption = format!("{what}, the worst two seconds: here the error is largest.");
             into.figure(svg(&traces::picture(trace, Some(window_s), explained))?, caption);
         }
         if rank > 0 {
@@ -129,12 +154,12 @@ fn recordings(body: &mut Blocks, diagnosis: &Diagnosis, explained: bool) -> Resu
 }
 
 fn location(body: &mut Blocks, diagnosis: &Diagnosis, explained: bool) -> Result<(), DrawError> {
-    body.heading("Where the gap lies");
+    body.heading("Where the error sits");
     for signal in Signal::POSITIONS {
         let ledgers: Vec<_> = diagnosis.ledgers.iter().filter(|ledger| ledger.signal == signal).collect();
         if !ledgers.is_empty() {
             let caption = format!(
-                "{}: where the squared miss of the refitted twin comes from, %; the parts of each cut sum to 100.",
+                "{}: where the squared error of the recalibrated twin comes from, %; the parts of each cut sum to 100.",
                 signal.title()
             );
             body.figure(svg(&pictures::ledger(&ledgers, signal, explained))?, caption);
@@ -143,50 +168,54 @@ fn location(body: &mut Blocks, diagnosis: &Diagnosis, explained: bool) -> Result
     if !diagnosis.stage_tests.is_empty() {
         body.table(
             tables::stage_tests(diagnosis),
-            "Stages of the refitted twin, driven by recorded signals. Over noise: 1 where only noise is left.",
+            "Stages of the recalibrated twin, driven by recorded signals. Over noise: 1 where only noise is left.",
         );
     }
     if let Some(best) = diagnosis.latents.first() {
         body.figure(
             svg(&pictures::shape(best))?,
             format!(
-                "A free term on the {} ({}) would explain {} of the gap; each panel is its part in one variable.{}",
+                "A discrepancy term on the {} ({}) would explain {} of the error; each panel is its part in one variable.{}",
                 best.place,
                 words::stage_title(best.stage),
                 words::percent(best.explains),
                 if best.curves.iter().all(|curve| curve.named.is_empty()) {
                     ""
                 } else {
-                    " Beside it what the same term would be if the unit were the improved twin: where the two lie together, \
+                    " Beside it what the same term would be if the unit were the twin with faults: where the two lie together, \
                      what is named is what is missing."
                 }
             ),
         );
         let mut inner = Blocks::new();
-        inner.table(tables::latents(diagnosis), "Share of the gap beyond noise that a free term would explain there.");
-        body.details("Free terms at all places", inner);
+        inner.table(
+            tables::latents(diagnosis),
+            "Share of the error beyond noise that a discrepancy term would explain there.",
+        );
+        body.details("Discrepancy terms at all places", inner);
     }
     Ok(())
 }
 
 fn causes(body: &mut Blocks, diagnosis: &Diagnosis) -> Result<(), DrawError> {
     body.heading("What causes it");
+    let some = matches!(diagnosis.verdict, Verdict::Named | Verdict::Class | Verdict::Unknown);
+    let caption = if some {
+        "Left: probability that the error sits in a stage. Right: the most probable effects; several may be present at once."
+    } else {
+        "The most probable effects; several may be present at once."
+    };
     if !diagnosis.ranking.is_empty() {
-        body.figure(
-            svg(&pictures::probabilities(diagnosis))?,
-            "Left: probability that the gap sits in a stage. Right: the most probable effects; several may be present at once.",
-        );
+        body.figure(svg(&pictures::probabilities(diagnosis))?, caption);
     }
     if !diagnosis.transfers.is_empty() {
-        let caption = "Closure on each recording when both twins are fitted to the others only: low where no other recording shows what this \
-                       one does.";
-        let mut inner = Blocks::new();
-        inner.table(tables::transfers(diagnosis), caption);
-        body.details("What carries over to a recording left out", inner);
+        let caption = "What each recording alone says: the error explained on it when both twins are fitted to the others only; low where no other \
+                       recording shows what this one does.";
+        body.table(tables::transfers(diagnosis), caption);
     }
     if !diagnosis.tried.is_empty() {
-        let caption = "Fitted on top of the refitted twin, best first: by how much the cost (misses over their noise, squared, and the \
-                       tolerances) falls, and the same on processes left out of the fit, which only the leaders were put through.";
+        let caption = "Fitted on top of the recalibrated twin, best first: by how much the cost (errors over their noise, squared, and the \
+                       tolerances) falls, and the same on processes held out of the fit, which only the leaders were put through.";
         let mut inner = Blocks::new();
         inner.table(tables::tried(diagnosis), caption);
         body.details(format!("What was tried: {} models", diagnosis.tried.len()), inner);
@@ -220,12 +249,12 @@ fn next(body: &mut Blocks, diagnosis: &Diagnosis) {
     }
 }
 
-fn closing(body: &mut Blocks, diagnosis: &Diagnosis) {
+fn closing(body: &mut Blocks, diagnosis: &Diagnosis, made: &Provenance) {
     body.heading("Fitted values and channels");
     let mut inner = Blocks::new();
     inner.table(
         tables::parameters(diagnosis),
-        "Most moved first. Tolerances off: distance from the sheet in standard deviations of its tolerance. From recordings: 0 % where \
+        "Most moved first. σ from sheet: distance from the sheet in standard deviations of its tolerance. From recordings: 0 % where \
          the tolerance alone speaks.",
     );
     body.details(format!("The sheet's parameters as fitted ({})", diagnosis.parameters.len()), inner);
@@ -234,14 +263,11 @@ fn closing(body: &mut Blocks, diagnosis: &Diagnosis) {
     body.details("Channels of the recordings", inner);
     let mut inner = Blocks::new();
     inner.paragraph(
-        "Gap closed: (MSE refitted − MSE with effects) / (MSE refitted − noise²) over both positions, each weighed by its noise, on \
-         data left out of the fit; its interval from blocks of 2 s drawn anew. Intervals hold the truth nine times in ten where \
+        "Error explained: (MSE recalibrated − MSE with faults) / (MSE recalibrated − noise²) over all recorded signals, each weighed by its \
+         noise, on data held out of the fit; its interval from blocks of 2 s drawn anew. Intervals hold the truth nine times in ten where \
          the twin's equations are right.",
     );
-    inner.paragraph(
-        "The recordings that come with govtwin are synthetic: they were made by an independent simulator, because the plant data of \
-         Liu et al. 2025 is confidential.",
-    );
-    inner.facts([("simulated recordings", diagnosis.simulations.to_string())]);
+    let simulations = ("simulations of a recording".to_owned(), diagnosis.simulations.to_string());
+    inner.facts(made.facts().into_iter().chain([simulations]));
     body.details("How these figures were made", inner);
 }

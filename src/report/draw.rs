@@ -28,15 +28,24 @@ pub struct DrawError {
     reason: String,
 }
 
-/// A drawn picture: an SVG element that scales with its page and takes the page's inks.
+/// A drawn picture: an SVG element that scales with its page and takes the page's inks, and the same picture for a narrow screen.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Svg(pub(super) String);
+pub struct Svg {
+    wide: String,
+    narrow: String,
+}
 
 impl Svg {
     /// The element as text, which stands as a file of its own too.
     #[must_use]
     pub fn as_str(&self) -> &str {
-        &self.0
+        &self.wide
+    }
+
+    /// The same picture for a screen as wide as a phone: one panel below the other, with words of the size that is read there.
+    #[must_use]
+    pub fn narrow(&self) -> &str {
+        &self.narrow
     }
 }
 
@@ -49,9 +58,11 @@ type Plot<'a> = DrawingArea<SVGBackend<'a>, Cartesian2d<RangedCoordf64, RangedCo
 /// # Errors
 /// The plotting library's own; none is known for a picture drawn into memory.
 pub fn svg(picture: &Picture) -> Result<Svg, DrawError> {
-    draw(picture)
-        .map(|text| Svg(dressed(&text, picture)))
-        .map_err(|error| DrawError { picture: picture.description.clone(), reason: error.to_string() })
+    let drawn = |picture: &Picture| {
+        let failed = |error: Failure| DrawError { picture: picture.description.clone(), reason: error.to_string() };
+        draw(picture).map(|text| dressed(&text, picture)).map_err(failed)
+    };
+    Ok(Svg { wide: drawn(picture)?, narrow: drawn(&picture.narrow())? })
 }
 
 fn draw(picture: &Picture) -> Result<String, Failure> {

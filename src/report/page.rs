@@ -48,6 +48,7 @@ impl KeyFigure {
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Block {
     Lead(String),
+    Answers(Vec<(String, Vec<String>)>),
     Heading(String),
     Paragraph(String),
     KeyFigures(Vec<KeyFigure>),
@@ -72,6 +73,11 @@ impl Blocks {
     /// The one sentence to take away, set large.
     pub fn lead(&mut self, text: impl Into<String>) {
         self.0.push(Block::Lead(text.into()));
+    }
+
+    /// Questions with their answers, which are what the reader came for; the first paragraph of the first answer is set large.
+    pub fn answers(&mut self, answers: impl IntoIterator<Item = (impl Into<String>, Vec<String>)>) {
+        self.0.push(Block::Answers(answers.into_iter().map(|(question, answer)| (question.into(), answer)).collect()));
     }
 
     /// A heading; the page's contents list it.
@@ -188,6 +194,12 @@ fn block(block: &Block) -> Markup {
     html! {
         @match block {
             Block::Lead(text) => p.lead { (text) },
+            Block::Answers(answers) => dl.answers {
+                @for (question, paragraphs) in answers {
+                    dt { (question) }
+                    dd { @for text in paragraphs { p { (text) } } }
+                }
+            },
             Block::Heading(text) => h2 id=(slug(text)) { (text) },
             Block::Paragraph(text) => p { (text) },
             Block::KeyFigures(figures) => dl.key-figures {
@@ -200,7 +212,8 @@ fn block(block: &Block) -> Markup {
                 }
             },
             Block::Figure { svg, caption } => figure {
-                div.picture { (PreEscaped(svg.as_str())) }
+                div.picture { div.wide { (PreEscaped(svg.as_str())) } div.narrow { (PreEscaped(svg.narrow())) } }
+                label.zoom { input type="checkbox"; " enlarge" }
                 @if !caption.is_empty() { figcaption { (caption) } }
             },
             Block::Table { table, caption } => (table_markup(table, caption)),
@@ -223,9 +236,9 @@ fn table_markup(table: &Table, caption: &str) -> Markup {
     let groups = table.groups();
     let class = |numbers: bool| if numbers { "number" } else { "words" };
     html! {
+        @if !caption.is_empty() { p.caption { (caption) } }
         div.table {
             table {
-                @if !caption.is_empty() { caption { (caption) } }
                 thead {
                     @if !groups.is_empty() {
                         tr { @for (name, columns) in &groups { th.group[!name.is_empty()] colspan=(columns) scope="colgroup" { (name) } } }
@@ -236,7 +249,7 @@ fn table_markup(table: &Table, caption: &str) -> Markup {
                     @for row in table.rows() {
                         tr.strong[row.strong] {
                             @for (cell, column) in row.cells.iter().zip(table.columns()) {
-                                td.(class(column.numbers)) { (cell) }
+                                td.(class(column.numbers)) data-label=(column.label()) { (cell) }
                             }
                         }
                     }

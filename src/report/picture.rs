@@ -2,6 +2,9 @@
 
 use super::ink::Ink;
 
+/// Width of a picture for a narrow screen, px.
+const NARROW_PX: u32 = 460;
+
 /// One axis of a panel.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Axis {
@@ -269,6 +272,12 @@ impl Picture {
     #[must_use]
     pub fn stacked(description: impl Into<String>, panels: Vec<Panel>) -> Self {
         Self { shared_x: true, ..Self::grid(description, 1, panels) }
+    }
+
+    /// The same panels one below the other, as wide as a phone.
+    #[must_use]
+    pub fn narrow(&self) -> Self {
+        Self { width_px: NARROW_PX, columns: 1, ..self.clone() }
     }
 
     /// Panels in a grid, each with its own axes.

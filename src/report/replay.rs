@@ -8,6 +8,7 @@ use super::draw::{DrawError, svg};
 use super::page::{Blocks, KeyFigure, Page, Tone};
 use super::table::significant;
 use crate::parameters::Sensors;
+use crate::provenance::Provenance;
 use crate::recording::Process;
 use crate::replay::Replayed;
 use crate::replay::summary::Summary;
@@ -125,9 +126,7 @@ fn opening(body: &mut Blocks, summary: &Summary) {
     let hint = format!("{} rows, {} min", thousands(rows as u64), significant(seconds / 60.0, 2));
     key.push(KeyFigure::new("recordings", summary.recordings.len().to_string(), "").hint(hint));
     body.key_figures(key);
-    let mut origins: Vec<&str> = summary.recordings.iter().filter_map(|one| one.origin.as_deref()).collect();
-    origins.dedup();
-    for origin in origins {
+    for origin in summary.provenance.iter().flat_map(Provenance::origins) {
         body.note(Tone::Plain, origin);
     }
     if let Some(reason) = reason_for_dashes(summary) {
@@ -168,15 +167,14 @@ fn closing(body: &mut Blocks, summary: &Summary) {
             "parameter files".to_owned(),
             if files.is_empty() { "none: the shipped reference unit".into() } else { files },
         ),
-        ("cut".to_owned(), summary.cut.to_owned()),
-        ("inputs between samples".to_owned(), summary.inputs_between_samples.to_owned()),
     ];
     facts.extend(summary.parameters.changed.iter().map(|(key, value)| ((*key).to_owned(), value.to_string())));
     for effect in &summary.parameters.effects {
         let named = effect.parameters.iter().map(|(name, value)| format!("{name} {value}"));
         facts.push((format!("effect {}", effect.id), named.collect::<Vec<_>>().join(", ")));
     }
-    inner.facts(facts);
+    let made = summary.provenance.iter().flat_map(Provenance::facts);
+    inner.facts(facts.into_iter().chain(made.filter(|(name, _)| name != "program")));
     inner.paragraph(
         "MAE = mean |y − ŷ|, RMSE = √ mean (y − ŷ)², R² = 1 − Σ(y − ŷ)² / Σ(y − ȳ)², with y measured and ŷ simulated \
          (Liu et al. 2025, section 4.2). Rows at which a signal was not measured do not count for it.",

@@ -1,5 +1,8 @@
 //! Tables of words and numbers, for a terminal and for a page alike.
 
+/// A column of words is not made narrower than this, characters.
+const LEAST_WORDS: usize = 12;
+
 /// A table: named columns, rows of ready-made cells.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Table {
@@ -12,6 +15,13 @@ pub(super) struct Column {
     pub(super) group: String,
     pub(super) name: String,
     pub(super) numbers: bool,
+}
+
+impl Column {
+    /// Its name with that of its group.
+    pub(super) fn label(&self) -> String {
+        if self.group.is_empty() { self.name.clone() } else { format!("{} {}", self.group, self.name) }
+    }
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -111,6 +121,68 @@ impl Table {
         text
     }
 
+    /// The table in no more columns of characters than a terminal has: cells of words are broken over lines, and where that is not enough
+    /// every row becomes a block with a line for each of its cells.
+    #[must_use]
+    pub fn to_text_within(&self, width: usize) -> String {
+        let text = self.to_text();
+        if text.lines().all(|line| length(line) <= width) {
+            return text;
+        }
+        self.folded(width)
+            .filter(|text| text.lines().all(|line| length(line) <= width))
+            .unwrap_or_else(|| self.blocks(width))
+    }
+
+    /// The table with cells of words broken over several lines, where that brings it within a width.
+    fn folded(&self, width: usize) -> Option<String> {
+        let mut widths = self.widths();
+        let spaces = 2 * widths.len().saturating_sub(1);
+        let mut over = (widths.iter().sum::<usize>() + spaces).checked_sub(width)?;
+        while over > 0 {
+            // The widest column of words gives way first.
+            let wide = (0..widths.len()).filter(|&i| !self.columns[i].numbers && widths[i] > LEAST_WORDS);
+            let widest = wide.max_by_key(|&i| widths[i])?;
+            widths[widest] -= 1;
+            over -= 1;
+        }
+        let mut folded = Self { columns: self.columns.clone(), rows: vec![] };
+        for row in &self.rows {
+            let cells: Vec<Vec<String>> =
+                row.cells.iter().zip(&widths).map(|(cell, room)| wrapped(cell, *room)).collect();
+            let lines = cells.iter().map(Vec::len).max().unwrap_or(1);
+            for line in 0..lines {
+                let cells = cells.iter().map(|cell| cell.get(line).cloned().unwrap_or_default()).collect();
+                folded.rows.push(Row { cells, strong: row.strong });
+            }
+        }
+        for (column, room) in folded.columns.iter_mut().zip(&widths) {
+            if !column.numbers && length(&column.name) > *room {
+                column.name = column.name.chars().take(*room).collect();
+            }
+        }
+        Some(folded.to_text())
+    }
+
+    /// Every row as a block: its first cell, and below it a line for each other cell that holds anything.
+    fn blocks(&self, width: usize) -> String {
+        let names: Vec<String> = self.columns.iter().map(Column::label).collect();
+        let room = names.iter().skip(1).map(|name| length(name)).max().unwrap_or(0);
+        let mut text = String::new();
+        for row in &self.rows {
+            let mut cells = row.cells.iter();
+            text += &format!("{}\n", cells.next().map_or("", String::as_str));
+            for (name, cell) in names.iter().skip(1).zip(cells).filter(|(_, cell)| !cell.is_empty()) {
+                let gap = " ".repeat(room.saturating_sub(length(name)));
+                for (i, line) in wrapped(cell, width.saturating_sub(room + 4).max(LEAST_WORDS)).iter().enumerate() {
+                    let head = if i == 0 { format!("{name}{gap}") } else { " ".repeat(room) };
+                    text += &format!("  {head}  {line}\n");
+                }
+            }
+        }
+        text
+    }
+
     /// The widest cell of each column, the first of a group making room for the group's head.
     fn widths(&self) -> Vec<usize> {
         let mut widths: Vec<usize> = (0..self.columns.len())
@@ -142,6 +214,23 @@ impl Table {
     }
 }
 
+/// Text in lines of at most so many characters, broken at spaces; a longer word stands on a line of its own.
+#[must_use]
+pub fn wrapped(text: &str, width: usize) -> Vec<String> {
+    let mut lines = vec![String::new()];
+    for word in text.split(' ') {
+        match lines.last_mut() {
+            Some(line) if line.is_empty() => line.push_str(word),
+            Some(line) if length(line) + 1 + length(word) <= width => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines
+}
+
 fn length(text: &str) -> usize {
     text.chars().count()
 }
@@ -166,6 +255,27 @@ pub fn significant(value: f64, digits: u32) -> String {
     format!("{sign}{size:.decimals$}")
 }
 
+/// Prefixes of SI units with their powers of ten.
+const PREFIXES: [(&str, i32); 7] = [("G", 9), ("M", 6), ("k", 3), ("", 0), ("m", -3), ("µ", -6), ("n", -9)];
+
+/// A value with three digits in the unit that people use for it: shares in percent, other units with their SI prefix.
+#[must_use]
+pub fn quantity(value: f64, unit: &str) -> String {
+    let (value, unit) = match unit {
+        "pu" => return format!("{} %", significant(100.0 * value, 3)),
+        "1" | "" => return significant(value, 3),
+        // Machines are drawn in millimetres.
+        "m" => (1000.0 * value, "mm".to_owned()),
+        "s" | "Pa" | "N" | "W" | "A" | "V" | "Hz" if value.is_finite() && value != 0.0 => {
+            let thousands = |power: i32| value.abs() * (1.0 + 1e-9) >= 10.0_f64.powi(power);
+            let (prefix, power) = PREFIXES.into_iter().find(|(_, power)| thousands(*power)).unwrap_or(("", 0));
+            (value / 10.0_f64.powi(power), format!("{prefix}{unit}"))
+        }
+        unit => (value, unit.to_owned()),
+    };
+    format!("{} {unit}", significant(value, 3))
+}
+
 /// A value with a fixed number of digits after the point and a true minus sign; a dash for NaN.
 #[must_use]
 pub fn fixed(value: f64, decimals: usize) -> String {
@@ -180,7 +290,7 @@ pub fn fixed(value: f64, decimals: usize) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{Table, fixed, significant};
+    use super::{Table, fixed, quantity, significant};
 
     #[test]
     fn columns_line_up() {
@@ -197,6 +307,42 @@ mod tests {
         let mut table = Table::new().words("p").numbers_of("spool", "MAE").numbers_of("spool", "R²");
         table.row(["a", "0.5", "0.9"]);
         assert_eq!(table.to_text(), "   spool ╌╌\np  MAE   R²\n───────────\na  0.5  0.9\n");
+    }
+
+    #[test]
+    fn quantities_have_three_digits_and_the_units_of_people() {
+        for (value, unit, expected) in [
+            (1.68e-4, "m", "0.168 mm"),
+            (0.6, "m", "600 mm"),
+            (6.3e6, "Pa", "6.30 MPa"),
+            (-2.5e5, "N", "\u{2212}250 kN"),
+            (0.0042, "pu", "0.420 %"),
+            (0.012, "s", "12.0 ms"),
+            (85.0, "kg", "85.0 kg"),
+            (1.2, "1", "1.20"),
+            (2.0e-4, "m3/s", "0.000200 m3/s"),
+            (f64::NAN, "Pa", "– Pa"),
+        ] {
+            assert_eq!(quantity(value, unit), expected);
+        }
+    }
+
+    #[test]
+    fn a_table_keeps_within_a_terminal() {
+        let mut table = Table::new().words("test").numbers("bits").words("how to run it");
+        table.row(["a step", "0.25", "Unit at standstill, isolated; record everything there is"]);
+        assert_eq!(table.to_text_within(200), table.to_text());
+        for width in [60, 40, 30] {
+            let text = table.to_text_within(width);
+            assert!(text.lines().all(|line| line.chars().count() <= width), "{width}: {text}");
+            let words: Vec<&str> = text.split_whitespace().collect();
+            for word in ["step", "0.25", "standstill,", "everything"] {
+                assert!(words.contains(&word), "{width}: {word}: {text}");
+            }
+        }
+        let mut figures = Table::new().words("process").numbers_of("spool", "MAE").numbers_of("spool", "RMSE");
+        figures.row(["start-up", "0.00123456789", "0.00234567890"]);
+        assert_eq!(figures.to_text_within(30), "start-up\n  spool MAE   0.00123456789\n  spool RMSE  0.00234567890\n");
     }
 
     #[test]

@@ -113,7 +113,7 @@ class Watch:
 def pauses(binary, folder, command, leases):
     """A peer that stops past its lease and comes back, and a node that does."""
     figures = os.path.join(folder, "pauses.json")
-    node = Node(binary, os.path.join(folder, "pauses.txt"), "--json", figures, *leases)
+    node = Node(binary, os.path.join(folder, "pauses.txt"), "--out", figures, *leases)
     watch = Watch(command)
     try:
         check("a peer's command is followed", watch.until(lambda n, x: n > 0 and abs(x - 0.3) < 2e-3, 25) is not None)

@@ -52,7 +52,7 @@ def link(binary, folder):
         return
     network = Network("gtn")
     figures = os.path.join(folder, "link.json")
-    node = Remote(network.sides[0], binary, os.path.join(folder, "link.txt"), "--json", figures, "--lease", "3")
+    node = Remote(network.sides[0], binary, os.path.join(folder, "link.txt"), "--out", figures, "--lease", "3")
     watch = Watch(network.sides[1].command(sys.executable, os.path.join(HERE, "watch.py")))
     try:
         check("they meet across the relay", watch.until(lambda n, x: n > 0 and abs(x - 0.3) < 2e-3, 30) is not None)
@@ -135,7 +135,7 @@ def soak(binary, folder):
     """Some minutes at 100 Hz: the slope of memory, threads, descriptors, the state's age."""
     seconds = float(os.environ.get("SOAK_S", "180"))
     figures = os.path.join(folder, "soak.json")
-    node = Node(binary, os.path.join(folder, "soak.txt"), "--json", figures)
+    node = Node(binary, os.path.join(folder, "soak.txt"), "--out", figures)
     bench = Bench()
     try:
         # Rings and the transport's caches fill first: 80 s at 100 Hz.

@@ -8,7 +8,7 @@ const KNOWN_BY: &[(&str, &[&str])] = &[
     ("csv", &["src/import/csv_file.rs"]),
     ("encoding_rs", &["src/import/csv_file.rs"]),
     ("encoding_rs_io", &["src/import/csv_file.rs"]),
-    ("jiff", &["src/import/clock.rs"]),
+    ("jiff", &["src/import/clock.rs", "src/commands/provenance.rs"]),
     ("parquet", &["src/import/parquet_file.rs", "tests/"]),
     ("sha2", &["src/digest.rs"]),
     ("mcap", &["src/bag/", "src/bag.rs", "tests/", "benches/"]),
@@ -30,6 +30,9 @@ const KNOWN_BY: &[(&str, &[&str])] = &[
     ("indicatif", &["src/commands/"]),
     ("anyhow", &["src/cli.rs", "src/commands/", "tests/", "benches/"]),
     ("clap", &["src/cli.rs", "src/commands/"]),
+    ("clap_complete", &["src/commands/completions.rs"]),
+    ("clap_mangen", &["src/commands/man.rs"]),
+    ("terminal_size", &["src/commands/output.rs"]),
 ];
 
 /// Most lines of code in a source file: blank lines, comments and unit tests are not counted.
@@ -41,7 +44,7 @@ const LONGEST_FILE: usize = 450;
 const WORLD: &[&str] = &["fs", "net", "env", "process", "thread"];
 
 /// Where text goes to a terminal: control characters in it are shown there, and nowhere else. Lines of numbers need none of that.
-const VOICES: &[&str] = &["src/commands/output.rs", "src/commands/fit/serve.rs"];
+const VOICES: &[&str] = &["src/commands/output.rs", "src/commands/output/", "src/commands/fit/serve.rs"];
 
 /// Ways to standard output and standard error beside the one place that prints.
 pub fn voices(sources: &[Source]) -> Vec<String> {

@@ -8,9 +8,10 @@ use anyhow::{Context, bail};
 use govtwin::baselines::ground::Ground;
 use govtwin::baselines::{BASELINES, Baseline};
 use govtwin::blind::said::Said;
-use govtwin::parameters::Unit;
+use govtwin::params::Sheet;
 
 use super::cases::Case;
+use super::expected::Expected;
 use crate::commands::output::write_atomically;
 use crate::commands::report_file;
 
@@ -40,10 +41,10 @@ impl Method {
         }
     }
 
-    /// What it said of a unit; none where it has not spoken.
-    pub fn said(self, out: &Path, case: &str) -> anyhow::Result<Option<Said>> {
+    /// What it said of a unit; none where it has not spoken, or of something else.
+    pub fn said(self, (out, expected): (&Path, &Expected), case: &str) -> anyhow::Result<Option<Said>> {
         let path = self.report(out, case);
-        if !path.is_file() {
+        if !path.is_file() || expected.check(&path, case).is_err() {
             return Ok(None);
         }
         report_file::read(&path).map(Some)
@@ -59,7 +60,7 @@ pub fn methods(baselines: bool, baselines_only: bool) -> Vec<Method> {
 /// Lets every method judge a unit, unless its report is there already; the diagnosis on so many threads.
 pub fn judge(
     case: &Case,
-    unit: &Unit,
+    (sheet, expected): (&Sheet, &Expected),
     params: Option<&Path>,
     methods: &[Method],
     threads: usize,
@@ -69,18 +70,21 @@ pub fn judge(
     for method in methods {
         let path = method.report(out, &case.name);
         if path.is_file() {
+            expected.check(&path, &case.name)?;
             continue;
         }
         match method {
             Method::Diagnosis => diagnose(case, params, threads, &out.join(&case.name))?,
             Method::Baseline(baseline) => {
                 if ground.get().is_none() {
-                    let made = Ground::new(case.recordings(unit)?, unit, &case.catalogue());
+                    let made = Ground::new(case.recordings(&sheet.unit)?, &sheet.unit, &case.catalogue());
                     // Nobody else can have set it.
                     let _ = ground.set(made);
                 }
                 let Some(ground) = ground.get() else { continue };
-                write_atomically(&path, (baseline.judge)(ground).to_json().as_bytes())?;
+                let mut report = serde_json::to_value((baseline.judge)(ground))?;
+                report["provenance"] = serde_json::to_value(expected.made(case, baseline.id, sheet)?)?;
+                write_atomically(&path, format!("{report:#}\n").as_bytes())?;
             }
         }
     }
@@ -91,7 +95,7 @@ pub fn judge(
 fn diagnose(case: &Case, params: Option<&Path>, threads: usize, out: &Path) -> anyhow::Result<()> {
     let program = std::env::current_exe().context("cannot find this program's own file")?;
     let mut command = Command::new(program);
-    command.env("RAYON_NUM_THREADS", threads.to_string()).arg("diagnose").arg("--out").arg(out);
+    command.env("RAYON_NUM_THREADS", threads.to_string()).arg("diagnose").arg("--overwrite").arg("--out").arg(out);
     if let Some(params) = params {
         command.arg("--params").arg(params);
     }

@@ -7,18 +7,21 @@ use anyhow::Context;
 use govtwin::battery::Label;
 use govtwin::blind::limits::{self, Sized};
 use govtwin::blind::page::{self, measures_table};
-use govtwin::blind::said::Blamed;
+use govtwin::blind::said::{Blamed, Said};
 use govtwin::blind::score::{Measure, Misses, Score, score};
 use govtwin::blind::scored::{MissedBy, Scored};
 use govtwin::blind::statistics::Measured;
 use govtwin::params::{self, labels};
+use govtwin::provenance::Provenance;
+use govtwin::report::page::Blocks;
 use govtwin::report::table::{Table, significant};
 use rayon::prelude::{IntoParallelIterator, ParallelIterator};
 use serde_json::{Value, json};
 
 use super::cases::Case;
+use super::expected::Expected;
 use super::method::Method;
-use crate::commands::output::{Output, Progress, print};
+use crate::commands::output::{Output, Progress, print, table_text};
 
 pub use crate::commands::report_file::LARGEST_BYTES;
 
@@ -29,25 +32,48 @@ pub fn read_labels(path: &Path) -> anyhow::Result<Vec<Label>> {
     labels::read(&text).with_context(|| path.display().to_string())
 }
 
+/// What a method said of a unit: the unit's name, the method's, and the report.
+pub type Verdict = (String, &'static str, Said);
+
 /// What every method said of every unit, where nobody knows the truth.
-pub fn verdicts(cases: &[Case], methods: &[Method], out: &Path) -> anyhow::Result<Table> {
-    let mut table =
-        Table::new().words("unit").words("method").words("verdict").words("blamed").words("stage").numbers("p");
+pub fn verdicts(cases: &[Case], methods: &[Method], reports: (&Path, &Expected)) -> anyhow::Result<Vec<Verdict>> {
+    let mut all = Vec::new();
     for case in cases {
         for method in methods {
-            let Some(said) = method.said(out, &case.name)? else { continue };
-            let blamed: Vec<&str> = said.effects.iter().map(|effect| effect.id.as_str()).collect();
-            table.row([
-                case.name.clone(),
-                method.name().to_owned(),
-                said.verdict.clone(),
-                blamed.join(", "),
-                said.location.stage.clone().unwrap_or_default(),
-                significant(said.probability(said.word()), 2),
-            ]);
+            let said = method.said(reports, &case.name)?;
+            all.extend(said.map(|said| (case.name.clone(), method.name(), said)));
         }
     }
-    Ok(table)
+    Ok(all)
+}
+
+/// The same as a table.
+pub fn verdicts_table(verdicts: &[Verdict]) -> Table {
+    let mut table =
+        Table::new().words("unit").words("method").words("verdict").words("blamed").words("stage").numbers("p");
+    for (unit, method, said) in verdicts {
+        let blamed: Vec<&str> = said.effects.iter().map(|effect| effect.id.as_str()).collect();
+        table.row([
+            unit.clone(),
+            (*method).to_owned(),
+            said.verdict.clone(),
+            blamed.join(", "),
+            said.location.stage.clone().unwrap_or_default(),
+            significant(said.probability(said.word()), 2),
+        ]);
+    }
+    table
+}
+
+/// The same for machines.
+pub fn verdicts_json(verdicts: &[Verdict]) -> Value {
+    let one = |(unit, method, said): &Verdict| {
+        json!({
+            "unit": unit, "method": method, "verdict": said.verdict, "stage": said.location.stage,
+            "effects": said.effects.iter().map(|effect| &effect.id).collect::<Vec<_>>(), "probability": said.probability(said.word()),
+        })
+    };
+    json!({"schema": "govtwin-verdicts/1", "verdicts": verdicts.iter().map(one).collect::<Vec<_>>()})
 }
 
 /// Scores all methods, prints the table, writes `score.json` and `score.html`; hands out what could not be scored, each with its reason.
@@ -55,9 +81,10 @@ pub fn score_all(
     labels: &[Label],
     exams: Option<&BTreeMap<String, f64>>,
     methods: &[Method],
-    units: &[Case],
-    (dir, origin): (&Path, Option<&str>),
+    (units, expected): (&[Case], &Expected),
+    made: Provenance,
     (out, mut output): (&Path, Output),
+    as_json: bool,
 ) -> anyhow::Result<Vec<String>> {
     let mut scores = Vec::new();
     let mut first = Vec::new();
@@ -69,7 +96,7 @@ pub fn score_all(
     for (place, method) in methods.iter().enumerate() {
         let mut cases = Vec::new();
         for label in labels {
-            let Some(said) = method.said(out, &label.name)? else {
+            let Some(said) = method.said((out, expected), &label.name)? else {
                 unscored.push(format!("{}: {} said nothing of it; not counted", label.name, method.name()));
                 continue;
             };
@@ -92,12 +119,11 @@ pub fn score_all(
             parts.push(page::Method { name: name.to_owned(), score: score(&own) });
         }
     }
-    print(&page::cases_table(&first).to_text())?;
-    print("\n")?;
-    if let Some(words) = page::misses_in_words(&first) {
-        print(&format!("{words}\n\n"))?;
+    if !as_json {
+        let words = page::misses_in_words(&first).map(|words| format!("{words}\n\n")).unwrap_or_default();
+        let (cases, measures) = (table_text(&page::cases_table(&first)), table_text(&measures_table(&scores)));
+        print(&format!("{cases}\n{words}{measures}"))?;
     }
-    print(&measures_table(&scores).to_text())?;
     let all: serde_json::Map<String, Value> =
         scores.iter().map(|method| (method.name.clone(), score_json(&method.score))).collect();
     let rates: serde_json::Map<String, Value> =
@@ -124,14 +150,21 @@ pub fn score_all(
         "closures": exams,
         "strengths": strengths,
         "misses": misses,
+        "provenance": made,
     });
-    let name = dir.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-    let subtitle = format!("{name}, {} of {} units", first.len(), labels.len());
-    let page = page::page(&scores, &first, &parts, &subtitle, origin)?;
+    let subtitle = format!("{}, {} of {} units", made.unit, first.len(), labels.len());
+    let mut page = page::page(&scores, &first, &parts, &subtitle, made.origins().first().copied())?;
+    let mut inner = Blocks::new();
+    inner.facts(made.facts());
+    page.body.details("What these figures were made from", inner);
     output.add("score.html", page.to_html().as_bytes())?;
     output.add_json("score.json", &whole)?;
     output.place()?;
-    print(&format!("\n{} and score.json beside it\n", out.join("score.html").display()))?;
+    print(&if as_json {
+        format!("{whole:#}\n")
+    } else {
+        format!("\n{} and score.json beside it\n", out.join("score.html").display())
+    })?;
     Ok(unscored)
 }
 

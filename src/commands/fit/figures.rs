@@ -8,6 +8,8 @@ use govtwin::tuning::bench::Bench;
 use govtwin::tuning::calibration::{Calibration, Row};
 use serde_json::{Value, json};
 
+use crate::commands::output::table_text;
+
 /// Correlations that a terminal shows.
 const SHOWN: usize = 5;
 
@@ -27,7 +29,7 @@ pub fn text(bench: &Bench, base: &Unit, fitted: &Calibration) -> String {
         let last = [deviation, fixed(row.learned, 2), if row.at_bound { "at bound".to_owned() } else { String::new() }];
         table.row(cells.into_iter().chain(last));
     }
-    let mut text = format!("{}\n{}", table.to_text(), misses(bench, base, fitted).to_text());
+    let mut text = format!("{}\n{}", table_text(&table), table_text(&misses(bench, base, fitted)));
     let costs: Vec<String> = fitted.starts.iter().map(|cost| significant(*cost, 5)).collect();
     text += &format!(
         "\nLeft over, in times the noise to be expected: {}. Costs of the starts: {}.\n",

@@ -1,14 +1,16 @@
 //! Effects as a command line names them: `ID=VALUE[,VALUE…]` or `ID.parameter=VALUE`.
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 use govtwin::effects::{CATALOGUE, EffectParameter, EffectSpec, find_in};
 use govtwin::parameters::{EffectSetting, Unit};
 use govtwin::params::{nearest, number_text, quantity_text};
 
+use crate::commands::usage;
+
 /// Adds what the arguments name to a unit's effects; parameters not named stay as they are, or neutral.
 pub fn add(arguments: &[String], unit: &mut Unit) -> anyhow::Result<()> {
     for argument in arguments {
-        add_one(argument, unit).with_context(|| format!("--effect {argument}"))?;
+        add_one(argument, unit).map_err(|error| usage(format!("--effect {argument}: {error}")))?;
     }
     Ok(())
 }
@@ -47,7 +49,10 @@ pub fn known(unit: &Unit, id: &str) -> anyhow::Result<&'static EffectSpec> {
     let own = unit.own_effects.iter().map(|own| own.id.as_str());
     match find_in(unit, id) {
         Some(spec) => Ok(spec),
-        None => bail!("there is no effect `{id}`{}", hint(id, CATALOGUE.iter().map(|spec| spec.id).chain(own))),
+        None => Err(usage(format!(
+            "there is no effect `{id}`{}",
+            hint(id, CATALOGUE.iter().map(|spec| spec.id).chain(own))
+        ))),
     }
 }
 

@@ -11,7 +11,7 @@ use serde_json::json;
 
 use super::progress;
 use crate::commands::Outcome;
-use crate::commands::output::{Output, one_line, print, warn};
+use crate::commands::output::{Output, one_line, print, table_text, warn};
 
 /// The map.
 const MAP: &str = "map.yaml";
@@ -45,7 +45,7 @@ pub fn run(file: &Path, given: &Map, out: &Path, as_json: bool) -> anyhow::Resul
         for note in &suggestion.notes {
             print(&format!("{}\n", one_line(note)))?;
         }
-        print(&table(&suggestion).to_text())?;
+        print(&table_text(&table(&suggestion)))?;
         print(&format!(
             "Map: {}\nPicture: {}\nNext, once what is open is settled: govtwin import {} --map {} --out BAG\n",
             map_path.display(),

@@ -5,7 +5,7 @@ use govtwin::report::table::{Table, fixed, significant};
 use govtwin::units::{NANOS_PER_SECOND, seconds_from_nanos};
 
 use super::Entry;
-use crate::commands::output::one_line;
+use crate::commands::output::{one_line, table_text};
 
 /// All that is said of one bag.
 pub(super) fn entry(entry: &Entry) -> String {
@@ -24,7 +24,7 @@ pub(super) fn entry(entry: &Entry) -> String {
     lines.extend(entry.warnings_in_words.iter().map(|warning| format!("  warning    {warning}")));
     lines.extend(entry.notes_in_words.iter().map(|note| format!("  note       {note}")));
     let lines: Vec<String> = lines.iter().map(|line| one_line(line)).collect();
-    format!("{}\n\n{}", lines.join("\n"), topics(&entry.survey.topics).to_text())
+    format!("{}\n\n{}", lines.join("\n"), table_text(&topics(&entry.survey.topics)))
 }
 
 fn file(file: &FileHealth, entry: &Entry) -> String {

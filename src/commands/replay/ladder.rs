@@ -6,7 +6,7 @@ use govtwin::parameters::Unit;
 use govtwin::params;
 use govtwin::replay::Replayed;
 use govtwin::replay::ladder::{Ladder, Rung};
-use govtwin::replay::summary::{Provenance, Summary, summarise};
+use govtwin::replay::summary::{Source, Summary, summarise};
 use govtwin::residual::model::{Model, fingerprint};
 use govtwin::signal::Signal;
 use govtwin::twin::Twin;
@@ -22,14 +22,22 @@ struct Unitary {
     replayed: Vec<Replayed>,
 }
 
-/// Climbs the ladder: the unit as given, those of `--then`, and each model on top of the unit that it was trained for.
+/// The last unit of the ladder, for pictures of before and after.
+pub struct After {
+    /// What it is called.
+    pub title: String,
+    /// What it makes of every recording.
+    pub replayed: Vec<Replayed>,
+}
+
+/// Climbs the ladder, and hands out its last unit where there are several: the unit as given, those of `--then`, and each model on top of the unit that it was trained for.
 pub fn climb(
     args: &Args,
     unit: &Unit,
     models: &[(&Path, Model)],
     results: &[Result],
     plain: &Summary,
-) -> anyhow::Result<Ladder> {
+) -> anyhow::Result<(Ladder, Option<After>)> {
     let given: Vec<Replayed> = results.iter().map(|one| one.replayed.clone()).collect();
     let first = args.params.as_deref().map_or_else(|| "as shipped".to_owned(), title);
     let mut units = vec![Unitary { title: first, unit: unit.clone(), replayed: given }];
@@ -43,8 +51,8 @@ pub fn climb(
         progress.step();
     }
     let rung = |title: String, replayed: &[Replayed]| {
-        let provenance = Provenance::default();
-        let together: Vec<_> = replayed.iter().map(|one| (one, &provenance)).collect();
+        let source = Source::default();
+        let together: Vec<_> = replayed.iter().map(|one| (one, &source)).collect();
         let whole = summarise(plain.parameters.clone(), args.cut.cut(), plain.inputs_between_samples, &together);
         Rung { title, model: None, unseen: vec![], processes: whole.processes, overall: whole.overall }
     };
@@ -66,7 +74,9 @@ pub fn climb(
         progress.step();
     }
     drop(progress);
-    Ok(Ladder::new(signal, rungs))
+    let last = units.pop().filter(|_| !args.then.is_empty());
+    let after = last.map(|Unitary { title, replayed, .. }| After { title, replayed });
+    Ok((Ladder::new(signal, rungs), after))
 }
 
 /// What a file is called in tables: its name without folders; the folder's too where every diagnosis writes the same name.

@@ -2,9 +2,8 @@
 
 use std::path::Path;
 
-use anyhow::bail;
 use govtwin::parameters::Unit;
-use govtwin::replay::summary::{Provenance, Residual, Summary, summarise};
+use govtwin::replay::summary::{Residual, Source, Summary, summarise};
 use govtwin::replay::{Replayed, Scores};
 use govtwin::residual::adapt::Adaptation;
 use govtwin::residual::corrector::Corrector;
@@ -14,13 +13,14 @@ use govtwin::residual::row::Opening;
 use govtwin::twin::Cut;
 
 use super::Result as Outcome;
+use crate::commands::usage;
 
 /// A model that fits the unit and the cut, ready to run.
 pub fn ready(model: &Model, unit: &Unit, cut: Cut) -> anyhow::Result<Corrector> {
     let opening = match cut {
         Cut::None => Opening::Simulated,
         Cut::Servomotor => Opening::Measured,
-        Cut::Spool => bail!("--residual with --cut spool: the measured spool leaves nothing to correct"),
+        Cut::Spool => return Err(usage("--residual with --cut spool: the measured spool leaves nothing to correct")),
     };
     model.check(unit, opening)?;
     Ok(Corrector::new(model)?)
@@ -57,8 +57,8 @@ fn follow(corrector: &mut Corrector, replayed: &Replayed) -> (Replayed, Counts) 
 }
 
 /// The summary of the corrected recordings, for the figures of the whole replay.
-pub fn summary(path: &Path, corrected: &[(&(Replayed, Counts), &Provenance)], plain: &Summary, cut: Cut) -> Summary {
-    let together: Vec<_> = corrected.iter().map(|((replayed, _), provenance)| (replayed, *provenance)).collect();
+pub fn summary(path: &Path, corrected: &[(&(Replayed, Counts), &Source)], plain: &Summary, cut: Cut) -> Summary {
+    let together: Vec<_> = corrected.iter().map(|((replayed, _), source)| (replayed, *source)).collect();
     let mut summary = summarise(plain.parameters.clone(), cut, plain.inputs_between_samples, &together);
     let mut guard = Counts::default();
     for ((_, counts), _) in corrected {

@@ -1,6 +1,6 @@
 //! Replaying a bag row by row, and writing its simulated bag so: in memory that does not grow with its length.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::path::Path;
 
 use govtwin::bag::{self, Health, NeedsAll, RawMessage, ReadOptions, Rows, RowsOfMessages, Sealed, Topics, Writer};
@@ -77,14 +77,14 @@ impl Merge {
 
 /// Writes the simulated bag as `simulated::write` does, estimating anew; `None` where the bag needs all of its samples at once.
 pub fn write(
-    source: &Path,
+    (source, about): (&Path, &BTreeMap<String, String>),
     dir: &Path,
     options: &ReadOptions,
     twin: &mut Twin,
     measured: bool,
     topics: &Topics,
 ) -> anyhow::Result<Option<Sealed>> {
-    let (writer, topic) = begin(dir)?;
+    let (writer, topic) = begin(dir, about)?;
     let mut rows = RowsOfMessages::new(source, options)?;
     let mut simulator = Simulator::new(twin);
     let mut merge = Merge {

@@ -1,12 +1,16 @@
 //! The bag of a replay: everything that was recorded, and the simulated state beside it.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::Context;
-use govtwin::bag::{self, BagError, Qos, RawMessage, Sealed, Stream, Topic, Topics, Writer, WriterOptions};
+use govtwin::bag::{self, BagError, Health, Qos, RawMessage, Sealed, Stream, Topic, Topics, Writer, WriterOptions};
 use govtwin::frame::Estimate;
 use govtwin::msg::{Header, ServoState};
+use govtwin::provenance::Input;
 use govtwin::replay::{Replayed, is_measured};
+
+use crate::commands::provenance;
 
 /// Topic of the simulated state.
 pub const TOPIC: &str = "/sim/servo_state";
@@ -24,9 +28,15 @@ pub fn check(dir: &Path) -> anyhow::Result<()> {
 /// The simulated state is given wherever the real one was measured, or where nothing was, in every
 /// row. Its stamps are those of the rows; its log times follow the recorded messages' own clock. A
 /// simulated state that the bag already holds is left behind.
-pub fn write(source: &Path, dir: &Path, replayed: &Replayed, topics: &Topics) -> anyhow::Result<Sealed> {
+pub fn write(
+    source: &Path,
+    dir: &Path,
+    replayed: &Replayed,
+    topics: &Topics,
+    about: &BTreeMap<String, String>,
+) -> anyhow::Result<Sealed> {
     let lag_ns = lag_ns(source, topics)?;
-    let (mut writer, topic) = begin(dir)?;
+    let (mut writer, topic) = begin(dir, about)?;
     let recorded = replayed.recording.frames.iter().zip(&replayed.estimates);
     let measured = replayed.scores.are_measured();
     let mut estimates =
@@ -47,13 +57,29 @@ pub fn write(source: &Path, dir: &Path, replayed: &Replayed, topics: &Topics) ->
     Ok(writer.seal()?)
 }
 
+/// What a simulated bag says of itself: whose it is a replay of, and whether what was recorded there is synthetic, which must not get lost.
+pub fn about(name: &str, health: &Health, marked: &Input) -> BTreeMap<String, String> {
+    let mut about = BTreeMap::from([
+        ("generator".to_owned(), format!("{} replay", provenance::PROGRAM)),
+        ("replay_of".to_owned(), name.to_owned()),
+        ("note".to_owned(), format!("{TOPIC} is simulated; everything else as recorded")),
+    ]);
+    if marked.synthetic {
+        about.insert(bag::SYNTHETIC.to_owned(), "true".to_owned());
+    }
+    about.extend(marked.origin.clone().map(|origin| (bag::ORIGIN.to_owned(), origin)));
+    about.extend(health.about(bag::SIMULATOR).map(|simulator| (bag::SIMULATOR.to_owned(), simulator.to_owned())));
+    about
+}
+
 /// Begins a simulated bag.
-pub fn begin(dir: &Path) -> anyhow::Result<(Writer, Topic<ServoState>)> {
+pub fn begin(dir: &Path, about: &BTreeMap<String, String>) -> anyhow::Result<(Writer, Topic<ServoState>)> {
     let failed = || format!("cannot write the simulated bag {}", dir.display());
     if let Some(parent) = dir.parent() {
         std::fs::create_dir_all(parent).with_context(failed)?;
     }
     let mut writer = Writer::create(dir, OPTIONS)?;
+    writer.describe(bag::GOVTWIN, about.clone())?;
     let topic = writer.topic::<ServoState>(TOPIC, Qos::SENSOR)?;
     Ok((writer, topic))
 }

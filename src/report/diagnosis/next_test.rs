@@ -30,31 +30,31 @@ fn nothing_to_settle(diagnosis: &Diagnosis) -> String {
     }
 }
 
-/// The best test in a sentence, and one with a trip that would tell more.
-pub fn sentence(diagnosis: &Diagnosis) -> String {
+/// The best test in paragraphs: what it is, how to run it, and one with a trip that would tell more.
+pub fn paragraphs(diagnosis: &Diagnosis) -> Vec<String> {
     let Some(one) = diagnosis.experiments.first() else {
-        return format!("Next test: {}.", nothing_to_settle(diagnosis));
+        return vec![format!("Next test: {}.", nothing_to_settle(diagnosis))];
     };
     let names: Vec<String> = one.separates.iter().map(|name| hypothesis_words(name)).collect();
     let trips = |trips: u32| if trips == 0 { "no trip".to_owned() } else { format!("{trips} trip of the ESV") };
-    let mut text = format!(
-        "To tell {} apart: {}. In {} s, with {}, this is expected to take {} of {} bits off what is open. {}",
-        listed(&names, "and"),
-        one.test,
-        significant(one.length_s, 3),
-        trips(one.trips),
-        significant(one.expected_drop_bits, 2),
-        significant(one.entropy_bits, 2),
+    let sent = if one.script.is_some() { " `govtwin play next_test.mcap` sends it." } else { "" };
+    let mut all = vec![
+        format!(
+            "To tell {} apart: {}. In {} s, with {}, this is expected to take {} of {} bits off what is open.{sent}",
+            listed(&names, "and"),
+            one.test,
+            significant(one.length_s, 3),
+            trips(one.trips),
+            significant(one.expected_drop_bits, 2),
+            significant(one.entropy_bits, 2),
+        ),
         how_to_run(one),
-    );
-    if one.script.is_some() {
-        text += " `govtwin play next_test.mcap` sends it.";
-    }
+    ];
     if let Some(other) = diagnosis.experiments.iter().find(|other| one.trips == 0 && other.trips > 0) {
         let bits = significant(other.bits_per_minute, 2);
-        text += &format!(" With a trip more can be had: {}, {bits} bits a minute.", other.test);
+        all.push(format!("With a trip more can be had: {}, {bits} bits a minute.", other.test));
     }
-    text
+    all
 }
 
 /// Lines of the summary on a terminal: what they are called, and what they say.

@@ -1,7 +1,7 @@
 //! The pictures of a diagnosis but for its traces: shares, probabilities, recovered shapes.
 
 use super::words::{id_words, stage_title};
-use crate::diagnosis::outcome::{Diagnosis, Latent, Ledger, SignalGap};
+use crate::diagnosis::outcome::{Diagnosis, Latent, Ledger, SignalGap, Verdict};
 use crate::report::ink::Ink;
 use crate::report::picture::{Mark, Panel, Picture, Shape};
 use crate::signal::Signal;
@@ -20,33 +20,33 @@ fn height(bars: usize) -> u32 {
 pub fn misses(diagnosis: &Diagnosis, explained: bool) -> Picture {
     let panel = |gap: &SignalGap| {
         let (scale, unit) = if gap.signal == Signal::ControlPressure { (1e-3, "kPa") } else { (100.0, "%") };
-        let mut steps = vec![("delivered", gap.delivered), ("refitted", gap.refitted)];
+        let mut steps = vec![("data sheet", gap.delivered), ("recalibrated", gap.refitted)];
         if explained {
-            steps.push(("with effects", gap.with_effects));
+            steps.push(("with faults", gap.with_effects));
         }
         // Categories stand from the bottom up.
         steps.reverse();
         let values: Vec<f64> = steps.iter().map(|(_, value)| value * scale).collect();
-        Panel::new(format!("{}, RMS miss in {unit}", gap.signal.title()))
+        Panel::new(format!("{}, RMS error in {unit}", gap.signal.title()))
             .height(height(steps.len()) + 8)
             .y_categories(steps.iter().map(|(name, _)| *name))
             .lying_bars(Ink::Simulated, "", &values)
             .mark(noise(gap.noise_floor * scale))
     };
-    Picture::grid("RMS misses of the twins", 2, diagnosis.gap.iter().map(panel).collect())
+    Picture::grid("RMS errors of the twins", 2, diagnosis.gap.iter().map(panel).collect())
 }
 
 /// What noise alone makes, as a line across the bars.
 fn noise(at: f64) -> Mark {
     let rule = Shape::Segments(vec![[at, f64::NEG_INFINITY, at, f64::INFINITY]]);
-    Mark { width_px: 2.0, ..Mark::new(rule, Ink::Alarm, "noise floor") }
+    Mark { width_px: 2.0, ..Mark::new(rule, Ink::Alarm, "noise alone") }
 }
 
 /// Lying bars of half the width, so that those below them show where they are shorter too.
 #[expect(clippy::cast_precision_loss, reason = "a handful of bars")]
 fn slim(values: &[f64]) -> Mark {
     let blocks = values.iter().enumerate().map(|(i, &value)| [0.0, value, i as f64 - 0.2, i as f64 + 0.2]);
-    Mark { opacity: 1.0, ..Mark::new(Shape::Blocks(blocks.collect()), Ink::Simulated, "with effects") }
+    Mark { opacity: 1.0, ..Mark::new(Shape::Blocks(blocks.collect()), Ink::Simulated, "with faults") }
 }
 
 /// Shares as lying bars with their percentages beside them.
@@ -74,7 +74,7 @@ pub fn ledger(ledgers: &[&Ledger], signal: Signal, explained: bool) -> Picture {
             .height(height(parts.len()))
             .y_categories(parts.iter().map(|part| part.name.clone()))
             .x_range(0.0, 100.0)
-            .lying_bars(Ink::Band, "refitted", &refitted);
+            .lying_bars(Ink::Band, "recalibrated", &refitted);
         if explained {
             let after: Vec<f64> = parts.iter().map(|part| 100.0 * part.with_effects).collect();
             panel = panel.mark(slim(&after));
@@ -82,20 +82,22 @@ pub fn ledger(ledgers: &[&Ledger], signal: Signal, explained: bool) -> Picture {
         panel
     };
     let told = ledgers.iter().filter(|ledger| ledger.parts.iter().filter(|part| part.samples > 0).count() > 1);
-    let title = format!("Share of the squared gap of the {}", signal.title().to_lowercase());
+    let title = format!("Share of the squared error of the {}", signal.title().to_lowercase());
     Picture::grid(title, 2, told.map(panel).collect())
 }
 
 /// Stage probabilities beside the ranking of effects.
 pub fn probabilities(diagnosis: &Diagnosis) -> Picture {
+    // Where there is no error there is no place of it.
+    let some = matches!(diagnosis.verdict, Verdict::Named | Verdict::Class | Verdict::Unknown);
     let stages: Vec<_> =
         diagnosis.stages.iter().map(|(stage, share)| (stage_title(*stage).to_owned(), *share)).collect();
     let ranked: Vec<_> =
         diagnosis.ranking.iter().take(RANKED).map(|one| (id_words(&one.id), one.probability)).collect();
-    let panels = vec![
-        shares("probability that the gap sits there, %", Ink::Good, &stages),
-        shares("probability of presence, %", Ink::Simulated, &ranked),
-    ];
+    let mut panels = vec![shares("probability of presence, %", Ink::Simulated, &ranked)];
+    if some {
+        panels.insert(0, shares("probability that the error sits there, %", Ink::Good, &stages));
+    }
     Picture::grid("Probability of each stage and of the leading effects", 2, panels)
 }
 
@@ -110,16 +112,21 @@ pub fn shape(latent: &Latent) -> Picture {
         "N" if largest >= 1000.0 => (1.0e-3, "kN".to_owned()),
         unit => (1.0, unit.to_owned()),
     };
+    // One vertical range for all, so that what matters more looks larger.
+    let all = || latent.curves.iter().flat_map(|curve| curve.points.iter().chain(&curve.named)).map(|(_, y)| scale * y);
+    let (low, high) = all().fold((0.0_f64, 0.0_f64), |(low, high), y| (low.min(y), high.max(y)));
+    let air = 0.06 * (high - low);
     let panels = latent.curves.iter().map(|curve| {
         let scaled = |from: &[(f64, f64)]| points(&from.iter().map(|&(x, y)| (x, scale * y)).collect::<Vec<_>>());
         let mut panel = Panel::new(format!("against {}", curve.against))
             .x_name(curve.against)
+            .y_range(low - air, high + air)
             .level(Ink::Band, "", 0.0)
-            .line(Ink::Simulated, &format!("free term, {unit}"), scaled(&curve.points));
+            .line(Ink::Simulated, &format!("discrepancy term, {unit}"), scaled(&curve.points));
         if !curve.named.is_empty() {
-            panel = panel.line(Ink::Good, "of the improved twin", scaled(&curve.named));
+            panel = panel.line(Ink::Good, "of the twin with faults", scaled(&curve.named));
         }
         panel
     });
-    Picture::grid(format!("Shape of a free term on the {}", latent.place), 2, panels.collect())
+    Picture::grid(format!("Shape of a discrepancy term on the {}", latent.place), 2, panels.collect())
 }

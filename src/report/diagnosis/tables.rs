@@ -2,18 +2,18 @@
 
 use super::words::{id_words, percent, percents, value, values};
 use crate::diagnosis::outcome::{Diagnosis, Fitted, StageOnly};
-use crate::report::table::{Table, fixed, significant};
+use crate::report::table::{Table, fixed, quantity, significant};
 use crate::signal::Signal;
 
 /// RMS misses of the twins and the noise floor, by signal.
 pub fn gap(diagnosis: &Diagnosis, explained: bool) -> Table {
-    let mut table = Table::new().words("signal").numbers("delivered").numbers("refitted");
+    let mut table = Table::new().words("signal").numbers("data sheet").numbers("recalibrated");
     if explained {
-        table = table.numbers("with effects");
+        table = table.numbers("with faults");
     }
-    table = table.numbers("noise floor").words("unit");
+    table = table.numbers("noise alone").words("unit");
     if explained {
-        table = table.numbers("closed, fitted to all");
+        table = table.numbers("explained, fitted to all");
     }
     for gap in &diagnosis.gap {
         let (scale, unit) = if gap.signal == Signal::ControlPressure { (1e-3, "kPa") } else { (100.0, "%") };
@@ -26,7 +26,7 @@ pub fn gap(diagnosis: &Diagnosis, explained: bool) -> Table {
         if explained {
             let beyond = gap.refitted.powi(2) - gap.noise_floor.powi(2);
             let closed = gap.refitted.powi(2) - gap.with_effects.powi(2);
-            row.push(if beyond > 0.0 { percent((closed / beyond).min(1.0)) } else { "no gap".to_owned() });
+            row.push(if beyond > 0.0 { percent((closed / beyond).min(1.0)) } else { "no error".to_owned() });
         }
         table.row(row);
     }
@@ -38,8 +38,8 @@ pub fn free_runs(part: &StageOnly) -> Table {
     let mut table = Table::new()
         .words("model")
         .words("fitted to the")
-        .numbers("misses there, %")
-        .numbers("misses the other half, %");
+        .numbers("RMS error there, %")
+        .numbers("in the other half, %");
     for run in &part.free_runs {
         let model = if run.model.is_empty() { "no effect".to_owned() } else { id_words(&run.model) };
         table.row([
@@ -58,7 +58,7 @@ pub fn stage_tests(diagnosis: &Diagnosis) -> Table {
         .words("driven")
         .words("judged by")
         .numbers("zero error taken off, %")
-        .numbers("RMS miss, %")
+        .numbers("RMS error, %")
         .numbers("mean square over noise");
     for one in &diagnosis.stage_tests {
         table.row([
@@ -74,7 +74,7 @@ pub fn stage_tests(diagnosis: &Diagnosis) -> Table {
 
 /// Places of free terms.
 pub fn latents(diagnosis: &Diagnosis) -> Table {
-    let mut table = Table::new().words("free term on the").words("stage").numbers("would explain");
+    let mut table = Table::new().words("discrepancy term on the").words("stage").numbers("would explain");
     for one in &diagnosis.latents {
         table.row([one.place.to_owned(), super::words::stage_title(one.stage).to_owned(), percent(one.explains)]);
     }
@@ -102,7 +102,7 @@ pub fn tried(diagnosis: &Diagnosis) -> Table {
 
 /// Closure on recordings that were left out.
 pub fn transfers(diagnosis: &Diagnosis) -> Table {
-    let mut table = Table::new().words("recording left out").numbers("gap closed, with 90 % interval");
+    let mut table = Table::new().words("recording left out").numbers("error explained, with 90 % interval");
     for one in &diagnosis.transfers {
         table.row([one.recording.clone(), percents(one.closure)]);
     }
@@ -116,10 +116,10 @@ pub fn blamed(diagnosis: &Diagnosis) -> Table {
         .words("stage")
         .numbers("probability")
         .words("fitted, with 90 % interval")
-        .numbers("closes alone");
+        .numbers("explains alone");
     let two = diagnosis.blamed.iter().any(|one| one.last_in.is_some());
     if two {
-        table = table.numbers("on top of the other").numbers("fair part");
+        table = table.numbers("on top of the other").numbers("Shapley share");
     }
     for one in &diagnosis.blamed {
         let mut row = vec![
@@ -214,7 +214,7 @@ pub fn parameters(diagnosis: &Diagnosis) -> Table {
         .numbers("90 % from")
         .numbers("to")
         .words("unit")
-        .numbers("tolerances off")
+        .numbers("σ from sheet")
         .numbers("from recordings")
         .words("");
     let mut all: Vec<&Fitted> = diagnosis.parameters.iter().collect();
@@ -229,6 +229,22 @@ pub fn parameters(diagnosis: &Diagnosis) -> Table {
             plain(one.unit),
             fixed(one.position, 2),
             percent(one.information),
+            if one.at_bound { "at its bound".to_owned() } else { String::new() },
+        ]);
+    }
+    table
+}
+
+/// Values of the data sheet that moved far, farthest first.
+pub fn moved(far: &[&Fitted]) -> Table {
+    let mut table =
+        Table::new().words("value").numbers("data sheet").numbers("recalibrated").numbers("σ from sheet").words("");
+    for one in far {
+        table.row([
+            one.name.clone(),
+            quantity(one.sheet, one.unit),
+            quantity(one.value.value, one.unit),
+            fixed(one.position, 1),
             if one.at_bound { "at its bound".to_owned() } else { String::new() },
         ]);
     }

@@ -9,6 +9,7 @@ use crate::diagnosis::outcome::{
 use crate::diagnosis::table::Table;
 use crate::effects::Stage;
 use crate::parameters::Unit;
+use crate::provenance::{Input, Provenance};
 use crate::recording::Process;
 use crate::signal::Signal;
 
@@ -147,14 +148,27 @@ fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
     }
 }
 
+/// Made of one recording that says where it comes from.
+fn synthetic() -> Provenance {
+    let origin = Some("Synthetic data.".to_owned());
+    Provenance { recordings: vec![Input { origin, synthetic: true, ..Input::default() }], ..Provenance::default() }
+}
+
 #[test]
 fn the_page_says_the_verdict_and_holds_all_it_needs() {
-    let html = page(&made_up(Verdict::Named, &["backlash"]), &["Synthetic data.".into()]).unwrap().to_html();
+    let html = page(&made_up(Verdict::Named, &["backlash"]), &synthetic()).unwrap().to_html();
     assert!(
         html.contains("Play between the servomotor&#39;s piston")
             || html.contains("Play between the servomotor's piston")
     );
-    assert!(html.contains("play 0.42 % [0.40, 0.44]. This closes 88 % [84, 91] of the gap that refitting leaves"));
+    assert!(html.contains("play 0.42 % [0.40, 0.44]"));
+    assert!(
+        html.contains("Explains 88 % [84, 91] of the error that recalibration leaves, on data held out of the fit.")
+    );
+    // Cause, how sure, how far, what next, in this order and before everything else.
+    let at = |words: &str| html.find(words).unwrap_or_else(|| panic!("{words}"));
+    let order = ["<dt>Cause<", "<dt>How sure<", "<dt>How far<", "<dt>What next<", "key-figures\"", "<h2"].map(at);
+    assert!(order.is_sorted(), "{order:?}");
     assert!(html.contains("while the twin lacks it, the real reading starts late"));
     assert!(html.contains("Synthetic data.") && html.contains("x &lt; y."));
     assert!(html.contains("&lt;b&gt;one&lt;/b&gt; &amp; only") && !html.contains("<b>one"));
@@ -167,35 +181,80 @@ fn the_page_says_the_verdict_and_holds_all_it_needs() {
 fn every_verdict_has_a_sentence_of_its_own() {
     let cases: [(Verdict, &[&str], &str); 6] = [
         (Verdict::Named, &["backlash"], "Play between"),
-        (Verdict::Named, &["backlash", "load"], "Two effects act at once: backlash and load. Together"),
+        (Verdict::Named, &["backlash", "load"], "Two faults act at once: backlash and load"),
         (Verdict::Class, &["backlash", "load"], "Backlash or load; these recordings cannot tell which."),
-        (Verdict::Unknown, &[], "nothing in the catalogue explains: look at the transducers and clocks"),
-        (Verdict::NoGap, &[], "Nothing beyond noise and tolerances"),
+        (Verdict::Unknown, &[], "nothing in the catalogue explains: look first at the transducers and clocks; "),
+        (Verdict::NoGap, &[], "No fault; the data sheet is off: position gain"),
         (Verdict::NotExcited, &[], "do not move the unit enough to tell"),
     ];
     for (verdict, blamed, expected) in cases {
         let diagnosis = made_up(verdict, blamed);
-        let text = summary(&diagnosis);
+        let text = summary(&diagnosis, usize::MAX);
         assert!(text.contains(expected), "{text}");
         assert!(text.contains(&format!("verdict      {}\n", verdict.id())), "{text}");
-        let html = page(&diagnosis, &[]).unwrap().to_html();
+        let html = page(&diagnosis, &Provenance::default()).unwrap().to_html();
         assert!(html.contains(expected), "{verdict:?}");
     }
 }
 
 #[test]
-fn something_unknown_is_looked_for_where_the_page_places_it() {
+fn something_unknown_is_looked_for_where_and_when_the_page_places_it() {
     let mut diagnosis = made_up(Verdict::Unknown, &[]);
+    diagnosis.traces[0].name = "one".into();
     diagnosis.latents[0].explains = 0.4;
-    let text = summary(&diagnosis);
-    assert!(
-        text.contains("transducers and clocks. A free term on the ") && text.contains("would explain 40 %"),
-        "{text}"
-    );
+    let text = summary(&diagnosis, usize::MAX);
+    assert!(text.contains("look first at the transducers and clocks; one shows it most, at "), "{text}");
+    assert!(text.contains("A discrepancy term on the servomotor transducer would explain 40 % of it"), "{text}");
     for (stage, explains) in [(Stage::Sensor, 0.01), (Stage::Spool, 0.4)] {
         (diagnosis.stage, diagnosis.latents[0].explains) = (Some(stage), explains);
-        assert!(!summary(&diagnosis).contains("free term"), "{}", summary(&diagnosis));
+        assert!(!summary(&diagnosis, usize::MAX).contains("discrepancy term"));
     }
+    // The nearest cause with what speaks against it, from the diagnosis's own note or from the ranking.
+    let page_of = |diagnosis: &Diagnosis| page(diagnosis, &Provenance::default()).unwrap().to_html();
+    assert!(
+        page_of(&diagnosis)
+            .contains("Nearest in the catalogue: backlash, fitted play 0.42 % [0.40, 0.44]. What speaks against it")
+    );
+    diagnosis
+        .notes
+        .push("Nearest in the catalogue: load. It leaves more of the gap than a right equation would.".into());
+    assert!(page_of(&diagnosis).contains("<p>Nearest in the catalogue: load. It leaves"));
+}
+
+#[test]
+fn a_sound_unit_is_told_what_recalibration_found_and_no_place() {
+    let mut diagnosis = made_up(Verdict::NoGap, &[]);
+    let overlap = Fitted { name: "main_ports.overlap_m".into(), unit: "m", sheet: 2.0e-4, position: -2.04, ..play() };
+    let value = Interval { value: 1.68e-4, low: 1.6e-4, high: 1.7e-4 };
+    diagnosis.parameters = vec![Fitted { value, ..overlap.clone() }];
+    let text = summary(&diagnosis, usize::MAX);
+    assert!(
+        text.starts_with("No fault; the data sheet is off: overlap 0.168 mm instead of 0.200 mm (\u{2212}2.0 σ)."),
+        "{text}"
+    );
+    let html = page(&diagnosis, &Provenance::default()).unwrap().to_html();
+    assert!(
+        !html.contains("error sits there, %") && !html.contains(">stage<"),
+        "no stage of an error that is not there"
+    );
+    assert!(!html.contains("by more than three standard deviations"));
+    diagnosis.parameters[0].position = -3.4;
+    let html = page(&diagnosis, &Provenance::default()).unwrap().to_html();
+    assert!(html.contains("by more than three standard deviations") && html.contains("main_ports.overlap_m"));
+    diagnosis.parameters[0].position = 0.3;
+    assert!(summary(&diagnosis, usize::MAX).starts_with("No fault, and the data sheet holds"));
+}
+
+#[test]
+fn one_recording_alone_confirms_nothing() {
+    let mut diagnosis = made_up(Verdict::Named, &["backlash"]);
+    let text = summary(&diagnosis, usize::MAX);
+    assert!(text.contains("(not confirmed: one recording alone says so)"), "{text}");
+    let html = page(&diagnosis, &Provenance::default()).unwrap().to_html();
+    assert!(html.contains("not confirmed</dd>") && html.contains("that confirms the cause, or refutes it"));
+    let second = diagnosis.traces[0].clone();
+    diagnosis.traces.push(second);
+    assert!(!summary(&diagnosis, usize::MAX).contains("not confirmed"));
 }
 
 #[test]
@@ -203,28 +262,28 @@ fn a_closure_that_says_nothing_is_not_given_as_a_figure() {
     let mut diagnosis = made_up(Verdict::Named, &["backlash"]);
     diagnosis.closure = Interval { value: 1.0, low: 0.0, high: 1.0 };
     diagnosis.blamed[0].closure = diagnosis.closure;
-    let text = summary(&diagnosis);
-    assert!(text.contains("This closes a share of the gap that refitting leaves that cannot be told"), "{text}");
+    let text = summary(&diagnosis, usize::MAX);
+    assert!(text.contains("Explains a share of the error that recalibration leaves that cannot be told"), "{text}");
     assert!(!text.contains("100 %"), "{text}");
-    let html = page(&diagnosis, &[]).unwrap().to_html();
+    let html = page(&diagnosis, &Provenance::default()).unwrap().to_html();
     assert!(html.contains("cannot be told<") && !html.contains("[0, 100]"));
     let mut several = made_up(Verdict::Named, &["backlash", "lvdt_bias"]);
     several.blamed[1].closure = diagnosis.closure;
-    let html = page(&several, &[]).unwrap().to_html();
-    assert!(html.contains("Alone it closes a share that cannot be told. ") && !html.contains("[0, 100]"));
+    let html = page(&several, &Provenance::default()).unwrap().to_html();
+    assert!(html.contains("Alone it explains a share that cannot be told. ") && !html.contains("[0, 100]"));
 }
 
 #[test]
 fn a_closure_below_nothing_is_none() {
     let mut diagnosis = made_up(Verdict::Named, &["backlash"]);
     diagnosis.closure = Interval { value: -0.12, low: -0.77, high: 0.09 };
-    let text = summary(&diagnosis);
-    assert!(text.contains("This closes nothing of the gap that refitting leaves, on data left out"), "{text}");
+    let text = summary(&diagnosis, usize::MAX);
+    assert!(text.contains("Explains nothing of the error that recalibration leaves, on data held out"), "{text}");
 }
 
 #[test]
 fn an_effect_without_a_file_is_called_by_its_id() {
-    let text = summary(&made_up(Verdict::Named, &["my_own_term"]));
+    let text = summary(&made_up(Verdict::Named, &["my_own_term"]), usize::MAX);
     assert!(text.starts_with("my own term: play 0.42 %"), "{text}");
 }
 
@@ -234,7 +293,7 @@ fn a_named_effect_that_leaves_something_unknown_says_so() {
     for (probability, said) in [(0.97, true), (0.3, false)] {
         let mut diagnosis = made_up(Verdict::Named, &["backlash", "load"]);
         diagnosis.ranking[1].probability = probability;
-        assert_eq!(summary(&diagnosis).contains(words), said);
-        assert_eq!(page(&diagnosis, &[]).unwrap().to_html().contains(words), said);
+        assert_eq!(summary(&diagnosis, usize::MAX).contains(words), said);
+        assert_eq!(page(&diagnosis, &Provenance::default()).unwrap().to_html().contains(words), said);
     }
 }

@@ -1,6 +1,9 @@
 //! The traces of a diagnosis: measured, refitted, with the effects, and what each misses over time.
 
+use std::collections::BTreeSet;
+
 use crate::diagnosis::outcome::Trace;
+use crate::report::diagnosis::answers::WORST_S;
 use crate::report::ink::Ink;
 use crate::report::picture::{Mark, Panel, Picture, Shape};
 use crate::report::thin::{runs, thin};
@@ -14,6 +17,12 @@ const LONG_S: f64 = 45.0;
 
 /// Length of that stretch, s.
 const CLOSE_UP_S: f64 = 15.0;
+
+/// Columns that the curves of a report are thinned to.
+const KEPT_COLUMNS: usize = 120;
+
+/// Most rows of the worst stretch that a report keeps.
+const MOST_ROWS: usize = 400;
 
 /// Squared misses of the refitted twin in the positions, sample by sample, pu².
 fn squares(trace: &Trace) -> Vec<f64> {
@@ -36,7 +45,13 @@ pub fn gap(trace: &Trace) -> f64 {
 /// The stretch with most of the gap, where the recording is too long to show it.
 pub fn close_up(trace: &Trace) -> Option<[f64; 2]> {
     let (first_s, last_s) = (*trace.time_s.first()?, *trace.time_s.last()?);
-    if last_s - first_s < LONG_S {
+    if last_s - first_s < LONG_S { None } else { worst(trace, CLOSE_UP_S) }
+}
+
+/// The stretch of so many seconds with most of the gap; none where the recording is hardly longer.
+pub fn worst(trace: &Trace, length_s: f64) -> Option<[f64; 2]> {
+    let (first_s, last_s) = (*trace.time_s.first()?, *trace.time_s.last()?);
+    if last_s - first_s < 1.5 * length_s {
         return None;
     }
     let mut sums = vec![0.0];
@@ -45,11 +60,52 @@ pub fn close_up(trace: &Trace) -> Option<[f64; 2]> {
     }
     let inside = |from_s: f64| {
         let at = |time_s: f64| sums[trace.time_s.partition_point(|t| *t < time_s)];
-        at(from_s + CLOSE_UP_S) - at(from_s)
+        at(from_s + length_s) - at(from_s)
     };
-    let starts = (0..2000).map(|k| first_s + 0.5 * f64::from(k)).take_while(|from| from + CLOSE_UP_S <= last_s);
+    // A window on the way is as good as any other to a quarter of its length.
+    let step_s = (0.25 * length_s).min(0.5);
+    let starts = (0..20_000).map(|k| first_s + step_s * f64::from(k)).take_while(|from| from + length_s <= last_s);
     let best = starts.max_by(|a, b| inside(*a).total_cmp(&inside(*b)))?;
-    Some([best, best + CLOSE_UP_S])
+    Some([best, best + length_s])
+}
+
+/// The traces as a report keeps them: all by name, and the curves of the one with most of the error, each row of its worst stretch and few
+/// of the rest.
+pub fn kept(traces: &[Trace]) -> Vec<Trace> {
+    let most = traces.iter().enumerate().max_by(|(_, a), (_, b)| gap(a).total_cmp(&gap(b))).map(|(at, _)| at);
+    let one = |(at, trace): (usize, &Trace)| {
+        let rows = if Some(at) == most { rows_to_keep(trace) } else { Vec::new() };
+        let of = |values: &Vec<f64>| rows.iter().map(|&row| values[row]).collect::<Vec<_>>();
+        Trace {
+            name: trace.name.clone(),
+            process: trace.process,
+            time_s: of(&trace.time_s),
+            signals: trace.signals.iter().map(|(signal, curves)| (*signal, curves.each_ref().map(of))).collect(),
+        }
+    };
+    traces.iter().enumerate().map(one).collect()
+}
+
+/// Rows of a trace that its curves are drawn of: where a curve turns, and all of the worst stretch.
+fn rows_to_keep(trace: &Trace) -> Vec<usize> {
+    let (Some(&first_s), Some(&last_s)) = (trace.time_s.first(), trace.time_s.last()) else { return Vec::new() };
+    let mut rows: BTreeSet<usize> = [0, trace.time_s.len() - 1].into();
+    if let Some([from_s, to_s]) = worst(trace, WORST_S) {
+        let within = |time_s: f64| trace.time_s.partition_point(|t| *t < time_s);
+        let all = within(from_s)..within(to_s);
+        let step = all.len().div_ceil(MOST_ROWS).max(1);
+        rows.extend(all.step_by(step));
+    }
+    let window_s = [first_s, last_s];
+    for (_, [measured, _, refitted, _]) in &trace.signals {
+        for curve in [measured, refitted] {
+            let points: Vec<[f64; 2]> =
+                trace.time_s.iter().zip(curve).map(|(&t, &y)| [t, y]).filter(|point| point[1].is_finite()).collect();
+            let kept = runs(&points).flat_map(|run| thin(run, window_s, KEPT_COLUMNS)).collect::<Vec<_>>();
+            rows.extend(kept.iter().map(|point| trace.time_s.partition_point(|t| *t < point[0])));
+        }
+    }
+    rows.into_iter().collect()
 }
 
 /// The picture of one recording; of a stretch of it where `window_s` is given.
@@ -68,15 +124,15 @@ pub fn picture(trace: &Trace, window_s: Option<[f64; 2]>, explained: bool) -> Pi
         let mut above = Panel::new(format!("{title}, pu"))
             .height(150)
             .thick_line(Ink::Measured, "measured", curve(measured))
-            .line(Ink::Difference, "refitted", curve(refitted));
+            .line(Ink::Difference, "recalibrated", curve(refitted));
         let mut below = Panel::new(format!("{title}, twin − measured, %"))
             .height(110)
             .level(Ink::Band, "", 0.0)
-            .mark(thin_line(Ink::Command, "delivered", off(delivered)))
-            .mark(thin_line(Ink::Difference, "refitted", off(refitted)));
+            .mark(thin_line(Ink::Command, "data sheet", off(delivered)))
+            .mark(thin_line(Ink::Difference, "recalibrated", off(refitted)));
         if explained {
-            above = above.line(Ink::Simulated, "with effects", curve(with_effects));
-            below = below.mark(thin_line(Ink::Simulated, "with effects", off(with_effects)));
+            above = above.line(Ink::Simulated, "with faults", curve(with_effects));
+            below = below.mark(thin_line(Ink::Simulated, "with faults", off(with_effects)));
         }
         panels.extend([above.x_name("time, s"), below.x_name("time, s")]);
     }
@@ -100,7 +156,7 @@ fn curve(time_s: &[f64], values: impl Iterator<Item = f64>, window_s: Option<[f6
 
 #[cfg(test)]
 mod tests {
-    use super::{close_up, curve, gap};
+    use super::{close_up, curve, gap, worst};
     use crate::diagnosis::outcome::Trace;
     use crate::recording::Process;
     use crate::signal::Signal;
@@ -116,6 +172,9 @@ mod tests {
         assert!((gap(&trace) - 2.0).abs() < 0.02);
         let [from_s, to_s] = close_up(&trace).unwrap();
         assert!(from_s <= 70.0 && to_s >= 71.9, "{from_s} to {to_s}");
+        let [from_s, to_s] = worst(&trace, 2.0).unwrap();
+        assert!((from_s - 70.0).abs() < 0.6 && (to_s - 72.0).abs() < 0.6, "{from_s} to {to_s}");
+        assert_eq!(worst(&trace, 90.0), None, "hardly shorter than the whole");
         let points = curve(&trace.time_s, refitted.iter().copied(), None);
         assert!(points.len() <= 1500);
         assert!(points.iter().any(|point| point[1] > 0.59));

@@ -2,12 +2,9 @@
 
 use crate::diagnosis::outcome::{Blame, Diagnosis, Fitted, Interval, SignalGap, Verdict};
 use crate::effects::{self, Stage};
-use crate::report::diagnosis::next_test;
-use crate::report::table::significant;
+use crate::report::diagnosis::{answers, next_test};
+use crate::report::table::{significant, wrapped};
 use crate::signal::Signal;
-
-/// Share of the gap from which it is worth a word what a free term would explain.
-const TOLD: f64 = 0.05;
 
 /// A share as a percentage.
 pub fn percent(share: f64) -> String {
@@ -24,14 +21,14 @@ pub fn percents(interval: Interval) -> String {
 }
 
 /// A closure with what it is a share of.
-fn closing(closure: Interval, of: &str) -> String {
+pub fn closing(closure: Interval, of: &str) -> String {
     if closure.leaves_all_open() {
         return format!(
             "a share of {of} that cannot be told: it stands in too few places, or too little above the noise"
         );
     }
     let share = if closure.value > 0.0 { percents(closure) } else { "nothing".to_owned() };
-    format!("{share} of {of}, on data left out of the fit")
+    format!("{share} of {of}, on data held out of the fit")
 }
 
 /// Where a stage is on the machine.
@@ -119,6 +116,8 @@ pub fn value(parameter: &Fitted) -> String {
         "pu" => (100.0, " %"),
         "s" if parameter.value.high.abs() < 1.0 => (1000.0, " ms"),
         "m" => (1000.0, " mm"),
+        "Pa" => (1.0e-6, " MPa"),
+        "N" if parameter.value.value.abs() >= 1000.0 => (1.0e-3, " kN"),
         _ => (1.0, ""),
     };
     let spread = 0.5 * (parameter.value.high - parameter.value.low).abs() * scale;
@@ -154,116 +153,54 @@ pub fn listed(words: &[String], joint: &str) -> String {
 /// The verdict's name for people.
 pub fn verdict_title(verdict: Verdict) -> &'static str {
     match verdict {
-        Verdict::Named => "named",
-        Verdict::Class => "one of a few",
-        Verdict::Unknown => "unknown",
-        Verdict::NoGap => "no gap",
-        Verdict::NotExcited => "not excited",
+        Verdict::Named => "cause found",
+        Verdict::Class => "possible causes",
+        Verdict::Unknown => "unknown cause",
+        Verdict::NoGap => "no fault",
+        Verdict::NotExcited => "cannot be told",
     }
 }
 
-fn miss(gap: &SignalGap, of: impl Fn(&SignalGap) -> f64) -> String {
+fn error(gap: &SignalGap, of: impl Fn(&SignalGap) -> f64) -> String {
     match gap.signal {
         Signal::ControlPressure => format!("{} kPa", significant(of(gap) / 1000.0, 2)),
         _ => format!("{} %", significant(100.0 * of(gap), 2)),
     }
 }
 
-/// How far the refitted twin is off, against what noise alone makes.
-fn misses(diagnosis: &Diagnosis) -> String {
+/// How far off the twins are: with the data sheet, recalibrated, with faults, and what noise alone makes.
+pub fn errors(diagnosis: &Diagnosis) -> String {
     let positions = diagnosis.gap.iter().filter(|gap| gap.signal != Signal::ControlPressure);
     let said: Vec<String> = positions
         .map(|gap| {
-            let (refitted, floor) = (miss(gap, |gap| gap.refitted), miss(gap, |gap| gap.noise_floor));
-            format!("{} {refitted} where noise alone makes {floor}", gap.signal.title().to_lowercase())
+            let steps: [fn(&SignalGap) -> f64; 4] =
+                [|g| g.delivered, |g| g.refitted, |g| g.with_effects, |g| g.noise_floor];
+            let [sheet, recalibrated, with_faults, noise] = steps.map(|of| error(gap, of));
+            let with_faults = match diagnosis.blamed.len() {
+                0 => String::new(),
+                1 => format!(", {with_faults} with the fault"),
+                _ => format!(", {with_faults} with the faults"),
+            };
+            let name = gap.signal.title().to_lowercase();
+            format!(
+                "{name} {sheet} with the data sheet, {recalibrated} recalibrated{with_faults} (noise alone {noise})"
+            )
         })
         .collect();
-    format!("RMS miss of the refitted twin: {}.", listed(&said, "and"))
+    if said.is_empty() { String::new() } else { format!("RMS error: {}.", said.join("; ")) }
 }
 
-/// The one sentence or two to take away.
-pub fn lead(diagnosis: &Diagnosis) -> String {
-    let closes = closing(diagnosis.closure, "the gap that refitting leaves");
-    match (diagnosis.verdict, diagnosis.blamed.as_slice()) {
-        (Verdict::Named, [one]) => {
-            let values = values(&one.parameters);
-            let values = if values.is_empty() { values } else { format!(": {values}") };
-            format!("{}{values}. This closes {closes}.", cause(diagnosis, &one.id))
-        }
-        (Verdict::Named, several) => {
-            let names: Vec<String> = several.iter().map(|one| id_words(&one.id)).collect();
-            format!("{} act at once: {}. Together they close {closes}.", count(several.len()), listed(&names, "and"))
-        }
-        (Verdict::Class, rivals) => {
-            let names: Vec<String> = rivals.iter().map(|one| id_words(&one.id)).collect();
-            let best = rivals
-                .first()
-                .map_or_else(String::new, |one| format!(" The most probable, {}, closes {closes}.", id_words(&one.id)));
-            format!("{}; these recordings cannot tell which.{best}", capital(&listed(&names, "or")))
-        }
-        (Verdict::Unknown, _) => unknown(diagnosis),
-        (Verdict::NoGap, _) => {
-            "Nothing beyond noise and tolerances: with its sheet refitted, the twin does what the unit does.".to_owned()
-        }
-        (Verdict::NotExcited, _) => {
-            "These recordings do not move the unit enough to tell: they fit, and most faults would fit them as well."
-                .to_owned()
-        }
-    }
-}
-
-/// Where to look, and what a free term there would explain, if it is worth a word.
-fn unknown(diagnosis: &Diagnosis) -> String {
-    let nothing = "There is a gap that nothing in the catalogue explains";
-    let Some(stage) = diagnosis.stage else { return format!("{nothing}.") };
-    let there = diagnosis.latents.iter().filter(|latent| latent.stage == stage && latent.explains >= TOLD);
-    let term = there.max_by(|a, b| a.explains.total_cmp(&b.explains)).map_or_else(String::new, |latent| {
-        format!(" A free term on the {} would explain {} of it.", latent.place, percent(latent.explains))
-    });
-    format!("{nothing}: look at the {}.{term}", stage_title(stage))
-}
-
-fn count(number: usize) -> String {
-    match number {
-        2 => "Two effects".into(),
-        3 => "Three effects".into(),
-        more => format!("{more} effects"),
-    }
-}
-
-fn capital(text: &str) -> String {
+/// The same with a capital letter.
+pub fn capital(text: &str) -> String {
     let mut chars = text.chars();
     chars.next().map_or_else(String::new, |first| first.to_uppercase().chain(chars).collect())
 }
 
-/// What to add to the lead, a paragraph each.
-pub fn explanation(diagnosis: &Diagnosis) -> Vec<String> {
-    let mut all: Vec<String> = Vec::new();
-    let several = diagnosis.blamed.len() > 1;
-    for blame in &diagnosis.blamed {
-        all.push(if several { of_several(diagnosis, blame) } else { symptom(&blame.id) });
-    }
-    match diagnosis.verdict {
-        Verdict::Class | Verdict::Named => all.extend(besides(diagnosis).map(|words| capital(&words))),
-        Verdict::Unknown => all.push(misses(diagnosis)),
-        Verdict::NoGap => {
-            all.push(misses(diagnosis));
-            all.push("What would have shown, had it been there, stands below under what could be seen.".into());
-        }
-        Verdict::NotExcited => {
-            all.push(misses(diagnosis));
-            all.push("Record a process that travels: a start-up, a step of load, a shutdown by the ESV.".into());
-        }
-    }
-    all.push(next_test::sentence(diagnosis));
-    all.retain(|text| !text.is_empty());
-    all
-}
-
-fn of_several(diagnosis: &Diagnosis, blame: &Blame) -> String {
+/// One of several faults, in a paragraph.
+pub fn of_several(diagnosis: &Diagnosis, blame: &Blame) -> String {
     let open = if blame.closure.leaves_all_open() { "a share that " } else { "" };
     format!(
-        "{} ({}, probability {}): {}. Alone it closes {open}{}. {}",
+        "{} ({}, probability {}): {}. Alone it explains {open}{}. {}",
         capital(&id_words(&blame.id)),
         cause(diagnosis, &blame.id),
         percent(blame.probability),
@@ -274,7 +211,7 @@ fn of_several(diagnosis: &Diagnosis, blame: &Blame) -> String {
 }
 
 /// That what is named is probably not all.
-fn besides(diagnosis: &Diagnosis) -> Option<String> {
+pub fn besides(diagnosis: &Diagnosis) -> Option<String> {
     let named = matches!(diagnosis.verdict, Verdict::Named | Verdict::Class);
     let unknown = diagnosis.ranking.iter().find(|ranked| ranked.id == "unknown" && ranked.probability > 0.5);
     unknown.filter(|_| named).map(|unknown| {
@@ -286,33 +223,29 @@ fn besides(diagnosis: &Diagnosis) -> Option<String> {
     })
 }
 
-/// The verdict in plain text, a few lines for a terminal.
+/// The verdict in plain text, a few lines for a terminal of so many columns.
 #[must_use]
-pub fn summary(diagnosis: &Diagnosis) -> String {
-    let mut text = format!("{}\n\n", lead(diagnosis));
+pub fn summary(diagnosis: &Diagnosis, width: usize) -> String {
+    let mut text = format!("{}\n\n", wrapped(&answers::lead(diagnosis), width).join("\n"));
     let mut line = |name: &str, words: String| {
-        text.push_str(&format!("  {name:<12} {words}\n"));
+        for (i, words) in wrapped(&words, width.saturating_sub(15)).iter().enumerate() {
+            text.push_str(&format!("  {:<12} {words}\n", if i == 0 { name } else { "" }));
+        }
     };
     line("verdict", diagnosis.verdict.id().to_owned());
     if let Some((_, title)) = place(diagnosis) {
         line("stage", title);
     }
     for blame in &diagnosis.blamed {
-        let (values, closes) = (values(&blame.parameters), closing(blame.closure, "the gap"));
+        let values = values(&blame.parameters);
         line("effect", format!("{}: {values}; probability {}", blame.id, percent(blame.probability)));
-        line("", format!("closes {closes}"));
     }
-    if let Some(words) = besides(diagnosis) {
-        line("rest", words);
-    }
-    for gap in &diagnosis.gap {
-        let steps: [fn(&SignalGap) -> f64; 4] =
-            [|g| g.delivered, |g| g.refitted, |g| g.with_effects, |g| g.noise_floor];
-        let [delivered, refitted, with_effects, floor] = steps.map(|of| miss(gap, of));
-        let with_effects =
-            if diagnosis.blamed.is_empty() { String::new() } else { format!(", explained {with_effects}") };
-        let name = gap.signal.title();
-        line("RMS miss", format!("{name}: sheet {delivered}, refitted {refitted}{with_effects}; noise {floor}"));
+    let [(_, causes), (_, sure), (_, far), _] = answers::answers(diagnosis);
+    let nearest: Vec<String> = causes.into_iter().skip(1).filter(|_| diagnosis.verdict == Verdict::Unknown).collect();
+    for (question, words) in [("nearest", nearest), ("how sure", sure), ("how far", far)] {
+        for (i, words) in words.into_iter().enumerate() {
+            line(if i == 0 { question } else { "" }, words);
+        }
     }
     for run in diagnosis.part.iter().flat_map(|part| &part.free_runs) {
         let model = if run.model.is_empty() { "no effect".to_owned() } else { id_words(&run.model) };

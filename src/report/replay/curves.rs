@@ -32,12 +32,12 @@ pub struct Pictures {
 }
 
 impl Pictures {
-    /// Draws them.
+    /// Draws them, with what another unit makes of the same recording beside it where one is given.
     ///
     /// # Errors
     /// Where a picture cannot be drawn.
-    pub fn draw(replayed: &Replayed, sensors: &Sensors) -> Result<Self, DrawError> {
-        let curves = Curves::new(replayed);
+    pub fn draw(replayed: &Replayed, after: Option<(&str, &Replayed)>, sensors: &Sensors) -> Result<Self, DrawError> {
+        let curves = Curves::new(replayed, after);
         let window_s = replayed.recording.duration_s() > LONG_S;
         let close_up = window_s.then(|| curves.liveliest_s());
         let pilot = curves.has(Signal::PilotValvePosition) || curves.has(Signal::ControlPressure);
@@ -52,14 +52,17 @@ impl Pictures {
 /// One recording as curves over seconds from its start.
 struct Curves<'a> {
     replayed: &'a Replayed,
+    /// The same recording through another unit, with that unit's name.
+    after: Option<(&'a str, &'a Replayed)>,
     time_s: Vec<f64>,
 }
 
 impl<'a> Curves<'a> {
-    fn new(replayed: &'a Replayed) -> Self {
+    fn new(replayed: &'a Replayed, after: Option<(&'a str, &'a Replayed)>) -> Self {
         let frames = &replayed.recording.frames;
         let start_ns = frames.first().map_or(0, |frame| frame.time_ns);
-        Self { replayed, time_s: frames.iter().map(|frame| seconds_from_nanos(frame.time_ns - start_ns)).collect() }
+        let time_s = frames.iter().map(|frame| seconds_from_nanos(frame.time_ns - start_ns)).collect();
+        Self { replayed, after, time_s }
     }
 
     fn has(&self, signal: Signal) -> bool {
@@ -71,13 +74,13 @@ impl<'a> Curves<'a> {
         self.time_s.iter().zip(frames).filter(|(_, y)| y.is_finite()).map(|(&t, y)| [t, y]).collect()
     }
 
-    fn simulated(&self, signal: Signal, scale: f64) -> Vec<[f64; 2]> {
-        let estimates = self.replayed.estimates.iter().map(|estimate| signal.of(&estimate.signals) * scale);
+    fn simulated(&self, replayed: &Replayed, signal: Signal, scale: f64) -> Vec<[f64; 2]> {
+        let estimates = replayed.estimates.iter().map(|estimate| signal.of(&estimate.signals) * scale);
         self.time_s.iter().zip(estimates).map(|(&t, y)| [t, y]).collect()
     }
 
-    fn difference(&self, signal: Signal, scale: f64) -> Vec<[f64; 2]> {
-        let pairs = self.replayed.recording.frames.iter().zip(&self.replayed.estimates);
+    fn difference(&self, replayed: &Replayed, signal: Signal, scale: f64) -> Vec<[f64; 2]> {
+        let pairs = self.replayed.recording.frames.iter().zip(&replayed.estimates);
         let difference = pairs.map(|(f, e)| (signal.of(&e.signals) - signal.of(&f.measured)) * scale);
         self.time_s.iter().zip(difference).filter(|(_, y)| y.is_finite()).map(|(&t, y)| [t, y]).collect()
     }
@@ -113,7 +116,7 @@ impl<'a> Curves<'a> {
         let position = if self.has(Signal::ServomotorPosition) {
             self.measured(Signal::ServomotorPosition, 1.0)
         } else {
-            self.simulated(Signal::ServomotorPosition, 1.0)
+            self.simulated(self.replayed, Signal::ServomotorPosition, 1.0)
         };
         let within = |from_s: f64, to_s: f64| {
             let (start, end) =
@@ -146,17 +149,33 @@ impl<'a> Curves<'a> {
         } else {
             Panel::new(title)
         };
-        panel.line(Ink::Simulated, "simulated", self.simulated(signal, scale)).x_name("time from the start, s")
+        let Some((title, after)) = self.after else {
+            return panel
+                .line(Ink::Simulated, "simulated", self.simulated(self.replayed, signal, scale))
+                .x_name("time from the start, s");
+        };
+        panel
+            .line(Ink::Difference, "before", self.simulated(self.replayed, signal, scale))
+            .line(Ink::Simulated, &format!("after: {title}"), self.simulated(after, signal, scale))
+            .x_name("time from the start, s")
     }
 
     fn missed(&self, signal: Signal, unit: &str, scale: f64, sensors: &Sensors) -> Panel {
         let noise = 2.0 * spread(signal.sensor(sensors)) * scale;
         let end_s = self.time_s.last().copied().unwrap_or(0.0);
-        Panel::new(format!("Simulated − measured, {unit}"))
+        let panel = Panel::new(format!("Simulated − measured, {unit}"))
             .height(84)
             .band(Ink::Band, "±2σ of the transducer", vec![[0.0, -noise, noise], [end_s, -noise, noise]])
-            .line(Ink::Difference, "difference", self.difference(signal, scale))
-            .x_name("time from the start, s")
+            .x_name("time from the start, s");
+        let before = self.difference(self.replayed, signal, scale);
+        match self.after {
+            None => panel.line(Ink::Difference, "difference", before),
+            Some((_, after)) => panel.line(Ink::Difference, "before", before).line(
+                Ink::Simulated,
+                "after",
+                self.difference(after, signal, scale),
+            ),
+        }
     }
 
     fn positions(&self, sensors: &Sensors, window_s: Option<[f64; 2]>) -> Picture {

@@ -1,0 +1,88 @@
+//! Which recordings and which data sheet the reports of a folder must be of.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::bail;
+use govtwin::parameters::Unit;
+use govtwin::params::{Sheet, unit_digest};
+use govtwin::provenance::{FileUsed, Input, Provenance};
+
+use super::cases::Case;
+use crate::commands::{provenance, report_file};
+
+/// Digests of the recordings of every unit, and of the sheet.
+#[derive(Debug)]
+pub struct Expected {
+    recordings: BTreeMap<String, Vec<FileUsed>>,
+    sheet: String,
+    /// Reports that do not say what they are of count as well.
+    unchecked: bool,
+}
+
+impl Expected {
+    /// Looks at all bags.
+    pub fn new(cases: &[Case], sheet: &Unit, unchecked: bool) -> anyhow::Result<Self> {
+        let of = |case: &Case| Ok((case.name.clone(), provenance::files_of_bags(&case.bags()?)));
+        let recordings = cases.iter().map(of).collect::<anyhow::Result<_>>()?;
+        Ok(Self { recordings, sheet: unit_digest(sheet), unchecked })
+    }
+
+    /// The recordings of all units, by the names of the units.
+    pub fn inputs(&self, origin: Option<&str>) -> Vec<Input> {
+        let of = |(name, used): (&String, &Vec<FileUsed>)| Input {
+            name: name.clone(),
+            files: used.clone(),
+            synthetic: origin.is_some_and(provenance::says_synthetic),
+            origin: origin.map(str::to_owned),
+            ..Input::default()
+        };
+        self.recordings.iter().map(of).collect()
+    }
+
+    /// What a baseline's report is made from.
+    pub fn made(&self, case: &Case, method: &str, sheet: &Sheet) -> anyhow::Result<Provenance> {
+        let mut made = provenance::new(&format!("blind, baseline {method}"), sheet, None)?;
+        made.unit.clone_from(&case.name);
+        let files = self.recordings.get(&case.name).cloned().unwrap_or_default();
+        made.recordings = vec![Input { name: case.name.clone(), files, ..Input::default() }];
+        Ok(made)
+    }
+
+    /// Refuses a report of other recordings or of another sheet than the unit's.
+    pub fn check(&self, path: &Path, case: &str) -> anyhow::Result<()> {
+        let shown = path.display();
+        let Some(made) = report_file::provenance(path)? else {
+            if self.unchecked {
+                return Ok(());
+            }
+            bail!(
+                "{shown} does not say which recordings and data sheet it is of; remove it, so that the unit is judged anew, or take such reports \
+                 as they are with --unchecked"
+            );
+        };
+        let wanted = self.recordings.get(case).map(|files| {
+            let mut all: Vec<&str> = files.iter().map(|file| file.sha256.as_str()).collect();
+            all.sort_unstable();
+            all
+        });
+        if wanted.as_ref() != Some(&made.digests()) {
+            bail!(
+                "{shown} is of other recordings than those of {case} (it names {}); remove it, so that the unit is judged anew",
+                named(&made.recordings.iter().map(|one| one.name.as_str()).collect::<Vec<_>>())
+            );
+        }
+        if made.sheet.sha256 != self.sheet {
+            let name = if made.sheet.files.is_empty() { "the shipped one" } else { &made.sheet.files[0].path };
+            bail!(
+                "{shown} was made with another data sheet ({name}); give that one with --params, or remove the report, so that the unit is \
+                 judged anew"
+            );
+        }
+        Ok(())
+    }
+}
+
+fn named(names: &[&str]) -> String {
+    if names.is_empty() { "none".to_owned() } else { names.join(", ") }
+}

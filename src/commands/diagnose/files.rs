@@ -1,0 +1,103 @@
+//! The files of a diagnosis: report, page, two twins and the next test, and that no other unit's are replaced.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::{Context, bail};
+use govtwin::diagnosis::contract;
+use govtwin::diagnosis::outcome::{Diagnosis, Fitted, Verdict};
+use govtwin::parameters::Unit;
+use govtwin::params::{self, Overlay};
+use govtwin::provenance::Provenance;
+use govtwin::report::diagnosis as report;
+
+use super::next_test;
+use crate::commands::output::Output;
+use crate::commands::report_file;
+
+/// The machine-readable report.
+const REPORT: &str = "report.json";
+
+/// What a diagnosis leaves.
+pub const NAMES: [&str; 5] = [REPORT, "report.html", "refitted.yaml", "fitted.yaml", contract::NEXT_TEST];
+
+/// Refuses a folder that holds the files of another unit: those of a report that shares no recording with this one, or that says of none.
+pub fn refuse_to_replace(out: &Path, made: &Provenance) -> anyhow::Result<()> {
+    let way_out = "name another folder with --out, or replace them with --overwrite";
+    let path = out.join(REPORT);
+    if !path.is_file() {
+        return match NAMES.iter().find(|name| out.join(name).exists()) {
+            Some(name) => bail!(
+                "--out: {} is there without a {REPORT} beside it, so nobody can tell whose it is; {way_out}",
+                out.join(name).display()
+            ),
+            None => Ok(()),
+        };
+    }
+    let Ok(Some(there)) = report_file::provenance(&path) else {
+        bail!("--out: {} does not say which recordings it is of; {way_out}", path.display());
+    };
+    let (old, new) = (there.digests(), made.digests());
+    if !old.iter().any(|digest| new.contains(digest)) {
+        bail!("--out: {} is the report of `{}`, of other recordings than these; {way_out}", path.display(), there.unit);
+    }
+    Ok(())
+}
+
+/// Writes the files of a report into a folder; hands out the text of the report.
+pub fn write(
+    mut output: Output,
+    diagnosis: &Diagnosis,
+    unit: &Unit,
+    made: &Provenance,
+    seconds: f64,
+) -> anyhow::Result<String> {
+    let mut report = contract::report(diagnosis, seconds);
+    report["provenance"] = serde_json::to_value(made).context("cannot write the provenance as JSON")?;
+    report["evidence"]["traces"] = contract::curves::traces(&report::kept_traces(&diagnosis.traces));
+    let mut json = serde_json::to_string_pretty(&report).context("cannot write the report as JSON")?;
+    json.push('\n');
+    overlay(
+        &mut output,
+        "refitted.yaml",
+        &diagnosis.refitted,
+        "refitted within tolerances, without any effect",
+        made,
+        &[],
+    )?;
+    let what = match diagnosis.verdict {
+        Verdict::Named => "refitted with the effects that the diagnosis names",
+        Verdict::Class => "refitted with the most probable of the effects that the diagnosis could not tell apart",
+        _ => "refitted within tolerances; the diagnosis names no effect",
+    };
+    overlay(&mut output, "fitted.yaml", &diagnosis.fitted, what, made, &diagnosis.parameters)?;
+    match next_test::file(diagnosis, &output.path(contract::NEXT_TEST), &unit.parameters)? {
+        Some(script) => output.add(contract::NEXT_TEST, &script)?,
+        None => output.remove(contract::NEXT_TEST),
+    }
+    output.add("report.html", report::page(diagnosis, made)?.to_html().as_bytes())?;
+    output.add(REPORT, json.as_bytes())?;
+    output.place()?;
+    Ok(json)
+}
+
+fn overlay(
+    output: &mut Output,
+    name: &str,
+    unit: &Unit,
+    what: &str,
+    made: &Provenance,
+    parameters: &[Fitted],
+) -> anyhow::Result<()> {
+    let mut unit = unit.clone();
+    unit.own_effects.retain(|own| unit.effects.iter().any(|setting| setting.id == own.id));
+    let comments: BTreeMap<String, String> = parameters
+        .iter()
+        .filter(|one| one.name.contains('.'))
+        .map(|one| (one.name.clone(), format!("90 %: {:.4e} to {:.4e} {}", one.value.low, one.value.high, one.unit)))
+        .collect();
+    let head = [vec![format!("The unit {what}.")], made.comments()].concat();
+    let overlay = Overlay { unit, name: String::new(), source: "govtwin diagnose".to_owned(), head, comments };
+    let text = params::overlay_text(&output.path(name), &overlay)?;
+    output.add(name, text.as_bytes())
+}

@@ -1,0 +1,105 @@
+//! What a replay leaves in a folder: page, figures, and a bag beside each recording.
+
+use std::path::Path;
+
+use govtwin::bag::{self, Sealed};
+use govtwin::files::remove_stale;
+use govtwin::parameters::Unit;
+use govtwin::replay::Replayed;
+use govtwin::replay::summary::Summary;
+use govtwin::report::replay::{Pictures, page};
+use govtwin::twin::Twin;
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
+
+use super::ladder::After;
+use super::{Args, FIGURES, PAGE, Result, options, rows, simulated};
+use crate::commands::bags::Bag;
+use crate::commands::output::{Output, Progress, print};
+
+/// Nothing may be replaced by the bags that are written but bags of an earlier replay: neither what is read, nor others, nor one another.
+pub fn refuse_to_overwrite(out: &Path, bags: &[Bag]) -> anyhow::Result<()> {
+    for bag in bags {
+        if let Some(inner) = bags.iter().find(|other| *other != bag && Path::new(&other.name).starts_with(&bag.name)) {
+            anyhow::bail!(
+                "--out {}: the simulated bag {} of {} would lie inside {} of {}; replay the two apart",
+                out.display(),
+                inner.name,
+                inner.path.display(),
+                bag.name,
+                bag.path.display()
+            );
+        }
+        let target = out.join(&bag.name);
+        if let (Ok(from), Ok(to)) = (bag.path.canonicalize(), target.canonicalize())
+            && from.starts_with(&to)
+        {
+            anyhow::bail!(
+                "--out {}: the simulated bag would take the place of {}, which is read; choose another folder",
+                out.display(),
+                bag.path.display()
+            );
+        }
+        simulated::check(&target)?;
+        if let Some(folder) = target.parent() {
+            remove_stale(folder);
+        }
+    }
+    Ok(())
+}
+
+/// Writes the simulated bag of a replay, anew where not all of its rows were kept.
+fn write_bag(bag: &Bag, dir: &Path, one: &Result, unit: &Unit, args: &Args) -> anyhow::Result<Sealed> {
+    let topics = args.topics.topics();
+    let (replayed, about) = (&one.replayed, &one.about);
+    if replayed.every == 1 {
+        return simulated::write(&bag.path, dir, replayed, &topics, about);
+    }
+    let options = options(args, unit);
+    let mut twin = Twin::new(unit).with_cut(args.cut.cut());
+    let measured = replayed.scores.are_measured();
+    if let Some(sealed) = rows::write((&bag.path, about), dir, &options, &mut twin, measured, &topics)? {
+        return Ok(sealed);
+    }
+    let recording = bag::read(&bag.path, &options)?.recording;
+    simulated::write(&bag.path, dir, &Replayed::new(&mut twin, recording), &topics, about)
+}
+
+/// Writes the bags, the page and the figures.
+pub fn write_all(
+    mut output: Output,
+    summary: &Summary,
+    results: &[Result],
+    bags: &[Bag],
+    unit: &Unit,
+    after: Option<&After>,
+    args: &Args,
+) -> anyhow::Result<()> {
+    let progress = Progress::new(bags.len(), "bags written");
+    let pairs: Vec<_> = results.iter().zip(bags).collect();
+    let written: anyhow::Result<Vec<Sealed>> = pairs
+        .into_par_iter()
+        .map(|(one, bag)| {
+            let sealed = write_bag(bag, &output.path(&bag.name), one, unit, args)?;
+            progress.step();
+            Ok(sealed)
+        })
+        .collect();
+    drop(progress);
+    output.add_bags(written?);
+    let replayed: Vec<&Replayed> = results.iter().map(|one| &one.replayed).collect();
+    let pictures = draw(results, unit, after)?;
+    let page = page(summary, &replayed, &pictures, &unit.sensors)?;
+    let html_path = output.path(PAGE);
+    output.add(PAGE, page.to_html().as_bytes())?;
+    output.add_json(FIGURES, summary)?;
+    output.place()?;
+    if args.json { Ok(()) } else { print(&format!("Pictures: {}\n", html_path.display())) }
+}
+
+/// The pictures of all recordings, in their order.
+fn draw(results: &[Result], unit: &Unit, after: Option<&After>) -> anyhow::Result<Vec<Pictures>> {
+    let then = |at: usize| after.and_then(|after| Some((after.title.as_str(), after.replayed.get(at)?)));
+    let pairs: Vec<_> = results.iter().enumerate().collect();
+    let drawn = pairs.into_par_iter().map(|(at, one)| Ok(Pictures::draw(&one.replayed, then(at), &unit.sensors)?));
+    drawn.collect()
+}

@@ -1,0 +1,54 @@
+//! `govtwin report`: the page of a diagnosis again from its JSON.
+
+use std::path::PathBuf;
+
+use anyhow::{Context, bail};
+use govtwin::diagnosis::contract::read::read;
+use govtwin::provenance::Provenance;
+use govtwin::report::diagnosis as page;
+
+use super::output::{print, width, write_atomically};
+use super::report_file::{self, LARGEST_BYTES};
+use crate::commands::Outcome;
+
+/// Arguments of `govtwin report`.
+#[derive(Debug, clap::Args)]
+#[command(after_long_help = HELP)]
+pub struct Args {
+    /// The report of a diagnosis, report.json.
+    #[arg(value_name = "FILE.json")]
+    report: PathBuf,
+    /// The page to write [default: FILE.html beside the report].
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+}
+
+const HELP: &str = "\
+Prints the summary that `govtwin diagnose` prints, and makes its page: for a report that came without one, or with the words of a newer program.
+A report keeps the curves of the recording with most of the error, and those alone are drawn.
+
+Exit codes: 0 ok, 1 not possible, 2 wrong usage.";
+
+/// Prints the summary and writes the page.
+pub fn run(args: &Args) -> anyhow::Result<Outcome> {
+    let shown = args.report.display();
+    let text =
+        govtwin::files::read_text(&args.report, LARGEST_BYTES).with_context(|| format!("cannot read {shown}"))?;
+    let report: serde_json::Value = serde_json::from_str(&text).with_context(|| shown.to_string())?;
+    let schema = report["schema"].as_str().unwrap_or_default();
+    if schema == govtwin::replay::summary::SCHEMA {
+        bail!(
+            "{shown} holds the figures of a replay; its pictures come from the bags: `govtwin replay --out DIR BAG` makes them again"
+        );
+    }
+    let diagnosis = read(&report).with_context(|| shown.to_string())?;
+    let made = report_file::provenance(&args.report)?.unwrap_or_else(|| Provenance {
+        warnings: vec!["the report does not say what it was made from".to_owned()],
+        ..Provenance::default()
+    });
+    let out = args.out.clone().unwrap_or_else(|| args.report.with_extension("html"));
+    let html = page::page(&diagnosis, &made)?.to_html();
+    write_atomically(&out, html.as_bytes())?;
+    print(&format!("{}\npage: {}\n", page::summary(&diagnosis, width()), out.display()))?;
+    Ok(Outcome::Ok)
+}

@@ -1,0 +1,294 @@
+//! The four answers at the head of a diagnosis, in this order: what the cause is, how sure, how far it explains the error, what to do next.
+
+use crate::diagnosis::outcome::{Diagnosis, Fitted, Verdict};
+use crate::diagnosis::posterior::Weights;
+use crate::report::diagnosis::words::{
+    besides, capital, cause, closing, errors, id_words, listed, of_several, parameter_title, percent, stage_title,
+    symptom, values,
+};
+use crate::report::diagnosis::{next_test, traces};
+use crate::report::table::{fixed, quantity};
+
+/// Share of the gap from which it is worth a word what a discrepancy term would explain.
+const TOLD: f64 = 0.05;
+
+/// Tolerances from which a recalibrated value is worth a word where nothing else is wrong.
+const MOVED: f64 = 1.0;
+
+/// Values that are named in a sentence.
+const NAMED_VALUES: usize = 3;
+
+/// Tolerances from which a value is far from its sheet: by chance one in 370 is.
+pub const FAR: f64 = 3.0;
+
+/// Length of the stretch that shows an error best, s.
+pub const WORST_S: f64 = 2.0;
+
+/// How a note begins that says what is nearest where nothing has a name.
+pub const NEAREST: &str = "Nearest in the catalogue: ";
+
+/// Claims of a probability are compared with what came true only where so many were counted.
+const LEAST_CLAIMS: u64 = 5;
+
+/// The answers, each under its question and in one paragraph or more.
+pub fn answers(diagnosis: &Diagnosis) -> [(&'static str, Vec<String>); 4] {
+    let paragraphs = |all: Vec<String>| all.into_iter().filter(|text| !text.is_empty()).collect();
+    [
+        ("Cause", paragraphs(causes(diagnosis))),
+        ("How sure", paragraphs(sureness(diagnosis))),
+        ("How far", paragraphs(reach(diagnosis))),
+        ("What next", paragraphs(next(diagnosis))),
+    ]
+}
+
+/// One recording alone: nothing confirms what it says.
+pub fn is_alone(diagnosis: &Diagnosis) -> bool {
+    diagnosis.part.is_none() && diagnosis.traces.len() == 1
+}
+
+/// The one sentence or two to take away.
+pub fn lead(diagnosis: &Diagnosis) -> String {
+    match (diagnosis.verdict, diagnosis.blamed.as_slice()) {
+        (Verdict::Named, [one]) => {
+            let values = values(&one.parameters);
+            let values = if values.is_empty() { values } else { format!(": {values}") };
+            format!("{}{values}{}.", cause(diagnosis, &one.id), confirmed(diagnosis))
+        }
+        (Verdict::Named, several) => {
+            let names: Vec<String> = several.iter().map(|one| id_words(&one.id)).collect();
+            format!("{} act at once: {}{}.", count(several.len()), listed(&names, "and"), confirmed(diagnosis))
+        }
+        (Verdict::Class, rivals) => {
+            let names: Vec<String> = rivals.iter().map(|one| id_words(&one.id)).collect();
+            format!("{}; these recordings cannot tell which.", capital(&listed(&names, "or")))
+        }
+        (Verdict::Unknown, _) => unknown(diagnosis),
+        (Verdict::NoGap, _) => no_gap(diagnosis),
+        (Verdict::NotExcited, _) => {
+            "These recordings do not move the unit enough to tell: they fit, and most faults would fit them as well."
+                .to_owned()
+        }
+    }
+}
+
+fn confirmed(diagnosis: &Diagnosis) -> &'static str {
+    if is_alone(diagnosis) { " (not confirmed: one recording alone says so)" } else { "" }
+}
+
+fn count(number: usize) -> String {
+    match number {
+        2 => "Two faults".into(),
+        3 => "Three faults".into(),
+        more => format!("{more} faults"),
+    }
+}
+
+/// Values of the data sheet that the recalibration moved, farthest first, by more than so many tolerances.
+pub fn moved(diagnosis: &Diagnosis, beyond: f64) -> Vec<&Fitted> {
+    let of_sheet = diagnosis.parameters.iter().filter(|one| one.name.contains('.'));
+    let mut moved: Vec<&Fitted> = of_sheet.filter(|one| one.position.abs() >= beyond).collect();
+    moved.sort_by(|a, b| b.position.abs().total_cmp(&a.position.abs()));
+    moved
+}
+
+/// What the recalibration found.
+fn no_gap(diagnosis: &Diagnosis) -> String {
+    let moved = moved(diagnosis, MOVED);
+    if moved.is_empty() {
+        return "No fault, and the data sheet holds: no value had to move by more than one tolerance.".to_owned();
+    }
+    let found: Vec<String> = moved.iter().take(NAMED_VALUES).map(|one| found(one)).collect();
+    let more = match moved.len().saturating_sub(NAMED_VALUES) {
+        0 => String::new(),
+        1 => "; one more value by more than a tolerance".to_owned(),
+        more => format!("; {more} more values by more than a tolerance"),
+    };
+    format!("No fault; the data sheet is off: {}{more}.", found.join(", "))
+}
+
+/// What was found of a value: `port overlap 0.168 mm instead of 0.200 mm (−2.0 σ)`.
+fn found(one: &Fitted) -> String {
+    let name = one.name.rsplit('.').next().unwrap_or(&one.name).to_owned();
+    let title = parameter_title(&Fitted { name, ..one.clone() });
+    let [value, sheet] = [one.value.value, one.sheet].map(|value| quantity(value, one.unit));
+    let sign = if one.position > 0.0 { "+" } else { "" };
+    format!("{title} {value} instead of {sheet} ({sign}{} σ)", fixed(one.position, 1))
+}
+
+/// Where and when the error sits.
+fn unknown(diagnosis: &Diagnosis) -> String {
+    let place = diagnosis.stage.map_or_else(String::new, |stage| format!("look first at the {}", stage_title(stage)));
+    let when = worst(diagnosis)
+        .map(|(name, [from_s, to_s])| format!("{name} shows it most, at {} to {} s", fixed(from_s, 1), fixed(to_s, 1)));
+    let words: Vec<String> = [place].into_iter().filter(|place| !place.is_empty()).chain(when).collect();
+    let nothing = "Something that nothing in the catalogue explains";
+    if words.is_empty() { format!("{nothing}.") } else { format!("{nothing}: {}.", words.join("; ")) }
+}
+
+/// The recording with most of the error, and the [`WORST_S`] of it in which the recalibrated twin is farthest off.
+fn worst(diagnosis: &Diagnosis) -> Option<(&str, [f64; 2])> {
+    let trace = diagnosis.traces.iter().max_by(|a, b| traces::gap(a).total_cmp(&traces::gap(b)))?;
+    Some((trace.name.as_str(), traces::worst(trace, WORST_S)?))
+}
+
+fn causes(diagnosis: &Diagnosis) -> Vec<String> {
+    let mut all = vec![lead(diagnosis)];
+    let several = diagnosis.blamed.len() > 1;
+    for blame in &diagnosis.blamed {
+        all.push(if several { of_several(diagnosis, blame) } else { symptom(&blame.id) });
+    }
+    if diagnosis.verdict == Verdict::Unknown {
+        all.push(nearest(diagnosis));
+    }
+    all
+}
+
+/// What comes nearest, and what speaks against it.
+fn nearest(diagnosis: &Diagnosis) -> String {
+    if let Some(note) = diagnosis.notes.iter().find(|note| note.starts_with(NEAREST)) {
+        return note.clone();
+    }
+    let known = |id: &str| id != "unknown" && id != "none";
+    let Some(one) = diagnosis.ranking.iter().find(|ranked| known(&ranked.id)) else { return String::new() };
+    let fitted =
+        diagnosis.tried.iter().find(|tried| tried.ids == [one.id.clone()]).map(|tried| values(&tried.parameters));
+    let size = fitted.filter(|size| !size.is_empty()).map(|size| format!(", fitted {size}")).unwrap_or_default();
+    format!(
+        "{NEAREST}{}{size}. What speaks against it: its probability is {}, as it leaves more of the error than a right equation would.",
+        id_words(&one.id),
+        percent(one.probability)
+    )
+}
+
+fn sureness(diagnosis: &Diagnosis) -> Vec<String> {
+    let of = |id: &str| diagnosis.ranking.iter().find(|one| one.id == id).map(|one| one.probability);
+    let at_stage = diagnosis.stage.and_then(|stage| {
+        let share = diagnosis.stages.iter().find(|(at, _)| *at == stage)?.1;
+        Some(format!("that it sits in the {}: {}", stage_title(stage), percent(share)))
+    });
+    let faults = |joint: &str| {
+        let each: Vec<String> =
+            diagnosis.blamed.iter().map(|one| format!("{} {}", id_words(&one.id), percent(one.probability))).collect();
+        listed(&each, joint)
+    };
+    let (claimed, mut parts) = match diagnosis.verdict {
+        Verdict::Named => {
+            let least = diagnosis.blamed.iter().map(|one| one.probability).fold(f64::INFINITY, f64::min);
+            (Some(least), vec![format!("Probability of {}", faults("and"))])
+        }
+        Verdict::Class => (None, vec![format!("Probability of {}", faults("or"))]),
+        Verdict::Unknown => {
+            let share = of("unknown").unwrap_or(f64::NAN);
+            (Some(share), vec![format!("Probability that something outside the catalogue acts: {}", percent(share))])
+        }
+        Verdict::NoGap | Verdict::NotExcited => {
+            let share = of("none").unwrap_or(f64::NAN);
+            (Some(share), vec![format!("Probability that no fault of the catalogue acts: {}", percent(share))])
+        }
+    };
+    if matches!(diagnosis.verdict, Verdict::Named | Verdict::Class | Verdict::Unknown) {
+        parts.extend(at_stage);
+    }
+    let mut all = vec![format!("{}.", parts.join("; "))];
+    all.extend(besides(diagnosis).map(|words| capital(&words)));
+    if is_alone(diagnosis) {
+        all.push("One recording alone: the best explanation of it, not confirmed by another.".to_owned());
+    }
+    if diagnosis.part.is_none() && !diagnosis.ranking.is_empty() {
+        all.extend(claimed.and_then(|claimed| hit_rate(&Weights::shipped().provenance, claimed)));
+    }
+    all
+}
+
+/// How often claims like this one were right on units whose faults are known; by their probability where that was counted, else over all.
+fn hit_rate(learned: &serde_json::Value, claimed: f64) -> Option<String> {
+    let counted = |bin: &&serde_json::Value| bin["units"].as_u64().unwrap_or(0) >= LEAST_CLAIMS;
+    let off = |bin: &&serde_json::Value| (bin["said"].as_f64().unwrap_or(f64::INFINITY) - claimed).abs();
+    let bins = learned["reliability"].as_array().into_iter().flatten().filter(counted);
+    if let Some(bin) = bins.min_by(|a, b| off(a).total_cmp(&off(b))).filter(|bin| off(bin) <= 0.15) {
+        let (said, was) = (bin["said"].as_f64()?, bin["was"].as_f64()?);
+        let of = bin["units"].as_u64()?;
+        return Some(format!(
+            "Of {of} claims of about {} on generated units that the program had not seen, {} were right.",
+            percent(said),
+            percent(was)
+        ));
+    }
+    let (units, right) = (learned["units"].as_u64()?, learned["first_word_right_held_out"].as_f64()?);
+    Some(format!(
+        "How often such claims are right: on {units} generated units that the program had not seen, the most probable answer was right in {}, \
+         whatever its probability.",
+        percent(right)
+    ))
+}
+
+fn reach(diagnosis: &Diagnosis) -> Vec<String> {
+    let mut all = Vec::new();
+    if !diagnosis.blamed.is_empty() {
+        let most = if diagnosis.verdict == Verdict::Class { "The most probable one explains" } else { "Explains" };
+        all.push(format!("{most} {}.", closing(diagnosis.closure, "the error that recalibration leaves")));
+    }
+    if diagnosis.verdict == Verdict::Unknown {
+        all.extend(discrepancy(diagnosis));
+    }
+    all.push(errors(diagnosis));
+    let far = moved(diagnosis, FAR);
+    if !far.is_empty() && diagnosis.verdict != Verdict::NoGap {
+        let found: Vec<String> = far.iter().take(NAMED_VALUES).map(|one| found(one)).collect();
+        all.push(format!("Only with the data sheet far off: {}.", found.join(", ")));
+    }
+    all
+}
+
+/// What a discrepancy term at the stage would explain, if it is worth a word.
+fn discrepancy(diagnosis: &Diagnosis) -> Option<String> {
+    let stage = diagnosis.stage?;
+    let there = diagnosis.latents.iter().filter(|latent| latent.stage == stage && latent.explains >= TOLD);
+    let best = there.max_by(|a, b| a.explains.total_cmp(&b.explains))?;
+    Some(format!(
+        "A discrepancy term on the {} would explain {} of it; its shape stands below.",
+        best.place,
+        percent(best.explains)
+    ))
+}
+
+fn next(diagnosis: &Diagnosis) -> Vec<String> {
+    let mut all = next_test::paragraphs(diagnosis);
+    match diagnosis.verdict {
+        Verdict::NotExcited => {
+            all.insert(0, "Record a process that travels: a start-up, a step of load, a shutdown by the ESV.".into());
+        }
+        Verdict::NoGap => {
+            all.push("What would have shown, had it been there, stands below under what could be seen.".into())
+        }
+        Verdict::Named if is_alone(diagnosis) => {
+            all.insert(
+                0,
+                "Record another process of the same unit and diagnose both: that confirms the cause, or refutes it."
+                    .into(),
+            );
+        }
+        _ => {}
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::hit_rate;
+
+    #[test]
+    fn a_claim_stands_beside_what_came_of_such_claims() {
+        let binned = json!({"units": 79, "first_word_right_held_out": 0.56, "reliability": [
+            {"said": 0.95, "was": 0.9, "units": 30}, {"said": 0.96, "was": 0.0, "units": 1}, {"said": 0.5, "was": 0.4, "units": 20}]});
+        assert!(hit_rate(&binned, 0.97).unwrap().starts_with("Of 30 claims of about 95 %"));
+        assert!(hit_rate(&binned, 0.55).unwrap().contains("of about 50 %"));
+        // No such claim was counted.
+        assert!(hit_rate(&binned, 0.75).unwrap().contains("right in 56 %, whatever its probability"));
+        let plain = json!({"units": 79, "first_word_right_held_out": 0.56});
+        assert!(hit_rate(&plain, 0.97).unwrap().contains("on 79 generated units"));
+        assert!(hit_rate(&json!({}), 0.97).is_none(), "weights that were not learned have no record");
+    }
+}
