@@ -38,6 +38,7 @@ pub mod summary;
 pub mod support;
 pub mod survivors;
 pub mod table;
+pub mod told;
 pub mod traces;
 
 use crate::diagnosis::decision::Decision;
@@ -49,6 +50,7 @@ use crate::diagnosis::table::Table;
 use crate::effects::{CATALOGUE, EffectSpec};
 use crate::parameters::Unit;
 use crate::recording::Recording;
+use crate::signal::Signal;
 
 /// What to try.
 #[derive(Clone, Debug)]
@@ -143,8 +145,11 @@ pub fn diagnose(
         weights: &weights,
     };
     let mut diagnosis = summary::gather(judged, &ready.unit, settings, Seen { channels, notes });
-    if stage_only {
-        diagnosis.part = Some(part::describe(&ready, &explored, &decision));
+    diagnosis.part = part::describe(&ready, &explored, &decision);
+    if let Some(part) = diagnosis.part.as_ref().filter(|part| !part.sheet) {
+        // What the most flexible law leaves is the error of equations, no transducer's noise.
+        let judged = diagnosis.gap.iter_mut().filter(|gap| gap.signal == Signal::ServomotorPosition);
+        judged.for_each(|gap| gap.noise_floor = part.transducers_pu);
     }
     Ok(diagnosis)
 }

@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use crate::diagnosis::consistency::Consistency;
 use crate::diagnosis::outcome::{Diagnosis, Fitted, Interval, StageOnly};
-use crate::diagnosis::part::FREE_RUN_SAMPLES;
+use crate::diagnosis::told::Told;
 use crate::effects::Stage;
 
 /// The schema's name.
@@ -87,6 +87,7 @@ pub fn report(diagnosis: &Diagnosis, seconds: f64) -> Value {
         "effects": effects,
         "ranking": ranking,
         "gap": {"signals": signals, "closure": interval(diagnosis.closure)},
+        "fitted_stage": diagnosis.part.as_ref().map(|part| part.told.iter().map(told).collect::<Vec<_>>()),
         "next_experiment": experiments,
         "seconds": seconds,
         "notes": diagnosis.notes,
@@ -205,6 +206,11 @@ fn innovations(diagnosis: &Diagnosis) -> Value {
     json!({"refitted": refitted, "likeliest": likeliest})
 }
 
+/// A fitted figure in the numbers of the recordings.
+fn told(one: &Told) -> Value {
+    json!({"id": one.id, "words": one.title, "value": one.value.value, "ci90": [one.value.low, one.value.high], "unit": one.unit})
+}
+
 /// What to know where the servomotor stage alone was judged.
 fn stage_only(part: &StageOnly) -> Value {
     let runs: Vec<Value> = part
@@ -218,6 +224,7 @@ fn stage_only(part: &StageOnly) -> Value {
         .collect();
     json!({
         "data_sheet": part.sheet, "pieces": part.pieces, "piece_s": part.piece_s,
-        "free_run_samples": FREE_RUN_SAMPLES, "free_runs": runs,
+        "transducers_rmse_pu": part.transducers_pu, "of_no_such_stage": part.foreign,
+        "free_run_s": part.free_run_s, "free_runs": runs,
     })
 }

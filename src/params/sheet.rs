@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use crate::parameters::{ENTRIES, Parameters, Sensor, Sensors, Unit};
+use crate::parameters::{Channels, ENTRIES, Parameters, Sensor, Sensors, Unit};
 
 /// Where a value was read.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -40,6 +40,7 @@ impl Sheet {
                 sensors: Sensors::default(),
                 effects: Vec::new(),
                 own_effects: Vec::new(),
+                recorded: Channels::default(),
             },
             files: Vec::new(),
             origins: BTreeMap::new(),

@@ -9,7 +9,7 @@ mod words;
 use super::draw::{DrawError, svg};
 use super::page::{Blocks, KeyFigure, Page, Tone};
 use crate::diagnosis::outcome::{Diagnosis, Trace, Verdict};
-use crate::diagnosis::part::FREE_RUN_SAMPLES;
+use crate::report::table::significant;
 use crate::signal::Signal;
 
 pub use words::summary;
@@ -83,7 +83,7 @@ fn misses(body: &mut Blocks, diagnosis: &Diagnosis, explained: bool) -> Result<(
     if !diagnosis.gap.is_empty() {
         let caption = if diagnosis.part.as_ref().is_some_and(|part| !part.sheet) {
             "Delivered: a first guess, as no data sheet is known. Refitted: the same stage fitted freely, alike in both directions. The \
-             line is what the most flexible law of spool and opening leaves."
+             line is what the transducers alone make a right model miss, by what changes between neighbouring samples."
         } else {
             "Delivered: the sheet's values. Refitted: the same parameters moved within their tolerances. The line is what a right twin \
              would still miss, from noise and steps of the transducers."
@@ -93,10 +93,14 @@ fn misses(body: &mut Blocks, diagnosis: &Diagnosis, explained: bool) -> Result<(
     body.table(tables::gap(diagnosis, explained), "RMS miss over all recordings; positions in % of their stroke.");
     if let Some(part) = diagnosis.part.as_ref().filter(|part| !part.free_runs.is_empty()) {
         let caption = format!(
-            "Free runs of {FREE_RUN_SAMPLES} samples, each from its own measured start: fitted to one half of the recordings, the other \
-             predicted. RMS miss of the servomotor in % of its stroke."
+            "Free runs of {} s, each from its own measured start: fitted to one half of the recordings, the other predicted. RMS miss of the \
+             servomotor in % of its stroke. The plain law knows a zero, a dead band, a gain each way and a lag, and no physics.",
+            significant(part.free_run_s, 3)
         );
         body.table(tables::free_runs(part), caption);
+    }
+    if let Some(part) = diagnosis.part.as_ref().filter(|part| !part.told.is_empty()) {
+        body.table(tables::told(part), "What was fitted, in the numbers of the recordings; intervals hold the truth nine times in ten.");
     }
     if diagnosis.blamed.len() > 1 {
         body.table(tables::blamed(diagnosis), "What the verdict blames; closures on data left out of the fit.");

@@ -94,11 +94,10 @@ impl Trial {
 
     /// Prepares a recording whose measured spool drives the servomotor stage, which is then all that is judged.
     ///
-    /// Rows without a spool position are left out: between its samples the spool runs straight. Rests stay: inside the overlap the spool may
-    /// move while command and servomotor stand still.
+    /// Between its samples the spool runs straight. Rests stay: inside the overlap the spool may move while command and servomotor stand still.
     #[must_use]
     pub fn servomotor_stage(mut recording: Recording) -> Self {
-        recording.frames.retain(|frame| frame.measured.spool_position_pu.is_finite());
+        join_spool(&mut recording.frames);
         let mut trial = Self::with_seams(recording, Vec::new());
         for signal in Signal::ALL {
             trial.has[signal as usize] &= signal == Signal::ServomotorPosition;
@@ -217,6 +216,27 @@ impl Trial {
         let alike = twins.windows(2).all(|two| two[0].plant().lookahead_s == two[1].plant().lookahead_s);
         twins[..if alike { 1 } else { twins.len() }].iter().map(|twin| self.rows(twin)).collect()
     }
+}
+
+/// Leaves the rows that hold spool or servomotor, with a straight line where the spool has no sample of its own; rows before its first and behind
+/// its last are of no use.
+pub fn join_spool(frames: &mut Vec<Frame>) {
+    frames.retain(|frame| {
+        frame.measured.spool_position_pu.is_finite() || frame.measured.servomotor_position_pu.is_finite()
+    });
+    let seen: Vec<usize> =
+        (0..frames.len()).filter(|&row| frames[row].measured.spool_position_pu.is_finite()).collect();
+    let (Some(&first), Some(&last)) = (seen.first(), seen.last()) else { return frames.clear() };
+    for pair in seen.windows(2).filter(|pair| pair[1] > pair[0] + 1) {
+        let [(from_ns, from), (to_ns, to)] =
+            [pair[0], pair[1]].map(|row| (frames[row].time_ns, frames[row].measured.spool_position_pu));
+        for frame in &mut frames[pair[0] + 1..pair[1]] {
+            let share = (frame.time_ns - from_ns) as f64 / (to_ns - from_ns).max(1) as f64;
+            frame.measured.spool_position_pu = from + share * (to - from);
+        }
+    }
+    frames.truncate(last + 1);
+    frames.drain(..first);
 }
 
 /// Goes through twins as many at a time as there are lanes, and one by one where they do not fit side by side.

@@ -30,6 +30,7 @@ fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
         sensors: crate::parameters::Sensors::default(),
         effects: vec![],
         own_effects: vec![],
+        recorded: crate::parameters::Channels::default(),
     };
     let closure = Interval { value: 0.88, low: 0.84, high: 0.91 };
     let blame = |id: &&str| Blame {

@@ -1,6 +1,7 @@
 //! A diagnosis in sentences: what each effect, stage and value is called, and what the verdict says.
 
 use crate::diagnosis::outcome::{Blame, Diagnosis, Fitted, Interval, SignalGap, Verdict};
+use crate::diagnosis::told::Told;
 use crate::effects::{self, Stage};
 use crate::report::diagnosis::next_test;
 use crate::report::table::significant;
@@ -159,6 +160,7 @@ pub fn verdict_title(verdict: Verdict) -> &'static str {
         Verdict::Unknown => "unknown",
         Verdict::NoGap => "no gap",
         Verdict::NotExcited => "not excited",
+        Verdict::NoSuchUnit => "no such unit",
     }
 }
 
@@ -206,8 +208,11 @@ pub fn lead(diagnosis: &Diagnosis) -> String {
             "Nothing beyond noise and tolerances: with its sheet refitted, the twin does what the unit does.".to_owned()
         }
         (Verdict::NotExcited, _) => {
-            "These recordings do not move the unit enough to tell: they fit, and most faults would fit them as well."
-                .to_owned()
+            "These recordings do not move the unit enough to tell: most faults would leave no more of them unexplained.".to_owned()
+        }
+        (Verdict::NoSuchUnit, _) => {
+            let why = diagnosis.part.as_ref().and_then(|part| part.foreign.as_deref()).unwrap_or_default();
+            format!("These recordings are of no servomotor stage behind this spool. {why}").trim_end().to_owned()
         }
     }
 }
@@ -250,14 +255,30 @@ pub fn explanation(diagnosis: &Diagnosis) -> Vec<String> {
             all.push(misses(diagnosis));
             all.push("What would have shown, had it been there, stands below under what could be seen.".into());
         }
+        Verdict::NoSuchUnit => all.push(misses(diagnosis)),
         Verdict::NotExcited => {
             all.push(misses(diagnosis));
             all.push("Record a process that travels: a start-up, a step of load, a shutdown by the ESV.".into());
         }
     }
+    all.extend(fitted_stage(diagnosis));
     all.push(next_test::sentence(diagnosis));
     all.retain(|text| !text.is_empty());
     all
+}
+
+/// What was fitted of a stage alone, in a sentence.
+fn fitted_stage(diagnosis: &Diagnosis) -> Option<String> {
+    let told = &diagnosis.part.as_ref()?.told;
+    let said: Vec<String> = told.iter().map(|one| format!("{} {}", one.title, told_value(one))).collect();
+    (!said.is_empty()).then(|| format!("As fitted, in the numbers of the recordings: {}.", said.join("; ")))
+}
+
+/// A told figure with its interval and unit.
+pub fn told_value(one: &Told) -> String {
+    let Interval { value, low, high } = one.value;
+    let number = |value: f64| significant(value, 4);
+    format!("{} [{}, {}] {}", number(value), number(low), number(high), one.unit)
 }
 
 fn of_several(diagnosis: &Diagnosis, blame: &Blame) -> String {
@@ -313,6 +334,9 @@ pub fn summary(diagnosis: &Diagnosis) -> String {
             if diagnosis.blamed.is_empty() { String::new() } else { format!(", explained {with_effects}") };
         let name = gap.signal.title();
         line("RMS miss", format!("{name}: sheet {delivered}, refitted {refitted}{with_effects}; noise {floor}"));
+    }
+    for one in diagnosis.part.iter().flat_map(|part| &part.told) {
+        line("fitted", format!("{}: {}", one.title, told_value(one)));
     }
     for run in diagnosis.part.iter().flat_map(|part| &part.free_runs) {
         let model = if run.model.is_empty() { "no effect".to_owned() } else { id_words(&run.model) };
