@@ -6,8 +6,9 @@ mod serve;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use anyhow::bail;
-use govtwin::bag::Topics;
+use anyhow::{Context, bail};
+use govtwin::diagnosis::model::Model;
+use govtwin::diagnosis::told::{Told, told};
 use govtwin::parameters::{ENTRIES, Unit};
 use govtwin::params::{self, Overlay, Sheet, nearest, number_text};
 use govtwin::recording::Recording;
@@ -16,6 +17,9 @@ use govtwin::tuning::bench::Bench;
 use govtwin::tuning::calibration::{Calibration, calibrate, parts};
 use govtwin::tuning::knob::Knob;
 use govtwin::tuning::noise;
+use govtwin::tuning::plain::plain;
+use govtwin::tuning::run::Run;
+use govtwin::tuning::sheetless::sheetless;
 use govtwin::tuning::trial::Trial;
 use govtwin::twin::Cut;
 
@@ -38,7 +42,8 @@ pub struct Args {
     topics: TopicArgs,
     #[command(flatten)]
     map: MapArgs,
-    /// Parameter file of the unit; without it the shipped reference unit.
+    /// Parameter file of the unit. Without it recordings that hold a command are fitted by the shipped reference unit's, and servomotor stages
+    /// freely, from positions in any unit.
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
     /// An effect to fit as well, of `govtwin effects` or of the parameter file.
@@ -83,15 +88,35 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     for path in &args.candidates {
         adopt(&params::load(path)?, params::load_candidates(path)?, &mut sheet.unit)?;
     }
-    let knobs = knobs(args, &mut sheet.unit)?;
+    let mut turned = knobs(args, &mut sheet.unit)?;
     let output = args.out.as_ref().map(|out| Output::claim(out, &["fitted.yaml", "fit.json"])).transpose()?;
     let mapped = args.map.open(&args.bags)?;
-    let (trials, found) = trials(&mapped.paths, &args.topics.topics(), &sheet.unit)?;
+    let (recordings, found) = recordings(args, &mapped.paths, &sheet.unit)?;
     let mut warnings = [mapped.warnings, found].concat();
+    let mut expected = noise::expected(&sheet.unit.sensors);
+    let trials = if args.params.is_none() && recordings.iter().all(|(_, cut)| *cut == Cut::Spool) {
+        let whole = recordings.into_iter().map(|(recording, _)| recording).collect();
+        let ready = sheetless(whole, &sheet.unit)
+            .context("spool or servomotor stand still, so that neither says what drives what")?;
+        warnings.extend(ready.notes.into_iter().map(|note| note.trim_end_matches('.').to_owned()));
+        // What was asked for goes on top of the unit of no sheet.
+        (sheet.unit.parameters, sheet.unit.tolerances) = (ready.unit.parameters, ready.unit.tolerances);
+        sheet.unit.recorded = ready.unit.recorded;
+        sheet.unit.effects.splice(0..0, ready.unit.effects);
+        sheet.name = "servomotor stage without a data sheet".to_owned();
+        turned = knobs(args, &mut sheet.unit)?;
+        turned.extend(ready.knobs.into_iter().filter(|knob| matches!(knob, Knob::Effect { .. })));
+        expected = ready.noise;
+        ready.pieces
+    } else {
+        if args.params.is_none() {
+            warnings.push("no data sheet given: the shipped reference unit's is taken (--params)".to_owned());
+        }
+        prepared(recordings, &mut warnings)
+    };
     let starts = usize::from(args.starts);
     let progress = Progress::new(parts(starts), "parts of the fit");
-    let expected = noise::expected(&sheet.unit.sensors);
-    let (bench, fitted) = calibrate(trials, &sheet.unit, knobs, &expected, starts, &|| progress.step());
+    let (bench, fitted) = calibrate(trials, &sheet.unit, turned, &expected, starts, &|| progress.step());
     drop(progress);
     if !fitted.fit.square.is_finite() {
         bail!("the misses are not finite; do the recordings belong to this parameter file?");
@@ -102,14 +127,15 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let parameter_warnings = fitted.warnings();
     warnings.extend(parameter_warnings);
-    let json = format!("{:#}\n", figures::json(&bench, &sheet, &fitted, &warnings));
+    let told = stage(&bench, &sheet.unit, &fitted);
+    let json = format!("{:#}\n", figures::json(&bench, &sheet, &fitted, &told, &warnings));
     if let Some(mut output) = output {
         let fitted = params::overlay_text(&output.path("fitted.yaml"), &overlay(&bench, &sheet, &fitted))?;
         output.add("fitted.yaml", fitted.as_bytes())?;
         output.add("fit.json", json.as_bytes())?;
         output.place()?;
     }
-    print(&if args.json { json } else { figures::text(&bench, &sheet.unit, &fitted) })?;
+    print(&if args.json { json } else { figures::text(&bench, &sheet.unit, &fitted, &told) })?;
     if let (Some(out), false) = (&args.out, args.json) {
         print(&format!("\nFitted parameters: {}\n", out.join("fitted.yaml").display()))?;
     }
@@ -120,15 +146,25 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 }
 
 /// Reads all bags and takes in what can be used, those without a command as recordings of the servomotor stage; also warnings.
-fn trials(paths: &[PathBuf], topics: &Topics, unit: &Unit) -> anyhow::Result<(Vec<Trial>, Vec<String>)> {
-    let Recordings { recordings, mut warnings } = bags::read(paths, topics, unit)?;
+fn recordings(args: &Args, paths: &[PathBuf], unit: &Unit) -> anyhow::Result<(Vec<(Recording, Cut)>, Vec<String>)> {
+    let topics = args.topics.topics();
+    let Recordings { recordings, mut warnings } = match args.params {
+        Some(_) => bags::read(paths, &topics, unit)?,
+        None => bags::read_without_sheet(paths, &topics, unit, false)?.0,
+    };
     let whole_or_stage = |recording: &Recording| if recording.has_command() { Cut::None } else { Cut::Spool };
     let Intake { admitted, notes, refused } = admit_all(recordings, whole_or_stage);
     if admitted.is_empty() {
         bail!("no recording can be used:\n  {}", refused.join("\n  "));
     }
     warnings.extend(notes);
-    let trials = admitted.into_iter().map(|(recording, cut)| {
+    warnings.extend(refused.into_iter().map(|reason| format!("{reason} (left out)")));
+    Ok((admitted, warnings))
+}
+
+/// Recordings as they are fitted to with a sheet.
+fn prepared(recordings: Vec<(Recording, Cut)>, warnings: &mut Vec<String>) -> Vec<Trial> {
+    let each = recordings.into_iter().map(|(recording, cut)| {
         if cut == Cut::Spool {
             warnings.push(format!("{}: no command: only the servomotor stage, driven by its spool", recording.name));
             Trial::servomotor_stage(recording)
@@ -136,9 +172,16 @@ fn trials(paths: &[PathBuf], topics: &Topics, unit: &Unit) -> anyhow::Result<(Ve
             Trial::new(recording)
         }
     });
-    let trials = trials.collect();
-    warnings.extend(refused.into_iter().map(|reason| format!("{reason} (left out)")));
-    Ok((trials, warnings))
+    each.collect()
+}
+
+/// What was fitted of a servomotor stage alone, in the numbers of its recordings; nothing where whole chains were.
+fn stage(bench: &Bench, base: &Unit, fitted: &Calibration) -> Vec<Told> {
+    if bench.trials.iter().any(|trial| trial.cut != Cut::Spool) {
+        return vec![];
+    }
+    let Some(law) = plain(&Run::all(&bench.trials)) else { return vec![] };
+    told(&Model::new(vec![], base.clone(), fitted.knobs.clone(), fitted.fit.clone()), &law, &bench.trials)
 }
 
 /// Takes the effects that a file defines into a unit, with the values that the file gives them.

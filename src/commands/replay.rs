@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use clap::ValueEnum;
-use govtwin::bag::{self, Interpolation, Loaded, ReadOptions, Sealed, Stream};
+use govtwin::bag::{self, Interpolation, Loaded, Positions, ReadOptions, Sealed, Stream};
 use govtwin::files::remove_stale;
 use govtwin::parameters::Unit;
 use govtwin::params::{self, Sheet};
@@ -190,7 +190,8 @@ fn ladder_text(ladder: &Ladder) -> String {
 
 /// How the bags are read.
 fn options(args: &Args, unit: &Unit) -> ReadOptions {
-    let mut options = ReadOptions { topics: args.topics.topics(), ..ReadOptions::default() };
+    let positions = Positions::of(unit.recorded);
+    let mut options = ReadOptions { topics: args.topics.topics(), positions, ..ReadOptions::default() };
     if args.rate_of_inputs == Between::Linear {
         let period_ns = nanos_from_seconds(unit.parameters.regulator.large_loop_period_s).max(1);
         options.interpolation = Interpolation::Linear { period_ns };

@@ -87,7 +87,7 @@ pub fn report(diagnosis: &Diagnosis, seconds: f64) -> Value {
         "effects": effects,
         "ranking": ranking,
         "gap": {"signals": signals, "closure": interval(diagnosis.closure)},
-        "fitted_stage": diagnosis.part.as_ref().map(|part| part.told.iter().map(told).collect::<Vec<_>>()),
+        "fitted_stage": diagnosis.part.as_ref().map(|part| part.told.iter().map(Told::json).collect::<Vec<_>>()),
         "next_experiment": experiments,
         "seconds": seconds,
         "notes": diagnosis.notes,
@@ -204,11 +204,6 @@ fn innovations(diagnosis: &Diagnosis) -> Value {
     };
     let [refitted, likeliest] = diagnosis.consistency.each_ref().map(|all| all.iter().map(of).collect::<Vec<_>>());
     json!({"refitted": refitted, "likeliest": likeliest})
-}
-
-/// A fitted figure in the numbers of the recordings.
-fn told(one: &Told) -> Value {
-    json!({"id": one.id, "words": one.title, "value": one.value.value, "ci90": [one.value.low, one.value.high], "unit": one.unit})
 }
 
 /// What to know where the servomotor stage alone was judged.

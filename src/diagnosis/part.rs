@@ -111,7 +111,8 @@ fn careful(bench: &Bench, found: &Explored, ready: &Ready, decision: Decision) -
     let mut decision = decision;
     if !ready.sheet && found.refitted().cost() < CALM_ENOUGH * bench.independent_samples() + LEAST_GAIN {
         let blamed = decision.verdict != Verdict::NoGap;
-        let said = blamed.then(|| "What the fitted stage misses, the most flexible law of the spool misses as well.".to_owned());
+        let said = blamed
+            .then(|| "What the fitted stage misses, the most flexible law of the spool misses as well.".to_owned());
         return (decision.forced(Verdict::NoGap), said.into_iter().collect());
     }
     let probability = |id: &str| decision.effects.iter().find(|(spec, _)| spec.id == id).map_or(0.0, |(_, p)| *p);
@@ -233,7 +234,8 @@ pub fn describe(ready: &Ready, found: &Explored, decision: &Decision) -> Option<
     let alone = ready.alone.as_ref()?;
     let blamed = decision.blamed.iter().filter_map(|id| found.with(&[id]));
     let mut models: Vec<&Model> = std::iter::once(found.refitted()).chain(blamed).collect();
-    let together = (decision.verdict == Verdict::Named && decision.blamed.len() > 1).then(|| found.with(&decision.blamed));
+    let together =
+        (decision.verdict == Verdict::Named && decision.blamed.len() > 1).then(|| found.with(&decision.blamed));
     models.extend(together.flatten());
     let claimed = match (decision.verdict, decision.blamed.as_slice()) {
         (Verdict::Named, all) => found.with(all),
@@ -250,7 +252,7 @@ pub fn describe(ready: &Ready, found: &Explored, decision: &Decision) -> Option<
         sheet: ready.sheet,
         pieces: ready.trials.len(),
         piece_s: seconds_from_nanos(length_ns),
-        told: told(claimed.unwrap_or_else(|| found.refitted()), alone, &ready.trials),
+        told: told(claimed.unwrap_or_else(|| found.refitted()), &alone.law, &ready.trials),
         transducers_pu: alone.seen.transducers,
         foreign: foreign(alone),
         free_run_s,

@@ -4,10 +4,10 @@
 //! covariance of the fit, by the slopes of each figure (the delta method: Casella & Berger 2002, *Statistical Inference*, section 5.5.4).
 
 use nalgebra::DVector;
+use serde_json::{Value, json};
 
 use crate::diagnosis::model::Model;
 use crate::diagnosis::outcome::Interval;
-use crate::diagnosis::ready::Alone;
 use crate::effects;
 use crate::frame::{EsvState, Frame, Inputs, Signals};
 use crate::parameters::Unit;
@@ -15,6 +15,7 @@ use crate::plant::Plant;
 use crate::signal::Signal;
 use crate::tuning::bench::twin_of;
 use crate::tuning::knob::unit_at;
+use crate::tuning::plain::Plain;
 use crate::tuning::trial::Trial;
 use crate::twin::Cut;
 use crate::units::nanos_from_seconds;
@@ -41,6 +42,15 @@ pub struct Told {
     pub value: Interval,
 }
 
+impl Told {
+    /// As reports hold it.
+    #[must_use]
+    pub fn json(&self) -> Value {
+        let Interval { value, low, high } = self.value;
+        json!({"id": self.id, "words": self.title, "value": value, "ci90": [low, high], "unit": self.unit})
+    }
+}
+
 const SPOOL: &str = "of the spool as recorded";
 const SPEED: &str = "of the servomotor as recorded, per second";
 
@@ -57,10 +67,10 @@ const FIGURES: [(&str, &str, &str); 7] = [
 
 /// The figures of a model; `trials` tell how far the spool went.
 #[must_use]
-pub fn told(model: &Model, alone: &Alone, trials: &[Trial]) -> Vec<Told> {
+pub fn told(model: &Model, law: &Plain, trials: &[Trial]) -> Vec<Told> {
     let spools = trials.iter().flat_map(|trial| trial.measured(Signal::SpoolPosition)).filter(|pu| pu.is_finite());
     let (closing_pu, opening_pu) = spools.fold((0.0_f64, 0.0_f64), |(low, high), pu| (low.min(pu), high.max(pu)));
-    let of = |unit: &Unit| figures(unit, alone, [opening_pu, closing_pu]);
+    let of = |unit: &Unit| figures(unit, law, [opening_pu, closing_pu]);
     let best = of(&model.unit());
     let mut slopes = vec![DVector::zeros(model.knobs.len()); best.len()];
     for (k, knob) in model.knobs.iter().enumerate() {
@@ -86,7 +96,7 @@ pub fn told(model: &Model, alone: &Alone, trials: &[Trial]) -> Vec<Told> {
 }
 
 /// The figures of a unit, as recorded; what does not exist is not a number.
-fn figures(unit: &Unit, alone: &Alone, [opening_pu, closing_pu]: [f64; 2]) -> [f64; FIGURES.len()] {
+fn figures(unit: &Unit, law: &Plain, [opening_pu, closing_pu]: [f64; 2]) -> [f64; FIGURES.len()] {
     let mut plant = Plant::new(&unit.parameters);
     effects::apply(unit, &mut plant);
     let (spool, ports) = (&plant.spool, &plant.main_ports);
@@ -95,18 +105,16 @@ fn figures(unit: &Unit, alone: &Alone, [opening_pu, closing_pu]: [f64; 2]) -> [f
         unit.recorded.spool_position.recorded(reading_pu)
     };
     let (opens, closes) = (reading(ports.opening_overlap_m), reading(-ports.closing_overlap_m));
-    let (opening, closing) = (step(unit, alone, opening_pu), step(unit, alone, closing_pu));
-    let speed = |one: Option<[f64; 2]>| {
-        one.map_or(f64::NAN, |[pu_s, _]| pu_s / unit.recorded.servomotor_position.scale_pu)
-    };
+    let (opening, closing) = (step(unit, law, opening_pu), step(unit, law, closing_pu));
+    let speed =
+        |one: Option<[f64; 2]>| one.map_or(f64::NAN, |[pu_s, _]| pu_s / unit.recorded.servomotor_position.scale_pu);
     let lags: Vec<f64> = [opening, closing].into_iter().flatten().map(|[_, lag_s]| lag_s).collect();
     let lag_s = lags.iter().sum::<f64>() / lags.len() as f64;
     [0.5 * (opens + closes), (opens - closes).abs(), closes, opens, speed(opening), speed(closing), lag_s]
 }
 
 /// Speed in pu/s and lag in s that the twin of a unit answers a step of the spool with, from half opening; none where it stands still.
-fn step(unit: &Unit, alone: &Alone, spool_pu: f64) -> Option<[f64; 2]> {
-    let law = alone.law;
+fn step(unit: &Unit, law: &Plain, spool_pu: f64) -> Option<[f64; 2]> {
     let expected_pu_s = law.above_1_s.abs().max(law.below_1_s.abs()) * spool_pu.abs();
     if expected_pu_s <= 0.0 {
         return None;

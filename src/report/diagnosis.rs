@@ -12,7 +12,7 @@ use crate::diagnosis::outcome::{Diagnosis, Trace, Verdict};
 use crate::report::table::significant;
 use crate::signal::Signal;
 
-pub use words::summary;
+pub use words::{summary, told_text};
 
 #[cfg(test)]
 mod tests;
@@ -100,7 +100,10 @@ fn misses(body: &mut Blocks, diagnosis: &Diagnosis, explained: bool) -> Result<(
         body.table(tables::free_runs(part), caption);
     }
     if let Some(part) = diagnosis.part.as_ref().filter(|part| !part.told.is_empty()) {
-        body.table(tables::told(part), "What was fitted, in the numbers of the recordings; intervals hold the truth nine times in ten.");
+        body.table(
+            tables::told(part),
+            "What was fitted, in the numbers of the recordings; intervals hold the truth nine times in ten.",
+        );
     }
     if diagnosis.blamed.len() > 1 {
         body.table(tables::blamed(diagnosis), "What the verdict blames; closures on data left out of the fit.");

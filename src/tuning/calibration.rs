@@ -58,6 +58,13 @@ pub struct Row {
     pub learned: f64,
 }
 
+impl Row {
+    /// Whether the interval leaves the sheet's value out.
+    fn is_off_sheet(&self) -> bool {
+        !(self.ci90[0]..=self.ci90[1]).contains(&self.sheet)
+    }
+}
+
 /// Two knobs that the data tell apart badly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Correlation {
@@ -324,13 +331,22 @@ impl Calibration {
             keys.join(", ")
         };
         let mut words = Vec::new();
-        let groups: [(&str, f64, f64); 3] = [
-            ("Well determined by these recordings", 0.9, 1.1),
-            ("Narrowed down", 0.3, 0.9),
-            ("Not seen by these recordings, so left where the sheet has them", -1.0, 0.3),
+        // What was moved off the sheet was not left there, however little its own interval narrowed: something else moves with it.
+        let groups: [(&str, f64, f64, Option<bool>); 4] = [
+            ("Well determined by these recordings", 0.9, 1.1, None),
+            ("Narrowed down", 0.3, 0.9, None),
+            ("Not seen by these recordings, so left where the sheet has them", -1.0, 0.3, Some(false)),
+            (
+                "Moved off the sheet, though these recordings do not determine them: they stand for something else, or the misses of a model that lacks \
+                 something",
+                -1.0,
+                0.3,
+                Some(true),
+            ),
         ];
-        for (title, from, to) in groups {
-            let named = keys(&|row| (from..to).contains(&row.learned));
+        for (title, from, to, moved) in groups {
+            let named =
+                keys(&|row| (from..to).contains(&row.learned) && moved.is_none_or(|moved| moved == row.is_off_sheet()));
             if !named.is_empty() {
                 words.push(format!("{title}: {named}."));
             }

@@ -73,11 +73,8 @@ pub fn flexible(runs: &[Run]) -> Option<Flexible> {
     }
     let best = |law: &Law<'_>| solved(law.normals(runs).iter());
     let straight = best(&Law { lag_s: 0.0, settles_s: None, shapes: &|spool, _| vec![spool, 1.0] })?;
-    let both_ways = best(&Law {
-        lag_s: 0.0,
-        settles_s: None,
-        shapes: &|spool: f64, _| vec![spool.max(0.0), spool.min(0.0)],
-    })?;
+    let both_ways =
+        best(&Law { lag_s: 0.0, settles_s: None, shapes: &|spool: f64, _| vec![spool.max(0.0), spool.min(0.0)] })?;
     let corners = corners(runs);
     let shapes = broken_line(&corners);
     let length_s = typical_s(runs);

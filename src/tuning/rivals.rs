@@ -63,13 +63,15 @@ pub fn follows(runs: &[Run]) -> Option<(Follows, [f64; 3])> {
 
 /// Time for one travel over all that was recorded, at the usual speed, s.
 fn travel_s(runs: &[Run]) -> f64 {
-    let ends = |pick: fn(f64, f64) -> f64, from: f64| runs.iter().flat_map(|run| run.opening.iter()).fold(from, |a, b| pick(a, *b));
+    let ends = |pick: fn(f64, f64) -> f64, from: f64| {
+        runs.iter().flat_map(|run| run.opening.iter()).fold(from, |a, b| pick(a, *b))
+    };
     let travel = ends(f64::max, f64::NEG_INFINITY) - ends(f64::min, f64::INFINITY);
     let speeds = runs.iter().flat_map(|run| {
         let width = (run.time_s.len() / WINDOWS).max(1);
-        (width..run.time_s.len()).step_by(width).map(move |k| {
-            ((run.opening[k] - run.opening[k - width]) / (run.time_s[k] - run.time_s[k - width])).powi(2)
-        })
+        (width..run.time_s.len())
+            .step_by(width)
+            .map(move |k| ((run.opening[k] - run.opening[k - width]) / (run.time_s[k] - run.time_s[k - width])).powi(2))
     });
     let (squares, count) = speeds.fold((0.0, 0_usize), |(sum, count), square| (sum + square, count + 1));
     travel / (squares / count.max(1) as f64).sqrt().max(f64::MIN_POSITIVE)

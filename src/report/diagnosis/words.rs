@@ -208,7 +208,8 @@ pub fn lead(diagnosis: &Diagnosis) -> String {
             "Nothing beyond noise and tolerances: with its sheet refitted, the twin does what the unit does.".to_owned()
         }
         (Verdict::NotExcited, _) => {
-            "These recordings do not move the unit enough to tell: most faults would leave no more of them unexplained.".to_owned()
+            "These recordings do not move the unit enough to tell: most faults would leave no more of them unexplained."
+                .to_owned()
         }
         (Verdict::NoSuchUnit, _) => {
             let why = diagnosis.part.as_ref().and_then(|part| part.foreign.as_deref()).unwrap_or_default();
@@ -270,15 +271,16 @@ pub fn explanation(diagnosis: &Diagnosis) -> Vec<String> {
 /// What was fitted of a stage alone, in a sentence.
 fn fitted_stage(diagnosis: &Diagnosis) -> Option<String> {
     let told = &diagnosis.part.as_ref()?.told;
-    let said: Vec<String> = told.iter().map(|one| format!("{} {}", one.title, told_value(one))).collect();
+    let said: Vec<String> = told.iter().map(|one| format!("{} {}", one.title, told_text(one))).collect();
     (!said.is_empty()).then(|| format!("As fitted, in the numbers of the recordings: {}.", said.join("; ")))
 }
 
-/// A told figure with its interval and unit.
-pub fn told_value(one: &Told) -> String {
+/// Value, interval and unit of a figure of a fitted stage.
+#[must_use]
+pub fn told_text(one: &Told) -> String {
     let Interval { value, low, high } = one.value;
-    let number = |value: f64| significant(value, 4);
-    format!("{} [{}, {}] {}", number(value), number(low), number(high), one.unit)
+    let [value, low, high] = [value, low, high].map(|number| significant(number, 4));
+    format!("{value} [{low}, {high}] {}", one.unit)
 }
 
 fn of_several(diagnosis: &Diagnosis, blame: &Blame) -> String {
@@ -336,7 +338,7 @@ pub fn summary(diagnosis: &Diagnosis) -> String {
         line("RMS miss", format!("{name}: sheet {delivered}, refitted {refitted}{with_effects}; noise {floor}"));
     }
     for one in diagnosis.part.iter().flat_map(|part| &part.told) {
-        line("fitted", format!("{}: {}", one.title, told_value(one)));
+        line("fitted", format!("{}: {}", one.title, told_text(one)));
     }
     for run in diagnosis.part.iter().flat_map(|part| &part.free_runs) {
         let model = if run.model.is_empty() { "no effect".to_owned() } else { id_words(&run.model) };
