@@ -3,6 +3,7 @@
 pub mod admission;
 pub mod bench;
 pub mod calibration;
+pub mod command;
 pub mod cooling;
 mod descent;
 pub mod fit;

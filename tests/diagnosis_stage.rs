@@ -123,8 +123,8 @@ fn a_spool_that_drives_something_else_is_refused() {
     match diagnose(vec![other], &reference(), &settings, &|_, _| ()) {
         Err(error) => assert!(error.to_string().contains("no law of the spool"), "{error}"),
         Ok(said) => {
-            assert_eq!(said.verdict, Verdict::NotExcited, "{}", shown(&said));
-            assert!(said.notes.iter().any(|note| note.contains("No law of the spool's position")), "{:?}", said.notes);
+            assert_eq!(said.verdict, Verdict::NoSuchUnit, "{}", shown(&said));
+            assert!(said.notes.iter().any(|note| note.contains("says nothing")), "{:?}", said.notes);
         }
     }
 }

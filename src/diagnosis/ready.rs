@@ -10,6 +10,7 @@ use crate::recording::Recording;
 use crate::signal::Signal;
 use crate::tuning::admission::{Intake, admit_all};
 use crate::tuning::bench::{Bench, square};
+use crate::tuning::command::command_for_spool;
 use crate::tuning::fit::Fit;
 use crate::tuning::flexible::{Flexible, flexible};
 use crate::tuning::knob::{Knob, unit_at};
@@ -67,8 +68,9 @@ pub struct Alone {
 ///
 /// # Errors
 /// Where nothing is left that a diagnosis could go by; each recording's reason is told.
-pub fn ready(recordings: Vec<Recording>, sheet: &Unit, settings: &Settings) -> Result<Ready, DiagnosisError> {
+pub fn ready(mut recordings: Vec<Recording>, sheet: &Unit, settings: &Settings) -> Result<Ready, DiagnosisError> {
     let stage_only = settings.free || !recordings.iter().any(Recording::has_command);
+    let stands_in = if settings.free { command_for_spool(&mut recordings) } else { None };
     let cut = if stage_only { Cut::Spool } else { Cut::None };
     let Intake { admitted, notes, refused } = admit_all(recordings, |_| cut);
     if admitted.is_empty() {
@@ -77,6 +79,7 @@ pub fn ready(recordings: Vec<Recording>, sheet: &Unit, settings: &Settings) -> R
     let admitted: Vec<Recording> = admitted.into_iter().map(|(recording, _)| recording).collect();
     let (admitted, copies) = without_copies(admitted);
     let mut notes: Vec<String> = notes.into_iter().map(|note| format!("{note}.")).collect();
+    notes.extend(stands_in);
     notes.extend(copies);
     notes.extend(refused.into_iter().map(|reason| format!("Left out: {reason}.")));
     if stage_only {
@@ -155,8 +158,9 @@ fn servomotor_stage(
         turned = Turned { knobs, starts: 1 };
     }
     let runs = Run::all(&trials);
-    let (seen, law) = flexible(&runs).zip(plain(&runs)).ok_or_else(still)?;
-    let (follows, left) = follows(&runs).ok_or_else(still)?;
+    let law = plain(&runs).ok_or_else(still)?;
+    let seen = flexible(&runs, &law).ok_or_else(still)?;
+    let (follows, left) = follows(&runs, &law).ok_or_else(still)?;
     if !settings.free && law.above_1_s + law.below_1_s < 0.0 {
         notes.push(
             "The servomotor moves against the spool's sign; is the spool position recorded the other way round?".into(),

@@ -5,7 +5,8 @@
 //! samples alone.
 
 use crate::tuning::noise::SignalNoise;
-use crate::tuning::run::{LAG_SHARES, Law, Run, solved, typical_s};
+use crate::tuning::plain::Plain;
+use crate::tuning::run::{Lag, Law, Run, solved, typical_s};
 
 /// Samples for each corner of the broken line.
 const SAMPLES_PER_CORNER: usize = 40;
@@ -21,12 +22,6 @@ const QUIET_QUARTER: f64 = 0.319 * 2.449_489_742_783_178;
 /// What the flexible model says of some recordings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flexible {
-    /// Speed per spool position of the best straight law, in the unit of the opening per second and unit of the spool.
-    pub gain_1_s: f64,
-    /// Whether opening is faster than closing at the same spool position.
-    pub opens_faster: bool,
-    /// Greatest spool position either way, in its unit.
-    pub farthest_spool: f64,
     /// Share of the squared movement that the flexible model explains, 1 for all.
     pub explained: f64,
     /// What it leaves of the servomotor position: white from sample to sample, wandering from its free runs, in the opening's unit.
@@ -41,14 +36,15 @@ fn span<'a>(values: impl Iterator<Item = &'a f64>) -> f64 {
     high - low
 }
 
-/// Corners of the broken line, at even shares of the spool's samples.
+/// Corners of the broken line: at even shares of the spool's samples, and at the ends of the plain law's dead band.
 #[must_use]
-pub fn corners(runs: &[Run]) -> Vec<f64> {
+pub fn corners(runs: &[Run], law: &Plain) -> Vec<f64> {
     let mut spools: Vec<f64> = runs.iter().flat_map(|run| run.spool.iter().copied()).collect();
     spools.sort_by(f64::total_cmp);
     let count = spools.len();
     let corners = (count / SAMPLES_PER_CORNER).clamp(CORNERS.0, CORNERS.1);
-    (1..=corners).filter_map(|k| spools.get(k * count.saturating_sub(1) / (corners + 1)).copied()).collect()
+    let even = (1..=corners).filter_map(|k| spools.get(k * count.saturating_sub(1) / (corners + 1)).copied());
+    even.chain([law.zero - law.half_band, law.zero + law.half_band]).collect()
 }
 
 /// The broken line with these corners, and the drift with the opening.
@@ -62,43 +58,34 @@ pub fn broken_line(corners: &[f64]) -> impl Fn(f64, f64) -> Vec<f64> {
 
 /// Fits the model; none where the runs hold too little, or nothing moves.
 #[must_use]
-pub fn flexible(runs: &[Run]) -> Option<Flexible> {
+pub fn flexible(runs: &[Run], law: &Plain) -> Option<Flexible> {
     let spools = || runs.iter().flat_map(|run| run.spool.iter());
-    let farthest_spool = spools().fold(0.0_f64, |farthest, spool| farthest.max(spool.abs()));
     let count = spools().count();
     let moved: f64 = runs.iter().flat_map(|run| run.opening.iter().map(|y| (y - run.opening[0]).powi(2))).sum();
     let travel = span(runs.iter().flat_map(|run| run.opening.iter()));
     if runs.is_empty() || span(spools()) <= 0.0 || moved <= 0.0 {
         return None;
     }
-    let best = |law: &Law<'_>| solved(law.normals(runs).iter());
-    let straight = best(&Law { lag_s: 0.0, settles_s: None, shapes: &|spool, _| vec![spool, 1.0] })?;
-    let both_ways =
-        best(&Law { lag_s: 0.0, settles_s: None, shapes: &|spool: f64, _| vec![spool.max(0.0), spool.min(0.0)] })?;
-    let corners = corners(runs);
+    let corners = corners(runs, law);
     let shapes = broken_line(&corners);
-    let length_s = typical_s(runs);
-    let (left, law, coefficients) = LAG_SHARES
-        .into_iter()
-        .filter_map(|share| {
-            let law = Law { lag_s: share * length_s, settles_s: None, shapes: &shapes };
+    let (left, best, coefficients) = Lag::tried(typical_s(runs))
+        .chain([law.lag])
+        .filter_map(|lag| {
+            let law = Law { lag, settles_s: None, shapes: &shapes };
             let normals = law.normals(runs);
             let coefficients = solved(normals.iter())?;
             let left: f64 = normals.iter().map(|normal| normal.missed(&coefficients)).sum();
             Some((left, law, coefficients))
         })
         .min_by(|a, b| a.0.total_cmp(&b.0))?;
-    let misses: Vec<Vec<f64>> = runs.iter().map(|run| law.misses(run, &coefficients)).collect();
+    let misses: Vec<Vec<f64>> = runs.iter().map(|run| best.misses(run, &coefficients)).collect();
     let white = white(runs.iter().map(|run| run.opening.as_slice()), travel);
     // Each coefficient takes a sample's worth of noise along.
     let freedom = count.saturating_sub(corners.len() + 4).max(1);
     Some(Flexible {
-        gain_1_s: straight[0],
-        opens_faster: both_ways[0].abs() > both_ways[1].abs(),
-        farthest_spool,
         explained: 1.0 - left / moved,
         noise: noise(runs, &misses, left / freedom as f64, white),
-        transducers: transducers(runs, straight[0], white),
+        transducers: transducers(runs, law.above_1_s.abs().max(law.below_1_s.abs()), white),
     })
 }
 

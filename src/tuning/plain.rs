@@ -1,10 +1,10 @@
 //! The plain law of a servomotor stage: a zero of the spool, a dead band about it, one gain each way, and a lag. It needs no sheet and no unit.
 //!
-//! `dY/dt = k_o max(u − z − h, 0) + k_c min(u − z + h, 0)`, with `u` the spool some time ago (a valve with dead zone before an integrator: Jelali
+//! `dY/dt = k_o max(u − z − h, 0) + k_c min(u − z + h, 0)`, with `u` the spool some time ago, or settling to it (a valve with dead zone before an integrator: Jelali
 //! & Kroll 2003, *Hydraulic Servo-systems*, section 4.3). The gains are linear in free runs; zero, half width and lag are searched on a grid that
 //! scales with the recording, then by a pattern that halves its steps (Hooke & Jeeves 1961).
 
-use crate::tuning::run::{LAG_SHARES, Run, typical_s};
+use crate::tuning::run::{Lag, Run, typical_s};
 
 /// Samples of a run that the grid looks at, and the pattern.
 const LOOKED_AT: (usize, usize) = (800, 5000);
@@ -20,8 +20,8 @@ const WALKS: (usize, usize) = (10, 12);
 /// The law as fitted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plain {
-    /// How long ago the spool stood where it acts now, s.
-    pub lag_s: f64,
+    /// How late the spool acts.
+    pub lag: Lag,
     /// Middle of the dead band, in the spool's unit.
     pub zero: f64,
     /// Half of the dead band, in the spool's unit.
@@ -32,13 +32,13 @@ pub struct Plain {
     pub below_1_s: f64,
 }
 
-/// Where the search stands: lag, zero, half width.
+/// Where the search stands: time of the lag, zero, half width.
 type Place = [f64; 3];
 
 impl Plain {
     /// Position at each sample of a run from its first.
     fn simulated(&self, run: &Run) -> Vec<f64> {
-        let spool = run.lagged(self.lag_s);
+        let spool = run.lagged(self.lag);
         let mut at = run.opening[0];
         let mut all = vec![at];
         for k in 1..run.time_s.len() {
@@ -51,7 +51,7 @@ impl Plain {
 
     /// How far the spool stands above and below the dead band.
     fn beyond(&self, spool: f64) -> [f64; 2] {
-        beyond([self.lag_s, self.zero, self.half_band], spool)
+        beyond([self.lag.time_s(), self.zero, self.half_band], spool)
     }
 
     /// RMS miss in free runs, in the opening's unit.
@@ -87,22 +87,22 @@ pub fn plain(runs: &[Run]) -> Option<Plain> {
     }
     let length_s = typical_s(runs);
     let coarse: Vec<Run> = runs.iter().map(|run| run.thinned(LOOKED_AT.0)).collect();
-    let mut best: Option<(f64, Place)> = None;
-    for share in LAG_SHARES {
-        let lagged = Lagged::of(&coarse, share * length_s);
+    let mut best: Option<(f64, Lag, Place)> = None;
+    for lag in Lag::tried(length_s) {
+        let lagged = Lagged::of(&coarse, lag);
         for zero in (0..=ZEROS).filter_map(|k| at(k as f64 / ZEROS as f64)) {
             for half in HALVES {
-                let place = [share * length_s, zero, half * travel];
+                let place = [lag.time_s(), zero, half * travel];
                 let missed = lagged.gains(place).2;
-                if best.is_none_or(|(least, _)| missed < least) {
-                    best = Some((missed, place));
+                if best.is_none_or(|(least, ..)| missed < least) {
+                    best = Some((missed, lag, place));
                 }
             }
         }
     }
-    let (_, mut place) = best?;
+    let (_, lag, mut place) = best?;
     let fine: Vec<Run> = runs.iter().map(|run| run.thinned(LOOKED_AT.1)).collect();
-    let missed = |place: Place| Lagged::of(&fine, place[0]).gains(place).2;
+    let missed = |place: Place| Lagged::of(&fine, lag.with_time(place[0])).gains(place).2;
     let mut least = missed(place);
     let mut steps = [STEPS[0] * length_s, STEPS[1] * travel, STEPS[2] * travel];
     for _ in 0..WALKS.0 {
@@ -125,8 +125,9 @@ pub fn plain(runs: &[Run]) -> Option<Plain> {
         }
         steps = steps.map(|step| 0.5 * step);
     }
-    let (above_1_s, below_1_s, _) = Lagged::of(&fine, place[0]).gains(place);
-    Some(Plain { lag_s: place[0], zero: place[1], half_band: place[2], above_1_s, below_1_s })
+    let lag = lag.with_time(place[0]);
+    let (above_1_s, below_1_s, _) = Lagged::of(&fine, lag).gains(place);
+    Some(Plain { lag, zero: place[1], half_band: place[2], above_1_s, below_1_s })
 }
 
 /// Runs with the spool as it stood some time ago: middle of each step, its length, and the movement since the start.
@@ -135,9 +136,9 @@ struct Lagged {
 }
 
 impl Lagged {
-    fn of(runs: &[Run], lag_s: f64) -> Self {
+    fn of(runs: &[Run], lag: Lag) -> Self {
         let of = |run: &Run| {
-            let spool = run.lagged(lag_s);
+            let spool = run.lagged(lag);
             let step = |k: usize| {
                 let moved = run.opening[k] - run.opening[0];
                 [0.5 * (spool[k - 1] + spool[k]), run.time_s[k] - run.time_s[k - 1], moved]

@@ -5,7 +5,8 @@
 //! spool knows more than its own level or drift is driven by something else. No limit is set: the law that predicts best has it.
 
 use crate::tuning::flexible::{broken_line, corners};
-use crate::tuning::run::{LAG_SHARES, Law, Run, left_out, typical_s};
+use crate::tuning::plain::Plain;
+use crate::tuning::run::{Lag, Law, Run, left_out, typical_s};
 
 /// Samples of a run that are looked at.
 const LOOKED_AT: usize = 1500;
@@ -30,25 +31,24 @@ pub enum Follows {
 
 /// The law that predicts best, and the share of the squared movement that each leaves: sum, spool, nothing.
 #[must_use]
-pub fn follows(runs: &[Run]) -> Option<(Follows, [f64; 3])> {
+pub fn follows(runs: &[Run], law: &Plain) -> Option<(Follows, [f64; 3])> {
     let runs: Vec<Run> = runs.iter().map(|run| run.thinned(LOOKED_AT)).collect();
     let moved: f64 = runs.iter().flat_map(|run| run.opening.iter().map(|y| (y - run.opening[0]).powi(2))).sum();
-    let corners = corners(&runs);
+    let corners = corners(&runs, law);
     let line = broken_line(&corners);
     let length_s = typical_s(&runs);
-    let lags = || LAG_SHARES.into_iter().map(|share| share * length_s);
     let missed = |law: &Law<'_>| left_out(&law.normals(&runs));
     let least = |laws: &mut dyn Iterator<Item = Option<f64>>| laws.flatten().min_by(f64::total_cmp);
 
-    let sum = least(&mut lags().map(|lag_s| missed(&Law { lag_s, settles_s: None, shapes: &line })))?;
-    let level = |settles_s: Option<f64>| missed(&Law { lag_s: 0.0, settles_s, shapes: &|_, _| vec![1.0] });
+    let sum = least(&mut Lag::tried(length_s).map(|lag| missed(&Law { lag, settles_s: None, shapes: &line })))?;
+    let level = |settles_s: Option<f64>| missed(&Law { lag: Lag::Dead(0.0), settles_s, shapes: &|_, _| vec![1.0] });
     let stands: f64 = moved;
     let nothing = least(&mut [Some(stands), level(None), level(Some(0.0))].into_iter())?;
     let travel_s = travel_s(&runs);
     let settled = SETTLES.into_iter().filter_map(|share| {
         let settles_s = share * travel_s;
-        let of = |lag_s| missed(&Law { lag_s, settles_s: Some(settles_s), shapes: &line });
-        Some((settles_s, least(&mut lags().map(of))?))
+        let of = |lag| missed(&Law { lag, settles_s: Some(settles_s), shapes: &line });
+        Some((settles_s, least(&mut Lag::tried(length_s).map(of))?))
     });
     let (settles_s, spool) = settled.min_by(|a, b| a.1.total_cmp(&b.1))?;
     let follows = if nothing <= sum.min(spool) {

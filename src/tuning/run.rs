@@ -10,10 +10,44 @@ use crate::tuning::trial::Trial;
 use crate::units::seconds_from_nanos;
 
 /// Lags of the spool that are tried, as shares of a run's length.
-pub const LAG_SHARES: [f64; 8] = [0.0, 0.003, 0.006, 0.012, 0.02, 0.03, 0.05, 0.08];
+const LAG_SHARES: [f64; 8] = [0.0, 0.003, 0.006, 0.012, 0.02, 0.03, 0.05, 0.08];
 
 /// Weight of the ridge that keeps shapes which never act from standing for anything.
 const RIDGE: f64 = 1e-9;
+
+/// How what the spool does comes late.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Lag {
+    /// As it is, but later, s.
+    Dead(f64),
+    /// Settling with this time constant, s.
+    Settling(f64),
+}
+
+impl Lag {
+    /// No lag, and the lags that are tried in runs of a length, s.
+    pub fn tried(length_s: f64) -> impl Iterator<Item = Self> {
+        let lags = move |kind: fn(f64) -> Self| LAG_SHARES.into_iter().map(move |share| kind(share * length_s));
+        lags(Self::Dead).chain(lags(Self::Settling).skip(1))
+    }
+
+    /// Its time, s.
+    #[must_use]
+    pub fn time_s(self) -> f64 {
+        match self {
+            Self::Dead(time_s) | Self::Settling(time_s) => time_s,
+        }
+    }
+
+    /// The same kind with another time, not below 0, s.
+    #[must_use]
+    pub fn with_time(self, time_s: f64) -> Self {
+        match self {
+            Self::Dead(_) => Self::Dead(time_s.max(0.0)),
+            Self::Settling(_) => Self::Settling(time_s.max(0.0)),
+        }
+    }
+}
 
 /// One free run, in the units of its recording.
 #[derive(Clone, Debug)]
@@ -57,12 +91,18 @@ impl Run {
         self.time_s.last().copied().unwrap_or(0.0)
     }
 
-    /// The spool some time ago, at each sample; straight between samples, and as at the beginning before it.
+    /// The spool as it acts at each sample, behind a lag; straight between samples, and as at the beginning before it.
     #[must_use]
-    pub fn lagged(&self, lag_s: f64) -> Vec<f64> {
-        if lag_s <= 0.0 {
-            return self.spool.clone();
+    pub fn lagged(&self, lag: Lag) -> Vec<f64> {
+        match lag {
+            Lag::Dead(time_s) if time_s > 0.0 => self.earlier(time_s),
+            Lag::Settling(time_s) if time_s > 0.0 => self.settled(time_s),
+            Lag::Dead(_) | Lag::Settling(_) => self.spool.clone(),
         }
+    }
+
+    /// The spool a while ago.
+    fn earlier(&self, lag_s: f64) -> Vec<f64> {
         let mut next = 0;
         let at = |time_s: &f64| {
             let time_s = time_s - lag_s;
@@ -76,6 +116,19 @@ impl Run {
             self.spool[next - 1] + share * (self.spool[next] - self.spool[next - 1])
         };
         self.time_s.iter().map(at).collect()
+    }
+
+    /// What settles to the spool, exact where that runs straight between samples.
+    fn settled(&self, constant_s: f64) -> Vec<f64> {
+        let mut at = self.spool[0];
+        let mut all = vec![at];
+        for k in 1..self.time_s.len() {
+            let step_s = self.time_s[k] - self.time_s[k - 1];
+            let behind = constant_s * (self.spool[k] - self.spool[k - 1]) / step_s;
+            at = self.spool[k] - behind + (-step_s / constant_s).exp() * (at - self.spool[k - 1] + behind);
+            all.push(at);
+        }
+        all
     }
 
     /// Every so many samples, so that no more than about `most` are left.
@@ -97,8 +150,8 @@ pub fn typical_s(runs: &[Run]) -> f64 {
 
 /// A law of the spool.
 pub struct Law<'a> {
-    /// How long ago the spool stood where it acts now, s.
-    pub lag_s: f64,
+    /// How late the spool acts.
+    pub lag: Lag,
     /// Time in which the position settles to what the shapes say, s; none where they are its speed.
     pub settles_s: Option<f64>,
     /// Shapes of spool position, and of the position at the beginning.
@@ -119,7 +172,7 @@ pub struct Normal {
 impl Law<'_> {
     /// Calls back with what each coefficient adds to the position by each sample but the first, and what is to be explained there.
     fn each(&self, run: &Run, on_sample: &mut dyn FnMut(&[f64], f64)) {
-        let spool = run.lagged(self.lag_s);
+        let spool = run.lagged(self.lag);
         let start = run.opening[0];
         let mut sums: Vec<f64> = Vec::new();
         let mut left = start;

@@ -75,7 +75,8 @@ pub fn sheetless(mut whole: Vec<Recording>, reference: &Unit) -> Option<Sheetles
     let (channels, mut notes) = into_pu(&mut whole, &plain(&Run::all(&as_recorded))?)?;
     let pieces = trials(&whole);
     let runs = Run::all(&pieces);
-    let (seen, law) = (flexible(&runs)?, plain(&runs)?);
+    let law = plain(&runs)?;
+    let seen = flexible(&runs, &law)?;
     let mut unit = unit(reference, &law, pieces.first().map_or(0.1, |trial| trial.period_s));
     unit.recorded = channels;
     let mut noise = expected(&reference.sensors);
