@@ -1,5 +1,7 @@
 //! A servomotor stage alone, without a sheet: recordings of stages that are not the twin's, in units of their own, and measured ones.
 
+#[path = "support/plain_stage.rs"]
+mod plain_stage;
 #[path = "support/stage.rs"]
 mod stage;
 
@@ -15,9 +17,10 @@ use govtwin::import::{Import, ImportError, Map, Row, Target};
 use govtwin::params::reference;
 use govtwin::recording::Recording;
 use govtwin::report::diagnosis as report;
+use plain_stage::{PlainStage, in_units};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use stage::{PlainStage, Spool, in_units, record, symmetric, with};
+use stage::{Spool, record, symmetric, with};
 
 fn freely(recordings: Vec<Recording>) -> Diagnosis {
     let settings = Settings { free: true, ..Settings::default() };

@@ -7,6 +7,7 @@ use crate::diagnosis::model::Model;
 use crate::diagnosis::outcome::{FreeRun, StageOnly, Verdict};
 use crate::diagnosis::ready::{Alone, Ready};
 use crate::diagnosis::told::told;
+use crate::frame::Estimate;
 use crate::parameters::Unit;
 use crate::recording::Recording;
 use crate::signal::Signal;
@@ -87,15 +88,8 @@ fn floor_square(bench: &Bench, ready: &Ready, alone: &Alone) -> f64 {
 /// The misses of a piece are one draw, as they go together over the whole of it. That they have the transducers' variance is held against a variance of
 /// their own by the Bayesian information criterion (Schwarz 1978): with r the ratio of the two, `n (r − 1 − ln r) > ln n`.
 fn beyond_transducers(bench: &Bench, model: &Model, floor_square: f64) -> Option<String> {
-    let left_out = without_recordings(bench, model).estimates;
-    let means = bench.trials.iter().zip(&left_out).enumerate().filter_map(|(index, (_, estimates))| {
-        let squares = bench.squares(index, Signal::ServomotorPosition, estimates)?;
-        let finite: Vec<f64> = squares.into_iter().filter(|square| square.is_finite()).collect();
-        (!finite.is_empty()).then(|| finite.iter().sum::<f64>() / finite.len() as f64)
-    });
-    let means: Vec<f64> = means.collect();
-    let count = means.len().max(1) as f64;
-    let mean_square = means.iter().sum::<f64>() / count;
+    let mean_square = left_out_square(bench, model);
+    let count = bench.trials.len() as f64;
     let ratio = mean_square / floor_square;
     (ratio > 1.0 && count * (ratio - 1.0 - ratio.ln()) > count.ln()).then(|| {
         format!(
@@ -105,6 +99,18 @@ fn beyond_transducers(bench: &Bench, model: &Model, floor_square: f64) -> Option
             100.0 * floor_square.sqrt()
         )
     })
+}
+
+/// Mean square that a model misses on pieces left out of its fit, each piece with the same weight, in pu squared.
+fn left_out_square(bench: &Bench, model: &Model) -> f64 {
+    let left_out = without_recordings(bench, model).estimates;
+    let of = |(index, estimates): (usize, &Vec<Estimate>)| {
+        let squares = bench.squares(index, Signal::ServomotorPosition, estimates)?;
+        let finite: Vec<f64> = squares.into_iter().filter(|square| square.is_finite()).collect();
+        (!finite.is_empty()).then(|| finite.iter().sum::<f64>() / finite.len() as f64)
+    };
+    let means: Vec<f64> = left_out.iter().enumerate().filter_map(of).collect();
+    means.iter().sum::<f64>() / means.len().max(1) as f64
 }
 
 fn careful(bench: &Bench, found: &Explored, ready: &Ready, decision: Decision) -> (Decision, Vec<String>) {
@@ -130,6 +136,9 @@ fn careful(bench: &Bench, found: &Explored, ready: &Ready, decision: Decision) -
         ));
         decision.blamed = kept;
     }
+    if !ready.sheet && decision.verdict == Verdict::Named && decision.blamed.len() > 1 {
+        said.extend(single_instead(bench, found, &mut decision));
+    }
     let names = matches!(decision.verdict, Verdict::Named | Verdict::Class);
     if !ready.sheet && names && decision.blamed.len() == 1 {
         let rivals = near(found);
@@ -142,6 +151,26 @@ fn careful(bench: &Bench, found: &Explored, ready: &Ready, decision: Decision) -
         said.extend(without_idle(bench, found, &mut decision));
     }
     (decision, said)
+}
+
+/// Takes one effect in the place of several where those predict pieces left out no better than a single one does; says so.
+///
+/// Each further effect is charged what the Bayesian information criterion charges for it, a piece being one draw.
+fn single_instead(bench: &Bench, found: &Explored, decision: &mut Decision) -> Option<String> {
+    let together = left_out_square(bench, found.with(&decision.blamed)?);
+    let singles = near(found).into_iter().filter_map(|id| Some((id, left_out_square(bench, found.with(&[id])?))));
+    let (best, alone) = singles.min_by(|a, b| a.1.total_cmp(&b.1))?;
+    let pieces = bench.trials.len() as f64;
+    let further = decision.blamed.len() as f64 - 1.0;
+    if pieces * (alone / together).ln() > further * pieces.ln() {
+        return None;
+    }
+    let said = format!(
+        "{} together predict no piece better that was left out than {best} alone.",
+        decision.blamed.join(" and ")
+    );
+    decision.blamed = vec![best];
+    Some(said)
 }
 
 /// Leaves those of a class out that predict nothing better on pieces left out; says so.

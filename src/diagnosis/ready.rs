@@ -79,11 +79,17 @@ pub fn ready(mut recordings: Vec<Recording>, sheet: &Unit, settings: &Settings) 
     let admitted: Vec<Recording> = admitted.into_iter().map(|(recording, _)| recording).collect();
     let (admitted, copies) = without_copies(admitted);
     let mut notes: Vec<String> = notes.into_iter().map(|note| format!("{note}.")).collect();
-    notes.extend(stands_in);
+    let is_deviation = stands_in.as_ref().is_some_and(|one| one.is_deviation);
+    notes.extend(stands_in.map(|one| one.note));
     notes.extend(copies);
     notes.extend(refused.into_iter().map(|reason| format!("Left out: {reason}.")));
     if stage_only {
-        return servomotor_stage(admitted, sheet, settings, notes);
+        let mut ready = servomotor_stage(admitted, sheet, settings, notes)?;
+        if let Some(alone) = ready.alone.as_mut().filter(|_| is_deviation) {
+            // What drives it holds the position: that it settles is known.
+            alone.follows = Follows::Sum;
+        }
+        return Ok(ready);
     }
     if let [only] = admitted.as_slice() {
         notes.push(format!(

@@ -27,6 +27,8 @@ const INERTIA_SHARE: f64 = 0.01;
 const OVERLAP_SHARE: f64 = 0.01;
 /// Share of its stroke that the servomotor is taken to have travelled, and where that begins, pu.
 const TRAVELLED: (f64, f64) = (0.9, 0.05);
+/// Steps between the spool's ends to which its zero is rounded before the fit.
+const ZERO_STEPS: f64 = 100.0;
 /// Pieces that all recordings together are cut into, at most.
 const PIECES: usize = 6;
 /// How much smaller or larger than drawn areas may be taken.
@@ -176,15 +178,18 @@ fn into_pu(recordings: &mut [Recording], law: &Plain) -> Option<(Channels, Vec<S
         values.filter(|v| v.is_finite()).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)))
     };
     let (spool, opening) = (ends(Signal::SpoolPosition), ends(Signal::ServomotorPosition));
-    let farthest = (spool.1 - law.zero).abs().max((law.zero - spool.0).abs());
+    // The fit finds it closer; what the search ends at must not make a difference.
+    let zero =
+        spool.0 + (spool.1 - spool.0) * ((law.zero - spool.0) / (spool.1 - spool.0) * ZERO_STEPS).round() / ZERO_STEPS;
+    let farthest = (spool.1 - zero).abs().max((zero - spool.0).abs());
     if !(farthest.is_finite() && farthest > 0.0 && opening.1 > opening.0) {
         return None;
     }
     let turned = law.above_1_s + law.below_1_s < 0.0;
-    let full = law.zero + if turned { -farthest } else { farthest };
+    let full = zero + if turned { -farthest } else { farthest };
     let mut notes = vec![format!(
         "The spool position is recorded from {:.4} to {:.4}: {:.4} is taken as its zero, by the speed of the servomotor, and {full:.4} as full stroke.",
-        spool.0, spool.1, law.zero
+        spool.0, spool.1, zero
     )];
     if turned {
         notes.push("The servomotor moves against the spool's sign: the spool position was turned round.".to_owned());
@@ -195,7 +200,7 @@ fn into_pu(recordings: &mut [Recording], law: &Plain) -> Option<(Channels, Vec<S
     ));
     let scale_pu = TRAVELLED.0 / (opening.1 - opening.0);
     let channels = Channels {
-        spool_position: Reading::between(law.zero, full),
+        spool_position: Reading::between(zero, full),
         servomotor_position: Reading { scale_pu, offset_pu: TRAVELLED.1 - opening.0 * scale_pu },
     };
     for frame in recordings.iter_mut().flat_map(|recording| &mut recording.frames) {
