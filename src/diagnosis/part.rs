@@ -84,14 +84,9 @@ fn floor_square(bench: &Bench, ready: &Ready, alone: &Alone) -> f64 {
 }
 
 /// That the model misses more on pieces left out than the transducers account for, in a sentence.
-///
-/// The misses of a piece are one draw, as they go together over the whole of it. That they have the transducers' variance is held against a variance of
-/// their own by the Bayesian information criterion (Schwarz 1978): with r the ratio of the two, `n (r − 1 − ln r) > ln n`.
 fn beyond_transducers(bench: &Bench, model: &Model, floor_square: f64) -> Option<String> {
     let mean_square = left_out_square(bench, model);
-    let count = bench.trials.len() as f64;
-    let ratio = mean_square / floor_square;
-    (ratio > 1.0 && count * (ratio - 1.0 - ratio.ln()) > count.ln()).then(|| {
+    is_beyond(bench, mean_square / floor_square).then(|| {
         format!(
             "The fitted stage misses {:.2} % of stroke on pieces left out, where the transducers make it miss {:.2} %, and no effect of the catalogue \
              explains more of it than chance would.",
@@ -99,6 +94,30 @@ fn beyond_transducers(bench: &Bench, model: &Model, floor_square: f64) -> Option
             100.0 * floor_square.sqrt()
         )
     })
+}
+
+/// Whether a mean square over the transducers' is more than they account for.
+///
+/// The misses of a piece are one draw, as they go together over the whole of it. That they have the transducers' variance is held against a variance of
+/// their own by the Bayesian information criterion (Schwarz 1978): with r the ratio of the two, `n (r − 1 − ln r) > ln n`.
+fn is_beyond(bench: &Bench, ratio: f64) -> bool {
+    let count = bench.trials.len() as f64;
+    ratio > 1.0 && count * (ratio - 1.0 - ratio.ln()) > count.ln()
+}
+
+/// Whether so many further effects bring a mean square on pieces left out down by more than the same criterion charges for them.
+fn is_better(bench: &Bench, before: f64, after: f64, further: usize) -> bool {
+    let count = bench.trials.len() as f64;
+    count * (before / after).ln() > further as f64 * count.ln()
+}
+
+/// Whether what is blamed, or a single effect, predicts pieces left out better than the stage without any.
+fn predicts_better(bench: &Bench, found: &Explored, decision: &Decision) -> bool {
+    let before = left_out_square(bench, found.refitted());
+    let blamed: &[&str] = &decision.blamed;
+    let sets = std::iter::once(blamed.to_vec()).chain(blamed.iter().map(|id| vec![*id]));
+    let models = sets.filter(|set| !set.is_empty()).filter_map(|set| found.with(&set));
+    models.into_iter().any(|model| is_better(bench, before, left_out_square(bench, model), model.effects.len()))
 }
 
 /// Mean square that a model misses on pieces left out of its fit, each piece with the same weight, in pu squared.
@@ -115,7 +134,8 @@ fn left_out_square(bench: &Bench, model: &Model) -> f64 {
 
 fn careful(bench: &Bench, found: &Explored, ready: &Ready, decision: Decision) -> (Decision, Vec<String>) {
     let mut decision = decision;
-    if !ready.sheet && found.refitted().cost() < CALM_ENOUGH * bench.independent_samples() + LEAST_GAIN {
+    let calm = found.refitted().cost() < CALM_ENOUGH * bench.independent_samples() + LEAST_GAIN;
+    if !ready.sheet && calm && !predicts_better(bench, found, &decision) {
         let blamed = decision.verdict != Verdict::NoGap;
         let said = blamed
             .then(|| "What the fitted stage misses, the most flexible law of the spool misses as well.".to_owned());
@@ -137,7 +157,7 @@ fn careful(bench: &Bench, found: &Explored, ready: &Ready, decision: Decision) -
         decision.blamed = kept;
     }
     if !ready.sheet && decision.verdict == Verdict::Named && decision.blamed.len() > 1 {
-        said.extend(single_instead(bench, found, &mut decision));
+        said.extend(single_instead(bench, found, ready, &mut decision));
     }
     let names = matches!(decision.verdict, Verdict::Named | Verdict::Class);
     if !ready.sheet && names && decision.blamed.len() == 1 {
@@ -153,20 +173,19 @@ fn careful(bench: &Bench, found: &Explored, ready: &Ready, decision: Decision) -
     (decision, said)
 }
 
-/// Takes one effect in the place of several where those predict pieces left out no better than a single one does; says so.
-///
-/// Each further effect is charged what the Bayesian information criterion charges for it, a piece being one draw.
-fn single_instead(bench: &Bench, found: &Explored, decision: &mut Decision) -> Option<String> {
+/// Takes one effect in the place of several where those predict pieces left out no better than a single one does, or where that leaves no more than
+/// the transducers account for; says so.
+fn single_instead(bench: &Bench, found: &Explored, ready: &Ready, decision: &mut Decision) -> Option<String> {
     let together = left_out_square(bench, found.with(&decision.blamed)?);
     let singles = near(found).into_iter().filter_map(|id| Some((id, left_out_square(bench, found.with(&[id])?))));
     let (best, alone) = singles.min_by(|a, b| a.1.total_cmp(&b.1))?;
-    let pieces = bench.trials.len() as f64;
-    let further = decision.blamed.len() as f64 - 1.0;
-    if pieces * (alone / together).ln() > further * pieces.ln() {
+    let further = decision.blamed.len() - 1;
+    let floor_square = ready.alone.as_ref().map_or(0.0, |alone| floor_square(bench, ready, alone));
+    if is_better(bench, alone, together, further) && is_beyond(bench, alone / floor_square) {
         return None;
     }
     let said = format!(
-        "{} together predict no piece better that was left out than {best} alone.",
+        "{} together predict pieces left out little better than {best} alone, or as well as the transducers let anything.",
         decision.blamed.join(" and ")
     );
     decision.blamed = vec![best];

@@ -58,10 +58,10 @@ const SPEED: &str = "of the servomotor as recorded, per second";
 const FIGURES: [(&str, &str, &str); 7] = [
     ("spool_zero", "zero", SPOOL),
     ("dead_band", "dead band, from end to end", SPOOL),
-    ("closes_from", "end of the dead band where closing begins", SPOOL),
-    ("opens_from", "end of the dead band where opening begins", SPOOL),
-    ("opening_speed", "speed at the farthest opening position", SPEED),
-    ("closing_speed", "speed at the farthest closing position", SPEED),
+    ("falls_from", "end of the dead band where falling begins", SPOOL),
+    ("rises_from", "end of the dead band where rising begins", SPOOL),
+    ("rising_speed", "rising at the farthest spool position", SPEED),
+    ("falling_speed", "falling at the farthest spool position", SPEED),
     ("lag_s", "lag behind the spool", "s"),
 ];
 
@@ -110,7 +110,13 @@ fn figures(unit: &Unit, law: &Plain, [opening_pu, closing_pu]: [f64; 2]) -> [f64
         |one: Option<[f64; 2]>| one.map_or(f64::NAN, |[pu_s, _]| pu_s / unit.recorded.servomotor_position.scale_pu);
     let lags: Vec<f64> = [opening, closing].into_iter().flatten().map(|[_, lag_s]| lag_s).collect();
     let lag_s = lags.iter().sum::<f64>() / lags.len() as f64;
-    [0.5 * (opens + closes), (opens - closes).abs(), closes, opens, speed(opening), speed(closing), lag_s]
+    let (mut ways, mut speeds) = ([closes, opens], [speed(opening), speed(closing)]);
+    if unit.recorded.servomotor_position.scale_pu < 0.0 {
+        // What opens falls as recorded.
+        ways.reverse();
+        speeds.reverse();
+    }
+    [0.5 * (opens + closes), (opens - closes).abs(), ways[0], ways[1], speeds[0], speeds[1], lag_s]
 }
 
 /// Speed in pu/s and lag in s that the twin of a unit answers a step of the spool with, from half opening; none where it stands still.

@@ -2,6 +2,7 @@
 
 mod next_test;
 mod pictures;
+mod stage;
 mod tables;
 mod traces;
 mod words;
@@ -12,7 +13,8 @@ use crate::diagnosis::outcome::{Diagnosis, Trace, Verdict};
 use crate::report::table::significant;
 use crate::signal::Signal;
 
-pub use words::{summary, told_text};
+pub use stage::told_text;
+pub use words::summary;
 
 #[cfg(test)]
 mod tests;

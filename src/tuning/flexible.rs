@@ -11,7 +11,7 @@ use crate::tuning::run::{Lag, Law, Run, solved, typical_s};
 /// Samples for each corner of the broken line.
 const SAMPLES_PER_CORNER: usize = 40;
 /// Fewest and most corners.
-const CORNERS: (usize, usize) = (2, 9);
+const CORNERS: (usize, usize) = (2, 17);
 /// Least noise that is believed, as a share of the movement: a recording is never exact.
 const LEAST_NOISE: f64 = 2.0e-5;
 /// Most that a step between values may stand for noise, as a share of the movement.

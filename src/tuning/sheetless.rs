@@ -126,12 +126,9 @@ fn unit(reference: &Unit, law: &Plain, period_s: f64) -> Unit {
     let as_drawn_m_s = per_width * p.main_ports.width_m / (large_m2.powi(3) + small_m2.powi(3)).sqrt();
     let scale = (as_drawn_m_s / speed_m_s).clamp(AREA_SCALES.0, AREA_SCALES.1);
     p.main_ports.width_m = (p.main_ports.width_m * scale * speed_m_s / as_drawn_m_s).clamp(1e-5, 5.0);
-    // The load holds back the slower direction, whose area is the larger one.
-    (servo.opening_area_m2, servo.closing_area_m2, servo.load_closed_n) = if law.above_1_s.abs() > law.below_1_s.abs() {
-        (scale * small_m2, scale * large_m2, -scale * load_n)
-    } else {
-        (scale * large_m2, scale * small_m2, scale * load_n)
-    };
+    // The load helps the faster direction, which is the opening one here, and whose area is the smaller.
+    (servo.opening_area_m2, servo.closing_area_m2, servo.load_closed_n) =
+        (scale * small_m2, scale * large_m2, -scale * load_n);
     servo.load_slope_n = 0.0;
     servo.coulomb_friction_n = scale * friction_n;
     servo.dead_volume_m3 *= scale;
@@ -186,22 +183,29 @@ fn into_pu(recordings: &mut [Recording], law: &Plain) -> Option<(Channels, Vec<S
         return None;
     }
     let turned = law.above_1_s + law.below_1_s < 0.0;
-    let full = zero + if turned { -farthest } else { farthest };
+    // Which way is opening nobody knows: the faster one counts as it, so that the sign of neither channel makes a difference.
+    let faster_above = law.above_1_s.abs() > law.below_1_s.abs();
+    let full = if faster_above { zero + farthest } else { zero - farthest };
+    let rises = faster_above != turned;
     let mut notes = vec![format!(
-        "The spool position is recorded from {:.4} to {:.4}: {:.4} is taken as its zero, by the speed of the servomotor, and {full:.4} as full stroke.",
-        spool.0, spool.1, zero
+        "The spool position is recorded from {:.4} to {:.4}: {zero:.4} is taken as its zero, by the speed of the servomotor, and {full:.4} is taken as \
+         full stroke, on the side on which the servomotor is the faster.",
+        spool.0, spool.1
     )];
     if turned {
         notes.push("The servomotor moves against the spool's sign: the spool position was turned round.".to_owned());
     }
     notes.push(format!(
-        "The servomotor position runs from {:.4} to {:.4}: taken as 5 % to 95 % of its stroke.",
-        opening.0, opening.1
+        "The servomotor position runs from {:.4} to {:.4}: taken as 5 % to 95 % of its stroke; opening is where it {}.",
+        opening.0,
+        opening.1,
+        if rises { "rises" } else { "falls" }
     ));
-    let scale_pu = TRAVELLED.0 / (opening.1 - opening.0);
+    let scale_pu = TRAVELLED.0 / (opening.1 - opening.0) * if rises { 1.0 } else { -1.0 };
+    let begins = if rises { opening.0 } else { opening.1 };
     let channels = Channels {
         spool_position: Reading::between(zero, full),
-        servomotor_position: Reading { scale_pu, offset_pu: TRAVELLED.1 - opening.0 * scale_pu },
+        servomotor_position: Reading { scale_pu, offset_pu: TRAVELLED.1 - begins * scale_pu },
     };
     for frame in recordings.iter_mut().flat_map(|recording| &mut recording.frames) {
         let measured = &mut frame.measured;

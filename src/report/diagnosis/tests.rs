@@ -165,13 +165,14 @@ fn the_page_says_the_verdict_and_holds_all_it_needs() {
 
 #[test]
 fn every_verdict_has_a_sentence_of_its_own() {
-    let cases: [(Verdict, &[&str], &str); 6] = [
+    let cases: [(Verdict, &[&str], &str); 7] = [
         (Verdict::Named, &["backlash"], "Play between"),
         (Verdict::Named, &["backlash", "load"], "Two effects act at once: backlash and load. Together"),
         (Verdict::Class, &["backlash", "load"], "Backlash or load; these recordings cannot tell which."),
         (Verdict::Unknown, &[], "nothing in the catalogue explains: look at the transducers and clocks"),
         (Verdict::NoGap, &[], "Nothing beyond noise and tolerances"),
         (Verdict::NotExcited, &[], "do not move the unit enough to tell"),
+        (Verdict::NoSuchUnit, &[], "of no servomotor stage behind this spool"),
     ];
     for (verdict, blamed, expected) in cases {
         let diagnosis = made_up(verdict, blamed);
@@ -180,6 +181,8 @@ fn every_verdict_has_a_sentence_of_its_own() {
         assert!(text.contains(&format!("verdict      {}\n", verdict.id())), "{text}");
         let html = page(&diagnosis, &[]).unwrap().to_html();
         assert!(html.contains(expected), "{verdict:?}");
+        // How well a twin fits is said in figures.
+        assert!(!text.contains("they fit"), "{text}");
     }
 }
 

@@ -1,9 +1,9 @@
 //! A diagnosis in sentences: what each effect, stage and value is called, and what the verdict says.
 
 use crate::diagnosis::outcome::{Blame, Diagnosis, Fitted, Interval, SignalGap, Verdict};
-use crate::diagnosis::told::Told;
 use crate::effects::{self, Stage};
 use crate::report::diagnosis::next_test;
+use crate::report::diagnosis::stage::{fitted_stage, told_text};
 use crate::report::table::significant;
 use crate::signal::Signal;
 
@@ -266,21 +266,6 @@ pub fn explanation(diagnosis: &Diagnosis) -> Vec<String> {
     all.push(next_test::sentence(diagnosis));
     all.retain(|text| !text.is_empty());
     all
-}
-
-/// What was fitted of a stage alone, in a sentence.
-fn fitted_stage(diagnosis: &Diagnosis) -> Option<String> {
-    let told = &diagnosis.part.as_ref()?.told;
-    let said: Vec<String> = told.iter().map(|one| format!("{} {}", one.title, told_text(one))).collect();
-    (!said.is_empty()).then(|| format!("As fitted, in the numbers of the recordings: {}.", said.join("; ")))
-}
-
-/// Value, interval and unit of a figure of a fitted stage.
-#[must_use]
-pub fn told_text(one: &Told) -> String {
-    let Interval { value, low, high } = one.value;
-    let [value, low, high] = [value, low, high].map(|number| significant(number, 4));
-    format!("{value} [{low}, {high}] {}", one.unit)
 }
 
 fn of_several(diagnosis: &Diagnosis, blame: &Blame) -> String {
