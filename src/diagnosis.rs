@@ -7,6 +7,7 @@
 //! a reader needs to believe it ([`summary`]).
 
 pub mod agreement;
+mod anew;
 pub mod candidate;
 pub mod channels;
 pub mod closure;
@@ -105,6 +106,9 @@ pub fn diagnose(
     let (bench, refitted, sheet) =
         search::nominal(ready.trials.clone(), &ready.unit, ready.turned.clone(), &ready.noise);
     let mut explored: Explored = explore(&bench, &refitted, &sheet, &settings.catalogue, progress);
+    if stage_only && !ready.sheet {
+        anew::singles(&mut explored, &bench, &sheet, &settings.catalogue);
+    }
     progress("tabulating the evidence", 0.85);
     let table = Table::new(&bench, &explored, &settings.catalogue);
     // Weights are learned on whole chains; of a stage alone nothing is learned, and evidence counts as it is.

@@ -103,7 +103,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         (sheet.unit.parameters, sheet.unit.tolerances) = (ready.unit.parameters, ready.unit.tolerances);
         sheet.unit.recorded = ready.unit.recorded;
         sheet.unit.effects.splice(0..0, ready.unit.effects);
-        sheet.name = "servomotor stage without a data sheet".to_owned();
+        "servomotor stage without a data sheet".clone_into(&mut sheet.name);
         turned = knobs(args, &mut sheet.unit)?;
         turned.extend(ready.knobs.into_iter().filter(|knob| matches!(knob, Knob::Effect { .. })));
         expected = ready.noise;
@@ -145,8 +145,11 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     Ok(if warnings.is_empty() { Outcome::Ok } else { Outcome::Warnings })
 }
 
+/// A recording with the cut that it is judged at.
+type Taken = (Recording, Cut);
+
 /// Reads all bags and takes in what can be used, those without a command as recordings of the servomotor stage; also warnings.
-fn recordings(args: &Args, paths: &[PathBuf], unit: &Unit) -> anyhow::Result<(Vec<(Recording, Cut)>, Vec<String>)> {
+fn recordings(args: &Args, paths: &[PathBuf], unit: &Unit) -> anyhow::Result<(Vec<Taken>, Vec<String>)> {
     let topics = args.topics.topics();
     let Recordings { recordings, mut warnings } = match args.params {
         Some(_) => bags::read(paths, &topics, unit)?,
@@ -163,7 +166,7 @@ fn recordings(args: &Args, paths: &[PathBuf], unit: &Unit) -> anyhow::Result<(Ve
 }
 
 /// Recordings as they are fitted to with a sheet.
-fn prepared(recordings: Vec<(Recording, Cut)>, warnings: &mut Vec<String>) -> Vec<Trial> {
+fn prepared(recordings: Vec<Taken>, warnings: &mut Vec<String>) -> Vec<Trial> {
     let each = recordings.into_iter().map(|(recording, cut)| {
         if cut == Cut::Spool {
             warnings.push(format!("{}: no command: only the servomotor stage, driven by its spool", recording.name));

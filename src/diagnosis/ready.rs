@@ -25,6 +25,8 @@ use crate::twin::Cut;
 
 /// Pieces that recordings are cut into where there is a sheet, at most: few, as play and pressures at the start of each are not measured.
 const PIECES: usize = 2;
+/// Pieces on which laws without physics are told apart, at most.
+const LAW_PIECES: usize = 6;
 /// Starts of the fit where no data sheet says where to begin.
 const STARTS: usize = 4;
 
@@ -156,7 +158,9 @@ fn servomotor_stage(
         (whole, trials, unit, noise) = (ready.whole, ready.pieces, ready.unit, ready.noise);
         turned = Turned { knobs: ready.knobs, starts: STARTS };
     } else {
-        whole.iter_mut().for_each(|recording| join_spool(&mut recording.frames));
+        for recording in &mut whole {
+            join_spool(&mut recording.frames);
+        }
         trials = pieces(&whole, PIECES).into_iter().map(Trial::servomotor_stage).collect::<Vec<_>>();
         (unit, noise) = (sheet.clone(), expected(&sheet.sensors));
         let mut knobs = Knob::nuisances(&unit);
@@ -166,7 +170,9 @@ fn servomotor_stage(
     let runs = Run::all(&trials);
     let law = plain(&runs).ok_or_else(still)?;
     let seen = flexible(&runs, &law).ok_or_else(still)?;
-    let (follows, left) = follows(&runs, &law).ok_or_else(still)?;
+    // Laws are told apart on pieces left out, of which two would be too few.
+    let many: Vec<Trial> = pieces(&whole, LAW_PIECES).into_iter().map(Trial::servomotor_stage).collect();
+    let (follows, left) = follows(&Run::all(&many), &law).ok_or_else(still)?;
     if !settings.free && law.above_1_s + law.below_1_s < 0.0 {
         notes.push(
             "The servomotor moves against the spool's sign; is the spool position recorded the other way round?".into(),

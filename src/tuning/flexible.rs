@@ -48,7 +48,6 @@ pub fn corners(runs: &[Run], law: &Plain) -> Vec<f64> {
 }
 
 /// The broken line with these corners, and the drift with the opening.
-#[must_use]
 pub fn broken_line(corners: &[f64]) -> impl Fn(f64, f64) -> Vec<f64> {
     move |spool, start| {
         let line = [1.0, spool, start].into_iter();

@@ -35,7 +35,7 @@ pub fn follows(runs: &[Run], law: &Plain) -> Option<(Follows, [f64; 3])> {
     let runs: Vec<Run> = runs.iter().map(|run| run.thinned(LOOKED_AT)).collect();
     let moved: f64 = runs.iter().flat_map(|run| run.opening.iter().map(|y| (y - run.opening[0]).powi(2))).sum();
     let corners = corners(&runs, law);
-    let line = broken_line(&corners);
+    let line = |spool, _| broken_line(&corners)(spool, 0.0);
     let length_s = typical_s(&runs);
     let missed = |law: &Law<'_>| left_out(&law.normals(&runs));
     let least = |laws: &mut dyn Iterator<Item = Option<f64>>| laws.flatten().min_by(f64::total_cmp);

@@ -69,7 +69,9 @@ pub struct Sheetless {
 /// of either channel make no difference.
 #[must_use]
 pub fn sheetless(mut whole: Vec<Recording>, reference: &Unit) -> Option<Sheetless> {
-    whole.iter_mut().for_each(|recording| join_spool(&mut recording.frames));
+    for recording in &mut whole {
+        join_spool(&mut recording.frames);
+    }
     let trials = |whole: &[Recording]| -> Vec<Trial> {
         pieces(whole, PIECES).into_iter().map(Trial::servomotor_stage).collect()
     };

@@ -251,12 +251,11 @@ pub fn explanation(diagnosis: &Diagnosis) -> Vec<String> {
     }
     match diagnosis.verdict {
         Verdict::Class | Verdict::Named => all.extend(besides(diagnosis).map(|words| capital(&words))),
-        Verdict::Unknown => all.push(misses(diagnosis)),
+        Verdict::Unknown | Verdict::NoSuchUnit => all.push(misses(diagnosis)),
         Verdict::NoGap => {
             all.push(misses(diagnosis));
             all.push("What would have shown, had it been there, stands below under what could be seen.".into());
         }
-        Verdict::NoSuchUnit => all.push(misses(diagnosis)),
         Verdict::NotExcited => {
             all.push(misses(diagnosis));
             all.push("Record a process that travels: a start-up, a step of load, a shutdown by the ESV.".into());
