@@ -9,30 +9,32 @@ use crate::diagnosis::explorer::{Hypothesis, LAW_ERROR, RARITY, kappa};
 use crate::diagnosis::model::Model;
 use crate::diagnosis::support::{Placed, Variant, with_effect};
 use crate::effects::EffectSpec;
+use crate::parameters::Unit;
 use crate::tuning::bench::Bench;
-use crate::tuning::fit::{Effort, Start, fit_all};
+use crate::tuning::cooling::cooled;
+use crate::tuning::fit::{Effort, Fit, fit};
+use crate::tuning::knob::Knob;
 
 /// Sizes from which an effect starts, in typical ones.
-const SIZES: [f64; 3] = [1.0, -1.0, 0.2];
+const SIZES: [f64; 2] = [1.0, -1.0];
+/// Rounds of a fit at each temperature.
+const ROUNDS: usize = 3;
 
 /// Fits every single effect from the unfitted stage as well, and keeps what is better.
 pub fn singles(found: &mut Explored, bench: &Bench, sheet: &Model, catalogue: &[&'static EffectSpec]) {
-    let places: Vec<(usize, Placed)> = catalogue
-        .iter()
-        .enumerate()
-        .flat_map(|(effect, spec)| {
-            let of = move |size| with_effect(sheet, spec, Variant { size, further: 1.0 });
-            SIZES.into_iter().filter_map(of).map(move |placed| (effect, placed))
-        })
-        .collect();
-    let starts: Vec<Start<'_>> = places
-        .iter()
-        .map(|(_, (base, knobs, positions))| Start { base, knobs, positions, effort: Effort::FULL, known: None })
-        .collect();
-    let fits = fit_all(bench, &starts);
-    drop(starts);
+    let mut fitted: Vec<(usize, Unit, Vec<Knob>, Fit)> = Vec::new();
+    for (effect, spec) in catalogue.iter().enumerate() {
+        let of = |size| with_effect(sheet, spec, Variant { size, further: 1.0 });
+        let places: Vec<Placed> = SIZES.into_iter().filter_map(of).collect();
+        let Some((base, knobs, _)) = places.first() else { continue };
+        let starts: Vec<Vec<f64>> = places.iter().map(|(_, _, positions)| positions.clone()).collect();
+        let rough = cooled(bench, base, knobs, &starts, ROUNDS);
+        let Some(best) = rough.into_iter().min_by(|a, b| a.cost().total_cmp(&b.cost())) else { continue };
+        let fine = fit(bench, base, knobs, &best.positions, Effort::FULL, Some(&best.slopes));
+        fitted.push((effect, base.clone(), knobs.clone(), fine));
+    }
     let shared = Shared::new(bench, &found.discrepancy, found.refitted().cost());
-    for ((effect, (base, knobs, _)), fit) in places.into_iter().zip(fits) {
+    for (effect, base, knobs, fit) in fitted {
         let known = found.hypotheses.iter().position(|one| one.effects == [effect]);
         if known.is_some_and(|place| found.hypotheses[place].model.cost() <= fit.cost()) {
             continue;

@@ -30,21 +30,36 @@ pub enum Follows {
 }
 
 /// The law that predicts best, and the share of the squared movement that each leaves: sum, spool, nothing.
+///
+/// Over a long run the sum of small errors drifts away, which a position that settles never does: another law than the sum must predict better over
+/// the time of one travel as well.
 #[must_use]
 pub fn follows(runs: &[Run], law: &Plain) -> Option<(Follows, [f64; 3])> {
     let runs: Vec<Run> = runs.iter().map(|run| run.thinned(LOOKED_AT)).collect();
+    let travel_s = travel_s(&runs);
+    let (long, left) = best(&runs, law, travel_s)?;
+    if long == Follows::Sum {
+        return Some((long, left));
+    }
+    let windows: Vec<Run> = runs.iter().flat_map(|run| run.windows(travel_s)).collect();
+    match best(&windows, law, travel_s) {
+        Some((Follows::Sum, left)) => Some((Follows::Sum, left)),
+        _ => Some((long, left)),
+    }
+}
+
+/// The same over the runs as they are.
+fn best(runs: &[Run], law: &Plain, travel_s: f64) -> Option<(Follows, [f64; 3])> {
     let moved: f64 = runs.iter().flat_map(|run| run.opening.iter().map(|y| (y - run.opening[0]).powi(2))).sum();
-    let corners = corners(&runs, law);
+    let corners = corners(runs, law);
     let line = |spool, _| broken_line(&corners)(spool, 0.0);
-    let length_s = typical_s(&runs);
-    let missed = |law: &Law<'_>| left_out(&law.normals(&runs));
+    let length_s = typical_s(runs);
+    let missed = |law: &Law<'_>| left_out(&law.normals(runs));
     let least = |laws: &mut dyn Iterator<Item = Option<f64>>| laws.flatten().min_by(f64::total_cmp);
 
     let sum = least(&mut Lag::tried(length_s).map(|lag| missed(&Law { lag, settles_s: None, shapes: &line })))?;
     let level = |settles_s: Option<f64>| missed(&Law { lag: Lag::Dead(0.0), settles_s, shapes: &|_, _| vec![1.0] });
-    let stands: f64 = moved;
-    let nothing = least(&mut [Some(stands), level(None), level(Some(0.0))].into_iter())?;
-    let travel_s = travel_s(&runs);
+    let nothing = least(&mut [Some(moved), level(None), level(Some(0.0))].into_iter())?;
     let settled = SETTLES.into_iter().filter_map(|share| {
         let settles_s = share * travel_s;
         let of = |lag| missed(&Law { lag, settles_s: Some(settles_s), shapes: &line });

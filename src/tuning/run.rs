@@ -131,6 +131,27 @@ impl Run {
         all
     }
 
+    /// Free runs of a length, one behind another, each from its own measured start, without what is left over at the end, s.
+    #[must_use]
+    pub fn windows(&self, length_s: f64) -> Vec<Self> {
+        let mut all = Vec::new();
+        let mut from = 0;
+        for k in 0..self.time_s.len() {
+            if self.time_s[k] - self.time_s[from] < length_s {
+                continue;
+            }
+            if k - from > 1 {
+                all.push(Self {
+                    time_s: self.time_s[from..=k].iter().map(|time_s| time_s - self.time_s[from]).collect(),
+                    spool: self.spool[from..=k].to_vec(),
+                    opening: self.opening[from..=k].to_vec(),
+                });
+            }
+            from = k;
+        }
+        all
+    }
+
     /// Every so many samples, so that no more than about `most` are left.
     #[must_use]
     pub fn thinned(&self, most: usize) -> Self {
@@ -240,12 +261,21 @@ impl Normal {
 /// The coefficients that are best for some runs; none where nothing determines them.
 #[must_use]
 pub fn solved<'a>(normals: impl Iterator<Item = &'a Normal>) -> Option<DVector<f64>> {
-    let (hessian, gradient) = normals
+    let (hessian, gradient) = summed(normals)?;
+    solution(&hessian, &gradient)
+}
+
+/// Normal equations of several runs together.
+fn summed<'a>(normals: impl Iterator<Item = &'a Normal>) -> Option<(DMatrix<f64>, DVector<f64>)> {
+    normals
         .map(|normal| (normal.hessian.clone(), normal.gradient.clone()))
-        .reduce(|one, other| (one.0 + other.0, one.1 + other.1))?;
+        .reduce(|one, other| (one.0 + other.0, one.1 + other.1))
+}
+
+fn solution(hessian: &DMatrix<f64>, gradient: &DVector<f64>) -> Option<DVector<f64>> {
     let width = gradient.len();
     // Each shape by its own size, so that the ridge means the same in every unit.
-    let sizes = DVector::from_fn(width, |k, _| hessian[(k, k)].sqrt().max(f64::MIN_POSITIVE.sqrt()));
+    let sizes = DVector::from_fn(width, |k, _| hessian[(k, k)].max(0.0).sqrt().max(f64::MIN_POSITIVE.sqrt()));
     let scaled = DMatrix::from_fn(width, width, |i, j| hessian[(i, j)] / (sizes[i] * sizes[j]));
     let best = (scaled + DMatrix::identity(width, width) * RIDGE).cholesky()?.solve(&gradient.component_div(&sizes));
     Some(best.component_div(&sizes))
@@ -254,10 +284,14 @@ pub fn solved<'a>(normals: impl Iterator<Item = &'a Normal>) -> Option<DVector<f
 /// Sum of squares that is missed in each run by a fit to the others; a single run is judged by its own.
 #[must_use]
 pub fn left_out(normals: &[Normal]) -> Option<f64> {
+    let (hessian, gradient) = summed(normals.iter())?;
     let mut missed = 0.0;
-    for (left, normal) in normals.iter().enumerate() {
-        let others = normals.iter().enumerate().filter(|(k, _)| *k != left || normals.len() == 1);
-        missed += normal.missed(&solved(others.map(|(_, normal)| normal))?);
+    for normal in normals {
+        let best = match normals.len() {
+            1 => solution(&hessian, &gradient),
+            _ => solution(&(&hessian - &normal.hessian), &(&gradient - &normal.gradient)),
+        };
+        missed += normal.missed(&best?);
     }
     Some(missed)
 }
