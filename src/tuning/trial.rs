@@ -236,7 +236,10 @@ pub fn join_spool(frames: &mut Vec<Frame>) {
         }
     }
     frames.truncate(last + 1);
-    frames.drain(..first);
+    // A free run starts where the servomotor was measured.
+    let starts = |frame: &Frame| frame.measured.servomotor_position_pu.is_finite();
+    let start = frames.iter().skip(first).position(starts).map_or(frames.len(), |behind| first + behind);
+    frames.drain(..start);
 }
 
 /// Goes through twins as many at a time as there are lanes, and one by one where they do not fit side by side.
