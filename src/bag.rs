@@ -64,6 +64,7 @@ mod writer;
 
 use std::fmt;
 
+use crate::parameters::Channels;
 use crate::recording::Recording;
 
 pub use error::BagError;
@@ -210,8 +211,28 @@ impl Interpolation {
     }
 }
 
+/// What the numbers of recorded positions mean.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Positions {
+    /// Pu, as the messages say; what no transducer reads is dropped.
+    #[default]
+    Pu,
+    /// Spool and servomotor in units of their own, which are read as pu.
+    Recorded(Channels),
+    /// Anything that rises and falls with the position, taken as it is.
+    AnyUnit,
+}
+
+impl Positions {
+    /// As a unit's file says.
+    #[must_use]
+    pub fn of(channels: Channels) -> Self {
+        if channels == Channels::default() { Self::Pu } else { Self::Recorded(channels) }
+    }
+}
+
 /// How a bag is to be read.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct ReadOptions {
     /// Where the streams are.
     pub topics: Topics,
@@ -222,10 +243,17 @@ pub struct ReadOptions {
     /// For others that are absent a constant stands in, and the health says so: command NaN, ESV
     /// normal, tank pressure NaN, measured signals NaN.
     pub required: Vec<Stream>,
+    /// What the numbers of positions mean.
+    pub positions: Positions,
 }
 
 impl Default for ReadOptions {
     fn default() -> Self {
-        Self { topics: Topics::default(), interpolation: Interpolation::default(), required: Stream::INPUTS.to_vec() }
+        Self {
+            topics: Topics::default(),
+            interpolation: Interpolation::default(),
+            required: Stream::INPUTS.to_vec(),
+            positions: Positions::default(),
+        }
     }
 }

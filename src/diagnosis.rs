@@ -7,6 +7,7 @@
 //! a reader needs to believe it ([`summary`]).
 
 pub mod agreement;
+mod anew;
 pub mod candidate;
 pub mod channels;
 pub mod closure;
@@ -38,6 +39,7 @@ pub mod summary;
 pub mod support;
 pub mod survivors;
 pub mod table;
+pub mod told;
 pub mod traces;
 
 use crate::diagnosis::decision::Decision;
@@ -49,6 +51,7 @@ use crate::diagnosis::table::Table;
 use crate::effects::{CATALOGUE, EffectSpec};
 use crate::parameters::Unit;
 use crate::recording::Recording;
+use crate::signal::Signal;
 use crate::tuning::loop_noise::quieter;
 
 /// What to try.
@@ -110,6 +113,9 @@ pub fn diagnose(
         explored = explore(&renewed, &refitted, &sheet, &settings.catalogue, progress);
         bench = renewed;
     }
+    if stage_only && !ready.sheet {
+        anew::singles(&mut explored, &bench, &sheet, &settings.catalogue);
+    }
     progress("tabulating the evidence", 0.85);
     let table = Table::new(&bench, &explored, &settings.catalogue);
     // Weights are learned on whole chains; of a stage alone nothing is learned, and evidence counts as it is.
@@ -150,8 +156,11 @@ pub fn diagnose(
         weights: &weights,
     };
     let mut diagnosis = summary::gather(judged, &ready.unit, settings, Seen { channels, notes });
-    if stage_only {
-        diagnosis.part = Some(part::describe(&ready, &explored, &decision));
+    diagnosis.part = part::describe(&ready, &explored, &decision);
+    if let Some(part) = diagnosis.part.as_ref().filter(|part| !part.sheet) {
+        // What the most flexible law leaves is the error of equations, no transducer's noise.
+        let judged = diagnosis.gap.iter_mut().filter(|gap| gap.signal == Signal::ServomotorPosition);
+        judged.for_each(|gap| gap.noise_floor = part.transducers_pu);
     }
     Ok(diagnosis)
 }

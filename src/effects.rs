@@ -16,6 +16,7 @@ pub mod esv_slow;
 pub mod feedback_bias;
 pub mod feedback_lag;
 pub mod flow_force;
+pub mod flow_saturation;
 pub mod load;
 pub mod lvdt_bias;
 pub mod lvdt_gain;
@@ -35,6 +36,7 @@ pub mod servo_leak;
 pub mod spool_friction;
 pub mod spring;
 pub mod supply_loss;
+pub mod valve_lag;
 pub mod viscosity;
 
 use std::fmt;
@@ -187,6 +189,8 @@ pub const CATALOGUE: &[EffectSpec] = &[
     spring::SPEC,
     flow_force::SPEC,
     viscosity::SPEC,
+    valve_lag::SPEC,
+    flow_saturation::SPEC,
     port_overlap::SPEC,
     port_wear::SPEC,
     port_asymmetry::SPEC,
@@ -206,8 +210,8 @@ pub const CATALOGUE: &[EffectSpec] = &[
 
 /// Effects that are tried only where the servomotor stage stands alone: no unit of a planned battery has them, so that nobody knows yet what
 /// they would take from others in the whole chain. There the regulator makes up for worn ports: in units of the battery that have them the
-/// strongest signal moves by 0.9 to 2.3 times its noise floor.
-pub const STAGE_ALONE: &[&str] = &["port_wear", "port_asymmetry"];
+/// strongest signal moves by 0.9 to 2.3 times its noise floor. Lag and saturation behind a recorded valve signal are no part of a simulated spool.
+pub const STAGE_ALONE: &[&str] = &["valve_lag", "flow_saturation", "port_wear", "port_asymmetry"];
 
 /// The effects that are tried in the whole chain.
 pub fn of_the_chain() -> impl Iterator<Item = &'static EffectSpec> {

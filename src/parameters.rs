@@ -1,5 +1,9 @@
 //! The plant's parameters as named, dimensioned numbers, and a flat table of them for files and fits.
 
+mod channels;
+
+pub use channels::{Channels, Reading};
+
 /// One row of the table: where a parameter lives, its unit, and the range that physics allows.
 #[derive(Clone, Copy)]
 pub struct Entry {
@@ -261,4 +265,6 @@ pub struct Unit {
     pub effects: Vec<EffectSetting>,
     /// Effects of the owner's, beside those of the catalogue; [`Unit::effects`] switches them on.
     pub own_effects: Vec<OwnEffect>,
+    /// How its positions are recorded, where not in pu.
+    pub recorded: Channels,
 }

@@ -2,8 +2,8 @@
 
 pub mod admission;
 pub mod bench;
-mod between;
 pub mod calibration;
+pub mod command;
 pub mod cooling;
 mod descent;
 pub mod fit;
@@ -12,7 +12,11 @@ pub mod knob;
 pub mod linear;
 pub mod loop_noise;
 pub mod noise;
+pub mod pieces;
+pub mod plain;
 pub mod rest;
+pub mod rivals;
+pub mod run;
 pub mod sheetless;
 pub mod swing;
 pub mod trial;

@@ -225,6 +225,7 @@ impl Twin {
                 Point::ValveCurrent => now.valve_current_pu,
                 Point::ServomotorReading | Point::RegulatorServomotor => now.servomotor_reading_pu,
                 Point::RegulatorSpool => plant.spool.reading_pu(now.state.spool_position_m),
+                Point::DrivingSpool => now.state.spool_position_m,
                 _ => 0.0,
             };
             plant.terms.reset(point, signal, memory);

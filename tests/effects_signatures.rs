@@ -331,6 +331,36 @@ fn worn_edges_pass_oil_early_and_are_as_new_far_out() {
     assert!(speed_m_s(&[setting("port_wear", &[1e-4])], -edge_pu) < -5e-5);
 }
 
+/// Speed of the servomotor, pu/s, and position at each row, of a stage whose recorded spool steps from rest after half a second.
+fn stepped(effects: &[EffectSetting], spool_pu: f64) -> Vec<f64> {
+    let row = |i: i64| {
+        let measured = Signals {
+            spool_position_pu: if i < 50 { 0.0 } else { spool_pu },
+            servomotor_position_pu: 0.3,
+            ..Signals::NONE
+        };
+        let inputs = Inputs { opening_command_pu: f64::NAN, esv: EsvState::Normal, tank_pressure_pa: TANK_PA };
+        Frame { time_ns: i * 10_000_000, inputs, measured }
+    };
+    let recording = Recording::new("step", (0..200).map(row).collect());
+    let estimates = replay::simulate(&mut Twin::new(&with(effects)).with_cut(Cut::Spool), &recording);
+    estimates.iter().map(|estimate| estimate.signals.servomotor_position_pu).collect()
+}
+
+#[test]
+fn a_lagging_valve_costs_its_time_constant_of_travel_and_a_full_one_goes_no_faster() {
+    let speed = |at: &[f64]| (at[199] - at[180]) / 0.19;
+    let nominal = stepped(&[], 0.2);
+    let late = stepped(&[setting("valve_lag", &[0.1])], 0.2);
+    assert!((speed(&late) / speed(&nominal) - 1.0).abs() < 0.01);
+    // Flow is linear in the spool beyond its overlap, which the late valve leaves a little later still.
+    let behind_s = (nominal[199] - late[199]) / speed(&nominal);
+    assert!((0.095..0.115).contains(&behind_s), "{behind_s} s");
+    let full = stepped(&[setting("flow_saturation", &[0.9])], 0.4);
+    assert!((speed(&full) / speed(&stepped(&[], 0.1)) - 1.0).abs() < 1e-3);
+    assert_eq!(stepped(&[setting("flow_saturation", &[0.5])], 0.4), stepped(&[], 0.4));
+}
+
 #[test]
 fn a_leaking_piston_creeps_under_its_load() {
     let p = govtwin::params::reference().parameters.servomotor;

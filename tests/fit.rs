@@ -171,7 +171,7 @@ fn a_long_rest_left_out_changes_only_the_time_it_takes() {
     let scenario = Scenario {
         unit: params::reference(),
         process: Process::LoadRejection,
-        rate_hz: 25.0,
+        rate_hz: 5.0,
         duration_s: 150.0,
         rich: false,
         seed: 5,

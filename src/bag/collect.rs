@@ -9,7 +9,7 @@ use super::order::{self, Jump, Silence};
 use super::pace::Pace;
 use super::streams::{Command, Pressure, Sample, Value, decode};
 use super::topic::{RawView, TopicInfo, shown};
-use super::{ReadOptions, Stream, StreamHealth, Topics, Warning};
+use super::{Positions, ReadOptions, Stream, StreamHealth, Warning};
 use crate::frame::{EsvState, Signals};
 use crate::msg::Interface;
 use crate::msg::definition;
@@ -17,6 +17,7 @@ use crate::msg::definition;
 /// One stream.
 pub(super) struct Collector<V> {
     stream: Stream,
+    positions: Positions,
     pub(super) samples: Vec<Sample<V>>,
     /// There was a sample.
     heard: bool,
@@ -50,9 +51,10 @@ pub(super) trait AnyCollector {
 }
 
 impl<V: Value> Collector<V> {
-    fn new(stream: Stream, topics: &Topics) -> Self {
-        let health = StreamHealth { topic: topics.of(stream).to_owned(), ..StreamHealth::default() };
-        Self { stream, samples: vec![], heard: false, health, evidence: StreamEvidence::new(stream) }
+    fn new(stream: Stream, options: &ReadOptions) -> Self {
+        let health = StreamHealth { topic: options.topics.of(stream).to_owned(), ..StreamHealth::default() };
+        let evidence = StreamEvidence::new(stream);
+        Self { stream, positions: options.positions, samples: vec![], heard: false, health, evidence }
     }
 }
 
@@ -74,7 +76,7 @@ impl<V: Value> AnyCollector for Collector<V> {
     }
 
     fn take(&mut self, message: RawView<'_>) {
-        if let Some(sample) = decode(message, &mut self.health, &mut self.evidence) {
+        if let Some(sample) = decode(message, self.positions, &mut self.health, &mut self.evidence) {
             self.heard = true;
             self.samples.push(sample);
         }
@@ -144,10 +146,10 @@ pub(super) struct Collected {
 impl Collected {
     pub(super) fn new(options: &ReadOptions) -> Self {
         Self {
-            command: Collector::new(Stream::Command, &options.topics),
-            esv: Collector::new(Stream::Esv, &options.topics),
-            tank_pressure: Collector::new(Stream::TankPressure, &options.topics),
-            servo_state: Collector::new(Stream::ServoState, &options.topics),
+            command: Collector::new(Stream::Command, options),
+            esv: Collector::new(Stream::Esv, options),
+            tank_pressure: Collector::new(Stream::TankPressure, options),
+            servo_state: Collector::new(Stream::ServoState, options),
             known: BTreeMap::new(),
         }
     }

@@ -29,6 +29,8 @@ pub(super) const COMMAND_LIMITS: Limits = Limits { what: "opening", unit: "pu", 
 pub(super) const PRESSURE_LIMITS: Limits = Limits { what: "pressure", unit: "Pa", least: -1.1e5, most: 1.0e8 };
 /// Positions in pu; a transducer may overshoot its span, not multiply it.
 pub(super) const POSITION_LIMITS: Limits = Limits { what: "position", unit: "pu", least: -10.0, most: 10.0 };
+/// Positions in a unit that nobody knows.
+pub(super) const ANY_LIMITS: Limits = Limits { what: "position", unit: "in any unit", least: -1.0e12, most: 1.0e12 };
 
 /// Guide-vane commands in percent lie here.
 const PERCENT: std::ops::RangeInclusive<f64> = 2.0..=105.0;

@@ -1,11 +1,12 @@
 //! Decoding of the four streams: bytes to samples, with values that cannot be dropped and counted.
 
 use super::evidence::StreamEvidence;
-use super::qualification::{COMMAND_LIMITS, POSITION_LIMITS, PRESSURE_LIMITS, check_tank_pressure};
+use super::qualification::{ANY_LIMITS, COMMAND_LIMITS, POSITION_LIMITS, PRESSURE_LIMITS, check_tank_pressure};
 use super::topic::RawView;
-use super::{StreamHealth, cdr};
+use super::{Positions, StreamHealth, cdr};
 use crate::frame::{EsvState, Signals};
 use crate::msg::{self, Interface, Time};
+use crate::parameters::{Channels, Reading};
 
 /// One decoded value with its times.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,7 +25,7 @@ pub(super) trait Value: Copy + Sized {
     type Message: Interface;
 
     /// Takes the value out, or says why it cannot be one. Parts that are dropped go to `faults`.
-    fn of(message: &Self::Message, faults: &mut Vec<String>) -> Result<Self, String>;
+    fn of(message: &Self::Message, positions: Positions, faults: &mut Vec<String>) -> Result<Self, String>;
 
     /// Equal to the last bit: a repeated message, not a new one.
     fn same(self, other: Self) -> bool;
@@ -43,7 +44,7 @@ pub(super) struct Command(pub(super) f64);
 impl Value for Command {
     type Message = msg::GovernorCommand;
 
-    fn of(message: &Self::Message, _: &mut Vec<String>) -> Result<Self, String> {
+    fn of(message: &Self::Message, _: Positions, _: &mut Vec<String>) -> Result<Self, String> {
         COMMAND_LIMITS.check(message.opening).map(Self)
     }
 
@@ -67,7 +68,7 @@ pub(super) struct Pressure(pub(super) f64);
 impl Value for Pressure {
     type Message = msg::FluidPressure;
 
-    fn of(message: &Self::Message, _: &mut Vec<String>) -> Result<Self, String> {
+    fn of(message: &Self::Message, _: Positions, _: &mut Vec<String>) -> Result<Self, String> {
         check_tank_pressure(message.fluid_pressure).map(Self)
     }
 
@@ -87,7 +88,7 @@ impl Value for Pressure {
 impl Value for EsvState {
     type Message = msg::EsvState;
 
-    fn of(message: &Self::Message, _: &mut Vec<String>) -> Result<Self, String> {
+    fn of(message: &Self::Message, _: Positions, _: &mut Vec<String>) -> Result<Self, String> {
         match message.state {
             msg::EsvState::SHUTDOWN => Ok(Self::Shutdown),
             msg::EsvState::NORMAL => Ok(Self::Normal),
@@ -111,10 +112,18 @@ impl Value for EsvState {
 impl Value for Signals {
     type Message = msg::ServoState;
 
-    fn of(message: &Self::Message, faults: &mut Vec<String>) -> Result<Self, String> {
+    fn of(message: &Self::Message, positions: Positions, faults: &mut Vec<String>) -> Result<Self, String> {
+        let mut position = |reading: fn(&Channels) -> Reading, recorded: f64| match positions {
+            Positions::Pu => POSITION_LIMITS.check_signal(recorded, faults),
+            Positions::Recorded(channels) => {
+                POSITION_LIMITS.check_signal(reading(&channels).position_pu(recorded), faults)
+            }
+            // An infinity is no position in any unit.
+            Positions::AnyUnit => ANY_LIMITS.check_signal(recorded, faults),
+        };
         Ok(Self {
-            spool_position_pu: POSITION_LIMITS.check_signal(message.spool_position, faults),
-            servomotor_position_pu: POSITION_LIMITS.check_signal(message.servomotor_position, faults),
+            spool_position_pu: position(|channels| channels.spool_position, message.spool_position),
+            servomotor_position_pu: position(|channels| channels.servomotor_position, message.servomotor_position),
             pilot_valve_position_pu: POSITION_LIMITS.check_signal(message.pilot_valve_position, faults),
             control_pressure_pa: PRESSURE_LIMITS.check_signal(message.control_pressure, faults),
         })
@@ -151,6 +160,7 @@ impl Value for Signals {
 /// Decodes one message into a sample; what cannot be used is counted.
 pub(super) fn decode<V: Value>(
     view: RawView<'_>,
+    positions: Positions,
     health: &mut StreamHealth,
     evidence: &mut StreamEvidence,
 ) -> Option<Sample<V>> {
@@ -171,7 +181,7 @@ pub(super) fn decode<V: Value>(
         return None;
     };
     let mut faults = vec![];
-    let value = V::of(&message, &mut faults).map_err(|fault| faults.push(fault)).ok();
+    let value = V::of(&message, positions, &mut faults).map_err(|fault| faults.push(fault)).ok();
     health.bad_values += faults.len() as u64;
     if let Some(fault) = faults.first() {
         health.bad_messages += 1;

@@ -119,7 +119,7 @@ impl Said {
     /// The verdict.
     #[must_use]
     pub fn verdict(&self) -> Option<Verdict> {
-        [Verdict::Named, Verdict::Class, Verdict::Unknown, Verdict::NoGap, Verdict::NotExcited]
+        [Verdict::Named, Verdict::Class, Verdict::Unknown, Verdict::NoGap, Verdict::NotExcited, Verdict::NoSuchUnit]
             .into_iter()
             .find(|verdict| verdict.id() == self.verdict)
     }

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use govtwin::bag::{self, BagError, Health, Interpolation, Loaded, ReadOptions, Stream, Topics, Warning};
+use govtwin::bag::{self, BagError, Health, Interpolation, Loaded, Positions, ReadOptions, Stream, Topics, Warning};
 use govtwin::import::Map;
 use govtwin::parameters::Unit;
 use govtwin::params::quantity_text;
@@ -164,8 +164,29 @@ const OWN: &str = "simulated by govtwin's own twin, which says nothing of the un
 /// one of the servomotor stage, driven by its spool; that other inputs are missing is then no news. What is read is held against
 /// the sheet of the unit where it may have another unit of measure.
 pub fn read(paths: &[PathBuf], topics: &Topics, unit: &Unit) -> anyhow::Result<Recordings> {
+    read_as(paths, topics, unit, Positions::of(unit.recorded))
+}
+
+/// Reads all bags where no sheet is given, and says whether there is nothing but servomotor stages in them, whose positions are then in any unit.
+///
+/// `stage_only` takes the servomotor stage of recordings with a command as well.
+pub fn read_without_sheet(
+    paths: &[PathBuf],
+    topics: &Topics,
+    reference: &Unit,
+    stage_only: bool,
+) -> anyhow::Result<(Recordings, bool)> {
+    let found = read_as(paths, topics, reference, Positions::AnyUnit)?;
+    if stage_only || !found.recordings.iter().any(Recording::has_command) {
+        return Ok((found, true));
+    }
+    Ok((read(paths, topics, reference)?, false))
+}
+
+fn read_as(paths: &[PathBuf], topics: &Topics, unit: &Unit, positions: Positions) -> anyhow::Result<Recordings> {
     let bags = find(paths)?;
     let options = ReadOptions {
+        positions,
         topics: topics.clone(),
         interpolation: Interpolation::Sharp { period_ns: TICK_NS },
         required: vec![Stream::ServoState],

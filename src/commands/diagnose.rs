@@ -49,8 +49,8 @@ pub struct Args {
     /// Tries the effects that a parameter file defines beside the catalogue's; may be repeated.
     #[arg(long = "candidate", value_name = "FILE")]
     candidates: Vec<PathBuf>,
-    /// No data sheet is known: judges the servomotor stage alone, driven by the recorded spool, all of it fitted freely.
-    /// Taken for granted where no recording holds a command and no sheet is given.
+    /// No data sheet is known: judges the servomotor stage alone, driven by the recorded spool, all of it fitted freely, from positions
+    /// in any unit. Taken for granted where no recording holds a command and no sheet is given.
     #[arg(long = "no-sheet", alias = "free", conflicts_with = "params")]
     free: bool,
     /// Seed of the resampling behind the intervals of closures.
@@ -66,12 +66,13 @@ pub struct Args {
 
 const HELP: &str = "\
 First refits the sheet's parameters within their tolerances: most gaps are parameters. Then tries every effect of the catalogue
-(`govtwin effects`) on top, alone and together, and says one of five things:
+(`govtwin effects`) on top, alone and together, and says one of six things:
   named        these effects, all present at once
   class        one of these effects; the recordings cannot tell which, and the report says which test would
   unknown      a gap that nothing in the catalogue explains, with its place and shape
   no_gap       nothing beyond noise and tolerances
   not_excited  the recordings do not move the unit enough to tell
+  no_such_unit of a stage alone: the position follows another law than a servomotor's, or nothing of the spool
 DIR/next_test.mcap is the test that is expected to settle most of what is open, a script of command, ESV and tank pressure: `govtwin play` sends
 it to a governor or to the twin. Record the answer as NEW; `govtwin diagnose OLD NEW` then judges both. Where nothing is open there is no such file.
 `govtwin replay --params DIR/fitted.yaml BAG` tries the claim on another recording, refitted.yaml the twin without it.
@@ -95,6 +96,7 @@ enum Which {
     Unknown,
     NoGap,
     NotExcited,
+    NoSuchUnit,
 }
 
 impl Which {
@@ -106,6 +108,7 @@ impl Which {
                 Self::Unknown => Verdict::Unknown,
                 Self::NoGap => Verdict::NoGap,
                 Self::NotExcited => Verdict::NotExcited,
+                Self::NoSuchUnit => Verdict::NoSuchUnit,
             }
     }
 }
@@ -123,7 +126,11 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let output = Output::claim(&out, &files::NAMES)?;
     let mut made = provenance::new("diagnose", &sheet, Some(args.seed))?;
     let mapped = args.map.open(&args.bags)?;
-    let Recordings { recordings, warnings, read } = bags::read(&mapped.paths, &args.topics.topics(), &unit)?;
+    let topics = args.topics.topics();
+    let (Recordings { recordings, warnings, read }, free) = match args.params {
+        Some(_) => (bags::read(&mapped.paths, &topics, &unit)?, false),
+        None => bags::read_without_sheet(&mapped.paths, &topics, &unit, args.free)?,
+    };
     made.recordings = provenance::inputs(&read, &mapped);
     if !args.overwrite {
         files::refuse_to_replace(&out, &made)?;
@@ -132,10 +139,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     for warning in &warnings {
         warn(warning);
     }
-    let settings = Settings {
-        free: settings.free || (args.params.is_none() && !recordings.iter().any(Recording::has_command)),
-        ..settings
-    };
+    let settings = Settings { free, ..settings };
     let (diagnosis, seconds) = judge(recordings, &unit, &settings)?;
     describe(&mut made, args, &settings, &name, &warnings, &diagnosis)?;
     let json = files::write(output, &diagnosis, &unit, &made, seconds)?;

@@ -7,6 +7,8 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use anyhow::{Context, bail};
+use govtwin::diagnosis::model::Model;
+use govtwin::diagnosis::told::{Told, told};
 use govtwin::parameters::{ENTRIES, Unit};
 use govtwin::params::{self, Overlay, Sheet, nearest, number_text};
 use govtwin::provenance::Provenance;
@@ -16,6 +18,9 @@ use govtwin::tuning::bench::Bench;
 use govtwin::tuning::calibration::{Calibration, calibrate, parts};
 use govtwin::tuning::knob::Knob;
 use govtwin::tuning::noise;
+use govtwin::tuning::plain::plain;
+use govtwin::tuning::run::Run;
+use govtwin::tuning::sheetless::sheetless;
 use govtwin::tuning::trial::Trial;
 use govtwin::twin::Cut;
 
@@ -39,7 +44,8 @@ pub struct Args {
     topics: TopicArgs,
     #[command(flatten)]
     map: MapArgs,
-    /// Parameter file of the unit; without it the shipped reference unit.
+    /// Parameter file of the unit. Without it recordings that hold a command are fitted by the shipped reference unit's, and servomotor stages
+    /// freely, from positions in any unit.
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
     /// An effect to fit as well, of `govtwin effects` or of the parameter file.
@@ -84,17 +90,37 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     for path in &args.candidates {
         adopt(&params::load(path)?, params::load_candidates(path)?, &mut sheet.unit)?;
     }
-    let knobs = knobs(args, &mut sheet.unit)?;
+    let mut turned = knobs(args, &mut sheet.unit)?;
     let output = args.out.as_ref().map(|out| Output::claim(out, &["fitted.yaml", "fit.json"])).transpose()?;
     let mapped = args.map.open(&args.bags)?;
-    let read = bags::read(&mapped.paths, &args.topics.topics(), &sheet.unit)?;
+    let read = read(args, &mapped.paths, &sheet.unit)?;
     let mut made = describe(args, &sheet, &mapped, &read)?;
-    let (trials, found) = trials(read, &mut made)?;
+    let (recordings, found) = taken(read, &mut made)?;
     let mut warnings = [mapped.warnings, found].concat();
+    let mut expected = noise::expected(&sheet.unit.sensors);
+    let trials = if args.params.is_none() && recordings.iter().all(|(_, cut)| *cut == Cut::Spool) {
+        let whole = recordings.into_iter().map(|(recording, _)| recording).collect();
+        let ready = sheetless(whole, &sheet.unit)
+            .context("spool or servomotor stand still, so that neither says what drives what")?;
+        warnings.extend(ready.notes.into_iter().map(|note| note.trim_end_matches('.').to_owned()));
+        // What was asked for goes on top of the unit of no sheet.
+        (sheet.unit.parameters, sheet.unit.tolerances) = (ready.unit.parameters, ready.unit.tolerances);
+        sheet.unit.recorded = ready.unit.recorded;
+        sheet.unit.effects.splice(0..0, ready.unit.effects);
+        "servomotor stage without a data sheet".clone_into(&mut sheet.name);
+        turned = knobs(args, &mut sheet.unit)?;
+        turned.extend(ready.knobs.into_iter().filter(|knob| matches!(knob, Knob::Effect { .. })));
+        expected = ready.noise;
+        ready.pieces
+    } else {
+        if args.params.is_none() {
+            warnings.push("no data sheet given: the shipped reference unit's is taken (--params)".to_owned());
+        }
+        prepared(recordings, &mut warnings)
+    };
     let starts = usize::from(args.starts);
     let progress = Progress::new(parts(starts), "parts of the fit");
-    let expected = noise::expected(&sheet.unit.sensors);
-    let (bench, fitted) = calibrate(trials, &sheet.unit, knobs, &expected, starts, &|| progress.step());
+    let (bench, fitted) = calibrate(trials, &sheet.unit, turned, &expected, starts, &|| progress.step());
     drop(progress);
     if !fitted.fit.square.is_finite() {
         bail!("the misses are not finite; do the recordings belong to this parameter file?");
@@ -106,7 +132,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let parameter_warnings = fitted.warnings();
     warnings.extend(parameter_warnings);
     made.warnings.clone_from(&warnings);
-    let mut json = figures::json(&bench, &sheet, &fitted, &warnings);
+    let told = stage(&bench, &sheet.unit, &fitted);
+    let mut json = figures::json(&bench, &sheet, &fitted, &told, &warnings);
     json["provenance"] = serde_json::to_value(&made).context("cannot write the provenance as JSON")?;
     let json = format!("{json:#}\n");
     if let Some(mut output) = output {
@@ -115,7 +142,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         output.add("fit.json", json.as_bytes())?;
         output.place()?;
     }
-    print(&if args.json { json } else { figures::text(&bench, &sheet.unit, &fitted) })?;
+    print(&if args.json { json } else { figures::text(&bench, &sheet.unit, &fitted, &told) })?;
     if let (Some(out), false) = (&args.out, args.json) {
         print(&format!("\nFitted parameters: {}\n", out.join("fitted.yaml").display()))?;
     }
@@ -145,8 +172,20 @@ fn describe(args: &Args, sheet: &Sheet, mapped: &Mapped, read: &Recordings) -> a
     Ok(made)
 }
 
+/// A recording with the cut that it is judged at.
+type Taken = (Recording, Cut);
+
+/// Reads all bags.
+fn read(args: &Args, paths: &[PathBuf], unit: &Unit) -> anyhow::Result<Recordings> {
+    let topics = args.topics.topics();
+    match args.params {
+        Some(_) => bags::read(paths, &topics, unit),
+        None => Ok(bags::read_without_sheet(paths, &topics, unit, false)?.0),
+    }
+}
+
 /// Takes in what can be used, recordings without a command as those of the servomotor stage; also warnings.
-fn trials(read: Recordings, made: &mut Provenance) -> anyhow::Result<(Vec<Trial>, Vec<String>)> {
+fn taken(read: Recordings, made: &mut Provenance) -> anyhow::Result<(Vec<Taken>, Vec<String>)> {
     let Recordings { recordings, mut warnings, .. } = read;
     let whole_or_stage = |recording: &Recording| if recording.has_command() { Cut::None } else { Cut::Spool };
     let Intake { admitted, notes, refused } = admit_all(recordings, whole_or_stage);
@@ -154,7 +193,17 @@ fn trials(read: Recordings, made: &mut Provenance) -> anyhow::Result<(Vec<Trial>
         bail!("no recording can be used:\n  {}", refused.join("\n  "));
     }
     warnings.extend(notes);
-    let trials = admitted.into_iter().map(|(recording, cut)| {
+    for one in made.recordings.iter_mut().filter(|one| one.left_out.is_none()) {
+        let head = format!("{}: ", one.name);
+        one.left_out = refused.iter().find_map(|reason| Some(reason.strip_prefix(&head)?.to_owned()));
+    }
+    warnings.extend(refused.into_iter().map(|reason| format!("{reason} (left out)")));
+    Ok((admitted, warnings))
+}
+
+/// Recordings as they are fitted to with a sheet.
+fn prepared(recordings: Vec<Taken>, warnings: &mut Vec<String>) -> Vec<Trial> {
+    let each = recordings.into_iter().map(|(recording, cut)| {
         if cut == Cut::Spool {
             warnings.push(format!("{}: no command: only the servomotor stage, driven by its spool", recording.name));
             Trial::servomotor_stage(recording)
@@ -162,13 +211,16 @@ fn trials(read: Recordings, made: &mut Provenance) -> anyhow::Result<(Vec<Trial>
             Trial::new(recording)
         }
     });
-    let trials = trials.collect();
-    for one in made.recordings.iter_mut().filter(|one| one.left_out.is_none()) {
-        let head = format!("{}: ", one.name);
-        one.left_out = refused.iter().find_map(|reason| Some(reason.strip_prefix(&head)?.to_owned()));
+    each.collect()
+}
+
+/// What was fitted of a servomotor stage alone, in the numbers of its recordings; nothing where whole chains were.
+fn stage(bench: &Bench, base: &Unit, fitted: &Calibration) -> Vec<Told> {
+    if bench.trials.iter().any(|trial| trial.cut != Cut::Spool) {
+        return vec![];
     }
-    warnings.extend(refused.into_iter().map(|reason| format!("{reason} (left out)")));
-    Ok((trials, warnings))
+    let Some(law) = plain(&Run::all(&bench.trials)) else { return vec![] };
+    told(&Model::new(vec![], base.clone(), fitted.knobs.clone(), fitted.fit.clone()), &law, &bench.trials)
 }
 
 /// Takes the effects that a file defines into a unit, with the values that the file gives them.

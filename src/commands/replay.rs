@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
-use govtwin::bag::{self, Interpolation, Loaded, ReadOptions, Stream};
+use govtwin::bag::{self, Interpolation, Loaded, Positions, ReadOptions, Stream};
 use govtwin::parameters::Unit;
 use govtwin::params::{self, Sheet};
 use govtwin::provenance::Provenance;
@@ -230,7 +230,8 @@ fn ladder_text(ladder: &Ladder) -> String {
 
 /// How the bags are read.
 fn options(args: &Args, unit: &Unit) -> ReadOptions {
-    let mut options = ReadOptions { topics: args.topics.topics(), ..ReadOptions::default() };
+    let positions = Positions::of(unit.recorded);
+    let mut options = ReadOptions { topics: args.topics.topics(), positions, ..ReadOptions::default() };
     if args.rate_of_inputs == Between::Linear {
         let period_ns = nanos_from_seconds(unit.parameters.regulator.large_loop_period_s).max(1);
         options.interpolation = Interpolation::Linear { period_ns };

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use crate::diagnosis::consistency::Consistency;
 use crate::diagnosis::outcome::{Diagnosis, Fitted, Interval, StageOnly};
-use crate::diagnosis::part::FREE_RUN_SAMPLES;
+use crate::diagnosis::told::Told;
 use crate::effects::Stage;
 
 /// The schema's name.
@@ -91,6 +91,7 @@ pub fn report(diagnosis: &Diagnosis, seconds: f64) -> Value {
         "effects": effects,
         "ranking": ranking,
         "gap": {"signals": signals, "closure": interval(diagnosis.closure)},
+        "fitted_stage": diagnosis.part.as_ref().map(|part| part.told.iter().map(Told::json).collect::<Vec<_>>()),
         "next_experiment": experiments,
         "seconds": seconds,
         "notes": diagnosis.notes,
@@ -222,6 +223,7 @@ fn stage_only(part: &StageOnly) -> Value {
         .collect();
     json!({
         "data_sheet": part.sheet, "pieces": part.pieces, "piece_s": part.piece_s,
-        "free_run_samples": FREE_RUN_SAMPLES, "free_runs": runs,
+        "transducers_rmse_pu": part.transducers_pu, "of_no_such_stage": part.foreign,
+        "free_run_s": part.free_run_s, "free_runs": runs,
     })
 }

@@ -4,12 +4,13 @@ use crate::diagnosis::consistency::Consistency;
 use crate::diagnosis::discrepancy::Curve;
 use crate::diagnosis::script::Script;
 use crate::diagnosis::table::Table;
+use crate::diagnosis::told::Told;
 use crate::effects::Stage;
 use crate::parameters::Unit;
 use crate::recording::Process;
 use crate::signal::Signal;
 
-/// The five things that a diagnosis may say.
+/// The six things that a diagnosis may say.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
     /// The effects are named, all present at once.
@@ -22,6 +23,8 @@ pub enum Verdict {
     NoGap,
     /// The recordings do not move the unit enough to tell.
     NotExcited,
+    /// The recordings are of no servomotor stage behind this spool.
+    NoSuchUnit,
 }
 
 impl Verdict {
@@ -34,6 +37,7 @@ impl Verdict {
             Self::Unknown => "unknown",
             Self::NoGap => "no_gap",
             Self::NotExcited => "not_excited",
+            Self::NoSuchUnit => "no_such_unit",
         }
     }
 }
@@ -291,7 +295,7 @@ pub struct Trace {
     pub signals: Vec<(Signal, [Vec<f64>; 4])>,
 }
 
-/// How well a model predicts free runs of a fixed number of samples, each from its own measured start.
+/// How well a model predicts free runs of a fixed length, each from its own measured start.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FreeRun {
     /// The model, in words.
@@ -313,6 +317,14 @@ pub struct StageOnly {
     pub pieces: usize,
     /// Length of a piece, s.
     pub piece_s: f64,
+    /// What was fitted, in the numbers of the recordings.
+    pub told: Vec<Told>,
+    /// RMS that the transducers alone make a right model miss over a piece, pu of stroke.
+    pub transducers_pu: f64,
+    /// Why the recordings are of no such stage; none where they are.
+    pub foreign: Option<String>,
+    /// Length of a free run, s.
+    pub free_run_s: f64,
     /// Free runs on the other half.
     pub free_runs: Vec<FreeRun>,
 }

@@ -1,54 +1,145 @@
 //! A part of the chain: how well its models predict free runs, and how much of the verdict they bear.
 
+use crate::diagnosis::closure::without_recordings;
 use crate::diagnosis::decision::Decision;
 use crate::diagnosis::explore::Explored;
 use crate::diagnosis::model::Model;
 use crate::diagnosis::outcome::{FreeRun, StageOnly, Verdict};
-use crate::diagnosis::ready::Ready;
-use crate::frame::Frame;
+use crate::diagnosis::ready::{Alone, Ready};
+use crate::diagnosis::told::told;
+use crate::frame::Estimate;
 use crate::parameters::Unit;
 use crate::recording::Recording;
+use crate::signal::Signal;
 use crate::tuning::bench::Bench;
 use crate::tuning::fit::{Effort, fit};
 use crate::tuning::knob::unit_at;
 use crate::tuning::noise::Noise;
+use crate::tuning::pieces::{length_s_of, pieces, windows};
+use crate::tuning::plain::plain;
+use crate::tuning::rivals::Follows;
+use crate::tuning::run::Run;
 use crate::tuning::trial::Trial;
 use crate::units::seconds_from_nanos;
 
-/// Length of a free run, samples.
-pub const FREE_RUN_SAMPLES: usize = 100;
+/// Length of a free run, s; of short recordings a quarter of them all, so that each half has two.
+const FREE_RUN_S: f64 = 10.0;
 /// Effects on top of the first must all be this probable to be named: with a sheet, and where everything is fitted freely.
 const SURE: (f64, f64) = (0.6, 0.95);
 /// Without a sheet an effect that explains this share of what the best one does cannot be told from it.
 const CLOSE: f64 = 0.9;
-/// A stage that misses no more than this, in squares of what the most flexible law misses, shows no gap.
+/// A stage that misses no more than this, in squares of what the most flexible law misses, has no effect that could be named.
 const CALM_ENOUGH: f64 = 3.0;
 /// Gain in cost that may be chance.
 const LEAST_GAIN: f64 = 8.0;
-/// Share of the movement that some law of the spool must explain, or there is too little to go by.
-const DRIVEN: f64 = 0.9;
+/// What the free runs of the plain law are called.
+pub const PLAIN: &str = "plain law";
 
 /// The decision as far as a stage on its own bears it; what was taken back is said.
 ///
 /// Without a sheet everything is fitted freely, and a piece of a recording starts in a state that nobody measured: a second effect, or the
-/// better of two alike, is then easily had.
+/// better of two alike, is then easily had. That there is no gap is said only where the transducers account for what is missed on pieces left out.
 #[must_use]
-pub fn modest(bench: &Bench, found: &Explored, ready: &Ready, decision: Decision) -> (Decision, Option<String>) {
+pub fn modest(bench: &Bench, found: &Explored, ready: &Ready, decision: Decision) -> (Decision, Vec<String>) {
+    let Some(alone) = &ready.alone else { return (decision, Vec::new()) };
+    if let Some(foreign) = foreign(alone) {
+        return (decision.forced(Verdict::NoSuchUnit), vec![foreign]);
+    }
+    let (decision, mut said) = careful(bench, found, ready, decision);
+    if decision.verdict == Verdict::NoGap
+        && let Some(missed) = beyond_transducers(bench, found.refitted(), floor_square(bench, ready, alone))
+    {
+        said.push(missed);
+        return (decision.forced(Verdict::Unknown), said);
+    }
+    (decision, said)
+}
+
+/// That the recordings are of no such stage, in a sentence, where another law predicts them better.
+fn foreign(alone: &Alone) -> Option<String> {
+    let [sum, spool, nothing] = alone.left.map(|left| format!("{:.1} %", 100.0 * left));
+    match alone.follows {
+        Follows::Sum => None,
+        Follows::Spool { settles_s } => Some(format!(
+            "The position does not sum the spool up, as a servomotor does, but settles within {settles_s:.2} s to what the spool says: on pieces \
+             left out such a law leaves {spool} of the squared movement, the best law of a servomotor {sum}. Is the spool signal a set point, or the \
+             recording of another machine?"
+        )),
+        Follows::Nothing => Some(format!(
+            "The spool says nothing of the servomotor's movement: on pieces left out the best law of the spool leaves {sum} of its square, and that it \
+             stands or drifts {nothing}. Are both of one unit, and is the spool's the main distributing valve's?"
+        )),
+    }
+}
+
+/// Mean square that the transducers make a right model miss, in pu squared.
+fn floor_square(bench: &Bench, ready: &Ready, alone: &Alone) -> f64 {
+    let seen = alone.seen.transducers.powi(2);
+    if !ready.sheet {
+        return seen;
+    }
+    let of = |trial| bench.floor_square(trial, Signal::ServomotorPosition);
+    let sheet = (0..bench.trials.len()).map(of).sum::<f64>() / bench.trials.len().max(1) as f64;
+    sheet.max(seen)
+}
+
+/// That the model misses more on pieces left out than the transducers account for, in a sentence.
+fn beyond_transducers(bench: &Bench, model: &Model, floor_square: f64) -> Option<String> {
+    let mean_square = left_out_square(bench, model);
+    is_beyond(bench, mean_square / floor_square).then(|| {
+        format!(
+            "The fitted stage misses {:.2} % of stroke on pieces left out, where the transducers make it miss {:.2} %, and no effect of the catalogue \
+             explains more of it than chance would.",
+            100.0 * mean_square.sqrt(),
+            100.0 * floor_square.sqrt()
+        )
+    })
+}
+
+/// Whether a mean square over the transducers' is more than they account for.
+///
+/// The misses of a piece are one draw, as they go together over the whole of it. That they have the transducers' variance is held against a variance of
+/// their own by the Bayesian information criterion (Schwarz 1978): with r the ratio of the two, `n (r − 1 − ln r) > ln n`.
+fn is_beyond(bench: &Bench, ratio: f64) -> bool {
+    let count = bench.trials.len() as f64;
+    ratio > 1.0 && count * (ratio - 1.0 - ratio.ln()) > count.ln()
+}
+
+/// Whether so many further effects bring a mean square on pieces left out down by more than the same criterion charges for them.
+fn is_better(bench: &Bench, before: f64, after: f64, further: usize) -> bool {
+    let count = bench.trials.len() as f64;
+    count * (before / after).ln() > further as f64 * count.ln()
+}
+
+/// Whether what is blamed, or a single effect, predicts pieces left out better than the stage without any.
+fn predicts_better(bench: &Bench, found: &Explored, decision: &Decision) -> bool {
+    let before = left_out_square(bench, found.refitted());
+    let blamed: &[&str] = &decision.blamed;
+    let sets = std::iter::once(blamed.to_vec()).chain(blamed.iter().map(|id| vec![*id]));
+    let models = sets.filter(|set| !set.is_empty()).filter_map(|set| found.with(&set));
+    models.into_iter().any(|model| is_better(bench, before, left_out_square(bench, model), model.effects.len()))
+}
+
+/// Mean square that a model misses on pieces left out of its fit, each piece with the same weight, in pu squared.
+fn left_out_square(bench: &Bench, model: &Model) -> f64 {
+    let left_out = without_recordings(bench, model).estimates;
+    let of = |(index, estimates): (usize, &Vec<Estimate>)| {
+        let squares = bench.squares(index, Signal::ServomotorPosition, estimates)?;
+        let finite: Vec<f64> = squares.into_iter().filter(|square| square.is_finite()).collect();
+        (!finite.is_empty()).then(|| finite.iter().sum::<f64>() / finite.len() as f64)
+    };
+    let means: Vec<f64> = left_out.iter().enumerate().filter_map(of).collect();
+    means.iter().sum::<f64>() / means.len().max(1) as f64
+}
+
+fn careful(bench: &Bench, found: &Explored, ready: &Ready, decision: Decision) -> (Decision, Vec<String>) {
     let mut decision = decision;
-    if !ready.sheet && found.refitted().cost() < CALM_ENOUGH * bench.independent_samples() + LEAST_GAIN {
+    let calm = found.refitted().cost() < CALM_ENOUGH * bench.independent_samples() + LEAST_GAIN;
+    if !ready.sheet && calm && !predicts_better(bench, found, &decision) {
         let blamed = decision.verdict != Verdict::NoGap;
-        let mut said =
-            blamed.then(|| "What the fitted stage misses, the most flexible law misses as well: no gap.".to_owned());
-        let mut verdict = Verdict::NoGap;
-        if ready.explained < DRIVEN {
-            verdict = Verdict::NotExcited;
-            said = Some(format!(
-                "No law of the spool's position explains more than {:.0} % of the servomotor's movement: too little to tell anything; are both \
-                 of one unit?",
-                100.0 * ready.explained
-            ));
-        }
-        return (decision.forced(verdict), said);
+        let said = blamed
+            .then(|| "What the fitted stage misses, the most flexible law of the spool misses as well.".to_owned());
+        return (decision.forced(Verdict::NoGap), said.into_iter().collect());
     }
     let probability = |id: &str| decision.effects.iter().find(|(spec, _)| spec.id == id).map_or(0.0, |(_, p)| *p);
     let sure = if ready.sheet { SURE.0 } else { SURE.1 };
@@ -56,14 +147,17 @@ pub fn modest(bench: &Bench, found: &Explored, ready: &Ready, decision: Decision
     let (kept, doubtful): (Vec<_>, Vec<_>) = decision.blamed.iter().enumerate().partition(sure_of);
     let ids = |some: Vec<(usize, &&'static str)>| some.into_iter().map(|(_, id)| *id).collect::<Vec<_>>();
     let (kept, doubtful) = (ids(kept), ids(doubtful));
-    let mut said = None;
+    let mut said = Vec::new();
     if decision.verdict == Verdict::Named && !doubtful.is_empty() {
-        said = Some(format!(
+        said.push(format!(
             "On top of {} something like {} would fit somewhat better, but too little for a second name.",
             kept.join(", "),
             doubtful.join(" or ")
         ));
         decision.blamed = kept;
+    }
+    if !ready.sheet && decision.verdict == Verdict::Named && decision.blamed.len() > 1 {
+        said.extend(single_instead(bench, found, ready, &mut decision));
     }
     let names = matches!(decision.verdict, Verdict::Named | Verdict::Class);
     if !ready.sheet && names && decision.blamed.len() == 1 {
@@ -73,7 +167,43 @@ pub fn modest(bench: &Bench, found: &Explored, ready: &Ready, decision: Decision
             decision.blamed = rivals;
         }
     }
+    if decision.verdict == Verdict::Class {
+        said.extend(without_idle(bench, found, &mut decision));
+    }
     (decision, said)
+}
+
+/// Takes one effect in the place of several where those predict pieces left out no better than a single one does, or where that leaves no more than
+/// the transducers account for; says so.
+fn single_instead(bench: &Bench, found: &Explored, ready: &Ready, decision: &mut Decision) -> Option<String> {
+    let together = left_out_square(bench, found.with(&decision.blamed)?);
+    let singles = near(found).into_iter().filter_map(|id| Some((id, left_out_square(bench, found.with(&[id])?))));
+    let (best, alone) = singles.min_by(|a, b| a.1.total_cmp(&b.1))?;
+    let further = decision.blamed.len() - 1;
+    let floor_square = ready.alone.as_ref().map_or(0.0, |alone| floor_square(bench, ready, alone));
+    if is_better(bench, alone, together, further) && is_beyond(bench, alone / floor_square) {
+        return None;
+    }
+    let said = format!(
+        "{} together predict pieces left out little better than {best} alone, or as well as the transducers let anything.",
+        decision.blamed.join(" and ")
+    );
+    decision.blamed = vec![best];
+    Some(said)
+}
+
+/// Leaves those of a class out that predict nothing better on pieces left out; says so.
+fn without_idle(bench: &Bench, found: &Explored, decision: &mut Decision) -> Option<String> {
+    let missed = |model: &Model| without_recordings(bench, model).costs.iter().sum::<f64>();
+    let before = missed(found.refitted());
+    let closes = |id: &&'static str| found.with(&[id]).is_none_or(|model| missed(model) < before);
+    let (kept, idle): (Vec<_>, Vec<_>) = decision.blamed.iter().copied().partition(closes);
+    if idle.is_empty() || kept.is_empty() {
+        return None;
+    }
+    decision.verdict = if kept.len() == 1 { Verdict::Named } else { Verdict::Class };
+    decision.blamed = kept;
+    Some(format!("{} would fit as well, but predicts no piece better that was left out.", idle.join(" or ")))
 }
 
 /// The single effects that explain nearly as much as the best one, best first.
@@ -92,42 +222,42 @@ fn near(found: &Explored) -> Vec<&'static str> {
     gains.into_iter().filter(|(_, gain)| *gain >= CLOSE * best).take(3).map(|(id, _)| id).collect()
 }
 
-/// Errors of free runs: each half fitted, the other predicted.
-fn free_runs(ready: &Ready, models: &[&Model]) -> Vec<FreeRun> {
+/// Errors of free runs: each half fitted, the other predicted; by the models, then by the plain law.
+fn free_runs(ready: &Ready, models: &[&Model], length_s: f64) -> Vec<FreeRun> {
+    let of = |half: &[Recording]| -> Vec<Trial> {
+        let runs = half.iter().flat_map(|recording| windows(recording, length_s)).map(Trial::servomotor_stage);
+        runs.filter(|trial| trial.samples.len() > 2).collect()
+    };
     let halves = match ready.whole.as_slice() {
-        [one] => {
-            let (first, second) = one.frames.split_at(one.frames.len() / 2);
-            [windows([first].into_iter()), windows([second].into_iter())]
-        }
+        one @ [_] => match pieces(one, 2).as_slice() {
+            [first, second] => [of(std::slice::from_ref(first)), of(std::slice::from_ref(second))],
+            _ => return Vec::new(),
+        },
         several => {
             let (first, second) = several.split_at(several.len() / 2);
-            [first, second].map(|half| windows(half.iter().map(|recording| recording.frames.as_slice())))
+            [of(first), of(second)]
         }
     };
     if halves.iter().any(Vec::is_empty) {
         return Vec::new();
     }
-    models
-        .iter()
-        .flat_map(|model| {
-            [(0, "first half"), (1, "second half")].map(|(half, fitted_on)| {
-                let bench = Bench::new(halves[half].clone(), &model.unit(), &ready.noise);
-                let found = fit(&bench, &model.base, &model.knobs, &model.fit.positions, Effort::FULL, None);
-                let unit = unit_at(&model.base, &model.knobs, &found.positions);
-                let [seen, held_out] = [half, 1 - half].map(|half| error(&halves[half], &unit, &ready.noise));
-                FreeRun { model: model.ids().join(" + "), fitted_on, seen, held_out }
-            })
+    let both = [(0, "first half"), (1, "second half")];
+    let of_model = |model: &&Model| {
+        both.map(|(half, fitted_on)| {
+            let bench = Bench::new(halves[half].clone(), &model.unit(), &ready.noise);
+            let found = fit(&bench, &model.base, &model.knobs, &model.fit.positions, Effort::FULL, None);
+            let unit = unit_at(&model.base, &model.knobs, &found.positions);
+            let [seen, held_out] = [half, 1 - half].map(|half| error(&halves[half], &unit, &ready.noise));
+            FreeRun { model: model.ids().join(" + "), fitted_on, seen, held_out }
         })
-        .collect()
-}
-
-/// Free runs of a fixed number of samples one behind another, each from its own measured start.
-fn windows<'a>(halves: impl Iterator<Item = &'a [Frame]>) -> Vec<Trial> {
-    halves
-        .flat_map(|frames| frames.chunks_exact(FREE_RUN_SAMPLES))
-        .map(|frames| Trial::servomotor_stage(Recording::new("free run", frames.to_vec())))
-        .filter(|trial| trial.samples.len() > 2)
-        .collect()
+    };
+    let runs = halves.each_ref().map(|half| Run::all(half));
+    let by_plain = both.into_iter().filter_map(|(half, fitted_on)| {
+        let law = plain(&runs[half])?;
+        let [seen, held_out] = [half, 1 - half].map(|half| law.rmse(&runs[half]));
+        Some(FreeRun { model: PLAIN.to_owned(), fitted_on, seen, held_out })
+    });
+    models.iter().flat_map(of_model).chain(by_plain).collect()
 }
 
 /// RMS miss of the servomotor position, pu.
@@ -146,22 +276,34 @@ fn error(trials: &[Trial], unit: &Unit, noise: &Noise) -> f64 {
     (sum / count.max(1) as f64).sqrt()
 }
 
-/// What a report says of the part.
+/// What a report says of the part; none of a whole chain.
 #[must_use]
-pub fn describe(ready: &Ready, found: &Explored, decision: &Decision) -> StageOnly {
+pub fn describe(ready: &Ready, found: &Explored, decision: &Decision) -> Option<StageOnly> {
+    let alone = ready.alone.as_ref()?;
     let blamed = decision.blamed.iter().filter_map(|id| found.with(&[id]));
     let mut models: Vec<&Model> = std::iter::once(found.refitted()).chain(blamed).collect();
-    if decision.blamed.len() > 1 {
-        models.extend(found.with(&decision.blamed));
-    }
+    let together =
+        (decision.verdict == Verdict::Named && decision.blamed.len() > 1).then(|| found.with(&decision.blamed));
+    models.extend(together.flatten());
+    let claimed = match (decision.verdict, decision.blamed.as_slice()) {
+        (Verdict::Named, all) => found.with(all),
+        (Verdict::Class, [first, ..]) => found.with(&[first]),
+        _ => None,
+    };
     let length_ns = ready.trials.first().map_or(0, |trial| match (trial.frames.first(), trial.frames.last()) {
         (Some(first), Some(last)) => last.time_ns - first.time_ns,
         _ => 0,
     });
-    StageOnly {
+    let whole_s: f64 = ready.whole.iter().map(length_s_of).sum();
+    let free_run_s = FREE_RUN_S.min(0.25 * whole_s);
+    Some(StageOnly {
         sheet: ready.sheet,
         pieces: ready.trials.len(),
         piece_s: seconds_from_nanos(length_ns),
-        free_runs: free_runs(ready, &models),
-    }
+        told: told(claimed.unwrap_or_else(|| found.refitted()), &alone.law, &ready.trials),
+        transducers_pu: alone.seen.transducers,
+        foreign: foreign(alone),
+        free_run_s,
+        free_runs: free_runs(ready, &models, free_run_s),
+    })
 }

@@ -10,22 +10,25 @@ use crate::recording::Recording;
 use crate::signal::Signal;
 use crate::tuning::admission::{Intake, admit_all};
 use crate::tuning::bench::{Bench, square};
+use crate::tuning::command::command_for_spool;
 use crate::tuning::fit::Fit;
-use crate::tuning::flexible::flexible;
+use crate::tuning::flexible::{Flexible, flexible};
 use crate::tuning::knob::{Knob, unit_at};
 use crate::tuning::noise::{Noise, expected};
-use crate::tuning::sheetless;
-use crate::tuning::trial::Trial;
+use crate::tuning::pieces::pieces;
+use crate::tuning::plain::{Plain, plain};
+use crate::tuning::rivals::{Follows, follows};
+use crate::tuning::run::Run;
+use crate::tuning::sheetless::{self, sheetless};
+use crate::tuning::trial::{Trial, join_spool};
 use crate::twin::Cut;
 
-/// Fewest samples of a piece of a recording.
-const PIECE_SAMPLES: usize = 100;
-/// Pieces that all recordings together are cut into, at most: with a sheet few, as play and pressures at the start of each are not measured.
-const PIECES: (usize, usize) = (6, 2);
+/// Pieces that recordings are cut into where there is a sheet, at most: few, as play and pressures at the start of each are not measured.
+const PIECES: usize = 2;
+/// Pieces on which laws without physics are told apart, at most.
+const LAW_PIECES: usize = 6;
 /// Starts of the fit where no data sheet says where to begin.
 const STARTS: usize = 4;
-/// Share of the movement that any law of the spool must explain, or the spool does not drive this servomotor.
-const DRIVES: f64 = 0.3;
 
 /// What a diagnosis begins with.
 #[derive(Clone, Debug)]
@@ -46,16 +49,30 @@ pub struct Ready {
     pub notes: Vec<String>,
     /// Whether the sheet is believed.
     pub sheet: bool,
-    /// Share of the squared movement that the most flexible law of the spool explains; 1 of a whole chain.
-    pub explained: f64,
+    /// Of a stage alone what laws without physics say of it.
+    pub alone: Option<Alone>,
+}
+
+/// What laws without physics say of a servomotor stage, in pu.
+#[derive(Clone, Copy, Debug)]
+pub struct Alone {
+    /// The most flexible law of spool and opening.
+    pub seen: Flexible,
+    /// The plain law: zero, dead band, a gain each way, lag.
+    pub law: Plain,
+    /// What the position makes of the spool.
+    pub follows: Follows,
+    /// Share of the squared movement that is left on runs left out, where it sums the spool up, settles to it, or does neither.
+    pub left: [f64; 3],
 }
 
 /// Makes recordings ready.
 ///
 /// # Errors
 /// Where nothing is left that a diagnosis could go by; each recording's reason is told.
-pub fn ready(recordings: Vec<Recording>, sheet: &Unit, settings: &Settings) -> Result<Ready, DiagnosisError> {
+pub fn ready(mut recordings: Vec<Recording>, sheet: &Unit, settings: &Settings) -> Result<Ready, DiagnosisError> {
     let stage_only = settings.free || !recordings.iter().any(Recording::has_command);
+    let stands_in = if settings.free { command_for_spool(&mut recordings) } else { None };
     let cut = if stage_only { Cut::Spool } else { Cut::None };
     let Intake { admitted, notes, refused } = admit_all(recordings, |_| cut);
     if admitted.is_empty() {
@@ -64,10 +81,17 @@ pub fn ready(recordings: Vec<Recording>, sheet: &Unit, settings: &Settings) -> R
     let admitted: Vec<Recording> = admitted.into_iter().map(|(recording, _)| recording).collect();
     let (admitted, copies) = without_copies(admitted);
     let mut notes: Vec<String> = notes.into_iter().map(|note| format!("{note}.")).collect();
+    let is_deviation = stands_in.as_ref().is_some_and(|one| one.is_deviation);
+    notes.extend(stands_in.map(|one| one.note));
     notes.extend(copies);
     notes.extend(refused.into_iter().map(|reason| format!("Left out: {reason}.")));
     if stage_only {
-        return servomotor_stage(admitted, sheet, settings, notes);
+        let mut ready = servomotor_stage(admitted, sheet, settings, notes)?;
+        if let Some(alone) = ready.alone.as_mut().filter(|_| is_deviation) {
+            // What drives it holds the position: that it settles is known.
+            alone.follows = Follows::Sum;
+        }
+        return Ok(ready);
     }
     if let [only] = admitted.as_slice() {
         notes.push(format!(
@@ -85,7 +109,7 @@ pub fn ready(recordings: Vec<Recording>, sheet: &Unit, settings: &Settings) -> R
         catalogue: settings.catalogue.iter().copied().filter(|spec| !STAGE_ALONE.contains(&spec.id)).collect(),
         notes,
         sheet: true,
-        explained: 1.0,
+        alone: None,
     })
 }
 
@@ -123,55 +147,40 @@ fn servomotor_stage(
 ) -> Result<Ready, DiagnosisError> {
     let still =
         || DiagnosisError::Unusable("spool or servomotor stand still, so that neither says what drives what".into());
-    for recording in &mut whole {
-        // Rows between samples are of no use behind the spool.
-        recording.frames.retain(|frame| frame.measured.spool_position_pu.is_finite());
-    }
-    let first = flexible(&trials(&whole)).ok_or_else(still)?;
     notes.insert(
         0,
         "Servomotor stage only, driven by the recorded spool; the chain before it was not recorded.".to_owned(),
     );
-    if first.explained < DRIVES {
-        return Err(DiagnosisError::Unusable(format!(
-            "no law of the spool's position explains more than {:.0} % of the servomotor's movement; are both of one unit, and is the \
-             spool's the main distributing valve's?",
-            100.0 * first.explained.max(0.0)
-        )));
-    }
-    let mut noise = expected(&sheet.sensors);
-    let (unit, turned);
+    let (trials, unit, noise, turned);
     if settings.free {
-        notes.extend(sheetless::into_pu(&mut whole, first.gain_1_s));
-    } else if first.gain_1_s < 0.0 {
-        notes.push(
-            "The servomotor moves against the spool's sign; is the spool position recorded the other way round?".into(),
-        );
-    }
-    let cut = trials(&pieces(&whole, !settings.free));
-    if settings.free {
-        let seen = flexible(&cut).ok_or_else(still)?;
-        noise[Signal::ServomotorPosition as usize] = seen.noise;
-        unit = sheetless::unit(sheet, &seen, cut.first().map_or(0.1, |trial| trial.period_s));
-        turned = Turned { knobs: sheetless::knobs(&unit), starts: STARTS };
-        notes.push(
-            "No data sheet: speed, overlap, damping, friction, mass and the spool's zero are fitted freely, about a stage that is alike in both \
-             directions. Sizes are those of a servomotor with the reference unit's geometry; only ratios carry over."
-                .to_owned(),
-        );
-        notes.push(format!(
-            "No transducer is known: noise is taken as what the most flexible law of spool and opening leaves, {:.2} % of stroke.",
-            100.0 * seen.noise.wander.hypot(seen.noise.white)
-        ));
+        let ready = sheetless(whole, sheet).ok_or_else(still)?;
+        notes.extend(ready.notes);
+        (whole, trials, unit, noise) = (ready.whole, ready.pieces, ready.unit, ready.noise);
+        turned = Turned { knobs: ready.knobs, starts: STARTS };
     } else {
-        unit = sheet.clone();
+        for recording in &mut whole {
+            join_spool(&mut recording.frames);
+        }
+        trials = pieces(&whole, PIECES).into_iter().map(Trial::servomotor_stage).collect::<Vec<_>>();
+        (unit, noise) = (sheet.clone(), expected(&sheet.sensors));
         let mut knobs = Knob::nuisances(&unit);
         knobs.retain(sheetless::acts_behind_the_spool);
         turned = Turned { knobs, starts: 1 };
     }
-    let catalogue = acting(&cut, &unit, settings, &noise);
+    let runs = Run::all(&trials);
+    let law = plain(&runs).ok_or_else(still)?;
+    let seen = flexible(&runs, &law).ok_or_else(still)?;
+    // Laws are told apart on pieces left out, of which two would be too few.
+    let many: Vec<Trial> = pieces(&whole, LAW_PIECES).into_iter().map(Trial::servomotor_stage).collect();
+    let (follows, left) = follows(&Run::all(&many), &law).ok_or_else(still)?;
+    if !settings.free && law.above_1_s + law.below_1_s < 0.0 {
+        notes.push(
+            "The servomotor moves against the spool's sign; is the spool position recorded the other way round?".into(),
+        );
+    }
+    let catalogue = acting(&trials, &unit, settings, &noise);
     Ok(Ready {
-        trials: cut,
+        trials,
         whole,
         unit,
         turned,
@@ -179,31 +188,8 @@ fn servomotor_stage(
         catalogue,
         notes,
         sheet: !settings.free,
-        explained: first.explained,
+        alone: Some(Alone { seen, law, follows, left }),
     })
-}
-
-/// Cuts recordings into pieces, so that there is something to leave out.
-fn pieces(recordings: &[Recording], sheet: bool) -> Vec<Recording> {
-    let most = if sheet { PIECES.1 } else { PIECES.0 };
-    let most = (most / recordings.len().max(1)).max(1);
-    let mut all = Vec::new();
-    for recording in recordings {
-        let count = (recording.frames.len() / PIECE_SAMPLES).clamp(1, most);
-        let size = recording.frames.len().div_ceil(count).max(1);
-        for (k, frames) in recording.frames.chunks(size).enumerate() {
-            let name = match count {
-                1 => recording.name.clone(),
-                _ => format!("{}, part {} of {count}", recording.name, k + 1),
-            };
-            all.push(Recording { name, process: recording.process, frames: frames.to_vec() });
-        }
-    }
-    all
-}
-
-fn trials(recordings: &[Recording]) -> Vec<Trial> {
-    recordings.iter().cloned().map(Trial::servomotor_stage).collect()
 }
 
 /// The effects that change the servomotor's position when the spool is given.

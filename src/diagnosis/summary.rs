@@ -26,6 +26,9 @@ use crate::tuning::knob::Knob;
 /// Standard deviations to either side of a 90 % interval.
 const NINETY: f64 = 1.645;
 
+/// Nearer to an end of its range than this share of it, a parameter stands there.
+const AT_BOUND_SHARE: f64 = 1e-3;
+
 /// Share of an effect's plausible range below which it counts as excited: smallest visible size over a moderate fault.
 const EXCITED: f64 = 3.0;
 
@@ -89,7 +92,7 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &Settings, seen: Seen) 
     let refitted_model = explored.refitted();
     let chosen = judged.chosen();
     let stage_shares = decision.stages();
-    let has_gap = !matches!(verdict, Verdict::NoGap | Verdict::NotExcited);
+    let has_gap = !matches!(verdict, Verdict::NoGap | Verdict::NotExcited | Verdict::NoSuchUnit);
     let stage = stage_shares.iter().copied().reduce(|a, b| if b.1 > a.1 { b } else { a }).map(|(stage, _)| stage);
 
     let refitted_parts = without_parts(bench, refitted_model);
@@ -209,7 +212,7 @@ fn fitted(model: &Model, size_spread: f64, wanted: impl Fn(&Knob) -> bool) -> Ve
                 sheet: knob.value(&model.base, 0.0),
                 position,
                 information: model.information(k),
-                at_bound: position != 0.0 && (position <= low || position >= high),
+                at_bound: position != 0.0 && (position - low).min(high - position) <= AT_BOUND_SHARE * (high - low),
             }
         })
         .collect()

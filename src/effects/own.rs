@@ -94,7 +94,7 @@ fn usual_stage(point: Point) -> Stage {
         Point::EsvOpening => Stage::Esv,
         Point::SupplyPressure => Stage::Supply,
         Point::ServomotorReading => Stage::Sensor,
-        Point::SpoolForce | Point::ChamberFlow => Stage::Spool,
+        Point::DrivingSpool | Point::SpoolForce | Point::ChamberFlow => Stage::Spool,
         Point::ServomotorForce | Point::OpeningFlow | Point::ClosingFlow => Stage::Servomotor,
     }
 }

@@ -3,6 +3,7 @@
 mod effect;
 mod own_effect;
 mod parameter;
+mod recorded;
 mod sensor;
 
 use std::path::Path;
@@ -17,7 +18,7 @@ use super::suggest::nearest;
 use super::yaml::{Document, Node};
 
 /// Keys at the top of a file beside the sections of parameters.
-const TOP_KEYS: [&str; 5] = ["name", "base", "source", "sensors", "effects"];
+const TOP_KEYS: [&str; 6] = ["name", "base", "source", "sensors", "effects", "recorded"];
 
 /// Lays `document` over `sheet`; returns every problem.
 pub(super) fn merge(document: &Document, file: Option<&Path>, sheet: &mut Sheet) -> Vec<Problem> {
@@ -82,6 +83,7 @@ impl Merge<'_> {
                 }
                 ("sensors", node) => self.section(key, node, Self::sensor),
                 ("effects", node) => self.section(key, node, Self::effect),
+                ("recorded", node) => self.section(key, node, Self::recorded),
                 (section, node) if sections().any(|known| known == section) => {
                     self.section(key, node, Self::parameter);
                 }

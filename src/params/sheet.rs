@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use crate::digest::Digest;
-use crate::parameters::{ENTRIES, Parameters, Sensor, Sensors, Unit};
+use crate::parameters::{Channels, ENTRIES, Parameters, Sensor, Sensors, Unit};
 
 /// Where a value was read.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -41,6 +41,7 @@ impl Sheet {
                 sensors: Sensors::default(),
                 effects: Vec::new(),
                 own_effects: Vec::new(),
+                recorded: Channels::default(),
             },
             files: Vec::new(),
             origins: BTreeMap::new(),

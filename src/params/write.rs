@@ -8,7 +8,7 @@ use std::path::Path;
 
 use crate::effects::find_in;
 use crate::files::write_atomically;
-use crate::parameters::{ENTRIES, Tolerance, Unit};
+use crate::parameters::{Channels, ENTRIES, Reading, Tolerance, Unit};
 
 use super::error::{ParamsError, Problem};
 use super::merge::{name_of, section_of};
@@ -108,12 +108,27 @@ fn text(overlay: &Overlay) -> String {
         lines.push(line(2, entry.name, &value, ""));
     }
 
+    recorded(&mut lines, unit);
     if !unit.effects.is_empty() {
         lines.push(line(0, "effects", "", ""));
         unit.effects.iter().for_each(|setting| effects::push(&mut lines, overlay, setting));
     }
     lines.push(String::new());
     lines.join("\n")
+}
+
+/// How the positions are recorded, where that is not in pu.
+fn recorded(lines: &mut Vec<String>, unit: &Unit) {
+    let Channels { spool_position, servomotor_position } = unit.recorded;
+    let channels = [("spool_position", spool_position), ("servomotor_position", servomotor_position)];
+    let other = channels.into_iter().filter(|(_, reading)| *reading != Reading::default());
+    for (index, (name, reading)) in other.enumerate() {
+        if index == 0 {
+            lines.push(line(0, "recorded", "", "pu = recorded × scale + offset"));
+        }
+        let (scale, offset) = (number_text(reading.scale_pu), number_text(reading.offset_pu));
+        lines.push(line(2, name, &format!("{{scale: {scale}, offset: {offset}}}"), ""));
+    }
 }
 
 /// What stands behind `tol:`.

@@ -28,6 +28,8 @@ pub enum Point {
     ValveCurrent,
     /// The servomotor's transducer, pu.
     ServomotorReading,
+    /// The spool's position as it drives the ports where it is recorded, m; of a simulated spool nothing passes here.
+    DrivingSpool,
     /// Force on the spool, N, + opens.
     SpoolForce,
     /// Flow into the control chamber, m³/s.
@@ -45,7 +47,7 @@ pub const POINTS: usize = Point::ALL.len();
 
 impl Point {
     /// All points, along the chain as the variants stand.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Command,
         Self::EsvOpening,
         Self::SupplyPressure,
@@ -53,6 +55,7 @@ impl Point {
         Self::RegulatorSpool,
         Self::ValveCurrent,
         Self::ServomotorReading,
+        Self::DrivingSpool,
         Self::SpoolForce,
         Self::ChamberFlow,
         Self::ServomotorForce,
@@ -71,6 +74,7 @@ impl Point {
             Self::RegulatorSpool => "regulator_spool_pu",
             Self::ValveCurrent => "valve_current_pu",
             Self::ServomotorReading => "servomotor_reading_pu",
+            Self::DrivingSpool => "driving_spool_m",
             Self::SpoolForce => "spool_force_n",
             Self::ChamberFlow => "chamber_flow_m3_s",
             Self::ServomotorForce => "servomotor_force_n",

@@ -3,6 +3,7 @@
 mod answers;
 mod next_test;
 mod pictures;
+mod stage;
 mod tables;
 mod traces;
 mod words;
@@ -10,10 +11,11 @@ mod words;
 use super::draw::{DrawError, svg};
 use super::page::{Blocks, KeyFigure, Page, Tone};
 use crate::diagnosis::outcome::{Diagnosis, Trace, Verdict};
-use crate::diagnosis::part::FREE_RUN_SAMPLES;
 use crate::provenance::Provenance;
+use crate::report::table::significant;
 use crate::signal::Signal;
 
+pub use stage::told_text;
 pub use traces::kept as kept_traces;
 pub use words::summary;
 
@@ -103,7 +105,7 @@ fn misses(body: &mut Blocks, diagnosis: &Diagnosis, explained: bool) -> Result<(
     if !diagnosis.gap.is_empty() {
         let caption = if diagnosis.part.as_ref().is_some_and(|part| !part.sheet) {
             "Data sheet: a first guess, as none is known. Recalibrated: the same stage fitted freely, alike in both directions. The line is \
-             what the most flexible law of spool and opening leaves."
+             what the transducers alone make a right model miss, by what changes between neighbouring samples."
         } else {
             "Data sheet: its values as they are. Recalibrated: the same values moved within their tolerances. The line is the error of a \
              right twin, from noise and steps of the transducers."
@@ -113,10 +115,17 @@ fn misses(body: &mut Blocks, diagnosis: &Diagnosis, explained: bool) -> Result<(
     body.table(tables::gap(diagnosis, explained), "RMS error over all recordings; positions in % of their stroke.");
     if let Some(part) = diagnosis.part.as_ref().filter(|part| !part.free_runs.is_empty()) {
         let caption = format!(
-            "Free runs of {FREE_RUN_SAMPLES} samples, each from its own measured start: fitted to one half of the recordings, the other \
-             predicted. RMS error of the servomotor in % of its stroke."
+            "Free runs of {} s, each from its own measured start: fitted to one half of the recordings, the other predicted. RMS error of the \
+             servomotor in % of its stroke. The plain law knows a zero, a dead band, a gain each way and a lag, and no physics.",
+            significant(part.free_run_s, 3)
         );
         body.table(tables::free_runs(part), caption);
+    }
+    if let Some(part) = diagnosis.part.as_ref().filter(|part| !part.told.is_empty()) {
+        body.table(
+            tables::told(part),
+            "What was fitted, in the numbers of the recordings; intervals hold the truth nine times in ten.",
+        );
     }
     if diagnosis.blamed.len() > 1 {
         body.table(tables::blamed(diagnosis), "The causes; shares of the error explained on data held out of the fit.");

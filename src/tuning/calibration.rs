@@ -1,5 +1,7 @@
 //! Calibration: a fit from several starts, with what it is worth: intervals, correlations, bounds, what the data said.
 
+mod words;
+
 use nalgebra::{DMatrix, DVector};
 
 use crate::parameters::Unit;
@@ -313,62 +315,4 @@ fn covariance(bench: &Bench, knobs: &[Knob], fit: &Fit, slopes: &Slopes) -> DMat
         if prior[k] > 0.0 { widen[k].min(1.0 / careful[(k, k)].sqrt()) } else { widen[k] }
     });
     DMatrix::from_fn(n, n, |i, j| careful[(i, j)] * widen[i] * widen[j])
-}
-
-impl Calibration {
-    /// What the recordings could and could not tell, in sentences.
-    #[must_use]
-    pub fn identifiability(&self) -> Vec<String> {
-        let keys = |of: &dyn Fn(&Row) -> bool| {
-            let keys: Vec<String> =
-                self.rows.iter().filter(|row| of(row)).map(|row| format!("`{}`", row.key)).collect();
-            keys.join(", ")
-        };
-        let mut words = Vec::new();
-        let groups: [(&str, f64, f64); 3] = [
-            ("Well determined by these recordings", 0.9, 1.1),
-            ("Narrowed down", 0.3, 0.9),
-            ("Not seen by these recordings, so left where the sheet has them", -1.0, 0.3),
-        ];
-        for (title, from, to) in groups {
-            let named = keys(&|row| (from..to).contains(&row.learned));
-            if !named.is_empty() {
-                words.push(format!("{title}: {named}."));
-            }
-        }
-        for pair in self.correlations.iter().filter(|pair| pair.coefficient.abs() > 0.95) {
-            let [one, other] = &pair.keys;
-            let what = if pair.coefficient > 0.0 { "both up or both down" } else { "one up and the other down" };
-            words.push(format!(
-                "`{one}` and `{other}` cannot be told apart: {what} fits as well (r = {:.2}).",
-                pair.coefficient
-            ));
-        }
-        words
-    }
-
-    /// What the user should know before using the fit, in sentences.
-    #[must_use]
-    pub fn warnings(&self) -> Vec<String> {
-        let mut words = Vec::new();
-        for row in self.rows.iter().filter(|row| row.at_bound && row.learned > 0.05) {
-            words.push(format!(
-                "`{}` ended at a bound ({} {}): the truth may lie beyond, or another effect is fitted with it",
-                row.key, row.fitted, row.unit
-            ));
-        }
-        for row in self.rows.iter().filter(|row| row.deviation.is_none() && row.learned < 0.3 && !row.at_bound) {
-            words.push(format!("`{}`: too little excitation; these recordings do not determine it", row.key));
-        }
-        for (signal, ratio) in Signal::ALL.into_iter().zip(self.leftover) {
-            if let Some(ratio) = ratio.filter(|ratio| *ratio > 2.0) {
-                words.push(format!(
-                    "{} misses by {ratio:.1} times the noise to be expected: something is missing that no fitted parameter \
-                     replaces; intervals are widened by as much",
-                    signal.id()
-                ));
-            }
-        }
-        words
-    }
 }

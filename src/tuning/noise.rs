@@ -5,6 +5,7 @@ use crate::parameters::Sensors;
 use crate::signal::Signal;
 use crate::tuning::swing::{Look, Swings, swings};
 use crate::tuning::trial::Trial;
+use crate::twin::Cut;
 
 /// Time over which the errors of a model's equations stay correlated, s: what a model leaves out shows in the same way for long, so that
 /// samples closer together than this are no independent evidence even where the noise is white. The likelihood is raised to a power that counts
@@ -197,7 +198,11 @@ pub fn whiteners(trial: &Trial, noise: &Noise, reference: &[Estimate], moved: &[
         (Look { measured, reference, noise_squares: variances.sums() }, variances)
     };
     let (looks, variances): (Vec<Look>, Vec<Variances>) = trial.signals().map(of).unzip();
-    let swings = swings(&looks, trial.period_s);
+    // A servomotor behind a recorded spool cannot swing of itself.
+    let swings = match trial.cut {
+        Cut::Spool => looks.iter().map(Swings::none).collect(),
+        _ => swings(&looks, trial.period_s),
+    };
     let each = trial.signals().zip(looks).zip(variances).zip(swings);
     each.map(|(((signal, look), variances), swings)| {
         let sharpness = sharpness(trial, signal, reference);

@@ -125,6 +125,12 @@ impl Compared {
 }
 
 impl Swings {
+    /// Of a signal that nothing lets swing of itself.
+    #[must_use]
+    pub fn none(look: &Look) -> Self {
+        Self { blocks: Vec::new(), octaves: 0, ignored_squares: vec![0.0; look.measured.len()] }
+    }
+
     /// By how much a simulated signal swings otherwise: misses of unit size where the model is right, block by block, octave by octave.
     pub fn misses<'a>(&'a self, simulated: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
         self.blocks.iter().flat_map(move |block| {

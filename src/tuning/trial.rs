@@ -6,7 +6,6 @@ use crate::frame::{Estimate, Frame};
 use crate::plant::lanes::Width;
 use crate::recording::{Process, Recording};
 use crate::signal::Signal;
-use crate::tuning::between::filled;
 use crate::tuning::rest::rests;
 use crate::twin::batch::{self, Row};
 use crate::twin::{Cut, Twin};
@@ -47,23 +46,12 @@ pub struct Trial {
 }
 
 impl Trial {
-    /// Prepares a recording: between slow samples its inputs run straight, and of a long rest it keeps beginning and end.
+    /// Prepares a recording; of a long rest it keeps beginning and end.
     #[must_use]
     pub fn new(mut recording: Recording) -> Self {
-        let period_s = period_s(&recording.frames);
-        if period_s > SLOW_S {
-            recording.frames = filled(&recording.frames, is_sample, period_s);
-        }
         let rests = rests(&recording.frames);
         let seams = leave_out(&mut recording.frames, &rests);
         Self::with_seams(recording, seams)
-    }
-
-    /// Lays in a row at which nothing was measured, before the row at a place.
-    pub fn lay_in(&mut self, place: usize, frame: Frame) {
-        self.frames.insert(place, frame);
-        self.samples.iter_mut().filter(|row| **row >= place).for_each(|row| *row += 1);
-        self.seams.iter_mut().filter(|(behind, _)| *behind >= place).for_each(|(behind, _)| *behind += 1);
     }
 
     /// Prepares what is left of a recording.
@@ -101,11 +89,10 @@ impl Trial {
 
     /// Prepares a recording whose measured spool drives the servomotor stage, which is then all that is judged.
     ///
-    /// Rows without a spool position are left out: between its samples the spool runs straight. Rests stay: inside the overlap the spool may
-    /// move while command and servomotor stand still.
+    /// Between its samples the spool runs straight. Rests stay: inside the overlap the spool may move while command and servomotor stand still.
     #[must_use]
     pub fn servomotor_stage(mut recording: Recording) -> Self {
-        recording.frames.retain(|frame| frame.measured.spool_position_pu.is_finite());
+        join_spool(&mut recording.frames);
         let mut trial = Self::with_seams(recording, Vec::new());
         for signal in Signal::ALL {
             trial.has[signal as usize] &= signal == Signal::ServomotorPosition;
@@ -243,6 +230,30 @@ fn period_s(frames: &[Frame]) -> f64 {
     let mut periods_ns: Vec<i64> = times_ns.windows(2).map(|pair| pair[1] - pair[0]).collect();
     periods_ns.sort_unstable();
     periods_ns.get(periods_ns.len() / 2).map_or(0.0, |&period_ns| seconds_from_nanos(period_ns))
+}
+
+/// Leaves the rows that hold spool or servomotor, with a straight line where the spool has no sample of its own; rows before its first and behind
+/// its last are of no use.
+pub fn join_spool(frames: &mut Vec<Frame>) {
+    frames.retain(|frame| {
+        frame.measured.spool_position_pu.is_finite() || frame.measured.servomotor_position_pu.is_finite()
+    });
+    let seen: Vec<usize> =
+        (0..frames.len()).filter(|&row| frames[row].measured.spool_position_pu.is_finite()).collect();
+    let (Some(&first), Some(&last)) = (seen.first(), seen.last()) else { return frames.clear() };
+    for pair in seen.windows(2).filter(|pair| pair[1] > pair[0] + 1) {
+        let [(from_ns, from), (to_ns, to)] =
+            [pair[0], pair[1]].map(|row| (frames[row].time_ns, frames[row].measured.spool_position_pu));
+        for frame in &mut frames[pair[0] + 1..pair[1]] {
+            let share = (frame.time_ns - from_ns) as f64 / (to_ns - from_ns).max(1) as f64;
+            frame.measured.spool_position_pu = from + share * (to - from);
+        }
+    }
+    frames.truncate(last + 1);
+    // A free run starts where the servomotor was measured.
+    let starts = |frame: &Frame| frame.measured.servomotor_position_pu.is_finite();
+    let start = frames.iter().skip(first).position(starts).map_or(frames.len(), |behind| first + behind);
+    frames.drain(..start);
 }
 
 /// Goes through twins as many at a time as there are lanes, and one by one where they do not fit side by side.

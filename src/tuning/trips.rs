@@ -1,6 +1,6 @@
 //! Trips between slow samples: when the ESV really tripped, found from what the unit did.
 
-use crate::frame::{EsvState, Frame, Signals};
+use crate::frame::EsvState;
 use crate::parameters::Unit;
 use crate::tuning::bench::{Bench, twin_of};
 use crate::tuning::trial::Trial;
@@ -44,17 +44,13 @@ fn doubt(trial: &Trial) -> Option<(usize, i64)> {
     trial.is_slow().then(|| (row, nanos_from_seconds(trial.period_s)))
 }
 
-/// The trial with its trip so much earlier, at a row of its own.
+/// The trial with its trip so much earlier.
 fn trip_at(trial: &Trial, row: usize, early_ns: i64) -> Trial {
     let mut moved = trial.clone();
     let from_ns = trial.frames[row].time_ns - early_ns;
-    let first = trial.frames[..row].partition_point(|frame| frame.time_ns < from_ns);
-    let mut last = row;
-    if first > 0 && trial.frames[first].time_ns > from_ns {
-        moved.lay_in(first, Frame { time_ns: from_ns, measured: Signals::NONE, ..trial.frames[first - 1] });
-        last += 1;
+    for frame in moved.frames[..row].iter_mut().rev().take_while(|frame| frame.time_ns >= from_ns) {
+        frame.inputs.esv = EsvState::Shutdown;
     }
-    moved.frames[first..last].iter_mut().for_each(|frame| frame.inputs.esv = EsvState::Shutdown);
     moved
 }
 
@@ -85,33 +81,6 @@ fn cheapest(limit_ns: i64, price: impl Fn(i64) -> f64) -> i64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::Inputs;
-    use crate::recording::Recording;
-    use crate::signal::Signal;
-
-    #[test]
-    fn a_trip_between_two_rows_gets_a_row_of_its_own() {
-        let row = |k: i64| Frame {
-            time_ns: k * 200_000_000,
-            inputs: Inputs {
-                opening_command_pu: if k < 30 { 0.5 } else { 0.0 },
-                esv: if k < 30 { EsvState::Normal } else { EsvState::Shutdown },
-                tank_pressure_pa: 6e6,
-            },
-            measured: Signals { servomotor_position_pu: 0.5, ..Signals::NONE },
-        };
-        let trial = Trial::new(Recording::new("trip", (0..40).map(row).collect()));
-        let (stamped, doubt_ns) = doubt(&trial).unwrap();
-        assert_eq!((trial.frames[stamped].time_ns, doubt_ns), (6_000_000_000, 200_000_000));
-        let moved = trip_at(&trial, stamped, 123_000_000);
-        let first = moved.frames.iter().position(|frame| frame.inputs.esv == EsvState::Shutdown).unwrap();
-        assert_eq!(moved.frames[first].time_ns, 5_877_000_000);
-        assert!(moved.frames[first..].iter().all(|frame| frame.inputs.esv == EsvState::Shutdown));
-        // Samples are the same rows as before.
-        let times_ns = |trial: &Trial| trial.samples.iter().map(|&row| trial.frames[row].time_ns).collect::<Vec<_>>();
-        assert_eq!(times_ns(&moved), times_ns(&trial));
-        assert_eq!(moved.measured(Signal::ServomotorPosition), trial.measured(Signal::ServomotorPosition));
-    }
 
     #[test]
     fn the_search_finds_the_shift_to_a_tick() {

@@ -159,8 +159,10 @@ pub(super) fn tick<T: Real>(chain: &mut impl Chain<T>, setting: Setting, now: &m
     };
     if cut == Cut::Spool {
         let spool = chain.blocks().spool;
+        let (least_m, most_m) = (spool.stroke_min_m, spool.stroke_max_m);
         let position_m = spool.position_m(spool_reading_pu);
-        now.state.spool_position_m = position_m.clamp(spool.stroke_min_m, spool.stroke_max_m);
+        let position_m = chain.apply(Point::DrivingSpool, position_m, &seen);
+        now.state.spool_position_m = position_m.clamp(least_m, most_m);
         chain.advance_piston(&mut now.state, &drive);
     } else {
         chain.advance(&mut now.state, &drive);

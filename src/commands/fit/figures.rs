@@ -1,7 +1,9 @@
 //! What a fit says: tables for a terminal, all figures as JSON.
 
+use govtwin::diagnosis::told::Told;
 use govtwin::parameters::Unit;
 use govtwin::params::{Sheet, quantity_text};
+use govtwin::report::diagnosis::told_text;
 use govtwin::report::table::{Table, fixed, significant};
 use govtwin::signal::Signal;
 use govtwin::tuning::bench::Bench;
@@ -14,7 +16,7 @@ use crate::commands::output::table_text;
 const SHOWN: usize = 5;
 
 /// Tables and sentences.
-pub fn text(bench: &Bench, base: &Unit, fitted: &Calibration) -> String {
+pub fn text(bench: &Bench, base: &Unit, fitted: &Calibration, told: &[Told]) -> String {
     let mut table =
         Table::new().words("key").words("unit").numbers("sheet").numbers("fitted").numbers("ci90 from").numbers("to");
     for name in ["sd from sheet", "learned"] {
@@ -41,6 +43,12 @@ pub fn text(bench: &Bench, base: &Unit, fitted: &Calibration) -> String {
     }
     for pair in fitted.correlations.iter().take(SHOWN) {
         text += &format!("Correlated {:+.2}: {} and {}\n", pair.coefficient, pair.keys[0], pair.keys[1]);
+    }
+    if !told.is_empty() {
+        text += "\nIn the numbers of the recordings:\n";
+    }
+    for one in told {
+        text += &format!("  {}: {}\n", one.title, told_text(one));
     }
     text += "\n";
     for sentence in fitted.identifiability() {
@@ -98,7 +106,7 @@ fn quantity_text_short(value: f64, unit: &str) -> String {
 }
 
 /// All figures.
-pub fn json(bench: &Bench, sheet: &Sheet, fitted: &Calibration, warnings: &[String]) -> Value {
+pub fn json(bench: &Bench, sheet: &Sheet, fitted: &Calibration, told: &[Told], warnings: &[String]) -> Value {
     let recordings: Vec<Value> = bench
         .trials
         .iter()
@@ -127,6 +135,7 @@ pub fn json(bench: &Bench, sheet: &Sheet, fitted: &Calibration, warnings: &[Stri
         "leftover": Signal::ALL.into_iter().zip(fitted.leftover).filter_map(|(signal, ratio)| Some((signal.id(), ratio?)))
             .collect::<std::collections::BTreeMap<_, _>>(),
         "correlations": correlations,
+        "fitted_stage": told.iter().map(Told::json).collect::<Vec<_>>(),
         "identifiability": fitted.identifiability(),
         "warnings": warnings,
     })

@@ -5,14 +5,16 @@ use serde_json::Value;
 use super::curves::trace;
 use super::values::{count, in_order, interval, lasting, number, rows, text, texts};
 use super::{NEXT_TEST, SCHEMA};
+use crate::diagnosis::discrepancy::Curve;
 use crate::diagnosis::outcome::{
-    Blame, Channel, Curve, Diagnosis, Experiment, Fitted, FreeRun, Latent, Ledger, Part, Ranked, SignalGap, StageOnly,
+    Blame, Channel, Diagnosis, Experiment, Fitted, FreeRun, Latent, Ledger, Part, Ranked, SignalGap, StageOnly,
     StageTest, Transfer, Tried, Verdict, Visible,
 };
 use crate::diagnosis::script::{Script, Shape};
 use crate::diagnosis::table::Table;
+use crate::diagnosis::told::Told;
 use crate::effects::Stage;
-use crate::parameters::{Parameters, Sensors, Unit};
+use crate::parameters::{Channels, Parameters, Sensors, Unit};
 use crate::signal::Signal;
 
 /// A report that no page can be made of.
@@ -50,6 +52,7 @@ pub fn read(report: &Value) -> Result<Diagnosis, ReadError> {
         sensors: Sensors::default(),
         effects: vec![],
         own_effects: vec![],
+        recorded: Channels::default(),
     };
     let stage_of = |value: &Value| if value.is_null() { Ok(None) } else { stage(value).map(Some) };
     let stages = location["probability"].as_object().into_iter().flatten();
@@ -88,14 +91,17 @@ pub fn read(report: &Value) -> Result<Diagnosis, ReadError> {
         consistency: [Vec::new(), Vec::new()],
         samples: count(&evidence["values"]),
         traces: rows(&evidence["traces"]).map(trace).collect::<Result<_, _>>()?,
-        part: Some(&evidence["servomotor_stage_only"]).filter(|part| !part.is_null()).map(stage_only),
+        part: Some(&evidence["servomotor_stage_only"])
+            .filter(|part| !part.is_null())
+            .map(|part| stage_only(part, &report["fitted_stage"])),
         notes: texts(&report["notes"]),
         simulations: count(&evidence["simulations"]),
     })
 }
 
 fn verdict(value: &Value) -> Result<Verdict, ReadError> {
-    let all = [Verdict::Named, Verdict::Class, Verdict::Unknown, Verdict::NoGap, Verdict::NotExcited];
+    let all =
+        [Verdict::Named, Verdict::Class, Verdict::Unknown, Verdict::NoGap, Verdict::NotExcited, Verdict::NoSuchUnit];
     let found = text(value);
     let expected = "named, class, unknown, no_gap or not_excited";
     all.into_iter().find(|one| one.id() == found).ok_or(ReadError::Word { place: "verdict", expected, found })
@@ -251,7 +257,16 @@ fn tried(value: &Value) -> Tried {
     }
 }
 
-fn stage_only(value: &Value) -> StageOnly {
+fn told(value: &Value) -> Told {
+    Told {
+        id: lasting(&value["id"]),
+        title: lasting(&value["words"]),
+        unit: lasting(&value["unit"]),
+        value: interval(value),
+    }
+}
+
+fn stage_only(value: &Value, fitted: &Value) -> StageOnly {
     let run = |run: &Value| FreeRun {
         model: text(&run["effects"]),
         fitted_on: lasting(&run["fitted_on"]),
@@ -262,6 +277,10 @@ fn stage_only(value: &Value) -> StageOnly {
         sheet: value["data_sheet"].as_bool().unwrap_or_default(),
         pieces: count(&value["pieces"]),
         piece_s: number(&value["piece_s"]),
+        told: rows(fitted).map(told).collect(),
+        transducers_pu: number(&value["transducers_rmse_pu"]),
+        foreign: value["of_no_such_stage"].as_str().map(str::to_owned),
+        free_run_s: number(&value["free_run_s"]),
         free_runs: rows(&value["free_runs"]).map(run).collect(),
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::diagnosis::outcome::{Diagnosis, Fitted, Verdict};
 use crate::diagnosis::posterior::Weights;
+use crate::report::diagnosis::stage::fitted_stage;
 use crate::report::diagnosis::words::{
     besides, capital, cause, closing, errors, id_words, listed, of_several, parameter_title, percent, stage_title,
     symptom, values,
@@ -65,8 +66,12 @@ pub fn lead(diagnosis: &Diagnosis) -> String {
         (Verdict::Unknown, _) => unknown(diagnosis),
         (Verdict::NoGap, _) => no_gap(diagnosis),
         (Verdict::NotExcited, _) => {
-            "These recordings do not move the unit enough to tell: they fit, and most faults would fit them as well."
+            "These recordings do not move the unit enough to tell: most faults would leave no more of them unexplained."
                 .to_owned()
+        }
+        (Verdict::NoSuchUnit, _) => {
+            let why = diagnosis.part.as_ref().and_then(|part| part.foreign.as_deref()).unwrap_or_default();
+            format!("These recordings are of no servomotor stage behind this spool. {why}").trim_end().to_owned()
         }
     }
 }
@@ -140,6 +145,7 @@ fn causes(diagnosis: &Diagnosis) -> Vec<String> {
     if diagnosis.verdict == Verdict::Unknown {
         all.push(nearest(diagnosis));
     }
+    all.extend(fitted_stage(diagnosis));
     all
 }
 
@@ -180,6 +186,9 @@ fn sureness(diagnosis: &Diagnosis) -> Vec<String> {
         Verdict::Unknown => {
             let share = of("unknown").unwrap_or(f64::NAN);
             (Some(share), vec![format!("Probability that something outside the catalogue acts: {}", percent(share))])
+        }
+        Verdict::NoSuchUnit => {
+            (None, vec!["Which law predicts best on pieces left out decides this; it has no probability".to_owned()])
         }
         Verdict::NoGap | Verdict::NotExcited => {
             let share = of("none").unwrap_or(f64::NAN);
@@ -257,6 +266,9 @@ fn next(diagnosis: &Diagnosis) -> Vec<String> {
     match diagnosis.verdict {
         Verdict::NotExcited => {
             all.insert(0, "Record a process that travels: a start-up, a step of load, a shutdown by the ESV.".into());
+        }
+        Verdict::NoSuchUnit => {
+            all.insert(0, "Check which signals were recorded: the spool's position of the main distributing valve, and its servomotor's.".into());
         }
         Verdict::NoGap => {
             all.push("What would have shown, had it been there, stands below under what could be seen.".into())

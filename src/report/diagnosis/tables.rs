@@ -52,6 +52,16 @@ pub fn free_runs(part: &StageOnly) -> Table {
     table
 }
 
+/// What was fitted of a stage alone, in the numbers of its recordings.
+pub fn told(part: &StageOnly) -> Table {
+    let mut table = Table::new().words("fitted").numbers("value").numbers("90 % from").numbers("to").words("unit");
+    for one in &part.told {
+        let [value, low, high] = [one.value.value, one.value.low, one.value.high].map(|value| significant(value, 4));
+        table.row([one.title.to_owned(), value, low, high, one.unit.to_owned()]);
+    }
+    table
+}
+
 /// Stages driven by recorded signals.
 pub fn stage_tests(diagnosis: &Diagnosis) -> Table {
     let mut table = Table::new()

@@ -32,6 +32,7 @@ fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
         sensors: crate::parameters::Sensors::default(),
         effects: vec![],
         own_effects: vec![],
+        recorded: crate::parameters::Channels::default(),
     };
     let closure = Interval { value: 0.88, low: 0.84, high: 0.91 };
     let blame = |id: &&str| Blame {
@@ -179,13 +180,14 @@ fn the_page_says_the_verdict_and_holds_all_it_needs() {
 
 #[test]
 fn every_verdict_has_a_sentence_of_its_own() {
-    let cases: [(Verdict, &[&str], &str); 6] = [
+    let cases: [(Verdict, &[&str], &str); 7] = [
         (Verdict::Named, &["backlash"], "Play between"),
         (Verdict::Named, &["backlash", "load"], "Two faults act at once: backlash and load"),
         (Verdict::Class, &["backlash", "load"], "Backlash or load; these recordings cannot tell which."),
         (Verdict::Unknown, &[], "nothing in the catalogue explains: look first at the transducers and clocks; "),
         (Verdict::NoGap, &[], "No fault; the data sheet is off: position gain"),
         (Verdict::NotExcited, &[], "do not move the unit enough to tell"),
+        (Verdict::NoSuchUnit, &[], "of no servomotor stage behind this spool"),
     ];
     for (verdict, blamed, expected) in cases {
         let diagnosis = made_up(verdict, blamed);
@@ -194,6 +196,8 @@ fn every_verdict_has_a_sentence_of_its_own() {
         assert!(text.contains(&format!("verdict      {}\n", verdict.id())), "{text}");
         let html = page(&diagnosis, &Provenance::default()).unwrap().to_html();
         assert!(html.contains(expected), "{verdict:?}");
+        // How well a twin fits is said in figures.
+        assert!(!text.contains("they fit"), "{text}");
     }
 }
 

@@ -2,6 +2,7 @@
 
 use crate::diagnosis::outcome::{Blame, Diagnosis, Fitted, Interval, SignalGap, Verdict};
 use crate::effects::{self, Stage};
+use crate::report::diagnosis::stage::told_text;
 use crate::report::diagnosis::{answers, next_test};
 use crate::report::table::{significant, wrapped};
 use crate::signal::Signal;
@@ -158,6 +159,7 @@ pub fn verdict_title(verdict: Verdict) -> &'static str {
         Verdict::Unknown => "unknown cause",
         Verdict::NoGap => "no fault",
         Verdict::NotExcited => "cannot be told",
+        Verdict::NoSuchUnit => "no such unit",
     }
 }
 
@@ -246,6 +248,9 @@ pub fn summary(diagnosis: &Diagnosis, width: usize) -> String {
         for (i, words) in words.into_iter().enumerate() {
             line(if i == 0 { question } else { "" }, words);
         }
+    }
+    for one in diagnosis.part.iter().flat_map(|part| &part.told) {
+        line("fitted", format!("{}: {}", one.title, told_text(one)));
     }
     for run in diagnosis.part.iter().flat_map(|part| &part.free_runs) {
         let model = if run.model.is_empty() { "no effect".to_owned() } else { id_words(&run.model) };

@@ -1,0 +1,73 @@
+//! A valve that follows its recorded signal late: the spool position was recorded as demanded, or before a pilot stage of its own.
+//!
+//! `τ x' + x = x_r`, stepped exactly for a signal that runs linearly over a tick (a servo valve as a lag of first order: Jelali & Kroll 2003,
+//! *Hydraulic Servo-systems*, section 4.3; first-order hold: Åström & Wittenmark 1997, *Computer-Controlled Systems*, section 7.3).
+//!
+//! | symbol | meaning | unit |
+//! |---|---|---|
+//! | τ | time constant `time_constant_s` | s |
+//! | x_r, x | spool position as recorded, as it opens the ports | m |
+//!
+//! Without it the real servomotor sets off later than simulated after every movement of the spool, and stops later. Limits: one linear lag; acts
+//! only where the recorded spool drives the servomotor stage.
+
+use std::sync::Arc;
+
+use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::plant::Plant;
+use crate::plant::term::{Point, Term, View};
+
+/// The effect.
+pub const SPEC: EffectSpec = EffectSpec {
+    id: "valve_lag",
+    stage: Stage::Spool,
+    source: include_str!("valve_lag.rs"),
+    parameters: &[EffectParameter {
+        name: "time_constant_s",
+        unit: "s",
+        neutral: 0.0,
+        min: 0.0,
+        max: 5.0,
+        typical: 0.1,
+        doc: "time constant of the valve behind its recorded signal",
+    }],
+    apply: &apply,
+};
+
+fn apply(values: &[f64], plant: &mut Plant) {
+    if values[0] > 0.0 {
+        let ticks = values[0] / plant.regulator.small_loop_period_s();
+        plant.terms.push(Arc::new(Late { decay_ratio: (-1.0 / ticks).exp(), ticks_count: ticks }));
+    }
+}
+
+#[derive(Debug)]
+struct Late {
+    /// What a tick leaves of a difference.
+    decay_ratio: f64,
+    /// The time constant in ticks.
+    ticks_count: f64,
+}
+
+impl Term for Late {
+    fn point(&self) -> Point {
+        Point::DrivingSpool
+    }
+
+    fn memory_len(&self) -> usize {
+        2
+    }
+
+    fn reset(&self, signal: f64, memory: &mut [f64]) {
+        memory.fill(signal);
+    }
+
+    fn apply(&self, signal: f64, _view: &View<'_>, memory: &mut [f64]) -> f64 {
+        let (before, late) = (memory[0], memory[1]);
+        // Behind a ramp the valve settles `time constant × slope` below its signal.
+        let behind = self.ticks_count * (signal - before);
+        memory[0] = signal;
+        memory[1] = signal - behind + self.decay_ratio * (late - before + behind);
+        memory[1]
+    }
+}

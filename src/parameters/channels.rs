@@ -1,0 +1,59 @@
+//! How positions are recorded: scale, zero and sign of a unit's channels.
+
+/// How one channel is read: `pu = recorded × scale + offset`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reading {
+    /// Pu for each unit of what is recorded; below 0 where the channel is turned round.
+    pub scale_pu: f64,
+    /// Position where 0 is recorded, pu.
+    pub offset_pu: f64,
+}
+
+impl Default for Reading {
+    /// Recorded in pu.
+    fn default() -> Self {
+        Self { scale_pu: 1.0, offset_pu: 0.0 }
+    }
+}
+
+impl Reading {
+    /// A channel that reads 0 pu at one recorded value and 1 pu at another.
+    #[must_use]
+    pub fn between(zero: f64, one: f64) -> Self {
+        let scale_pu = 1.0 / (one - zero);
+        Self { scale_pu, offset_pu: -zero * scale_pu }
+    }
+
+    /// What a recorded value means, pu.
+    #[must_use]
+    pub fn position_pu(&self, recorded: f64) -> f64 {
+        recorded * self.scale_pu + self.offset_pu
+    }
+
+    /// What is recorded at a position.
+    #[must_use]
+    pub fn recorded(&self, position_pu: f64) -> f64 {
+        (position_pu - self.offset_pu) / self.scale_pu
+    }
+}
+
+/// The positions that a unit may have recorded in units of its own.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Channels {
+    /// The spool's.
+    pub spool_position: Reading,
+    /// The servomotor's.
+    pub servomotor_position: Reading,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_reading_goes_there_and_back() {
+        let volts = Reading::between(5.0, -3.0);
+        assert_eq!((volts.position_pu(5.0), volts.position_pu(-3.0)), (0.0, 1.0));
+        assert!((volts.recorded(volts.position_pu(1.7)) - 1.7).abs() < 1e-12);
+    }
+}
