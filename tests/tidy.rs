@@ -2,6 +2,8 @@
 //!
 //! Every rule takes sources and returns what breaks it, so that each is tried on a breach of its own as well.
 
+#[path = "tidy/circles.rs"]
+mod circles;
 #[path = "tidy/floors.rs"]
 mod floors;
 #[path = "tidy/licences.rs"]
@@ -28,6 +30,11 @@ fn rust() -> Vec<Source> {
 #[test]
 fn modules_use_only_lower_floors() {
     hold(&floors::breaches(&rust()));
+}
+
+#[test]
+fn no_file_uses_what_uses_it() {
+    hold(&circles::circles(&rust()));
 }
 
 #[test]

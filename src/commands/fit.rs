@@ -8,7 +8,8 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use govtwin::diagnosis::model::Model;
-use govtwin::diagnosis::told::{Told, told};
+use govtwin::diagnosis::outcome::Told;
+use govtwin::diagnosis::told::told;
 use govtwin::parameters::{ENTRIES, Unit};
 use govtwin::params::{self, Overlay, Sheet, nearest, number_text};
 use govtwin::provenance::Provenance;

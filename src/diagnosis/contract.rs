@@ -7,8 +7,8 @@ mod values;
 use serde_json::{Value, json};
 
 use crate::diagnosis::consistency::Consistency;
+use crate::diagnosis::outcome::Told;
 use crate::diagnosis::outcome::{Diagnosis, Fitted, Interval, StageOnly};
-use crate::diagnosis::told::Told;
 use crate::effects::Stage;
 
 /// The schema's name.

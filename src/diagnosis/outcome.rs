@@ -1,10 +1,11 @@
 //! What a diagnosis says: the verdict and the evidence for it.
 
+use serde_json::{Value, json};
+
 use crate::diagnosis::consistency::Consistency;
 use crate::diagnosis::discrepancy::Curve;
 use crate::diagnosis::script::Script;
 use crate::diagnosis::table::Table;
-use crate::diagnosis::told::Told;
 use crate::effects::Stage;
 use crate::parameters::Unit;
 use crate::recording::Process;
@@ -306,6 +307,28 @@ pub struct FreeRun {
     pub seen: f64,
     /// The same in the other half.
     pub held_out: f64,
+}
+
+/// One figure of a fitted stage, in the numbers of its recordings.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Told {
+    /// Its id in reports.
+    pub id: &'static str,
+    /// What it is.
+    pub title: &'static str,
+    /// Its unit, as recorded.
+    pub unit: &'static str,
+    /// Value and interval.
+    pub value: Interval,
+}
+
+impl Told {
+    /// As reports hold it.
+    #[must_use]
+    pub fn json(&self) -> Value {
+        let Interval { value, low, high } = self.value;
+        json!({"id": self.id, "words": self.title, "value": value, "ci90": [low, high], "unit": self.unit})
+    }
 }
 
 /// What to know of a diagnosis of a part of the chain.

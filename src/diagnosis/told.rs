@@ -4,10 +4,9 @@
 //! covariance of the fit, by the slopes of each figure (the delta method: Casella & Berger 2002, *Statistical Inference*, section 5.5.4).
 
 use nalgebra::DVector;
-use serde_json::{Value, json};
 
 use crate::diagnosis::model::Model;
-use crate::diagnosis::outcome::Interval;
+use crate::diagnosis::outcome::{Interval, Told};
 use crate::effects;
 use crate::frame::{EsvState, Frame, Inputs, Signals};
 use crate::parameters::Unit;
@@ -28,28 +27,6 @@ const TURN: (f64, f64) = (0.5, 0.5);
 const FOLLOWED: (f64, f64) = (0.3, 200.0);
 /// Rows at most, in times as many.
 const LONGEST: u32 = 800;
-
-/// One figure.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Told {
-    /// Its id in reports.
-    pub id: &'static str,
-    /// What it is.
-    pub title: &'static str,
-    /// Its unit, as recorded.
-    pub unit: &'static str,
-    /// Value and interval.
-    pub value: Interval,
-}
-
-impl Told {
-    /// As reports hold it.
-    #[must_use]
-    pub fn json(&self) -> Value {
-        let Interval { value, low, high } = self.value;
-        json!({"id": self.id, "words": self.title, "value": value, "ci90": [low, high], "unit": self.unit})
-    }
-}
 
 const SPOOL: &str = "of the spool as recorded";
 const SPEED: &str = "of the servomotor as recorded, per second";

@@ -4,6 +4,7 @@ mod answers;
 mod next_test;
 mod pictures;
 mod stage;
+mod summary;
 mod tables;
 mod traces;
 mod words;
@@ -16,8 +17,8 @@ use crate::report::table::significant;
 use crate::signal::Signal;
 
 pub use stage::told_text;
+pub use summary::summary;
 pub use traces::kept as kept_traces;
-pub use words::summary;
 
 #[cfg(test)]
 mod tests;
@@ -151,7 +152,7 @@ fn recordings(body: &mut Blocks, diagnosis: &Diagnosis, explained: bool) -> Resu
             let caption = format!("{what}, the stretch in which the recalibrated twin is farthest off.");
             into.figure(svg(&traces::picture(trace, Some(window_s), explained))?, caption);
         }
-        if let Some(window_s) = traces::worst(trace, answers::WORST_S).filter(|_| rank == 0) {
+        if let Some(window_s) = traces::worst(trace, traces::WORST_S).filter(|_| rank == 0) {
             let caption = format!("{what}, the worst two seconds: here the error is largest.");
             into.figure(svg(&traces::picture(trace, Some(window_s), explained))?, caption);
         }

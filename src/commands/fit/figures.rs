@@ -1,6 +1,6 @@
 //! What a fit says: tables for a terminal, all figures as JSON.
 
-use govtwin::diagnosis::told::Told;
+use govtwin::diagnosis::outcome::Told;
 use govtwin::parameters::Unit;
 use govtwin::params::{Sheet, quantity_text};
 use govtwin::report::diagnosis::told_text;

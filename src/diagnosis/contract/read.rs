@@ -6,13 +6,13 @@ use super::curves::trace;
 use super::values::{count, in_order, interval, lasting, number, rows, text, texts};
 use super::{NEXT_TEST, SCHEMA};
 use crate::diagnosis::discrepancy::Curve;
+use crate::diagnosis::outcome::Told;
 use crate::diagnosis::outcome::{
     Blame, Channel, Diagnosis, Experiment, Fitted, FreeRun, Latent, Ledger, Part, Ranked, SignalGap, StageOnly,
     StageTest, Transfer, Tried, Verdict, Visible,
 };
 use crate::diagnosis::script::{Script, Shape};
 use crate::diagnosis::table::Table;
-use crate::diagnosis::told::Told;
 use crate::effects::Stage;
 use crate::parameters::{Channels, Parameters, Sensors, Unit};
 use crate::signal::Signal;

@@ -22,9 +22,6 @@ const NAMED_VALUES: usize = 3;
 /// Tolerances from which a value is far from its sheet: by chance one in 370 is.
 pub const FAR: f64 = 3.0;
 
-/// Length of the stretch that shows an error best, s.
-pub const WORST_S: f64 = 2.0;
-
 /// How a note begins that says what is nearest where nothing has a name.
 pub const NEAREST: &str = "Nearest in the catalogue: ";
 
@@ -130,10 +127,10 @@ fn unknown(diagnosis: &Diagnosis) -> String {
     if words.is_empty() { format!("{nothing}.") } else { format!("{nothing}: {}.", words.join("; ")) }
 }
 
-/// The recording with most of the error, and the [`WORST_S`] of it in which the recalibrated twin is farthest off.
+/// The recording with most of the error, and the [`traces::WORST_S`] of it in which the recalibrated twin is farthest off.
 fn worst(diagnosis: &Diagnosis) -> Option<(&str, [f64; 2])> {
     let trace = diagnosis.traces.iter().max_by(|a, b| traces::gap(a).total_cmp(&traces::gap(b)))?;
-    Some((trace.name.as_str(), traces::worst(trace, WORST_S)?))
+    Some((trace.name.as_str(), traces::worst(trace, traces::WORST_S)?))
 }
 
 fn causes(diagnosis: &Diagnosis) -> Vec<String> {

@@ -3,11 +3,13 @@
 use std::collections::BTreeSet;
 
 use crate::diagnosis::outcome::Trace;
-use crate::report::diagnosis::answers::WORST_S;
 use crate::report::ink::Ink;
 use crate::report::picture::{Mark, Panel, Picture, Shape};
 use crate::report::thin::{runs, thin};
 use crate::signal::Signal;
+
+/// Length of the stretch that shows an error best, s.
+pub const WORST_S: f64 = 2.0;
 
 /// Columns that a curve is thinned to; each keeps up to four points, so a curve has at most 1500.
 const COLUMNS: usize = 370;
