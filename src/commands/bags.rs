@@ -8,13 +8,12 @@ use govtwin::bag::{self, BagError, Health, Interpolation, Loaded, Positions, Rea
 use govtwin::import::Map;
 use govtwin::parameters::Unit;
 use govtwin::params::quantity_text;
-use govtwin::provenance::Provenance;
 use govtwin::recording::Recording;
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 use tempfile::TempDir;
 
 use super::output::Progress;
-use super::{import, provenance, usage};
+use super::{import, usage};
 
 /// Folders within folders deeper than this are a mistake, or a circle of links.
 const DEEPEST: usize = 16;
@@ -36,7 +35,7 @@ pub struct Bag {
 pub struct TopicArgs {
     /// The topic of a stream that the bags name otherwise, STREAM being command, esv, tank_pressure or servo_state; may be repeated.
     #[arg(long = "topic", value_name = "STREAM=NAME", value_parser = stream_and_name)]
-    named: Vec<(Stream, String)>,
+    pub(super) named: Vec<(Stream, String)>,
 }
 
 impl TopicArgs {
@@ -71,7 +70,7 @@ fn stream_and_name(text: &str) -> Result<(Stream, String), String> {
 pub struct MapArgs {
     /// A map of `govtwin import`, by which tables and bags with other topics and types are read; each file is then a recording of its own.
     #[arg(long = "map", value_name = "MAP", conflicts_with = "named")]
-    map: Option<PathBuf>,
+    pub(super) map: Option<PathBuf>,
 }
 
 /// Recordings by their files, imported into bags where a map says how; those go with this.
@@ -110,18 +109,6 @@ impl MapArgs {
         }
         Ok(Mapped { _folder: Some(folder), ..mapped })
     }
-}
-
-/// Notes topics and map among the options of a report, the map with its digest.
-pub fn options(topics: &TopicArgs, map: &MapArgs, made: &mut Provenance) -> anyhow::Result<()> {
-    if !topics.named.is_empty() {
-        let named = topics.named.iter().map(|(stream, name)| format!("{stream}={name}"));
-        made.options.insert("topic".to_owned(), named.collect::<Vec<_>>().join(", "));
-    }
-    if let Some(map) = &map.map {
-        made.options.insert("map".to_owned(), provenance::file(map)?.to_string());
-    }
-    Ok(())
 }
 
 impl Mapped {

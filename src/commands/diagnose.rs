@@ -218,5 +218,5 @@ fn describe(
     if settings.free {
         option("no-sheet", if args.free { "given" } else { "taken for granted: no command, no sheet" }.to_owned());
     }
-    bags::options(&args.topics, &args.map, made)
+    provenance::options(&args.topics, &args.map, made)
 }

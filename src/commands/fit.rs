@@ -158,7 +158,7 @@ fn describe(args: &Args, sheet: &Sheet, mapped: &Mapped, read: &Recordings) -> a
     let mut made = provenance::new("fit", sheet, None)?;
     made.unit = provenance::unit_of(&args.bags);
     made.recordings = provenance::inputs(&read.read, mapped);
-    bags::options(&args.topics, &args.map, &mut made)?;
+    provenance::options(&args.topics, &args.map, &mut made)?;
     let mut option = |name: &str, value: String| made.options.insert(name.to_owned(), value);
     option("starts", args.starts.to_string());
     for (name, values) in [("effect", &args.effects), ("free", &args.free)] {

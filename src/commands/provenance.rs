@@ -11,7 +11,7 @@ use govtwin::params::{self, Sheet};
 use govtwin::provenance::{FileUsed, Input, Provenance, SheetUsed};
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 
-use super::bags::{self, Mapped, Read};
+use super::bags::{self, MapArgs, Mapped, Read, TopicArgs};
 use super::replay::origin;
 
 /// Program and version, as reports name it.
@@ -82,6 +82,18 @@ fn files_of(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     }
     files.sort();
     Ok(files)
+}
+
+/// Notes topics and map among the options of a report, the map with its digest.
+pub fn options(topics: &TopicArgs, map: &MapArgs, made: &mut Provenance) -> anyhow::Result<()> {
+    if !topics.named.is_empty() {
+        let named = topics.named.iter().map(|(stream, name)| format!("{stream}={name}"));
+        made.options.insert("topic".to_owned(), named.collect::<Vec<_>>().join(", "));
+    }
+    if let Some(map) = &map.map {
+        made.options.insert("map".to_owned(), file(map)?.to_string());
+    }
+    Ok(())
 }
 
 /// The files of bags with their digests; what cannot be read has none.

@@ -218,7 +218,7 @@ fn describe(
     if args.adapt {
         made.options.insert("adapt".to_owned(), "given".to_owned());
     }
-    bags::options(&args.topics, &args.map, &mut made)?;
+    provenance::options(&args.topics, &args.map, &mut made)?;
     Ok(made)
 }
 

@@ -2,8 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::read::{ReadError, signal};
-use super::values::text;
+use super::values::{ReadError, signal, text};
 use crate::diagnosis::outcome::Trace;
 use crate::recording::Process;
 

@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 use super::curves::trace;
-use super::values::{count, in_order, interval, lasting, number, rows, text, texts};
+use super::values::{ReadError, count, in_order, interval, lasting, number, rows, signal, text, texts};
 use super::{NEXT_TEST, SCHEMA};
 use crate::diagnosis::discrepancy::Curve;
 use crate::diagnosis::outcome::Told;
@@ -15,25 +15,6 @@ use crate::diagnosis::script::{Script, Shape};
 use crate::diagnosis::table::Table;
 use crate::effects::Stage;
 use crate::parameters::{Channels, Parameters, Sensors, Unit};
-use crate::signal::Signal;
-
-/// A report that no page can be made of.
-#[derive(Debug, thiserror::Error)]
-pub enum ReadError {
-    /// Another schema, or none.
-    #[error("expected a report of the schema {SCHEMA}, found `{0}`")]
-    Schema(String),
-    /// A word that is none of those that the place may hold.
-    #[error("{place}: expected {expected}, found `{found}`")]
-    Word {
-        /// Where, as a path of keys.
-        place: &'static str,
-        /// What may stand there.
-        expected: &'static str,
-        /// What does.
-        found: String,
-    },
-}
 
 /// The diagnosis of a report. What pages do not show is left empty: the units, and the innovations.
 ///
@@ -111,12 +92,6 @@ fn stage(value: &Value) -> Result<Stage, ReadError> {
     let found = text(value);
     let known = Stage::ALL.into_iter().find(|stage| stage.id() == found);
     known.ok_or(ReadError::Word { place: "stage", expected: "a stage of the chain", found })
-}
-
-pub(super) fn signal(value: &Value) -> Result<Signal, ReadError> {
-    let found = text(value);
-    let known = Signal::ALL.into_iter().find(|signal| signal.id() == found);
-    known.ok_or(ReadError::Word { place: "signal", expected: "a measured signal", found })
 }
 
 fn parameter(value: &Value) -> Fitted {

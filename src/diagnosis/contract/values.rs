@@ -5,8 +5,28 @@ use std::sync::Mutex;
 
 use serde_json::Value;
 
+use super::SCHEMA;
 use crate::diagnosis::outcome::Interval;
 use crate::effects::Stage;
+use crate::signal::Signal;
+
+/// A report that no page can be made of.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// Another schema, or none.
+    #[error("expected a report of the schema {SCHEMA}, found `{0}`")]
+    Schema(String),
+    /// A word that is none of those that the place may hold.
+    #[error("{place}: expected {expected}, found `{found}`")]
+    Word {
+        /// Where, as a path of keys.
+        place: &'static str,
+        /// What may stand there.
+        expected: &'static str,
+        /// What does.
+        found: String,
+    },
+}
 
 /// Stages, the most probable first.
 pub fn in_order(mut stages: Vec<(Stage, f64)>) -> Vec<(Stage, f64)> {
@@ -60,4 +80,11 @@ pub fn lasting(value: &Value) -> &'static str {
     let new: &'static str = Box::leak(found.to_owned().into_boxed_str());
     kept.insert(new);
     new
+}
+
+/// A measured signal by its id.
+pub(super) fn signal(value: &Value) -> Result<Signal, ReadError> {
+    let found = text(value);
+    let known = Signal::ALL.into_iter().find(|signal| signal.id() == found);
+    known.ok_or(ReadError::Word { place: "signal", expected: "a measured signal", found })
 }
