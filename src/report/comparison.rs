@@ -231,7 +231,7 @@ mod tests {
     #[test]
     fn figures_have_their_units_and_nobody_guesses_where_data_come_from() {
         let summary = summary([0.5, 0.6]);
-        let heat = svg(&pictures::heatmap(&summary, "pu")).unwrap().0;
+        let heat = svg(&pictures::heatmap(&summary, "pu")).unwrap().as_str().to_owned();
         assert!(heat.contains("MAE, pu") && heat.contains("RMSE, pu") && !heat.contains("R², pu"), "{heat}");
         let mut page = Page::new("", "");
         opening(&mut page.body, &summary, "pu");
