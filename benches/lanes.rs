@@ -1,12 +1,12 @@
-//! Several units side by side in lanes: simulations per core of every width that the processor has, and the misses of many units at once.
+//! Several units side by side in lanes: simulations per core of every width that the processor has, and the residuals of many units at once.
 //!
-//! `cargo bench --bench lanes`. The four processes of practice unit 1 (synthetic, 100 Hz) are simulated by the mean twins of slightly
+//! `cargo problem --problem lanes`. The four processes of practice unit 1 (synthetic, 100 Hz) are simulated by the mean twins of slightly
 //! different units, as the slopes of a fit need them: each parameter of the sheet moved by a hundredth. All run in turns; processor time of
 //! one thread, the fastest round.
 //!
 //! On a processor whose AVX-512 registers are two halves (Zen 4), times the simulations of twins one by one:
 //!
-//! | two lanes | four | eight (2 × AVX2) | sixteen (2 × AVX-512) | misses of 32 units at once |
+//! | two lanes | four | eight (2 × AVX2) | sixteen (2 × AVX-512) | residuals of 32 units at once |
 //! |---|---|---|---|---|
 //! | 1.8 | 3.6 | 4.5 | 5.2 | 6.1 |
 
@@ -19,8 +19,8 @@ use govtwin::parameters::{ENTRIES, Unit};
 use govtwin::params;
 use govtwin::plant::lanes::Width;
 use govtwin::recording::Process;
-use govtwin::tuning::bench::Bench;
 use govtwin::tuning::noise;
+use govtwin::tuning::problem::Problem;
 use govtwin::tuning::trial::Trial;
 use govtwin::twin::Twin;
 use rustix::time::{ClockId, clock_gettime};
@@ -76,22 +76,22 @@ fn main() {
     }
 
     let reference = params::reference();
-    let bench = Bench::new(trials, &reference, &noise::expected(&reference.sensors));
+    let problem = Problem::new(trials, &reference, &noise::expected(&reference.sensors));
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
     let (mut apart_s, mut together_s) = (f64::INFINITY, f64::INFINITY);
     for _ in 0..ROUNDS {
         apart_s = apart_s.min(time_s(|| {
             for unit in &units {
-                for trial in 0..bench.trials.len() {
-                    black_box(bench.misses(unit, trial));
+                for trial in 0..problem.trials.len() {
+                    black_box(problem.residuals(unit, trial));
                 }
             }
         }));
-        together_s = together_s.min(pool.install(|| time_s(|| drop(black_box(bench.misses_of(&units))))));
+        together_s = together_s.min(pool.install(|| time_s(|| drop(black_box(problem.residuals_of(&units))))));
     }
     say(format!("\nmisses of {UNITS} units, one thread\n"));
     for (name, seconds_s) in [("one by one", apart_s), ("at once", together_s)] {
-        let per_s = (UNITS * bench.trials.len()) as f64 / seconds_s;
+        let per_s = (UNITS * problem.trials.len()) as f64 / seconds_s;
         say(format!("{name:<34}{per_s:>20.1}{:>10.2}\n", apart_s / seconds_s));
     }
 }

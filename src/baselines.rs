@@ -1,7 +1,7 @@
 //! Plain ways to find the effect, against which the diagnosis must prove itself.
 //!
 //! All get what the diagnosis gets: simulator, tolerances, noise model, the nominal model refitted. They differ in the rule that
-//! turns misses into a verdict. None can say `unknown` but by finding nothing.
+//! turns residuals into a verdict. None can say `unknown` but by finding nothing.
 
 pub mod bank;
 pub mod free;
@@ -11,7 +11,7 @@ pub mod sparse;
 
 use crate::baselines::ground::Ground;
 use crate::blind::said::{Blamed, Location, Rank, Said, Size};
-use crate::diagnosis::outcome::Verdict;
+use crate::diagnosis::result::Verdict;
 use crate::effects::EffectSpec;
 
 /// A baseline: a name and a rule.
@@ -37,7 +37,7 @@ pub const BASELINES: &[Baseline] = &[
 #[derive(Clone, Debug)]
 struct Found {
     spec: &'static EffectSpec,
-    /// Logarithm of how much better the effect explains the misses than nothing does, whatever the rule counts, 1.
+    /// Logarithm of how much better the effect explains the residuals than nothing does, whatever the rule counts, 1.
     evidence: f64,
     /// Position of its size and the standard deviation of it, in typical sizes.
     size: Option<(f64, f64)>,

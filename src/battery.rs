@@ -4,20 +4,20 @@
 //! twin and nothing else. Everything follows from seeds.
 
 pub mod bench;
-pub mod dice;
+pub mod draws;
 pub mod faults;
 pub mod laws;
+pub mod mismatch;
 mod moment;
-pub mod oddities;
 pub mod plan;
 pub mod rig;
 
 use rayon::prelude::{IntoParallelIterator, ParallelIterator};
 
 use crate::battery::bench::Bench;
-use crate::battery::dice::{Draw, Question};
+use crate::battery::draws::{Draw, Question};
 use crate::battery::faults::{Faults, STRANGERS};
-use crate::battery::oddities::Oddities;
+use crate::battery::mismatch::Mismatch;
 use crate::effects::{Stage, find};
 use crate::frame::{Inputs, Signals};
 use crate::generate::spread;
@@ -202,7 +202,7 @@ fn bench(unit: &Unit, case: &Case) -> (Bench, Vec<Truth>) {
         parameters,
         sensors: unit.sensors,
         faults,
-        odd: Oddities::draw(&parameters, &mut Draw::new(case.seed, Question::Oddities, 0)),
+        odd: Mismatch::draw(&parameters, &mut Draw::new(case.seed, Question::Mismatch, 0)),
         readings: readings(case.seed),
         row_ticks,
         rich: case.rich,

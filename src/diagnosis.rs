@@ -6,46 +6,46 @@
 //! ([`evidence`], [`table`]), makes it a posterior by learned weights ([`posterior`]), reads the verdict off that ([`decision`]), and gathers what
 //! a reader needs to believe it ([`summary`]).
 
-pub mod agreement;
 mod anew;
-pub mod candidate;
+pub mod breakdown;
+pub mod candidate_test;
 pub mod channels;
-pub mod closure;
 pub mod consistency;
-pub mod contract;
 pub mod decision;
+pub mod dependent_covariance;
 pub mod detectability;
 pub mod discrepancy;
 pub mod evidence;
+pub mod experiment;
+pub mod explained_fraction;
 pub mod explore;
 pub mod explorer;
+mod fitted_sets;
+pub mod homogeneity;
 pub mod information;
-mod known;
 pub mod law_error;
-pub mod ledger;
 pub mod linearisation;
 pub mod model;
-pub mod next;
-pub mod outcome;
-pub mod own_noise;
-pub mod part;
 pub mod posterior;
-pub mod ready;
-pub mod script;
+pub mod preparation;
+pub mod result;
+pub mod schema;
 pub mod search;
 pub mod stage_experiment;
+pub mod stage_only;
 pub mod stages;
 pub mod summary;
 pub mod support;
 pub mod survivors;
 pub mod table;
+pub mod test_script;
 pub mod told;
 pub mod traces;
 
 use crate::diagnosis::decision::Decision;
 use crate::diagnosis::explore::{Explored, explore};
-use crate::diagnosis::outcome::{Diagnosis, Verdict};
 use crate::diagnosis::posterior::{Posterior, Weights};
+use crate::diagnosis::result::{Diagnosis, Verdict};
 use crate::diagnosis::summary::{Judged, Seen};
 use crate::diagnosis::table::Table;
 use crate::effects::{CATALOGUE, EffectSpec};
@@ -100,24 +100,24 @@ pub fn diagnose(
     }
     progress("reading the channels", 0.0);
     let channels = channels::survey(&recordings);
-    let ready = ready::ready(recordings, unit, settings)?;
+    let ready = preparation::ready(recordings, unit, settings)?;
     let stage_only = !ready.whole.is_empty();
     progress("refitting the sheet's parameters within their tolerances", 0.02);
     let settings = &Settings { catalogue: ready.catalogue.clone(), ..settings.clone() };
-    let (mut bench, refitted, sheet) =
+    let (mut problem, refitted, sheet) =
         search::nominal(ready.trials.clone(), &ready.unit, ready.turned.clone(), &ready.noise);
-    let mut explored: Explored = explore(&bench, &refitted, &sheet, &settings.catalogue, progress);
-    if let Some(quieter) = quieter(&bench, &explored.leader().unit()) {
+    let mut explored: Explored = explore(&problem, &refitted, &sheet, &settings.catalogue, progress);
+    if let Some(quieter) = quieter(&problem, &explored.leader().unit()) {
         progress("starting again with the noise that the likeliest set leaves", 0.2);
         let (renewed, refitted, sheet) = search::renewed(&quieter, &refitted);
         explored = explore(&renewed, &refitted, &sheet, &settings.catalogue, progress);
-        bench = renewed;
+        problem = renewed;
     }
     if stage_only && !ready.sheet {
-        anew::singles(&mut explored, &bench, &sheet, &settings.catalogue);
+        anew::singles(&mut explored, &problem, &sheet, &settings.catalogue);
     }
     progress("tabulating the evidence", 0.85);
-    let table = Table::new(&bench, &explored, &settings.catalogue);
+    let table = Table::new(&problem, &explored, &settings.catalogue);
     // Weights are learned on whole chains; of a stage alone nothing is learned, and evidence counts as it is.
     let mut weights = Weights::shipped();
     if stage_only {
@@ -131,10 +131,10 @@ pub fn diagnose(
     let mut decision = Decision::new(&table, &posterior, &settings.catalogue);
     let mut notes = ready.notes.clone();
     if stage_only {
-        let (modest, dropped) = part::modest(&bench, &explored, &ready, decision);
+        let (modest, dropped) = stage_only::modest(&problem, &explored, &ready, decision);
         decision = modest;
         notes.extend(dropped);
-    } else if let Some(strange) = agreement::disagreement(&bench, &explored) {
+    } else if let Some(strange) = homogeneity::disagreement(&problem, &explored) {
         decision = decision.forced(Verdict::Unknown);
         notes.push(strange);
     }
@@ -142,13 +142,13 @@ pub fn diagnose(
         &table,
         &weights,
         &decision,
-        &bench.trials.iter().map(|trial| trial.name.clone()).collect::<Vec<_>>(),
+        &problem.trials.iter().map(|trial| trial.name.clone()).collect::<Vec<_>>(),
     ));
     notes.extend(stretched(&explored, &decision));
-    explored.complete(&bench, &decision.blamed, decision.verdict == Verdict::Named, &settings.catalogue);
+    explored.complete(&problem, &decision.blamed, decision.verdict == Verdict::Named, &settings.catalogue);
     progress("gathering what the report shows", 0.9);
     let judged = Judged {
-        bench: &bench,
+        problem: &problem,
         explored: &explored,
         table,
         posterior: &posterior,
@@ -156,7 +156,7 @@ pub fn diagnose(
         weights: &weights,
     };
     let mut diagnosis = summary::gather(judged, &ready.unit, settings, Seen { channels, notes });
-    diagnosis.part = part::describe(&ready, &explored, &decision);
+    diagnosis.part = stage_only::describe(&ready, &explored, &decision);
     if let Some(part) = diagnosis.part.as_ref().filter(|part| !part.sheet) {
         // What the most flexible law leaves is the error of equations, no transducer's noise.
         let judged = diagnosis.gap.iter_mut().filter(|gap| gap.signal == Signal::ServomotorPosition);
@@ -187,7 +187,7 @@ fn stretched(explored: &Explored, decision: &Decision) -> Option<String> {
     ))
 }
 
-/// Which recording a name rests on: without it the posterior would name something else, or nothing.
+/// Which recording a name idle_segments on: without it the posterior would name something else, or nothing.
 fn rests_on(table: &Table, weights: &Weights, decision: &Decision, recordings: &[String]) -> Option<String> {
     if decision.verdict != Verdict::Named {
         return None;

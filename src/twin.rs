@@ -189,8 +189,8 @@ impl Twin {
         let error_pu = wanted_pu - reading_pu;
         let (lower_pu, upper_pu) = plant.regulator.deadband_pu();
         let shut = frame.inputs.esv == EsvState::Shutdown;
-        let rests = error_pu > lower_pu && error_pu < upper_pu && !shut && self.setting.cut != Cut::Spool;
-        let spool_position_m = if rests {
+        let idle_segments = error_pu > lower_pu && error_pu < upper_pu && !shut && self.setting.cut != Cut::Spool;
+        let spool_position_m = if idle_segments {
             None
         } else if frame.measured.spool_position_pu.is_finite() {
             Some(plant.spool.position_m(frame.measured.spool_position_pu))

@@ -1,7 +1,7 @@
 //! The battery: its plants are the twin's kind, not the twin; its faults show; its seeds decide everything.
 
 use govtwin::battery::{Case, Kind, exam, make, strength};
-use govtwin::blind::exam::closure;
+use govtwin::blind::validation::closure;
 use govtwin::generate::spread;
 use govtwin::parameters::{EffectSetting, Unit};
 use govtwin::params;
@@ -13,7 +13,7 @@ fn case(kind: Kind, seed: u64) -> Case {
     Case { name: "case".into(), kind, rate_hz: 100.0, rich: false, seed }
 }
 
-/// RMS miss of a signal by a twin.
+/// RMS error of a signal by a twin.
 fn rms(twin: &mut Twin, recording: &Recording, signal: Signal) -> f64 {
     twin.reset();
     let (mut sum, mut count) = (0.0, 0);

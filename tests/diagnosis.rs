@@ -1,18 +1,18 @@
 //! The diagnosis on generated units: what is planted is named, what is not is not, and nothing is said on too little.
 
-use govtwin::diagnosis::contract::report;
 use govtwin::diagnosis::explore::explore;
 use govtwin::diagnosis::model::Model;
-use govtwin::diagnosis::outcome::{Diagnosis, Verdict};
+use govtwin::diagnosis::result::{Diagnosis, Verdict};
+use govtwin::diagnosis::schema::report;
 use govtwin::diagnosis::{DiagnosisError, Settings, diagnose};
 use govtwin::effects::find;
 use govtwin::generate::{Scenario, recording, spread};
 use govtwin::parameters::{EffectSetting, Unit};
 use govtwin::params::reference;
 use govtwin::recording::{Process, Recording};
-use govtwin::tuning::bench::Bench;
-use govtwin::tuning::knob::Knob;
+use govtwin::tuning::free_parameter::FreeParameter;
 use govtwin::tuning::noise::expected;
+use govtwin::tuning::problem::Problem;
 use govtwin::tuning::trial::Trial;
 
 /// A few effects that resemble each other, so that a test takes seconds.
@@ -53,9 +53,9 @@ fn a_planted_bias_is_named_with_its_size_and_closes_the_gap() {
     assert!(said.ranking.iter().any(|ranked| ranked.id == "feedback_lag" && ranked.probability < 0.1));
     assert_eq!(said.tried[0].ids, ["lvdt_bias"], "{:?}", said.tried);
     assert!(said.refitted.effects.is_empty());
-    for ledger in &said.ledgers {
-        let sum: f64 = ledger.parts.iter().map(|part| part.refitted).sum();
-        assert!((sum - 1.0).abs() < 1e-9, "{} of {}: {sum}", ledger.by, ledger.signal.id());
+    for breakdown in &said.breakdowns {
+        let sum: f64 = breakdown.parts.iter().map(|part| part.refitted).sum();
+        assert!((sum - 1.0).abs() < 1e-9, "{} of {}: {sum}", breakdown.by, breakdown.signal.id());
     }
     // The free term that would stand for the named effect is nearly the one that the recordings ask for.
     let curves = &said.latents[0].curves;
@@ -89,11 +89,11 @@ fn what_is_claimed_has_the_named_effects_and_no_others() {
     true_unit.effects.extend(planted.map(setting));
     let processes = [Process::LoadIncrease, Process::LoadRejection];
     let trials = recordings(&true_unit, &processes, 3).into_iter().map(Trial::new).collect();
-    let bench = Bench::new(trials, &reference(), &expected(&reference().sensors));
-    let sheet = Model::sheet(&bench, &reference(), &Knob::nuisances(&reference()));
+    let problem = Problem::new(trials, &reference(), &expected(&reference().sensors));
+    let sheet = Model::sheet(&problem, &reference(), &FreeParameter::nuisances(&reference()));
     let catalogue: Vec<_> = planted.iter().filter_map(|(id, _)| find(id)).collect();
-    let mut found = explore(&bench, &sheet, &sheet, &catalogue, &|_, _| ());
-    found.complete(&bench, &["lvdt_bias", "feedback_lag"], true, &catalogue);
+    let mut found = explore(&problem, &sheet, &sheet, &catalogue, &|_, _| ());
+    found.complete(&problem, &["lvdt_bias", "feedback_lag"], true, &catalogue);
     let claimed = found.with(&["lvdt_bias", "feedback_lag"]).unwrap().unit();
     let mut sizes: Vec<(&str, f64)> = claimed.effects.iter().map(|one| (one.id.as_str(), one.values[0])).collect();
     sizes.sort_by(|a, b| b.0.cmp(a.0));
@@ -102,9 +102,9 @@ fn what_is_claimed_has_the_named_effects_and_no_others() {
     assert!((sizes[0].1 / 0.03 - 1.0).abs() < 0.25 && (sizes[1].1 / 0.05 - 1.0).abs() < 0.7, "{sizes:?}");
     assert_eq!(found.with(&["feedback_lag"]).unwrap().ids(), ["feedback_lag"]);
     // What was fitted with care is not fitted again.
-    let before = bench.simulations();
-    found.complete(&bench, &["lvdt_bias", "feedback_lag"], true, &catalogue);
-    assert_eq!(bench.simulations(), before);
+    let before = problem.simulations();
+    found.complete(&problem, &["lvdt_bias", "feedback_lag"], true, &catalogue);
+    assert_eq!(problem.simulations(), before);
     // All three at once explain the recording best, with the sizes that were planted.
     let leader = found.leader().unit();
     assert_eq!(leader.effects.len(), 3, "{:?}", leader.effects);

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use govtwin::bag::{self, Interpolation, ReadOptions, Stream};
 use govtwin::battery::{self, Case, Kind};
-use govtwin::diagnosis::outcome::{Diagnosis, Verdict};
+use govtwin::diagnosis::result::{Diagnosis, Verdict};
 use govtwin::diagnosis::{Settings, diagnose};
 use govtwin::params::reference;
 use govtwin::recording::Recording;

@@ -3,7 +3,7 @@
 use std::process::Command;
 
 use govtwin::bag::{Interpolation, ReadOptions, read};
-use govtwin::diagnosis::outcome::{Diagnosis, Verdict};
+use govtwin::diagnosis::result::{Diagnosis, Verdict};
 use govtwin::diagnosis::{DiagnosisError, Settings, diagnose};
 use govtwin::effects::find;
 use govtwin::generate::{Scenario, recording};

@@ -6,7 +6,7 @@ mod stage;
 use std::path::Path;
 
 use govtwin::bag;
-use govtwin::diagnosis::outcome::{Diagnosis, FreeRun, Verdict};
+use govtwin::diagnosis::result::{Diagnosis, FreeRun, Verdict};
 use govtwin::diagnosis::{Settings, diagnose};
 use govtwin::params::reference;
 use govtwin::recording::Recording;

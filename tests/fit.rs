@@ -6,10 +6,10 @@ use govtwin::parameters::{ENTRIES, EffectSetting, Unit};
 use govtwin::params;
 use govtwin::recording::Process;
 use govtwin::signal::Signal;
-use govtwin::tuning::bench::{Bench, square};
 use govtwin::tuning::calibration::{Calibration, calibrate};
-use govtwin::tuning::knob::Knob;
+use govtwin::tuning::free_parameter::FreeParameter;
 use govtwin::tuning::noise;
+use govtwin::tuning::problem::{Problem, square};
 use govtwin::tuning::trial::Trial;
 use govtwin::twin::Twin;
 
@@ -34,19 +34,19 @@ fn plant(effect: &str, value: f64, seed: u64) -> (Unit, Vec<Trial>) {
 fn fitted(effect: &str, trials: Vec<Trial>) -> Calibration {
     let spec = govtwin::effects::find(effect).unwrap();
     let base = with_effect(&params::reference(), effect, spec.parameters[0].neutral);
-    let mut knobs = Knob::nuisances(&base);
-    knobs.push(Knob::Effect { effect: 0, parameter: 0, spec: &spec.parameters[0] });
+    let mut free_parameters = FreeParameter::nuisances(&base);
+    free_parameters.push(FreeParameter::Effect { effect: 0, parameter: 0, spec: &spec.parameters[0] });
     let noise = noise::expected(&base.sensors);
-    calibrate(trials, &base, knobs, &noise, 1, &|| {}).1
+    calibrate(trials, &base, free_parameters, &noise, 1, &|| {}).1
 }
 
 #[test]
 fn a_simulation_without_numbers_is_the_worst_of_all() {
     let (unit, mut trials) = plant("backlash", 0.0, 7);
     trials.truncate(1);
-    let bench = Bench::new(trials, &unit, &noise::expected(&unit.sensors));
+    let problem = Problem::new(trials, &unit, &noise::expected(&unit.sensors));
     let costs: Vec<f64> =
-        bench.misses_of(&[unit.clone(), with_effect(&unit, "load", f64::NAN)]).iter().map(square).collect();
+        problem.residuals_of(&[unit.clone(), with_effect(&unit, "load", f64::NAN)]).iter().map(square).collect();
     assert!(costs[1].is_finite() && costs[1] > 1e6 * costs[0], "{costs:?}");
 }
 
@@ -57,12 +57,14 @@ fn planted_parameters_come_back_within_their_intervals() {
     for (effect, value, seed) in planted {
         let (truth, trials) = plant(effect, value, seed);
         let fit = fitted(effect, trials);
-        for (row, knob) in fit.rows.iter().zip(&fit.knobs) {
+        for (row, free_parameter) in fit.rows.iter().zip(&fit.free_parameters) {
             let [low, high] = row.ci90;
-            let planted = match *knob {
-                Knob::Parameter { index, .. } | Knob::Free { index, .. } => (ENTRIES[index].get)(&truth.parameters),
-                Knob::Effect { .. } => {
-                    // Twice the interval: one of three may miss the 90 %.
+            let planted = match *free_parameter {
+                FreeParameter::Parameter { index, .. } | FreeParameter::Free { index, .. } => {
+                    (ENTRIES[index].get)(&truth.parameters)
+                }
+                FreeParameter::Effect { .. } => {
+                    // Twice the interval: one of three may leave the 90 %.
                     let half = 0.5 * (high - low);
                     assert!((row.fitted - value).abs() < 2.0 * half, "{row:?}, not {value}");
                     assert!(row.learned > 0.95, "{row:?}");
@@ -91,7 +93,7 @@ fn a_free_parameter_moves_as_far_as_the_recordings_say() {
     let index = ENTRIES.iter().position(|entry| entry.key == "servomotor.load_closed_n").unwrap();
     let noise = noise::expected(&base.sensors);
     let trials = vec![Trial::new(recording(&scenario))];
-    let (_, fit) = calibrate(trials, &base, vec![Knob::free(&base, index)], &noise, 2, &|| {});
+    let (_, fit) = calibrate(trials, &base, vec![FreeParameter::free(&base, index)], &noise, 2, &|| {});
     let row = &fit.rows[0];
     assert_eq!((row.deviation, row.at_bound), (None, false));
     assert!((row.fitted / 3.0e5 - 1.0).abs() < 0.05, "{row:?}");
@@ -109,11 +111,11 @@ fn a_stop_off_by_less_than_the_transducer_sees_costs_little() {
     let process = Process::LoadRejection;
     let scenario = Scenario { unit: truth, process, rate_hz: 100.0, duration_s: 20.0, rich: true, seed: 7 };
     let trial = Trial::new(recording(&scenario));
-    let bench = Bench::new(vec![trial], &unit, &noise::expected(&unit.sensors));
-    let costs: Vec<f64> = bench.misses_of(&[unit.clone(), scenario.unit.clone()]).iter().map(square).collect();
+    let problem = Problem::new(vec![trial], &unit, &noise::expected(&unit.sensors));
+    let costs: Vec<f64> = problem.residuals_of(&[unit.clone(), scenario.unit.clone()]).iter().map(square).collect();
     let pressures = [&unit, &scenario.unit].map(|unit| {
         let pressure_pa = |estimate: &Estimate| estimate.signals.control_pressure_pa;
-        bench.simulate(unit, 0).iter().map(pressure_pa).fold(f64::INFINITY, f64::min)
+        problem.simulate(unit, 0).iter().map(pressure_pa).fold(f64::INFINITY, f64::min)
     });
     assert!((pressures[0] - pressures[1]).abs() > 2e5, "the stop makes no difference to begin with: {pressures:?}");
     assert!((costs[0] - costs[1]).abs() < 25.0, "{costs:?} at least pressures of {pressures:?} Pa");
@@ -132,12 +134,12 @@ fn a_swing_is_compared_by_its_loudness() {
         rich: false,
         seed: 11,
     };
-    let bench = Bench::new(vec![Trial::new(recording(&scenario))], &unit, &noise::expected(&unit.sensors));
-    assert!(bench.swings_s(0) > 10.0, "{} s", bench.swings_s(0));
-    let costs: Vec<f64> = bench.misses_of(&[unit.clone(), slow(0.1), slow(0.102)]).iter().map(square).collect();
+    let problem = Problem::new(vec![Trial::new(recording(&scenario))], &unit, &noise::expected(&unit.sensors));
+    assert!(problem.swings_s(0) > 10.0, "{} s", problem.swings_s(0));
+    let costs: Vec<f64> = problem.residuals_of(&[unit.clone(), slow(0.1), slow(0.102)]).iter().map(square).collect();
     assert!(costs[1] < 0.5 * costs[0] && costs[2] < 0.5 * costs[0], "{costs:?}");
     let gap = |unit: &Unit| {
-        let squares = bench.squares(0, Signal::SpoolPosition, &bench.simulate(unit, 0)).unwrap();
+        let squares = problem.squares(0, Signal::SpoolPosition, &problem.simulate(unit, 0)).unwrap();
         squares.iter().sum::<f64>()
     };
     let closure = 1.0 - gap(&slow(0.102)) / gap(&unit);
@@ -153,12 +155,12 @@ fn a_slowed_loop_is_likeliest_at_its_period() {
         let scenario = Scenario { unit: slow(0.03), process, rate_hz: 100.0, duration_s: 30.0, rich: false, seed: 13 };
         Trial::new(recording(&scenario))
     });
-    let bench = Bench::new(trials.to_vec(), &sheet, &noise::expected(&sheet.sensors));
+    let problem = Problem::new(trials.to_vec(), &sheet, &noise::expected(&sheet.sensors));
     let sizes_s = [0.0, 0.01, 0.02, 0.03, 0.04, 0.05];
     let costs = sizes_s.map(|extra_s| {
-        let own = bench.laid_along(&slow(extra_s));
-        let misses: f64 = own.misses_of(&[slow(extra_s)]).iter().map(square).sum();
-        (misses + own.width() - bench.width(), own.width() - bench.width())
+        let own = problem.laid_along(&slow(extra_s));
+        let residuals: f64 = own.residuals_of(&[slow(extra_s)]).iter().map(square).sum();
+        (residuals + own.width() - problem.width(), own.width() - problem.width())
     });
     assert!(costs.windows(2).all(|two| two[0].1 < two[1].1), "a slower loop chatters no louder: {costs:?}");
     let least = (0..costs.len()).min_by(|&a, &b| costs[a].0.total_cmp(&costs[b].0)).unwrap();

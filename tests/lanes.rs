@@ -1,7 +1,7 @@
 //! Twins side by side in lanes give what each gives by itself, to the last bit: every effect, cut and process, at every width.
 
 #[path = "lanes/misses.rs"]
-mod misses;
+mod residuals;
 #[path = "support/rows.rs"]
 mod rows;
 

@@ -3,16 +3,16 @@
 use std::process::Command;
 
 use govtwin::bag::{self, Topics};
-use govtwin::diagnosis::candidate::candidates;
+use govtwin::diagnosis::candidate_test::candidates;
 use govtwin::diagnosis::decision::Decision;
+use govtwin::diagnosis::experiment::{next, weigh};
 use govtwin::diagnosis::explore::{Explored, explore};
 use govtwin::diagnosis::model::Model;
-use govtwin::diagnosis::next::{next, weigh};
-use govtwin::diagnosis::outcome::Diagnosis;
 use govtwin::diagnosis::posterior::{Posterior, Weights};
-use govtwin::diagnosis::script::{Script, Shape};
+use govtwin::diagnosis::result::Diagnosis;
 use govtwin::diagnosis::survivors::survivors;
 use govtwin::diagnosis::table::Table;
+use govtwin::diagnosis::test_script::{Script, Shape};
 use govtwin::diagnosis::{Settings, diagnose};
 use govtwin::effects::{CATALOGUE, EffectSpec, find};
 use govtwin::frame::Signals;
@@ -23,9 +23,9 @@ use govtwin::parameters::{EffectSetting, Unit};
 use govtwin::params::reference;
 use govtwin::recording::{Process, Recording};
 use govtwin::signal::Signal;
-use govtwin::tuning::bench::Bench;
-use govtwin::tuning::knob::Knob;
+use govtwin::tuning::free_parameter::FreeParameter;
 use govtwin::tuning::noise::expected;
+use govtwin::tuning::problem::Problem;
 use govtwin::tuning::trial::Trial;
 use govtwin::twin::Twin;
 
@@ -92,23 +92,23 @@ fn the_proposed_test_settles_what_one_recording_leaves_open() {
 
 /// What an exploration of one recording holds.
 struct Held {
-    bench: Bench,
+    problem: Problem,
     found: Explored,
     table: Table,
 }
 
 fn held() -> Held {
     let trials = vec![Trial::new(load_increase(&unit()))];
-    let bench = Bench::new(trials, &reference(), &expected(&reference().sensors));
-    let sheet = Model::sheet(&bench, &reference(), &Knob::nuisances(&reference()));
-    let found = explore(&bench, &sheet, &sheet, &catalogue(), &|_, _| ());
-    let table = Table::new(&bench, &found, &catalogue());
-    Held { bench, found, table }
+    let problem = Problem::new(trials, &reference(), &expected(&reference().sensors));
+    let sheet = Model::sheet(&problem, &reference(), &FreeParameter::nuisances(&reference()));
+    let found = explore(&problem, &sheet, &sheet, &catalogue(), &|_, _| ());
+    let table = Table::new(&problem, &found, &catalogue());
+    Held { problem, found, table }
 }
 
 #[test]
 fn a_test_tells_more_than_standing_idle_and_nothing_is_asked_where_one_hypothesis_is_left() {
-    let Held { bench, found, table } = held();
+    let Held { problem, found, table } = held();
     // Two rivals, as likely as each other.
     let row = |id: &str| table.rows.iter().position(|row| row.effects == [id]).unwrap();
     let [one, other] = ["supply_loss", "load"].map(row);
@@ -117,9 +117,9 @@ fn a_test_tells_more_than_standing_idle_and_nothing_is_asked_where_one_hypothesi
     let decision = Decision::new(&table, &open, &catalogue());
     let left = survivors(&found, &table, &open, &decision);
     assert_eq!(left.iter().map(|one| one.probability).collect::<Vec<_>>(), [0.5, 0.5]);
-    let before = bench.simulations();
-    let proposed = next(&bench, &found, (&table, &open, &Weights::bayes()), &decision);
-    let spent = bench.simulations() - before;
+    let before = problem.simulations();
+    let proposed = next(&problem, &found, (&table, &open, &Weights::bayes()), &decision);
+    let spent = problem.simulations() - before;
     assert!(spent < 600, "{spent} short simulations");
     assert!((proposed.entropy_bits - 1.0).abs() < 1e-9);
     let best = &proposed.experiments[0];
@@ -127,14 +127,14 @@ fn a_test_tells_more_than_standing_idle_and_nothing_is_asked_where_one_hypothesi
     let idle = Script { start_pu: 0.5, shape: Shape::Hold, length_s: best.length_s };
     let recorded = Signal::ALL.map(|signal| Signal::POSITIONS.contains(&signal));
     let leader = left[0].model;
-    let idle = candidates(&bench, &leader.unit(), &[idle]);
-    let idle = weigh(&bench, &left, leader, &found.refitted().unit(), idle, (1.0, recorded));
+    let idle = candidates(&problem, &leader.unit(), &[idle]);
+    let idle = weigh(&problem, &left, leader, &found.refitted().unit(), idle, (1.0, recorded));
     let most = idle.iter().map(|one| one.drop.least_bits).fold(0.0, f64::max);
     assert!(best.expected_drop_bits > 2.0 * most, "{} and idle {most}", best.expected_drop_bits);
 
     let settled = of(vec![(one, 0.9999), (other, 0.0001)]);
     let decision = Decision::new(&table, &settled, &catalogue());
-    let proposed = next(&bench, &found, (&table, &settled, &Weights::bayes()), &decision);
+    let proposed = next(&problem, &found, (&table, &settled, &Weights::bayes()), &decision);
     assert!(proposed.experiments.is_empty() && proposed.entropy_bits == 0.0, "{proposed:?}");
 }
 

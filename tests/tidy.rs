@@ -14,6 +14,8 @@ mod names;
 mod source;
 #[path = "tidy/text.rs"]
 mod text;
+#[path = "tidy/words.rs"]
+mod words;
 
 use source::{Source, tree};
 
@@ -35,6 +37,11 @@ fn modules_use_only_lower_floors() {
 #[test]
 fn no_file_uses_what_uses_it() {
     hold(&circles::circles(&rust()));
+}
+
+#[test]
+fn words_that_are_gone_stay_away() {
+    hold(&words::gone(&tree()));
 }
 
 #[test]

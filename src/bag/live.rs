@@ -68,7 +68,7 @@ impl<V: Value> Track<V> {
     }
 
     /// Takes the sample that a collector has just decoded.
-    fn admit(&mut self, collector: &mut Collector<V>, done_ns: i64) -> Result<(), Irregular> {
+    fn qualify(&mut self, collector: &mut Collector<V>, done_ns: i64) -> Result<(), Irregular> {
         let Some(sample) = collector.samples.pop() else { return Ok(()) };
         if sample.stamp_ns == 0 || self.absent {
             return Err(Irregular);
@@ -194,10 +194,10 @@ impl Live {
         }
         self.newest_log_ns = self.newest_log_ns.max(Some(message.log_time_ns));
         let Collected { command, esv, tank_pressure, servo_state, .. } = &mut self.collected;
-        self.command.admit(command, self.done_ns)?;
-        self.esv.admit(esv, self.done_ns)?;
-        self.tank_pressure.admit(tank_pressure, self.done_ns)?;
-        self.servo_state.admit(servo_state, self.done_ns)?;
+        self.command.qualify(command, self.done_ns)?;
+        self.esv.qualify(esv, self.done_ns)?;
+        self.tank_pressure.qualify(tank_pressure, self.done_ns)?;
+        self.servo_state.qualify(servo_state, self.done_ns)?;
         self.untried += 1;
         if self.untried < TOGETHER {
             return Ok(());

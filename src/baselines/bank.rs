@@ -1,4 +1,4 @@
-//! Nearest residual in a bank of simulated models: whichever model misses least is the verdict.
+//! Nearest residual in a bank of simulated models: whichever model leaves least is the verdict.
 //!
 //! A bank of fault models with the smallest residual as verdict is the oldest form of model-based isolation (Willsky 1976,
 //! Automatica 12(6)). Models stand at fixed sizes; nothing is refitted.
@@ -6,24 +6,24 @@
 use crate::baselines::ground::Ground;
 use crate::baselines::{Found, said};
 use crate::blind::said::Said;
-use crate::tuning::bench::square;
+use crate::tuning::problem::square;
 
 /// The rule.
 #[must_use]
 pub fn judge(ground: &Ground) -> Said {
-    let nominal = square(&ground.fit.misses);
+    let nominal = square(&ground.fit.residuals);
     let best = ground.best_tries();
-    let least = best.iter().map(|one| square(&one.misses)).fold(nominal, f64::min);
+    let least = best.iter().map(|one| square(&one.residuals)).fold(nominal, f64::min);
     let variance = (least / ground.count()).max(1e-9);
     let found: Vec<Found> = best
         .into_iter()
         .map(|one| {
-            let miss = square(&one.misses);
+            let residual = square(&one.residuals);
             Found {
                 spec: one.spec,
-                evidence: 0.5 * (nominal - miss) / variance,
+                evidence: 0.5 * (nominal - residual) / variance,
                 size: None,
-                blamed: miss == least && miss < nominal,
+                blamed: residual == least && residual < nominal,
             }
         })
         .collect();

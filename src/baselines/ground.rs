@@ -6,10 +6,10 @@ use crate::diagnosis::search::{Turned, nominal};
 use crate::effects::EffectSpec;
 use crate::parameters::{EffectSetting, Unit};
 use crate::recording::Recording;
-use crate::tuning::bench::{Bench, Misses, square};
 use crate::tuning::fit::Fit;
-use crate::tuning::knob::{Knob, unit_at};
+use crate::tuning::free_parameter::{FreeParameter, unit_at};
 use crate::tuning::noise::expected;
+use crate::tuning::problem::{Problem, Residuals, square};
 use crate::tuning::trial::Trial;
 
 /// Sizes at which effects are tried, in typical ones.
@@ -19,11 +19,11 @@ const SIZES: [f64; 4] = [0.3, 1.0, 3.0, -1.0];
 #[derive(Debug)]
 pub struct Ground {
     /// The recordings with their noise.
-    pub bench: Bench,
+    pub problem: Problem,
     /// The sheet.
     pub base: Unit,
     /// Its tolerances.
-    pub knobs: Vec<Knob>,
+    pub free_parameters: Vec<FreeParameter>,
     /// The refit.
     pub fit: Fit,
     /// All tries.
@@ -38,68 +38,75 @@ pub struct Try {
     /// The unit with the effect in it, neutral.
     pub base: Unit,
     /// Knobs of tolerances, then of the effect.
-    pub knobs: Vec<Knob>,
-    /// Positions of all knobs.
+    pub free_parameters: Vec<FreeParameter>,
+    /// Positions of all free_parameters.
     pub positions: Vec<f64>,
-    /// Misses.
-    pub misses: Misses,
+    /// Residuals.
+    pub residuals: Residuals,
 }
 
 impl Ground {
     /// Refits the nominal model as the diagnosis does, which places trips between slow samples, and tries every effect of a catalogue.
     #[must_use]
     pub fn new(recordings: Vec<Recording>, unit: &Unit, catalogue: &[&'static EffectSpec]) -> Self {
-        let turned = Turned { knobs: Knob::nuisances(unit), starts: 1 };
+        let turned = Turned { free_parameters: FreeParameter::nuisances(unit), starts: 1 };
         let trials = recordings.into_iter().map(Trial::new).collect();
-        let (bench, refitted, _) = nominal(trials, unit, turned, &expected(&unit.sensors));
-        let (knobs, fit) = (refitted.knobs, refitted.fit);
+        let (problem, refitted, _) = nominal(trials, unit, turned, &expected(&unit.sensors));
+        let (free_parameters, fit) = (refitted.free_parameters, refitted.fit);
         let mut tries = Vec::new();
         for &spec in catalogue {
             let mut base = unit.clone();
             let effect = base.effects.len();
             let values = spec.parameters.iter().map(|parameter| parameter.neutral).collect();
             base.effects.push(EffectSetting { id: spec.id.to_owned(), values });
-            let mut all = knobs.clone();
+            let mut all = free_parameters.clone();
             let own = spec.parameters.iter().enumerate();
-            all.extend(own.map(|(parameter, spec)| Knob::Effect { effect, parameter, spec }));
+            all.extend(own.map(|(parameter, spec)| FreeParameter::Effect { effect, parameter, spec }));
             for size in SIZES {
                 let mut positions = fit.positions.clone();
-                for (k, knob) in all[knobs.len()..].iter().enumerate() {
-                    let (low, high) = knob.range(&base);
+                for (k, free_parameter) in all[free_parameters.len()..].iter().enumerate() {
+                    let (low, high) = free_parameter.range(&base);
                     positions.push(if k == 0 { size } else { 1.0 }.clamp(low, high));
                 }
-                if positions[knobs.len()] != 0.0 {
-                    tries.push(Try { spec, base: base.clone(), knobs: all.clone(), positions, misses: Vec::new() });
+                if positions[free_parameters.len()] != 0.0 {
+                    tries.push(Try {
+                        spec,
+                        base: base.clone(),
+                        free_parameters: all.clone(),
+                        positions,
+                        residuals: Vec::new(),
+                    });
                 }
             }
         }
-        let units: Vec<Unit> = tries.iter().map(|one| unit_at(&one.base, &one.knobs, &one.positions)).collect();
-        for (one, misses) in tries.iter_mut().zip(bench.misses_of(&units)) {
-            one.misses = misses;
+        let units: Vec<Unit> =
+            tries.iter().map(|one| unit_at(&one.base, &one.free_parameters, &one.positions)).collect();
+        for (one, residuals) in tries.iter_mut().zip(problem.residuals_of(&units)) {
+            one.residuals = residuals;
         }
-        Self { bench, base: unit.clone(), knobs, fit, tries }
+        Self { problem, base: unit.clone(), free_parameters, fit, tries }
     }
 
     /// Number of values compared.
     #[must_use]
     pub fn count(&self) -> f64 {
-        self.fit.misses.iter().map(DVector::len).sum::<usize>() as f64
+        self.fit.residuals.iter().map(DVector::len).sum::<usize>() as f64
     }
 
-    /// Variance of the refit's misses, 1 where the noise model is right.
+    /// Variance of the refit's residuals, 1 where the noise model is right.
     #[must_use]
     pub fn variance(&self) -> f64 {
-        (square(&self.fit.misses) / self.count()).max(1e-9)
+        (square(&self.fit.residuals) / self.count()).max(1e-9)
     }
 
-    /// For each effect the try whose misses are smallest.
+    /// For each effect the try whose residuals are smallest.
     #[must_use]
     pub fn best_tries(&self) -> Vec<&Try> {
         let mut best: Vec<&Try> = Vec::new();
         for one in &self.tries {
             match best.last_mut() {
                 Some(last) if last.spec.id == one.spec.id => {
-                    if square(&one.misses) < square(&last.misses) {
+                    if square(&one.residuals) < square(&last.residuals) {
                         *last = one;
                     }
                 }
@@ -109,23 +116,23 @@ impl Ground {
         best
     }
 
-    /// Change of the misses for one typical size of each effect's best try, after what the tolerances can explain is taken out:
-    /// Gram matrix of the effects, and their products with the misses.
+    /// Change of the residuals for one typical size of each effect's best try, after what the tolerances can explain is taken out:
+    /// Gram matrix of the effects, and their products with the residuals.
     #[must_use]
     pub fn projected(&self, tries: &[&Try]) -> (DMatrix<f64>, DVector<f64>) {
-        let (n, m) = (self.knobs.len(), tries.len());
+        let (n, m) = (self.free_parameters.len(), tries.len());
         let mut gram = DMatrix::zeros(n + m, n + m);
         let mut product = DVector::zeros(n + m);
-        for (trial, misses) in self.fit.misses.iter().enumerate() {
+        for (trial, residuals) in self.fit.residuals.iter().enumerate() {
             let columns: Vec<DVector<f64>> =
-                tries.iter().map(|one| (&one.misses[trial] - misses) / one.positions[n]).collect();
-            let mut all = DMatrix::zeros(misses.len(), n + m);
+                tries.iter().map(|one| (&one.residuals[trial] - residuals) / one.positions[n]).collect();
+            let mut all = DMatrix::zeros(residuals.len(), n + m);
             all.columns_mut(0, n).copy_from(&self.fit.slopes[trial]);
             for (k, column) in columns.iter().enumerate() {
                 all.set_column(n + k, column);
             }
             gram += all.tr_mul(&all);
-            product += all.tr_mul(misses);
+            product += all.tr_mul(residuals);
         }
         for k in 0..n {
             gram[(k, k)] += 1.0;

@@ -23,16 +23,16 @@ pub fn judge(ground: &Ground) -> Said {
         .into_iter()
         .map(|one| {
             let fitted = fit(
-                &ground.bench,
+                &ground.problem,
                 &one.base,
-                &one.knobs,
+                &one.free_parameters,
                 &one.positions,
                 Effort { rounds: ROUNDS, ..Effort::SCOUT },
                 Some(&ground.fit.slopes),
             );
-            let extra = one.knobs.len() - ground.knobs.len();
-            let (hessian, _) = normal(&one.knobs, &fitted.positions, &fitted.misses, &fitted.slopes, 1.0);
-            let place = ground.knobs.len();
+            let extra = one.free_parameters.len() - ground.free_parameters.len();
+            let (hessian, _) = normal(&one.free_parameters, &fitted.positions, &fitted.residuals, &fitted.slopes, 1.0);
+            let place = ground.free_parameters.len();
             let deviation = hessian.try_inverse().map(|spread| (variance * spread[(place, place)].max(0.0)).sqrt());
             Found {
                 spec: one.spec,

@@ -1,4 +1,4 @@
-//! Sparse regression on the discrepancy: the misses of the refit explained by as few effects as the BIC allows.
+//! Sparse regression on the discrepancy: the residuals of the refit explained by as few effects as the BIC allows.
 //!
 //! Orthogonal matching pursuit over the effects' linear responses (Pati, Rezaiifar & Krishnaprasad 1993, 27th Asilomar Conference), the stand-in for
 //! sparse identification of a discrepancy (Kaheman et al. 2019, arXiv 1909.08574): its library holds the catalogue's responses.

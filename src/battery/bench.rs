@@ -2,10 +2,10 @@
 
 use std::collections::VecDeque;
 
-use crate::battery::dice::Draw;
+use crate::battery::draws::Draw;
 use crate::battery::faults::Faults;
 use crate::battery::laws::{rounded_loop, sagging, spanned};
-use crate::battery::oddities::Oddities;
+use crate::battery::mismatch::Mismatch;
 use crate::battery::rig::{Hand, Rig};
 use crate::frame::{EsvState, Inputs, Signals};
 use crate::generate::governor::Governor;
@@ -39,7 +39,7 @@ pub struct Bench {
     /// What is wrong.
     pub faults: Faults,
     /// What is odd.
-    pub odd: Oddities,
+    pub odd: Mismatch,
     /// Readings of the servomotor of which the regulator takes the mean: the fewer, the more it chatters.
     pub readings: u32,
     /// Ticks between two rows.
@@ -105,7 +105,7 @@ impl Bench {
         let mut controller = Controller {
             servomotor: transducer(sensors.servomotor_position_pu, Purpose::RegulatorServomotor),
             spool: transducer(sensors.spool_position_pu, Purpose::RegulatorSpool),
-            draw: Draw::new(self.seed, crate::battery::dice::Question::Time, place),
+            draw: Draw::new(self.seed, crate::battery::draws::Question::Time, place),
             sent: VecDeque::new(),
             arrived_pu: start_pu,
             next_tick: -SETTLING_TICKS,
@@ -113,7 +113,7 @@ impl Bench {
             plays_pu: [0.0; 4],
             gap_until: 0,
         };
-        let mut clock = Draw::new(self.seed, crate::battery::dice::Question::Time, 16 + place);
+        let mut clock = Draw::new(self.seed, crate::battery::draws::Question::Time, 16 + place);
         let mut rig = Rig::new(&self.parameters, &self.faults, &self.odd, start_pu);
         let mut inputs = Inputs {
             opening_command_pu: start_pu,

@@ -1,6 +1,6 @@
 //! Which cases a battery has: sound units, single effects, pairs, triples, strangers, and effects that the catalogue will lack.
 
-use crate::battery::dice::{Draw, Question};
+use crate::battery::draws::{Draw, Question};
 use crate::battery::faults::STRANGERS;
 use crate::battery::{Case, Kind};
 use crate::effects::of_the_chain;

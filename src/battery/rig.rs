@@ -6,8 +6,8 @@
 
 use crate::battery::faults::Faults;
 use crate::battery::laws::{Bristles, edge, eroded, filtered, gap, gas_compressibility_1_pa, held_back_pa, jet, stop};
+use crate::battery::mismatch::Mismatch;
 use crate::battery::moment::Moment;
-use crate::battery::oddities::Oddities;
 use crate::parameters::Parameters;
 
 /// Steps of the integration in a tick of 1 ms.
@@ -66,7 +66,7 @@ pub struct Hand {
 pub struct Rig {
     p: Parameters,
     faults: Faults,
-    odd: Oddities,
+    odd: Mismatch,
     spool_friction: Bristles,
     piston_friction: Bristles,
     /// Natural frequency of the pilot valve's position loop.
@@ -79,7 +79,7 @@ pub struct Rig {
 impl Rig {
     /// A rig at rest at an opening.
     #[must_use]
-    pub fn new(p: &Parameters, faults: &Faults, odd: &Oddities, opening_pu: f64) -> Self {
+    pub fn new(p: &Parameters, faults: &Faults, odd: &Mismatch, opening_pu: f64) -> Self {
         let (dv, servo) = (&p.distributing_valve, &p.servomotor);
         let supply_pa = p.oil.tank_pressure_pa;
         let mut y = [0.0; STATES];
@@ -363,7 +363,7 @@ fn plus(y: &Vector, by: f64, k: &Vector) -> Vector {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::battery::dice::{Draw, Question};
+    use crate::battery::draws::{Draw, Question};
     use crate::effects::of_the_chain;
 
     /// Steps of 200 µs are as good as steps of 25 µs: they agree within a thirtieth of the transducers' noise, whatever is wrong.
@@ -375,7 +375,7 @@ mod tests {
         ids.extend(of_the_chain().map(|spec| (spec.id, spec.parameters[0].typical)));
         let cases = ids.into_iter().map(|(id, size)| (id, size, 5)).chain((10..20).map(|seed| ("", 0.0, seed)));
         for (id, size, seed) in cases {
-            let odd = Oddities::draw(p, &mut Draw::new(seed, Question::Oddities, 0));
+            let odd = Mismatch::draw(p, &mut Draw::new(seed, Question::Mismatch, 0));
             let mut faults = Faults::default();
             faults.add(id, size);
             let mut rigs = [STEPS, 8 * STEPS].map(|steps| (steps, Rig::new(p, &faults, &odd, 0.3)));

@@ -8,10 +8,10 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::battery::Label;
-use crate::diagnosis::outcome::Interval;
 use crate::diagnosis::posterior::{
     Feature, Hypotheses, OF_SETS, OF_STAGES, OF_UNKNOWN, Posterior, Weights, beforehand, score,
 };
+use crate::diagnosis::result::Interval;
 use crate::diagnosis::table::{Row, Table};
 use crate::effects::find;
 

@@ -1,4 +1,4 @@
-//! The page of a score: the measures beside their targets, who was taken for whom, how far probabilities can be trusted.
+//! The page of a score: the measures beside their targets, the confusion matrix, how far probabilities can be trusted.
 
 use crate::blind::score::{Confusion, Measure, Score};
 use crate::blind::scored::{MissedBy, SEEN, Scored};
@@ -62,7 +62,7 @@ pub fn page(
     if parts.len() > 1 {
         body.table(measures_table(parts), "The same by part of the units.");
     }
-    body.heading("Who was taken for whom");
+    body.heading("Confusion matrix");
     body.figure(
         svg(&confusion_picture(&first.score.confusion))?,
         "Rows: what is in the unit. Columns: the first word of the verdict. Units with two or three effects are not in it.",

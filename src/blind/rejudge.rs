@@ -4,8 +4,8 @@ use crate::blind::said::{Blamed, Gap, Location, Rank, Said};
 use crate::diagnosis::decision::Decision;
 use crate::diagnosis::evidence::KAPPAS;
 use crate::diagnosis::law_error::LAW_ERRORS;
-use crate::diagnosis::outcome::Verdict;
 use crate::diagnosis::posterior::{Posterior, Weights};
+use crate::diagnosis::result::Verdict;
 use crate::diagnosis::table::Table;
 use crate::effects::{EffectSpec, find};
 

@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::diagnosis::outcome::{Interval, Verdict};
+use crate::diagnosis::result::{Interval, Verdict};
 use crate::diagnosis::table::{Row, Table};
-use crate::tuning::bench::GENEROUS;
+use crate::tuning::problem::SOUND_MEAN_SQUARE;
 
 /// The part of `report.json` that is scored.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -26,12 +26,12 @@ pub struct Said {
     /// Time that it took, s.
     #[serde(default)]
     pub seconds: Option<f64>,
-    /// What it rests on.
+    /// What it idle_segments on.
     #[serde(default)]
     pub evidence: Evidence,
 }
 
-/// What a diagnosis rests on, as far as it is scored.
+/// What a diagnosis idle_segments on, as far as it is scored.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Evidence {
     /// The evidence of all fault sets.
@@ -176,7 +176,7 @@ impl Said {
         let is_it = |row: &&Row| {
             row.effects.len() == wanted.len() && wanted.iter().all(|id| row.effects.iter().any(|effect| effect == id))
         };
-        Some(table.rows.iter().find(is_it)?.cost - GENEROUS * table.samples)
+        Some(table.rows.iter().find(is_it)?.cost - SOUND_MEAN_SQUARE * table.samples)
     }
 
     /// The claimed closure; none where nothing is claimed, or an interval leaves everything open.

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::blind::scored::{MissedBy, Scored};
 use crate::blind::statistics::{Bin, Measured, reliability};
-use crate::diagnosis::outcome::Verdict;
+use crate::diagnosis::result::Verdict;
 
 /// A measure without a target; of others the words, and from what to what the value may lie.
 const OPEN: (&str, f64, f64) = ("", 0.0, 1.0);

@@ -2,7 +2,7 @@
 
 use crate::battery::{Label, Truth};
 use crate::blind::said::Said;
-use crate::diagnosis::outcome::Verdict;
+use crate::diagnosis::result::Verdict;
 
 /// Gain in likelihood, as −2 ln, from which something can be told: a log Bayes factor of 10, of which the odds against any effect take half.
 pub const SEEN: f64 = 20.0;
@@ -16,7 +16,7 @@ const LARGEST_CLASS: usize = 3;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MissedBy {
     /// What was left out gains less than an effect must ([`SEEN`]) once sheet and answer are fitted against it
-    /// ([`told`](crate::blind::limits::told)).
+    /// ([`told`](crate::blind::isolability::told)).
     Recordings,
     /// It gains more, or nobody knows how much; but the answer leaves no more than the method lets a right model leave ([`Said::leaves`]).
     Tolerance,
@@ -48,7 +48,7 @@ pub struct Scored {
     pub label: Label,
     /// Closure on recordings that the diagnosis never saw; none where nobody tried.
     pub realised_closure: Option<f64>,
-    /// Of a missed answer, what the recordings say of what it left out ([`crate::blind::limits::told`]); none where nobody asked.
+    /// Of a missed answer, what the recordings say of what it left out ([`crate::blind::isolability::told`]); none where nobody asked.
     pub told: Option<f64>,
 }
 

@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use anyhow::{Context, bail};
 use clap::ValueEnum;
-use govtwin::diagnosis::outcome::{Diagnosis, Verdict};
+use govtwin::diagnosis::result::{Diagnosis, Verdict};
 use govtwin::diagnosis::{Settings, diagnose};
 use govtwin::effects::own;
 use govtwin::parameters::Unit;

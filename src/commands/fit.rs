@@ -8,18 +8,18 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use govtwin::diagnosis::model::Model;
-use govtwin::diagnosis::outcome::Told;
+use govtwin::diagnosis::result::Told;
 use govtwin::diagnosis::told::told;
 use govtwin::parameters::{ENTRIES, Unit};
 use govtwin::params::{self, Overlay, Sheet, nearest, number_text};
 use govtwin::provenance::Provenance;
 use govtwin::recording::Recording;
-use govtwin::tuning::admission::{Intake, admit_all};
-use govtwin::tuning::bench::Bench;
 use govtwin::tuning::calibration::{Calibration, calibrate, parts};
-use govtwin::tuning::knob::Knob;
+use govtwin::tuning::free_parameter::FreeParameter;
 use govtwin::tuning::noise;
 use govtwin::tuning::plain::plain;
+use govtwin::tuning::problem::Problem;
+use govtwin::tuning::qualification::{Intake, qualify_all};
 use govtwin::tuning::run::Run;
 use govtwin::tuning::sheetless::sheetless;
 use govtwin::tuning::trial::Trial;
@@ -33,7 +33,7 @@ use crate::commands::{Outcome, usage};
 
 /// Fit parameters and chosen effects to recordings, and say how far they are determined.
 ///
-/// Every parameter with a tolerance in the data sheet is fitted, and held back by it: the sum of squared misses, each over
+/// Every parameter with a tolerance in the data sheet is fitted, and held back by it: the sum of squared residuals, each over
 /// the noise to be expected, and of squared distances from the sheet, each over its tolerance, is made least.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = HELP)]
@@ -67,7 +67,7 @@ pub struct Args {
     /// Folder for fitted.yaml and fit.json; made where missing.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// After the fit, answer each line of knob positions on standard input with the residuals, as JSON: for other solvers.
+    /// After the fit, answer each line of free_parameter positions on standard input with the residuals, as JSON: for other solvers.
     #[arg(long, hide = true)]
     serve: bool,
 }
@@ -91,7 +91,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     for path in &args.candidates {
         adopt(&params::load(path)?, params::load_candidates(path)?, &mut sheet.unit)?;
     }
-    let mut turned = knobs(args, &mut sheet.unit)?;
+    let mut turned = free_parameters(args, &mut sheet.unit)?;
     let output = args.out.as_ref().map(|out| Output::claim(out, &["fitted.yaml", "fit.json"])).transpose()?;
     let mapped = args.map.open(&args.bags)?;
     let read = read(args, &mapped.paths, &sheet.unit)?;
@@ -109,8 +109,13 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         sheet.unit.recorded = ready.unit.recorded;
         sheet.unit.effects.splice(0..0, ready.unit.effects);
         "servomotor stage without a data sheet".clone_into(&mut sheet.name);
-        turned = knobs(args, &mut sheet.unit)?;
-        turned.extend(ready.knobs.into_iter().filter(|knob| matches!(knob, Knob::Effect { .. })));
+        turned = free_parameters(args, &mut sheet.unit)?;
+        turned.extend(
+            ready
+                .free_parameters
+                .into_iter()
+                .filter(|free_parameter| matches!(free_parameter, FreeParameter::Effect { .. })),
+        );
         expected = ready.noise;
         ready.pieces
     } else {
@@ -121,29 +126,29 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     };
     let starts = usize::from(args.starts);
     let progress = Progress::new(parts(starts), "parts of the fit");
-    let (bench, fitted) = calibrate(trials, &sheet.unit, turned, &expected, starts, &|| progress.step());
+    let (problem, fitted) = calibrate(trials, &sheet.unit, turned, &expected, starts, &|| progress.step());
     drop(progress);
     if !fitted.fit.square.is_finite() {
         bail!("the misses are not finite; do the recordings belong to this parameter file?");
     }
     if args.serve {
-        serve::serve(&bench, &sheet.unit, &fitted)?;
+        serve::serve(&problem, &sheet.unit, &fitted)?;
         return Ok(Outcome::Ok);
     }
     let parameter_warnings = fitted.warnings();
     warnings.extend(parameter_warnings);
     made.warnings.clone_from(&warnings);
-    let told = stage(&bench, &sheet.unit, &fitted);
-    let mut json = figures::json(&bench, &sheet, &fitted, &told, &warnings);
+    let told = stage(&problem, &sheet.unit, &fitted);
+    let mut json = figures::json(&problem, &sheet, &fitted, &told, &warnings);
     json["provenance"] = serde_json::to_value(&made).context("cannot write the provenance as JSON")?;
     let json = format!("{json:#}\n");
     if let Some(mut output) = output {
-        let fitted = params::overlay_text(&output.path("fitted.yaml"), &overlay(&bench, &sheet, &fitted, &made))?;
+        let fitted = params::overlay_text(&output.path("fitted.yaml"), &overlay(&problem, &sheet, &fitted, &made))?;
         output.add("fitted.yaml", fitted.as_bytes())?;
         output.add("fit.json", json.as_bytes())?;
         output.place()?;
     }
-    print(&if args.json { json } else { figures::text(&bench, &sheet.unit, &fitted, &told) })?;
+    print(&if args.json { json } else { figures::text(&problem, &sheet.unit, &fitted, &told) })?;
     if let (Some(out), false) = (&args.out, args.json) {
         print(&format!("\nFitted parameters: {}\n", out.join("fitted.yaml").display()))?;
     }
@@ -189,8 +194,8 @@ fn read(args: &Args, paths: &[PathBuf], unit: &Unit) -> anyhow::Result<Recording
 fn taken(read: Recordings, made: &mut Provenance) -> anyhow::Result<(Vec<Taken>, Vec<String>)> {
     let Recordings { recordings, mut warnings, .. } = read;
     let whole_or_stage = |recording: &Recording| if recording.has_command() { Cut::None } else { Cut::Spool };
-    let Intake { admitted, notes, refused } = admit_all(recordings, whole_or_stage);
-    if admitted.is_empty() {
+    let Intake { qualified, notes, refused } = qualify_all(recordings, whole_or_stage);
+    if qualified.is_empty() {
         bail!("no recording can be used:\n  {}", refused.join("\n  "));
     }
     warnings.extend(notes);
@@ -199,7 +204,7 @@ fn taken(read: Recordings, made: &mut Provenance) -> anyhow::Result<(Vec<Taken>,
         one.left_out = refused.iter().find_map(|reason| Some(reason.strip_prefix(&head)?.to_owned()));
     }
     warnings.extend(refused.into_iter().map(|reason| format!("{reason} (left out)")));
-    Ok((admitted, warnings))
+    Ok((qualified, warnings))
 }
 
 /// Recordings as they are fitted to with a sheet.
@@ -216,12 +221,12 @@ fn prepared(recordings: Vec<Taken>, warnings: &mut Vec<String>) -> Vec<Trial> {
 }
 
 /// What was fitted of a servomotor stage alone, in the numbers of its recordings; nothing where whole chains were.
-fn stage(bench: &Bench, base: &Unit, fitted: &Calibration) -> Vec<Told> {
-    if bench.trials.iter().any(|trial| trial.cut != Cut::Spool) {
+fn stage(problem: &Problem, base: &Unit, fitted: &Calibration) -> Vec<Told> {
+    if problem.trials.iter().any(|trial| trial.cut != Cut::Spool) {
         return vec![];
     }
-    let Some(law) = plain(&Run::all(&bench.trials)) else { return vec![] };
-    told(&Model::new(vec![], base.clone(), fitted.knobs.clone(), fitted.fit.clone()), &law, &bench.trials)
+    let Some(law) = plain(&Run::all(&problem.trials)) else { return vec![] };
+    told(&Model::new(vec![], base.clone(), fitted.free_parameters.clone(), fitted.fit.clone()), &law, &problem.trials)
 }
 
 /// Takes the effects that a file defines into a unit, with the values that the file gives them.
@@ -239,7 +244,7 @@ fn adopt(from: &Unit, candidates: Vec<govtwin::parameters::OwnEffect>, unit: &mu
 }
 
 /// What to turn: tolerances, free parameters, effects.
-fn knobs(args: &Args, unit: &mut Unit) -> anyhow::Result<Vec<Knob>> {
+fn free_parameters(args: &Args, unit: &mut Unit) -> anyhow::Result<Vec<FreeParameter>> {
     let mut free = vec![];
     for key in &args.free {
         let Some(index) = ENTRIES.iter().position(|entry| entry.key == key) else {
@@ -249,11 +254,13 @@ fn knobs(args: &Args, unit: &mut Unit) -> anyhow::Result<Vec<Knob>> {
         };
         free.push(index);
     }
-    let mut knobs = Knob::nuisances(unit);
-    knobs.retain(|knob| !matches!(knob, Knob::Parameter { index, .. } if free.contains(index)));
+    let mut free_parameters = FreeParameter::nuisances(unit);
+    free_parameters.retain(
+        |free_parameter| !matches!(free_parameter, FreeParameter::Parameter { index, .. } if free.contains(index)),
+    );
     free.sort_unstable();
     free.dedup();
-    knobs.extend(free.into_iter().map(|index| Knob::free(unit, index)));
+    free_parameters.extend(free.into_iter().map(|index| FreeParameter::free(unit, index)));
     let candidates = if args.candidates.is_empty() { &[] } else { &unit.own_effects[..] };
     let mut ids: Vec<String> = candidates.iter().map(|own| own.id.clone()).collect();
     ids.splice(0..0, args.effects.iter().cloned());
@@ -268,26 +275,26 @@ fn knobs(args: &Args, unit: &mut Unit) -> anyhow::Result<Vec<Knob>> {
             unit.effects.push(effect::neutral(spec));
             unit.effects.len() - 1
         });
-        knobs.extend(spec.parameters.iter().enumerate().map(|(parameter, spec)| Knob::Effect {
+        free_parameters.extend(spec.parameters.iter().enumerate().map(|(parameter, spec)| FreeParameter::Effect {
             effect: at,
             parameter,
             spec,
         }));
     }
-    if knobs.is_empty() {
+    if free_parameters.is_empty() {
         bail!("nothing to fit: the sheet gives no tolerance; name parameters with --free or an effect with --effect");
     }
-    Ok(knobs)
+    Ok(free_parameters)
 }
 
 /// The fitted unit as a parameter file.
-fn overlay(bench: &Bench, sheet: &Sheet, fitted: &Calibration, made: &Provenance) -> Overlay {
+fn overlay(problem: &Problem, sheet: &Sheet, fitted: &Calibration, made: &Provenance) -> Overlay {
     let comment = |row: &govtwin::tuning::calibration::Row| {
         let [low, high] = row.ci90.map(number_text);
         let bound = if row.at_bound { ", at a bound" } else { "" };
         (row.key.clone(), format!("ci90 [{low}, {high}], sheet {}{bound}", number_text(row.sheet)))
     };
-    let names: Vec<&str> = bench.trials.iter().map(|trial| trial.name.as_str()).collect();
+    let names: Vec<&str> = problem.trials.iter().map(|trial| trial.name.as_str()).collect();
     Overlay {
         unit: fitted.unit.clone(),
         name: sheet.name.clone(),

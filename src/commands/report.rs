@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, bail};
-use govtwin::diagnosis::contract::read::read;
+use govtwin::diagnosis::schema::read::read;
 use govtwin::provenance::Provenance;
 use govtwin::report::diagnosis as page;
 

@@ -10,10 +10,10 @@ use crate::diagnosis::model::Model;
 use crate::diagnosis::support::{Placed, Variant};
 use crate::effects::EffectSpec;
 use crate::parameters::Unit;
-use crate::tuning::bench::Bench;
-use crate::tuning::cooling::cooled;
+use crate::tuning::annealing::annealed;
 use crate::tuning::fit::{Effort, Fit, fit};
-use crate::tuning::knob::Knob;
+use crate::tuning::free_parameter::FreeParameter;
+use crate::tuning::problem::Problem;
 
 /// Sizes from which an effect starts, in typical ones.
 const SIZES: [f64; 2] = [1.0, -1.0];
@@ -21,27 +21,27 @@ const SIZES: [f64; 2] = [1.0, -1.0];
 const ROUNDS: usize = 3;
 
 /// Fits every single effect from the unfitted stage as well, and keeps what is better.
-pub fn singles(found: &mut Explored, bench: &Bench, sheet: &Model, catalogue: &[&'static EffectSpec]) {
-    let mut fitted: Vec<(usize, Unit, Vec<Knob>, Fit)> = Vec::new();
+pub fn singles(found: &mut Explored, problem: &Problem, sheet: &Model, catalogue: &[&'static EffectSpec]) {
+    let mut fitted: Vec<(usize, Unit, Vec<FreeParameter>, Fit)> = Vec::new();
     for (effect, spec) in catalogue.iter().enumerate() {
         let of = |size| sheet.with_effect(spec, Variant { size, further: 1.0 });
         let places: Vec<Placed> = SIZES.into_iter().filter_map(of).collect();
-        let Some((base, knobs, _)) = places.first() else { continue };
+        let Some((base, free_parameters, _)) = places.first() else { continue };
         let starts: Vec<Vec<f64>> = places.iter().map(|(_, _, positions)| positions.clone()).collect();
-        let rough = cooled(bench, base, knobs, &starts, ROUNDS);
+        let rough = annealed(problem, base, free_parameters, &starts, ROUNDS);
         let Some(best) = rough.into_iter().min_by(|a, b| a.cost().total_cmp(&b.cost())) else { continue };
-        let fine = fit(bench, base, knobs, &best.positions, Effort::FULL, Some(&best.slopes));
-        fitted.push((effect, base.clone(), knobs.clone(), fine));
+        let fine = fit(problem, base, free_parameters, &best.positions, Effort::FULL, Some(&best.slopes));
+        fitted.push((effect, base.clone(), free_parameters.clone(), fine));
     }
-    let shared = Shared::new(bench, &found.discrepancy, found.refitted().cost());
-    for (effect, base, knobs, fit) in fitted {
+    let shared = Shared::new(problem, &found.discrepancy, found.refitted().cost());
+    for (effect, base, free_parameters, fit) in fitted {
         let known = found.hypotheses.iter().position(|one| one.effects == [effect]);
         if known.is_some_and(|place| found.hypotheses[place].model.cost() <= fit.cost()) {
             continue;
         }
-        let model = Model::new(vec![catalogue[effect]], base, knobs, fit);
+        let model = Model::new(vec![catalogue[effect]], base, free_parameters, fit);
         let normal = shared.normal(&model);
-        let log_evidence = normal.at(kappa(bench), LAW_ERROR) - RARITY;
+        let log_evidence = normal.at(kappa(problem), LAW_ERROR) - RARITY;
         let anew = Hypothesis { effects: vec![effect], model, normal, log_evidence, refined: true };
         match known {
             Some(place) => found.hypotheses[place] = anew,

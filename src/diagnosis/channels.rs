@@ -1,6 +1,6 @@
 //! Admissibility: what each channel of each recording is like, and what is wrong with it.
 
-use crate::diagnosis::outcome::Channel;
+use crate::diagnosis::result::Channel;
 use crate::recording::Recording;
 use crate::signal::Signal;
 use crate::units::seconds_from_nanos;

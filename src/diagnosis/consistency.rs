@@ -2,7 +2,7 @@
 
 use crate::diagnosis::model::Model;
 use crate::signal::Signal;
-use crate::tuning::bench::Bench;
+use crate::tuning::problem::Problem;
 
 /// Innovations of one signal over all recordings (Bar-Shalom, Li & Kirubarajan 2001, *Estimation with Applications to Tracking and Navigation*,
 /// section 5.4).
@@ -18,12 +18,12 @@ pub struct Consistency {
     pub correlation: f64,
 }
 
-/// Of each signal that was measured, for a model that has its misses.
+/// Of each signal that was measured, for a model that has its residuals.
 #[must_use]
-pub fn consistency(bench: &Bench, model: &Model) -> Vec<Consistency> {
+pub fn consistency(problem: &Problem, model: &Model) -> Vec<Consistency> {
     let of = |signal: Signal| {
-        let innovations: Vec<Vec<f64>> = (model.fit.misses.iter().enumerate())
-            .map(|(trial, misses)| bench.innovations(trial, signal, misses))
+        let innovations: Vec<Vec<f64>> = (model.fit.residuals.iter().enumerate())
+            .map(|(trial, residuals)| problem.innovations(trial, signal, residuals))
             .filter(|innovations| !innovations.is_empty())
             .collect();
         let samples: usize = innovations.iter().map(Vec::len).sum();

@@ -4,8 +4,8 @@
 //! that holds nine tenths of its probability: effects that all of them share are named, with every other that is likelier there than not; where they
 //! share none, the verdict is the class of them.
 
-use crate::diagnosis::outcome::Verdict;
 use crate::diagnosis::posterior::Posterior;
+use crate::diagnosis::result::Verdict;
 use crate::diagnosis::table::Table;
 use crate::effects::{EffectSpec, Stage};
 

@@ -1,7 +1,7 @@
 //! What the recordings could show: the smallest size of each effect that would stand out, and effects that leave the same mark.
 
 use crate::diagnosis::explore::Explored;
-use crate::diagnosis::outcome::Visible;
+use crate::diagnosis::result::Visible;
 use crate::effects::EffectSpec;
 
 /// Gain in cost from which an effect stands out: a log Bayes factor of 10, of which the odds against any effect take half.

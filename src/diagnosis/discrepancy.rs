@@ -13,7 +13,7 @@ use crate::effects::{self, Stage};
 use crate::parameters::Unit;
 use crate::plant::Plant;
 use crate::plant::term::{Point, Term, View};
-use crate::tuning::bench::{Bench, METHOD, Misses};
+use crate::tuning::problem::{METHOD, Problem, Residuals};
 use crate::twin::Twin;
 
 /// A place for a discrepancy term.
@@ -119,7 +119,7 @@ pub struct Columns {
 impl Columns {
     /// Products of residuals with all marks.
     #[must_use]
-    pub fn along(&self, residuals: &Misses) -> DVector<f64> {
+    pub fn along(&self, residuals: &Residuals) -> DVector<f64> {
         let products = self.marks.iter().zip(residuals).map(|(marks, residuals)| marks.tr_mul(residuals));
         products.reduce(|a, b| a + b).unwrap_or_else(|| DVector::zeros(0))
     }
@@ -141,7 +141,7 @@ pub fn places() -> impl Iterator<Item = &'static Place> {
 
 /// Simulates a small term of every shape at every place on top of a model.
 #[must_use]
-pub fn columns(bench: &Bench, model: &Model) -> Columns {
+pub fn columns(problem: &Problem, model: &Model) -> Columns {
     let unit = model.unit();
     let twins: Vec<Twin> = PLACES
         .iter()
@@ -153,8 +153,10 @@ pub fn columns(bench: &Bench, model: &Model) -> Columns {
             Twin::of_plant(plant, unit.parameters.oil.tank_pressure_pa, METHOD)
         })
         .collect();
-    let moved = bench.misses_of_twins(&twins);
-    Columns { marks: (0..bench.trials.len()).map(|trial| changes(&moved, &model.fit.misses, trial, STEP)).collect() }
+    let moved = problem.residuals_of_twins(&twins);
+    Columns {
+        marks: (0..problem.trials.len()).map(|trial| changes(&moved, &model.fit.residuals, trial, STEP)).collect(),
+    }
 }
 
 /// A twin of a unit with a term of every shape at one place; `sizes` are those of all columns, in moderate terms.
@@ -171,7 +173,7 @@ pub fn twin_with(unit: &Unit, place: &Place, sizes: &[f64]) -> Twin {
 }
 
 /// Changes of the residuals of one recording over a step, as columns.
-fn changes(moved: &[Misses], at: &Misses, trial: usize, step: f64) -> DMatrix<f64> {
+fn changes(moved: &[Residuals], at: &Residuals, trial: usize, step: f64) -> DMatrix<f64> {
     let mut marks = DMatrix::zeros(at[trial].len(), moved.len());
     for (k, moved) in moved.iter().enumerate() {
         marks.set_column(k, &((&moved[trial] - &at[trial]) / step));

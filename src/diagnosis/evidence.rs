@@ -12,9 +12,9 @@ use crate::diagnosis::law_error::{LAW_ERRORS, Modulations, limits};
 use crate::diagnosis::linearisation::SIZE_PRIOR;
 use crate::diagnosis::model::Model;
 use crate::effects::Stage;
-use crate::tuning::bench::Bench;
-use crate::tuning::knob::Knob;
+use crate::tuning::free_parameter::FreeParameter;
 use crate::tuning::linear::crossed;
+use crate::tuning::problem::Problem;
 
 /// Sizes of the error of equations at which evidence is tabulated, in moderate discrepancy terms.
 pub const KAPPAS: [f64; 4] = [1e-3, 0.03, 0.1, 0.3];
@@ -28,19 +28,19 @@ pub struct Normal {
     cost: f64,
     slopes: usize,
     terms: usize,
-    /// Over knobs, discrepancy terms and errors of laws, without priors of the latter two.
+    /// Over free_parameters, discrepancy terms and errors of laws, without priors of the latter two.
     hessian: DMatrix<f64>,
     /// Along all of these.
     gradient: DVector<f64>,
     /// Logarithm of the prior density of the sizes over a Gaussian of unit precision.
     sizes: f64,
-    /// Logarithm of the precision of the knobs' priors, all together.
+    /// Logarithm of the precision of the free_parameters' priors, all together.
     log_precision: f64,
     /// What each recording has to say.
     parts: Vec<Part>,
 }
 
-/// One recording's part in the normal equations of the knobs.
+/// One recording's part in the normal equations of the free_parameters.
 #[derive(Clone, Debug)]
 struct Part {
     cost: f64,
@@ -60,24 +60,24 @@ pub struct Shared<'a> {
 impl<'a> Shared<'a> {
     /// Of these marks; the model without effects costs so much.
     #[must_use]
-    pub fn new(bench: &Bench, columns: &'a Columns, without_effects: f64) -> Self {
+    pub fn new(problem: &Problem, columns: &'a Columns, without_effects: f64) -> Self {
         let rows: Vec<usize> = columns.marks.iter().map(DMatrix::nrows).collect();
         let n = columns.marks.first().map_or(0, DMatrix::ncols);
         let gram = columns.marks.iter().fold(DMatrix::zeros(n, n), |sum, marks| sum + crossed(marks, marks));
-        Self { columns, modulations: Modulations::new(bench, &rows), without_effects, gram }
+        Self { columns, modulations: Modulations::new(problem, &rows), without_effects, gram }
     }
 
     /// The normal equations of a fitted model that has its slopes.
     #[must_use]
     pub fn normal(&self, model: &Model) -> Normal {
-        let (n, b) = (model.knobs.len(), self.gram.nrows());
+        let (n, b) = (model.free_parameters.len(), self.gram.nrows());
         let laws = self.modulations.count(model);
         let limits = limits(model, self.without_effects);
         let mut hessian = DMatrix::zeros(n + b + laws, n + b + laws);
         let mut gradient = DVector::zeros(n + b + laws);
         let mut parts = Vec::new();
         hessian.view_mut((n, n), (b, b)).copy_from(&self.gram);
-        for (trial, residuals) in model.fit.misses.iter().enumerate() {
+        for (trial, residuals) in model.fit.residuals.iter().enumerate() {
             let (slopes, marks) = (&model.fit.slopes[trial], &self.columns.marks[trial]);
             let errors = self.modulations.marks(model, trial, &limits);
             let part = crossed(slopes, slopes);
@@ -103,12 +103,12 @@ impl<'a> Shared<'a> {
         hessian.fill_lower_triangle_with_upper_triangle();
         let (median, spread) = SIZE_PRIOR;
         let (mut sizes, mut log_precision) = (0.0, 0.0);
-        for (k, knob) in model.knobs.iter().enumerate() {
+        for (k, free_parameter) in model.free_parameters.iter().enumerate() {
             let position = model.fit.positions[k];
-            gradient[k] += knob.prior_centre().map_or(0.0, |centre| position - centre);
-            let (low, high) = knob.range(&model.base);
+            gradient[k] += free_parameter.prior_centre().map_or(0.0, |centre| position - centre);
+            let (low, high) = free_parameter.range(&model.base);
             // A parameter on its bound does not follow.
-            if knob.prior_centre().is_some() && (position <= low || position >= high) && low < high {
+            if free_parameter.prior_centre().is_some() && (position <= low || position >= high) && low < high {
                 hessian.row_mut(k).fill(0.0);
                 hessian.column_mut(k).fill(0.0);
                 gradient[k] = 0.0;
@@ -118,15 +118,15 @@ impl<'a> Shared<'a> {
                     part.gradient[k] = 0.0;
                 }
             }
-            let precision = match knob {
-                Knob::Effect { parameter: 0, .. } => {
+            let precision = match free_parameter {
+                FreeParameter::Effect { parameter: 0, .. } => {
                     let size = position.abs().max(1e-3);
                     let off = (size / median).ln() / spread;
                     // The density of the size itself; that of a Gaussian with its precision is counted by |P|.
                     sizes -= 0.5 * off * off;
                     1.0 / (spread * size).powi(2)
                 }
-                Knob::Free { .. } => 1e-6,
+                FreeParameter::Free { .. } => 1e-6,
                 _ => 1.0,
             };
             hessian[(k, k)] += precision;
@@ -169,10 +169,10 @@ impl Normal {
         0.5 * (gain - self.cost - log_determinant(&cholesky) + log_precision) + self.sizes
     }
 
-    /// What the terms lower the cost by, the knobs following.
+    /// What the terms lower the cost by, the free_parameters following.
     fn gain_of_terms(&self, cholesky: &Cholesky<f64, nalgebra::Dyn>, gradient: &DVector<f64>) -> f64 {
         let mut solved = gradient.clone();
-        // Knobs come first, so that the factor's leading block is that of the knobs alone.
+        // Knobs come first, so that the factor's leading block is that of the free_parameters alone.
         if !cholesky.l_dirty().solve_lower_triangular_mut(&mut solved) {
             return 0.0;
         }
@@ -232,7 +232,7 @@ impl Normal {
         (self.gain_of_terms(&cholesky, &gradient), solved.rows(n, b).iter().map(|size| -size).collect())
     }
 
-    /// What the knobs could still gain by the slopes at hand, nats: next to nothing where a fit has ended.
+    /// What the free_parameters could still gain by the slopes at hand, nats: next to nothing where a fit has ended.
     #[must_use]
     pub fn unfinished(&self) -> f64 {
         let n = self.slopes;

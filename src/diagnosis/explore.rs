@@ -5,13 +5,13 @@ use crate::diagnosis::evidence::Shared;
 use crate::diagnosis::explorer::{
     Explorer, Hypothesis, LAW_ERROR, LEAST_GAIN, RARITY, is_stage_alone, kappa, worthwhile,
 };
-use crate::diagnosis::known::Known;
+use crate::diagnosis::fitted_sets::Known;
 use crate::diagnosis::linearisation::{Linearisation, Proposal};
 use crate::diagnosis::model::Model;
 use crate::diagnosis::support::Placed;
 use crate::effects::EffectSpec;
-use crate::tuning::bench::Bench;
 use crate::tuning::fit::{Effort, Start, fit_all};
+use crate::tuning::problem::Problem;
 
 /// Most effects at once.
 pub const MOST: usize = 3;
@@ -67,7 +67,7 @@ impl Explored {
     /// Fits with care what a verdict claims: all of the effects together where they are named, and each alone.
     pub fn complete(
         &mut self,
-        bench: &Bench,
+        problem: &Problem,
         blamed: &[&'static str],
         together: bool,
         catalogue: &[&'static EffectSpec],
@@ -94,21 +94,21 @@ impl Explored {
         }
         let starts: Vec<Start<'_>> = places
             .iter()
-            .map(|(_, own, (base, knobs, positions))| match own {
+            .map(|(_, own, (base, free_parameters, positions))| match own {
                 Some(own) => own.model.onwards(Effort::FULL),
-                None => Start { base, knobs, positions, effort: Effort::FULL, known: None },
+                None => Start { base, free_parameters, positions, effort: Effort::FULL, known: None },
             })
             .collect();
-        let fits = fit_all(bench, &starts);
-        let shared = Shared::new(bench, &self.discrepancy, self.refitted().cost());
+        let fits = fit_all(problem, &starts);
+        let shared = Shared::new(problem, &self.discrepancy, self.refitted().cost());
         let mut best: Vec<Option<Hypothesis>> = vec![None; claims.len()];
-        for ((place, _, (base, knobs, _)), fit) in places.into_iter().zip(fits) {
+        for ((place, _, (base, free_parameters, _)), fit) in places.into_iter().zip(fits) {
             let known = catalogue.iter().enumerate().filter(|(_, spec)| claims[place].contains(&spec.id));
             let (effects, specs): (Vec<usize>, Vec<&'static EffectSpec>) = known.map(|(k, spec)| (k, *spec)).unzip();
-            let model = Model::new(specs, base, knobs, fit);
+            let model = Model::new(specs, base, free_parameters, fit);
             if best[place].as_ref().is_none_or(|best| model.cost() < best.model.cost()) {
                 let normal = shared.normal(&model);
-                let log_evidence = normal.at(kappa(bench), LAW_ERROR) - RARITY * effects.len() as f64;
+                let log_evidence = normal.at(kappa(problem), LAW_ERROR) - RARITY * effects.len() as f64;
                 best[place] = Some(Hypothesis { effects, model, normal, log_evidence, refined: true });
             }
         }
@@ -122,20 +122,20 @@ impl Explored {
 /// Explores the fault sets of a catalogue from the refitted sheet and from the sheet itself.
 #[must_use]
 pub fn explore(
-    bench: &Bench,
+    problem: &Problem,
     refitted: &Model,
     sheet: &Model,
     catalogue: &[&'static EffectSpec],
     progress: &(dyn Fn(&str, f64) + Sync),
 ) -> Explored {
     progress("placing discrepancy terms", 0.2);
-    let discrepancy = columns(bench, refitted);
-    let kappa = kappa(bench);
-    let explorer = Explorer::new(bench, refitted, catalogue, &discrepancy);
+    let discrepancy = columns(problem, refitted);
+    let kappa = kappa(problem);
+    let explorer = Explorer::new(problem, refitted, catalogue, &discrepancy);
     let mut known = Known::default();
     known.take(explorer.hypothesis(Vec::new(), refitted.clone(), true));
     progress("weighing all sets of up to three effects", 0.25);
-    let at = |point: &Model| Linearisation::new(bench, point, catalogue, &discrepancy, kappa);
+    let at = |point: &Model| Linearisation::new(problem, point, catalogue, &discrepancy, kappa);
     let linearisation = at(refitted);
     let from_sheet = at(sheet);
     progress("fitting the likeliest sets", 0.4);
@@ -143,7 +143,7 @@ pub fn explore(
     for (point, picture) in [(refitted, &linearisation), (sheet, &from_sheet)] {
         let proposals = worthwhile(picture.proposals(MOST));
         // A stage alone has few effects and all are alike: each is fitted.
-        let taken = if is_stage_alone(bench) { [usize::MAX, TAKEN[1], TAKEN[2]] } else { TAKEN };
+        let taken = if is_stage_alone(problem) { [usize::MAX, TAKEN[1], TAKEN[2]] } else { TAKEN };
         for (size, taken) in taken.into_iter().enumerate() {
             let of_size = proposals.iter().filter(|proposal| proposal.effects.len() == size + 1);
             jobs.extend(of_size.take(taken).map(|proposal| (point, proposal.clone())));

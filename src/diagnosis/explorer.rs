@@ -11,8 +11,8 @@ use crate::diagnosis::linearisation::Proposal;
 use crate::diagnosis::model::Model;
 use crate::diagnosis::support::{Placed, Variant, add};
 use crate::effects::EffectSpec;
-use crate::tuning::bench::Bench;
 use crate::tuning::fit::{Effort, Fit, Start, fit_all};
+use crate::tuning::problem::Problem;
 use crate::twin::Cut;
 
 /// Error of equations that proposals and rankings count with, in moderate discrepancy terms.
@@ -59,40 +59,40 @@ pub struct Hypothesis {
 
 /// Error of equations that explorations count with: next to none where the stage behind a recorded spool stands alone, of which the discrepancy
 /// terms know too much: at the spool's own rate nothing in the loop holds them.
-pub(super) fn kappa(bench: &Bench) -> f64 {
-    if is_stage_alone(bench) { KAPPAS[0] } else { KAPPA }
+pub(super) fn kappa(problem: &Problem) -> f64 {
+    if is_stage_alone(problem) { KAPPAS[0] } else { KAPPA }
 }
 
 /// How many leaders are fitted with care each time.
-pub(super) fn leaders(bench: &Bench) -> usize {
-    if is_stage_alone(bench) { 4 * REFINED } else { REFINED }
+pub(super) fn leaders(problem: &Problem) -> usize {
+    if is_stage_alone(problem) { 4 * REFINED } else { REFINED }
 }
 
 /// Whether recorded spools drive all that is judged.
 #[must_use]
-pub fn is_stage_alone(bench: &Bench) -> bool {
-    bench.trials.iter().all(|trial| trial.cut == Cut::Spool)
+pub fn is_stage_alone(problem: &Problem) -> bool {
+    problem.trials.iter().all(|trial| trial.cut == Cut::Spool)
 }
 
 /// What all fits share.
 pub(super) struct Explorer<'a> {
     kappa: f64,
-    pub(super) bench: &'a Bench,
+    pub(super) problem: &'a Problem,
     nominal: &'a Model,
     catalogue: &'a [&'static EffectSpec],
     shared: Shared<'a>,
 }
 
 impl<'a> Explorer<'a> {
-    /// For a bench, the refitted sheet on it, a catalogue and the marks of the discrepancy terms.
+    /// For a problem, the refitted sheet on it, a catalogue and the marks of the discrepancy terms.
     pub(super) fn new(
-        bench: &'a Bench,
+        problem: &'a Problem,
         nominal: &'a Model,
         catalogue: &'a [&'static EffectSpec],
         discrepancy: &'a Columns,
     ) -> Self {
-        let shared = Shared::new(bench, discrepancy, nominal.cost());
-        Self { kappa: kappa(bench), bench, nominal, catalogue, shared }
+        let shared = Shared::new(problem, discrepancy, nominal.cost());
+        Self { kappa: kappa(problem), problem, nominal, catalogue, shared }
     }
 
     pub(super) fn hypothesis(&self, effects: Vec<usize>, model: Model, refined: bool) -> Hypothesis {
@@ -103,7 +103,7 @@ impl<'a> Explorer<'a> {
 
     /// Places in the catalogue of the effects that a proposal at a point leaves or adds, with where they stand.
     pub(super) fn members(&self, point: &Model, proposal: &Proposal) -> Vec<(usize, Variant)> {
-        let first = self.nominal.knobs.len();
+        let first = self.nominal.free_parameters.len();
         let mut members = proposal.effects.clone();
         let mut place = first;
         for (own, spec) in point.effects.iter().enumerate() {
@@ -131,22 +131,22 @@ impl<'a> Explorer<'a> {
         let starts: Vec<Start<'_>> = jobs
             .iter()
             .zip(&places)
-            .map(|((point, _), (_, (base, knobs, positions)))| {
+            .map(|((point, _), (_, (base, free_parameters, positions)))| {
                 let known = known.iter().find(|(other, _)| std::ptr::eq(*other, *point));
                 Start {
                     base,
-                    knobs,
+                    free_parameters,
                     positions,
                     effort: Effort::GLANCE,
                     known: known.map(|(_, slopes)| slopes.as_slice()),
                 }
             })
             .collect();
-        let fits = fit_all(self.bench, &starts);
+        let fits = fit_all(self.problem, &starts);
         drop(starts);
-        let found = places.into_par_iter().zip(fits).map(|((effects, (base, knobs, _)), fit)| {
+        let found = places.into_par_iter().zip(fits).map(|((effects, (base, free_parameters, _)), fit)| {
             let specs = effects.iter().map(|&effect| self.catalogue[effect]).collect();
-            self.hypothesis(effects, Model::new(specs, base, knobs, fit), false)
+            self.hypothesis(effects, Model::new(specs, base, free_parameters, fit), false)
         });
         let mut found: Vec<Hypothesis> = found.collect();
         found.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
@@ -160,7 +160,7 @@ impl<'a> Explorer<'a> {
             one.model.lighten();
         }
         // An effect's own slopes bend most and are measured at each step.
-        let count = self.nominal.knobs.len();
+        let count = self.nominal.free_parameters.len();
         let known: Vec<Vec<DMatrix<f64>>> = found
             .iter_mut()
             .map(|one| std::mem::take(&mut one.model.fit.slopes))
@@ -169,12 +169,12 @@ impl<'a> Explorer<'a> {
         let starts = found.iter().zip(&known);
         let starts: Vec<Start<'_>> =
             starts.map(|(one, known)| Start { known: Some(known), ..one.model.onwards(FURTHER) }).collect();
-        let fits = fit_all(self.bench, &starts);
+        let fits = fit_all(self.problem, &starts);
         drop(starts);
         // A fit ends no higher than it began.
         let further = found.into_par_iter().zip(fits).map(|(one, fit)| {
-            let Model { effects, base, knobs, .. } = one.model;
-            self.hypothesis(one.effects, Model::new(effects, base, knobs, fit), false)
+            let Model { effects, base, free_parameters, .. } = one.model;
+            self.hypothesis(one.effects, Model::new(effects, base, free_parameters, fit), false)
         });
         let mut all: Vec<Hypothesis> = further.collect();
         all.append(&mut rest);
@@ -183,18 +183,18 @@ impl<'a> Explorer<'a> {
 
     /// Slopes of a model by the parameters of the sheet alone.
     fn sheet_slopes(&self, model: &Model) -> Vec<DMatrix<f64>> {
-        let count = self.nominal.knobs.len();
+        let count = self.nominal.free_parameters.len();
         model.fit.slopes.iter().map(|slopes| slopes.columns(0, count).into_owned()).collect()
     }
 
     /// The effects of a proposal at a point, and the unit with them where the fit begins.
     fn placed(&self, point: &Model, proposal: &Proposal) -> (Vec<usize>, Placed) {
         let members = self.members(point, proposal);
-        let positions = (0..self.nominal.knobs.len()).map(|k| {
-            let (low, high) = self.nominal.knobs[k].range(&self.nominal.base);
+        let positions = (0..self.nominal.free_parameters.len()).map(|k| {
+            let (low, high) = self.nominal.free_parameters[k].range(&self.nominal.base);
             (point.fit.positions[k] + proposal.change[k].clamp(-FARTHEST, FARTHEST)).clamp(low, high)
         });
-        let mut placed = (self.nominal.base.clone(), self.nominal.knobs.clone(), positions.collect());
+        let mut placed = (self.nominal.base.clone(), self.nominal.free_parameters.clone(), positions.collect());
         for &(effect, variant) in &members {
             add(&mut placed, self.catalogue[effect], variant);
         }
@@ -204,7 +204,7 @@ impl<'a> Explorer<'a> {
     /// Proposals of what a leader holds, begun from the sheet, and of what it holds without one of its effects, from the sheet and from where it
     /// stands: what takes an effect's place may have strained it.
     pub(super) fn narrowed<'b>(&self, leader: &'b Model, sheet: &'b Model) -> Vec<(&'b Model, Proposal)> {
-        let still = |point: &Model| DVector::zeros(point.knobs.len());
+        let still = |point: &Model| DVector::zeros(point.free_parameters.len());
         let stand = |removed| Proposal { effects: Vec::new(), removed, log_evidence: 0.0, change: still(leader) };
         let own = self.members(leader, &stand(Vec::new()));
         let from_sheet = |left: Option<usize>| {
@@ -226,7 +226,7 @@ impl<'a> Explorer<'a> {
         model: &'b Model,
         is_open: impl Fn(&[usize]) -> bool,
     ) -> Vec<(&'b Model, Proposal)> {
-        let change = DVector::zeros(model.knobs.len());
+        let change = DVector::zeros(model.free_parameters.len());
         let of = |left: usize| Proposal {
             effects: Vec::new(),
             removed: vec![left],
@@ -243,7 +243,7 @@ impl<'a> Explorer<'a> {
     /// Fits hypotheses on with care.
     pub(super) fn refined(&self, chosen: &[Hypothesis]) -> Vec<Hypothesis> {
         let starts: Vec<Start<'_>> = chosen.iter().map(|one| one.model.onwards(CAREFUL)).collect();
-        self.better(chosen, fit_all(self.bench, &starts), true)
+        self.better(chosen, fit_all(self.problem, &starts), true)
     }
 
     /// Hypotheses with fits that went on from them, where these are better.

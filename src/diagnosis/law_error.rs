@@ -11,8 +11,8 @@ use nalgebra::DMatrix;
 use crate::diagnosis::model::Model;
 use crate::recording::Process;
 use crate::signal::Signal;
-use crate::tuning::bench::Bench;
-use crate::tuning::knob::Knob;
+use crate::tuning::free_parameter::FreeParameter;
+use crate::tuning::problem::Problem;
 use crate::tuning::trial::Trial;
 use crate::units::seconds_from_nanos;
 
@@ -38,12 +38,12 @@ pub struct Modulations {
 }
 
 impl Modulations {
-    /// Those of a bench's recordings: one for each process, then servomotor position, its speed, and time.
+    /// Those of a problem's recordings: one for each process, then servomotor position, its speed, and time.
     #[must_use]
-    pub fn new(bench: &Bench, rows: &[usize]) -> Self {
+    pub fn new(problem: &Problem, rows: &[usize]) -> Self {
         let processes: Vec<Process> = Process::ALL
             .into_iter()
-            .filter(|process| bench.trials.iter().any(|trial| trial.process == *process))
+            .filter(|process| problem.trials.iter().any(|trial| trial.process == *process))
             .collect();
         let of = |(trial, &rows): (&Trial, &usize)| {
             let shapes = shapes(trial);
@@ -61,7 +61,7 @@ impl Modulations {
             }
             all
         };
-        Self { by_trial: bench.trials.iter().zip(rows).map(of).collect() }
+        Self { by_trial: problem.trials.iter().zip(rows).map(of).collect() }
     }
 
     /// How many columns the law errors of a model have.
@@ -77,8 +77,8 @@ impl Modulations {
         let slopes = &model.fit.slopes[trial];
         let sizes = sizes(model);
         let mut marks = DMatrix::zeros(modulations.nrows(), sizes.len() * modulations.ncols());
-        for (effect, (&knob, limit)) in sizes.iter().zip(limits).enumerate() {
-            let does = slopes.column(knob) * (model.fit.positions[knob] * limit);
+        for (effect, (&free_parameter, limit)) in sizes.iter().zip(limits).enumerate() {
+            let does = slopes.column(free_parameter) * (model.fit.positions[free_parameter] * limit);
             for k in 0..modulations.ncols() {
                 let mark = does.component_mul(&modulations.column(k));
                 marks.set_column(effect * modulations.ncols() + k, &mark);
@@ -90,7 +90,9 @@ impl Modulations {
 
 /// Knobs of a model that are sizes of effects.
 fn sizes(model: &Model) -> Vec<usize> {
-    (0..model.knobs.len()).filter(|&k| matches!(model.knobs[k], Knob::Effect { parameter: 0, .. })).collect()
+    (0..model.free_parameters.len())
+        .filter(|&k| matches!(model.free_parameters[k], FreeParameter::Effect { parameter: 0, .. }))
+        .collect()
 }
 
 /// Factor of each effect of a model that keeps what it does to the residuals within what the model gained over the one without effects, in cost:
@@ -98,9 +100,9 @@ fn sizes(model: &Model) -> Vec<usize> {
 #[must_use]
 pub fn limits(model: &Model, without_effects: f64) -> Vec<f64> {
     let most = 2.0 * (without_effects - model.fit.cost()).max(0.0) + CHANCE;
-    let of = |&knob: &usize| {
-        let squares: f64 = model.fit.slopes.iter().map(|slopes| slopes.column(knob).norm_squared()).sum();
-        (most / (squares * model.fit.positions[knob].powi(2)).max(1e-12)).sqrt().min(1.0)
+    let of = |&free_parameter: &usize| {
+        let squares: f64 = model.fit.slopes.iter().map(|slopes| slopes.column(free_parameter).norm_squared()).sum();
+        (most / (squares * model.fit.positions[free_parameter].powi(2)).max(1e-12)).sqrt().min(1.0)
     };
     sizes(model).iter().map(of).collect()
 }

@@ -13,9 +13,9 @@ use crate::diagnosis::discrepancy::Columns;
 use crate::diagnosis::model::Model;
 use crate::diagnosis::support::Variant;
 use crate::effects::EffectSpec;
-use crate::tuning::bench::Bench;
-use crate::tuning::knob::unit_at;
+use crate::tuning::free_parameter::unit_at;
 use crate::tuning::linear::crossed;
+use crate::tuning::problem::Problem;
 
 /// Sizes at which an effect is simulated, in typical ones; those out of its range are left out.
 const SIZES: [f64; 5] = [0.35, 1.2, 3.0, -0.35, -1.2];
@@ -80,7 +80,7 @@ impl Linearisation {
     /// moderate discrepancy terms.
     #[must_use]
     pub fn new(
-        bench: &Bench,
+        problem: &Problem,
         model: &Model,
         catalogue: &[&'static EffectSpec],
         discrepancy: &Columns,
@@ -90,9 +90,9 @@ impl Linearisation {
         let mut units = Vec::new();
         for (effect, spec) in catalogue.iter().enumerate().filter(|(_, spec)| !model.has(spec.id)) {
             for variant in variants(spec) {
-                if let Some((base, knobs, positions)) = model.with_effect(spec, variant) {
+                if let Some((base, free_parameters, positions)) = model.with_effect(spec, variant) {
                     atoms.push(Atom::Sized { effect, variant });
-                    units.push(unit_at(&base, &knobs, &positions));
+                    units.push(unit_at(&base, &free_parameters, &positions));
                 }
             }
         }
@@ -100,12 +100,12 @@ impl Linearisation {
             atoms.push(Atom::Removed { own });
             units.push(model.without(own));
         }
-        let moved = bench.misses_of(&units);
-        let slopes = model.knobs.len();
-        let grams: Vec<DMatrix<f64>> = (0..bench.trials.len())
+        let moved = problem.residuals_of(&units);
+        let slopes = model.free_parameters.len();
+        let grams: Vec<DMatrix<f64>> = (0..problem.trials.len())
             .into_par_iter()
             .map(|trial| {
-                let at = &model.fit.misses[trial];
+                let at = &model.fit.residuals[trial];
                 let b = &discrepancy.marks[trial];
                 let mut all = DMatrix::zeros(at.len(), slopes + b.ncols() + atoms.len() + 1);
                 all.columns_mut(0, slopes).copy_from(&model.fit.slopes[trial]);
@@ -122,14 +122,14 @@ impl Linearisation {
     }
 
     fn projected(model: &Model, atoms: Vec<Atom>, gram: &DMatrix<f64>, terms: usize, kappa: f64) -> Self {
-        let (slopes, all) = (model.knobs.len(), gram.nrows());
+        let (slopes, all) = (model.free_parameters.len(), gram.nrows());
         let known = slopes + terms;
         let mut h = gram.view((0, 0), (known, known)).into_owned();
         let mut shared = gram.view((0, known), (known, all - known)).into_owned();
         let residual = all - known - 1;
-        for (k, knob) in model.knobs.iter().enumerate() {
+        for (k, free_parameter) in model.free_parameters.iter().enumerate() {
             h[(k, k)] += 1e-9;
-            if let Some(centre) = knob.prior_centre() {
+            if let Some(centre) = free_parameter.prior_centre() {
                 let distance = model.fit.positions[k] - centre;
                 h[(k, k)] += 1.0;
                 shared[(k, residual)] += distance;

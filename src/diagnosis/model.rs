@@ -5,12 +5,12 @@ use nalgebra::{DMatrix, DVector};
 use crate::diagnosis::support::{Placed, Variant, add};
 use crate::effects::EffectSpec;
 use crate::parameters::Unit;
-use crate::tuning::bench::{Bench, square};
 use crate::tuning::fit::{Effort, Fit, Start, pictured};
-use crate::tuning::knob::{Knob, unit_at};
+use crate::tuning::free_parameter::{FreeParameter, unit_at};
 use crate::tuning::linear::{normal, prior_square};
+use crate::tuning::problem::{Problem, square};
 
-/// A model with all its knobs fitted: the sheet's tolerances, then the parameters of its effects.
+/// A model with all its free_parameters fitted: the sheet's tolerances, then the parameters of its effects.
 #[derive(Clone, Debug)]
 pub struct Model {
     /// The effects beyond those of the unit itself.
@@ -18,47 +18,47 @@ pub struct Model {
     /// The unit with the effects in it, neutral.
     pub base: Unit,
     /// What was fitted.
-    pub knobs: Vec<Knob>,
-    /// The fit; a model that was only scouted keeps neither misses nor slopes.
+    pub free_parameters: Vec<FreeParameter>,
+    /// The fit; a model that was only scouted keeps neither residuals nor slopes.
     pub fit: Fit,
-    /// Covariance of the knobs about the fit.
+    /// Covariance of the free_parameters about the fit.
     pub spread: DMatrix<f64>,
 }
 
 impl Model {
     /// A model as fitted.
     #[must_use]
-    pub fn new(effects: Vec<&'static EffectSpec>, base: Unit, knobs: Vec<Knob>, fit: Fit) -> Self {
-        let spread = covariance(&knobs, &fit);
-        Self { effects, base, knobs, fit, spread }
+    pub fn new(effects: Vec<&'static EffectSpec>, base: Unit, free_parameters: Vec<FreeParameter>, fit: Fit) -> Self {
+        let spread = covariance(&free_parameters, &fit);
+        Self { effects, base, free_parameters, fit, spread }
     }
 
     /// The unit without effects of ours, as the sheet has it, unfitted.
     #[must_use]
-    pub fn sheet(bench: &Bench, unit: &Unit, knobs: &[Knob]) -> Self {
-        let positions: Vec<f64> = knobs.iter().map(|knob| knob.start(unit)).collect();
-        let (misses, slopes) = pictured(bench, unit, knobs, &positions);
-        let prior = prior_square(knobs, &positions);
-        let fit = Fit { square: square(&misses), prior, positions, misses, slopes };
-        Self::new(Vec::new(), unit.clone(), knobs.to_vec(), fit)
+    pub fn sheet(problem: &Problem, unit: &Unit, free_parameters: &[FreeParameter]) -> Self {
+        let positions: Vec<f64> = free_parameters.iter().map(|free_parameter| free_parameter.start(unit)).collect();
+        let (residuals, slopes) = pictured(problem, unit, free_parameters, &positions);
+        let prior = prior_square(free_parameters, &positions);
+        let fit = Fit { square: square(&residuals), prior, positions, residuals, slopes };
+        Self::new(Vec::new(), unit.clone(), free_parameters.to_vec(), fit)
     }
 
-    /// Gives up misses and slopes, which are nearly all of its memory.
+    /// Gives up residuals and slopes, which are nearly all of its memory.
     pub fn lighten(&mut self) {
-        (self.fit.misses, self.fit.slopes) = (Vec::new(), Vec::new());
+        (self.fit.residuals, self.fit.slopes) = (Vec::new(), Vec::new());
     }
 
-    /// The same effects and knobs, fitted otherwise, if that is better.
+    /// The same effects and free_parameters, fitted otherwise, if that is better.
     #[must_use]
     pub fn or_better(&self, fit: Fit) -> Self {
         if fit.cost() <= self.fit.cost() || self.fit.slopes.is_empty() {
-            Self::new(self.effects.clone(), self.base.clone(), self.knobs.clone(), fit)
+            Self::new(self.effects.clone(), self.base.clone(), self.free_parameters.clone(), fit)
         } else {
             self.clone()
         }
     }
 
-    /// The unit with these of the model's effects alone, its knobs, and where they stand.
+    /// The unit with these of the model's effects alone, its free_parameters, and where they stand.
     #[must_use]
     pub fn keeping(&self, ids: &[&str]) -> Placed {
         let own = self.base.effects.len() - self.effects.len();
@@ -66,49 +66,64 @@ impl Model {
         let place = |effect: usize| (0..effect).filter(|&before| kept(before)).count();
         let mut base = self.base.clone();
         base.effects = (0..base.effects.len()).filter(|&k| kept(k)).map(|k| self.base.effects[k].clone()).collect();
-        let (knobs, start): (Vec<Knob>, Vec<f64>) = self
-            .knobs
-            .iter()
-            .zip(&self.fit.positions)
-            .filter_map(|(knob, position)| match *knob {
-                Knob::Effect { effect, parameter, spec } => {
-                    kept(effect).then(|| (Knob::Effect { effect: place(effect), parameter, spec }, *position))
-                }
-                other => Some((other, *position)),
-            })
-            .unzip();
-        (base, knobs, start)
+        let (free_parameters, start): (Vec<FreeParameter>, Vec<f64>) =
+            self.free_parameters
+                .iter()
+                .zip(&self.fit.positions)
+                .filter_map(|(free_parameter, position)| match *free_parameter {
+                    FreeParameter::Effect { effect, parameter, spec } => kept(effect)
+                        .then(|| (FreeParameter::Effect { effect: place(effect), parameter, spec }, *position)),
+                    other => Some((other, *position)),
+                })
+                .unzip();
+        (base, free_parameters, start)
     }
 
-    /// Squares of misses and priors together.
+    /// Squares of residuals and priors together.
     #[must_use]
     pub fn cost(&self) -> f64 {
         self.fit.cost()
     }
 
-    /// What the recordings say of a knob beyond the sheet: 0 where they say nothing, 1 where the sheet's tolerance does not matter.
+    /// What the recordings say of a free_parameter beyond the sheet: 0 where they say nothing, 1 where the sheet's tolerance does not matter.
     #[must_use]
-    pub fn information(&self, knob: usize) -> f64 {
-        if self.knobs[knob].has_prior() { (1.0 - self.spread[(knob, knob)].max(0.0)).clamp(0.0, 1.0) } else { 1.0 }
+    pub fn information(&self, free_parameter: usize) -> f64 {
+        if self.free_parameters[free_parameter].has_prior() {
+            (1.0 - self.spread[(free_parameter, free_parameter)].max(0.0)).clamp(0.0, 1.0)
+        } else {
+            1.0
+        }
     }
 
     /// How far the sheet is stretched: squares of the parameters' deviations in tolerances, over what the recordings say of them, which
     /// counts as three parameters at least, since one or two may lie far out by chance. About 1 where tolerances mean what they say.
     #[must_use]
     pub fn strain(&self) -> f64 {
-        let told: f64 = (0..self.knobs.len()).filter(|&k| self.knobs[k].has_prior()).map(|k| self.information(k)).sum();
+        let told: f64 = (0..self.free_parameters.len())
+            .filter(|&k| self.free_parameters[k].has_prior())
+            .map(|k| self.information(k))
+            .sum();
         self.fit.prior / told.max(3.0)
     }
 
     /// The parameters that stand at least so many tolerances off the sheet, the farthest two, in words.
     #[must_use]
     pub fn stretched(&self, least: f64) -> Vec<String> {
-        let positions = self.knobs.iter().zip(&self.fit.positions).filter(|(knob, _)| knob.has_prior());
-        let mut far: Vec<(&Knob, f64)> = positions.map(|(knob, &position)| (knob, position)).collect();
+        let positions = self
+            .free_parameters
+            .iter()
+            .zip(&self.fit.positions)
+            .filter(|(free_parameter, _)| free_parameter.has_prior());
+        let mut far: Vec<(&FreeParameter, f64)> =
+            positions.map(|(free_parameter, &position)| (free_parameter, position)).collect();
         far.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
-        let words = |(knob, position): (&Knob, f64)| {
+        let words = |(free_parameter, position): (&FreeParameter, f64)| {
             let than = if position > 0.0 { "above" } else { "below" };
-            format!("{} is {:.1} tolerances {than} what the sheet says", knob.key(&self.base).0, position.abs())
+            format!(
+                "{} is {:.1} tolerances {than} what the sheet says",
+                free_parameter.key(&self.base).0,
+                position.abs()
+            )
         };
         far.into_iter().filter(|(_, position)| position.abs() >= least).take(2).map(words).collect()
     }
@@ -125,7 +140,7 @@ impl Model {
     /// The unit as fitted.
     #[must_use]
     pub fn unit(&self) -> Unit {
-        unit_at(&self.base, &self.knobs, &self.fit.positions)
+        unit_at(&self.base, &self.free_parameters, &self.fit.positions)
     }
 
     /// Whether it has this effect.
@@ -140,10 +155,10 @@ impl Model {
         self.effects.iter().map(|effect| effect.id).collect()
     }
 
-    /// The unit, its knobs, and where they stand.
+    /// The unit, its free_parameters, and where they stand.
     #[must_use]
     pub fn placed(&self) -> Placed {
-        (self.base.clone(), self.knobs.clone(), self.fit.positions.clone())
+        (self.base.clone(), self.free_parameters.clone(), self.fit.positions.clone())
     }
 
     /// The same with one more effect; none where the size is out of its range.
@@ -157,15 +172,21 @@ impl Model {
     #[must_use]
     pub fn onwards(&self, effort: Effort) -> Start<'_> {
         let known = (!self.fit.slopes.is_empty()).then_some(self.fit.slopes.as_slice());
-        Start { base: &self.base, knobs: &self.knobs, positions: &self.fit.positions, effort, known }
+        Start {
+            base: &self.base,
+            free_parameters: &self.free_parameters,
+            positions: &self.fit.positions,
+            effort,
+            known,
+        }
     }
 }
 
-/// Covariance of the knobs about a fit; infinite where it says nothing.
+/// Covariance of the free_parameters about a fit; infinite where it says nothing.
 #[must_use]
-pub fn covariance(knobs: &[Knob], fit: &Fit) -> DMatrix<f64> {
-    let (hessian, _) = normal(knobs, &fit.positions, &fit.misses, &fit.slopes, 1.0);
-    let n = knobs.len();
+pub fn covariance(free_parameters: &[FreeParameter], fit: &Fit) -> DMatrix<f64> {
+    let (hessian, _) = normal(free_parameters, &fit.positions, &fit.residuals, &fit.slopes, 1.0);
+    let n = free_parameters.len();
     (hessian + DMatrix::identity(n, n) * 1e-9)
         .try_inverse()
         .unwrap_or_else(|| DMatrix::from_diagonal(&DVector::from_element(n, f64::INFINITY)))

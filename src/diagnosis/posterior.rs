@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::diagnosis::evidence::log_sum;
 use crate::diagnosis::linearisation::SIZE_PRIOR;
 use crate::diagnosis::table::{Row, Table};
-use crate::tuning::bench::GENEROUS;
+use crate::tuning::problem::SOUND_MEAN_SQUARE;
 
 /// The weights as shipped; `govtwin calibrate` writes such a file.
 const SHIPPED: &str = include_str!("../../params/diagnosis_weights.json");
@@ -171,7 +171,7 @@ impl Hypotheses {
         let by_rate = |features: &[f64]| -> Vec<f64> {
             shares.iter().flat_map(|share| features.iter().map(move |feature| share * feature)).collect()
         };
-        let expected = (GENEROUS * table.samples).max(1.0);
+        let expected = (SOUND_MEAN_SQUARE * table.samples).max(1.0);
         let excess = (leader.cost / expected).max(1e-3).ln();
         let chi = excess.exp().max(1.0);
         let scale = 1.0 + (leader.cost - RIGHT * expected).max(0.0) / FREEDOM;

@@ -1,6 +1,6 @@
 //! Tests of the servomotor stage alone that an operator could run next: the spool is moved by hand, by a script, or by its own regulator.
 
-use crate::diagnosis::candidate::Candidate;
+use crate::diagnosis::candidate_test::Candidate;
 use crate::frame::{EsvState, Frame, Inputs, Signals};
 use crate::parameters::Unit;
 use crate::recording::Recording;

@@ -1,27 +1,25 @@
 //! Gathers what a report shows from what the search found.
 
 use crate::diagnosis::Settings;
-use crate::diagnosis::closure::{LeftOut, Refitted, closure, closure_of, without_parts, without_recordings};
+use crate::diagnosis::breakdown::{breakdowns, gaps};
 use crate::diagnosis::consistency::consistency;
 use crate::diagnosis::decision::Decision;
 use crate::diagnosis::detectability::{alike, visible};
 use crate::diagnosis::discrepancy;
+use crate::diagnosis::experiment::next;
+use crate::diagnosis::explained_fraction::{LeftOut, Refitted, closure, closure_of, without_parts, without_recordings};
 use crate::diagnosis::explore::Explored;
 use crate::diagnosis::explorer::Hypothesis;
-use crate::diagnosis::ledger::{gaps, ledgers};
 use crate::diagnosis::model::Model;
-use crate::diagnosis::next::next;
-use crate::diagnosis::outcome::{
-    Blame, Channel, Diagnosis, Fitted, Interval, Latent, Ranked, Transfer, Tried, Verdict,
-};
 use crate::diagnosis::posterior::{Posterior, Weights};
+use crate::diagnosis::result::{Blame, Channel, Diagnosis, Fitted, Interval, Latent, Ranked, Transfer, Tried, Verdict};
 use crate::diagnosis::stages;
 use crate::diagnosis::table::Table;
 use crate::diagnosis::traces::traces;
 use crate::effects::EffectSpec;
 use crate::parameters::Unit;
-use crate::tuning::bench::{Bench, Misses};
-use crate::tuning::knob::Knob;
+use crate::tuning::free_parameter::FreeParameter;
+use crate::tuning::problem::{Problem, Residuals};
 
 /// Standard deviations to either side of a 90 % interval.
 const NINETY: f64 = 1.645;
@@ -51,7 +49,7 @@ pub struct Seen {
 #[derive(Debug)]
 pub struct Judged<'a> {
     /// The recordings with their noise.
-    pub bench: &'a Bench,
+    pub problem: &'a Problem,
     /// The fitted fault sets.
     pub explored: &'a Explored,
     /// Their evidence.
@@ -76,7 +74,7 @@ impl Judged<'_> {
 /// Builds the diagnosis.
 #[must_use]
 pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &Settings, seen: Seen) -> Diagnosis {
-    let Judged { bench, explored, decision, .. } = judged;
+    let Judged { problem, explored, decision, .. } = judged;
     let Seen { channels, mut notes } = seen;
     let visible = visible(explored, &settings.catalogue);
     let shown = visible.iter().filter(|effect| effect.smallest <= EXCITED * effect.typical).count();
@@ -95,38 +93,38 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &Settings, seen: Seen) 
     let has_gap = !matches!(verdict, Verdict::NoGap | Verdict::NotExcited | Verdict::NoSuchUnit);
     let stage = stage_shares.iter().copied().reduce(|a, b| if b.1 > a.1 { b } else { a }).map(|(stage, _)| stage);
 
-    let refitted_parts = without_parts(bench, refitted_model);
+    let refitted_parts = without_parts(problem, refitted_model);
     let widened = |interval: Interval| interval.widened(judged.weights.closure_widening);
-    let whole = widened(closure(bench, &refitted_parts, &without_parts(bench, chosen), settings.seed));
+    let whole = widened(closure(problem, &refitted_parts, &without_parts(problem, chosen), settings.seed));
     let mut blamed = blames(&judged, chosen, verdict, &refitted_parts, settings.seed);
     if verdict == Verdict::Named {
         share_out(whole.value, &mut blamed);
     }
-    let refitted_without = without_recordings(bench, refitted_model);
+    let refitted_without = without_recordings(problem, refitted_model);
     let is_new = !chosen.effects.is_empty();
-    let chosen_without = if is_new { without_recordings(bench, chosen) } else { refitted_without.clone() };
+    let chosen_without = if is_new { without_recordings(problem, chosen) } else { refitted_without.clone() };
     let [delivered, refitted, with_effects] =
-        [unit, &refitted_model.unit(), &chosen.unit()].map(|unit| bench.simulate_all(unit));
+        [unit, &refitted_model.unit(), &chosen.unit()].map(|unit| problem.simulate_all(unit));
     let known = unit.effects.len();
     let spread = judged.weights.size_spread;
-    let of_sheet = |knob: &Knob| !matches!(knob, Knob::Effect { effect, .. } if *effect >= known);
+    let of_sheet = |free_parameter: &FreeParameter| !matches!(free_parameter, FreeParameter::Effect { effect, .. } if *effect >= known);
     let parameters = fitted(chosen, spread, of_sheet);
     for parameter in parameters.iter().filter(|parameter| parameter.at_bound) {
         notes.push(format!("{} was fitted onto the end of its range.", parameter.name));
     }
-    notes.extend(bench.swinging());
+    notes.extend(problem.swinging());
     for channel in &channels {
         for trouble in &channel.troubles {
             notes.push(format!("{}, {}: {trouble}.", channel.recording, channel.signal.title()));
         }
     }
-    let next = next(bench, explored, (&judged.table, judged.posterior, judged.weights), decision);
+    let next = next(problem, explored, (&judged.table, judged.posterior, judged.weights), decision);
     Diagnosis {
         verdict,
         stage: stage.filter(|_| has_gap),
         stages: stage_shares,
         ranking: ranking(decision),
-        gap: gaps(bench, &delivered, &refitted, &with_effects),
+        gap: gaps(problem, &delivered, &refitted, &with_effects),
         closure: whole,
         experiments: next.experiments,
         entropy_bits: next.entropy_bits,
@@ -136,29 +134,29 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &Settings, seen: Seen) 
         channels,
         alike: alike(explored, &settings.catalogue),
         visible,
-        ledgers: ledgers(bench, &refitted, &with_effects),
-        stage_tests: stages::tests(bench, &refitted_model.unit()),
-        latents: latents(bench, explored, chosen),
-        transfers: transfers(bench, [&refitted_without, &chosen_without], chosen, settings.seed),
-        tried: tried(explored, (&refitted_without, chosen, &chosen_without), bench, spread),
-        samples: bench.trials.iter().map(|t| t.samples.len() * t.has.iter().filter(|&&has| has).count()).sum(),
-        consistency: [refitted_model, explored.leader()].map(|model| consistency(bench, model)),
+        breakdowns: breakdowns(problem, &refitted, &with_effects),
+        stage_tests: stages::tests(problem, &refitted_model.unit()),
+        latents: latents(problem, explored, chosen),
+        transfers: transfers(problem, [&refitted_without, &chosen_without], chosen, settings.seed),
+        tried: tried(explored, (&refitted_without, chosen, &chosen_without), problem, spread),
+        samples: problem.trials.iter().map(|t| t.samples.len() * t.has.iter().filter(|&&has| has).count()).sum(),
+        consistency: [refitted_model, explored.leader()].map(|model| consistency(problem, model)),
         sets: decision.sets.clone(),
-        traces: traces(bench, [&delivered, &refitted, &with_effects]),
+        traces: traces(problem, [&delivered, &refitted, &with_effects]),
         blamed,
         part: None,
         notes,
-        simulations: bench.simulations(),
+        simulations: problem.simulations(),
         table: judged.table,
     }
 }
 
 /// What something unknown would be like at each place, best first; beside it what it would be like if the unit were the improved twin.
-fn latents(bench: &Bench, explored: &Explored, chosen: &Model) -> Vec<Latent> {
+fn latents(problem: &Problem, explored: &Explored, chosen: &Model) -> Vec<Latent> {
     let Some(empty) = explored.hypotheses.iter().find(|one| one.effects.is_empty()) else { return Vec::new() };
-    let gap = empty.model.fit.cost() - bench.expected_cost();
-    let goal = (!chosen.effects.is_empty()).then(|| -> Misses {
-        let pairs = empty.model.fit.misses.iter().zip(&chosen.fit.misses);
+    let gap = empty.model.fit.cost() - problem.expected_cost();
+    let goal = (!chosen.effects.is_empty()).then(|| -> Residuals {
+        let pairs = empty.model.fit.residuals.iter().zip(&chosen.fit.residuals);
         pairs.map(|(refitted, improved)| refitted - improved).collect()
     });
     let mut all: Vec<Latent> = discrepancy::PLACES
@@ -182,34 +180,35 @@ fn latents(bench: &Bench, explored: &Explored, chosen: &Model) -> Vec<Latent> {
     all
 }
 
-/// The fitted values of those knobs that are wanted.
-fn fitted(model: &Model, size_spread: f64, wanted: impl Fn(&Knob) -> bool) -> Vec<Fitted> {
+/// The fitted values of those free_parameters that are wanted.
+fn fitted(model: &Model, size_spread: f64, wanted: impl Fn(&FreeParameter) -> bool) -> Vec<Fitted> {
     // Effects of the unit itself come before those that were tried.
     let first = model.base.effects.len().saturating_sub(model.effects.len());
     model
-        .knobs
+        .free_parameters
         .iter()
         .enumerate()
-        .filter(|(_, knob)| wanted(knob))
-        .map(|(k, knob)| {
+        .filter(|(_, free_parameter)| wanted(free_parameter))
+        .map(|(k, free_parameter)| {
             let position = model.fit.positions[k];
             let variance = model.spread[(k, k)].max(0.0);
-            let (low, high) = knob.range(&model.base);
-            let equation = if matches!(knob, Knob::Effect { .. }) { size_spread * position } else { 0.0 };
+            let (low, high) = free_parameter.range(&model.base);
+            let equation =
+                if matches!(free_parameter, FreeParameter::Effect { .. }) { size_spread * position } else { 0.0 };
             let deviation = variance.sqrt().hypot(equation);
-            let at = |offset: f64| knob.value(&model.base, (position + offset * deviation).clamp(low, high));
+            let at = |offset: f64| free_parameter.value(&model.base, (position + offset * deviation).clamp(low, high));
             let (a, b) = (at(-NINETY), at(NINETY));
-            let (name, unit) = knob.key(&model.base);
+            let (name, unit) = free_parameter.key(&model.base);
             Fitted {
-                name: match knob {
-                    Knob::Effect { effect, .. } if *effect >= first => {
+                name: match free_parameter {
+                    FreeParameter::Effect { effect, .. } if *effect >= first => {
                         name.rsplit('.').next().unwrap_or(&name).to_owned()
                     }
                     _ => name,
                 },
                 unit,
                 value: Interval { value: at(0.0), low: a.min(b), high: a.max(b) },
-                sheet: knob.value(&model.base, 0.0),
+                sheet: free_parameter.value(&model.base, 0.0),
                 position,
                 information: model.information(k),
                 at_bound: position != 0.0 && (position - low).min(high - position) <= AT_BOUND_SHARE * (high - low),
@@ -220,8 +219,8 @@ fn fitted(model: &Model, size_spread: f64, wanted: impl Fn(&Knob) -> bool) -> Ve
 
 /// The fitted parameters of one effect of a model.
 fn fitted_effect(model: &Model, size_spread: f64, effect: &EffectSpec) -> Vec<Fitted> {
-    fitted(model, size_spread, |knob| match knob {
-        Knob::Effect { effect: place, .. } => model.base.effects[*place].id == effect.id,
+    fitted(model, size_spread, |free_parameter| match free_parameter {
+        FreeParameter::Effect { effect: place, .. } => model.base.effects[*place].id == effect.id,
         _ => false,
     })
 }
@@ -240,7 +239,7 @@ fn blames(judged: &Judged<'_>, chosen: &Model, verdict: Verdict, refitted: &Left
             let spec = decision.effects.iter().find(|(spec, _)| spec.id == *id)?.0;
             // Parameters come from the model that is claimed, closure from the effect on its own.
             let model = if chosen.has(id) { chosen } else { alone };
-            let share = closure(judged.bench, refitted, &without_parts(judged.bench, alone), seed);
+            let share = closure(judged.problem, refitted, &without_parts(judged.problem, alone), seed);
             Some(Blame {
                 id: spec.id.to_owned(),
                 stage: spec.stage,
@@ -256,7 +255,7 @@ fn blames(judged: &Judged<'_>, chosen: &Model, verdict: Verdict, refitted: &Left
     all
 }
 
-/// What each of two effects closes on top of the other, and its fair part of the whole (Shapley 1953).
+/// What each of two effects explains on top of the other, and its Shapley share of the whole (Shapley 1953).
 fn share_out(whole: f64, blamed: &mut [Blame]) {
     if let [one, other] = blamed {
         let alone = [one.closure.value, other.closure.value];
@@ -281,28 +280,33 @@ fn ranking(decision: &Decision) -> Vec<Ranked> {
 }
 
 /// Closure on each recording by fits to the others.
-fn transfers(bench: &Bench, [refitted, with_effects]: [&Refitted; 2], chosen: &Model, seed: u64) -> Vec<Transfer> {
-    if chosen.effects.is_empty() || bench.trials.len() < 2 {
+fn transfers(problem: &Problem, [refitted, with_effects]: [&Refitted; 2], chosen: &Model, seed: u64) -> Vec<Transfer> {
+    if chosen.effects.is_empty() || problem.trials.len() < 2 {
         return Vec::new();
     }
-    bench
+    problem
         .trials
         .iter()
         .enumerate()
         .map(|(index, trial)| Transfer {
             recording: trial.name.clone(),
-            closure: closure_of(bench, &refitted.estimates, &with_effects.estimates, index..index + 1, seed),
+            closure: closure_of(problem, &refitted.estimates, &with_effects.estimates, index..index + 1, seed),
         })
         .collect()
 }
 
 /// All sets that were fitted; `judged` are the refitted sheet's fits without each recording, and the chosen model with its own.
-fn tried(explored: &Explored, judged: (&Refitted, &Model, &Refitted), bench: &Bench, size_spread: f64) -> Vec<Tried> {
+fn tried(
+    explored: &Explored,
+    judged: (&Refitted, &Model, &Refitted),
+    problem: &Problem,
+    size_spread: f64,
+) -> Vec<Tried> {
     let (refitted, chosen, chosen_without) = judged;
     let base: f64 = refitted.costs.iter().sum();
     let held_out = |model: &Model| -> f64 {
         let same = model.ids() == chosen.ids();
-        let without = if same { chosen_without.clone() } else { without_recordings(bench, model) };
+        let without = if same { chosen_without.clone() } else { without_recordings(problem, model) };
         base - without.costs.iter().sum::<f64>()
     };
     let cost = explored.refitted().cost();

@@ -2,7 +2,7 @@
 
 use crate::effects::EffectSpec;
 use crate::parameters::{EffectSetting, Unit};
-use crate::tuning::knob::Knob;
+use crate::tuning::free_parameter::FreeParameter;
 
 /// Size of an effect's first parameter in typical ones, and where its further ones stand: neutral at 0, typical at 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,23 +14,23 @@ pub struct Variant {
 }
 
 /// A unit with effects on top, all that may be fitted, and where it stands.
-pub type Placed = (Unit, Vec<Knob>, Vec<f64>);
+pub type Placed = (Unit, Vec<FreeParameter>, Vec<f64>);
 
 /// Puts one more effect onto a unit; none where the size is out of its range.
 pub fn add(placed: &mut Placed, spec: &'static EffectSpec, variant: Variant) -> bool {
-    let (base, knobs, positions) = placed;
+    let (base, free_parameters, positions) = placed;
     let effect = base.effects.len();
     let neutral = spec.parameters.iter().map(|parameter| parameter.neutral).collect();
     base.effects.push(EffectSetting { id: spec.id.to_owned(), values: neutral });
     let mut fits = true;
     for (parameter, spec) in spec.parameters.iter().enumerate() {
-        let knob = Knob::Effect { effect, parameter, spec };
-        let (low, high) = knob.range(base);
+        let free_parameter = FreeParameter::Effect { effect, parameter, spec };
+        let (low, high) = free_parameter.range(base);
         let wanted = if parameter == 0 { variant.size } else { variant.further };
         let held = wanted.clamp(low, high);
         fits &= parameter > 0 || held == wanted;
         positions.push(held);
-        knobs.push(knob);
+        free_parameters.push(free_parameter);
     }
     fits
 }

@@ -12,8 +12,8 @@ use crate::diagnosis::model::Model;
 use crate::diagnosis::posterior::Posterior;
 use crate::diagnosis::table::Table;
 use crate::effects::Stage;
-use crate::tuning::bench::twin_of;
-use crate::tuning::knob::Knob;
+use crate::tuning::free_parameter::FreeParameter;
+use crate::tuning::problem::twin_of;
 use crate::twin::Twin;
 
 /// Probability that the survivors hold together, of all.
@@ -101,13 +101,13 @@ fn with_unknown(found: &Explored, stage: Stage) -> Option<Twin> {
 /// A root of the covariance of a model's free parameters, sizes of effects with their prior: one deviation a column.
 #[must_use]
 pub fn deviations(model: &Model) -> DMatrix<f64> {
-    let n = model.knobs.len();
+    let n = model.free_parameters.len();
     let mut covariance = model.spread.clone();
     if covariance.iter().any(|value| !value.is_finite()) {
         covariance = DMatrix::identity(n, n);
     }
-    for (k, knob) in model.knobs.iter().enumerate() {
-        if matches!(knob, Knob::Effect { parameter: 0, .. }) {
+    for (k, free_parameter) in model.free_parameters.iter().enumerate() {
+        if matches!(free_parameter, FreeParameter::Effect { parameter: 0, .. }) {
             // One more observation of the size, whose variance is that of the prior.
             let variance = (SIZE_PRIOR.1 * model.fit.positions[k].abs().max(1e-3)).powi(2);
             let column = covariance.column(k).into_owned();

@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use serde::{Deserialize, Serialize};
 
+use crate::diagnosis::dependent_covariance;
 use crate::diagnosis::evidence::{KAPPAS, log_sum};
 use crate::diagnosis::explore::Explored;
 use crate::diagnosis::explorer::{Hypothesis, is_stage_alone};
 use crate::diagnosis::law_error::LAW_ERRORS;
-use crate::diagnosis::own_noise;
 use crate::effects::{EffectSpec, Stage};
-use crate::tuning::bench::Bench;
+use crate::tuning::problem::Problem;
 
 /// What the recordings say of one fault set.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -87,23 +87,24 @@ impl Table {
 
     /// The table of what was explored.
     #[must_use]
-    pub fn new(bench: &Bench, explored: &Explored, catalogue: &[&'static EffectSpec]) -> Self {
+    pub fn new(problem: &Problem, explored: &Explored, catalogue: &[&'static EffectSpec]) -> Self {
         let kept = |hypothesis: &&Hypothesis| !hypothesis.model.fit.slopes.is_empty();
         let asked: Vec<&Hypothesis> =
             explored.hypotheses.iter().filter(kept).filter(|one| one.refined).take(OWN_NOISE).collect();
-        let charges: Vec<f64> = asked.par_iter().map(|one| own_noise::charge(bench, &one.model)).collect();
+        let charges: Vec<f64> = asked.par_iter().map(|one| dependent_covariance::charge(problem, &one.model)).collect();
         let charge = |hypothesis: &Hypothesis| {
             asked.iter().position(|one| one.effects == hypothesis.effects).map_or(0.0, |place| charges[place])
         };
         // Of a stage alone the discrepancy terms know too much; nothing unknown is weighed there.
-        let alone = is_stage_alone(bench);
+        let alone = is_stage_alone(problem);
         let grid = |hypothesis: &Hypothesis| {
             let exact = || [[hypothesis.normal.at(KAPPAS[0], LAW_ERRORS[0]); LAW_ERRORS.len()]; KAPPAS.len()];
             if alone { exact() } else { hypothesis.normal.grid() }
         };
         let row = |hypothesis: &Hypothesis| {
             let model = &hypothesis.model;
-            let first = model.knobs.len() - model.effects.iter().map(|spec| spec.parameters.len()).sum::<usize>();
+            let first =
+                model.free_parameters.len() - model.effects.iter().map(|spec| spec.parameters.len()).sum::<usize>();
             let mut place = first;
             let sizes = model.effects.iter().map(|spec| {
                 place += spec.parameters.len();
@@ -126,16 +127,16 @@ impl Table {
             let of = |stage: Stage| Some((stage.id().to_owned(), hypothesis?.normal.unknown_at(stage)));
             Stage::ALL.into_iter().filter_map(of).filter(|(_, evidence)| evidence.is_finite()).collect()
         };
-        let samples = bench.independent_samples();
-        let slow: f64 = (0..bench.trials.len())
-            .filter(|&trial| bench.trials[trial].is_slow())
-            .map(|trial| bench.only(trial).independent_samples())
+        let samples = problem.independent_samples();
+        let slow: f64 = (0..problem.trials.len())
+            .filter(|&trial| problem.trials[trial].is_slow())
+            .map(|trial| problem.only(trial).independent_samples())
             .sum();
         let pilot = crate::signal::Signal::PilotValvePosition;
         Self {
             samples,
             slow_share: slow / samples.max(1e-9),
-            pilot: bench.trials.iter().any(|trial| trial.has[pilot as usize]),
+            pilot: problem.trials.iter().any(|trial| trial.has[pilot as usize]),
             rows: explored.hypotheses.par_iter().map(row).collect(),
             unknown: unknown(explored.hypotheses.iter().find(|one| one.effects.is_empty())),
         }

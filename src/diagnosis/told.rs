@@ -6,22 +6,22 @@
 use nalgebra::DVector;
 
 use crate::diagnosis::model::Model;
-use crate::diagnosis::outcome::{Interval, Told};
+use crate::diagnosis::result::{Interval, Told};
 use crate::effects;
 use crate::frame::{EsvState, Frame, Inputs, Signals};
 use crate::parameters::Unit;
 use crate::plant::Plant;
 use crate::signal::Signal;
-use crate::tuning::bench::twin_of;
-use crate::tuning::knob::unit_at;
+use crate::tuning::free_parameter::unit_at;
 use crate::tuning::plain::Plain;
+use crate::tuning::problem::twin_of;
 use crate::tuning::trial::Trial;
 use crate::twin::Cut;
 use crate::units::nanos_from_seconds;
 
 /// Standard deviations to either side of a 90 % interval.
 const NINETY: f64 = 1.645;
-/// How far knobs are turned for slopes, in standard deviations of the fit, at most in units of the knob.
+/// How far free_parameters are turned for slopes, in standard deviations of the fit, at most in units of the free_parameter.
 const TURN: (f64, f64) = (0.5, 0.5);
 /// Travel of the servomotor that a step is followed over, pu, and rows for it at the speed of the plain law.
 const FOLLOWED: (f64, f64) = (0.3, 200.0);
@@ -49,15 +49,15 @@ pub fn told(model: &Model, law: &Plain, trials: &[Trial]) -> Vec<Told> {
     let (closing_pu, opening_pu) = spools.fold((0.0_f64, 0.0_f64), |(low, high), pu| (low.min(pu), high.max(pu)));
     let of = |unit: &Unit| figures(unit, law, [opening_pu, closing_pu]);
     let best = of(&model.unit());
-    let mut slopes = vec![DVector::zeros(model.knobs.len()); best.len()];
-    for (k, knob) in model.knobs.iter().enumerate() {
-        let (low, high) = knob.range(&model.base);
+    let mut slopes = vec![DVector::zeros(model.free_parameters.len()); best.len()];
+    for (k, free_parameter) in model.free_parameters.iter().enumerate() {
+        let (low, high) = free_parameter.range(&model.base);
         let by = (TURN.0 * model.spread[(k, k)].max(0.0).sqrt()).clamp(1e-3, TURN.1);
         let places = [-by, by].map(|by| (model.fit.positions[k] + by).clamp(low, high));
         let ends = places.map(|place| {
             let mut positions = model.fit.positions.clone();
             positions[k] = place;
-            of(&unit_at(&model.base, &model.knobs, &positions))
+            of(&unit_at(&model.base, &model.free_parameters, &positions))
         });
         for (figure, slopes) in slopes.iter_mut().enumerate() {
             let slope = (ends[1][figure] - ends[0][figure]) / (places[1] - places[0]);

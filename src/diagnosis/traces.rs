@@ -1,14 +1,14 @@
 //! Recordings beside the twins' answers, for pictures.
 
-use crate::diagnosis::outcome::Trace;
+use crate::diagnosis::result::Trace;
 use crate::frame::Estimate;
-use crate::tuning::bench::Bench;
+use crate::tuning::problem::Problem;
 use crate::units::seconds_from_nanos;
 
 /// One trace for each recording: measured, delivered, refitted, with effects.
 #[must_use]
-pub fn traces(bench: &Bench, twins: [&[Vec<Estimate>]; 3]) -> Vec<Trace> {
-    bench
+pub fn traces(problem: &Problem, twins: [&[Vec<Estimate>]; 3]) -> Vec<Trace> {
+    problem
         .trials
         .iter()
         .enumerate()

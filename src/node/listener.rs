@@ -1,6 +1,6 @@
 //! The thread that hears: samples are checked and become events, parameter calls are answered.
 
-pub mod news;
+pub mod event;
 mod samples;
 
 use std::cell::{Cell, RefCell};
@@ -15,7 +15,7 @@ use ros2_client::parameters::raw;
 use ros2_client::{Gid, Publisher, Subscription};
 use rtrb::{Consumer, Producer};
 
-use self::news::{News, Teller};
+use self::event::{News, Teller};
 use super::bus::{Bus, BusError};
 use super::clock;
 use super::core::{Heard, Input};
@@ -29,7 +29,7 @@ use super::refit::Refit;
 use super::services::replies::Replies;
 use super::services::simulation::SimulationServices;
 use super::services::upkeep::UpkeepServices;
-use super::services::{Aftermath, Desk, ParameterServices};
+use super::services::{Aftermath, ParameterServices, ServiceDesk};
 use super::settings::Settings;
 use crate::msg::{Clock, EsvState, FluidPressure, GovernorCommand, Interface, JointState, ServoState};
 
@@ -37,7 +37,7 @@ use crate::msg::{Clock, EsvState, FluidPressure, GovernorCommand, Interface, Joi
 pub const MEASURED: &str = "plant/servo_state";
 
 /// Everything that the node hears through.
-pub struct Ears {
+pub struct Subscriptions {
     command: Subscription<GovernorCommand>,
     esv: Subscription<EsvState>,
     tank_pressure: Subscription<FluidPressure>,
@@ -48,7 +48,7 @@ pub struct Ears {
     parameter_events: Publisher<raw::ParameterEvent>,
 }
 
-impl Ears {
+impl Subscriptions {
     /// Opens all endpoints; the measured state is heard where a residual adapts to it.
     ///
     /// # Errors
@@ -142,23 +142,32 @@ impl<'a> Listener<'a> {
     }
 
     /// Hears until told to stop.
-    pub fn run<'s>(&self, ears: &'s Ears, desk: &Desk<'_>, replies: &Replies<'s>, stop: oneshot::Receiver<()>) {
-        self.stroke_m.set(desk.store.borrow().unit().parameters.servomotor.stroke_m);
-        let mut streams: Vec<LocalBoxStream<'_, Arrival>> =
-            vec![self.input(&ears.command), self.input(&ears.esv), self.input(&ears.tank_pressure)];
-        let asked = ears.joint_commands.async_stream().map(|sample| {
+    pub fn run<'s>(
+        &self,
+        subscriptions: &'s Subscriptions,
+        services: &ServiceDesk<'_>,
+        replies: &Replies<'s>,
+        stop: oneshot::Receiver<()>,
+    ) {
+        self.stroke_m.set(services.store.borrow().unit().parameters.servomotor.stroke_m);
+        let mut streams: Vec<LocalBoxStream<'_, Arrival>> = vec![
+            self.input(&subscriptions.command),
+            self.input(&subscriptions.esv),
+            self.input(&subscriptions.tank_pressure),
+        ];
+        let asked = subscriptions.joint_commands.async_stream().map(|sample| {
             self.asked(sample);
             Arrival::Done
         });
         streams.push(asked.boxed_local());
-        if let Some(measured) = &ears.measured {
+        if let Some(measured) = &subscriptions.measured {
             let samples = measured.async_stream().map(|sample| {
                 self.measured(sample);
                 Arrival::Done
             });
             streams.push(samples.boxed_local());
         }
-        if let Some(clock) = &ears.clock {
+        if let Some(clock) = &subscriptions.clock {
             let ticks = clock.async_stream().map(|sample| {
                 if let Some(time_ns) = sample.ok().and_then(|(clock, _)| clock.clock.nanos()) {
                     self.clock.note(time_ns, monotonic_ns());
@@ -168,16 +177,16 @@ impl<'a> Listener<'a> {
             });
             streams.push(ticks.boxed_local());
         }
-        for (parameters, upkeep, simulation) in &ears.services {
-            let answers = parameters.answers(desk).into_iter().chain(upkeep.answers(desk));
-            let answers = answers.chain(simulation.answers(desk, replies));
+        for (parameters, upkeep, simulation) in &subscriptions.services {
+            let answers = parameters.answers(services).into_iter().chain(upkeep.answers(services));
+            let answers = answers.chain(simulation.answers(services, replies));
             streams.extend(answers.map(|answers| answers.map(Arrival::Answered).boxed_local()));
         }
         let mut arrivals = select_all(streams).take_until(stop);
         futures::executor::block_on(async {
             while let Some(arrival) = arrivals.next().await {
                 if let Arrival::Answered(aftermath) = arrival {
-                    self.follow_up(aftermath, desk, &ears.parameter_events);
+                    self.follow_up(aftermath, services, &subscriptions.parameter_events);
                 }
             }
         });
@@ -205,28 +214,28 @@ impl<'a> Listener<'a> {
     }
 
     /// Hands a twin of the changed unit to the loop, and takes back those that it exchanged.
-    fn hand_over(&self, refit: Box<Refit>, desk: &Desk<'_>) {
+    fn hand_over(&self, refit: Box<Refit>, services: &ServiceDesk<'_>) {
         self.stroke_m.set(refit.strokes_m[1]);
         let mut integrator = self.integrator.borrow_mut();
         let lost = integrator.refits.push(refit).is_err();
         drop(integrator);
         if lost {
-            // The desk asks for no twin where there is no room.
+            // The service desk asks for no twin where there is no room.
             self.say(LogLevel::Error, "the integration thread takes no changes: the unit stays as it was".to_owned());
         } else {
             self.tell(Heard::Refit);
         }
-        self.look_for_room(desk);
+        self.look_for_room(services);
     }
 
-    fn look_for_room(&self, desk: &Desk<'_>) {
+    fn look_for_room(&self, services: &ServiceDesk<'_>) {
         let mut integrator = self.integrator.borrow_mut();
         while integrator.retired.pop().is_ok() {}
-        desk.room_for_twins.set(integrator.refits.slots() > 0);
+        services.room_for_twins.set(integrator.refits.slots() > 0);
     }
 
-    fn follow_up(&self, aftermath: Aftermath, desk: &Desk<'_>, publisher: &Publisher<raw::ParameterEvent>) {
-        self.look_for_room(desk);
+    fn follow_up(&self, aftermath: Aftermath, services: &ServiceDesk<'_>, publisher: &Publisher<raw::ParameterEvent>) {
+        self.look_for_room(services);
         for words in aftermath.words {
             self.say(LogLevel::Info, words);
         }
@@ -234,13 +243,13 @@ impl<'a> Listener<'a> {
             self.tell(Heard::Order(order, ticket));
         }
         if let Some(refit) = aftermath.refit {
-            self.hand_over(refit, desk);
+            self.hand_over(refit, services);
         }
         if aftermath.changed.is_empty() {
             return;
         }
-        let settings = desk.store.borrow().settings();
-        // First to the keeper, so that whatever comes of them is told in their words.
+        let settings = services.store.borrow().settings();
+        // First to the supervisor, so that whatever comes of them is told in their words.
         self.news.tell(News::Settings(Box::new(settings)));
         for (input, rule) in Input::ALL.into_iter().zip(settings.policies().rules) {
             self.tell(Heard::Rule(input, rule));

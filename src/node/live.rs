@@ -1,6 +1,6 @@
 //! The running node: opens the bus, starts the threads, keeps the books, and leaves in the right order.
 
-mod keeper;
+mod supervisor;
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -11,7 +11,7 @@ use std::time::Duration;
 use futures::channel::oneshot;
 use ros2_client::log::LogLevel;
 
-use keeper::Keeper;
+use supervisor::Supervisor;
 
 use super::arguments::Arguments;
 use super::bus::{Bus, BusError};
@@ -23,13 +23,13 @@ use super::environment::Environment;
 use super::intake::Counts;
 use super::integration::{Ends, Integrator};
 use super::journal::{Journal, Names};
-use super::listener::news::{News, way};
-use super::listener::{Ears, Listener, Loop};
-use super::mouth::Mouth;
+use super::listener::event::{News, way};
+use super::listener::{Listener, Loop, Subscriptions};
 use super::parameters::Store;
+use super::publishers::Publishers;
 use super::realtime::{Until, claim, claim_as_carrier, monotonic_ns, resident_bytes};
 use super::refit::Refit;
-use super::services::Desk;
+use super::services::ServiceDesk;
 use super::services::replies::Replies;
 use super::settings::Settings;
 use super::stats::Summary;
@@ -119,8 +119,8 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
         say(level, &words);
     }
     // All endpoints are made before anything runs: announcements in a burst later may be lost.
-    let ears = Ears::open(&mut bus, &options.environment, &settings, options.adapt)?;
-    let mouth = Mouth::open(&mut bus, corrector.as_ref().map(Corrector::signal), settings.publish_clock)?;
+    let subscriptions = Subscriptions::open(&mut bus, &options.environment, &settings, options.adapt)?;
+    let publishers = Publishers::open(&mut bus, corrector.as_ref().map(Corrector::signal), settings.publish_clock)?;
     let health = bus.publish("/diagnostics", diagnostics::TYPE_NAME)?;
     for words in bus.idle_arguments() {
         say(LogLevel::Warn, &words);
@@ -141,10 +141,11 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
     let (news, heard) = way();
     let (stop_listening, listening) = oneshot::channel();
     let ending = AtomicBool::new(false);
-    let (bus_ref, ears_ref, mouth_ref, counts_ref, ending_ref) = (&bus, &ears, &mouth, &counts, &ending);
+    let (bus_ref, subscriptions_ref, publishers_ref, counts_ref, ending_ref) =
+        (&bus, &subscriptions, &publishers, &counts, &ending);
     let (replies_ref, clock_ref, least_ref) = (&replies, &clock, &least);
     let state = || replies_ref.state();
-    let mut keeper = Keeper {
+    let mut keeper = Supervisor {
         bus: bus_ref,
         health,
         counts: counts_ref,
@@ -164,7 +165,7 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
         let telling = news.clone();
         let publishing = std::thread::Builder::new().name("publish".to_owned()).spawn_scoped(scope, move || {
             claim_as_carrier(settings.wishes.priority);
-            mouth_ref.publish(outputs, answers, replies_ref, &telling)
+            publishers_ref.publish(outputs, answers, replies_ref, &telling)
         })?;
         let (publisher, stepper_news) = (publishing.thread().clone(), news.clone());
         let stepping = std::thread::Builder::new().name("step".to_owned()).spawn_scoped(scope, move || {
@@ -184,9 +185,9 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
         let hearing = std::thread::Builder::new().name("hear".to_owned()).spawn_scoped(scope, move || {
             claim_as_carrier(settings.wishes.priority);
             let listener = Listener::new(bus_ref, integrator, news, counts_ref, clock_ref);
-            let mut desk = Desk::new(store, &environment.service_mappings, least_ref);
+            let mut desk = ServiceDesk::new(store, &environment.service_mappings, least_ref);
             desk.fixed_unit = fixed_unit;
-            listener.run(ears_ref, &desk, replies_ref, listening);
+            listener.run(subscriptions_ref, &desk, replies_ref, listening);
         })?;
         let until = Until::after(options.duration);
         let done = || stop.load(Ordering::Relaxed) || until.is_past() || stepping.is_finished();
@@ -206,7 +207,7 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
     drop(keeper);
     // Endpoints first, then the node, then the participant: peers see each of them go.
     drop(replies);
-    drop((ears, mouth));
+    drop((subscriptions, publishers));
     drop(bus);
     let counts = counts.into_inner().unwrap_or_default();
     let by_fail_safe = !stop.load(Ordering::Relaxed) && stats.ended_by_fail_safe;

@@ -145,7 +145,7 @@ impl Deck<'_> {
     }
 }
 
-/// Records `topics`, names with types, until `stop` or for `duration`; `ready` is called once all ears are open.
+/// Records `topics`, names with types, until `stop` or for `duration`; `ready` is called once all subscriptions are open.
 ///
 /// # Errors
 /// When the bus or the bag refuses; what was heard before stays in the bag's `.unfinished` folder.

@@ -61,7 +61,7 @@ pub struct Aftermath {
 }
 
 /// What the answers share.
-pub struct Desk<'a> {
+pub struct ServiceDesk<'a> {
     /// The parameters.
     pub store: RefCell<Store>,
     /// Why the unit cannot be changed while the node runs; `None` where it can.
@@ -73,7 +73,7 @@ pub struct Desk<'a> {
     strangers: RefCell<Vec<[u8; 2]>>,
 }
 
-impl<'a> Desk<'a> {
+impl<'a> ServiceDesk<'a> {
     /// A desk for these parameters, serving these layouts; `least` is the level below which nothing is told.
     #[must_use]
     pub fn new(store: Store, mappings: &[ServiceMapping], least: &'a AtomicU8) -> Self {
@@ -147,7 +147,7 @@ impl ParameterServices {
     }
 
     /// Answers calls as they come; each item says what an answer left to do.
-    pub fn answers<'a>(&'a self, desk: &'a Desk<'a>) -> Vec<LocalBoxStream<'a, Aftermath>> {
+    pub fn answers<'a>(&'a self, desk: &'a ServiceDesk<'a>) -> Vec<LocalBoxStream<'a, Aftermath>> {
         let mapping = self.mapping;
         vec![
             answer(mapping, &self.get, desk, |request, desk, _| {
@@ -187,7 +187,7 @@ impl ParameterServices {
 }
 
 /// Sets all or none.
-fn set(items: &[raw::Parameter], desk: &Desk<'_>, aftermath: &mut Aftermath) -> raw::SetParametersResult {
+fn set(items: &[raw::Parameter], desk: &ServiceDesk<'_>, aftermath: &mut Aftermath) -> raw::SetParametersResult {
     let refuse = |reason| raw::SetParametersResult { successful: false, reason };
     let mut changed = desk.store.borrow().clone();
     let mut words = Vec::new();
@@ -223,8 +223,8 @@ type Send<'a, Response> = Box<dyn FnOnce(Response) -> bool + std::marker::Send +
 fn answer<'a, Request, Response>(
     mapping: ServiceMapping,
     server: &'a Server<Request, Response>,
-    desk: &'a Desk<'a>,
-    respond: impl Fn(Request, &Desk<'_>, &mut Aftermath) -> Response + 'a,
+    desk: &'a ServiceDesk<'a>,
+    respond: impl Fn(Request, &ServiceDesk<'_>, &mut Aftermath) -> Response + 'a,
 ) -> LocalBoxStream<'a, Aftermath>
 where
     Request: Message + Sync + 'static,
@@ -242,8 +242,8 @@ where
 fn attend<'a, 's: 'a, Request, Response>(
     mapping: ServiceMapping,
     server: &'s Server<Request, Response>,
-    desk: &'a Desk<'a>,
-    take: impl Fn(Request, &Desk<'_>, &mut Aftermath, Send<'s, Response>) + 'a,
+    desk: &'a ServiceDesk<'a>,
+    take: impl Fn(Request, &ServiceDesk<'_>, &mut Aftermath, Send<'s, Response>) + 'a,
 ) -> LocalBoxStream<'a, Aftermath>
 where
     Request: Message + Sync + 'static,
@@ -276,14 +276,14 @@ mod tests {
     use ros2_client::ServiceMapping::{Cyclone, Enhanced};
     use ros2_client::parameters::{ParameterValue, raw};
 
-    use super::{Aftermath, Desk, set};
+    use super::{Aftermath, ServiceDesk, set};
     use crate::node::parameters::Store;
     use crate::node::settings::Settings;
 
     static LEAST: AtomicU8 = AtomicU8::new(20);
 
-    fn desk(mappings: &[ros2_client::ServiceMapping]) -> Desk<'static> {
-        Desk::new(Store::new(&Settings::default(), &crate::params::reference()), mappings, &LEAST)
+    fn desk(mappings: &[ros2_client::ServiceMapping]) -> ServiceDesk<'static> {
+        ServiceDesk::new(Store::new(&Settings::default(), &crate::params::reference()), mappings, &LEAST)
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use ros2_client::log::LogLevel;
 
 use super::core::{Input, Notices, OnStale};
-use super::listener::news::News;
+use super::listener::event::News;
 use super::settings::Settings;
 
 /// News in words, with how urgent they are; `settings` follow what changes while the node runs.

@@ -11,7 +11,7 @@ mod words;
 
 use super::draw::{DrawError, svg};
 use super::page::{Blocks, KeyFigure, Page, Tone};
-use crate::diagnosis::outcome::{Diagnosis, Trace, Verdict};
+use crate::diagnosis::result::{Diagnosis, Trace, Verdict};
 use crate::provenance::Provenance;
 use crate::report::table::significant;
 use crate::signal::Signal;
@@ -166,13 +166,13 @@ fn recordings(body: &mut Blocks, diagnosis: &Diagnosis, explained: bool) -> Resu
 fn location(body: &mut Blocks, diagnosis: &Diagnosis, explained: bool) -> Result<(), DrawError> {
     body.heading("Where the error sits");
     for signal in Signal::POSITIONS {
-        let ledgers: Vec<_> = diagnosis.ledgers.iter().filter(|ledger| ledger.signal == signal).collect();
-        if !ledgers.is_empty() {
+        let breakdowns: Vec<_> = diagnosis.breakdowns.iter().filter(|breakdown| breakdown.signal == signal).collect();
+        if !breakdowns.is_empty() {
             let caption = format!(
                 "{}: where the squared error of the recalibrated twin comes from, %; the parts of each cut sum to 100.",
                 signal.title()
             );
-            body.figure(svg(&pictures::ledger(&ledgers, signal, explained))?, caption);
+            body.figure(svg(&pictures::breakdown(&breakdowns, signal, explained))?, caption);
         }
     }
     if !diagnosis.stage_tests.is_empty() {

@@ -89,7 +89,7 @@ pub fn fit(
     Ok((grown.trees, grown.importance))
 }
 
-/// Misses of rows that the trees were not trained on: the row, and target − prediction.
+/// Residuals of rows that the trees were not trained on: the row, and target − prediction.
 ///
 /// # Errors
 /// As [`grow`], and where every fold has too few rows.
@@ -110,11 +110,11 @@ pub fn out_of_fold(
         let (trees, _) = fit(table, &fold.train, learned, with, seed)?;
         let forest = walkable(&trees, table)?;
         let targets = targets(table, &fold.test, learned);
-        let miss = |(&row, target): (&usize, f64)| (row, target - forest.value(table.row(row)));
-        Ok(fold.test.iter().zip(targets).map(miss).collect())
+        let residual = |(&row, target): (&usize, f64)| (row, target - forest.value(table.row(row)));
+        Ok(fold.test.iter().zip(targets).map(residual).collect())
     };
-    let misses: Result<Vec<_>, _> = long_enough.par_iter().map(of).collect();
-    Ok(misses?.concat())
+    let residuals: Result<Vec<_>, _> = long_enough.par_iter().map(of).collect();
+    Ok(residuals?.concat())
 }
 
 fn walkable(trees: &[Tree], table: &Table) -> Result<Forest, TrainError> {
@@ -132,13 +132,13 @@ pub fn loss(
     with: &Hyperparameters,
     seed: u64,
 ) -> Result<f64, TrainError> {
-    let misses = out_of_fold(table, folds, learned, with, seed)?;
-    if misses.is_empty() {
+    let residuals = out_of_fold(table, folds, learned, with, seed)?;
+    if residuals.is_empty() {
         return Err(TrainError::TooFew { found: 0 });
     }
     #[expect(clippy::cast_precision_loss, reason = "counts of rows")]
-    let count = misses.len() as f64;
-    Ok(misses.iter().map(|(_, miss)| miss.abs()).sum::<f64>() / count)
+    let count = residuals.len() as f64;
+    Ok(residuals.iter().map(|(_, residual)| residual.abs()).sum::<f64>() / count)
 }
 
 /// Trains the final model on `rows`, with its guard from the same rows and its band from their cross-validation.
@@ -154,8 +154,9 @@ pub fn model(
     unit: &Unit,
 ) -> Result<Model, TrainError> {
     let (trees, importance) = fit(table, rows, learned, with, seed)?;
-    let misses = out_of_fold(table, &folds(table, rows), learned, with, seed).unwrap_or_default();
-    let misses: Vec<(f64, f64)> = misses.into_iter().map(|(row, miss)| (table.marks[row].motion, miss)).collect();
+    let residuals = out_of_fold(table, &folds(table, rows), learned, with, seed).unwrap_or_default();
+    let residuals: Vec<(f64, f64)> =
+        residuals.into_iter().map(|(row, residual)| (table.marks[row].motion, residual)).collect();
     let layout = &table.layout;
     let features: Vec<String> = layout.features.iter().map(super::features::Feature::name).collect();
     let guard = Guard::of(&table.select(rows), features.len(), &targets(table, rows, learned));
@@ -169,7 +170,7 @@ pub fn model(
         twin: fingerprint(unit),
         features,
         guard,
-        band: Band::of(&misses, COVERAGE_SHARE),
+        band: Band::of(&residuals, COVERAGE_SHARE),
         importance,
         booster: booster::NAME.to_owned(),
         hyperparameters: named(with),

@@ -13,9 +13,9 @@ use crate::effects::CATALOGUE;
 use crate::generate::{Scenario, recording};
 use crate::parameters::{ENTRIES, EffectSetting, Unit};
 use crate::recording::Process;
-use crate::tuning::bench::{Bench, Misses};
-use crate::tuning::knob::{Knob, unit_at};
+use crate::tuning::free_parameter::{FreeParameter, unit_at};
 use crate::tuning::noise::{expected, independent_share};
+use crate::tuning::problem::{Problem, Residuals};
 use crate::tuning::trial::Trial;
 
 /// Rate and length of the generated recordings.
@@ -82,24 +82,24 @@ pub fn matter(unit: &Unit, plate: &Plate, seed: u64, on_progress: &dyn Fn()) -> 
     };
     let trials: Vec<Trial> = Process::ALL.into_iter().map(of).collect();
     let period_s = 1.0 / RATE_HZ;
-    let bench = Bench::new(trials, unit, &expected(&unit.sensors));
+    let problem = Problem::new(trials, unit, &expected(&unit.sensors));
     on_progress();
-    let knobs = Knob::nuisances(unit);
+    let free_parameters = FreeParameter::nuisances(unit);
     let faults: Vec<(&'static str, Unit)> = CATALOGUE.iter().map(|spec| (spec.id, with(unit, spec))).collect();
     let mut units = vec![unit.clone()];
-    for place in 0..knobs.len() {
-        let mut positions = vec![0.0; knobs.len()];
+    for place in 0..free_parameters.len() {
+        let mut positions = vec![0.0; free_parameters.len()];
         positions[place] = STEP;
-        units.push(unit_at(unit, &knobs, &positions));
+        units.push(unit_at(unit, &free_parameters, &positions));
     }
     units.extend(faults.iter().map(|(_, unit)| unit.clone()));
     let mut columns: Vec<DVector<f64>> = vec![];
     for some in units.chunks(16) {
-        columns.extend(bench.misses_of(some).iter().map(flat));
+        columns.extend(problem.residuals_of(some).iter().map(flat));
         on_progress();
     }
     let Some((base, rest)) = columns.split_first() else { return Matter::default() };
-    let (moved, faulty) = rest.split_at(knobs.len());
+    let (moved, faulty) = rest.split_at(free_parameters.len());
     let weight = independent_share(period_s).sqrt();
     let signatures: Vec<DVector<f64>> = moved.iter().map(|column| (column - base) * (weight / STEP)).collect();
     let faulty: Vec<DVector<f64>> = faulty.iter().map(|column| (column - base) * weight).collect();
@@ -120,10 +120,10 @@ pub fn matter(unit: &Unit, plate: &Plate, seed: u64, on_progress: &dyn Fn()) -> 
         };
         (0..faulty.len()).map(of).collect()
     };
-    let all: Vec<usize> = (0..knobs.len()).collect();
+    let all: Vec<usize> = (0..free_parameters.len()).collect();
     let (with_sheet, at_best) = (sharpness(&all), sharpness(&[]));
-    let key = |place: usize| match knobs[place] {
-        Knob::Parameter { index, .. } => ENTRIES[index].key,
+    let key = |place: usize| match free_parameters[place] {
+        FreeParameter::Parameter { index, .. } => ENTRIES[index].key,
         _ => "",
     };
     let known = |key: &str| plate.values.contains_key(key);
@@ -169,7 +169,9 @@ fn with(unit: &Unit, spec: &crate::effects::EffectSpec) -> Unit {
     unit
 }
 
-fn flat(misses: &Misses) -> DVector<f64> {
-    let all = misses.iter().flat_map(|trial| trial.iter().map(|miss| if miss.is_finite() { *miss } else { 0.0 }));
-    DVector::from_iterator(misses.iter().map(DVector::len).sum(), all)
+fn flat(residuals: &Residuals) -> DVector<f64> {
+    let all = residuals
+        .iter()
+        .flat_map(|trial| trial.iter().map(|residual| if residual.is_finite() { *residual } else { 0.0 }));
+    DVector::from_iterator(residuals.iter().map(DVector::len).sum(), all)
 }

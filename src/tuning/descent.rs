@@ -3,11 +3,11 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::parameters::Unit;
-use crate::tuning::bench::Misses;
-use crate::tuning::knob::Knob;
+use crate::tuning::free_parameter::FreeParameter;
+use crate::tuning::problem::Residuals;
 
-/// Corrects slopes by the change of the misses that a step brought (Broyden 1965, equation 4.5).
-pub(super) fn correct(slopes: &mut [DMatrix<f64>], from: &[f64], to: &[f64], before: &Misses, after: &Misses) {
+/// Corrects slopes by the change of the residuals that a step brought (Broyden 1965, equation 4.5).
+pub(super) fn correct(slopes: &mut [DMatrix<f64>], from: &[f64], to: &[f64], before: &Residuals, after: &Residuals) {
     let step = DVector::from_iterator(from.len(), to.iter().zip(from).map(|(b, a)| b - a));
     let length = step.norm_squared();
     if length == 0.0 {
@@ -19,16 +19,16 @@ pub(super) fn correct(slopes: &mut [DMatrix<f64>], from: &[f64], to: &[f64], bef
     }
 }
 
-/// The damped step inside the bounds: knobs that it would push through a bound stay on it.
+/// The damped step inside the bounds: free_parameters that it would push through a bound stay on it.
 pub(super) fn step(
     base: &Unit,
-    knobs: &[Knob],
+    free_parameters: &[FreeParameter],
     positions: &[f64],
     hessian: &DMatrix<f64>,
     gradient: &DVector<f64>,
     damping: f64,
 ) -> Vec<f64> {
-    let n = knobs.len();
+    let n = free_parameters.len();
     let mut free = vec![true; n];
     loop {
         let mut h = hessian.clone();
@@ -48,7 +48,7 @@ pub(super) fn step(
         let mut next: Vec<f64> = positions.iter().zip(change.iter()).map(|(p, c)| p - c).collect();
         let mut hit = false;
         for k in 0..n {
-            let (low, high) = knobs[k].range(base);
+            let (low, high) = free_parameters[k].range(base);
             if free[k] && (next[k] <= low && positions[k] <= low || next[k] >= high && positions[k] >= high) {
                 free[k] = false;
                 hit = true;

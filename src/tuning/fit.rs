@@ -4,31 +4,31 @@ use nalgebra::{DMatrix, DVector};
 use rayon::iter::{IndexedParallelIterator, IntoParallelRefMutIterator, ParallelIterator};
 
 use crate::parameters::Unit;
-use crate::tuning::bench::{Bench, Misses, square};
 use crate::tuning::descent::{correct, step};
-use crate::tuning::knob::{Knob, unit_at};
+use crate::tuning::free_parameter::{FreeParameter, unit_at};
 use crate::tuning::linear::{normal, prior_square};
+use crate::tuning::problem::{Problem, Residuals, square};
 
-/// Step of a forward difference, in units of a knob.
+/// Step of a forward difference, in units of a free_parameter.
 pub const DIFFERENCE: f64 = 0.05;
 
-/// A fit: positions of the knobs, what it cost, and the local picture around it.
+/// A fit: positions of the free_parameters, what it cost, and the local picture around it.
 #[derive(Clone, Debug)]
 pub struct Fit {
-    /// Position of each knob.
+    /// Position of each free_parameter.
     pub positions: Vec<f64>,
-    /// Sum of squares of the misses.
+    /// Sum of squares of the residuals.
     pub square: f64,
     /// Sum of squares of the priors.
     pub prior: f64,
-    /// Misses at the positions.
-    pub misses: Misses,
-    /// Change of the misses per unit of each knob, by trial.
+    /// Residuals at the positions.
+    pub residuals: Residuals,
+    /// Change of the residuals per unit of each free_parameter, by trial.
     pub slopes: Vec<DMatrix<f64>>,
 }
 
 impl Fit {
-    /// Squares of misses and priors together.
+    /// Squares of residuals and priors together.
     #[must_use]
     pub fn cost(&self) -> f64 {
         self.square + self.prior
@@ -44,19 +44,19 @@ pub fn beside(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
     both
 }
 
-/// Units that stand a small step of one knob each away from a position, by every knob from the `first` on, and these steps.
-fn stepped(base: &Unit, knobs: &[Knob], positions: &[f64], first: usize) -> (Vec<Unit>, Vec<f64>) {
+/// Units that stand a small step of one free_parameter each away from a position, by every free_parameter from the `first` on, and these steps.
+fn stepped(base: &Unit, free_parameters: &[FreeParameter], positions: &[f64], first: usize) -> (Vec<Unit>, Vec<f64>) {
     let of = |k: usize| {
         let mut moved = positions.to_vec();
-        let step = if positions[k] + DIFFERENCE > knobs[k].range(base).1 { -DIFFERENCE } else { DIFFERENCE };
+        let step = if positions[k] + DIFFERENCE > free_parameters[k].range(base).1 { -DIFFERENCE } else { DIFFERENCE };
         moved[k] += step;
-        (unit_at(base, knobs, &moved), step)
+        (unit_at(base, free_parameters, &moved), step)
     };
-    (first..knobs.len()).map(of).unzip()
+    (first..free_parameters.len()).map(of).unzip()
 }
 
 /// Slopes by what small steps changed.
-fn secants(moved: &[Misses], steps: &[f64], at: &Misses) -> Vec<DMatrix<f64>> {
+fn secants(moved: &[Residuals], steps: &[f64], at: &Residuals) -> Vec<DMatrix<f64>> {
     let of = |trial: usize| {
         let mut slope = DMatrix::zeros(at[trial].len(), steps.len());
         for (k, step) in steps.iter().enumerate() {
@@ -67,26 +67,31 @@ fn secants(moved: &[Misses], steps: &[f64], at: &Misses) -> Vec<DMatrix<f64>> {
     (0..at.len()).map(of).collect()
 }
 
-/// Slopes of the misses about a position, by every knob from the `first` on.
+/// Slopes of the residuals about a position, by every free_parameter from the `first` on.
 #[must_use]
 pub fn slopes(
-    bench: &Bench,
+    problem: &Problem,
     base: &Unit,
-    knobs: &[Knob],
+    free_parameters: &[FreeParameter],
     positions: &[f64],
     first: usize,
-    at: &Misses,
+    at: &Residuals,
 ) -> Vec<DMatrix<f64>> {
-    let (units, steps) = stepped(base, knobs, positions, first);
-    secants(&bench.misses_of(&units), &steps, at)
+    let (units, steps) = stepped(base, free_parameters, positions, first);
+    secants(&problem.residuals_of(&units), &steps, at)
 }
 
-/// Misses at a position, and their slopes by every knob.
+/// Residuals at a position, and their slopes by every free_parameter.
 #[must_use]
-pub fn pictured(bench: &Bench, base: &Unit, knobs: &[Knob], positions: &[f64]) -> (Misses, Vec<DMatrix<f64>>) {
-    let (mut units, steps) = stepped(base, knobs, positions, 0);
-    units.push(unit_at(base, knobs, positions));
-    let mut moved = bench.misses_of(&units);
+pub fn pictured(
+    problem: &Problem,
+    base: &Unit,
+    free_parameters: &[FreeParameter],
+    positions: &[f64],
+) -> (Residuals, Vec<DMatrix<f64>>) {
+    let (mut units, steps) = stepped(base, free_parameters, positions, 0);
+    units.push(unit_at(base, free_parameters, positions));
+    let mut moved = problem.residuals_of(&units);
     let at = moved.pop().unwrap_or_default();
     let slopes = secants(&moved, &steps, &at);
     (at, slopes)
@@ -102,7 +107,7 @@ pub struct Effort {
     pub rounds: usize,
     /// All slopes are measured anew after so many steps; between, they are corrected by what the steps showed.
     pub refresh: usize,
-    /// By what the squares of the misses are divided: above 1, what is known beforehand weighs more. A fit that cools from a high
+    /// By what the squares of the residuals are divided: above 1, what is known beforehand weighs more. A fit that cools from a high
     /// temperature gives a strange parameter its due before it stretches familiar ones beyond what the sheet allows.
     pub temperature: f64,
 }
@@ -122,28 +127,28 @@ pub struct Start<'a> {
     /// The unit.
     pub base: &'a Unit,
     /// What may move.
-    pub knobs: &'a [Knob],
+    pub free_parameters: &'a [FreeParameter],
     /// Where it begins.
     pub positions: &'a [f64],
     /// How much work it may be.
     pub effort: Effort,
-    /// Slopes of the leading knobs, good enough to begin with, which saves most of the work.
+    /// Slopes of the leading free_parameters, good enough to begin with, which saves most of the work.
     pub known: Option<&'a [DMatrix<f64>]>,
 }
 
-/// Fits the knobs from a start; see [`fit_all`].
+/// Fits the free_parameters from a start; see [`fit_all`].
 #[must_use]
 pub fn fit(
-    bench: &Bench,
+    problem: &Problem,
     base: &Unit,
-    knobs: &[Knob],
+    free_parameters: &[FreeParameter],
     start: &[f64],
     effort: Effort,
     known: Option<&[DMatrix<f64>]>,
 ) -> Fit {
-    let mut descent = Descent::new(&Start { base, knobs, positions: start, effort, known });
+    let mut descent = Descent::new(&Start { base, free_parameters, positions: start, effort, known });
     while !descent.units.is_empty() {
-        let answer = bench.misses_of(&descent.units);
+        let answer = problem.residuals_of(&descent.units);
         descent.hear(answer);
     }
     descent.done()
@@ -153,7 +158,7 @@ pub fn fit(
 ///
 /// Between measurements the slopes follow Broyden (1965): the least change that agrees with the step just made.
 #[must_use]
-pub fn fit_all(bench: &Bench, starts: &[Start<'_>]) -> Vec<Fit> {
+pub fn fit_all(problem: &Problem, starts: &[Start<'_>]) -> Vec<Fit> {
     let mut fits: Vec<Descent<'_>> = starts.iter().map(Descent::new).collect();
     loop {
         // What each asks for next, all in one batch.
@@ -162,8 +167,8 @@ pub fn fit_all(bench: &Bench, starts: &[Start<'_>]) -> Vec<Fit> {
         if units.is_empty() {
             return fits.into_iter().map(Descent::done).collect();
         }
-        let mut answers = bench.misses_of(&units).into_iter();
-        let answers: Vec<Vec<Misses>> = counts.iter().map(|&count| answers.by_ref().take(count).collect()).collect();
+        let mut answers = problem.residuals_of(&units).into_iter();
+        let answers: Vec<Vec<Residuals>> = counts.iter().map(|&count| answers.by_ref().take(count).collect()).collect();
         fits.par_iter_mut().zip(answers).filter(|(_, answer)| !answer.is_empty()).for_each(|(fit, answer)| {
             fit.hear(answer);
         });
@@ -173,11 +178,11 @@ pub fn fit_all(bench: &Bench, starts: &[Start<'_>]) -> Vec<Fit> {
 /// What a descent waits for.
 #[derive(Clone, Debug)]
 enum Wanted {
-    /// The misses where it starts, and slopes by the knobs from a first on.
+    /// The residuals where it starts, and slopes by the free_parameters from a first on.
     Start { steps: Vec<f64>, first: usize },
-    /// The misses at candidates for the next position.
+    /// The residuals at candidates for the next position.
     Candidates { positions: Vec<Vec<f64>>, dampings: [f64; DAMPINGS.len()] },
-    /// Slopes where it stands, by the knobs from a first on.
+    /// Slopes where it stands, by the free_parameters from a first on.
     Slopes { steps: Vec<f64>, first: usize },
     /// Nothing: it has arrived.
     Nothing,
@@ -188,7 +193,7 @@ enum Wanted {
 struct Descent<'a> {
     start: Start<'a>,
     positions: Vec<f64>,
-    misses: Misses,
+    residuals: Residuals,
     slopes: Vec<DMatrix<f64>>,
     cost: f64,
     damping: f64,
@@ -198,7 +203,7 @@ struct Descent<'a> {
     age: usize,
     /// Whether they were just now.
     fresh: bool,
-    /// The units whose misses it wants to know next; none once it has arrived.
+    /// The units whose residuals it wants to know next; none once it has arrived.
     units: Vec<Unit>,
     wanted: Wanted,
 }
@@ -207,12 +212,12 @@ impl<'a> Descent<'a> {
     fn new(start: &Start<'a>) -> Self {
         let first = start.known.and_then(<[_]>::first).map_or(0, DMatrix::ncols);
         let positions = start.positions.to_vec();
-        let (mut units, steps) = stepped(start.base, start.knobs, &positions, first);
-        units.push(unit_at(start.base, start.knobs, &positions));
+        let (mut units, steps) = stepped(start.base, start.free_parameters, &positions, first);
+        units.push(unit_at(start.base, start.free_parameters, &positions));
         Self {
             start: *start,
             positions,
-            misses: Misses::new(),
+            residuals: Residuals::new(),
             slopes: Vec::new(),
             cost: f64::INFINITY,
             damping: 1e-3,
@@ -224,28 +229,28 @@ impl<'a> Descent<'a> {
         }
     }
 
-    /// Goes on with the misses of what it asked for.
-    fn hear(&mut self, mut answer: Vec<Misses>) {
+    /// Goes on with the residuals of what it asked for.
+    fn hear(&mut self, mut answer: Vec<Residuals>) {
         match std::mem::replace(&mut self.wanted, Wanted::Nothing) {
             Wanted::Start { steps, first } => {
-                self.misses = answer.pop().unwrap_or_default();
-                let fits = |(known, misses): (&DMatrix<f64>, &DVector<f64>)| known.nrows() == misses.len();
-                if !self.start.known.is_none_or(|known| known.iter().zip(&self.misses).all(fits)) {
+                self.residuals = answer.pop().unwrap_or_default();
+                let fits = |(known, residuals): (&DMatrix<f64>, &DVector<f64>)| known.nrows() == residuals.len();
+                if !self.start.known.is_none_or(|known| known.iter().zip(&self.residuals).all(fits)) {
                     // Noise that is laid out anew may compare limit cycles elsewhere: slopes of before are of other residuals.
                     *self = Self::new(&Start { known: None, ..self.start });
                     return;
                 }
-                let fresh = secants(&answer, &steps, &self.misses);
+                let fresh = secants(&answer, &steps, &self.residuals);
                 self.slopes = match self.start.known {
                     Some(known) if first > 0 => known.iter().zip(&fresh).map(|(a, b)| beside(a, b)).collect(),
                     _ => fresh,
                 };
-                self.cost = self.total(&self.misses, &self.positions);
+                self.cost = self.total(&self.residuals, &self.positions);
                 self.step();
             }
             Wanted::Candidates { positions, dampings } => self.choose(&positions, &dampings, answer),
             Wanted::Slopes { steps, first } => {
-                let fresh = secants(&answer, &steps, &self.misses);
+                let fresh = secants(&answer, &steps, &self.residuals);
                 for (slope, fresh) in self.slopes.iter_mut().zip(&fresh) {
                     slope.columns_mut(first, fresh.ncols()).copy_from(fresh);
                 }
@@ -255,8 +260,8 @@ impl<'a> Descent<'a> {
         }
     }
 
-    fn total(&self, misses: &Misses, positions: &[f64]) -> f64 {
-        square(misses) / self.start.effort.temperature + prior_square(self.start.knobs, positions)
+    fn total(&self, residuals: &Residuals, positions: &[f64]) -> f64 {
+        square(residuals) / self.start.effort.temperature + prior_square(self.start.free_parameters, positions)
     }
 
     /// Asks for the next candidates, all dampings at once: units side by side cost little more than one.
@@ -265,36 +270,38 @@ impl<'a> Descent<'a> {
         if self.round >= self.start.effort.rounds {
             return;
         }
-        let Start { base, knobs, effort, .. } = self.start;
-        let (hessian, gradient) = normal(knobs, &self.positions, &self.misses, &self.slopes, effort.temperature);
+        let Start { base, free_parameters, effort, .. } = self.start;
+        let (hessian, gradient) =
+            normal(free_parameters, &self.positions, &self.residuals, &self.slopes, effort.temperature);
         let dampings = DAMPINGS.map(|times| times * self.damping);
-        let candidates = dampings.map(|damping| step(base, knobs, &self.positions, &hessian, &gradient, damping));
-        self.units = candidates.iter().map(|candidate| unit_at(base, knobs, candidate)).collect();
+        let candidates =
+            dampings.map(|damping| step(base, free_parameters, &self.positions, &hessian, &gradient, damping));
+        self.units = candidates.iter().map(|candidate| unit_at(base, free_parameters, candidate)).collect();
         self.wanted = Wanted::Candidates { positions: candidates.to_vec(), dampings };
     }
 
     /// Takes the best candidate, learns of all of them, and asks for what it needs next.
-    fn choose(&mut self, candidates: &[Vec<f64>], dampings: &[f64; DAMPINGS.len()], mut tried: Vec<Misses>) {
+    fn choose(&mut self, candidates: &[Vec<f64>], dampings: &[f64; DAMPINGS.len()], mut tried: Vec<Residuals>) {
         self.units.clear();
         let totals: Vec<f64> =
-            tried.iter().zip(candidates).map(|(misses, candidate)| self.total(misses, candidate)).collect();
+            tried.iter().zip(candidates).map(|(residuals, candidate)| self.total(residuals, candidate)).collect();
         let best = (0..totals.len()).min_by(|&a, &b| totals[a].total_cmp(&totals[b])).unwrap_or(0);
         // The shortest step says most about the slopes here, and the one taken is learned of last.
         for k in (0..totals.len()).filter(|&k| k != best).chain([best]) {
-            correct(&mut self.slopes, &self.positions, &candidates[k], &self.misses, &tried[k]);
+            correct(&mut self.slopes, &self.positions, &candidates[k], &self.residuals, &tried[k]);
         }
         let mut gain = 0.0;
         if totals[best] < self.cost {
             gain = self.cost - totals[best];
             self.positions.clone_from(&candidates[best]);
-            (self.misses, self.cost) = (tried.swap_remove(best), totals[best]);
+            (self.residuals, self.cost) = (tried.swap_remove(best), totals[best]);
             self.damping = (0.1 * dampings[best]).max(1e-6);
         } else {
             self.damping *= 1000.0;
         }
         self.round += 1;
         self.age += 1;
-        let Start { base, knobs, effort, known, .. } = self.start;
+        let Start { base, free_parameters, effort, known, .. } = self.start;
         let small = gain <= 1e-2 + 1e-6 * self.cost;
         if small && (self.fresh || effort.refresh > effort.rounds) {
             return;
@@ -307,9 +314,9 @@ impl<'a> Descent<'a> {
             // An effect's own slopes bend most and are few.
             kept
         } else {
-            knobs.len()
+            free_parameters.len()
         };
-        let (units, steps) = stepped(base, knobs, &self.positions, first);
+        let (units, steps) = stepped(base, free_parameters, &self.positions, first);
         if units.is_empty() {
             return self.step();
         }
@@ -318,7 +325,13 @@ impl<'a> Descent<'a> {
     }
 
     fn done(self) -> Fit {
-        let prior = prior_square(self.start.knobs, &self.positions);
-        Fit { square: square(&self.misses), prior, positions: self.positions, misses: self.misses, slopes: self.slopes }
+        let prior = prior_square(self.start.free_parameters, &self.positions);
+        Fit {
+            square: square(&self.residuals),
+            prior,
+            positions: self.positions,
+            residuals: self.residuals,
+            slopes: self.slopes,
+        }
     }
 }

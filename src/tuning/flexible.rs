@@ -26,7 +26,7 @@ pub struct Flexible {
     pub explained: f64,
     /// What it leaves of the servomotor position: white from sample to sample, wandering from its free runs, in the opening's unit.
     pub noise: SignalNoise,
-    /// RMS of what the transducers alone make a right model miss: the servomotor's noise, and the spool's carried along, in the opening's unit.
+    /// RMS of what the transducers alone make a right model residual: the servomotor's noise, and the spool's carried along, in the opening's unit.
     pub transducers: f64,
 }
 
@@ -77,13 +77,13 @@ pub fn flexible(runs: &[Run], law: &Plain) -> Option<Flexible> {
             Some((left, law, coefficients))
         })
         .min_by(|a, b| a.0.total_cmp(&b.0))?;
-    let misses: Vec<Vec<f64>> = runs.iter().map(|run| best.misses(run, &coefficients)).collect();
+    let residuals: Vec<Vec<f64>> = runs.iter().map(|run| best.residuals(run, &coefficients)).collect();
     let white = white(runs.iter().map(|run| run.opening.as_slice()), travel);
     // Each coefficient takes a sample's worth of noise along.
     let freedom = count.saturating_sub(corners.len() + 4).max(1);
     Some(Flexible {
         explained: 1.0 - left / moved,
-        noise: noise(runs, &misses, left / freedom as f64, white),
+        noise: noise(runs, &residuals, left / freedom as f64, white),
         transducers: transducers(runs, law.above_1_s.abs().max(law.below_1_s.abs()), white),
     })
 }
@@ -107,7 +107,7 @@ fn period_s(runs: &[Run]) -> f64 {
     periods.get(periods.len() / 2).copied().unwrap_or(0.1)
 }
 
-/// RMS that a right model misses over free runs: the servomotor's transducer at the sample and at the start, the spool's noise summed up, and
+/// RMS that a right model residuals over free runs: the servomotor's transducer at the sample and at the start, the spool's noise summed up, and
 /// what the spool does between its samples, whose trapezoids are wrong by a twelfth of a step's change.
 fn transducers(runs: &[Run], gain_1_s: f64, white: f64) -> f64 {
     let period_s = period_s(runs);
@@ -120,10 +120,10 @@ fn transducers(runs: &[Run], gain_1_s: f64, white: f64) -> f64 {
     (2.0 * white * white + summed + between).sqrt()
 }
 
-/// White noise as given, wandering from the misses of free runs, of this mean square.
-fn noise(runs: &[Run], misses: &[Vec<f64>], mean_square: f64, white: f64) -> SignalNoise {
+/// White noise as given, wandering from the residuals of free runs, of this mean square.
+fn noise(runs: &[Run], residuals: &[Vec<f64>], mean_square: f64, white: f64) -> SignalNoise {
     let variance = (mean_square - white * white).max(0.25 * white * white);
-    let products = misses.iter().flat_map(|run| run.windows(2).map(|pair| pair[0] * pair[1]));
+    let products = residuals.iter().flat_map(|run| run.windows(2).map(|pair| pair[0] * pair[1]));
     let (alike, pairs) = products.fold((0.0, 0_usize), |(sum, count), product| (sum + product, count + 1));
     let likeness = (alike / pairs.max(1) as f64 / variance).clamp(0.1, 0.999);
     SignalNoise {

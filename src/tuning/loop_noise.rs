@@ -1,15 +1,15 @@
 //! Noise inside the loop: how much of its transducer's noise a regulator hears, learned from how the spool chatters.
 //!
 //! A regulator that decides on the mean of n readings hears 1/√n of a reading's noise, and no sheet tells n. Too much noise assumed hides small
-//! faults, too little makes every unit strange. The likelihood of the spool's misses has its maximum at the right amount where the twin is right;
-//! where it is not, misses of a fault must not pass for noise. So each stretch of a recording is either as the noise says or spoiled by some larger
+//! faults, too little makes every unit strange. The likelihood of the spool's residuals has its maximum at the right amount where the twin is right;
+//! where it is not, residuals of a fault must not pass for noise. So each stretch of a recording is either as the noise says or spoiled by some larger
 //! factor (a scale mixture of normals; Box & Tiao 1968, *Biometrika* 55(1), 119–129), and only stretches that are not spoiled tell the noise.
 
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 use crate::parameters::Unit;
 use crate::signal::Signal;
-use crate::tuning::bench::{Bench, USUAL_LOOP_NOISE};
+use crate::tuning::problem::{Problem, USUAL_LOOP_NOISE};
 
 /// Standard deviation of the ratio's logarithm from unit to unit: means of two to twenty readings are usual.
 const SPREAD: f64 = 0.4;
@@ -23,43 +23,43 @@ const STRETCH: (f64, usize) = (1.0, 25);
 /// A ratio so many times as small is worth another exploration.
 const FAR: f64 = 1.6;
 
-/// Probabilities that a stretch's squared misses are so many times what noise makes them.
+/// Probabilities that a stretch's squared residuals are so many times what noise makes them.
 const SPOILED: [(f64, f64); 5] = [(0.6, 1.0), (0.1, 4.0), (0.1, 16.0), (0.1, 64.0), (0.1, 256.0)];
 
-/// The bench with the noise inside the loop that a unit's spool most probably has, laid out along that unit; as it is where no spool was measured.
+/// The problem with the noise inside the loop that a unit's spool most probably has, laid out along that unit; as it is where no spool was measured.
 #[must_use]
-pub fn heard(bench: Bench, unit: &Unit) -> Bench {
-    likeliest(&bench, unit).unwrap_or(bench)
+pub fn heard(problem: Problem, unit: &Unit) -> Problem {
+    likeliest(&problem, unit).unwrap_or(problem)
 }
 
-/// The same where a model with effects hears far less than the bench assumes, so that misses of these effects had passed for noise; else none.
+/// The same where a model with effects hears far less than the problem assumes, so that residuals of these effects had passed for noise; else none.
 #[must_use]
-pub fn quieter(bench: &Bench, unit: &Unit) -> Option<Bench> {
-    likeliest(bench, unit).filter(|quieter| quieter.loop_noise_ratio() < bench.loop_noise_ratio() / FAR)
+pub fn quieter(problem: &Problem, unit: &Unit) -> Option<Problem> {
+    likeliest(problem, unit).filter(|quieter| quieter.loop_noise_ratio() < problem.loop_noise_ratio() / FAR)
 }
 
-fn likeliest(bench: &Bench, unit: &Unit) -> Option<Bench> {
-    if bench.trials.iter().all(|trial| trial.place(Signal::SpoolPosition).is_none() || trial.is_driven()) {
+fn likeliest(problem: &Problem, unit: &Unit) -> Option<Problem> {
+    if problem.trials.iter().all(|trial| trial.place(Signal::SpoolPosition).is_none() || trial.is_driven()) {
         return None;
     }
     let scored = TRIED.into_par_iter().map(|ratio| {
-        let tried = bench.with_loop_noise(ratio).laid_along(unit);
+        let tried = problem.with_loop_noise(ratio).laid_along(unit);
         (log_posterior(&tried, unit, ratio), tried)
     });
     scored.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, likeliest)| likeliest)
 }
 
 /// Logarithm of the probability of a ratio, but for a constant.
-fn log_posterior(bench: &Bench, unit: &Unit, ratio: f64) -> f64 {
-    let misses = bench.misses_of(std::slice::from_ref(unit)).pop().unwrap_or_default();
-    let of_trial = |(trial, misses)| {
-        let innovations = bench.innovations(trial, Signal::SpoolPosition, misses);
-        let scales = bench.scales(trial, Signal::SpoolPosition);
-        let samples = bench.trials[trial].samples_in(STRETCH.0).max(STRETCH.1);
+fn log_posterior(problem: &Problem, unit: &Unit, ratio: f64) -> f64 {
+    let residuals = problem.residuals_of(std::slice::from_ref(unit)).pop().unwrap_or_default();
+    let of_trial = |(trial, residuals)| {
+        let innovations = problem.innovations(trial, Signal::SpoolPosition, residuals);
+        let scales = problem.scales(trial, Signal::SpoolPosition);
+        let samples = problem.trials[trial].samples_in(STRETCH.0).max(STRETCH.1);
         let stretches = innovations.chunks(samples).zip(scales.chunks(samples));
-        stretches.map(|(innovations, scales)| log_likelihood(innovations, scales, bench.share(trial))).sum::<f64>()
+        stretches.map(|(innovations, scales)| log_likelihood(innovations, scales, problem.share(trial))).sum::<f64>()
     };
-    misses.iter().enumerate().map(of_trial).sum::<f64>() - 0.5 * ((ratio / USUAL_LOOP_NOISE).ln() / SPREAD).powi(2)
+    residuals.iter().enumerate().map(of_trial).sum::<f64>() - 0.5 * ((ratio / USUAL_LOOP_NOISE).ln() / SPREAD).powi(2)
 }
 
 /// Logarithm of the likelihood of a stretch, of whose samples a share is independent.
@@ -89,8 +89,8 @@ mod tests {
             let kind = Kind::Sound;
             let case = Case { name: "sound".into(), kind, rate_hz: 100.0, rich: false, seed };
             let trials = battery::make(&unit, &case).recordings().into_iter().map(Trial::new).collect();
-            let bench = Bench::new(trials, &unit, &expected(&unit.sensors));
-            heard(bench, &unit).loop_noise_ratio()
+            let problem = Problem::new(trials, &unit, &expected(&unit.sensors));
+            heard(problem, &unit).loop_noise_ratio()
         };
         let told = |seed: u64| battery::readings(seed);
         let mut seeds: Vec<u64> = (0..24).collect();

@@ -1,9 +1,9 @@
-//! Noise: what a right twin may still miss, and the filter that makes misses independent and of unit size.
+//! Noise: what a right twin may still leave, and the filter that makes residuals independent and of unit size.
 
 use crate::frame::Estimate;
 use crate::parameters::Sensors;
 use crate::signal::Signal;
-use crate::tuning::swing::{Look, Swings, swings};
+use crate::tuning::limit_cycle::{LimitCycles, Look, swings};
 use crate::tuning::trial::Trial;
 use crate::twin::Cut;
 
@@ -26,17 +26,17 @@ pub fn independent_share(period_s: f64) -> f64 {
 /// The same for the power of limit cycles, of which each block gives several octaves that say much the same.
 const LIMIT_CYCLE_SHARE: f64 = 0.05;
 
-/// From so many standard deviations on, a miss counts by its size rather than by its square: sudden events that come a little early or late
+/// From so many standard deviations on, a residual counts by its size rather than by its square: sudden events that come a little early or late
 /// are many deviations off, and say little (pseudo-Huber; Charbonnier et al. 1997).
 const OUTLYING: f64 = 8.0;
 
-/// The number whose square is what a miss costs, where a sample is this share of an independent one.
-fn tamed(miss: f64, share: f64) -> f64 {
-    let cost = 2.0 * OUTLYING * OUTLYING * ((1.0 + (miss / OUTLYING).powi(2)).sqrt() - 1.0);
-    (cost * share).sqrt().copysign(miss)
+/// The number whose square is what a residual costs, where a sample is this share of an independent one.
+fn tamed(residual: f64, share: f64) -> f64 {
+    let cost = 2.0 * OUTLYING * OUTLYING * ((1.0 + (residual / OUTLYING).powi(2)).sqrt() - 1.0);
+    (cost * share).sqrt().copysign(residual)
 }
 
-/// Share of a bend that a right model may miss: it has sudden events a little early or late, and rounds them in its own way.
+/// Share of a bend that a right model may leave: it has sudden events a little early or late, and rounds them in its own way.
 const SHARP: f64 = 0.25;
 
 /// A bend counts for so many samples to either side.
@@ -71,7 +71,7 @@ fn sway(trial: &Trial, signal: Signal, reference: &[Estimate], moved: &[Vec<Esti
     (0..trial.samples.len()).map(off).collect()
 }
 
-/// How a signal's miss behaves when the model is right: white noise, chatter, and a slow wandering.
+/// How a signal's residual behaves when the model is right: white noise, chatter, and a slow wandering.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SignalNoise {
     /// White noise of transducer and quantisation, one standard deviation, in the signal's unit.
@@ -146,7 +146,7 @@ fn steps_s(trial: &Trial) -> Vec<f64> {
     times_ns.zip(before_ns).map(|(here, before)| crate::units::seconds_from_nanos(here - before)).collect()
 }
 
-/// The filter of one signal in one trial: gains and scales, fixed so that it is linear in the misses.
+/// The filter of one signal in one trial: gains and scales, fixed so that it is linear in the residuals.
 #[derive(Clone, Debug)]
 pub struct Whitener {
     decay: Vec<f64>,
@@ -155,12 +155,12 @@ pub struct Whitener {
     /// Independent samples per sample.
     pub share: f64,
     /// Where the recording swings.
-    pub swings: Swings,
-    /// Mean square that a right model would miss besides sudden events, in the signal's unit squared.
+    pub swings: LimitCycles,
+    /// Mean square that a right model would leave besides sudden events, in the signal's unit squared.
     pub floor_square: f64,
 }
 
-/// Variances of what a right model misses of one signal, at each sample, in its unit squared.
+/// Variances of what a right model leaves of one signal, at each sample, in its unit squared.
 struct Variances {
     white: Vec<f64>,
     drift: Vec<f64>,
@@ -200,7 +200,7 @@ pub fn whiteners(trial: &Trial, noise: &Noise, reference: &[Estimate], moved: &[
     let (looks, variances): (Vec<Look>, Vec<Variances>) = trial.signals().map(of).unzip();
     // A servomotor behind a recorded spool cannot swing of itself.
     let swings = match trial.cut {
-        Cut::Spool => looks.iter().map(Swings::none).collect(),
+        Cut::Spool => looks.iter().map(LimitCycles::none).collect(),
         _ => swings(&looks, trial.period_s),
     };
     let each = trial.signals().zip(looks).zip(variances).zip(swings);
@@ -214,7 +214,7 @@ pub fn whiteners(trial: &Trial, noise: &Noise, reference: &[Estimate], moved: &[
 impl Whitener {
     /// The steady innovations filter of wandering seen through white noise and chatter.
     ///
-    /// `d ← a d + w`, `miss = d + n`: the scalar Kalman filter (Anderson & Moore 1979, section 3.1), whose innovations over
+    /// `d ← a d + w`, `residual = d + n`: the scalar Kalman filter (Anderson & Moore 1979, section 3.1), whose innovations over
     /// their standard deviation are independent and of unit size when the model is right.
     fn new(
         trial: &Trial,
@@ -222,7 +222,7 @@ impl Whitener {
         look: &Look,
         variances: &Variances,
         sharpness: &[f64],
-        swings: Swings,
+        swings: LimitCycles,
     ) -> Self {
         let count = trial.samples.len();
         let (mut decay, mut gain, mut scale) =
@@ -263,21 +263,21 @@ impl Whitener {
 
     /// By how much a simulated signal swings otherwise than the recorded one, where that swings of itself.
     pub fn swings<'a>(&'a self, simulated: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
-        self.swings.misses(simulated).map(|miss| tamed(miss, LIMIT_CYCLE_SHARE))
+        self.swings.residuals(simulated).map(|residual| tamed(residual, LIMIT_CYCLE_SHARE))
     }
 
-    /// Turns misses into innovations over their standard deviation, in place; a miss that is not finite becomes 0.
-    pub fn apply(&self, misses: &mut [f64]) {
+    /// Turns residuals into innovations over their standard deviation, in place; a residual that is not finite becomes 0.
+    pub fn apply(&self, residuals: &mut [f64]) {
         let mut state = 0.0;
-        for (k, miss) in misses.iter_mut().enumerate() {
+        for (k, residual) in residuals.iter_mut().enumerate() {
             state *= self.decay[k];
-            if self.scale[k] == 0.0 || !miss.is_finite() {
-                *miss = 0.0;
+            if self.scale[k] == 0.0 || !residual.is_finite() {
+                *residual = 0.0;
                 continue;
             }
-            let innovation = *miss - state;
+            let innovation = *residual - state;
             state += self.gain[k] * innovation;
-            *miss = tamed(innovation * self.scale[k], self.share);
+            *residual = tamed(innovation * self.scale[k], self.share);
         }
     }
 }

@@ -54,7 +54,7 @@ impl Plain {
         beyond([self.lag.time_s(), self.zero, self.half_band], spool)
     }
 
-    /// RMS miss in free runs, in the opening's unit.
+    /// RMS error in free runs, in the opening's unit.
     #[must_use]
     pub fn rmse(&self, runs: &[Run]) -> f64 {
         let squares = |run: &Run| -> f64 {

@@ -238,19 +238,19 @@ impl Law<'_> {
         runs.iter().map(of).collect()
     }
 
-    /// What it misses in a run with these coefficients, sample by sample from the second.
+    /// What it residuals in a run with these coefficients, sample by sample from the second.
     #[must_use]
-    pub fn misses(&self, run: &Run, coefficients: &DVector<f64>) -> Vec<f64> {
-        let mut misses = Vec::with_capacity(run.time_s.len());
+    pub fn residuals(&self, run: &Run, coefficients: &DVector<f64>) -> Vec<f64> {
+        let mut residuals = Vec::with_capacity(run.time_s.len());
         self.each(run, &mut |sums, goal| {
-            misses.push(goal - sums.iter().zip(coefficients.iter()).map(|(a, b)| a * b).sum::<f64>());
+            residuals.push(goal - sums.iter().zip(coefficients.iter()).map(|(a, b)| a * b).sum::<f64>());
         });
-        misses
+        residuals
     }
 }
 
 impl Normal {
-    /// Sum of squares that the run misses with these coefficients.
+    /// Sum of squares that the run residuals with these coefficients.
     #[must_use]
     pub fn missed(&self, coefficients: &DVector<f64>) -> f64 {
         let said = coefficients.dot(&(&self.hessian * coefficients));

@@ -8,7 +8,7 @@ use crate::parameters::{Channels, ENTRIES, EffectSetting, Reading, Tolerance, Un
 use crate::recording::Recording;
 use crate::signal::Signal;
 use crate::tuning::flexible::{Flexible, flexible};
-use crate::tuning::knob::Knob;
+use crate::tuning::free_parameter::FreeParameter;
 use crate::tuning::noise::{Noise, expected};
 use crate::tuning::pieces::pieces;
 use crate::tuning::plain::{Plain, plain};
@@ -56,7 +56,7 @@ pub struct Sheetless {
     /// The unit to begin from, which knows how its channels are recorded.
     pub unit: Unit,
     /// What is fitted of it.
-    pub knobs: Vec<Knob>,
+    pub free_parameters: Vec<FreeParameter>,
     /// Noise to expect: of the servomotor what the most flexible law leaves.
     pub noise: Noise,
     /// What was done, in sentences.
@@ -91,7 +91,7 @@ pub fn sheetless(mut whole: Vec<Recording>, reference: &Unit) -> Option<Sheetles
             .to_owned(),
     );
     notes.push(error_of_equations(&seen));
-    Some(Sheetless { whole, pieces, knobs: knobs(&unit), unit, noise, notes })
+    Some(Sheetless { whole, pieces, free_parameters: free_parameters(&unit), unit, noise, notes })
 }
 
 /// What is taken for noise where no sheet names a transducer.
@@ -148,10 +148,10 @@ fn unit(reference: &Unit, law: &Plain, period_s: f64) -> Unit {
 }
 
 /// What is fitted of such a unit: the wide tolerances and the spool's zero.
-fn knobs(unit: &Unit) -> Vec<Knob> {
+fn free_parameters(unit: &Unit) -> Vec<FreeParameter> {
     let zero = CATALOGUE.iter().filter(|spec| spec.id == SPOOL_ZERO).flat_map(|spec| spec.parameters);
-    let zero = zero.take(unit.effects.len()).map(|spec| Knob::Effect { effect: 0, parameter: 0, spec });
-    Knob::nuisances(unit).into_iter().chain(zero).collect()
+    let zero = zero.take(unit.effects.len()).map(|spec| FreeParameter::Effect { effect: 0, parameter: 0, spec });
+    FreeParameter::nuisances(unit).into_iter().chain(zero).collect()
 }
 
 /// True for an effect that means something in a unit of unknown size.
@@ -162,8 +162,8 @@ pub fn means_something(id: &str) -> bool {
 
 /// True for a parameter that acts behind the spool.
 #[must_use]
-pub fn acts_behind_the_spool(knob: &Knob) -> bool {
-    let Knob::Parameter { index, .. } = knob else { return true };
+pub fn acts_behind_the_spool(free_parameter: &FreeParameter) -> bool {
+    let FreeParameter::Parameter { index, .. } = free_parameter else { return true };
     let key = ENTRIES[*index].key;
     let sections = ["oil.", "main_ports.", Stage::Servomotor.id()];
     sections.iter().any(|section| key.starts_with(section)) || key == "esv.discharge_coefficient"

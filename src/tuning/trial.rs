@@ -6,7 +6,7 @@ use crate::frame::{Estimate, Frame};
 use crate::plant::lanes::Width;
 use crate::recording::{Process, Recording};
 use crate::signal::Signal;
-use crate::tuning::rest::rests;
+use crate::tuning::idle::idle_segments;
 use crate::twin::batch::{self, Row};
 use crate::twin::{Cut, Twin};
 use crate::units::{nanos_from_seconds, seconds_from_nanos};
@@ -27,7 +27,7 @@ pub struct Trial {
     pub name: String,
     /// The process that it shows.
     pub process: Process,
-    /// All rows but those of long rests.
+    /// All rows but those of long idle_segments.
     pub frames: Vec<Frame>,
     /// Where a rest was left out: the row behind it, and for how long it lasted, ns.
     pub seams: Vec<(usize, i64)>,
@@ -49,8 +49,8 @@ impl Trial {
     /// Prepares a recording; of a long rest it keeps beginning and end.
     #[must_use]
     pub fn new(mut recording: Recording) -> Self {
-        let rests = rests(&recording.frames);
-        let seams = leave_out(&mut recording.frames, &rests);
+        let idle_segments = idle_segments(&recording.frames);
+        let seams = leave_out(&mut recording.frames, &idle_segments);
         Self::with_seams(recording, seams)
     }
 
@@ -126,9 +126,9 @@ impl Trial {
         self.signals().position(|other| other == signal)
     }
 
-    /// Place of a sample among the misses: one signal behind another, then what compares swings.
+    /// Place of a sample among the residuals: one signal behind another, then what compares swings.
     #[must_use]
-    pub fn miss(&self, place: usize, sample: usize) -> usize {
+    pub fn residual(&self, place: usize, sample: usize) -> usize {
         place * self.samples.len() + sample
     }
 
@@ -188,7 +188,7 @@ impl Trial {
     /// Rows as a twin sees them.
     ///
     /// A plant whose inputs have a clock of their own reads commands and ESV ahead of their rows. The twin's clock stands
-    /// still over the rests that are left out.
+    /// still over the idle_segments that are left out.
     fn rows(&self, twin: &Twin) -> impl Iterator<Item = Row> + use<'_> {
         let lookahead_ns = nanos_from_seconds(twin.plant().lookahead_s);
         let mut samples = self.samples.iter().peekable();

@@ -91,10 +91,10 @@ mod tests {
     #[test]
     fn a_circle_among_files_is_seen_once() {
         let circle = [
-            Source::new("src/tuning/fit.rs", "use crate::tuning::{linear::normal, knob};"),
+            Source::new("src/tuning/fit.rs", "use crate::tuning::{linear::normal, free_parameter};"),
             Source::new("src/tuning/linear.rs", "use super::noise::Noise;"),
             Source::new("src/tuning/noise.rs", "let x = crate::tuning::fit::prior();"),
-            Source::new("src/tuning/knob.rs", "use crate::units;"),
+            Source::new("src/tuning/prior.rs", "use crate::units;"),
         ];
         assert_eq!(circles(&circle), ["files use each other: tuning::fit, tuning::linear, tuning::noise"]);
         assert_eq!(circles(&circle[..2]), Vec::<String>::new());

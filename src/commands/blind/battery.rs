@@ -7,7 +7,7 @@ use anyhow::{Context, bail};
 use govtwin::bag::Topics;
 use govtwin::battery::plan::{Rates, plan};
 use govtwin::battery::{self, Case as Plan, Kind, Label};
-use govtwin::blind::exam;
+use govtwin::blind::validation;
 use govtwin::digest::sha256;
 use govtwin::files::{read_text, remove_stale};
 use govtwin::parameters::Unit;
@@ -191,7 +191,7 @@ fn realised(out: &Path, sheet: &Unit, plan: &Plan) -> anyhow::Result<Option<f64>
         generate::write(GENERATOR, process, plan.seed, &streams, &bags.path().join(process.id()))?.place()?;
     }
     let fresh = bags::read(&[bags.path().to_owned()], &Topics::default(), sheet)?;
-    Ok(exam::closure(fresh.recordings, &refitted, &improved))
+    Ok(validation::closure(fresh.recordings, &refitted, &improved))
 }
 
 #[cfg(test)]

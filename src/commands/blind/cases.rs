@@ -6,7 +6,7 @@ use anyhow::{Context, bail};
 use govtwin::effects::{EffectSpec, of_the_chain};
 use govtwin::parameters::Unit;
 use govtwin::recording::Recording;
-use govtwin::tuning::admission::admit_all;
+use govtwin::tuning::qualification::qualify_all;
 use govtwin::twin::Cut;
 
 use crate::commands::bags::{self, Bag, TopicArgs};
@@ -49,14 +49,14 @@ impl Case {
         bags::find(std::slice::from_ref(&self.dir))
     }
 
-    /// Its recordings as the diagnosis reads them by the sheet of the unit, without what it does not admit.
+    /// Its recordings as the diagnosis reads them by the sheet of the unit, without what it does not qualify.
     pub fn recordings(&self, unit: &Unit) -> anyhow::Result<Vec<Recording>> {
         let read = bags::read(std::slice::from_ref(&self.dir), &self.topics.topics(), unit)?;
-        let intake = admit_all(read.recordings, |_| Cut::None);
-        if intake.admitted.is_empty() {
+        let intake = qualify_all(read.recordings, |_| Cut::None);
+        if intake.qualified.is_empty() {
             bail!("no recording can be used:\n  {}", intake.refused.join("\n  "));
         }
-        Ok(intake.admitted.into_iter().map(|(recording, _)| recording).collect())
+        Ok(intake.qualified.into_iter().map(|(recording, _)| recording).collect())
     }
 
     /// The catalogue that its diagnosis may use.

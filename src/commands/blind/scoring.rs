@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::Context;
 use govtwin::battery::Label;
-use govtwin::blind::limits::{self, Sized};
+use govtwin::blind::isolability::{self, Sized};
 use govtwin::blind::page::{self, measures_table};
 use govtwin::blind::said::{Blamed, Said};
 use govtwin::blind::score::{Measure, Misses, Score, score};
@@ -189,7 +189,7 @@ fn told(case: &Scored, units: &[Case], out: &Path) -> Option<f64> {
     if hidden.is_empty() {
         return None;
     }
-    limits::told(unit.recordings(&refitted).ok()?, &refitted, &hidden, &answer)
+    isolability::told(unit.recordings(&refitted).ok()?, &refitted, &hidden, &answer)
 }
 
 fn misses_json(misses: Misses) -> Value {

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context, bail};
-use govtwin::diagnosis::contract;
-use govtwin::diagnosis::outcome::{Diagnosis, Fitted, Verdict};
+use govtwin::diagnosis::result::{Diagnosis, Fitted, Verdict};
+use govtwin::diagnosis::schema;
 use govtwin::parameters::Unit;
 use govtwin::params::{self, Overlay};
 use govtwin::provenance::Provenance;
@@ -19,7 +19,7 @@ use crate::commands::report_file;
 const REPORT: &str = "report.json";
 
 /// What a diagnosis leaves.
-pub const NAMES: [&str; 5] = [REPORT, "report.html", "refitted.yaml", "fitted.yaml", contract::NEXT_TEST];
+pub const NAMES: [&str; 5] = [REPORT, "report.html", "refitted.yaml", "fitted.yaml", schema::NEXT_TEST];
 
 /// Refuses a folder that holds the files of another unit: those of a report that shares no recording with this one, or that says of none.
 pub fn refuse_to_replace(out: &Path, made: &Provenance) -> anyhow::Result<()> {
@@ -52,9 +52,9 @@ pub fn write(
     made: &Provenance,
     seconds: f64,
 ) -> anyhow::Result<String> {
-    let mut report = contract::report(diagnosis, seconds);
+    let mut report = schema::report(diagnosis, seconds);
     report["provenance"] = serde_json::to_value(made).context("cannot write the provenance as JSON")?;
-    report["evidence"]["traces"] = contract::curves::traces(&report::kept_traces(&diagnosis.traces));
+    report["evidence"]["traces"] = schema::curves::traces(&report::kept_traces(&diagnosis.traces));
     let mut json = serde_json::to_string_pretty(&report).context("cannot write the report as JSON")?;
     json.push('\n');
     overlay(
@@ -71,9 +71,9 @@ pub fn write(
         _ => "refitted within tolerances; the diagnosis names no effect",
     };
     overlay(&mut output, "fitted.yaml", &diagnosis.fitted, what, made, &diagnosis.parameters)?;
-    match next_test::file(diagnosis, &output.path(contract::NEXT_TEST), &unit.parameters)? {
-        Some(script) => output.add(contract::NEXT_TEST, &script)?,
-        None => output.remove(contract::NEXT_TEST),
+    match next_test::file(diagnosis, &output.path(schema::NEXT_TEST), &unit.parameters)? {
+        Some(script) => output.add(schema::NEXT_TEST, &script)?,
+        None => output.remove(schema::NEXT_TEST),
     }
     output.add("report.html", report::page(diagnosis, made)?.to_html().as_bytes())?;
     output.add(REPORT, json.as_bytes())?;

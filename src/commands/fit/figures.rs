@@ -1,13 +1,13 @@
 //! What a fit says: tables for a terminal, all figures as JSON.
 
-use govtwin::diagnosis::outcome::Told;
+use govtwin::diagnosis::result::Told;
 use govtwin::parameters::Unit;
 use govtwin::params::{Sheet, quantity_text};
 use govtwin::report::diagnosis::told_text;
 use govtwin::report::table::{Table, fixed, significant};
 use govtwin::signal::Signal;
-use govtwin::tuning::bench::Bench;
 use govtwin::tuning::calibration::{Calibration, Row};
+use govtwin::tuning::problem::Problem;
 use serde_json::{Value, json};
 
 use crate::commands::output::table_text;
@@ -16,7 +16,7 @@ use crate::commands::output::table_text;
 const SHOWN: usize = 5;
 
 /// Tables and sentences.
-pub fn text(bench: &Bench, base: &Unit, fitted: &Calibration, told: &[Told]) -> String {
+pub fn text(problem: &Problem, base: &Unit, fitted: &Calibration, told: &[Told]) -> String {
     let mut table =
         Table::new().words("key").words("unit").numbers("sheet").numbers("fitted").numbers("ci90 from").numbers("to");
     for name in ["sd from sheet", "learned"] {
@@ -31,14 +31,14 @@ pub fn text(bench: &Bench, base: &Unit, fitted: &Calibration, told: &[Told]) -> 
         let last = [deviation, fixed(row.learned, 2), if row.at_bound { "at bound".to_owned() } else { String::new() }];
         table.row(cells.into_iter().chain(last));
     }
-    let mut text = format!("{}\n{}", table_text(&table), table_text(&misses(bench, base, fitted)));
+    let mut text = format!("{}\n{}", table_text(&table), table_text(&residuals(problem, base, fitted)));
     let costs: Vec<String> = fitted.starts.iter().map(|cost| significant(*cost, 5)).collect();
     text += &format!(
         "\nLeft over, in times the noise to be expected: {}. Costs of the starts: {}.\n",
         leftover(fitted),
         costs.join(", ")
     );
-    if let Some(sentence) = bench.swinging() {
+    if let Some(sentence) = problem.swinging() {
         text += &format!("{sentence}\n");
     }
     for pair in fitted.correlations.iter().take(SHOWN) {
@@ -57,14 +57,14 @@ pub fn text(bench: &Bench, base: &Unit, fitted: &Calibration, told: &[Told]) -> 
     text
 }
 
-/// What each signal misses over the noise to be expected.
+/// What each signal residuals over the noise to be expected.
 pub fn leftover(fitted: &Calibration) -> String {
     let ratios = Signal::ALL.into_iter().zip(fitted.leftover);
     let words = ratios.filter_map(|(signal, ratio)| Some(format!("{} {:.2}", signal.id(), ratio?)));
     words.collect::<Vec<_>>().join(", ")
 }
 
-/// Root mean square misses of the mean twin, per recording and signal, before and after; of a swing those of its loudness.
+/// Root mean square residuals of the mean twin, per recording and signal, before and after; of a swing those of its loudness.
 struct Miss {
     recording: String,
     signal: Signal,
@@ -73,13 +73,13 @@ struct Miss {
     fitted: f64,
 }
 
-fn all_misses(bench: &Bench, base: &Unit, fitted: &Calibration) -> Vec<Miss> {
+fn all_misses(problem: &Problem, base: &Unit, fitted: &Calibration) -> Vec<Miss> {
     let mut all = vec![];
-    for (index, trial) in bench.trials.iter().enumerate() {
-        let [before, after] = [base, &fitted.unit].map(|unit| bench.simulate(unit, index));
+    for (index, trial) in problem.trials.iter().enumerate() {
+        let [before, after] = [base, &fitted.unit].map(|unit| problem.simulate(unit, index));
         for signal in trial.signals() {
             let squares = |estimates: &[govtwin::frame::Estimate]| {
-                let squares = bench.squares(index, signal, estimates).unwrap_or_default();
+                let squares = problem.squares(index, signal, estimates).unwrap_or_default();
                 let finite: Vec<f64> = squares.into_iter().filter(|square| square.is_finite()).collect();
                 (finite.len(), (finite.iter().sum::<f64>() / finite.len().max(1) as f64).sqrt())
             };
@@ -90,12 +90,12 @@ fn all_misses(bench: &Bench, base: &Unit, fitted: &Calibration) -> Vec<Miss> {
     all
 }
 
-fn misses(bench: &Bench, base: &Unit, fitted: &Calibration) -> Table {
+fn residuals(problem: &Problem, base: &Unit, fitted: &Calibration) -> Table {
     let mut table = Table::new().words("recording").words("signal").numbers("samples");
     table = table.numbers_of("RMSE", "sheet").numbers_of("RMSE", "fitted");
-    for miss in all_misses(bench, base, fitted) {
-        let figures = [miss.sheet, miss.fitted].map(|rmse| quantity_text_short(rmse, miss.signal.unit()));
-        let words = [miss.recording, miss.signal.id().to_owned(), miss.samples.to_string()];
+    for residual in all_misses(problem, base, fitted) {
+        let figures = [residual.sheet, residual.fitted].map(|rmse| quantity_text_short(rmse, residual.signal.unit()));
+        let words = [residual.recording, residual.signal.id().to_owned(), residual.samples.to_string()];
         table.row(words.into_iter().chain(figures));
     }
     table
@@ -106,20 +106,20 @@ fn quantity_text_short(value: f64, unit: &str) -> String {
 }
 
 /// All figures.
-pub fn json(bench: &Bench, sheet: &Sheet, fitted: &Calibration, told: &[Told], warnings: &[String]) -> Value {
-    let recordings: Vec<Value> = bench
+pub fn json(problem: &Problem, sheet: &Sheet, fitted: &Calibration, told: &[Told], warnings: &[String]) -> Value {
+    let recordings: Vec<Value> = problem
         .trials
         .iter()
         .map(|trial| {
             json!({"name": trial.name, "process": trial.process.id(), "samples": trial.samples.len(), "period_s": trial.period_s})
         })
         .collect();
-    let misses: Vec<Value> = all_misses(bench, &sheet.unit, fitted)
+    let residuals: Vec<Value> = all_misses(problem, &sheet.unit, fitted)
         .into_iter()
-        .map(|miss| {
+        .map(|residual| {
             json!({
-                "recording": miss.recording, "signal": miss.signal.id(), "samples": miss.samples,
-                "rmse": {"sheet": miss.sheet, "fitted": miss.fitted},
+                "recording": residual.recording, "signal": residual.signal.id(), "samples": residual.samples,
+                "rmse": {"sheet": residual.sheet, "fitted": residual.fitted},
             })
         })
         .collect();
@@ -130,7 +130,7 @@ pub fn json(bench: &Bench, sheet: &Sheet, fitted: &Calibration, told: &[Told], w
         "name": sheet.name,
         "recordings": recordings,
         "parameters": fitted.rows.iter().map(parameter).collect::<Vec<Value>>(),
-        "misses": misses,
+        "misses": residuals,
         "cost": {"misses": fitted.fit.square, "prior": fitted.fit.prior, "starts": fitted.starts},
         "leftover": Signal::ALL.into_iter().zip(fitted.leftover).filter_map(|(signal, ratio)| Some((signal.id(), ratio?)))
             .collect::<std::collections::BTreeMap<_, _>>(),

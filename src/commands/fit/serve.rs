@@ -4,19 +4,20 @@ use std::io::{BufRead, Write};
 
 use anyhow::Context;
 use govtwin::parameters::Unit;
-use govtwin::tuning::bench::Bench;
 use govtwin::tuning::calibration::Calibration;
-use govtwin::tuning::knob::unit_at;
+use govtwin::tuning::free_parameter::unit_at;
+use govtwin::tuning::problem::Problem;
 use serde_json::json;
 
 /// First says what was fitted and where; then answers until the input ends.
 ///
-/// The residuals are the misses over their noise, then the positions of all knobs with a tolerance: half the sum of their
+/// The residuals are the residuals over their noise, then the positions of all free_parameters with a tolerance: half the sum of their
 /// squares is what the fit makes least.
-pub fn serve(bench: &Bench, base: &Unit, fitted: &Calibration) -> anyhow::Result<()> {
+pub fn serve(problem: &Problem, base: &Unit, fitted: &Calibration) -> anyhow::Result<()> {
     let mut stdout = std::io::stdout().lock();
-    let ranges: Vec<(f64, f64)> = fitted.knobs.iter().map(|knob| knob.range(base)).collect();
-    let keys: Vec<String> = fitted.knobs.iter().map(|knob| knob.key(base).0).collect();
+    let ranges: Vec<(f64, f64)> =
+        fitted.free_parameters.iter().map(|free_parameter| free_parameter.range(base)).collect();
+    let keys: Vec<String> = fitted.free_parameters.iter().map(|free_parameter| free_parameter.key(base).0).collect();
     let cost = fitted.fit.cost();
     let head = json!({
         "keys": keys, "ranges": ranges, "positions": fitted.fit.positions, "deviations": fitted.deviations, "cost": cost,
@@ -24,10 +25,16 @@ pub fn serve(bench: &Bench, base: &Unit, fitted: &Calibration) -> anyhow::Result
     writeln!(stdout, "{head}")?;
     for line in std::io::stdin().lock().lines() {
         let positions: Vec<f64> =
-            serde_json::from_str(&line?).context("expected a list of positions, one number for each knob")?;
-        let misses = bench.misses_of(&[unit_at(base, &fitted.knobs, &positions)]).pop().unwrap_or_default();
-        let priors = fitted.knobs.iter().zip(&positions).filter(|(knob, _)| knob.has_prior()).map(|(_, p)| *p);
-        let residuals: Vec<f64> = misses.iter().flatten().copied().chain(priors).collect();
+            serde_json::from_str(&line?).context("expected a list of positions, one number for each free parameter")?;
+        let residuals =
+            problem.residuals_of(&[unit_at(base, &fitted.free_parameters, &positions)]).pop().unwrap_or_default();
+        let priors = fitted
+            .free_parameters
+            .iter()
+            .zip(&positions)
+            .filter(|(free_parameter, _)| free_parameter.has_prior())
+            .map(|(_, p)| *p);
+        let residuals: Vec<f64> = residuals.iter().flatten().copied().chain(priors).collect();
         writeln!(stdout, "{}", json!(residuals))?;
         stdout.flush()?;
     }

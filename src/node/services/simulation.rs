@@ -11,7 +11,7 @@ use super::super::bus::{Bus, BusError};
 use super::super::control::{Answer, Order, Outcome, State};
 use super::super::integration::Time;
 use super::replies::Replies;
-use super::{Aftermath, Desk, answer, attend};
+use super::{Aftermath, ServiceDesk, answer, attend};
 use crate::msg::service::{Nothing, Trigger, TriggerResponse};
 use crate::msg::simulation::{
     FeaturesResponse, GetSimulationState, GetSimulatorFeatures, ResetRequest, ResetSimulation, ResultResponse,
@@ -58,7 +58,7 @@ impl SimulationServices {
     /// Answers calls as they come, some of them once the loop has done what they ask for.
     pub fn answers<'a, 's: 'a>(
         &'s self,
-        desk: &'a Desk<'a>,
+        desk: &'a ServiceDesk<'a>,
         replies: &'a Replies<'s>,
     ) -> Vec<LocalBoxStream<'a, Aftermath>> {
         let (mapping, time) = (self.mapping, self.time);

@@ -4,7 +4,7 @@ use futures::stream::LocalBoxStream;
 use ros2_client::{Server, ServiceMapping};
 
 use super::super::bus::{Bus, BusError};
-use super::{Aftermath, Desk, MOST_ITEMS, answer};
+use super::{Aftermath, MOST_ITEMS, ServiceDesk, answer};
 use crate::msg::definition::{Definition, closure_of, text_of};
 use crate::msg::type_hash::{field_type, hash_of};
 use crate::msg::upkeep::{
@@ -42,7 +42,7 @@ impl UpkeepServices {
     }
 
     /// Answers calls as they come.
-    pub fn answers<'a>(&'a self, desk: &'a Desk<'a>) -> Vec<LocalBoxStream<'a, Aftermath>> {
+    pub fn answers<'a>(&'a self, desk: &'a ServiceDesk<'a>) -> Vec<LocalBoxStream<'a, Aftermath>> {
         let logger = self.logger.as_str();
         vec![
             answer(self.mapping, &self.get_levels, desk, move |request, desk, _| {

@@ -1,7 +1,7 @@
 //! The next test in words: what it tells apart, how an operator runs it, and why none is proposed.
 
-use crate::diagnosis::next::LEAST_BITS;
-use crate::diagnosis::outcome::{Diagnosis, Experiment};
+use crate::diagnosis::experiment::LEAST_BITS;
+use crate::diagnosis::result::{Diagnosis, Experiment};
 use crate::report::diagnosis::words::{id_words, listed};
 use crate::report::table::significant;
 

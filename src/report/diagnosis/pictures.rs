@@ -1,7 +1,7 @@
 //! The pictures of a diagnosis but for its traces: shares, probabilities, recovered shapes.
 
 use super::words::{id_words, stage_title};
-use crate::diagnosis::outcome::{Diagnosis, Latent, Ledger, SignalGap, Verdict};
+use crate::diagnosis::result::{Breakdown, Diagnosis, Latent, SignalGap, Verdict};
 use crate::report::ink::Ink;
 use crate::report::picture::{Mark, Panel, Picture, Shape};
 use crate::signal::Signal;
@@ -16,7 +16,7 @@ fn height(bars: usize) -> u32 {
     BAR_PX * u32::try_from(bars.max(2)).unwrap_or(10)
 }
 
-/// RMS misses of the twins, a panel for each signal.
+/// RMS errors of the twins, a panel for each signal.
 pub fn misses(diagnosis: &Diagnosis, explained: bool) -> Picture {
     let panel = |gap: &SignalGap| {
         let (scale, unit) = if gap.signal == Signal::ControlPressure { (1e-3, "kPa") } else { (100.0, "%") };
@@ -66,11 +66,11 @@ fn shares(title: &str, ink: Ink, bars: &[(String, f64)]) -> Panel {
 }
 
 /// The cuts through the squared gap of one signal.
-pub fn ledger(ledgers: &[&Ledger], signal: Signal, explained: bool) -> Picture {
-    let panel = |ledger: &&Ledger| {
-        let parts: Vec<_> = ledger.parts.iter().filter(|part| part.samples > 0).rev().collect();
+pub fn breakdown(breakdowns: &[&Breakdown], signal: Signal, explained: bool) -> Picture {
+    let panel = |breakdown: &&Breakdown| {
+        let parts: Vec<_> = breakdown.parts.iter().filter(|part| part.samples > 0).rev().collect();
         let refitted: Vec<f64> = parts.iter().map(|part| 100.0 * part.refitted).collect();
-        let mut panel = Panel::new(format!("by {}", ledger.by))
+        let mut panel = Panel::new(format!("by {}", breakdown.by))
             .height(height(parts.len()))
             .y_categories(parts.iter().map(|part| part.name.clone()))
             .x_range(0.0, 100.0)
@@ -81,7 +81,7 @@ pub fn ledger(ledgers: &[&Ledger], signal: Signal, explained: bool) -> Picture {
         }
         panel
     };
-    let told = ledgers.iter().filter(|ledger| ledger.parts.iter().filter(|part| part.samples > 0).count() > 1);
+    let told = breakdowns.iter().filter(|breakdown| breakdown.parts.iter().filter(|part| part.samples > 0).count() > 1);
     let title = format!("Share of the squared error of the {}", signal.title().to_lowercase());
     Picture::grid(title, 2, told.map(panel).collect())
 }

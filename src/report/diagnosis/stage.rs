@@ -1,7 +1,7 @@
 //! What was fitted of a servomotor stage alone, in words.
 
-use crate::diagnosis::outcome::Told;
-use crate::diagnosis::outcome::{Diagnosis, Interval};
+use crate::diagnosis::result::Told;
+use crate::diagnosis::result::{Diagnosis, Interval};
 use crate::report::table::significant;
 
 /// What was fitted of a stage alone, in a sentence.

@@ -3,7 +3,7 @@
 use super::stage::told_text;
 use super::words::{id_words, percent, place, values};
 use super::{answers, next_test};
-use crate::diagnosis::outcome::{Diagnosis, Verdict};
+use crate::diagnosis::result::{Diagnosis, Verdict};
 use crate::report::table::{significant, wrapped};
 
 /// The verdict in plain text, a few lines for a terminal of so many columns.

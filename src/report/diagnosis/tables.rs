@@ -1,11 +1,11 @@
 //! The tables of a diagnosis.
 
 use super::words::{id_words, percent, percents, value, values};
-use crate::diagnosis::outcome::{Diagnosis, Fitted, StageOnly};
+use crate::diagnosis::result::{Diagnosis, Fitted, StageOnly};
 use crate::report::table::{Table, fixed, quantity, significant};
 use crate::signal::Signal;
 
-/// RMS misses of the twins and the noise floor, by signal.
+/// RMS errors of the twins and the noise floor, by signal.
 pub fn gap(diagnosis: &Diagnosis, explained: bool) -> Table {
     let mut table = Table::new().words("signal").numbers("data sheet").numbers("recalibrated");
     if explained {

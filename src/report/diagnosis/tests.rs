@@ -2,9 +2,9 @@
 
 use super::{page, summary};
 use crate::diagnosis::discrepancy::Curve;
-use crate::diagnosis::outcome::{
-    Blame, Channel, Diagnosis, Experiment, Fitted, Interval, Latent, Ledger, Part, Ranked, SignalGap, StageTest, Trace,
-    Tried, Verdict, Visible,
+use crate::diagnosis::result::{
+    Blame, Breakdown, Channel, Diagnosis, Experiment, Fitted, Interval, Latent, Part, Ranked, SignalGap, StageTest,
+    Trace, Tried, Verdict, Visible,
 };
 use crate::diagnosis::table::Table;
 use crate::effects::Stage;
@@ -102,7 +102,7 @@ fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
             typical: 0.2,
         }],
         alike: vec![("backlash".into(), "load".into(), 0.98)],
-        ledgers: vec![Ledger {
+        breakdowns: vec![Breakdown {
             signal: Signal::ServomotorPosition,
             by: "phase",
             parts: vec![part("stands", 0.3), part("moves", 0.7)],

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use crate::diagnosis::outcome::Trace;
+use crate::diagnosis::result::Trace;
 use crate::report::ink::Ink;
 use crate::report::picture::{Mark, Panel, Picture, Shape};
 use crate::report::thin::{runs, thin};
@@ -159,7 +159,7 @@ fn curve(time_s: &[f64], values: impl Iterator<Item = f64>, window_s: Option<[f6
 #[cfg(test)]
 mod tests {
     use super::{close_up, curve, gap, worst};
-    use crate::diagnosis::outcome::Trace;
+    use crate::diagnosis::result::Trace;
     use crate::recording::Process;
     use crate::signal::Signal;
 

@@ -1,6 +1,6 @@
 //! A diagnosis in sentences: what each effect, stage and value is called, and what the verdict says.
 
-use crate::diagnosis::outcome::{Blame, Diagnosis, Fitted, Interval, SignalGap, Verdict};
+use crate::diagnosis::result::{Blame, Diagnosis, Fitted, Interval, SignalGap, Verdict};
 use crate::effects::{self, Stage};
 use crate::report::table::significant;
 use crate::signal::Signal;

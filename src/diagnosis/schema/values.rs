@@ -6,7 +6,7 @@ use std::sync::Mutex;
 use serde_json::Value;
 
 use super::SCHEMA;
-use crate::diagnosis::outcome::Interval;
+use crate::diagnosis::result::Interval;
 use crate::effects::Stage;
 use crate::signal::Signal;
 

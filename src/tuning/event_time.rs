@@ -2,7 +2,7 @@
 
 use crate::frame::EsvState;
 use crate::parameters::Unit;
-use crate::tuning::bench::{Bench, twin_of};
+use crate::tuning::problem::{Problem, twin_of};
 use crate::tuning::trial::Trial;
 use crate::units::nanos_from_seconds;
 
@@ -12,14 +12,14 @@ const PLACES: i64 = 20;
 /// Where the search ends: the twin's tick, ns.
 const TICK_NS: i64 = 1_000_000;
 
-/// Trials of a bench with their trips where this unit explains them best; none if no trial has a trip whose time is in doubt.
+/// Trials of a problem with their trips where this unit explains them best; none if no trial has a trip whose time is in doubt.
 ///
 /// A trip that a slow recorder writes down with the next sample came up to one sample earlier. A servomotor at full speed makes a
 /// hundredth of its stroke in that time: taken at its stamp, the trip would pass for a fault.
 #[must_use]
-pub fn placed(bench: &Bench, unit: &Unit) -> Option<Vec<Trial>> {
+pub fn placed(problem: &Problem, unit: &Unit) -> Option<Vec<Trial>> {
     let mut any = false;
-    let trials = bench
+    let trials = problem
         .trials
         .iter()
         .enumerate()
@@ -27,7 +27,7 @@ pub fn placed(bench: &Bench, unit: &Unit) -> Option<Vec<Trial>> {
             Some((row, doubt_ns)) => {
                 any = true;
                 let price = |early_ns: i64| {
-                    bench.misses_in(&trip_at(trial, row, early_ns), twin_of(unit), index).norm_squared()
+                    problem.residuals_in(&trip_at(trial, row, early_ns), twin_of(unit), index).norm_squared()
                 };
                 trip_at(trial, row, cheapest(doubt_ns, price))
             }

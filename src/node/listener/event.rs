@@ -1,4 +1,4 @@
-//! The way from the threads that must not wait to the keeper, who may: bounded, and it never makes a sender wait.
+//! The way from the threads that must not wait to the supervisor, who may: bounded, and it never makes a sender wait.
 //!
 //! The keeper writes to a terminal and to a disk, and looks into the transport's books while discovery changes them.
 //! Where it stands still, what happens meanwhile is left out and counted; hearing and publishing go on.
@@ -16,7 +16,7 @@ use super::super::settings::Settings;
 /// Room for news not yet taken: half a minute and more of the usual traffic.
 const ROOM: usize = 16_384;
 
-/// What the other threads tell the keeper.
+/// What the other threads tell the supervisor.
 #[derive(Debug, Clone)]
 pub enum News {
     /// A result worth keeping or telling.

@@ -1,22 +1,22 @@
 //! A part of the chain: how well its models predict free runs, and how much of the verdict they bear.
 
-use crate::diagnosis::closure::without_recordings;
 use crate::diagnosis::decision::Decision;
+use crate::diagnosis::explained_fraction::without_recordings;
 use crate::diagnosis::explore::Explored;
 use crate::diagnosis::model::Model;
-use crate::diagnosis::outcome::{FreeRun, StageOnly, Verdict};
-use crate::diagnosis::ready::{Alone, Ready};
+use crate::diagnosis::preparation::{Alone, Ready};
+use crate::diagnosis::result::{FreeRun, StageOnly, Verdict};
 use crate::diagnosis::told::told;
 use crate::frame::Estimate;
 use crate::parameters::Unit;
 use crate::recording::Recording;
 use crate::signal::Signal;
-use crate::tuning::bench::Bench;
 use crate::tuning::fit::{Effort, fit};
-use crate::tuning::knob::unit_at;
+use crate::tuning::free_parameter::unit_at;
 use crate::tuning::noise::Noise;
 use crate::tuning::pieces::{length_s_of, pieces, windows};
 use crate::tuning::plain::plain;
+use crate::tuning::problem::Problem;
 use crate::tuning::rivals::Follows;
 use crate::tuning::run::Run;
 use crate::tuning::trial::Trial;
@@ -28,7 +28,7 @@ const FREE_RUN_S: f64 = 10.0;
 const SURE: (f64, f64) = (0.6, 0.95);
 /// Without a sheet an effect that explains this share of what the best one does cannot be told from it.
 const CLOSE: f64 = 0.9;
-/// A stage that misses no more than this, in squares of what the most flexible law misses, has no effect that could be named.
+/// A stage that leaves no more than this, in squares of what the most flexible law leaves, has no effect that could be named.
 const CALM_ENOUGH: f64 = 3.0;
 /// Gain in cost that may be chance.
 const LEAST_GAIN: f64 = 8.0;
@@ -40,14 +40,14 @@ pub const PLAIN: &str = "plain law";
 /// Without a sheet everything is fitted freely, and a piece of a recording starts in a state that nobody measured: a second effect, or the
 /// better of two alike, is then easily had. That there is no gap is said only where the transducers account for what is missed on pieces left out.
 #[must_use]
-pub fn modest(bench: &Bench, found: &Explored, ready: &Ready, decision: Decision) -> (Decision, Vec<String>) {
+pub fn modest(problem: &Problem, found: &Explored, ready: &Ready, decision: Decision) -> (Decision, Vec<String>) {
     let Some(alone) = &ready.alone else { return (decision, Vec::new()) };
     if let Some(foreign) = foreign(alone) {
         return (decision.forced(Verdict::NoSuchUnit), vec![foreign]);
     }
-    let (decision, mut said) = careful(bench, found, ready, decision);
+    let (decision, mut said) = careful(problem, found, ready, decision);
     if decision.verdict == Verdict::NoGap
-        && let Some(missed) = beyond_transducers(bench, found.refitted(), floor_square(bench, ready, alone))
+        && let Some(missed) = beyond_transducers(problem, found.refitted(), floor_square(problem, ready, alone))
     {
         said.push(missed);
         return (decision.forced(Verdict::Unknown), said);
@@ -72,21 +72,21 @@ fn foreign(alone: &Alone) -> Option<String> {
     }
 }
 
-/// Mean square that the transducers make a right model miss, in pu squared.
-fn floor_square(bench: &Bench, ready: &Ready, alone: &Alone) -> f64 {
+/// Mean square that the transducers make a right model residual, in pu squared.
+fn floor_square(problem: &Problem, ready: &Ready, alone: &Alone) -> f64 {
     let seen = alone.seen.transducers.powi(2);
     if !ready.sheet {
         return seen;
     }
-    let of = |trial| bench.floor_square(trial, Signal::ServomotorPosition);
-    let sheet = (0..bench.trials.len()).map(of).sum::<f64>() / bench.trials.len().max(1) as f64;
+    let of = |trial| problem.floor_square(trial, Signal::ServomotorPosition);
+    let sheet = (0..problem.trials.len()).map(of).sum::<f64>() / problem.trials.len().max(1) as f64;
     sheet.max(seen)
 }
 
-/// That the model misses more on pieces left out than the transducers account for, in a sentence.
-fn beyond_transducers(bench: &Bench, model: &Model, floor_square: f64) -> Option<String> {
-    let mean_square = left_out_square(bench, model);
-    is_beyond(bench, mean_square / floor_square).then(|| {
+/// That the model residuals more on pieces left out than the transducers account for, in a sentence.
+fn beyond_transducers(problem: &Problem, model: &Model, floor_square: f64) -> Option<String> {
+    let mean_square = left_out_square(problem, model);
+    is_beyond(problem, mean_square / floor_square).then(|| {
         format!(
             "The fitted stage misses {:.2} % of stroke on pieces left out, where the transducers make it miss {:.2} %, and no effect of the catalogue \
              explains more of it than chance would.",
@@ -98,33 +98,33 @@ fn beyond_transducers(bench: &Bench, model: &Model, floor_square: f64) -> Option
 
 /// Whether a mean square over the transducers' is more than they account for.
 ///
-/// The misses of a piece are one draw, as they go together over the whole of it. That they have the transducers' variance is held against a variance of
+/// The residuals of a piece are one draw, as they go together over the whole of it. That they have the transducers' variance is held against a variance of
 /// their own by the Bayesian information criterion (Schwarz 1978): with r the ratio of the two, `n (r − 1 − ln r) > ln n`.
-fn is_beyond(bench: &Bench, ratio: f64) -> bool {
-    let count = bench.trials.len() as f64;
+fn is_beyond(problem: &Problem, ratio: f64) -> bool {
+    let count = problem.trials.len() as f64;
     ratio > 1.0 && count * (ratio - 1.0 - ratio.ln()) > count.ln()
 }
 
 /// Whether so many further effects bring a mean square on pieces left out down by more than the same criterion charges for them.
-fn is_better(bench: &Bench, before: f64, after: f64, further: usize) -> bool {
-    let count = bench.trials.len() as f64;
+fn is_better(problem: &Problem, before: f64, after: f64, further: usize) -> bool {
+    let count = problem.trials.len() as f64;
     count * (before / after).ln() > further as f64 * count.ln()
 }
 
 /// Whether what is blamed, or a single effect, predicts pieces left out better than the stage without any.
-fn predicts_better(bench: &Bench, found: &Explored, decision: &Decision) -> bool {
-    let before = left_out_square(bench, found.refitted());
+fn predicts_better(problem: &Problem, found: &Explored, decision: &Decision) -> bool {
+    let before = left_out_square(problem, found.refitted());
     let blamed: &[&str] = &decision.blamed;
     let sets = std::iter::once(blamed.to_vec()).chain(blamed.iter().map(|id| vec![*id]));
     let models = sets.filter(|set| !set.is_empty()).filter_map(|set| found.with(&set));
-    models.into_iter().any(|model| is_better(bench, before, left_out_square(bench, model), model.effects.len()))
+    models.into_iter().any(|model| is_better(problem, before, left_out_square(problem, model), model.effects.len()))
 }
 
-/// Mean square that a model misses on pieces left out of its fit, each piece with the same weight, in pu squared.
-fn left_out_square(bench: &Bench, model: &Model) -> f64 {
-    let left_out = without_recordings(bench, model).estimates;
+/// Mean square that a model residuals on pieces left out of its fit, each piece with the same weight, in pu squared.
+fn left_out_square(problem: &Problem, model: &Model) -> f64 {
+    let left_out = without_recordings(problem, model).estimates;
     let of = |(index, estimates): (usize, &Vec<Estimate>)| {
-        let squares = bench.squares(index, Signal::ServomotorPosition, estimates)?;
+        let squares = problem.squares(index, Signal::ServomotorPosition, estimates)?;
         let finite: Vec<f64> = squares.into_iter().filter(|square| square.is_finite()).collect();
         (!finite.is_empty()).then(|| finite.iter().sum::<f64>() / finite.len() as f64)
     };
@@ -132,10 +132,10 @@ fn left_out_square(bench: &Bench, model: &Model) -> f64 {
     means.iter().sum::<f64>() / means.len().max(1) as f64
 }
 
-fn careful(bench: &Bench, found: &Explored, ready: &Ready, decision: Decision) -> (Decision, Vec<String>) {
+fn careful(problem: &Problem, found: &Explored, ready: &Ready, decision: Decision) -> (Decision, Vec<String>) {
     let mut decision = decision;
-    let calm = found.refitted().cost() < CALM_ENOUGH * bench.independent_samples() + LEAST_GAIN;
-    if !ready.sheet && calm && !predicts_better(bench, found, &decision) {
+    let calm = found.refitted().cost() < CALM_ENOUGH * problem.independent_samples() + LEAST_GAIN;
+    if !ready.sheet && calm && !predicts_better(problem, found, &decision) {
         let blamed = decision.verdict != Verdict::NoGap;
         let said = blamed
             .then(|| "What the fitted stage misses, the most flexible law of the spool misses as well.".to_owned());
@@ -157,7 +157,7 @@ fn careful(bench: &Bench, found: &Explored, ready: &Ready, decision: Decision) -
         decision.blamed = kept;
     }
     if !ready.sheet && decision.verdict == Verdict::Named && decision.blamed.len() > 1 {
-        said.extend(single_instead(bench, found, ready, &mut decision));
+        said.extend(single_instead(problem, found, ready, &mut decision));
     }
     let names = matches!(decision.verdict, Verdict::Named | Verdict::Class);
     if !ready.sheet && names && decision.blamed.len() == 1 {
@@ -168,20 +168,20 @@ fn careful(bench: &Bench, found: &Explored, ready: &Ready, decision: Decision) -
         }
     }
     if decision.verdict == Verdict::Class {
-        said.extend(without_idle(bench, found, &mut decision));
+        said.extend(without_idle(problem, found, &mut decision));
     }
     (decision, said)
 }
 
 /// Takes one effect in the place of several where those predict pieces left out no better than a single one does, or where that leaves no more than
 /// the transducers account for; says so.
-fn single_instead(bench: &Bench, found: &Explored, ready: &Ready, decision: &mut Decision) -> Option<String> {
-    let together = left_out_square(bench, found.with(&decision.blamed)?);
-    let singles = near(found).into_iter().filter_map(|id| Some((id, left_out_square(bench, found.with(&[id])?))));
+fn single_instead(problem: &Problem, found: &Explored, ready: &Ready, decision: &mut Decision) -> Option<String> {
+    let together = left_out_square(problem, found.with(&decision.blamed)?);
+    let singles = near(found).into_iter().filter_map(|id| Some((id, left_out_square(problem, found.with(&[id])?))));
     let (best, alone) = singles.min_by(|a, b| a.1.total_cmp(&b.1))?;
     let further = decision.blamed.len() - 1;
-    let floor_square = ready.alone.as_ref().map_or(0.0, |alone| floor_square(bench, ready, alone));
-    if is_better(bench, alone, together, further) && is_beyond(bench, alone / floor_square) {
+    let floor_square = ready.alone.as_ref().map_or(0.0, |alone| floor_square(problem, ready, alone));
+    if is_better(problem, alone, together, further) && is_beyond(problem, alone / floor_square) {
         return None;
     }
     let said = format!(
@@ -193,8 +193,8 @@ fn single_instead(bench: &Bench, found: &Explored, ready: &Ready, decision: &mut
 }
 
 /// Leaves those of a class out that predict nothing better on pieces left out; says so.
-fn without_idle(bench: &Bench, found: &Explored, decision: &mut Decision) -> Option<String> {
-    let missed = |model: &Model| without_recordings(bench, model).costs.iter().sum::<f64>();
+fn without_idle(problem: &Problem, found: &Explored, decision: &mut Decision) -> Option<String> {
+    let missed = |model: &Model| without_recordings(problem, model).costs.iter().sum::<f64>();
     let before = missed(found.refitted());
     let closes = |id: &&'static str| found.with(&[id]).is_none_or(|model| missed(model) < before);
     let (kept, idle): (Vec<_>, Vec<_>) = decision.blamed.iter().copied().partition(closes);
@@ -244,9 +244,9 @@ fn free_runs(ready: &Ready, models: &[&Model], length_s: f64) -> Vec<FreeRun> {
     let both = [(0, "first half"), (1, "second half")];
     let of_model = |model: &&Model| {
         both.map(|(half, fitted_on)| {
-            let bench = Bench::new(halves[half].clone(), &model.unit(), &ready.noise);
-            let found = fit(&bench, &model.base, &model.knobs, &model.fit.positions, Effort::FULL, None);
-            let unit = unit_at(&model.base, &model.knobs, &found.positions);
+            let problem = Problem::new(halves[half].clone(), &model.unit(), &ready.noise);
+            let found = fit(&problem, &model.base, &model.free_parameters, &model.fit.positions, Effort::FULL, None);
+            let unit = unit_at(&model.base, &model.free_parameters, &found.positions);
             let [seen, held_out] = [half, 1 - half].map(|half| error(&halves[half], &unit, &ready.noise));
             FreeRun { model: model.ids().join(" + "), fitted_on, seen, held_out }
         })
@@ -260,15 +260,15 @@ fn free_runs(ready: &Ready, models: &[&Model], length_s: f64) -> Vec<FreeRun> {
     models.iter().flat_map(of_model).chain(by_plain).collect()
 }
 
-/// RMS miss of the servomotor position, pu.
+/// RMS error of the servomotor position, pu.
 fn error(trials: &[Trial], unit: &Unit, noise: &Noise) -> f64 {
-    let bench = Bench::new(trials.to_vec(), unit, noise);
+    let problem = Problem::new(trials.to_vec(), unit, noise);
     let (mut sum, mut count) = (0.0, 0_usize);
-    for (index, trial) in bench.trials.iter().enumerate() {
-        for (&row, estimate) in trial.samples.iter().zip(bench.simulate(unit, index)) {
-            let miss = trial.frames[row].measured.servomotor_position_pu - estimate.signals.servomotor_position_pu;
-            if miss.is_finite() {
-                sum += miss * miss;
+    for (index, trial) in problem.trials.iter().enumerate() {
+        for (&row, estimate) in trial.samples.iter().zip(problem.simulate(unit, index)) {
+            let residual = trial.frames[row].measured.servomotor_position_pu - estimate.signals.servomotor_position_pu;
+            if residual.is_finite() {
+                sum += residual * residual;
                 count += 1;
             }
         }

@@ -16,7 +16,7 @@ use crate::tuning::trial::{Traces, Trial};
 use crate::twin::{Cut, Twin};
 
 /// Cost per independent sample of sound generated units at 100 Hz.
-pub const GENEROUS: f64 = 0.92;
+pub const SOUND_MEAN_SQUARE: f64 = 0.92;
 
 /// Noise inside the loop over that of one reading, as it is most often: the mean of six readings.
 pub const USUAL_LOOP_NOISE: f64 = 0.41;
@@ -30,7 +30,7 @@ const ASTRAY: f64 = 1.0e12;
 
 /// A set of trials with the noise to expect of them, against which units are judged.
 #[derive(Debug)]
-pub struct Bench {
+pub struct Problem {
     /// The recordings.
     pub trials: Vec<Trial>,
     /// Filters, by trial and by signal.
@@ -43,14 +43,14 @@ pub struct Bench {
     simulations: Arc<AtomicUsize>,
 }
 
-/// Misses of one unit: by trial, all signals one behind another, sample by sample, then their swings; made independent and of unit size.
-pub type Misses = Vec<DVector<f64>>;
+/// Residuals of one unit: by trial, all signals one behind another, sample by sample, then their swings; made independent and of unit size.
+pub type Residuals = Vec<DVector<f64>>;
 
-impl Bench {
+impl Problem {
     /// Prepares trials; the noise is laid out along a reference unit's simulation.
     #[must_use]
     pub fn new(trials: Vec<Trial>, reference: &Unit, noise: &Noise) -> Self {
-        let bench = Self {
+        let problem = Self {
             trials,
             whiteners: Vec::new(),
             noise: *noise,
@@ -58,7 +58,7 @@ impl Bench {
             loop_noise_ratio: USUAL_LOOP_NOISE,
             simulations: Arc::default(),
         };
-        bench.laid_along(reference)
+        problem.laid_along(reference)
     }
 
     /// The same trials, their noise laid out along another unit's simulation.
@@ -83,7 +83,7 @@ impl Bench {
         self.of(self.trials.clone(), whiteners)
     }
 
-    /// Other versions of the trials, their noise laid out along a unit's simulation; what it simulates counts with this bench's.
+    /// Other versions of the trials, their noise laid out along a unit's simulation; what it simulates counts with this problem's.
     #[must_use]
     pub fn anew(&self, trials: Vec<Trial>, reference: &Unit) -> Self {
         self.of(trials, Vec::new()).laid_along(reference)
@@ -95,7 +95,7 @@ impl Bench {
         self.whiteners.iter().flatten().map(Whitener::width).sum()
     }
 
-    /// A bench with one of the trials alone, its noise as laid out here.
+    /// A problem with one of the trials alone, its noise as laid out here.
     #[must_use]
     pub fn only(&self, trial: usize) -> Self {
         self.of(vec![self.trials[trial].clone()], vec![self.whiteners[trial].clone()])
@@ -122,7 +122,7 @@ impl Bench {
         }
     }
 
-    /// The same bench without one trial; what it simulates counts with the whole.
+    /// The same problem without one trial; what it simulates counts with the whole.
     #[must_use]
     pub fn without(&self, left: usize) -> Self {
         fn others<T: Clone>(all: &[T], left: usize) -> Vec<T> {
@@ -131,7 +131,7 @@ impl Bench {
         self.of(others(&self.trials, left), others(&self.whiteners, left))
     }
 
-    /// A bench with other trials; what it simulates counts with this one's.
+    /// A problem with other trials; what it simulates counts with this one's.
     fn of(&self, trials: Vec<Trial>, whiteners: Vec<Vec<Whitener>>) -> Self {
         Self {
             trials,
@@ -149,7 +149,7 @@ impl Bench {
         self.simulations.load(Ordering::Relaxed)
     }
 
-    /// The same bench, its noise not laid out, with other noise to expect of the signals.
+    /// The same problem, its noise not laid out, with other noise to expect of the signals.
     #[must_use]
     pub fn with_noise(&self, noise: Noise) -> Self {
         Self { noise, ..self.of(self.trials.clone(), Vec::new()) }
@@ -161,7 +161,7 @@ impl Bench {
         self.loop_noise_ratio
     }
 
-    /// The same bench, its noise not laid out, with so much noise inside the loop over that of one reading of the regulator's transducer.
+    /// The same problem, its noise not laid out, with so much noise inside the loop over that of one reading of the regulator's transducer.
     #[must_use]
     pub fn with_loop_noise(&self, ratio: f64) -> Self {
         Self { loop_noise_ratio: ratio, ..self.of(self.trials.clone(), Vec::new()) }
@@ -173,13 +173,13 @@ impl Bench {
         (self.loop_noise_ratio * self.reading_noise_pu).hypot(self.trials[trial].command_jitter_pu)
     }
 
-    /// Mean square that a right model would miss of a signal in a trial, in its unit squared; 0 where it was not measured.
+    /// Mean square that a right model would leave of a signal in a trial, in its unit squared; 0 where it was not measured.
     #[must_use]
     pub fn floor_square(&self, trial: usize, signal: Signal) -> f64 {
         self.trials[trial].place(signal).map_or(0.0, |place| self.whiteners[trial][place].floor_square)
     }
 
-    /// Squared misses of a signal in a trial at each sample, in its unit squared; where it swings, those of the swing's loudness.
+    /// Squared residuals of a signal in a trial at each sample, in its unit squared; where it swings, those of the swing's loudness.
     ///
     /// Not a number where it was not measured; none where it never was.
     #[must_use]
@@ -215,7 +215,7 @@ impl Bench {
     /// The cost that a right model has: one for each independent sample, the noise being a little generous.
     #[must_use]
     pub fn expected_cost(&self) -> f64 {
-        GENEROUS * self.independent_samples()
+        SOUND_MEAN_SQUARE * self.independent_samples()
     }
 
     /// For how long a trial swings of itself, s.
@@ -242,27 +242,27 @@ impl Bench {
         })
     }
 
-    /// Misses of a unit in one trial.
+    /// Residuals of a unit in one trial.
     #[must_use]
-    pub fn misses(&self, unit: &Unit, trial: usize) -> DVector<f64> {
-        self.misses_by(twin_of(unit), trial)
+    pub fn residuals(&self, unit: &Unit, trial: usize) -> DVector<f64> {
+        self.residuals_by(twin_of(unit), trial)
     }
 
-    /// Misses of a twin in one trial, which sets its cut.
+    /// Residuals of a twin in one trial, which sets its cut.
     #[must_use]
-    pub fn misses_by(&self, twin: Twin, trial: usize) -> DVector<f64> {
-        self.misses_in(&self.trials[trial], twin, trial)
+    pub fn residuals_by(&self, twin: Twin, trial: usize) -> DVector<f64> {
+        self.residuals_in(&self.trials[trial], twin, trial)
     }
 
     /// The same in another version of a trial, with other inputs but the same samples.
     #[must_use]
-    pub fn misses_in(&self, data: &Trial, twin: Twin, index: usize) -> DVector<f64> {
+    pub fn residuals_in(&self, data: &Trial, twin: Twin, index: usize) -> DVector<f64> {
         self.simulations.fetch_add(1, Ordering::Relaxed);
         let traces = data.traces(&mut [self.prepared(twin, index)]).pop().unwrap_or_default();
         self.whitened(data, index, traces)
     }
 
-    /// Misses of simulated signals in a version of a trial.
+    /// Residuals of simulated signals in a version of a trial.
     fn whitened(&self, data: &Trial, index: usize, mut traces: Traces) -> DVector<f64> {
         let count = data.samples.len();
         let mut all = Vec::with_capacity(count * self.whiteners[index].len());
@@ -280,15 +280,15 @@ impl Bench {
         DVector::from_vec(all)
     }
 
-    /// Normalised innovations of a signal in a trial, of its misses there: each sample over what it may miss, outliers by their size.
+    /// Normalised innovations of a signal in a trial, of its residuals there: each sample over what it may leave, outliers by their size.
     #[must_use]
-    pub fn innovations(&self, trial: usize, signal: Signal, misses: &DVector<f64>) -> Vec<f64> {
+    pub fn innovations(&self, trial: usize, signal: Signal, residuals: &DVector<f64>) -> Vec<f64> {
         let data = &self.trials[trial];
         let Some(place) = data.place(signal) else { return Vec::new() };
         let root = self.whiteners[trial][place].share.sqrt();
-        let own = misses.iter().skip(place * data.samples.len());
+        let own = residuals.iter().skip(place * data.samples.len());
         let measured = data.measured(signal).into_iter().zip(own).filter(|(measured, _)| measured.is_finite());
-        measured.map(|(_, miss)| miss / root).collect()
+        measured.map(|(_, residual)| residual / root).collect()
     }
 
     /// One over the standard deviation that each innovation of a signal in a trial is divided by.
@@ -303,16 +303,16 @@ impl Bench {
         independent_share(self.trials[trial].period_s)
     }
 
-    /// Misses of several units in all trials, in parallel, in order.
+    /// Residuals of several units in all trials, in parallel, in order.
     #[must_use]
-    pub fn misses_of(&self, units: &[Unit]) -> Vec<Misses> {
+    pub fn residuals_of(&self, units: &[Unit]) -> Vec<Residuals> {
         let twins: Vec<Twin> = units.iter().map(twin_of).collect();
-        self.misses_of_twins(&twins)
+        self.residuals_of_twins(&twins)
     }
 
     /// The same of twins that no unit describes, such as those with terms of their own; each trial sets their cut.
     #[must_use]
-    pub fn misses_of_twins(&self, twins: &[Twin]) -> Vec<Misses> {
+    pub fn residuals_of_twins(&self, twins: &[Twin]) -> Vec<Residuals> {
         let lanes = Width::most_lanes();
         let batches: Vec<&[Twin]> = twins.chunks(lanes).collect();
         let jobs: Vec<Vec<DVector<f64>>> = (0..batches.len() * self.trials.len())
@@ -325,14 +325,14 @@ impl Bench {
                 data.traces(&mut prepared).into_iter().map(|traces| self.whitened(data, index, traces)).collect()
             })
             .collect();
-        let mut misses: Vec<Misses> = vec![Vec::with_capacity(self.trials.len()); twins.len()];
+        let mut residuals: Vec<Residuals> = vec![Vec::with_capacity(self.trials.len()); twins.len()];
         for (job, of_batch) in jobs.into_iter().enumerate() {
             let first = job / self.trials.len() * lanes;
-            for (all, one) in misses[first..].iter_mut().zip(of_batch) {
+            for (all, one) in residuals[first..].iter_mut().zip(of_batch) {
                 all.push(one);
             }
         }
-        misses
+        residuals
     }
 }
 
@@ -352,8 +352,8 @@ fn with_moved_stops(unit: &Unit, times: f64) -> Unit {
     moved
 }
 
-/// Sum of squares of misses.
+/// Sum of squares of residuals.
 #[must_use]
-pub fn square(misses: &Misses) -> f64 {
-    misses.iter().map(DVector::norm_squared).sum()
+pub fn square(residuals: &Residuals) -> f64 {
+    residuals.iter().map(DVector::norm_squared).sum()
 }

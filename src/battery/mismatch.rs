@@ -1,11 +1,11 @@
 //! What is odd about every plant of the battery, faults or not: small, within what a sheet never says.
 
-use crate::battery::dice::Draw;
+use crate::battery::draws::Draw;
 use crate::parameters::Parameters;
 
 /// Small deviations from the nominal model's structure.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Oddities {
+pub struct Mismatch {
     /// Overlap of each of the four edges over the sheet's.
     pub(super) overlap_shares: [f64; 4],
     pub(super) edge_radius_m: f64,
@@ -28,7 +28,7 @@ pub struct Oddities {
     pub(super) feedback_lag_s: f64,
 }
 
-impl Oddities {
+impl Mismatch {
     /// Draws them; the stops yield as the unit's parameters say.
     #[must_use]
     pub fn draw(p: &Parameters, draw: &mut Draw) -> Self {

@@ -6,13 +6,13 @@ use super::curves::trace;
 use super::values::{ReadError, count, in_order, interval, lasting, number, rows, signal, text, texts};
 use super::{NEXT_TEST, SCHEMA};
 use crate::diagnosis::discrepancy::Curve;
-use crate::diagnosis::outcome::Told;
-use crate::diagnosis::outcome::{
-    Blame, Channel, Diagnosis, Experiment, Fitted, FreeRun, Latent, Ledger, Part, Ranked, SignalGap, StageOnly,
+use crate::diagnosis::result::Told;
+use crate::diagnosis::result::{
+    Blame, Breakdown, Channel, Diagnosis, Experiment, Fitted, FreeRun, Latent, Part, Ranked, SignalGap, StageOnly,
     StageTest, Transfer, Tried, Verdict, Visible,
 };
-use crate::diagnosis::script::{Script, Shape};
 use crate::diagnosis::table::Table;
+use crate::diagnosis::test_script::{Script, Shape};
 use crate::effects::Stage;
 use crate::parameters::{Channels, Parameters, Sensors, Unit};
 
@@ -60,7 +60,7 @@ pub fn read(report: &Value) -> Result<Diagnosis, ReadError> {
         alike: rows(&evidence["alike"])
             .map(|one| (text(&one["a"]), text(&one["b"]), number(&one["likeness"])))
             .collect(),
-        ledgers: rows(&evidence["ledgers"]).map(ledger).collect::<Result<_, _>>()?,
+        breakdowns: rows(&evidence["ledgers"]).map(breakdown).collect::<Result<_, _>>()?,
         stage_tests: rows(&evidence["stage_tests"]).map(stage_test).collect::<Result<_, _>>()?,
         latents: rows(&evidence["free_terms"]).map(latent).collect::<Result<_, _>>()?,
         tried: rows(&evidence["tried"]).map(tried).collect(),
@@ -186,7 +186,7 @@ fn visible(value: &Value) -> Visible {
     }
 }
 
-fn ledger(value: &Value) -> Result<Ledger, ReadError> {
+fn breakdown(value: &Value) -> Result<Breakdown, ReadError> {
     let part = |part: &Value| Part {
         name: text(&part["name"]),
         samples: count(&part["samples"]),
@@ -194,7 +194,7 @@ fn ledger(value: &Value) -> Result<Ledger, ReadError> {
         with_effects: number(&part["with_effects"]),
     };
     let parts = rows(&value["parts"]).map(part).collect();
-    Ok(Ledger { signal: signal(&value["signal"])?, by: lasting(&value["by"]), parts })
+    Ok(Breakdown { signal: signal(&value["signal"])?, by: lasting(&value["by"]), parts })
 }
 
 fn stage_test(value: &Value) -> Result<StageTest, ReadError> {

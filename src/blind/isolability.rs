@@ -2,21 +2,21 @@
 
 use nalgebra::DMatrix;
 
-use crate::blind::exam::laid_along;
+use crate::blind::validation::laid_along;
 use crate::effects::find;
 use crate::parameters::{EffectSetting, Unit};
 use crate::recording::Recording;
-use crate::tuning::bench::Misses;
 use crate::tuning::fit::{beside, pictured};
-use crate::tuning::knob::Knob;
+use crate::tuning::free_parameter::FreeParameter;
 use crate::tuning::linear::Projection;
+use crate::tuning::problem::Residuals;
 
 /// An effect at a size: its id, and as many of its parameters as are known, in their units.
 pub type Sized<'a> = (&'a str, Vec<f64>);
 
 /// What the recordings say of effects that an answer left out, in halves of a log-likelihood; none where the catalogue has no equation for one.
 ///
-/// The effects are simulated at their size on top of the refitted unit. From what they change in the misses is taken off what the sheet's
+/// The effects are simulated at their size on top of the refitted unit. From what they change in the residuals is taken off what the sheet's
 /// tolerances could do instead, and what the effects could that the answer names, at the sizes that it gives them (projection: the gain in
 /// likelihood that a perfect observer with the same equations could expect). Below
 /// [`SEEN`](crate::blind::scored::SEEN) nobody could have told from these recordings.
@@ -33,20 +33,20 @@ pub fn told(recordings: Vec<Recording>, refitted: &Unit, hidden: &[Sized], answe
     };
     let wanted = with(hidden)?;
     let answers: Vec<Unit> = answer.iter().filter_map(|one| with(std::slice::from_ref(one))).collect();
-    let bench = laid_along(recordings, refitted);
-    let knobs = Knob::nuisances(refitted);
-    let zeros = vec![0.0; knobs.len()];
-    let (at, mut columns) = pictured(&bench, refitted, &knobs, &zeros);
+    let problem = laid_along(recordings, refitted);
+    let free_parameters = FreeParameter::nuisances(refitted);
+    let zeros = vec![0.0; free_parameters.len()];
+    let (at, mut columns) = pictured(&problem, refitted, &free_parameters, &zeros);
     let units: Vec<Unit> = std::iter::once(wanted).chain(answers).collect();
-    let mut changes = bench
-        .misses_of(&units)
+    let mut changes = problem
+        .residuals_of(&units)
         .into_iter()
-        .map(|moved| moved.iter().zip(&at).map(|(moved, at)| moved - at).collect::<Misses>());
+        .map(|moved| moved.iter().zip(&at).map(|(moved, at)| moved - at).collect::<Residuals>());
     let change = changes.next()?;
     for answer in changes {
         for (columns, answer) in columns.iter_mut().zip(answer) {
             *columns = beside(columns, &DMatrix::from_columns(&[answer]));
         }
     }
-    Some(Projection::new(&knobs, &zeros, &columns, 1.0).cost(&change).max(0.0))
+    Some(Projection::new(&free_parameters, &zeros, &columns, 1.0).cost(&change).max(0.0))
 }

@@ -26,7 +26,7 @@ pub enum Shape {
         /// Period, s.
         period_s: f64,
     },
-    /// Swings to either side, faster and faster.
+    /// LimitCycles to either side, faster and faster.
     Sweep {
         /// To either side, pu.
         by_pu: f64,

@@ -28,7 +28,7 @@ const LIVELY_SHARE: f64 = 0.2;
 
 /// A recording ready for a fit, and what there is to say of it.
 #[derive(Debug)]
-struct Admitted {
+struct Qualified {
     /// The recording, without the samples that cannot be believed.
     recording: Recording,
     /// Warnings, each a sentence without its full stop.
@@ -39,7 +39,7 @@ struct Admitted {
 #[derive(Clone, Debug, Default)]
 pub struct Intake {
     /// Those that can be used, in their order, each with its cut.
-    pub admitted: Vec<(Recording, Cut)>,
+    pub qualified: Vec<(Recording, Cut)>,
     /// Warnings, each with the name of its recording, without full stop.
     pub notes: Vec<String>,
     /// Why the others cannot be used, each with its name, without full stop.
@@ -47,14 +47,14 @@ pub struct Intake {
 }
 
 /// Takes recordings in, each cut as the law says.
-pub fn admit_all(recordings: Vec<Recording>, cut: impl Fn(&Recording) -> Cut) -> Intake {
+pub fn qualify_all(recordings: Vec<Recording>, cut: impl Fn(&Recording) -> Cut) -> Intake {
     let mut intake = Intake::default();
     for recording in recordings {
         let (name, cut) = (recording.name.clone(), cut(&recording));
-        match admit(recording, cut) {
-            Ok(Admitted { recording, notes }) => {
+        match qualify(recording, cut) {
+            Ok(Qualified { recording, notes }) => {
                 intake.notes.extend(notes.into_iter().map(|note| format!("{name}: {note}")));
-                intake.admitted.push((recording, cut));
+                intake.qualified.push((recording, cut));
             }
             Err(reason) => intake.refused.push(format!("{name}: {reason}")),
         }
@@ -69,7 +69,7 @@ pub fn admit_all(recordings: Vec<Recording>, cut: impl Fn(&Recording) -> Cut) ->
 ///
 /// # Errors
 /// When it is too short, or holds nothing that drives a twin, or nothing measured.
-fn admit(mut recording: Recording, cut: Cut) -> Result<Admitted, String> {
+fn qualify(mut recording: Recording, cut: Cut) -> Result<Qualified, String> {
     let mut notes = Vec::new();
     notes.extend(keep_longest_rise(&mut recording));
     let commands = || recording.frames.iter().map(|frame| frame.inputs.opening_command_pu);
@@ -116,7 +116,7 @@ fn admit(mut recording: Recording, cut: Cut) -> Result<Admitted, String> {
         }
     }
     check_samples(&recording, cut, &mut notes)?;
-    Ok(Admitted { recording, notes })
+    Ok(Qualified { recording, notes })
 }
 
 /// Whether there are samples enough, and what is missing among them.
@@ -226,16 +226,16 @@ mod tests {
         k as f64 * 1e-3
     }
 
-    fn chain(recording: Recording) -> Result<Admitted, String> {
-        admit(recording, Cut::None)
+    fn chain(recording: Recording) -> Result<Qualified, String> {
+        qualify(recording, Cut::None)
     }
 
     #[test]
     fn a_sound_recording_passes_without_a_word() {
-        let admitted = chain(recording(500, ramp, ramp)).unwrap();
-        assert!(admitted.recording.frames.len() == 500);
-        let said = admitted.notes.join(" ");
-        assert!(admitted.notes.len() == 1 && said.contains("spool_position_pu was not recorded"), "{said}");
+        let qualified = chain(recording(500, ramp, ramp)).unwrap();
+        assert!(qualified.recording.frames.len() == 500);
+        let said = qualified.notes.join(" ");
+        assert!(qualified.notes.len() == 1 && said.contains("spool_position_pu was not recorded"), "{said}");
     }
 
     #[test]
@@ -249,7 +249,7 @@ mod tests {
             let refused = chain(recording).unwrap_err();
             assert!(refused.contains(words), "{refused}");
         }
-        let refused = admit(recording(500, |_| f64::NAN, ramp), Cut::Spool).unwrap_err();
+        let refused = qualify(recording(500, |_| f64::NAN, ramp), Cut::Spool).unwrap_err();
         assert!(refused.contains("neither an opening command nor spool_position_pu"), "{refused}");
     }
 
@@ -281,8 +281,8 @@ mod tests {
     fn of_a_clock_that_jumps_the_longest_stretch_stays() {
         let mut jumped = recording(600, ramp, ramp);
         jumped.frames[400..].iter_mut().for_each(|frame| frame.time_ns -= 5_000_000_000);
-        let admitted = chain(jumped).unwrap();
-        assert_eq!(admitted.recording.frames.len(), 400);
-        assert!(admitted.notes[0].contains("jumps back 1 times: 200 rows"), "{:?}", admitted.notes);
+        let qualified = chain(jumped).unwrap();
+        assert_eq!(qualified.recording.frames.len(), 400);
+        assert!(qualified.notes[0].contains("jumps back 1 times: 200 rows"), "{:?}", qualified.notes);
     }
 }

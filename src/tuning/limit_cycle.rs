@@ -1,4 +1,4 @@
-//! Swings: how loud and how fast a signal swings of itself, where no twin can keep step with it sample by sample.
+//! LimitCycles: how loud and how fast a signal swings of itself, where no twin can keep step with it sample by sample.
 //!
 //! A loop that has gone unstable ends in a limit cycle, and a regulator whose cycle jitters hunts: two runs of the very same unit then
 //! differ by as much as either swings. There the power of a signal is compared octave by octave: its wavelet variance (Percival & Walden
@@ -38,7 +38,7 @@ pub struct Look {
     pub measured: Vec<f64>,
     /// As the reference has it.
     pub reference: Vec<f64>,
-    /// Variance of what a right model may miss, in the signal's unit squared.
+    /// Variance of what a right model may leave, in the signal's unit squared.
     pub noise_squares: Vec<f64>,
 }
 
@@ -52,7 +52,7 @@ struct Block {
 
 /// Where a recording swings, and how one of its signals does.
 #[derive(Clone, Debug)]
-pub struct Swings {
+pub struct LimitCycles {
     blocks: Vec<Block>,
     octaves: usize,
     /// What of the swing counts as noise at each sample, in the signal's unit squared.
@@ -61,7 +61,7 @@ pub struct Swings {
 
 /// Looks for stretches in which any signal of a recording swings and the reference does not; then all of them do. One for each signal.
 #[must_use]
-pub fn swings(looks: &[Look], period_s: f64) -> Vec<Swings> {
+pub fn swings(looks: &[Look], period_s: f64) -> Vec<LimitCycles> {
     let count = looks.first().map_or(0, |look| look.measured.len());
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small count")]
     let length = ((BLOCK.0 / period_s.max(1e-3)).round() as usize).max(BLOCK.1);
@@ -92,7 +92,7 @@ pub fn swings(looks: &[Look], period_s: f64) -> Vec<Swings> {
         }
         let whole = |block: &&Block| block.measured.iter().all(|power| power.is_finite());
         let blocks = swinging.iter().map(|&k| &signal[k].block).filter(whole).cloned().collect();
-        Swings { blocks, octaves, ignored_squares }
+        LimitCycles { blocks, octaves, ignored_squares }
     };
     compared.iter().map(of).collect()
 }
@@ -124,15 +124,15 @@ impl Compared {
     }
 }
 
-impl Swings {
+impl LimitCycles {
     /// Of a signal that nothing lets swing of itself.
     #[must_use]
     pub fn none(look: &Look) -> Self {
         Self { blocks: Vec::new(), octaves: 0, ignored_squares: vec![0.0; look.measured.len()] }
     }
 
-    /// By how much a simulated signal swings otherwise: misses of unit size where the model is right, block by block, octave by octave.
-    pub fn misses<'a>(&'a self, simulated: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+    /// By how much a simulated signal swings otherwise: residuals of unit size where the model is right, block by block, octave by octave.
+    pub fn residuals<'a>(&'a self, simulated: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
         self.blocks.iter().flat_map(move |block| {
             let powers = powers(&simulated[block.samples.clone()]);
             (0..self.octaves).map(move |k| {
@@ -150,7 +150,7 @@ impl Swings {
         self.blocks.iter().map(|block| block.samples.len()).sum()
     }
 
-    /// Squares of misses at each sample, as far as two runs can be in step: of a swing that of its loudness, octave by octave, and of its mean.
+    /// Squares of residuals at each sample, as far as two runs can be in step: of a swing that of its loudness, octave by octave, and of its mean.
     #[must_use]
     pub fn squares(&self, measured: &[f64], simulated: &[f64]) -> Vec<f64> {
         let mut squares: Vec<f64> = measured.iter().zip(simulated).map(|(a, b)| (a - b).powi(2)).collect();
@@ -202,13 +202,13 @@ mod tests {
         signal(|t| 0.3 * (0.2 * t).sin() + loudness * (std::f64::consts::TAU * frequency_hz * t + phase).sin())
     }
 
-    fn found(measured: Vec<f64>) -> Swings {
+    fn found(measured: Vec<f64>) -> LimitCycles {
         let noise_squares = vec![1e-6; measured.len()];
         swings(&[Look { measured, reference: swing(0.0, 0.0, 0.0), noise_squares }], PERIOD_S).remove(0)
     }
 
-    fn square(swings: &Swings, simulated: &[f64]) -> f64 {
-        swings.misses(simulated).map(|miss| miss * miss).sum::<f64>() / (10 * OCTAVES) as f64
+    fn square(swings: &LimitCycles, simulated: &[f64]) -> f64 {
+        swings.residuals(simulated).map(|residual| residual * residual).sum::<f64>() / (10 * OCTAVES) as f64
     }
 
     #[test]
@@ -263,7 +263,7 @@ mod tests {
             reference: reference.clone(),
             noise_squares: noise_squares.clone(),
         });
-        let samples: Vec<usize> = swings(&looks, PERIOD_S).iter().map(Swings::samples).collect();
+        let samples: Vec<usize> = swings(&looks, PERIOD_S).iter().map(LimitCycles::samples).collect();
         assert_eq!(samples, [2000, 1800]);
     }
 

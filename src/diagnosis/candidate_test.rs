@@ -1,10 +1,10 @@
 //! Candidates for the next test: scripts as the likeliest model of a unit would answer them, at the rates that may be recorded.
 
-use crate::diagnosis::script::{PERIOD_S, Script};
+use crate::diagnosis::test_script::{PERIOD_S, Script};
 use crate::frame::{Frame, Signals};
 use crate::parameters::Unit;
 use crate::recording::Recording;
-use crate::tuning::bench::Bench;
+use crate::tuning::problem::Problem;
 use crate::tuning::trial::Trial;
 use crate::twin::Twin;
 use crate::units::{nanos_from_seconds, seconds_from_nanos};
@@ -45,10 +45,10 @@ impl Candidate {
 
 /// Scripts as a unit would answer them, at the rate of the recordings and, where that is slow, at the scripts' own.
 #[must_use]
-pub fn candidates(bench: &Bench, unit: &Unit, scripts: &[Script]) -> Vec<Candidate> {
-    let period_s = bench.trials.iter().map(|trial| trial.period_s).fold(PERIOD_S, f64::max);
+pub fn candidates(problem: &Problem, unit: &Unit, scripts: &[Script]) -> Vec<Candidate> {
+    let period_s = problem.trials.iter().map(|trial| trial.period_s).fold(PERIOD_S, f64::max);
     let mut periods_s = vec![PERIOD_S];
-    if bench.is_slow() {
+    if problem.is_slow() {
         periods_s.push(period_s);
     }
     let of = |&script: &Script| {
@@ -59,7 +59,7 @@ pub fn candidates(bench: &Bench, unit: &Unit, scripts: &[Script]) -> Vec<Candida
             trial: Trial::new(Recording::new(script.words(), sampled(&answer, period_s))),
             script: Some(script),
             rate_hz: (1.0 / period_s).round(),
-            faster: bench.is_slow() && period_s <= PERIOD_S,
+            faster: problem.is_slow() && period_s <= PERIOD_S,
         };
         periods_s.iter().map(candidate).collect::<Vec<_>>()
     };

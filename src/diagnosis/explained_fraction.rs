@@ -7,20 +7,20 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::diagnosis::model::Model;
-use crate::diagnosis::outcome::Interval;
+use crate::diagnosis::result::Interval;
 use crate::frame::Estimate;
 use crate::signal::Signal;
-use crate::tuning::bench::{Bench, square};
 use crate::tuning::fit::{Effort, fit};
-use crate::tuning::knob::{Knob, unit_at};
+use crate::tuning::free_parameter::{FreeParameter, unit_at};
 use crate::tuning::linear::normal;
+use crate::tuning::problem::{Problem, square};
 use crate::tuning::trial::Trial;
 
 /// By how much a right model may leave more than the noise, as a share of it, at fast and at slow rates: no equation is exact, and between
 /// slow samples nobody knows the inputs. Measured on the generated battery of seed 77.
 const LEEWAY: (f64, f64) = (0.15, 1.5);
 
-/// Length of a block, s: longer than what one miss has to do with the next.
+/// Length of a block, s: longer than what one residual has to do with the next.
 const BLOCK_S: f64 = 2.0;
 
 /// Resamplings behind an interval.
@@ -29,7 +29,7 @@ const RESAMPLINGS: usize = 400;
 /// So many parts are left out in turn; every block of a recording belongs to the one after that of the block before it.
 const PARTS: usize = 5;
 
-/// Farthest that a fit may move when a part is left out, in units of a knob: one linear step is good for no more.
+/// Farthest that a fit may move when a part is left out, in units of a free_parameter: one linear step is good for no more.
 const FARTHEST: f64 = 2.0;
 
 /// Share of what all recordings say of an effect that the others must say to fit it without one.
@@ -46,31 +46,33 @@ pub type LeftOut = Vec<Vec<Estimate>>;
 /// A process may be over in seconds, so that a longer piece would be all that there is of it. With four fifths of every process at hand the fit
 /// hardly moves, so that one Gauss–Newton step refits it.
 #[must_use]
-pub fn without_parts(bench: &Bench, model: &Model) -> LeftOut {
-    let trials = 0..bench.trials.len();
-    let mut estimates: LeftOut = bench.simulate_all(&model.unit());
+pub fn without_parts(problem: &Problem, model: &Model) -> LeftOut {
+    let trials = 0..problem.trials.len();
+    let mut estimates: LeftOut = problem.simulate_all(&model.unit());
     if model.fit.slopes.is_empty() {
         return estimates;
     }
-    let (hessian, gradient) = normal(&model.knobs, &model.fit.positions, &model.fit.misses, &model.fit.slopes, 1.0);
+    let (hessian, gradient) =
+        normal(&model.free_parameters, &model.fit.positions, &model.fit.residuals, &model.fit.slopes, 1.0);
     for part in 0..PARTS {
         let (mut hessian, mut gradient) = (hessian.clone(), gradient.clone());
-        for (trial, (slope, misses)) in bench.trials.iter().zip(model.fit.slopes.iter().zip(&model.fit.misses)) {
+        for (trial, (slope, residuals)) in problem.trials.iter().zip(model.fit.slopes.iter().zip(&model.fit.residuals))
+        {
             for place in 0..trial.signals().count() {
                 for block in part_of(trial, part) {
-                    let (first, count) = (trial.miss(place, block.start), block.len());
+                    let (first, count) = (trial.residual(place, block.start), block.len());
                     let rows = slope.rows(first, count);
                     hessian -= rows.tr_mul(&rows);
-                    gradient -= rows.tr_mul(&misses.rows(first, count));
+                    gradient -= rows.tr_mul(&residuals.rows(first, count));
                 }
             }
         }
-        hessian += DMatrix::identity(model.knobs.len(), model.knobs.len()) * 1e-9;
+        hessian += DMatrix::identity(model.free_parameters.len(), model.free_parameters.len()) * 1e-9;
         let Some(cholesky) = hessian.cholesky() else { continue };
-        let unit = unit_at(&model.base, &model.knobs, &moved(model, &cholesky.solve(&gradient)));
+        let unit = unit_at(&model.base, &model.free_parameters, &moved(model, &cholesky.solve(&gradient)));
         for trial in trials.clone() {
-            let anew = bench.simulate(&unit, trial);
-            for block in part_of(&bench.trials[trial], part) {
+            let anew = problem.simulate(&unit, trial);
+            for block in part_of(&problem.trials[trial], part) {
                 estimates[trial][block.clone()].clone_from_slice(&anew[block]);
             }
         }
@@ -87,10 +89,10 @@ fn part_of(trial: &Trial, part: usize) -> impl Iterator<Item = Range<usize>> {
 /// Positions after a step that is shortened as a whole, since its parts make up for each other.
 fn moved(model: &Model, step: &DVector<f64>) -> Vec<f64> {
     let share = (FARTHEST / step.amax().max(1e-12)).min(1.0);
-    let knobs = model.knobs.iter().zip(&model.fit.positions).zip(step.iter());
-    knobs
-        .map(|((knob, position), step)| {
-            let (low, high) = knob.range(&model.base);
+    let free_parameters = model.free_parameters.iter().zip(&model.fit.positions).zip(step.iter());
+    free_parameters
+        .map(|((free_parameter, position), step)| {
+            let (low, high) = free_parameter.range(&model.base);
             (position - share * step).clamp(low, high)
         })
         .collect()
@@ -101,49 +103,49 @@ fn moved(model: &Model, step: &DVector<f64>) -> Vec<f64> {
 pub struct Refitted {
     /// Estimates by trial.
     pub estimates: LeftOut,
-    /// Cost of the misses by trial.
+    /// Cost of the residuals by trial.
     pub costs: Vec<f64>,
 }
 
 /// Leaves out each recording in turn and refits on the others; a single recording is judged by its own fit.
 #[must_use]
-pub fn without_recordings(bench: &Bench, model: &Model) -> Refitted {
-    let count = bench.trials.len();
+pub fn without_recordings(problem: &Problem, model: &Model) -> Refitted {
+    let count = problem.trials.len();
     let mut all = Refitted { estimates: Vec::with_capacity(count), costs: Vec::with_capacity(count) };
     for left in 0..count {
-        let unit = if count == 1 { model.unit() } else { refitted_without(bench, model, left) };
-        all.estimates.push(bench.simulate(&unit, left));
-        all.costs.push(square(&vec![bench.misses(&unit, left)]));
+        let unit = if count == 1 { model.unit() } else { refitted_without(problem, model, left) };
+        all.estimates.push(problem.simulate(&unit, left));
+        all.costs.push(square(&vec![problem.residuals(&unit, left)]));
     }
     all
 }
 
-fn refitted_without(bench: &Bench, model: &Model, left: usize) -> crate::parameters::Unit {
+fn refitted_without(problem: &Problem, model: &Model, left: usize) -> crate::parameters::Unit {
     // An effect of which the other recordings say next to nothing stays where the fit to all has it.
-    let says = |trial: usize, knob: usize| model.fit.slopes[trial].column(knob).norm_squared();
-    let (free, held): (Vec<usize>, Vec<usize>) = (0..model.knobs.len()).partition(|&k| {
-        let all: f64 = (0..bench.trials.len()).map(|trial| says(trial, k)).sum();
-        model.knobs[k].has_prior() || all - says(left, k) > TELLING * all
+    let says = |trial: usize, free_parameter: usize| model.fit.slopes[trial].column(free_parameter).norm_squared();
+    let (free, held): (Vec<usize>, Vec<usize>) = (0..model.free_parameters.len()).partition(|&k| {
+        let all: f64 = (0..problem.trials.len()).map(|trial| says(trial, k)).sum();
+        model.free_parameters[k].has_prior() || all - says(left, k) > TELLING * all
     });
-    let pick = |of: &[usize]| -> (Vec<Knob>, Vec<f64>) {
-        of.iter().map(|&k| (model.knobs[k], model.fit.positions[k])).unzip()
+    let pick = |of: &[usize]| -> (Vec<FreeParameter>, Vec<f64>) {
+        of.iter().map(|&k| (model.free_parameters[k], model.fit.positions[k])).unzip()
     };
     let (held_knobs, held_positions) = pick(&held);
     let base = unit_at(&model.base, &held_knobs, &held_positions);
-    let (knobs, start) = pick(&free);
+    let (free_parameters, start) = pick(&free);
     let slopes: Vec<DMatrix<f64>> =
-        (0..bench.trials.len()).filter(|&k| k != left).map(|k| model.fit.slopes[k].select_columns(&free)).collect();
-    let found = fit(&bench.without(left), &base, &knobs, &start, REFIT, Some(&slopes));
-    unit_at(&base, &knobs, &found.positions)
+        (0..problem.trials.len()).filter(|&k| k != left).map(|k| model.fit.slopes[k].select_columns(&free)).collect();
+    let found = fit(&problem.without(left), &base, &free_parameters, &start, REFIT, Some(&slopes));
+    unit_at(&base, &free_parameters, &found.positions)
 }
 
-/// Squared misses over the noise at each sample, where one was measured: refitted, with effects.
+/// Squared residuals over the noise at each sample, where one was measured: refitted, with effects.
 type Squares = Vec<Option<[f64; 2]>>;
 
 /// Those of a signal in a trial.
-fn squares(bench: &Bench, index: usize, signal: Signal, twins: [&LeftOut; 2]) -> Squares {
-    let floor = bench.floor_square(index, signal);
-    let [Some(before), Some(after)] = twins.map(|twin| bench.squares(index, signal, &twin[index])) else {
+fn squares(problem: &Problem, index: usize, signal: Signal, twins: [&LeftOut; 2]) -> Squares {
+    let floor = problem.floor_square(index, signal);
+    let [Some(before), Some(after)] = twins.map(|twin| problem.squares(index, signal, &twin[index])) else {
         return Vec::new();
     };
     let over = before.iter().zip(&after).map(|(before, after)| [before / floor, after / floor]);
@@ -151,8 +153,8 @@ fn squares(bench: &Bench, index: usize, signal: Signal, twins: [&LeftOut; 2]) ->
 }
 
 /// [`squares`] of a signal by trial, and their means.
-fn squares_and_means(bench: &Bench, signal: Signal, twins: [&LeftOut; 2]) -> (Vec<Squares>, [f64; 2]) {
-    let all: Vec<_> = (0..bench.trials.len()).map(|index| squares(bench, index, signal, twins)).collect();
+fn squares_and_means(problem: &Problem, signal: Signal, twins: [&LeftOut; 2]) -> (Vec<Squares>, [f64; 2]) {
+    let all: Vec<_> = (0..problem.trials.len()).map(|index| squares(problem, index, signal, twins)).collect();
     let there = || all.iter().flatten().flatten();
     let count = there().count().max(1) as f64;
     let means = [0, 1].map(|twin| there().map(|over| over[twin]).sum::<f64>() / count);
@@ -163,17 +165,17 @@ fn squares_and_means(bench: &Bench, signal: Signal, twins: [&LeftOut; 2]) -> (Ve
 ///
 /// Noise that a twin leaves less than is not there: the floor of a signal is what its transducer and chatter should leave, or what the better
 /// twin does leave if that is less.
-fn blocks(bench: &Bench, refitted: &LeftOut, with_effects: &LeftOut) -> Vec<Vec<[f64; 3]>> {
-    let mut blocks: Vec<Vec<[f64; 3]>> = bench
+fn blocks(problem: &Problem, refitted: &LeftOut, with_effects: &LeftOut) -> Vec<Vec<[f64; 3]>> {
+    let mut blocks: Vec<Vec<[f64; 3]>> = problem
         .trials
         .iter()
         .map(|trial| vec![[0.0; 3]; trial.samples.len().div_ceil(trial.samples_in(BLOCK_S))])
         .collect();
     for signal in Signal::ALL {
-        let (all, [before, after]) = squares_and_means(bench, signal, [refitted, with_effects]);
+        let (all, [before, after]) = squares_and_means(problem, signal, [refitted, with_effects]);
         let noise = before.min(after).min(1.0);
         for (index, samples) in all.iter().enumerate() {
-            let size = bench.trials[index].samples_in(BLOCK_S);
+            let size = problem.trials[index].samples_in(BLOCK_S);
             for (k, over) in samples.iter().enumerate() {
                 if let Some([before, after]) = over {
                     let block = &mut blocks[index][k / size];
@@ -199,27 +201,27 @@ fn ratio(sums: [f64; 3]) -> f64 {
 /// day is a draw as this one was (Efron & Tibshirani 1993, *An Introduction to the Bootstrap*, chapter 25). The noise is drawn too: no floor is
 /// known better than to what a right model may leave.
 #[must_use]
-pub fn closure(bench: &Bench, refitted: &LeftOut, with_effects: &LeftOut, seed: u64) -> Interval {
-    closure_of(bench, refitted, with_effects, 0..bench.trials.len(), seed)
+pub fn closure(problem: &Problem, refitted: &LeftOut, with_effects: &LeftOut, seed: u64) -> Interval {
+    closure_of(problem, refitted, with_effects, 0..problem.trials.len(), seed)
 }
 
 /// The same of some of the trials.
 #[must_use]
 pub fn closure_of(
-    bench: &Bench,
+    problem: &Problem,
     refitted: &LeftOut,
     with_effects: &LeftOut,
     trials: Range<usize>,
     seed: u64,
 ) -> Interval {
-    let leeway = if bench.is_slow() { LEEWAY.1 } else { LEEWAY.0 };
-    interval(&blocks(bench, refitted, with_effects)[trials], leeway, seed)
+    let leeway = if problem.is_slow() { LEEWAY.1 } else { LEEWAY.0 };
+    interval(&blocks(problem, refitted, with_effects)[trials], leeway, seed)
 }
 
 /// Closure as it came true, of twins that were fitted to other recordings; none where there is no gap.
 #[must_use]
-pub fn share(bench: &Bench, refitted: &LeftOut, with_effects: &LeftOut) -> Option<f64> {
-    let all = sum(blocks(bench, refitted, with_effects).iter().flatten());
+pub fn share(problem: &Problem, refitted: &LeftOut, with_effects: &LeftOut) -> Option<f64> {
+    let all = sum(blocks(problem, refitted, with_effects).iter().flatten());
     (all[0] > all[2]).then(|| ratio(all))
 }
 

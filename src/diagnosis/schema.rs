@@ -7,8 +7,8 @@ mod values;
 use serde_json::{Value, json};
 
 use crate::diagnosis::consistency::Consistency;
-use crate::diagnosis::outcome::Told;
-use crate::diagnosis::outcome::{Diagnosis, Fitted, Interval, StageOnly};
+use crate::diagnosis::result::Told;
+use crate::diagnosis::result::{Diagnosis, Fitted, Interval, StageOnly};
 use crate::effects::Stage;
 
 /// The schema's name.
@@ -99,7 +99,7 @@ pub fn report(diagnosis: &Diagnosis, seconds: f64) -> Value {
     })
 }
 
-/// What the verdict rests on.
+/// What the verdict idle_segments on.
 fn evidence(diagnosis: &Diagnosis) -> Value {
     let parameters: Vec<Value> = diagnosis
         .parameters
@@ -142,11 +142,11 @@ fn evidence(diagnosis: &Diagnosis) -> Value {
             })
         })
         .collect();
-    let ledgers: Vec<Value> = diagnosis
-        .ledgers
+    let breakdowns: Vec<Value> = diagnosis
+        .breakdowns
         .iter()
-        .map(|ledger| {
-            let parts: Vec<Value> = ledger
+        .map(|breakdown| {
+            let parts: Vec<Value> = breakdown
                 .parts
                 .iter()
                 .map(|part| {
@@ -156,7 +156,7 @@ fn evidence(diagnosis: &Diagnosis) -> Value {
                     })
                 })
                 .collect();
-            json!({"signal": ledger.signal.id(), "by": ledger.by, "parts": parts})
+            json!({"signal": breakdown.signal.id(), "by": breakdown.by, "parts": parts})
         })
         .collect();
     let tests: Vec<Value> = diagnosis
@@ -192,7 +192,7 @@ fn evidence(diagnosis: &Diagnosis) -> Value {
         "innovations": innovations(diagnosis),
         "values": diagnosis.samples, "entropy_bits": diagnosis.entropy_bits, "fault_sets": sets, "table": diagnosis.table, "closure_without_recording": transfers,
         "parameters": parameters, "tried": tried, "channels": channels, "smallest_visible": visible,
-        "alike": alike, "ledgers": ledgers, "stage_tests": tests, "free_terms": latents,
+        "alike": alike, "ledgers": breakdowns, "stage_tests": tests, "free_terms": latents,
         "simulations": diagnosis.simulations,
         "servomotor_stage_only": diagnosis.part.as_ref().map(stage_only),
     })

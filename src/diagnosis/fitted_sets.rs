@@ -35,7 +35,7 @@ impl Known {
             .enumerate()
             // Single effects of a stage alone are alike, so that each is fitted with care.
             .filter(|(place, one)| {
-                *place < leaders(explorer.bench) || (one.effects.len() == 1 && is_stage_alone(explorer.bench))
+                *place < leaders(explorer.problem) || (one.effects.len() == 1 && is_stage_alone(explorer.problem))
             })
             .map(|(_, one)| one)
             .filter(|leader| !leader.refined)
@@ -58,7 +58,7 @@ impl Known {
         let mut order: Vec<(f64, Vec<usize>)> =
             self.fitted.values().map(|known| (known.log_evidence, known.effects.clone())).collect();
         order.sort_by(|a, b| b.0.total_cmp(&a.0));
-        for (_, effects) in order.into_iter().skip(4 * leaders(explorer.bench)) {
+        for (_, effects) in order.into_iter().skip(4 * leaders(explorer.problem)) {
             if let Some(known) = self.fitted.get_mut(&effects).filter(|known| !known.effects.is_empty()) {
                 known.model.lighten();
             }

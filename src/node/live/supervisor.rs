@@ -16,7 +16,7 @@ use super::super::core::Input;
 use super::super::diagnostics::{self, Course, DiagnosticArray};
 use super::super::intake::Counts;
 use super::super::journal::Journal;
-use super::super::listener::news::{News, Taker};
+use super::super::listener::event::{News, Taker};
 use super::super::realtime::{Until, monotonic_ns, wall_ns};
 use super::super::settings::Settings;
 use super::super::words;
@@ -24,7 +24,7 @@ use super::{NodeError, Say};
 use crate::msg::{EsvState, FluidPressure, GovernorCommand, Interface, JointState};
 
 /// The books: words, bag, diagnostics.
-pub(super) struct Keeper<'a> {
+pub(super) struct Supervisor<'a> {
     pub(super) bus: &'a Bus,
     pub(super) health: Publisher<DiagnosticArray>,
     pub(super) counts: &'a Mutex<[Counts; Input::COUNT]>,
@@ -39,7 +39,7 @@ pub(super) struct Keeper<'a> {
     pub(super) say: Say<'a>,
 }
 
-impl Keeper<'_> {
+impl Supervisor<'_> {
     /// Keeps the books until `done`.
     pub(super) fn keep(&mut self, news: &Taker, done: impl Fn() -> bool) -> Result<(), NodeError> {
         let second = Duration::from_secs(1);

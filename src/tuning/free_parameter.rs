@@ -10,7 +10,7 @@ const FARTHEST_FREE: f64 = 60.0;
 
 /// Something that a fit may turn; position 0 is the nominal or neutral value.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Knob {
+pub enum FreeParameter {
     /// A parameter of the sheet, by its place in [`ENTRIES`]; 1 is one standard deviation of its tolerance.
     Parameter {
         /// Place in [`ENTRIES`].
@@ -36,8 +36,8 @@ pub enum Knob {
     },
 }
 
-impl Knob {
-    /// A knob for each parameter that the unit's sheet gives a tolerance for.
+impl FreeParameter {
+    /// A free_parameter for each parameter that the unit's sheet gives a tolerance for.
     #[must_use]
     pub fn nuisances(unit: &Unit) -> Vec<Self> {
         (0..ENTRIES.len())
@@ -45,7 +45,7 @@ impl Knob {
             .collect()
     }
 
-    /// A knob for a parameter that the sheet is not believed in: searched over its physical range, without a prior.
+    /// A free_parameter for a parameter that the sheet is not believed in: searched over its physical range, without a prior.
     #[must_use]
     pub fn free(unit: &Unit, index: usize) -> Self {
         let entry = &ENTRIES[index];
@@ -138,7 +138,7 @@ impl Knob {
         }
     }
 
-    /// Where the knob stands in the unit that it belongs to.
+    /// Where the free_parameter stands in the unit that it belongs to.
     #[must_use]
     pub fn position(&self, unit: &Unit) -> f64 {
         match *self {
@@ -161,12 +161,12 @@ impl Knob {
     }
 }
 
-/// The unit with all knobs at their positions.
+/// The unit with all free_parameters at their positions.
 #[must_use]
-pub fn unit_at(base: &Unit, knobs: &[Knob], positions: &[f64]) -> Unit {
+pub fn unit_at(base: &Unit, free_parameters: &[FreeParameter], positions: &[f64]) -> Unit {
     let mut unit = base.clone();
-    for (knob, &position) in knobs.iter().zip(positions) {
-        knob.turn(base, &mut unit, position);
+    for (free_parameter, &position) in free_parameters.iter().zip(positions) {
+        free_parameter.turn(base, &mut unit, position);
     }
     unit
 }

@@ -3,9 +3,9 @@
 use crate::diagnosis::explore::Explored;
 use crate::diagnosis::model::{Model, covariance};
 use crate::parameters::Unit;
-use crate::tuning::bench::Bench;
 use crate::tuning::fit::{Effort, Fit, fit};
-use crate::tuning::knob::Knob;
+use crate::tuning::free_parameter::FreeParameter;
+use crate::tuning::problem::Problem;
 
 /// Work of the fit to one recording alone.
 const ALONE: Effort = Effort { rounds: 6, refresh: 3, temperature: 1.0 };
@@ -27,35 +27,35 @@ struct Alone {
 
 /// Fits each recording alone, from where all together stand; says in a sentence that they are not of one unit, where they are not.
 #[must_use]
-pub fn disagreement(bench: &Bench, found: &Explored) -> Option<String> {
+pub fn disagreement(problem: &Problem, found: &Explored) -> Option<String> {
     let model = found.leader();
-    let floor = bench.expected_cost();
-    if bench.trials.len() < 2 || model.fit.slopes.len() < bench.trials.len() || model.cost() - floor < STRANGE {
+    let floor = problem.expected_cost();
+    if problem.trials.len() < 2 || model.fit.slopes.len() < problem.trials.len() || model.cost() - floor < STRANGE {
         return None;
     }
     // A model that explains the gap of all of them speaks for one unit, however much each gains by parameters of its own.
     if model.cost() - floor < EXPLAINED * (found.refitted().cost() - floor) {
         return None;
     }
-    let alone: Vec<Alone> = (0..bench.trials.len())
+    let alone: Vec<Alone> = (0..problem.trials.len())
         .map(|trial| {
-            let own = bench.only(trial);
+            let own = problem.only(trial);
             let known = [model.fit.slopes[trial].clone()];
-            let fit = fit(&own, &model.base, &model.knobs, &model.fit.positions, ALONE, Some(&known));
-            let together = model.fit.misses[trial].norm_squared() + model.fit.prior;
-            let variances = covariance(&model.knobs, &fit).diagonal().iter().copied().collect();
+            let fit = fit(&own, &model.base, &model.free_parameters, &model.fit.positions, ALONE, Some(&known));
+            let together = model.fit.residuals[trial].norm_squared() + model.fit.prior;
+            let variances = covariance(&model.free_parameters, &fit).diagonal().iter().copied().collect();
             Alone { gain: (together - fit.cost()).max(0.0), fit, variances }
         })
         .collect();
     let gain: f64 = alone.iter().map(|one| one.gain).sum();
-    let apart = apart(bench, model, &alone)?;
+    let apart = apart(problem, model, &alone)?;
     if gain < (STRANGE_SHARES.0 * (model.cost() - floor)).max(STRANGE_SHARES.1 * floor).max(STRANGE) {
         return None;
     }
     let mut order: Vec<usize> = (0..alone.len()).collect();
     order.sort_by(|&a, &b| alone[b].gain.total_cmp(&alone[a].gain));
     let telling = order.iter().filter(|&&k| alone[k].gain > 0.25 * gain);
-    let names: Vec<&str> = telling.map(|&k| bench.trials[k].name.as_str()).collect();
+    let names: Vec<&str> = telling.map(|&k| problem.trials[k].name.as_str()).collect();
     Some(format!(
         "The recordings do not fit one set of parameters, though each fits one of its own: {apart}. Are they of different units? Farthest from \
          the rest: {}. No effect is named on such ground.",
@@ -64,9 +64,9 @@ pub fn disagreement(bench: &Bench, found: &Explored) -> Option<String> {
 }
 
 /// The parameter that two recordings see farthest apart, in its deviations.
-fn apart(bench: &Bench, model: &Model, alone: &[Alone]) -> Option<String> {
+fn apart(problem: &Problem, model: &Model, alone: &[Alone]) -> Option<String> {
     let mut farthest: Option<(f64, usize, usize, usize)> = None;
-    for (k, _) in model.knobs.iter().enumerate() {
+    for (k, _) in model.free_parameters.iter().enumerate() {
         for a in 0..alone.len() {
             for b in a + 1..alone.len() {
                 let distance = alone[a].fit.positions[k] - alone[b].fit.positions[k];
@@ -78,17 +78,19 @@ fn apart(bench: &Bench, model: &Model, alone: &[Alone]) -> Option<String> {
         }
     }
     let (size, k, a, b) = farthest?;
-    let value = |knob: &Knob, base: &Unit, place: usize| knob.value(base, alone[place].fit.positions[k]);
-    let knob = &model.knobs[k];
-    let (key, unit) = knob.key(&model.base);
+    let value = |free_parameter: &FreeParameter, base: &Unit, place: usize| {
+        free_parameter.value(base, alone[place].fit.positions[k])
+    };
+    let free_parameter = &model.free_parameters[k];
+    let (key, unit) = free_parameter.key(&model.base);
     let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
     (size > 3.0).then(|| {
         format!(
             "{key} would be {:.4e}{unit} in {} and {:.4e}{unit} in {}",
-            value(knob, &model.base, a),
-            bench.trials[a].name,
-            value(knob, &model.base, b),
-            bench.trials[b].name
+            value(free_parameter, &model.base, a),
+            problem.trials[a].name,
+            value(free_parameter, &model.base, b),
+            problem.trials[b].name
         )
     })
 }

@@ -8,15 +8,15 @@ use crate::effects::{EffectSpec, STAGE_ALONE};
 use crate::parameters::Unit;
 use crate::recording::Recording;
 use crate::signal::Signal;
-use crate::tuning::admission::{Intake, admit_all};
-use crate::tuning::bench::{Bench, square};
 use crate::tuning::command::command_for_spool;
 use crate::tuning::fit::Fit;
 use crate::tuning::flexible::{Flexible, flexible};
-use crate::tuning::knob::{Knob, unit_at};
+use crate::tuning::free_parameter::{FreeParameter, unit_at};
 use crate::tuning::noise::{Noise, expected};
 use crate::tuning::pieces::pieces;
 use crate::tuning::plain::{Plain, plain};
+use crate::tuning::problem::{Problem, square};
+use crate::tuning::qualification::{Intake, qualify_all};
 use crate::tuning::rivals::{Follows, follows};
 use crate::tuning::run::Run;
 use crate::tuning::sheetless::{self, sheetless};
@@ -74,26 +74,26 @@ pub fn ready(mut recordings: Vec<Recording>, sheet: &Unit, settings: &Settings) 
     let stage_only = settings.free || !recordings.iter().any(Recording::has_command);
     let stands_in = if settings.free { command_for_spool(&mut recordings) } else { None };
     let cut = if stage_only { Cut::Spool } else { Cut::None };
-    let Intake { admitted, notes, refused } = admit_all(recordings, |_| cut);
-    if admitted.is_empty() {
+    let Intake { qualified, notes, refused } = qualify_all(recordings, |_| cut);
+    if qualified.is_empty() {
         return Err(DiagnosisError::Unusable(refused.join("\n  ")));
     }
-    let admitted: Vec<Recording> = admitted.into_iter().map(|(recording, _)| recording).collect();
-    let (admitted, copies) = without_copies(admitted);
+    let qualified: Vec<Recording> = qualified.into_iter().map(|(recording, _)| recording).collect();
+    let (qualified, copies) = without_copies(qualified);
     let mut notes: Vec<String> = notes.into_iter().map(|note| format!("{note}.")).collect();
     let is_deviation = stands_in.as_ref().is_some_and(|one| one.is_deviation);
     notes.extend(stands_in.map(|one| one.note));
     notes.extend(copies);
     notes.extend(refused.into_iter().map(|reason| format!("Left out: {reason}.")));
     if stage_only {
-        let mut ready = servomotor_stage(admitted, sheet, settings, notes)?;
+        let mut ready = servomotor_stage(qualified, sheet, settings, notes)?;
         if let Some(alone) = ready.alone.as_mut().filter(|_| is_deviation) {
             // What drives it holds the position: that it settles is known.
             alone.follows = Follows::Sum;
         }
         return Ok(ready);
     }
-    if let [only] = admitted.as_slice() {
+    if let [only] = qualified.as_slice() {
         notes.push(format!(
             "One recording only ({}, {}): nothing could be left out of the fit, so closures are not tested on anything new.",
             only.name,
@@ -101,10 +101,10 @@ pub fn ready(mut recordings: Vec<Recording>, sheet: &Unit, settings: &Settings) 
         ));
     }
     Ok(Ready {
-        trials: admitted.into_iter().map(Trial::new).collect(),
+        trials: qualified.into_iter().map(Trial::new).collect(),
         whole: Vec::new(),
         unit: sheet.clone(),
-        turned: Turned { knobs: Knob::nuisances(sheet), starts: 1 },
+        turned: Turned { free_parameters: FreeParameter::nuisances(sheet), starts: 1 },
         noise: expected(&sheet.sensors),
         catalogue: settings.catalogue.iter().copied().filter(|spec| !STAGE_ALONE.contains(&spec.id)).collect(),
         notes,
@@ -156,16 +156,16 @@ fn servomotor_stage(
         let ready = sheetless(whole, sheet).ok_or_else(still)?;
         notes.extend(ready.notes);
         (whole, trials, unit, noise) = (ready.whole, ready.pieces, ready.unit, ready.noise);
-        turned = Turned { knobs: ready.knobs, starts: STARTS };
+        turned = Turned { free_parameters: ready.free_parameters, starts: STARTS };
     } else {
         for recording in &mut whole {
             join_spool(&mut recording.frames);
         }
         trials = pieces(&whole, PIECES).into_iter().map(Trial::servomotor_stage).collect::<Vec<_>>();
         (unit, noise) = (sheet.clone(), expected(&sheet.sensors));
-        let mut knobs = Knob::nuisances(&unit);
-        knobs.retain(sheetless::acts_behind_the_spool);
-        turned = Turned { knobs, starts: 1 };
+        let mut free_parameters = FreeParameter::nuisances(&unit);
+        free_parameters.retain(sheetless::acts_behind_the_spool);
+        turned = Turned { free_parameters, starts: 1 };
     }
     let runs = Run::all(&trials);
     let law = plain(&runs).ok_or_else(still)?;
@@ -194,15 +194,19 @@ fn servomotor_stage(
 
 /// The effects that change the servomotor's position when the spool is given.
 fn acting(trials: &[Trial], unit: &Unit, settings: &Settings, noise: &Noise) -> Vec<&'static EffectSpec> {
-    let bench = Bench::new(trials.to_vec(), unit, noise);
-    let misses = bench.misses_of(std::slice::from_ref(unit)).pop().unwrap_or_default();
-    let fit = Fit { positions: Vec::new(), square: square(&misses), prior: 0.0, misses, slopes: Vec::new() };
+    let problem = Problem::new(trials.to_vec(), unit, noise);
+    let residuals = problem.residuals_of(std::slice::from_ref(unit)).pop().unwrap_or_default();
+    let fit = Fit { positions: Vec::new(), square: square(&residuals), prior: 0.0, residuals, slopes: Vec::new() };
     let model = Model::new(Vec::new(), unit.clone(), Vec::new(), fit);
     let acts = |spec: &&'static EffectSpec| {
-        let Some((base, knobs, positions)) = model.with_effect(spec, Variant { size: 1.0, further: 1.0 }) else {
+        let Some((base, free_parameters, positions)) = model.with_effect(spec, Variant { size: 1.0, further: 1.0 })
+        else {
             return true;
         };
-        bench.misses_of(&[unit_at(&base, &knobs, &positions)]).pop().is_some_and(|misses| misses != model.fit.misses)
+        problem
+            .residuals_of(&[unit_at(&base, &free_parameters, &positions)])
+            .pop()
+            .is_some_and(|residuals| residuals != model.fit.residuals)
     };
     let wanted = |spec: &&'static EffectSpec| !settings.free || sheetless::means_something(spec.id);
     settings.catalogue.iter().copied().filter(wanted).filter(acts).collect()

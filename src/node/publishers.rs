@@ -10,7 +10,7 @@ use super::bus::{Bus, BusError};
 use super::control::Answer;
 use super::corrected::Voice;
 use super::integration::Output;
-use super::listener::news::{News, Teller};
+use super::listener::event::{News, Teller};
 use super::messages;
 use super::realtime::{monotonic_ns, pause};
 use super::services::replies::Replies;
@@ -25,7 +25,7 @@ const MOST_TRIES: u32 = 100;
 const BETWEEN_TRIES: Duration = Duration::from_micros(200);
 
 /// Everything that the node publishes at the state's rate.
-pub struct Mouth {
+pub struct Publishers {
     servo_state: Publisher<ServoState>,
     joint_states: Publisher<JointState>,
     status: Publisher<TwinStatus>,
@@ -33,7 +33,7 @@ pub struct Mouth {
     clock: Option<Publisher<Clock>>,
 }
 
-impl Mouth {
+impl Publishers {
     /// Opens all publishers; `corrected` is the signal that a learned residual corrects, `clock` whether the model's time is told.
     ///
     /// # Errors
@@ -48,7 +48,7 @@ impl Mouth {
         })
     }
 
-    /// Publishes results until the loop has gone, and hands them on to the keeper; callers are answered once what they ordered
+    /// Publishes results until the loop has gone, and hands them on to the supervisor; callers are answered once what they ordered
     /// is published. Returns how many messages DDS did not take.
     pub fn publish(
         &self,

@@ -1,15 +1,15 @@
 //! Where: the gap of every signal, and its square split exactly over processes, phases, directions, spool bands, end zones and ESV states.
 
-use crate::diagnosis::outcome::{Ledger, Part, SignalGap};
+use crate::diagnosis::result::{Breakdown, Part, SignalGap};
 use crate::frame::{Estimate, EsvState, Frame};
 use crate::signal::Signal;
-use crate::tuning::bench::Bench;
+use crate::tuning::problem::Problem;
 use crate::tuning::trial::Trial;
 
 /// Slower than this the servomotor stands, pu/s.
 const STANDING_PU_S: f64 = 2.0e-3;
 
-/// One row as the ledger sees it.
+/// One row as the breakdown sees it.
 struct Row<'a> {
     trial: &'a Trial,
     frame: &'a Frame,
@@ -37,11 +37,11 @@ const CUTS: [Cut; 6] = [
     ("ESV", &["normal", "shutdown"], |row| usize::from(row.frame.inputs.esv == EsvState::Shutdown)),
 ];
 
-/// The ledgers of both positions; estimates by trial of the refitted twin and of the twin with the effects.
+/// The breakdowns of both positions; estimates by trial of the refitted twin and of the twin with the effects.
 #[must_use]
-pub fn ledgers(bench: &Bench, refitted: &[Vec<Estimate>], with_effects: &[Vec<Estimate>]) -> Vec<Ledger> {
+pub fn breakdowns(problem: &Problem, refitted: &[Vec<Estimate>], with_effects: &[Vec<Estimate>]) -> Vec<Breakdown> {
     let mut all = Vec::new();
-    let stage_only = bench.trials.iter().all(|trial| trial.cut == crate::twin::Cut::Spool);
+    let stage_only = problem.trials.iter().all(|trial| trial.cut == crate::twin::Cut::Spool);
     for signal in Signal::POSITIONS {
         for (by, names, part_of) in CUTS {
             // Without command and ESV these say nothing.
@@ -52,8 +52,8 @@ pub fn ledgers(bench: &Bench, refitted: &[Vec<Estimate>], with_effects: &[Vec<Es
                 .iter()
                 .map(|name| Part { name: (*name).to_owned(), samples: 0, refitted: 0.0, with_effects: 0.0 })
                 .collect();
-            for (index, trial) in bench.trials.iter().enumerate() {
-                let twins = [refitted, with_effects].map(|twin| bench.squares(index, signal, &twin[index]));
+            for (index, trial) in problem.trials.iter().enumerate() {
+                let twins = [refitted, with_effects].map(|twin| problem.squares(index, signal, &twin[index]));
                 let [Some(before), Some(after)] = twins else { continue };
                 for (k, (before, after)) in before.into_iter().zip(after).enumerate() {
                     if !before.is_finite() {
@@ -72,7 +72,7 @@ pub fn ledgers(bench: &Bench, refitted: &[Vec<Estimate>], with_effects: &[Vec<Es
                     part.refitted /= total;
                     part.with_effects /= total;
                 }
-                all.push(Ledger { signal, by, parts });
+                all.push(Breakdown { signal, by, parts });
             }
         }
     }
@@ -89,10 +89,10 @@ fn slope(trial: &Trial, k: usize) -> f64 {
     if time_s > 0.0 && change.is_finite() { change / time_s } else { 0.0 }
 }
 
-/// RMS misses of every signal that was measured.
+/// RMS errors of every signal that was measured.
 #[must_use]
 pub fn gaps(
-    bench: &Bench,
+    problem: &Problem,
     delivered: &[Vec<Estimate>],
     refitted: &[Vec<Estimate>],
     with_effects: &[Vec<Estimate>],
@@ -101,14 +101,14 @@ pub fn gaps(
         .into_iter()
         .filter_map(|signal| {
             let (mut sums, mut floor, mut count) = ([0.0; 3], 0.0, 0_usize);
-            for index in 0..bench.trials.len() {
+            for index in 0..problem.trials.len() {
                 for (sum, twin) in sums.iter_mut().zip([delivered, refitted, with_effects]) {
-                    let squares = bench.squares(index, signal, &twin[index]).unwrap_or_default();
+                    let squares = problem.squares(index, signal, &twin[index]).unwrap_or_default();
                     *sum += squares.into_iter().filter(|square| square.is_finite()).sum::<f64>();
                 }
                 let samples =
-                    bench.trials[index].measured(signal).into_iter().filter(|value| value.is_finite()).count();
-                floor += bench.floor_square(index, signal) * samples as f64;
+                    problem.trials[index].measured(signal).into_iter().filter(|value| value.is_finite()).count();
+                floor += problem.floor_square(index, signal) * samples as f64;
                 count += samples;
             }
             let root = |sum: f64| (sum / count as f64).sqrt();

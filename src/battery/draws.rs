@@ -13,7 +13,7 @@ pub enum Question {
     /// Size of effects.
     Size,
     /// What is odd about the plant.
-    Oddities,
+    Mismatch,
     /// Clocks, dropouts, jitter of cycles.
     Time,
     /// How the regulator reads its transducer.

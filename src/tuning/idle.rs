@@ -14,18 +14,18 @@ const LEAST_CUT_S: f64 = 10.0;
 
 /// The rows that a fit may pass over, in their order; a row behind each is still at rest. Without a command there are none.
 #[must_use]
-pub fn rests(frames: &[Frame]) -> Vec<Range<usize>> {
-    let mut rests = Vec::new();
-    let Some(first) = frames.first() else { return rests };
+pub fn idle_segments(frames: &[Frame]) -> Vec<Range<usize>> {
+    let mut idle_segments = Vec::new();
+    let Some(first) = frames.first() else { return idle_segments };
     let (mut from, mut anchor) = (0, Anchor::at(first));
     for (row, frame) in frames.iter().enumerate() {
         if !anchor.holds(frame) {
-            rests.extend(middle(frames, from..row));
+            idle_segments.extend(middle(frames, from..row));
             (from, anchor) = (row, Anchor::at(frame));
         }
     }
-    rests.extend(middle(frames, from..frames.len()));
-    rests
+    idle_segments.extend(middle(frames, from..frames.len()));
+    idle_segments
 }
 
 /// Where a stretch began.
@@ -93,12 +93,12 @@ mod tests {
     #[test]
     fn what_moves_and_what_stands_around_it_is_kept() {
         let frames = frames(200);
-        let rests = rests(&frames);
-        let times_s: Vec<(f64, f64)> = rests
+        let idle_segments = idle_segments(&frames);
+        let times_s: Vec<(f64, f64)> = idle_segments
             .iter()
             .map(|rest| (frames[rest.start].time_ns as f64 * 1e-9, frames[rest.end].time_ns as f64 * 1e-9))
             .collect();
-        assert_eq!(rests.len(), 2, "{times_s:?}");
+        assert_eq!(idle_segments.len(), 2, "{times_s:?}");
         // Before the step; and after the piston has come to rest at 60 s, to within the dead band.
         assert!((times_s[0].0 - 15.0).abs() < 0.11 && (times_s[0].1 - 44.9).abs() < 0.11, "{times_s:?}");
         assert!((times_s[1].0 - 75.0).abs() < 0.4 && (times_s[1].1 - 194.9).abs() < 0.11, "{times_s:?}");
@@ -106,10 +106,10 @@ mod tests {
 
     #[test]
     fn short_recordings_and_those_without_a_command_stay_whole() {
-        assert!(rests(&frames(29)).is_empty());
+        assert!(idle_segments(&frames(29)).is_empty());
         let mut silent = frames(200);
         silent.iter_mut().for_each(|frame| frame.inputs.opening_command_pu = f64::NAN);
-        assert!(rests(&silent).is_empty());
-        assert!(rests(&[]).is_empty());
+        assert!(idle_segments(&silent).is_empty());
+        assert!(idle_segments(&[]).is_empty());
     }
 }

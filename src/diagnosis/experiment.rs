@@ -7,21 +7,21 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
-use crate::diagnosis::candidate::{Candidate, candidates};
+use crate::diagnosis::candidate_test::{Candidate, candidates};
 use crate::diagnosis::decision::Decision;
 use crate::diagnosis::explore::Explored;
 use crate::diagnosis::information::{Drop, Predicted, entropy_bits, expected_drop};
 use crate::diagnosis::model::Model;
-use crate::diagnosis::outcome::Experiment;
 use crate::diagnosis::posterior::{Posterior, Weights};
-use crate::diagnosis::script::CANDIDATES;
+use crate::diagnosis::result::Experiment;
 use crate::diagnosis::stage_experiment;
 use crate::diagnosis::survivors::{Survivor, deviations, survivors};
 use crate::diagnosis::table::Table;
+use crate::diagnosis::test_script::CANDIDATES;
 use crate::parameters::Unit;
 use crate::signal::Signal;
-use crate::tuning::bench::{Bench, Misses, twin_of};
 use crate::tuning::fit::slopes;
+use crate::tuning::problem::{Problem, Residuals, twin_of};
 use crate::tuning::trial::Trial;
 use crate::twin::{Cut, Twin};
 
@@ -45,7 +45,7 @@ pub struct Next {
 
 /// The best tests: of those that ask for nothing further, and with a trip, pilot signals or a faster recorder where these tell more per minute.
 #[must_use]
-pub fn next(bench: &Bench, found: &Explored, judged: (&Table, &Posterior, &Weights), decision: &Decision) -> Next {
+pub fn next(problem: &Problem, found: &Explored, judged: (&Table, &Posterior, &Weights), decision: &Decision) -> Next {
     let (table, posterior, weights) = judged;
     let left = survivors(found, table, posterior, decision);
     let entropy_bits = entropy_bits(left.iter().map(|one| one.probability));
@@ -53,14 +53,14 @@ pub fn next(bench: &Bench, found: &Explored, judged: (&Table, &Posterior, &Weigh
         return Next { entropy_bits, experiments: Vec::new() };
     }
     let Some(leader) = left.iter().find(|one| !one.unknown).or(left.first()) else { return Next::default() };
-    let candidates = if bench.trials.first().is_some_and(|trial| trial.cut == Cut::Spool) {
+    let candidates = if problem.trials.first().is_some_and(|trial| trial.cut == Cut::Spool) {
         stage_experiment::candidates(&leader.model.unit())
     } else {
-        candidates(bench, &leader.model.unit(), &CANDIDATES)
+        candidates(problem, &leader.model.unit(), &CANDIDATES)
     };
-    let recorded = Signal::ALL.map(|signal| bench.trials.iter().any(|trial| trial.has[signal as usize]));
+    let recorded = Signal::ALL.map(|signal| problem.trials.iter().any(|trial| trial.has[signal as usize]));
     let weighed = weigh(
-        bench,
+        problem,
         &left,
         leader.model,
         &found.refitted().unit(),
@@ -99,18 +99,18 @@ impl Weighed {
 /// were not among them, with those too. `known` is the share with which a nat counts and which signals were recorded.
 #[must_use]
 pub fn weigh(
-    bench: &Bench,
+    problem: &Problem,
     left: &[Survivor<'_>],
     leader: &Model,
     refitted: &Unit,
     candidates: Vec<Candidate>,
     known: (f64, [bool; Signal::ALL.len()]),
 ) -> Vec<Weighed> {
-    let tests = bench.anew(candidates.iter().map(|one| one.trial.clone()).collect(), &leader.unit());
+    let tests = problem.anew(candidates.iter().map(|one| one.trial.clone()).collect(), &leader.unit());
     let mut twins: Vec<Twin> = left.iter().map(|one| one.twin.clone()).collect();
     twins.push(twin_of(refitted));
-    let outcomes = tests.misses_of_twins(&twins);
-    let sheet = leader.knobs.len() - own_count(leader);
+    let outcomes = tests.residuals_of_twins(&twins);
+    let sheet = leader.free_parameters.len() - own_count(leader);
     let weighing = Weighing { left, leader, candidates, known, tests, outcomes, sheet };
     weighing.close().into_par_iter().flat_map_iter(|index| weighing.weighed(index)).collect()
 }
@@ -127,8 +127,8 @@ struct Weighing<'a> {
     candidates: Vec<Candidate>,
     known: (f64, [bool; Signal::ALL.len()]),
     /// The candidates with noise, the leader's answer being what is measured.
-    tests: Bench,
-    outcomes: Vec<Misses>,
+    tests: Problem,
+    outcomes: Vec<Residuals>,
     /// Number of the sheet's parameters.
     sheet: usize,
 }
@@ -189,7 +189,7 @@ impl Weighing<'_> {
     fn weighed(&self, index: usize) -> Vec<Weighed> {
         let only = self.tests.only(index);
         let slopes_at = |model: &Model, first: usize, at: &DVector<f64>| {
-            slopes(&only, &model.base, &model.knobs, &model.fit.positions, first, &vec![at.clone()]).pop()
+            slopes(&only, &model.base, &model.free_parameters, &model.fit.positions, first, &vec![at.clone()]).pop()
         };
         let leads = self.left.iter().position(|one| !one.unknown && std::ptr::eq(one.model, self.leader));
         let at_leader = &self.outcomes[leads.unwrap_or(self.refitted())][index];
@@ -277,7 +277,7 @@ fn gram(columns: &DMatrix<f64>, trial: &Trial, signals: &[Signal]) -> DMatrix<f6
     let n = columns.ncols();
     let count = trial.samples.len();
     signals.iter().filter_map(|&signal| trial.place(signal)).fold(DMatrix::zeros(n, n), |sum, place| {
-        let rows = columns.rows(trial.miss(place, 0), count);
+        let rows = columns.rows(trial.residual(place, 0), count);
         sum + rows.transpose() * rows
     })
 }

@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::values::{ReadError, signal, text};
-use crate::diagnosis::outcome::Trace;
+use crate::diagnosis::result::Trace;
 use crate::recording::Process;
 
 /// Traces as a report keeps them.

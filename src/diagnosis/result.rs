@@ -4,8 +4,8 @@ use serde_json::{Value, json};
 
 use crate::diagnosis::consistency::Consistency;
 use crate::diagnosis::discrepancy::Curve;
-use crate::diagnosis::script::Script;
 use crate::diagnosis::table::Table;
+use crate::diagnosis::test_script::Script;
 use crate::effects::Stage;
 use crate::parameters::Unit;
 use crate::recording::Process;
@@ -114,7 +114,7 @@ pub struct Blame {
     pub closure: Interval,
     /// What it closes on top of the other of two effects; none where it is not one of two.
     pub last_in: Option<f64>,
-    /// Its fair part of what both close together: the mean over the orders in which they may come (Shapley 1953).
+    /// Its Shapley share of what both explain together: the mean over the orders in which they may come (Shapley 1953).
     pub shapley: Option<f64>,
 }
 
@@ -132,13 +132,13 @@ pub struct Ranked {
 pub struct SignalGap {
     /// Which signal.
     pub signal: Signal,
-    /// What a right twin would still miss, RMS in the signal's unit.
+    /// What a right twin would still leave, RMS in the signal's unit.
     pub noise_floor: f64,
-    /// RMS miss with the sheet's values.
+    /// RMS error with the sheet's values.
     pub delivered: f64,
-    /// RMS miss after refitting within tolerances.
+    /// RMS error after refitting within tolerances.
     pub refitted: f64,
-    /// RMS miss with the blamed effects.
+    /// RMS error with the blamed effects.
     pub with_effects: f64,
 }
 
@@ -222,7 +222,7 @@ pub struct Part {
 
 /// One way of cutting the squared gap of one signal into parts.
 #[derive(Clone, Debug)]
-pub struct Ledger {
+pub struct Breakdown {
     /// Which signal.
     pub signal: Signal,
     /// By what: process, phase, direction, spool band, end zones, ESV.
@@ -240,9 +240,9 @@ pub struct StageTest {
     pub signal: Signal,
     /// Zero error taken off the fed spool first, pu.
     pub zero_error_pu: f64,
-    /// RMS miss, signal unit.
+    /// RMS error, signal unit.
     pub rmse: f64,
-    /// Misses made white: mean square, 1 where only noise is left.
+    /// Residuals made white: mean square, 1 where only noise is left.
     pub excess: f64,
 }
 
@@ -303,7 +303,7 @@ pub struct FreeRun {
     pub model: String,
     /// The half of the recordings that it was fitted to.
     pub fitted_on: &'static str,
-    /// RMS miss of the servomotor in the half that it was fitted to, pu.
+    /// RMS error of the servomotor in the half that it was fitted to, pu.
     pub seen: f64,
     /// The same in the other half.
     pub held_out: f64,
@@ -342,7 +342,7 @@ pub struct StageOnly {
     pub piece_s: f64,
     /// What was fitted, in the numbers of the recordings.
     pub told: Vec<Told>,
-    /// RMS that the transducers alone make a right model miss over a piece, pu of stroke.
+    /// RMS that the transducers alone make a right model residual over a piece, pu of stroke.
     pub transducers_pu: f64,
     /// Why the recordings are of no such stage; none where they are.
     pub foreign: Option<String>,
@@ -386,7 +386,7 @@ pub struct Diagnosis {
     /// Pairs of effects that these recordings cannot tell apart, with how alike they look, 0 to 1.
     pub alike: Vec<(String, String, f64)>,
     /// The squared gap in parts.
-    pub ledgers: Vec<Ledger>,
+    pub breakdowns: Vec<Breakdown>,
     /// Stages driven by recorded signals.
     pub stage_tests: Vec<StageTest>,
     /// Free terms.
