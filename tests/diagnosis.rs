@@ -90,6 +90,7 @@ fn what_is_claimed_has_the_named_effects_and_no_others() {
     let processes = [Process::LoadIncrease, Process::LoadRejection];
     let trials = recordings(&true_unit, &processes, 3).into_iter().map(Trial::new).collect();
     let problem = Problem::new(trials, &reference(), &expected(&reference().sensors));
+    let problem = problem.with_loop_noise(1.0).laid_along(&reference());
     let sheet = Model::sheet(&problem, &reference(), &FreeParameter::nuisances(&reference()));
     let catalogue: Vec<_> = planted.iter().filter_map(|(id, _)| find(id)).collect();
     let mut found = explore(&problem, &sheet, &sheet, &catalogue, &|_, _| ());
@@ -98,8 +99,8 @@ fn what_is_claimed_has_the_named_effects_and_no_others() {
     let mut sizes: Vec<(&str, f64)> = claimed.effects.iter().map(|one| (one.id.as_str(), one.values[0])).collect();
     sizes.sort_by(|a, b| b.0.cmp(a.0));
     assert!(sizes.len() == 2 && sizes[0].0 == "lvdt_bias" && sizes[1].0 == "feedback_lag", "{sizes:?}");
-    // Both take up some of the play that is not claimed.
-    assert!((sizes[0].1 / 0.03 - 1.0).abs() < 0.25 && (sizes[1].1 / 0.05 - 1.0).abs() < 0.7, "{sizes:?}");
+    // The lag takes up some of the play that is not claimed.
+    assert!((sizes[0].1 / 0.03 - 1.0).abs() < 0.2 && (sizes[1].1 / 0.05 - 1.0).abs() < 0.7, "{sizes:?}");
     assert_eq!(found.with(&["feedback_lag"]).unwrap().ids(), ["feedback_lag"]);
     // What was fitted with care is not fitted again.
     let before = problem.simulations();
@@ -132,17 +133,14 @@ fn a_unit_that_swings_of_itself_is_named_by_its_loudness() {
 
 /// A leak across the piston lets the spool stand open at rest, as an offset of its transducer does, but not in every movement.
 #[test]
-fn a_neighbour_of_what_the_catalogue_lacks_is_not_named() {
+fn a_neighbour_of_what_the_catalogue_lacks_is_doubted() {
     let leak = find("servo_leak").unwrap().parameters[0];
     let said = judged(Some(("servo_leak", 1.5 * leak.typical)));
-    assert_eq!(said.verdict, Verdict::Unknown);
-    assert!(said.blamed.is_empty() && said.fitted.effects.is_empty());
-    assert!(
-        said.notes.iter().any(|note| note.starts_with("Nearest in the catalogue: ") && note.contains("lvdt_bias")),
-        "{:?}",
-        said.notes
-    );
-    assert!(said.ranking[0].id == "unknown" && said.ranking[1].id == "lvdt_bias", "{:?}", said.ranking);
+    // It leaves little more than a right equation would, but only with a sheet that is far off.
+    let of = |id: &str| said.ranking.iter().find(|one| one.id == id).unwrap().probability;
+    assert!(of("unknown") > 0.1 && of("lvdt_bias") < 0.85, "{:?}", said.ranking);
+    assert!(of("unknown") > 100.0 * of("port_overlap") && of("unknown") > 100.0 * of("none"), "{:?}", said.ranking);
+    assert!(said.notes.iter().any(|note| note.contains("tolerances") && note.contains("sheet")), "{:?}", said.notes);
 }
 
 /// Wider overlap is a parameter of the sheet, too: the refit follows, but only far outside its tolerance.

@@ -31,7 +31,7 @@ fn of(unit: &Unit, process: Process, rate_hz: f64) -> Recording {
 fn archived(process: Process) -> Recording {
     let dir = tempfile::tempdir().unwrap();
     let made = Command::new(env!("CARGO_BIN_EXE_govtwin"))
-        .args(["generate", "--process", process.id(), "--rate", "5", "--duration", "30", "--seed", "4", "--out"])
+        .args(["generate", "--process", process.id(), "--rate", "5", "--duration", "150", "--seed", "4", "--out"])
         .arg(dir.path())
         .output()
         .unwrap();

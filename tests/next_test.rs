@@ -14,15 +14,18 @@ use govtwin::diagnosis::survivors::survivors;
 use govtwin::diagnosis::table::Table;
 use govtwin::diagnosis::test_script::{Script, Shape};
 use govtwin::diagnosis::{Settings, diagnose};
-use govtwin::effects::{CATALOGUE, EffectSpec, find};
+use govtwin::effects::{self, CATALOGUE, EffectSpec, find};
 use govtwin::frame::Signals;
-use govtwin::generate::noise::{Dice, Purpose, Transducer};
+use govtwin::generate::noise::{Dice, Purpose, READINGS, Transducer, in_loop};
 use govtwin::generate::{Scenario, recording, spread};
 use govtwin::msg;
 use govtwin::parameters::{EffectSetting, Unit};
 use govtwin::params::reference;
+use govtwin::plant::Plant;
+use govtwin::plant::term::Point;
 use govtwin::recording::{Process, Recording};
 use govtwin::signal::Signal;
+use govtwin::solver::Method;
 use govtwin::tuning::free_parameter::FreeParameter;
 use govtwin::tuning::noise::expected;
 use govtwin::tuning::problem::Problem;
@@ -52,7 +55,12 @@ fn answered(unit: &Unit, script: &Script) -> Recording {
     let dice = Dice { seed: 5, process: Process::LoadIncrease };
     let mut servomotor = Transducer::new(unit.sensors.servomotor_position_pu, dice.of(Purpose::Servomotor));
     let mut spool = Transducer::new(unit.sensors.spool_position_pu, dice.of(Purpose::Spool));
-    let mut twin = Twin::new(unit);
+    let mut plant = Plant::new(&unit.parameters);
+    effects::apply(unit, &mut plant);
+    // The regulator hears its transducer's noise, as in every recording.
+    let heard = unit.sensors.servomotor_position_pu;
+    plant.terms.push(in_loop(Point::RegulatorServomotor, heard, READINGS, dice.of(Purpose::RegulatorServomotor), 1e6));
+    let mut twin = Twin::of_plant(plant, unit.parameters.oil.tank_pressure_pa, Method::default());
     let mut frames = script.frames(unit.parameters.oil.tank_pressure_pa);
     for frame in &mut frames {
         let signals = twin.step(frame).signals;

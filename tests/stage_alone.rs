@@ -126,9 +126,9 @@ fn verdicts_hold_at_other_rates_and_at_different_rates_of_the_channels() {
     for (spool, servomotor) in [(4, 4), (5, 1), (1, 5), (3, 2)] {
         let other = freely(vec![thinned(spool, servomotor)]);
         let how = format!("every {spool}, {servomotor}: {}\nbefore: {}", shown(&other), shown(&plain));
-        // Which of the two that leave the same mark is within the class may change with what is known of the spool between its samples.
+        // What stands beside it may change with what is known of the spool between its samples.
         assert!(matches!(other.verdict, Verdict::Class | Verdict::Named), "{how}");
-        assert!(!ids(&other).is_empty() && ids(&other).iter().all(|id| ids(&plain).contains(id)), "{how}");
+        assert!(ids(&other).contains(&"port_asymmetry") && ids(&plain).contains(&"port_asymmetry"), "{how}");
         assert!(near(told(&other, "dead_band"), 0.14, 0.15), "{how}");
         let [one, same] = [&other, &plain].map(|said| said.part.as_ref().unwrap().free_run_s);
         assert!((one - same).abs() < 0.5, "free runs last {one} s and {same} s");

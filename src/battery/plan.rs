@@ -181,7 +181,7 @@ mod tests {
             assert!(ids.windows(2).all(|pair| pair[0] != pair[1]), "{ids:?}");
         }
         let triples: Vec<_> = long.iter().filter(|case| matches!(case.kind, Kind::Triple(..))).collect();
-        assert!(triples.len() == 10 && triples.iter().all(|case| case.kind.ids().len() == 3));
+        assert!(triples.len() == 8 && triples.iter().all(|case| case.kind.ids().len() == 3));
         let slow = long.iter().filter(|case| case.rate_hz == 5.0).count();
         assert!((40..100).contains(&slow), "{slow}");
         assert!(plan(12, 7, Rates::Plant).iter().all(|case| case.rate_hz == 5.0));
