@@ -109,6 +109,8 @@ pub fn diagnose(
     let mut explored: Explored = explore(&problem, &refitted, &sheet, &settings.catalogue, progress);
     if let Some(quieter) = quieter(&problem, &explored.leader().unit()) {
         progress("starting again with the noise that the likeliest set leaves", 0.2);
+        // Slopes are nearly all of the memory.
+        drop(explored);
         let (renewed, refitted, sheet) = search::renewed(&quieter, &refitted);
         explored = explore(&renewed, &refitted, &sheet, &settings.catalogue, progress);
         problem = renewed;
