@@ -48,12 +48,14 @@ fn the_default_method_agrees_with_the_reference_method() {
 #[test]
 fn the_response_is_continuous_in_each_parameter_and_never_stands_still() {
     for spec in CATALOGUE {
+        // What acts on a driving spool shows behind it alone.
+        let cut = if ["valve_lag", "flow_saturation"].contains(&spec.id) { Cut::Spool } else { Cut::Servomotor };
         for (k, p) in spec.parameters.iter().enumerate() {
             let scale = if p.typical == p.neutral { p.typical } else { p.typical - p.neutral };
             let at = |share: f64| {
                 let mut setting: EffectSetting = typical(spec);
                 setting.values[k] = p.neutral + share * scale;
-                simulate(&[setting], Cut::Servomotor)
+                simulate(&[setting], cut)
             };
             let what = format!("{}.{}", spec.id, p.name);
             let here = at(0.777);

@@ -25,6 +25,7 @@ use crate::commands::{Outcome, usage};
 /// Arguments of `govtwin blind`.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = HELP)]
+#[expect(clippy::struct_excessive_bools, reason = "each is an option of its own")]
 pub struct Args {
     /// Folder of units: each folder in it with bags is one unit. With --generate it is made.
     #[arg(value_name = "DIR")]
@@ -168,7 +169,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         exams.as_ref(),
         &methods,
         (&cases, &expected),
-        made_from,
+        &made_from,
         (out, output),
         args.json,
     )?;

@@ -21,6 +21,7 @@ use crate::commands::{Outcome, expect, usage};
 
 /// Arguments of `govtwin run`.
 #[derive(Debug, clap::Args)]
+#[expect(clippy::struct_excessive_bools, reason = "each is an option of its own")]
 pub struct Args {
     /// Parameter file of the unit; the shipped unit by default.
     #[arg(long, value_name = "FILE")]

@@ -15,7 +15,12 @@
 //!               "adaptation": {"samples": 23293, "alarms": 1, "first_alarm_ns": 1780008000000000000, "adapted": 9000, "clamped": 0, "bias": 0.003,
 //!                              "gain_ratio": 0.01}, "processes": […], "overall": {…}},
 //!  "ladder": {"signal": "spool_position_pu", "findings": ["…"],
-//!             "rungs": [{"title": "fitted.yaml", "model": null, "unseen": [], "processes": […], "overall": {…}}]}}
+//!             "rungs": [{"title": "fitted.yaml", "model": null, "unseen": [], "processes": […], "overall": {…}}]},
+//!  "provenance": {"program": "govtwin 0.1.0", "command": "replay", "date": "2026-01-31T12:00:00Z", "unit": "unit 2",
+//!                 "recordings": [{"name": "startup_01", "files": [{"path": "bags/startup_01.mcap", "bytes": 121174, "sha256": "…"}],
+//!                                 "synthetic": true, "origin": "…", "left_out": null}],
+//!                 "sheet": {"name": "unit 2", "files": […], "sha256": "…"}, "options": {"cut": "none", "rate-of-inputs": "hold"},
+//!                 "seed": null, "warnings": []}}
 //! ```
 //!
 //! A SIGNAL is `{"name": "spool_position_pu", "unit": "pu", "stands_in": false, "rows": 1250,

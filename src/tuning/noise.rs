@@ -257,6 +257,7 @@ impl Whitener {
     }
 
     /// One over the standard deviation of each innovation, where there was a sample.
+    #[must_use]
     pub fn scales(&self) -> Vec<f64> {
         self.scale.iter().copied().filter(|scale| *scale > 0.0).collect()
     }

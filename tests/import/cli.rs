@@ -58,7 +58,7 @@ fn slips_are_told_before_anything_is_written() {
     for (args, code, words) in [
         (vec!["import", table], 2, "--map <MAP>"),
         (vec!["import", table, "--map", "none.yaml", "--out", "bag"], 1, "none.yaml: cannot read the map"),
-        (vec!["import", "--suggest", table, table], 1, "--suggest looks at one file, found 2"),
+        (vec!["import", "--suggest", table, table], 2, "--suggest looks at one file, found 2"),
         (vec!["import", "--suggest", "nowhere.csv"], 1, "nowhere.csv"),
         (vec!["replay", table, "--map", "m.yaml", "--topic", "esv=/x"], 2, "cannot be used with"),
     ] {

@@ -82,7 +82,7 @@ pub fn score_all(
     exams: Option<&BTreeMap<String, f64>>,
     methods: &[Method],
     (units, expected): (&[Case], &Expected),
-    made: Provenance,
+    made: &Provenance,
     (out, mut output): (&Path, Output),
     as_json: bool,
 ) -> anyhow::Result<Vec<String>> {

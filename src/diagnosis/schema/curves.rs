@@ -30,6 +30,9 @@ pub fn traces(traces: &[Trace]) -> Value {
 }
 
 /// A trace of a report.
+///
+/// # Errors
+/// On a signal that is not known.
 pub fn trace(value: &Value) -> Result<Trace, ReadError> {
     let numbers = |value: &Value| -> Vec<f64> {
         let text = value.as_str().unwrap_or_default();
@@ -42,7 +45,9 @@ pub fn trace(value: &Value) -> Result<Trace, ReadError> {
     let mut signals = Vec::new();
     for (id, curves) in value["signals"].as_object().into_iter().flatten() {
         let mut all: [Vec<f64>; 4] = std::array::from_fn(|which| numbers(&curves[which]));
-        all.iter_mut().for_each(|curve| curve.resize(time_s.len(), f64::NAN));
+        for curve in &mut all {
+            curve.resize(time_s.len(), f64::NAN);
+        }
         signals.push((signal(&Value::from(id.as_str()))?, all));
     }
     signals.sort_by_key(|(signal, _)| *signal as usize);

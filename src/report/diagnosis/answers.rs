@@ -268,7 +268,7 @@ fn next(diagnosis: &Diagnosis) -> Vec<String> {
             all.insert(0, "Check which signals were recorded: the spool's position of the main distributing valve, and its servomotor's.".into());
         }
         Verdict::NoGap => {
-            all.push("What would have shown, had it been there, stands below under what could be seen.".into())
+            all.push("What would have shown, had it been there, stands below under what could be seen.".into());
         }
         Verdict::Named if is_alone(diagnosis) => {
             all.insert(

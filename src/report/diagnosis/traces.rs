@@ -73,6 +73,7 @@ pub fn worst(trace: &Trace, length_s: f64) -> Option<[f64; 2]> {
 
 /// The traces as a report keeps them: all by name, and the curves of the one with most of the error, each row of its worst stretch and few
 /// of the rest.
+#[must_use]
 pub fn kept(traces: &[Trace]) -> Vec<Trace> {
     let most = traces.iter().enumerate().max_by(|(_, a), (_, b)| gap(a).total_cmp(&gap(b))).map(|(at, _)| at);
     let one = |(at, trace): (usize, &Trace)| {
