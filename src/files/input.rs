@@ -10,7 +10,7 @@ use super::regular::{bounded_bytes, bounded_text};
 /// names, it is completed first.
 ///
 /// # Errors
-/// As [`check_regular`], and where it is longer.
+/// As [`super::regular::check_regular`], and where it is longer.
 pub fn read_bytes(path: &Path, most_bytes: u64) -> io::Result<Vec<u8>> {
     settle(path)?;
     bounded_bytes(path, most_bytes)

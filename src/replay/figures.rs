@@ -17,7 +17,7 @@ pub struct Group {
 /// Figures of one signal.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SignalFigures {
-    /// [`Signal::id`].
+    /// [`crate::signal::Signal::id`].
     pub name: &'static str,
     /// Unit of the figures; that of `r2` is 1.
     pub unit: &'static str,
