@@ -39,7 +39,7 @@ pub struct Try {
     pub base: Unit,
     /// Knobs of tolerances, then of the effect.
     pub free_parameters: Vec<FreeParameter>,
-    /// Positions of all free_parameters.
+    /// Positions of all free parameters.
     pub positions: Vec<f64>,
     /// Residuals.
     pub residuals: Residuals,

@@ -67,7 +67,7 @@ pub struct Args {
     /// Folder for fitted.yaml and fit.json; made where missing.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// After the fit, answer each line of free_parameter positions on standard input with the residuals, as JSON: for other solvers.
+    /// After the fit, answer each line of free parameter positions on standard input with the residuals, as JSON: for other solvers.
     #[arg(long, hide = true)]
     serve: bool,
 }

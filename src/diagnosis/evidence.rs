@@ -28,19 +28,19 @@ pub struct Normal {
     cost: f64,
     slopes: usize,
     terms: usize,
-    /// Over free_parameters, discrepancy terms and errors of laws, without priors of the latter two.
+    /// Over free parameters, discrepancy terms and errors of laws, without priors of the latter two.
     hessian: DMatrix<f64>,
     /// Along all of these.
     gradient: DVector<f64>,
     /// Logarithm of the prior density of the sizes over a Gaussian of unit precision.
     sizes: f64,
-    /// Logarithm of the precision of the free_parameters' priors, all together.
+    /// Logarithm of the precision of the free parameters' priors, all together.
     log_precision: f64,
     /// What each recording has to say.
     parts: Vec<Part>,
 }
 
-/// One recording's part in the normal equations of the free_parameters.
+/// One recording's part in the normal equations of the free parameters.
 #[derive(Clone, Debug)]
 struct Part {
     cost: f64,
@@ -169,10 +169,10 @@ impl Normal {
         0.5 * (gain - self.cost - log_determinant(&cholesky) + log_precision) + self.sizes
     }
 
-    /// What the terms lower the cost by, the free_parameters following.
+    /// What the terms lower the cost by, the free parameters following.
     fn gain_of_terms(&self, cholesky: &Cholesky<f64, nalgebra::Dyn>, gradient: &DVector<f64>) -> f64 {
         let mut solved = gradient.clone();
-        // Knobs come first, so that the factor's leading block is that of the free_parameters alone.
+        // Free parameters come first, so that the factor's leading block is that of the free parameters alone.
         if !cholesky.l_dirty().solve_lower_triangular_mut(&mut solved) {
             return 0.0;
         }
@@ -232,7 +232,7 @@ impl Normal {
         (self.gain_of_terms(&cholesky, &gradient), solved.rows(n, b).iter().map(|size| -size).collect())
     }
 
-    /// What the free_parameters could still gain by the slopes at hand, nats: next to nothing where a fit has ended.
+    /// What the free parameters could still gain by the slopes at hand, nats: next to nothing where a fit has ended.
     #[must_use]
     pub fn unfinished(&self) -> f64 {
         let n = self.slopes;

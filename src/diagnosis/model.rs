@@ -10,7 +10,7 @@ use crate::tuning::free_parameter::{FreeParameter, unit_at};
 use crate::tuning::linear::{normal, prior_square};
 use crate::tuning::problem::{Problem, square};
 
-/// A model with all its free_parameters fitted: the sheet's tolerances, then the parameters of its effects.
+/// A model with all its free parameters fitted: the sheet's tolerances, then the parameters of its effects.
 #[derive(Clone, Debug)]
 pub struct Model {
     /// The effects beyond those of the unit itself.
@@ -21,7 +21,7 @@ pub struct Model {
     pub free_parameters: Vec<FreeParameter>,
     /// The fit; a model that was only scouted keeps neither residuals nor slopes.
     pub fit: Fit,
-    /// Covariance of the free_parameters about the fit.
+    /// Covariance of the free parameters about the fit.
     pub spread: DMatrix<f64>,
 }
 
@@ -48,7 +48,7 @@ impl Model {
         (self.fit.residuals, self.fit.slopes) = (Vec::new(), Vec::new());
     }
 
-    /// The same effects and free_parameters, fitted otherwise, if that is better.
+    /// The same effects and free parameters, fitted otherwise, if that is better.
     #[must_use]
     pub fn or_better(&self, fit: Fit) -> Self {
         if fit.cost() <= self.fit.cost() || self.fit.slopes.is_empty() {
@@ -58,7 +58,7 @@ impl Model {
         }
     }
 
-    /// The unit with these of the model's effects alone, its free_parameters, and where they stand.
+    /// The unit with these of the model's effects alone, its free parameters, and where they stand.
     #[must_use]
     pub fn keeping(&self, ids: &[&str]) -> Placed {
         let own = self.base.effects.len() - self.effects.len();
@@ -85,7 +85,7 @@ impl Model {
         self.fit.cost()
     }
 
-    /// What the recordings say of a free_parameter beyond the sheet: 0 where they say nothing, 1 where the sheet's tolerance does not matter.
+    /// What the recordings say of a free parameter beyond the sheet: 0 where they say nothing, 1 where the sheet's tolerance does not matter.
     #[must_use]
     pub fn information(&self, free_parameter: usize) -> f64 {
         if self.free_parameters[free_parameter].has_prior() {
@@ -155,7 +155,7 @@ impl Model {
         self.effects.iter().map(|effect| effect.id).collect()
     }
 
-    /// The unit, its free_parameters, and where they stand.
+    /// The unit, its free parameters, and where they stand.
     #[must_use]
     pub fn placed(&self) -> Placed {
         (self.base.clone(), self.free_parameters.clone(), self.fit.positions.clone())
@@ -182,7 +182,7 @@ impl Model {
     }
 }
 
-/// Covariance of the free_parameters about a fit; infinite where it says nothing.
+/// Covariance of the free parameters about a fit; infinite where it says nothing.
 #[must_use]
 pub fn covariance(free_parameters: &[FreeParameter], fit: &Fit) -> DMatrix<f64> {
     let (hessian, _) = normal(free_parameters, &fit.positions, &fit.residuals, &fit.slopes, 1.0);

@@ -14,7 +14,7 @@ use crate::tuning::trial::Trial;
 /// What a nominal fit turns, and from how many starts.
 #[derive(Clone, Debug)]
 pub struct Turned {
-    /// The free_parameters.
+    /// The free parameters.
     pub free_parameters: Vec<FreeParameter>,
     /// Starts: the sheet, and places scattered around it, the same each time.
     pub starts: usize,

@@ -180,7 +180,7 @@ fn latents(problem: &Problem, explored: &Explored, chosen: &Model) -> Vec<Latent
     all
 }
 
-/// The fitted values of those free_parameters that are wanted.
+/// The fitted values of those free parameters that are wanted.
 fn fitted(model: &Model, size_spread: f64, wanted: impl Fn(&FreeParameter) -> bool) -> Vec<Fitted> {
     // Effects of the unit itself come before those that were tried.
     let first = model.base.effects.len().saturating_sub(model.effects.len());

@@ -21,7 +21,7 @@ use crate::units::nanos_from_seconds;
 
 /// Standard deviations to either side of a 90 % interval.
 const NINETY: f64 = 1.645;
-/// How far free_parameters are turned for slopes, in standard deviations of the fit, at most in units of the free_parameter.
+/// How far free parameters are turned for slopes, in standard deviations of the fit, at most in units of the free parameter.
 const TURN: (f64, f64) = (0.5, 0.5);
 /// Travel of the servomotor that a step is followed over, pu, and rows for it at the speed of the plain law.
 const FOLLOWED: (f64, f64) = (0.3, 200.0);

@@ -33,14 +33,14 @@ const SIZES: [f64; 4] = [1.0, 0.3, -1.0, 3.0];
 const SCATTER: f64 = 0.7;
 /// Nearer to a bound than this share of the range is at the bound.
 const AT_BOUND_SHARE: f64 = 1e-3;
-/// How far to either side slopes are taken for the intervals, in units of a free_parameter.
+/// How far to either side slopes are taken for the intervals, in units of a free parameter.
 const WIDE_STEP: f64 = 0.1;
 /// Length over which residuals may go together, s.
 const BLOCK_S: f64 = 10.0;
 /// Correlations from here on are told.
 const STRONG: f64 = 0.7;
 
-/// One free_parameter after the fit.
+/// One free parameter after the fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
     /// Key in parameter files; for effects `id.parameter`.
@@ -61,7 +61,7 @@ pub struct Row {
     pub learned: f64,
 }
 
-/// Two free_parameters that the data tell apart badly.
+/// Two free parameters that the data tell apart badly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Correlation {
     /// Keys of the two.
@@ -79,9 +79,9 @@ pub struct Calibration {
     pub free_parameters: Vec<FreeParameter>,
     /// The fit itself.
     pub fit: Fit,
-    /// Each free_parameter, in order.
+    /// Each free parameter, in order.
     pub rows: Vec<Row>,
-    /// Standard deviation of each free_parameter's position, 1.
+    /// Standard deviation of each free parameter's position, 1.
     pub deviations: Vec<f64>,
     /// Strong correlations, the strongest first.
     pub correlations: Vec<Correlation>,
@@ -92,7 +92,7 @@ pub struct Calibration {
     pub leftover: [Option<f64>; Signal::ALL.len()],
 }
 
-/// Fits the free_parameters from several starts; `step` is called as each part of the work ends, [`parts`] times in all.
+/// Fits the free parameters from several starts; `step` is called as each part of the work ends, [`parts`] times in all.
 #[must_use]
 pub fn calibrate(
     trials: Vec<Trial>,
@@ -167,7 +167,7 @@ fn polish(problem: &Problem, base: &Unit, free_parameters: &[FreeParameter], mut
     found
 }
 
-/// Slopes of the residuals by every free_parameter, and how far they may be wrong.
+/// Slopes of the residuals by every free parameter, and how far they may be wrong.
 struct Slopes {
     /// By trial.
     slopes: Vec<DMatrix<f64>>,

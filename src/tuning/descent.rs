@@ -19,7 +19,7 @@ pub(super) fn correct(slopes: &mut [DMatrix<f64>], from: &[f64], to: &[f64], bef
     }
 }
 
-/// The damped step inside the bounds: free_parameters that it would push through a bound stay on it.
+/// The damped step inside the bounds: free parameters that it would push through a bound stay on it.
 pub(super) fn step(
     base: &Unit,
     free_parameters: &[FreeParameter],

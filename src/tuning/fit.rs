@@ -9,13 +9,13 @@ use crate::tuning::free_parameter::{FreeParameter, unit_at};
 use crate::tuning::linear::{normal, prior_square};
 use crate::tuning::problem::{Problem, Residuals, square};
 
-/// Step of a forward difference, in units of a free_parameter.
+/// Step of a forward difference, in units of a free parameter.
 pub const DIFFERENCE: f64 = 0.05;
 
-/// A fit: positions of the free_parameters, what it cost, and the local picture around it.
+/// A fit: positions of the free parameters, what it cost, and the local picture around it.
 #[derive(Clone, Debug)]
 pub struct Fit {
-    /// Position of each free_parameter.
+    /// Position of each free parameter.
     pub positions: Vec<f64>,
     /// Sum of squares of the residuals.
     pub square: f64,
@@ -23,7 +23,7 @@ pub struct Fit {
     pub prior: f64,
     /// Residuals at the positions.
     pub residuals: Residuals,
-    /// Change of the residuals per unit of each free_parameter, by trial.
+    /// Change of the residuals per unit of each free parameter, by trial.
     pub slopes: Vec<DMatrix<f64>>,
 }
 
@@ -44,7 +44,7 @@ pub fn beside(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
     both
 }
 
-/// Units that stand a small step of one free_parameter each away from a position, by every free_parameter from the `first` on, and these steps.
+/// Units that stand a small step of one free parameter each away from a position, by every free parameter from the `first` on, and these steps.
 fn stepped(base: &Unit, free_parameters: &[FreeParameter], positions: &[f64], first: usize) -> (Vec<Unit>, Vec<f64>) {
     let of = |k: usize| {
         let mut moved = positions.to_vec();
@@ -67,7 +67,7 @@ fn secants(moved: &[Residuals], steps: &[f64], at: &Residuals) -> Vec<DMatrix<f6
     (0..at.len()).map(of).collect()
 }
 
-/// Slopes of the residuals about a position, by every free_parameter from the `first` on.
+/// Slopes of the residuals about a position, by every free parameter from the `first` on.
 #[must_use]
 pub fn slopes(
     problem: &Problem,
@@ -81,7 +81,7 @@ pub fn slopes(
     secants(&problem.residuals_of(&units), &steps, at)
 }
 
-/// Residuals at a position, and their slopes by every free_parameter.
+/// Residuals at a position, and their slopes by every free parameter.
 #[must_use]
 pub fn pictured(
     problem: &Problem,
@@ -132,11 +132,11 @@ pub struct Start<'a> {
     pub positions: &'a [f64],
     /// How much work it may be.
     pub effort: Effort,
-    /// Slopes of the leading free_parameters, good enough to begin with, which saves most of the work.
+    /// Slopes of the leading free parameters, good enough to begin with, which saves most of the work.
     pub known: Option<&'a [DMatrix<f64>]>,
 }
 
-/// Fits the free_parameters from a start; see [`fit_all`].
+/// Fits the free parameters from a start; see [`fit_all`].
 #[must_use]
 pub fn fit(
     problem: &Problem,
@@ -178,11 +178,11 @@ pub fn fit_all(problem: &Problem, starts: &[Start<'_>]) -> Vec<Fit> {
 /// What a descent waits for.
 #[derive(Clone, Debug)]
 enum Wanted {
-    /// The residuals where it starts, and slopes by the free_parameters from a first on.
+    /// The residuals where it starts, and slopes by the free parameters from a first on.
     Start { steps: Vec<f64>, first: usize },
     /// The residuals at candidates for the next position.
     Candidates { positions: Vec<Vec<f64>>, dampings: [f64; DAMPINGS.len()] },
-    /// Slopes where it stands, by the free_parameters from a first on.
+    /// Slopes where it stands, by the free parameters from a first on.
     Slopes { steps: Vec<f64>, first: usize },
     /// Nothing: it has arrived.
     Nothing,

@@ -37,7 +37,7 @@ pub enum FreeParameter {
 }
 
 impl FreeParameter {
-    /// A free_parameter for each parameter that the unit's sheet gives a tolerance for.
+    /// A free parameter for each parameter that the unit's sheet gives a tolerance for.
     #[must_use]
     pub fn nuisances(unit: &Unit) -> Vec<Self> {
         (0..ENTRIES.len())
@@ -45,7 +45,7 @@ impl FreeParameter {
             .collect()
     }
 
-    /// A free_parameter for a parameter that the sheet is not believed in: searched over its physical range, without a prior.
+    /// A free parameter for a parameter that the sheet is not believed in: searched over its physical range, without a prior.
     #[must_use]
     pub fn free(unit: &Unit, index: usize) -> Self {
         let entry = &ENTRIES[index];
@@ -138,7 +138,7 @@ impl FreeParameter {
         }
     }
 
-    /// Where the free_parameter stands in the unit that it belongs to.
+    /// Where the free parameter stands in the unit that it belongs to.
     #[must_use]
     pub fn position(&self, unit: &Unit) -> f64 {
         match *self {
@@ -161,7 +161,7 @@ impl FreeParameter {
     }
 }
 
-/// The unit with all free_parameters at their positions.
+/// The unit with all free parameters at their positions.
 #[must_use]
 pub fn unit_at(base: &Unit, free_parameters: &[FreeParameter], positions: &[f64]) -> Unit {
     let mut unit = base.clone();

@@ -26,7 +26,7 @@ pub struct Projection<'a> {
 }
 
 impl<'a> Projection<'a> {
-    /// Slopes and free_parameters may be of different number: free_parameters without a slope stay where they are, slopes without a free_parameter are free.
+    /// Slopes and free parameters may be of different number: free parameters without a slope stay where they are, slopes without a free parameter are free.
     #[must_use]
     pub fn new(
         free_parameters: &'a [FreeParameter],
@@ -93,7 +93,7 @@ pub fn crossed(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
     product
 }
 
-/// Normal matrix and gradient, priors included; slopes behind those of the free_parameters have none.
+/// Normal matrix and gradient, priors included; slopes behind those of the free parameters have none.
 #[must_use]
 pub fn normal(
     free_parameters: &[FreeParameter],
