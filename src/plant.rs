@@ -4,6 +4,7 @@ pub mod esv;
 #[cfg(test)]
 pub mod fixture;
 pub mod friction;
+pub mod lag;
 pub mod lanes;
 pub mod main_ports;
 pub mod orifice;

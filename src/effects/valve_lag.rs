@@ -11,11 +11,10 @@
 //! Without it the real servomotor sets off later than simulated after every movement of the spool, and stops later. Limits: one linear lag; acts
 //! only where the recorded spool drives the servomotor stage.
 
-use std::sync::Arc;
-
 use crate::effects::{EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
-use crate::plant::term::{Point, Term, View};
+use crate::plant::lag::lag;
+use crate::plant::term::Point;
 
 /// The effect.
 pub const SPEC: EffectSpec = EffectSpec {
@@ -36,38 +35,7 @@ pub const SPEC: EffectSpec = EffectSpec {
 
 fn apply(values: &[f64], plant: &mut Plant) {
     if values[0] > 0.0 {
-        let ticks = values[0] / plant.regulator.small_loop_period_s();
-        plant.terms.push(Arc::new(Late { decay_ratio: (-1.0 / ticks).exp(), ticks_count: ticks }));
-    }
-}
-
-#[derive(Debug)]
-struct Late {
-    /// What a tick leaves of a difference.
-    decay_ratio: f64,
-    /// The time constant in ticks.
-    ticks_count: f64,
-}
-
-impl Term for Late {
-    fn point(&self) -> Point {
-        Point::DrivingSpool
-    }
-
-    fn memory_len(&self) -> usize {
-        2
-    }
-
-    fn reset(&self, signal: f64, memory: &mut [f64]) {
-        memory.fill(signal);
-    }
-
-    fn apply(&self, signal: f64, _view: &View<'_>, memory: &mut [f64]) -> f64 {
-        let (before, late) = (memory[0], memory[1]);
-        // Behind a ramp the valve settles `time constant × slope` below its signal.
-        let behind = self.ticks_count * (signal - before);
-        memory[0] = signal;
-        memory[1] = signal - behind + self.decay_ratio * (late - before + behind);
-        memory[1]
+        let tick_s = plant.regulator.small_loop_period_s();
+        plant.terms.push(lag(Point::DrivingSpool, values[0], tick_s));
     }
 }
