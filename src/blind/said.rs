@@ -119,9 +119,7 @@ impl Said {
     /// The verdict.
     #[must_use]
     pub fn verdict(&self) -> Option<Verdict> {
-        [Verdict::Named, Verdict::Class, Verdict::Unknown, Verdict::NoGap, Verdict::NotExcited, Verdict::NoSuchUnit]
-            .into_iter()
-            .find(|verdict| verdict.id() == self.verdict)
+        Verdict::ALL.into_iter().find(|verdict| verdict.id() == self.verdict)
     }
 
     /// Whether it says that something is there.

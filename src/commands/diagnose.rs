@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::{Context, bail};
-use clap::ValueEnum;
+use clap::builder::PossibleValuesParser;
 use govtwin::diagnosis::result::{Diagnosis, Verdict};
 use govtwin::diagnosis::{Settings, diagnose};
 use govtwin::effects::own;
@@ -60,8 +60,8 @@ pub struct Args {
     #[arg(long)]
     json: bool,
     /// End with exit code 1 on these verdicts, for checks that run by themselves; the report is written all the same.
-    #[arg(long, value_name = "VERDICTS", value_enum, value_delimiter = ',')]
-    fail_on: Vec<Which>,
+    #[arg(long, value_name = "VERDICTS", value_delimiter = ',', value_parser = PossibleValuesParser::new(Verdict::ALL.map(Verdict::id)))]
+    fail_on: Vec<String>,
 }
 
 const HELP: &str = "\
@@ -86,32 +86,6 @@ Examples:
   govtwin diagnose --json --fail-on named,class,unknown RUN | jq .verdict
 
 Exit codes: 0 ok, 1 not possible or a verdict of --fail-on, 2 wrong usage, 3 finished with warnings.";
-
-/// The verdicts as options name them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-#[value(rename_all = "snake_case")]
-enum Which {
-    Named,
-    Class,
-    Unknown,
-    NoGap,
-    NotExcited,
-    NoSuchUnit,
-}
-
-impl Which {
-    fn is(self, verdict: Verdict) -> bool {
-        verdict
-            == match self {
-                Self::Named => Verdict::Named,
-                Self::Class => Verdict::Class,
-                Self::Unknown => Verdict::Unknown,
-                Self::NoGap => Verdict::NoGap,
-                Self::NotExcited => Verdict::NotExcited,
-                Self::NoSuchUnit => Verdict::NoSuchUnit,
-            }
-    }
-}
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
@@ -152,7 +126,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     for note in &diagnosis.notes {
         warn(note);
     }
-    if args.fail_on.iter().any(|which| which.is(diagnosis.verdict)) {
+    if args.fail_on.iter().any(|id| id == diagnosis.verdict.id()) {
         bail!("the verdict is {}, on which --fail-on ends with an error", diagnosis.verdict.id());
     }
     Ok(if warnings.is_empty() && diagnosis.notes.is_empty() { Outcome::Ok } else { Outcome::Warnings })

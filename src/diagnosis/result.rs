@@ -29,6 +29,10 @@ pub enum Verdict {
 }
 
 impl Verdict {
+    /// All of them.
+    pub const ALL: [Self; 6] =
+        [Self::Named, Self::Class, Self::Unknown, Self::NoGap, Self::NotExcited, Self::NoSuchUnit];
+
     /// The word in reports.
     #[must_use]
     pub fn id(self) -> &'static str {

@@ -81,11 +81,9 @@ pub fn read(report: &Value) -> Result<Diagnosis, ReadError> {
 }
 
 fn verdict(value: &Value) -> Result<Verdict, ReadError> {
-    let all =
-        [Verdict::Named, Verdict::Class, Verdict::Unknown, Verdict::NoGap, Verdict::NotExcited, Verdict::NoSuchUnit];
     let found = text(value);
     let expected = "named, class, unknown, no_gap or not_excited";
-    all.into_iter().find(|one| one.id() == found).ok_or(ReadError::Word { place: "verdict", expected, found })
+    Verdict::ALL.into_iter().find(|one| one.id() == found).ok_or(ReadError::Word { place: "verdict", expected, found })
 }
 
 fn stage(value: &Value) -> Result<Stage, ReadError> {
