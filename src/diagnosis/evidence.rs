@@ -14,6 +14,7 @@ use crate::diagnosis::model::Model;
 use crate::effects::Stage;
 use crate::tuning::free_parameter::FreeParameter;
 use crate::tuning::linear::crossed;
+use crate::tuning::noise::log_sum;
 use crate::tuning::problem::Problem;
 
 /// Sizes of the error of equations at which evidence is tabulated, in moderate discrepancy terms.
@@ -133,18 +134,6 @@ impl<'a> Shared<'a> {
             log_precision += precision.ln();
         }
         Normal { cost: model.fit.cost(), slopes: n, terms: b, hessian, gradient, sizes, log_precision, parts }
-    }
-}
-
-/// Logarithm of the sum of exponentials.
-#[must_use]
-pub fn log_sum(values: impl IntoIterator<Item = f64>) -> f64 {
-    let values: Vec<f64> = values.into_iter().collect();
-    let most = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    if most == f64::NEG_INFINITY {
-        most
-    } else {
-        most + values.iter().map(|value| (value - most).exp()).sum::<f64>().ln()
     }
 }
 

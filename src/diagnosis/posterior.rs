@@ -7,9 +7,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::diagnosis::evidence::log_sum;
 use crate::diagnosis::linearisation::SIZE_PRIOR;
 use crate::diagnosis::table::{Row, Table};
+use crate::tuning::noise::log_sum;
 use crate::tuning::problem::SOUND_MEAN_SQUARE;
 
 /// The weights as shipped; `govtwin calibrate` writes such a file.

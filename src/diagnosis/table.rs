@@ -6,11 +6,12 @@ use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use serde::{Deserialize, Serialize};
 
 use crate::diagnosis::dependent_covariance;
-use crate::diagnosis::evidence::{KAPPAS, log_sum};
+use crate::diagnosis::evidence::KAPPAS;
 use crate::diagnosis::explore::Explored;
 use crate::diagnosis::explorer::{Hypothesis, is_stage_alone};
 use crate::diagnosis::law_error::LAW_ERRORS;
 use crate::effects::{EffectSpec, Stage};
+use crate::tuning::noise::log_sum;
 use crate::tuning::problem::Problem;
 
 /// What the recordings say of one fault set.

@@ -9,6 +9,7 @@ use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 use crate::parameters::Unit;
 use crate::signal::Signal;
+use crate::tuning::noise::log_sum;
 use crate::tuning::problem::{Problem, USUAL_LOOP_NOISE};
 
 /// Standard deviation of the ratio's logarithm from unit to unit: means of two to twenty readings are usual.
@@ -69,8 +70,7 @@ fn log_likelihood(innovations: &[f64], scales: &[f64], share: f64) -> f64 {
     let count = innovations.len() as f64;
     let parts = SPOILED
         .map(|(probability, factor)| probability.ln() - 0.5 * share * (square / factor + width + count * factor.ln()));
-    let most = parts.into_iter().fold(f64::NEG_INFINITY, f64::max);
-    most + parts.into_iter().map(|part| (part - most).exp()).sum::<f64>().ln()
+    log_sum(parts)
 }
 
 #[cfg(test)]

@@ -30,6 +30,18 @@ const LIMIT_CYCLE_SHARE: f64 = 0.05;
 /// are many deviations off, and say little (pseudo-Huber; Charbonnier et al. 1997).
 const OUTLYING: f64 = 8.0;
 
+/// Logarithm of the sum of exponentials.
+#[must_use]
+pub fn log_sum(values: impl IntoIterator<Item = f64>) -> f64 {
+    let values: Vec<f64> = values.into_iter().collect();
+    let most = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if most == f64::NEG_INFINITY {
+        most
+    } else {
+        most + values.iter().map(|value| (value - most).exp()).sum::<f64>().ln()
+    }
+}
+
 /// The number whose square is what a residual costs, where a sample is this share of an independent one.
 fn tamed(residual: f64, share: f64) -> f64 {
     let cost = 2.0 * OUTLYING * OUTLYING * ((1.0 + (residual / OUTLYING).powi(2)).sqrt() - 1.0);
