@@ -164,11 +164,18 @@ pub fn read_without_sheet(
     reference: &Unit,
     stage_only: bool,
 ) -> anyhow::Result<(Recordings, bool)> {
+    let has_command = |found: &Recordings| found.recordings.iter().any(Recording::has_command);
+    // Whole chains are what is nearly always given: they are read once.
+    let chains = (!stage_only).then(|| read(paths, topics, reference));
+    let chains = match chains {
+        Some(Ok(found)) if has_command(&found) => return Ok((found, false)),
+        others => others,
+    };
     let found = read_as(paths, topics, reference, Positions::AnyUnit)?;
-    if stage_only || !found.recordings.iter().any(Recording::has_command) {
-        return Ok((found, true));
+    match chains {
+        Some(chains) if has_command(&found) => Ok((chains?, false)),
+        _ => Ok((found, true)),
     }
-    Ok((read(paths, topics, reference)?, false))
 }
 
 fn read_as(paths: &[PathBuf], topics: &Topics, unit: &Unit, positions: Positions) -> anyhow::Result<Recordings> {
