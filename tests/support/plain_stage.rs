@@ -36,15 +36,7 @@ impl PlainStage {
         for k in 0..samples {
             let time_s = k as f64 / rate_hz;
             if time_s >= until_s {
-                let size = spool.farthest_pu * dice.random_range(0.05_f64..1.0);
-                let up = opening < 0.3 || (opening < 0.7 && dice.random_bool(0.5));
-                target = if dice.random_bool(0.15) {
-                    0.0
-                } else if up {
-                    size
-                } else {
-                    -size
-                };
+                target = spool.target(opening, &mut dice);
                 until_s = time_s + spool.dwell_s * dice.random_range(0.4..1.6);
             }
             if (opening > 0.9 && target > 0.0) || (opening < 0.1 && target < 0.0) {

@@ -20,6 +20,25 @@ impl Spool {
     pub fn usual(seed: u64) -> Self {
         Self { seed, farthest_pu: 0.9, dwell_s: 3.0 }
     }
+
+    /// Where it goes next at an opening: away from an end that is near, sometimes to rest.
+    pub fn target(&self, opening: f64, dice: &mut ChaCha8Rng) -> f64 {
+        let size = self.farthest_pu * dice.random_range(0.05_f64..1.0);
+        let up = if opening > 0.7 {
+            false
+        } else if opening < 0.3 {
+            true
+        } else {
+            dice.random_bool(0.5)
+        };
+        if dice.random_bool(0.15) {
+            0.0
+        } else if up {
+            size
+        } else {
+            -size
+        }
+    }
 }
 
 /// The unit with an effect.
@@ -54,21 +73,7 @@ pub fn record(unit: &Unit, spool: &Spool, rate_hz: f64, samples: i64) -> Recordi
     for k in 0..samples {
         let time_ns = k * period_ns;
         if time_ns >= until {
-            let size = spool.farthest_pu * dice.random_range(0.05_f64..1.0);
-            let up = if opening > 0.7 {
-                false
-            } else if opening < 0.3 {
-                true
-            } else {
-                dice.random_bool(0.5)
-            };
-            target = if dice.random_bool(0.15) {
-                0.0
-            } else if up {
-                size
-            } else {
-                -size
-            };
+            target = spool.target(opening, &mut dice);
             until = time_ns + (spool.dwell_s * dice.random_range(0.4..1.6) * 1e9) as i64;
         }
         if (opening > 0.9 && target > 0.0) || (opening < 0.1 && target < 0.0) {
