@@ -37,7 +37,7 @@ pub struct Try {
     pub spec: &'static EffectSpec,
     /// The unit with the effect in it, neutral.
     pub base: Unit,
-    /// Knobs of tolerances, then of the effect.
+    /// Free parameters of tolerances, then of the effect.
     pub free_parameters: Vec<FreeParameter>,
     /// Positions of all free parameters.
     pub positions: Vec<f64>,

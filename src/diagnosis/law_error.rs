@@ -88,7 +88,7 @@ impl Modulations {
     }
 }
 
-/// Knobs of a model that are sizes of effects.
+/// Free parameters of a model that are sizes of effects.
 fn sizes(model: &Model) -> Vec<usize> {
     (0..model.free_parameters.len())
         .filter(|&k| matches!(model.free_parameters[k], FreeParameter::Effect { parameter: 0, .. }))

@@ -1,4 +1,4 @@
-//! Knobs: what a fit may turn, in units of what is known of it beforehand.
+//! Free parameters: what a fit may turn, in units of what is known of it beforehand.
 
 use crate::effects::EffectParameter;
 use crate::parameters::{ENTRIES, Entry, Tolerance, Unit};

@@ -3,10 +3,11 @@
 use crate::source::Source;
 
 /// A word that is gone, and what the field says.
-const GONE: [(&str, &str); 14] = [
+const GONE: [(&str, &str); 15] = [
     ("knob", "free parameter"),
     ("knobs", "free parameters"),
     ("Knob", "FreeParameter"),
+    ("Knobs", "Free parameters"),
     ("cooled", "annealed"),
     ("oddities", "structural mismatch"),
     ("Oddities", "Mismatch"),

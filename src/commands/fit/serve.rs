@@ -11,7 +11,7 @@ use serde_json::json;
 
 /// First says what was fitted and where; then answers until the input ends.
 ///
-/// The residuals are innovations, over their noise, then the positions of all free parameters with a tolerance: half the sum of their
+/// They are the innovations over their noise, then the positions of all free parameters with a tolerance: half the sum of their
 /// squares is what the fit makes least.
 pub fn serve(problem: &Problem, base: &Unit, fitted: &Calibration) -> anyhow::Result<()> {
     let mut stdout = std::io::stdout().lock();
