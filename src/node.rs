@@ -4,8 +4,8 @@
 //!
 //! ```text
 //!  DDS ─▶ hear ───events───▶ step ────outputs───▶ publish ─▶ DDS
-//!         `listener` ring    `integration` ring   `mouth`
-//!         checks, answers    `core` → Twin        └─news─▶ keeper: words, /rosout, /diagnostics, bag
+//!         `listener` ring    `integration` ring   `publishers`
+//!         checks, answers    `core` → Twin        └─news─▶ supervisor: words, /rosout, /diagnostics, bag
 //! ```
 //!
 //! `step` runs above all others; it shares nothing with them but two wait-free rings, and never touches

@@ -4,9 +4,10 @@ use std::fs::File;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 use govtwin::bag::{self, Health};
 use govtwin::digest::Digest;
+use govtwin::files::check_regular;
 use govtwin::params::{self, Sheet};
 use govtwin::provenance::{FileUsed, Input, Provenance, SheetUsed};
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
@@ -50,9 +51,7 @@ fn date() -> String {
 pub fn file(path: &Path) -> anyhow::Result<FileUsed> {
     let reading = || format!("cannot read {}", path.display());
     // A pipe would be waited for, and a device never ends.
-    if !path.metadata().with_context(reading)?.is_file() {
-        bail!("{}: expected a regular file", path.display());
-    }
+    check_regular(path).with_context(reading)?;
     let mut reader = File::open(path).with_context(reading)?;
     let (mut digest, mut bytes, mut piece) = (Digest::default(), 0, vec![0; 1 << 16]);
     loop {

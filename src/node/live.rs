@@ -145,7 +145,7 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
         (&bus, &subscriptions, &publishers, &counts, &ending);
     let (replies_ref, clock_ref, least_ref) = (&replies, &clock, &least);
     let state = || replies_ref.state();
-    let mut keeper = Supervisor {
+    let mut supervisor = Supervisor {
         bus: bus_ref,
         health,
         counts: counts_ref,
@@ -191,20 +191,20 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
         })?;
         let until = Until::after(options.duration);
         let done = || stop.load(Ordering::Relaxed) || until.is_past() || stepping.is_finished();
-        let mut outcome = keeper.keep(&heard, done);
+        let mut outcome = supervisor.keep(&heard, done);
         ending.store(true, Ordering::Relaxed);
         stepper.unpark();
         let _ = stop_listening.send(());
         let stats = stepping.join().unwrap_or_default();
         let lost_publications = publishing.join().unwrap_or(0);
         let _ = hearing.join();
-        outcome = outcome.and(keeper.drain(&heard));
+        outcome = outcome.and(supervisor.drain(&heard));
         Ok::<_, std::io::Error>((stats, lost_publications, outcome))
     })?;
     outcome?;
     let resident = resident_bytes();
-    let bags = keeper.journal.take().map(Journal::finish).transpose()?.unwrap_or_default();
-    drop(keeper);
+    let bags = supervisor.journal.take().map(Journal::finish).transpose()?.unwrap_or_default();
+    drop(supervisor);
     // Endpoints first, then the node, then the participant: peers see each of them go.
     drop(replies);
     drop((subscriptions, publishers));

@@ -1,6 +1,6 @@
 //! The way from the threads that must not wait to the supervisor, who may: bounded, and it never makes a sender wait.
 //!
-//! The keeper writes to a terminal and to a disk, and looks into the transport's books while discovery changes them.
+//! The supervisor writes to a terminal and to a disk, and looks into the transport's books while discovery changes them.
 //! Where it stands still, what happens meanwhile is left out and counted; hearing and publishing go on.
 
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -73,7 +73,7 @@ impl Teller {
             Err(TrySendError::Full(_)) => {
                 self.aside.left_out.fetch_add(1, Ordering::Relaxed);
             }
-            // The keeper outlives the threads that tell; were it gone there would be nobody to tell.
+            // The supervisor outlives the threads that tell; were it gone there would be nobody to tell.
             Ok(()) | Err(TrySendError::Disconnected(_)) => {}
         }
     }
