@@ -185,7 +185,7 @@ mod tests {
         assert_eq!(of("a.mcap"), govtwin::digest::sha256("abc"));
         assert!(files_of_bags(&[bag("none.mcap")]).is_empty());
         assert!(file(&dir.path().join("none.mcap")).unwrap_err().to_string().contains("none.mcap"));
-        assert!(file(dir.path()).unwrap_err().to_string().contains("expected a regular file"));
+        assert!(format!("{:#}", file(dir.path()).unwrap_err()).contains("expected a regular file"));
     }
 
     #[test]
