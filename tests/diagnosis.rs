@@ -138,8 +138,8 @@ fn a_neighbour_of_what_the_catalogue_lacks_is_doubted() {
     let said = judged(Some(("servo_leak", 1.5 * leak.typical)));
     // It leaves little more than a right equation would, but only with a sheet that is far off.
     let of = |id: &str| said.ranking.iter().find(|one| one.id == id).unwrap().probability;
-    assert!(of("unknown") > 0.1 && of("lvdt_bias") < 0.85, "{:?}", said.ranking);
-    assert!(of("unknown") > 100.0 * of("port_overlap") && of("unknown") > 100.0 * of("none"), "{:?}", said.ranking);
+    assert!(of("unknown") > 0.3 && of("lvdt_bias") < 0.7, "{:?}", said.ranking);
+    assert!(of("unknown") > 30.0 * of("port_overlap") && of("unknown") > 100.0 * of("none"), "{:?}", said.ranking);
     assert!(said.notes.iter().any(|note| note.contains("tolerances") && note.contains("sheet")), "{:?}", said.notes);
 }
 

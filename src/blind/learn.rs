@@ -8,6 +8,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::battery::Label;
+use crate::blind::statistics::weight_of_sound;
 use crate::diagnosis::posterior::{
     Feature, Hypotheses, OF_SETS, OF_STAGES, OF_UNKNOWN, Posterior, Weights, beforehand, score,
 };
@@ -131,7 +132,7 @@ impl Choice {
 
 /// The questions that examples answer: which set, whether it is unknown, at which stage.
 fn choices(examples: &[Example]) -> [Vec<Choice>; 3] {
-    let more = weight_of_sound(examples);
+    let more = sound_weight(examples);
     let mut all = [Vec::new(), Vec::new(), Vec::new()];
     for example in examples {
         let Some(of) = example.hypotheses() else { continue };
@@ -169,15 +170,10 @@ pub fn log_score(examples: &[Example], weights: &Weights) -> f64 {
     sum / count.max(1.0)
 }
 
-/// Share of units that are sound beforehand, as many as faulty ones: a battery has fewer, so that faults are met more often.
-const SOUND: f64 = 0.5;
-
-/// By how much more a sound unit counts than a faulty one, so that they stand for [`SOUND`] of all.
-fn weight_of_sound(examples: &[Example]) -> f64 {
+/// By how much more a sound unit counts than a faulty one.
+fn sound_weight(examples: &[Example]) -> f64 {
     let as_they_are = || examples.iter().filter(|example| example.struck.is_empty());
-    let (sound, all) =
-        (as_they_are().filter(|example| example.is_sound()).count() as f64, as_they_are().count() as f64);
-    if sound > 0.0 && sound < all { SOUND / (1.0 - SOUND) * (all - sound) / sound } else { 1.0 }
+    weight_of_sound(as_they_are().filter(|example| example.is_sound()).count(), as_they_are().count())
 }
 
 /// The weights that score best on these examples.

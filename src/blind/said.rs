@@ -37,6 +37,9 @@ pub struct Evidence {
     /// The evidence of all fault sets.
     #[serde(default)]
     pub table: Table,
+    /// By how much intervals of the explained share were widened; none of an older program.
+    #[serde(default)]
+    pub closure_widened_by: Option<f64>,
 }
 
 /// Where the gap lies.

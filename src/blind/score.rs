@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::blind::scored::{MissedBy, Scored};
-use crate::blind::statistics::{Bin, Measured, reliability};
+use crate::blind::statistics::{Bin, Claim, Measured, reliability, weight_of_sound};
 use crate::diagnosis::result::Verdict;
 
 /// A measure without a target; of others the words, and from what to what the value may lie.
@@ -43,7 +43,7 @@ pub struct Score {
     pub measures: Vec<Measure>,
     /// How often each word was said of each truth.
     pub confusion: Confusion,
-    /// Probabilities said against how often it was so.
+    /// Probabilities said against how often it was so, where half of the units are sound, as the learned weights take it.
     pub reliability: Vec<Bin>,
 }
 
@@ -61,12 +61,18 @@ pub struct Confusion {
 /// Scores a set of units.
 #[must_use]
 pub fn score(cases: &[Scored]) -> Score {
-    let mut pairs = Vec::new();
+    let sound = weight_of_sound(cases.iter().filter(|case| case.sound()).count(), cases.len());
+    let mut claims = Vec::new();
     for case in cases {
-        pairs.extend(case.said.ranking.iter().map(|rank| (rank.probability.unwrap_or(0.0), case.holds(&rank.id))));
+        let weight = if case.sound() { sound } else { 1.0 };
+        claims.extend(case.said.ranking.iter().map(|rank| Claim {
+            said_probability: rank.probability.unwrap_or(0.0),
+            was: case.holds(&rank.id),
+            weight,
+        }));
     }
     let (units, measures, confusion) = (cases.len(), measures(cases), confusion(cases));
-    Score { units, measures, confusion, reliability: reliability(&pairs) }
+    Score { units, measures, confusion, reliability: reliability(&claims) }
 }
 
 /// The share of cases of which something holds, and its misses; `good` says whether it is good that it holds.
@@ -388,11 +394,13 @@ mod tests {
 
     #[test]
     fn reliability_asks_what_was_so() {
-        // Of "none" at 0.95 one of two was so, of "unknown" at 0.95 the one; of the effects at 0.9 all three.
+        // Of "none" at 0.95 one of two was so, of "unknown" at 0.95 the one; of the effects at 0.9 all three. Of nine units two are sound, and each of
+        // these counts as 3.5 others.
         let bins = score(&hand_made()).reliability;
         let last = bins.last().unwrap();
-        assert_eq!(last.was, Measured::share(5, 6));
-        assert!((last.said_probability - (3.0 * 0.95 + 3.0 * 0.9) / 6.0).abs() < 1e-12);
+        let so = [(true, 3.5), (false, 1.0), (true, 1.0), (true, 1.0), (true, 1.0), (true, 1.0)];
+        assert_eq!(last.was, Measured::weighted(&so));
+        assert!((last.said_probability - (5.5 * 0.95 + 3.0 * 0.9) / 8.5).abs() < 1e-12);
     }
 
     #[test]

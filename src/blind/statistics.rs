@@ -20,17 +20,21 @@ impl Measured {
     /// A share with Wilson's interval (Wilson 1927, Journal of the American Statistical Association 22(158)).
     #[must_use]
     pub fn share(hits: usize, cases: usize) -> Self {
-        if cases == 0 {
-            return Self { cases, value: f64::NAN, low: f64::NAN, high: f64::NAN };
+        Self { cases, ..Self::wilson(hits as f64 / cases as f64, cases as f64) }
+    }
+
+    /// A share of so many equal cases, which need be no whole number.
+    fn wilson(share: f64, n: f64) -> Self {
+        if !(n > 0.0) {
+            return Self { cases: 0, value: f64::NAN, low: f64::NAN, high: f64::NAN };
         }
-        let (n, share) = (cases as f64, hits as f64 / cases as f64);
         let spread = 1.0 + Z * Z / n;
         let middle = (share + Z * Z / (2.0 * n)) / spread;
         let half = Z / spread * (share * (1.0 - share) / n + Z * Z / (4.0 * n * n)).sqrt();
         // Exact where rounding would leave a trace.
-        let low = if hits == 0 { 0.0 } else { middle - half };
-        let high = if hits == cases { 1.0 } else { middle + half };
-        Self { cases, value: share, low, high }
+        let low = if share == 0.0 { 0.0 } else { middle - half };
+        let high = if share == 1.0 { 1.0 } else { middle + half };
+        Self { cases: 0, value: share, low, high }
     }
 
     /// The share of cases that are so.
@@ -42,6 +46,17 @@ impl Measured {
             count += 1;
         }
         Self::share(hits, count)
+    }
+
+    /// The share of weighted cases that are so; the interval is that of as many equal cases as the weights are worth (Kish 1965, Survey Sampling, 11.7).
+    #[must_use]
+    pub fn weighted(cases: &[(bool, f64)]) -> Self {
+        let all: f64 = cases.iter().map(|(_, weight)| weight).sum();
+        let squares: f64 = cases.iter().map(|(_, weight)| weight * weight).sum();
+        let hits: f64 = cases.iter().filter(|(hit, _)| *hit).map(|(_, weight)| weight).sum();
+        let worth = if squares > 0.0 { all * all / squares } else { 0.0 };
+        let share = if all > 0.0 { hits / all } else { f64::NAN };
+        Self { cases: cases.len(), ..Self::wilson(share, worth) }
     }
 
     /// A mean of probabilities, whose interval stays between 0 and 1.
@@ -74,21 +89,40 @@ pub struct Bin {
     pub was: Measured,
 }
 
+/// A probability that was said, with whether it was so, and how much it counts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Claim {
+    /// The probability said.
+    pub said_probability: f64,
+    /// Whether it was so.
+    pub was: bool,
+    /// How much it counts beside others.
+    pub weight: f64,
+}
+
 /// Probabilities said against what was so, in bins of a tenth; empty bins are left out.
 #[must_use]
-pub fn reliability(pairs: &[(f64, bool)]) -> Vec<Bin> {
+pub fn reliability(claims: &[Claim]) -> Vec<Bin> {
+    let place = |claim: &Claim| ((claim.said_probability * 10.0) as usize).min(9);
     (0..10)
         .filter_map(|bin| {
-            let (from, to) = (f64::from(bin) / 10.0, f64::from(bin + 1) / 10.0);
-            let inside: Vec<&(f64, bool)> =
-                pairs.iter().filter(|(p, _)| *p >= from && (*p < to || (bin == 9 && *p <= 1.0))).collect();
-            let count = inside.len();
-            (count > 0).then(|| Bin {
-                said_probability: inside.iter().map(|(p, _)| p).sum::<f64>() / count as f64,
-                was: Measured::of(inside.iter().map(|(_, so)| *so)),
+            let inside = || claims.iter().filter(|claim| place(claim) == bin);
+            let weight: f64 = inside().map(|claim| claim.weight).sum();
+            (weight > 0.0).then(|| Bin {
+                said_probability: inside().map(|claim| claim.weight * claim.said_probability).sum::<f64>() / weight,
+                was: Measured::weighted(&inside().map(|claim| (claim.was, claim.weight)).collect::<Vec<_>>()),
             })
         })
         .collect()
+}
+
+/// Share of units that are taken to be sound beforehand, as many as faulty ones: a battery has fewer, so that faults are met more often.
+const SOUND: f64 = 0.5;
+
+/// By how much more a sound unit of a set counts than a faulty one, so that sound ones stand for half of it.
+#[must_use]
+pub fn weight_of_sound(sound: usize, all: usize) -> f64 {
+    if (1..all).contains(&sound) { SOUND / (1.0 - SOUND) * (all - sound) as f64 / sound as f64 } else { 1.0 }
 }
 
 #[cfg(test)]
@@ -117,9 +151,23 @@ mod tests {
     fn means_and_bins_are_those_of_the_cases() {
         let mean = Measured::mean(&[0.2, 0.4, 0.9]);
         assert!((mean.value - 0.5).abs() < 1e-12 && (mean.high - 0.5 - Z * (0.13_f64 / 3.0).sqrt()).abs() < 1e-12);
-        let bins = reliability(&[(0.05, false), (0.07, true), (1.0, true), (0.95, true)]);
+        let claim = |(said_probability, was)| Claim { said_probability, was, weight: 1.0 };
+        let bins = reliability(&[(0.05, false), (0.07, true), (1.0, true), (0.95, true)].map(claim));
         assert_eq!(bins.len(), 2);
         assert!((bins[0].said_probability - 0.06).abs() < 1e-12 && bins[0].was == Measured::share(1, 2));
         assert_eq!(bins[1].was, Measured::share(2, 2));
+    }
+
+    #[test]
+    fn weights_are_worth_as_many_equal_cases() {
+        let equal = [true, true, false, true].map(|hit| (hit, 2.5));
+        assert_eq!(Measured::weighted(&equal), Measured::share(3, 4));
+        // One of weight 3 beside three of weight 1: half of the weight, worth 36/12 = 3 cases.
+        let mixed = Measured::weighted(&[(true, 3.0), (false, 1.0), (false, 1.0), (false, 1.0)]);
+        let worth = Measured::wilson(0.5, 3.0);
+        assert!((mixed.cases, mixed.value, mixed.low) == (4, 0.5, worth.low) && mixed.high == worth.high);
+        assert!(Measured::weighted(&[]).value.is_nan());
+        assert!((weight_of_sound(10, 50) - 4.0).abs() < 1e-12);
+        assert_eq!((weight_of_sound(0, 5), weight_of_sound(5, 5)), (1.0, 1.0));
     }
 }

@@ -56,9 +56,15 @@ struct Judged {
 }
 
 impl Judged {
-    /// What it claims of the share explained, beside what came true.
+    /// What it claims of the share explained, with the interval as it was before it was widened.
+    fn closure(&self, said: &Said) -> Option<Interval> {
+        let widened_by = self.said.evidence.closure_widened_by.unwrap_or(Weights::shipped().closure_widening);
+        Some(said.closure()?.widened(1.0 / widened_by))
+    }
+
+    /// The same of the report, beside what came true.
     fn claim(&self) -> Option<(Interval, f64)> {
-        Some((self.said.closure()?, self.came_true?))
+        Some((self.closure(&self.said)?, self.came_true?))
     }
 }
 
@@ -96,7 +102,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             let widening = closure_widening(&others.filter_map(|unit| unit.claim()).collect::<Vec<_>>());
             cases.extend(units.iter().map(|unit| {
                 let mut said = rejudged(&unit.said, &left_out.of(&unit.said.evidence.table), &weights(part));
-                if let Some(claim) = said.closure() {
+                if let Some(claim) = unit.closure(&said) {
                     let Interval { low, high, .. } = claim.widened(widening);
                     said.gap.closure.ci90 = Some([Some(low), Some(high)]);
                 }
@@ -113,7 +119,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let claims: Vec<(Interval, f64)> = all.iter().filter_map(|unit| unit.claim()).collect();
     let weights = Weights {
         size_spread: size_spread(&pairs),
-        closure_widening: Weights::shipped().closure_widening * closure_widening(&claims),
+        closure_widening: closure_widening(&claims),
         provenance: serde_json::json!({
             "program": env!("CARGO_PKG_VERSION"),
             "folders": args.dirs.iter().map(|dir| dir.file_name().map(|name| name.to_string_lossy().into_owned())).collect::<Vec<_>>(),

@@ -397,6 +397,8 @@ pub struct Diagnosis {
     pub latents: Vec<Latent>,
     /// What was tried, best first.
     pub tried: Vec<Tried>,
+    /// By how much intervals of the explained share are widened, as a factor of their half-widths.
+    pub closure_widened_by: f64,
     /// Closure on each recording by fits to the others; empty where there is nothing to transfer.
     pub transfers: Vec<Transfer>,
     /// Fault sets that hold nine tenths of the probability of something known, likeliest first.

@@ -191,6 +191,7 @@ fn evidence(diagnosis: &Diagnosis) -> Value {
     json!({
         "innovations": innovations(diagnosis),
         "values": diagnosis.samples, "entropy_bits": diagnosis.entropy_bits, "fault_sets": sets, "table": diagnosis.table, "closure_without_recording": transfers,
+        "closure_widened_by": diagnosis.closure_widened_by,
         "parameters": parameters, "tried": tried, "channels": channels, "smallest_visible": visible,
         "alike": alike, "ledgers": breakdowns, "stage_tests": tests, "free_terms": latents,
         "simulations": diagnosis.simulations,

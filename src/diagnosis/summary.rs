@@ -126,6 +126,7 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &Settings, seen: Seen) 
         ranking: ranking(decision),
         gap: gaps(problem, &delivered, &refitted, &with_effects),
         closure: whole,
+        closure_widened_by: judged.weights.closure_widening,
         experiments: next.experiments,
         entropy_bits: next.entropy_bits,
         refitted: refitted_model.unit(),

@@ -50,6 +50,7 @@ pub fn read(report: &Value) -> Result<Diagnosis, ReadError> {
             .collect(),
         gap: rows(&report["gap"]["signals"]).map(gap).collect::<Result<_, _>>()?,
         closure: interval(&report["gap"]["closure"]),
+        closure_widened_by: number(&evidence["closure_widened_by"]),
         experiments: rows(&report["next_experiment"]).map(experiment).collect::<Result<_, _>>()?,
         entropy_bits: number(&evidence["entropy_bits"]),
         refitted: empty.clone(),

@@ -66,6 +66,7 @@ fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
             with_effects: 7.0e-4,
         }],
         closure,
+        closure_widened_by: 1.0,
         experiments: vec![Experiment {
             separates: vec!["backlash".into(), "load".into()],
             test: "a full stroke".into(),
