@@ -5,10 +5,13 @@
 //! stage (a conditional logit over the evidence of discrepancy terms there)? [`Weights::bayes`] is Bayes' theorem with nothing learned; `govtwin
 //! calibrate` learns the weights by log score on generated units.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use crate::diagnosis::linearisation::SIZE_PRIOR;
 use crate::diagnosis::table::{Row, Table};
+use crate::effects::find;
 use crate::tuning::noise::log_sum;
 use crate::tuning::problem::SOUND_MEAN_SQUARE;
 
@@ -54,9 +57,10 @@ pub const OF_UNKNOWN: [Feature; 7] = [
 ];
 
 /// Features of a stage, where something is unknown.
-pub const OF_STAGES: [Feature; 2] = [
+pub const OF_STAGES: [Feature; 3] = [
     feature("nats lost against the best stage, over χ² of the best set", [-0.5; 2]),
     feature("logarithm of 1 and the nats lost", [0.0; 2]),
+    feature("logarithm of the share that effects there have of all that is known, by Bayes' theorem", [0.5; 2]),
 ];
 
 /// Names of the rates, in the order of the weights: each feature counts for both, by their share of the samples.
@@ -134,6 +138,9 @@ const FREEDOM: f64 = 30.0;
 /// Spread of the logarithm of χ² between sound units beyond what their number of samples brings: 0.07 of 19 generated ones at 100 Hz.
 const SCATTER: f64 = 0.1;
 
+/// Share that counts for a stage without any known effect.
+const LEAST_SHARE: f64 = 0.03;
+
 /// Loss from which on nothing changes any more: a hypothesis that could not be simulated is as far behind as any.
 const FARTHEST: f64 = 1e3;
 
@@ -197,9 +204,19 @@ impl Hypotheses {
             leader.effects.len() as f64,
             (gained.abs() / chi).ln_1p().copysign(gained),
         ]);
+        // What comes nearest to something unknown mostly acts at its stage.
+        let mut known: BTreeMap<&str, f64> = BTreeMap::new();
+        for row in table.rows.iter().filter(allowed).filter(|row| !row.effects.is_empty()) {
+            let each = (odds(row) - odds(leader)).exp() / row.effects.len() as f64;
+            for spec in row.effects.iter().filter_map(|id| find(id)) {
+                *known.entry(spec.stage.id()).or_default() += each;
+            }
+        }
+        let all = known.values().sum::<f64>().max(f64::MIN_POSITIVE);
         let stage = |(id, evidence): (&String, &f64)| {
             let lost = (best_stage - evidence).clamp(0.0, FARTHEST);
-            (id.clone(), by_rate(&[lost / chi, lost.ln_1p()]))
+            let share = known.get(id.as_str()).map_or(0.0, |known| known / all);
+            (id.clone(), by_rate(&[lost / chi, lost.ln_1p(), (share + LEAST_SHARE).ln()]))
         };
         Some(Self { sets: rows.map(set).collect(), unknown, stages: table.unknown.iter().map(stage).collect(), scale })
     }
