@@ -51,7 +51,8 @@ fn effects() -> String {
         page += &format!("\n## {}\n{}\n\n", text("id"), text("summary"));
         page += &format!("- Stage: {}\n- Equation: {}\n", text("stage").replace('_', " "), text("equation"));
         for symbol in effect["symbols"].as_array().into_iter().flatten() {
-            let [name, unit, meaning] = ["symbol", "unit", "meaning"].map(|key| symbol[key].as_str().unwrap_or_default());
+            let [name, unit, meaning] =
+                ["symbol", "unit", "meaning"].map(|key| symbol[key].as_str().unwrap_or_default());
             page += &format!("- {name} ({unit}): {meaning}\n");
         }
         page += &format!("- Without it: {}\n- Limits: {}\n", text("symptom"), text("limits"));

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use govtwin::battery::Label;
-use govtwin::blind::learn::{Example, Learned, closure_widening, examples, learn, size_spread};
+use govtwin::blind::learn::{Example, Learned, closure_widening, examples, learn, log_score, size_spread};
 use govtwin::blind::rejudge::{LeftOut, rejudged};
 use govtwin::blind::said::Said;
 use govtwin::blind::score::{Score, score};
@@ -88,29 +88,36 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         several => several.iter().map(|units| units.iter().collect()).collect(),
     };
     let mut scores = Vec::new();
+    let mut by_folder = Vec::new();
     let mut whole: Option<Learned> = None;
     for (name, left_out, is_learned) in VARIANTS {
         let of = |units: &Vec<&Judged>| -> Vec<Example> {
             let table = |said: &Said| left_out.of(&said.evidence.table);
             units.iter().flat_map(|unit| examples(&unit.label, &table(&unit.said))).collect()
         };
-        let learned = learn(&parts.iter().map(of).collect::<Vec<_>>());
+        let examples: Vec<Vec<Example>> = parts.iter().map(of).collect();
+        let learned = learn(&examples);
         let weights = |part: usize| if is_learned { learned.of_others[part].clone() } else { Weights::bayes() };
         let mut cases = Vec::new();
         for (part, units) in parts.iter().enumerate() {
             let others = parts.iter().enumerate().filter(|(other, _)| *other != part).flat_map(|(_, units)| units);
             let widening = closure_widening(&others.filter_map(|unit| unit.claim()).collect::<Vec<_>>());
-            cases.extend(units.iter().map(|unit| {
+            let judged = units.iter().map(|unit| {
                 let mut said = rejudged(&unit.said, &left_out.of(&unit.said.evidence.table), &weights(part));
                 if let Some(claim) = unit.closure(&said) {
                     let Interval { low, high, .. } = claim.widened(widening);
                     said.gap.closure.ci90 = Some([Some(low), Some(high)]);
                 }
                 Scored { said, label: unit.label.clone(), realised_closure: unit.came_true, told: None }
-            }));
+            });
+            let judged: Vec<Scored> = judged.collect();
+            if whole.is_none() && batteries.len() > 1 {
+                by_folder.push((folder(&args.dirs[part]), log_score(&examples[part], &weights(part)), score(&judged)));
+            }
+            cases.extend(judged);
         }
-        let log_score = if is_learned { learned.held_out } else { learned.bayes };
-        scores.push((name, log_score, score(&cases)));
+        let mean = if is_learned { learned.held_out } else { learned.bayes };
+        scores.push((name.to_owned(), mean, score(&cases)));
         whole.get_or_insert(learned);
     }
     let Some(learned) = whole else { bail!("there is nothing to learn from") };
@@ -122,7 +129,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         closure_widening: closure_widening(&claims),
         provenance: serde_json::json!({
             "program": env!("CARGO_PKG_VERSION"),
-            "folders": args.dirs.iter().map(|dir| dir.file_name().map(|name| name.to_string_lossy().into_owned())).collect::<Vec<_>>(),
+            "folders": args.dirs.iter().map(|dir| folder(dir)).collect::<Vec<_>>(),
             "units": all.len(),
             "units_are": "synthetic, made by `govtwin blind --generate`",
             "log_score": {"not_learned": learned.bayes, "held_out": learned.held_out, "seen": learned.seen},
@@ -150,12 +157,20 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             lines += &format!("{weight:9.3}  {name}\n");
         }
     }
-    print(&if args.json { text } else { lines + &told(&scores) })?;
+    lines += &told("On units not seen", &scores);
+    lines += &bins(&scores);
+    lines += &told("The same, folder by folder, each by weights of the others", &by_folder);
+    print(if args.json { &text } else { &lines })?;
     Ok(Outcome::Ok)
 }
 
+/// The name of a folder.
+fn folder(dir: &Path) -> String {
+    dir.file_name().map_or_else(|| dir.display().to_string(), |name| name.to_string_lossy().into_owned())
+}
+
 /// How often what was said with a probability was so, on units not seen: pages set it beside such claims.
-fn reliability(scores: &[(&str, f64, Score)]) -> Vec<serde_json::Value> {
+fn reliability(scores: &[(String, f64, Score)]) -> Vec<serde_json::Value> {
     let bins = scores.first().into_iter().flat_map(|(_, _, learned)| &learned.reliability);
     bins.map(|bin| serde_json::json!({"said": bin.said_probability, "was": bin.was.value, "units": bin.was.cases}))
         .collect()
@@ -192,29 +207,34 @@ fn read(dir: &Path) -> anyhow::Result<Vec<Judged>> {
     Ok(units)
 }
 
-/// All measures on units not seen, one column a variant, and how often what was said with a probability was so.
-fn told(scores: &[(&str, f64, Score)]) -> String {
-    let mut text = "\nOn units not seen:\n".to_owned();
+/// All measures, one column a score; nothing where there is none.
+fn told(title: &str, scores: &[(String, f64, Score)]) -> String {
+    let Some((_, _, first)) = scores.first() else { return String::new() };
+    let mut text = format!("\n{title}:\n");
     let row = |text: &mut String, name: &str, cells: &mut dyn Iterator<Item = String>| {
         *text += &format!("{name:<58}");
         cells.for_each(|cell| *text += &format!("{cell:>16}"));
         *text += "\n";
     };
-    row(&mut text, "", &mut scores.iter().map(|(name, ..)| (*name).to_owned()));
+    row(&mut text, "", &mut scores.iter().map(|(name, ..)| name.clone()));
     row(&mut text, "mean log score", &mut scores.iter().map(|(_, log_score, _)| format!("{log_score:.3}")));
-    let Some((_, _, first)) = scores.first() else { return text };
     for (k, measure) in first.measures.iter().enumerate() {
-        if measure.measured.cases == 0 || measure.id == "seconds" {
+        if scores.iter().all(|(_, _, score)| score.measures[k].measured.cases == 0) || measure.id == "seconds" {
             continue;
         }
         let cell = |score: &Score| {
             let measured = score.measures[k].measured;
-            format!("{:.2} of {}", measured.value, measured.cases)
+            if measured.cases == 0 { "none".to_owned() } else { format!("{:.2} of {}", measured.value, measured.cases) }
         };
         row(&mut text, measure.name, &mut scores.iter().map(|(_, _, score)| cell(score)));
     }
-    text += "\nProbability said, how often it was so:\n";
-    for bin in &first.reliability {
+    text
+}
+
+/// Probabilities said on units not seen, and how often it was so.
+fn bins(scores: &[(String, f64, Score)]) -> String {
+    let mut text = "\nProbability said, how often it was so:\n".to_owned();
+    for bin in scores.first().into_iter().flat_map(|(_, _, learned)| &learned.reliability) {
         let was = bin.was;
         text += &format!(
             "{:6.2}   {:.2} [{:.2}, {:.2}] of {}\n",
