@@ -45,6 +45,13 @@ impl Verdict {
             Self::NoSuchUnit => "no_such_unit",
         }
     }
+
+    /// The words of all verdicts as a sentence lists them: `named, class, … or no_such_unit`.
+    #[must_use]
+    pub fn all_words() -> String {
+        let [others @ .., last] = Self::ALL.map(Self::id);
+        format!("{} or {last}", others.join(", "))
+    }
 }
 
 /// A value with the interval that holds the truth nine times in ten.
