@@ -26,6 +26,7 @@ pub mod record;
 pub mod replay;
 pub mod report;
 pub mod report_file;
+pub mod scored_report;
 #[cfg(feature = "node")]
 pub mod run;
 pub mod sheet;

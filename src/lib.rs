@@ -24,9 +24,13 @@ pub mod residual;
 pub mod twin;
 
 // judgement
+#[cfg(feature = "lab")]
 pub mod baselines;
+#[cfg(feature = "lab")]
 pub mod battery;
+#[cfg(feature = "lab")]
 pub mod blind;
+#[cfg(feature = "lab")]
 pub mod comparison;
 pub mod diagnosis;
 pub mod generate;

@@ -19,6 +19,7 @@
 
 mod consistency;
 mod error;
+#[cfg(feature = "lab")]
 pub mod labels;
 mod merge;
 mod number;
