@@ -26,9 +26,9 @@ pub mod record;
 pub mod replay;
 pub mod report;
 pub mod report_file;
-pub mod scored_report;
 #[cfg(feature = "node")]
 pub mod run;
+pub mod scored_report;
 pub mod sheet;
 #[cfg(feature = "residual")]
 pub mod train;

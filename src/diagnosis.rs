@@ -73,6 +73,7 @@ impl Default for Settings {
 
 /// Why there can be no diagnosis.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum DiagnosisError {
     /// Nothing to go by; each recording with its reason.
     #[error("no recording can be used for a diagnosis:\n  {0}")]

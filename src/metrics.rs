@@ -102,6 +102,7 @@ impl Accumulator {
 
 /// The figures of one signal, in the signal's unit; NaN where the data cannot say.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Figures {
     /// Pairs that count.
     pub count: u64,

@@ -6,6 +6,7 @@ pub use channels::{Channels, Reading};
 
 /// One row of the table: where a parameter lives, its unit, and the range that physics allows.
 #[derive(Clone, Copy)]
+#[non_exhaustive]
 pub struct Entry {
     /// Section and name as parameter files write them, such as `oil.density_kg_m3`.
     pub key: &'static str,
@@ -212,7 +213,8 @@ pub struct Sensors {
 pub struct EffectSetting {
     /// The effect's id in the catalogue.
     pub id: String,
-    /// Its parameters, in the order of its specification.
+    /// Its parameters, in the order and the units of its specification. Those that are left out at the end are neutral, and further
+    /// ones are ignored, so that a setting cannot be too short; [`Unit::with_effect`] sets them by their names.
     pub values: Vec<f64>,
 }
 

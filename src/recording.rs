@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use crate::frame::{EsvState, Frame};
 use crate::units::seconds_from_nanos;
 
-/// The four dynamic processes of a governor (Liu et al. 2025, section 4.2).
+/// The four dynamic processes of a governor (Liu et al. 2025, section 4.2); there are no others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Process {
     /// From closed to speed-no-load.

@@ -5,6 +5,7 @@ use crate::parameters::{Sensor, Sensors};
 
 /// One of the signals that a recording may hold and a twin simulates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[non_exhaustive]
 pub enum Signal {
     /// Servomotor position `Y`.
     ServomotorPosition,

@@ -26,6 +26,7 @@ use tick::{Chain, Read, Seen, Setting, large_loop, tick};
 
 /// Where recorded signals stand in for simulated ones, so that one stage is judged by its own input.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Cut {
     /// Closed loop: everything is simulated; what the node does.
     #[default]

@@ -13,6 +13,7 @@ use crate::signal::Signal;
 
 /// The six things that a diagnosis may say.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Verdict {
     /// The effects are named, all present at once.
     Named,
@@ -56,6 +57,7 @@ impl Verdict {
 
 /// A value with the interval that holds the truth nine times in ten.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Interval {
     /// Best value.
     pub value: f64,
@@ -93,6 +95,7 @@ impl Interval {
 
 /// A parameter as fitted.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Fitted {
     /// Name with its unit suffix; for the sheet's parameters the key of parameter files.
     pub name: String,
@@ -112,6 +115,7 @@ pub struct Fitted {
 
 /// An effect that the verdict blames, or a rival in a class.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Blame {
     /// Its id.
     pub id: String,
@@ -131,6 +135,7 @@ pub struct Blame {
 
 /// One row of the ranking.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Ranked {
     /// An effect's id, `unknown` or `none`.
     pub id: String,
@@ -140,6 +145,7 @@ pub struct Ranked {
 
 /// The gap in one signal.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct SignalGap {
     /// Which signal.
     pub signal: Signal,
@@ -155,6 +161,7 @@ pub struct SignalGap {
 
 /// A test that is expected to take something off the posterior's entropy.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Experiment {
     /// The two hypotheses that it tells apart most: ids of effects joined by `+`, `none`, or `unknown:STAGE`.
     pub separates: Vec<String>,
@@ -186,6 +193,7 @@ pub struct Experiment {
 
 /// One channel of one recording, as found.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Channel {
     /// Recording.
     pub recording: String,
@@ -205,6 +213,7 @@ pub struct Channel {
 
 /// How well an effect could be seen at all.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Visible {
     /// Effect.
     pub id: &'static str,
@@ -220,6 +229,7 @@ pub struct Visible {
 
 /// One part of a cut through the squared gap.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Part {
     /// What the part holds, in words.
     pub name: String,
@@ -233,6 +243,7 @@ pub struct Part {
 
 /// One way of cutting the squared gap of one signal into parts.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Breakdown {
     /// Which signal.
     pub signal: Signal,
@@ -244,6 +255,7 @@ pub struct Breakdown {
 
 /// A stage driven by the recorded signals at its input.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct StageTest {
     /// What is driven, in words.
     pub stage: &'static str,
@@ -259,6 +271,7 @@ pub struct StageTest {
 
 /// A free term placed in one equation: how much it would explain, and what it looks like.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Latent {
     /// Where it stands, in words.
     pub place: &'static str,
@@ -274,6 +287,7 @@ pub struct Latent {
 
 /// An effect tried alone on top of the refitted twin.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Tried {
     /// Ids, one or more.
     pub ids: Vec<String>,
@@ -287,6 +301,7 @@ pub struct Tried {
 
 /// How far the gap of a recording closes when the fit has not seen it.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Transfer {
     /// Recording.
     pub recording: String,
@@ -296,6 +311,7 @@ pub struct Transfer {
 
 /// One recording as it was and as the twins have it, at the rows where something was measured.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Trace {
     /// Recording.
     pub name: String,
@@ -309,6 +325,7 @@ pub struct Trace {
 
 /// How well a model predicts free runs of a fixed length, each from its own measured start.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct FreeRun {
     /// The model, in words.
     pub model: String,
@@ -322,6 +339,7 @@ pub struct FreeRun {
 
 /// One figure of a fitted stage, in the numbers of its recordings.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Told {
     /// Its id in reports.
     pub id: &'static str,
@@ -344,6 +362,7 @@ impl Told {
 
 /// What to know of a diagnosis of a part of the chain.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct StageOnly {
     /// Whether a data sheet was given; without one everything is fitted freely.
     pub sheet: bool,
@@ -365,6 +384,7 @@ pub struct StageOnly {
 
 /// All that a diagnosis says.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Diagnosis {
     /// Verdict.
     pub verdict: Verdict,
@@ -383,6 +403,7 @@ pub struct Diagnosis {
     /// Tests that would tell more, best first; none where nothing is to be settled.
     pub experiments: Vec<Experiment>,
     /// Entropy of the posterior over the hypotheses that are left, bits.
+    #[doc(hidden)]
     pub entropy_bits: f64,
     /// The unit refitted without any effect.
     pub refitted: Unit,
@@ -391,35 +412,50 @@ pub struct Diagnosis {
     /// The sheet's parameters as fitted in `fitted`.
     pub parameters: Vec<Fitted>,
     /// Channels as found.
+    #[doc(hidden)]
     pub channels: Vec<Channel>,
     /// What could be seen at all.
+    #[doc(hidden)]
     pub visible: Vec<Visible>,
     /// Pairs of effects that these recordings cannot tell apart, with how alike they look, 0 to 1.
+    #[doc(hidden)]
     pub alike: Vec<(String, String, f64)>,
     /// The squared gap in parts.
+    #[doc(hidden)]
     pub breakdowns: Vec<Breakdown>,
     /// Stages driven by recorded signals.
+    #[doc(hidden)]
     pub stage_tests: Vec<StageTest>,
     /// Free terms.
+    #[doc(hidden)]
     pub latents: Vec<Latent>,
     /// What was tried, best first.
+    #[doc(hidden)]
     pub tried: Vec<Tried>,
     /// Closure on each recording by fits to the others; empty where there is nothing to transfer.
+    #[doc(hidden)]
     pub transfers: Vec<Transfer>,
     /// Fault sets that hold nine tenths of the probability of something known, likeliest first.
+    #[doc(hidden)]
     pub sets: Vec<(Vec<String>, f64)>,
     /// The evidence that the probabilities rest on.
+    #[doc(hidden)]
     pub table: Table,
     /// Innovations of the refitted sheet, and of the likeliest fault set.
+    #[doc(hidden)]
     pub consistency: [Vec<Consistency>; 2],
     /// How many values were measured.
+    #[doc(hidden)]
     pub samples: usize,
     /// Traces for pictures.
+    #[doc(hidden)]
     pub traces: Vec<Trace>,
     /// Where the recordings hold no command: the servomotor stage alone was judged, driven by the measured spool.
+    #[doc(hidden)]
     pub part: Option<StageOnly>,
     /// What a reader must know beside the verdict.
     pub notes: Vec<String>,
     /// Number of simulated recordings that it took.
+    #[doc(hidden)]
     pub simulations: usize,
 }

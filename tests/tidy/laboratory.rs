@@ -3,8 +3,7 @@
 use crate::source::Source;
 
 /// Its modules of the library; all of them stand behind the cargo feature `lab`.
-const ROOMS: [&str; 6] =
-    ["baselines", "battery", "blind", "comparison", "params::labels", "report::comparison"];
+const ROOMS: [&str; 6] = ["baselines", "battery", "blind", "comparison", "params::labels", "report::comparison"];
 
 /// Its commands, with what they share.
 const COMMANDS: [&str; 6] = ["blind", "calibrate", "compare", "learn", "scored_report", "train"];
@@ -64,7 +63,8 @@ mod tests {
         for code in ["use crate::report::comparison_table;", "use crate::blinds;", "/// [`crate::battery`]"] {
             assert_eq!(of("src/tuning/fit.rs", code), 0, "{code}");
         }
-        let in_tests = "use crate::units;\n#[cfg(all(test, feature = \"lab\"))]\nmod tests {\n    use crate::battery;\n}\n";
+        let in_tests =
+            "use crate::units;\n#[cfg(all(test, feature = \"lab\"))]\nmod tests {\n    use crate::battery;\n}\n";
         assert_eq!(of("src/tuning/fit.rs", in_tests), 0);
     }
 }

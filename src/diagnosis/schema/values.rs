@@ -13,6 +13,7 @@ use crate::signal::Signal;
 
 /// A report that no page can be made of.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ReadError {
     /// Another schema, or none.
     #[error("expected a report of the schema {SCHEMA}, found `{0}`")]
