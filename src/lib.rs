@@ -153,7 +153,19 @@ pub use parameters::{
 pub use params::{Overlay, ParamsError, Problem, load as load_unit, reference as reference_unit, write as write_unit};
 
 // The row that flows, and recordings of it.
-pub use bag::{BagError, Health, Interpolation, Loaded, Positions, ReadOptions, Stream, Topics, read as read_bag};
+/// ```
+/// use govtwin::{Process, ReadOptions, Stream, read_bag};
+///
+/// let loaded = read_bag("bags/reference/shutdown_01.mcap".as_ref(), &ReadOptions::default())?;
+/// assert_eq!(loaded.recording.process, Process::Shutdown);
+/// assert_eq!(loaded.health.about("synthetic"), Some("true")); // all that is shipped here was simulated
+///
+/// let error = read_bag("bags/nowhere".as_ref(), &ReadOptions::default()).unwrap_err();
+/// assert!(error.to_string().contains("bags/nowhere"));
+/// # Ok::<(), govtwin::BagError>(())
+/// ```
+pub use bag::read as read_bag;
+pub use bag::{BagError, Health, Interpolation, Loaded, Positions, ReadOptions, Stream, Topics};
 pub use frame::{Estimate, EsvState, Frame, Inputs, Signals};
 pub use recording::{Process, Recording};
 pub use signal::Signal;

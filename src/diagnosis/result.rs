@@ -12,6 +12,12 @@ use crate::recording::Process;
 use crate::signal::Signal;
 
 /// The six things that a diagnosis may say.
+///
+/// ```
+/// use govtwin::Verdict;
+///
+/// assert_eq!(Verdict::ALL.map(Verdict::id)[..3], ["named", "class", "unknown"]);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Verdict {
