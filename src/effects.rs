@@ -121,6 +121,7 @@ pub struct EffectSpec {
 }
 
 /// An effect as its file defines it: its law takes as many values as there are parameters, which the compiler checks.
+#[derive(Clone, Copy)]
 pub(crate) struct Definition<const N: usize> {
     pub id: &'static str,
     pub stage: Stage,

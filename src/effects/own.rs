@@ -312,3 +312,40 @@ impl Term for Added {
         if added.is_finite() { signal + added } else { signal }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc;
+    use std::time::Duration;
+
+    use super::*;
+    use crate::params::reference;
+    use crate::twin::Twin;
+
+    #[test]
+    fn a_twin_is_built_while_somebody_holds_the_definitions() {
+        let parameter = OwnParameter {
+            name: "a".to_owned(),
+            unit: "1".to_owned(),
+            neutral: 0.0,
+            min: 0.0,
+            max: 1.0e3,
+            typical: 1.0,
+            doc: String::new(),
+        };
+        let own = OwnEffect {
+            id: "mine".to_owned(),
+            doc: String::new(),
+            at: "servomotor_force_n".to_owned(),
+            stage: String::new(),
+            expression: "-a*servomotor_velocity_m_s".to_owned(),
+            parameters: vec![parameter],
+        };
+        let unit = reference().with_own_effect(own).unwrap().with_effect("mine", &[("a", 5.0)]).unwrap();
+        let held = MET.lock().unwrap_or_else(PoisonError::into_inner);
+        let (done, built) = mpsc::channel();
+        std::thread::spawn(move || done.send(Twin::new(&unit).plant().terms.is_empty_at(Point::ServomotorForce)));
+        assert_eq!(built.recv_timeout(Duration::from_secs(60)), Ok(false));
+        drop(held);
+    }
+}
