@@ -23,6 +23,7 @@ pub mod explorer;
 mod fitted_sets;
 pub mod homogeneity;
 pub mod information;
+mod interval;
 pub mod law_error;
 pub mod linearisation;
 pub mod model;
