@@ -14,8 +14,13 @@ use govtwin::{
 
 pub fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args_os().skip(1);
-    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/reference/load_increase_01.mcap");
-    let bag = arguments.next().map_or(shipped, Into::into);
+    let bag = arguments.next().map_or_else(
+        || {
+            println!("no bag given; this one is synthetic, made by a simulator that is independent of the twin");
+            Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/reference/load_increase_01.mcap")
+        },
+        Into::into,
+    );
     let unit = arguments.next().map_or_else(|| Ok(reference_unit()), |sheet| load_unit(Path::new(&sheet)))?;
     replay_bag(&bag, &unit).map(drop)
 }
