@@ -20,6 +20,7 @@ pub mod flow_saturation;
 pub mod load;
 pub mod lvdt_bias;
 pub mod lvdt_gain;
+pub mod on_unit;
 pub mod own;
 pub mod pilot_filter;
 pub mod port_asymmetry;
@@ -46,6 +47,7 @@ use crate::plant::Plant;
 
 /// The stage of the chain in which an effect sits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[non_exhaustive]
 pub enum Stage {
     /// The discrete regulator and the command's way to it.
     Regulator,
@@ -85,6 +87,7 @@ impl Stage {
 
 /// One parameter of an effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct EffectParameter {
     /// Name as parameter files write it, with its unit suffix.
     pub name: &'static str,
@@ -104,6 +107,7 @@ pub struct EffectParameter {
 
 /// An effect: what it is called, what it needs, and how it enters the plant.
 #[derive(Clone, Copy)]
+#[non_exhaustive]
 pub struct EffectSpec {
     /// Its id, a contract with reports and parameter files.
     pub id: &'static str,
@@ -111,10 +115,37 @@ pub struct EffectSpec {
     pub stage: Stage,
     /// The source file, whose head is the effect's documentation.
     pub source: &'static str,
-    /// Its parameters; [`crate::parameters::EffectSetting::values`] has their order.
+    /// Its parameters; [`EffectSetting::values`](crate::parameters::EffectSetting::values) has their order.
     pub parameters: &'static [EffectParameter],
+    law: &'static dyn Build,
+}
+
+/// An effect as its file defines it: its law takes as many values as there are parameters, which the compiler checks.
+#[derive(Clone, Copy)]
+pub(crate) struct Definition<const N: usize> {
+    pub id: &'static str,
+    pub stage: Stage,
+    pub source: &'static str,
+    pub parameters: &'static [EffectParameter; N],
+    pub apply: &'static Law<N>,
+}
+
+/// How an effect of `N` parameters enters a plant.
+pub(crate) struct Law<const N: usize>(pub fn([f64; N], &mut Plant));
+
+/// A law of any number of parameters.
+pub(crate) trait Build: Send + Sync {
     /// Builds it into a plant; one value for each parameter.
-    pub apply: &'static (dyn Fn(&[f64], &mut Plant) + Send + Sync),
+    fn build(&self, values: &[f64], plant: &mut Plant);
+}
+
+impl<const N: usize> Build for Law<N> {
+    fn build(&self, values: &[f64], plant: &mut Plant) {
+        // `EffectSpec::apply` hands over as many as there are parameters.
+        if let Ok(values) = values.try_into() {
+            self.0(values, plant);
+        }
+    }
 }
 
 impl fmt::Debug for EffectSpec {
@@ -125,6 +156,7 @@ impl fmt::Debug for EffectSpec {
 
 /// What the head of an effect's file says, in plain words.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Head {
     /// What it is.
     pub summary: String,
@@ -139,6 +171,24 @@ pub struct Head {
 }
 
 impl EffectSpec {
+    /// An effect of the catalogue.
+    pub(crate) const fn new<const N: usize>(definition: Definition<N>) -> Self {
+        let Definition { id, stage, source, parameters, apply } = definition;
+        Self { id, stage, source, parameters, law: apply }
+    }
+
+    /// Builds it into a plant. Values that a setting lacks are neutral; what it has too many is ignored.
+    pub(crate) fn apply(&self, values: &[f64], plant: &mut Plant) {
+        self.law.build(&self.completed(values), plant);
+    }
+
+    /// One value for each parameter, in their order and units: as given, and neutral from where the given ones end.
+    #[must_use]
+    pub fn completed(&self, values: &[f64]) -> Vec<f64> {
+        let given = values.iter().copied().map(Some).chain(std::iter::repeat(None));
+        self.parameters.iter().zip(given).map(|(parameter, value)| value.unwrap_or(parameter.neutral)).collect()
+    }
+
     /// Reads the head of its file.
     #[must_use]
     pub fn head(&self) -> Head {
@@ -171,6 +221,15 @@ impl EffectSpec {
 }
 
 /// Every effect that the twin can switch on, by stage along the chain.
+///
+/// ```
+/// use govtwin::{CATALOGUE, Stage};
+///
+/// let friction = CATALOGUE.iter().find(|effect| effect.id == "spool_friction").expect("it is in the catalogue");
+/// assert_eq!(friction.stage, Stage::Spool);
+/// assert_eq!(friction.parameters.iter().map(|one| (one.name, one.unit)).collect::<Vec<_>>(), [("coulomb_n", "N"), ("static_ratio", "1")]);
+/// println!("{}", friction.head().equation);
+/// ```
 pub const CATALOGUE: &[EffectSpec] = &[
     command_delay::SPEC,
     command_gain::SPEC,
@@ -233,12 +292,16 @@ pub fn find_in(unit: &Unit, id: &str) -> Option<&'static EffectSpec> {
 /// Builds a unit's effects into its plant in the catalogue's order, so that the order of the list does not matter;
 /// then the owner's.
 ///
-/// Settings that nobody knows, and definitions that are not right, are for the edge to refuse.
+/// Settings that nobody knows, and definitions that are not right, change nothing: they are for the edge to refuse. Takes no lock.
 pub fn apply(unit: &Unit, plant: &mut Plant) {
-    let own = unit.own_effects.iter().filter_map(|own| own::spec(own).ok());
-    for spec in CATALOGUE.iter().chain(own) {
+    for spec in CATALOGUE {
         for setting in unit.effects.iter().filter(|setting| setting.id == spec.id) {
-            (spec.apply)(&setting.values, plant);
+            spec.apply(&setting.values, plant);
+        }
+    }
+    for own in &unit.own_effects {
+        for setting in unit.effects.iter().filter(|setting| setting.id == own.id) {
+            own::build(own, &setting.values, plant);
         }
     }
 }
@@ -246,6 +309,31 @@ pub fn apply(unit: &Unit, plant: &mut Plant) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_setting_may_be_short_or_long_and_is_completed() {
+        let spec = find("cushion").unwrap();
+        assert_eq!(spec.completed(&[1e8]), [1e8, 0.1]);
+        assert_eq!(spec.completed(&[]), [0.0, 0.1]);
+        assert_eq!(spec.completed(&[1e8, 0.06, 7.0]), [1e8, 0.06]);
+        let plant = |values: &[f64]| {
+            let mut plant = Plant::new(&crate::params::reference().parameters);
+            spec.apply(values, &mut plant);
+            format!("{plant:?}")
+        };
+        assert_eq!(plant(&[1e8]), plant(&[1e8, 0.1]));
+        assert_ne!(plant(&[1e8]), plant(&[]));
+        // Every effect of the catalogue takes nothing at all for neutral.
+        for spec in CATALOGUE {
+            let (mut none, mut neutral) = (
+                Plant::new(&crate::params::reference().parameters),
+                Plant::new(&crate::params::reference().parameters),
+            );
+            spec.apply(&[], &mut none);
+            spec.apply(&spec.completed(&[]), &mut neutral);
+            assert_eq!(format!("{none:?}"), format!("{neutral:?}"), "{}", spec.id);
+        }
+    }
 
     #[test]
     fn a_head_is_read_in_its_parts() {

@@ -18,7 +18,7 @@ mod together;
 use std::io;
 use std::path::Path;
 
-pub use bounds::check_yaml;
+pub use bounds::{YamlBoundError, check_yaml};
 pub use claim::{Claim, ClaimError};
 pub use input::{read_bytes, read_text};
 pub use journal::{journalled, settle};

@@ -72,6 +72,7 @@ pub struct Frame {
 
 /// What a twin says the servo system does at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Estimate {
     /// Time for which it holds, ns; equal to the frame's.
     pub time_ns: i64,

@@ -1,46 +1,203 @@
-//! A digital twin of a hydro-turbine governor's servo system.
+//! A digital twin of a hydro-turbine governor's servo system: step it in a loop, replay recordings through it, and find out why a
+//! real unit differs from it.
 //!
-//! The data flow and the floors of the house are drawn in `ARCHITECTURE.md`.
+//! A [`Unit`] is a data sheet: parameters, tolerances, transducers and effects beyond the nominal model. [`Twin::new`] builds the simulated
+//! servo system of a unit, [`Twin::step`] takes it from [`Frame`] to [`Frame`]. A [`Recording`] is frames in time order; [`replay()`] compares
+//! it with the twin, and [`diagnose()`] weighs the [catalogue of effects](CATALOGUE) against all recordings of a unit.
+//!
+//! ```
+//! use govtwin::{EsvState, Frame, Inputs, Recording, Signal, Signals, Twin, reference_unit, replay};
+//!
+//! // The unit that the program ships, with play of 0.2 % of the stroke between piston and transducer.
+//! let unit = reference_unit();
+//! let worn = unit.clone().with_effect("backlash", &[("play_pu", 0.002)])?;
+//!
+//! // 20 s at 100 Hz: the opening command rises from 40 % to 50 %, and the twin of the worn unit answers.
+//! let mut twin = Twin::new(&worn);
+//! let mut frames: Vec<Frame> = (0..2000)
+//!     .map(|row| {
+//!         let opening_command_pu = if row < 200 { 0.40 } else { 0.50 };
+//!         let inputs = Inputs { opening_command_pu, esv: EsvState::Normal, tank_pressure_pa: 6.0e6 };
+//!         Frame { time_ns: row * 10_000_000, inputs, measured: Signals::NONE }
+//!     })
+//!     .collect();
+//! for frame in &mut frames {
+//!     frame.measured = twin.step(frame).signals;
+//! }
+//! assert!((frames[1999].measured.servomotor_position_pu - 0.50).abs() < 0.01);
+//!
+//! // The same rows through the twin of the data sheet: how far apart are the two?
+//! let replayed = replay(&unit, Recording::new("step", frames));
+//! let servomotor = replayed.scores.figures(Signal::ServomotorPosition);
+//! assert!(servomotor.mae > 1e-5 && servomotor.mae < 2e-3, "MAE {} pu", servomotor.mae);
+//! # Ok::<(), govtwin::EffectError>(())
+//! ```
+//!
+//! The folder `examples/` replays a bag, steps a twin in a loop, adds an effect of one's own and diagnoses a unit.
+//!
+//! # Units, signs, time
+//! Positions are in pu of stroke (1 is fully open), pressures in Pa gauge, all else in SI units; a name ends in its unit. What is
+//! not measured is NaN. Times are nanoseconds since an epoch that all rows of a recording share. Nothing here reads a clock, prints, or keeps
+//! state between calls: the same arguments give the same result to the last bit, whatever the number of threads.
+//!
+//! # What is stable
+//! What stands on this page is the library: it changes only with a version that says so. The modules below it are public because the program
+//! `govtwin`, which is a crate of its own, is made of them; they are hidden from this page and may change with any version. So may fields
+//! and variants that this page does not show: enums and results are `#[non_exhaustive]`.
+//!
+//! # Cargo features
+//! A library wants `default-features = false`: no command line, no ROS 2, no laboratory.
+//!
+//! | feature | default | what it adds |
+//! |---|---|---|
+//! | `cli` | yes | the program `govtwin`; takes `lab` along |
+//! | `lab` | through `cli` | benchmark units with known faults, baselines, the scorer, the comparison of models |
+//! | `node` | yes | the twin as a ROS 2 node (Linux) |
+//! | `jazzy`, `humble` | `jazzy` | what the node's identity is on the wire; exclusive by nature: where both are on, `jazzy` wins |
+//! | `sqlite` | no | bags in rosbag2's sqlite3 storage |
+//! | `parquet` | no | tables in Parquet |
+//! | `residual` | no | training of learned residuals; LightGBM, compiled from C++ |
+//! | `deep` | no | LSTM and TCN beside the trees |
+//!
+//! All but `jazzy` and `humble` are additive.
+
+#[cfg(all(feature = "node", not(any(feature = "jazzy", feature = "humble"))))]
+compile_error!(
+    "the feature `node` needs `jazzy` (ROS 2 Iron and later) or `humble`: the node's identity on the wire differs between them"
+);
 
 // words
+#[doc(hidden)]
 pub mod digest;
+#[doc(hidden)]
 pub mod frame;
+#[doc(hidden)]
 pub mod parameters;
+#[doc(hidden)]
 pub mod recording;
+#[doc(hidden)]
 pub mod signal;
+#[doc(hidden)]
 pub mod state;
+#[doc(hidden)]
 pub mod units;
 
 // physics
+#[doc(hidden)]
 pub mod plant;
+#[doc(hidden)]
 pub mod provenance;
+#[doc(hidden)]
 pub mod solver;
 
 // corrections
+#[doc(hidden)]
 pub mod effects;
+#[doc(hidden)]
 pub mod residual;
 
 // heart
+#[doc(hidden)]
 pub mod twin;
 
 // judgement
+#[cfg(feature = "lab")]
+#[doc(hidden)]
 pub mod baselines;
+#[cfg(feature = "lab")]
+#[doc(hidden)]
 pub mod battery;
+#[cfg(feature = "lab")]
+#[doc(hidden)]
 pub mod blind;
+#[cfg(feature = "lab")]
+#[doc(hidden)]
 pub mod comparison;
+#[doc(hidden)]
 pub mod diagnosis;
+#[doc(hidden)]
 pub mod generate;
+#[doc(hidden)]
 pub mod metrics;
+#[doc(hidden)]
 pub mod replay;
+#[doc(hidden)]
 pub mod report;
+#[doc(hidden)]
 pub mod sheet;
+#[doc(hidden)]
 pub mod tuning;
 
 // edges
+#[doc(hidden)]
 pub mod bag;
+#[doc(hidden)]
 pub mod files;
+#[doc(hidden)]
 pub mod import;
+#[doc(hidden)]
 pub mod msg;
 #[cfg(feature = "node")]
+#[doc(hidden)]
 pub mod node;
+#[doc(hidden)]
 pub mod params;
+
+// A unit, and the data sheet that describes it.
+pub use effects::on_unit::EffectError;
+pub use effects::own::OwnError;
+pub use effects::{CATALOGUE, EffectParameter, EffectSpec, Stage};
+pub use parameters::{
+    Channels, EffectSetting, OwnEffect, OwnParameter, Parameters, Reading, Sensor, Sensors, Tolerance, Unit,
+};
+pub use params::{Overlay, ParamsError, Problem, load as load_unit, reference as reference_unit, write as write_unit};
+
+// The row that flows, and recordings of it.
+/// ```
+/// use govtwin::{Process, ReadOptions, read_bag};
+///
+/// // As all that is shipped below `bags/`, this was made by a simulator: `bags/ORIGIN.txt` says which.
+/// let loaded = read_bag("bags/reference/shutdown_01.mcap".as_ref(), &ReadOptions::default())?;
+/// assert_eq!(loaded.recording.process, Process::Shutdown);
+/// assert!(loaded.health.is_clean());
+///
+/// let error = read_bag("bags/nowhere".as_ref(), &ReadOptions::default()).unwrap_err();
+/// assert!(error.to_string().contains("bags/nowhere"));
+/// # Ok::<(), govtwin::BagError>(())
+/// ```
+pub use bag::read as read_bag;
+pub use bag::{BagError, Health, Interpolation, Loaded, Positions, ReadOptions, Stream, Topics};
+pub use frame::{Estimate, EsvState, Frame, Inputs, Signals};
+pub use recording::{Process, Recording};
+pub use signal::Signal;
+
+// The twin, and how far it is from what was measured.
+pub use metrics::Figures;
+pub use replay::{Replayed, Scores, replay};
+pub use solver::Method;
+pub use twin::{Cut, Twin};
+
+// Why a unit differs from its twin.
+pub use diagnosis::result::{Blame, Diagnosis, Experiment, Fitted, Interval, Ranked, SignalGap, Verdict};
+pub use diagnosis::schema::report as diagnosis_json;
+pub use diagnosis::{DiagnosisError, Settings as DiagnosisSettings, diagnose};
+pub use provenance::Provenance;
+pub use report::diagnosis::{page as diagnosis_page, summary as diagnosis_text};
+pub use report::draw::DrawError;
+pub use report::page::Page;
+
+/// The sections of a data sheet, and the table of all its parameters.
+///
+/// ```
+/// use govtwin::sections::ENTRIES;
+///
+/// let unit = govtwin::reference_unit();
+/// let density = ENTRIES.iter().find(|entry| entry.key == "oil.density_kg_m3").expect("oil has a density");
+/// assert_eq!((density.get)(&unit.parameters), unit.parameters.oil.density_kg_m3);
+/// assert_eq!(density.unit, "kg/m3");
+/// ```
+pub mod sections {
+    pub use crate::parameters::{
+        DistributingValve, ENTRIES, Entry, Esv, MainPorts, Oil, ProportionalValve, Regulator, Servomotor, entry,
+    };
+}

@@ -102,20 +102,21 @@ impl Accumulator {
 
 /// The figures of one signal, in the signal's unit; NaN where the data cannot say.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Figures {
     /// Pairs that count.
     pub count: u64,
     /// Pairs left out because either side was not finite.
     pub skipped: u64,
-    /// Mean absolute error.
+    /// Mean absolute error, in the signal's unit.
     pub mae: f64,
-    /// Root mean square error.
+    /// Root mean square error, in the signal's unit.
     pub rmse: f64,
-    /// Coefficient of determination; NaN where the measured signal is constant.
+    /// Coefficient of determination R², 1 at best; NaN where the measured signal is constant.
     pub r2: f64,
-    /// Mean of estimated − measured.
+    /// Mean of estimated − measured, in the signal's unit.
     pub bias: f64,
-    /// Largest absolute error.
+    /// Largest absolute error, in the signal's unit.
     pub max_abs: f64,
 }
 

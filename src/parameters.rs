@@ -6,6 +6,7 @@ pub use channels::{Channels, Reading};
 
 /// One row of the table: where a parameter lives, its unit, and the range that physics allows.
 #[derive(Clone, Copy)]
+#[non_exhaustive]
 pub struct Entry {
     /// Section and name as parameter files write them, such as `oil.density_kg_m3`.
     pub key: &'static str,
@@ -212,11 +213,38 @@ pub struct Sensors {
 pub struct EffectSetting {
     /// The effect's id in the catalogue.
     pub id: String,
-    /// Its parameters, in the order of its specification.
+    /// Its parameters, in the order and the units of its specification. Those that are left out at the end are neutral, and further
+    /// ones are ignored, so that a setting cannot be too short; [`Unit::with_effect`] sets them by their names.
     pub values: Vec<f64>,
 }
 
 /// A term with an expression in the state: an effect that a unit's owner adds to the catalogue.
+///
+/// [`Unit::with_own_effect`] checks it; `docs/own_effect.md` lists points, names and functions, and `examples/own_effect.rs` holds a whole one.
+///
+/// ```
+/// use govtwin::{OwnEffect, OwnParameter, reference_unit};
+///
+/// let leak = OwnEffect {
+///     id: "drain_leak".to_owned(),
+///     doc: "A leak of the control chamber to the drain".to_owned(),
+///     at: "chamber_flow_m3_s".to_owned(),
+///     stage: String::new(),
+///     expression: "-a*control_pressure_pa".to_owned(),
+///     parameters: vec![OwnParameter {
+///         name: "a".to_owned(),
+///         unit: "m3/(s Pa)".to_owned(),
+///         neutral: 0.0,
+///         min: 0.0,
+///         max: 2.0e-10,
+///         typical: 5.0e-12,
+///         doc: "leakage coefficient".to_owned(),
+///     }],
+/// };
+/// let unit = reference_unit().with_own_effect(leak)?.with_effect("drain_leak", &[("a", 5.0e-12)])?;
+/// assert_eq!(unit.effects[0].values, [5.0e-12]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct OwnEffect {
     /// Its id, unlike all of the catalogue's.

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use crate::frame::{EsvState, Frame};
 use crate::units::seconds_from_nanos;
 
-/// The four dynamic processes of a governor (Liu et al. 2025, section 4.2).
+/// The four dynamic processes of a governor (Liu et al. 2025, section 4.2); there are no others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Process {
     /// From closed to speed-no-load.
@@ -101,6 +101,18 @@ impl ProcessWatch {
 }
 
 /// Frames in strictly rising time order, with a name for people.
+///
+/// ```
+/// use govtwin::{EsvState, Frame, Inputs, Process, Recording, Signals};
+///
+/// let row = |time_ns, esv| Frame {
+///     time_ns,
+///     inputs: Inputs { opening_command_pu: 0.5, esv, tank_pressure_pa: 6.0e6 },
+///     measured: Signals { servomotor_position_pu: 0.5, ..Signals::NONE },
+/// };
+/// let recording = Recording::new("trip", vec![row(0, EsvState::Normal), row(100_000_000, EsvState::Shutdown)]);
+/// assert_eq!((recording.process, recording.duration_s()), (Process::Shutdown, 0.1));
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
     /// What people call it: the file or folder name.

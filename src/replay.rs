@@ -7,6 +7,7 @@ pub mod summary;
 
 use crate::frame::{Estimate, Frame};
 use crate::metrics::{Accumulator, Figures};
+use crate::parameters::Unit;
 use crate::recording::Recording;
 use crate::signal::Signal;
 use crate::twin::{Cut, Twin};
@@ -26,6 +27,23 @@ pub fn simulate(twin: &mut Twin, recording: &Recording) -> Vec<Estimate> {
     }
     simulator.finish(&mut take);
     estimates
+}
+
+/// Runs a recording through the twin of a unit, closed loop from its first row, and compares: estimates row by row, and how far they are from what
+/// was measured. Deterministic; [`Replayed::new`] takes a twin with a cut or another method.
+///
+/// ```
+/// use govtwin::{ReadOptions, Signal, read_bag, reference_unit, replay};
+///
+/// let loaded = read_bag("bags/reference/load_increase_01.mcap".as_ref(), &ReadOptions::default())?; // synthetic
+/// let replayed = replay(&reference_unit(), loaded.recording);
+/// assert_eq!(replayed.estimates.len(), replayed.recording.frames.len());
+/// assert!(replayed.scores.figures(Signal::ServomotorPosition).r2 > 0.99);
+/// # Ok::<(), govtwin::BagError>(())
+/// ```
+#[must_use]
+pub fn replay(unit: &Unit, recording: Recording) -> Replayed {
+    Replayed::new(&mut Twin::new(unit), recording)
 }
 
 /// Whether anything was measured at a row.
@@ -93,6 +111,7 @@ impl Scores {
 
 /// One recording, simulated and compared.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Replayed {
     /// What was measured: all rows, or as many as pictures need.
     pub recording: Recording,
@@ -114,5 +133,12 @@ impl Replayed {
         let scores = Scores::of(&recording, &estimates);
         let rows = recording.frames.len();
         Self { recording, estimates, scores, rows, every: 1 }
+    }
+
+    /// The same recording with other estimates, one for each frame of it, compared anew.
+    #[must_use]
+    pub fn with_estimates(&self, estimates: Vec<Estimate>) -> Self {
+        let scores = Scores::of(&self.recording, &estimates);
+        Self { recording: self.recording.clone(), estimates, scores, rows: self.rows, every: self.every }
     }
 }

@@ -20,6 +20,7 @@
 //! # Ok::<(), govtwin::report::draw::DrawError>(())
 //! ```
 
+#[cfg(feature = "lab")]
 pub mod comparison;
 pub mod diagnosis;
 pub mod draw;

@@ -4,7 +4,16 @@ use crate::frame::{Estimate, Signals};
 use crate::parameters::{Sensor, Sensors};
 
 /// One of the signals that a recording may hold and a twin simulates.
+///
+/// ```
+/// use govtwin::{Signal, Signals};
+///
+/// let row = Signal::SpoolPosition.with(Signals::NONE, 0.25);
+/// assert_eq!(Signal::SpoolPosition.of(&row), 0.25);
+/// assert_eq!((Signal::SpoolPosition.id(), Signal::SpoolPosition.unit()), ("spool_position_pu", "pu"));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[non_exhaustive]
 pub enum Signal {
     /// Servomotor position `Y`.
     ServomotorPosition,

@@ -12,6 +12,7 @@ use crate::state::State;
 
 /// How the continuous plant is integrated.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Method {
     /// The split linearly implicit method, the default at 0.5 ms: the fastest within 1e-4 pu.
     Split {

@@ -25,7 +25,14 @@ use readings::positions_pu;
 use tick::{Chain, Read, Seen, Setting, large_loop, tick};
 
 /// Where recorded signals stand in for simulated ones, so that one stage is judged by its own input.
+///
+/// ```
+/// use govtwin::{Cut, Twin, reference_unit};
+///
+/// assert_eq!(Twin::new(&reference_unit()).with_cut(Cut::Spool).cut(), Cut::Spool);
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Cut {
     /// Closed loop: everything is simulated; what the node does.
     #[default]
@@ -43,6 +50,24 @@ pub enum Cut {
 /// repeat what already holds change nothing, to the last bit. Between two ticks positions follow their
 /// speeds. Measured signals that stand in at a cut hold from row to row; a measured spool is
 /// interpolated between two rows that both carry it.
+///
+/// A step allocates nothing, cannot fail and takes about 1/8000 of the time that it simulates. Twins are cheap to clone: plants are shared.
+///
+/// ```
+/// use govtwin::{EsvState, Frame, Inputs, Signals, Twin, reference_unit};
+///
+/// let mut twin = Twin::new(&reference_unit());
+/// let frame = |time_s: i64, esv| Frame {
+///     time_ns: time_s * 1_000_000_000,
+///     inputs: Inputs { opening_command_pu: 0.6, esv, tank_pressure_pa: 6.0e6 },
+///     measured: Signals::NONE,
+/// };
+/// let open = twin.step(&frame(0, EsvState::Normal)).signals.servomotor_position_pu;
+/// assert!((open - 0.6).abs() < 1e-9); // the first frame sets the steady state
+/// let _ = twin.step(&frame(1, EsvState::Shutdown)); // the valve trips at 1 s
+/// let shut = twin.step(&frame(60, EsvState::Shutdown)).signals.servomotor_position_pu;
+/// assert!(shut < 0.01);
+/// ```
 #[derive(Clone, Debug)]
 pub struct Twin {
     plant: Arc<Plant>,

@@ -45,7 +45,7 @@ fn the_default_method_is_within_a_ten_thousandth() {
             Cut::None if apart.flips > 0 => return false,
             Cut::None => [1e-4, 1e-5],
             Cut::Servomotor => [1e-4, 5e-6],
-            Cut::Spool => [1e-12, 1e-4],
+            _ => [1e-12, 1e-4],
         };
         assert!(apart.rms_pu.iter().zip(bounds_pu).all(|(rms_pu, bound_pu)| *rms_pu <= bound_pu), "{what}");
         assert!(cut == Cut::None || apart.flips == 0, "{what}");

@@ -8,6 +8,7 @@ mod any_bytes;
 mod damage;
 #[path = "bag/errors.rs"]
 mod errors;
+#[cfg(feature = "cli")]
 #[path = "bag/info.rs"]
 mod info;
 #[path = "bag/make.rs"]
@@ -16,6 +17,7 @@ mod make;
 mod order;
 #[path = "bag/outcomes.rs"]
 mod outcomes;
+#[cfg(feature = "cli")]
 #[path = "bag/qualification.rs"]
 mod qualification;
 #[path = "bag/read.rs"]

@@ -1,4 +1,5 @@
 //! The battery: its plants are the twin's kind, not the twin; its faults show; its seeds decide everything.
+#![cfg(feature = "lab")]
 
 use govtwin::battery::{Case, Kind, exam, make, strength};
 use govtwin::blind::validation::closure;

@@ -1,4 +1,5 @@
 //! `govtwin blind` on units whose reports are there already: the score is the one counted by hand, and nothing is judged anew.
+#![cfg(feature = "cli")]
 
 use std::fs;
 use std::path::{Path, PathBuf};

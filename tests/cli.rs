@@ -1,4 +1,5 @@
 //! Bad inputs through the binary: a clear error or a stated recovery, the right exit code, nothing half-written.
+#![cfg(feature = "cli")]
 
 #[path = "cli/bags.rs"]
 mod bags;

@@ -1,4 +1,5 @@
 //! The diagnosis on plants that share the sheet with the twin and no equation: generated units, and two that others made.
+#![cfg(feature = "lab")]
 
 use std::path::Path;
 

@@ -1,4 +1,5 @@
 //! Recordings that a diagnosis should not trust: each is met with clear words, and nothing is claimed beyond the evidence.
+#![cfg(feature = "cli")]
 
 use std::process::Command;
 

@@ -1,4 +1,5 @@
 //! `govtwin fit` through the binary: files, exit codes, words; and the example of docs/own_effect.md in every command.
+#![cfg(feature = "cli")]
 
 use std::fs;
 use std::path::Path;

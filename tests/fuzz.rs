@@ -2,6 +2,7 @@
 //!
 //! A promise that is broken names the input, which then stands in `fuzz/regressions/TARGET`, to be kept there once it is mended.
 //! `scripts/fuzz` runs the same for as long as asked, or under libFuzzer where it is installed.
+#![cfg(feature = "lab")]
 
 #[path = "../fuzz/targets.rs"]
 mod targets;

@@ -1,4 +1,5 @@
 //! Synthetic recordings: the same for a seed, noisy as the sheet says, real-looking, and readable as bags.
+#![cfg(feature = "cli")]
 
 use std::path::Path;
 use std::process::{Command, Output};

@@ -1,4 +1,5 @@
 //! Inputs that were made to hang the program or to fill its memory: refused or counted, with what was expected and found.
+#![cfg(feature = "cli")]
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -2,12 +2,14 @@
 
 #[path = "import/broken.rs"]
 mod broken;
+#[cfg(feature = "cli")]
 #[path = "import/cli.rs"]
 mod cli;
 #[path = "import/faster.rs"]
 mod faster;
 #[path = "import/findings.rs"]
 mod findings;
+#[cfg(feature = "cli")]
 #[path = "import/round_trip.rs"]
 mod round_trip;
 #[path = "import/suggest.rs"]

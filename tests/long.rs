@@ -1,4 +1,5 @@
 //! Long recordings: memory does not grow with their length, and results are those of reading them whole.
+#![cfg(feature = "cli")]
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,4 +1,5 @@
 //! The next test of a diagnosis: it tells more than standing idle, settles what it promises to, and asks for nothing where nothing is open.
+#![cfg(feature = "cli")]
 
 use std::process::Command;
 

@@ -1,4 +1,5 @@
 //! What commands leave: nothing half, nothing of others touched, the cause named, and no text that acts on a terminal.
+#![cfg(feature = "cli")]
 
 #[path = "cli/bags.rs"]
 mod bags;

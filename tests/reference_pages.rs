@@ -1,6 +1,6 @@
 //! The reference pages are what the program says of itself: `docs/commands.md` is the help of every command, `docs/effects.md` the catalogue of effects.
 //! With `GOVTWIN_WRITE_REFERENCE=1` they are written instead of compared.
-#![cfg(all(feature = "node", feature = "residual"))]
+#![cfg(all(feature = "cli", feature = "node", feature = "residual"))]
 
 use std::path::Path;
 use std::process::Command;

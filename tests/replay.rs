@@ -1,4 +1,5 @@
 //! Replay through the library: what is compared, and that nothing but time and inputs decides.
+#![cfg(feature = "cli")]
 
 use std::path::Path;
 use std::process::Command;

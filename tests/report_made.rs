@@ -1,4 +1,5 @@
 //! What a report says it was made from, that it is kept from harm, and that its page can be made again.
+#![cfg(feature = "cli")]
 
 #[path = "cli/bags.rs"]
 #[expect(dead_code, reason = "several tests share it")]
@@ -162,7 +163,7 @@ fn what_is_no_report_of_a_diagnosis_is_named_for_what_it_is() {
         ),
         (
             r#"{"schema": "govtwin-diagnosis/1", "verdict": "perhaps"}"#,
-            "verdict: expected named, class, unknown, no_gap or not_excited, found `perhaps`",
+            "verdict: expected named, class, unknown, no_gap, not_excited or no_such_unit, found `perhaps`",
         ),
         ("[]", "found ``"),
         ("{", "report.json"),

@@ -1,4 +1,5 @@
 //! A residual model outside of its own module: in a replay, refused where it does not fit, and in the node's step.
+#![cfg(feature = "cli")]
 
 #[path = "support/residual.rs"]
 mod residual;

@@ -1,5 +1,5 @@
 //! A residual inside the loop, on a generated unit whose pilot valve has a shifted null: what it learned helps in free run, where nothing measured enters.
-#![cfg(feature = "residual")]
+#![cfg(all(feature = "lab", feature = "residual"))]
 
 use govtwin::comparison::closed::{PULL_1_S, pull, twin};
 use govtwin::generate::{self, Scenario};

@@ -1,5 +1,5 @@
 //! The ladder on a generated unit with a planted effect: on a process left out of training the effect carries over, the residual does not.
-#![cfg(feature = "residual")]
+#![cfg(all(feature = "cli", feature = "residual"))]
 
 use std::path::Path;
 use std::process::Command;

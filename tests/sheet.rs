@@ -1,4 +1,5 @@
 //! Sheets from name plates: known units come back, the twin keeps the plate's times, and what is missing is named.
+#![cfg(feature = "cli")]
 
 use std::path::Path;
 use std::process::Command;

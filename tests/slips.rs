@@ -1,4 +1,5 @@
 //! Slips at the command line: what is answered, and with which exit code.
+#![cfg(feature = "cli")]
 
 #[path = "cli/bags.rs"]
 #[expect(dead_code, reason = "several tests share it")]

@@ -1,4 +1,5 @@
 //! A servomotor stage alone, without a sheet: recordings of stages that are not the twin's, in units of their own, and measured ones.
+#![cfg(feature = "cli")]
 
 #[path = "support/plain_stage.rs"]
 mod plain_stage;

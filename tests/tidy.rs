@@ -6,6 +6,8 @@
 mod circles;
 #[path = "tidy/floors.rs"]
 mod floors;
+#[path = "tidy/laboratory.rs"]
+mod laboratory;
 #[path = "tidy/licences.rs"]
 mod licences;
 #[path = "tidy/names.rs"]
@@ -37,6 +39,11 @@ fn modules_use_only_lower_floors() {
 #[test]
 fn no_file_uses_what_uses_it() {
     hold(&circles::circles(&rust()));
+}
+
+#[test]
+fn nothing_outside_the_laboratory_uses_it() {
+    hold(&laboratory::leaks(&rust()));
 }
 
 #[test]

@@ -1,4 +1,5 @@
 //! Two writers, and writers that are killed: what has its final name is whole, and nobody's work is lost by another's.
+#![cfg(feature = "cli")]
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -96,7 +96,7 @@ pub enum SaidError {
     #[error("expected a report of the schema govtwin-diagnosis/1: {0}")]
     Malformed(#[from] serde_json::Error),
     /// A verdict that nobody knows.
-    #[error("expected a verdict `named`, `class`, `unknown`, `no_gap` or `not_excited`, found `{0}`")]
+    #[error("expected a verdict {words}, found `{0}`", words = Verdict::all_words())]
     Verdict(String),
 }
 

@@ -16,7 +16,8 @@ use govtwin::files::read_text;
 use govtwin::params::labels;
 
 use super::output::{print, write_atomically};
-use super::report_file::{self, LARGEST_BYTES};
+use super::report_file::LARGEST_BYTES;
+use super::scored_report;
 use crate::commands::Outcome;
 
 /// Parts that a single battery is cut into, each judged by what the others taught.
@@ -193,7 +194,7 @@ fn read(dir: &Path) -> anyhow::Result<Vec<Judged>> {
         if !path.is_file() {
             continue;
         }
-        let said = report_file::read(&path)?;
+        let said = scored_report::read(&path)?;
         if said.evidence.table.rows.is_empty() {
             bail!("{}: expected an evidence table, found none; is it a report of an older program?", path.display());
         }

@@ -1,21 +1,13 @@
-//! Reading reports of a diagnosis: of a bounded size, of this schema, and nothing in them is more than data.
+//! What a report of a diagnosis was made from, read back within bounds.
 
 use std::path::Path;
 
-use anyhow::{Context, bail};
-use govtwin::blind::said::Said;
-use govtwin::diagnosis::schema::SCHEMA;
+use anyhow::Context;
 use govtwin::files::read_text;
 use govtwin::provenance::Provenance;
 
 /// More than a report of one unit has with all its evidence.
 pub const LARGEST_BYTES: u64 = 1 << 24;
-
-/// Reads a report.
-pub fn read(path: &Path) -> anyhow::Result<Said> {
-    let text = read_text(path, LARGEST_BYTES).with_context(|| format!("cannot read {}", path.display()))?;
-    check(&text).with_context(|| path.display().to_string())
-}
 
 /// What a report was made from; none where it does not say.
 pub fn provenance(path: &Path) -> anyhow::Result<Option<Provenance>> {
@@ -26,34 +18,4 @@ pub fn provenance(path: &Path) -> anyhow::Result<Option<Provenance>> {
     let text = read_text(path, LARGEST_BYTES).with_context(|| format!("cannot read {}", path.display()))?;
     let made: Made = serde_json::from_str(&text).with_context(|| path.display().to_string())?;
     Ok(made.provenance)
-}
-
-/// What the text of a report says. One without a schema is a baseline's, which `govtwin blind` writes itself.
-fn check(text: &str) -> anyhow::Result<Said> {
-    #[derive(serde::Deserialize)]
-    struct Head {
-        schema: Option<String>,
-    }
-    let said = Said::read(text)?;
-    let head: Head = serde_json::from_str(text)?;
-    if let Some(found) = head.schema.filter(|found| found != SCHEMA) {
-        bail!("expected a report of the schema {SCHEMA}, found `{found}`; was it made by another version?");
-    }
-    Ok(said)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::check;
-
-    #[test]
-    fn reports_of_another_schema_or_without_a_verdict_are_refused() {
-        assert!(check(r#"{"schema": "govtwin-diagnosis/1", "verdict": "unknown"}"#).is_ok());
-        assert!(check(r#"{"verdict": "unknown"}"#).is_ok());
-        let error = check(r#"{"schema": "govtwin-diagnosis/2", "verdict": "unknown"}"#).unwrap_err().to_string();
-        assert!(error.contains("schema govtwin-diagnosis/1, found `govtwin-diagnosis/2`"), "{error}");
-        assert!(check(r#"{"schema": "govtwin-diagnosis/1"}"#).is_err());
-        // Nesting without end is no report either.
-        assert!(check(&format!("{{\"verdict\": {}", "[".repeat(1 << 20))).is_err());
-    }
 }

@@ -76,7 +76,7 @@ pub fn ready(mut recordings: Vec<Recording>, sheet: &Unit, settings: &Settings) 
     let cut = if stage_only { Cut::Spool } else { Cut::None };
     let Intake { qualified, notes, refused } = qualify_all(recordings, |_| cut);
     if qualified.is_empty() {
-        return Err(DiagnosisError::Unusable(refused.join("\n  ")));
+        return Err(DiagnosisError::Unusable(refused));
     }
     let qualified: Vec<Recording> = qualified.into_iter().map(|(recording, _)| recording).collect();
     let (qualified, copies) = without_copies(qualified);
@@ -145,8 +145,11 @@ fn servomotor_stage(
     settings: &Settings,
     mut notes: Vec<String>,
 ) -> Result<Ready, DiagnosisError> {
-    let still =
-        || DiagnosisError::Unusable("spool or servomotor stand still, so that neither says what drives what".into());
+    let still = || {
+        DiagnosisError::Unusable(vec![
+            "spool or servomotor stand still, so that neither says what drives what".to_owned(),
+        ])
+    };
     notes.insert(
         0,
         "Servomotor stage only, driven by the recorded spool; the chain before it was not recorded.".to_owned(),

@@ -11,8 +11,17 @@ use crate::parameters::Unit;
 use crate::recording::Process;
 use crate::signal::Signal;
 
+pub use crate::diagnosis::interval::Interval;
+
 /// The six things that a diagnosis may say.
+///
+/// ```
+/// use govtwin::Verdict;
+///
+/// assert_eq!(Verdict::ALL.map(Verdict::id)[..3], ["named", "class", "unknown"]);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Verdict {
     /// The effects are named, all present at once.
     Named,
@@ -45,47 +54,18 @@ impl Verdict {
             Self::NoSuchUnit => "no_such_unit",
         }
     }
-}
 
-/// A value with the interval that holds the truth nine times in ten.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Interval {
-    /// Best value.
-    pub value: f64,
-    /// Lower end.
-    pub low: f64,
-    /// Upper end.
-    pub high: f64,
-}
-
-impl Interval {
-    /// Of a share: whether it leaves everything open, from nothing to the whole.
+    /// The words of all verdicts as a sentence lists them: `named, class, … or no_such_unit`.
     #[must_use]
-    pub fn leaves_all_open(self) -> bool {
-        self.low <= 0.0 && self.high >= 1.0
-    }
-
-    /// The same of a share, which is 1 at most, so many times as wide about its value.
-    #[must_use]
-    pub fn widened(self, times: f64) -> Self {
-        let Self { value, low, high } = self;
-        Self { value, low: (value - times * (value - low)).max(-1.0), high: (value + times * (high - value)).min(1.0) }
-    }
-
-    /// By how much the interval of a share would have to be widened to reach what came true; 0 where that is its value or beyond its bound of 1.
-    #[must_use]
-    pub fn falls_short(self, came_true: f64) -> f64 {
-        let off = came_true.min(1.0) - self.value;
-        let half = if off >= 0.0 { self.high - self.value } else { self.value - self.low };
-        match off.abs() {
-            off if off < 1e-9 || (self.high >= 1.0 && came_true >= self.value) => 0.0,
-            off => off / half.max(1e-9),
-        }
+    pub fn all_words() -> String {
+        let [others @ .., last] = Self::ALL.map(Self::id);
+        format!("{} or {last}", others.join(", "))
     }
 }
 
 /// A parameter as fitted.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Fitted {
     /// Name with its unit suffix; for the sheet's parameters the key of parameter files.
     pub name: String,
@@ -105,6 +85,7 @@ pub struct Fitted {
 
 /// An effect that the verdict blames, or a rival in a class.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Blame {
     /// Its id.
     pub id: String,
@@ -124,6 +105,7 @@ pub struct Blame {
 
 /// One row of the ranking.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Ranked {
     /// An effect's id, `unknown` or `none`.
     pub id: String,
@@ -133,6 +115,7 @@ pub struct Ranked {
 
 /// The gap in one signal.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct SignalGap {
     /// Which signal.
     pub signal: Signal,
@@ -148,6 +131,7 @@ pub struct SignalGap {
 
 /// A test that is expected to take something off the posterior's entropy.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Experiment {
     /// The two hypotheses that it tells apart most: ids of effects joined by `+`, `none`, or `unknown:STAGE`.
     pub separates: Vec<String>,
@@ -179,6 +163,7 @@ pub struct Experiment {
 
 /// One channel of one recording, as found.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Channel {
     /// Recording.
     pub recording: String,
@@ -198,6 +183,7 @@ pub struct Channel {
 
 /// How well an effect could be seen at all.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Visible {
     /// Effect.
     pub id: &'static str,
@@ -213,6 +199,7 @@ pub struct Visible {
 
 /// One part of a cut through the squared gap.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Part {
     /// What the part holds, in words.
     pub name: String,
@@ -226,6 +213,7 @@ pub struct Part {
 
 /// One way of cutting the squared gap of one signal into parts.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Breakdown {
     /// Which signal.
     pub signal: Signal,
@@ -237,6 +225,7 @@ pub struct Breakdown {
 
 /// A stage driven by the recorded signals at its input.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct StageTest {
     /// What is driven, in words.
     pub stage: &'static str,
@@ -252,6 +241,7 @@ pub struct StageTest {
 
 /// A free term placed in one equation: how much it would explain, and what it looks like.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Latent {
     /// Where it stands, in words.
     pub place: &'static str,
@@ -267,6 +257,7 @@ pub struct Latent {
 
 /// An effect tried alone on top of the refitted twin.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Tried {
     /// Ids, one or more.
     pub ids: Vec<String>,
@@ -280,6 +271,7 @@ pub struct Tried {
 
 /// How far the gap of a recording closes when the fit has not seen it.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Transfer {
     /// Recording.
     pub recording: String,
@@ -289,6 +281,7 @@ pub struct Transfer {
 
 /// One recording as it was and as the twins have it, at the rows where something was measured.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Trace {
     /// Recording.
     pub name: String,
@@ -302,6 +295,7 @@ pub struct Trace {
 
 /// How well a model predicts free runs of a fixed length, each from its own measured start.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct FreeRun {
     /// The model, in words.
     pub model: String,
@@ -315,6 +309,7 @@ pub struct FreeRun {
 
 /// One figure of a fitted stage, in the numbers of its recordings.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Told {
     /// Its id in reports.
     pub id: &'static str,
@@ -337,6 +332,7 @@ impl Told {
 
 /// What to know of a diagnosis of a part of the chain.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct StageOnly {
     /// Whether a data sheet was given; without one everything is fitted freely.
     pub sheet: bool,
@@ -358,6 +354,7 @@ pub struct StageOnly {
 
 /// All that a diagnosis says.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Diagnosis {
     /// Verdict.
     pub verdict: Verdict,
@@ -376,6 +373,7 @@ pub struct Diagnosis {
     /// Tests that would tell more, best first; none where nothing is to be settled.
     pub experiments: Vec<Experiment>,
     /// Entropy of the posterior over the hypotheses that are left, bits.
+    #[doc(hidden)]
     pub entropy_bits: f64,
     /// The unit refitted without any effect.
     pub refitted: Unit,
@@ -384,37 +382,52 @@ pub struct Diagnosis {
     /// The sheet's parameters as fitted in `fitted`.
     pub parameters: Vec<Fitted>,
     /// Channels as found.
+    #[doc(hidden)]
     pub channels: Vec<Channel>,
     /// What could be seen at all.
+    #[doc(hidden)]
     pub visible: Vec<Visible>,
     /// Pairs of effects that these recordings cannot tell apart, with how alike they look, 0 to 1.
+    #[doc(hidden)]
     pub alike: Vec<(String, String, f64)>,
     /// The squared gap in parts.
+    #[doc(hidden)]
     pub breakdowns: Vec<Breakdown>,
     /// Stages driven by recorded signals.
+    #[doc(hidden)]
     pub stage_tests: Vec<StageTest>,
     /// Free terms.
+    #[doc(hidden)]
     pub latents: Vec<Latent>,
     /// What was tried, best first.
+    #[doc(hidden)]
     pub tried: Vec<Tried>,
     /// By how much intervals of the explained share are widened, as a factor of their half-widths.
     pub closure_widened_by: f64,
     /// Closure on each recording by fits to the others; empty where there is nothing to transfer.
+    #[doc(hidden)]
     pub transfers: Vec<Transfer>,
     /// Fault sets that hold nine tenths of the probability of something known, likeliest first.
+    #[doc(hidden)]
     pub sets: Vec<(Vec<String>, f64)>,
     /// The evidence that the probabilities rest on.
+    #[doc(hidden)]
     pub table: Table,
     /// Innovations of the refitted sheet, and of the likeliest fault set.
+    #[doc(hidden)]
     pub consistency: [Vec<Consistency>; 2],
     /// How many values were measured.
+    #[doc(hidden)]
     pub samples: usize,
     /// Traces for pictures.
+    #[doc(hidden)]
     pub traces: Vec<Trace>,
     /// Where the recordings hold no command: the servomotor stage alone was judged, driven by the measured spool.
+    #[doc(hidden)]
     pub part: Option<StageOnly>,
     /// What a reader must know beside the verdict.
     pub notes: Vec<String>,
     /// Number of simulated recordings that it took.
+    #[doc(hidden)]
     pub simulations: usize,
 }

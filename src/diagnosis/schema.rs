@@ -31,7 +31,8 @@ fn parameter(fitted: &Fitted) -> Value {
     })
 }
 
-/// The report of a diagnosis that took `seconds`. Numbers that do not exist are null.
+/// The report of a diagnosis that took `seconds`, as JSON of the schema [`SCHEMA`]: every figure in the unit that its key names or that stands
+/// beside it as `unit`. Numbers that do not exist are null.
 #[must_use]
 pub fn report(diagnosis: &Diagnosis, seconds: f64) -> Value {
     let stages: serde_json::Map<String, Value> =

@@ -14,13 +14,13 @@
 
 use std::sync::Arc;
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 use crate::plant::term::Point;
 use crate::plant::term::play::Play;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "backlash",
     stage: Stage::Servomotor,
     source: include_str!("backlash.rs"),
@@ -33,11 +33,11 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 2.0e-3,
         doc: "play between piston and transducer, pu of stroke",
     }],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
-    if values[0] > 0.0 {
-        plant.terms.push(Arc::new(Play::new(Point::ServomotorReading, values[0])));
+fn apply([play_pu]: [f64; 1], plant: &mut Plant) {
+    if play_pu > 0.0 {
+        plant.terms.push(Arc::new(Play::new(Point::ServomotorReading, play_pu)));
     }
 }

@@ -9,11 +9,11 @@
 //! Without it the real pilot valve stands open at rest and the spool off its demand towards closing; it opens slower and closes faster.
 //! Limits: laminar, independent of the spool's place; the positions confuse it with a null shift of the pilot valve.
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "chamber_leak",
     stage: Stage::Spool,
     source: include_str!("chamber_leak.rs"),
@@ -26,9 +26,9 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 5.0e-12,
         doc: "leakage coefficient from the control chamber to return",
     }],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
-    plant.spool.return_leakage_m3_s_pa += values[0];
+fn apply([leakage_m3_s_pa]: [f64; 1], plant: &mut Plant) {
+    plant.spool.return_leakage_m3_s_pa += leakage_m3_s_pa;
 }

@@ -12,13 +12,13 @@
 
 use std::sync::Arc;
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 use crate::plant::term::Point;
 use crate::plant::term::delay::Delay;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "clock_offset",
     stage: Stage::Sensor,
     source: include_str!("clock_offset.rs"),
@@ -31,11 +31,10 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 0.03,
         doc: "stamps of command and ESV less those of the plant's signals",
     }],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
-    let offset_s = values[0];
+fn apply([offset_s]: [f64; 1], plant: &mut Plant) {
     if offset_s == 0.0 {
         return;
     }

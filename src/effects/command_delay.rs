@@ -12,13 +12,13 @@
 
 use std::sync::Arc;
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 use crate::plant::term::Point;
 use crate::plant::term::delay::Delay;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "command_delay",
     stage: Stage::Regulator,
     source: include_str!("command_delay.rs"),
@@ -31,12 +31,12 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 0.05,
         doc: "delay between the issue of the command and its use by the regulator",
     }],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
-    if values[0] > 0.0 {
+fn apply([delay_s]: [f64; 1], plant: &mut Plant) {
+    if delay_s > 0.0 {
         let (tick_s, grid_ticks) = (plant.regulator.small_loop_period_s(), plant.regulator.ticks_per_large_loop());
-        plant.terms.push(Arc::new(Delay::new(Point::Command, values[0], tick_s, grid_ticks)));
+        plant.terms.push(Arc::new(Delay::new(Point::Command, delay_s, tick_s, grid_ticks)));
     }
 }

@@ -9,11 +9,11 @@
 //! Without it the real servomotor comes to rest at g times the opening commanded, farther off the simulated one the wider it stands open;
 //! its speed and all that follows the ESV agree. Limits: linear through zero, the same over all recordings.
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "command_gain",
     stage: Stage::Regulator,
     source: include_str!("command_gain.rs"),
@@ -26,9 +26,9 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 1.02,
         doc: "what the regulator reads over the command issued",
     }],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
-    plant.regulator.command_gain *= values[0];
+fn apply([gain_ratio]: [f64; 1], plant: &mut Plant) {
+    plant.regulator.command_gain *= gain_ratio;
 }

@@ -11,11 +11,11 @@
 //! Without it the real spool is slower than simulated in large movements, alike when opening and when closing, and as fast in small ones; an
 //! ESV that trips drains past the pilot valve and is on time. Limits: sharp, the same for both signs, constant over the recording.
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "current_limit",
     stage: Stage::PilotValve,
     source: include_str!("current_limit.rs"),
@@ -28,10 +28,10 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 0.5,
         doc: "greatest current that reaches the pilot valve, over the rated one",
     }],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
+fn apply([limit_pu]: [f64; 1], plant: &mut Plant) {
     let regulator = &mut plant.regulator;
-    regulator.current_limit_pu = regulator.current_limit_pu.min(values[0].max(0.0));
+    regulator.current_limit_pu = regulator.current_limit_pu.min(limit_pu.max(0.0));
 }

@@ -12,11 +12,11 @@
 //! Without it the simulated servomotor runs into its closed end at full speed while the real one slows down over the last part of
 //! the stroke, in shutdowns and rejections only. Limits: closing only; no cushion at the open end.
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "cushion",
     stage: Stage::Servomotor,
     source: include_str!("cushion.rs"),
@@ -40,11 +40,11 @@ pub const SPEC: EffectSpec = EffectSpec {
             doc: "length of the cushion from the closed end, pu of stroke",
         },
     ],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
+fn apply([strength_n_s2_m2, length_pu]: [f64; 2], plant: &mut Plant) {
     let servo = &mut plant.servomotor;
-    servo.cushion_n_s2_m2 += values[0];
-    servo.cushion_length_m = values[1] * servo.stroke_m;
+    servo.cushion_n_s2_m2 += strength_n_s2_m2;
+    servo.cushion_length_m = length_pu * servo.stroke_m;
 }

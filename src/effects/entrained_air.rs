@@ -12,11 +12,11 @@
 //! the pressure is low. The positions show little. Limits: in the control chamber only, a dead end where air stays (the servomotor's
 //! chambers are flushed by each stroke, and 2 % there would move it by less than its sensor's noise); no solution of air in oil.
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "entrained_air",
     stage: Stage::Spool,
     source: include_str!("entrained_air.rs"),
@@ -29,9 +29,9 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 0.03,
         doc: "volume share of free air at atmospheric pressure",
     }],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
-    plant.spool.free_air_share += values[0];
+fn apply([free_air_share]: [f64; 1], plant: &mut Plant) {
+    plant.spool.free_air_share += free_air_share;
 }

@@ -12,13 +12,13 @@
 
 use std::sync::Arc;
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 use crate::plant::term::Point;
 use crate::plant::term::delay::Delay;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "esv_delay",
     stage: Stage::Esv,
     source: include_str!("esv_delay.rs"),
@@ -31,12 +31,12 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 0.3,
         doc: "time from the ESV's signal to its switching",
     }],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
-    if values[0] > 0.0 {
+fn apply([delay_s]: [f64; 1], plant: &mut Plant) {
+    if delay_s > 0.0 {
         let tick_s = plant.regulator.small_loop_period_s();
-        plant.terms.push(Arc::new(Delay::new(Point::EsvOpening, values[0], tick_s, 1)));
+        plant.terms.push(Arc::new(Delay::new(Point::EsvOpening, delay_s, tick_s, 1)));
     }
 }

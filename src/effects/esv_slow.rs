@@ -13,12 +13,12 @@
 
 use std::sync::Arc;
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 use crate::plant::term::{Point, Term, View};
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "esv_slow",
     stage: Stage::Esv,
     source: include_str!("esv_slow.rs"),
@@ -31,12 +31,12 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 0.3,
         doc: "time that the ESV needs from one end of its travel to the other",
     }],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
-    if values[0] > 0.0 {
-        plant.terms.push(Arc::new(Travel { travel_s: values[0] }));
+fn apply([travel_s]: [f64; 1], plant: &mut Plant) {
+    if travel_s > 0.0 {
+        plant.terms.push(Arc::new(Travel { travel_s }));
     }
 }
 

@@ -11,11 +11,11 @@
 //! it; away from the ends readings agree. Limits: constant over all recordings; where no recording reaches an end of the stroke it
 //! looks like a load off the sheet, or like nothing.
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "feedback_bias",
     stage: Stage::Sensor,
     source: include_str!("feedback_bias.rs"),
@@ -28,9 +28,9 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 5.0e-3,
         doc: "offset of the servomotor's transducer, pu of stroke",
     }],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
-    plant.servomotor.reading_bias_pu += values[0];
+fn apply([bias_pu]: [f64; 1], plant: &mut Plant) {
+    plant.servomotor.reading_bias_pu += bias_pu;
 }

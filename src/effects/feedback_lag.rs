@@ -11,13 +11,13 @@
 //! Without it the real reading trails the simulated one by τ in every ramp and the loop overshoots at its end. Limits: one
 //! linear lag.
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 use crate::plant::lag::lag;
 use crate::plant::term::Point;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "feedback_lag",
     stage: Stage::Sensor,
     source: include_str!("feedback_lag.rs"),
@@ -30,12 +30,12 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 0.05,
         doc: "time constant of the servomotor's transducer",
     }],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
-    if values[0] > 0.0 {
+fn apply([time_constant_s]: [f64; 1], plant: &mut Plant) {
+    if time_constant_s > 0.0 {
         let tick_s = plant.regulator.small_loop_period_s();
-        plant.terms.push(lag(Point::ServomotorReading, values[0], tick_s));
+        plant.terms.push(lag(Point::ServomotorReading, time_constant_s, tick_s));
     }
 }

@@ -10,11 +10,11 @@
 //! Without it the real control pressure is higher than simulated while the servomotor opens and lower while it closes, in
 //! proportion to the spool's travel. The positions show little. Limits: steady part only; no force of accelerating oil.
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "flow_force",
     stage: Stage::Spool,
     source: include_str!("flow_force.rs"),
@@ -27,10 +27,10 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 1.0,
         doc: "flow force over the theoretical one of sharp-edged ports",
     }],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
+fn apply([force_ratio]: [f64; 1], plant: &mut Plant) {
     let ports = &mut plant.main_ports;
-    ports.flow_force_m += values[0] * ports.theoretical_flow_force_m;
+    ports.flow_force_m += force_ratio * ports.theoretical_flow_force_m;
 }

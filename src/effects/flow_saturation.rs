@@ -13,12 +13,12 @@
 
 use std::sync::Arc;
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 use crate::plant::term::{Point, Term, View};
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "flow_saturation",
     stage: Stage::Spool,
     source: include_str!("flow_saturation.rs"),
@@ -31,12 +31,12 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 0.3,
         doc: "part of the spool's reference stroke over which the flow grows no more",
     }],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
-    if values[0] > 0.0 {
-        plant.terms.push(Arc::new(Full { position_m: (1.0 - values[0]) * plant.spool.reference_stroke_m }));
+fn apply([saturated_share]: [f64; 1], plant: &mut Plant) {
+    if saturated_share > 0.0 {
+        plant.terms.push(Arc::new(Full { position_m: (1.0 - saturated_share) * plant.spool.reference_stroke_m }));
     }
 }
 

@@ -10,11 +10,11 @@
 //! Without it the real servomotor opens slower and closes faster than simulated at the same spool position. Limits: linear in the
 //! opening, the same shape as on the sheet, without the flow's dynamics.
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "load",
     stage: Stage::Servomotor,
     source: include_str!("load.rs"),
@@ -27,11 +27,11 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 0.4,
         doc: "guide-vane load above the sheet's, relative",
     }],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
+fn apply([extra_ratio]: [f64; 1], plant: &mut Plant) {
     let servo = &mut plant.servomotor;
-    servo.load_closed_n *= 1.0 + values[0];
-    servo.load_slope_n *= 1.0 + values[0];
+    servo.load_closed_n *= 1.0 + extra_ratio;
+    servo.load_slope_n *= 1.0 + extra_ratio;
 }

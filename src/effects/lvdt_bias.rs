@@ -10,11 +10,11 @@
 //! Without it the real spool reads b at its stops beyond what the nuts allow, and the servomotor drifts to one side of its dead
 //! band. Limits: constant over all recordings.
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "lvdt_bias",
     stage: Stage::Sensor,
     source: include_str!("lvdt_bias.rs"),
@@ -27,9 +27,9 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 0.03,
         doc: "offset of the spool's transducer",
     }],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
-    plant.spool.reading_bias_pu += values[0];
+fn apply([bias_pu]: [f64; 1], plant: &mut Plant) {
+    plant.spool.reading_bias_pu += bias_pu;
 }

@@ -10,11 +10,11 @@
 //! Without it the real spool reading has another value at the stops, and the servomotor moves at 1/g of the speed that the reading
 //! promises in slow movements. Limits: linear.
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "lvdt_gain",
     stage: Stage::Sensor,
     source: include_str!("lvdt_gain.rs"),
@@ -27,9 +27,9 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 1.08,
         doc: "reading of the spool's transducer over the true position",
     }],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
-    plant.spool.reading_gain *= values[0];
+fn apply([gain_ratio]: [f64; 1], plant: &mut Plant) {
+    plant.spool.reading_gain *= gain_ratio;
 }

@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::effects::own::expression::{Expression, Fault, functions};
 use crate::effects::own::names::{VARIABLES, sample};
-use crate::effects::{EffectParameter, EffectSpec, Stage, find};
+use crate::effects::{Build, EffectParameter, EffectSpec, Stage, find};
 use crate::parameters::{OwnEffect, OwnParameter};
 use crate::plant::Plant;
 use crate::plant::term::{Point, Term, View};
@@ -23,6 +23,7 @@ pub const MOST_PARAMETERS: usize = 6;
 
 /// What can be wrong with a definition.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum OwnError {
     /// A word that means nothing at its place.
     #[error("`{found}` is not known; known are {}", known.join(", "))]
@@ -69,7 +70,7 @@ impl OwnError {
 }
 
 /// Definitions met so far, each with its specification, which lives as long as the program: every distinct
-/// one once, so that fits and reports treat them like the catalogue's.
+/// one once, so that fits and reports treat them like the catalogue's. A twin's construction does not come here.
 static MET: Mutex<Vec<(OwnEffect, &'static EffectSpec)>> = Mutex::new(Vec::new());
 
 /// The specification of an owner's effect.
@@ -82,7 +83,7 @@ pub fn spec(own: &OwnEffect) -> Result<&'static EffectSpec, OwnError> {
     if let Some((_, spec)) = met.iter().find(|(known, _)| known == own) {
         return Ok(spec);
     }
-    let spec: &'static EffectSpec = Box::leak(Box::new(build(own)?));
+    let spec: &'static EffectSpec = Box::leak(Box::new(specified(own)?));
     met.push((own.clone(), spec));
     Ok(spec)
 }
@@ -99,7 +100,17 @@ fn usual_stage(point: Point) -> Stage {
     }
 }
 
-fn build(own: &OwnEffect) -> Result<EffectSpec, OwnError> {
+/// Builds an owner's effect into a plant; values that the setting lacks are neutral. A definition that is not right adds nothing.
+pub(super) fn build(own: &OwnEffect, values: &[f64], plant: &mut Plant) {
+    if let Ok((_, law)) = law(own) {
+        let missing = law.neutral.iter().skip(values.len());
+        let values: Vec<f64> = values.iter().chain(missing).copied().take(law.neutral.len()).collect();
+        law.build(&values, plant);
+    }
+}
+
+/// The law that a definition says, and its stage.
+fn law(own: &OwnEffect) -> Result<(Stage, OwnLaw), OwnError> {
     let unknown = |key, found: &str, known| OwnError::Unknown { key, found: found.to_owned(), known };
     if !is_name(&own.id) || find(&own.id).is_some() {
         return Err(OwnError::at(
@@ -126,23 +137,22 @@ fn build(own: &OwnEffect) -> Result<EffectSpec, OwnError> {
         return Err(OwnError::at("parameters", message));
     }
     own.parameters.iter().try_for_each(check)?;
-    let law = Arc::new(Law { point, expression: compile(own)? });
-    let values = |of: fn(&OwnParameter) -> f64| own.parameters.iter().map(of).collect::<Vec<f64>>();
-    let neutral = values(|p| p.neutral);
-    tried(&law, &neutral, &values(|p| p.typical))?;
+    let neutral = own.parameters.iter().map(|parameter| parameter.neutral).collect();
+    Ok((stage, OwnLaw { law: Arc::new(Law { point, expression: compile(own)? }), neutral }))
+}
 
+/// The specification of a definition; what it holds lives as long as the program.
+fn specified(own: &OwnEffect) -> Result<EffectSpec, OwnError> {
+    let (stage, law) = law(own)?;
+    let typical: Vec<f64> = own.parameters.iter().map(|parameter| parameter.typical).collect();
+    tried(&law.law, &law.neutral, &typical)?;
     let parameters: Vec<EffectParameter> = own.parameters.iter().map(lasting).collect();
-    let apply = move |values: &[f64], plant: &mut Plant| {
-        if values != neutral {
-            plant.terms.push(Arc::new(Added { law: Arc::clone(&law), values: values.to_vec() }));
-        }
-    };
     Ok(EffectSpec {
         id: leaked(&own.id),
         stage,
         source: leaked(&head(own)),
         parameters: Box::leak(parameters.into_boxed_slice()),
-        apply: Box::leak(Box::new(apply)),
+        law: Box::leak(Box::new(law)),
     })
 }
 
@@ -271,6 +281,20 @@ impl Law {
     }
 }
 
+/// A law with the values at which it vanishes.
+struct OwnLaw {
+    law: Arc<Law>,
+    neutral: Vec<f64>,
+}
+
+impl Build for OwnLaw {
+    fn build(&self, values: &[f64], plant: &mut Plant) {
+        if values != self.neutral {
+            plant.terms.push(Arc::new(Added { law: Arc::clone(&self.law), values: values.to_vec() }));
+        }
+    }
+}
+
 /// A law with its parameters, built into a plant.
 #[derive(Debug)]
 struct Added {
@@ -286,5 +310,42 @@ impl Term for Added {
     fn apply(&self, signal: f64, view: &View<'_>, _memory: &mut [f64]) -> f64 {
         let added = self.law.added(|k| (VARIABLES[k].of)(signal, view), &self.values);
         if added.is_finite() { signal + added } else { signal }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc;
+    use std::time::Duration;
+
+    use super::*;
+    use crate::params::reference;
+    use crate::twin::Twin;
+
+    #[test]
+    fn a_twin_is_built_while_somebody_holds_the_definitions() {
+        let parameter = OwnParameter {
+            name: "a".to_owned(),
+            unit: "1".to_owned(),
+            neutral: 0.0,
+            min: 0.0,
+            max: 1.0e3,
+            typical: 1.0,
+            doc: String::new(),
+        };
+        let own = OwnEffect {
+            id: "mine".to_owned(),
+            doc: String::new(),
+            at: "servomotor_force_n".to_owned(),
+            stage: String::new(),
+            expression: "-a*servomotor_velocity_m_s".to_owned(),
+            parameters: vec![parameter],
+        };
+        let unit = reference().with_own_effect(own).unwrap().with_effect("mine", &[("a", 5.0)]).unwrap();
+        let held = MET.lock().unwrap_or_else(PoisonError::into_inner);
+        let (done, built) = mpsc::channel();
+        std::thread::spawn(move || done.send(Twin::new(&unit).plant().terms.is_empty_at(Point::ServomotorForce)));
+        assert_eq!(built.recv_timeout(Duration::from_secs(60)), Ok(false));
+        drop(held);
     }
 }

@@ -10,11 +10,11 @@
 //! Without it the real spool opens slower than the simulated one and closes as fast; small movements hardly differ. Limits: turbulent,
 //! constant over the recording, on the filling side only.
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "pilot_filter",
     stage: Stage::PilotValve,
     source: include_str!("pilot_filter.rs"),
@@ -27,10 +27,10 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 3.0,
         doc: "the filter's conductance is 1/value of the fully open filling edge's",
     }],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
+fn apply([clogging_ratio]: [f64; 1], plant: &mut Plant) {
     let valve = &mut plant.proportional_valve;
-    valve.filling_restriction = valve.filling_restriction.hypot(values[0] / valve.conductance);
+    valve.filling_restriction = valve.filling_restriction.hypot(clogging_ratio / valve.conductance);
 }

@@ -12,11 +12,11 @@
 //! position and opening. Limits: both edges of a direction alike, the same along the port; a diagnosis tries it where the servomotor stage
 //! stands alone.
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "port_asymmetry",
     stage: Stage::Servomotor,
     source: include_str!("port_asymmetry.rs"),
@@ -29,11 +29,11 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 0.1,
         doc: "gain of the opening ports above the mean of both directions, relative",
     }],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
+fn apply([asymmetry_ratio]: [f64; 1], plant: &mut Plant) {
     let ports = &mut plant.main_ports;
-    ports.opening_gain *= 1.0 + values[0];
-    ports.closing_gain *= 1.0 - values[0];
+    ports.opening_gain *= 1.0 + asymmetry_ratio;
+    ports.closing_gain *= 1.0 - asymmetry_ratio;
 }

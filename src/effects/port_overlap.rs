@@ -9,11 +9,11 @@
 //! Without it the simulated servomotor starts earlier than the real one after each rest or reversal, and
 //! the real spool wanders further before the servomotor follows. Limits: both sides alike, sharp edges.
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "port_overlap",
     stage: Stage::Servomotor,
     source: include_str!("port_overlap.rs"),
@@ -26,11 +26,11 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 2.0e-4,
         doc: "extra overlap of the main ports, each side of neutral",
     }],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
+fn apply([extra_overlap_m]: [f64; 1], plant: &mut Plant) {
     let ports = &mut plant.main_ports;
-    ports.opening_overlap_m = (ports.opening_overlap_m + values[0]).max(0.0);
-    ports.closing_overlap_m = (ports.closing_overlap_m + values[0]).max(0.0);
+    ports.opening_overlap_m = (ports.opening_overlap_m + extra_overlap_m).max(0.0);
+    ports.closing_overlap_m = (ports.closing_overlap_m + extra_overlap_m).max(0.0);
 }

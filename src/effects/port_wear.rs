@@ -13,11 +13,11 @@
 //! Without it the real servomotor creeps while the spool stands within the overlap, and answers small demands more strongly than the
 //! simulated one; at large travel both agree. Limits: all four edges alike; what flows from supply past both edges to return is left out.
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "port_wear",
     stage: Stage::Servomotor,
     source: include_str!("port_wear.rs"),
@@ -30,10 +30,10 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 2.0e-4,
         doc: "radius of the worn metering edges of the main ports",
     }],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
+fn apply([edge_radius_m]: [f64; 1], plant: &mut Plant) {
     let ports = &mut plant.main_ports;
-    ports.edge_radius_m = ports.edge_radius_m.hypot(values[0]);
+    ports.edge_radius_m = ports.edge_radius_m.hypot(edge_radius_m);
 }

@@ -10,11 +10,11 @@
 //! Without it the real spool starts a few milliseconds later than the simulated one and rings about its demand, in all manoeuvres
 //! alike. Limits: linear; the damping ratio stays.
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "pv_bandwidth",
     stage: Stage::PilotValve,
     source: include_str!("pv_bandwidth.rs"),
@@ -27,9 +27,9 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 0.4,
         doc: "natural frequency of the pilot valve over the sheet's",
     }],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
-    plant.proportional_valve.natural_frequency_rad_s *= values[0];
+fn apply([frequency_ratio]: [f64; 1], plant: &mut Plant) {
+    plant.proportional_valve.natural_frequency_rad_s *= frequency_ratio;
 }

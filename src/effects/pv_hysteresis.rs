@@ -14,13 +14,13 @@
 
 use std::sync::Arc;
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 use crate::plant::term::Point;
 use crate::plant::term::play::Play;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "pv_hysteresis",
     stage: Stage::PilotValve,
     source: include_str!("pv_hysteresis.rs"),
@@ -33,11 +33,11 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 0.05,
         doc: "total width of the hysteresis loop on the valve current",
     }],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
-    if values[0] > 0.0 {
-        plant.terms.push(Arc::new(Play::new(Point::ValveCurrent, values[0])));
+fn apply([width_pu]: [f64; 1], plant: &mut Plant) {
+    if width_pu > 0.0 {
+        plant.terms.push(Arc::new(Play::new(Point::ValveCurrent, width_pu)));
     }
 }

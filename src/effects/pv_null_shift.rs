@@ -11,11 +11,11 @@
 //! offset of the servomotor inside the dead band. Limits: in the positions it equals an error of the regulator's current
 //! reference, which the sheet lets vary; the pilot valve's own signal tells them apart.
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "pv_null_shift",
     stage: Stage::PilotValve,
     source: include_str!("pv_null_shift.rs"),
@@ -28,9 +28,9 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 0.03,
         doc: "valve position at which no oil passes",
     }],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
-    plant.proportional_valve.null_shift_pu += values[0];
+fn apply([null_shift_pu]: [f64; 1], plant: &mut Plant) {
+    plant.proportional_valve.null_shift_pu += null_shift_pu;
 }

@@ -11,11 +11,11 @@
 //! the pilot valve swinging across the zone. Limits: both edges alike and sharp; where leakage
 //! or a null shift hides, it looks like one.
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "pv_overlap",
     stage: Stage::PilotValve,
     source: include_str!("pv_overlap.rs"),
@@ -28,9 +28,9 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 0.05,
         doc: "half width of the dead zone around the pilot valve's null",
     }],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
-    plant.proportional_valve.overlap_pu += values[0];
+fn apply([overlap_pu]: [f64; 1], plant: &mut Plant) {
+    plant.proportional_valve.overlap_pu += overlap_pu;
 }

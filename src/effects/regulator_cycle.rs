@@ -12,11 +12,11 @@
 //! unknown; a run between two ticks takes effect within the tick, so that the response is continuous in ΔT. `fit` and `diagnose` simulate
 //! the mean over all phases instead, and take the spread of the demand as noise to expect: a cycle jitters, and no recording tells its phase.
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "regulator_cycle",
     stage: Stage::Regulator,
     source: include_str!("regulator_cycle.rs"),
@@ -29,11 +29,11 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 0.04,
         doc: "time added to the period of the large loop",
     }],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
-    if values[0] > 0.0 {
-        plant.regulator.lengthen_large_loop(values[0]);
+fn apply([extra_period_s]: [f64; 1], plant: &mut Plant) {
+    if extra_period_s > 0.0 {
+        plant.regulator.lengthen_large_loop(extra_period_s);
     }
 }

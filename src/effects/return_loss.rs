@@ -13,11 +13,11 @@
 //! larger chamber: a loss in the pressure line does it the other way round. Limits: no inertia of the oil; pilot valve and ESV
 //! drain by a line of their own.
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "return_loss",
     stage: Stage::Supply,
     source: include_str!("return_loss.rs"),
@@ -30,9 +30,9 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 2.0e9,
         doc: "quadratic loss of the return line behind the main ports",
     }],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
-    plant.supply.return_root = plant.supply.return_root.hypot(values[0].max(0.0).sqrt());
+fn apply([loss_pa_s2_m6]: [f64; 1], plant: &mut Plant) {
+    plant.supply.return_root = plant.supply.return_root.hypot(loss_pa_s2_m6.max(0.0).sqrt());
 }

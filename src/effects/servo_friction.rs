@@ -12,11 +12,11 @@
 //! Without it the real servomotor starts later after each rest and runs slower both ways; at rest it stays where it was left. Limits: the
 //! same along the stroke and both ways.
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "servo_friction",
     stage: Stage::Servomotor,
     source: include_str!("servo_friction.rs"),
@@ -40,11 +40,11 @@ pub const SPEC: EffectSpec = EffectSpec {
             doc: "friction at rest over Coulomb friction",
         },
     ],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
+fn apply([extra_coulomb_n, static_ratio]: [f64; 2], plant: &mut Plant) {
     let friction = &mut plant.servomotor.friction;
-    friction.coulomb_n += values[0];
-    friction.static_ratio *= values[1];
+    friction.coulomb_n += extra_coulomb_n;
+    friction.static_ratio *= static_ratio;
 }

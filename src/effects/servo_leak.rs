@@ -10,11 +10,11 @@
 //! Without it the real piston creeps under load while the ports are shut, so that the regulator corrects again and again, and it runs
 //! slower against the load. Limits: laminar, the same along the stroke.
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "servo_leak",
     stage: Stage::Servomotor,
     source: include_str!("servo_leak.rs"),
@@ -27,9 +27,9 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 5.0e-10,
         doc: "leakage coefficient across the piston",
     }],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
-    plant.servomotor.cross_leakage_m3_s_pa += values[0];
+fn apply([leakage_m3_s_pa]: [f64; 1], plant: &mut Plant) {
+    plant.servomotor.cross_leakage_m3_s_pa += leakage_m3_s_pa;
 }

@@ -12,11 +12,11 @@
 //! Without it the control pressure of the real unit swings wider about the balance, and the spool waits before each
 //! small movement. The positions show little: the small loop has force to spare. Limits: no presliding, no memory beyond the speed.
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "spool_friction",
     stage: Stage::Spool,
     source: include_str!("spool_friction.rs"),
@@ -40,11 +40,11 @@ pub const SPEC: EffectSpec = EffectSpec {
             doc: "friction at rest over Coulomb friction",
         },
     ],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
+fn apply([coulomb_n, static_ratio]: [f64; 2], plant: &mut Plant) {
     let friction = &mut plant.spool.friction;
-    friction.coulomb_n += values[0];
-    friction.static_ratio *= values[1];
+    friction.coulomb_n += coulomb_n;
+    friction.static_ratio *= static_ratio;
 }

@@ -10,11 +10,11 @@
 //! Without it the simulated control pressure is higher than the real one at every place of the spool, by k d/A and
 //! more the further it opens; the positions show it only where the pressure reaches its limits, in trips above all. Limits: linear coils.
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "spring",
     stage: Stage::Spool,
     source: include_str!("spring.rs"),
@@ -38,11 +38,11 @@ pub const SPEC: EffectSpec = EffectSpec {
             doc: "pre-compression lost",
         },
     ],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
+fn apply([stiffness_loss_share, preload_loss_m]: [f64; 2], plant: &mut Plant) {
     let spool = &mut plant.spool;
-    spool.spring_stiffness_n_m *= 1.0 - values[0];
-    spool.spring_precompression_m = (spool.spring_precompression_m - values[1]).max(0.0);
+    spool.spring_stiffness_n_m *= 1.0 - stiffness_loss_share;
+    spool.spring_precompression_m = (spool.spring_precompression_m - preload_loss_m).max(0.0);
 }

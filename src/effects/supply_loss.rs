@@ -11,11 +11,11 @@
 //! Without it the simulated servomotor is too fast in large movements and right in small ones, most at the spool's stops. Limits: no inertia of
 //! the oil in the line, no accumulator behind the loss.
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "supply_loss",
     stage: Stage::Supply,
     source: include_str!("supply_loss.rs"),
@@ -28,9 +28,9 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 2.0e9,
         doc: "quadratic loss of the line between tank and valve",
     }],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
-    plant.supply.line_root = plant.supply.line_root.hypot(values[0].max(0.0).sqrt());
+fn apply([loss_pa_s2_m6]: [f64; 1], plant: &mut Plant) {
+    plant.supply.line_root = plant.supply.line_root.hypot(loss_pa_s2_m6.max(0.0).sqrt());
 }

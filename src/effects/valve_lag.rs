@@ -11,13 +11,13 @@
 //! Without it the real servomotor sets off later than simulated after every movement of the spool, and stops later. Limits: one linear lag; acts
 //! only where the recorded spool drives the servomotor stage.
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 use crate::plant::lag::lag;
 use crate::plant::term::Point;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "valve_lag",
     stage: Stage::Spool,
     source: include_str!("valve_lag.rs"),
@@ -30,12 +30,12 @@ pub const SPEC: EffectSpec = EffectSpec {
         typical: 0.1,
         doc: "time constant of the valve behind its recorded signal",
     }],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
-    if values[0] > 0.0 {
+fn apply([time_constant_s]: [f64; 1], plant: &mut Plant) {
+    if time_constant_s > 0.0 {
         let tick_s = plant.regulator.small_loop_period_s();
-        plant.terms.push(lag(Point::DrivingSpool, values[0], tick_s));
+        plant.terms.push(lag(Point::DrivingSpool, time_constant_s, tick_s));
     }
 }

@@ -11,11 +11,11 @@
 //! Without it the real servomotor and spool are slower than simulated at the start of a recording and agree at its end. Limits:
 //! orifices are taken as turbulent, hence independent of it; every recording starts equally cold.
 
-use crate::effects::{EffectParameter, EffectSpec, Stage};
+use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec {
+pub const SPEC: EffectSpec = EffectSpec::new(Definition {
     id: "viscosity",
     stage: Stage::Spool,
     source: include_str!("viscosity.rs"),
@@ -39,10 +39,10 @@ pub const SPEC: EffectSpec = EffectSpec {
             doc: "time constant with which the oil warms",
         },
     ],
-    apply: &apply,
-};
+    apply: &Law(apply),
+});
 
-fn apply(values: &[f64], plant: &mut Plant) {
-    plant.supply.cold_excess += values[0];
-    plant.supply.warming_time_s = values[1];
+fn apply([cold_excess, warming_time_s]: [f64; 2], plant: &mut Plant) {
+    plant.supply.cold_excess += cold_excess;
+    plant.supply.warming_time_s = warming_time_s;
 }

@@ -67,12 +67,27 @@ const NAMED: [(&str, Format); 13] = [
     ("matlab", Format::Matlab),
 ];
 
+/// A text that is neither the name of a format of times nor a pattern.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "{hint}expected a pattern such as \"%d.%m.%Y %H:%M:%S%.f\", or one of {}",
+    names.join(", "),
+    hint = near.map_or(String::new(), |near| format!("did you mean `{near}`? "))
+)]
+#[non_exhaustive]
+pub struct FormatError {
+    /// The name that it may be meant for.
+    pub near: Option<&'static str>,
+    /// The names that there are.
+    pub names: Vec<&'static str>,
+}
+
 impl Format {
     /// From its name, or as a pattern.
     ///
     /// # Errors
-    /// In words, where it is neither.
-    pub fn of(text: &str) -> Result<Self, String> {
+    /// Where it is neither.
+    pub fn of(text: &str) -> Result<Self, FormatError> {
         if let Some((_, format)) = NAMED.iter().find(|(name, _)| *name == text) {
             return Ok(format.clone());
         }
@@ -80,8 +95,7 @@ impl Format {
             return Ok(Self::Pattern(text.to_owned()));
         }
         let names = NAMED.map(|(name, _)| name);
-        let hint = nearest(text, names).map_or(String::new(), |near| format!("did you mean `{near}`? "));
-        Err(format!("{hint}expected a pattern such as \"%d.%m.%Y %H:%M:%S%.f\", or one of {}", names.join(", ")))
+        Err(FormatError { near: nearest(text, names), names: names.to_vec() })
     }
 
     /// Its name, or the pattern.
@@ -367,7 +381,7 @@ mod tests {
     fn zones_and_formats_that_are_none_come_with_a_way_out() {
         assert!(zone("Europe/Zuerich").unwrap_err().contains("did you mean `Europe/Zurich`?"));
         assert!(zone("+99:99").unwrap_err().contains("expected an offset"));
-        assert!(Format::of("unix").unwrap_err().contains("did you mean `unix_"));
+        assert!(Format::of("unix").unwrap_err().to_string().contains("did you mean `unix_"));
         let mut clock = clock("%d.%m.%Y", None, None);
         assert!(clock.read("2024-05-02").unwrap_err().contains("expected a time as `%d.%m.%Y`, found `2024-05-02`"));
     }

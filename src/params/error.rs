@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 /// One thing wrong in a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Problem {
     /// Line, counted from 1, where it is known.
     pub line: Option<usize>,
@@ -25,6 +26,7 @@ impl fmt::Display for Problem {
 
 /// A parameter file that cannot be used.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ParamsError {
     /// The file cannot be read.
     #[error("cannot read the parameter file {}: {reason}", path.display())]

@@ -46,7 +46,7 @@ fn find(key: &str) -> Result<&'static Item, String> {
 }
 
 fn given(item: &Item, text: &str, tolerance_share: Option<f64>, source: String) -> Result<Given, String> {
-    let value = item.dimension.parse(text)?;
+    let value = item.dimension.parse(text).map_err(|error| error.to_string())?;
     if !(item.least..=item.most).contains(&value) {
         let unit = item.dimension.unit();
         let (least, most) = (item.least, item.most);

@@ -49,7 +49,7 @@ impl Sheet {
     }
 }
 
-/// Digest of all that a unit is: values, tolerances, transducers and effects, each under its key. Two files that say the same have one digest.
+/// Digest of all that a unit is: values, tolerances, transducers, effects, and scale and zero of its channels where they are not in pu. Two files that say the same have one digest.
 #[must_use]
 pub fn unit_digest(unit: &Unit) -> String {
     let mut digest = Digest::default();
@@ -65,6 +65,9 @@ pub fn unit_digest(unit: &Unit) -> String {
         digest.update_f64(sensor.step);
     }
     digest.update(format!("{:?}{:?}", unit.effects, unit.own_effects));
+    if unit.recorded != Channels::default() {
+        digest.update(format!("{:?}", unit.recorded));
+    }
     digest.text()
 }
 
@@ -106,6 +109,7 @@ sensors! {
 #[cfg(test)]
 mod tests {
     use super::unit_digest;
+    use crate::parameters::Reading;
     use crate::params::reference;
 
     #[test]
@@ -119,5 +123,14 @@ mod tests {
         let known = unit.tolerances.iter().position(Option::is_some).unwrap();
         unit.tolerances[known] = None;
         assert_ne!(shipped, unit_digest(&unit));
+        // The same plant, recorded in millimetres, or from another zero.
+        let recorded = |scale_pu: f64, offset_pu: f64| {
+            let mut unit = reference();
+            unit.recorded.servomotor_position = Reading { scale_pu, offset_pu };
+            unit_digest(&unit)
+        };
+        assert_ne!(shipped, recorded(1.0 / 600.0, 0.0));
+        assert_ne!(recorded(1.0 / 600.0, 0.0), recorded(1.0 / 600.0, 0.01));
+        assert_eq!(shipped, recorded(1.0, 0.0));
     }
 }

@@ -85,7 +85,7 @@ pub(crate) struct SyntaxError {
 
 /// Parses one document.
 pub(crate) fn parse(text: &str) -> Result<Document, SyntaxError> {
-    check_yaml(text).map_err(|message| SyntaxError { line: None, message })?;
+    check_yaml(text).map_err(|error| SyntaxError { line: None, message: error.to_string() })?;
     match serde_yaml::from_str::<Value>(text) {
         Ok(value) => Ok(Document { root: convert(value), lines: locate(text) }),
         Err(error) => {

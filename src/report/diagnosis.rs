@@ -27,6 +27,17 @@ mod tests;
 ///
 /// # Errors
 /// Where a picture cannot be drawn.
+///
+/// ```no_run
+/// use govtwin::{Diagnosis, Provenance, diagnosis_json, diagnosis_page};
+///
+/// fn keep(diagnosis: &Diagnosis, seconds: f64) -> Result<(), Box<dyn std::error::Error>> {
+///     let made = Provenance { unit: "unit 3".to_owned(), ..Provenance::default() };
+///     std::fs::write("report.html", diagnosis_page(diagnosis, &made)?.to_html())?;
+///     std::fs::write("report.json", diagnosis_json(diagnosis, seconds).to_string())?;
+///     Ok(())
+/// }
+/// ```
 pub fn page(diagnosis: &Diagnosis, made: &Provenance) -> Result<Page, DrawError> {
     let mut page = Page::new("Why the unit differs from its twin", subtitle(diagnosis, made));
     // Without an effect the twin with effects is the refitted one.

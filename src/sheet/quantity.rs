@@ -29,6 +29,17 @@ pub enum Dimension {
     Plain,
 }
 
+/// A text that is no quantity of the dimension.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("expected a number and one of the units {}, found `{found}`", units.join(", "))]
+#[non_exhaustive]
+pub struct QuantityError {
+    /// The units of the dimension.
+    pub units: Vec<&'static str>,
+    /// The text.
+    pub found: String,
+}
+
 impl Dimension {
     /// Its units with their size in SI units, the SI unit first.
     #[must_use]
@@ -67,8 +78,8 @@ impl Dimension {
     /// A quantity in its SI unit; a number without a unit is in it already.
     ///
     /// # Errors
-    /// In words, with the units there are.
-    pub fn parse(self, text: &str) -> Result<f64, String> {
+    /// Where there is no number, or a unit of another dimension.
+    pub fn parse(self, text: &str) -> Result<f64, QuantityError> {
         let text = text.trim();
         let end =
             text.find(|letter: char| !(letter.is_ascii_digit() || "+-.,eE".contains(letter))).unwrap_or(text.len());
@@ -82,8 +93,8 @@ impl Dimension {
         } else {
             self.units().iter().find(|(name, _)| *name == unit).map(|(_, size)| *size)
         };
-        let names: Vec<&str> = self.units().iter().map(|(name, _)| *name).collect();
-        let wanted = || format!("expected a number and one of the units {}, found `{text}`", names.join(", "));
+        let wanted =
+            || QuantityError { units: self.units().iter().map(|(name, _)| *name).collect(), found: text.to_owned() };
         let number: f64 = number.parse().map_err(|_| wanted())?;
         size.map(|size| number * size).filter(|value| value.is_finite()).ok_or_else(wanted)
     }
@@ -112,7 +123,7 @@ mod tests {
             assert!((found - value).abs() < 1e-6 * value.abs(), "{text}: {found}");
         }
         for (dimension, text) in [(Dimension::Pressure, "63 mm"), (Dimension::Length, "long"), (Dimension::Time, "")] {
-            let error = dimension.parse(text).unwrap_err();
+            let error = dimension.parse(text).unwrap_err().to_string();
             assert!(error.contains(dimension.unit()) && error.contains("expected a number"), "{error}");
         }
     }

@@ -73,7 +73,7 @@ fn log_likelihood(innovations: &[f64], scales: &[f64], share: f64) -> f64 {
     log_sum(parts)
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "lab"))]
 mod tests {
     use super::*;
     use crate::battery::{self, Case, Kind};

@@ -19,7 +19,9 @@ impl Source {
 
     /// Lines of code with their numbers, without comments and without the unit tests that end a file.
     pub fn code(&self) -> impl Iterator<Item = (usize, &str)> {
-        let begins = ["\n#[cfg(test)]\nmod ", "\n#[cfg(test)]\npub(super) mod "].map(|head| self.text.find(head));
+        let begins =
+            ["\n#[cfg(test)]\nmod ", "\n#[cfg(test)]\npub(super) mod ", "\n#[cfg(all(test, feature = \"lab\"))]\nmod "]
+                .map(|head| self.text.find(head));
         let tests = begins.into_iter().flatten().min().unwrap_or(self.text.len());
         let own = self.text.get(..tests).unwrap_or_default();
         own.lines()

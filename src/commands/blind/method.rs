@@ -13,7 +13,7 @@ use govtwin::params::Sheet;
 use super::cases::Case;
 use super::expected::Expected;
 use crate::commands::output::write_atomically;
-use crate::commands::report_file;
+use crate::commands::scored_report;
 
 /// A method that says something of a unit.
 #[derive(Clone, Copy, Debug)]
@@ -47,7 +47,7 @@ impl Method {
         if !path.is_file() || expected.check(&path, case).is_err() {
             return Ok(None);
         }
-        report_file::read(&path).map(Some)
+        scored_report::read(&path).map(Some)
     }
 }
 

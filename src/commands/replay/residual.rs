@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use govtwin::parameters::Unit;
+use govtwin::replay::Replayed;
 use govtwin::replay::summary::{Residual, Source, Summary, summarise};
-use govtwin::replay::{Replayed, Scores};
 use govtwin::residual::adapt::Adaptation;
 use govtwin::residual::corrector::Corrector;
 use govtwin::residual::guard::Counts;
@@ -20,7 +20,7 @@ pub fn ready(model: &Model, unit: &Unit, cut: Cut) -> anyhow::Result<Corrector> 
     let opening = match cut {
         Cut::None => Opening::Simulated,
         Cut::Servomotor => Opening::Measured,
-        Cut::Spool => return Err(usage("--residual with --cut spool: the measured spool leaves nothing to correct")),
+        _ => return Err(usage("--residual with --cut spool: the measured spool leaves nothing to correct")),
     };
     model.check(unit, opening)?;
     Ok(Corrector::new(model)?)
@@ -51,9 +51,7 @@ fn follow(corrector: &mut Corrector, replayed: &Replayed) -> (Replayed, Counts) 
         let corrected = corrector.step(frame, estimate).corrected;
         estimate.signals = signal.with(estimate.signals, corrected);
     }
-    let recording = replayed.recording.clone();
-    let scores = Scores::of(&recording, &estimates);
-    (Replayed { recording, estimates, scores, rows: replayed.rows, every: replayed.every }, *corrector.counts())
+    (replayed.with_estimates(estimates), *corrector.counts())
 }
 
 /// The summary of the corrected recordings, for the figures of the whole replay.

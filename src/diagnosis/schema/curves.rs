@@ -40,7 +40,8 @@ pub fn trace(value: &Value) -> Result<Trace, ReadError> {
     };
     let found = text(&value["process"]);
     let process = Process::ALL.into_iter().find(|process| process.id() == found);
-    let process = process.ok_or(ReadError::Word { place: "evidence.traces.process", expected: "a process", found })?;
+    let process =
+        process.ok_or(ReadError::Word { place: "evidence.traces.process", expected: "a process".into(), found })?;
     let time_s = numbers(&value["time_s"]);
     let mut signals = Vec::new();
     for (id, curves) in value["signals"].as_object().into_iter().flatten() {

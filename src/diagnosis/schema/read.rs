@@ -83,14 +83,14 @@ pub fn read(report: &Value) -> Result<Diagnosis, ReadError> {
 
 fn verdict(value: &Value) -> Result<Verdict, ReadError> {
     let found = text(value);
-    let expected = "named, class, unknown, no_gap or not_excited";
-    Verdict::ALL.into_iter().find(|one| one.id() == found).ok_or(ReadError::Word { place: "verdict", expected, found })
+    let known = Verdict::ALL.into_iter().find(|one| one.id() == found);
+    known.ok_or_else(|| ReadError::Word { place: "verdict", expected: Verdict::all_words().into(), found })
 }
 
 fn stage(value: &Value) -> Result<Stage, ReadError> {
     let found = text(value);
     let known = Stage::ALL.into_iter().find(|stage| stage.id() == found);
-    known.ok_or(ReadError::Word { place: "stage", expected: "a stage of the chain", found })
+    known.ok_or(ReadError::Word { place: "stage", expected: "a stage of the chain".into(), found })
 }
 
 fn parameter(value: &Value) -> Fitted {

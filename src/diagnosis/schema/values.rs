@@ -1,5 +1,6 @@
 //! Values of a report's JSON, with something in their stead where there is none.
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::sync::Mutex;
 
@@ -12,6 +13,7 @@ use crate::signal::Signal;
 
 /// A report that no page can be made of.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ReadError {
     /// Another schema, or none.
     #[error("expected a report of the schema {SCHEMA}, found `{0}`")]
@@ -22,7 +24,7 @@ pub enum ReadError {
         /// Where, as a path of keys.
         place: &'static str,
         /// What may stand there.
-        expected: &'static str,
+        expected: Cow<'static, str>,
         /// What does.
         found: String,
     },
@@ -86,5 +88,5 @@ pub fn lasting(value: &Value) -> &'static str {
 pub(super) fn signal(value: &Value) -> Result<Signal, ReadError> {
     let found = text(value);
     let known = Signal::ALL.into_iter().find(|signal| signal.id() == found);
-    known.ok_or(ReadError::Word { place: "signal", expected: "a measured signal", found })
+    known.ok_or(ReadError::Word { place: "signal", expected: "a measured signal".into(), found })
 }

@@ -71,11 +71,11 @@ impl Merge<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::{EffectParameter, Stage};
+    use crate::effects::{Definition, EffectParameter, Law, Stage};
     use crate::params::sheet::Sheet;
     use crate::params::yaml;
 
-    const CATALOGUE: &[EffectSpec] = &[EffectSpec {
+    const CATALOGUE: &[EffectSpec] = &[EffectSpec::new(Definition {
         id: "backlash",
         stage: Stage::Servomotor,
         source: "",
@@ -83,8 +83,8 @@ mod tests {
             EffectParameter { name: "width_pu", unit: "pu", neutral: 0.0, min: 0.0, max: 0.1, typical: 0.01, doc: "" },
             EffectParameter { name: "delay_s", unit: "s", neutral: 0.0, min: 0.0, max: 1.0, typical: 0.1, doc: "" },
         ],
-        apply: &|_, _| {},
-    }];
+        apply: &Law(|_, _| {}),
+    })];
 
     fn read(text: &str) -> (Vec<EffectSetting>, Vec<String>) {
         let document = yaml::parse(text).unwrap();
