@@ -25,7 +25,7 @@ impl Measured {
 
     /// A share of so many equal cases, which need be no whole number.
     fn wilson(share: f64, n: f64) -> Self {
-        if !(n > 0.0) {
+        if n.is_nan() || n <= 0.0 {
             return Self { cases: 0, value: f64::NAN, low: f64::NAN, high: f64::NAN };
         }
         let spread = 1.0 + Z * Z / n;
@@ -103,10 +103,11 @@ pub struct Claim {
 /// Probabilities said against what was so, in bins of a tenth; empty bins are left out.
 #[must_use]
 pub fn reliability(claims: &[Claim]) -> Vec<Bin> {
-    let place = |claim: &Claim| ((claim.said_probability * 10.0) as usize).min(9);
     (0..10)
         .filter_map(|bin| {
-            let inside = || claims.iter().filter(|claim| place(claim) == bin);
+            let (from, to) = (f64::from(bin) / 10.0, f64::from(bin + 1) / 10.0);
+            let is_inside = |p: f64| p >= from && (p < to || (bin == 9 && p <= 1.0));
+            let inside = || claims.iter().filter(|claim| is_inside(claim.said_probability));
             let weight: f64 = inside().map(|claim| claim.weight).sum();
             (weight > 0.0).then(|| Bin {
                 said_probability: inside().map(|claim| claim.weight * claim.said_probability).sum::<f64>() / weight,
