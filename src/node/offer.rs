@@ -85,9 +85,10 @@ fn type_hash(user_data: &[u8]) -> Option<String> {
 
 /// As rosbag2 keeps it; what is not announced (history and depth) is unknown.
 fn profile(qos: &QosPolicies) -> String {
+    // A publisher that does not say is reliable: that is the default of DDS for it.
     let reliability = match qos.reliability() {
-        Some(Reliability::Reliable { .. }) => "reliable",
-        _ => "best_effort",
+        Some(Reliability::BestEffort) => "best_effort",
+        _ => "reliable",
     };
     let is_latched = qos.durability().is_some_and(|durability| durability >= Durability::TransientLocal);
     let durability = if is_latched { "transient_local" } else { "volatile" };
@@ -147,6 +148,8 @@ mod tests {
         {
             assert!(profile.contains(part), "{profile}");
         }
+        let silent = super::profile(&rustdds::QosPolicyBuilder::new().build());
+        assert!(silent.contains("reliability: reliable") && silent.contains("durability: volatile"), "{silent}");
         assert!(profile.contains("lifespan:\n    sec: 9223372036\n    nsec: 854775807"), "{profile}");
     }
 }

@@ -194,6 +194,10 @@ def types(binary, folder):
         check("an unknown type is described by its publisher", head.get("readable") and "metres" in fields and head.get("type_hash_fits") is True,
               f"({head.get('type_hash')}, {sorted(fields)})")
         check("its numbers are right", fields.get("metres", {}).get("least", 0) >= 120.0)
+        with open(os.path.join(bag, "metadata.yaml")) as file:
+            metadata = file.read()
+        check("publishers' qualities of service are kept", metadata.count("reliability: reliable") == 7
+              and metadata.count("durability: transient_local") == 1, f"({metadata.count('reliability: reliable')} reliable)")
         check("what nobody knows has no numbers", topics.get("/bare", {}).get("readable") is False)
         check("the bag gives no warnings", clean == 0 and not warnings, f"({warnings})")
 
