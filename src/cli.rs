@@ -36,6 +36,8 @@ enum Command {
     Check(commands::check::Args),
     /// Find out why a unit and its twin differ: where, which effect, how much of the gap it closes.
     Diagnose(commands::diagnose::Args),
+    /// Check whether bags are whole, and say the way out where they are not.
+    Doctor(commands::doctor::Args),
     /// List what a real unit may do beyond the nominal model, or document one such effect.
     Effects(commands::effects::Args),
     /// Fit parameters and chosen effects to recordings, and say how far they are determined.
@@ -46,6 +48,8 @@ enum Command {
     Import(commands::import::Args),
     /// Say what is in a bag: topics, types, counts, rates, gaps, health.
     Info(commands::info::Args),
+    /// Save every message of a damaged bag into a new bag.
+    Recover(commands::recover::Args),
     /// Simulate recordings and compare with what was measured.
     Replay(commands::replay::Args),
     /// Make a parameter file from a name plate.
@@ -116,11 +120,13 @@ pub fn main() -> ExitCode {
         Command::Calibrate(args) => commands::calibrate::run(&args),
         Command::Diagnose(args) => commands::diagnose::run(&args),
         Command::Check(args) => commands::check::run(&args),
+        Command::Doctor(args) => commands::doctor::run(&args),
         Command::Effects(args) => commands::effects::run(&args),
         Command::Fit(args) => commands::fit::run(&args),
         Command::Generate(args) => commands::generate::run(&args),
         Command::Import(args) => commands::import::run(&args),
         Command::Info(args) => commands::info::run(&args),
+        Command::Recover(args) => commands::recover::run(&args),
         Command::Replay(args) => commands::replay::run(&args),
         Command::Sheet(args) => commands::sheet::run(&args),
         Command::Report(args) => commands::report::run(&args),

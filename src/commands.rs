@@ -8,6 +8,7 @@ pub mod check;
 pub mod compare;
 pub mod completions;
 pub mod diagnose;
+pub mod doctor;
 pub mod effects;
 pub mod fit;
 pub mod generate;
@@ -23,6 +24,7 @@ pub mod play;
 pub mod provenance;
 #[cfg(feature = "node")]
 pub mod record;
+pub mod recover;
 pub mod replay;
 pub mod report;
 pub mod report_file;

@@ -24,7 +24,7 @@ pub use input::{read_bytes, read_text};
 pub use journal::{journalled, settle};
 pub use regular::check_regular;
 pub use rename::{exchange, move_new};
-pub use temporary::{hold, is_held, remove_stale, temporary_folder};
+pub use temporary::{Scratch, hold, is_held, remove_stale, temporary_folder};
 pub use together::Together;
 
 /// Writes a file, whole or not at all; missing folders on the way are made.

@@ -4,6 +4,8 @@
 mod align;
 #[path = "bag/any_bytes.rs"]
 mod any_bytes;
+#[path = "bag/compressed.rs"]
+mod compressed;
 #[path = "bag/damage.rs"]
 mod damage;
 #[path = "bag/errors.rs"]
@@ -22,6 +24,8 @@ mod outcomes;
 mod qualification;
 #[path = "bag/read.rs"]
 mod read;
+#[path = "bag/recover.rs"]
+mod recover;
 #[path = "bag/shipped.rs"]
 mod shipped;
 #[cfg(feature = "sqlite")]

@@ -12,7 +12,7 @@ use govtwin::node::environment::Environment;
 use govtwin::node::intake::Refusal;
 use govtwin::node::live::{self, Options};
 use govtwin::node::realtime::{Wishes, wall_ns};
-use govtwin::node::recorder::record;
+use govtwin::node::recorder::{Selection, record};
 use govtwin::node::settings::Settings;
 use govtwin::params;
 
@@ -101,10 +101,12 @@ fn a_recording_loses_nothing_while_it_waits_and_names_what_stayed_silent() {
     let mut peer = Bus::open(&environment, Arguments::parse(&[], "source").unwrap()).unwrap();
     let command = peer.publish("/tape/command", GovernorCommand::TYPE_NAME).unwrap();
     let topics = [("/tape/command", GovernorCommand::TYPE_NAME), ("/tape/esv", EsvState::TYPE_NAME)];
-    let topics = topics.map(|(topic, type_name)| (topic.to_owned(), type_name.to_owned()));
+    let topics = topics.map(|(topic, type_name)| (topic.to_owned(), Some(type_name.to_owned()))).to_vec();
+    let selection = Selection { topics, ..Selection::default() };
     let folder = tempfile::tempdir().unwrap();
     let (bag, stop, length) = (folder.path().join("bag"), AtomicBool::new(false), Some(Duration::from_secs(3)));
-    let mut speak = || {
+    let mut speak = |words: &str| {
+        assert_eq!(words, "recording");
         wait_for("the recorder comes", || peer.readers_of("/tape/command") > 0);
         // The tape does not run yet, as if it waited for the disk for a second.
         for _ in 0..1000 {
@@ -112,7 +114,7 @@ fn a_recording_loses_nothing_while_it_waits_and_names_what_stayed_silent() {
             std::thread::sleep(Duration::from_millis(1));
         }
     };
-    let recorded = record(&mut recorder, &topics, &bag, length, &stop, &mut speak).unwrap();
+    let recorded = record(&mut recorder, &selection, &bag, length, &stop, &mut speak).unwrap();
     // The network itself may lose a few.
     assert!((900..=1000).contains(&recorded.messages["/tape/command"]), "{recorded:?}");
     assert_eq!(recorded.messages["/tape/esv"], 0);

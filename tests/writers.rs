@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use govtwin::bag::{self, Writer, WriterOptions};
+use govtwin::bag::{self, Qos, Writer, WriterOptions};
 use govtwin::files::Claim;
+use govtwin::msg::EsvState;
 
 /// Draws of the moments at which processes are killed.
 const KILLS: u64 = 14;
@@ -216,7 +217,9 @@ fn of_two_recorders_one_is_refused_and_a_broken_recording_is_kept() {
     let dir = tempfile::tempdir().unwrap();
     let place = dir.path().join("run");
     let options = WriterOptions { keep_unfinished: true, ..WriterOptions::default() };
-    let writer = Writer::create(&place, options).unwrap();
+    let mut writer = Writer::create(&place, options).unwrap();
+    let topic = writer.topic::<EsvState>("/governor/esv", Qos::SENSOR).unwrap();
+    writer.write(topic, 1, &EsvState::default()).unwrap();
     let words = Writer::create(&place, options).unwrap_err().to_string();
     assert!(words.contains("run: another process is writing it and holds"), "{words}");
     if cfg!(feature = "node") {
@@ -227,6 +230,6 @@ fn of_two_recorders_one_is_refused_and_a_broken_recording_is_kept() {
     // Killed: it stays, and the next recorder is told of it, not of a process.
     drop(writer);
     let words = Writer::create(&place, options).unwrap_err().to_string();
-    assert!(words.contains(".run.unfinished: is there already"), "{words}");
+    assert!(words.contains("kept in") && words.contains(".run.unfinished; save it with `govtwin recover"), "{words}");
     assert!(!place.exists());
 }

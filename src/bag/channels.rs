@@ -33,6 +33,13 @@ impl Channels {
         self.topics.iter().map(|(id, topic)| (*id, topic))
     }
 
+    /// Puts in what topics do not say of themselves: qualities of service and type hash by name.
+    pub(super) fn complete(&mut self, known: &BTreeMap<String, (String, String)>) {
+        for topic in self.topics.values_mut() {
+            complete(topic, known);
+        }
+    }
+
     /// Takes in a schema or channel record; others pass by.
     pub(super) fn take_in(&mut self, record: &Record<'_>) {
         match record {
@@ -75,6 +82,21 @@ impl Channels {
             sequence,
             data,
         })
+    }
+}
+
+/// Puts in what a topic does not say of itself.
+pub(super) fn complete(topic: &mut Arc<TopicInfo>, known: &BTreeMap<String, (String, String)>) {
+    let Some((profiles, type_hash)) = known.get(&topic.name) else { return };
+    let (no_profiles, no_hash) = (topic.offered_qos_profiles.is_empty(), topic.type_hash.is_empty());
+    if (no_profiles && !profiles.is_empty()) || (no_hash && !type_hash.is_empty()) {
+        let topic = Arc::make_mut(topic);
+        if no_profiles {
+            topic.offered_qos_profiles.clone_from(profiles);
+        }
+        if no_hash {
+            topic.type_hash.clone_from(type_hash);
+        }
     }
 }
 

@@ -11,7 +11,7 @@ pub(super) const HEAD_LEN: usize = 9;
 const CHUNK_LIMIT: u64 = 1 << 28;
 
 /// How many times its own size a file may unpack to; zstd makes some 20 of ROS 2's messages.
-const UNPACK_RATIO: u64 = 256;
+pub(super) const UNPACK_RATIO: u64 = 256;
 
 /// What any file may unpack to, bytes.
 const UNPACK_LEAST: u64 = 1 << 26;

@@ -28,14 +28,16 @@ pub enum BagError {
         /// What stands here.
         found: String,
     },
-    /// Messages compressed one by one, which only rosbag2 itself unpacks.
+    /// Messages compressed one by one by a plugin of rosbag2 that is not zstd.
     #[error(
-        "{path}: rosbag2 compressed the messages one by one (compression_mode: message); convert it once: `ros2 bag \
-         convert -i BAG -o OUT.yaml` with `storage_id: mcap`"
+        "{path}: the messages are compressed one by one (compression_mode: message) with `{format}`, expected `zstd`; convert \
+         the bag once: `ros2 bag convert -i BAG -o OUT.yaml` with `storage_id: mcap`"
     )]
     Compressed {
         /// The folder.
         path: PathBuf,
+        /// The format.
+        format: String,
     },
     /// A bag in sqlite3 storage, which this build cannot read.
     #[error(
@@ -146,6 +148,17 @@ pub enum BagError {
         /// The folder.
         path: PathBuf,
     },
+    /// A recording of that name was broken off.
+    #[error(
+        "{path}: a recording of that name was broken off, and what it holds is kept in {kept}; save it with `govtwin recover \
+         {path}`, or name another folder"
+    )]
+    Unfinished {
+        /// The folder that the bag would become.
+        path: PathBuf,
+        /// Where it stands.
+        kept: PathBuf,
+    },
     /// Somebody else is writing the output.
     #[error("{path}: another process is writing it and holds {held}; wait until it ends, or name another folder")]
     Busy {
@@ -189,6 +202,16 @@ impl BagError {
     /// For `map_err` on what the operating system does.
     pub(super) fn io(path: &Path, action: &'static str) -> impl FnOnce(std::io::Error) -> Self {
         move |reason| Self::Io { path: path.to_owned(), action, reason }
+    }
+
+    /// The same for another file: the one that was unpacked to be read.
+    pub(super) fn of(self, path: &Path) -> Self {
+        let path = path.to_owned();
+        match self {
+            Self::Io { action, reason, .. } => Self::Io { path, action, reason },
+            Self::Database { problem, .. } => Self::Database { path, problem },
+            other => other,
+        }
     }
 
     /// For `map_err` on what the MCAP library writes.

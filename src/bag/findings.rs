@@ -39,6 +39,17 @@ impl<'a> Found<'a> {
     }
 }
 
+/// A bag without a measured state that holds a simulated one is one of a simulation.
+pub(super) fn only_simulated(measured: &str, simulated: &str) -> Finding {
+    Finding {
+        what: Kind::NotMeasured,
+        severity: Severity::Note,
+        subject: measured.to_owned(),
+        signal: None,
+        words: format!("not in the bag: nothing was measured, {} was simulated", shown(simulated)),
+    }
+}
+
 pub(super) fn senders(signs: &[String]) -> String {
     format!("more than one sender, by all signs: {}; record one, or name its topic with --topic", signs.join(", "))
 }

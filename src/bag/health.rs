@@ -52,6 +52,8 @@ pub struct FileHealth {
     pub bytes: u64,
     /// `mcap` or `sqlite3`.
     pub storage: &'static str,
+    /// What rosbag2 compressed with zstd besides: `file`, `message`, or nothing.
+    pub packed: &'static str,
     /// Profile that the file states.
     pub profile: String,
     /// Program that wrote it.
@@ -80,6 +82,8 @@ pub struct FileHealth {
     pub about: BTreeMap<String, String>,
     /// What could not be read.
     pub damage: Vec<Damage>,
+    /// Where indices, times and counts are not those of the messages.
+    pub structure: Vec<String>,
 }
 
 impl FileHealth {
@@ -88,7 +92,12 @@ impl FileHealth {
         let damage = self.damage.iter();
         let damage = damage.map(|damage| Warning::Damaged { path: self.path.clone(), damage: damage.clone() });
         let stated = self.stated_messages.filter(|stated| *stated != self.messages);
-        damage.chain(stated.map(|stated| Warning::Count { path: self.path.clone(), stated, read: self.messages }))
+        let structure = self.structure.iter();
+        let structure =
+            structure.map(|problem| Warning::Structure { path: self.path.clone(), problem: problem.clone() });
+        damage
+            .chain(stated.map(|stated| Warning::Count { path: self.path.clone(), stated, read: self.messages }))
+            .chain(structure)
     }
 }
 
@@ -162,6 +171,13 @@ pub enum Warning {
         stated: u64,
         /// What was read.
         read: u64,
+    },
+    /// Indices, times or counts of a file are not those of its messages; other readers may miss some.
+    Structure {
+        /// The file.
+        path: PathBuf,
+        /// What does not fit.
+        problem: String,
     },
     /// A file that `metadata.yaml` names is not there.
     FileMissing {
@@ -290,6 +306,9 @@ impl fmt::Display for Warning {
             }
             Self::Count { path, stated, read } => {
                 write!(f, "{}: its summary counts {stated} messages, {read} could be read", path.display())
+            }
+            Self::Structure { path, problem } => {
+                write!(f, "{}: {problem}; read here all the same, other readers may miss messages", path.display())
             }
             Self::FileMissing { path } => {
                 write!(

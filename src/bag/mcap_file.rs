@@ -12,6 +12,7 @@ use super::chunk::{self, Records};
 use super::record::{Record, parse};
 use super::record_file::{RecordFile, Step, Tail};
 use super::segment::Segment;
+use super::structure::Structure;
 use super::topic::OnMessage;
 use super::{BagError, Damage, FileHealth, GOVTWIN, SIMULATOR, TWIN};
 
@@ -48,6 +49,10 @@ fn scan_records(file: &mut RecordFile, path: &Path, on_message: &mut OnMessage<'
     let mut scan = Scan::new(file, path);
     scan.summary(file)?;
     scan.data(file, on_message)?;
+    let health = &mut scan.found.health;
+    if health.damage.is_empty() {
+        health.structure = scan.structure.finish(health.finished);
+    }
     Ok(scan.found)
 }
 
@@ -127,6 +132,7 @@ struct Scan {
     last_good_ns: Option<i64>,
     /// Messages of each channel by the file's summary.
     counts: BTreeMap<u16, u64>,
+    structure: Structure,
 }
 
 impl Scan {
@@ -138,6 +144,7 @@ impl Scan {
             unpack_left: chunk::unpack_limit(file.end()),
             last_good_ns: None,
             counts: BTreeMap::new(),
+            structure: Structure::default(),
         }
     }
 
@@ -154,8 +161,13 @@ impl Scan {
             self.data_end = start;
             file.seek(start)?;
             let mut body = vec![];
+            self.structure.summary(true);
             while let Step::Record(opcode) = file.next(&mut body)? {
-                match parse(opcode, &body) {
+                let record = parse(opcode, &body);
+                if let Some(record) = &record {
+                    self.structure.take(opcode, &body, record);
+                }
+                match record {
                     Some(Record::ChunkIndex) => self.found.health.indexed = true,
                     Some(Record::Statistics { messages, counts }) => {
                         self.found.health.stated_messages = Some(messages);
@@ -170,6 +182,7 @@ impl Scan {
                     Some(record) => self.found.channels.take_in(&record),
                 }
             }
+            self.structure.summary(false);
         }
         file.seek(mcap::MAGIC.len() as u64)
     }
@@ -222,6 +235,7 @@ impl Scan {
 
     fn chunk(&mut self, at: u64, body: &[u8], len: u64, records: &mut Records, on_message: &mut OnMessage<'_>) {
         let result = chunk::read(body, len, self.unpack_left, records);
+        self.structure.next_chunk(true);
         self.unpack_left = self.unpack_left.saturating_sub(records.unpacked_bytes());
         let mut segment = Segment::new(at, len);
         let last_good_ns = self.last_good_ns;
@@ -229,6 +243,7 @@ impl Scan {
             self.record(at, opcode, data, &mut segment, on_message);
         }
         let recovered = segment.messages();
+        self.structure.chunk(at, body, HEAD_LEN as u64);
         self.keep(segment);
         let health = &mut self.found.health;
         health.chunks += 1;
@@ -271,6 +286,9 @@ impl Scan {
                     return;
                 };
                 on_message(message);
+                if let Record::Message { channel_id, log_time_ns, .. } = record {
+                    self.structure.message(channel_id, log_time_ns);
+                }
                 segment.count(message.log_time_ns);
                 self.last_good_ns = Some(message.log_time_ns);
                 self.found.health.messages += 1;
@@ -291,7 +309,10 @@ impl Scan {
                     names.push(name.to_owned());
                 }
             }
-            Some(record) => self.found.channels.take_in(&record),
+            Some(record) => {
+                self.structure.take(opcode, body, &record);
+                self.found.channels.take_in(&record);
+            }
             None => self.damage(at, body.len() as u64, "a record that does not hold what it should", 0),
         }
     }

@@ -5,12 +5,12 @@ use std::collections::{BinaryHeap, VecDeque};
 use std::path::Path;
 use std::sync::Arc;
 
-use super::channels::Channels;
+use super::channels::{self, Channels};
 use super::mcap_file;
 use super::segment::Segment;
-use super::source::Storage;
-use super::topic::{OnMessage, RawMessage, TopicInfo};
-use super::{BagError, FileHealth, Warning, source};
+use super::source::{BagFile, Storage};
+use super::topic::{OnMessage, RawMessage, RawView, TopicInfo};
+use super::{BagError, FileHealth, Warning, source, unpack};
 
 /// The messages of a bag in log-time order; messages of one time stay in file order.
 #[derive(Debug)]
@@ -24,31 +24,45 @@ pub struct Messages {
     loaded: BinaryHeap<Entry>,
 }
 
-/// Loads pieces of one file.
+/// Loads pieces of one file, which stays unpacked as long as this is there.
 #[derive(Debug)]
-enum Loader {
+struct Loader {
+    file: BagFile,
+    stored: Stored,
+    unpack: unpack::Messages,
+}
+
+/// By its storage.
+#[derive(Debug)]
+enum Stored {
     Mcap(mcap_file::Loader),
     #[cfg(feature = "sqlite")]
     Sqlite(super::db3::Loader),
 }
 
 impl Loader {
-    fn open(path: &Path, storage: Storage, channels: Channels) -> Result<Self, BagError> {
-        match storage {
-            Storage::Mcap => mcap_file::Loader::open(path, channels).map(Self::Mcap),
+    fn open(file: BagFile, channels: Channels) -> Result<Self, BagError> {
+        let path = file.readable();
+        let bytes = std::fs::metadata(path).map_err(BagError::io(path, "read"))?.len();
+        let stored = match file.storage {
+            Storage::Mcap => mcap_file::Loader::open(path, channels).map(Stored::Mcap),
             #[cfg(feature = "sqlite")]
-            Storage::Sqlite => super::db3::Loader::open(path).map(Self::Sqlite),
+            Storage::Sqlite => super::db3::Loader::open(path).map(Stored::Sqlite),
             #[cfg(not(feature = "sqlite"))]
             Storage::Sqlite => Err(BagError::Sqlite { path: path.to_owned() }),
-        }
+        }?;
+        Ok(Self { file, stored, unpack: unpack::Messages::new(bytes) })
     }
 
     fn load(&mut self, segment: &Segment, on_message: &mut OnMessage<'_>) -> Result<(), BagError> {
-        match self {
-            Self::Mcap(loader) => loader.load(segment, on_message),
+        let Self { file, stored, unpack } = self;
+        let on_message = &mut |message: RawView<'_>| on_message(unpack.unpack(message));
+        let loaded = match stored {
+            Stored::Mcap(loader) => loader.load(segment, on_message),
             #[cfg(feature = "sqlite")]
-            Self::Sqlite(loader) => loader.load(segment, on_message),
-        }
+            Stored::Sqlite(loader) => loader.load(segment, on_message),
+        };
+        loaded.map_err(|error| error.of(&file.path))
     }
 }
 
@@ -150,19 +164,18 @@ pub fn messages(path: &Path) -> Result<Messages, BagError> {
     let source = source::open(path)?;
     let scanned = source.scan(&mut |_| {})?;
     let warnings = source.all_warnings(&scanned.files);
+    let known = source.metadata.as_ref().map(|metadata| metadata.topics.clone()).unwrap_or_default();
+    let mut topics = scanned.topics;
+    for topic in &mut topics {
+        channels::complete(topic, &known);
+    }
     let mut loaders = vec![];
     let mut waiting = vec![];
-    for (number, (path, (storage, channels, segments))) in source.files.iter().zip(scanned.parts).enumerate() {
-        loaders.push(Loader::open(path, storage, channels)?);
+    for (number, (file, (mut channels, segments))) in source.files.into_iter().zip(scanned.parts).enumerate() {
+        channels.complete(&known);
+        loaders.push(Loader::open(file, channels)?);
         waiting.extend(segments.into_iter().map(|segment| (number, segment)));
     }
     waiting.sort_by_key(|(number, segment)| (segment.first_ns, *number, segment.at));
-    Ok(Messages {
-        files: scanned.files,
-        topics: scanned.topics,
-        warnings,
-        loaders,
-        waiting: waiting.into(),
-        loaded: BinaryHeap::new(),
-    })
+    Ok(Messages { files: scanned.files, topics, warnings, loaders, waiting: waiting.into(), loaded: BinaryHeap::new() })
 }

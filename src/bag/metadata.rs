@@ -1,5 +1,7 @@
 //! `metadata.yaml` beside a bag's files, as rosbag2 writes it (version 9, Jazzy) and as it reads older ones.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use crate::files::check_yaml;
@@ -16,6 +18,11 @@ pub(super) struct Metadata {
     pub(super) relative_file_paths: Vec<String>,
     pub(super) message_count: Option<u64>,
     pub(super) compression_mode: String,
+    pub(super) compression_format: String,
+    /// What it says of topics, by name: qualities of service as YAML, and the hash of the type.
+    pub(super) topics: BTreeMap<String, (String, String)>,
+    /// How many messages it counts on each topic.
+    pub(super) counts: BTreeMap<String, u64>,
 }
 
 impl Metadata {
@@ -29,7 +36,16 @@ impl Metadata {
             relative_file_paths: information.relative_file_paths,
             message_count: information.message_count,
             compression_mode: information.compression_mode,
+            compression_format: information.compression_format,
+            topics: information.topics_with_message_count.iter().filter_map(topic).collect(),
+            counts: information.topics_with_message_count.iter().filter_map(count).collect(),
         })
+    }
+
+    /// The messages are compressed one by one, and not with zstd.
+    pub(super) fn is_packed_otherwise(&self) -> bool {
+        let zstd = self.compression_format.is_empty() || self.compression_format.eq_ignore_ascii_case("zstd");
+        self.compression_mode.eq_ignore_ascii_case("message") && !zstd
     }
 }
 
@@ -45,6 +61,29 @@ struct ReadInformation {
     message_count: Option<u64>,
     #[serde(default)]
     compression_mode: String,
+    #[serde(default)]
+    compression_format: String,
+    #[serde(default)]
+    topics_with_message_count: Vec<serde_yaml::Value>,
+}
+
+/// Name of a topic, and how many messages it has.
+fn count(entry: &serde_yaml::Value) -> Option<(String, u64)> {
+    let name = entry.get("topic_metadata")?.get("name")?.as_str()?;
+    Some((name.to_owned(), entry.get("message_count")?.as_u64()?))
+}
+
+/// Name, qualities of service and type hash of a topic; up to version 8 the qualities are YAML within a text.
+fn topic(entry: &serde_yaml::Value) -> Option<(String, (String, String))> {
+    let topic = entry.get("topic_metadata")?;
+    let text = |key: &str| topic.get(key).and_then(serde_yaml::Value::as_str).unwrap_or_default().to_owned();
+    let profiles =
+        topic.get("offered_qos_profiles").filter(|profiles| profiles.as_sequence().is_some_and(|all| !all.is_empty()));
+    let profiles = match profiles {
+        Some(profiles) => serde_yaml::to_string(profiles).ok()?.trim_end().to_owned(),
+        None => text("offered_qos_profiles"),
+    };
+    Some((text("name"), (profiles, text("type_description_hash"))))
 }
 
 /// One topic of a written bag.

@@ -7,14 +7,15 @@ use super::align::{self, Streams};
 use super::collect::{AnyCollector, Collected};
 use super::edges::{self, Edges};
 use super::evidence::{RowEvidence, StreamEvidence};
-use super::qualification;
 use super::source::{self, Scanned, Source};
 use super::streams::{Command, Pressure};
 use super::topic::{TopicInfo, shown};
 use super::{
     BagError, FileHealth, Finding, Health, Kind, Loaded, ReadOptions, Severity, Stream, StreamHealth, Warning,
 };
+use super::{findings, qualification};
 use crate::frame::EsvState;
+use crate::msg::{Interface, ServoState};
 use crate::recording::Recording;
 
 /// Gaps shorter than this are no news on any machine, s.
@@ -78,7 +79,10 @@ impl Read {
         health.warnings.extend(self.jump);
         warn(&mut health);
         health.warnings.extend(edges::warnings(self.edges, &health.streams));
+        let simulated = simulated(&scanned.topics);
+        let by_right = |stream: Stream| stream == Stream::ServoState && simulated.is_some();
         let filled = Stream::ALL.into_iter().zip(&health.streams).filter(|(_, stream)| stream.kept == 0);
+        let filled = filled.filter(|(stream, _)| !by_right(*stream));
         let filled = filled.map(|(stream, health)| {
             let with = match stream {
                 Stream::Command | Stream::TankPressure => "NaN",
@@ -89,6 +93,10 @@ impl Read {
         });
         let filled: Vec<Warning> = filled.collect();
         health.warnings.extend(filled);
+        let measured = health.streams.last().filter(|stream| stream.kept == 0);
+        let only_simulated =
+            simulated.zip(measured).map(|(simulated, measured)| findings::only_simulated(&measured.topic, simulated));
+        health.notes.extend(only_simulated);
         qualify(&mut health, &mut self.evidence, &mut self.rows);
         let nothing = health.warnings.iter().find(|warning| is_nothing_measured(warning));
         if let Some(nothing) = nothing.filter(|_| options.required.contains(&Stream::ServoState)) {
@@ -98,6 +106,15 @@ impl Read {
         }
         Ok(health)
     }
+}
+
+/// The topic of a simulated state, where the bag holds one.
+fn simulated(topics: &[Arc<TopicInfo>]) -> Option<&str> {
+    let is_simulated = |topic: &&Arc<TopicInfo>| {
+        topic.type_name == ServoState::TYPE_NAME
+            && (topic.name == "sim/servo_state" || topic.name.ends_with("/sim/servo_state"))
+    };
+    topics.iter().find(is_simulated).map(|topic| topic.name.as_str())
 }
 
 /// Constants in the place of absent inputs.

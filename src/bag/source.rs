@@ -10,15 +10,14 @@ use super::channels::Channels;
 use super::mcap_file::{self, ScannedFile};
 use super::metadata::{self, Metadata};
 use super::segment::Segment;
-use super::topic::{OnMessage, TopicInfo, shown};
-use super::{BagError, FileHealth, Finding, Warning, qualification};
-use crate::files::{check_regular, read_text, settle};
+use super::topic::{OnMessage, RawView, TopicInfo, shown};
+use super::{BagError, Damage, FileHealth, Finding, Warning, qualification, unpack};
+use crate::files::{Scratch, check_regular, read_text, settle};
 
 /// More than `metadata.yaml` has for ten thousand topics.
 const LARGEST_METADATA_BYTES: u64 = 1 << 24;
 
 const SQLITE_MAGIC: &[u8] = b"SQLite format 3\0";
-const ZSTD_MAGIC: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];
 
 /// A bag's files in order, and what is to be said of how they were found.
 #[derive(Debug)]
@@ -26,7 +25,7 @@ pub(super) struct Source {
     /// What people call the bag.
     pub(super) name: String,
     /// The files, oldest first.
-    pub(super) files: Vec<PathBuf>,
+    pub(super) files: Vec<BagFile>,
     /// What `metadata.yaml` says, where there is one.
     pub(super) metadata: Option<Metadata>,
     /// Files that are missing, metadata that cannot be used.
@@ -42,7 +41,65 @@ pub(super) enum Storage {
     Sqlite,
 }
 
-/// Finds the files of a bag.
+/// A file of a bag, and where it can be read.
+#[derive(Debug)]
+pub(super) struct BagFile {
+    /// Where it is.
+    pub(super) path: PathBuf,
+    pub(super) storage: Storage,
+    /// The same without the compression of the whole file, where there is one, and what was wrong with it.
+    unpacked: Option<(Scratch, Option<Damage>)>,
+}
+
+impl BagFile {
+    fn open(path: PathBuf) -> Result<Self, BagError> {
+        let (storage, unpacked) = match storage_of(&path) {
+            Ok(storage) => (storage, None),
+            Err(Unknown::Packed) => {
+                let (unpacked, damage) = unpack::file(&path)?;
+                let storage = storage_of(unpacked.path()).map_err(|unknown| unknown.inside(&path))?;
+                (storage, Some((unpacked, damage)))
+            }
+            Err(unknown) => return Err(unknown.at(&path)),
+        };
+        Ok(Self { path, storage, unpacked })
+    }
+
+    /// Where its storage can be read.
+    pub(super) fn readable(&self) -> &Path {
+        self.unpacked.as_ref().map_or(&self.path, |(unpacked, _)| unpacked.path())
+    }
+
+    /// Reads it, hands on each message, and says how it is.
+    fn scan(&self, on_message: &mut OnMessage<'_>) -> Result<ScannedFile, BagError> {
+        let path = self.readable();
+        let bytes = fs::metadata(path).map_err(BagError::io(&self.path, "read"))?.len();
+        let mut messages = unpack::Messages::new(bytes);
+        let on_message = &mut |message: RawView<'_>| on_message(messages.unpack(message));
+        let scanned = match self.storage {
+            Storage::Mcap => mcap_file::scan(path, on_message),
+            #[cfg(feature = "sqlite")]
+            Storage::Sqlite => super::db3::scan(path, on_message),
+            #[cfg(not(feature = "sqlite"))]
+            Storage::Sqlite => Err(BagError::Sqlite { path: self.path.clone() }),
+        };
+        let mut scanned = scanned.map_err(|error| error.of(&self.path))?;
+        let health = &mut scanned.health;
+        health.damage.extend(messages.damage());
+        if messages.packed > 0 {
+            health.packed = "message";
+        }
+        if let Some((_, damage)) = &self.unpacked {
+            health.damage.extend(damage.clone());
+            health.path.clone_from(&self.path);
+            health.packed = "file";
+            health.bytes = fs::metadata(&self.path).map_err(BagError::io(&self.path, "read"))?.len();
+        }
+        Ok(scanned)
+    }
+}
+
+/// Finds the files of a bag, and unpacks those that are compressed.
 ///
 /// # Errors
 /// Where there is nothing at the path, or something that is no bag.
@@ -52,20 +109,19 @@ pub(super) fn open(path: &Path) -> Result<Source, BagError> {
     let name = path.file_stem().or_else(|| path.file_name()).unwrap_or(path.as_os_str());
     let mut source =
         Source { name: name.to_string_lossy().into_owned(), files: vec![], metadata: None, warnings: vec![] };
+    let mut files = vec![];
     if kind.is_dir() {
-        folder(path, &mut source)?;
+        folder(path, &mut source, &mut files)?;
     } else {
         check_regular(path).map_err(BagError::io(path, "read"))?;
-        source.files.push(path.to_owned());
+        files.push(path.to_owned());
     }
-    for file in &source.files {
-        storage_of(file)?;
-    }
+    source.files = files.into_iter().map(BagFile::open).collect::<Result<_, _>>()?;
     Ok(source)
 }
 
 /// Finds the files of a folder: those that `metadata.yaml` names, or else all that look like a bag's.
-fn folder(path: &Path, source: &mut Source) -> Result<(), BagError> {
+fn folder(path: &Path, source: &mut Source, files: &mut Vec<PathBuf>) -> Result<(), BagError> {
     // A dot in a folder's name is no suffix.
     if let Some(name) = path.file_name() {
         source.name = name.to_string_lossy().into_owned();
@@ -74,16 +130,15 @@ fn folder(path: &Path, source: &mut Source) -> Result<(), BagError> {
     match read_text(&file, LARGEST_METADATA_BYTES) {
         Ok(text) => match Metadata::parse(&text) {
             Ok(metadata) => {
-                if metadata.compression_mode.eq_ignore_ascii_case("message") {
-                    return Err(BagError::Compressed { path: path.to_owned() });
+                if metadata.is_packed_otherwise() {
+                    let format = shown(&metadata.compression_format);
+                    return Err(BagError::Compressed { path: path.to_owned(), format });
                 }
                 for relative in &metadata.relative_file_paths {
-                    let wanted = path.join(relative);
-                    if wanted.is_file() {
-                        source.files.push(wanted);
-                    } else {
+                    match named(path, relative) {
+                        Some(file) => files.push(file),
                         // A name from the file, within the words of a warning.
-                        source.warnings.push(Warning::FileMissing { path: path.join(shown(relative)) });
+                        None => source.warnings.push(Warning::FileMissing { path: path.join(shown(relative)) }),
                     }
                 }
                 source.metadata = Some(metadata);
@@ -93,10 +148,10 @@ fn folder(path: &Path, source: &mut Source) -> Result<(), BagError> {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
         Err(error) => source.warnings.push(Warning::Metadata { problem: error.to_string() }),
     }
-    if source.files.is_empty() {
-        source.files = files_like_a_bag(path)?;
+    if files.is_empty() {
+        *files = files_like_a_bag(path)?;
     }
-    if source.files.is_empty() {
+    if files.is_empty() {
         return Err(BagError::NotABag {
             path: path.to_owned(),
             expected: "metadata.yaml or .mcap files in the folder; name the bag's own folder or file",
@@ -106,12 +161,24 @@ fn folder(path: &Path, source: &mut Source) -> Result<(), BagError> {
     Ok(())
 }
 
-/// The `.mcap` files of a folder, or else its `.db3` files, by name with numbers in numeric order.
+/// A file that `metadata.yaml` names. rosbag2 also wrote names with the bag's own folder before them, and a user may have unpacked a
+/// compressed file.
+fn named(folder: &Path, relative: &str) -> Option<PathBuf> {
+    let beside = Path::new(relative).file_name().map(Path::new);
+    let plain = |name: &Path| if has_suffix(name, "zstd") { name.with_extension("") } else { name.to_owned() };
+    let names = [Some(Path::new(relative)), beside].into_iter().flatten();
+    let names = names.clone().map(Path::to_owned).chain(names.map(plain));
+    names.map(|name| folder.join(name)).find(|path| path.is_file())
+}
+
+/// The `.mcap` files of a folder, or else its `.db3` files, compressed or not, by name with numbers in numeric order.
 fn files_like_a_bag(path: &Path) -> Result<Vec<PathBuf>, BagError> {
     let mut entries = entries_of(path)?;
     entries.retain(|entry| entry.is_file());
     for suffix in ["mcap", "db3"] {
-        let mut files: Vec<PathBuf> = entries.iter().filter(|entry| has_suffix(entry, suffix)).cloned().collect();
+        let packed = |entry: &Path| has_suffix(entry, "zstd") && has_suffix(&entry.with_extension(""), suffix);
+        let is_one = |entry: &&PathBuf| has_suffix(entry, suffix) || packed(entry);
+        let mut files: Vec<PathBuf> = entries.iter().filter(is_one).cloned().collect();
         if !files.is_empty() {
             files.sort_by_key(|file| natural_key(&file.to_string_lossy()));
             return Ok(files);
@@ -162,30 +229,59 @@ fn describe_folder(path: &Path) -> Result<String, BagError> {
     })
 }
 
+/// Why a file's storage is not known.
+enum Unknown {
+    /// It is compressed as a whole.
+    Packed,
+    /// The operating system refused.
+    Io(&'static str, std::io::Error),
+    /// It is something else.
+    Other(String),
+}
+
+impl Unknown {
+    /// The error for a file as it is.
+    fn at(self, path: &Path) -> BagError {
+        let found = match self {
+            Self::Io(action, error) => return BagError::io(path, action)(error),
+            Self::Packed => "a file compressed twice with zstd".to_owned(),
+            Self::Other(found) => found,
+        };
+        let expected = "an MCAP file (first bytes 89 4d 43 41 50), a sqlite3 bag, or a bag folder";
+        BagError::NotABag { path: path.to_owned(), expected, found }
+    }
+
+    /// The error for what is in a compressed file.
+    fn inside(self, path: &Path) -> BagError {
+        match self {
+            Self::Other(found) => Self::Other(format!("{found}, compressed with zstd")).at(path),
+            unknown => unknown.at(path),
+        }
+    }
+}
+
 /// Tells the storage of a file by its first bytes; its name plays no part.
-fn storage_of(path: &Path) -> Result<Storage, BagError> {
-    let file = fs::File::open(path).map_err(BagError::io(path, "open"))?;
+fn storage_of(path: &Path) -> Result<Storage, Unknown> {
+    let file = fs::File::open(path).map_err(|error| Unknown::Io("open", error))?;
     let mut head = vec![];
-    file.take(512).read_to_end(&mut head).map_err(BagError::io(path, "read"))?;
+    file.take(512).read_to_end(&mut head).map_err(|error| Unknown::Io("read", error))?;
     if head.starts_with(mcap::MAGIC) {
         return Ok(Storage::Mcap);
     }
     if head.starts_with(SQLITE_MAGIC) {
         return Ok(Storage::Sqlite);
     }
-    let found = if head.is_empty() {
-        "an empty file".to_owned()
-    } else if head.starts_with(ZSTD_MAGIC) {
-        "a file compressed as a whole with zstd; unpack it first: `zstd -d FILE`".to_owned()
+    Err(if head.is_empty() {
+        Unknown::Other("an empty file".to_owned())
+    } else if unpack::is_packed(&head) {
+        Unknown::Packed
     } else if head.starts_with(b"#ROSBAG V") {
-        "a ROS 1 bag; convert it first: `rosbags-convert --src FILE --dst OUT`".to_owned()
+        Unknown::Other("a ROS 1 bag; convert it first: `rosbags-convert --src FILE --dst OUT`".to_owned())
     } else if let Ok(text) = std::str::from_utf8(&head[..head.len().min(64)]) {
-        format!("text that begins with {:?}", text.lines().next().unwrap_or_default())
+        Unknown::Other(format!("text that begins with {:?}", text.lines().next().unwrap_or_default()))
     } else {
-        format!("a file that begins with the bytes {:02x?}", &head[..head.len().min(8)])
-    };
-    let expected = "an MCAP file (first bytes 89 4d 43 41 50), a sqlite3 bag, or a bag folder";
-    Err(BagError::NotABag { path: path.to_owned(), expected, found })
+        Unknown::Other(format!("a file that begins with the bytes {:02x?}", &head[..head.len().min(8)]))
+    })
 }
 
 /// What is in a bag besides its messages.
@@ -195,18 +291,18 @@ pub(super) struct Scanned {
     /// Topics by name; two entries of one name where the bag gives it two types.
     pub(super) topics: Vec<Arc<TopicInfo>>,
     /// For each file, what it takes to load its messages again.
-    pub(super) parts: Vec<(Storage, Channels, Vec<Segment>)>,
+    pub(super) parts: Vec<(Channels, Vec<Segment>)>,
 }
 
 impl Source {
     /// The names of all topics with a message, where every file's summary counts them.
     pub(super) fn topics(&self) -> Option<BTreeSet<String>> {
         let mut names = BTreeSet::new();
-        for path in &self.files {
-            if storage_of(path).ok()? != Storage::Mcap {
+        for file in &self.files {
+            if file.storage != Storage::Mcap {
                 return None;
             }
-            names.extend(mcap_file::topics(path)?);
+            names.extend(mcap_file::topics(file.readable())?);
         }
         Some(names)
     }
@@ -237,22 +333,15 @@ impl Source {
     pub(super) fn scan(&self, on_message: &mut OnMessage<'_>) -> Result<Scanned, BagError> {
         let mut scanned = Scanned { files: vec![], topics: vec![], parts: vec![] };
         let mut known = BTreeSet::new();
-        for path in &self.files {
-            let storage = storage_of(path)?;
-            let ScannedFile { health, channels, segments } = match storage {
-                Storage::Mcap => mcap_file::scan(path, on_message)?,
-                #[cfg(feature = "sqlite")]
-                Storage::Sqlite => super::db3::scan(path, on_message)?,
-                #[cfg(not(feature = "sqlite"))]
-                Storage::Sqlite => return Err(BagError::Sqlite { path: path.clone() }),
-            };
+        for file in &self.files {
+            let ScannedFile { health, channels, segments } = file.scan(on_message)?;
             for (_, topic) in channels.topics() {
                 if known.insert((topic.name.clone(), topic.type_name.clone())) {
                     scanned.topics.push(Arc::clone(topic));
                 }
             }
             scanned.files.push(health);
-            scanned.parts.push((storage, channels, segments));
+            scanned.parts.push((channels, segments));
         }
         scanned.topics.sort_by(|a, b| a.name.cmp(&b.name));
         Ok(scanned)

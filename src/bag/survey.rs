@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::source::{self, Scanned, Source};
 use super::tally::Tallies;
+use super::topic::shown;
 use super::topic_survey::TopicSurvey;
 use super::{BagError, FileHealth, Finding, Warning};
 
@@ -41,12 +42,19 @@ pub fn survey(path: &Path) -> Result<Survey, BagError> {
 
 /// What is to be said once all messages are counted.
 pub(super) fn of(source: &Source, scanned: Scanned, mut tallies: Tallies) -> Survey {
-    let warnings = source.all_warnings(&scanned.files);
+    let mut warnings = source.all_warnings(&scanned.files);
     let notes = source.notes(&scanned.files);
     for topic in &scanned.topics {
         tallies.of(topic);
     }
     let topics = tallies.finish();
+    let counts = source.metadata.iter().flat_map(|metadata| &metadata.counts);
+    let read =
+        |name: &String| topics.iter().filter(|topic| topic.name == *name).map(|topic| topic.messages).sum::<u64>();
+    let other = counts.filter(|(name, count)| read(name) != **count).map(|(name, count)| Warning::Metadata {
+        problem: format!("counts {count} messages on {}, the files hold {}", shown(name), read(name)),
+    });
+    warnings.extend(other);
     let busy = || topics.iter().filter(|topic| topic.messages > 0);
     Survey {
         files: scanned.files,

@@ -4,7 +4,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::{BagError, WriterOptions, metadata, source};
+use super::{BagError, WriterOptions, metadata, reserve, source};
 use crate::files::fault::step;
 use crate::files::{exchange, is_held, move_new, temporary_folder};
 
@@ -22,7 +22,10 @@ pub(super) fn check(place: &Path, options: WriterOptions) -> Result<(), BagError
     check_place(place, options)?;
     let path = kept(place);
     if options.keep_unfinished && fs::symlink_metadata(&path).is_ok() {
-        return Err(left_or_busy(place, path));
+        return match left_or_busy(place, path) {
+            BagError::Unfinished { kept, .. } if holds_nothing(&kept) => Ok(()),
+            error => Err(error),
+        };
     }
     Ok(())
 }
@@ -38,7 +41,22 @@ fn check_place(place: &Path, options: WriterOptions) -> Result<(), BagError> {
 
 /// What it means that a recording stands unfinished: somebody is at it, or it was broken off.
 fn left_or_busy(place: &Path, path: PathBuf) -> BagError {
-    if is_held(&path) { BagError::Busy { path: place.to_owned(), held: path } } else { BagError::InTheWay { path } }
+    let place = place.to_owned();
+    if is_held(&path) {
+        BagError::Busy { path: place, held: path }
+    } else {
+        BagError::Unfinished { path: place, kept: path }
+    }
+}
+
+/// Whether a recording was broken off before its first message, so that nothing is lost with it.
+fn holds_nothing(path: &Path) -> bool {
+    let Ok(entries) = fs::read_dir(path) else { return false };
+    entries.flatten().all(|entry| {
+        let holds_none = |survey: super::Survey| survey.messages == 0 && survey.warnings.len() <= 1;
+        let is_empty = || entry.metadata().is_ok_and(|data| data.is_file() && data.len() == 0);
+        entry.file_name() == reserve::FILE_NAME || is_empty() || super::survey(&entry.path()).is_ok_and(holds_none)
+    })
 }
 
 impl Unfinished {
@@ -52,6 +70,10 @@ impl Unfinished {
         fs::create_dir_all(parent).map_err(BagError::io(parent, "create"))?;
         let path = if options.keep_unfinished {
             let path = kept(place);
+            check(place, options)?;
+            if fs::symlink_metadata(&path).is_ok() {
+                fs::remove_dir_all(&path).map_err(BagError::io(&path, "remove what was left without a message in"))?;
+            }
             // Of two recorders one makes it.
             match step().and_then(|()| fs::create_dir(&path)) {
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => return Err(left_or_busy(place, path)),
@@ -61,7 +83,12 @@ impl Unfinished {
         } else {
             temporary_folder(parent).map_err(BagError::io(parent, "write in"))?
         };
-        Ok(Self { path, place: place.to_owned(), options, keep: options.keep_unfinished })
+        Ok(Self { path, place: place.to_owned(), options, keep: false })
+    }
+
+    /// There is something to be kept now, where it should be.
+    pub(super) fn has_messages(&mut self) {
+        self.keep = self.options.keep_unfinished;
     }
 
     /// Where to write.
@@ -123,7 +150,7 @@ impl Drop for Unfinished {
 }
 
 /// `.NAME.unfinished` beside `NAME`: where a recording is kept that was broken off.
-fn kept(place: &Path) -> PathBuf {
+pub(super) fn kept(place: &Path) -> PathBuf {
     let name = place.file_name().unwrap_or(place.as_os_str()).to_string_lossy();
     place.with_file_name(format!(".{name}.unfinished"))
 }

@@ -6,10 +6,12 @@ use std::io::BufWriter;
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use mcap::records::{MessageHeader, Metadata};
 
 use super::metadata::{self, Summary, TopicSummary};
+use super::reserve::Reserved;
 use super::topic::{Qos, RawMessage, TopicInfo};
 use super::unfinished::{self, Unfinished};
 use super::{BagError, cdr};
@@ -23,10 +25,11 @@ pub struct WriterOptions {
     /// The name of a metadata record that marks the bag. A bag in its place with the same mark and nothing beside it is replaced;
     /// anything else in the way is never touched.
     pub mark: Option<&'static str>,
-    /// Keep what was written when the writer is dropped before [`Writer::finish`], as a recorder must.
+    /// Keep the messages that were written when the writer is dropped before [`Writer::finish`], as a recorder must.
     ///
-    /// It then stands in `.DIR.unfinished`, a readable bag without `metadata.yaml`, and the next
-    /// recording to `DIR` is refused until it is moved away.
+    /// They then stand in `.DIR.unfinished`, a readable bag without `metadata.yaml`, and the next recording to `DIR` is refused until it
+    /// is moved away. Without a message nothing stays. Room for the bag's end is kept on the disk as long as it is written, so that it can
+    /// be completed where the disk is full ([`Writer::is_full`]).
     pub keep_unfinished: bool,
 }
 
@@ -59,7 +62,7 @@ struct Channel {
 /// that a crash loses at most the open chunk.
 pub struct Writer {
     // Dropped in this order: the file is closed before its folder goes.
-    file: mcap::Writer<BufWriter<File>>,
+    file: mcap::Writer<BufWriter<Reserved>>,
     folder: Unfinished,
     file_name: String,
     file_path: PathBuf,
@@ -68,6 +71,7 @@ pub struct Writer {
     /// By the address of what copied messages of one topic share, which is kept so that nothing else gets that address.
     by_address: BTreeMap<usize, (Arc<TopicInfo>, u16)>,
     times_ns: Option<(i64, i64)>,
+    full: Arc<AtomicBool>,
 }
 
 impl std::fmt::Debug for Writer {
@@ -113,6 +117,12 @@ impl Writer {
         let file = step().and_then(|()| File::create(&file_path)).map_err(BagError::io(&file_path, "create"))?;
         // Held as long as it is written, so that nobody takes it for left over.
         hold(&file).map_err(BagError::io(&file_path, "lock"))?;
+        let file = if options.keep_unfinished {
+            Reserved::with_room(file, folder.path()).map_err(BagError::io(dir, "keep 8 MiB of room for"))?
+        } else {
+            Reserved::without(file)
+        };
+        let full = file.is_full();
         let file = mcap::WriteOptions::new()
             .profile("ros2")
             .library(concat!("govtwin/", env!("CARGO_PKG_VERSION")))
@@ -129,6 +139,7 @@ impl Writer {
             by_topic: BTreeMap::new(),
             by_address: BTreeMap::new(),
             times_ns: None,
+            full,
         };
         if let Some(mark) = options.mark {
             let by = concat!("govtwin ", env!("CARGO_PKG_VERSION")).to_owned();
@@ -196,6 +207,20 @@ impl Writer {
         self.file.flush().map_err(BagError::mcap(&self.file_path))
     }
 
+    /// Whether the disk is full, so that the bag should be completed in the room that was kept for it: more messages will hardly fit.
+    #[must_use]
+    pub fn is_full(&self) -> bool {
+        self.full.load(Ordering::Relaxed)
+    }
+
+    /// Announces a topic as another bag or a sender describes it, whether it will have messages or not.
+    ///
+    /// # Errors
+    /// Where the operating system refuses.
+    pub fn announce(&mut self, info: &TopicInfo) -> Result<(), BagError> {
+        self.channel(info).map(|_| ())
+    }
+
     /// Completes the bag, puts it in its place, and gives the path of its folder.
     ///
     /// # Errors
@@ -220,7 +245,7 @@ impl Writer {
         file.write_metadata(&record).map_err(BagError::mcap(&file_path))?;
         file.finish().map_err(BagError::mcap(&file_path))?;
         let file = file.into_inner().into_inner();
-        let file = file.map_err(|error| BagError::io(&file_path, "write")(error.into_error()))?;
+        let file = file.map_err(|error| BagError::io(&file_path, "write")(error.into_error()))?.into_file();
         step().and_then(|()| file.sync_all()).map_err(BagError::io(&file_path, "write"))?;
         let yaml_path = folder.path().join(metadata::FILE_NAME);
         write_atomically(&yaml_path, yaml.as_bytes()).map_err(BagError::io(&yaml_path, "write"))?;
@@ -252,6 +277,7 @@ impl Writer {
             publish_time: u64::try_from(publish_ns).unwrap_or_default(),
         };
         self.file.write_to_known_channel(&header, data).map_err(BagError::mcap(&self.file_path))?;
+        self.folder.has_messages();
         if let Some(channel) = self.channels.get_mut(&id) {
             channel.message_count += 1;
         }
@@ -324,10 +350,44 @@ mod tests {
             |went_well| {
                 assert_eq!(place.exists(), went_well);
                 assert!(!(kept.exists() && went_well));
-                // Moved away, as its user is told to do.
+                // Moved away, as its user is told to do; a write that finds the disk full goes well in the room that was kept.
                 let _ = std::fs::remove_dir_all(&kept);
+                let _ = std::fs::remove_dir_all(&place);
             },
         );
         assert!(refused >= 8, "{refused}");
+    }
+
+    #[test]
+    fn where_the_disk_is_full_a_recording_is_completed_in_the_room_that_was_kept() {
+        let options = WriterOptions { mark: None, keep_unfinished: true };
+        let dir = tempfile::tempdir().unwrap();
+        let [place, kept] = ["run", ".run.unfinished"].map(|name| dir.path().join(name));
+        let completed = std::cell::Cell::new(0);
+        let attempt = || -> Result<(), BagError> {
+            let mut writer = Writer::create(&place, options)?;
+            let topic = writer.topic::<EsvState>("/esv", Qos::DEFAULT)?;
+            for time_ns in 0..10 {
+                writer.write(topic, time_ns, &EsvState::default())?;
+            }
+            writer.flush()?;
+            let is_full = writer.is_full();
+            writer.finish()?;
+            completed.set(completed.get() + usize::from(is_full));
+            Ok(())
+        };
+        refuse_each(
+            || attempt().is_ok(),
+            |went_well| {
+                if went_well {
+                    let survey = super::super::survey(&place).unwrap();
+                    assert_eq!((survey.messages, survey.warnings), (10, vec![]));
+                    assert!(!place.join(super::super::reserve::FILE_NAME).exists());
+                    std::fs::remove_dir_all(&place).unwrap();
+                }
+                let _ = std::fs::remove_dir_all(&kept);
+            },
+        );
+        assert!(completed.get() > 0, "a write that was refused was tried again");
     }
 }

@@ -282,6 +282,12 @@ pub fn is_bag_folder(path: &Path) -> bool {
     path.join("metadata.yaml").is_file()
 }
 
+/// Whether a file is called as a bag's: `.mcap`, or compressed as a whole `.mcap.zstd`.
+fn is_bag_file(path: &Path) -> bool {
+    let has = |path: &Path, suffix: &str| path.extension().is_some_and(|found| found.eq_ignore_ascii_case(suffix));
+    has(path, "mcap") || (has(path, "zstd") && has(&path.with_extension(""), "mcap"))
+}
+
 fn collect(path: &Path, depth: usize, found: &mut Vec<PathBuf>) -> anyhow::Result<()> {
     if !path.is_dir() || is_bag_folder(path) {
         found.push(path.to_owned());
@@ -298,8 +304,7 @@ fn collect(path: &Path, depth: usize, found: &mut Vec<PathBuf>) -> anyhow::Resul
     entries.sort();
     for entry in entries {
         let hidden = entry.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
-        let is_mcap = entry.extension().is_some_and(|suffix| suffix.eq_ignore_ascii_case("mcap"));
-        if !hidden && (entry.is_dir() || is_mcap) {
+        if !hidden && (entry.is_dir() || is_bag_file(&entry)) {
             collect(&entry, depth + 1, found)?;
         }
     }

@@ -14,7 +14,7 @@ use crate::commands::Outcome;
 /// Say what is in a bag: topics, types, counts, rates, gaps, jitter, health.
 ///
 /// Any bag will do: MCAP files and bag folders of any ROS 2 system, split, unindexed or cut short, and
-/// sqlite3 bags where the program was built with `--features sqlite`.
+/// sqlite3 bags, compressed as files or message by message.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = HELP)]
 pub struct Args {
@@ -132,12 +132,18 @@ fn look(name: String, path: &Path, options: &ReadOptions) -> Result<Entry, BagEr
         Err(_) => {}
     }
     let mut said: Vec<String> = survey.warnings.iter().map(Warning::to_string).collect();
-    said.extend(survey.topics.iter().filter(|topic| topic.undecodable > 0).map(|topic| {
-        format!("{}: {} of {} messages do not fit their schema", topic.name, topic.undecodable, topic.messages)
-    }));
-    said.extend(survey.topics.iter().filter(|topic| topic.type_hash_fits == Some(false)).map(|topic| {
-        format!("{}: the stated type hash {} is not that of the schema beside it", topic.name, topic.type_hash)
-    }));
+    said.extend(topics_in_doubt(&survey));
     let notes_in_words = survey.notes.iter().map(ToString::to_string).collect();
     Ok(Entry { name, path: path.to_owned(), survey, recording, no_recording, warnings_in_words: said, notes_in_words })
+}
+
+/// Topics whose messages or hash are not those of the schema beside them.
+pub(super) fn topics_in_doubt(survey: &Survey) -> impl Iterator<Item = String> {
+    let undecodable = survey.topics.iter().filter(|topic| topic.undecodable > 0).map(|topic| {
+        format!("{}: {} of {} messages do not fit their schema", topic.name, topic.undecodable, topic.messages)
+    });
+    let other = survey.topics.iter().filter(|topic| topic.type_hash_fits == Some(false)).map(|topic| {
+        format!("{}: the stated type hash {} is not that of the schema beside it", topic.name, topic.type_hash)
+    });
+    undecodable.chain(other)
 }

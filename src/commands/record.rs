@@ -1,15 +1,12 @@
 //! `govtwin record`: what is heard on DDS, into a bag.
 
-use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
-use govtwin::bag::Writer;
+use anyhow::Context;
+use govtwin::bag::{Writer, broken_off};
 use govtwin::node::arguments::Arguments;
 use govtwin::node::bus::Bus;
-use govtwin::node::realtime::{Until, pause};
-use govtwin::node::recorder::{DEFAULT_TOPICS, OPTIONS, record};
+use govtwin::node::recorder::{DEFAULT_TOPICS, OPTIONS, Selection, record};
 
 use serde_json::json;
 
@@ -17,21 +14,29 @@ use super::output;
 use super::run::{duration, environment, stop_on_signals};
 use crate::commands::Outcome;
 
-/// Arguments of `govtwin record`.
+/// Record from DDS into a bag.
+///
+/// Records topics of any type as they stand on the wire, with their type hashes and the qualities of service that their publishers
+/// offer. Definitions of types are those of this program, of ROS where it is installed (AMENT_PREFIX_PATH), of --definitions, and
+/// of publishers that answer `get_type_description` (Jazzy and later); where nobody knows one, the bytes are recorded without it.
 #[derive(Debug, clap::Args)]
+#[command(after_long_help = HELP)]
 pub struct Args {
     /// Folder of the bag to write.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Only these topics; a type is looked up on the bus unless given as `TOPIC:package/msg/Type`.
+    /// Only these topics; the type is that of the first publisher unless given as `TOPIC:package/msg/Type`.
     #[arg(long, value_name = "TOPIC", num_args = 1..)]
     topics: Vec<String>,
+    /// Every topic that anybody publishes, those that come later too.
+    #[arg(long)]
+    all: bool,
+    /// Folders with definitions of types: DIR/package/msg/Type.msg.
+    #[arg(long, value_name = "DIR", num_args = 1..)]
+    definitions: Vec<PathBuf>,
     /// End after so many seconds; record until told to stop by default.
     #[arg(long = "duration", value_name = "S")]
     duration_s: Option<f64>,
-    /// Look so long for a topic's type.
-    #[arg(long = "wait", value_name = "S", default_value_t = 10.0)]
-    wait_s: f64,
     /// Peers drop a node that they did not hear for so long; it is announced five times in that span.
     #[arg(long = "lease", value_name = "S", default_value_t = 10.0)]
     lease_s: f64,
@@ -43,10 +48,23 @@ pub struct Args {
     ros: Vec<String>,
 }
 
+const HELP: &str = "\
+Without --topics and --all, the topics of the servo system are recorded.
+
+What was heard stands in `.NAME.unfinished` beside DIR, a chunk each second, until the recording ends; `govtwin recover DIR` saves it
+where the recorder was killed. Where the disk is full, the recording ends and the bag is completed in 8 MiB that were kept for it.
+
+Examples:
+  govtwin record --out run
+  govtwin record --out run --all --duration 60
+  govtwin record --out run --topics /clock /rosout /diagnostics /plant/servo_state
+  govtwin record --out run --topics /head:bench_msgs/msg/Head --definitions ~/bench/src
+
+Exit codes: 0 recorded, 1 the bag or the bus refused, 2 wrong usage, 3 recorded, with warnings.";
+
 /// Records until a signal or the duration ends it.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     Writer::check(&args.out, OPTIONS).context("--out")?;
-    let wait = duration(Some(args.wait_s), "--wait")?.unwrap_or_default();
     let length = duration(args.duration_s, "--duration")?;
     let environment = environment(args.lease_s)?;
     for remark in &environment.remarks {
@@ -54,10 +72,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let stop = stop_on_signals()?;
     let mut bus = Bus::open(&environment, Arguments::parse(&args.ros, "govtwin_record")?)?;
-    let topics = topics(args, &bus, wait, &stop)?;
-    let recorded = record(&mut bus, &topics, &args.out, length, &stop, &mut || {
-        output::say("recording");
-    })?;
+    let recorded = record(&mut bus, &selection(args), &args.out, length, &stop, &mut |words| output::say(words))
+        .with_context(|| what_is_kept(&args.out))?;
     for words in bus.arguments().remarks.iter().chain(&bus.idle_arguments()) {
         output::warn(words);
     }
@@ -69,8 +85,14 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     for (topic, type_name) in &recorded.foreign {
         output::warn(&format!("{topic}: a sender publishes `{type_name}`; its samples are not recorded"));
     }
-    if recorded.undecodable > 0 {
-        output::warn(&format!("{} samples were not of their type", recorded.undecodable));
+    for (topic, type_name) in &recorded.undefined {
+        output::warn(&format!("{topic}: recorded without the definition of `{type_name}`, which nobody knows"));
+    }
+    if recorded.unreadable > 0 {
+        output::warn(&format!("{} samples in a layout that is not known are not recorded", recorded.unreadable));
+    }
+    if recorded.disk_full {
+        output::warn("the disk was full: the bag ends before the recording was told to");
     }
     let silence = recorded.silence(environment.domain);
     for words in &silence {
@@ -78,48 +100,49 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     text.push_str(&format!("bag: {}\n", recorded.bag.display()));
     if args.json {
+        let topics = |pairs: &[(String, String)]| pairs.iter().map(|(topic, _)| topic.clone()).collect::<Vec<_>>();
         text = format!(
             "{:#}\n",
             json!({
-                "schema": "govtwin-record/1", "bag": recorded.bag.display().to_string(), "messages": recorded.messages,
-                "undecodable": recorded.undecodable, "foreign": recorded.foreign.iter().map(|(topic, _)| topic).collect::<Vec<_>>(),
+                "schema": "govtwin-record/2", "bag": recorded.bag.display().to_string(), "messages": recorded.messages,
+                "foreign": topics(&recorded.foreign), "without_definition": topics(&recorded.undefined),
+                "unreadable": recorded.unreadable, "disk_full": recorded.disk_full,
             })
         );
     }
     output::print(&text)?;
-    let clean = recorded.undecodable == 0 && recorded.foreign.is_empty() && silence.is_empty();
+    let complete = recorded.undefined.is_empty() && recorded.unreadable == 0 && !recorded.disk_full;
+    let clean = complete && recorded.foreign.is_empty() && silence.is_empty();
     Ok(if clean { Outcome::Ok } else { Outcome::Warnings })
 }
 
-/// Names and types of what is to be recorded.
-fn topics(args: &Args, bus: &Bus, wait: Duration, stop: &AtomicBool) -> anyhow::Result<Vec<(String, String)>> {
-    if args.topics.is_empty() {
-        return Ok(DEFAULT_TOPICS.map(|(topic, type_name)| (topic.to_owned(), type_name.to_owned())).to_vec());
+/// What a user may do after an error.
+fn what_is_kept(out: &Path) -> String {
+    match broken_off(out) {
+        Some(kept) => {
+            format!(
+                "the recording broke off; what was heard is kept in {}; save it with `govtwin recover {}`",
+                kept.display(),
+                out.display()
+            )
+        }
+        None => "nothing was recorded".to_owned(),
     }
-    let until = Until::after(Some(wait));
-    args.topics
-        .iter()
-        .map(|topic| match topic.split_once(':') {
-            Some((name, type_name)) => Ok((name.to_owned(), type_name.to_owned())),
-            None => type_of(topic, bus, until, stop).map(|type_name| (topic.clone(), type_name)),
-        })
-        .collect()
 }
 
-/// The type of a topic: one of the usual ones, or what its senders announce.
-fn type_of(topic: &str, bus: &Bus, until: Until, stop: &AtomicBool) -> anyhow::Result<String> {
-    let usual = DEFAULT_TOPICS.iter().find(|(name, _)| *name == topic.trim_start_matches('/'));
-    if let Some((_, type_name)) = usual {
-        return Ok((*type_name).to_owned());
-    }
-    let full_name = bus.arguments().resolve(topic)?;
-    loop {
-        if let Some((_, (_, type_name))) = bus.writers().into_iter().find(|(_, (name, _))| *name == full_name) {
-            return Ok(type_name);
-        }
-        if stop.load(Ordering::Relaxed) || until.is_past() {
-            bail!("nobody publishes `{full_name}`, so its type is not known; give it as {topic}:package/msg/Type");
-        }
-        pause(Duration::from_millis(50));
-    }
+/// What is to be recorded.
+fn selection(args: &Args) -> Selection {
+    let named = args.topics.iter().map(|topic| match topic.split_once(':') {
+        Some((name, type_name)) => (name.to_owned(), Some(type_name.to_owned())),
+        None => (topic.clone(), usual(topic)),
+    });
+    let usual = DEFAULT_TOPICS.map(|(topic, type_name)| (topic.to_owned(), Some(type_name.to_owned())));
+    let topics = if args.topics.is_empty() && !args.all { usual.to_vec() } else { named.collect() };
+    Selection { topics, all: args.all, definitions: args.definitions.clone() }
+}
+
+/// The type of one of the usual topics.
+fn usual(topic: &str) -> Option<String> {
+    let known = DEFAULT_TOPICS.iter().find(|(name, _)| *name == topic.trim_start_matches('/'));
+    known.map(|(_, type_name)| (*type_name).to_owned())
 }

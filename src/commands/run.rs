@@ -134,7 +134,10 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         output::write_atomically(path, figures.as_bytes())?;
     }
     output::print(&if args.json { figures } else { text(&ended) })?;
-    Ok(if ended.by_fail_safe { Outcome::Warnings } else { Outcome::Ok })
+    if let Some(words) = &ended.bag_ended {
+        output::warn(words);
+    }
+    Ok(if ended.by_fail_safe || ended.bag_ended.is_some() { Outcome::Warnings } else { Outcome::Ok })
 }
 
 /// A flag that SIGINT and SIGTERM set.
@@ -178,6 +181,7 @@ fn figures(ended: &Ended) -> serde_json::Value {
         "lost_publications": ended.lost_publications,
         "ended_by_fail_safe": ended.by_fail_safe,
         "bags": ended.bags,
+        "bag_ended": ended.bag_ended,
     })
 }
 

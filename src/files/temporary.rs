@@ -2,7 +2,7 @@
 
 use std::ffi::OsStr;
 use std::fs::{self, File, TryLockError};
-use std::io;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use tempfile::{Builder, NamedTempFile};
@@ -21,6 +21,36 @@ pub(super) fn temporary_file(folder: &Path) -> io::Result<NamedTempFile> {
     let file = builder.tempfile_in(folder)?;
     hold(file.as_file())?;
     Ok(file)
+}
+
+/// A file in the system's folder for temporary files, which goes with this.
+#[derive(Debug)]
+pub struct Scratch(NamedTempFile);
+
+impl Scratch {
+    /// Makes an empty one.
+    ///
+    /// # Errors
+    /// What the file system says.
+    pub fn new() -> io::Result<Self> {
+        builder().tempfile().map(Self)
+    }
+
+    /// Where it is.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        self.0.path()
+    }
+}
+
+impl Write for Scratch {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.0.flush()
+    }
 }
 
 /// Makes a folder under a temporary name in another. It counts as left over once no file in it is held.

@@ -28,7 +28,11 @@ const TEXTS: &[(&str, &str)] = &[
     standard!("diagnostic_msgs/msg/DiagnosticArray"),
     standard!("diagnostic_msgs/msg/DiagnosticStatus"),
     standard!("diagnostic_msgs/msg/KeyValue"),
+    standard!("rcl_interfaces/msg/Log"),
     standard!("rcl_interfaces/msg/LoggerLevel"),
+    standard!("rcl_interfaces/msg/Parameter"),
+    standard!("rcl_interfaces/msg/ParameterEvent"),
+    standard!("rcl_interfaces/msg/ParameterValue"),
     standard!("rcl_interfaces/msg/SetLoggerLevelsResult"),
     standard!("simulation_interfaces/msg/Result"),
     standard!("simulation_interfaces/msg/SimulationState"),
@@ -47,6 +51,9 @@ const SEPARATOR: &str = "=======================================================
 /// A longer schema is none: the largest of ROS 2 with all they refer to have some 50 kB.
 const LONGEST_SCHEMA_BYTES: usize = 1 << 20;
 
+/// More types than this are not those of one message.
+const MOST_TYPES: usize = 500;
+
 /// Why a definition could not be read.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum DefinitionError {
@@ -61,6 +68,9 @@ pub enum DefinitionError {
         /// The line.
         line: String,
     },
+    /// More types than any message is made of.
+    #[error("`{0}`: expected at most {MOST_TYPES} types that it is made of, found more")]
+    Many(String),
     /// More text than any message needs.
     #[error("`{type_name}`: expected a schema of at most {LONGEST_SCHEMA_BYTES} bytes, found {found_bytes}")]
     Long {
@@ -213,13 +223,27 @@ pub fn known() -> impl Iterator<Item = &'static str> {
 /// # Errors
 /// On a type that the crate does not carry.
 pub fn closure_of(type_name: &str) -> Result<Vec<Definition>, DefinitionError> {
-    let mut found = vec![Definition::parse(type_name, text_of(type_name)?)?];
+    closure_with(type_name, &carried)
+}
+
+/// The same with texts from elsewhere, by full name.
+///
+/// # Errors
+/// On a type without text, a text that cannot be read, or more types than one message is made of.
+pub fn closure_with(
+    type_name: &str,
+    text: &dyn Fn(&str) -> Result<String, DefinitionError>,
+) -> Result<Vec<Definition>, DefinitionError> {
+    let mut found = vec![Definition::parse(type_name, &text(type_name)?)?];
     let mut next = 0;
     while let Some(definition) = found.get(next) {
         let wanted: Vec<String> = definition.dependencies().map(str::to_owned).collect();
         for name in wanted {
             if found.iter().all(|definition| definition.type_name != name) {
-                found.push(Definition::parse(&name, text_of(&name)?)?);
+                if found.len() == MOST_TYPES {
+                    return Err(DefinitionError::Many(type_name.to_owned()));
+                }
+                found.push(Definition::parse(&name, &text(&name)?)?);
             }
         }
         next += 1;
@@ -227,17 +251,36 @@ pub fn closure_of(type_name: &str) -> Result<Vec<Definition>, DefinitionError> {
     Ok(found)
 }
 
+fn carried(type_name: &str) -> Result<String, DefinitionError> {
+    text_of(type_name).map(str::to_owned)
+}
+
 /// The whole `ros2msg` schema of a type: its text, then each dependency after a line of 80 `=`.
 ///
 /// # Errors
 /// On a type that the crate does not carry.
 pub fn schema_of(type_name: &str) -> Result<String, DefinitionError> {
-    let mut schema = text_of(type_name)?.to_owned();
-    for dependency in closure_of(type_name)?.iter().skip(1) {
+    schema_with(type_name, &carried)
+}
+
+/// The same with texts from elsewhere, by full name.
+///
+/// # Errors
+/// As [`closure_with`].
+pub fn schema_with(
+    type_name: &str,
+    text: &dyn Fn(&str) -> Result<String, DefinitionError>,
+) -> Result<String, DefinitionError> {
+    let mut schema = text(type_name)?;
+    for dependency in closure_with(type_name, text)?.iter().skip(1) {
         let name = dependency.type_name.replace("/msg/", "/");
-        let text = text_of(&dependency.type_name)?;
+        let text = text(&dependency.type_name)?;
+        let end = if schema.ends_with('\n') { "" } else { "\n" };
         // Writing to a `String` cannot fail.
-        let _ = write!(schema, "{SEPARATOR}\nMSG: {name}\n{text}");
+        let _ = write!(schema, "{end}{SEPARATOR}\nMSG: {name}\n{text}");
+    }
+    if schema.len() > LONGEST_SCHEMA_BYTES {
+        return Err(DefinitionError::Long { type_name: type_name.to_owned(), found_bytes: schema.len() });
     }
     Ok(schema)
 }

@@ -1,7 +1,9 @@
 //! REP-2016 type hashes (RIHS01): how ROS 2 since Iron tells two definitions of one name apart.
 
+use std::collections::BTreeMap;
+
 use super::definition::{Count, Definition, DefinitionError, Field, closure_of};
-use super::upkeep::FieldType;
+use super::upkeep::{DescribedField, FieldType, TypeDescription};
 use crate::digest::sha256;
 
 /// The hash of a type that the crate carries, as `RIHS01_` and 64 hexadecimal digits.
@@ -62,6 +64,45 @@ pub fn field_type(field: &Field) -> FieldType {
     let nested_type_name = if field.base.contains('/') { field.base.clone() } else { String::new() };
     let type_id = base_id(&field.base, field.string_bound > 0) + series;
     FieldType { type_id, capacity, string_capacity: field.string_bound, nested_type_name }
+}
+
+/// A described type and all that it is made of as `.msg` texts by name, without comments, constants and defaults.
+#[must_use]
+pub fn texts_of(description: &TypeDescription) -> BTreeMap<String, String> {
+    let all = std::iter::once(&description.type_description).chain(&description.referenced_type_descriptions);
+    all.map(|one| (one.type_name.clone(), one.fields.iter().map(line_of).collect())).collect()
+}
+
+/// The line of a `.msg` text that stands for a described field.
+fn line_of(field: &DescribedField) -> String {
+    let FieldType { type_id, capacity, string_capacity, nested_type_name } = &field.r#type;
+    let (base, string) = match type_id % 48 {
+        2 => ("int8", false),
+        3 => ("uint8", false),
+        4 => ("int16", false),
+        5 => ("uint16", false),
+        6 => ("int32", false),
+        7 => ("uint32", false),
+        8 => ("int64", false),
+        9 => ("uint64", false),
+        10 => ("float32", false),
+        11 => ("float64", false),
+        15 => ("bool", false),
+        16 => ("byte", false),
+        17 => ("string", false),
+        18 => ("wstring", false),
+        21 => ("string", true),
+        22 => ("wstring", true),
+        _ => (nested_type_name.as_str(), false),
+    };
+    let bound = if string { format!("<={string_capacity}") } else { String::new() };
+    let count = match type_id / 48 {
+        0 => String::new(),
+        1 => format!("[{capacity}]"),
+        2 => format!("[<={capacity}]"),
+        _ => "[]".to_owned(),
+    };
+    format!("{base}{bound}{count} {}\n", field.name)
 }
 
 /// Numbers of `type_description_interfaces/msg/FieldType`.

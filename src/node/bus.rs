@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use ros2_client::parameters::raw;
 use ros2_client::{
-    Context, CreateError, Gid, Message, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher, QosProfile,
-    Server, ServiceMapping, ServiceTypeName, Subscription,
+    Client, Context, CreateError, Gid, Message, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher,
+    QosProfile, Server, ServiceMapping, ServiceTypeName, Subscription,
 };
 use ros2args::Ros2ArgsError;
 use rustdds::{DomainParticipantBuilder, GUID, QosPolicies, RTPSEntity};
@@ -13,7 +13,9 @@ use serde::Serialize;
 
 use super::arguments::Arguments;
 use super::environment::Environment;
-use super::qos::{self, best_effort, recorded, reliable};
+use super::offer::{Describer, Offer, ros_type};
+use super::qos::{self, best_effort, latched, recorded, reliable};
+use super::tap::Tap;
 use super::transport;
 use crate::msg::Interface;
 use crate::msg::service::Service;
@@ -44,6 +46,14 @@ pub enum BusError {
         topic: String,
         /// What the client library says.
         source: CreateError,
+    },
+    /// A topic could not be opened for its bytes.
+    #[error("cannot open `{topic}`: {reason}")]
+    Tap {
+        /// The topic.
+        topic: String,
+        /// What RustDDS says.
+        reason: String,
     },
     /// A `qos_overrides` parameter.
     #[error("{0}")]
@@ -112,12 +122,20 @@ impl Bus {
         self.listen(topic, best_effort())
     }
 
-    /// Listens to a topic that is recorded: the same, with room for what comes while the disk is slow.
+    /// Listens to a topic of any type for its bytes, with room for what comes while the disk is slow; `is_latched` asks for the samples
+    /// that its publishers keep for those who come later.
     ///
     /// # Errors
     /// As [`Bus::subscribe`].
-    pub fn record<M: Interface + 'static>(&mut self, topic: &str) -> Result<Subscription<M>, BusError> {
-        self.listen(topic, recorded())
+    pub(super) fn tap(&mut self, topic: &str, type_name: &str, is_latched: bool) -> Result<Tap, BusError> {
+        let qos = if is_latched { latched() } else { recorded() };
+        let (full_name, topic) = self.topic(topic, type_name, "subscription", qos.clone())?;
+        let refused =
+            |source: rustdds::dds::CreateError| BusError::Tap { topic: full_name.clone(), reason: source.to_string() };
+        let subscriber =
+            self.context.domain_participant().create_subscriber(&QosPolicies::from(&qos)).map_err(refused)?;
+        let reader = subscriber.create_simple_datareader_no_key(&topic, None).map_err(refused)?;
+        Ok(Tap::new(subscriber, reader))
     }
 
     /// Opens a topic for writing, reliable but never waiting; `type_name` is the full ROS 2 name of `M`.
@@ -169,6 +187,26 @@ impl Bus {
         self.serve(mapping, service, S::TYPE_NAME)
     }
 
+    /// Opens a service of another node, by its full name, to call it.
+    ///
+    /// # Errors
+    /// As [`Bus::serve`].
+    pub(super) fn call<S: Service>(
+        &mut self,
+        mapping: ServiceMapping,
+        full_name: &str,
+    ) -> Result<Client<S::Request, S::Response>, BusError>
+    where
+        S::Request: Message + Clone + 'static,
+        S::Response: Message + Clone + 'static,
+    {
+        let name = parse_name(full_name)?;
+        let (package, base) = split_type(S::TYPE_NAME);
+        self.node
+            .create_client(mapping, &name, &ServiceTypeName::new(package, base), reliable(), reliable())
+            .map_err(|source| BusError::Open { topic: full_name.to_owned(), source })
+    }
+
     /// Remappings and `qos_overrides` that nothing of this node is behind, in words; asked once all endpoints are open.
     #[must_use]
     pub fn idle_arguments(&self) -> Vec<String> {
@@ -200,6 +238,21 @@ impl Bus {
             Some((Gid::from(data.key), (topic, ros_type(&data.type_name))))
         });
         named.collect()
+    }
+
+    /// The publishers of other nodes.
+    #[must_use]
+    pub(super) fn offers(&self) -> Vec<Offer> {
+        let own = self.context.domain_participant();
+        let own_prefix = prefix_of(own.guid());
+        let offers = own.discovered_writers().iter().filter_map(Offer::of).collect::<Vec<_>>();
+        offers.into_iter().filter(|offer| offer.process[..] != own_prefix[..]).collect()
+    }
+
+    /// Services of other nodes that describe types.
+    #[must_use]
+    pub(super) fn describers(&self) -> Vec<Describer> {
+        self.context.domain_participant().discovered_readers().iter().filter_map(Describer::of).collect()
     }
 
     /// How many writers other participants have on this topic, given by its full name.
@@ -299,21 +352,13 @@ fn split_type(type_name: &str) -> (&str, &str) {
     (package, base)
 }
 
-/// The DDS name of a type as ROS 2 writes it: `pkg::msg::dds_::Type_` is `pkg/msg/Type`.
-fn ros_type(dds_name: &str) -> String {
-    let plain = dds_name.replace("::dds_::", "::").replace("::", "/");
-    plain.strip_suffix('_').unwrap_or(&plain).to_owned()
-}
-
 #[cfg(test)]
 mod tests {
-    use super::{ros_type, split_type};
+    use super::split_type;
 
     #[test]
-    fn type_names_in_both_worlds() {
+    fn a_type_is_a_package_and_a_name() {
         assert_eq!(split_type("sensor_msgs/msg/JointState"), ("sensor_msgs", "JointState"));
         assert_eq!(split_type("rcl_interfaces/GetParameters"), ("rcl_interfaces", "GetParameters"));
-        assert_eq!(ros_type("sensor_msgs::msg::dds_::JointState_"), "sensor_msgs/msg/JointState");
-        assert_eq!(ros_type("Other"), "Other");
     }
 }

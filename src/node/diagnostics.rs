@@ -52,6 +52,8 @@ pub struct Course {
     pub state: State,
     /// Of a `/clock` that is followed: how bad, and what.
     pub clock: Option<(u8, &'static str)>,
+    /// Of a bag that is written: how bad, and what.
+    pub bag: Option<(u8, &'static str)>,
 }
 
 /// The health of one second.
@@ -68,7 +70,7 @@ pub fn compile(
     reported: &[Counts; Input::COUNT],
     course: Course,
 ) -> DiagnosticArray {
-    let Course { state, clock } = course;
+    let Course { state, clock, bag } = course;
     let mut status = Vec::new();
     let key_value = |key: &str, value: String| KeyValue { key: key.to_owned(), value };
     let mut add = |part: &str, level, message: String, values| {
@@ -116,8 +118,10 @@ pub fn compile(
         };
         add(input.topic(), level, message, values);
     }
-    if let Some((level, message)) = clock {
-        add("/clock", level, message.to_owned(), Vec::new());
+    for (part, told) in [("/clock", clock), ("bag", bag)] {
+        if let Some((level, message)) = told {
+            add(part, level, message.to_owned(), Vec::new());
+        }
     }
     DiagnosticArray { header: Header::at(time_ns), status }
 }
@@ -221,7 +225,7 @@ mod tests {
             &policy(OnStale::Trip).into(),
             &none,
             &none,
-            Course { state: State::Paused, clock: None },
+            Course { state: State::Paused, ..Course::default() },
         );
         assert_eq!(said(&array)[0], (0, "the simulation stands, until it is played or stepped"));
     }

@@ -72,6 +72,12 @@ impl Journal {
         self.bag.write(tick)
     }
 
+    /// Whether the disk is full: the bag should be completed in the room that was kept for it.
+    #[must_use]
+    pub fn is_full(&self) -> bool {
+        self.bag.writer.is_full()
+    }
+
     /// Closes the open chunk, so that a crash loses nothing written before.
     ///
     /// # Errors
@@ -111,14 +117,11 @@ impl Bag {
         let (inputs, time_ns) = (&tick.frame.inputs, tick.frame.time_ns);
         let before = self.previous.replace(*inputs);
         let changed = |same: fn(&Inputs, &Inputs) -> bool| before.is_none_or(|before| !same(&before, inputs));
-        if changed(|a, b| a.opening_command_pu.to_bits() == b.opening_command_pu.to_bits()) {
-            self.writer.write(self.command, time_ns, &messages::command(inputs, time_ns))?;
-        }
+        // With each state, so that a reader sees no gaps; what speaks only when it changes is recorded so.
+        self.writer.write(self.command, time_ns, &messages::command(inputs, time_ns))?;
+        self.writer.write(self.tank_pressure, time_ns, &messages::tank_pressure(inputs, time_ns))?;
         if changed(|a, b| a.esv == b.esv) {
             self.writer.write(self.esv, time_ns, &messages::esv(inputs, time_ns))?;
-        }
-        if changed(|a, b| a.tank_pressure_pa.to_bits() == b.tank_pressure_pa.to_bits()) {
-            self.writer.write(self.tank_pressure, time_ns, &messages::tank_pressure(inputs, time_ns))?;
         }
         if std::mem::replace(&mut self.previous_load_n, tick.load_n).to_bits() != tick.load_n.to_bits() {
             self.writer.write(self.load, time_ns, &messages::load(tick.load_n, time_ns))?;

@@ -79,6 +79,8 @@ pub struct Ended {
     pub by_fail_safe: bool,
     /// The bags that were written.
     pub bags: Vec<PathBuf>,
+    /// Why the bag ended before the node, where it did.
+    pub bag_ended: Option<String>,
     /// Published states that DDS did not take at once.
     pub lost_publications: u64,
 }
@@ -151,6 +153,7 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
         counts: counts_ref,
         settings,
         journal,
+        ended: None,
         strangers: BTreeSet::new(),
         clock: clock_ref,
         watch: Watch::new(monotonic_ns()),
@@ -160,7 +163,7 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
         say,
     };
 
-    let (stats, lost_publications, outcome) = std::thread::scope(|scope| {
+    let (stats, lost_publications) = std::thread::scope(|scope| {
         let environment = &options.environment;
         let telling = news.clone();
         let publishing = std::thread::Builder::new().name("publish".to_owned()).spawn_scoped(scope, move || {
@@ -191,19 +194,18 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
         })?;
         let until = Until::after(options.duration);
         let done = || stop.load(Ordering::Relaxed) || until.is_past() || stepping.is_finished();
-        let mut outcome = supervisor.keep(&heard, done);
+        supervisor.keep(&heard, done);
         ending.store(true, Ordering::Relaxed);
         stepper.unpark();
         let _ = stop_listening.send(());
         let stats = stepping.join().unwrap_or_default();
         let lost_publications = publishing.join().unwrap_or(0);
         let _ = hearing.join();
-        outcome = outcome.and(supervisor.drain(&heard));
-        Ok::<_, std::io::Error>((stats, lost_publications, outcome))
+        supervisor.drain(&heard);
+        Ok::<_, std::io::Error>((stats, lost_publications))
     })?;
-    outcome?;
     let resident = resident_bytes();
-    let bags = supervisor.journal.take().map(Journal::finish).transpose()?.unwrap_or_default();
+    let (bags, bag_ended) = supervisor.close()?;
     drop(supervisor);
     // Endpoints first, then the node, then the participant: peers see each of them go.
     drop(replies);
@@ -211,7 +213,7 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
     drop(bus);
     let counts = counts.into_inner().unwrap_or_default();
     let by_fail_safe = !stop.load(Ordering::Relaxed) && stats.ended_by_fail_safe;
-    Ok(Ended { summary: stats.summary(resident), counts, by_fail_safe, bags, lost_publications })
+    Ok(Ended { summary: stats.summary(resident), counts, by_fail_safe, bags, bag_ended, lost_publications })
 }
 
 /// The learned residual, where there is one and it is of this unit.

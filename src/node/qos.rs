@@ -23,6 +23,16 @@ pub fn recorded() -> QosProfile {
     QosProfile { history: History::KeepLast { depth: 8192 }, ..best_effort() }
 }
 
+/// The same, reliable and with what publishers keep for those who come later. It matches only publishers that keep it.
+#[must_use]
+pub fn latched() -> QosProfile {
+    QosProfile {
+        reliability: Reliability::Reliable { when_full: WhenFull::Fail },
+        durability: Durability::TransientLocal,
+        ..recorded()
+    }
+}
+
 /// Reliable, so that every reader matches, but never waiting: where the window is full the sample is dropped.
 #[must_use]
 pub fn reliable() -> QosProfile {

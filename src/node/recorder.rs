@@ -1,18 +1,20 @@
-//! Writing what is heard on DDS into a bag.
+//! Writing what is heard on DDS into a bag: topics of any type, as bytes.
 
-use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use futures::channel::oneshot;
-use futures::stream::{LocalBoxStream, StreamExt, select_all};
-use ros2_client::{Gid, Subscription};
+use ros2_client::Gid;
 
+use super::arguments::nearest;
 use super::bus::{Bus, BusError};
-use super::realtime::{Until, pause, wall_ns};
-use crate::bag::{BagError, Qos, Topic, Writer, WriterOptions};
+use super::definitions::Definitions;
+use super::offer::Offer;
+use super::realtime::{Until, pause};
+use super::tap::{Sample, Tap};
+use crate::bag::{BagError, RawMessage, TopicInfo, Writer, WriterOptions};
 use crate::msg::{EsvState, FluidPressure, GovernorCommand, Interface, JointState, ServoState};
 
 /// Topics recorded where none are named, with their types.
@@ -28,6 +30,32 @@ pub const DEFAULT_TOPICS: [(&str, &str); 6] = [
 /// How a recording is written: nothing is replaced, and what was heard is kept.
 pub const OPTIONS: WriterOptions = WriterOptions { mark: None, keep_unfinished: true };
 
+/// Samples are taken so far apart; each carries the time at which it came.
+const ROUND: Duration = Duration::from_millis(4);
+
+/// Publishers are looked for so far apart.
+const LOOK: Duration = Duration::from_millis(200);
+
+/// A topic that nobody publishes is told after so long.
+const SILENCE: Duration = Duration::from_secs(10);
+
+/// Samples of one topic taken in one round; the rest waits for the next.
+const MOST_TAKEN: usize = 4096;
+
+/// More topics than this are not recorded: no system has them, but a stranger may announce them.
+const MOST_TOPICS: usize = 2000;
+
+/// What is to be recorded.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Selection {
+    /// Topics, each with its type where it is known; otherwise that of its first publisher is taken.
+    pub topics: Vec<(String, Option<String>)>,
+    /// Every topic that anybody publishes, too, hidden ones (`/_…`) apart.
+    pub all: bool,
+    /// Folders with definitions of types, `package/msg/Type.msg`.
+    pub definitions: Vec<PathBuf>,
+}
+
 /// A recording cannot be made.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordError {
@@ -37,19 +65,6 @@ pub enum RecordError {
     /// The bag.
     #[error(transparent)]
     Bag(#[from] BagError),
-    /// A type whose definition this crate does not carry.
-    #[error("`{topic}` is of type `{type_name}`; only {known} can be recorded")]
-    UnknownType {
-        /// The topic.
-        topic: String,
-        /// Its type.
-        type_name: String,
-        /// The types that can be.
-        known: String,
-    },
-    /// The thread could not be started.
-    #[error("cannot start a thread: {0}")]
-    Thread(std::io::Error),
 }
 
 /// What was recorded.
@@ -57,10 +72,14 @@ pub enum RecordError {
 pub struct Recorded {
     /// Messages by topic; 0 for one that stayed silent.
     pub messages: BTreeMap<String, u64>,
-    /// Samples that did not decode.
-    pub undecodable: u64,
     /// Senders of another type, whose samples were left out: topic and type.
     pub foreign: Vec<(String, String)>,
+    /// Topics whose messages were recorded without a definition of their type: topic and type.
+    pub undefined: Vec<(String, String)>,
+    /// Samples in a layout that is not known, which were left out.
+    pub unreadable: u64,
+    /// The disk was full, and the recording ended there.
+    pub disk_full: bool,
     /// The bag.
     pub bag: PathBuf,
 }
@@ -81,169 +100,205 @@ impl Recorded {
     }
 }
 
-/// The bag in the making, shared by all tracks.
-struct Deck<'a> {
-    bus: &'a Bus,
-    writer: Writer,
-    recorded: Recorded,
-    senders: BTreeMap<Gid, bool>,
-    failed: Option<BagError>,
-}
-
 /// One topic that is recorded.
-trait Track: Send {
-    fn name(&self) -> &str;
-    fn tape<'a>(&'a self, deck: &'a RefCell<Deck<'_>>) -> LocalBoxStream<'a, ()>;
-}
-
-struct Tape<M> {
+struct Tape {
+    /// Full name.
     name: String,
-    subscription: Subscription<M>,
-    topic: Topic<M>,
+    /// What opens it: the name that was given, which remappings change.
+    given: String,
+    type_name: Option<String>,
+    tap: Option<Tap>,
+    /// What the bag says of it, once that is known; until then samples wait in the transport.
+    topic: Option<Arc<TopicInfo>>,
+    senders: BTreeMap<Gid, bool>,
+    said_silent: bool,
 }
 
-impl<M: Interface + Send + 'static> Track for Tape<M> {
-    fn name(&self) -> &str {
-        &self.name
-    }
-
-    fn tape<'a>(&'a self, deck: &'a RefCell<Deck<'_>>) -> LocalBoxStream<'a, ()> {
-        let samples = self.subscription.async_stream().map(move |sample| {
-            let mut deck = deck.borrow_mut();
-            match sample {
-                Ok((message, info)) if deck.believes(info.publisher_gid(), &self.name, M::TYPE_NAME) => {
-                    deck.write(&self.name, self.topic, &message);
-                }
-                Ok(_) => {}
-                Err(_) => deck.recorded.undecodable += 1,
-            }
-        });
-        samples.boxed_local()
-    }
+/// The bag in the making.
+struct Deck<'a> {
+    bus: &'a mut Bus,
+    writer: Writer,
+    definitions: Definitions,
+    tapes: Vec<Tape>,
+    recorded: Recorded,
+    tell: &'a mut dyn FnMut(&str),
 }
 
-impl Deck<'_> {
-    /// Whether a sender announced the type that the topic should have; asked once for each.
-    fn believes(&mut self, sender: Gid, name: &str, expected: &str) -> bool {
-        if let Some(&right) = self.senders.get(&sender) {
-            return right;
-        }
-        let Some((_, found)) = self.bus.writers().remove(&sender) else { return true };
-        let right = found == expected;
-        self.senders.insert(sender, right);
-        if !right {
-            self.recorded.foreign.push((name.to_owned(), found));
-        }
-        right
-    }
-
-    fn write<M: Interface>(&mut self, name: &str, topic: Topic<M>, message: &M) {
-        match self.writer.write(topic, wall_ns(), message) {
-            Ok(()) => *self.recorded.messages.entry(name.to_owned()).or_default() += 1,
-            Err(error) => self.failed = self.failed.take().or(Some(error)),
-        }
-    }
-}
-
-/// Records `topics`, names with types, until `stop` or for `duration`; `ready` is called once all subscriptions are open.
+/// Records until `stop` or for `duration`, or until the disk is full; `tell` is given what a user should read meanwhile, first that
+/// it records, once everything known is open.
 ///
 /// # Errors
 /// When the bus or the bag refuses; what was heard before stays in the bag's `.unfinished` folder.
 pub fn record(
     bus: &mut Bus,
-    topics: &[(String, String)],
+    selection: &Selection,
     folder: &Path,
     duration: Option<Duration>,
     stop: &AtomicBool,
-    ready: &mut dyn FnMut(),
+    tell: &mut dyn FnMut(&str),
 ) -> Result<Recorded, RecordError> {
-    let mut writer = Writer::create(folder, OPTIONS)?;
-    let tracks = topics.iter().map(|(topic, type_name)| track(bus, &mut writer, topic, type_name));
-    let tracks = tracks.collect::<Result<Vec<_>, _>>()?;
-    ready();
-    let until = Until::after(duration);
-    let bus = &*bus;
-    let (stop_taping, taping) = oneshot::channel();
-    let (writer, mut recorded) = std::thread::scope(|scope| {
-        let tape = std::thread::Builder::new()
-            .name("tape".to_owned())
-            .spawn_scoped(scope, move || run(bus, &tracks, writer, taping))
-            .map_err(RecordError::Thread)?;
-        while !stop.load(Ordering::Relaxed) && !until.is_past() && !tape.is_finished() {
-            pause(Duration::from_millis(20));
+    let writer = Writer::create(folder, OPTIONS)?;
+    let definitions = Definitions::new(&selection.definitions);
+    let mut deck = Deck { bus, writer, definitions, tapes: Vec::new(), recorded: Recorded::default(), tell };
+    for (given, type_name) in &selection.topics {
+        deck.add(given, type_name.clone())?;
+    }
+    (deck.tell)("recording");
+    let (until, silent) = (Until::after(duration), Until::after(Some(SILENCE)));
+    let mut look = Until::after(Some(Duration::ZERO));
+    let mut flush = Until::after(Some(Duration::from_secs(1)));
+    loop {
+        let is_over = stop.load(Ordering::Relaxed) || until.is_past();
+        if look.comes_round(LOOK) || is_over {
+            deck.look(selection.all, is_over, silent.is_past())?;
         }
-        let _ = stop_taping.send(());
-        let thread_died = || RecordError::Thread(std::io::Error::other("the recording thread ended early"));
-        let (writer, recorded) = tape.join().map_err(|_| thread_died())??;
-        Ok::<_, RecordError>((writer, recorded))
-    })?;
+        deck.take()?;
+        if flush.comes_round(Duration::from_secs(1)) {
+            deck.writer.flush()?;
+        }
+        if deck.writer.is_full() {
+            deck.recorded.disk_full = true;
+            (deck.tell)("the disk is full: the recording ends here, and is completed in room that was kept for it");
+        }
+        if is_over || deck.recorded.disk_full {
+            break;
+        }
+        pause(ROUND);
+    }
+    let Deck { mut writer, tapes, mut recorded, .. } = deck;
+    for tape in &tapes {
+        recorded.messages.entry(tape.name.clone()).or_default();
+        if let Some(topic) = tape.topic.as_ref().filter(|_| !recorded.disk_full) {
+            writer.announce(topic)?;
+        }
+    }
     recorded.bag = writer.finish()?;
     Ok(recorded)
 }
 
-/// Tapes all tracks until told to stop, closing a chunk each second.
-fn run(
-    bus: &Bus,
-    tracks: &[Box<dyn Track>],
-    writer: Writer,
-    stop: oneshot::Receiver<()>,
-) -> Result<(Writer, Recorded), BagError> {
-    let messages = tracks.iter().map(|track| (track.name().to_owned(), 0)).collect();
-    let recorded = Recorded { messages, ..Recorded::default() };
-    let deck = RefCell::new(Deck { bus, writer, recorded, senders: BTreeMap::new(), failed: None });
-    let second = Duration::from_secs(1);
-    let mut next = Until::after(Some(second));
-    {
-        // A ticker is not needed: with nothing heard there is nothing to flush.
-        let mut heard = select_all(tracks.iter().map(|track| track.tape(&deck))).take_until(stop);
-        futures::executor::block_on(async {
-            while heard.next().await.is_some() {
-                let mut deck = deck.borrow_mut();
-                if next.comes_round(second) {
-                    deck.failed = deck.failed.take().or(deck.writer.flush().err());
-                }
-                if deck.failed.is_some() {
-                    break;
+impl Deck<'_> {
+    /// A topic to be recorded; it is opened now where its type is known.
+    fn add(&mut self, given: &str, type_name: Option<String>) -> Result<(), BusError> {
+        let name = self.bus.arguments().resolve(given)?;
+        let tap = type_name.as_deref().map(|type_name| self.bus.tap(given, type_name, false)).transpose()?;
+        self.tapes.push(Tape {
+            name,
+            given: given.to_owned(),
+            type_name,
+            tap,
+            topic: None,
+            senders: BTreeMap::new(),
+            said_silent: false,
+        });
+        Ok(())
+    }
+
+    /// Looks who publishes: opens topics whose type is known by that, and finds what the bag should say of each.
+    fn look(&mut self, all: bool, is_over: bool, is_late: bool) -> Result<(), BusError> {
+        let offers = self.bus.offers();
+        if all {
+            for offer in &offers {
+                let is_hidden = offer.topic.contains("/_");
+                if !is_hidden
+                    && self.tapes.len() < MOST_TOPICS
+                    && self.tapes.iter().all(|tape| tape.name != offer.topic)
+                {
+                    self.add(&offer.topic, None)?;
                 }
             }
-        });
+        }
+        let names: Vec<String> = offers.iter().map(|offer| offer.topic.clone()).collect();
+        for tape in &mut self.tapes {
+            let here: Vec<&Offer> = offers.iter().filter(|offer| offer.topic == tape.name).collect();
+            if here.is_empty() {
+                if is_late && tape.tap.is_none() && !std::mem::replace(&mut tape.said_silent, true) {
+                    let near = nearest(&tape.name, names.iter());
+                    let near = near.map(|near| format!("; did you mean `{near}`?")).unwrap_or_default();
+                    (self.tell)(&format!("{}: nobody publishes it so far{near}", tape.name));
+                }
+                continue;
+            }
+            if tape.tap.is_none() {
+                let type_name = here[0].type_name.clone();
+                let is_latched = here.iter().all(|offer| offer.is_latched);
+                tape.tap = Some(self.bus.tap(&tape.given, &type_name, is_latched)?);
+                tape.type_name = Some(type_name);
+            }
+            let type_name = tape.type_name.clone().unwrap_or_default();
+            let own: Vec<&&Offer> = here.iter().filter(|offer| offer.type_name == type_name).collect();
+            let Some(first) = own.first().filter(|_| tape.topic.is_none()) else { continue };
+            let known = self.definitions.get(&type_name, &first.type_hash, Some(first.process), self.bus);
+            // At the end it is recorded with what is known.
+            let Some(known) = known.or_else(|| is_over.then(Default::default)) else { continue };
+            if known.schema.is_empty() {
+                self.recorded.undefined.push((tape.name.clone(), type_name.clone()));
+                (self.tell)(&format!(
+                    "{}: nobody knows the definition of `{type_name}`; its messages are recorded as bytes without one (give \
+                     --definitions DIR with {type_name}.msg)",
+                    tape.name
+                ));
+            }
+            let mut profiles: Vec<&str> = own.iter().map(|offer| offer.profile.as_str()).collect();
+            profiles.dedup();
+            tape.topic = Some(Arc::new(TopicInfo {
+                name: tape.name.clone(),
+                type_name,
+                encoding: "cdr".to_owned(),
+                schema_encoding: if known.schema.is_empty() { String::new() } else { "ros2msg".to_owned() },
+                schema: known.schema.into_bytes().into(),
+                offered_qos_profiles: profiles.join("\n"),
+                type_hash: known.hash,
+            }));
+        }
+        Ok(())
     }
-    let deck = deck.into_inner();
-    match deck.failed {
-        Some(error) => Err(error),
-        None => Ok((deck.writer, deck.recorded)),
+
+    /// Takes what has come.
+    fn take(&mut self) -> Result<(), BagError> {
+        for tape in &mut self.tapes {
+            let (Some(tap), Some(topic)) = (&tape.tap, &tape.topic) else { continue };
+            let type_name = tape.type_name.as_deref().unwrap_or_default();
+            for _ in 0..MOST_TAKEN {
+                let Sample { sender, received_ns, sent_ns, data } = match tap.take() {
+                    None => break,
+                    Some(Ok(sample)) => sample,
+                    Some(Err(_)) => {
+                        self.recorded.unreadable += 1;
+                        continue;
+                    }
+                };
+                if !believes(&mut tape.senders, sender, self.bus, (&tape.name, type_name), &mut self.recorded.foreign) {
+                    continue;
+                }
+                let topic = Arc::clone(topic);
+                let times = (received_ns, sent_ns);
+                let message = RawMessage { topic, log_time_ns: times.0, publish_time_ns: times.1, sequence: 0, data };
+                self.writer.copy(&message)?;
+                *self.recorded.messages.entry(tape.name.clone()).or_default() += 1;
+            }
+        }
+        Ok(())
     }
 }
 
-/// Opens a track for a type that this crate knows.
-fn track(bus: &mut Bus, writer: &mut Writer, topic: &str, type_name: &str) -> Result<Box<dyn Track>, RecordError> {
-    fn open<M: Interface + Send + 'static>(
-        bus: &mut Bus,
-        writer: &mut Writer,
-        topic: &str,
-    ) -> Result<Box<dyn Track>, RecordError> {
-        let name = bus.arguments().resolve(topic).map_err(BusError::from)?;
-        Ok(Box::new(Tape { subscription: bus.record::<M>(topic)?, topic: writer.topic(&name, Qos::DEFAULT)?, name }))
+/// Whether a sender announced the type that the topic should have; asked once for each.
+fn believes(
+    senders: &mut BTreeMap<Gid, bool>,
+    sender: Gid,
+    bus: &Bus,
+    (name, expected): (&str, &str),
+    foreign: &mut Vec<(String, String)>,
+) -> bool {
+    if let Some(&right) = senders.get(&sender) {
+        return right;
     }
-    match type_name {
-        GovernorCommand::TYPE_NAME => open::<GovernorCommand>(bus, writer, topic),
-        EsvState::TYPE_NAME => open::<EsvState>(bus, writer, topic),
-        ServoState::TYPE_NAME => open::<ServoState>(bus, writer, topic),
-        FluidPressure::TYPE_NAME => open::<FluidPressure>(bus, writer, topic),
-        JointState::TYPE_NAME => open::<JointState>(bus, writer, topic),
-        _ => Err(RecordError::UnknownType {
-            topic: topic.to_owned(),
-            type_name: type_name.to_owned(),
-            known: [
-                GovernorCommand::TYPE_NAME,
-                EsvState::TYPE_NAME,
-                ServoState::TYPE_NAME,
-                FluidPressure::TYPE_NAME,
-                JointState::TYPE_NAME,
-            ]
-            .join(", "),
-        }),
+    let Some((_, found)) = bus.writers().remove(&sender) else { return true };
+    let right = found == expected;
+    senders.insert(sender, right);
+    if !right {
+        foreign.push((name.to_owned(), found));
     }
+    right
 }
 
 #[cfg(test)]

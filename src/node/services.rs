@@ -28,7 +28,7 @@ use super::parameters::{Store, words_of};
 use super::refit::Refit;
 
 /// Vendor of Cyclone DDS, the first two bytes of its ids.
-const CYCLONE: [u8; 2] = [0x01, 0x10];
+pub(super) const CYCLONE: [u8; 2] = [0x01, 0x10];
 
 /// Vendor of RustDDS, whose callers choose a layout for themselves.
 const RUST_DDS: [u8; 2] = [0x01, 0x12];

@@ -28,7 +28,7 @@ fn what_is_something_else() {
         (&b"time,value\n1,2\n"[..], "text that begins with \"time,value\""),
         (&[], "an empty file"),
         (b"#ROSBAG V2.0\n\0\0", "ROS 1 bag"),
-        (&[0x28, 0xb5, 0x2f, 0xfd, 0, 1, 2], "zstd -d"),
+        (&[0x28, 0xb5, 0x2f, 0xfd, 0, 1, 2], "an empty file, compressed with zstd"),
         (&[0xff, 0xd8, 0xff, 0xe0, 1, 2, 3, 4], "ff, d8, ff, e0"),
     ] {
         let (_folder, path) = in_file(bytes);
@@ -150,10 +150,11 @@ fn metadata_that_cannot_be_read_is_told_and_done_without() {
     fs::write(folder.path().join("metadata.yaml"), "rosbag2_bagfile_information: [1, 2").unwrap();
     let loaded = read_both_ways(folder.path(), &ReadOptions::default()).unwrap();
     assert!(matches!(&loaded.health.warnings[..], [Warning::Metadata { .. }]), "{:?}", loaded.health.warnings);
-    let yaml = "rosbag2_bagfile_information:\n  version: 9\n  compression_mode: MESSAGE\n";
+    let yaml = "rosbag2_bagfile_information:\n  version: 9\n  compression_mode: MESSAGE\n  compression_format: lz4\n";
     fs::write(folder.path().join("metadata.yaml"), yaml).unwrap();
     let (error, text) = error_of(folder.path());
-    assert!(matches!(error, BagError::Compressed { .. }) && text.contains("ros2 bag convert"), "{text}");
+    assert!(matches!(error, BagError::Compressed { .. }), "{text}");
+    assert!(text.contains("`lz4`, expected `zstd`") && text.contains("ros2 bag convert"), "{text}");
 }
 
 #[cfg(not(feature = "sqlite"))]

@@ -1,6 +1,6 @@
 //! Replaying a node's own bag, for tests.
 
-use govtwin::bag::{self, ReadOptions, Topics};
+use govtwin::bag::{self, Kind, ReadOptions, Topics, Warning};
 use govtwin::frame::{Frame, Signals};
 use govtwin::params;
 use govtwin::twin::Twin;
@@ -26,4 +26,9 @@ pub fn assert_replays(folder: &std::path::Path, at_least: usize) {
         compared += 1;
     }
     assert!(compared >= at_least, "only {compared} rows");
+    // As `govtwin info` reads it: a leap of the clock apart, there is nothing to warn of, and a note that nothing was measured.
+    let health = bag::read(folder, &ReadOptions::default()).unwrap().health;
+    let told: Vec<_> = health.warnings.iter().filter(|warning| !matches!(warning, Warning::Gap { .. })).collect();
+    assert!(told.is_empty(), "{told:?}");
+    assert!(health.notes.iter().any(|note| note.what == Kind::NotMeasured), "{:?}", health.notes);
 }

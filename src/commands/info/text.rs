@@ -39,6 +39,11 @@ fn file(file: &FileHealth, entry: &Entry) -> String {
         let plural = if file.chunks == 1 { "" } else { "s" };
         parts.push(format!("{} chunk{plural}, {} ({ratio}:1)", file.chunks, names.join(" and ")));
     }
+    match file.packed {
+        "file" => parts.push("compressed as a whole with zstd".into()),
+        "message" => parts.push("messages compressed one by one with zstd".into()),
+        _ => {}
+    }
     if file.storage == "mcap" {
         parts.push(if file.indexed { "indexed" } else { "no index" }.into());
         if !file.finished {

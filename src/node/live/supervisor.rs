@@ -1,6 +1,7 @@
 //! The books of a running node: words, bag, diagnostics, and what is wrong with its peers.
 
 use std::collections::BTreeSet;
+use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::mpsc::RecvTimeoutError;
@@ -20,7 +21,8 @@ use super::super::listener::event::{News, Taker};
 use super::super::realtime::{Until, monotonic_ns, wall_ns};
 use super::super::settings::Settings;
 use super::super::words;
-use super::{NodeError, Say};
+use super::Say;
+use crate::bag::BagError;
 use crate::msg::{EsvState, FluidPressure, GovernorCommand, Interface, JointState};
 
 /// The books: words, bag, diagnostics.
@@ -30,6 +32,8 @@ pub(super) struct Supervisor<'a> {
     pub(super) counts: &'a Mutex<[Counts; Input::COUNT]>,
     pub(super) settings: Settings,
     pub(super) journal: Option<Journal>,
+    /// The bags of a journal that ended before the node, and why it did.
+    pub(super) ended: Option<(Vec<PathBuf>, String)>,
     pub(super) strangers: BTreeSet<Gid>,
     pub(super) clock: &'a clock::Heard,
     pub(super) watch: Watch,
@@ -41,7 +45,7 @@ pub(super) struct Supervisor<'a> {
 
 impl Supervisor<'_> {
     /// Keeps the books until `done`.
-    pub(super) fn keep(&mut self, news: &Taker, done: impl Fn() -> bool) -> Result<(), NodeError> {
+    pub(super) fn keep(&mut self, news: &Taker, done: impl Fn() -> bool) {
         let second = Duration::from_secs(1);
         let mut next = Until::after(Some(second));
         let (mut newest, mut reported) = (None, <[Counts; Input::COUNT]>::default());
@@ -51,16 +55,14 @@ impl Supervisor<'_> {
                     if let News::Output(output) = &item {
                         newest = Some(**output);
                     }
-                    self.take(&item)?;
+                    self.take(&item);
                 }
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,
             }
             self.catch_up(news);
             if next.comes_round(second) {
-                if let Some(journal) = &mut self.journal {
-                    journal.flush()?;
-                }
+                self.write(Journal::flush);
                 self.look_for_strangers();
                 self.look_for_mismatches();
                 self.look_at_the_clock();
@@ -73,13 +75,47 @@ impl Supervisor<'_> {
                     &self.settings.policies(),
                     &counts,
                     &std::mem::replace(&mut reported, counts),
-                    Course { state: (self.state)(), clock: self.settings.use_sim_time.then(|| self.watch.state()) },
+                    Course {
+                        state: (self.state)(),
+                        clock: self.settings.use_sim_time.then(|| self.watch.state()),
+                        bag: match (&self.journal, &self.ended) {
+                            (Some(_), _) => Some((0, "written")),
+                            (None, Some(_)) => Some((2, "ended; what comes now is not recorded")),
+                            (None, None) => None,
+                        },
+                    },
                 );
                 // Nobody may be listening; the next second brings the next one.
                 let _ = self.health.publish(array);
             }
         }
-        Ok(())
+    }
+
+    /// Writes to the bag. Where the disk is full, or the system refuses, the bag ends, which is told, and the node goes on without it.
+    fn write(&mut self, act: impl FnOnce(&mut Journal) -> Result<(), BagError>) {
+        let Some(journal) = &mut self.journal else { return };
+        let written = act(journal);
+        if written.is_ok() && !journal.is_full() {
+            return;
+        }
+        let finished = self.journal.take().map_or(Ok(Vec::new()), |journal| written.and_then(|()| journal.finish()));
+        let (bags, words) = match finished {
+            Ok(bags) => (bags, "the disk is full: the bag ends here, complete; the node runs on without it".to_owned()),
+            Err(error) => {
+                let saved = "`govtwin recover` saves what is in its .unfinished folder";
+                (Vec::new(), format!("the bag ends here ({error}); {saved}; the node runs on without it"))
+            }
+        };
+        self.tell(LogLevel::Error, &words);
+        self.ended = Some((bags, words));
+    }
+
+    /// Completes the bag, where it did not end before; gives all bags, and why they ended before the node.
+    pub(super) fn close(&mut self) -> Result<(Vec<PathBuf>, Option<String>), BagError> {
+        if let Some((bags, words)) = self.ended.take() {
+            return Ok((bags, Some(words)));
+        }
+        Ok((self.journal.take().map(Journal::finish).transpose()?.unwrap_or_default(), None))
     }
 
     /// Tells of senders that announce another type on an input's topic; some middlewares match them, none can be used.
@@ -118,10 +154,11 @@ impl Supervisor<'_> {
     }
 
     /// Takes what is left once all threads have ended.
-    pub(super) fn drain(&mut self, news: &Taker) -> Result<(), NodeError> {
-        let taken = news.rest().try_for_each(|item| self.take(&item));
+    pub(super) fn drain(&mut self, news: &Taker) {
+        for item in news.rest() {
+            self.take(&item);
+        }
         self.catch_up(news);
-        taken
     }
 
     /// What found no room on the way here.
@@ -136,13 +173,12 @@ impl Supervisor<'_> {
         }
     }
 
-    fn take(&mut self, item: &News) -> Result<(), NodeError> {
+    fn take(&mut self, item: &News) {
         for (level, words) in words::of(item, &mut self.settings) {
             self.tell(level, &words);
         }
-        match (item, &mut self.journal) {
-            (News::Output(output), Some(journal)) => Ok(journal.write(&output.tick)?),
-            _ => Ok(()),
+        if let News::Output(output) = item {
+            self.write(|journal| journal.write(&output.tick));
         }
     }
 

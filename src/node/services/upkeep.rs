@@ -126,7 +126,19 @@ fn individual(definition: &Definition) -> IndividualTypeDescription {
 
 #[cfg(test)]
 mod tests {
-    use super::{LoggerLevel, TypeRequest, describe, level, logger_name};
+    use super::{LoggerLevel, TypeRequest, describe, hash_of, level, logger_name};
+    use crate::msg::definition::{DefinitionError, closure_with, known};
+    use crate::msg::type_hash::{texts_of, type_hash};
+
+    #[test]
+    fn a_description_without_texts_gives_the_definition_again() {
+        for name in known() {
+            let request = TypeRequest { type_name: name.to_owned(), ..TypeRequest::default() };
+            let texts = texts_of(&describe(&request).type_description);
+            let text = |name: &str| texts.get(name).cloned().ok_or_else(|| DefinitionError::Unknown(name.to_owned()));
+            assert_eq!(hash_of(&closure_with(name, &text).unwrap()), type_hash(name).unwrap(), "{name}");
+        }
+    }
 
     #[test]
     fn a_logger_is_named_as_rcl_names_it_and_takes_the_five_levels() {

@@ -1,0 +1,67 @@
+//! Every message of a damaged bag that can be saved, in a new bag.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use super::{BagError, FileHealth, GOVTWIN, Warning, Writer, WriterOptions, messages, unfinished};
+
+/// What was saved.
+#[derive(Debug)]
+pub struct Recovered {
+    /// Messages by topic; 0 for a topic that is announced and has none.
+    pub messages: BTreeMap<String, u64>,
+    /// How the files of the damaged bag are.
+    pub files: Vec<FileHealth>,
+    /// What a user should read about them.
+    pub warnings: Vec<Warning>,
+    /// The new bag.
+    pub bag: PathBuf,
+}
+
+impl Recovered {
+    /// Bytes of the damaged bag that hold nothing that could be read.
+    #[must_use]
+    pub fn lost_bytes(&self) -> u64 {
+        self.files.iter().flat_map(|file| &file.damage).map(|damage| damage.lost_bytes).sum()
+    }
+}
+
+/// Where a broken-off recording of this name is kept, if there is one and nothing stands under the name itself.
+#[must_use]
+pub fn broken_off(place: &Path) -> Option<PathBuf> {
+    let kept = unfinished::kept(place);
+    (!place.exists() && kept.is_dir()).then_some(kept)
+}
+
+/// The name that a recording would have had that stands at this path, where it was broken off.
+#[must_use]
+pub fn intended_place(path: &Path) -> Option<PathBuf> {
+    let name = path.file_name()?.to_string_lossy();
+    let name = name.strip_prefix('.')?.strip_suffix(".unfinished")?;
+    Some(path.with_file_name(name))
+}
+
+/// Writes every message of the bag at `source` that can be read into a new bag `dir`, in the order of recording, as it stands there,
+/// with topics, schemas, type hashes, qualities of service and what the bag says of itself. The damaged bag is not touched.
+///
+/// # Errors
+/// Where there is no bag at `source`, something stands at `dir`, or the operating system refuses.
+pub fn recover(source: &Path, dir: &Path) -> Result<Recovered, BagError> {
+    Writer::check(dir, WriterOptions::default())?;
+    let found = messages(source)?;
+    let (files, warnings) = (found.files().to_vec(), found.warnings().to_vec());
+    let mut counts: BTreeMap<String, u64> = found.topics().iter().map(|topic| (topic.name.clone(), 0)).collect();
+    let mut writer = Writer::create(dir, WriterOptions::default())?;
+    for topic in found.topics() {
+        writer.announce(topic)?;
+    }
+    let mut about: BTreeMap<String, String> = files.iter().flat_map(|file| file.about.clone()).collect();
+    about.insert("recovered_from".to_owned(), source.display().to_string());
+    writer.describe(GOVTWIN, about)?;
+    for message in found {
+        let message = message?;
+        writer.copy(&message)?;
+        *counts.entry(message.topic.name.clone()).or_default() += 1;
+    }
+    Ok(Recovered { messages: counts, files, warnings, bag: writer.finish()? })
+}
