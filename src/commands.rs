@@ -10,6 +10,7 @@ pub mod completions;
 pub mod diagnose;
 pub mod effects;
 pub mod fit;
+pub mod fleet;
 pub mod generate;
 pub mod import;
 pub mod info;

@@ -29,6 +29,7 @@ pub mod battery;
 pub mod blind;
 pub mod comparison;
 pub mod diagnosis;
+pub mod fleet;
 pub mod generate;
 pub mod metrics;
 pub mod replay;
@@ -44,3 +45,4 @@ pub mod msg;
 #[cfg(feature = "node")]
 pub mod node;
 pub mod params;
+pub mod store;
