@@ -66,26 +66,23 @@ pub fn gather(
 ) -> Gathered {
     let mut by_key: BTreeMap<String, Outcome> = outcomes.into_iter().map(|one| (one.key.clone(), one)).collect();
     let mut rows: Vec<Row> = Vec::new();
-    match plan {
-        Some(entries) => {
-            for entry in entries {
-                let outcome = by_key.remove(&entry.key);
-                rows.push(row(&entry.unit, &entry.period, &entry.key, entry.bags.len(), outcome, notes));
+    if let Some(entries) = plan {
+        for entry in entries {
+            let outcome = by_key.remove(&entry.key);
+            rows.push(row(&entry.unit, &entry.period, &entry.key, entry.bags.len(), outcome, notes));
+        }
+    } else {
+        let mut best: BTreeMap<(String, String), Outcome> = BTreeMap::new();
+        for outcome in by_key.values().filter(|one| one.program == program) {
+            let place = (outcome.unit.clone(), outcome.period.clone());
+            if best.get(&place).is_none_or(|there| there.recordings < outcome.recordings) {
+                best.insert(place, outcome.clone());
             }
         }
-        None => {
-            let mut best: BTreeMap<(String, String), Outcome> = BTreeMap::new();
-            for outcome in by_key.values().filter(|one| one.program == program) {
-                let place = (outcome.unit.clone(), outcome.period.clone());
-                if best.get(&place).is_none_or(|there| there.recordings < outcome.recordings) {
-                    best.insert(place, outcome.clone());
-                }
-            }
-            for ((unit, period), outcome) in best {
-                by_key.remove(&outcome.key);
-                let (key, recordings) = (outcome.key.clone(), outcome.recordings);
-                rows.push(row(&unit, &period, &key, recordings, Some(outcome), notes));
-            }
+        for ((unit, period), outcome) in best {
+            by_key.remove(&outcome.key);
+            let (key, recordings) = (outcome.key.clone(), outcome.recordings);
+            rows.push(row(&unit, &period, &key, recordings, Some(outcome), notes));
         }
     }
     rows.sort_by(|a, b| (&a.unit, &a.period, &a.key).cmp(&(&b.unit, &b.period, &b.key)));

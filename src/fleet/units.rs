@@ -72,20 +72,19 @@ pub fn read(text: &str, nearest: impl Fn(&str, &[&str]) -> Option<String>) -> Re
             head.iter().position(|column| column == name).and_then(|at| record.get(at)).unwrap_or_default()
         };
         let unit = cell("unit").to_owned();
-        match name_trouble(&unit) {
-            Some(trouble) => wrong.push(format!("line {line}: {trouble}")),
-            None => {
-                let folder = if head.iter().any(|name| name == "folder") { cell("folder") } else { &unit };
-                rows.push(UnitRow {
-                    line,
-                    folder: folder.trim_matches('/').trim_start_matches("./").to_owned(),
-                    sheet: cell("sheet").to_owned(),
-                    map: cell("map").to_owned(),
-                    without: cell("without").split([' ', ';']).filter(|id| !id.is_empty()).map(str::to_owned).collect(),
-                    unit,
-                });
-            }
+        if let Some(trouble) = name_trouble(&unit) {
+            wrong.push(format!("line {line}: {trouble}"));
+            continue;
         }
+        let folder = if head.iter().any(|name| name == "folder") { cell("folder") } else { &unit };
+        rows.push(UnitRow {
+            line,
+            folder: folder.trim_matches('/').trim_start_matches("./").to_owned(),
+            sheet: cell("sheet").to_owned(),
+            map: cell("map").to_owned(),
+            without: cell("without").split([' ', ';']).filter(|id| !id.is_empty()).map(str::to_owned).collect(),
+            unit,
+        });
     }
     wrong.extend(doubles(&rows));
     if rows.is_empty() && wrong.is_empty() {

@@ -39,6 +39,12 @@ impl Folder {
         }
     }
 
+    /// The same where something was to be written: what is missing then is a folder.
+    fn unwritten(&self, path: &str) -> impl FnOnce(io::Error) -> StoreError {
+        let object = self.path(path).display().to_string();
+        move |error| StoreError::Refused { object, what: "write", reason: error.to_string() }
+    }
+
     pub fn list(&self, prefix: &str) -> Result<Vec<Object>, StoreError> {
         let mut all = Vec::new();
         let top = self.path(prefix);
@@ -90,11 +96,11 @@ impl Folder {
     }
 
     pub fn put(&self, path: &str, bytes: &[u8]) -> Result<(), StoreError> {
-        write_atomically(&self.path(path), bytes).map_err(self.refused(path, "write"))
+        write_atomically(&self.path(path), bytes).map_err(self.unwritten(path))
     }
 
     pub fn create(&self, path: &str, bytes: &[u8]) -> Result<bool, StoreError> {
-        write_new(&self.path(path), bytes).map_err(self.refused(path, "write"))
+        write_new(&self.path(path), bytes).map_err(self.unwritten(path))
     }
 
     pub fn remove(&self, path: &str) -> Result<(), StoreError> {

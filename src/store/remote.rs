@@ -57,8 +57,7 @@ impl Remote {
     }
 
     fn path(&self, path: &str) -> Path {
-        let parts = self.prefix.split('/').chain(path.split('/')).filter(|part| !part.is_empty());
-        Path::from_iter(parts)
+        self.prefix.split('/').chain(path.split('/')).filter(|part| !part.is_empty()).collect()
     }
 
     fn run<T>(
