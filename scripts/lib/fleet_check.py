@@ -46,7 +46,6 @@ def make(folder, units, periods):
                     "--effect", f"backlash={0.02 if grown else 0.004}", "--start", start, "--out", to)
     effects = json.loads(govtwin("effects", "--json").stdout)["effects"]
     without = " ".join(one["id"] for one in effects if one["id"] not in EFFECTS)
-    # One unit is planned with a recording that cannot be diagnosed: a failure is a result, too.
     rows = "".join(f"unit_{unit:03},{without}\n" for unit in range(units))
     (folder / "units.csv").write_text("unit,without\n" + rows)
     govtwin("fleet", "plan", folder / "source", "--units", folder / "units.csv", "--out", folder / "plan", check=(0, 3))
@@ -114,7 +113,7 @@ def slurm(folder, _entries):
 
 
 def s3(folder, entries):
-    """Source, plan and store in a server that speaks S3, stopped and started again in the middle, its objects gone for the workers meanwhile."""
+    """Source, plan and store in a server that speaks S3, every entry by two workers at once; then the server is gone. No secret may be seen."""
     try:
         import boto3
         from moto.server import ThreadedMotoServer

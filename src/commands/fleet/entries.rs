@@ -62,25 +62,22 @@ impl PlanFile {
     /// One entry, counted from 0. Of a plan in a folder nothing behind it is read.
     pub fn nth(&self, index: usize) -> anyhow::Result<Entry> {
         let reading = || format!("cannot read {}", self.shown());
-        let line = match self.beside.local(&self.name).filter(|path| path.is_file()) {
-            Some(path) => {
-                let lines = BufReader::new(std::fs::File::open(path).with_context(reading)?).lines();
-                let mut seen = 0;
-                let mut wanted = None;
-                for line in lines {
-                    let line = line.with_context(reading)?;
-                    if seen == index {
-                        wanted = Some(line);
-                        break;
-                    }
-                    seen += 1;
+        let line = if let Some(path) = self.beside.local(&self.name).filter(|path| path.is_file()) {
+            let lines = BufReader::new(std::fs::File::open(path).with_context(reading)?).lines();
+            let mut seen = 0;
+            let mut wanted = None;
+            for line in lines {
+                let line = line.with_context(reading)?;
+                if seen == index {
+                    wanted = Some(line);
+                    break;
                 }
-                wanted.ok_or(seen)
+                seen += 1;
             }
-            None => {
-                let text = self.text()?;
-                text.lines().nth(index).map(str::to_owned).ok_or_else(|| text.lines().count())
-            }
+            wanted.ok_or(seen)
+        } else {
+            let text = self.text()?;
+            text.lines().nth(index).map(str::to_owned).ok_or_else(|| text.lines().count())
         };
         match line {
             Ok(line) => Entry::read(&line, PROGRAM).with_context(|| format!("{}: line {}", self.shown(), index + 1)),

@@ -68,13 +68,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let store = Store::open(&args.store).context("STORE")?;
     let target = Target::new(args, &store)?;
     store.tidy("results");
-    let plan = match &args.plan {
-        Some(plan) => Some(PlanFile::open(plan)?.all()?),
-        None => {
-            let plan = PlanFile::open(&args.store)?;
-            if plan.is_there()? { Some(plan.all()?) } else { None }
-        }
-    };
+    let file = PlanFile::open(args.plan.as_ref().unwrap_or(&args.store))?;
+    // One that is named must be there.
+    let plan = if args.plan.is_some() || file.is_there()? { Some(file.all()?) } else { None };
     let (outcomes, damaged) = outcomes(&store)?;
     if outcomes.is_empty() && damaged.is_empty() && plan.is_none() {
         bail!("{}: expected results, found none; `govtwin fleet run` writes them", store.address());
@@ -128,7 +124,9 @@ fn notes(store: &Store) -> anyhow::Result<BTreeMap<String, Vec<String>>> {
         let text = String::from_utf8_lossy(&store.get(&object.path)?).into_owned();
         notes.entry(key.to_owned()).or_default().push(text);
     }
-    notes.values_mut().for_each(|texts| texts.sort());
+    for texts in notes.values_mut() {
+        texts.sort();
+    }
     Ok(notes)
 }
 
@@ -266,24 +264,20 @@ impl<'a> All<'a> {
         files.push((PARQUET, govtwin::fleet::parquet_table::bytes(&lines)?));
         files.push(("fleet.html", self.page.clone().into_bytes()));
         files.push((JSON, json.as_bytes().to_vec()));
-        match target.folder {
-            Some(mut folder) => {
-                for (name, bytes) in &files {
-                    folder.add(name, bytes)?;
-                }
-                // One of an earlier run with another build would not be of these results.
-                if files.iter().all(|(name, _)| *name != PARQUET) {
-                    folder.remove(PARQUET);
-                }
-                folder.place()
+        let Some(mut folder) = target.folder else {
+            for (name, bytes) in &files {
+                target.store.put(&format!("{FOLDER}/{name}"), bytes)?;
             }
-            None => {
-                for (name, bytes) in &files {
-                    target.store.put(&format!("{FOLDER}/{name}"), bytes)?;
-                }
-                Ok(())
-            }
+            return Ok(());
+        };
+        for (name, bytes) in &files {
+            folder.add(name, bytes)?;
         }
+        // One of an earlier run with another build would not be of these results.
+        if files.iter().all(|(name, _)| *name != PARQUET) {
+            folder.remove(PARQUET);
+        }
+        folder.place()
     }
 
     fn tell(&self, args: &Args, json: &str) -> anyhow::Result<Outcome> {

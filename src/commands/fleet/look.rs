@@ -64,8 +64,8 @@ pub fn items(objects: &[Object]) -> Vec<Item> {
 /// The unit in whose folder a path lies.
 pub fn owner<'a>(path: &str, by_folder: &BTreeMap<&str, &'a UnitRow>) -> Option<&'a UnitRow> {
     let ends = path.match_indices('/').map(|(at, _)| at).chain([path.len()]);
-    let folders = [""].into_iter().chain(ends.map(|end| &path[..end]));
-    folders.filter_map(|folder| by_folder.get(folder)).next().copied()
+    let mut folders = [""].into_iter().chain(ends.map(|end| &path[..end]));
+    folders.find_map(|folder| by_folder.get(folder)).copied()
 }
 
 /// How the recordings of a unit are read.
@@ -93,16 +93,13 @@ pub fn look(item: &Item, source: &Store, reading: &Reading) -> anyhow::Result<Re
     let mut known = false;
     let mut top = None;
     for object in &item.files {
-        let path = match source.local(&object.path) {
-            Some(path) => path,
-            None => {
-                let path = folder.path().join(&object.path);
-                std::fs::create_dir_all(path.parent().unwrap_or(folder.path()))
-                    .context("no temporary folder for recordings")?;
-                source.fetch(&object.path, &path)?;
-                path
-            }
-        };
+        let local = source.local(&object.path);
+        let path = local.clone().unwrap_or_else(|| folder.path().join(&object.path));
+        if local.is_none() {
+            std::fs::create_dir_all(path.parent().unwrap_or(folder.path()))
+                .context("no temporary folder for recordings")?;
+            source.fetch(&object.path, &path)?;
+        }
         top.get_or_insert_with(|| {
             if item.path == object.path { path.clone() } else { path.parent().map(Path::to_owned).unwrap_or_default() }
         });

@@ -31,6 +31,9 @@ pub struct Units {
     pub beside: BTreeMap<String, Vec<u8>>,
 }
 
+/// A file as it is to stand beside the plan: its path and bytes.
+type Copied = (String, Vec<u8>);
+
 /// Reads the table; every sheet and map that it names is loaded, and all that is wrong is told at once.
 pub fn read(path: &Path, seed: u64, without: &[String]) -> anyhow::Result<Units> {
     let shown = path.display();
@@ -51,27 +54,26 @@ pub fn read(path: &Path, seed: u64, without: &[String]) -> anyhow::Result<Units>
     let mut files: BTreeMap<String, FileUsed> = BTreeMap::new();
     let mut wrong = Vec::new();
     for row in &rows {
-        let mut file =
-            |text: &str, load: &mut dyn FnMut(&Path) -> anyhow::Result<(String, Vec<u8>)>| -> Option<FileUsed> {
-                if text.is_empty() {
-                    return None;
+        let mut file = |text: &str, load: &mut dyn FnMut(&Path) -> anyhow::Result<Copied>| -> Option<FileUsed> {
+            if text.is_empty() {
+                return None;
+            }
+            if let Some(known) = files.get(text) {
+                return Some(known.clone());
+            }
+            match load(&folder.join(text)) {
+                Ok((path, bytes)) => {
+                    let used = FileUsed { path: path.clone(), bytes: bytes.len() as u64, sha256: sha256(&bytes) };
+                    all.beside.insert(path, bytes);
+                    files.insert(text.to_owned(), used.clone());
+                    Some(used)
                 }
-                if let Some(known) = files.get(text) {
-                    return Some(known.clone());
+                Err(error) => {
+                    wrong.push(format!("line {}: unit `{}`: {error:#}", row.line, row.unit));
+                    None
                 }
-                match load(&folder.join(text)) {
-                    Ok((path, bytes)) => {
-                        let used = FileUsed { path: path.clone(), bytes: bytes.len() as u64, sha256: sha256(&bytes) };
-                        all.beside.insert(path, bytes);
-                        files.insert(text.to_owned(), used.clone());
-                        Some(used)
-                    }
-                    Err(error) => {
-                        wrong.push(format!("line {}: unit `{}`: {error:#}", row.line, row.unit));
-                        None
-                    }
-                }
-            };
+            }
+        };
         let sheet = file(&row.sheet, &mut |path| {
             let (unit, bytes) = merged(path)?;
             all.sheets.insert(row.sheet.clone(), unit);

@@ -72,7 +72,7 @@ fn attempt(entry: &Entry, beside: &Store, store: &Store) -> anyhow::Result<Outco
     };
     let mut outcome = Outcome::of(entry, PROGRAM);
     match catch_unwind(AssertUnwindSafe(|| diagnose::unit(&request.into()))) {
-        Ok(Ok(diagnosed)) => keep(&mut outcome, diagnosed, &out, store)?,
+        Ok(Ok(diagnosed)) => keep(&mut outcome, &diagnosed, &out, store)?,
         Ok(Err(error)) if may_pass(&error) => return Err(error),
         Ok(Err(error)) => outcome.error = Some(shown(format!("{error:#}"), &inputs.stand_ins)),
         Err(panic) => {
@@ -86,7 +86,7 @@ fn attempt(entry: &Entry, beside: &Store, store: &Store) -> anyhow::Result<Outco
 }
 
 /// Puts the report into the store, and what a fleet is compared by into the outcome.
-fn keep(outcome: &mut Outcome, diagnosed: Diagnosed, out: &Path, store: &Store) -> anyhow::Result<()> {
+fn keep(outcome: &mut Outcome, diagnosed: &Diagnosed, out: &Path, store: &Store) -> anyhow::Result<()> {
     let report: serde_json::Value = serde_json::from_str(&diagnosed.json).context("a report that is no JSON")?;
     // Whoever works on the same entry has a folder of his own: reports differ by date and duration.
     let folder = format!("reports/{}/{}", outcome.key, &sha256(&diagnosed.json)[..16]);
@@ -141,17 +141,12 @@ impl Inputs {
             for file in &bag.files {
                 fetch(&source, file, &folder.join("source"))?;
             }
-            let path = match source.local(&bag.path) {
-                Some(path) => path,
-                None => {
-                    let metadata = format!("{}/metadata.yaml", bag.path);
-                    if bag.files.iter().all(|file| file.path != bag.path) {
-                        source.fetch(&metadata, &folder.join("source").join(&metadata))?;
-                    }
-                    folder.join("source").join(&bag.path)
-                }
-            };
-            bags.push(path);
+            let local = source.local(&bag.path);
+            if local.is_none() && bag.files.iter().all(|file| file.path != bag.path) {
+                let metadata = format!("{}/metadata.yaml", bag.path);
+                source.fetch(&metadata, &folder.join("source").join(&metadata))?;
+            }
+            bags.push(local.unwrap_or_else(|| folder.join("source").join(&bag.path)));
         }
         let one =
             |file: &Option<FileUsed>| file.as_ref().map(|file| fetch(beside, file, &folder.join("plan"))).transpose();
