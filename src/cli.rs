@@ -42,6 +42,8 @@ enum Command {
     Effects(commands::effects::Args),
     /// Fit parameters and chosen effects to recordings, and say how far they are determined.
     Fit(commands::fit::Args),
+    /// Diagnose many units over many periods on any engine that runs commands, and gather the results into one page.
+    Fleet(commands::fleet::Args),
     /// Make synthetic recordings of the four processes, with chosen effects, for trying a bench or a diagnosis.
     Generate(commands::generate::Args),
     /// Make a bag of recordings as plants have them: CSV, Parquet, bags with other types.
@@ -123,6 +125,7 @@ pub fn main() -> ExitCode {
         Command::Doctor(args) => commands::doctor::run(&args),
         Command::Effects(args) => commands::effects::run(&args),
         Command::Fit(args) => commands::fit::run(&args),
+        Command::Fleet(args) => commands::fleet::run(&args),
         Command::Generate(args) => commands::generate::run(&args),
         Command::Import(args) => commands::import::run(&args),
         Command::Info(args) => commands::info::run(&args),

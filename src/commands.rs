@@ -11,6 +11,7 @@ pub mod diagnose;
 pub mod doctor;
 pub mod effects;
 pub mod fit;
+pub mod fleet;
 pub mod generate;
 pub mod import;
 pub mod info;

@@ -7,6 +7,7 @@
 
 mod bounds;
 mod claim;
+mod create;
 pub(crate) mod fault;
 mod input;
 mod journal;
@@ -20,6 +21,7 @@ use std::path::Path;
 
 pub use bounds::{YamlBoundError, check_yaml};
 pub use claim::{Claim, ClaimError};
+pub use create::write_new;
 pub use input::{read_bytes, read_text};
 pub use journal::{journalled, settle};
 pub use regular::check_regular;

@@ -31,7 +31,7 @@ const TANK_RATE_HZ: f64 = 20.0;
 /// Period at which the ESV reports when nothing changes, ns.
 const ESV_PERIOD_NS: i64 = 1_000_000_000;
 /// Stamp of the first row of the first process, ns since 1970; the others follow an hour apart.
-const EPOCH_NS: i64 = 1_700_000_000_000_000_000;
+pub const EPOCH_NS: i64 = 1_700_000_000_000_000_000;
 /// Draws from a tolerance stay within this many standard deviations.
 const WIDEST_DRAW: f64 = 3.0;
 

@@ -116,6 +116,8 @@ pub mod comparison;
 #[doc(hidden)]
 pub mod diagnosis;
 #[doc(hidden)]
+#[doc(hidden)]
+pub mod fleet;
 pub mod generate;
 #[doc(hidden)]
 pub mod metrics;
@@ -201,3 +203,5 @@ pub mod sections {
         DistributingValve, ENTRIES, Entry, Esv, MainPorts, Oil, ProportionalValve, Regulator, Servomotor, entry,
     };
 }
+#[doc(hidden)]
+pub mod store;

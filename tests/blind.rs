@@ -188,6 +188,60 @@ fn a_battery_is_made_once_and_answered_as_it_was_committed_to() {
 }
 
 #[test]
+fn a_battery_in_parts_is_the_battery_as_a_whole() {
+    let root = tempfile::tempdir().unwrap();
+    let at = |name: &str| root.path().join(name);
+    // Nothing is diagnosed: the reports are there.
+    let reports = |dir: &Path| {
+        for name in ["case_001", "case_002"] {
+            fs::create_dir_all(dir.join(name)).unwrap();
+            fs::write(dir.join(name).join("report.json"), report("no_gap", &[])).unwrap();
+        }
+    };
+    let run = |dir: &Path, more: &[&str]| {
+        let own = [dir.to_str().unwrap(), "--generate", "2", "--rate", "5", "--unchecked"];
+        let (code, words) = blind(&[&own[..], more].concat());
+        assert_eq!(code, Some(0), "{words}");
+    };
+    let (whole, parts) = (at("whole"), at("parts"));
+    reports(&whole);
+    reports(&parts);
+    run(&whole, &[]);
+    std::thread::scope(|scope| {
+        for shard in ["2/2", "1/2"] {
+            let (run, parts) = (&run, &parts);
+            scope.spawn(move || run(parts, &["--shard", shard]));
+        }
+    });
+    assert!(
+        !parts.join("answers/labels.yaml").exists() && !parts.join("score.json").exists(),
+        "a part opens no answers"
+    );
+    let made = bag_files(&parts);
+    let times = |files: &[PathBuf]| {
+        files.iter().map(|file| fs::metadata(file).unwrap().modified().unwrap()).collect::<Vec<_>>()
+    };
+    let before = times(&made);
+    run(&parts, &[]);
+    assert!(times(&made) == before, "no unit is made anew");
+    let bytes = |dir: &Path| bag_files(dir).iter().map(|file| fs::read(file).unwrap()).collect::<Vec<_>>();
+    assert!(bytes(&whole) == bytes(&parts) && bytes(&whole).len() == 8);
+    for name in ["answers/keys.sha256", "answers/labels.yaml", "answers/strengths.yaml", "answers/drawn.sha256"] {
+        assert!(fs::read(whole.join(name)).unwrap() == fs::read(parts.join(name)).unwrap(), "{name}");
+    }
+    let score = |dir: &Path| {
+        let mut score: Value = serde_json::from_str(&fs::read_to_string(dir.join("score.json")).unwrap()).unwrap();
+        score["provenance"] = Value::Null;
+        score
+    };
+    assert_eq!(score(&whole), score(&parts));
+    let (code, words) = blind(&[parts.to_str().unwrap(), "--shard", "1/2"]);
+    assert!(code == Some(2) && words.contains("--generate"), "{words}");
+    let (code, words) = blind(&[parts.to_str().unwrap(), "--generate", "2", "--shard", "3/2"]);
+    assert!(code == Some(2) && words.contains("such as 1/4"), "{words}");
+}
+
+#[test]
 fn what_is_not_scored_is_told() {
     let dir = tempfile::tempdir().unwrap();
     unit(dir.path(), "case_1", &report("no_gap", &[]));

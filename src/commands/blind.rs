@@ -5,6 +5,7 @@ mod cases;
 mod expected;
 mod method;
 mod scoring;
+mod shard;
 
 use std::path::{Path, PathBuf};
 
@@ -16,6 +17,7 @@ use rayon::prelude::{ParallelBridge, ParallelIterator};
 use self::cases::{Case, find};
 use self::expected::Expected;
 use self::method::methods;
+use self::shard::Shard;
 use super::bags::TopicArgs;
 use super::output::{Output, Progress, print, table_text, warn};
 use super::provenance;
@@ -44,6 +46,9 @@ pub struct Args {
     /// First makes this many units with known faults, and scores at the end.
     #[arg(long, value_name = "N", conflicts_with = "named")]
     generate: Option<usize>,
+    /// Makes and judges one of N parts of the units of --generate, counted from 1, and scores nothing: for engines that run a command many times.
+    #[arg(long, value_name = "I/N", requires = "generate")]
+    shard: Option<Shard>,
     /// Decides every draw of --generate.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -75,6 +80,9 @@ the first diagnosis; DIR/answers/labels.yaml, with strengths.yaml beside it, is 
 made after that. Where reports are missing, answers and scores of an earlier run are removed first, so that no diagnosis finds them, and
 written again at the end. A DIR or OUT of another seed, rate or data sheet is refused.
 
+--shard I/N does one part; parts may run at once, on one file system, in any order, more than once. The same command without --shard then finds
+all reports there, opens the answers, and scores: the same figures for any split.
+
 Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 finished with warnings.";
 
 /// Rates of a battery.
@@ -98,9 +106,11 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     };
     let unit = &sheet.unit;
     let out = args.out.as_ref().unwrap_or(&args.dir);
-    let output = Output::claim(out, &["score.json", "score.html"])?;
+    // Parts run side by side in one folder; each claims the units that it works on, one by one.
+    let whole = args.shard.is_none();
+    let output = whole.then(|| Output::claim(out, &["score.json", "score.html"])).transpose()?;
     // With --generate the folder of units is written to as well.
-    let other = args.generate.is_some() && args.out.as_ref().is_some_and(|out| !is_same(out, &args.dir));
+    let other = whole && args.generate.is_some() && args.out.as_ref().is_some_and(|out| !is_same(out, &args.dir));
     let _units = other.then(|| Output::claim(&args.dir, &[])).transpose()?;
     let made = match args.generate {
         Some(0) => return Err(usage("--generate: expected at least 1 unit, found 0")),
@@ -110,7 +120,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
                 Rate::Plant => Rates::Plant,
                 Rate::Both => Rates::Both,
             };
-            Some(battery::make(&args.dir, out, unit, count, args.seed, rates)?)
+            Some(battery::make((&args.dir, out), unit, count, (args.seed, rates), args.shard.unwrap_or_default())?)
         }
         None => None,
     };
@@ -139,17 +149,24 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     drop(progress);
     warn_of(&failed);
     let labels = match (&made, &args.labels) {
+        // A part opens no answers: the others may still be judged.
+        (Some(_), _) if !whole => None,
         (Some(made), _) => Some(made.answers()?),
         (None, Some(path)) => Some(scoring::read_labels(path)?),
         (None, None) => None,
     };
-    let Some(labels) = labels else {
+    let (Some(labels), Some(output)) = (labels, output) else {
         let verdicts = scoring::verdicts(&cases, &methods, (out, &expected))?;
         if args.json {
             print(&format!("{:#}\n", scoring::verdicts_json(&verdicts)))?;
         } else {
             let table = table_text(&scoring::verdicts_table(&verdicts));
-            print(&format!("{table}Add --labels FILE to score the verdicts.\n"))?;
+            let next = if whole {
+                "Add --labels FILE to score the verdicts."
+            } else {
+                "Without --shard the same command scores all parts."
+            };
+            print(&format!("{table}{next}\n"))?;
         }
         return Ok(outcome(&failed));
     };

@@ -22,6 +22,8 @@ use super::output::{Output, Progress, print, warn, width};
 use super::provenance;
 use crate::commands::{Outcome, usage};
 
+pub use files::NAMES;
+
 /// Arguments of `govtwin diagnose`.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = HELP)]
@@ -62,6 +64,70 @@ pub struct Args {
     /// End with exit code 1 on these verdicts, for checks that run by themselves; the report is written all the same.
     #[arg(long, value_name = "VERDICTS", value_delimiter = ',', value_parser = PossibleValuesParser::new(Verdict::ALL.map(Verdict::id)))]
     fail_on: Vec<String>,
+    /// What the unit is called, where whoever asks knows.
+    #[arg(skip)]
+    unit: Option<String>,
+    /// Places that stand in for others, each with the one that reports show.
+    #[arg(skip)]
+    stand_ins: Vec<(String, String)>,
+}
+
+/// A diagnosis that another command asks for.
+#[derive(Debug)]
+pub struct Request {
+    /// What the unit is called.
+    pub unit: String,
+    /// Its recordings.
+    pub bags: Vec<PathBuf>,
+    /// Its sheet.
+    pub params: Option<PathBuf>,
+    /// Its import map.
+    pub map: Option<PathBuf>,
+    /// Effects left out of the catalogue.
+    pub without: Vec<String>,
+    /// Seed of the resampling.
+    pub seed: u64,
+    /// Folder for the report.
+    pub out: PathBuf,
+    /// Places that stand in for others, each with the one that reports show.
+    pub stand_ins: Vec<(String, String)>,
+}
+
+impl From<Request> for Args {
+    fn from(request: Request) -> Self {
+        let Request { unit, bags, params, map, without, seed, out, stand_ins } = request;
+        Self {
+            bags,
+            topics: TopicArgs::default(),
+            map: MapArgs { map },
+            params,
+            out: Some(out),
+            overwrite: true,
+            without,
+            candidates: vec![],
+            free: false,
+            seed,
+            json: false,
+            fail_on: vec![],
+            unit: Some(unit),
+            stand_ins,
+        }
+    }
+}
+
+/// What a diagnosis left, and what there is to say of it.
+#[derive(Debug)]
+pub struct Diagnosed {
+    /// The diagnosis.
+    pub diagnosis: Diagnosis,
+    /// The text of its report.
+    pub json: String,
+    /// What it was made from.
+    pub made: Provenance,
+    /// The folder of its files.
+    out: PathBuf,
+    /// Nothing was to be warned of while the recordings were read.
+    is_clean: bool,
 }
 
 const HELP: &str = "\
@@ -89,13 +155,31 @@ Exit codes: 0 ok, 1 not possible or a verdict of --fail-on, 2 wrong usage, 3 fin
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
+    let Diagnosed { diagnosis, json, out, is_clean, .. } = unit(args)?;
+    if args.json {
+        print(&json)?;
+    } else {
+        print(&report::summary(&diagnosis, width()))?;
+        print(&format!("\nreport: {}\n", out.join("report.html").display()))?;
+    }
+    for note in &diagnosis.notes {
+        warn(note);
+    }
+    if args.fail_on.iter().any(|id| id == diagnosis.verdict.id()) {
+        bail!("the verdict is {}, on which --fail-on ends with an error", diagnosis.verdict.id());
+    }
+    Ok(if is_clean && diagnosis.notes.is_empty() { Outcome::Ok } else { Outcome::Warnings })
+}
+
+/// Diagnoses a unit, and writes its report.
+pub fn unit(args: &Args) -> anyhow::Result<Diagnosed> {
     let sheet = match &args.params {
         Some(path) => params::load_sheet(path)?,
         None => params::reference_sheet(),
     };
     let mut unit = sheet.unit.clone();
     let settings = settings(args, &mut unit)?;
-    let name = provenance::unit_of(&args.bags);
+    let name = args.unit.clone().unwrap_or_else(|| provenance::unit_of(&args.bags));
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("diagnosis").join(&name));
     let output = Output::claim(&out, &files::NAMES)?;
     let mut made = provenance::new("diagnose", &sheet, Some(args.seed))?;
@@ -116,20 +200,18 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let settings = Settings { free, ..settings };
     let (diagnosis, seconds) = judge(recordings, &unit, &settings)?;
     describe(&mut made, args, &settings, &name, &warnings, &diagnosis)?;
+    show(&mut made, &args.stand_ins);
     let json = files::write(output, &diagnosis, &unit, &made, seconds)?;
-    if args.json {
-        print(&json)?;
-    } else {
-        print(&report::summary(&diagnosis, width()))?;
-        print(&format!("\nreport: {}\n", out.join("report.html").display()))?;
+    Ok(Diagnosed { diagnosis, json, made, out, is_clean: warnings.is_empty() })
+}
+
+/// Puts the places that reports show where others stand in for them.
+fn show(made: &mut Provenance, stand_ins: &[(String, String)]) {
+    for (from, to) in stand_ins {
+        let files = made.recordings.iter_mut().flat_map(|one| &mut one.files).chain(&mut made.sheet.files);
+        let texts = files.map(|file| &mut file.path).chain(made.options.values_mut()).chain(&mut made.warnings);
+        texts.for_each(|text| *text = text.replace(from, to));
     }
-    for note in &diagnosis.notes {
-        warn(note);
-    }
-    if args.fail_on.iter().any(|id| id == diagnosis.verdict.id()) {
-        bail!("the verdict is {}, on which --fail-on ends with an error", diagnosis.verdict.id());
-    }
-    Ok(if warnings.is_empty() && diagnosis.notes.is_empty() { Outcome::Ok } else { Outcome::Warnings })
 }
 
 /// What to try; effects of the user's own go into the unit.

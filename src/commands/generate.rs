@@ -17,6 +17,7 @@ use govtwin::parameters::Unit;
 use govtwin::params::{self, Overlay};
 use govtwin::recording::Process;
 use govtwin::{msg, units};
+use jiff::Timestamp;
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 
 use crate::commands::output::{Output, Progress, print};
@@ -55,6 +56,9 @@ pub struct Args {
     /// Decides every draw.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
+    /// When the recordings begin, such as 2024-03-01T06:00:00Z [default: 2023-11-14T22:13:20Z].
+    #[arg(long, value_name = "TIME")]
+    start: Option<Timestamp>,
     /// Folder for the bags and `truth.yaml`; must not exist, or be empty.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -145,7 +149,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
                 rich: args.rich,
                 seed: args.seed,
             };
-            let recorded = record(&scenario, &args.out.join(process.id()))?;
+            let recorded = record(&scenario, args.start, &args.out.join(process.id()))?;
             progress.step();
             Ok(recorded)
         })
@@ -188,8 +192,14 @@ fn within(option: &str, value: f64, min: f64, max: f64, unit: &str) -> anyhow::R
 }
 
 /// Simulates a scenario and writes its bag.
-fn record(scenario: &Scenario, dir: &Path) -> anyhow::Result<(Sealed, String)> {
-    let streams = generate::streams(scenario);
+fn record(scenario: &Scenario, start: Option<Timestamp>, dir: &Path) -> anyhow::Result<(Sealed, String)> {
+    let mut streams = generate::streams(scenario);
+    if let Some(start) = start {
+        let start_ns = i64::try_from(start.as_nanosecond()).ok().filter(|start_ns| *start_ns >= 0);
+        let start_ns =
+            start_ns.with_context(|| format!("--start: expected a time from 1970 to 2262, found {start}"))?;
+        streams = streams.later(start_ns - generate::EPOCH_NS);
+    }
     let sealed = write(COMMAND, scenario.process, scenario.seed, &streams, dir)?;
     let rows = streams.servo_state.len();
     Ok((sealed, format!("{}: {rows} rows of servo state at {} Hz", dir.display(), scenario.rate_hz)))

@@ -16,6 +16,20 @@ pub struct Streams {
 }
 
 impl Streams {
+    /// The same, so much later, ns.
+    #[must_use]
+    pub fn later(self, by_ns: i64) -> Self {
+        fn later<T>(stream: Vec<(i64, T)>, by_ns: i64) -> Vec<(i64, T)> {
+            stream.into_iter().map(|(stamp_ns, value)| (stamp_ns + by_ns, value)).collect()
+        }
+        Self {
+            command: later(self.command, by_ns),
+            esv: later(self.esv, by_ns),
+            tank_pressure: later(self.tank_pressure, by_ns),
+            servo_state: later(self.servo_state, by_ns),
+        }
+    }
+
     /// Lets command and ESV hold from the start where their stamps lag behind the plant's.
     pub fn fill_start(&mut self, begin_ns: i64) {
         if let Some(&(_, value)) = self.command.first().filter(|(stamp_ns, _)| *stamp_ns > begin_ns) {

@@ -122,7 +122,7 @@ impl Blocks {
     }
 }
 
-/// A page under a title. Everything it needs is inside: no scripts, fonts or links.
+/// A page under a title. Everything it needs is inside: no scripts, fonts or style sheets. Rows of tables may lead to other pages.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Page {
     /// Title of the page.
@@ -248,8 +248,13 @@ fn table_markup(table: &Table, caption: &str) -> Markup {
                 tbody {
                     @for row in table.rows() {
                         tr.strong[row.strong] {
-                            @for (cell, column) in row.cells.iter().zip(table.columns()) {
-                                td.(class(column.numbers)) data-label=(column.label()) { (cell) }
+                            @for (place, (cell, column)) in row.cells.iter().zip(table.columns()).enumerate() {
+                                td.(class(column.numbers)) data-label=(column.label()) {
+                                    @match row.link.as_ref().filter(|_| place == 0) {
+                                        Some(link) => a href=(link) { (cell) },
+                                        None => (cell),
+                                    }
+                                }
                             }
                         }
                     }
@@ -274,6 +279,7 @@ mod tests {
         page.body.key_figures([KeyFigure::new("R²", "0.99", "").hint("overall")]);
         let mut table = Table::new().words("a").numbers("b");
         table.strong_row(["<script>alert(1)</script>", "2"]);
+        table.linked_row(["unit <3>", "4"], "../a\"b/report.html");
         let mut inner = Blocks::new();
         inner.table(table, "t");
         page.body.details("more", inner);
@@ -285,6 +291,7 @@ mod tests {
     fn everything_is_escaped_and_inside() {
         let html = page().to_html();
         assert!(html.contains("Replay &lt;of&gt;") && html.contains("&lt;script&gt;"));
+        assert!(html.contains("<a href=\"../a&quot;b/report.html\">unit &lt;3&gt;</a>"));
         assert!(
             !html.contains("<script") && !html.contains("<link") && !html.contains("@import") && !html.contains("src=")
         );

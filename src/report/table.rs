@@ -28,6 +28,8 @@ impl Column {
 pub(super) struct Row {
     pub(super) cells: Vec<String>,
     pub(super) strong: bool,
+    /// Where the first cell leads on a page.
+    pub(super) link: Option<String>,
 }
 
 impl Table {
@@ -62,6 +64,14 @@ impl Table {
         self.push(cells.into_iter().map(Into::into).collect(), false);
     }
 
+    /// Adds a row whose first cell leads to a page beside this one.
+    pub fn linked_row(&mut self, cells: impl IntoIterator<Item = impl Into<String>>, link: impl Into<String>) {
+        self.row(cells);
+        if let Some(row) = self.rows.last_mut() {
+            row.link = Some(link.into());
+        }
+    }
+
     /// Adds a row that stands out, such as a total.
     pub fn strong_row(&mut self, cells: impl IntoIterator<Item = impl Into<String>>) {
         self.push(cells.into_iter().map(Into::into).collect(), true);
@@ -73,7 +83,7 @@ impl Table {
             // A cell with a line break would pass for a row.
             *cell = cell.replace('\n', "\\u000a").replace('\t', "\\u0009");
         }
-        self.rows.push(Row { cells, strong });
+        self.rows.push(Row { cells, strong, link: None });
     }
 
     /// The heads above the columns, each with the columns below it; none where no column has a group.
@@ -153,7 +163,7 @@ impl Table {
             let lines = cells.iter().map(Vec::len).max().unwrap_or(1);
             for line in 0..lines {
                 let cells = cells.iter().map(|cell| cell.get(line).cloned().unwrap_or_default()).collect();
-                folded.rows.push(Row { cells, strong: row.strong });
+                folded.rows.push(Row { cells, strong: row.strong, link: row.link.clone() });
             }
         }
         for (column, room) in folded.columns.iter_mut().zip(&widths) {

@@ -7,7 +7,7 @@ use crate::source::Source;
 /// The floors from the top, each with its modules.
 const FLOORS: &[(&str, &[&str])] = &[
     ("entry", &["main", "cli", "commands"]),
-    ("edges", &["bag", "files", "import", "msg", "node", "params"]),
+    ("edges", &["bag", "files", "import", "msg", "node", "params", "store"]),
     (
         "judgement",
         &[
@@ -16,6 +16,7 @@ const FLOORS: &[(&str, &[&str])] = &[
             "blind",
             "comparison",
             "diagnosis",
+            "fleet",
             "generate",
             "metrics",
             "replay",

@@ -9,7 +9,7 @@ use govtwin::battery::plan::{Rates, plan};
 use govtwin::battery::{self, Case as Plan, Kind, Label};
 use govtwin::blind::validation;
 use govtwin::digest::sha256;
-use govtwin::files::{read_text, remove_stale};
+use govtwin::files::{Claim, read_text, write_new};
 use govtwin::parameters::Unit;
 use govtwin::params::{self, labels};
 use govtwin::recording::Process;
@@ -17,6 +17,7 @@ use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 
 use super::cases::Case;
 use super::scoring::LARGEST_BYTES;
+use super::shard::Shard;
 use crate::commands::output::{Progress, write_atomically};
 use crate::commands::{bags, generate};
 
@@ -41,16 +42,23 @@ pub const ORIGIN: &str =
 pub struct Battery {
     dir: PathBuf,
     sheet: Unit,
+    /// Those of its part.
     plans: Vec<Plan>,
-    /// Without strengths.
+    /// Of all units, without strengths.
     labels: Vec<Label>,
     /// As far as they were measured before.
     strengths: BTreeMap<String, f64>,
     seed: u64,
 }
 
-/// Makes the bags that are not there yet, and commits to the answers.
-pub fn make(dir: &Path, out: &Path, unit: &Unit, count: usize, seed: u64, rates: Rates) -> anyhow::Result<Battery> {
+/// Makes the bags of a part that are not there yet, and commits to the answers of all.
+pub fn make(
+    (dir, out): (&Path, &Path),
+    unit: &Unit,
+    count: usize,
+    (seed, rates): (u64, Rates),
+    shard: Shard,
+) -> anyhow::Result<Battery> {
     let key = sha256(format!("seed {seed}, {rates:?}, {unit:?}"));
     // Where reports stand beside the bags, they are claimed with them.
     let mut claims = vec![(dir, dir.join("answers").join(DRAWN))];
@@ -58,15 +66,22 @@ pub fn make(dir: &Path, out: &Path, unit: &Unit, count: usize, seed: u64, rates:
     for (folder, drawn) in &claims {
         check_claim(folder, drawn, &key)?;
     }
-    for (_, drawn) in &claims {
-        write_atomically(drawn, format!("{key}\n").as_bytes())?;
+    for (folder, drawn) in &claims {
+        // Of parts that begin at once one writes, and the others look again.
+        let wrote = write_new(drawn, format!("{key}\n").as_bytes())
+            .with_context(|| format!("cannot write {}", drawn.display()))?;
+        if !wrote {
+            check_claim(folder, drawn, &key)?;
+        }
     }
-    let plans = plan(count, seed, rates);
+    let all = plan(count, seed, rates);
+    let labels: Vec<Label> = all.iter().map(|case| battery::label(unit, case)).collect();
+    let plans = shard.of(all);
     let progress = Progress::new(plans.len(), "units made");
     let made: anyhow::Result<()> = plans.par_iter().try_for_each(|case| {
         let lacking = |process: Process| !bags::is_bag_folder(&bag(dir, case, process));
         if Process::ALL.into_iter().any(lacking) {
-            remove_stale(&dir.join(&case.name));
+            let _unit = Claim::folder(&dir.join(&case.name))?;
             for (process, streams) in battery::make(unit, case).streams {
                 if lacking(process) {
                     generate::write(GENERATOR, process, case.seed, &streams, &bag(dir, case, process))?.place()?;
@@ -77,13 +92,22 @@ pub fn make(dir: &Path, out: &Path, unit: &Unit, count: usize, seed: u64, rates:
         Ok(())
     });
     made?;
-    let labels = plans.iter().map(|case| battery::label(unit, case)).collect();
     let known = read_text(&dir.join(STRENGTHS), LARGEST_BYTES).ok();
     let strengths = known.and_then(|text| labels::read_strengths(&text).ok()).unwrap_or_default();
     let battery = Battery { dir: dir.to_owned(), sheet: unit.clone(), plans, labels, strengths, seed };
     let key = sha256(battery.text());
-    write_atomically(&dir.join("answers/keys.sha256"), format!("{key}  labels.yaml\n").as_bytes())?;
+    commit(&dir.join("answers/keys.sha256"), &format!("{key}  labels.yaml\n"))?;
     Ok(battery)
+}
+
+/// Writes a commitment, unless another part has written the same.
+fn commit(path: &Path, text: &str) -> anyhow::Result<()> {
+    let same = || read_text(path, LARGEST_BYTES).is_ok_and(|there| there == text);
+    if same() || write_new(path, text.as_bytes()).with_context(|| format!("cannot write {}", path.display()))? || same()
+    {
+        return Ok(());
+    }
+    write_atomically(path, text.as_bytes())
 }
 
 /// Refuses a folder that holds another battery's bags or reports, which would be kept and scored by answers that are not theirs.
@@ -127,7 +151,11 @@ impl Battery {
     pub fn close(&self, out: &Path) -> anyhow::Result<()> {
         let opened = [self.dir.join(LABELS), self.dir.join(STRENGTHS), out.join("score.json"), out.join("score.html")];
         for file in opened.into_iter().filter(|file| file.is_file()) {
-            std::fs::remove_file(&file).with_context(|| format!("cannot remove {}", file.display()))?;
+            match std::fs::remove_file(&file) {
+                // Another part was here first.
+                Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
+                other => other.with_context(|| format!("cannot remove {}", file.display()))?,
+            }
         }
         Ok(())
     }
@@ -202,7 +230,7 @@ mod tests {
     fn what_opens_the_answers_is_gone_before_a_diagnosis() {
         let (dir, out) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
         let unit = params::reference();
-        let battery = make(dir.path(), out.path(), &unit, 0, 3, Rates::Both).unwrap();
+        let battery = make((dir.path(), out.path()), &unit, 0, (3, Rates::Both), Shard::default()).unwrap();
         let opened = [dir.path().join(LABELS), dir.path().join(STRENGTHS), out.path().join("score.html")];
         for file in &opened {
             std::fs::write(file, "").unwrap();

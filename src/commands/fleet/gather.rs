@@ -1,0 +1,325 @@
+//! `govtwin fleet gather`: all results of a store in one page, one table and one file for machines.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use govtwin::files::read_text;
+use govtwin::fleet::changes::{Change, Standing};
+use govtwin::fleet::entry::Entry;
+use govtwin::fleet::gathered::{Gathered, Status, gather};
+use govtwin::fleet::page;
+use govtwin::fleet::result::Outcome as Kept;
+use govtwin::fleet::table;
+use govtwin::fleet::urgency::{Look, look_first};
+use govtwin::params;
+use govtwin::report::table::Table;
+use govtwin::store::Store;
+use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
+use serde_json::{Value, json};
+
+use super::entries::PlanFile;
+use crate::commands::Outcome;
+use crate::commands::output::{Output, Progress, print, table_text, warn};
+use crate::commands::provenance::{self, PROGRAM};
+
+/// Where a gathered fleet stands in its store.
+const FOLDER: &str = "fleet";
+/// What a gathered fleet consists of; the Parquet table stands there in builds that have it.
+const NAMES: [&str; 4] = ["fleet.csv", PARQUET, "fleet.html", JSON];
+const PARQUET: &str = "fleet.parquet";
+const JSON: &str = "fleet.json";
+/// More than the figures of a million units take.
+const LARGEST_BYTES: u64 = 1 << 32;
+/// Units that the summary names.
+const SHOWN: usize = 10;
+
+/// Arguments of `govtwin fleet gather`.
+#[derive(Debug, clap::Args)]
+#[command(after_long_help = HELP)]
+pub struct Args {
+    /// Folder or object store of results.
+    #[arg(value_name = "STORE")]
+    store: String,
+    /// The plan: what is in it and has no result is named as missing [default: entries.jsonl in STORE, where it is there].
+    #[arg(long, value_name = "UNITS")]
+    plan: Option<String>,
+    /// Folder for fleet.html, fleet.csv, fleet.parquet and fleet.json [default: STORE/fleet].
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Print JSON instead of a summary: what fleet.json holds.
+    #[arg(long)]
+    json: bool,
+}
+
+const HELP: &str = "\
+fleet.html names the units that need a look first, what changed since the last time, all units with their causes and sizes, sizes that changed over
+time, and what did not run; units lead to their own reports. fleet.csv and fleet.parquet hold a line for each unit and period (`row` is `entry`) and
+below it one for each cause and each parameter, with probabilities, sizes, 90 % intervals, whether the recordings determine it, and the cumulative
+sum of its change. The tables are the same to the last byte whoever did the entries, and in whatever order. The Parquet table needs the cargo
+feature `parquet`.
+
+Without a plan all results of this program version count, of several of a unit and period the one with the most recordings.
+
+Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 some entries failed or are missing.";
+
+/// Runs the command.
+pub fn run(args: &Args) -> anyhow::Result<Outcome> {
+    let store = Store::open(&args.store).context("STORE")?;
+    let target = Target::new(args, &store)?;
+    store.tidy("results");
+    let file = PlanFile::open(args.plan.as_ref().unwrap_or(&args.store))?;
+    // One that is named must be there.
+    let plan = if args.plan.is_some() || file.is_there()? { Some(file.all()?) } else { None };
+    let (outcomes, damaged) = outcomes(&store)?;
+    if outcomes.is_empty() && damaged.is_empty() && plan.is_none() {
+        bail!("{}: expected results, found none; `govtwin fleet run` writes them", store.address());
+    }
+    let total = outcomes.len();
+    let gathered = gather(plan.as_deref(), outcomes, &notes(&store)?, PROGRAM);
+    if gathered.rows.is_empty() {
+        bail!(
+            "{}: none of the {total} results is of {PROGRAM}; plan and run anew, or gather with the version that made them",
+            store.address()
+        );
+    }
+    let all = All::of(&gathered, damaged, plan.as_deref(), &target)?;
+    let json = all.json()?;
+    all.write(target, &json)?;
+    all.tell(args, &json)
+}
+
+/// All results, and what stands among them and is none.
+fn outcomes(store: &Store) -> anyhow::Result<(Vec<Kept>, Vec<String>)> {
+    let objects = store.list("results")?;
+    let progress = Progress::new(objects.len(), "results read");
+    let read: Vec<anyhow::Result<Result<Kept, String>>> = objects
+        .par_iter()
+        .map(|object| {
+            let key = object.path.rsplit('/').next().and_then(|name| name.strip_suffix(".json"));
+            let bytes = store.get(&object.path)?;
+            progress.step();
+            Ok(match key {
+                None => Err(format!("{}: expected a result, KEY.json; not counted", object.path)),
+                Some(key) => Kept::read(&bytes, key)
+                    .map_err(|error| format!("{}: {error}; remove it, so that its entry is done anew", object.path)),
+            })
+        })
+        .collect();
+    let (mut outcomes, mut damaged) = (Vec::new(), Vec::new());
+    for one in read {
+        match one? {
+            Ok(outcome) => outcomes.push(outcome),
+            Err(words) => damaged.push(words),
+        }
+    }
+    Ok((outcomes, damaged))
+}
+
+/// What was noted of tries without a result, by key.
+fn notes(store: &Store) -> anyhow::Result<BTreeMap<String, Vec<String>>> {
+    let mut notes: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    for object in store.list("notes")? {
+        let Some(key) = object.path.split('/').nth(1) else { continue };
+        let text = String::from_utf8_lossy(&store.get(&object.path)?).into_owned();
+        notes.entry(key.to_owned()).or_default().push(text);
+    }
+    for texts in notes.values_mut() {
+        texts.sort();
+    }
+    Ok(notes)
+}
+
+/// Where the fleet is written to.
+struct Target<'a> {
+    /// A folder on this machine, claimed.
+    folder: Option<Output>,
+    /// Otherwise the store itself.
+    store: &'a Store,
+    /// What people are shown.
+    shown: String,
+    /// From the page to the top of the store.
+    to_store: String,
+    /// What stood there before.
+    before: Option<Standing>,
+}
+
+impl<'a> Target<'a> {
+    fn new(args: &Args, store: &'a Store) -> anyhow::Result<Self> {
+        let inside = store.local(FOLDER);
+        let to_store = match (&args.out, &inside) {
+            (None, _) => "../".to_owned(),
+            (Some(_), _) => format!("{}/", store.address()),
+        };
+        let folder = args.out.clone().or(inside);
+        let shown = folder
+            .as_ref()
+            .map_or_else(|| format!("{}/{FOLDER}", store.address()), |folder| folder.display().to_string());
+        let before = match &folder {
+            Some(folder) => standing_in(&folder.join(JSON))?,
+            None if store.has(&format!("{FOLDER}/{JSON}"))? => {
+                Some(standing(&store.get(&format!("{FOLDER}/{JSON}"))?, &shown)?)
+            }
+            None => None,
+        };
+        let folder = folder.map(|folder| Output::claim(&folder, &NAMES)).transpose()?;
+        Ok(Self { folder, store, shown, to_store, before })
+    }
+}
+
+fn standing_in(path: &Path) -> anyhow::Result<Option<Standing>> {
+    if !path.is_file() {
+        return Ok(None);
+    }
+    let text = read_text(path, LARGEST_BYTES).with_context(|| format!("cannot read {}", path.display()))?;
+    standing(text.as_bytes(), &path.display().to_string()).map(Some)
+}
+
+fn standing(bytes: &[u8], shown: &str) -> anyhow::Result<Standing> {
+    let whole: Value = serde_json::from_slice(bytes).with_context(|| shown.to_owned())?;
+    serde_json::from_value(whole["standing"].clone())
+        .with_context(|| format!("{shown}: expected the figures of a fleet that was gathered before; name another folder with --out, or remove it"))
+}
+
+/// A gathered fleet with all that is said of it.
+struct All<'a> {
+    gathered: &'a Gathered,
+    looks: Vec<Look>,
+    changes: Vec<Change>,
+    before: Option<String>,
+    standing: Standing,
+    damaged: Vec<String>,
+    page: String,
+    shown: String,
+}
+
+impl<'a> All<'a> {
+    fn of(
+        gathered: &'a Gathered,
+        damaged: Vec<String>,
+        plan: Option<&[Entry]>,
+        target: &Target,
+    ) -> anyhow::Result<Self> {
+        let made = provenance::new("fleet gather", &params::reference_sheet(), None)?;
+        let standing = Standing::of(gathered, &made.date);
+        let changes = target.before.as_ref().map(|before| before.changes(&standing)).unwrap_or_default();
+        let looks = look_first(gathered);
+        let before = target.before.as_ref().map(|before| before.date.clone());
+        let facts = [
+            ("program", format!("{} fleet gather", made.program)),
+            ("date", made.date.clone()),
+            (
+                "plan",
+                plan.map_or_else(
+                    || "none: all results of this version count".to_owned(),
+                    |plan| format!("{} entries", plan.len()),
+                ),
+            ),
+            ("results of other plans or versions", gathered.superseded.len().to_string()),
+        ];
+        let context = page::Context {
+            looks: &looks,
+            changes: &changes,
+            before: before.as_deref(),
+            damaged: &damaged,
+            to_store: &target.to_store,
+            facts: facts.into_iter().map(|(name, value)| (name.to_owned(), value)).collect(),
+        };
+        let page = page::page(gathered, &context)?.to_html();
+        Ok(Self { gathered, looks, changes, before, standing, damaged, page, shown: target.shown.clone() })
+    }
+
+    fn json(&self) -> anyhow::Result<String> {
+        let works = || self.gathered.rows.iter().filter_map(|row| row.work.as_ref());
+        let processor: Option<f64> = works().map(|work| work.processor_s).sum();
+        let whole = json!({
+            "schema": "govtwin-fleet/1",
+            "program": PROGRAM,
+            "entries": self.gathered.rows.len(),
+            "done": self.gathered.count(Status::Done),
+            "failed": self.gathered.count(Status::Failed),
+            "missing": self.gathered.count(Status::Missing),
+            "damaged": self.damaged,
+            "superseded": self.gathered.superseded,
+            "limit": self.gathered.limit,
+            "look_first": self.looks,
+            "since": self.before,
+            "changes": self.changes,
+            "work": {
+                "processor_s": processor,
+                "elapsed_s": works().map(|work| work.elapsed_s).sum::<f64>(),
+                "peak_memory_bytes": works().filter_map(|work| work.peak_memory_bytes).max(),
+            },
+            "standing": self.standing,
+        });
+        Ok(serde_json::to_string_pretty(&whole).context("cannot write the figures as JSON")? + "\n")
+    }
+
+    fn write(&self, target: Target, json: &str) -> anyhow::Result<()> {
+        let lines = table::lines(self.gathered);
+        let csv = table::csv(&lines);
+        // The file by which changes are told comes last: what is broken off is told again.
+        let mut files: Vec<(&str, Vec<u8>)> = vec![("fleet.csv", csv.into_bytes())];
+        #[cfg(feature = "parquet")]
+        files.push((PARQUET, govtwin::fleet::parquet_table::bytes(&lines)?));
+        files.push(("fleet.html", self.page.clone().into_bytes()));
+        files.push((JSON, json.as_bytes().to_vec()));
+        let Some(mut folder) = target.folder else {
+            for (name, bytes) in &files {
+                target.store.put(&format!("{FOLDER}/{name}"), bytes)?;
+            }
+            return Ok(());
+        };
+        for (name, bytes) in &files {
+            folder.add(name, bytes)?;
+        }
+        // One of an earlier run with another build would not be of these results.
+        if files.iter().all(|(name, _)| *name != PARQUET) {
+            folder.remove(PARQUET);
+        }
+        folder.place()
+    }
+
+    fn tell(&self, args: &Args, json: &str) -> anyhow::Result<Outcome> {
+        let rows = &self.gathered.rows;
+        if args.json {
+            print(json)?;
+        } else {
+            let count = |status: Status| self.gathered.count(status);
+            let mut text = format!(
+                "{} units in periods: {} diagnosed, {} failed, {} missing; {} sizes changed beyond their intervals\n",
+                rows.len(),
+                count(Status::Done),
+                count(Status::Failed),
+                count(Status::Missing),
+                self.gathered.changed().count()
+            );
+            if !self.looks.is_empty() {
+                let mut table = Table::new().words("look first").words("why");
+                for look in self.looks.iter().take(SHOWN) {
+                    table.row([look.unit.as_str(), look.reasons.first().map_or("", String::as_str)]);
+                }
+                text += &format!("\n{}", table_text(&table));
+                if self.looks.len() > SHOWN {
+                    text += &format!("and {} more\n", self.looks.len() - SHOWN);
+                }
+            }
+            if let Some(before) = &self.before {
+                text += &format!("\n{} changes since {before}\n", self.changes.len());
+            }
+            text += &format!("\npage: {0}/fleet.html, table: {0}/fleet.csv\n", self.shown);
+            if cfg!(not(feature = "parquet")) {
+                text += "fleet.parquet is not in this build; `cargo install --path . --features parquet` makes one that writes it\n";
+            }
+            print(&text)?;
+        }
+        for row in rows.iter().filter(|row| row.status != Status::Done) {
+            warn(&format!("unit `{}`, {}: {}: {}", row.unit, row.period, row.status.id(), row.words));
+        }
+        for damaged in &self.damaged {
+            warn(damaged);
+        }
+        let sound = self.damaged.is_empty() && rows.iter().all(|row| row.status == Status::Done);
+        Ok(if sound { Outcome::Ok } else { Outcome::Warnings })
+    }
+}

@@ -1,0 +1,284 @@
+//! What is kept of an entry: done or failed, and of a diagnosis what a fleet is compared by.
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::entry::Entry;
+use crate::diagnosis::result::Verdict;
+
+/// The schema of a result.
+pub const SCHEMA: &str = "govtwin-fleet-result/1";
+
+/// At least so much of what is known of a parameter must have come from the recordings, a share; less is the sheet's tolerance speaking.
+pub const DETERMINED_SHARE: f64 = 0.5;
+
+/// The result of an entry.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Outcome {
+    /// [`SCHEMA`].
+    pub schema: String,
+    /// The entry's key.
+    pub key: String,
+    /// The entry's unit.
+    pub unit: String,
+    /// The entry's period.
+    pub period: String,
+    /// Program and version.
+    pub program: String,
+    /// How many recordings went in.
+    pub recordings: usize,
+    /// Why there is no diagnosis; none where there is one.
+    pub error: Option<String>,
+    /// What a reader should know before believing it.
+    pub warnings: Vec<String>,
+    /// What bags and folders say of where the recordings come from.
+    #[serde(default)]
+    pub origins: Vec<String>,
+    /// The folder of its report in the store.
+    pub report: Option<String>,
+    /// What the diagnosis found.
+    pub found: Option<Finding>,
+    /// How the work went; of no weight for the table.
+    pub work: Work,
+}
+
+/// How the work on an entry went.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Work {
+    /// From reading the entry to its report, s.
+    pub elapsed_s: f64,
+    /// Processor time of all threads, s; none where the system does not tell.
+    pub processor_s: Option<f64>,
+    /// The most memory that the process held, bytes; none where the system does not tell.
+    pub peak_memory_bytes: Option<u64>,
+}
+
+/// What a diagnosis found.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Finding {
+    /// The verdict's word.
+    pub verdict: String,
+    /// The stage of the gap.
+    pub stage: Option<String>,
+    /// Probability of something outside the catalogue.
+    pub unknown_probability: Option<f64>,
+    /// Probability of no fault.
+    pub none_probability: Option<f64>,
+    /// Share of the gap that the causes explain on held-out data.
+    pub explained_share: Option<f64>,
+    /// Entropy over the hypotheses that are left, in bits; it has no physical unit, 1.
+    pub entropy_bits: Option<f64>,
+    /// The blamed effects.
+    pub causes: Vec<Cause>,
+    /// The sheet's parameters as fitted.
+    pub parameters: Vec<Size>,
+    /// The test that is expected to tell most, in words.
+    pub next_test: Option<String>,
+}
+
+/// A blamed effect.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Cause {
+    /// Its id.
+    pub id: String,
+    /// Its stage.
+    pub stage: String,
+    /// Probability that it is present.
+    pub probability: Option<f64>,
+    /// Its parameters; the first is its size.
+    pub sizes: Vec<Size>,
+}
+
+/// A value with its 90 % interval, in the unit that stands beside it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Size {
+    /// Its name.
+    pub name: String,
+    /// Its unit.
+    pub unit: String,
+    /// The value.
+    pub value: Option<f64>,
+    /// Lower end.
+    pub low: Option<f64>,
+    /// Upper end.
+    pub high: Option<f64>,
+    /// It stands on a bound of its range.
+    pub at_bound: bool,
+    /// Share of what is known of it that the recordings said; none for effects, which have no tolerance.
+    pub information_share: Option<f64>,
+}
+
+impl Size {
+    /// Whether the recordings determine it: a value inside its bounds, a finite interval of some width, and not mostly the sheet's word.
+    #[must_use]
+    pub fn is_determined(&self) -> bool {
+        let (Some(value), Some(low), Some(high)) = (self.value, self.low, self.high) else { return false };
+        let inside = low < high && low <= value && value <= high && (high - low).is_finite();
+        inside && !self.at_bound && self.information_share.is_none_or(|share| share >= DETERMINED_SHARE)
+    }
+}
+
+impl Finding {
+    /// What a report of a diagnosis holds of it.
+    #[must_use]
+    pub fn of(report: &Value) -> Self {
+        let probability = |id: &str| {
+            let one = rows(&report["ranking"]).find(|one| one["id"] == id);
+            one.and_then(|one| one["probability"].as_f64())
+        };
+        Self {
+            verdict: text(&report["verdict"]),
+            stage: report["location"]["stage"].as_str().map(str::to_owned),
+            unknown_probability: probability("unknown"),
+            none_probability: probability("none"),
+            explained_share: report["gap"]["closure"]["value"].as_f64(),
+            entropy_bits: report["evidence"]["entropy_bits"].as_f64(),
+            causes: rows(&report["effects"]).map(cause).collect(),
+            parameters: rows(&report["evidence"]["parameters"])
+                .map(|one| Size {
+                    name: text(&one["key"]),
+                    information_share: one["information"].as_f64(),
+                    ..size(one)
+                })
+                .collect(),
+            next_test: rows(&report["next_experiment"]).next().map(|one| text(&one["test"])),
+        }
+    }
+
+    /// Whether the causes are named and not alternatives: only then has a cause a size that the recordings determine.
+    #[must_use]
+    pub fn names_causes(&self) -> bool {
+        self.verdict == Verdict::Named.id()
+    }
+}
+
+fn cause(value: &Value) -> Cause {
+    Cause {
+        id: text(&value["id"]),
+        stage: text(&value["stage"]),
+        probability: value["probability"].as_f64(),
+        sizes: rows(&value["parameters"]).map(|one| Size { name: text(&one["name"]), ..size(one) }).collect(),
+    }
+}
+
+fn size(value: &Value) -> Size {
+    Size {
+        name: String::new(),
+        unit: text(&value["unit"]),
+        value: value["value"].as_f64(),
+        low: value["ci90"][0].as_f64(),
+        high: value["ci90"][1].as_f64(),
+        at_bound: value["at_bound"].as_bool().unwrap_or_default(),
+        information_share: None,
+    }
+}
+
+fn rows(value: &Value) -> impl Iterator<Item = &Value> {
+    value.as_array().into_iter().flatten()
+}
+
+fn text(value: &Value) -> String {
+    value.as_str().unwrap_or_default().to_owned()
+}
+
+/// A result that cannot be taken.
+#[derive(Debug, thiserror::Error)]
+pub enum OutcomeError {
+    /// Not JSON, or not of the schema.
+    #[error("expected a result of the schema {SCHEMA}: {0}")]
+    Malformed(#[from] serde_json::Error),
+    /// Another schema.
+    #[error("expected a result of the schema {SCHEMA}, found `{0}`; was it made by another version?")]
+    Schema(String),
+    /// It stands under the name of another.
+    #[error("expected the result of the key {expected}, found that of `{found}`; was the file renamed?")]
+    Key {
+        /// The key of its name.
+        expected: String,
+        /// The key in it.
+        found: String,
+    },
+}
+
+impl Outcome {
+    /// The outcome of an entry, with nothing found yet.
+    #[must_use]
+    pub fn of(entry: &Entry, program: &str) -> Self {
+        Self {
+            schema: SCHEMA.to_owned(),
+            key: entry.key.clone(),
+            unit: entry.unit.clone(),
+            period: entry.period.clone(),
+            program: program.to_owned(),
+            recordings: entry.bags.len(),
+            ..Self::default()
+        }
+    }
+
+    /// Reads a result that stands in the store under a key.
+    ///
+    /// # Errors
+    /// Where it is none, or not that of the key.
+    pub fn read(text: &[u8], key: &str) -> Result<Self, OutcomeError> {
+        let outcome: Self = serde_json::from_slice(text)?;
+        if outcome.schema != SCHEMA {
+            return Err(OutcomeError::Schema(outcome.schema));
+        }
+        if outcome.key != key {
+            return Err(OutcomeError::Key { expected: key.to_owned(), found: outcome.key });
+        }
+        Ok(outcome)
+    }
+
+    /// As it stands in the store.
+    #[must_use]
+    pub fn json(&self) -> String {
+        serde_json::to_string_pretty(self).unwrap_or_default() + "\n"
+    }
+
+    /// Where the result of a key stands in a store.
+    #[must_use]
+    pub fn path(key: &str) -> String {
+        format!("results/{key}.json")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_report_is_taken_as_far_as_a_fleet_is_compared_by_it() {
+        let report = serde_json::json!({
+            "verdict": "named", "location": {"stage": "servomotor"},
+            "effects": [{"id": "backlash", "stage": "servomotor", "probability": 0.93,
+                "parameters": [{"name": "play_pu", "value": 0.01, "ci90": [0.008, 0.012], "unit": "pu", "at_bound": false}]}],
+            "ranking": [{"id": "backlash", "probability": 0.93}, {"id": "unknown", "probability": 0.05}, {"id": "none", "probability": 0.01}],
+            "gap": {"closure": {"value": 0.9, "ci90": [0.8, 1.0]}},
+            "next_experiment": [{"test": "step the command"}],
+            "evidence": {"entropy_bits": 0.4, "parameters": [
+                {"key": "oil.bulk_modulus_pa", "unit": "Pa", "value": 1.0, "ci90": [0.5, 1.5], "information": 0.02, "at_bound": false},
+                {"key": "main_ports.width_m", "unit": "m", "value": 0.03, "ci90": [0.029, null], "information": 0.9, "at_bound": false}]},
+        });
+        let found = Finding::of(&report);
+        assert!(found.names_causes() && found.causes[0].sizes[0].is_determined());
+        assert_eq!((found.unknown_probability, found.none_probability), (Some(0.05), Some(0.01)));
+        assert!(
+            found.parameters.iter().all(|one| !one.is_determined()),
+            "one by its tolerance alone, one without an end"
+        );
+        assert_eq!(found.next_test.as_deref(), Some("step the command"));
+        let bound = Size { at_bound: true, ..found.causes[0].sizes[0].clone() };
+        assert!(!bound.is_determined());
+    }
+
+    #[test]
+    fn a_result_reads_back_and_stands_under_its_own_key() {
+        let entry = Entry { unit: "a".into(), ..Entry::default() }.keyed("p");
+        let outcome = Outcome { error: Some("torn".into()), ..Outcome::of(&entry, "p") };
+        assert_eq!(Outcome::read(outcome.json().as_bytes(), &entry.key).unwrap(), outcome);
+        assert!(matches!(Outcome::read(outcome.json().as_bytes(), "other"), Err(OutcomeError::Key { .. })));
+        assert!(matches!(Outcome::read(b"{}", "other"), Err(OutcomeError::Malformed(_))));
+        assert!(matches!(Outcome::read(&outcome.json().as_bytes()[..40], &entry.key), Err(OutcomeError::Malformed(_))));
+    }
+}

@@ -1,0 +1,138 @@
+//! A folder as a store: objects are files, those of a hidden name are not seen.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::{Object, StoreError};
+use crate::files::{check_regular, write_atomically, write_new};
+
+/// Folders within folders deeper than this are a mistake, or a circle of links.
+const DEEPEST: usize = 16;
+
+/// A folder.
+#[derive(Debug)]
+pub struct Folder {
+    top: PathBuf,
+}
+
+impl Folder {
+    /// A folder that need not be there yet.
+    pub fn new(top: PathBuf) -> Self {
+        Self { top }
+    }
+
+    /// Its full path where it is there.
+    pub fn address(&self) -> String {
+        self.top.canonicalize().unwrap_or_else(|_| self.top.clone()).display().to_string()
+    }
+
+    /// Where an object is.
+    pub fn path(&self, path: &str) -> PathBuf {
+        if path.is_empty() { self.top.clone() } else { self.top.join(path) }
+    }
+
+    fn refused(&self, path: &str, what: &'static str) -> impl FnOnce(io::Error) -> StoreError {
+        let object = self.path(path).display().to_string();
+        move |error| match error.kind() {
+            io::ErrorKind::NotFound => StoreError::Absent { object },
+            _ => StoreError::Refused { object, what, reason: error.to_string() },
+        }
+    }
+
+    /// The same where something was to be written: what is missing then is a folder.
+    fn unwritten(&self, path: &str) -> impl FnOnce(io::Error) -> StoreError {
+        let object = self.path(path).display().to_string();
+        move |error| StoreError::Refused { object, what: "write", reason: error.to_string() }
+    }
+
+    pub fn list(&self, prefix: &str) -> Result<Vec<Object>, StoreError> {
+        let mut all = Vec::new();
+        let top = self.path(prefix);
+        if top.exists() && !top.is_dir() {
+            let reason = "expected a folder, found a file".to_owned();
+            return Err(StoreError::Refused { object: top.display().to_string(), what: "list the objects", reason });
+        }
+        match self.walk(prefix, 0, &mut all) {
+            Err(StoreError::Absent { .. }) => Ok(vec![]),
+            other => other.map(|()| all),
+        }
+    }
+
+    fn walk(&self, folder: &str, depth: usize, all: &mut Vec<Object>) -> Result<(), StoreError> {
+        const WHAT: &str = "list the objects";
+        if depth > DEEPEST {
+            let reason = format!("folders go deeper than {DEEPEST} levels; is there a circle of links?");
+            return Err(StoreError::Refused { object: self.path(folder).display().to_string(), what: WHAT, reason });
+        }
+        for entry in self.path(folder).read_dir().map_err(self.refused(folder, WHAT))? {
+            let entry = entry.map_err(self.refused(folder, WHAT))?;
+            let name = entry.file_name().to_string_lossy().into_owned();
+            if name.starts_with('.') {
+                continue;
+            }
+            let path = if folder.is_empty() { name } else { format!("{folder}/{name}") };
+            match std::fs::metadata(entry.path()) {
+                Ok(kind) if kind.is_dir() => self.walk(&path, depth + 1, all)?,
+                Ok(kind) => all.push(Object { path, bytes: kind.len() }),
+                // A link to nowhere, or a file that went away meanwhile; who reads it is told.
+                Err(_) => all.push(Object { path, bytes: 0 }),
+            }
+        }
+        Ok(())
+    }
+
+    pub fn has(&self, path: &str) -> Result<bool, StoreError> {
+        self.path(path).try_exists().map_err(self.refused(path, "look"))
+    }
+
+    pub fn get(&self, path: &str) -> Result<Vec<u8>, StoreError> {
+        let file = self.path(path);
+        check_regular(&file).and_then(|_| std::fs::read(&file)).map_err(self.refused(path, "read"))
+    }
+
+    pub fn fetch(&self, path: &str, to: &Path) -> Result<(), StoreError> {
+        let file = self.path(path);
+        check_regular(&file).and_then(|_| std::fs::copy(&file, to)).map(drop).map_err(self.refused(path, "copy"))
+    }
+
+    pub fn put(&self, path: &str, bytes: &[u8]) -> Result<(), StoreError> {
+        write_atomically(&self.path(path), bytes).map_err(self.unwritten(path))
+    }
+
+    pub fn create(&self, path: &str, bytes: &[u8]) -> Result<bool, StoreError> {
+        write_new(&self.path(path), bytes).map_err(self.unwritten(path))
+    }
+
+    pub fn remove(&self, path: &str) -> Result<(), StoreError> {
+        match std::fs::remove_file(self.path(path)) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
+            other => other.map_err(self.refused(path, "remove")),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::store::{Store, StoreError};
+
+    #[test]
+    fn a_folder_keeps_objects() {
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::open(dir.path().join("store").to_str().unwrap()).unwrap();
+        assert_eq!(store.list("").unwrap(), []);
+        assert!(store.create("results/a.json", b"first").unwrap());
+        assert!(!store.create("results/a.json", b"second").unwrap());
+        store.put("results/b.json", b"one").unwrap();
+        store.put("results/b.json", b"two").unwrap();
+        std::fs::write(dir.path().join("store/results/.hidden"), "").unwrap();
+        assert_eq!(store.get("results/a.json").unwrap(), b"first");
+        assert_eq!(store.get("results/b.json").unwrap(), b"two");
+        let listed: Vec<_> = store.list("results").unwrap().into_iter().map(|one| (one.path, one.bytes)).collect();
+        assert_eq!(listed, [("results/a.json".to_owned(), 5), ("results/b.json".to_owned(), 3)]);
+        assert!(store.has("results/a.json").unwrap() && !store.has("results/c.json").unwrap());
+        assert!(matches!(store.get("results/c.json"), Err(StoreError::Absent { .. })));
+        store.remove("results/a.json").unwrap();
+        store.remove("results/a.json").unwrap();
+        assert!(store.list("results/b.json").unwrap_err().to_string().contains("found a file"));
+    }
+}
