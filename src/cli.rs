@@ -28,6 +28,8 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Measure a unit against the limits of an acceptance test, as it is and without each of its faults.
+    Accept(commands::accept::Args),
     /// Diagnose every unit of a folder, and score it where the truth is known.
     Blind(commands::blind::Args),
     /// Learn how far the diagnosis can trust its evidence, from judged units whose faults are known.
@@ -112,6 +114,7 @@ fn absent(command: &str, feature: &str) -> anyhow::Result<Outcome> {
 /// Runs the command line; exit codes: 0 ok, 1 error, 2 usage, 3 finished with warnings.
 pub fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
+        Command::Accept(args) => commands::accept::run(&args),
         Command::Blind(args) => commands::blind::run(&args),
         Command::Calibrate(args) => commands::calibrate::run(&args),
         Command::Diagnose(args) => commands::diagnose::run(&args),

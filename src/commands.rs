@@ -1,5 +1,6 @@
 //! One file per command: its arguments, and what it does.
 
+pub mod accept;
 pub mod bags;
 pub mod blind;
 pub mod calibrate;

@@ -24,6 +24,7 @@ pub mod residual;
 pub mod twin;
 
 // judgement
+pub mod acceptance;
 pub mod baselines;
 pub mod battery;
 pub mod blind;

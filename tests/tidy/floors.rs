@@ -11,6 +11,7 @@ const FLOORS: &[(&str, &[&str])] = &[
     (
         "judgement",
         &[
+            "acceptance",
             "baselines",
             "battery",
             "blind",

@@ -20,6 +20,7 @@ const SYMBOLS: &[&str] = &["m", "m²", "m³", "s", "s²", "Pa", "N", "kg", "rad"
 /// Places whose numbers have no unit of their own.
 const ELSEWHERE: &[(&str, &str)] = &[
     ("src/msg.rs", "names are those of the messages, which state the units"),
+    ("src/acceptance/", "values are in the unit of the measure"),
     ("src/bag/channel.rs", "numbers of any channel, in the unit of its signal"),
     ("src/bag/evidence.rs", "numbers of any channel, in the unit of its signal"),
     ("src/import/", "values are in the unit that a map states for them"),
