@@ -30,13 +30,13 @@ pub struct Response {
     /// Amplitude of the position over that of the command.
     pub gain: f64,
     /// Half-width of its interval of nine in ten, a gain too.
-    pub gain_half_gain: f64,
+    pub gain_half: f64,
     /// Phase of the position, ° against the command; below zero it lags.
     pub phase_deg: f64,
     /// Half-width of its interval of nine in ten, °.
     pub phase_half_deg: f64,
     /// Coherence, 0 to 1.
-    pub coherence_share: f64,
+    pub coherence: f64,
 }
 
 /// Power of command and position and their cross power, at one frequency.
@@ -80,17 +80,17 @@ pub fn response(all: &[Series]) -> (Vec<Response>, Found) {
         Response {
             frequency_hz,
             gain,
-            gain_half_gain: NORMAL_90 * gain * relative,
+            gain_half: NORMAL_90 * gain * relative,
             phase_deg: power.cross[1].atan2(power.cross[0]).to_degrees(),
             phase_half_deg: (NORMAL_90 * relative).to_degrees(),
-            coherence_share: coherence,
+            coherence,
         }
     };
     let excited: Vec<Response> = CYCLES
         .iter()
         .zip(&powers)
         .map(at)
-        .filter(|one| one.coherence_share >= LEAST_COHERENCE && one.frequency_hz <= fastest_hz)
+        .filter(|one| one.coherence >= LEAST_COHERENCE && one.frequency_hz <= fastest_hz)
         .collect();
     let bandwidth = bandwidth(&excited, segments);
     (excited, bandwidth)
@@ -139,7 +139,7 @@ fn bandwidth(excited: &[Response], segments: usize) -> Found {
         return missing(measure, note);
     };
     let cross = |shift: f64| {
-        let (a, b) = (above.gain + shift * above.gain_half_gain, below.gain + shift * below.gain_half_gain);
+        let (a, b) = (above.gain + shift * above.gain_half, below.gain + shift * below.gain_half);
         let share = (a.max(1e-9) / HALF_POWER).ln() / (a.max(1e-9) / b.max(1e-9)).ln().max(1e-9);
         above.frequency_hz * (below.frequency_hz / above.frequency_hz).powf(share.clamp(-1.0, 2.0))
     };
@@ -173,7 +173,7 @@ mod tests {
         for one in &response {
             let turn = std::f64::consts::TAU * one.frequency_hz * lag_s;
             let gain = 1.0 / (1.0 + turn * turn).sqrt();
-            assert!((one.gain - gain).abs() < 0.03 + 2.0 * one.gain_half_gain, "{one:?} {gain}");
+            assert!((one.gain - gain).abs() < 0.03 + 2.0 * one.gain_half, "{one:?} {gain}");
             // A command that is held from sample to sample is half a sample late.
             let phase_deg = -turn.atan().to_degrees() - 180.0 * one.frequency_hz * dt;
             assert!((one.phase_deg - phase_deg).abs() < 2.0 + 2.0 * one.phase_half_deg, "{one:?} {phase_deg}");

@@ -270,7 +270,7 @@ fn response(summary: &Summary) -> Picture {
                 ink,
                 "",
                 all.iter()
-                    .map(|one| [x(one.frequency_hz), one.gain - one.gain_half_gain, one.gain + one.gain_half_gain])
+                    .map(|one| [x(one.frequency_hz), one.gain - one.gain_half, one.gain + one.gain_half])
                     .collect(),
             )
             .line(ink, label, all.iter().map(|one| [x(one.frequency_hz), one.gain]).collect())
@@ -316,15 +316,8 @@ fn closing(body: &mut Blocks, summary: &Summary, made: &Provenance) {
             .numbers("coherence");
         for one in &summary.response {
             table.row(
-                [
-                    one.frequency_hz,
-                    one.gain,
-                    one.gain_half_gain,
-                    one.phase_deg,
-                    one.phase_half_deg,
-                    one.coherence_share,
-                ]
-                .map(|value| significant(value, 3)),
+                [one.frequency_hz, one.gain, one.gain_half, one.phase_deg, one.phase_half_deg, one.coherence]
+                    .map(|value| significant(value, 3)),
             );
         }
         let mut inner = Blocks::new();
