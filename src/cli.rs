@@ -84,6 +84,8 @@ enum Command {
     /// Record from DDS into a bag (not in this build).
     #[cfg(not(feature = "node"))]
     Record(Absent),
+    /// Follow what a unit records, diagnose each process, and say when a fault has grown.
+    Watch(commands::watch::Args),
     /// Print what a shell needs to complete commands, options and values.
     Completions(commands::completions::Args),
     /// Print the manual page, or write one for each command.
@@ -127,6 +129,7 @@ pub fn main() -> ExitCode {
         Command::Replay(args) => commands::replay::run(&args),
         Command::Sheet(args) => commands::sheet::run(&args),
         Command::Report(args) => commands::report::run(&args),
+        Command::Watch(args) => commands::watch::run(&args),
         Command::Completions(args) => commands::completions::run(&args, Cli::command()),
         Command::Man(args) => commands::man::run(&args, Cli::command()),
         #[cfg(not(feature = "residual"))]

@@ -33,6 +33,7 @@ pub mod sheet;
 #[cfg(feature = "residual")]
 pub mod train;
 mod usage;
+pub mod watch;
 
 pub use usage::{Usage, expect, usage};
 

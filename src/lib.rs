@@ -35,7 +35,9 @@ pub mod metrics;
 pub mod replay;
 pub mod report;
 pub mod sheet;
+pub mod trend;
 pub mod tuning;
+pub mod watch;
 
 // edges
 pub mod bag;

@@ -29,6 +29,8 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("src/comparison/", "errors are in the unit of what is compared"),
     ("src/blind/", "shares and means of what is counted; sizes in the unit of their effect"),
     ("src/diagnosis/", "residuals are in the unit of their signal, costs and likelihoods have none"),
+    ("src/trend.rs", "sizes are in the unit of their effect, distances in standard deviations"),
+    ("src/watch/", "sizes are in the unit of their effect"),
     ("src/tuning/", "residuals are in the unit of their signal, costs and positions of free parameters have none"),
     ("src/replay/", "errors are in the unit of what is compared"),
     ("src/commands/", "fields are flags, whose help names the unit"),
