@@ -105,7 +105,7 @@ pub fn chart(estimates: &[Estimate], between_false_alarms: f64) -> Vec<Point> {
         let alarm = up.max(down) >= limit;
         let since = if up >= down { up_since } else { down_since };
         let since = since.filter(|_| alarm);
-        points.push(Point { z: z, growth: up, shrinkage: down, mean, alarm, since });
+        points.push(Point { z, growth: up, shrinkage: down, mean, alarm, since });
     }
     points
 }

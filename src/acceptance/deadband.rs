@@ -56,8 +56,8 @@ fn is_slow(series: &Series) -> Vec<bool> {
     let rates = rate(&series.time_s, &means, SLOW_WINDOW_S);
     let mut last_fast_s = f64::NEG_INFINITY;
     let mut slow = Vec::with_capacity(series.len());
-    for i in 0..series.len() {
-        let fast = rates[i].abs() > SLOW_PU_S || series.tripped[i] || series.error_pu(i).abs() > ON_ITS_WAY_PU;
+    for (i, rate_pu_s) in rates.into_iter().enumerate() {
+        let fast = rate_pu_s.abs() > SLOW_PU_S || series.tripped[i] || series.error_pu(i).abs() > ON_ITS_WAY_PU;
         if fast {
             last_fast_s = series.time_s[i];
         }
@@ -245,7 +245,7 @@ pub fn hysteresis(all: &[Series]) -> Found {
             both[usize::from(rates[i] < 0.0)].push(series.position_pu[i] - means[i]);
         }
         for [rising, falling] in bins.into_values() {
-            let enough = series.samples_in(0.5).min(25.0).max(3.0);
+            let enough = series.samples_in(0.5).clamp(3.0, 25.0);
             if (rising.len().min(falling.len()) as f64) < enough {
                 continue;
             }

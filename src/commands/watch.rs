@@ -63,7 +63,7 @@ pub struct Args {
 }
 
 const HELP: &str = "\
-Cuts start-ups, load changes, shutdowns and load rejections out of what is recorded, diagnoses each alone once nothing has moved for 15 s or its
+Cuts start-ups, load changes, shutdowns and load rejections out of what is recorded, diagnoses each alone once nothing has moved for 25 s or its
 bag has ended, and enters verdict and sizes with intervals into the history. A fault that was named once is followed from then on, also in
 processes whose verdict does not name it. Its sizes go into a cumulative sum that weighs each by its interval; a warning says that the size has
 moved, from which process on, and how far. The limit is not set by hand: it follows from --between-false-alarms.

@@ -51,7 +51,7 @@ fn limits_of(text: &str) -> Result<Limits, Vec<Problem>> {
 }
 
 fn measure(key: &str) -> Result<Measure, String> {
-    Measure::find(key).ok_or_else(|| match nearest(key, Measure::ALL.map(Measure::id).into_iter()) {
+    Measure::find(key).ok_or_else(|| match nearest(key, Measure::ALL.map(Measure::id)) {
         Some(near) => format!("there is no such measure; did you mean `{near}`?"),
         None => "there is no such measure; `govtwin accept --template` lists all".to_owned(),
     })

@@ -17,8 +17,8 @@ const BEGINS_PU: f64 = 0.03;
 const GOES_ON_PU: f64 = 0.015;
 /// Kept before the movement, s.
 const LEAD_S: f64 = 4.0;
-/// Nothing has moved for so long at its end, s.
-const REST_S: f64 = 15.0;
+/// Nothing has moved for so long at its end, s: a starting unit holds its opening while it runs up.
+const REST_S: f64 = 25.0;
 /// A process that lasts longer is cut here, s.
 const LONGEST_S: f64 = 300.0;
 /// A gap in time that ends a process, s.
@@ -119,23 +119,20 @@ impl Cutter {
             if rests || too_long {
                 return self.finish(if rests { Ended::AtRest } else { Ended::TooLong });
             }
+        } else if anchor.is_left(frame, BEGINS_PU) {
+            self.moving = true;
+            *anchor = Anchor::at(frame);
         } else {
-            if anchor.is_left(frame, BEGINS_PU) {
-                self.moving = true;
-                *anchor = Anchor::at(frame);
-            } else {
-                while self.rows.front().is_some_and(|first| since_s(first.time_ns) > LEAD_S) {
-                    self.rows.pop_front();
-                }
-                // A slow wander is no movement: the anchor follows what was a little while ago.
-                if let Some(first) = self.rows.front().filter(|_| since_s(anchor.time_ns) > LEAD_S) {
-                    let before = *anchor;
-                    *anchor = Anchor::at(first);
-                    anchor.command_pu =
-                        if anchor.command_pu.is_finite() { anchor.command_pu } else { before.command_pu };
-                    anchor.position_pu =
-                        if anchor.position_pu.is_finite() { anchor.position_pu } else { before.position_pu };
-                }
+            while self.rows.front().is_some_and(|first| since_s(first.time_ns) > LEAD_S) {
+                self.rows.pop_front();
+            }
+            // A slow wander is no movement: the anchor follows what was a little while ago.
+            if let Some(first) = self.rows.front().filter(|_| since_s(anchor.time_ns) > LEAD_S) {
+                let before = *anchor;
+                *anchor = Anchor::at(first);
+                let known = |new: f64, old: f64| if new.is_finite() { new } else { old };
+                anchor.command_pu = known(anchor.command_pu, before.command_pu);
+                anchor.position_pu = known(anchor.position_pu, before.position_pu);
             }
         }
         broken
