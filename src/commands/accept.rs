@@ -126,7 +126,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         print(&text(&summary))?;
         print(&format!("\nreport: {}\n", out.join("acceptance.html").display()))?;
     }
-    warnings.iter().for_each(|warning| warn(warning));
+    for warning in &warnings {
+        warn(warning);
+    }
     let kept = matches!(summary.standing, None | Some(Standing::Passes));
     Ok(if kept && warnings.is_empty() { Outcome::Ok } else { Outcome::Warnings })
 }

@@ -188,13 +188,15 @@ impl Watch<'_> {
         } else {
             print(&line(&entry))?;
         }
-        entry.warnings.iter().for_each(|warning| warn(warning));
+        for warning in &entry.warnings {
+            warn(warning);
+        }
         Ok(())
     }
 
     fn entry(&self, bag: &str, cut: Cut) -> Entry {
         let Cut { mut recording, digest, ended } = cut;
-        recording.name = bag.to_owned();
+        bag.clone_into(&mut recording.name);
         let mut entry = Entry {
             schema: SCHEMA.to_owned(),
             digest,
