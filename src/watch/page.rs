@@ -52,7 +52,7 @@ pub fn page(watched: &Watched) -> Result<Page, DrawError> {
         body.heading("Sizes");
         for course in courses {
             let caption = format!(
-                "{}: {}. Above: each process with its interval of nine in ten, filled where the verdict names the fault; the line is the mean of those \
+                "{}: {}. Above: each process with its interval of nine in ten, blue where the verdict names the fault and grey where it was fitted alone; the line is the mean of those \
                  before. Below: the cumulative sums for growth and shrinkage, with the limit at {} standard deviations, at which one false alarm in {} \
                  processes is expected.",
                 course.effect,
