@@ -162,6 +162,61 @@ fn a_watch_that_goes_on_sees_a_bag_that_comes_and_loses_nothing_when_killed() {
 }
 
 #[test]
+fn a_bag_that_grows_gives_each_process_as_it_ends_and_none_twice() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = dir.path();
+    tight_sheet(folder);
+    let arguments = ["generate", "--out", "made", "--process", "load_rejection", "--rate", "20", "--spread", "off"];
+    let made = govtwin(folder, &[&arguments[..], &["--effect", "port_overlap=3e-4", "--duration", "120"]].concat());
+    assert_eq!(made.code, 0, "{}", made.stderr);
+    let bag = fs::read_dir(folder.join("made/load_rejection")).unwrap().map(|entry| entry.unwrap().path());
+    let bag = bag.into_iter().find(|path| path.extension().is_some_and(|suffix| suffix == "mcap")).unwrap();
+    let bytes = fs::read(&bag).unwrap();
+    // As `govtwin record` leaves it until it is whole: hidden, without metadata, cut off anywhere.
+    let growing = folder.join("unit/.today.unfinished");
+    fs::create_dir_all(&growing).unwrap();
+    fs::write(growing.join("today_0.mcap"), &bytes[..bytes.len() * 4 / 5]).unwrap();
+    let arguments = [
+        "watch",
+        "unit",
+        "--params",
+        "sheet.yaml",
+        "--only",
+        "port_overlap",
+        "--out",
+        "seen",
+        "--every",
+        "1",
+        "--settled",
+        "900",
+    ];
+    let mut watching = Command::new(env!("CARGO_BIN_EXE_govtwin"))
+        .current_dir(folder)
+        .args(arguments)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let begun = Instant::now();
+    while !folder.join("seen/history.jsonl").is_file() && begun.elapsed() < Duration::from_secs(120) {
+        std::thread::sleep(Duration::from_millis(200));
+    }
+    watching.kill().unwrap();
+    watching.wait().unwrap();
+    let early = lines(folder);
+    assert_eq!((early.len(), &early[0]["bag"]), (1, &"today".into()), "the process ended while the bag grew");
+    fs::write(growing.join("today_0.mcap"), &bytes).unwrap();
+    fs::rename(&growing, folder.join("unit/today")).unwrap();
+    let after = watch(folder, &[]);
+    assert_eq!(lines(folder)[..1], early, "{}", after.stderr);
+    let digests = |entries: &[serde_json::Value]| entries.iter().map(|one| one["digest"].clone()).collect::<Vec<_>>();
+    let grown = digests(&lines(folder));
+    fs::remove_dir_all(folder.join("seen")).unwrap();
+    watch(folder, &[]);
+    assert_eq!(digests(&lines(folder)), grown, "read at once it is the same");
+}
+
+#[test]
 fn slips_have_their_exit_codes_and_ways_out() {
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path();
