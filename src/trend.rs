@@ -5,7 +5,9 @@
 //! being how far the stated intervals are too narrow or too wide. u_i over the root mean square of those before it follows Student's distribution,
 //! and is turned into a standard normal z_i (Hawkins 1987, "Self-starting CUSUM charts for location and scale", *The Statistician* 36(4):299). The sums
 //!
-//!     S⁺ = max(0, S⁺ + z − k),   S⁻ = max(0, S⁻ − z − k),   k = ½
+//! ```text
+//! S⁺ = max(0, S⁺ + z − k),   S⁻ = max(0, S⁻ − z − k),   k = ½
+//! ```
 //!
 //! raise an alarm at h, which follows from the number of estimates between two false alarms that is wanted (Siegmund 1985, *Sequential Analysis*,
 //! section 2.6): one side lasts (e^{2k(h + 1.166)} − 2k(h + 1.166) − 1) / (2k²) estimates on average, both sides half as long. Growth that is slow
