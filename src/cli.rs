@@ -28,6 +28,8 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Measure a unit against the limits of an acceptance test, as it is and without each of its faults.
+    Accept(commands::accept::Args),
     /// Diagnose every unit of a folder, and score it where the truth is known.
     Blind(commands::blind::Args),
     /// Learn how far the diagnosis can trust its evidence, from judged units whose faults are known.
@@ -88,6 +90,8 @@ enum Command {
     /// Record from DDS into a bag (not in this build).
     #[cfg(not(feature = "node"))]
     Record(Absent),
+    /// Follow what a unit records, diagnose each process, and say when a fault has grown.
+    Watch(commands::watch::Args),
     /// Print what a shell needs to complete commands, options and values.
     Completions(commands::completions::Args),
     /// Print the manual page, or write one for each command.
@@ -118,6 +122,7 @@ fn absent(command: &str, feature: &str) -> anyhow::Result<Outcome> {
 /// Runs the command line; exit codes: 0 ok, 1 error, 2 usage, 3 finished with warnings.
 pub fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
+        Command::Accept(args) => commands::accept::run(&args),
         Command::Blind(args) => commands::blind::run(&args),
         Command::Calibrate(args) => commands::calibrate::run(&args),
         Command::Diagnose(args) => commands::diagnose::run(&args),
@@ -133,6 +138,7 @@ pub fn main() -> ExitCode {
         Command::Replay(args) => commands::replay::run(&args),
         Command::Sheet(args) => commands::sheet::run(&args),
         Command::Report(args) => commands::report::run(&args),
+        Command::Watch(args) => commands::watch::run(&args),
         Command::Completions(args) => commands::completions::run(&args, Cli::command()),
         Command::Man(args) => commands::man::run(&args, Cli::command()),
         #[cfg(not(feature = "residual"))]

@@ -1,5 +1,6 @@
 //! One file per command: its arguments, and what it does.
 
+pub mod accept;
 pub mod bags;
 pub mod blind;
 pub mod calibrate;
@@ -36,6 +37,7 @@ pub mod sheet;
 #[cfg(feature = "residual")]
 pub mod train;
 mod usage;
+pub mod watch;
 
 pub use usage::{Usage, expect, usage};
 

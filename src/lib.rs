@@ -101,6 +101,8 @@ pub mod residual;
 pub mod twin;
 
 // judgement
+#[doc(hidden)]
+pub mod acceptance;
 #[cfg(feature = "lab")]
 #[doc(hidden)]
 pub mod baselines;
@@ -116,8 +118,8 @@ pub mod comparison;
 #[doc(hidden)]
 pub mod diagnosis;
 #[doc(hidden)]
-#[doc(hidden)]
 pub mod fleet;
+#[doc(hidden)]
 pub mod generate;
 #[doc(hidden)]
 pub mod metrics;
@@ -128,7 +130,11 @@ pub mod report;
 #[doc(hidden)]
 pub mod sheet;
 #[doc(hidden)]
+pub mod trend;
+#[doc(hidden)]
 pub mod tuning;
+#[doc(hidden)]
+pub mod watch;
 
 // edges
 #[doc(hidden)]
@@ -144,6 +150,8 @@ pub mod msg;
 pub mod node;
 #[doc(hidden)]
 pub mod params;
+#[doc(hidden)]
+pub mod store;
 
 // A unit, and the data sheet that describes it.
 pub use effects::on_unit::EffectError;
@@ -203,5 +211,3 @@ pub mod sections {
         DistributingValve, ENTRIES, Entry, Esv, MainPorts, Oil, ProportionalValve, Regulator, Servomotor, entry,
     };
 }
-#[doc(hidden)]
-pub mod store;

@@ -21,6 +21,7 @@ mod consistency;
 mod error;
 #[cfg(feature = "lab")]
 pub mod labels;
+mod limits;
 mod merge;
 mod number;
 mod plate;
@@ -37,6 +38,7 @@ use crate::parameters::{ENTRIES, OwnEffect, Unit};
 
 pub use consistency::{Conflict, conflicts};
 pub use error::{ParamsError, Problem};
+pub use limits::{limits_template, load_limits};
 pub use number::{number_text, quantity_text, tolerance_text};
 pub use plate::{load_plate, plate_template, plate_value};
 pub use sheet::{Origin, SENSOR_ENTRIES, SensorEntry, Sheet, unit_digest};

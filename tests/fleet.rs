@@ -1,4 +1,5 @@
 //! `govtwin fleet`: nothing that lies in a source is lost, nothing is done twice, and what comes out does not depend on who did it.
+#![cfg(feature = "cli")]
 
 #[path = "cli/bags.rs"]
 mod bags;

@@ -47,6 +47,12 @@ fn date() -> String {
     jiff::Timestamp::from_second(seconds).map_or_else(|_| seconds.to_string(), |time| time.to_string())
 }
 
+/// A time of a recording, ns since 1970, UTC to the second.
+pub fn date_of(time_ns: i64) -> String {
+    let seconds = time_ns.div_euclid(1_000_000_000);
+    jiff::Timestamp::from_second(seconds).map_or_else(|_| seconds.to_string(), |time| time.to_string())
+}
+
 /// A file with its digest.
 pub fn file(path: &Path) -> anyhow::Result<FileUsed> {
     let reading = || format!("cannot read {}", path.display());

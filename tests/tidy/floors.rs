@@ -11,6 +11,7 @@ const FLOORS: &[(&str, &[&str])] = &[
     (
         "judgement",
         &[
+            "acceptance",
             "baselines",
             "battery",
             "blind",
@@ -22,7 +23,9 @@ const FLOORS: &[(&str, &[&str])] = &[
             "replay",
             "report",
             "sheet",
+            "trend",
             "tuning",
+            "watch",
         ],
     ),
     ("heart", &["twin"]),

@@ -20,6 +20,7 @@ const SYMBOLS: &[&str] = &["m", "m²", "m³", "s", "s²", "Pa", "N", "kg", "rad"
 /// Places whose numbers have no unit of their own.
 const ELSEWHERE: &[(&str, &str)] = &[
     ("src/msg.rs", "names are those of the messages, which state the units"),
+    ("src/acceptance/", "values are in the unit of the measure"),
     ("src/bag/channel.rs", "numbers of any channel, in the unit of its signal"),
     ("src/bag/evidence.rs", "numbers of any channel, in the unit of its signal"),
     ("src/import/", "values are in the unit that a map states for them"),
@@ -29,6 +30,8 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("src/blind/", "shares and means of what is counted; sizes in the unit of their effect"),
     ("src/fleet/", "sizes are in the unit that stands beside them, probabilities and sums have none"),
     ("src/diagnosis/", "residuals are in the unit of their signal, costs and likelihoods have none"),
+    ("src/trend.rs", "sizes are in the unit of their effect, distances in standard deviations"),
+    ("src/watch/", "sizes are in the unit of their effect"),
     ("src/tuning/", "residuals are in the unit of their signal, costs and positions of free parameters have none"),
     ("src/replay/", "errors are in the unit of what is compared"),
     ("src/commands/", "fields are flags, whose help names the unit"),

@@ -1,0 +1,270 @@
+//! The page of an acceptance report, which prints: limits and standings first, then what each fault costs, then how it was measured.
+
+mod pictures;
+
+use super::Measure;
+use super::limits::{Limit, Standing};
+use super::series::Series;
+use super::summary::{Asked, Figure, Subject, Summary, text};
+use crate::provenance::Provenance;
+use crate::report::draw::{DrawError, svg};
+use crate::report::page::{Blocks, KeyFigure, Page, Tone};
+use crate::report::table::{Table, significant};
+
+use pictures::{curves, response};
+
+/// Recordings that are drawn.
+const MOST_DRAWN: usize = 4;
+
+/// One recording as drawn: measured, and what the twins say.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Drawn {
+    /// As measured.
+    pub measured: Series,
+    /// The twin as found, where there is one.
+    pub found: Option<Series>,
+    /// The twin without all of the faults named, where there are any.
+    pub without: Option<Series>,
+}
+
+/// The page.
+///
+/// # Errors
+/// Where a picture cannot be drawn.
+pub fn page(summary: &Summary, drawn: &[Drawn]) -> Result<Page, DrawError> {
+    let made = summary.provenance.clone().unwrap_or_default();
+    let subtitle = match summary.limits.as_str() {
+        "" => made.unit.clone(),
+        limits => format!("{}, against {limits}", made.unit),
+    };
+    let mut page = Page::new("Acceptance: measures of the servo system", subtitle);
+    let body = &mut page.body;
+    body.lead(lead(summary));
+    let limited = summary.measures.iter().filter_map(|asked| Some((asked, asked.as_found.as_ref()?.standing?)));
+    body.key_figures(limited.take(6).map(|(asked, standing)| {
+        let figure = asked.as_found.as_ref();
+        let value = figure.and_then(|figure| figure.value).map_or("–".to_owned(), |value| text(value, kind(asked)));
+        KeyFigure::new(asked.title, value, "").hint(standing.word())
+    }));
+    for origin in made.origins() {
+        body.note(Tone::Plain, origin);
+    }
+    for warning in made.warnings.iter().take(5) {
+        body.note(Tone::Warning, warning.clone());
+    }
+    body.heading("Measures and limits");
+    body.table(
+        measures_table(summary),
+        "The unit as it is, with intervals that hold nine times in ten. It passes where the whole interval keeps the limit, fails where the whole \
+         interval breaks it. Recordings show a measure or, marked *, only the twin's standard test does.",
+    );
+    if !summary.verdict.is_empty() {
+        body.heading("Without each fault");
+        without(body, summary);
+    }
+    if !drawn.is_empty() {
+        body.heading("Recordings");
+        for one in drawn.iter().take(MOST_DRAWN) {
+            body.figure(svg(&curves(one))?, one.measured.name.clone());
+        }
+    }
+    if !summary.response.is_empty() || !summary.twin_response.is_empty() {
+        body.heading("Frequency response");
+        body.figure(svg(&response(summary))?, "Amplitude of the position over that of the command, and how far it lags, where the command excites it. Bands: nine times in ten.");
+    }
+    closing(body, summary, &made);
+    Ok(page)
+}
+
+fn kind(asked: &Asked) -> Measure {
+    Measure::find(asked.id).unwrap_or(Measure::DeadTime)
+}
+
+/// The one sentence to take away.
+fn lead(summary: &Summary) -> String {
+    let named = |wanted: Standing| {
+        let of = summary
+            .measures
+            .iter()
+            .filter(|asked| asked.as_found.as_ref().and_then(|figure| figure.standing) == Some(wanted));
+        of.map(|asked| asked.title).collect::<Vec<_>>().join(", ")
+    };
+    let head = match summary.standing {
+        None => "Measures without limits: give a file with --limits to judge them.".to_owned(),
+        Some(Standing::Passes) => "The unit keeps every limit.".to_owned(),
+        Some(Standing::Fails) => format!("The unit fails: {}.", named(Standing::Fails)),
+        Some(Standing::Undecided) => {
+            format!("Undecided: {}; the intervals hold values on both sides.", named(Standing::Undecided))
+        }
+        Some(Standing::NotMeasured) => {
+            format!("Not shown by these recordings: {}; the rest passes.", named(Standing::NotMeasured))
+        }
+    };
+    match summary.sentences.first() {
+        Some(first) => format!("{head} {first}"),
+        None => head,
+    }
+}
+
+/// The words of a limit.
+#[must_use]
+pub fn limit_text(limit: Option<&Limit>, measure: Measure) -> String {
+    match limit {
+        Some(Limit { min: Some(min), max: Some(max), .. }) => {
+            format!("{} to {}", text(*min, measure), text(*max, measure))
+        }
+        Some(Limit { max: Some(max), .. }) => format!("≤ {}", text(*max, measure)),
+        Some(Limit { min: Some(min), .. }) => format!("≥ {}", text(*min, measure)),
+        _ => String::new(),
+    }
+}
+
+fn value_text(figure: &Figure, measure: Measure) -> (String, String) {
+    let star = if figure.from == "standard test" { "*" } else { "" };
+    match (figure.value, figure.ci90) {
+        (Some(value), Some([low, high])) => {
+            (format!("{}{star}", text(value, measure)), format!("{} to {}", text(low, measure), text(high, measure)))
+        }
+        _ => ("–".to_owned(), String::new()),
+    }
+}
+
+/// The measures of the unit as it is, beside the limits.
+#[must_use]
+pub fn measures_table(summary: &Summary) -> Table {
+    let mut table = Table::new()
+        .words("measure")
+        .numbers("value")
+        .numbers("interval")
+        .numbers("limit")
+        .words("standing")
+        .words("limit of");
+    for (i, asked) in summary.measures.iter().enumerate() {
+        let measure = kind(asked);
+        let limit = limit_text(asked.limit.as_ref(), measure);
+        let source = asked.limit.as_ref().map(|limit| limit.source.clone()).unwrap_or_default();
+        let (value, interval) =
+            asked.as_found.as_ref().map_or(("–".to_owned(), String::new()), |figure| value_text(figure, measure));
+        let standing = asked.as_found.as_ref().and_then(|figure| figure.standing);
+        let note =
+            || summary.subjects.first().and_then(|subject| subject.figures.get(i)).map(|figure| figure.note.clone());
+        let words = match standing {
+            Some(standing) => standing.word().to_owned(),
+            None if value == "–" => note().unwrap_or_default(),
+            None => String::new(),
+        };
+        let cells = [asked.title.to_owned(), value, interval, limit, words, source];
+        if standing == Some(Standing::Fails) { table.strong_row(cells) } else { table.row(cells) }
+    }
+    table
+}
+
+/// What each fault costs: the unit as it is beside the unit without it.
+#[must_use]
+pub fn without_table(summary: &Summary) -> Option<Table> {
+    let units: Vec<&Subject> =
+        summary.subjects.iter().filter(|subject| subject.name.starts_with("unit without")).collect();
+    if units.is_empty() {
+        return None;
+    }
+    let mut table = Table::new().words("measure").numbers("as it is").numbers("limit");
+    for unit in &units {
+        let of = unit.name.trim_start_matches("unit ").to_owned();
+        table = table.numbers_of(of.clone(), "value").numbers_of(of.clone(), "interval").numbers_of(of, "standing");
+    }
+    for (i, asked) in summary.measures.iter().enumerate() {
+        let measure = kind(asked);
+        let before = asked.as_found.as_ref().map_or("–".to_owned(), |figure| value_text(figure, measure).0);
+        let mut cells = vec![asked.title.to_owned(), before, limit_text(asked.limit.as_ref(), measure)];
+        for unit in &units {
+            let (value, interval) = value_text(&unit.figures[i], measure);
+            let standing = unit.figures[i].standing.map_or("", Standing::word).to_owned();
+            cells.extend([value, interval, standing]);
+        }
+        table.row(cells);
+    }
+    Some(table)
+}
+
+fn without(body: &mut Blocks, summary: &Summary) {
+    match without_table(summary) {
+        None => body.paragraph(format!(
+            "The diagnosis names no fault (verdict: {}), so there is none to take out.",
+            summary.verdict
+        )),
+        Some(table) => {
+            if summary.sentences.is_empty() {
+                body.paragraph("Taking out the faults named changes no measure by more than its interval.");
+            }
+            for sentence in &summary.sentences {
+                body.paragraph(sentence.clone());
+            }
+            if summary.verdict == "class" {
+                body.note(
+                    Tone::Warning,
+                    "The diagnosis could not tell a few faults apart; the most probable of them stands for all here.",
+                );
+            }
+            body.table(
+                table,
+                "The unit is expected at what was measured, plus the twin without the fault less the twin as found. Intervals hold the measurement, \
+                 the sizes of the faults and the twin's own error. *: by the twin's standard test alone.",
+            );
+        }
+    }
+    let mut inner = Blocks::new();
+    let twins: Vec<&Subject> =
+        summary.subjects.iter().filter(|subject| !subject.name.starts_with("unit without")).collect();
+    let mut table = Table::new().words("measure");
+    for twin in &twins {
+        table = table.numbers_of(twin.name.clone(), "value").numbers_of(twin.name.clone(), "interval");
+    }
+    for (i, asked) in summary.measures.iter().enumerate() {
+        let cells = twins.iter().flat_map(|twin| {
+            let (value, interval) = value_text(&twin.figures[i], kind(asked));
+            [value.trim_end_matches('*').to_owned(), interval]
+        });
+        table.row(std::iter::once(asked.title.to_owned()).chain(cells));
+    }
+    inner.table(table, "Measured, beside the twins: along the recordings, and through the standard tests.");
+    body.details("What the twins themselves measure", inner);
+}
+
+fn closing(body: &mut Blocks, summary: &Summary, made: &Provenance) {
+    body.heading("How it was measured");
+    let events = summary.subjects.first().map(|subject| &subject.figures);
+    let mut table = Table::new().words("measure").words("definition").numbers("from");
+    for (i, asked) in summary.measures.iter().enumerate() {
+        let figure = events.and_then(|figures| figures.get(i));
+        let from = figure.map_or(0, |figure| figure.events);
+        let what = if from == 0 {
+            figure.map(|figure| figure.note.clone()).unwrap_or_default()
+        } else {
+            format!("{from} events or stretches")
+        };
+        table.row([asked.title.to_owned(), asked.definition.to_owned(), what]);
+    }
+    body.table(table, "IEC 60308, IEEE 125 and ASME PTC 29 name such measures; how they are computed here is this column, and no clause is claimed.");
+    if !summary.response.is_empty() {
+        let mut table = Table::new()
+            .numbers("frequency, Hz")
+            .numbers("gain")
+            .numbers("±")
+            .numbers("phase, °")
+            .numbers("±")
+            .numbers("coherence");
+        for one in &summary.response {
+            table.row(
+                [one.frequency_hz, one.gain, one.gain_half, one.phase_deg, one.phase_half_deg, one.coherence]
+                    .map(|value| significant(value, 3)),
+            );
+        }
+        let mut inner = Blocks::new();
+        inner.table(table, "As measured.");
+        body.details("Frequency response in figures", inner);
+    }
+    let mut inner = Blocks::new();
+    inner.facts(made.facts());
+    body.details("What this report was made from", inner);
+    body.facts([("measured by", " "), ("accepted by", " "), ("date and signature", " ")]);
+}

@@ -1,0 +1,72 @@
+//! Pictures of an acceptance report: recordings with their twins, and the frequency response.
+
+use super::Drawn;
+use crate::acceptance::series::Series;
+use crate::acceptance::summary::Summary;
+use crate::report::ink::Ink;
+use crate::report::picture::{Panel, Picture};
+
+/// Command and position of a recording, with the twins.
+pub(super) fn curves(one: &Drawn) -> Picture {
+    let points = |series: &Series, values: &[f64]| {
+        series.time_s.iter().zip(values).map(|(t, y)| [*t, 100.0 * y]).collect::<Vec<_>>()
+    };
+    let errors = |series: &Series| {
+        (0..series.len()).map(|i| [series.time_s[i], -100.0 * series.error_pu(i)]).collect::<Vec<_>>()
+    };
+    let measured = &one.measured;
+    let mut position = Panel::new("Servomotor position, %")
+        .line(Ink::Command, "command", points(measured, &measured.command_pu))
+        .thick_line(Ink::Measured, "measured", points(measured, &measured.position_pu));
+    let mut error = Panel::new("Position less command, %")
+        .height(110)
+        .thick_line(Ink::Measured, "", errors(measured))
+        .x_name("time, s");
+    for (ink, label, series) in
+        [(Ink::Simulated, "twin as found", &one.found), (Ink::Good, "twin without the faults", &one.without)]
+    {
+        if let Some(series) = series {
+            position = position.line(ink, label, points(series, &series.position_pu));
+            error = error.line(ink, "", errors(series));
+        }
+    }
+    Picture::stacked(format!("Command and position of {}", measured.name), vec![position, error])
+}
+
+/// Gain and phase over frequency.
+pub(super) fn response(summary: &Summary) -> Picture {
+    let mut gain = Panel::new("Gain").x_name("frequency, Hz (log10)");
+    let mut phase = Panel::new("Phase, °").x_name("frequency, Hz (log10)");
+    for (ink, label, all) in [
+        (Ink::Measured, "measured", &summary.response),
+        (Ink::Simulated, "twin, standard test", &summary.twin_response),
+    ] {
+        if all.is_empty() {
+            continue;
+        }
+        let x = |hz: f64| hz.log10();
+        gain = gain
+            .band(
+                ink,
+                "",
+                all.iter()
+                    .map(|one| [x(one.frequency_hz), one.gain - one.gain_half, one.gain + one.gain_half])
+                    .collect(),
+            )
+            .line(ink, label, all.iter().map(|one| [x(one.frequency_hz), one.gain]).collect())
+            .dots(ink, "", all.iter().map(|one| [x(one.frequency_hz), one.gain]).collect());
+        phase = phase
+            .band(
+                ink,
+                "",
+                all.iter()
+                    .map(|one| {
+                        [x(one.frequency_hz), one.phase_deg - one.phase_half_deg, one.phase_deg + one.phase_half_deg]
+                    })
+                    .collect(),
+            )
+            .line(ink, label, all.iter().map(|one| [x(one.frequency_hz), one.phase_deg]).collect())
+            .dots(ink, "", all.iter().map(|one| [x(one.frequency_hz), one.phase_deg]).collect());
+    }
+    Picture::grid("Frequency response from command to position", 2, vec![gain, phase])
+}

@@ -1,0 +1,212 @@
+//! `govtwin accept`: measures of a servo system beside limits, as it is and without each of its faults.
+
+mod faults;
+
+use std::path::PathBuf;
+
+use anyhow::bail;
+use govtwin::acceptance::counterfactual::{self, Compared};
+use govtwin::acceptance::limits::{Limits, Standing};
+use govtwin::acceptance::page::{Drawn, measures_table, page, without_table};
+use govtwin::acceptance::series::Series;
+use govtwin::acceptance::summary::{Diagnosed, Summary, csv, summarise};
+use govtwin::parameters::Unit;
+use govtwin::params;
+use govtwin::provenance::Provenance;
+use govtwin::recording::Recording;
+use govtwin::replay::simulate;
+use govtwin::twin::Twin;
+
+use super::bags::{self, MapArgs, Recordings, TopicArgs};
+use super::output::{Output, Progress, print, table_text, warn};
+use super::provenance;
+use crate::commands::Outcome;
+use faults::Faults;
+
+/// The files.
+const NAMES: [&str; 3] = ["acceptance.json", "acceptance.csv", "acceptance.html"];
+
+/// Arguments of `govtwin accept`.
+#[derive(Debug, clap::Args)]
+#[command(after_long_help = HELP)]
+pub struct Args {
+    /// Recordings of one unit: bags, bag folders, or folders that hold them.
+    #[arg(value_name = "BAG", required_unless_present = "template")]
+    bags: Vec<PathBuf>,
+    #[command(flatten)]
+    topics: TopicArgs,
+    #[command(flatten)]
+    map: MapArgs,
+    /// What the unit must keep; `--template` prints such a file. Without it measures are shown and nothing is judged.
+    #[arg(long, value_name = "FILE")]
+    limits: Option<PathBuf>,
+    /// The unit's data sheet; without it the shipped reference unit.
+    #[arg(long, value_name = "FILE")]
+    params: Option<PathBuf>,
+    /// A diagnosis of the unit: the folder of `govtwin diagnose`, with report.json and fitted.yaml. Without it the recordings are diagnosed anew.
+    #[arg(long, value_name = "DIR", conflicts_with = "measure_only")]
+    diagnosis: Option<PathBuf>,
+    /// Measure the recordings alone: no diagnosis, no twin.
+    #[arg(long)]
+    measure_only: bool,
+    /// Print a limits file to fill in: every measure with how it is computed.
+    #[arg(long, conflicts_with_all = ["bags", "limits", "out"])]
+    template: bool,
+    /// Folder for acceptance.html, acceptance.json and acceptance.csv [default: acceptance/UNIT, UNIT being the folder that holds the recordings,
+    /// or the one recording]. Files of an earlier report there are replaced.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Print JSON instead of tables: what DIR/acceptance.json holds.
+    #[arg(long)]
+    json: bool,
+}
+
+const HELP: &str = "\
+Measures dead time, dead band, hysteresis, opening and closing times, cushion time, overshoot, settling time, tracking error and frequency
+response, each with an interval that holds nine times in ten, from command and position alone. Then takes each fault that the diagnosis names
+out of the twin and says what the unit would measure without it:
+  Without backlash the dead time falls from 0.174 s to 0.108 s (0.0471 s to 0.168 s): passes.
+What the recordings do not show (nobody opens a running unit at its full rate) is measured on the twin in simulated tests, and marked so.
+
+A measure passes where its whole interval keeps the limit, fails where its whole interval breaks it, and is undecided in between.
+The page prints to PDF from any browser. docs/acceptance.md explains the measures.
+
+Examples:
+  govtwin accept --template > limits.yaml
+  govtwin accept bags/practice/case_03 --limits limits.yaml
+  govtwin accept RUN --limits limits.yaml --params unit3.yaml --diagnosis diagnosis/unit3
+  govtwin accept RUN --measure-only --json | jq '.measures[] | {id, as_found}'
+
+Exit codes: 0 every limit is kept, or there is none; 1 not possible; 2 wrong usage; 3 a limit is broken, undecided or not shown, or there are warnings.";
+
+/// Runs the command.
+pub fn run(args: &Args) -> anyhow::Result<Outcome> {
+    if args.template {
+        print(&params::limits_template())?;
+        return Ok(Outcome::Ok);
+    }
+    let limits = args.limits.as_ref().map(|path| params::load_limits(path)).transpose()?.unwrap_or_default();
+    let sheet = match &args.params {
+        Some(path) => params::load_sheet(path)?,
+        None => params::reference_sheet(),
+    };
+    let name = provenance::unit_of(&args.bags);
+    let out = args.out.clone().unwrap_or_else(|| PathBuf::from("acceptance").join(&name));
+    let output = Output::claim(&out, &NAMES)?;
+    let known = args.diagnosis.as_ref().map(|folder| Faults::load(folder)).transpose()?;
+    let mut made = provenance::new("accept", &sheet, None)?;
+    let mapped = args.map.open(&args.bags)?;
+    let topics = args.topics.topics();
+    let Recordings { recordings, mut warnings, read } = bags::read(&mapped.paths, &topics, &sheet.unit)?;
+    warnings.splice(0..0, mapped.warnings.iter().cloned());
+    made.recordings = provenance::inputs(&read, &mapped);
+    made.unit = name;
+    if !recordings.iter().any(|recording| Series::measured(recording).is_some()) {
+        bail!(
+            "no recording holds an opening command and a servomotor position in 20 samples or more, which every measure takes; `govtwin info BAG` \
+             says what is in a bag"
+        );
+    }
+    let faults = match known {
+        _ if args.measure_only => None,
+        Some(known) => {
+            warnings.extend(known.doubt(&made));
+            Some(known)
+        }
+        None => Some(Faults::diagnose(&recordings, &sheet.unit)?),
+    };
+    let (summary, drawn) = judge(&recordings, faults.as_ref(), &limits, &sheet.unit);
+    warnings.extend(faults.iter().flat_map(|faults| faults.notes.clone()));
+    describe(&mut made, args, &warnings)?;
+    let summary = Summary { provenance: Some(made), ..summary };
+    write(output, &summary, &drawn)?;
+    if args.json {
+        print(&(serde_json::to_string_pretty(&summary)? + "\n"))?;
+    } else {
+        print(&text(&summary))?;
+        print(&format!("\nreport: {}\n", out.join("acceptance.html").display()))?;
+    }
+    for warning in &warnings {
+        warn(warning);
+    }
+    let kept = matches!(summary.standing, None | Some(Standing::Passes));
+    Ok(if kept && warnings.is_empty() { Outcome::Ok } else { Outcome::Warnings })
+}
+
+/// Measures recordings and twins, and holds them against the limits.
+fn judge(recordings: &[Recording], faults: Option<&Faults>, limits: &Limits, sheet: &Unit) -> (Summary, Vec<Drawn>) {
+    let Some(faults) = faults else {
+        // The sheet's twin stands in where nothing is compared with it; none of its figures are shown.
+        let compared = counterfactual::measured_alone(recordings);
+        let drawn = draw(recordings, None, &[]);
+        return (summarise(&compared, &Diagnosed::default(), limits), drawn);
+    };
+    let named: Vec<String> = faults.named.clone();
+    let unit = Unit { recorded: sheet.recorded, ..faults.unit.clone() };
+    let progress = Progress::new(counterfactual::simulations(&unit, &named, &faults.sizes), "twins measured");
+    let compared: Compared = counterfactual::compare(recordings, &unit, &named, &faults.sizes, &|| progress.step());
+    drop(progress);
+    let diagnosed = Diagnosed { verdict: faults.verdict.clone(), faults: named.clone() };
+    let drawn = draw(recordings, Some(&unit), &named);
+    (summarise(&compared, &diagnosed, limits), drawn)
+}
+
+/// The recordings as the page draws them.
+fn draw(recordings: &[Recording], unit: Option<&Unit>, named: &[String]) -> Vec<Drawn> {
+    let twin =
+        |unit: &Unit, recording: &Recording| Series::simulated(recording, &simulate(&mut Twin::new(unit), recording));
+    let of = |recording: &Recording| {
+        let bare = unit.filter(|_| !named.is_empty()).map(|unit| counterfactual::without(unit, named));
+        Some(Drawn {
+            measured: Series::measured(recording)?,
+            found: unit.and_then(|unit| twin(unit, recording)),
+            without: bare.and_then(|unit| twin(&unit, recording)),
+        })
+    };
+    recordings.iter().filter_map(of).take(4).collect()
+}
+
+fn describe(made: &mut Provenance, args: &Args, warnings: &[String]) -> anyhow::Result<()> {
+    made.warnings = warnings.to_vec();
+    if let Some(path) = &args.limits {
+        made.options.insert("limits".to_owned(), provenance::file(path)?.to_string());
+    }
+    if let Some(folder) = &args.diagnosis {
+        made.options.insert("diagnosis".to_owned(), provenance::file(&folder.join(faults::REPORT))?.to_string());
+    }
+    if args.measure_only {
+        made.options.insert("measure-only".to_owned(), "given".to_owned());
+    }
+    provenance::options(&args.topics, &args.map, made)
+}
+
+fn write(mut output: Output, summary: &Summary, drawn: &[Drawn]) -> anyhow::Result<()> {
+    output.add("acceptance.html", page(summary, drawn)?.to_html().as_bytes())?;
+    output.add("acceptance.csv", csv(summary).as_bytes())?;
+    output.add_json("acceptance.json", summary)?;
+    output.place()
+}
+
+fn text(summary: &Summary) -> String {
+    let mut text = table_text(&measures_table(summary));
+    if summary.measures.iter().any(|asked| asked.as_found.as_ref().is_some_and(|figure| figure.from == "standard test"))
+    {
+        text += "* by the twin's simulated test; the recordings do not show it.\n";
+    }
+    if let Some(table) = without_table(summary) {
+        text += &format!("\n{}", table_text(&table));
+    }
+    for sentence in &summary.sentences {
+        text += &format!("\n{sentence}");
+    }
+    if !summary.verdict.is_empty() && summary.faults.is_empty() {
+        text += &format!("\nThe diagnosis names no fault ({}), so there is none to take out.", summary.verdict);
+    }
+    for origin in summary.provenance.iter().flat_map(Provenance::origins) {
+        text += &format!("\n{origin}");
+    }
+    if !text.ends_with('\n') {
+        text.push('\n');
+    }
+    text
+}

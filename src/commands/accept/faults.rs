@@ -1,0 +1,97 @@
+//! The faults of a unit and the twin that has them: of a diagnosis that is there, or of a fresh one.
+
+use std::path::Path;
+
+use anyhow::{Context, bail};
+use govtwin::acceptance::counterfactual::Size;
+use govtwin::diagnosis::result::{Blame, Verdict};
+use govtwin::diagnosis::{Settings, diagnose, schema};
+use govtwin::effects::find_in;
+use govtwin::files::read_text;
+use govtwin::parameters::Unit;
+use govtwin::params;
+use govtwin::provenance::Provenance;
+use govtwin::recording::Recording;
+
+use crate::commands::output::Progress;
+use crate::commands::report_file::{self, LARGEST_BYTES};
+
+/// The machine-readable report of a diagnosis.
+pub const REPORT: &str = "report.json";
+/// The twin with what it names.
+const FITTED: &str = "fitted.yaml";
+
+/// What a diagnosis found.
+#[derive(Debug)]
+pub struct Faults {
+    /// The verdict's word.
+    pub verdict: String,
+    /// The effects that it names, as far as the twin has them.
+    pub named: Vec<String>,
+    /// How far their sizes are known.
+    pub sizes: Vec<Size>,
+    /// The twin with them.
+    pub unit: Unit,
+    /// What a reader must know.
+    pub notes: Vec<String>,
+    /// What the diagnosis was made from, where it is not of this very run.
+    made: Option<Provenance>,
+}
+
+impl Faults {
+    /// Of the folder that `govtwin diagnose` wrote.
+    pub fn load(folder: &Path) -> anyhow::Result<Self> {
+        let report = folder.join(REPORT);
+        if !report.is_file() {
+            bail!(
+                "--diagnosis: expected the folder of a diagnosis, found no {}; `govtwin diagnose BAG… --out DIR` makes one",
+                report.display()
+            );
+        }
+        let shown = report.display();
+        let text = read_text(&report, LARGEST_BYTES).with_context(|| format!("cannot read {shown}"))?;
+        let value: serde_json::Value = serde_json::from_str(&text).with_context(|| shown.to_string())?;
+        let diagnosis = schema::read::read(&value).with_context(|| shown.to_string())?;
+        let unit = params::load(&folder.join(FITTED))?;
+        let made = report_file::provenance(&report)?;
+        Ok(Self::of(diagnosis.verdict, &diagnosis.blamed, unit, vec![], made))
+    }
+
+    /// Of a fresh diagnosis.
+    pub fn diagnose(recordings: &[Recording], sheet: &Unit) -> anyhow::Result<Self> {
+        let progress = Progress::new(100, "%");
+        let settings = Settings::default();
+        let diagnosis = diagnose(recordings.to_vec(), sheet, &settings, &|what, share| progress.at(share, what))?;
+        drop(progress);
+        Ok(Self::of(diagnosis.verdict, &diagnosis.blamed, diagnosis.fitted, diagnosis.notes, None))
+    }
+
+    fn of(verdict: Verdict, blamed: &[Blame], unit: Unit, notes: Vec<String>, made: Option<Provenance>) -> Self {
+        let has = |id: &str| unit.effects.iter().any(|setting| setting.id == id);
+        let named: Vec<String> = blamed.iter().map(|blame| blame.id.clone()).filter(|id| has(id)).collect();
+        let mut sizes = vec![];
+        for blame in blamed.iter().filter(|blame| has(&blame.id)) {
+            let Some(spec) = find_in(&unit, &blame.id) else { continue };
+            for (parameter, known) in spec.parameters.iter().enumerate() {
+                let is_it = |name: &str| name == known.name || name.ends_with(&format!(".{}", known.name));
+                let fitted = blame.parameters.iter().find(|fitted| is_it(&fitted.name));
+                let Some(value) = fitted.map(|fitted| fitted.value) else { continue };
+                let ends = [value.low, value.high].map(|end| end.clamp(known.min, known.max));
+                if ends.iter().all(|end| end.is_finite()) {
+                    sizes.push(Size { effect: blame.id.clone(), parameter, ends });
+                }
+            }
+        }
+        Self { verdict: verdict.id().to_owned(), named, sizes, unit, notes, made }
+    }
+
+    /// What to say where the diagnosis is of other recordings than these.
+    pub fn doubt(&self, made: &Provenance) -> Option<String> {
+        let there = self.made.as_ref()?;
+        let (old, new) = (there.digests(), made.digests());
+        let shared = old.iter().any(|digest| new.contains(digest));
+        (!shared).then(|| {
+            format!("the diagnosis is of `{}`, of other recordings than these; is it of the same unit?", there.unit)
+        })
+    }
+}

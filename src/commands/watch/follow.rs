@@ -1,0 +1,161 @@
+//! Following bags: which have come, which have grown, and the processes in them.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use govtwin::bag::{self, Interpolation, Positions, ReadOptions, Rows, Stream, Topics};
+use govtwin::frame::Frame;
+use govtwin::parameters::Unit;
+use govtwin::watch::cut::{Cut, Cutter};
+
+use crate::commands::bags::{self, is_bag_folder};
+
+/// Time between rows, ns: the twin's own tick.
+const TICK_NS: i64 = 1_000_000;
+
+/// What is known of a bag.
+#[derive(Clone, Copy, Debug)]
+struct Seen {
+    bytes: u64,
+    since: Instant,
+    /// Read at this size; and whether it counted as ended then.
+    read: Option<(u64, bool)>,
+}
+
+/// Bags that come and grow.
+pub struct Follower {
+    paths: Vec<PathBuf>,
+    options: ReadOptions,
+    settled: Duration,
+    seen: BTreeMap<PathBuf, Seen>,
+}
+
+/// Cuts rows, as they come from a bag, into processes.
+#[derive(Default)]
+struct Cutting {
+    cutter: Cutter,
+    cuts: Vec<Cut>,
+}
+
+impl Rows for Cutting {
+    fn restart(&mut self) {
+        *self = Self::default();
+    }
+
+    fn row(&mut self, frame: &Frame) {
+        self.cuts.extend(self.cutter.row(frame));
+    }
+}
+
+/// Whether there is something at a path, or something is being recorded that will stand there.
+pub fn may_come(path: &Path) -> bool {
+    path.exists() || unfinished(path).is_dir()
+}
+
+/// Where `govtwin record` writes a bag until it is whole.
+fn unfinished(path: &Path) -> PathBuf {
+    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
+    path.with_file_name(format!(".{name}.unfinished"))
+}
+
+fn is_unfinished(path: &Path) -> bool {
+    path.file_name().is_some_and(|name| name.to_string_lossy().ends_with(".unfinished"))
+}
+
+impl Follower {
+    /// Nothing was seen yet.
+    pub fn new(paths: &[PathBuf], topics: Topics, unit: &Unit, settled_s: u64) -> Self {
+        let options = ReadOptions {
+            positions: Positions::of(unit.recorded),
+            topics,
+            interpolation: Interpolation::Sharp { period_ns: TICK_NS },
+            required: vec![Stream::ServoState],
+        };
+        Self { paths: paths.to_vec(), options, settled: Duration::from_secs(settled_s), seen: BTreeMap::new() }
+    }
+
+    /// Hands on the processes in all bags that came or grew; says what could not be read. Where this look is the only one, what is there has ended.
+    #[expect(clippy::disallowed_methods, reason = "a bag that has not grown for a while has ended")]
+    pub fn look(
+        &mut self,
+        only_look: bool,
+        take: &mut dyn FnMut(&str, Cut) -> anyhow::Result<()>,
+    ) -> anyhow::Result<Vec<String>> {
+        let mut troubles = vec![];
+        let now = Instant::now();
+        for path in self.bags() {
+            let bytes = bytes_of(&path);
+            let seen = self.seen.entry(path.clone()).or_insert(Seen { bytes, since: now, read: None });
+            if seen.bytes != bytes {
+                (seen.bytes, seen.since) = (bytes, now);
+            }
+            // A bag folder gets its metadata, and its name, once it is whole.
+            let whole = is_bag_folder(&path) && !is_unfinished(&path);
+            let ended = only_look || whole || now.duration_since(seen.since) >= self.settled;
+            if bytes == 0 || seen.read == Some((bytes, ended)) || seen.read == Some((bytes, true)) {
+                continue;
+            }
+            seen.read = Some((bytes, ended));
+            let name = shown(&path);
+            let mut cutting = Cutting::default();
+            match bag::read_rows(&path, &self.options, &mut cutting) {
+                Ok(_) => {
+                    if ended {
+                        cutting.cuts.extend(cutting.cutter.end());
+                    }
+                    for cut in cutting.cuts {
+                        take(&name, cut)?;
+                    }
+                }
+                // One that is being written may lack anything.
+                Err(_) if !ended => {}
+                Err(error) => troubles.push(format!("{error} (left out)")),
+            }
+        }
+        Ok(troubles)
+    }
+
+    /// All bags that are there by now, in the order of their names; what is being recorded among them.
+    fn bags(&self) -> Vec<PathBuf> {
+        let mut all = vec![];
+        for path in &self.paths {
+            if path.is_dir() && !is_bag_folder(path) {
+                // A folder without bags may get some.
+                let found = bags::find(std::slice::from_ref(path)).unwrap_or_default();
+                all.extend(found.into_iter().map(|bag| bag.path));
+                let hidden = path.read_dir().into_iter().flatten().flatten().map(|entry| entry.path());
+                let mut hidden: Vec<PathBuf> = hidden.filter(|path| path.is_dir() && is_unfinished(path)).collect();
+                hidden.sort();
+                all.extend(hidden);
+            } else if path.exists() {
+                all.push(path.clone());
+            } else {
+                all.extend(Some(unfinished(path)).filter(|path| path.is_dir()));
+            }
+        }
+        all
+    }
+}
+
+/// What to call a bag: its name, that of an unfinished one without its dress.
+fn shown(path: &Path) -> String {
+    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+    match name.strip_prefix('.').and_then(|name| name.strip_suffix(".unfinished")) {
+        Some(bare) => bare.to_owned(),
+        None => name,
+    }
+}
+
+/// Bytes of a file, or of all files of a folder.
+fn bytes_of(path: &Path) -> u64 {
+    let size = |path: &Path| path.metadata().map_or(0, |data| data.len());
+    if !path.is_dir() {
+        return size(path);
+    }
+    let entries = path.read_dir().into_iter().flatten().flatten().map(|entry| entry.path());
+    entries
+        .filter(|path| path.is_file() && path.file_name().is_some_and(|name| name != "metadata.yaml"))
+        .map(|path| size(&path))
+        .sum()
+}

@@ -1,0 +1,191 @@
+//! Whether a size that is estimated again and again has moved: a self-starting cumulative sum, with a stated rate of false alarms.
+//!
+//! Of each estimate x_i with standard deviation s_i the distance from the weighted mean of all estimates before it is taken, over what both are
+//! known by: u_i = (x_i − m_{i−1}) / √(s_i² + 1/Σ s_j⁻²). Where nothing moves these recursive residuals are independent, with one variance R², R
+//! being how far the stated intervals are too narrow or too wide. u_i over the root mean square of those before it follows Student's distribution,
+//! and is turned into a standard normal z_i (Hawkins 1987, "Self-starting CUSUM charts for location and scale", *The Statistician* 36(4):299). The sums
+//!
+//! ```text
+//! S⁺ = max(0, S⁺ + z − k),   S⁻ = max(0, S⁻ − z − k),   k = ½
+//! ```
+//!
+//! raise an alarm at h, which follows from the number of estimates between two false alarms that is wanted (Siegmund 1985, *Sequential Analysis*,
+//! section 2.6): one side lasts (e^{2k(h + 1.166)} − 2k(h + 1.166) − 1) / (2k²) estimates on average, both sides half as long. Growth that is slow
+//! against the distance of the estimates drags the mean along and is seen later than a jump.
+
+use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
+
+/// Shift that is not counted, standard deviations: half of the smallest shift that is to be seen soon.
+const ALLOWANCE: f64 = 0.5;
+/// What a sum goes beyond its limit on average (Siegmund's correction), standard deviations.
+const BEYOND: f64 = 1.166;
+/// Half-width of an interval of nine in ten, standard deviations.
+const NORMAL_90: f64 = 1.645;
+/// Estimates that only set mean and scatter.
+const FIRST: usize = 3;
+/// A z beyond this says no more than this: one wild estimate alone raises no alarm.
+const LARGEST_Z: f64 = 4.0;
+
+/// One estimate of a size.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimate {
+    /// The size, in its own unit.
+    pub size: f64,
+    /// Lower end of its interval of nine in ten, in its own unit.
+    pub low: f64,
+    /// Upper end, in its own unit.
+    pub high: f64,
+}
+
+/// The chart after an estimate.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Point {
+    /// Distance from the mean of the estimates before, as a standard normal number; 0 while too few are known.
+    pub z: f64,
+    /// Sum for growth, standard deviations.
+    pub growth: f64,
+    /// Sum for shrinkage, standard deviations.
+    pub shrinkage: f64,
+    /// Mean of the estimates before it, in the size's own unit.
+    pub mean: f64,
+    /// Whether a sum is at its limit or beyond.
+    pub alarm: bool,
+    /// Index of the estimate with which the movement began, where there is an alarm.
+    pub since: Option<usize>,
+}
+
+/// The limit of both sums for so many estimates between two false alarms.
+#[must_use]
+pub fn limit(between_false_alarms: f64) -> f64 {
+    let lasts = |limit: f64| {
+        let exponent = 2.0 * ALLOWANCE * (limit + BEYOND);
+        0.5 * (exponent.exp() - exponent - 1.0) / (2.0 * ALLOWANCE * ALLOWANCE)
+    };
+    let (mut low, mut high) = (0.0, 60.0);
+    for _ in 0..80 {
+        let middle = 0.5 * (low + high);
+        if lasts(middle) < between_false_alarms { low = middle } else { high = middle }
+    }
+    high
+}
+
+/// The chart of estimates in their order, with so many of them between two false alarms where nothing moves.
+#[must_use]
+pub fn chart(estimates: &[Estimate], between_false_alarms: f64) -> Vec<Point> {
+    let limit = limit(between_false_alarms);
+    let (mut weight, mut weighted, mut squares, mut freedom) = (0.0, 0.0, 0.0, 0_u32);
+    let (mut up, mut down) = (0.0_f64, 0.0_f64);
+    let (mut up_since, mut down_since) = (None, None);
+    let mut points: Vec<Point> = Vec::with_capacity(estimates.len());
+    for (i, one) in estimates.iter().enumerate() {
+        let sd = ((one.high - one.low) / (2.0 * NORMAL_90)).max(1e-6 * one.size.abs()).max(1e-15);
+        let moved = points.last().is_some_and(|point| point.alarm);
+        let mean = if weight > 0.0 { weighted / weight } else { one.size };
+        let mut z = 0.0;
+        if weight > 0.0 {
+            let residual = (one.size - mean) / (sd * sd + 1.0 / weight).sqrt();
+            if i >= FIRST {
+                z = normal(residual / (squares / f64::from(freedom)).sqrt().max(1e-9), freedom);
+            }
+            // What has moved is no part of where it stood.
+            if !moved {
+                squares += residual * residual;
+                freedom += 1;
+            }
+        }
+        if !moved {
+            weight += 1.0 / (sd * sd);
+            weighted += one.size / (sd * sd);
+        }
+        let step = |sum: f64, z: f64, since: &mut Option<usize>| {
+            let next = (sum + z - ALLOWANCE).max(0.0);
+            *since = if next > 0.0 { since.or(Some(i)) } else { None };
+            next
+        };
+        up = step(up, z, &mut up_since);
+        down = step(down, -z, &mut down_since);
+        let alarm = up.max(down) >= limit;
+        let since = if up >= down { up_since } else { down_since };
+        let since = since.filter(|_| alarm);
+        points.push(Point { z, growth: up, shrinkage: down, mean, alarm, since });
+    }
+    points
+}
+
+/// A number of Student's distribution as the standard normal number with the same share below it.
+fn normal(t: f64, freedom: u32) -> f64 {
+    let student = StudentsT::new(0.0, 1.0, f64::from(freedom.max(1)));
+    // The upper tail keeps its digits where it is looked at from below.
+    let share = student.map_or(0.5, |student| student.cdf(-t.abs()));
+    let z = Normal::new(0.0, 1.0).map_or(0.0, |normal| -normal.inverse_cdf(share.max(1e-12)));
+    z.min(LARGEST_Z) * t.signum()
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt as _, SeedableRng as _};
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::{Distribution as _, Normal};
+
+    use super::{Estimate, Point, chart, limit};
+
+    /// Estimates of a size that moves as told, with intervals that are `stated` times as wide as they should be.
+    fn estimates(seed: u64, count: usize, stated: f64, size: impl Fn(usize) -> f64) -> Vec<Estimate> {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let normal = Normal::new(0.0, 1.0).unwrap();
+        let of = |i: usize| {
+            let sd = 0.05 * rng.random_range(0.5..2.0);
+            let size = size(i) + sd * normal.sample(&mut rng);
+            let half = 1.645 * sd * stated;
+            Estimate { size, low: size - half, high: size + half }
+        };
+        (0..count).map(of).collect()
+    }
+
+    fn first_alarm(points: &[Point]) -> Option<usize> {
+        points.iter().position(|point| point.alarm)
+    }
+
+    #[test]
+    fn limits_are_those_of_tables() {
+        // h = 4 and 5 at k = ½: 168 and 465 estimates (Montgomery, Introduction to Statistical Quality Control, table 9.3).
+        assert!((limit(168.0) - 4.0).abs() < 0.03, "{}", limit(168.0));
+        assert!((limit(465.0) - 5.0).abs() < 0.03, "{}", limit(465.0));
+    }
+
+    #[test]
+    fn false_alarms_are_as_rare_as_stated_whatever_the_intervals_claim() {
+        for stated in [0.3, 1.0, 3.0] {
+            let (runs, length) = (400, 100);
+            let alarms = (0..runs)
+                .filter(|&seed| first_alarm(&chart(&estimates(seed, length, stated, |_| 1.0), 200.0)).is_some());
+            // A chart that lasts 200 estimates on average ends within 100 in 1 − e^(−1/2) = 39 % of runs, fewer as it starts at 0.
+            let share = alarms.count() as f64 / runs as f64;
+            assert!((0.27..0.47).contains(&share), "{stated}: {share}");
+        }
+    }
+
+    #[test]
+    fn a_size_that_jumps_or_grows_is_noticed_soon_and_dated() {
+        let jump = chart(&estimates(1, 40, 1.0, |i| if i < 20 { 1.0 } else { 1.2 }), 1000.0);
+        let seen = first_alarm(&jump).unwrap();
+        assert!((20..28).contains(&seen), "{seen}");
+        assert!(jump[seen].since.unwrap().abs_diff(20) <= 6 && jump[seen].growth > jump[seen].shrinkage);
+        // Once moved it stays so: the mean does not follow.
+        assert!(jump[seen..].iter().all(|point| point.alarm) && (jump[39].mean - 1.0).abs() < 0.06);
+        let growth = chart(&estimates(2, 60, 1.0, |i| 1.0 + 0.01 * (i as f64 - 20.0).max(0.0)), 1000.0);
+        assert!((22..48).contains(&first_alarm(&growth).unwrap()));
+        let shrinks = chart(&estimates(3, 40, 1.0, |i| if i < 20 { 1.0 } else { 0.8 }), 1000.0);
+        let seen = first_alarm(&shrinks).unwrap();
+        assert!(shrinks[seen].shrinkage > shrinks[seen].growth);
+    }
+
+    #[test]
+    fn few_or_equal_estimates_raise_nothing() {
+        assert!(chart(&[], 100.0).is_empty());
+        let same = vec![Estimate { size: 0.0, low: 0.0, high: 0.0 }; 30];
+        assert!(chart(&same, 100.0).iter().all(|point| !point.alarm));
+        let wild = [1.0, 1.01, 0.99, 1.0, 50.0].map(|size| Estimate { size, low: size - 0.01, high: size + 0.01 });
+        assert!(first_alarm(&chart(&wild, 1000.0)).is_none(), "one wild estimate alone");
+    }
+}

@@ -1,0 +1,144 @@
+//! The page of a watched unit: what has moved, the course of every size, and every process.
+
+use super::history::{Course, Entry};
+use crate::report::draw::{DrawError, svg};
+use crate::report::ink::Ink;
+use crate::report::page::{KeyFigure, Page, Tone};
+use crate::report::picture::{Mark, Panel, Picture, Shape};
+use crate::report::table::{Table, quantity, significant};
+
+/// Processes that the table shows, the newest.
+const MOST_ROWS: usize = 200;
+
+/// What stands on the page.
+#[derive(Clone, Copy, Debug)]
+pub struct Watched<'a> {
+    /// What the unit is called.
+    pub unit: &'a str,
+    /// Its history.
+    pub entries: &'a [Entry],
+    /// The courses of all sizes.
+    pub courses: &'a [Course],
+    /// Processes between two false alarms of one size.
+    pub between_false_alarms: f64,
+    /// Times of the entries as text.
+    pub times: &'a [String],
+}
+
+/// The page.
+///
+/// # Errors
+/// Where a picture cannot be drawn.
+pub fn page(watched: &Watched) -> Result<Page, DrawError> {
+    let Watched { unit, entries, courses, between_false_alarms, times } = *watched;
+    let mut page = Page::new(format!("Watch: {unit}"), format!("{} processes", entries.len()));
+    let body = &mut page.body;
+    let warnings: Vec<String> = courses.iter().filter_map(Course::warning).collect();
+    match warnings.first() {
+        Some(first) => body.lead(format!("{first}.")),
+        None if courses.is_empty() => body.lead("No fault has been named yet."),
+        None => body.lead("No fault's size has moved beyond what its intervals allow."),
+    }
+    let newest = times.last().cloned().unwrap_or_default();
+    body.key_figures([
+        KeyFigure::new("processes", entries.len().to_string(), "").hint(newest),
+        KeyFigure::new("faults followed", courses.len().to_string(), ""),
+        KeyFigure::new("warnings", warnings.len().to_string(), ""),
+    ]);
+    for warning in warnings.iter().skip(1) {
+        body.note(Tone::Warning, format!("{warning}."));
+    }
+    if !courses.is_empty() {
+        body.heading("Sizes");
+        for course in courses {
+            let caption = format!(
+                "{}: {}. Above: each process with its interval of nine in ten, blue where the verdict names the fault and grey where it was fitted alone; the line is the mean of those \
+                 before. Below: the cumulative sums for growth and shrinkage, with the limit at {} standard deviations, at which one false alarm in {} \
+                 processes is expected.",
+                course.effect,
+                course.parameter,
+                significant(course.limit, 3),
+                significant(between_false_alarms, 3),
+            );
+            body.figure(svg(&picture(course, entries))?, caption);
+        }
+    }
+    body.heading("Processes");
+    let mut table = Table::new()
+        .words("began")
+        .words("process")
+        .numbers("length")
+        .words("verdict")
+        .words("sizes")
+        .words("bag")
+        .words("to know");
+    for (entry, time) in entries.iter().zip(times).rev().take(MOST_ROWS) {
+        let sizes = entry.sizes.iter().filter(|size| size.named);
+        let sizes: Vec<String> = sizes
+            .map(|size| {
+                let [low, high] = size.ci90.map(|end| quantity(end, &size.unit));
+                format!("{} {} ({low} to {high})", size.effect, quantity(size.value, &size.unit))
+            })
+            .collect();
+        let notes = [entry.warnings.clone(), entry.notes.clone()].concat().join(" ");
+        let cells = [
+            time.clone(),
+            entry.process.clone(),
+            format!("{} s", significant(entry.duration_s, 3)),
+            entry.verdict.clone(),
+            sizes.join("; "),
+            entry.bag.clone(),
+            notes,
+        ];
+        if entry.warnings.is_empty() { table.row(cells) } else { table.strong_row(cells) }
+    }
+    body.table(table, "The newest first.");
+    Ok(page)
+}
+
+/// Sizes with their intervals over time, and the sums below.
+fn picture(course: &Course, entries: &[Entry]) -> Picture {
+    let first_ns = entries.iter().map(|entry| entry.time_ns).min().unwrap_or_default();
+    let span_h = entries.iter().map(|entry| hours(entry.time_ns - first_ns)).fold(0.0, f64::max);
+    let (scale_h, name) = if span_h > 72.0 { (24.0, "time, days") } else { (1.0, "time, h") };
+    let x = |k: usize| hours(entries[course.entries[k]].time_ns - first_ns) / scale_h;
+    let (factor, unit) = if course.unit == "pu" { (100.0, "%") } else { (1.0, course.unit.as_str()) };
+    let count = course.estimates.len();
+    let whiskers =
+        (0..count).map(|k| [x(k), factor * course.estimates[k].low, x(k), factor * course.estimates[k].high]);
+    let named = |k: &usize| {
+        let sizes = &entries[course.entries[*k]].sizes;
+        sizes.iter().any(|size| size.effect == course.effect && size.named)
+    };
+    let dot = |k: usize| [x(k), factor * course.estimates[k].size];
+    let title = format!("{}, {unit}", course.parameter);
+    let mut sizes = Panel::new(title).mark(Mark::new(Shape::Segments(whiskers.collect()), Ink::Band, "interval")).line(
+        Ink::Command,
+        "mean before",
+        (0..count).map(|k| [x(k), factor * course.points[k].mean]).collect(),
+    );
+    let groups: [(Ink, &str, Vec<usize>); 2] = [
+        (Ink::Simulated, "named", (0..count).filter(named).collect()),
+        (Ink::Muted, "fitted alone", (0..count).filter(|k| !named(k)).collect()),
+    ];
+    for (ink, label, ks) in groups.into_iter().filter(|group| !group.2.is_empty()) {
+        sizes =
+            sizes.mark(Mark { width_px: 3.5, ..Mark::new(Shape::Dots(ks.into_iter().map(dot).collect()), ink, label) });
+    }
+    let alarmed: Vec<[f64; 2]> = (0..count).filter(|&k| course.points[k].alarm).map(dot).collect();
+    if !alarmed.is_empty() {
+        sizes = sizes.mark(Mark { width_px: 4.5, ..Mark::new(Shape::Dots(alarmed), Ink::Alarm, "moved") });
+    }
+    let of = |value: fn(&crate::trend::Point) -> f64| (0..count).map(|k| [x(k), value(&course.points[k])]).collect();
+    let sums = Panel::new("Cumulative sums, standard deviations")
+        .height(90)
+        .line(Ink::Extra1, "growth", of(|point| point.growth))
+        .line(Ink::Extra2, "shrinkage", of(|point| point.shrinkage))
+        .level(Ink::Alarm, "limit", course.limit)
+        .x_name(name);
+    Picture::stacked(format!("Size of {} over time", course.effect), vec![sizes, sums])
+}
+
+fn hours(nanos_ns: i64) -> f64 {
+    crate::units::seconds_from_nanos(nanos_ns) / 3600.0
+}
