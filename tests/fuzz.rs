@@ -195,7 +195,7 @@ fn write_the_model() {
     use govtwin::residual::forest::Tree;
     use govtwin::residual::guard::Guard;
     use govtwin::residual::model::{Learned, Model, fingerprint};
-    use govtwin::residual::row::Opening;
+    use govtwin::residual::row::{Between, Opening};
     let features: Vec<String> = features::all().iter().map(features::Feature::name).collect();
     let count = features.len();
     let stump =
@@ -208,6 +208,7 @@ fn write_the_model() {
         unit: "pu".into(),
         learned: Learned::Residual,
         opening: Opening::Simulated,
+        between: Between::Hold,
         period_ns: 200_000_000,
         twin: fingerprint(&govtwin::params::reference()),
         features,

@@ -12,7 +12,7 @@ use super::features::{self, Feature};
 use super::forest::{Forest, ForestError, Tree};
 use super::guard::Guard;
 use super::history::{LONGEST_PERIOD_NS, SHORTEST_PERIOD_NS};
-use super::row::Opening;
+use super::row::{Between, Opening};
 use crate::digest::{Digest, sha256};
 use crate::parameters::{ENTRIES, Unit};
 use crate::signal::Signal;
@@ -47,6 +47,9 @@ pub struct Model {
     pub learned: Learned,
     /// Where the opening came from in training; a model runs only where it comes from there again.
     pub opening: Opening,
+    /// What drove the twin between rows in training; a file that does not say so held them.
+    #[serde(default)]
+    pub between: Between,
     /// Training period, ns: the grid on which features are taken at any rate.
     pub period_ns: i64,
     /// [`fingerprint`] of the unit whose twin it corrects.
@@ -248,7 +251,7 @@ pub(super) mod tests {
     use crate::residual::features;
     use crate::residual::forest::Tree;
     use crate::residual::guard::Guard;
-    use crate::residual::row::Opening;
+    use crate::residual::row::{Between, Opening};
 
     /// A model that says 0.01 wherever the command is above a half and −0.01 elsewhere.
     pub fn model() -> Model {
@@ -260,6 +263,7 @@ pub(super) mod tests {
             unit: "pu".into(),
             learned: Learned::Residual,
             opening: Opening::Simulated,
+            between: Between::Hold,
             period_ns: 200_000_000,
             twin: fingerprint(&crate::params::reference()),
             features,
