@@ -31,6 +31,7 @@ pub mod closed;
 #[cfg(feature = "residual")]
 pub mod contenders;
 pub mod gate;
+pub mod limit;
 #[cfg(feature = "residual")]
 pub mod refit;
 pub mod summary;

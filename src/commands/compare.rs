@@ -9,6 +9,7 @@ use govtwin::comparison::ablation::{Parents, STEPS, ablation, same_rows};
 use govtwin::comparison::breakdown::{Breakdown, breakdown};
 use govtwin::comparison::closed::closed_loop;
 use govtwin::comparison::contenders::leave_one_out;
+use govtwin::comparison::limit::limit;
 use govtwin::comparison::refit::{refit, teaching};
 use govtwin::comparison::summary::{
     Claims, FreeRun, Importance, SCHEMA, Scored, Summary, Unseen, claims, covered, spread,
@@ -77,10 +78,14 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let drawn = ready.table_of(&ready.sheet.unit, Between::Linear);
     let refitted = args.refit.then(|| refitted(args, &ready, &split)).transpose()?;
-    let refitted = refitted.map(|unit| ready.table_of(&unit, Between::Linear));
+    let unit = refitted.unwrap_or_else(|| ready.sheet.unit.clone());
+    let refitted = args.refit.then(|| ready.table_of(&unit, Between::Linear));
     let parents = Parents { plain: &ready.table, drawn: &drawn, refitted: refitted.as_ref() };
-    if !same_rows(parents.plain, parents.drawn) || !same_rows(parents.plain, parents.best()) {
-        bail!("the twin says nothing finite of some rows where inputs run straight between rows, so that no two models can be compared");
+    if !same_rows(parents.plain, parents.drawn) || !parents.refitted.is_none_or(|table| same_rows(parents.plain, table))
+    {
+        bail!(
+            "the twin says nothing finite of some rows where inputs run straight between rows, so that no two models can be compared"
+        );
     }
     let seeds: Vec<u64> = (0..args.seeds).map(|k| args.learn.seed + k).collect();
     let standings_of = |contenders: &[Contender]| -> Vec<Standing> {
@@ -89,7 +94,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let (mut first, mut every, mut steps): (Option<Field>, Vec<Vec<Standing>>, Vec<Vec<Standing>>) =
         (None, vec![], vec![]);
     for &seed in &seeds {
-        let found = field(&args.learn, &parents, &split, seed, &ready.sheet.unit)?;
+        let mut found = field(&args.learn, &parents, &split, seed, &ready.sheet.unit)?;
+        let rows = (&ready.table, &split.test[..]);
+        found.contenders.push(limit(&unit, ready.cut, (&ready.recordings, grid_ns(&unit)), rows, seed));
         every.push(standings_of(&found.contenders));
         first.get_or_insert(found);
         let progress = Progress::new(STEPS, "steps of the ablation");
@@ -138,10 +145,13 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         ]),
         recordings: ready.cleanings.clone(),
         ranking: ranked.iter().map(|one| one.id).collect(),
-        claims: [Claims { of: "MDHM", hybrid: named("mdhm")? }, Claims { of: "the gated hybrid", hybrid: named("gate")? }]
-            .iter()
-            .flat_map(|one| claims(one, rivals))
-            .collect(),
+        claims: [
+            Claims { of: "MDHM", hybrid: named("mdhm")? },
+            Claims { of: "the gated hybrid", hybrid: named("gate")? },
+        ]
+        .iter()
+        .flat_map(|one| claims(one, rivals))
+        .collect(),
         models: standings.iter().map(Scored::from).collect(),
         seeds,
         spread: spread(&every),
@@ -184,8 +194,10 @@ fn refitted(args: &Args, ready: &Ready, split: &Split) -> anyhow::Result<Unit> {
 fn broken(parents: &Parents<'_>, split: &Split, field: &Field) -> anyhow::Result<Breakdown> {
     let named = |id: &str| field.contenders.iter().find(|one| one.id == id).context("a model is missing");
     let models = [named("mdhm")?, named("ddm")?, named("mbm")?, named("gate")?];
-    let tables: Vec<(&'static str, &Table)> =
-        [("mbm", parents.plain), ("drawn", parents.drawn)].into_iter().chain(parents.refitted.map(|one| ("refitted", one))).collect();
+    let tables: Vec<(&'static str, &Table)> = [("mbm", parents.plain), ("drawn", parents.drawn)]
+        .into_iter()
+        .chain(parents.refitted.map(|one| ("refitted", one)))
+        .collect();
     Ok(breakdown(&tables, &split.test, &models, &field.paper.guard))
 }
 
@@ -218,7 +230,14 @@ fn settings(args: &Args, ready: &Ready, hybrid: &Model) -> BTreeMap<&'static str
         ("seed", args.learn.seed.to_string()),
         ("evaluations of each search", args.learn.budget().0.to_string()),
         ("seeds", args.seeds.to_string()),
-        ("better twin", if args.refit { format!("inputs drawn in, refitted, effects: {}", args.effects.join(", ")) } else { "inputs drawn in".to_owned() }),
+        (
+            "better twin",
+            if args.refit {
+                format!("inputs drawn in, refitted, effects: {}", args.effects.join(", "))
+            } else {
+                "inputs drawn in".to_owned()
+            },
+        ),
         ("evaluations of each network's search", networks),
         ("booster", hybrid.booster.clone()),
         ("hyperparameters of the MDHM", named.collect::<Vec<_>>().join(", ")),

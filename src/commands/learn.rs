@@ -10,9 +10,9 @@ use anyhow::bail;
 use clap::ValueEnum;
 use govtwin::bag::{self, ReadOptions, Stream, Topics};
 use govtwin::comparison::summary::Searched;
+use govtwin::parameters::Unit;
 use govtwin::params::{self, Sheet};
 use govtwin::recording::{Process, Recording};
-use govtwin::parameters::Unit;
 use govtwin::replay::between::simulate_between;
 use govtwin::replay::simulate;
 use govtwin::residual::history::{LONGEST_PERIOD_NS, SHORTEST_PERIOD_NS};
@@ -116,7 +116,8 @@ pub struct Ready {
     pub table: Table,
     /// What the folders say of where the data comes from.
     pub origin: Option<String>,
-    cut: Cut,
+    /// Where the recording stands in for the twin.
+    pub cut: Cut,
 }
 
 impl Ready {

@@ -128,9 +128,15 @@ impl Args {
             let trained = model.between.id();
             return Err(usage(if asked.is_some() {
                 let path = path.display();
-                format!("{path} was trained with --rate-of-inputs {trained}, and knows no twin that is driven otherwise; leave the option out")
+                format!(
+                    "{path} was trained with --rate-of-inputs {trained}, and knows no twin that is driven otherwise; leave the option out"
+                )
             } else {
-                format!("{} was trained with --rate-of-inputs {trained}, {} otherwise; give residuals of one kind", path.display(), models[0].0.display())
+                format!(
+                    "{} was trained with --rate-of-inputs {trained}, {} otherwise; give residuals of one kind",
+                    path.display(),
+                    models[0].0.display()
+                )
             }));
         }
         Ok(wanted)

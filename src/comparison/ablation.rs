@@ -17,20 +17,12 @@ pub const STEPS: usize = 11;
 /// The same rows under several parents.
 #[derive(Clone, Copy, Debug)]
 pub struct Parents<'a> {
-    /// The twin of the data sheet, its inputs held between rows: the paper's.
+    /// The twin of the unit as given, its inputs held between rows: the paper's.
     pub plain: &'a Table,
     /// The same, its inputs drawn in between rows.
     pub drawn: &'a Table,
-    /// That, refitted on the rows that teach.
+    /// That, refitted on the rows that teach. It is the better twin, but trees on top of it find no more.
     pub refitted: Option<&'a Table>,
-}
-
-impl<'a> Parents<'a> {
-    /// The best of them.
-    #[must_use]
-    pub fn best(&self) -> &'a Table {
-        self.refitted.unwrap_or(self.drawn)
-    }
 }
 
 /// Trains on the rows that teach; what it says of those that judge.
@@ -105,7 +97,7 @@ pub fn ablation(
 ) -> Result<Vec<Contender>, TrainError> {
     let papers = keeping(parents.plain, |feature| !feature.is_rate_of_input());
     let (alone, alone_rates) = (data_only(&papers), data_only(parents.plain));
-    let best = parents.best();
+    let best = parents.drawn;
     let other = |objective| Hyperparameters { objective, ..*with };
     let mut steps: Vec<(&str, &str, &Table, Learned, Hyperparameters)> = vec![
         ("ddm_without_rates", "DDM, the paper's features", &alone, Learned::Signal, *with),
@@ -114,15 +106,16 @@ pub fn ablation(
         ("rates", "… with rates", parents.plain, Learned::Residual, *with),
         ("drawn", "… on inputs drawn in", parents.drawn, Learned::Residual, *with),
     ];
-    if parents.refitted.is_some() {
-        steps.push(("refitted", "… on the refitted twin", best, Learned::Residual, *with));
+    if let Some(table) = parents.refitted {
+        steps.push(("refitted", "… that, on the refitted twin", table, Learned::Residual, *with));
     }
     steps.extend([
         ("huber", "… that, by Huber's loss", best, Learned::Residual, other(Objective::Huber)),
         ("l2", "… that, by squares", best, Learned::Residual, other(Objective::L2)),
         ("direct", "… that, direct with the twin's words", best, Learned::Signal, *with),
     ]);
-    let mut contenders = vec![Contender { id: "mbm_best", title: "the better twin alone", ..mechanism(best, &split.test) }];
+    let mut contenders =
+        vec![Contender { id: "mbm_best", title: "the twin alone, inputs drawn in", ..mechanism(best, &split.test) }];
     for (id, title, table, learned, with) in steps {
         contenders.push(Contender { id, title, estimates: said(table, split, learned, &with, seed)? });
         done();

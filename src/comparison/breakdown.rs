@@ -121,9 +121,7 @@ pub fn phase(table: &Table, row: usize) -> Phase {
     };
     let esv = table.layout.features.iter().position(|feature| feature.is_now() && feature.channel() == Channel::Esv);
     let open = |row: usize| esv.and_then(|place| table.row(row).get(place)).copied();
-    let trips = |row: Option<usize>, before: Option<usize>| {
-        matches!((row.and_then(open), before.and_then(open)), (Some(now), Some(then)) if now < then)
-    };
+    let trips = |row: Option<usize>, before: Option<usize>| matches!((row.and_then(open), before.and_then(open)), (Some(now), Some(then)) if now < then);
     if trips(Some(row), before(1)) || trips(before(1), before(2)) {
         return Phase::Trip;
     }
@@ -254,7 +252,7 @@ mod tests {
         let mut bad = Contender { id: "bad", ..good.clone() };
         bad.estimates[50] += 0.5;
         let width = table.layout.features.len();
-        let guard = Guard { support: vec![[-1e9, 1e9]; width], range: [-0.1, 0.1] };
+        let guard = Guard { support: vec![[-1e9, 1e9]; width], range: [-0.1, 0.1], cells: None };
         let said = breakdown(&[("late", &table)], &rows, &[&bad, &good], &guard);
         assert_eq!(said.models, ["bad", "good"]);
         let process = &said.processes[0];
@@ -276,23 +274,18 @@ mod tests {
         }
         table.marks[50].measured = 0.3;
         table.marks[80].measured = 0.05;
-        assert_eq!([49, 50, 53, 60, 80].map(|row| phase(&table, row)), [
-            Phase::AtRest,
-            Phase::Jump,
-            Phase::Moving,
-            Phase::AtRest,
-            Phase::Moving
-        ]);
+        assert_eq!(
+            [49, 50, 53, 60, 80].map(|row| phase(&table, row)),
+            [Phase::AtRest, Phase::Jump, Phase::Moving, Phase::AtRest, Phase::Moving]
+        );
         let esv = table.layout.features.iter().position(|feature| feature.name() == "esv").unwrap();
         let width = table.layout.features.len();
         for row in 100..400 {
             table.values[row * width + esv] = 0.0;
         }
-        assert_eq!([99, 100, 101, 102].map(|row| phase(&table, row)), [
-            Phase::AtRest,
-            Phase::Trip,
-            Phase::Trip,
-            Phase::AtRest
-        ]);
+        assert_eq!(
+            [99, 100, 101, 102].map(|row| phase(&table, row)),
+            [Phase::AtRest, Phase::Trip, Phase::Trip, Phase::AtRest]
+        );
     }
 }

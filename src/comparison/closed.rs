@@ -128,9 +128,8 @@ pub fn closed_loop(
     done();
     let grown = grow(&values, FEATURES, &missing, &Hyperparameters::MANUAL, seed)?;
     let inside = twin(unit, walkable(&grown.trees, FEATURES)?, Guard::of(&values, FEATURES, &missing));
-    let run = |twin: &Twin| -> Vec<Vec<Estimate>> {
-        drawn.iter().map(|(one, _)| simulate(&mut twin.clone(), one)).collect()
-    };
+    let run =
+        |twin: &Twin| -> Vec<Vec<Estimate>> { drawn.iter().map(|(one, _)| simulate(&mut twin.clone(), one)).collect() };
     let (free, plain) = (run(&inside), run(&Twin::new(unit)));
     done();
 
@@ -217,7 +216,7 @@ mod tests {
         let with = |rate_m_s: f64| {
             let leaf = vec![rate_m_s, rate_m_s];
             let tree = Tree { feature: vec![0], threshold: vec![0.0], left: vec![-1], right: vec![-2], leaf };
-            let guard = Guard { support: vec![[-1e12, 1e12]; FEATURES], range: [-0.01, 0.01] };
+            let guard = Guard { support: vec![[-1e12, 1e12]; FEATURES], range: [-0.01, 0.01], cells: None };
             simulate(&mut twin(&unit, Forest::new(&[tree], FEATURES).unwrap(), guard), &rows)
         };
         assert!(with(0.0) == plain);

@@ -63,7 +63,11 @@ pub fn spread_table(models: &[Spread], unit: &str) -> Table {
         table = table.numbers(format!("{}, MAE, {unit}", title(part.process))).numbers("RMSE");
     }
     let words = |[mean, low, high]: [f64; 3]| {
-        if high - low < 5e-6 { fixed(mean, 5) } else { format!("{} ({}–{})", fixed(mean, 5), fixed(low, 5), fixed(high, 5)) }
+        if high - low < 5e-6 {
+            fixed(mean, 5)
+        } else {
+            format!("{} ({}–{})", fixed(mean, 5), fixed(low, 5), fixed(high, 5))
+        }
     };
     for model in models {
         let cells = model.parts.iter().flat_map(|part| [words(part.mae), words(part.rmse)]);
@@ -176,9 +180,15 @@ fn why(body: &mut Blocks, summary: &Summary, shown: &Shown) -> Result<(), DrawEr
         ));
     }
     body.figure(svg(&pictures::worst(summary, shown))?, "Around the row of each process on which the MDHM loses most.");
-    body.table(breakdown_table(&summary.breakdown, unit), "Errors by process and phase, and the share of each model's squared error in a process.");
+    body.table(
+        breakdown_table(&summary.breakdown, unit),
+        "Errors by process and phase, and the share of each model's squared error in a process.",
+    );
     body.heading("What each step brings");
-    body.table(spread_table(&summary.ablation, unit), "The manual hyperparameters throughout; mean over the seeds, lowest and highest in brackets.");
+    body.table(
+        spread_table(&summary.ablation, unit),
+        "The manual hyperparameters throughout; mean over the seeds, lowest and highest in brackets.",
+    );
     if summary.seeds.len() > 1 {
         body.heading("Seeds");
         body.table(spread_table(&summary.spread, unit), "Every seed with its own searches; mean, lowest and highest.");

@@ -160,7 +160,9 @@ pub fn model(
         residuals.into_iter().map(|(row, residual)| (table.marks[row].motion, residual)).collect();
     let layout = &table.layout;
     let features: Vec<String> = layout.features.iter().map(super::features::Feature::name).collect();
-    let guard = Guard::of(&table.select(rows), features.len(), &targets(table, rows, learned));
+    let values = table.select(rows);
+    let guard =
+        Guard::of(&values, features.len(), &targets(table, rows, learned)).with_cells(&values, &layout.features);
     Ok(Model {
         program: concat!("govtwin ", env!("CARGO_PKG_VERSION")).to_owned(),
         signal: layout.signal.id().to_owned(),

@@ -49,11 +49,12 @@ pub fn field(
     seed: u64,
     unit: &Unit,
 ) -> anyhow::Result<Field> {
-    let (plain, best) = (parents.plain, parents.best());
+    let (plain, best) = (parents.plain, parents.drawn);
     let data = data_only(plain);
     let mut searches = vec![];
     let job = (plain, split, Learned::Residual);
-    let paper = searched(args, job, ("mdhm", ["evaluations, MDHM", "evaluations, MDHM at random"]), seed, &mut searches)?;
+    let paper =
+        searched(args, job, ("mdhm", ["evaluations, MDHM", "evaluations, MDHM at random"]), seed, &mut searches)?;
     let job = (&data, split, Learned::Signal);
     let alone = searched(args, job, ("ddm", ["evaluations, DDM", "evaluations, DDM at random"]), seed, &mut searches)?;
     let job = (best, split, Learned::Residual);

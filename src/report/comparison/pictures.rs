@@ -77,10 +77,11 @@ pub fn worst(summary: &Summary, shown: &Shown) -> Picture {
             .collect();
         let time_s = |at: usize| seconds_from_nanos(marks[shown.judging[at]].time_ns - marks[told.row].time_ns);
         let measured = here.iter().map(|&at| [time_s(at), marks[shown.judging[at]].measured]).collect();
-        let mut panel = Panel::new(format!("{}, {}: {}", title(one.process), shown.rows.layout.signal.unit(), told.phase.title()))
-            .height(190)
-            .thick_line(Ink::Measured, "measured", measured)
-            .x_name("time from that row, s");
+        let mut panel =
+            Panel::new(format!("{}, {}: {}", title(one.process), shown.rows.layout.signal.unit(), told.phase.title()))
+                .height(190)
+                .thick_line(Ink::Measured, "measured", measured)
+                .x_name("time from that row, s");
         for contender in shown.of(&["mbm", "drawn", "ddm", "mdhm", "gate"]) {
             let line = here.iter().map(|&at| [time_s(at), contender.estimates[at]]).collect();
             panel = panel.line(ink(contender.id), contender.title, line);
