@@ -110,13 +110,36 @@ pub fn reduction(ours: &Standing, theirs: &Standing, figure: fn(&Figures) -> f64
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::{Contender, Standing, reduction};
+    use crate::frame::{EsvState, Frame, Inputs, Signals};
     use crate::recording::Process;
+    use crate::recording::Recording;
     use crate::residual::features;
     use crate::residual::row::{Between, Opening};
     use crate::residual::table::{Layout, Mark, Table};
     use crate::signal::Signal;
+    use crate::twin::Twin;
+
+    /// So many rows of a twin on a wavy command, every 0.2 s, and their table.
+    pub fn made(rows: i64) -> (Recording, Table) {
+        let mut twin = Twin::new(&crate::params::reference());
+        let mut estimates = vec![];
+        let frame = |k: i64| {
+            let opening_command_pu = 0.4 + 0.1 * (0.14 * k as f64).sin();
+            let inputs = Inputs { opening_command_pu, esv: EsvState::Normal, tank_pressure_pa: 6.3e6 };
+            let mut frame = Frame { time_ns: k * 200_000_000, inputs, measured: Signals::NONE };
+            estimates.push(twin.step(&frame));
+            frame.measured = estimates[estimates.len() - 1].signals;
+            frame
+        };
+        let recordings = [Recording::new("a", (0..rows).map(frame).collect())];
+        let (signal, opening, between) = (Signal::SpoolPosition, Opening::Simulated, Between::Hold);
+        let layout = Layout { signal, opening, between, period_ns: 200_000_000, features: features::all() };
+        let table = crate::residual::table::table(&recordings, &[estimates], layout);
+        let [recording] = recordings;
+        (recording, table)
+    }
 
     fn table() -> Table {
         let mark = |frame: usize| Mark {

@@ -229,13 +229,13 @@ fn shift_s(table: &Table, rows: &[usize]) -> f64 {
 mod tests {
     use super::{Phase, breakdown, phase};
     use crate::comparison::Contender;
+    use crate::comparison::tests::made;
     use crate::residual::guard::Guard;
     use crate::residual::table::Table;
-    use crate::residual::table::tests::{of, recording};
 
     /// A twin that comes one row late, and one row at which the first model fails.
     fn late() -> Table {
-        let mut table = of(&[recording("a", 0, 400, |_, _| 0.0)]);
+        let mut table = made(400).1;
         let models: Vec<f64> = table.marks.iter().map(|mark| mark.measured).collect();
         for (row, mark) in table.marks.iter_mut().enumerate() {
             mark.model = models[row.saturating_sub(1)];

@@ -79,11 +79,11 @@ fn weights(models: usize, steps: u32) -> Vec<Vec<f64>> {
 #[cfg(test)]
 mod tests {
     use super::{Gate, weights};
-    use crate::residual::table::tests::{of, recording};
+    use crate::comparison::tests::made;
 
     #[test]
     fn each_level_takes_the_model_that_is_right_there() {
-        let table = of(&[recording("a", 0, 1000, |_, _| 0.0)]);
+        let table = made(1000).1;
         let middle = {
             let mut motions: Vec<f64> = table.marks.iter().map(|mark| mark.motion).collect();
             motions.sort_by(f64::total_cmp);

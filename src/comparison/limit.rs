@@ -68,15 +68,15 @@ fn noisy(unit: &Unit, recording: &Recording, seed: u64) -> Twin {
 #[cfg(test)]
 mod tests {
     use super::limit;
+    use crate::comparison::tests::made;
     use crate::metrics::Accumulator;
-    use crate::residual::table::tests::{of, recording};
     use crate::twin::Cut;
 
     #[test]
     fn it_is_as_large_as_the_noise_of_the_reading_where_nothing_else_is_noisy() {
         let mut unit = crate::params::reference();
-        let recordings = [recording("a", 0, 300, |_, _| 0.0)];
-        let table = of(&recordings);
+        let (recording, table) = made(300);
+        let recordings = [recording];
         let rows: Vec<usize> = (0..300).collect();
         let rmse = |unit: &crate::parameters::Unit| {
             let said = limit(unit, Cut::None, (&recordings, 10_000_000), (&table, &rows), 1);

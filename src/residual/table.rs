@@ -131,7 +131,7 @@ pub fn table(recordings: &[Recording], estimates: &[Vec<Estimate>], layout: Layo
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+pub(super) mod tests {
     use super::{Layout, Table, slowest_period_ns, table};
     use crate::frame::{EsvState, Frame, Inputs, Signals};
     use crate::recording::Recording;
