@@ -68,7 +68,7 @@ pub struct Args {
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let mut output = Output::claim(&args.learn.out, &["compare.html", "compare.json"])?;
-    let mut ready = args.learn.ready(args.cut, Between::Hold)?;
+    let ready = args.learn.ready(args.cut, Between::Hold)?;
     let split = seven_to_three(&ready.table);
     if split.test.is_empty() {
         bail!(
@@ -174,7 +174,6 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         say(&summary, table.layout.signal.unit())?;
         print(&format!("Pictures: {}\n", html.display()))?;
     }
-    ready.cleanings.clear();
     Ok(Outcome::Ok)
 }
 
