@@ -12,9 +12,9 @@ use govtwin::recording::Recording;
 use govtwin::replay::simulate;
 use govtwin::residual::booster::{Hyperparameters, Reference};
 use govtwin::residual::corrector::Corrector;
-use govtwin::residual::model::Learned;
+use govtwin::residual::model::{Learned, Model};
 use govtwin::residual::prepare::prepare;
-use govtwin::residual::row::Opening;
+use govtwin::residual::row::{Between, Opening};
 use govtwin::residual::search::bayesian;
 use govtwin::residual::split::{folds, seven_to_three};
 use govtwin::residual::table::{Layout, table};
@@ -28,7 +28,7 @@ fn told(name: &str, mut ns: Vec<u64>) {
     let at = |share: f64| ns[((ns.len() - 1) as f64 * share) as usize] as f64 * 1e-3;
     let (middle, p99, worst) = (at(0.5), at(0.99), at(1.0));
     println!(
-        "{name:<44} median {middle:>8.2} us   p99 {p99:>8.2} us   p99.9 {:>8.2} us   worst {worst:>8.1} us",
+        "{name:<50} median {middle:>8.2} us   p99 {p99:>8.2} us   p99.9 {:>8.2} us   worst {worst:>8.1} us",
         at(0.999)
     );
 }
@@ -53,7 +53,8 @@ fn minute() -> Vec<Frame> {
         let time_s = k as f64 * 1e-3;
         let opening_command_pu = 0.5 + 0.2 * (0.4 * time_s).sin() + 0.05 * (2.1 * time_s).sin();
         let inputs = Inputs { opening_command_pu, esv: EsvState::Normal, tank_pressure_pa: 6.2e6 };
-        Frame { time_ns: k * 1_000_000, inputs, measured: Signals::NONE }
+        let spool_position_pu = if k % 10 == 0 { 0.05 * (0.4 * time_s).cos() } else { f64::NAN };
+        Frame { time_ns: k * 1_000_000, inputs, measured: Signals { spool_position_pu, ..Signals::NONE } }
     };
     (0..60_000).map(frame).collect()
 }
@@ -65,13 +66,38 @@ fn timed<T>(ns: &mut Vec<u64>, work: impl FnOnce() -> T) -> T {
     out
 }
 
+/// A step of 1 ms with a model, without and with adaptation.
+fn steps(name: &str, twin: &Twin, model: &Model, frames: &[Frame]) {
+    let nodes: usize = model.trees.iter().map(|tree| tree.feature.len()).sum();
+    println!("{name}: {} trees, {nodes} nodes", model.trees.len());
+    for adapts in [false, true] {
+        let mut corrector = Corrector::new(model).unwrap();
+        if adapts {
+            corrector = corrector.adapting(model).unwrap();
+        }
+        let (mut whole, mut both, mut correction) = (twin.clone(), vec![], vec![]);
+        let mut apart = (twin.clone(), corrector.clone());
+        for frame in frames {
+            black_box(timed(&mut both, || {
+                let estimate = whole.step(frame);
+                corrector.step(frame, &estimate)
+            }));
+            let estimate = apart.0.step(frame);
+            black_box(timed(&mut correction, || apart.1.step(frame, &estimate)));
+        }
+        let more = if adapts { " + adaptation" } else { "" };
+        told(&format!("features + trees + guard{more}"), correction);
+        told(&format!("twin + features + trees + guard{more}"), both);
+    }
+}
+
 fn main() {
     let unit = govtwin::params::reference();
     let prepared = prepare(recordings(), Signal::SpoolPosition);
     let twin = Twin::new(&unit);
     let estimates: Vec<_> = prepared.recordings.iter().map(|one| simulate(&mut twin.clone(), one)).collect();
-    let (signal, opening) = (Signal::SpoolPosition, Opening::Simulated);
-    let layout = Layout { signal, opening, period_ns: 200_000_000, features: features::all() };
+    let (signal, opening, between) = (Signal::SpoolPosition, Opening::Simulated, Between::Hold);
+    let layout = Layout { signal, opening, between, period_ns: 200_000_000, features: features::all() };
     let start = Instant::now();
     let table = table(&prepared.recordings, &estimates, layout);
     println!("features of {} rows: {:.2} s", table.marks.len(), start.elapsed().as_secs_f64());
@@ -84,24 +110,16 @@ fn main() {
     println!("training with its band, {trees} trees, {nodes} nodes: {:.1} s", start.elapsed().as_secs_f64());
 
     let frames = minute();
-    let (mut bare, mut both, mut correction) = (vec![], vec![], vec![]);
+    let mut bare = vec![];
     let mut alone = twin.clone();
-    let (mut whole, mut corrector) = (twin.clone(), Corrector::new(&model).unwrap());
     for frame in &frames {
         black_box(timed(&mut bare, || alone.step(frame)));
-        black_box(timed(&mut both, || {
-            let estimate = whole.step(frame);
-            corrector.step(frame, &estimate)
-        }));
-    }
-    let (mut whole, mut corrector) = (twin.clone(), Corrector::new(&model).unwrap());
-    for frame in &frames {
-        let estimate = whole.step(frame);
-        black_box(timed(&mut correction, || corrector.step(frame, &estimate)));
     }
     told("twin, 1 ms", bare);
-    told("features + trees + guard", correction);
-    told("twin + features + trees + guard, 1 ms", both);
+    steps("manual model", &twin, &model, &frames);
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("params/reference_unit.residual");
+    let searched = Model::from_text(&std::fs::read_to_string(path).unwrap()).unwrap();
+    steps("params/reference_unit.residual", &twin, &searched, &frames);
 
     let width = table.layout.features.len();
     let targets = training::targets(&table, &split.train, Learned::Residual);

@@ -8,6 +8,12 @@
 //!  "models": [{"id": "mbm", "title": "MBM", "overall": FIGURES, "processes": [{"process": "startup", …FIGURES}, …]}, …],
 //!  "ranking": ["mdhm", …],
 //!  "claims": [{"what": "…", "paper": "43.9 to 68.3", "here": "…", "unit": "%"}],
+//!  "seeds": [1, 2, 3],
+//!  "spread": [{"id": "mbm", "title": "MBM", "parts": [{"process": "startup", "mae": MEAN_LOW_HIGH, "rmse": MEAN_LOW_HIGH}, …, {"process": "all", …}]}, …],
+//!  "ablation": [as spread],
+//!  "breakdown": {"models": ["mdhm", "ddm", …], "processes": [{"process": "startup", "parts": [{"phase": "trip", "rows": 2, "mae": […], "square_shares": […]}, …],
+//!                "shift_s": [["mbm", 0.1], …], "decided_share": 0.9, "worst": [{"recording": 11, "time_s": 3.2, "phase": "trip", "measured": -1.0, "said": […]}, …],
+//!                "guard": {"rows": 1000, "clamped": 0, "faded": 0, "outside": 0, "bad": 0}}, …]},
 //!  "left_out_process": [{"process": "startup", "models": [{"id": "mbm", …FIGURES}, …]}, …],
 //!  "searches": [{"id": "mdhm", "kind": "bayesian", "trials": […], "slices": […]}, …],
 //!  "importance": [{"feature": "model.rate", "group": "model", "gain_share": 0.21}, …],
@@ -18,9 +24,16 @@
 //! FIGURES are `rows`, `mae`, `rmse` and `r2` of [`crate::metrics`], in the signal's unit, `null` where the data cannot say.
 
 #[cfg(feature = "residual")]
+pub mod ablation;
+pub mod breakdown;
+#[cfg(feature = "residual")]
 pub mod closed;
 #[cfg(feature = "residual")]
 pub mod contenders;
+pub mod gate;
+pub mod limit;
+#[cfg(feature = "residual")]
+pub mod refit;
 pub mod summary;
 
 use crate::metrics::{Accumulator, Figures};
@@ -97,13 +110,36 @@ pub fn reduction(ours: &Standing, theirs: &Standing, figure: fn(&Figures) -> f64
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::{Contender, Standing, reduction};
+    use crate::frame::{EsvState, Frame, Inputs, Signals};
     use crate::recording::Process;
+    use crate::recording::Recording;
     use crate::residual::features;
-    use crate::residual::row::Opening;
+    use crate::residual::row::{Between, Opening};
     use crate::residual::table::{Layout, Mark, Table};
     use crate::signal::Signal;
+    use crate::twin::Twin;
+
+    /// So many rows of a twin on a wavy command, every 0.2 s, and their table.
+    pub fn made(rows: i64) -> (Recording, Table) {
+        let mut twin = Twin::new(&crate::params::reference());
+        let mut estimates = vec![];
+        let frame = |k: i64| {
+            let opening_command_pu = 0.4 + 0.1 * (0.14 * k as f64).sin();
+            let inputs = Inputs { opening_command_pu, esv: EsvState::Normal, tank_pressure_pa: 6.3e6 };
+            let mut frame = Frame { time_ns: k * 200_000_000, inputs, measured: Signals::NONE };
+            estimates.push(twin.step(&frame));
+            frame.measured = estimates[estimates.len() - 1].signals;
+            frame
+        };
+        let recordings = [Recording::new("a", (0..rows).map(frame).collect())];
+        let (signal, opening, between) = (Signal::SpoolPosition, Opening::Simulated, Between::Hold);
+        let layout = Layout { signal, opening, between, period_ns: 200_000_000, features: features::all() };
+        let table = crate::residual::table::table(&recordings, &[estimates], layout);
+        let [recording] = recordings;
+        (recording, table)
+    }
 
     fn table() -> Table {
         let mark = |frame: usize| Mark {
@@ -115,8 +151,8 @@ mod tests {
             model: frame as f64 + 1.0,
             motion: 0.0,
         };
-        let (signal, opening) = (Signal::SpoolPosition, Opening::Simulated);
-        let layout = Layout { signal, opening, period_ns: 200_000_000, features: features::all() };
+        let (signal, opening, between) = (Signal::SpoolPosition, Opening::Simulated, Between::Hold);
+        let layout = Layout { signal, opening, between, period_ns: 200_000_000, features: features::all() };
         Table { layout, values: vec![], marks: (0..20).map(mark).collect(), left_out: 0 }
     }
 

@@ -1,5 +1,6 @@
 //! Replay: a recording through a twin, and how far apart the two are.
 
+pub mod between;
 pub mod figures;
 pub mod ladder;
 pub mod rows;

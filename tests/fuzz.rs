@@ -196,7 +196,7 @@ fn write_the_model() {
     use govtwin::residual::forest::Tree;
     use govtwin::residual::guard::Guard;
     use govtwin::residual::model::{Learned, Model, fingerprint};
-    use govtwin::residual::row::Opening;
+    use govtwin::residual::row::{Between, Opening};
     let features: Vec<String> = features::all().iter().map(features::Feature::name).collect();
     let count = features.len();
     let stump =
@@ -209,10 +209,11 @@ fn write_the_model() {
         unit: "pu".into(),
         learned: Learned::Residual,
         opening: Opening::Simulated,
+        between: Between::Hold,
         period_ns: 200_000_000,
         twin: fingerprint(&govtwin::params::reference()),
         features,
-        guard: Guard { support: vec![[-1e9, 1e9]; count], range: [-0.02, 0.02] },
+        guard: Guard { support: vec![[-1e9, 1e9]; count], range: [-0.02, 0.02], cells: None },
         band: None,
         importance: vec![0.0; count],
         booster: "by hand".into(),

@@ -1,33 +1,48 @@
 //! `govtwin compare`: the twin, data-only models and hybrids under one split and the same features, as the paper compares them.
 
+mod field;
+
 use std::collections::BTreeMap;
 
 use anyhow::{Context, bail};
+use govtwin::comparison::ablation::{Parents, STEPS, ablation, same_rows};
+use govtwin::comparison::breakdown::{Breakdown, breakdown};
 use govtwin::comparison::closed::closed_loop;
-use govtwin::comparison::contenders::{self, data_only, leave_one_out, mechanism, trained};
-use govtwin::comparison::summary::{FreeRun, Importance, SCHEMA, Scored, Summary, Unseen, claims, covered};
+use govtwin::comparison::contenders::leave_one_out;
+use govtwin::comparison::limit::limit;
+use govtwin::comparison::refit::{refit, teaching};
+use govtwin::comparison::summary::{
+    Claims, FreeRun, Importance, SCHEMA, Scored, Summary, Unseen, claims, covered, spread,
+};
 use govtwin::comparison::{Contender, Standing};
+use govtwin::parameters::Unit;
 use govtwin::recording::Process;
 use govtwin::replay::summary::cut_id;
-use govtwin::report::comparison::{HYBRIDS, Shown, models_table, page};
+use govtwin::report::comparison::{HYBRIDS, Shown, breakdown_table, models_table, page, spread_table};
 use govtwin::report::table::Table as Printed;
 use govtwin::residual::booster::Hyperparameters;
-use govtwin::residual::model::{Learned, Model};
+use govtwin::residual::model::Model;
+use govtwin::residual::row::Between;
 use govtwin::residual::split::{Split, seven_to_three};
-use govtwin::residual::training;
+use govtwin::residual::table::Table;
 use govtwin::signal::Signal;
+use govtwin::tuning::calibration::parts;
 use govtwin::twin::Cut;
 
-use super::learn::{self, CutAt, Job, Ready};
+use super::learn::{self, CutAt, Ready, grid_ns};
 use super::output::{Output, Progress, print, table_text};
 use crate::commands::Outcome;
+use field::{Field, field};
 
 /// Compare the twin, data-only models and hybrids as the paper does.
 ///
 /// One split (the first 70 % of each process teach, the last 30 % judge) and one list of features for all: MBM, the twin alone; DDM, data
-/// only; LightGBM hybrids with manual and with Bayesian-optimised hyperparameters (MDHM); BO-LSTM and BO-TCN hybrids where the program was
-/// built with the cargo feature `deep`. Then every process left out of training in turn, and
-/// in closed-loop free run a residual inside the loop beside the additive one. Writes DIR/compare.html and DIR/compare.json.
+/// only; LightGBM hybrids with manual and with Bayesian-optimised hyperparameters (MDHM), on the paper's twin; the same on a better twin, whose inputs run
+/// straight between rows, and under a gate; BO-LSTM and BO-TCN hybrids where the program was built with the cargo feature `deep`. Then where
+/// the MDHM loses to the DDM, row by row; what each step to the better hybrid brings; every process left out of training in turn; and in
+/// closed-loop free run a residual inside the loop beside the additive one. Writes DIR/compare.html and DIR/compare.json.
+///
+/// A run that was ended goes on where it stopped. `--quick` takes a few minutes for the shipped recordings.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(flatten)]
@@ -35,6 +50,15 @@ pub struct Args {
     /// Where the guide-vane opening comes from; the paper's mode is `servomotor`.
     #[arg(long, value_enum, default_value_t = CutAt::Servomotor)]
     cut: CutAt,
+    /// From so many seeds, each with its own searches; the spread is shown.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=100))]
+    seeds: u64,
+    /// Refit the better twin on the rows that teach: several minutes.
+    #[arg(long)]
+    refit: bool,
+    /// An effect of `govtwin effects` to fit with it, such as a diagnosis of the rows that teach named.
+    #[arg(long = "effect", value_name = "ID", requires = "refit")]
+    effects: Vec<String>,
     /// Evaluations of each network's search, which takes far longer than that for trees.
     #[cfg(feature = "deep")]
     #[arg(long, value_name = "N", default_value_t = 15)]
@@ -44,7 +68,7 @@ pub struct Args {
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let mut output = Output::claim(&args.learn.out, &["compare.html", "compare.json"])?;
-    let mut ready = args.learn.ready(args.cut)?;
+    let ready = args.learn.ready(args.cut, Between::Hold)?;
     let split = seven_to_three(&ready.table);
     if split.test.is_empty() {
         bail!(
@@ -52,24 +76,53 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             ready.table.marks.len()
         );
     }
-    let mut field = Field { contenders: vec![mechanism(&ready.table, &split.test)], searches: vec![] };
-    let hybrid = trees(args, &ready, &split, &mut field)?;
+    let drawn = ready.table_of(&ready.sheet.unit, Between::Linear);
+    let refitted = args.refit.then(|| refitted(args, &ready, &split)).transpose()?;
+    let unit = refitted.unwrap_or_else(|| ready.sheet.unit.clone());
+    let refitted = args.refit.then(|| ready.table_of(&unit, Between::Linear));
+    let parents = Parents { plain: &ready.table, drawn: &drawn, refitted: refitted.as_ref() };
+    if !same_rows(parents.plain, parents.drawn) || !parents.refitted.is_none_or(|table| same_rows(parents.plain, table))
+    {
+        bail!(
+            "the twin says nothing finite of some rows where inputs run straight between rows, so that no two models can be compared"
+        );
+    }
+    let seeds: Vec<u64> = (0..args.seeds).map(|k| args.learn.seed + k).collect();
+    let standings_of = |contenders: &[Contender]| -> Vec<Standing> {
+        contenders.iter().map(|one| Standing::of(&ready.table, &split.test, one)).collect()
+    };
+    let (mut first, mut every, mut steps): (Option<Field>, Vec<Vec<Standing>>, Vec<Vec<Standing>>) =
+        (None, vec![], vec![]);
+    for &seed in &seeds {
+        let mut found = field(&args.learn, &parents, &split, seed, &ready.sheet.unit)?;
+        let rows = (&ready.table, &split.test[..]);
+        found.contenders.push(limit(&unit, ready.cut, (&ready.recordings, grid_ns(&unit)), rows, seed));
+        every.push(standings_of(&found.contenders));
+        first.get_or_insert(found);
+        let progress = Progress::new(STEPS, "steps of the ablation");
+        steps.push(standings_of(&ablation(&parents, &split, &Hyperparameters::MANUAL, seed, || progress.step())?));
+    }
+    let field = first.context("no seed was given")?;
     #[cfg(feature = "deep")]
-    learn::networks::compete(
-        &args.learn,
-        args.learn.scaled(args.network_iterations),
-        &ready.table,
-        &split,
-        (&mut field.contenders, &mut field.searches),
-    )?;
-    let progress = Progress::new(8, "models with a process left out");
-    let left_out = leave_one_out(&ready.table, args.learn.seed, || progress.step())?;
+    let field = {
+        let mut field = field;
+        learn::networks::compete(
+            &args.learn,
+            args.learn.scaled(args.network_iterations),
+            &ready.table,
+            &split,
+            (&mut field.contenders, &mut field.searches),
+        )?;
+        field
+    };
+    let broken = broken(&parents, &split, &field)?;
+    let progress = Progress::new(12, "models with a process left out");
+    let left_out = leave_one_out(parents.plain, parents.drawn, args.learn.seed, || progress.step())?;
     drop(progress);
     let closed_loop = free_run(args, &ready)?;
 
     let table = &ready.table;
-    let standing = |contender: &Contender| Standing::of(table, &split.test, contender);
-    let standings: Vec<Standing> = field.contenders.iter().map(standing).collect();
+    let standings = standings_of(&field.contenders);
     let named = |id: &str| standings.iter().find(|one| one.id == id).context("a model of the comparison is missing");
     let mut ranked: Vec<&Standing> = standings.iter().filter(|one| HYBRIDS.contains(&one.id)).collect();
     ranked.sort_by(|a, b| a.overall.mae.total_cmp(&b.overall.mae));
@@ -78,25 +131,36 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         models: models.iter().map(Scored::from).collect(),
     };
     let of_hybrid = field.contenders.iter().find(|one| one.id == "mdhm").map(|one| &one.estimates[..]);
+    let rivals = [named("mbm")?, named("ddm")?];
     let summary = Summary {
         schema: SCHEMA,
         program: concat!("govtwin ", env!("CARGO_PKG_VERSION")),
-        origin: ready.origin.take(),
-        settings: settings(args, &ready, &hybrid),
+        origin: ready.origin.clone(),
+        settings: settings(args, &ready, &field.paper),
         rows: BTreeMap::from([
             ("train", split.train.len() as u64),
             ("test", split.test.len() as u64),
             ("purged", split.purged as u64),
             ("left out", table.left_out),
         ]),
-        recordings: std::mem::take(&mut ready.cleanings),
+        recordings: ready.cleanings.clone(),
         ranking: ranked.iter().map(|one| one.id).collect(),
-        claims: claims(named("mdhm")?, named("mbm")?, named("ddm")?),
+        claims: [
+            Claims { of: "MDHM", hybrid: named("mdhm")? },
+            Claims { of: "the gated hybrid", hybrid: named("gate")? },
+        ]
+        .iter()
+        .flat_map(|one| claims(one, rivals))
+        .collect(),
         models: standings.iter().map(Scored::from).collect(),
+        seeds,
+        spread: spread(&every),
+        ablation: spread(&steps),
+        breakdown: broken,
         left_out_process: left_out.iter().map(unseen).collect(),
         searches: field.searches,
-        importance: importance(&hybrid),
-        band: hybrid.band.zip(of_hybrid).map(|(band, said)| covered(table, &split.test, said, &band)),
+        importance: importance(&field.paper),
+        band: field.paper.band.zip(of_hybrid).map(|(band, said)| covered(table, &split.test, said, &band)),
         closed_loop,
     };
     let shown = Shown { rows: table, judging: &split.test, contenders: &field.contenders };
@@ -113,36 +177,27 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     Ok(Outcome::Ok)
 }
 
-/// Who competes, and how their hyperparameters were found.
-struct Field {
-    contenders: Vec<Contender>,
-    searches: Vec<govtwin::comparison::summary::Searched>,
+/// The unit refitted on the rows that teach.
+fn refitted(args: &Args, ready: &Ready, split: &Split) -> anyhow::Result<Unit> {
+    let unit = &ready.sheet.unit;
+    let effects: Vec<&str> = args.effects.iter().map(String::as_str).collect();
+    for id in &effects {
+        super::generate::effect::known(unit, id)?;
+    }
+    let progress = Progress::new(parts(1), "parts of the refit");
+    let recordings = teaching(&ready.recordings, &ready.table, split);
+    Ok(refit(&recordings, unit, &effects, grid_ns(unit), &|| progress.step()))
 }
 
-/// Trains what trees can make; the MDHM comes back.
-fn trees(args: &Args, ready: &Ready, split: &Split, field: &mut Field) -> anyhow::Result<Model> {
-    let (table, unit, seed) = (&ready.table, &ready.sheet.unit, args.learn.seed);
-    let data = data_only(table);
-    let rows = (&split.train[..], &split.test[..]);
-    let mut search = |table: &_, learned, id, kind, noun| -> anyhow::Result<Hyperparameters> {
-        let found = args.learn.search(table, split, learned, Job { id, kind, noun })?;
-        let with = training::at(found.best().context("no evaluation of the search succeeded")?.0);
-        field.searches.push(found);
-        Ok(with)
-    };
-    let best = search(table, Learned::Residual, "mdhm", "bayesian", "evaluations, MDHM")?;
-    search(table, Learned::Residual, "mdhm", "random", "evaluations, MDHM at random")?;
-    let best_alone = search(&data, Learned::Signal, "ddm", "bayesian", "evaluations, DDM")?;
-
-    let (_, estimates) = trained(&data, rows, Learned::Signal, &best_alone, seed, unit)?;
-    field.contenders.push(Contender { id: "ddm", title: "DDM", estimates });
-    let (_, estimates) = trained(table, rows, Learned::Residual, &Hyperparameters::MANUAL, seed, unit)?;
-    field.contenders.push(Contender { id: "lightgbm", title: "LightGBM hybrid", estimates });
-    let (hybrid, estimates) = trained(table, rows, Learned::Residual, &best, seed, unit)?;
-    field.contenders.push(Contender { id: "mdhm", title: "MDHM", estimates });
-    let guarded = contenders::estimates(&hybrid.forest()?, table, &split.test, Learned::Residual, Some(&hybrid.guard));
-    field.contenders.push(Contender { id: "guarded", title: "MDHM, guarded", estimates: guarded });
-    Ok(hybrid)
+/// Where the paper's hybrid loses to data alone.
+fn broken(parents: &Parents<'_>, split: &Split, field: &Field) -> anyhow::Result<Breakdown> {
+    let named = |id: &str| field.contenders.iter().find(|one| one.id == id).context("a model is missing");
+    let models = [named("mdhm")?, named("ddm")?, named("mbm")?, named("gate")?];
+    let tables: Vec<(&'static str, &Table)> = [("mbm", parents.plain), ("drawn", parents.drawn)]
+        .into_iter()
+        .chain(parents.refitted.map(|one| ("refitted", one)))
+        .collect();
+    Ok(breakdown(&tables, &split.test, &models, &field.paper.guard))
 }
 
 /// The residual inside the loop beside the additive one, whatever the cut of the rest.
@@ -150,12 +205,11 @@ fn free_run(args: &Args, ready: &Ready) -> anyhow::Result<Option<FreeRun>> {
     if ready.table.layout.signal != Signal::SpoolPosition {
         return Ok(None);
     }
-    let other = if args.cut == CutAt::None { None } else { Some(args.learn.ready(CutAt::None)?) };
-    let ready = other.as_ref().unwrap_or(ready);
+    let ready = &args.learn.ready(CutAt::None, Between::Linear)?;
     let progress = Progress::new(3, "steps towards a residual inside the loop");
     let split = seven_to_three(&ready.table);
     let (unit, seed) = (&ready.sheet.unit, args.learn.seed);
-    let judged = closed_loop(unit, &ready.recordings, &ready.table, &split, seed, || progress.step())?;
+    let judged = closed_loop(unit, (&ready.recordings, grid_ns(unit)), &ready.table, &split, seed, || progress.step())?;
     let scored = |standings: &[Standing]| standings.iter().map(Scored::from).collect();
     Ok(Some(FreeRun { spool: scored(&judged.spool), servomotor: scored(&judged.servomotor) }))
 }
@@ -174,6 +228,15 @@ fn settings(args: &Args, ready: &Ready, hybrid: &Model) -> BTreeMap<&'static str
         ("period, s", format!("{}", govtwin::units::seconds_from_nanos(hybrid.period_ns))),
         ("seed", args.learn.seed.to_string()),
         ("evaluations of each search", args.learn.budget().0.to_string()),
+        ("seeds", args.seeds.to_string()),
+        (
+            "better twin",
+            if args.refit {
+                format!("inputs drawn in, refitted, effects: {}", args.effects.join(", "))
+            } else {
+                "inputs drawn in".to_owned()
+            },
+        ),
         ("evaluations of each network's search", networks),
         ("booster", hybrid.booster.clone()),
         ("hyperparameters of the MDHM", named.collect::<Vec<_>>().join(", ")),
@@ -195,9 +258,15 @@ fn importance(model: &Model) -> Vec<Importance> {
 
 fn say(summary: &Summary, unit: &str) -> anyhow::Result<()> {
     print(&table_text(&models_table(&summary.models, unit)))?;
+    print("Over all seeds:\n")?;
+    print(&table_text(&spread_table(&summary.spread, unit)))?;
+    print("What each step brings, with the manual hyperparameters:\n")?;
+    print(&table_text(&spread_table(&summary.ablation, unit)))?;
+    print("Where the MDHM loses to the DDM:\n")?;
+    print(&table_text(&breakdown_table(&summary.breakdown, unit)))?;
     let mut table = Printed::new().words("claim").numbers("paper").numbers("here").words("unit");
     for claim in &summary.claims {
-        table.row([claim.what, claim.paper, &claim.here, claim.unit]);
+        table.row([&*claim.what, claim.paper, &claim.here, claim.unit]);
     }
     print(&table_text(&table))?;
     for unseen in &summary.left_out_process {

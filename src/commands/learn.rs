@@ -10,13 +10,15 @@ use anyhow::bail;
 use clap::ValueEnum;
 use govtwin::bag::{self, ReadOptions, Stream, Topics};
 use govtwin::comparison::summary::Searched;
+use govtwin::parameters::Unit;
 use govtwin::params::{self, Sheet};
 use govtwin::recording::{Process, Recording};
+use govtwin::replay::between::simulate_between;
 use govtwin::replay::simulate;
 use govtwin::residual::history::{LONGEST_PERIOD_NS, SHORTEST_PERIOD_NS};
 use govtwin::residual::model::Learned;
 use govtwin::residual::prepare::{Cleaning, Prepared, prepare};
-use govtwin::residual::row::Opening;
+use govtwin::residual::row::{Between, Opening};
 use govtwin::residual::search::{Dimension, Trial, bayesian, random, slices};
 use govtwin::residual::split::{Split, folds};
 use govtwin::residual::table::{Layout, Table, slowest_period_ns, table};
@@ -83,6 +85,25 @@ pub enum CutAt {
     Servomotor,
 }
 
+/// What drives the twin between two recorded rows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum RateOfInputs {
+    /// Inputs hold until the next row.
+    Hold,
+    /// Inputs run straight from row to row, and a trip comes amid the pause in which it was recorded.
+    Linear,
+}
+
+impl RateOfInputs {
+    /// The same for a model.
+    pub fn between(self) -> Between {
+        match self {
+            Self::Hold => Between::Hold,
+            Self::Linear => Between::Linear,
+        }
+    }
+}
+
 /// Everything that training needs.
 pub struct Ready {
     /// The unit.
@@ -95,6 +116,27 @@ pub struct Ready {
     pub table: Table,
     /// What the folders say of where the data comes from.
     pub origin: Option<String>,
+    /// Where the recording stands in for the twin.
+    pub cut: Cut,
+}
+
+impl Ready {
+    /// The same rows under another unit's twin, or with other inputs between them.
+    pub fn table_of(&self, unit: &Unit, between: Between) -> Table {
+        let twin = Twin::new(unit).with_cut(self.cut);
+        let period_ns = grid_ns(unit);
+        let run = |one: &Recording| match between {
+            Between::Hold => simulate(&mut twin.clone(), one),
+            Between::Linear => simulate_between(&mut twin.clone(), one, period_ns),
+        };
+        let estimates: Vec<_> = self.recordings.par_iter().map(run).collect();
+        table(&self.recordings, &estimates, Layout { between, ..self.table.layout.clone() })
+    }
+}
+
+/// The grid on which inputs are drawn in between rows, ns: the regulator reads no faster.
+pub fn grid_ns(unit: &Unit) -> i64 {
+    nanos_from_seconds(unit.parameters.regulator.large_loop_period_s).max(1)
 }
 
 impl Args {
@@ -110,12 +152,12 @@ impl Args {
     }
 
     /// Reads, prepares and simulates the recordings, and makes the rows.
-    pub fn ready(&self, cut: CutAt) -> anyhow::Result<Ready> {
-        self.ready_without(cut, &[])
+    pub fn ready(&self, cut: CutAt, between: Between) -> anyhow::Result<Ready> {
+        self.ready_without(cut, between, &[])
     }
 
     /// The same without some processes.
-    pub fn ready_without(&self, cut: CutAt, left_out: &[Process]) -> anyhow::Result<Ready> {
+    pub fn ready_without(&self, cut: CutAt, between: Between, left_out: &[Process]) -> anyhow::Result<Ready> {
         let sheet = match &self.params {
             Some(path) => params::load_sheet(path)?,
             None => params::reference_sheet(),
@@ -142,8 +184,6 @@ impl Args {
             bail!("--leave-out leaves no recording of {} to learn from", bags.len());
         }
         let Prepared { recordings, cleanings } = prepare(raw, signal);
-        let twin = Twin::new(&sheet.unit).with_cut(cut);
-        let estimates: Vec<_> = recordings.par_iter().map(|one| simulate(&mut twin.clone(), one)).collect();
         let period_ns = match self.period_s {
             Some(period_s) => nanos_from_seconds(period_s),
             None => slowest_period_ns(&recordings, signal),
@@ -154,28 +194,40 @@ impl Args {
                 seconds_from_nanos(period_ns)
             );
         }
-        let table = table(&recordings, &estimates, Layout { signal, opening, period_ns, features: features::all() });
-        for cleaning in cleanings.iter().filter(|cleaning| !cleaning.is_clean()) {
+        let layout = Layout { signal, opening, between, period_ns, features: features::all() };
+        let nothing = Table { layout, values: vec![], marks: vec![], left_out: 0 };
+        let origin = (!origins.is_empty()).then(|| origins.join(" "));
+        let mut ready = Ready { sheet, recordings, cleanings, table: nothing, origin, cut };
+        ready.table = ready.table_of(&ready.sheet.unit, between);
+        for cleaning in ready.cleanings.iter().filter(|cleaning| !cleaning.is_clean()) {
             warn(&format!("{}: {}", cleaning.name, cleaning.words()));
         }
-        if table.left_out > 0 {
-            warn(&format!("{} samples have a feature that is not a finite number: left out", table.left_out));
+        if ready.table.left_out > 0 {
+            let count = ready.table.left_out;
+            warn(&format!("{count} samples have a feature that is not a finite number: left out"));
         }
-        Ok(Ready { sheet, recordings, cleanings, table, origin: (!origins.is_empty()).then(|| origins.join(" ")) })
+        Ok(ready)
     }
 
     /// Searches for hyperparameters with the Gaussian process, or at random; evaluations in the journal are not repeated.
-    pub fn search(&self, table: &Table, split: &Split, learned: Learned, job: Job) -> anyhow::Result<Searched> {
+    pub fn search(
+        &self,
+        table: &Table,
+        split: &Split,
+        learned: Learned,
+        job: Job,
+        seed: u64,
+    ) -> anyhow::Result<Searched> {
         let folds = folds(table, &split.train);
         let (budget, initial) = self.budget();
-        let mut journal = Journal::open(&self.out.join("search.json"), table, &split.train, learned, self.seed);
+        let mut journal = Journal::open(&self.out.join("search.json"), table, &split.train, learned, seed);
         let progress = Progress::new(budget, job.noun);
         let space = &training::SPACE;
-        let trials = search(space, job.kind, [initial, budget], self.seed, |point| {
+        let trials = search(space, job.kind, [initial, budget], seed, |point| {
             let loss = if let Some(loss) = journal.known(point) {
                 loss
             } else {
-                let loss = training::loss(table, &folds, learned, &training::at(point), self.seed)?;
+                let loss = training::loss(table, &folds, learned, &training::at(point), seed)?;
                 journal.keep(point, loss)?;
                 loss
             };

@@ -17,11 +17,14 @@ use govtwin::params::{self, Sheet};
 use govtwin::provenance::Provenance;
 use govtwin::recording::Recording;
 use govtwin::replay::Replayed;
+use govtwin::replay::between::trips_amid;
 use govtwin::replay::ladder::Ladder;
 use govtwin::replay::summary::{Parameters, Residual, Source, summarise};
 use govtwin::report::replay::{ladder_table, process_table, reason_for_dashes, reason_for_stars};
 use govtwin::residual::corrector::Corrector;
 use govtwin::residual::guard::Counts;
+use govtwin::residual::model::Model;
+use govtwin::residual::row as residual_row;
 use govtwin::twin::{Cut, Twin};
 use govtwin::units::nanos_from_seconds;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
@@ -69,9 +72,9 @@ pub struct Args {
     /// Also replay through this parameter file, such as refitted.yaml and then fitted.yaml of a diagnosis: one table with all of them.
     #[arg(long, value_name = "FILE")]
     then: Vec<PathBuf>,
-    /// What command and tank pressure do between two recorded samples.
-    #[arg(long, value_enum, default_value_t = Between::Hold)]
-    rate_of_inputs: Between,
+    /// What drives the twin between two recorded samples; without it what the residual was trained with, else `hold`.
+    #[arg(long, value_enum)]
+    rate_of_inputs: Option<Between>,
     /// Folder for the page, the figures and the simulated bags; made where missing. Of the bags there only those of an earlier
     /// replay are replaced.
     #[arg(long, value_name = "DIR")]
@@ -107,8 +110,37 @@ impl CutAt {
 enum Between {
     /// They hold, as for the live node.
     Hold,
-    /// They run straight from sample to sample, which a slow recording of a fast command needs.
+    /// Command and tank pressure run straight from sample to sample, which a slow recording of a fast command needs; a trip that was recorded
+    /// with a slow sample comes amid the pause before it.
     Linear,
+}
+
+impl Args {
+    /// What drives the twin between samples: as asked for, or as the residuals were trained.
+    fn between(&self, models: &[(&Path, Model)]) -> anyhow::Result<Between> {
+        let of = |model: &Model| match model.between {
+            residual_row::Between::Hold => Between::Hold,
+            residual_row::Between::Linear => Between::Linear,
+        };
+        let asked = self.rate_of_inputs;
+        let wanted = asked.or_else(|| models.first().map(|(_, model)| of(model))).unwrap_or(Between::Hold);
+        if let Some((path, model)) = models.iter().find(|(_, model)| of(model) != wanted) {
+            let trained = model.between.id();
+            return Err(usage(if asked.is_some() {
+                let path = path.display();
+                format!(
+                    "{path} was trained with --rate-of-inputs {trained}, and knows no twin that is driven otherwise; leave the option out"
+                )
+            } else {
+                format!(
+                    "{} was trained with --rate-of-inputs {trained}, {} otherwise; give residuals of one kind",
+                    path.display(),
+                    models[0].0.display()
+                )
+            }));
+        }
+        Ok(wanted)
+    }
 }
 
 /// One bag, replayed, with what was drawn of it.
@@ -135,6 +167,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let models = args.residual.iter().map(|path| Ok((path.as_path(), model::load(path)?)));
     let models = models.collect::<anyhow::Result<Vec<_>>>()?;
+    let driven = args.between(&models)?;
     let climbs = !args.then.is_empty() || models.len() > 1;
     // On a ladder every model stands on a unit of its own.
     let single = models.first().filter(|_| !climbs);
@@ -142,14 +175,14 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         return Err(usage("--adapt follows one residual; leave out --then and further --residual"));
     }
     let corrector = single.map(|(_, model)| residual::ready(model, &sheet.unit, args.cut.cut())).transpose()?;
-    let mut results = replay_all(args, &sheet.unit, &bags, &mapped, corrector.as_ref())?;
+    let mut results = replay_all(args, driven, &sheet.unit, &bags, &mapped, corrector.as_ref())?;
     let mut adaptation = None;
     if let Some((_, model)) = single.filter(|_| args.adapt) {
         let corrector = residual::ready(model, &sheet.unit, args.cut.cut())?.adapting(model)?;
         adaptation = residual::adapt(corrector, &mut results);
     }
     let together: Vec<_> = results.iter().map(|one| (&one.replayed, &one.source)).collect();
-    let between = if args.rate_of_inputs == Between::Hold { "hold" } else { "linear" };
+    let between = if driven == Between::Hold { "hold" } else { "linear" };
     let mut summary = summarise(parameters(&sheet), args.cut.cut(), between, &together);
     let mut text = table_text(&process_table(&summary));
     text.extend(reason_for_dashes(&summary).map(|reason| format!("{reason}\n")));
@@ -229,10 +262,10 @@ fn ladder_text(ladder: &Ladder) -> String {
 }
 
 /// How the bags are read.
-fn options(args: &Args, unit: &Unit) -> ReadOptions {
+fn options(args: &Args, driven: Between, unit: &Unit) -> ReadOptions {
     let positions = Positions::of(unit.recorded);
     let mut options = ReadOptions { topics: args.topics.topics(), positions, ..ReadOptions::default() };
-    if args.rate_of_inputs == Between::Linear {
+    if driven == Between::Linear {
         let period_ns = nanos_from_seconds(unit.parameters.regulator.large_loop_period_s).max(1);
         options.interpolation = Interpolation::Linear { period_ns };
     }
@@ -248,15 +281,16 @@ fn options(args: &Args, unit: &Unit) -> ReadOptions {
 /// Replays every bag, in parallel, with results in the order of the bags; all that cannot be read are named at once.
 fn replay_all(
     args: &Args,
+    driven: Between,
     unit: &Unit,
     bags: &[Bag],
     mapped: &Mapped,
     corrector: Option<&Corrector>,
 ) -> anyhow::Result<Vec<Result>> {
     let twin = Twin::new(unit).with_cut(args.cut.cut());
-    let options = options(args, unit);
-    // A further unit or a learned residual runs along all rows again.
-    let whole = !args.then.is_empty() || !args.residual.is_empty();
+    let options = options(args, driven, unit);
+    // A further unit or a learned residual runs along all rows again; a trip is put where a later row tells of it.
+    let whole = !args.then.is_empty() || !args.residual.is_empty() || driven == Between::Linear;
     let progress = Progress::new(bags.len(), "recordings");
     let results: Vec<anyhow::Result<Result>> = bags
         .par_iter()
@@ -292,7 +326,10 @@ fn replay(
     whole: bool,
 ) -> anyhow::Result<Result> {
     let (replayed, health) = if whole {
-        let Loaded { recording, health } = bag::read(&bag.path, options)?;
+        let Loaded { mut recording, health } = bag::read(&bag.path, options)?;
+        if options.interpolation != Interpolation::Hold {
+            trips_amid(&mut recording);
+        }
         (Replayed::new(&mut twin, Recording { name: bag.name.clone(), ..recording }), health)
     } else {
         rows::replay(&bag.path, &bag.name, options, &mut twin)?

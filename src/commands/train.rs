@@ -14,7 +14,7 @@ use govtwin::residual::split::seven_to_three;
 use govtwin::residual::training;
 use serde::Serialize;
 
-use super::learn::{self, CutAt, Job};
+use super::learn::{self, CutAt, Job, RateOfInputs};
 use super::output::{Output, print, table_text};
 use crate::commands::Outcome;
 
@@ -31,6 +31,10 @@ pub struct Args {
     /// Where the guide-vane opening comes from; a model runs only where it comes from there again.
     #[arg(long, value_enum, default_value_t = CutAt::None)]
     cut: CutAt,
+    /// What drives the twin between two recorded rows; a model runs only on a twin that is driven so again. A live node holds what it heard
+    /// last: where its commands come far faster than the rows here, that is `linear`.
+    #[arg(long, value_enum, default_value_t = RateOfInputs::Linear)]
+    rate_of_inputs: RateOfInputs,
     /// Processes that neither teach nor judge, so that `replay --then` can show how far the model carries.
     #[arg(long, value_name = "PROCESS", value_enum, value_delimiter = ',')]
     leave_out: Vec<Which>,
@@ -81,7 +85,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let left_out: Vec<Process> =
         Process::ALL.into_iter().filter(|own| args.leave_out.iter().any(|which| which.is(*own))).collect();
     let mut output = Output::claim(&args.learn.out, &["model.residual", "train.html", "train.json"])?;
-    let ready = args.learn.ready_without(args.cut, &left_out)?;
+    let ready = args.learn.ready_without(args.cut, args.rate_of_inputs.between(), &left_out)?;
     let table = &ready.table;
     let split = seven_to_three(table);
     if split.test.is_empty() {
@@ -92,7 +96,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     if !args.manual {
         let job = |kind, noun| Job { id: "hybrid", kind, noun };
         for job in [job("bayesian", "evaluations, Bayesian"), job("random", "evaluations, random")] {
-            searches.push(args.learn.search(table, &split, Learned::Residual, job)?);
+            searches.push(args.learn.search(table, &split, Learned::Residual, job, args.learn.seed)?);
         }
         let (point, _) = searches[0].best().context("no evaluation of the search succeeded")?;
         with = training::at(point);

@@ -9,6 +9,7 @@ use crate::frame::Estimate;
 use crate::parameters::Unit;
 use crate::plant::Plant;
 use crate::recording::Recording;
+use crate::replay::between::drawn;
 use crate::replay::simulate;
 use crate::residual::booster::{Hyperparameters, TrainError, grow};
 use crate::residual::forest::Forest;
@@ -37,7 +38,8 @@ pub struct Pulled {
     pub frames: Vec<usize>,
 }
 
-/// Pulls a twin along a recorded spool with a gain in 1/s.
+/// Pulls a twin along a recorded spool with a gain in 1/s. Where rows are slow, draw the inputs in between them first
+/// ([`crate::replay::between`]): the pull would learn their lag.
 #[must_use]
 pub fn pull(unit: &Unit, recording: &Recording, pull_1_s: f64) -> Pulled {
     let mut plant = plant(unit);
@@ -92,13 +94,13 @@ pub struct ClosedLoop {
 
 /// Trains both residuals with the manual hyperparameters on the rows that teach, and judges them on the others, guarded.
 ///
-/// The table must have been made of these recordings, in closed loop.
+/// The table must have been made of these recordings, in closed loop, with inputs that run straight between rows on a grid of `grid_ns`.
 ///
 /// # Errors
 /// Where a model cannot be trained.
 pub fn closed_loop(
     unit: &Unit,
-    recordings: &[Recording],
+    (recordings, grid_ns): (&[Recording], i64),
     table: &Table,
     split: &Split,
     seed: u64,
@@ -110,12 +112,13 @@ pub fn closed_loop(
     let additive = estimates(&walkable(&trees, width)?, table, &split.test, Learned::Residual, Some(&guard));
     done();
 
-    let mut teaches: Vec<Vec<bool>> = recordings.iter().map(|one| vec![false; one.frames.len()]).collect();
+    let drawn: Vec<(Recording, Vec<usize>)> = recordings.iter().map(|one| drawn(one, grid_ns)).collect();
+    let mut teaches: Vec<Vec<bool>> = drawn.iter().map(|(one, _)| vec![false; one.frames.len()]).collect();
     for mark in split.train.iter().map(|&row| &table.marks[row]) {
-        teaches[mark.recording][mark.frame] = true;
+        teaches[mark.recording][drawn[mark.recording].1[mark.frame]] = true;
     }
     let (mut values, mut missing) = (vec![], vec![]);
-    for (recording, teaches) in recordings.iter().zip(&teaches) {
+    for ((recording, _), teaches) in drawn.iter().zip(&teaches) {
         let pulled = pull(unit, recording, PULL_1_S);
         for (row, _) in pulled.frames.iter().enumerate().filter(|(_, frame)| teaches[**frame]) {
             values.extend(&pulled.values[row * FEATURES..(row + 1) * FEATURES]);
@@ -125,20 +128,20 @@ pub fn closed_loop(
     done();
     let grown = grow(&values, FEATURES, &missing, &Hyperparameters::MANUAL, seed)?;
     let inside = twin(unit, walkable(&grown.trees, FEATURES)?, Guard::of(&values, FEATURES, &missing));
-    let free: Vec<Vec<Estimate>> = recordings.iter().map(|one| simulate(&mut inside.clone(), one)).collect();
-    let plain_twin = Twin::new(unit);
-    let plain: Vec<Vec<Estimate>> = recordings.iter().map(|one| simulate(&mut plain_twin.clone(), one)).collect();
+    let run =
+        |twin: &Twin| -> Vec<Vec<Estimate>> { drawn.iter().map(|(one, _)| simulate(&mut twin.clone(), one)).collect() };
+    let (free, plain) = (run(&inside), run(&Twin::new(unit)));
     done();
 
     let of = |estimates: &[Vec<Estimate>], signal: Signal| -> Vec<f64> {
         let marks = split.test.iter().map(|&row| &table.marks[row]);
-        marks.map(|mark| signal.of(&estimates[mark.recording][mark.frame].signals)).collect()
+        marks.map(|mark| signal.of(&estimates[mark.recording][drawn[mark.recording].1[mark.frame]].signals)).collect()
     };
     let contender = |id, title, estimates| Contender { id, title, estimates };
     let field = |signal: Signal, additive: Vec<f64>| {
         let judged = judged(table, recordings, signal);
         let contenders = [
-            contender("mbm", "MBM", of(&plain, signal)),
+            contender("mbm", "MBM, inputs drawn in", of(&plain, signal)),
             contender("additive", "additive residual", additive),
             contender("inside", "residual inside the loop", of(&free, signal)),
         ];
@@ -213,7 +216,7 @@ mod tests {
         let with = |rate_m_s: f64| {
             let leaf = vec![rate_m_s, rate_m_s];
             let tree = Tree { feature: vec![0], threshold: vec![0.0], left: vec![-1], right: vec![-2], leaf };
-            let guard = Guard { support: vec![[-1e12, 1e12]; FEATURES], range: [-0.01, 0.01] };
+            let guard = Guard { support: vec![[-1e12, 1e12]; FEATURES], range: [-0.01, 0.01], cells: None };
             simulate(&mut twin(&unit, Forest::new(&[tree], FEATURES).unwrap(), guard), &rows)
         };
         assert!(with(0.0) == plain);

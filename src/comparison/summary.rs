@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use super::breakdown::Breakdown;
 use super::{Standing, reduction};
 use crate::metrics::Figures;
 use crate::recording::Process;
@@ -35,6 +36,14 @@ pub struct Summary {
     pub ranking: Vec<&'static str>,
     /// The paper's claims beside what is found here.
     pub claims: Vec<Claim>,
+    /// The seeds; figures of `models` are those of the first.
+    pub seeds: Vec<u64>,
+    /// Figures over all seeds.
+    pub spread: Vec<Spread>,
+    /// What each step from the paper's hybrid to this one brings, with the manual hyperparameters, over all seeds.
+    pub ablation: Vec<Spread>,
+    /// Where the MDHM loses to the DDM.
+    pub breakdown: Breakdown,
     /// Every process left out of training in turn.
     pub left_out_process: Vec<Unseen>,
     /// Searches for hyperparameters.
@@ -92,11 +101,60 @@ pub struct OfProcess {
     pub score: Score,
 }
 
+/// One model's figures over several seeds.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Spread {
+    /// Its id.
+    pub id: &'static str,
+    /// Its title.
+    pub title: &'static str,
+    /// Process by process; the last is all rows.
+    pub parts: Vec<SpreadIn>,
+}
+
+/// Figures over several seeds, each as mean, lowest and highest, in the signal's unit.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct SpreadIn {
+    /// Id of the process, or `all`.
+    pub process: &'static str,
+    /// Mean absolute error, in the signal's unit, pu or Pa.
+    pub mae: [f64; 3],
+    /// Root mean square error, in the signal's unit, pu or Pa.
+    pub rmse: [f64; 3],
+}
+
+/// Figures over seeds; every seed has the same models in the same order.
+#[must_use]
+#[expect(clippy::cast_precision_loss, reason = "a few seeds")]
+pub fn spread(seeds: &[Vec<Standing>]) -> Vec<Spread> {
+    let over = |values: Vec<f64>| {
+        let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+        let (low, high) = (values.iter().copied().fold(mean, f64::min), values.iter().copied().fold(mean, f64::max));
+        [mean, low, high]
+    };
+    let of = |place: usize, model: &Standing| {
+        let all: Vec<&Standing> = seeds.iter().filter_map(|seed| seed.get(place)).collect();
+        let part = |process: &'static str, figures: &dyn Fn(&Standing) -> Option<Figures>| {
+            let found: Vec<Figures> = all.iter().filter_map(|one| figures(one)).collect();
+            let (mae, rmse) = (found.iter().map(|one| one.mae).collect(), found.iter().map(|one| one.rmse).collect());
+            SpreadIn { process, mae: over(mae), rmse: over(rmse) }
+        };
+        let mut parts: Vec<SpreadIn> = model
+            .processes
+            .iter()
+            .map(|(process, _)| part(process.id(), &|one| one.process(*process).copied()))
+            .collect();
+        parts.push(part("all", &|one| Some(one.overall)));
+        Spread { id: model.id, title: model.title, parts }
+    };
+    seeds.first().into_iter().flatten().enumerate().map(|(place, model)| of(place, model)).collect()
+}
+
 /// A claim of the paper, and the same figure here.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Claim {
     /// What is claimed.
-    pub what: &'static str,
+    pub what: String,
     /// In the paper, on another plant's data.
     pub paper: &'static str,
     /// On these recordings.
@@ -201,20 +259,30 @@ impl From<&Standing> for Scored {
     }
 }
 
-/// The paper's claims for its hybrid, beside the figures here.
+/// A hybrid for which the paper's claims are looked at.
+#[derive(Clone, Copy, Debug)]
+pub struct Claims<'a> {
+    /// What it is called in a sentence.
+    pub of: &'static str,
+    /// Its figures.
+    pub hybrid: &'a Standing,
+}
+
+/// The paper's claims for its hybrid, beside the figures here; the rivals are the twin alone and the model of data alone.
 #[must_use]
-pub fn claims(hybrid: &Standing, mechanism: &Standing, data: &Standing) -> Vec<Claim> {
+pub fn claims(ours: &Claims<'_>, [mechanism, data]: [&Standing; 2]) -> Vec<Claim> {
+    let Claims { of, hybrid } = ours;
     let span = |theirs: &Standing, figure: fn(&Figures) -> f64| {
         let [low, high] = reduction(hybrid, theirs, figure);
         format!("{low:.1} to {high:.1}")
     };
-    let claim = |what, paper, here, unit| Claim { what, paper, here, unit };
+    let claim = |what: &str, paper, here, unit| Claim { what: what.replace("MDHM", of), paper, here, unit };
     vec![
-        claim("R² of the MDHM, mean over processes", "0.990", format!("{:.3}", hybrid.mean_r2()), ""),
-        claim("MAE of the MDHM below MBM", "43.9 to 68.3", span(mechanism, |figures| figures.mae), "%"),
-        claim("MAE of the MDHM below DDM", "38.1 to 86.9", span(data, |figures| figures.mae), "%"),
-        claim("RMSE of the MDHM below MBM", "32.0 to 59.1", span(mechanism, |figures| figures.rmse), "%"),
-        claim("RMSE of the MDHM below DDM", "30.4 to 77.0", span(data, |figures| figures.rmse), "%"),
+        claim("R² of MDHM, mean over processes", "0.990", format!("{:.3}", hybrid.mean_r2()), ""),
+        claim("MAE of MDHM below MBM", "43.9 to 68.3", span(mechanism, |figures| figures.mae), "%"),
+        claim("MAE of MDHM below DDM", "38.1 to 86.9", span(data, |figures| figures.mae), "%"),
+        claim("RMSE of MDHM below MBM", "32.0 to 59.1", span(mechanism, |figures| figures.rmse), "%"),
+        claim("RMSE of MDHM below DDM", "30.4 to 77.0", span(data, |figures| figures.rmse), "%"),
     ]
 }
 

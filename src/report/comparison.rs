@@ -7,7 +7,8 @@ use super::draw::{DrawError, svg};
 use super::page::{Blocks, KeyFigure, Page, Tone};
 use super::table::{Table, fixed, significant};
 use crate::comparison::Contender;
-use crate::comparison::summary::{Scored, Summary};
+use crate::comparison::breakdown::Breakdown;
+use crate::comparison::summary::{Scored, Spread, Summary};
 use crate::recording::Process;
 use crate::residual::table::Table as Rows;
 
@@ -31,7 +32,7 @@ impl Shown<'_> {
 }
 
 /// Ids of the hybrids, in the paper's ranking; those that took no part are passed over.
-pub const HYBRIDS: [&str; 4] = ["mdhm", "lightgbm", "lstm", "tcn"];
+pub const HYBRIDS: [&str; 6] = ["gate", "hybrid", "mdhm", "lightgbm", "lstm", "tcn"];
 
 /// The figures of models, process by process.
 #[must_use]
@@ -49,6 +50,46 @@ pub fn models_table(models: &[Scored], unit: &str) -> Table {
             table.row(cells(title(one.process), &one.score));
         }
         table.strong_row(cells("all rows", &model.overall));
+    }
+    table
+}
+
+/// Figures over seeds, process by process: the mean, and the spread behind it where there are several.
+#[must_use]
+pub fn spread_table(models: &[Spread], unit: &str) -> Table {
+    let mut table = Table::new().words("model");
+    let parts = models.first().map_or(&[][..], |model| &model.parts);
+    for part in parts {
+        table = table.numbers(format!("{}, MAE, {unit}", title(part.process))).numbers("RMSE");
+    }
+    let words = |[mean, low, high]: [f64; 3]| {
+        if high - low < 5e-6 {
+            fixed(mean, 5)
+        } else {
+            format!("{} ({}–{})", fixed(mean, 5), fixed(low, 5), fixed(high, 5))
+        }
+    };
+    for model in models {
+        let cells = model.parts.iter().flat_map(|part| [words(part.mae), words(part.rmse)]);
+        table.row(std::iter::once(model.title.to_owned()).chain(cells));
+    }
+    table
+}
+
+/// Errors by process and phase.
+#[must_use]
+pub fn breakdown_table(broken: &Breakdown, unit: &str) -> Table {
+    let mut table = Table::new().words("process").words("phase").numbers("rows");
+    for model in &broken.models {
+        table = table.numbers(format!("{model}, MAE, {unit}")).numbers("squares, %");
+    }
+    for one in &broken.processes {
+        for part in &one.parts {
+            let cells = part.mae.iter().zip(&part.square_shares);
+            let cells = cells.flat_map(|(mae, share)| [fixed(*mae, 5), fixed(100.0 * share, 1)]);
+            let first = [title(one.process).to_owned(), part.phase.title().to_owned(), part.rows.to_string()];
+            table.row(first.into_iter().chain(cells));
+        }
     }
     table
 }
@@ -92,6 +133,7 @@ pub fn page(summary: &Summary, shown: &Shown) -> Result<Page, DrawError> {
         "The same as histograms with kernel density estimates (after Figure 15).",
     );
     body.figure(svg(&pictures::heatmap(summary, unit))?, "Figures of the hybrids by process (after Figure 16).");
+    why(body, summary, shown)?;
     body.heading("A process left out");
     body.paragraph("What the paper does not show: each process left out of training in turn and judged on. The hyperparameters are the manual ones, since a search would have seen the process. The guard fades corrections where rows lie outside what was trained.");
     body.figure(svg(&pictures::left_out(summary, unit))?, "MAE on the process that was left out.");
@@ -116,6 +158,44 @@ pub fn page(summary: &Summary, shown: &Shown) -> Result<Page, DrawError> {
     Ok(page)
 }
 
+/// Why the paper's hybrid loses to data alone, and what each step against it brings.
+fn why(body: &mut Blocks, summary: &Summary, shown: &Shown) -> Result<(), DrawError> {
+    let unit = shown.rows.layout.signal.unit();
+    body.heading("Where the MDHM loses to the DDM");
+    for one in &summary.breakdown.processes {
+        let shifts: Vec<String> =
+            one.shift_s.iter().map(|(id, shift_s)| format!("{id} {} s", fixed(*shift_s, 2))).collect();
+        let decided = one.decided_share.map_or("it loses nothing in squared error".to_owned(), |share| {
+            format!("{} % of what it loses in squared error lies in {} rows", fixed(100.0 * share, 0), one.worst.len())
+        });
+        let guard = &one.guard;
+        body.paragraph(format!(
+            "{}: {decided}; the twin's trace comes too late by: {}; of {} rows the guard would clamp {}, fade {} and refuse {}.",
+            title(one.process),
+            shifts.join(", "),
+            guard.rows,
+            guard.clamped,
+            guard.faded,
+            guard.outside + guard.bad
+        ));
+    }
+    body.figure(svg(&pictures::worst(summary, shown))?, "Around the row of each process on which the MDHM loses most.");
+    body.table(
+        breakdown_table(&summary.breakdown, unit),
+        "Errors by process and phase, and the share of each model's squared error in a process.",
+    );
+    body.heading("What each step brings");
+    body.table(
+        spread_table(&summary.ablation, unit),
+        "The manual hyperparameters throughout; mean over the seeds, lowest and highest in brackets.",
+    );
+    if summary.seeds.len() > 1 {
+        body.heading("Seeds");
+        body.table(spread_table(&summary.spread, unit), "Every seed with its own searches; mean, lowest and highest.");
+    }
+    Ok(())
+}
+
 fn opening(body: &mut Blocks, summary: &Summary, unit: &str) {
     let order: Vec<&str> = summary.ranking.iter().map(|id| model_title(summary, id)).collect();
     body.lead(format!("Hybrids by MAE over all judging rows: {}.", order.join(" < ")));
@@ -123,7 +203,7 @@ fn opening(body: &mut Blocks, summary: &Summary, unit: &str) {
         body.note(Tone::Plain, origin.clone());
     }
     let of = |id: &str| summary.models.iter().find(|model| model.id == id);
-    let key = ["mbm", "ddm", "mdhm"].iter().filter_map(|id| of(id)).map(|model| {
+    let key = ["mbm", "ddm", "mdhm", "gate"].iter().filter_map(|id| of(id)).map(|model| {
         KeyFigure::new(format!("MAE, {}", model.title), significant(model.overall.mae, 3), unit).hint(format!(
             "RMSE {} {unit}, R² {}",
             significant(model.overall.rmse, 3),
@@ -133,7 +213,7 @@ fn opening(body: &mut Blocks, summary: &Summary, unit: &str) {
     body.key_figures(key);
     let mut table = Table::new().words("claim").numbers("paper, another plant").numbers("here").words("unit");
     for claim in &summary.claims {
-        table.row([claim.what, claim.paper, &claim.here, claim.unit]);
+        table.row([&*claim.what, claim.paper, &claim.here, claim.unit]);
     }
     body.table(table, "The paper's claims on its own plant's data, which is confidential, beside the figures on these recordings; spans are over processes.");
     if let Some(band) = &summary.band {
@@ -209,7 +289,7 @@ mod tests {
     }
 
     fn summary(r2: [f64; 2]) -> Summary {
-        let claim = Claim { what: "MAE of the MDHM", paper: "0.1", here: "0.2".to_owned(), unit: "pu" };
+        let claim = Claim { what: "MAE of the MDHM".to_owned(), paper: "0.1", here: "0.2".to_owned(), unit: "pu" };
         Summary {
             schema: SCHEMA,
             program: "govtwin",
@@ -220,6 +300,10 @@ mod tests {
             models: vec![model("mbm", "MBM", r2), model("mdhm", "MDHM", [0.9, 0.8])],
             ranking: vec!["mdhm"],
             claims: vec![claim],
+            seeds: vec![1],
+            spread: vec![],
+            ablation: vec![],
+            breakdown: Breakdown { models: vec![], processes: vec![] },
             left_out_process: vec![],
             searches: vec![],
             importance: vec![],

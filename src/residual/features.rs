@@ -4,7 +4,7 @@
 //! |---|---|
 //! | original | command, opening, tank pressure, ESV state |
 //! | interaction | command − opening, and products of originals |
-//! | lag | originals and their difference a few periods ago |
+//! | lag | originals and their difference a few periods ago, and their rates |
 //! | rolling | mean, spread, lowest and highest of the last periods |
 //! | model | what the twin says now, its derivatives, its lags and its inner signals |
 //! | trend | slope over the last periods, and how much of the motion it explains |
@@ -94,6 +94,10 @@ pub fn all() -> Vec<Feature> {
             add(Group::Lag, channel, Kind::Lag(lag));
         }
     }
+    for channel in [Command, Opening, Error] {
+        add(Group::Lag, channel, Kind::Rate);
+        add(Group::Lag, channel, Kind::Bend);
+    }
     for (channel, lag) in [(TankPressure, 1), (TankPressure, 5), (Esv, 1), (Esv, 2), (Esv, 5)] {
         add(Group::Lag, channel, Kind::Lag(lag));
     }
@@ -151,6 +155,12 @@ impl Feature {
     #[must_use]
     pub fn is_now(&self) -> bool {
         self.kind == Kind::Now
+    }
+
+    /// Whether it is the rate or the bend of an input, which the paper's list lacks.
+    #[must_use]
+    pub fn is_rate_of_input(&self) -> bool {
+        !self.channel.is_model() && matches!(self.kind, Kind::Rate | Kind::Bend)
     }
 
     /// The name in model files: channel, then what is made of it, with periods as the unit of lags and windows.

@@ -2,6 +2,9 @@
 //!
 //! The value of a row is the sum over trees of the leaf that the row falls into; at a node it goes left where its feature
 //! is not above the threshold. Sums run in the order of the trees, so that the result equals the trainer's to the last bit.
+//!
+//! A single row costs what its walks wait for memory. So several trees are walked side by side, level by level and without a branch: the children of
+//! a node lie next to each other, a leaf is a node that leads to itself, and a walk takes as many steps as the deepest tree of its group has levels.
 
 use serde::{Deserialize, Serialize};
 
@@ -32,21 +35,36 @@ pub struct ForestError {
     problem: String,
 }
 
+/// Trees that are walked side by side.
+const LANES: usize = 16;
+
+/// A node, or a leaf, which is a node that leads to itself.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Node {
-    /// In the unit of the feature that it splits: the coefficient's unit is the feature's.
+    /// In the unit of the feature that it splits, or a leaf's value: the coefficient's unit is the feature's or the target's.
     threshold: f64,
-    feature: u32,
-    children: [i32; 2],
+    /// The left child; the right one lies behind it.
+    first: u32,
+    feature: u16,
+    /// 1, or 0 for a leaf.
+    step: u16,
+}
+
+/// Trees that are walked side by side.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Group {
+    roots: [u32; LANES],
+    /// How many of the roots count.
+    trees: usize,
+    /// Levels of the deepest.
+    levels: u32,
 }
 
 /// Trees in walking order, checked: no walk leaves them or runs in a circle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Forest {
     nodes: Vec<Node>,
-    leaves: Vec<f64>,
-    /// First node or, below zero, the only leaf of each tree.
-    roots: Vec<i32>,
+    groups: Vec<Group>,
     features: usize,
 }
 
@@ -56,36 +74,63 @@ impl Forest {
     /// # Errors
     /// Where a tree names a feature, node or leaf that is not there, runs in a circle, or holds what is no number.
     pub fn new(trees: &[Tree], features: usize) -> Result<Self, ForestError> {
-        let mut forest = Self { nodes: vec![], leaves: vec![], roots: vec![], features };
+        let mut forest = Self { nodes: vec![], groups: vec![], features };
         for (index, tree) in trees.iter().enumerate() {
-            check(tree, features).map_err(|problem| ForestError { tree: index, problem })?;
-            let too_many = |_| ForestError { tree: index, problem: "more nodes than can be counted".to_owned() };
-            let first_node = i32::try_from(forest.nodes.len()).map_err(too_many)?;
-            let first_leaf = i32::try_from(forest.leaves.len()).map_err(too_many)?;
-            let moved = |child: i32| if child >= 0 { child + first_node } else { child - first_leaf };
-            forest.roots.push(if tree.feature.is_empty() { -1 - first_leaf } else { first_node });
-            for node in 0..tree.feature.len() {
-                forest.nodes.push(Node {
-                    threshold: tree.threshold[node],
-                    feature: tree.feature[node],
-                    children: [moved(tree.left[node]), moved(tree.right[node])],
-                });
+            let wrong = |problem| ForestError { tree: index, problem };
+            check(tree, features).map_err(wrong)?;
+            let (root, levels) =
+                forest.lay_out(tree).ok_or_else(|| wrong("more nodes than can be counted".to_owned()))?;
+            if index % LANES == 0 {
+                forest.groups.push(Group { roots: [root; LANES], trees: 0, levels: 0 });
             }
-            forest.leaves.extend(&tree.leaf);
+            if let Some(group) = forest.groups.last_mut() {
+                group.roots[group.trees] = root;
+                group.trees += 1;
+                group.levels = group.levels.max(levels);
+            }
         }
         Ok(forest)
+    }
+
+    /// Lays a checked tree out level by level; its root, and its levels.
+    fn lay_out(&mut self, tree: &Tree) -> Option<(u32, u32)> {
+        let root = u32::try_from(self.nodes.len()).ok()?;
+        // Nodes, or leaves below zero, whose place is taken; both children of a node are taken together.
+        let mut level = vec![(if tree.feature.is_empty() { -1 } else { 0 }, self.nodes.len())];
+        self.nodes.push(Node { threshold: 0.0, first: 0, feature: 0, step: 0 });
+        let mut levels = 0;
+        loop {
+            let mut next = vec![];
+            for (child, place) in level {
+                self.nodes[place] = if let Ok(node) = usize::try_from(child) {
+                    let first = self.nodes.len();
+                    self.nodes.extend([Node { threshold: 0.0, first: 0, feature: 0, step: 0 }; 2]);
+                    next.extend([(tree.left[node], first), (tree.right[node], first + 1)]);
+                    let (first, feature) = (u32::try_from(first).ok()?, u16::try_from(tree.feature[node]).ok()?);
+                    Node { threshold: tree.threshold[node], first, feature, step: 1 }
+                } else {
+                    let leaf = usize::try_from(-1 - i64::from(child)).ok()?;
+                    Node { threshold: tree.leaf[leaf], first: u32::try_from(place).ok()?, feature: 0, step: 0 }
+                };
+            }
+            if next.is_empty() {
+                return Some((root, levels));
+            }
+            level = next;
+            levels += 1;
+        }
     }
 
     /// How many trees there are.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.roots.len()
+        self.groups.iter().map(|group| group.trees).sum()
     }
 
     /// Whether there is none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.roots.is_empty()
+        self.groups.is_empty()
     }
 
     /// The value of a row; NaN where the row is shorter than the trees' list of features. Allocates nothing.
@@ -95,14 +140,16 @@ impl Forest {
             return f64::NAN;
         }
         let mut sum = 0.0;
-        for &root in &self.roots {
-            let mut at = root;
-            // A negative number is a leaf.
-            while let Ok(index) = usize::try_from(at) {
-                let node = &self.nodes[index];
-                at = node.children[usize::from(row[node.feature as usize] > node.threshold)];
+        for group in &self.groups {
+            let mut at = group.roots;
+            for _ in 0..group.levels {
+                for place in &mut at {
+                    let node = &self.nodes[*place as usize];
+                    let above = u16::from(row[usize::from(node.feature)] > node.threshold);
+                    *place = node.first + u32::from(node.step & above);
+                }
             }
-            sum += self.leaves[usize::try_from(-1 - at).unwrap_or(0)];
+            sum = at[..group.trees].iter().fold(sum, |sum, place| sum + self.nodes[*place as usize].threshold);
         }
         sum
     }

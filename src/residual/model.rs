@@ -12,7 +12,7 @@ use super::features::{self, Feature};
 use super::forest::{Forest, ForestError, Tree};
 use super::guard::Guard;
 use super::history::{LONGEST_PERIOD_NS, SHORTEST_PERIOD_NS};
-use super::row::Opening;
+use super::row::{Between, Opening};
 use crate::digest::{Digest, sha256};
 use crate::parameters::{ENTRIES, Unit};
 use crate::signal::Signal;
@@ -47,6 +47,9 @@ pub struct Model {
     pub learned: Learned,
     /// Where the opening came from in training; a model runs only where it comes from there again.
     pub opening: Opening,
+    /// What drove the twin between rows in training; a file that does not say so held them.
+    #[serde(default)]
+    pub between: Between,
     /// Training period, ns: the grid on which features are taken at any rate.
     pub period_ns: i64,
     /// [`fingerprint`] of the unit whose twin it corrects.
@@ -163,6 +166,11 @@ impl Model {
                 return Err(damaged(format!("`{what}` has {len} entries for {features} features")));
             }
         }
+        let cells = model.guard.cells.as_ref();
+        if cells.is_some_and(|cells| cells.features.iter().any(|place| *place >= features) || !cells.filled.is_sorted())
+        {
+            return Err(damaged("its cells name features that are not there, or stand in no order".to_owned()));
+        }
         if model.guard.support.iter().chain([&model.guard.range]).any(|[low, high]| low > high) {
             return Err(damaged("a range ends before it begins".to_owned()));
         }
@@ -248,7 +256,7 @@ pub(super) mod tests {
     use crate::residual::features;
     use crate::residual::forest::Tree;
     use crate::residual::guard::Guard;
-    use crate::residual::row::Opening;
+    use crate::residual::row::{Between, Opening};
 
     /// A model that says 0.01 wherever the command is above a half and −0.01 elsewhere.
     pub fn model() -> Model {
@@ -260,10 +268,11 @@ pub(super) mod tests {
             unit: "pu".into(),
             learned: Learned::Residual,
             opening: Opening::Simulated,
+            between: Between::Hold,
             period_ns: 200_000_000,
             twin: fingerprint(&crate::params::reference()),
             features,
-            guard: Guard { support: vec![[-1e9, 1e9]; count], range: [-0.02, 0.02] },
+            guard: Guard { support: vec![[-1e9, 1e9]; count], range: [-0.02, 0.02], cells: None },
             band: None,
             importance: vec![0.0; count],
             booster: "by hand".into(),

@@ -26,6 +26,28 @@ impl Opening {
     }
 }
 
+/// What drove the twin between two recorded rows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Between {
+    /// Inputs held until the next row, as a live node holds what it heard last.
+    #[default]
+    Hold,
+    /// Inputs ran straight from row to row (the option `--rate-of-inputs linear`), as a node has them whose commands come fast.
+    Linear,
+}
+
+impl Between {
+    /// The name in files and words.
+    #[must_use]
+    pub fn id(self) -> &'static str {
+        match self {
+            Self::Hold => "hold",
+            Self::Linear => "linear",
+        }
+    }
+}
+
 /// One number of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Channel {

@@ -4,7 +4,7 @@ use super::corrector::motion;
 use super::features::{self, Feature};
 use super::history::History;
 use super::prepare::median_spacing_ns;
-use super::row::{Channel, Opening, Rows};
+use super::row::{Between, Channel, Opening, Rows};
 use crate::frame::Estimate;
 use crate::recording::{Process, Recording};
 use crate::signal::Signal;
@@ -16,6 +16,8 @@ pub struct Layout {
     pub signal: Signal,
     /// Where the opening comes from.
     pub opening: Opening,
+    /// What drove the twin between rows.
+    pub between: Between,
     /// Training period, ns.
     pub period_ns: i64,
     /// The features, in order.
@@ -134,7 +136,7 @@ pub(super) mod tests {
     use crate::frame::{EsvState, Frame, Inputs, Signals};
     use crate::recording::Recording;
     use crate::residual::features;
-    use crate::residual::row::Opening;
+    use crate::residual::row::{Between, Opening};
     use crate::signal::Signal;
     use crate::twin::Twin;
 
@@ -161,7 +163,8 @@ pub(super) mod tests {
 
     pub fn layout() -> Layout {
         let period_ns = 200_000_000;
-        Layout { signal: Signal::SpoolPosition, opening: Opening::Simulated, period_ns, features: features::all() }
+        let (signal, opening, between) = (Signal::SpoolPosition, Opening::Simulated, Between::Hold);
+        Layout { signal, opening, between, period_ns, features: features::all() }
     }
 
     pub fn of(recordings: &[Recording]) -> Table {

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
 use super::band::Band;
-use super::booster::{self, FEWEST_ROWS, Hyperparameters, TrainError, grow};
+use super::booster::{self, FEWEST_ROWS, Hyperparameters, Objective, TrainError, grow};
 use super::forest::{Forest, Tree};
 use super::guard::Guard;
 use super::model::{Learned, Model, fingerprint};
@@ -51,6 +51,7 @@ pub fn at(point: &[f64]) -> Hyperparameters {
     let value = |index: usize| point.get(index).copied().unwrap_or_else(|| SPACE[index].value(0.5));
     let whole = |index: usize| value(index).round() as u32;
     Hyperparameters {
+        objective: Objective::L1,
         num_iterations: whole(0),
         learning_rate: value(1),
         max_depth: whole(2),
@@ -159,13 +160,16 @@ pub fn model(
         residuals.into_iter().map(|(row, residual)| (table.marks[row].motion, residual)).collect();
     let layout = &table.layout;
     let features: Vec<String> = layout.features.iter().map(super::features::Feature::name).collect();
-    let guard = Guard::of(&table.select(rows), features.len(), &targets(table, rows, learned));
+    let values = table.select(rows);
+    let guard =
+        Guard::of(&values, features.len(), &targets(table, rows, learned)).with_cells(&values, &layout.features);
     Ok(Model {
         program: concat!("govtwin ", env!("CARGO_PKG_VERSION")).to_owned(),
         signal: layout.signal.id().to_owned(),
         unit: layout.signal.unit().to_owned(),
         learned,
         opening: layout.opening,
+        between: layout.between,
         period_ns: layout.period_ns,
         twin: fingerprint(unit),
         features,

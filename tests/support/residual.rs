@@ -8,7 +8,7 @@ use govtwin::residual::features;
 use govtwin::residual::forest::Tree;
 use govtwin::residual::guard::Guard;
 use govtwin::residual::model::{Learned, Model, fingerprint};
-use govtwin::residual::row::Opening;
+use govtwin::residual::row::{Between, Opening};
 
 /// A model of the spool that says +0.01 where the command is above 0.4 pu and −0.01 elsewhere, with a band of ±0.02.
 pub fn model(unit: &Unit) -> Model {
@@ -20,10 +20,11 @@ pub fn model(unit: &Unit) -> Model {
         unit: "pu".into(),
         learned: Learned::Residual,
         opening: Opening::Simulated,
+        between: Between::Hold,
         period_ns: 200_000_000,
         twin: fingerprint(unit),
         features,
-        guard: Guard { support: vec![[-1e12, 1e12]; count], range: [-0.05, 0.05] },
+        guard: Guard { support: vec![[-1e12, 1e12]; count], range: [-0.05, 0.05], cells: None },
         band: Some(Band { coverage_share: 0.9, moving_above: 0.1, at_rest: 0.02, in_motion: 0.02 }),
         importance: vec![0.0; count],
         booster: "none".into(),

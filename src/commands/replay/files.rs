@@ -12,7 +12,7 @@ use govtwin::twin::Twin;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 use super::ladder::After;
-use super::{Args, FIGURES, PAGE, Result, options, rows, simulated};
+use super::{Args, Between, FIGURES, PAGE, Result, options, rows, simulated};
 use crate::commands::bags::Bag;
 use crate::commands::output::{Output, Progress, print};
 
@@ -54,7 +54,8 @@ fn write_bag(bag: &Bag, dir: &Path, one: &Result, unit: &Unit, args: &Args) -> a
     if replayed.every == 1 {
         return simulated::write(&bag.path, dir, replayed, &topics, about);
     }
-    let options = options(args, unit);
+    // Only a replay row by row leaves rows out, and there inputs hold.
+    let options = options(args, Between::Hold, unit);
     let mut twin = Twin::new(unit).with_cut(args.cut.cut());
     let measured = replayed.scores.are_measured();
     if let Some(sealed) = rows::write((&bag.path, about), dir, &options, &mut twin, measured, &topics)? {

@@ -2,6 +2,7 @@
 
 use super::{HYBRIDS, Shown, title};
 use crate::comparison::Contender;
+use crate::comparison::breakdown::{AROUND, Broken};
 use crate::comparison::summary::{OfProcess, Scored, Summary};
 use crate::recording::Process;
 use crate::report::ink::Ink;
@@ -18,6 +19,8 @@ fn ink(id: &str) -> Ink {
         "mbm" => Ink::Command,
         "ddm" => Ink::Extra1,
         "mdhm" => Ink::Simulated,
+        "gate" => Ink::Difference,
+        "drawn" => Ink::Band,
         "lightgbm" | "hybrid" => Ink::Good,
         "lstm" => Ink::Measured,
         "tcn" => Ink::Extra3,
@@ -59,6 +62,33 @@ pub fn traces(shown: &Shown) -> Picture {
         panel
     };
     Picture::grid("Measured and simulated in four processes", 2, processes(shown).into_iter().map(panel).collect())
+}
+
+/// A few rows around the one of each process that costs the MDHM most against the DDM.
+pub fn worst(summary: &Summary, shown: &Shown) -> Picture {
+    let panel = |one: &Broken| {
+        let told = one.worst.first()?;
+        let marks = &shown.rows.marks;
+        let here: Vec<usize> = (0..shown.judging.len())
+            .filter(|&at| {
+                let row = shown.judging[at];
+                marks[row].recording == told.recording && row.abs_diff(told.row) <= AROUND
+            })
+            .collect();
+        let time_s = |at: usize| seconds_from_nanos(marks[shown.judging[at]].time_ns - marks[told.row].time_ns);
+        let measured = here.iter().map(|&at| [time_s(at), marks[shown.judging[at]].measured]).collect();
+        let mut panel =
+            Panel::new(format!("{}, {}: {}", title(one.process), shown.rows.layout.signal.unit(), told.phase.title()))
+                .height(190)
+                .thick_line(Ink::Measured, "measured", measured)
+                .x_name("time from that row, s");
+        for contender in shown.of(&["mbm", "drawn", "ddm", "mdhm", "gate"]) {
+            let line = here.iter().map(|&at| [time_s(at), contender.estimates[at]]).collect();
+            panel = panel.line(ink(contender.id), contender.title, line);
+        }
+        Some(panel)
+    };
+    Picture::grid("The rows that decide", 2, summary.breakdown.processes.iter().filter_map(panel).collect())
 }
 
 fn processes(shown: &Shown) -> Vec<Process> {

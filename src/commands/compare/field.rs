@@ -1,0 +1,93 @@
+//! Who competes in a comparison: for one seed the searches, the models that they find, and what those say of the rows that judge.
+
+use anyhow::Context;
+use govtwin::comparison::Contender;
+use govtwin::comparison::ablation::{Parents, gated, of_data, of_hybrid};
+use govtwin::comparison::contenders::{self, data_only, mechanism, trained};
+use govtwin::comparison::summary::Searched;
+use govtwin::parameters::Unit;
+use govtwin::residual::booster::Hyperparameters;
+use govtwin::residual::model::{Learned, Model};
+use govtwin::residual::split::Split;
+use govtwin::residual::table::Table;
+use govtwin::residual::training;
+
+use crate::commands::learn::{self, Job};
+use crate::commands::output::Progress;
+
+/// Who competes, and how their hyperparameters were found.
+pub struct Field {
+    /// What every model says of the rows that judge.
+    pub contenders: Vec<Contender>,
+    /// The searches.
+    pub searches: Vec<Searched>,
+    /// The paper's hybrid.
+    pub paper: Model,
+}
+
+/// One search by each kind, and what the Bayesian one found.
+fn searched(
+    args: &learn::Args,
+    (table, split, learned): (&Table, &Split, Learned),
+    (id, nouns): (&'static str, [&'static str; 2]),
+    seed: u64,
+    searches: &mut Vec<Searched>,
+) -> anyhow::Result<Hyperparameters> {
+    let [bayesian, random] = nouns;
+    let found = args.search(table, split, learned, Job { id, kind: "bayesian", noun: bayesian }, seed)?;
+    let with = training::at(found.best().context("no evaluation of the search succeeded")?.0);
+    let chance = args.search(table, split, learned, Job { id, kind: "random", noun: random }, seed)?;
+    searches.extend([found, chance]);
+    Ok(with)
+}
+
+/// All that trees can make, by one seed and with equal effort: one search of either kind for each of data alone, the paper's hybrid and this one.
+pub fn field(
+    args: &learn::Args,
+    parents: &Parents<'_>,
+    split: &Split,
+    seed: u64,
+    unit: &Unit,
+) -> anyhow::Result<Field> {
+    let (plain, best) = (parents.plain, parents.drawn);
+    let data = data_only(plain);
+    let mut searches = vec![];
+    let job = (plain, split, Learned::Residual);
+    let paper =
+        searched(args, job, ("mdhm", ["evaluations, MDHM", "evaluations, MDHM at random"]), seed, &mut searches)?;
+    let job = (&data, split, Learned::Signal);
+    let alone = searched(args, job, ("ddm", ["evaluations, DDM", "evaluations, DDM at random"]), seed, &mut searches)?;
+    let job = (best, split, Learned::Residual);
+    let nouns = ["evaluations, hybrid", "evaluations, hybrid at random"];
+    let with = searched(args, job, ("hybrid", nouns), seed, &mut searches)?;
+
+    let progress = Progress::new(6, "models");
+    let rows = (&split.train[..], &split.test[..]);
+    let mut contenders = vec![mechanism(plain, &split.test)];
+    contenders.push(Contender { id: "drawn", title: "MBM, inputs drawn in", ..mechanism(parents.drawn, &split.test) });
+    if let Some(table) = parents.refitted {
+        let of = mechanism(table, &split.test);
+        contenders.push(Contender { id: "refitted", title: "MBM, that and refitted", ..of });
+    }
+    let (_, estimates) = trained(&data, rows, Learned::Signal, &alone, seed, unit)?;
+    contenders.push(Contender { id: "ddm", title: "DDM", estimates });
+    progress.step();
+    let (_, estimates) = gated(&data, split, &of_data(&alone), seed)?;
+    contenders.push(Contender { id: "ddm_gate", title: "DDM, gate", estimates });
+    progress.step();
+    let (_, estimates) = trained(plain, rows, Learned::Residual, &Hyperparameters::MANUAL, seed, unit)?;
+    contenders.push(Contender { id: "lightgbm", title: "LightGBM hybrid", estimates });
+    progress.step();
+    let (model, estimates) = trained(plain, rows, Learned::Residual, &paper, seed, unit)?;
+    contenders.push(Contender { id: "mdhm", title: "MDHM", estimates });
+    let guarded = contenders::estimates(&model.forest()?, plain, &split.test, Learned::Residual, Some(&model.guard));
+    contenders.push(Contender { id: "guarded", title: "MDHM, guarded", estimates: guarded });
+    progress.step();
+    let (_, estimates) = trained(best, rows, Learned::Residual, &with, seed, unit)?;
+    contenders.push(Contender { id: "hybrid", title: "hybrid, better twin", estimates });
+    progress.step();
+    let (_, estimates) = gated(best, split, &of_hybrid(&with), seed)?;
+    contenders.push(Contender { id: "gate", title: "hybrid, better twin, gate", estimates });
+    progress.step();
+    Ok(Field { contenders, searches, paper: model })
+}
