@@ -67,7 +67,7 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    let mut output = Output::claim(&args.learn.out, &["compare.html", "compare.json"])?;
+    let output = Output::claim(&args.learn.out, &["compare.html", "compare.json"])?;
     let ready = args.learn.ready(args.cut, Between::Hold)?;
     let split = seven_to_three(&ready.table);
     if split.test.is_empty() {
@@ -164,14 +164,19 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         closed_loop,
     };
     let shown = Shown { rows: table, judging: &split.test, contenders: &field.contenders };
+    write(args, output, &summary, &shown)
+}
+
+/// Leaves page and JSON, and says what is in them.
+fn write(args: &Args, mut output: Output, summary: &Summary, shown: &Shown<'_>) -> anyhow::Result<Outcome> {
     let html = output.path("compare.html");
-    output.add("compare.html", page(&summary, &shown)?.to_html().as_bytes())?;
-    output.add_json("compare.json", &summary)?;
+    output.add("compare.html", page(summary, shown)?.to_html().as_bytes())?;
+    output.add_json("compare.json", summary)?;
     output.place()?;
     if args.learn.json {
-        print(&(serde_json::to_string_pretty(&summary)? + "\n"))?;
+        print(&(serde_json::to_string_pretty(summary)? + "\n"))?;
     } else {
-        say(&summary, table.layout.signal.unit())?;
+        say(summary, shown.rows.layout.signal.unit())?;
         print(&format!("Pictures: {}\n", html.display()))?;
     }
     Ok(Outcome::Ok)
