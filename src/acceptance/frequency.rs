@@ -164,7 +164,8 @@ mod tests {
             // What was recorded up to now moves the lag up to now.
             y += (held - y) * (1.0 - f64::exp(-dt / lag_s));
             held += -0.02 * (held - 0.5) + 1e-3 * normal.sample(&mut rng);
-            (time_s.push(f64::from(i) * dt), command_pu.push(held));
+            time_s.push(f64::from(i) * dt);
+            command_pu.push(held);
             position_pu.push(y + 2e-5 * normal.sample(&mut rng));
         }
         let series = Series::new("lag", time_s, command_pu, position_pu, vec![false; 12_000]).unwrap();

@@ -265,7 +265,9 @@ mod tests {
             y += dt * v;
             if i % 10 == 0 {
                 let shake = noise_pu * (f64::from(i) * 12.9898).sin() * 1.4;
-                (time_s.push(t), command_pu.push(command(t)), position_pu.push(y + shake));
+                time_s.push(t);
+                command_pu.push(command(t));
+                position_pu.push(y + shake);
             }
         }
         let count = time_s.len();

@@ -160,7 +160,9 @@ mod tests {
             };
             y = (y + 0.01 * speed).clamp(0.0, 1.0);
             let shake = noise_pu * (f64::from(i) * 12.9898).sin() * 1.4;
-            (time_s.push(t), command_pu.push(command), position_pu.push(y + shake));
+            time_s.push(t);
+            command_pu.push(command);
+            position_pu.push(y + shake);
         }
         let count = time_s.len();
         Series::new("strokes", time_s, command_pu, position_pu, vec![false; count]).unwrap()
