@@ -9,7 +9,6 @@ pub mod adapt;
 pub mod band;
 #[cfg(feature = "residual")]
 pub mod booster;
-pub mod cells;
 pub mod corrector;
 #[cfg(feature = "deep")]
 pub mod deep;

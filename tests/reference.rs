@@ -1,4 +1,4 @@
-//! The figures that the README quotes: replays of shipped recordings stay within stated bounds.
+//! The figures that `docs/benchmarks.md` quotes: replays of shipped recordings stay within stated bounds.
 //!
 //! The recordings are synthetic; see `bags/ORIGIN.txt`. The bounds stand a tenth above what the twin
 //! reached with the shipped parameters when they were written down.

@@ -100,8 +100,7 @@ pub fn leave_one_out(
         };
         let mut hybrids = |table: &Table, [bare, guarded]: [(&'static str, &'static str); 2]| {
             let targets = targets(table, &split.train, Learned::Residual);
-            let (values, features) = (table.select(&split.train), &table.layout.features);
-            let guard = Guard::of(&values, features.len(), &targets).with_cells(&values, features);
+            let guard = Guard::of(&table.select(&split.train), table.layout.features.len(), &targets);
             let hybrid = forest(table, Learned::Residual)?;
             done();
             let said = |guard| estimates(&hybrid, table, &split.test, Learned::Residual, guard);

@@ -193,15 +193,15 @@ fn blocks(blocks: &Blocks) -> Markup {
 fn block(block: &Block) -> Markup {
     html! {
         @match block {
-            Block::Lead(text) => p.lead { (text) },
+            Block::Lead(text) => p.lead { (prose(text)) },
             Block::Answers(answers) => dl.answers {
                 @for (question, paragraphs) in answers {
                     dt { (question) }
-                    dd { @for text in paragraphs { p { (text) } } }
+                    dd { @for text in paragraphs { p { (prose(text)) } } }
                 }
             },
             Block::Heading(text) => h2 id=(slug(text)) { (text) },
-            Block::Paragraph(text) => p { (text) },
+            Block::Paragraph(text) => p { (prose(text)) },
             Block::KeyFigures(figures) => dl.key-figures {
                 @for figure in figures {
                     div {
@@ -214,12 +214,25 @@ fn block(block: &Block) -> Markup {
             Block::Figure { svg, caption } => figure {
                 div.picture { div.wide { (PreEscaped(svg.as_str())) } div.narrow { (PreEscaped(svg.narrow())) } }
                 label.zoom { input type="checkbox"; " enlarge" }
-                @if !caption.is_empty() { figcaption { (caption) } }
+                @if !caption.is_empty() { figcaption { (prose(caption)) } }
             },
             Block::Table { table, caption } => (table_markup(table, caption)),
             Block::Facts(facts) => dl.facts { @for (name, value) in facts { dt { (name) } dd { (value) } } },
-            Block::Note { tone, text } => p.note.(tone_class(*tone)) role="note" { (text) },
+            Block::Note { tone, text } => p.note.(tone_class(*tone)) role="note" { (prose(text)) },
             Block::Details { summary, blocks: inner } => details { summary { (summary) } (blocks(inner)) },
+        }
+    }
+}
+
+/// Text whose parts between backticks are what a reader types; a backtick without its fellow is one.
+fn prose(text: &str) -> Markup {
+    let parts: Vec<&str> = text.split('`').collect();
+    if parts.len() % 2 == 0 {
+        return html! { (text) };
+    }
+    html! {
+        @for (place, part) in parts.iter().enumerate() {
+            @if place % 2 == 1 { code { (part) } } @else { (part) }
         }
     }
 }
@@ -236,7 +249,7 @@ fn table_markup(table: &Table, caption: &str) -> Markup {
     let groups = table.groups();
     let class = |numbers: bool| if numbers { "number" } else { "words" };
     html! {
-        @if !caption.is_empty() { p.caption { (caption) } }
+        @if !caption.is_empty() { p.caption { (prose(caption)) } }
         div.table {
             table {
                 thead {
@@ -266,7 +279,7 @@ fn table_markup(table: &Table, caption: &str) -> Markup {
 
 #[cfg(test)]
 mod tests {
-    use super::{Blocks, KeyFigure, Page, Tone};
+    use super::{Blocks, KeyFigure, Page, Tone, prose};
     use crate::report::draw::svg;
     use crate::report::ink::Ink;
     use crate::report::picture::{Panel, Picture};
@@ -309,5 +322,13 @@ mod tests {
     #[test]
     fn same_content_same_bytes() {
         assert_eq!(page().to_html(), page().to_html());
+    }
+
+    #[test]
+    fn what_stands_between_backticks_is_typed() {
+        let of = |text: &str| prose(text).into_string();
+        assert_eq!(of("see `a <b>` and `c`."), "see <code>a &lt;b&gt;</code> and <code>c</code>.");
+        assert_eq!(of("one ` alone"), "one ` alone");
+        assert_eq!(of("none"), "none");
     }
 }

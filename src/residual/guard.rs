@@ -1,13 +1,9 @@
 //! Guard rails of a learned correction: clamped to what was trained, faded out of its support, off on bad input.
 //!
 //! A tree gives its outermost leaf for anything far away. The support is the box of the training rows' features; a row
-//! outside by the share `d` of a side is corrected by the weight `1 − (d − 0.05)/0.25` between 5 % and 30 %, and not at all beyond,
-//! nor where no training row has been near it in opening, slope of the command and ESV together ([`Cells`]).
+//! outside by the share `d` of a side is corrected by the weight `1 − (d − 0.05)/0.25` between 5 % and 30 %, and not at all beyond.
 
 use serde::{Deserialize, Serialize};
-
-use super::cells::Cells;
-use super::features::Feature;
 
 /// A row may leave the box by this share of its side with its full correction.
 const FREE_SHARE: f64 = 0.05;
@@ -23,9 +19,6 @@ pub struct Guard {
     pub support: Vec<[f64; 2]>,
     /// Lowest and highest target, in the signal's unit.
     pub range: [f64; 2],
-    /// Where training has been; without them the box alone counts.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub cells: Option<Cells>,
 }
 
 /// What the guard did to rows.
@@ -78,13 +71,7 @@ impl Guard {
                 *side = widen(*side, *value);
             }
         }
-        Self { support, range: targets.iter().copied().fold(empty, widen), cells: None }
-    }
-
-    /// The same, off where no training row has been near: `values` are the training rows again, by these features.
-    #[must_use]
-    pub fn with_cells(self, values: &[f64], features: &[Feature]) -> Self {
-        Self { cells: Cells::of(values, features), ..self }
+        Self { support, range: targets.iter().copied().fold(empty, widen) }
     }
 
     /// The weight of a correction at a row, 1 inside the support; `None` for a row that is not finite.
@@ -101,9 +88,6 @@ impl Guard {
                 let side = (high - low).max(1e-2 * low.abs().max(1.0));
                 farthest = farthest.max(over / side);
             }
-        }
-        if self.cells.as_ref().is_some_and(|cells| !cells.know(row)) {
-            return Some(0.0);
         }
         Some((1.0 - (farthest - FREE_SHARE) / FADE_SHARE).clamp(0.0, 1.0))
     }

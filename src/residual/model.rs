@@ -166,11 +166,6 @@ impl Model {
                 return Err(damaged(format!("`{what}` has {len} entries for {features} features")));
             }
         }
-        let cells = model.guard.cells.as_ref();
-        if cells.is_some_and(|cells| cells.features.iter().any(|place| *place >= features) || !cells.filled.is_sorted())
-        {
-            return Err(damaged("its cells name features that are not there, or stand in no order".to_owned()));
-        }
         if model.guard.support.iter().chain([&model.guard.range]).any(|[low, high]| low > high) {
             return Err(damaged("a range ends before it begins".to_owned()));
         }
@@ -272,7 +267,7 @@ pub(super) mod tests {
             period_ns: 200_000_000,
             twin: fingerprint(&crate::params::reference()),
             features,
-            guard: Guard { support: vec![[-1e9, 1e9]; count], range: [-0.02, 0.02], cells: None },
+            guard: Guard { support: vec![[-1e9, 1e9]; count], range: [-0.02, 0.02] },
             band: None,
             importance: vec![0.0; count],
             booster: "by hand".into(),

@@ -160,9 +160,7 @@ pub fn model(
         residuals.into_iter().map(|(row, residual)| (table.marks[row].motion, residual)).collect();
     let layout = &table.layout;
     let features: Vec<String> = layout.features.iter().map(super::features::Feature::name).collect();
-    let values = table.select(rows);
-    let guard =
-        Guard::of(&values, features.len(), &targets(table, rows, learned)).with_cells(&values, &layout.features);
+    let guard = Guard::of(&table.select(rows), features.len(), &targets(table, rows, learned));
     Ok(Model {
         program: concat!("govtwin ", env!("CARGO_PKG_VERSION")).to_owned(),
         signal: layout.signal.id().to_owned(),

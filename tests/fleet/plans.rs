@@ -219,7 +219,7 @@ fn where_nobody_may_write_or_read_the_place_is_named() {
     assert!(run.status.code() == Some(1) && text(&run.stderr).contains(out), "{}", text(&run.stderr));
     // Who may read everything reads this as well.
     use std::os::unix::fs::PermissionsExt as _;
-    fs::set_permissions(at("source/a"), fs::Permissions::from_mode(0)).unwrap();
+    fs::set_permissions(at("source/a"), fs::Permissions::from_mode(0o0)).unwrap();
     if fs::read_dir(at("source/a")).is_err() {
         let run = govtwin(&[
             "fleet",
