@@ -227,7 +227,7 @@ fn block(block: &Block) -> Markup {
 /// Text whose parts between backticks are what a reader types; a backtick without its fellow is one.
 fn prose(text: &str) -> Markup {
     let parts: Vec<&str> = text.split('`').collect();
-    if parts.len() % 2 == 0 {
+    if parts.len().is_multiple_of(2) {
         return html! { (text) };
     }
     html! {

@@ -200,7 +200,7 @@ mod tests {
     use crate::twin::Twin;
 
     fn quick() -> Hyperparameters {
-        Hyperparameters { num_iterations: 40, learning_rate: 0.15, ..Hyperparameters::MANUAL }
+        Hyperparameters { num_iterations: 80, learning_rate: 0.15, ..Hyperparameters::MANUAL }
     }
 
     /// A gap that the features can tell: the sign of the command's error against its middle.
