@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 # Half widths of central differences, in turn, each from where the one before ended: small jumps hide the way down from some of them.
 STEPS = (0.1, 0.05, 0.02, 0.01)
 
-# What may be apart: in cost, where 1 is one standard deviation, and in each knob's standard deviations.
+# What may be apart: in cost, where 1 is one standard deviation, and in each free parameter's standard deviations.
 most_cost, most_apart = map(float, sys.argv[1:3])
 served = subprocess.Popen(sys.argv[3:], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 ours = json.loads(served.stdout.readline())
@@ -56,7 +56,7 @@ served.wait()
 apart = np.abs(own - found.x) / np.array(ours["deviations"])
 worst = int(np.argmax(apart))
 cost = 2.0 * found.cost
-print(f"check_fit: {len(own)} knobs, {len(found.fun)} residuals, {asked} simulations asked by scipy ({found.message})")
+print(f"check_fit: {len(own)} free parameters, {len(found.fun)} residuals, {asked} simulations asked by scipy ({found.message})")
 print(f"check_fit: sum of squares {own_cost:.4f} by govtwin, {cost:.4f} by scipy, difference {own_cost - cost:+.4f}")
 print(f"check_fit: farthest apart is {ours['keys'][worst]}: {apart[worst]:.3f} of its standard deviation; RMS {np.sqrt(np.mean(apart**2)):.3f}")
 limits = f"{most_cost} of cost and {most_apart} standard deviations"

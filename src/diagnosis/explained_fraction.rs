@@ -130,8 +130,8 @@ fn refitted_without(problem: &Problem, model: &Model, left: usize) -> crate::par
     let pick = |of: &[usize]| -> (Vec<FreeParameter>, Vec<f64>) {
         of.iter().map(|&k| (model.free_parameters[k], model.fit.positions[k])).unzip()
     };
-    let (held_knobs, held_positions) = pick(&held);
-    let base = unit_at(&model.base, &held_knobs, &held_positions);
+    let (held_parameters, held_positions) = pick(&held);
+    let base = unit_at(&model.base, &held_parameters, &held_positions);
     let (free_parameters, start) = pick(&free);
     let slopes: Vec<DMatrix<f64>> =
         (0..problem.trials.len()).filter(|&k| k != left).map(|k| model.fit.slopes[k].select_columns(&free)).collect();
