@@ -9,7 +9,7 @@ use serde_json::Value;
 
 /// What the program prints.
 fn printed(arguments: &[&str]) -> String {
-    let output = Command::new(env!("CARGO_BIN_EXE_govtwin")).args(arguments).output().unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_govtwin")).args(arguments).env_remove("COLUMNS").output().unwrap();
     assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8(output.stdout).unwrap()
 }
