@@ -16,7 +16,7 @@
 use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
 
 /// Shift that is not counted, standard deviations: half of the smallest shift that is to be seen soon.
-const ALLOWANCE: f64 = 0.5;
+pub const ALLOWANCE: f64 = 0.5;
 /// What a sum goes beyond its limit on average (Siegmund's correction), standard deviations.
 const BEYOND: f64 = 1.166;
 /// Half-width of an interval of nine in ten, standard deviations.
@@ -54,17 +54,20 @@ pub struct Point {
     pub since: Option<usize>,
 }
 
+/// Estimates until both sums together first give a false alarm at this limit, on average.
+#[must_use]
+pub fn run_length(limit: f64) -> f64 {
+    let exponent = 2.0 * ALLOWANCE * (limit + BEYOND);
+    0.5 * (exponent.exp() - exponent - 1.0) / (2.0 * ALLOWANCE * ALLOWANCE)
+}
+
 /// The limit of both sums for so many estimates between two false alarms.
 #[must_use]
 pub fn limit(between_false_alarms: f64) -> f64 {
-    let lasts = |limit: f64| {
-        let exponent = 2.0 * ALLOWANCE * (limit + BEYOND);
-        0.5 * (exponent.exp() - exponent - 1.0) / (2.0 * ALLOWANCE * ALLOWANCE)
-    };
     let (mut low, mut high) = (0.0, 60.0);
     for _ in 0..80 {
         let middle = 0.5 * (low + high);
-        if lasts(middle) < between_false_alarms { low = middle } else { high = middle }
+        if run_length(middle) < between_false_alarms { low = middle } else { high = middle }
     }
     high
 }

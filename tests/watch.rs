@@ -3,7 +3,7 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use govtwin::diagnosis::{Settings, diagnose};
@@ -121,38 +121,36 @@ fn a_process_is_entered_once_whatever_happens_to_its_bag() {
     assert_eq!(state["sizes"][0]["moved"], false);
 }
 
+/// A watch of `unit` that goes on until it is killed.
+fn goes_on(folder: &Path, more: &[&str]) -> Child {
+    let arguments = "watch unit --params sheet.yaml --only port_overlap --out seen --every 1".split(' ');
+    Command::new(env!("CARGO_BIN_EXE_govtwin"))
+        .current_dir(folder)
+        .args(arguments)
+        .args(more)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap()
+}
+
+/// Waits until something stands in the history, two minutes at most.
+fn await_history(folder: &Path) {
+    let begun = Instant::now();
+    while !folder.join("seen/history.jsonl").is_file() && begun.elapsed() < Duration::from_secs(120) {
+        std::thread::sleep(Duration::from_millis(200));
+    }
+}
+
 #[test]
 fn a_watch_that_goes_on_sees_a_bag_that_comes_and_loses_nothing_when_killed() {
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path();
     tight_sheet(folder);
     fs::create_dir(folder.join("unit")).unwrap();
-    let arguments = [
-        "watch",
-        "unit",
-        "--params",
-        "sheet.yaml",
-        "--only",
-        "port_overlap",
-        "--out",
-        "seen",
-        "--every",
-        "1",
-        "--json",
-    ];
-    let mut watching = Command::new(env!("CARGO_BIN_EXE_govtwin"))
-        .current_dir(folder)
-        .args(arguments)
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()
-        .unwrap();
+    let mut watching = goes_on(folder, &["--json"]);
     generate(folder, "unit/monday", "2");
-    let begun = Instant::now();
-    let history = folder.join("seen/history.jsonl");
-    while !history.is_file() && begun.elapsed() < Duration::from_secs(120) {
-        std::thread::sleep(Duration::from_millis(200));
-    }
+    await_history(folder);
     let second = watch(folder, &[]);
     assert!(second.code == 1 && second.stderr.contains("another process is writing there"), "{}", second.stderr);
     watching.kill().unwrap();
@@ -177,31 +175,8 @@ fn a_bag_that_grows_gives_each_process_as_it_ends_and_none_twice() {
     let growing = folder.join("unit/.today.unfinished");
     fs::create_dir_all(&growing).unwrap();
     fs::write(growing.join("today_0.mcap"), &bytes[..bytes.len() * 4 / 5]).unwrap();
-    let arguments = [
-        "watch",
-        "unit",
-        "--params",
-        "sheet.yaml",
-        "--only",
-        "port_overlap",
-        "--out",
-        "seen",
-        "--every",
-        "1",
-        "--settled",
-        "900",
-    ];
-    let mut watching = Command::new(env!("CARGO_BIN_EXE_govtwin"))
-        .current_dir(folder)
-        .args(arguments)
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()
-        .unwrap();
-    let begun = Instant::now();
-    while !folder.join("seen/history.jsonl").is_file() && begun.elapsed() < Duration::from_secs(120) {
-        std::thread::sleep(Duration::from_millis(200));
-    }
+    let mut watching = goes_on(folder, &["--settled", "900"]);
+    await_history(folder);
     watching.kill().unwrap();
     watching.wait().unwrap();
     let early = lines(folder);

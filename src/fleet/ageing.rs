@@ -14,9 +14,7 @@
 use std::collections::BTreeMap;
 
 use super::result::{Finding, Size};
-
-/// Half of the shift, in standard deviations, that the sums are tuned to.
-const ALLOWANCE: f64 = 0.5;
+use crate::trend::{ALLOWANCE, run_length};
 
 /// Half a 90 % interval in standard deviations.
 const HALF_90: f64 = 1.644_853_6;
@@ -104,17 +102,11 @@ fn sum_up_one(points: &mut [Point], limit: f64) {
     }
 }
 
-/// The limit at which so many comparisons are expected to give [`FALSE_ALARMS`], by Siegmund's (1985) approximation of how long a sum runs
-/// until its first false alarm: (e^b − b − 1)/(2k²) with b = 2k(h + 1.166), halved for two sums.
+/// The limit at which so many comparisons are expected to give [`FALSE_ALARMS`], by how long the sums run until their first one ([`run_length`]).
 #[must_use]
 pub fn limit(comparisons: usize) -> f64 {
-    let expected = |limit: f64| {
-        let b = 2.0 * ALLOWANCE * (limit + 1.166);
-        let run = (b.exp() - b - 1.0) / (2.0 * ALLOWANCE * ALLOWANCE) / 2.0;
-        comparisons as f64 / run
-    };
     let mut limit = LEAST_LIMIT;
-    while expected(limit) > FALSE_ALARMS {
+    while comparisons as f64 / run_length(limit) > FALSE_ALARMS {
         limit += 0.1;
     }
     limit
