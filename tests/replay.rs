@@ -166,6 +166,7 @@ fn the_number_of_threads_changes_no_byte() {
         let out = dir.path().join(threads);
         let output = Command::new(env!("CARGO_BIN_EXE_govtwin"))
             .env("RAYON_NUM_THREADS", threads)
+            .env("SOURCE_DATE_EPOCH", "1700000000")
             .args(["replay", bags.to_str().unwrap(), "--out", out.to_str().unwrap()])
             .output()
             .unwrap();
