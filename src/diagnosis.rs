@@ -44,7 +44,7 @@ pub mod told;
 pub mod traces;
 
 use crate::diagnosis::decision::Decision;
-use crate::diagnosis::explore::{Explored, explore};
+use crate::diagnosis::explore::{Exploration, Explored};
 use crate::diagnosis::posterior::{Posterior, Weights};
 use crate::diagnosis::result::{Diagnosis, Verdict};
 use crate::diagnosis::summary::{Judged, Seen};
@@ -142,15 +142,22 @@ pub fn diagnose(
     let settings = &Settings { catalogue: ready.catalogue.clone(), ..settings.clone() };
     let (mut problem, refitted, sheet) =
         search::nominal(ready.trials.clone(), &ready.unit, ready.turned.clone(), &ready.noise);
-    let mut explored: Explored = explore(&problem, &refitted, &sheet, &settings.catalogue, progress);
-    if let Some(quieter) = quieter(&problem, &explored.leader().unit()) {
+    let catalogue = &settings.catalogue;
+    let explore = |problem, refitted, sheet| Exploration::begin(problem, refitted, sheet, catalogue, progress);
+    let exploration = explore(&problem, &refitted, &sheet);
+    // What the likeliest set leaves tells the noise, and all fits count by that.
+    let renewed = exploration.leading_unit().and_then(|unit| quieter(&problem, &unit));
+    let mut explored = if let Some(quieter) = renewed {
         progress("starting again with the noise that the likeliest set leaves", 0.2);
         // Slopes are nearly all of the memory.
-        drop(explored);
+        drop(exploration);
         let (renewed, refitted, sheet) = search::renewed(&quieter, &refitted);
-        explored = explore(&renewed, &refitted, &sheet, &settings.catalogue, progress);
+        let explored = explore(&renewed, &refitted, &sheet).finish(progress);
         problem = renewed;
-    }
+        explored
+    } else {
+        exploration.finish(progress)
+    };
     if stage_only && !ready.sheet {
         anew::singles(&mut explored, &problem, &sheet, &settings.catalogue);
     }

@@ -5,6 +5,8 @@
 //! terms gain is counted with the free parameters following; what these could gain alone is not, since a fit went where it could. A discrepancy term of which every point of the chain has a
 //! little is the error of equations; much of it at one point is something unknown there.
 
+use std::sync::Arc;
+
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use crate::diagnosis::discrepancy::{self, Columns};
@@ -51,21 +53,21 @@ struct Part {
 
 /// Products of the discrepancy marks with themselves, which all models share.
 #[derive(Clone, Debug)]
-pub struct Shared<'a> {
-    columns: &'a Columns,
+pub struct Shared {
+    columns: Arc<Columns>,
     modulations: Modulations,
     without_effects: f64,
     gram: DMatrix<f64>,
 }
 
-impl<'a> Shared<'a> {
+impl Shared {
     /// Of these marks; the model without effects costs so much.
     #[must_use]
-    pub fn new(problem: &Problem, columns: &'a Columns, without_effects: f64) -> Self {
+    pub fn new(problem: &Problem, columns: &Arc<Columns>, without_effects: f64) -> Self {
         let rows: Vec<usize> = columns.marks.iter().map(DMatrix::nrows).collect();
         let n = columns.marks.first().map_or(0, DMatrix::ncols);
         let gram = columns.marks.iter().fold(DMatrix::zeros(n, n), |sum, marks| sum + crossed(marks, marks));
-        Self { columns, modulations: Modulations::new(problem, &rows), without_effects, gram }
+        Self { columns: Arc::clone(columns), modulations: Modulations::new(problem, &rows), without_effects, gram }
     }
 
     /// The normal equations of a fitted model that has its slopes.

@@ -1,5 +1,7 @@
 //! Which fault sets are worth a joint fit, and those fits: proposals of the linear picture at several points, until the leader stands.
 
+use std::sync::Arc;
+
 use crate::diagnosis::discrepancy::{Columns, columns};
 use crate::diagnosis::evidence::Shared;
 use crate::diagnosis::explorer::{
@@ -10,6 +12,7 @@ use crate::diagnosis::linearisation::{Linearisation, Proposal};
 use crate::diagnosis::model::Model;
 use crate::diagnosis::support::Placed;
 use crate::effects::EffectSpec;
+use crate::parameters::Unit;
 use crate::tuning::fit::{Effort, Start, fit_all};
 use crate::tuning::problem::Problem;
 
@@ -34,7 +37,7 @@ pub struct Explored {
     /// All fitted sets, likeliest first; the empty one is among them.
     pub hypotheses: Vec<Hypothesis>,
     /// Marks of the discrepancy terms at the refitted sheet.
-    pub discrepancy: Columns,
+    pub discrepancy: Arc<Columns>,
     /// The linear picture there.
     pub linearisation: Linearisation,
 }
@@ -119,7 +122,118 @@ impl Explored {
     }
 }
 
-/// Explores the fault sets of a catalogue from the refitted sheet and from the sheet itself.
+/// An exploration on its way: fault sets of a catalogue fitted from the refitted sheet and from the sheet itself.
+pub struct Exploration<'a> {
+    explorer: Explorer<'a>,
+    sheet: &'a Model,
+    catalogue: &'a [&'static EffectSpec],
+    discrepancy: Arc<Columns>,
+    linearisation: Linearisation,
+    known: Known,
+}
+
+impl<'a> Exploration<'a> {
+    /// Begins one: the likeliest sets by the linear picture at both points are fitted.
+    #[must_use]
+    pub fn begin(
+        problem: &'a Problem,
+        refitted: &'a Model,
+        sheet: &'a Model,
+        catalogue: &'a [&'static EffectSpec],
+        progress: &(dyn Fn(&str, f64) + Sync),
+    ) -> Self {
+        progress("placing discrepancy terms", 0.2);
+        let discrepancy = Arc::new(columns(problem, refitted));
+        let explorer = Explorer::new(problem, refitted, catalogue, &discrepancy);
+        let mut known = Known::default();
+        known.take(explorer.hypothesis(Vec::new(), refitted.clone(), true));
+        progress("weighing all sets of up to three effects", 0.25);
+        let linearisation = Linearisation::new(problem, refitted, catalogue, &discrepancy, kappa(problem));
+        let from_sheet = Linearisation::new(problem, sheet, catalogue, &discrepancy, kappa(problem));
+        progress("fitting the likeliest sets", 0.4);
+        let mut jobs: Vec<(&Model, Proposal)> = Vec::new();
+        for (point, picture) in [(refitted, &linearisation), (sheet, &from_sheet)] {
+            let proposals = worthwhile(picture.proposals(MOST));
+            // A stage alone has few effects and all are alike: each is fitted.
+            let taken = if is_stage_alone(problem) { [usize::MAX, TAKEN[1], TAKEN[2]] } else { TAKEN };
+            for (size, taken) in taken.into_iter().enumerate() {
+                let of_size = proposals.iter().filter(|proposal| proposal.effects.len() == size + 1);
+                jobs.extend(of_size.take(taken).map(|proposal| (point, proposal.clone())));
+            }
+        }
+        drop(from_sheet);
+        for hypothesis in explorer.scouted(&jobs) {
+            known.take(hypothesis);
+        }
+        known.refine(&explorer);
+        Self { explorer, sheet, catalogue, discrepancy, linearisation, known }
+    }
+
+    /// The unit of the likeliest set so far.
+    #[must_use]
+    pub fn leading_unit(&self) -> Option<Unit> {
+        self.known.ordered().first().map(|leader| leader.model.unit())
+    }
+
+    /// Goes on: all sets are weighed anew at the leader and fitted, until it stands.
+    #[must_use]
+    pub fn finish(self, progress: &(dyn Fn(&str, f64) + Sync)) -> Explored {
+        let Self { explorer, sheet, catalogue, discrepancy, linearisation, mut known } = self;
+        let problem = explorer.problem;
+        for round in 0..ROUNDS {
+            let Some(leader) = known.ordered().first().map(|leader| (*leader).clone()) else { break };
+            if leader.effects.is_empty() {
+                break;
+            }
+            progress("weighing all sets anew at the likeliest", 0.6 + 0.1 * round as f64);
+            let picture = Linearisation::new(problem, &leader.model, catalogue, &discrepancy, kappa(problem));
+            let mut proposals = picture.proposals(MOST - leader.effects.len());
+            let further = |proposal: &Proposal| proposal.effects.len() as f64 - proposal.removed.len() as f64;
+            let odds = |proposal: &Proposal| proposal.log_evidence - RARITY * further(proposal);
+            proposals.sort_by(|a, b| odds(b).total_cmp(&odds(a)));
+            let mut jobs: Vec<(&Model, Proposal)> = Vec::new();
+            for proposal in proposals {
+                let effects: Vec<usize> =
+                    explorer.members(&leader.model, &proposal).into_iter().map(|(effect, _)| effect).collect();
+                if effects.is_empty() || effects.len() > MOST {
+                    continue;
+                }
+                let refined = known.fitted.get(&effects).is_some_and(|known| known.refined);
+                let idle =
+                    proposal.removed.is_empty() && proposal.log_evidence < LEAST_GAIN * proposal.effects.len() as f64;
+                if !refined && !idle && jobs.len() < TAKEN_AT_LEADER {
+                    jobs.push((&leader.model, proposal));
+                }
+            }
+            jobs.extend(explorer.narrowed(&leader.model, sheet));
+            let runners_up: Vec<Hypothesis> = known
+                .ordered()
+                .into_iter()
+                .filter(|one| {
+                    one.effects.len() > 1 && one.effects != leader.effects && !one.model.fit.slopes.is_empty()
+                })
+                .take(RUNNERS_UP)
+                .cloned()
+                .collect();
+            for one in &runners_up {
+                let is_open = |effects: &[usize]| known.fitted.get(effects).is_none_or(|one| !one.refined);
+                jobs.extend(explorer.lessened(&one.model, is_open));
+            }
+            for hypothesis in explorer.scouted(&jobs) {
+                known.take(hypothesis);
+            }
+            known.refine(&explorer);
+            if known.ordered().first().is_some_and(|first| first.effects == leader.effects) {
+                break;
+            }
+        }
+        let mut hypotheses: Vec<Hypothesis> = known.fitted.into_values().collect();
+        hypotheses.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+        Explored { hypotheses, discrepancy, linearisation }
+    }
+}
+
+/// Explores the fault sets of a catalogue to the end.
 #[must_use]
 pub fn explore(
     problem: &Problem,
@@ -128,78 +242,5 @@ pub fn explore(
     catalogue: &[&'static EffectSpec],
     progress: &(dyn Fn(&str, f64) + Sync),
 ) -> Explored {
-    progress("placing discrepancy terms", 0.2);
-    let discrepancy = columns(problem, refitted);
-    let kappa = kappa(problem);
-    let explorer = Explorer::new(problem, refitted, catalogue, &discrepancy);
-    let mut known = Known::default();
-    known.take(explorer.hypothesis(Vec::new(), refitted.clone(), true));
-    progress("weighing all sets of up to three effects", 0.25);
-    let at = |point: &Model| Linearisation::new(problem, point, catalogue, &discrepancy, kappa);
-    let linearisation = at(refitted);
-    let from_sheet = at(sheet);
-    progress("fitting the likeliest sets", 0.4);
-    let mut jobs: Vec<(&Model, Proposal)> = Vec::new();
-    for (point, picture) in [(refitted, &linearisation), (sheet, &from_sheet)] {
-        let proposals = worthwhile(picture.proposals(MOST));
-        // A stage alone has few effects and all are alike: each is fitted.
-        let taken = if is_stage_alone(problem) { [usize::MAX, TAKEN[1], TAKEN[2]] } else { TAKEN };
-        for (size, taken) in taken.into_iter().enumerate() {
-            let of_size = proposals.iter().filter(|proposal| proposal.effects.len() == size + 1);
-            jobs.extend(of_size.take(taken).map(|proposal| (point, proposal.clone())));
-        }
-    }
-    for hypothesis in explorer.scouted(&jobs) {
-        known.take(hypothesis);
-    }
-    known.refine(&explorer);
-    for round in 0..ROUNDS {
-        let Some(leader) = known.ordered().first().map(|leader| (*leader).clone()) else { break };
-        if leader.effects.is_empty() {
-            break;
-        }
-        progress("weighing all sets anew at the likeliest", 0.6 + 0.1 * round as f64);
-        let picture = at(&leader.model);
-        let mut proposals = picture.proposals(MOST - leader.effects.len());
-        let further = |proposal: &Proposal| proposal.effects.len() as f64 - proposal.removed.len() as f64;
-        let odds = |proposal: &Proposal| proposal.log_evidence - RARITY * further(proposal);
-        proposals.sort_by(|a, b| odds(b).total_cmp(&odds(a)));
-        let mut jobs: Vec<(&Model, Proposal)> = Vec::new();
-        for proposal in proposals {
-            let effects: Vec<usize> =
-                explorer.members(&leader.model, &proposal).into_iter().map(|(effect, _)| effect).collect();
-            if effects.is_empty() || effects.len() > MOST {
-                continue;
-            }
-            let refined = known.fitted.get(&effects).is_some_and(|known| known.refined);
-            let idle =
-                proposal.removed.is_empty() && proposal.log_evidence < LEAST_GAIN * proposal.effects.len() as f64;
-            if !refined && !idle && jobs.len() < TAKEN_AT_LEADER {
-                jobs.push((&leader.model, proposal));
-            }
-        }
-        jobs.extend(explorer.narrowed(&leader.model, sheet));
-        let runners_up: Vec<Hypothesis> = known
-            .ordered()
-            .into_iter()
-            .filter(|one| one.effects.len() > 1 && one.effects != leader.effects && !one.model.fit.slopes.is_empty())
-            .take(RUNNERS_UP)
-            .cloned()
-            .collect();
-        for one in &runners_up {
-            let is_open = |effects: &[usize]| known.fitted.get(effects).is_none_or(|one| !one.refined);
-            jobs.extend(explorer.lessened(&one.model, is_open));
-        }
-        for hypothesis in explorer.scouted(&jobs) {
-            known.take(hypothesis);
-        }
-        known.refine(&explorer);
-        if known.ordered().first().is_some_and(|first| first.effects == leader.effects) {
-            break;
-        }
-    }
-    let mut hypotheses: Vec<Hypothesis> = known.fitted.into_values().collect();
-    hypotheses.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
-    drop(explorer);
-    Explored { hypotheses, discrepancy, linearisation }
+    Exploration::begin(problem, refitted, sheet, catalogue, progress).finish(progress)
 }

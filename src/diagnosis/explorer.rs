@@ -1,9 +1,12 @@
 //! What explorations share: fault sets, where their fits begin, and these fits.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
-use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, IntoParallelRefIterator, ParallelIterator};
+use rayon::iter::{
+    IndexedParallelIterator, IntoParallelIterator, IntoParallelRefIterator, ParallelExtend, ParallelIterator,
+};
 
 use crate::diagnosis::discrepancy::Columns;
 use crate::diagnosis::evidence::{KAPPAS, Normal, Shared};
@@ -32,6 +35,9 @@ pub(super) const LEAST_GAIN: f64 = 1.0;
 
 /// Of the sets of several effects that were fitted by one step, one in so many is fitted on.
 const PURSUED: usize = 3;
+
+/// Sets that are fitted in step with each other: enough to fill the lanes of all threads, few enough to hold all of their slopes.
+const TOGETHER: usize = 8;
 
 /// Further steps of such a fit.
 const FURTHER: Effort = Effort { rounds: 2, refresh: 100, temperature: 1.0 };
@@ -80,7 +86,7 @@ pub(super) struct Explorer<'a> {
     pub(super) problem: &'a Problem,
     nominal: &'a Model,
     catalogue: &'a [&'static EffectSpec],
-    shared: Shared<'a>,
+    shared: Shared,
 }
 
 impl<'a> Explorer<'a> {
@@ -89,7 +95,7 @@ impl<'a> Explorer<'a> {
         problem: &'a Problem,
         nominal: &'a Model,
         catalogue: &'a [&'static EffectSpec],
-        discrepancy: &'a Columns,
+        discrepancy: &Arc<Columns>,
     ) -> Self {
         let shared = Shared::new(problem, discrepancy, nominal.cost());
         Self { kappa: kappa(problem), problem, nominal, catalogue, shared }
@@ -126,58 +132,59 @@ impl<'a> Explorer<'a> {
                 known.push((*point, self.sheet_slopes(point)));
             }
         }
+        let singles = |found: &[Hypothesis]| found.iter().take_while(|one| one.effects.len() == 1).count();
         let places: Vec<(Vec<usize>, Placed)> =
             jobs.iter().map(|(point, proposal)| self.placed(point, proposal)).collect();
-        let starts: Vec<Start<'_>> = jobs
-            .iter()
-            .zip(&places)
-            .map(|((point, _), (_, (base, free_parameters, positions)))| {
-                let known = known.iter().find(|(other, _)| std::ptr::eq(*other, *point));
-                Start {
-                    base,
-                    free_parameters,
-                    positions,
-                    effort: Effort::GLANCE,
-                    known: known.map(|(_, slopes)| slopes.as_slice()),
-                }
-            })
-            .collect();
-        let fits = fit_all(self.problem, &starts);
-        drop(starts);
-        let found = places.into_par_iter().zip(fits).map(|((effects, (base, free_parameters, _)), fit)| {
-            let specs = effects.iter().map(|&effect| self.catalogue[effect]).collect();
-            self.hypothesis(effects, Model::new(specs, base, free_parameters, fit), false)
-        });
-        let mut found: Vec<Hypothesis> = found.collect();
-        found.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
-        // Single effects are few, and what a verdict most often names.
-        found.sort_by_key(|one| one.effects.len() > 1);
-        let singles = found.iter().take_while(|one| one.effects.len() == 1).count();
-        let promising = singles + (found.len() - singles).div_ceil(PURSUED);
-        let mut rest = found.split_off(promising);
-        // Slopes are nearly all of the memory.
-        for one in &mut rest {
-            one.model.lighten();
+        let several = places.iter().filter(|(effects, _)| effects.len() > 1).count().div_ceil(PURSUED);
+        let mut found: Vec<Hypothesis> = Vec::new();
+        for (jobs, places) in jobs.chunks(TOGETHER).zip(places.chunks(TOGETHER)) {
+            let starts: Vec<Start<'_>> = jobs
+                .iter()
+                .zip(places)
+                .map(|((point, _), (_, (base, free_parameters, positions)))| {
+                    let known = known.iter().find(|(other, _)| std::ptr::eq(*other, *point));
+                    let known = known.map(|(_, slopes)| slopes.as_slice());
+                    Start { base, free_parameters, positions, effort: Effort::GLANCE, known }
+                })
+                .collect();
+            let fits = fit_all(self.problem, &starts);
+            let glanced = places.par_iter().zip(fits).map(|((effects, (base, free_parameters, _)), fit)| {
+                let specs = effects.iter().map(|&effect| self.catalogue[effect]).collect();
+                self.hypothesis(effects.clone(), Model::new(specs, base.clone(), free_parameters.clone(), fit), false)
+            });
+            found.par_extend(glanced);
+            found.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+            // Single effects are few, and what a verdict most often names.
+            found.sort_by_key(|one| one.effects.len() > 1);
+            // Slopes are nearly all of the memory.
+            let promising = singles(&found) + several;
+            found.iter_mut().skip(promising).for_each(|one| one.model.lighten());
         }
-        // An effect's own slopes bend most and are measured at each step.
+        drop(known);
+        let rest = found.split_off((singles(&found) + several).min(found.len()));
         let count = self.nominal.free_parameters.len();
-        let known: Vec<Vec<DMatrix<f64>>> = found
-            .iter_mut()
-            .map(|one| std::mem::take(&mut one.model.fit.slopes))
-            .map(|slopes| slopes.into_iter().map(|slopes| slopes.resize_horizontally(count, 0.0)).collect())
-            .collect();
-        let starts = found.iter().zip(&known);
-        let starts: Vec<Start<'_>> =
-            starts.map(|(one, known)| Start { known: Some(known), ..one.model.onwards(FURTHER) }).collect();
-        let fits = fit_all(self.problem, &starts);
-        drop(starts);
-        // A fit ends no higher than it began.
-        let further = found.into_par_iter().zip(fits).map(|(one, fit)| {
-            let Model { effects, base, free_parameters, .. } = one.model;
-            self.hypothesis(one.effects, Model::new(effects, base, free_parameters, fit), false)
-        });
-        let mut all: Vec<Hypothesis> = further.collect();
-        all.append(&mut rest);
+        let mut all: Vec<Hypothesis> = Vec::new();
+        while !found.is_empty() {
+            let mut some: Vec<Hypothesis> = found.drain(..TOGETHER.min(found.len())).collect();
+            // An effect's own slopes bend most and are measured at each step.
+            let known: Vec<Vec<DMatrix<f64>>> = some
+                .iter_mut()
+                .map(|one| std::mem::take(&mut one.model.fit.slopes))
+                .map(|slopes| slopes.into_iter().map(|slopes| slopes.resize_horizontally(count, 0.0)).collect())
+                .collect();
+            let starts = some.iter().zip(&known);
+            let starts: Vec<Start<'_>> =
+                starts.map(|(one, known)| Start { known: Some(known), ..one.model.onwards(FURTHER) }).collect();
+            let fits = fit_all(self.problem, &starts);
+            drop(starts);
+            // A fit ends no higher than it began.
+            let further = some.into_par_iter().zip(fits).map(|(one, fit)| {
+                let Model { effects, base, free_parameters, .. } = one.model;
+                self.hypothesis(one.effects, Model::new(effects, base, free_parameters, fit), false)
+            });
+            all.par_extend(further);
+        }
+        all.extend(rest);
         all
     }
 
