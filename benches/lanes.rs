@@ -15,13 +15,13 @@ use std::io::Write;
 use std::path::Path;
 
 use govtwin::bag::{self, ReadOptions};
+use govtwin::likelihood::noise;
+use govtwin::likelihood::problem::Problem;
+use govtwin::likelihood::trial::Trial;
 use govtwin::parameters::{ENTRIES, Unit};
 use govtwin::params;
 use govtwin::plant::lanes::Width;
 use govtwin::recording::Process;
-use govtwin::tuning::noise;
-use govtwin::tuning::problem::Problem;
-use govtwin::tuning::trial::Trial;
 use govtwin::twin::Twin;
 use rustix::time::{ClockId, clock_gettime};
 

@@ -269,8 +269,8 @@ mod tests {
     use rayon::prelude::IntoParallelRefIterator;
 
     use super::*;
+    use crate::likelihood::trial::Trial;
     use crate::parameters::EffectSetting;
-    use crate::tuning::trial::Trial;
     use crate::twin::Twin;
 
     /// Each fault is the catalogue's effect in kind and size, though not in its equation: the twin with the effect comes

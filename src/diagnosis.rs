@@ -1,59 +1,34 @@
 //! The sim-to-real diagnosis: where the gap lies, which effect causes it, how far it shrinks.
 //!
 //! The verdict is the most probable set of faults given all recordings, with model error and tolerances integrated out. [`diagnose`] is the whole
-//! of it, a pure function of recordings and the sheet: it refits the sheet within its tolerances ([`search`]), weighs sets of up to three effects
-//! by linear algebra and fits the likeliest ([`linearisation`], [`mod@explore`], [`explorer`]), tabulates their evidence beside that of something unknown at each stage
-//! ([`evidence`], [`table`]), makes it a posterior by learned weights ([`posterior`]), reads the verdict off that ([`decision`]), and gathers what
-//! a reader needs to believe it ([`summary`]).
+//! of it, a pure function of recordings and the sheet. Its rooms stand in the order in which a recording meets them, and none uses a later one:
+//! [`result`] names what a report holds; [`preparation`] makes recordings ready; [`model`] refits the sheet and puts effects and discrepancy terms onto a unit;
+//! [`evidence`] weighs one fitted set; [`hypotheses`] finds and fits the sets that are worth it and tabulates their evidence; [`decision`] makes
+//! that a posterior and reads the verdict off it; [`experiment`] proposes the next test; [`summary`] gathers what a reader needs to believe it.
 
-mod anew;
-pub mod breakdown;
-pub mod candidate_test;
-pub mod channels;
-pub mod consistency;
 pub mod decision;
-pub mod dependent_covariance;
 pub mod detectability;
-pub mod discrepancy;
 pub mod evidence;
 pub mod experiment;
-pub mod explained_fraction;
-pub mod explore;
-pub mod explorer;
-mod fitted_sets;
 pub mod homogeneity;
-pub mod information;
-mod interval;
-pub mod law_error;
-pub mod linearisation;
+pub mod hypotheses;
 pub mod model;
-pub mod posterior;
 pub mod preparation;
 pub mod result;
-pub mod schema;
-pub mod search;
-pub mod stage_experiment;
 pub mod stage_only;
-pub mod stages;
 pub mod summary;
-pub mod support;
-pub mod survivors;
-pub mod table;
-pub mod test_script;
-pub mod told;
-pub mod traces;
 
 use crate::diagnosis::decision::Decision;
-use crate::diagnosis::explore::{Exploration, Explored};
-use crate::diagnosis::posterior::{Posterior, Weights};
+use crate::diagnosis::decision::posterior::{Posterior, Weights};
+use crate::diagnosis::hypotheses::table::Table;
+use crate::diagnosis::hypotheses::{Exploration, Explored};
 use crate::diagnosis::result::{Diagnosis, Verdict};
 use crate::diagnosis::summary::{Judged, Seen};
-use crate::diagnosis::table::Table;
 use crate::effects::{CATALOGUE, EffectSpec};
+use crate::likelihood::loop_noise::quieter;
 use crate::parameters::Unit;
 use crate::recording::Recording;
 use crate::signal::Signal;
-use crate::tuning::loop_noise::quieter;
 
 /// What to try.
 ///
@@ -135,13 +110,13 @@ pub fn diagnose(
         return Err(DiagnosisError::NothingToTry);
     }
     progress("reading the channels", 0.0);
-    let channels = channels::survey(&recordings);
+    let channels = preparation::channels::survey(&recordings);
     let ready = preparation::ready(recordings, unit, settings)?;
     let stage_only = !ready.whole.is_empty();
     progress("refitting the sheet's parameters within their tolerances", 0.02);
     let settings = &Settings { catalogue: ready.catalogue.clone(), ..settings.clone() };
     let (mut problem, refitted, sheet) =
-        search::nominal(ready.trials.clone(), &ready.unit, ready.turned.clone(), &ready.noise);
+        model::search::nominal(ready.trials.clone(), &ready.unit, ready.turned.clone(), &ready.noise);
     let catalogue = &settings.catalogue;
     let explore = |problem, refitted, sheet| Exploration::begin(problem, refitted, sheet, catalogue, progress);
     let exploration = explore(&problem, &refitted, &sheet);
@@ -151,7 +126,7 @@ pub fn diagnose(
         progress("starting again with the noise that the likeliest set leaves", 0.2);
         // Slopes are nearly all of the memory.
         drop(exploration);
-        let (renewed, refitted, sheet) = search::renewed(&quieter, &refitted);
+        let (renewed, refitted, sheet) = model::search::renewed(&quieter, &refitted);
         let explored = explore(&renewed, &refitted, &sheet).finish(progress);
         problem = renewed;
         explored
@@ -159,7 +134,7 @@ pub fn diagnose(
         exploration.finish(progress)
     };
     if stage_only && !ready.sheet {
-        anew::singles(&mut explored, &problem, &sheet, &settings.catalogue);
+        hypotheses::anew::singles(&mut explored, &problem, &sheet, &settings.catalogue);
     }
     progress("tabulating the evidence", 0.85);
     let table = Table::new(&problem, &explored, &settings.catalogue);

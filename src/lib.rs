@@ -118,9 +118,13 @@ pub mod comparison;
 #[doc(hidden)]
 pub mod diagnosis;
 #[doc(hidden)]
+pub mod estimation;
+#[doc(hidden)]
 pub mod fleet;
 #[doc(hidden)]
 pub mod generate;
+#[doc(hidden)]
+pub mod likelihood;
 #[doc(hidden)]
 pub mod metrics;
 #[doc(hidden)]
@@ -130,9 +134,9 @@ pub mod report;
 #[doc(hidden)]
 pub mod sheet;
 #[doc(hidden)]
-pub mod trend;
+pub mod stage_alone;
 #[doc(hidden)]
-pub mod tuning;
+pub mod trend;
 #[doc(hidden)]
 pub mod watch;
 
@@ -188,8 +192,8 @@ pub use solver::Method;
 pub use twin::{Cut, Twin};
 
 // Why a unit differs from its twin.
+pub use diagnosis::result::schema::report as diagnosis_json;
 pub use diagnosis::result::{Blame, Diagnosis, Experiment, Fitted, Interval, Ranked, SignalGap, Verdict};
-pub use diagnosis::schema::report as diagnosis_json;
 pub use diagnosis::{DiagnosisError, Settings as DiagnosisSettings, diagnose};
 pub use provenance::Provenance;
 pub use report::diagnosis::{page as diagnosis_page, summary as diagnosis_text};

@@ -1,19 +1,19 @@
 //! The diagnosis on generated units: what is planted is named, what is not is not, and nothing is said on too little.
 
-use govtwin::diagnosis::explore::explore;
+use govtwin::diagnosis::hypotheses::explore;
 use govtwin::diagnosis::model::Model;
+use govtwin::diagnosis::result::schema::report;
 use govtwin::diagnosis::result::{Diagnosis, Verdict};
-use govtwin::diagnosis::schema::report;
 use govtwin::diagnosis::{DiagnosisError, Settings, diagnose};
 use govtwin::effects::find;
+use govtwin::estimation::free_parameter::FreeParameter;
 use govtwin::generate::{Scenario, recording, spread};
+use govtwin::likelihood::noise::expected;
+use govtwin::likelihood::problem::Problem;
+use govtwin::likelihood::trial::Trial;
 use govtwin::parameters::{EffectSetting, Unit};
 use govtwin::params::reference;
 use govtwin::recording::{Process, Recording};
-use govtwin::tuning::free_parameter::FreeParameter;
-use govtwin::tuning::noise::expected;
-use govtwin::tuning::problem::Problem;
-use govtwin::tuning::trial::Trial;
 
 /// A few effects that resemble each other, so that a test takes seconds.
 const TRIED: [&str; 4] = ["backlash", "port_overlap", "lvdt_bias", "feedback_lag"];

@@ -1,16 +1,16 @@
 //! Fits: planted parameters come back within their intervals.
 
+use govtwin::estimation::calibration::{Calibration, calibrate};
+use govtwin::estimation::free_parameter::FreeParameter;
 use govtwin::frame::Estimate;
 use govtwin::generate::{Scenario, recording, spread};
+use govtwin::likelihood::noise;
+use govtwin::likelihood::problem::{Problem, square};
+use govtwin::likelihood::trial::Trial;
 use govtwin::parameters::{ENTRIES, EffectSetting, Unit};
 use govtwin::params;
 use govtwin::recording::Process;
 use govtwin::signal::Signal;
-use govtwin::tuning::calibration::{Calibration, calibrate};
-use govtwin::tuning::free_parameter::FreeParameter;
-use govtwin::tuning::noise;
-use govtwin::tuning::problem::{Problem, square};
-use govtwin::tuning::trial::Trial;
 use govtwin::twin::Twin;
 
 /// The unit with one effect more.

@@ -10,6 +10,7 @@ use std::sync::Arc;
 use govtwin::effects::{self, CATALOGUE};
 use govtwin::frame::{Estimate, Frame, Signals};
 use govtwin::generate::spread;
+use govtwin::likelihood::trial::Trial;
 use govtwin::parameters::{EffectSetting, OwnEffect, OwnParameter, Unit};
 use govtwin::params;
 use govtwin::plant::Plant;
@@ -17,7 +18,6 @@ use govtwin::plant::lanes::Width;
 use govtwin::plant::term::{Point, Term, View};
 use govtwin::recording::{Process, Recording};
 use govtwin::solver::Method;
-use govtwin::tuning::trial::Trial;
 use govtwin::twin::batch::{self, Row};
 use govtwin::twin::{Cut, Twin};
 

@@ -4,21 +4,25 @@
 use std::process::Command;
 
 use govtwin::bag::{self, Topics};
-use govtwin::diagnosis::candidate_test::candidates;
 use govtwin::diagnosis::decision::Decision;
+use govtwin::diagnosis::decision::posterior::{Posterior, Weights};
+use govtwin::diagnosis::experiment::candidate_test::candidates;
+use govtwin::diagnosis::experiment::survivors::survivors;
 use govtwin::diagnosis::experiment::{next, weigh};
-use govtwin::diagnosis::explore::{Explored, explore};
+use govtwin::diagnosis::hypotheses::table::Table;
+use govtwin::diagnosis::hypotheses::{Explored, explore};
 use govtwin::diagnosis::model::Model;
-use govtwin::diagnosis::posterior::{Posterior, Weights};
 use govtwin::diagnosis::result::Diagnosis;
-use govtwin::diagnosis::survivors::survivors;
-use govtwin::diagnosis::table::Table;
-use govtwin::diagnosis::test_script::{Script, Shape};
+use govtwin::diagnosis::result::test_script::{Script, Shape};
 use govtwin::diagnosis::{Settings, diagnose};
 use govtwin::effects::{self, CATALOGUE, EffectSpec, find};
+use govtwin::estimation::free_parameter::FreeParameter;
 use govtwin::frame::Signals;
 use govtwin::generate::noise::{Dice, Purpose, READINGS, Transducer, in_loop};
 use govtwin::generate::{Scenario, recording, spread};
+use govtwin::likelihood::noise::expected;
+use govtwin::likelihood::problem::Problem;
+use govtwin::likelihood::trial::Trial;
 use govtwin::msg;
 use govtwin::parameters::{EffectSetting, Unit};
 use govtwin::params::reference;
@@ -27,10 +31,6 @@ use govtwin::plant::term::Point;
 use govtwin::recording::{Process, Recording};
 use govtwin::signal::Signal;
 use govtwin::solver::Method;
-use govtwin::tuning::free_parameter::FreeParameter;
-use govtwin::tuning::noise::expected;
-use govtwin::tuning::problem::Problem;
-use govtwin::tuning::trial::Trial;
 use govtwin::twin::Twin;
 
 /// Effects that one load increase hardly tells apart.

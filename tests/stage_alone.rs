@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use govtwin::bag;
+use govtwin::diagnosis::result::schema;
 use govtwin::diagnosis::result::{Diagnosis, Verdict};
-use govtwin::diagnosis::schema;
 use govtwin::diagnosis::{Settings, diagnose};
 use govtwin::frame::{EsvState, Frame, Inputs, Signals};
 use govtwin::import::{Import, ImportError, Map, Row, Target};

@@ -42,6 +42,11 @@ fn no_file_uses_what_uses_it() {
 }
 
 #[test]
+fn no_room_of_the_diagnosis_uses_one_that_uses_it() {
+    hold(&circles::rooms(&rust()));
+}
+
+#[test]
 fn nothing_outside_the_laboratory_uses_it() {
     hold(&laboratory::leaks(&rust()));
 }

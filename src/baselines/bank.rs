@@ -6,7 +6,7 @@
 use crate::baselines::ground::Ground;
 use crate::baselines::{Found, said};
 use crate::blind::said::Said;
-use crate::tuning::problem::square;
+use crate::likelihood::problem::square;
 
 /// The rule.
 #[must_use]

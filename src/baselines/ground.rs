@@ -2,15 +2,15 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::diagnosis::search::{Turned, nominal};
+use crate::diagnosis::model::search::{Turned, nominal};
 use crate::effects::EffectSpec;
+use crate::estimation::fit::Fit;
+use crate::estimation::free_parameter::{FreeParameter, unit_at};
+use crate::likelihood::noise::expected;
+use crate::likelihood::problem::{Problem, Residuals, square};
+use crate::likelihood::trial::Trial;
 use crate::parameters::{EffectSetting, Unit};
 use crate::recording::Recording;
-use crate::tuning::fit::Fit;
-use crate::tuning::free_parameter::{FreeParameter, unit_at};
-use crate::tuning::noise::expected;
-use crate::tuning::problem::{Problem, Residuals, square};
-use crate::tuning::trial::Trial;
 
 /// Sizes at which effects are tried, in typical ones.
 const SIZES: [f64; 4] = [0.3, 1.0, 3.0, -1.0];

@@ -5,8 +5,8 @@
 use crate::baselines::ground::Ground;
 use crate::baselines::{Found, said};
 use crate::blind::said::Said;
-use crate::tuning::fit::{Effort, fit};
-use crate::tuning::linear::normal;
+use crate::estimation::fit::{Effort, fit};
+use crate::estimation::linear::normal;
 
 /// Rounds of a fit.
 const ROUNDS: usize = 3;

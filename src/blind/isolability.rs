@@ -4,12 +4,12 @@ use nalgebra::DMatrix;
 
 use crate::blind::validation::laid_along;
 use crate::effects::find;
+use crate::estimation::fit::{beside, pictured};
+use crate::estimation::free_parameter::FreeParameter;
+use crate::estimation::linear::Projection;
+use crate::likelihood::problem::Residuals;
 use crate::parameters::{EffectSetting, Unit};
 use crate::recording::Recording;
-use crate::tuning::fit::{beside, pictured};
-use crate::tuning::free_parameter::FreeParameter;
-use crate::tuning::linear::Projection;
-use crate::tuning::problem::Residuals;
 
 /// An effect at a size: its id, and as many of its parameters as are known, in their units.
 pub type Sized<'a> = (&'a str, Vec<f64>);

@@ -9,11 +9,11 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::battery::Label;
 use crate::blind::statistics::weight_of_sound;
-use crate::diagnosis::posterior::{
+use crate::diagnosis::decision::posterior::{
     Feature, Hypotheses, OF_SETS, OF_STAGES, OF_UNKNOWN, Posterior, Weights, beforehand, score,
 };
+use crate::diagnosis::hypotheses::table::{Row, Table};
 use crate::diagnosis::result::Interval;
-use crate::diagnosis::table::{Row, Table};
 use crate::effects::find;
 
 /// Weight of a unit with an effect struck beside one as it is.

@@ -2,11 +2,11 @@
 
 use crate::blind::said::{Blamed, Gap, Location, Rank, Said};
 use crate::diagnosis::decision::Decision;
+use crate::diagnosis::decision::posterior::{Posterior, Weights};
 use crate::diagnosis::evidence::KAPPAS;
-use crate::diagnosis::law_error::LAW_ERRORS;
-use crate::diagnosis::posterior::{Posterior, Weights};
+use crate::diagnosis::evidence::law_error::LAW_ERRORS;
+use crate::diagnosis::hypotheses::table::Table;
 use crate::diagnosis::result::Verdict;
-use crate::diagnosis::table::Table;
 use crate::effects::{EffectSpec, find};
 
 /// What is left out of the evidence, to see what it is worth.
@@ -80,7 +80,7 @@ pub fn rejudged(said: &Said, table: &Table, weights: &Weights) -> Said {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnosis::table::Row;
+    use crate::diagnosis::hypotheses::table::Row;
 
     fn table() -> Table {
         let row = |effects: &[&str], evidence: f64| Row {

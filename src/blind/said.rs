@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::diagnosis::hypotheses::table::{Row, Table};
 use crate::diagnosis::result::{Interval, Verdict};
-use crate::diagnosis::table::{Row, Table};
-use crate::tuning::problem::SOUND_MEAN_SQUARE;
+use crate::likelihood::problem::SOUND_MEAN_SQUARE;
 
 /// The part of `report.json` that is scored.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -205,7 +205,7 @@ mod tests {
     use super::*;
     use crate::battery::{Label, Truth};
     use crate::blind::said::{Blamed, Evidence, Gap, Location, Rank, Said, Size};
-    use crate::diagnosis::table::{Row, Table};
+    use crate::diagnosis::hypotheses::table::{Row, Table};
     use crate::effects::Stage;
 
     fn truth(id: &str, stage: Stage) -> Truth {

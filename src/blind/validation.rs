@@ -1,14 +1,14 @@
 //! Closure as it came true: the refitted and the improved twin on recordings that the diagnosis never saw.
 
-use crate::diagnosis::dependent_covariance;
-use crate::diagnosis::explained_fraction::share;
+use crate::diagnosis::evidence::dependent_covariance;
+use crate::diagnosis::summary::explained_fraction::share;
+use crate::likelihood::event_time::placed;
+use crate::likelihood::loop_noise::heard;
+use crate::likelihood::noise::expected;
+use crate::likelihood::problem::Problem;
+use crate::likelihood::trial::Trial;
 use crate::parameters::Unit;
 use crate::recording::Recording;
-use crate::tuning::event_time::placed;
-use crate::tuning::loop_noise::heard;
-use crate::tuning::noise::expected;
-use crate::tuning::problem::Problem;
-use crate::tuning::trial::Trial;
 
 /// The share of the gap of the refitted twin that the improved one closes, counted as the claim is, noise and all; none where there is no gap.
 #[must_use]

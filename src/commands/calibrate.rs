@@ -9,9 +9,9 @@ use govtwin::blind::rejudge::{LeftOut, rejudged};
 use govtwin::blind::said::Said;
 use govtwin::blind::score::{Score, score};
 use govtwin::blind::scored::Scored;
-use govtwin::diagnosis::posterior::Weights;
+use govtwin::diagnosis::decision::posterior::Weights;
+use govtwin::diagnosis::hypotheses::table::Table;
 use govtwin::diagnosis::result::Interval;
-use govtwin::diagnosis::table::Table;
 use govtwin::files::read_text;
 use govtwin::params::labels;
 

@@ -15,6 +15,7 @@ use govtwin::comparison::summary::{
     Claims, FreeRun, Importance, SCHEMA, Scored, Summary, Unseen, claims, covered, spread,
 };
 use govtwin::comparison::{Contender, Standing};
+use govtwin::estimation::calibration::parts;
 use govtwin::parameters::Unit;
 use govtwin::recording::Process;
 use govtwin::replay::summary::cut_id;
@@ -26,7 +27,6 @@ use govtwin::residual::row::Between;
 use govtwin::residual::split::{Split, seven_to_three};
 use govtwin::residual::table::Table;
 use govtwin::signal::Signal;
-use govtwin::tuning::calibration::parts;
 use govtwin::twin::Cut;
 
 use super::learn::{self, CutAt, Ready, grid_ns};

@@ -9,20 +9,20 @@ use std::path::PathBuf;
 use anyhow::{Context, bail};
 use govtwin::diagnosis::model::Model;
 use govtwin::diagnosis::result::Told;
-use govtwin::diagnosis::told::told;
+use govtwin::diagnosis::stage_only::told::told;
+use govtwin::estimation::calibration::{Calibration, calibrate, parts};
+use govtwin::estimation::free_parameter::FreeParameter;
+use govtwin::likelihood::noise;
+use govtwin::likelihood::problem::Problem;
+use govtwin::likelihood::qualification::{Intake, qualify_all};
+use govtwin::likelihood::trial::Trial;
 use govtwin::parameters::{ENTRIES, Unit};
 use govtwin::params::{self, Overlay, Sheet, nearest, number_text};
 use govtwin::provenance::Provenance;
 use govtwin::recording::Recording;
-use govtwin::tuning::calibration::{Calibration, calibrate, parts};
-use govtwin::tuning::free_parameter::FreeParameter;
-use govtwin::tuning::noise;
-use govtwin::tuning::plain::plain;
-use govtwin::tuning::problem::Problem;
-use govtwin::tuning::qualification::{Intake, qualify_all};
-use govtwin::tuning::run::Run;
-use govtwin::tuning::sheetless::sheetless;
-use govtwin::tuning::trial::Trial;
+use govtwin::stage_alone::plain::plain;
+use govtwin::stage_alone::run::Run;
+use govtwin::stage_alone::sheetless::sheetless;
 use govtwin::twin::Cut;
 
 use super::bags::{self, MapArgs, Mapped, Recordings, TopicArgs};
@@ -289,7 +289,7 @@ fn free_parameters(args: &Args, unit: &mut Unit) -> anyhow::Result<Vec<FreeParam
 
 /// The fitted unit as a parameter file.
 fn overlay(problem: &Problem, sheet: &Sheet, fitted: &Calibration, made: &Provenance) -> Overlay {
-    let comment = |row: &govtwin::tuning::calibration::Row| {
+    let comment = |row: &govtwin::estimation::calibration::Row| {
         let [low, high] = row.ci90.map(number_text);
         let bound = if row.at_bound { ", at a bound" } else { "" };
         (row.key.clone(), format!("ci90 [{low}, {high}], sheet {}{bound}", number_text(row.sheet)))

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, bail};
-use govtwin::diagnosis::schema::read::read;
+use govtwin::diagnosis::result::schema::read::read;
 use govtwin::provenance::Provenance;
 use govtwin::report::diagnosis as page;
 

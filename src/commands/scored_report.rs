@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::{Context, bail};
 use govtwin::blind::said::Said;
-use govtwin::diagnosis::schema::SCHEMA;
+use govtwin::diagnosis::result::schema::SCHEMA;
 use govtwin::files::read_text;
 
 use super::report_file::LARGEST_BYTES;

@@ -1,15 +1,15 @@
 //! A better parent for the hybrid: the twin refitted on the rows that teach, and on nothing behind them.
 
 use crate::effects::CATALOGUE;
+use crate::estimation::calibration::calibrate;
+use crate::estimation::free_parameter::{FreeParameter, unit_at};
+use crate::likelihood::noise;
+use crate::likelihood::trial::Trial;
 use crate::parameters::{EffectSetting, Unit};
 use crate::recording::Recording;
 use crate::replay::between::drawn;
 use crate::residual::split::Split;
 use crate::residual::table::Table;
-use crate::tuning::calibration::calibrate;
-use crate::tuning::free_parameter::{FreeParameter, unit_at};
-use crate::tuning::noise;
-use crate::tuning::trial::Trial;
 
 /// Fewer rows than this of a recording are left out of a refit.
 const FEWEST_ROWS: usize = 100;

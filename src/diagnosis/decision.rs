@@ -4,9 +4,11 @@
 //! that holds nine tenths of its probability: effects that all of them share are named, with every other that is likelier there than not; where they
 //! share none, the verdict is the class of them.
 
-use crate::diagnosis::posterior::Posterior;
+pub mod posterior;
+
+use crate::diagnosis::decision::posterior::Posterior;
+use crate::diagnosis::hypotheses::table::Table;
 use crate::diagnosis::result::Verdict;
-use crate::diagnosis::table::Table;
 use crate::effects::{EffectSpec, Stage};
 
 /// Probability that a credible set holds.
@@ -140,7 +142,7 @@ fn told(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnosis::table::Row;
+    use crate::diagnosis::hypotheses::table::Row;
     use crate::effects::find;
 
     /// The decision on fault sets with these probabilities, the rest unknown at the spool.

@@ -1,6 +1,6 @@
 //! What the recordings could show: the smallest size of each effect that would stand out, and effects that leave the same mark.
 
-use crate::diagnosis::explore::Explored;
+use crate::diagnosis::hypotheses::Explored;
 use crate::diagnosis::result::Visible;
 use crate::effects::EffectSpec;
 

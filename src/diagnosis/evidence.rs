@@ -5,19 +5,22 @@
 //! terms gain is counted with the free parameters following; what these could gain alone is not, since a fit went where it could. A discrepancy term of which every point of the chain has a
 //! little is the error of equations; much of it at one point is something unknown there.
 
+pub mod dependent_covariance;
+pub mod law_error;
+
 use std::sync::Arc;
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use crate::diagnosis::discrepancy::{self, Columns};
-use crate::diagnosis::law_error::{LAW_ERRORS, Modulations, limits};
-use crate::diagnosis::linearisation::SIZE_PRIOR;
+use crate::diagnosis::evidence::law_error::{LAW_ERRORS, Modulations, limits};
 use crate::diagnosis::model::Model;
+use crate::diagnosis::model::discrepancy::{self, Columns};
+use crate::diagnosis::model::support::SIZE_PRIOR;
 use crate::effects::Stage;
-use crate::tuning::free_parameter::FreeParameter;
-use crate::tuning::linear::crossed;
-use crate::tuning::noise::log_sum;
-use crate::tuning::problem::Problem;
+use crate::estimation::free_parameter::FreeParameter;
+use crate::estimation::linear::crossed;
+use crate::likelihood::noise::log_sum;
+use crate::likelihood::problem::Problem;
 
 /// Sizes of the error of equations at which evidence is tabulated, in moderate discrepancy terms.
 pub const KAPPAS: [f64; 4] = [1e-3, 0.03, 0.1, 0.3];

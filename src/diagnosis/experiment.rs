@@ -2,27 +2,31 @@
 //!
 //! Every hypothesis that is left is put through each candidate once. Its outcome is a Gaussian: the mean is its simulation, the covariance noise and
 //! what the free parameters leave open, `S = I + J Σ Jᵀ`, with the leader's slopes J of the sheet's parameters for all and each set's own slopes of its
-//! effects. What that is worth stands in [`crate::diagnosis::information`]; nats count as the posterior counts them ([`Weights::counted_share`]).
+//! effects. What that is worth stands in [`crate::diagnosis::experiment::information`]; nats count as the posterior counts them ([`Weights::counted_share`]).
+
+pub mod candidate_test;
+pub mod information;
+pub mod stage_experiment;
+pub mod survivors;
 
 use nalgebra::{DMatrix, DVector};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
-use crate::diagnosis::candidate_test::{Candidate, candidates};
 use crate::diagnosis::decision::Decision;
-use crate::diagnosis::explore::Explored;
-use crate::diagnosis::information::{Drop, Predicted, entropy_bits, expected_drop};
+use crate::diagnosis::decision::posterior::{Posterior, Weights};
+use crate::diagnosis::experiment::candidate_test::{Candidate, candidates};
+use crate::diagnosis::experiment::information::{Drop, Predicted, entropy_bits, expected_drop};
+use crate::diagnosis::experiment::survivors::{Survivor, deviations, survivors};
+use crate::diagnosis::hypotheses::Explored;
+use crate::diagnosis::hypotheses::table::Table;
 use crate::diagnosis::model::Model;
-use crate::diagnosis::posterior::{Posterior, Weights};
 use crate::diagnosis::result::Experiment;
-use crate::diagnosis::stage_experiment;
-use crate::diagnosis::survivors::{Survivor, deviations, survivors};
-use crate::diagnosis::table::Table;
-use crate::diagnosis::test_script::CANDIDATES;
+use crate::diagnosis::result::test_script::CANDIDATES;
+use crate::estimation::fit::slopes;
+use crate::likelihood::problem::{Problem, Residuals, twin_of};
+use crate::likelihood::trial::Trial;
 use crate::parameters::Unit;
 use crate::signal::Signal;
-use crate::tuning::fit::slopes;
-use crate::tuning::problem::{Problem, Residuals, twin_of};
-use crate::tuning::trial::Trial;
 use crate::twin::{Cut, Twin};
 
 /// A test that is expected to tell less settles nothing, bits.

@@ -1,11 +1,11 @@
 //! Whether the recordings agree: the same parameters must fit each of them, or they are not of one unit.
 
-use crate::diagnosis::explore::Explored;
+use crate::diagnosis::hypotheses::Explored;
 use crate::diagnosis::model::{Model, covariance};
+use crate::estimation::fit::{Effort, Fit, fit};
+use crate::estimation::free_parameter::FreeParameter;
+use crate::likelihood::problem::Problem;
 use crate::parameters::Unit;
-use crate::tuning::fit::{Effort, Fit, fit};
-use crate::tuning::free_parameter::FreeParameter;
-use crate::tuning::problem::Problem;
 
 /// Work of the fit to one recording alone.
 const ALONE: Effort = Effort { rounds: 6, refresh: 3, temperature: 1.0 };

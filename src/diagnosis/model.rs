@@ -1,14 +1,19 @@
 //! A model: a unit with effects, its parameters fitted, and what the fit says of them.
 
+pub mod consistency;
+pub mod discrepancy;
+pub mod search;
+pub mod support;
+
 use nalgebra::{DMatrix, DVector};
 
-use crate::diagnosis::support::{Placed, Variant, add};
+use crate::diagnosis::model::support::{Placed, Variant, add};
 use crate::effects::EffectSpec;
+use crate::estimation::fit::{Effort, Fit, Start, pictured};
+use crate::estimation::free_parameter::{FreeParameter, unit_at};
+use crate::estimation::linear::{normal, prior_square};
+use crate::likelihood::problem::{Problem, square};
 use crate::parameters::Unit;
-use crate::tuning::fit::{Effort, Fit, Start, pictured};
-use crate::tuning::free_parameter::{FreeParameter, unit_at};
-use crate::tuning::linear::{normal, prior_square};
-use crate::tuning::problem::{Problem, square};
 
 /// A model with all its free parameters fitted: the sheet's tolerances, then the parameters of its effects.
 #[derive(Clone, Debug)]

@@ -1,26 +1,28 @@
 //! Recordings made ready for a diagnosis: of the whole chain where they hold the command, else of the servomotor stage behind the spool.
 
+pub mod channels;
+
 use crate::diagnosis::model::Model;
-use crate::diagnosis::search::Turned;
-use crate::diagnosis::support::Variant;
+use crate::diagnosis::model::search::Turned;
+use crate::diagnosis::model::support::Variant;
 use crate::diagnosis::{DiagnosisError, Settings};
 use crate::effects::{EffectSpec, STAGE_ALONE};
+use crate::estimation::fit::Fit;
+use crate::estimation::free_parameter::{FreeParameter, unit_at};
+use crate::likelihood::noise::{Noise, expected};
+use crate::likelihood::problem::{Problem, square};
+use crate::likelihood::qualification::{Intake, qualify_all};
+use crate::likelihood::trial::{Trial, join_spool};
 use crate::parameters::Unit;
 use crate::recording::Recording;
 use crate::signal::Signal;
-use crate::tuning::command::command_for_spool;
-use crate::tuning::fit::Fit;
-use crate::tuning::flexible::{Flexible, flexible};
-use crate::tuning::free_parameter::{FreeParameter, unit_at};
-use crate::tuning::noise::{Noise, expected};
-use crate::tuning::pieces::pieces;
-use crate::tuning::plain::{Plain, plain};
-use crate::tuning::problem::{Problem, square};
-use crate::tuning::qualification::{Intake, qualify_all};
-use crate::tuning::rivals::{Follows, follows};
-use crate::tuning::run::Run;
-use crate::tuning::sheetless::{self, sheetless};
-use crate::tuning::trial::{Trial, join_spool};
+use crate::stage_alone::command::command_for_spool;
+use crate::stage_alone::flexible::{Flexible, flexible};
+use crate::stage_alone::pieces::pieces;
+use crate::stage_alone::plain::{Plain, plain};
+use crate::stage_alone::rivals::{Follows, follows};
+use crate::stage_alone::run::Run;
+use crate::stage_alone::sheetless::{self, sheetless};
 use crate::twin::Cut;
 
 /// Pieces that recordings are cut into where there is a sheet, at most: few, as play and pressures at the start of each are not measured.

@@ -1,17 +1,21 @@
 //! What a diagnosis says: the verdict and the evidence for it.
 
+mod interval;
+pub mod schema;
+pub mod test_script;
+
 use serde_json::{Value, json};
 
-use crate::diagnosis::consistency::Consistency;
-use crate::diagnosis::discrepancy::Curve;
-use crate::diagnosis::table::Table;
-use crate::diagnosis::test_script::Script;
+use crate::diagnosis::hypotheses::table::Table;
+use crate::diagnosis::model::consistency::Consistency;
+use crate::diagnosis::model::discrepancy::Curve;
+use crate::diagnosis::result::test_script::Script;
 use crate::effects::Stage;
 use crate::parameters::Unit;
 use crate::recording::Process;
 use crate::signal::Signal;
 
-pub use crate::diagnosis::interval::Interval;
+pub use crate::diagnosis::result::interval::Interval;
 
 /// The six things that a diagnosis may say.
 ///

@@ -1,25 +1,27 @@
 //! A part of the chain: how well its models predict free runs, and how much of the verdict they bear.
 
+pub mod told;
+
 use crate::diagnosis::decision::Decision;
-use crate::diagnosis::explained_fraction::without_recordings;
-use crate::diagnosis::explore::Explored;
+use crate::diagnosis::hypotheses::Explored;
 use crate::diagnosis::model::Model;
 use crate::diagnosis::preparation::{Alone, Ready};
 use crate::diagnosis::result::{FreeRun, StageOnly, Verdict};
-use crate::diagnosis::told::told;
+use crate::diagnosis::stage_only::told::told;
+use crate::diagnosis::summary::explained_fraction::without_recordings;
+use crate::estimation::fit::{Effort, fit};
+use crate::estimation::free_parameter::unit_at;
 use crate::frame::Estimate;
+use crate::likelihood::noise::Noise;
+use crate::likelihood::problem::Problem;
+use crate::likelihood::trial::Trial;
 use crate::parameters::Unit;
 use crate::recording::Recording;
 use crate::signal::Signal;
-use crate::tuning::fit::{Effort, fit};
-use crate::tuning::free_parameter::unit_at;
-use crate::tuning::noise::Noise;
-use crate::tuning::pieces::{length_s_of, pieces, windows};
-use crate::tuning::plain::plain;
-use crate::tuning::problem::Problem;
-use crate::tuning::rivals::Follows;
-use crate::tuning::run::Run;
-use crate::tuning::trial::Trial;
+use crate::stage_alone::pieces::{length_s_of, pieces, windows};
+use crate::stage_alone::plain::plain;
+use crate::stage_alone::rivals::Follows;
+use crate::stage_alone::run::Run;
 use crate::units::seconds_from_nanos;
 
 /// Length of a free run, s; of short recordings a quarter of them all, so that each half has two.

@@ -1,25 +1,31 @@
 //! Gathers what a report shows from what the search found.
 
+pub mod breakdown;
+pub mod explained_fraction;
+pub mod stages;
+pub mod traces;
+
 use crate::diagnosis::Settings;
-use crate::diagnosis::breakdown::{breakdowns, gaps};
-use crate::diagnosis::consistency::consistency;
 use crate::diagnosis::decision::Decision;
+use crate::diagnosis::decision::posterior::{Posterior, Weights};
 use crate::diagnosis::detectability::{alike, visible};
-use crate::diagnosis::discrepancy;
 use crate::diagnosis::experiment::next;
-use crate::diagnosis::explained_fraction::{LeftOut, Refitted, closure, closure_of, without_parts, without_recordings};
-use crate::diagnosis::explore::Explored;
-use crate::diagnosis::explorer::Hypothesis;
+use crate::diagnosis::hypotheses::Explored;
+use crate::diagnosis::hypotheses::explorer::Hypothesis;
+use crate::diagnosis::hypotheses::table::Table;
 use crate::diagnosis::model::Model;
-use crate::diagnosis::posterior::{Posterior, Weights};
+use crate::diagnosis::model::consistency::consistency;
+use crate::diagnosis::model::discrepancy;
 use crate::diagnosis::result::{Blame, Channel, Diagnosis, Fitted, Interval, Latent, Ranked, Transfer, Tried, Verdict};
-use crate::diagnosis::stages;
-use crate::diagnosis::table::Table;
-use crate::diagnosis::traces::traces;
+use crate::diagnosis::summary::breakdown::{breakdowns, gaps};
+use crate::diagnosis::summary::explained_fraction::{
+    LeftOut, Refitted, closure, closure_of, without_parts, without_recordings,
+};
+use crate::diagnosis::summary::traces::traces;
 use crate::effects::EffectSpec;
+use crate::estimation::free_parameter::FreeParameter;
+use crate::likelihood::problem::{Problem, Residuals};
 use crate::parameters::Unit;
-use crate::tuning::free_parameter::FreeParameter;
-use crate::tuning::problem::{Problem, Residuals};
 
 /// Standard deviations to either side of a 90 % interval.
 const NINETY: f64 = 1.645;

@@ -10,13 +10,13 @@ use nalgebra::{DMatrix, DVector};
 use super::Plate;
 use super::item::{ITEMS, Item};
 use crate::effects::CATALOGUE;
+use crate::estimation::free_parameter::{FreeParameter, unit_at};
 use crate::generate::{Scenario, recording};
+use crate::likelihood::noise::{expected, independent_share};
+use crate::likelihood::problem::{Problem, Residuals};
+use crate::likelihood::trial::Trial;
 use crate::parameters::{ENTRIES, EffectSetting, Unit};
 use crate::recording::Process;
-use crate::tuning::free_parameter::{FreeParameter, unit_at};
-use crate::tuning::noise::{expected, independent_share};
-use crate::tuning::problem::{Problem, Residuals};
-use crate::tuning::trial::Trial;
 
 /// Rate and length of the generated recordings.
 const RATE_HZ: f64 = 20.0;

@@ -1,12 +1,12 @@
 //! Residuals of many units at once: those of each by itself, whoever else is asked for.
 
+use govtwin::likelihood::noise;
+use govtwin::likelihood::problem::{Problem, twin_of};
+use govtwin::likelihood::trial::Trial;
 use govtwin::parameters::Unit;
 use govtwin::params;
 use govtwin::recording::Process;
 use govtwin::signal::Signal;
-use govtwin::tuning::noise;
-use govtwin::tuning::problem::{Problem, twin_of};
-use govtwin::tuning::trial::Trial;
 use govtwin::twin::Twin;
 
 use super::{trial, units};

@@ -12,8 +12,29 @@ pub fn circles(sources: &[Source]) -> Vec<String> {
         .filter_map(|source| Some((name_of(&source.path)?, used_by(source, &names))))
         .map(|(own, used)| (own.clone(), used.into_iter().filter(|used| !is_same_room(&own, used)).collect()))
         .collect();
+    of(&uses).into_iter().map(|circle| format!("files use each other: {}", circle.join(", "))).collect()
+}
+
+/// Rooms of the diagnosis that use each other: a file with its folder is one.
+pub fn rooms(sources: &[Source]) -> Vec<String> {
+    let names: BTreeSet<String> = sources.iter().filter_map(|source| name_of(&source.path)).collect();
+    let room = |name: &str| {
+        let mut parts = name.split("::");
+        (parts.next() == Some("diagnosis")).then(|| parts.next().map(str::to_owned)).flatten()
+    };
+    let mut uses: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for source in sources {
+        let Some(own) = name_of(&source.path).as_deref().and_then(room) else { continue };
+        let used: BTreeSet<String> = used_by(source, &names).iter().filter_map(|used| room(used)).collect();
+        uses.entry(own.clone()).or_default().extend(used.into_iter().filter(|used| *used != own));
+    }
+    of(&uses).into_iter().map(|circle| format!("rooms use each other: {}", circle.join(", "))).collect()
+}
+
+/// Those that use each other, each circle once.
+fn of(uses: &BTreeMap<String, BTreeSet<String>>) -> BTreeSet<Vec<&str>> {
     let reached: BTreeMap<&str, BTreeSet<&str>> =
-        uses.keys().map(|from| (from.as_str(), all_from(&uses, from))).collect();
+        uses.keys().map(|from| (from.as_str(), all_from(uses, from))).collect();
     let mut circles: BTreeSet<Vec<&str>> = BTreeSet::new();
     for (from, all) in &reached {
         let circle: Vec<&str> = all.iter().copied().filter(|to| reached[to].contains(from)).collect();
@@ -21,7 +42,7 @@ pub fn circles(sources: &[Source]) -> Vec<String> {
             circles.insert(circle);
         }
     }
-    circles.into_iter().map(|circle| format!("files use each other: {}", circle.join(", "))).collect()
+    circles
 }
 
 /// All that is used from a file on, step by step.
@@ -91,12 +112,12 @@ mod tests {
     #[test]
     fn a_circle_among_files_is_seen_once() {
         let circle = [
-            Source::new("src/tuning/fit.rs", "use crate::tuning::{linear::normal, free_parameter};"),
-            Source::new("src/tuning/linear.rs", "use super::noise::Noise;"),
-            Source::new("src/tuning/noise.rs", "let x = crate::tuning::fit::prior();"),
-            Source::new("src/tuning/prior.rs", "use crate::units;"),
+            Source::new("src/estimation/fit.rs", "use crate::estimation::{linear::normal, free_parameter};"),
+            Source::new("src/estimation/linear.rs", "use super::noise::Noise;"),
+            Source::new("src/estimation/noise.rs", "let x = crate::estimation::fit::prior();"),
+            Source::new("src/estimation/prior.rs", "use crate::units;"),
         ];
-        assert_eq!(circles(&circle), ["files use each other: tuning::fit, tuning::linear, tuning::noise"]);
+        assert_eq!(circles(&circle), ["files use each other: estimation::fit, estimation::linear, estimation::noise"]);
         assert_eq!(circles(&circle[..2]), Vec::<String>::new());
         // A facade and what stands behind it.
         let room = [
@@ -104,5 +125,22 @@ mod tests {
             Source::new("src/solver/rk4.rs", "use crate::solver::Method;"),
         ];
         assert_eq!(circles(&room), Vec::<String>::new());
+    }
+
+    #[test]
+    fn rooms_that_use_each_other_are_seen_whatever_files_do_it() {
+        let rooms_of = |code: &str| {
+            rooms(&[
+                Source::new("src/diagnosis/evidence.rs", "use crate::diagnosis::model::Model;"),
+                Source::new("src/diagnosis/model.rs", "pub struct Model;"),
+                Source::new("src/diagnosis/model/support.rs", code),
+                Source::new("src/diagnosis/evidence/law_error.rs", "pub const ERROR: f64 = 0.1;"),
+            ])
+        };
+        assert_eq!(
+            rooms_of("use crate::diagnosis::evidence::law_error::ERROR;"),
+            ["rooms use each other: evidence, model"]
+        );
+        assert_eq!(rooms_of("use crate::diagnosis::model::Model;"), Vec::<String>::new());
     }
 }

@@ -55,16 +55,16 @@ mod tests {
             "use crate::params::{self, labels};",
             "let x = crate::report::comparison::page(y);",
         ] {
-            assert_eq!(of("src/diagnosis/search.rs", code), 1, "{code}");
+            assert_eq!(of("src/diagnosis/model/search.rs", code), 1, "{code}");
             assert_eq!(of("src/blind/score.rs", code), 0, "{code}");
         }
         assert_eq!(of("src/commands/diagnose.rs", "use govtwin::blind::said::Said;"), 1);
         assert_eq!(of("src/commands/blind/cases.rs", "use govtwin::blind::said::Said;"), 0);
         for code in ["use crate::report::comparison_table;", "use crate::blinds;", "/// [`crate::battery`]"] {
-            assert_eq!(of("src/tuning/fit.rs", code), 0, "{code}");
+            assert_eq!(of("src/estimation/fit.rs", code), 0, "{code}");
         }
         let in_tests =
             "use crate::units;\n#[cfg(all(test, feature = \"lab\"))]\nmod tests {\n    use crate::battery;\n}\n";
-        assert_eq!(of("src/tuning/fit.rs", in_tests), 0);
+        assert_eq!(of("src/estimation/fit.rs", in_tests), 0);
     }
 }

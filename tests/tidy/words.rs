@@ -54,7 +54,7 @@ mod tests {
     #[test]
     fn a_word_that_came_back_is_seen() {
         let of = |path: &str, text: &str| gone(&[Source::new(path, text)]).len();
-        assert_eq!(of("src/tuning/fit.rs", "/// Turns every knob.\nlet x = 1;"), 1);
+        assert_eq!(of("src/estimation/fit.rs", "/// Turns every knob.\nlet x = 1;"), 1);
         assert_eq!(of("docs/a.md", "The RMS miss."), 1);
         assert_eq!(of("src/a.rs", "let door_knob_size = knobby;"), 0);
         assert_eq!(of("CHANGELOG.md", "RMS miss"), 0);

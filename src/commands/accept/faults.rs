@@ -4,8 +4,9 @@ use std::path::Path;
 
 use anyhow::{Context, bail};
 use govtwin::acceptance::counterfactual::Size;
+use govtwin::diagnosis::result::schema;
 use govtwin::diagnosis::result::{Blame, Verdict};
-use govtwin::diagnosis::{Settings, diagnose, schema};
+use govtwin::diagnosis::{Settings, diagnose};
 use govtwin::effects::find_in;
 use govtwin::files::read_text;
 use govtwin::parameters::Unit;

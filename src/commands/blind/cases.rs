@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use govtwin::effects::{EffectSpec, of_the_chain};
+use govtwin::likelihood::qualification::qualify_all;
 use govtwin::parameters::Unit;
 use govtwin::recording::Recording;
-use govtwin::tuning::qualification::qualify_all;
 use govtwin::twin::Cut;
 
 use crate::commands::bags::{self, Bag, TopicArgs};

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context, bail};
+use govtwin::diagnosis::result::schema;
 use govtwin::diagnosis::result::{Diagnosis, Fitted, Verdict};
-use govtwin::diagnosis::schema;
 use govtwin::parameters::Unit;
 use govtwin::params::{self, Overlay};
 use govtwin::provenance::Provenance;

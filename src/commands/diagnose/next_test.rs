@@ -5,8 +5,8 @@ use std::path::Path;
 
 use anyhow::Context;
 use govtwin::bag::{InMemory, Qos, Topics};
+use govtwin::diagnosis::result::test_script::Script;
 use govtwin::diagnosis::result::{Diagnosis, Experiment};
-use govtwin::diagnosis::test_script::Script;
 use govtwin::frame::EsvState;
 use govtwin::msg;
 use govtwin::parameters::Parameters;

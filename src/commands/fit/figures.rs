@@ -1,13 +1,13 @@
 //! What a fit says: tables for a terminal, all figures as JSON.
 
 use govtwin::diagnosis::result::Told;
+use govtwin::estimation::calibration::{Calibration, Row};
+use govtwin::likelihood::problem::Problem;
 use govtwin::parameters::Unit;
 use govtwin::params::{Sheet, quantity_text};
 use govtwin::report::diagnosis::told_text;
 use govtwin::report::table::{Table, fixed, significant};
 use govtwin::signal::Signal;
-use govtwin::tuning::calibration::{Calibration, Row};
-use govtwin::tuning::problem::Problem;
 use serde_json::{Value, json};
 
 use crate::commands::output::table_text;

@@ -3,10 +3,10 @@
 use std::io::{BufRead, Write};
 
 use anyhow::Context;
+use govtwin::estimation::calibration::Calibration;
+use govtwin::estimation::free_parameter::unit_at;
+use govtwin::likelihood::problem::Problem;
 use govtwin::parameters::Unit;
-use govtwin::tuning::calibration::Calibration;
-use govtwin::tuning::free_parameter::unit_at;
-use govtwin::tuning::problem::Problem;
 use serde_json::json;
 
 /// First says what was fitted and where; then answers until the input ends.

@@ -1,12 +1,12 @@
 //! A made-up diagnosis on paper, with names that would break a careless page.
 
 use super::{page, summary};
-use crate::diagnosis::discrepancy::Curve;
+use crate::diagnosis::hypotheses::table::Table;
+use crate::diagnosis::model::discrepancy::Curve;
 use crate::diagnosis::result::{
     Blame, Breakdown, Channel, Diagnosis, Experiment, Fitted, Interval, Latent, Part, Ranked, SignalGap, StageTest,
     Trace, Tried, Verdict, Visible,
 };
-use crate::diagnosis::table::Table;
 use crate::effects::Stage;
 use crate::parameters::Unit;
 use crate::provenance::{Input, Provenance};

@@ -1,0 +1,349 @@
+//! The posterior over fault sets: evidence, prior odds and a few learned weights make probabilities that sum to 1.
+//!
+//! Three questions, each with learned weights. Is something unknown at work: does the best fault set leave more than a right model would (a logistic
+//! regression)? If not, which set (a conditional logit over the evidence of all fitted sets, the sheet alone among them; McFadden 1974)? If so, at which
+//! stage (a conditional logit over the evidence of discrepancy terms there)? [`Weights::bayes`] is Bayes' theorem with nothing learned; `govtwin
+//! calibrate` learns the weights by log score on generated units.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use crate::diagnosis::hypotheses::table::{Row, Table};
+use crate::diagnosis::model::support::SIZE_PRIOR;
+use crate::effects::find;
+use crate::likelihood::noise::log_sum;
+use crate::likelihood::problem::SOUND_MEAN_SQUARE;
+
+/// The weights as shipped; `govtwin calibrate` writes such a file.
+const SHIPPED: &str = include_str!("../../../params/diagnosis_weights.json");
+
+/// What a weight multiplies, and its value beforehand.
+#[derive(Clone, Copy, Debug)]
+pub struct Feature {
+    /// What the weight multiplies.
+    pub name: &'static str,
+    /// The weight with nothing learned, at fast and at slow rates.
+    pub bayes: [f64; 2],
+}
+
+const fn feature(name: &'static str, bayes: [f64; 2]) -> Feature {
+    Feature { name, bayes }
+}
+
+/// Features of a fault set. Where the best set leaves more than a right model would, its equations or its noise are wrong in some way, and so are nats:
+/// what it leaves beyond that is spread over some thirty numbers, by any of which a further effect may gain as much.
+pub const OF_SETS: [Feature; 6] = [
+    feature("nats of evidence lost against the best set", [0.0; 2]),
+    feature("nats lost, over what the best set leaves beyond a right model", [-1.0; 2]),
+    feature("number of effects", [-5.0; 2]),
+    feature("strain of the sheet", [0.0; 2]),
+    feature("tens of nats that the noise costs which the set predicts itself", [0.0; 2]),
+    feature("squares of the sizes' distances from the typical one", [0.0; 2]),
+];
+
+/// Features of something unknown against all that is known, of the set that is best by Bayes' theorem.
+pub const OF_UNKNOWN: [Feature; 7] = [
+    feature("any unit", [-3.0; 2]),
+    feature("inverse hyperbolic sine of the deviations by which ln χ² is off that of sound units", [1.5, 0.5]),
+    feature("these deviations, where the best set is nothing and χ² is too large", [0.5; 2]),
+    feature("strain of the sheet", [0.0; 2]),
+    feature("squares of the sizes' distances from the typical one", [0.0; 2]),
+    feature("number of effects", [0.0; 2]),
+    feature(
+        "logarithm of the nats that discrepancy terms at a stage gain beyond the set, negative where they lose",
+        [0.5; 2],
+    ),
+];
+
+/// Features of a stage, where something is unknown.
+pub const OF_STAGES: [Feature; 3] = [
+    feature("nats lost against the best stage, over χ² of the best set", [-0.5; 2]),
+    feature("logarithm of 1 and the nats lost", [0.0; 2]),
+    feature("logarithm of the share that effects there have of all that is known, by Bayes' theorem", [0.5; 2]),
+];
+
+/// Names of the rates, in the order of the weights: each feature counts for both, by their share of the samples.
+const RATES: [&str; 2] = ["at fast rates", "at slow rates"];
+
+/// What the weights multiply, in their order.
+#[must_use]
+pub fn names(features: &[Feature]) -> Vec<String> {
+    let of = |rate: &&str| features.iter().map(|feature| format!("{}, {rate}", feature.name)).collect::<Vec<_>>();
+    RATES.iter().flat_map(of).collect()
+}
+
+/// The weights with nothing learned.
+#[must_use]
+pub fn beforehand(features: &[Feature]) -> Vec<f64> {
+    (0..RATES.len()).flat_map(|rate| features.iter().map(move |feature| feature.bayes[rate])).collect()
+}
+
+/// The learned numbers, with where they come from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Weights {
+    /// One for each of [`OF_SETS`].
+    pub sets: Vec<f64>,
+    /// One for each of [`OF_UNKNOWN`].
+    pub unknown: Vec<f64>,
+    /// One for each of [`OF_STAGES`].
+    pub stages: Vec<f64>,
+    /// What the weights multiply, group by group, as a reader of the file needs it.
+    pub features: [Vec<String>; 3],
+    /// Expected logarithm of the equation error of a size: one standard deviation of the logarithm of fitted over true size.
+    pub size_spread: f64,
+    /// By how much the interval of the explained share is widened, as a factor of its half-widths.
+    pub closure_widening: f64,
+    /// Where they were learned: seeds, number of units, program version, scores.
+    pub provenance: serde_json::Value,
+}
+
+impl Weights {
+    /// The weights that come with the program.
+    #[must_use]
+    pub fn shipped() -> Self {
+        serde_json::from_str(SHIPPED).unwrap_or_else(|_| Self::bayes())
+    }
+
+    /// Bayes' theorem with odds of e⁵ against each effect, nothing learned.
+    #[must_use]
+    pub fn bayes() -> Self {
+        Self {
+            sets: beforehand(&OF_SETS),
+            unknown: beforehand(&OF_UNKNOWN),
+            stages: beforehand(&OF_STAGES),
+            features: [names(&OF_SETS), names(&OF_UNKNOWN), names(&OF_STAGES)],
+            size_spread: 0.1,
+            closure_widening: 1.0,
+            provenance: serde_json::Value::Null,
+        }
+    }
+
+    /// Share with which a further nat of evidence counts between two sets, given a unit's table.
+    #[must_use]
+    pub fn counted_share(&self, table: &Table) -> f64 {
+        let scale = Hypotheses::new(table, &[]).map_or(1.0, |all| all.scale);
+        let of = |first: usize| -(self.sets[first] + self.sets[first + 1] / scale);
+        let shares = [1.0 - table.slow_share, table.slow_share];
+        (shares[0] * of(0) + shares[1] * of(OF_SETS.len())).clamp(0.0, 1.0)
+    }
+}
+
+/// Logarithm of the odds against each effect by which the best set is chosen whose remainder is looked at.
+const ODDS: f64 = 5.0;
+
+/// Numbers over which what a set leaves beyond a right model is spread: four processes of ten seconds that matter, correlated for about a second.
+const FREEDOM: f64 = 30.0;
+
+/// Spread of the logarithm of χ² between sound units beyond what their number of samples brings: 0.07 of 19 generated ones at 100 Hz.
+const SCATTER: f64 = 0.1;
+
+/// Share that counts for a stage without any known effect.
+const LEAST_SHARE: f64 = 0.03;
+
+/// Loss from which on nothing changes any more: a hypothesis that could not be simulated is as far behind as any.
+const FARTHEST: f64 = 1e3;
+
+/// The hypotheses of a table with their features.
+#[derive(Clone, Debug)]
+pub struct Hypotheses {
+    /// Fault sets by their row of the table.
+    pub sets: Vec<(usize, Vec<f64>)>,
+    /// Something unknown, against all sets together.
+    pub unknown: Vec<f64>,
+    /// Stages by id, where something unknown may be; none where nothing unknown is weighed.
+    pub stages: Vec<(String, Vec<f64>)>,
+    /// By what nats are divided for what the best set leaves beyond a right model.
+    pub scale: f64,
+}
+
+/// Squares of the distances of a set's sizes from the typical one, in deviations of their prior.
+fn oddness(row: &Row) -> f64 {
+    let (median, spread) = SIZE_PRIOR;
+    row.sizes.iter().map(|size| ((size.abs().max(1e-3) / median).ln() / spread).powi(2).min(9.0)).sum()
+}
+
+impl Hypotheses {
+    /// Those of a table, without sets of struck effects; none of an empty table.
+    #[must_use]
+    pub fn new(table: &Table, struck: &[&str]) -> Option<Self> {
+        let allowed = |row: &&Row| !row.effects.iter().any(|id| struck.contains(&id.as_str()));
+        let odds = |row: &Row| row.evidence() - ODDS * row.effects.len() as f64;
+        let leader = table.rows.iter().filter(allowed).max_by(|a, b| odds(a).total_cmp(&odds(b)))?;
+        let top = table.rows.iter().filter(allowed).map(Row::evidence).fold(f64::NEG_INFINITY, f64::max);
+        let shares = [1.0 - table.slow_share, table.slow_share];
+        let by_rate = |features: &[f64]| -> Vec<f64> {
+            shares.iter().flat_map(|share| features.iter().map(move |feature| share * feature)).collect()
+        };
+        let expected = (SOUND_MEAN_SQUARE * table.samples).max(1.0);
+        let excess = (leader.cost / expected).max(1e-3).ln();
+        let deviations = excess / (SCATTER.powi(2) + 2.0 / table.samples.max(1.0)).sqrt();
+        let chi = excess.exp().max(1.0);
+        let scale = 1.0 + (leader.cost - expected).max(0.0) / FREEDOM;
+        let set = |(k, row): (usize, &Row)| {
+            let lost = (top - row.evidence()).min(FARTHEST);
+            let features = by_rate(&[
+                lost,
+                lost / scale,
+                row.effects.len() as f64,
+                row.strain.min(20.0),
+                0.1 * row.own_noise.clamp(-100.0, 100.0),
+                oddness(row),
+            ]);
+            (k, features)
+        };
+        let rows = table.rows.iter().enumerate().filter(|(_, row)| allowed(row));
+        let best_stage = table.unknown.values().copied().fold(f64::NEG_INFINITY, f64::max);
+        let gained = (best_stage - top).max(-FARTHEST);
+        let unknown = by_rate(&[
+            1.0,
+            deviations.asinh(),
+            if leader.effects.is_empty() { deviations.clamp(0.0, 20.0) } else { 0.0 },
+            leader.strain.min(20.0),
+            oddness(leader),
+            leader.effects.len() as f64,
+            (gained.abs() / chi).ln_1p().copysign(gained),
+        ]);
+        // What comes nearest to something unknown mostly acts at its stage.
+        let mut known: BTreeMap<&str, f64> = BTreeMap::new();
+        for row in table.rows.iter().filter(allowed).filter(|row| !row.effects.is_empty()) {
+            let each = (odds(row) - odds(leader)).exp() / row.effects.len() as f64;
+            for spec in row.effects.iter().filter_map(|id| find(id)) {
+                *known.entry(spec.stage.id()).or_default() += each;
+            }
+        }
+        let all = known.values().sum::<f64>().max(f64::MIN_POSITIVE);
+        let stage = |(id, evidence): (&String, &f64)| {
+            let lost = (best_stage - evidence).clamp(0.0, FARTHEST);
+            let share = known.get(id.as_str()).map_or(0.0, |known| known / all);
+            (id.clone(), by_rate(&[lost / chi, lost.ln_1p(), (share + LEAST_SHARE).ln()]))
+        };
+        Some(Self { sets: rows.map(set).collect(), unknown, stages: table.unknown.iter().map(stage).collect(), scale })
+    }
+}
+
+/// Probabilities of the hypotheses of a table.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Posterior {
+    /// Probability of each fitted set, by its row of the table; the sheet alone is one of them.
+    pub sets: Vec<(usize, f64)>,
+    /// Probability of something unknown, by stage.
+    pub unknown: Vec<(String, f64)>,
+}
+
+impl Posterior {
+    /// By these weights; sets of struck effects are left out.
+    #[must_use]
+    pub fn new(table: &Table, weights: &Weights, struck: &[&str]) -> Self {
+        let Some(all) = Hypotheses::new(table, struck) else { return Self { sets: Vec::new(), unknown: Vec::new() } };
+        let unknown = if all.stages.is_empty() { 0.0 } else { logistic(score(&all.unknown, &weights.unknown)) };
+        let share_out = |scores: Vec<f64>, whole: f64| -> Vec<f64> {
+            let total = log_sum(scores.iter().copied());
+            scores.into_iter().map(|score| whole * (score - total).exp()).collect()
+        };
+        let of_sets = share_out(all.sets.iter().map(|(_, of)| score(of, &weights.sets)).collect(), 1.0 - unknown);
+        let of_stages = share_out(all.stages.iter().map(|(_, of)| score(of, &weights.stages)).collect(), unknown);
+        let mut sets: Vec<(usize, f64)> = all.sets.iter().map(|(row, _)| *row).zip(of_sets).collect();
+        sets.sort_by(|a, b| b.1.total_cmp(&a.1));
+        Self { sets, unknown: all.stages.into_iter().map(|(id, _)| id).zip(of_stages).collect() }
+    }
+
+    /// Probability that an effect is present: the sum over the sets that hold it.
+    #[must_use]
+    pub fn inclusion(&self, table: &Table, id: &str) -> f64 {
+        let holds = |row: usize| table.rows[row].effects.iter().any(|effect| effect == id);
+        self.sets.iter().filter(|(row, _)| holds(*row)).map(|(_, probability)| probability).sum()
+    }
+
+    /// Probability of something unknown at any stage.
+    #[must_use]
+    pub fn unknown(&self) -> f64 {
+        self.unknown.iter().map(|(_, probability)| probability).sum()
+    }
+
+    /// Probability that there is nothing.
+    #[must_use]
+    pub fn nothing(&self, table: &Table) -> f64 {
+        self.sets
+            .iter()
+            .filter(|(row, _)| table.rows[*row].effects.is_empty())
+            .map(|(_, probability)| probability)
+            .sum()
+    }
+}
+
+/// The score of a hypothesis.
+#[must_use]
+pub fn score(features: &[f64], weights: &[f64]) -> f64 {
+    features.iter().zip(weights).map(|(feature, weight)| feature * weight).sum()
+}
+
+/// Probability with these log odds.
+#[must_use]
+pub fn logistic(log_odds: f64) -> f64 {
+    1.0 / (1.0 + (-log_odds).exp())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_shipped_weights_are_of_these_features() {
+        let weights: Weights = serde_json::from_str(SHIPPED).unwrap();
+        assert_eq!(weights.features, Weights::bayes().features);
+        for (weights, features) in
+            [(&weights.sets, &OF_SETS[..]), (&weights.unknown, &OF_UNKNOWN[..]), (&weights.stages, &OF_STAGES[..])]
+        {
+            assert_eq!(weights.len(), 2 * features.len());
+            assert!(weights.iter().all(|weight| weight.is_finite()));
+        }
+        assert!(weights.size_spread > 0.0 && weights.closure_widening > 0.0);
+    }
+
+    fn row(effects: &[&str], evidence: f64, cost: f64) -> Row {
+        Row {
+            effects: effects.iter().map(|id| (*id).to_owned()).collect(),
+            refined: true,
+            cost,
+            grid: [[evidence; 3]; 4],
+            sizes: vec![1.1; effects.len()],
+            ..Row::default()
+        }
+    }
+
+    /// With nothing learned the odds of two sets are those of Bayes' theorem.
+    #[test]
+    fn evidence_alone_gives_the_odds_of_bayes() {
+        let rows = vec![
+            row(&["backlash", "load"], 0.0, 600.0),
+            row(&["backlash"], -2.0, 604.0),
+            row(&["load"], -3.0, 606.0),
+            row(&[], -8.0, 616.0),
+        ];
+        let table = Table { samples: 1e3, rows, ..Table::default() };
+        let posterior = Posterior::new(&table, &Weights::bayes(), &[]);
+        let p = |row: usize| posterior.sets.iter().find(|(k, _)| *k == row).unwrap().1;
+        for (a, b, nats) in [(0, 1, 2.0 - 5.0), (1, 2, 1.0), (1, 3, 6.0 - 5.0)] {
+            assert!(((p(a) / p(b)).ln() - nats).abs() < 1e-9, "{a} {b}: {}", (p(a) / p(b)).ln());
+        }
+        let sum: f64 = posterior.sets.iter().map(|(_, p)| p).sum();
+        assert!((sum - 1.0).abs() < 1e-12 && (posterior.inclusion(&table, "load") - p(0) - p(2)).abs() < 1e-12);
+        assert_eq!(Posterior::new(&table, &Weights::bayes(), &["load"]).sets.len(), 2);
+    }
+
+    /// What the best set leaves speaks for something unknown, and its stage is where discrepancy terms explain most.
+    #[test]
+    fn what_is_left_is_something_unknown() {
+        let of = |left: f64| {
+            let rows = vec![row(&["load"], -200.0 - left, 640.0 + 2.0 * left), row(&[], -800.0, 1840.0)];
+            let unknown = [("spool".to_owned(), -500.0), ("esv".to_owned(), -790.0)].into();
+            Posterior::new(&Table { samples: 1e3, rows, unknown, ..Table::default() }, &Weights::bayes(), &[])
+        };
+        let (right, wrong) = (of(0.0), of(400.0));
+        assert!(right.unknown() < 0.1 && wrong.unknown() > 0.9, "{} {}", right.unknown(), wrong.unknown());
+        assert!(wrong.unknown[1].0 == "spool" && wrong.unknown[1].1 > 0.99 * wrong.unknown());
+        let sum: f64 = wrong.sets.iter().map(|(_, p)| p).sum::<f64>() + wrong.unknown();
+        assert!((sum - 1.0).abs() < 1e-12);
+    }
+}

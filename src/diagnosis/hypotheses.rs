@@ -1,0 +1,252 @@
+//! Which fault sets are worth a joint fit, and those fits: proposals of the linear picture at several points, until the leader stands.
+
+pub mod anew;
+pub mod explorer;
+mod fitted_sets;
+pub mod linearisation;
+pub mod table;
+
+use std::sync::Arc;
+
+use crate::diagnosis::evidence::Shared;
+use crate::diagnosis::hypotheses::explorer::{
+    Explorer, Hypothesis, LAW_ERROR, LEAST_GAIN, RARITY, is_stage_alone, kappa, worthwhile,
+};
+use crate::diagnosis::hypotheses::fitted_sets::Known;
+use crate::diagnosis::hypotheses::linearisation::{Linearisation, Proposal};
+use crate::diagnosis::model::Model;
+use crate::diagnosis::model::discrepancy::{Columns, columns};
+use crate::diagnosis::model::support::Placed;
+use crate::effects::EffectSpec;
+use crate::estimation::fit::{Effort, Start, fit_all};
+use crate::likelihood::problem::Problem;
+use crate::parameters::Unit;
+
+/// Most effects at once.
+pub const MOST: usize = 3;
+
+/// Proposals of each point that are fitted, by number of effects from one.
+const TAKEN: [usize; MOST] = [5, 6, 3];
+
+/// The same at the leader, where all sets resemble it.
+const TAKEN_AT_LEADER: usize = 6;
+
+/// Sets behind the leader that are tried without each of their effects, each time.
+const RUNNERS_UP: usize = 2;
+
+/// How often the leader is taken for a new point at most.
+const ROUNDS: usize = 3;
+
+/// What was explored.
+#[derive(Debug)]
+pub struct Explored {
+    /// All fitted sets, likeliest first; the empty one is among them.
+    pub hypotheses: Vec<Hypothesis>,
+    /// Marks of the discrepancy terms at the refitted sheet.
+    pub discrepancy: Arc<Columns>,
+    /// The linear picture there.
+    pub linearisation: Linearisation,
+}
+
+impl Explored {
+    /// The sheet refitted, without any effect.
+    #[must_use]
+    pub fn refitted(&self) -> &Model {
+        // Exploration begins with it.
+        self.hypotheses.iter().find(|one| one.effects.is_empty()).map_or(&self.hypotheses[0].model, |one| &one.model)
+    }
+
+    /// The likeliest fitted set.
+    #[must_use]
+    pub fn leader(&self) -> &Model {
+        &self.hypotheses[0].model
+    }
+
+    /// The model with just these effects, where it was fitted and kept.
+    #[must_use]
+    pub fn with(&self, ids: &[&str]) -> Option<&Model> {
+        let is_it = |one: &&Hypothesis| {
+            one.model.effects.len() == ids.len()
+                && ids.iter().all(|id| one.model.has(id))
+                && !one.model.fit.slopes.is_empty()
+        };
+        self.hypotheses.iter().find(is_it).map(|one| &one.model)
+    }
+
+    /// Fits with care what a verdict claims: all of the effects together where they are named, and each alone.
+    pub fn complete(
+        &mut self,
+        problem: &Problem,
+        blamed: &[&'static str],
+        together: bool,
+        catalogue: &[&'static EffectSpec],
+    ) {
+        let mut claims: Vec<Vec<&'static str>> = blamed.iter().map(|id| vec![*id]).collect();
+        if together && blamed.len() > 1 {
+            claims.push(blamed.to_vec());
+        }
+        let is_it = |one: &Hypothesis, claim: &[&str]| {
+            one.effects.len() == claim.len() && claim.iter().all(|id| one.model.has(id))
+        };
+        claims.retain(|claim| {
+            let is_done = |one: &Hypothesis| is_it(one, claim) && one.refined && !one.model.fit.slopes.is_empty();
+            !self.hypotheses.iter().any(is_done)
+        });
+        // The set as it was fitted, and as a larger one leaves it: one may stand behind a ridge.
+        let mut places: Vec<(usize, Option<&Hypothesis>, Placed)> = Vec::new();
+        for (place, claim) in claims.iter().enumerate() {
+            let own = self.hypotheses.iter().find(|one| is_it(one, claim));
+            places.extend(own.map(|own| (place, Some(own), own.model.placed())));
+            let holds = |one: &&Hypothesis| one.effects.len() > claim.len() && claim.iter().all(|id| one.model.has(id));
+            let larger = self.hypotheses.iter().find(holds);
+            places.extend(larger.map(|larger| (place, None, larger.model.keeping(claim))));
+        }
+        let starts: Vec<Start<'_>> = places
+            .iter()
+            .map(|(_, own, (base, free_parameters, positions))| match own {
+                Some(own) => own.model.onwards(Effort::FULL),
+                None => Start { base, free_parameters, positions, effort: Effort::FULL, known: None },
+            })
+            .collect();
+        let fits = fit_all(problem, &starts);
+        let shared = Shared::new(problem, &self.discrepancy, self.refitted().cost());
+        let mut best: Vec<Option<Hypothesis>> = vec![None; claims.len()];
+        for ((place, _, (base, free_parameters, _)), fit) in places.into_iter().zip(fits) {
+            let known = catalogue.iter().enumerate().filter(|(_, spec)| claims[place].contains(&spec.id));
+            let (effects, specs): (Vec<usize>, Vec<&'static EffectSpec>) = known.map(|(k, spec)| (k, *spec)).unzip();
+            let model = Model::new(specs, base, free_parameters, fit);
+            if best[place].as_ref().is_none_or(|best| model.cost() < best.model.cost()) {
+                let normal = shared.normal(&model);
+                let log_evidence = normal.at(kappa(problem), LAW_ERROR) - RARITY * effects.len() as f64;
+                best[place] = Some(Hypothesis { effects, model, normal, log_evidence, refined: true });
+            }
+        }
+        for found in best.into_iter().flatten() {
+            self.hypotheses.retain(|one| one.effects != found.effects);
+            self.hypotheses.push(found);
+        }
+    }
+}
+
+/// An exploration on its way: fault sets of a catalogue fitted from the refitted sheet and from the sheet itself.
+pub struct Exploration<'a> {
+    explorer: Explorer<'a>,
+    sheet: &'a Model,
+    catalogue: &'a [&'static EffectSpec],
+    discrepancy: Arc<Columns>,
+    linearisation: Linearisation,
+    known: Known,
+}
+
+impl<'a> Exploration<'a> {
+    /// Begins one: the likeliest sets by the linear picture at both points are fitted.
+    #[must_use]
+    pub fn begin(
+        problem: &'a Problem,
+        refitted: &'a Model,
+        sheet: &'a Model,
+        catalogue: &'a [&'static EffectSpec],
+        progress: &(dyn Fn(&str, f64) + Sync),
+    ) -> Self {
+        progress("placing discrepancy terms", 0.2);
+        let discrepancy = Arc::new(columns(problem, refitted));
+        let explorer = Explorer::new(problem, refitted, catalogue, &discrepancy);
+        let mut known = Known::default();
+        known.take(explorer.hypothesis(Vec::new(), refitted.clone(), true));
+        progress("weighing all sets of up to three effects", 0.25);
+        let linearisation = Linearisation::new(problem, refitted, catalogue, &discrepancy, kappa(problem));
+        let from_sheet = Linearisation::new(problem, sheet, catalogue, &discrepancy, kappa(problem));
+        progress("fitting the likeliest sets", 0.4);
+        let mut jobs: Vec<(&Model, Proposal)> = Vec::new();
+        for (point, picture) in [(refitted, &linearisation), (sheet, &from_sheet)] {
+            let proposals = worthwhile(picture.proposals(MOST));
+            // A stage alone has few effects and all are alike: each is fitted.
+            let taken = if is_stage_alone(problem) { [usize::MAX, TAKEN[1], TAKEN[2]] } else { TAKEN };
+            for (size, taken) in taken.into_iter().enumerate() {
+                let of_size = proposals.iter().filter(|proposal| proposal.effects.len() == size + 1);
+                jobs.extend(of_size.take(taken).map(|proposal| (point, proposal.clone())));
+            }
+        }
+        drop(from_sheet);
+        for hypothesis in explorer.scouted(&jobs) {
+            known.take(hypothesis);
+        }
+        known.refine(&explorer);
+        Self { explorer, sheet, catalogue, discrepancy, linearisation, known }
+    }
+
+    /// The unit of the likeliest set so far.
+    #[must_use]
+    pub fn leading_unit(&self) -> Option<Unit> {
+        self.known.ordered().first().map(|leader| leader.model.unit())
+    }
+
+    /// Goes on: all sets are weighed anew at the leader and fitted, until it stands.
+    #[must_use]
+    pub fn finish(self, progress: &(dyn Fn(&str, f64) + Sync)) -> Explored {
+        let Self { explorer, sheet, catalogue, discrepancy, linearisation, mut known } = self;
+        let problem = explorer.problem;
+        for round in 0..ROUNDS {
+            let Some(leader) = known.ordered().first().map(|leader| (*leader).clone()) else { break };
+            if leader.effects.is_empty() {
+                break;
+            }
+            progress("weighing all sets anew at the likeliest", 0.6 + 0.1 * round as f64);
+            let picture = Linearisation::new(problem, &leader.model, catalogue, &discrepancy, kappa(problem));
+            let mut proposals = picture.proposals(MOST - leader.effects.len());
+            let further = |proposal: &Proposal| proposal.effects.len() as f64 - proposal.removed.len() as f64;
+            let odds = |proposal: &Proposal| proposal.log_evidence - RARITY * further(proposal);
+            proposals.sort_by(|a, b| odds(b).total_cmp(&odds(a)));
+            let mut jobs: Vec<(&Model, Proposal)> = Vec::new();
+            for proposal in proposals {
+                let effects: Vec<usize> =
+                    explorer.members(&leader.model, &proposal).into_iter().map(|(effect, _)| effect).collect();
+                if effects.is_empty() || effects.len() > MOST {
+                    continue;
+                }
+                let refined = known.fitted.get(&effects).is_some_and(|known| known.refined);
+                let idle =
+                    proposal.removed.is_empty() && proposal.log_evidence < LEAST_GAIN * proposal.effects.len() as f64;
+                if !refined && !idle && jobs.len() < TAKEN_AT_LEADER {
+                    jobs.push((&leader.model, proposal));
+                }
+            }
+            jobs.extend(explorer.narrowed(&leader.model, sheet));
+            let runners_up: Vec<Hypothesis> = known
+                .ordered()
+                .into_iter()
+                .filter(|one| {
+                    one.effects.len() > 1 && one.effects != leader.effects && !one.model.fit.slopes.is_empty()
+                })
+                .take(RUNNERS_UP)
+                .cloned()
+                .collect();
+            for one in &runners_up {
+                let is_open = |effects: &[usize]| known.fitted.get(effects).is_none_or(|one| !one.refined);
+                jobs.extend(explorer.lessened(&one.model, is_open));
+            }
+            for hypothesis in explorer.scouted(&jobs) {
+                known.take(hypothesis);
+            }
+            known.refine(&explorer);
+            if known.ordered().first().is_some_and(|first| first.effects == leader.effects) {
+                break;
+            }
+        }
+        let mut hypotheses: Vec<Hypothesis> = known.fitted.into_values().collect();
+        hypotheses.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+        Explored { hypotheses, discrepancy, linearisation }
+    }
+}
+
+/// Explores the fault sets of a catalogue to the end.
+#[must_use]
+pub fn explore(
+    problem: &Problem,
+    refitted: &Model,
+    sheet: &Model,
+    catalogue: &[&'static EffectSpec],
+    progress: &(dyn Fn(&str, f64) + Sync),
+) -> Explored {
+    Exploration::begin(problem, refitted, sheet, catalogue, progress).finish(progress)
+}

@@ -1,0 +1,288 @@
+//! What explorations share: fault sets, where their fits begin, and these fits.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use nalgebra::{DMatrix, DVector};
+use rayon::iter::{
+    IndexedParallelIterator, IntoParallelIterator, IntoParallelRefIterator, ParallelExtend, ParallelIterator,
+};
+
+use crate::diagnosis::evidence::{KAPPAS, Normal, Shared};
+use crate::diagnosis::hypotheses::linearisation::Proposal;
+use crate::diagnosis::model::Model;
+use crate::diagnosis::model::discrepancy::Columns;
+use crate::diagnosis::model::support::{Placed, Variant, add};
+use crate::effects::EffectSpec;
+use crate::estimation::fit::{Effort, Fit, Start, fit_all};
+use crate::likelihood::problem::Problem;
+use crate::twin::Cut;
+
+/// Error of equations that proposals and rankings count with, in moderate discrepancy terms.
+pub const KAPPA: f64 = 0.03;
+
+/// Error of laws that rankings count with, as a share of what an effect does.
+pub const LAW_ERROR: f64 = 0.05;
+
+/// Logarithm of the odds against each further effect that the exploration counts with; the posterior has learned odds of its own.
+pub(super) const RARITY: f64 = 5.0;
+
+/// Fitted sets that are fitted on with care, each time.
+const REFINED: usize = 4;
+
+/// Least gain in evidence for which a further effect is tried, nats: a fiftieth of the odds against it.
+pub(super) const LEAST_GAIN: f64 = 1.0;
+
+/// Of the sets of several effects that were fitted by one step, one in so many is fitted on.
+const PURSUED: usize = 3;
+
+/// Sets that are fitted in step with each other: enough to fill the lanes of all threads, few enough to hold all of their slopes.
+const TOGETHER: usize = 8;
+
+/// Further steps of such a fit.
+const FURTHER: Effort = Effort { rounds: 2, refresh: 100, temperature: 1.0 };
+
+/// Work of a careful fit.
+const CAREFUL: Effort = Effort { rounds: 6, refresh: 3, temperature: 1.0 };
+
+/// Farthest that a proposal moves a free parameter, in its standard deviations.
+const FARTHEST: f64 = 3.0;
+
+/// A fault set that was fitted.
+#[derive(Clone, Debug)]
+pub struct Hypothesis {
+    /// Places of its effects in the catalogue, rising.
+    pub effects: Vec<usize>,
+    /// The model; without residuals and slopes where it is far from the leader.
+    pub model: Model,
+    /// Normal equations for its evidence.
+    pub normal: Normal,
+    /// Logarithm of its evidence, and of the odds against so many effects.
+    pub log_evidence: f64,
+    /// Whether it was fitted with care.
+    pub refined: bool,
+}
+
+/// Error of equations that explorations count with: next to none where the stage behind a recorded spool stands alone, of which the discrepancy
+/// terms know too much: at the spool's own rate nothing in the loop holds them.
+pub(super) fn kappa(problem: &Problem) -> f64 {
+    if is_stage_alone(problem) { KAPPAS[0] } else { KAPPA }
+}
+
+/// How many leaders are fitted with care each time.
+pub(super) fn leaders(problem: &Problem) -> usize {
+    if is_stage_alone(problem) { 4 * REFINED } else { REFINED }
+}
+
+/// Whether recorded spools drive all that is judged.
+#[must_use]
+pub fn is_stage_alone(problem: &Problem) -> bool {
+    problem.trials.iter().all(|trial| trial.cut == Cut::Spool)
+}
+
+/// What all fits share.
+pub(super) struct Explorer<'a> {
+    kappa: f64,
+    pub(super) problem: &'a Problem,
+    nominal: &'a Model,
+    catalogue: &'a [&'static EffectSpec],
+    shared: Shared,
+}
+
+impl<'a> Explorer<'a> {
+    /// For a problem, the refitted sheet on it, a catalogue and the marks of the discrepancy terms.
+    pub(super) fn new(
+        problem: &'a Problem,
+        nominal: &'a Model,
+        catalogue: &'a [&'static EffectSpec],
+        discrepancy: &Arc<Columns>,
+    ) -> Self {
+        let shared = Shared::new(problem, discrepancy, nominal.cost());
+        Self { kappa: kappa(problem), problem, nominal, catalogue, shared }
+    }
+
+    pub(super) fn hypothesis(&self, effects: Vec<usize>, model: Model, refined: bool) -> Hypothesis {
+        let normal = self.shared.normal(&model);
+        let log_evidence = normal.at(self.kappa, LAW_ERROR) - RARITY * effects.len() as f64;
+        Hypothesis { effects, model, normal, log_evidence, refined }
+    }
+
+    /// Places in the catalogue of the effects that a proposal at a point leaves or adds, with where they stand.
+    pub(super) fn members(&self, point: &Model, proposal: &Proposal) -> Vec<(usize, Variant)> {
+        let first = self.nominal.free_parameters.len();
+        let mut members = proposal.effects.clone();
+        let mut place = first;
+        for (own, spec) in point.effects.iter().enumerate() {
+            let at = |k: usize| point.fit.positions[k] + proposal.change[k].clamp(-1.0, 1.0);
+            let variant =
+                Variant { size: at(place), further: if spec.parameters.len() > 1 { at(place + 1) } else { 1.0 } };
+            place += spec.parameters.len();
+            let known = self.catalogue.iter().position(|known| known.id == spec.id);
+            members.extend(known.filter(|_| !proposal.removed.contains(&own)).map(|known| (known, variant)));
+        }
+        members.sort_by_key(|(effect, _)| *effect);
+        members
+    }
+
+    /// Fits proposals quickly, each at its point: one step each, and those that are worth it then go on.
+    pub(super) fn scouted(&self, jobs: &[(&Model, Proposal)]) -> Vec<Hypothesis> {
+        let mut known: Vec<(*const Model, Vec<DMatrix<f64>>)> = Vec::new();
+        for (point, _) in jobs {
+            if known.iter().all(|(other, _)| !std::ptr::eq(*other, *point)) {
+                known.push((*point, self.sheet_slopes(point)));
+            }
+        }
+        let singles = |found: &[Hypothesis]| found.iter().take_while(|one| one.effects.len() == 1).count();
+        let places: Vec<(Vec<usize>, Placed)> =
+            jobs.iter().map(|(point, proposal)| self.placed(point, proposal)).collect();
+        let several = places.iter().filter(|(effects, _)| effects.len() > 1).count().div_ceil(PURSUED);
+        let mut found: Vec<Hypothesis> = Vec::new();
+        for (jobs, places) in jobs.chunks(TOGETHER).zip(places.chunks(TOGETHER)) {
+            let starts: Vec<Start<'_>> = jobs
+                .iter()
+                .zip(places)
+                .map(|((point, _), (_, (base, free_parameters, positions)))| {
+                    let known = known.iter().find(|(other, _)| std::ptr::eq(*other, *point));
+                    let known = known.map(|(_, slopes)| slopes.as_slice());
+                    Start { base, free_parameters, positions, effort: Effort::GLANCE, known }
+                })
+                .collect();
+            let fits = fit_all(self.problem, &starts);
+            let glanced = places.par_iter().zip(fits).map(|((effects, (base, free_parameters, _)), fit)| {
+                let specs = effects.iter().map(|&effect| self.catalogue[effect]).collect();
+                self.hypothesis(effects.clone(), Model::new(specs, base.clone(), free_parameters.clone(), fit), false)
+            });
+            found.par_extend(glanced);
+            found.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+            // Single effects are few, and what a verdict most often names.
+            found.sort_by_key(|one| one.effects.len() > 1);
+            // Slopes are nearly all of the memory.
+            let promising = singles(&found) + several;
+            found.iter_mut().skip(promising).for_each(|one| one.model.lighten());
+        }
+        drop(known);
+        let rest = found.split_off((singles(&found) + several).min(found.len()));
+        let count = self.nominal.free_parameters.len();
+        let mut all: Vec<Hypothesis> = Vec::new();
+        while !found.is_empty() {
+            let mut some: Vec<Hypothesis> = found.drain(..TOGETHER.min(found.len())).collect();
+            // An effect's own slopes bend most and are measured at each step.
+            let known: Vec<Vec<DMatrix<f64>>> = some
+                .iter_mut()
+                .map(|one| std::mem::take(&mut one.model.fit.slopes))
+                .map(|slopes| slopes.into_iter().map(|slopes| slopes.resize_horizontally(count, 0.0)).collect())
+                .collect();
+            let starts = some.iter().zip(&known);
+            let starts: Vec<Start<'_>> =
+                starts.map(|(one, known)| Start { known: Some(known), ..one.model.onwards(FURTHER) }).collect();
+            let fits = fit_all(self.problem, &starts);
+            drop(starts);
+            // A fit ends no higher than it began.
+            let further = some.into_par_iter().zip(fits).map(|(one, fit)| {
+                let Model { effects, base, free_parameters, .. } = one.model;
+                self.hypothesis(one.effects, Model::new(effects, base, free_parameters, fit), false)
+            });
+            all.par_extend(further);
+        }
+        all.extend(rest);
+        all
+    }
+
+    /// Slopes of a model by the parameters of the sheet alone.
+    fn sheet_slopes(&self, model: &Model) -> Vec<DMatrix<f64>> {
+        let count = self.nominal.free_parameters.len();
+        model.fit.slopes.iter().map(|slopes| slopes.columns(0, count).into_owned()).collect()
+    }
+
+    /// The effects of a proposal at a point, and the unit with them where the fit begins.
+    fn placed(&self, point: &Model, proposal: &Proposal) -> (Vec<usize>, Placed) {
+        let members = self.members(point, proposal);
+        let positions = (0..self.nominal.free_parameters.len()).map(|k| {
+            let (low, high) = self.nominal.free_parameters[k].range(&self.nominal.base);
+            (point.fit.positions[k] + proposal.change[k].clamp(-FARTHEST, FARTHEST)).clamp(low, high)
+        });
+        let mut placed = (self.nominal.base.clone(), self.nominal.free_parameters.clone(), positions.collect());
+        for &(effect, variant) in &members {
+            add(&mut placed, self.catalogue[effect], variant);
+        }
+        (members.into_iter().map(|(effect, _)| effect).collect(), placed)
+    }
+
+    /// Proposals of what a leader holds, begun from the sheet, and of what it holds without one of its effects, from the sheet and from where it
+    /// stands: what takes an effect's place may have strained it.
+    pub(super) fn narrowed<'b>(&self, leader: &'b Model, sheet: &'b Model) -> Vec<(&'b Model, Proposal)> {
+        let still = |point: &Model| DVector::zeros(point.free_parameters.len());
+        let stand = |removed| Proposal { effects: Vec::new(), removed, log_evidence: 0.0, change: still(leader) };
+        let own = self.members(leader, &stand(Vec::new()));
+        let from_sheet = |left: Option<usize>| {
+            let kept = (0..own.len()).filter(|&k| Some(k) != left).map(|k| own[k]).collect();
+            (sheet, Proposal { effects: kept, removed: Vec::new(), log_evidence: 0.0, change: still(sheet) })
+        };
+        let mut jobs = vec![from_sheet(None)];
+        if own.len() > 1 {
+            jobs.extend((0..own.len()).map(|left| from_sheet(Some(left))));
+            jobs.extend((0..own.len()).map(|left| (leader, stand(vec![left]))));
+        }
+        jobs
+    }
+
+    /// Proposals of what a set holds without each of its effects, from where it stands, where that was not fitted with care yet: an effect may have
+    /// led a fit past a ridge and then vanished.
+    pub(super) fn lessened<'b>(
+        &self,
+        model: &'b Model,
+        is_open: impl Fn(&[usize]) -> bool,
+    ) -> Vec<(&'b Model, Proposal)> {
+        let change = DVector::zeros(model.free_parameters.len());
+        let of = |left: usize| Proposal {
+            effects: Vec::new(),
+            removed: vec![left],
+            log_evidence: 0.0,
+            change: change.clone(),
+        };
+        let is_open = |proposal: &Proposal| {
+            let effects: Vec<usize> = self.members(model, proposal).into_iter().map(|(effect, _)| effect).collect();
+            is_open(&effects)
+        };
+        (0..model.effects.len()).map(of).filter(is_open).map(|proposal| (model, proposal)).collect()
+    }
+
+    /// Fits hypotheses on with care.
+    pub(super) fn refined(&self, chosen: &[Hypothesis]) -> Vec<Hypothesis> {
+        let starts: Vec<Start<'_>> = chosen.iter().map(|one| one.model.onwards(CAREFUL)).collect();
+        self.better(chosen, fit_all(self.problem, &starts), true)
+    }
+
+    /// Hypotheses with fits that went on from them, where these are better.
+    fn better(&self, chosen: &[Hypothesis], fits: Vec<Fit>, refined: bool) -> Vec<Hypothesis> {
+        let found = chosen
+            .par_iter()
+            .zip(fits)
+            .map(|(one, fit)| self.hypothesis(one.effects.clone(), one.model.or_better(fit), refined));
+        found.collect()
+    }
+}
+
+/// Proposals without those whose evidence hardly exceeds that of a proposal with one effect less: the odds against an effect leave them next to
+/// no probability, and effects that leave no mark would take all places.
+pub(super) fn worthwhile(proposals: Vec<Proposal>) -> Vec<Proposal> {
+    let ids = |proposal: &Proposal| -> Vec<usize> {
+        let mut ids: Vec<usize> = proposal.effects.iter().map(|(effect, _)| *effect).collect();
+        ids.sort_unstable();
+        ids
+    };
+    let mut known: BTreeMap<Vec<usize>, f64> = BTreeMap::from([(Vec::new(), 0.0)]);
+    for proposal in &proposals {
+        let best = known.entry(ids(proposal)).or_insert(f64::NEG_INFINITY);
+        *best = best.max(proposal.log_evidence);
+    }
+    let gains = |proposal: &Proposal| {
+        let all = ids(proposal);
+        (0..all.len()).all(|left| {
+            let mut fewer = all.clone();
+            fewer.remove(left);
+            known.get(&fewer).is_none_or(|fewer| proposal.log_evidence > fewer + LEAST_GAIN)
+        })
+    };
+    proposals.into_iter().filter(|proposal| proposal.effects.len() < 2 || gains(proposal)).collect()
+}

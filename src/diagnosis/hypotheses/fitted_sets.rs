@@ -1,0 +1,67 @@
+//! The fault sets that an exploration fitted so far, the likeliest of them with care.
+
+use std::collections::BTreeMap;
+
+use crate::diagnosis::hypotheses::explorer::{Explorer, Hypothesis, is_stage_alone, leaders};
+
+/// Fitted sets so far, by their effects.
+#[derive(Default)]
+pub(super) struct Known {
+    pub(super) fitted: BTreeMap<Vec<usize>, Hypothesis>,
+}
+
+impl Known {
+    pub(super) fn take(&mut self, hypothesis: Hypothesis) {
+        let better = |known: &Hypothesis| hypothesis.log_evidence > known.log_evidence;
+        if self.fitted.get(&hypothesis.effects).is_none_or(better) {
+            self.fitted.insert(hypothesis.effects.clone(), hypothesis);
+        }
+    }
+
+    pub(super) fn ordered(&self) -> Vec<&Hypothesis> {
+        let mut all: Vec<&Hypothesis> = self.fitted.values().collect();
+        all.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+        all
+    }
+
+    /// Fits with care what leads, or would lead if its fit had ended, and was not yet.
+    pub(super) fn refine(&mut self, explorer: &Explorer<'_>) {
+        let promise = |one: &Hypothesis| one.log_evidence + if one.refined { 0.0 } else { one.normal.unfinished() };
+        let mut promising: Vec<(f64, &Hypothesis)> = self.fitted.values().map(|one| (promise(one), one)).collect();
+        promising.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let chosen: Vec<Hypothesis> = promising
+            .into_iter()
+            .map(|(_, one)| one)
+            .enumerate()
+            // Single effects of a stage alone are alike, so that each is fitted with care.
+            .filter(|(place, one)| {
+                *place < leaders(explorer.problem) || (one.effects.len() == 1 && is_stage_alone(explorer.problem))
+            })
+            .map(|(_, one)| one)
+            .filter(|leader| !leader.refined)
+            .cloned()
+            .collect();
+        for hypothesis in explorer.refined(&chosen) {
+            self.take(hypothesis);
+        }
+        // What leads is compared with what it holds: each effect of it must be worth its odds.
+        let Some(leader) = self.ordered().first().map(|one| one.effects.clone()) else { return };
+        let is_within = |one: &&Hypothesis| {
+            one.effects.len() + 1 == leader.len() && one.effects.iter().all(|effect| leader.contains(effect))
+        };
+        let within: Vec<Hypothesis> =
+            self.fitted.values().filter(is_within).filter(|one| !one.refined).cloned().collect();
+        for hypothesis in explorer.refined(&within) {
+            self.take(hypothesis);
+        }
+        // Slopes and residuals are nearly all of the memory.
+        let mut order: Vec<(f64, Vec<usize>)> =
+            self.fitted.values().map(|known| (known.log_evidence, known.effects.clone())).collect();
+        order.sort_by(|a, b| b.0.total_cmp(&a.0));
+        for (_, effects) in order.into_iter().skip(4 * leaders(explorer.problem)) {
+            if let Some(known) = self.fitted.get_mut(&effects).filter(|known| !known.effects.is_empty()) {
+                known.model.lighten();
+            }
+        }
+    }
+}

@@ -1,0 +1,145 @@
+//! The evidence table: what the recordings say of every fault set that was fitted, in numbers that a posterior needs and a report keeps.
+
+use std::collections::BTreeMap;
+
+use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
+use serde::{Deserialize, Serialize};
+
+use crate::diagnosis::evidence::KAPPAS;
+use crate::diagnosis::evidence::dependent_covariance;
+use crate::diagnosis::evidence::law_error::LAW_ERRORS;
+use crate::diagnosis::hypotheses::Explored;
+use crate::diagnosis::hypotheses::explorer::{Hypothesis, is_stage_alone};
+use crate::effects::{EffectSpec, Stage};
+use crate::likelihood::noise::log_sum;
+use crate::likelihood::problem::Problem;
+
+/// What the recordings say of one fault set.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Row {
+    /// Ids of its effects, in the order of the catalogue; none for the sheet alone.
+    pub effects: Vec<String>,
+    /// Whether it was fitted with care.
+    pub refined: bool,
+    /// Cost of the fit: squares of residuals and priors.
+    pub cost: f64,
+    /// Squares of the priors in it, in tolerances.
+    pub prior: f64,
+    /// Prior χ² per parameter that the recordings determine.
+    pub strain: f64,
+    /// Logarithm of the evidence at each size of the error of equations ([`KAPPAS`]) and of laws ([`LAW_ERRORS`]).
+    pub grid: [[f64; LAW_ERRORS.len()]; KAPPAS.len()],
+    /// What the noise that it predicts itself changes in the cost; 0 where that was not asked.
+    pub own_noise: f64,
+    /// Logarithm of the evidence without each recording.
+    pub without_each: Vec<f64>,
+    /// Size of each effect, in typical ones.
+    pub sizes: Vec<f64>,
+}
+
+/// All of a unit.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Table {
+    /// Independent samples, all signals together.
+    pub samples: f64,
+    /// Share of these at rates too slow to show the inputs between samples.
+    pub slow_share: f64,
+    /// Whether pilot signals were recorded.
+    pub pilot: bool,
+    /// Fitted fault sets, likeliest first.
+    pub rows: Vec<Row>,
+    /// Logarithm of the evidence of something unknown at each stage, on the sheet alone.
+    pub unknown: BTreeMap<String, f64>,
+}
+
+impl Row {
+    /// Logarithm of the evidence, whatever the size of the error of equations; of a set that was fitted quickly with the usual one, since what it
+    /// lacks of a fit would pass for such an error.
+    #[must_use]
+    pub fn evidence(&self) -> f64 {
+        let all = self.grid.iter().flatten();
+        if self.refined {
+            log_sum(all.copied()) - ((KAPPAS.len() * LAW_ERRORS.len()) as f64).ln()
+        } else {
+            self.grid[1][1]
+        }
+    }
+}
+
+/// Sets whose own noise is asked for at most.
+const OWN_NOISE: usize = 8;
+
+impl Table {
+    /// The same as one recording less would have it; errors of equations are then counted with their usual size.
+    #[must_use]
+    pub fn without(&self, recording: usize) -> Self {
+        let mut table = self.clone();
+        let empty = |table: &Self| table.rows.iter().find(|row| row.effects.is_empty()).map_or(0.0, Row::evidence);
+        let before = empty(self);
+        for row in &mut table.rows {
+            if let Some(&evidence) = row.without_each.get(recording) {
+                row.grid = [[evidence; LAW_ERRORS.len()]; KAPPAS.len()];
+            }
+        }
+        let moved = empty(&table) - before;
+        table.unknown.values_mut().for_each(|evidence| *evidence += moved);
+        table
+    }
+
+    /// The table of what was explored.
+    #[must_use]
+    pub fn new(problem: &Problem, explored: &Explored, catalogue: &[&'static EffectSpec]) -> Self {
+        let kept = |hypothesis: &&Hypothesis| !hypothesis.model.fit.slopes.is_empty();
+        let asked: Vec<&Hypothesis> =
+            explored.hypotheses.iter().filter(kept).filter(|one| one.refined).take(OWN_NOISE).collect();
+        let charges: Vec<f64> = asked.par_iter().map(|one| dependent_covariance::charge(problem, &one.model)).collect();
+        let charge = |hypothesis: &Hypothesis| {
+            asked.iter().position(|one| one.effects == hypothesis.effects).map_or(0.0, |place| charges[place])
+        };
+        // Of a stage alone the discrepancy terms know too much; nothing unknown is weighed there.
+        let alone = is_stage_alone(problem);
+        let grid = |hypothesis: &Hypothesis| {
+            let exact = || [[hypothesis.normal.at(KAPPAS[0], LAW_ERRORS[0]); LAW_ERRORS.len()]; KAPPAS.len()];
+            if alone { exact() } else { hypothesis.normal.grid() }
+        };
+        let row = |hypothesis: &Hypothesis| {
+            let model = &hypothesis.model;
+            let first =
+                model.free_parameters.len() - model.effects.iter().map(|spec| spec.parameters.len()).sum::<usize>();
+            let mut place = first;
+            let sizes = model.effects.iter().map(|spec| {
+                place += spec.parameters.len();
+                model.fit.positions[place - spec.parameters.len()]
+            });
+            Row {
+                effects: hypothesis.effects.iter().map(|&effect| catalogue[effect].id.to_owned()).collect(),
+                refined: hypothesis.refined,
+                cost: model.fit.cost(),
+                prior: model.fit.prior,
+                strain: model.strain(),
+                grid: grid(hypothesis),
+                own_noise: charge(hypothesis),
+                without_each: hypothesis.normal.without_each(),
+                sizes: sizes.collect(),
+            }
+        };
+        let unknown = |hypothesis: Option<&Hypothesis>| {
+            let hypothesis = hypothesis.filter(|_| !alone);
+            let of = |stage: Stage| Some((stage.id().to_owned(), hypothesis?.normal.unknown_at(stage)));
+            Stage::ALL.into_iter().filter_map(of).filter(|(_, evidence)| evidence.is_finite()).collect()
+        };
+        let samples = problem.independent_samples();
+        let slow: f64 = (0..problem.trials.len())
+            .filter(|&trial| problem.trials[trial].is_slow())
+            .map(|trial| problem.only(trial).independent_samples())
+            .sum();
+        let pilot = crate::signal::Signal::PilotValvePosition;
+        Self {
+            samples,
+            slow_share: slow / samples.max(1e-9),
+            pilot: problem.trials.iter().any(|trial| trial.has[pilot as usize]),
+            rows: explored.hypotheses.par_iter().map(row).collect(),
+            unknown: unknown(explored.hypotheses.iter().find(|one| one.effects.is_empty())),
+        }
+    }
+}

@@ -1,0 +1,40 @@
+//! Whether what a model leaves is noise: size and whiteness of its innovations, signal by signal.
+
+use crate::diagnosis::model::Model;
+use crate::likelihood::problem::Problem;
+use crate::signal::Signal;
+
+/// Innovations of one signal over all recordings (Bar-Shalom, Li & Kirubarajan 2001, *Estimation with Applications to Tracking and Navigation*,
+/// section 5.4).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Consistency {
+    /// Which signal.
+    pub signal: Signal,
+    /// How many samples.
+    pub samples: usize,
+    /// Mean square of the normalised innovations: 1 where the noise is as expected, far above where the model lacks something.
+    pub mean_square: f64,
+    /// Correlation of each innovation with the next: 0 but for some 2/√samples where they are white.
+    pub correlation: f64,
+}
+
+/// Of each signal that was measured, for a model that has its residuals.
+#[must_use]
+pub fn consistency(problem: &Problem, model: &Model) -> Vec<Consistency> {
+    let of = |signal: Signal| {
+        let innovations: Vec<Vec<f64>> = (model.fit.residuals.iter().enumerate())
+            .map(|(trial, residuals)| problem.innovations(trial, signal, residuals))
+            .filter(|innovations| !innovations.is_empty())
+            .collect();
+        let samples: usize = innovations.iter().map(Vec::len).sum();
+        let square: f64 = innovations.iter().flatten().map(|one| one * one).sum();
+        let product: f64 = innovations.iter().flat_map(|all| all.windows(2)).map(|two| two[0] * two[1]).sum();
+        (samples > 0).then(|| Consistency {
+            signal,
+            samples,
+            mean_square: square / samples as f64,
+            correlation: if square > 0.0 { product / square } else { 0.0 },
+        })
+    };
+    Signal::ALL.into_iter().filter_map(of).collect()
+}

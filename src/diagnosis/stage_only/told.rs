@@ -1,0 +1,127 @@
+//! What was fitted of a servomotor stage, told in the numbers of its recordings: zero and dead band of the spool, speed each way, lag.
+//!
+//! Zero and dead band are read off the fitted ports, speeds and lag off a step of the spool that the fitted twin answers. Intervals come from the
+//! covariance of the fit, by the slopes of each figure (the delta method: Casella & Berger 2002, *Statistical Inference*, section 5.5.4).
+
+use nalgebra::DVector;
+
+use crate::diagnosis::model::Model;
+use crate::diagnosis::result::{Interval, Told};
+use crate::effects;
+use crate::estimation::free_parameter::unit_at;
+use crate::frame::{EsvState, Frame, Inputs, Signals};
+use crate::likelihood::problem::twin_of;
+use crate::likelihood::trial::Trial;
+use crate::parameters::Unit;
+use crate::plant::Plant;
+use crate::signal::Signal;
+use crate::stage_alone::plain::Plain;
+use crate::twin::Cut;
+use crate::units::nanos_from_seconds;
+
+/// Standard deviations to either side of a 90 % interval.
+const NINETY: f64 = 1.645;
+/// How far free parameters are turned for slopes, in standard deviations of the fit, at most in units of the free parameter.
+const TURN: (f64, f64) = (0.5, 0.5);
+/// Travel of the servomotor that a step is followed over, pu, and rows for it at the speed of the plain law.
+const FOLLOWED: (f64, f64) = (0.3, 200.0);
+/// Rows at most, in times as many.
+const LONGEST: u32 = 800;
+
+const SPOOL: &str = "of the spool as recorded";
+const SPEED: &str = "of the servomotor as recorded, per second";
+
+/// Id, title and unit of each figure, in the order of [`figures`].
+const FIGURES: [(&str, &str, &str); 7] = [
+    ("spool_zero", "zero", SPOOL),
+    ("dead_band", "dead band, from end to end", SPOOL),
+    ("falls_from", "end of the dead band where falling begins", SPOOL),
+    ("rises_from", "end of the dead band where rising begins", SPOOL),
+    ("rising_speed", "rising at the farthest spool position", SPEED),
+    ("falling_speed", "falling at the farthest spool position", SPEED),
+    ("lag_s", "lag behind the spool", "s"),
+];
+
+/// The figures of a model; `trials` tell how far the spool went.
+#[must_use]
+pub fn told(model: &Model, law: &Plain, trials: &[Trial]) -> Vec<Told> {
+    let spools = trials.iter().flat_map(|trial| trial.measured(Signal::SpoolPosition)).filter(|pu| pu.is_finite());
+    let (closing_pu, opening_pu) = spools.fold((0.0_f64, 0.0_f64), |(low, high), pu| (low.min(pu), high.max(pu)));
+    let of = |unit: &Unit| figures(unit, law, [opening_pu, closing_pu]);
+    let best = of(&model.unit());
+    let mut slopes = vec![DVector::zeros(model.free_parameters.len()); best.len()];
+    for (k, free_parameter) in model.free_parameters.iter().enumerate() {
+        let (low, high) = free_parameter.range(&model.base);
+        let by = (TURN.0 * model.spread[(k, k)].max(0.0).sqrt()).clamp(1e-3, TURN.1);
+        let places = [-by, by].map(|by| (model.fit.positions[k] + by).clamp(low, high));
+        let ends = places.map(|place| {
+            let mut positions = model.fit.positions.clone();
+            positions[k] = place;
+            of(&unit_at(&model.base, &model.free_parameters, &positions))
+        });
+        for (figure, slopes) in slopes.iter_mut().enumerate() {
+            let slope = (ends[1][figure] - ends[0][figure]) / (places[1] - places[0]);
+            slopes[k] = if slope.is_finite() { slope } else { 0.0 };
+        }
+    }
+    let each = FIGURES.iter().zip(&best).zip(&slopes).filter(|((_, value), _)| value.is_finite());
+    each.map(|((&(id, title, unit), &value), slopes)| {
+        let deviation = NINETY * slopes.dot(&(&model.spread * slopes)).max(0.0).sqrt();
+        Told { id, title, unit, value: Interval { value, low: value - deviation, high: value + deviation } }
+    })
+    .collect()
+}
+
+/// The figures of a unit, as recorded; what does not exist is not a number.
+fn figures(unit: &Unit, law: &Plain, [opening_pu, closing_pu]: [f64; 2]) -> [f64; FIGURES.len()] {
+    let mut plant = Plant::new(&unit.parameters);
+    effects::apply(unit, &mut plant);
+    let (spool, ports) = (&plant.spool, &plant.main_ports);
+    let reading = |position_m: f64| {
+        let reading_pu = position_m / spool.reference_stroke_m * spool.reading_gain + spool.reading_bias_pu;
+        unit.recorded.spool_position.recorded(reading_pu)
+    };
+    let (opens, closes) = (reading(ports.opening_overlap_m), reading(-ports.closing_overlap_m));
+    let (opening, closing) = (step(unit, law, opening_pu), step(unit, law, closing_pu));
+    let speed =
+        |one: Option<[f64; 2]>| one.map_or(f64::NAN, |[pu_s, _]| pu_s / unit.recorded.servomotor_position.scale_pu);
+    let lags: Vec<f64> = [opening, closing].into_iter().flatten().map(|[_, lag_s]| lag_s).collect();
+    let lag_s = lags.iter().sum::<f64>() / lags.len() as f64;
+    let (mut ways, mut speeds) = ([closes, opens], [speed(opening), speed(closing)]);
+    if unit.recorded.servomotor_position.scale_pu < 0.0 {
+        // What opens falls as recorded.
+        ways.reverse();
+        speeds.reverse();
+    }
+    [0.5 * (opens + closes), (opens - closes).abs(), ways[0], ways[1], speeds[0], speeds[1], lag_s]
+}
+
+/// Speed in pu/s and lag in s that the twin of a unit answers a step of the spool with, from half opening; none where it stands still.
+fn step(unit: &Unit, law: &Plain, spool_pu: f64) -> Option<[f64; 2]> {
+    let expected_pu_s = law.above_1_s.abs().max(law.below_1_s.abs()) * spool_pu.abs();
+    if expected_pu_s <= 0.0 {
+        return None;
+    }
+    let period_s = FOLLOWED.0 / expected_pu_s / FOLLOWED.1;
+    let mut twin = twin_of(unit).with_cut(Cut::Spool);
+    let mut moved: Vec<(f64, f64)> = Vec::new();
+    for k in 0..LONGEST {
+        let time_s = f64::from(k) * period_s;
+        let measured = Signals {
+            spool_position_pu: if k == 0 { law.zero } else { spool_pu },
+            servomotor_position_pu: 0.5,
+            ..Signals::NONE
+        };
+        let inputs = Inputs { opening_command_pu: f64::NAN, esv: EsvState::Normal, tank_pressure_pa: f64::NAN };
+        let estimate = twin.step(&Frame { time_ns: nanos_from_seconds(time_s), inputs, measured });
+        // The spool runs straight from the first row to the second.
+        moved.push((time_s - 0.5 * period_s, estimate.signals.servomotor_position_pu - 0.5));
+        if moved.last().is_some_and(|(_, by)| by.abs() > FOLLOWED.0) {
+            break;
+        }
+    }
+    let (end_s, end) = moved.last().copied()?;
+    let (half_s, half) = moved.iter().copied().find(|(_, by)| by.abs() >= 0.5 * end.abs())?;
+    let speed_pu_s = (end - half) / (end_s - half_s);
+    (speed_pu_s.is_finite() && speed_pu_s != 0.0).then(|| [speed_pu_s, (end_s - end / speed_pu_s).max(0.0)])
+}

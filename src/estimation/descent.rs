@@ -1,0 +1,62 @@
+//! One step of a fit: damped and inside the bounds; and what it teaches about the slopes.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::estimation::free_parameter::FreeParameter;
+use crate::likelihood::problem::Residuals;
+use crate::parameters::Unit;
+
+/// Corrects slopes by the change of the residuals that a step brought (Broyden 1965, equation 4.5).
+pub(super) fn correct(slopes: &mut [DMatrix<f64>], from: &[f64], to: &[f64], before: &Residuals, after: &Residuals) {
+    let step = DVector::from_iterator(from.len(), to.iter().zip(from).map(|(b, a)| b - a));
+    let length = step.norm_squared();
+    if length == 0.0 {
+        return;
+    }
+    for ((slope, before), after) in slopes.iter_mut().zip(before).zip(after) {
+        let surprise = after - before - &*slope * &step;
+        slope.ger(1.0 / length, &surprise, &step, 1.0);
+    }
+}
+
+/// The damped step inside the bounds: free parameters that it would push through a bound stay on it.
+pub(super) fn step(
+    base: &Unit,
+    free_parameters: &[FreeParameter],
+    positions: &[f64],
+    hessian: &DMatrix<f64>,
+    gradient: &DVector<f64>,
+    damping: f64,
+) -> Vec<f64> {
+    let n = free_parameters.len();
+    let mut free = vec![true; n];
+    loop {
+        let mut h = hessian.clone();
+        let mut g = gradient.clone();
+        for k in 0..n {
+            h[(k, k)] *= 1.0 + damping;
+            h[(k, k)] += 1e-9;
+            if !free[k] {
+                h.row_mut(k).fill(0.0);
+                h.column_mut(k).fill(0.0);
+                h[(k, k)] = 1.0;
+                g[k] = 0.0;
+            }
+        }
+        let Some(cholesky) = h.cholesky() else { return positions.to_vec() };
+        let change = cholesky.solve(&g);
+        let mut next: Vec<f64> = positions.iter().zip(change.iter()).map(|(p, c)| p - c).collect();
+        let mut hit = false;
+        for k in 0..n {
+            let (low, high) = free_parameters[k].range(base);
+            if free[k] && (next[k] <= low && positions[k] <= low || next[k] >= high && positions[k] >= high) {
+                free[k] = false;
+                hit = true;
+            }
+            next[k] = next[k].clamp(low, high);
+        }
+        if !hit {
+            return next;
+        }
+    }
+}

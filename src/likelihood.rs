@@ -1,0 +1,10 @@
+//! The likelihood of recordings given a unit: recordings made ready, their noise, and residuals that are independent and of unit size.
+
+pub mod event_time;
+pub mod idle;
+pub mod limit_cycle;
+pub mod loop_noise;
+pub mod noise;
+pub mod problem;
+pub mod qualification;
+pub mod trial;

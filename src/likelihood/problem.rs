@@ -1,0 +1,359 @@
+//! Recordings with the noise to expect of them, against which units are judged.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use nalgebra::DVector;
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
+
+use crate::frame::Estimate;
+use crate::likelihood::noise::{Noise, Whitener, independent_share, whiteners};
+use crate::likelihood::trial::{Traces, Trial};
+use crate::parameters::Unit;
+use crate::plant::lanes::Width;
+use crate::signal::Signal;
+use crate::solver::Method;
+use crate::twin::{Cut, Twin};
+
+/// Cost per independent sample of sound generated units at 100 Hz.
+pub const SOUND_MEAN_SQUARE: f64 = 0.92;
+
+/// Noise inside the loop over that of one reading, as it is most often: the mean of six readings.
+pub const USUAL_LOOP_NOISE: f64 = 0.41;
+
+/// How units are simulated when they are compared with recordings: spool steps of 1 ms, of which the error, 5e-5 pu of the spool, is a tenth of
+/// its transducer's noise; half of the default's work there.
+pub const METHOD: Method = Method::Split { max_step_s: 1.0e-3 };
+
+/// What stands for a simulated value that is no number, in any signal's unit: far from everything, so that no fit ends there.
+const ASTRAY: f64 = 1.0e12;
+
+/// A set of trials with the noise to expect of them, against which units are judged.
+#[derive(Debug)]
+pub struct Problem {
+    /// The recordings.
+    pub trials: Vec<Trial>,
+    /// Filters, by trial and by signal.
+    whiteners: Vec<Vec<Whitener>>,
+    noise: Noise,
+    /// Noise of one reading of the regulator's transducer, pu.
+    reading_noise_pu: f64,
+    /// Noise inside the loop over that.
+    loop_noise_ratio: f64,
+    simulations: Arc<AtomicUsize>,
+}
+
+/// Residuals of one unit: by trial, all signals one behind another, sample by sample, then their swings; made independent and of unit size.
+pub type Residuals = Vec<DVector<f64>>;
+
+impl Problem {
+    /// Prepares trials; the noise is laid out along a reference unit's simulation.
+    #[must_use]
+    pub fn new(trials: Vec<Trial>, reference: &Unit, noise: &Noise) -> Self {
+        let problem = Self {
+            trials,
+            whiteners: Vec::new(),
+            noise: *noise,
+            reading_noise_pu: reference.sensors.servomotor_position_pu.noise,
+            loop_noise_ratio: USUAL_LOOP_NOISE,
+            simulations: Arc::default(),
+        };
+        problem.laid_along(reference)
+    }
+
+    /// The same trials, their noise laid out along another unit's simulation.
+    #[must_use]
+    pub fn laid_along(&self, reference: &Unit) -> Self {
+        let [less, more] = [-1.0, 1.0].map(|times| twin_of(&with_moved_stops(reference, times)));
+        let twins = [twin_of(reference), less, more];
+        let whiteners = (0..self.trials.len())
+            .into_par_iter()
+            .map(|index| {
+                let trial = &self.trials[index];
+                // A spool that is recorded stands where it stands.
+                let loose = if trial.cut == Cut::Spool { 1 } else { twins.len() };
+                let mut twins: Vec<Twin> =
+                    twins[..loose].iter().map(|twin| self.prepared(twin.clone(), index)).collect();
+                self.simulations.fetch_add(twins.len(), Ordering::Relaxed);
+                let mut estimates = trial.run_batch(&mut twins);
+                let moved = estimates.split_off(1);
+                whiteners(trial, &self.noise, &estimates[0], &moved)
+            })
+            .collect();
+        self.of(self.trials.clone(), whiteners)
+    }
+
+    /// Other versions of the trials, their noise laid out along a unit's simulation; what it simulates counts with this problem's.
+    #[must_use]
+    pub fn anew(&self, trials: Vec<Trial>, reference: &Unit) -> Self {
+        self.of(trials, Vec::new()).laid_along(reference)
+    }
+
+    /// Twice the logarithm of how wide the noise is, over all samples: what a likelihood charges for a noise that excuses more.
+    #[must_use]
+    pub fn width(&self) -> f64 {
+        self.whiteners.iter().flatten().map(Whitener::width).sum()
+    }
+
+    /// A problem with one of the trials alone, its noise as laid out here.
+    #[must_use]
+    pub fn only(&self, trial: usize) -> Self {
+        self.of(vec![self.trials[trial].clone()], vec![self.whiteners[trial].clone()])
+    }
+
+    /// One trial through the mean twin of a unit.
+    #[must_use]
+    pub fn simulate(&self, unit: &Unit, trial: usize) -> Vec<Estimate> {
+        self.simulations.fetch_add(1, Ordering::Relaxed);
+        self.trials[trial].run(&mut self.prepared(twin_of(unit), trial))
+    }
+
+    /// All trials through the mean twin of a unit, one after another.
+    #[must_use]
+    pub fn simulate_all(&self, unit: &Unit) -> Vec<Vec<Estimate>> {
+        (0..self.trials.len()).map(|trial| self.simulate(unit, trial)).collect()
+    }
+
+    /// A twin with the cut of a trial; the mean over noise inside the loop, where there is a loop.
+    fn prepared(&self, twin: Twin, trial: usize) -> Twin {
+        match self.trials[trial].cut {
+            Cut::None => twin.with_dither(self.dither_pu(trial)),
+            cut => twin.with_cut(cut),
+        }
+    }
+
+    /// The same problem without one trial; what it simulates counts with the whole.
+    #[must_use]
+    pub fn without(&self, left: usize) -> Self {
+        fn others<T: Clone>(all: &[T], left: usize) -> Vec<T> {
+            all.iter().enumerate().filter(|&(k, _)| k != left).map(|(_, one)| one.clone()).collect()
+        }
+        self.of(others(&self.trials, left), others(&self.whiteners, left))
+    }
+
+    /// A problem with other trials; what it simulates counts with this one's.
+    fn of(&self, trials: Vec<Trial>, whiteners: Vec<Vec<Whitener>>) -> Self {
+        Self {
+            trials,
+            whiteners,
+            noise: self.noise,
+            reading_noise_pu: self.reading_noise_pu,
+            loop_noise_ratio: self.loop_noise_ratio,
+            simulations: Arc::clone(&self.simulations),
+        }
+    }
+
+    /// How many recordings were simulated so far.
+    #[must_use]
+    pub fn simulations(&self) -> usize {
+        self.simulations.load(Ordering::Relaxed)
+    }
+
+    /// The same problem, its noise not laid out, with other noise to expect of the signals.
+    #[must_use]
+    pub fn with_noise(&self, noise: Noise) -> Self {
+        Self { noise, ..self.of(self.trials.clone(), Vec::new()) }
+    }
+
+    /// Noise inside the loop over that of one reading.
+    #[must_use]
+    pub fn loop_noise_ratio(&self) -> f64 {
+        self.loop_noise_ratio
+    }
+
+    /// The same problem, its noise not laid out, with so much noise inside the loop over that of one reading of the regulator's transducer.
+    #[must_use]
+    pub fn with_loop_noise(&self, ratio: f64) -> Self {
+        Self { loop_noise_ratio: ratio, ..self.of(self.trials.clone(), Vec::new()) }
+    }
+
+    /// Noise inside the loop over which the twin is a mean, pu: what the regulator hears of its transducer's, and what a slow recorder does not show of the command.
+    #[must_use]
+    pub fn dither_pu(&self, trial: usize) -> f64 {
+        (self.loop_noise_ratio * self.reading_noise_pu).hypot(self.trials[trial].command_jitter_pu)
+    }
+
+    /// Mean square that a right model would leave of a signal in a trial, in its unit squared; 0 where it was not measured.
+    #[must_use]
+    pub fn floor_square(&self, trial: usize, signal: Signal) -> f64 {
+        self.trials[trial].place(signal).map_or(0.0, |place| self.whiteners[trial][place].floor_square)
+    }
+
+    /// Squared residuals of a signal in a trial at each sample, in its unit squared; where it swings, those of the swing's loudness.
+    ///
+    /// Not a number where it was not measured; none where it never was.
+    #[must_use]
+    pub fn squares(&self, trial: usize, signal: Signal, estimates: &[Estimate]) -> Option<Vec<f64>> {
+        let place = self.trials[trial].place(signal)?;
+        let simulated = signal.of_estimates(estimates);
+        Some(self.whiteners[trial][place].swings.squares(&self.trials[trial].measured(signal), &simulated))
+    }
+
+    /// Whether any trial has samples so far apart that nobody knows what drives the unit between them.
+    #[must_use]
+    pub fn is_slow(&self) -> bool {
+        self.trials.iter().any(Trial::is_slow)
+    }
+
+    /// By sample whether a signal swings of itself in a trial, where it is judged by its loudness; none where it was never measured.
+    #[must_use]
+    pub fn swinging_samples(&self, trial: usize, signal: Signal) -> Option<Vec<bool>> {
+        let place = self.trials[trial].place(signal)?;
+        Some(self.whiteners[trial][place].swings.ignored_squares.iter().map(|square| *square > 0.0).collect())
+    }
+
+    /// Independent samples, all trials and signals together.
+    #[must_use]
+    pub fn independent_samples(&self) -> f64 {
+        let of = |trial: &Trial| {
+            let count = trial.signals().map(|signal| trial.measured(signal).iter().filter(|v| v.is_finite()).count());
+            count.sum::<usize>() as f64 * independent_share(trial.period_s)
+        };
+        self.trials.iter().map(of).sum()
+    }
+
+    /// The cost that a right model has: one for each independent sample, the noise being a little generous.
+    #[must_use]
+    pub fn expected_cost(&self) -> f64 {
+        SOUND_MEAN_SQUARE * self.independent_samples()
+    }
+
+    /// For how long a trial swings of itself, s.
+    #[must_use]
+    pub fn swings_s(&self, trial: usize) -> f64 {
+        let samples = self.whiteners[trial].iter().map(|whitener| whitener.swings.samples()).max().unwrap_or(0);
+        samples as f64 * self.trials[trial].period_s
+    }
+
+    /// Where recordings swing of themselves and for how long, in a sentence.
+    #[must_use]
+    pub fn swinging(&self) -> Option<String> {
+        let times = self.trials.iter().enumerate().map(|(index, trial)| (&trial.name, self.swings_s(index)));
+        let said: Vec<String> = times
+            .filter(|(_, time_s)| *time_s > 0.0)
+            .map(|(name, time_s)| format!("{name} for {time_s:.0} s"))
+            .collect();
+        (!said.is_empty()).then(|| {
+            format!(
+                "Signals swing of themselves in {}: no twin can keep step there, and every figure told of them compares how \
+                 loud and how fast they swing.",
+                said.join(", ")
+            )
+        })
+    }
+
+    /// Residuals of a unit in one trial.
+    #[must_use]
+    pub fn residuals(&self, unit: &Unit, trial: usize) -> DVector<f64> {
+        self.residuals_by(twin_of(unit), trial)
+    }
+
+    /// Residuals of a twin in one trial, which sets its cut.
+    #[must_use]
+    pub fn residuals_by(&self, twin: Twin, trial: usize) -> DVector<f64> {
+        self.residuals_in(&self.trials[trial], twin, trial)
+    }
+
+    /// The same in another version of a trial, with other inputs but the same samples.
+    #[must_use]
+    pub fn residuals_in(&self, data: &Trial, twin: Twin, index: usize) -> DVector<f64> {
+        self.simulations.fetch_add(1, Ordering::Relaxed);
+        let traces = data.traces(&mut [self.prepared(twin, index)]).pop().unwrap_or_default();
+        self.whitened(data, index, traces)
+    }
+
+    /// Residuals of simulated signals in a version of a trial.
+    fn whitened(&self, data: &Trial, index: usize, mut traces: Traces) -> DVector<f64> {
+        let count = data.samples.len();
+        let mut all = Vec::with_capacity(count * self.whiteners[index].len());
+        let mut swings = Vec::new();
+        for (signal, whitener) in data.signals().zip(&self.whiteners[index]) {
+            let start = all.len();
+            let simulated = &mut traces[signal as usize];
+            simulated.iter_mut().filter(|value| !value.is_finite()).for_each(|value| *value = ASTRAY);
+            let measured = data.measured(signal).into_iter();
+            all.extend(measured.zip(&*simulated).map(|(measured, simulated)| measured - simulated));
+            whitener.apply(&mut all[start..]);
+            swings.extend(whitener.swings(simulated));
+        }
+        all.append(&mut swings);
+        DVector::from_vec(all)
+    }
+
+    /// Normalised innovations of a signal in a trial, of its residuals there: each sample over what it may leave, outliers by their size.
+    #[must_use]
+    pub fn innovations(&self, trial: usize, signal: Signal, residuals: &DVector<f64>) -> Vec<f64> {
+        let data = &self.trials[trial];
+        let Some(place) = data.place(signal) else { return Vec::new() };
+        let root = self.whiteners[trial][place].share.sqrt();
+        let own = residuals.iter().skip(place * data.samples.len());
+        let measured = data.measured(signal).into_iter().zip(own).filter(|(measured, _)| measured.is_finite());
+        measured.map(|(_, residual)| residual / root).collect()
+    }
+
+    /// One over the standard deviation that each innovation of a signal in a trial is divided by.
+    #[must_use]
+    pub fn scales(&self, trial: usize, signal: Signal) -> Vec<f64> {
+        self.trials[trial].place(signal).map_or_else(Vec::new, |place| self.whiteners[trial][place].scales())
+    }
+
+    /// Independent samples per sample of a trial.
+    #[must_use]
+    pub fn share(&self, trial: usize) -> f64 {
+        independent_share(self.trials[trial].period_s)
+    }
+
+    /// Residuals of several units in all trials, in parallel, in order.
+    #[must_use]
+    pub fn residuals_of(&self, units: &[Unit]) -> Vec<Residuals> {
+        let twins: Vec<Twin> = units.iter().map(twin_of).collect();
+        self.residuals_of_twins(&twins)
+    }
+
+    /// The same of twins that no unit describes, such as those with terms of their own; each trial sets their cut.
+    #[must_use]
+    pub fn residuals_of_twins(&self, twins: &[Twin]) -> Vec<Residuals> {
+        let lanes = Width::most_lanes();
+        let batches: Vec<&[Twin]> = twins.chunks(lanes).collect();
+        let jobs: Vec<Vec<DVector<f64>>> = (0..batches.len() * self.trials.len())
+            .into_par_iter()
+            .map(|job| {
+                let (batch, index) = (batches[job / self.trials.len()], job % self.trials.len());
+                self.simulations.fetch_add(batch.len(), Ordering::Relaxed);
+                let mut prepared: Vec<Twin> = batch.iter().map(|twin| self.prepared(twin.clone(), index)).collect();
+                let data = &self.trials[index];
+                data.traces(&mut prepared).into_iter().map(|traces| self.whitened(data, index, traces)).collect()
+            })
+            .collect();
+        let mut residuals: Vec<Residuals> = vec![Vec::with_capacity(self.trials.len()); twins.len()];
+        for (job, of_batch) in jobs.into_iter().enumerate() {
+            let first = job / self.trials.len() * lanes;
+            for (all, one) in residuals[first..].iter_mut().zip(of_batch) {
+                all.push(one);
+            }
+        }
+        residuals
+    }
+}
+
+/// The twin of a unit as it is compared with recordings.
+#[must_use]
+pub fn twin_of(unit: &Unit) -> Twin {
+    Twin::with_method(unit, METHOD)
+}
+
+/// The unit with the spool's stops farther apart by so many times the noise of the spool's transducer.
+fn with_moved_stops(unit: &Unit, times: f64) -> Unit {
+    let mut moved = unit.clone();
+    let valve = &mut moved.parameters.distributing_valve;
+    let by_m = times * unit.sensors.spool_position_pu.noise * valve.reference_stroke_m;
+    valve.stroke_min_m -= by_m;
+    valve.stroke_max_m += by_m;
+    moved
+}
+
+/// Sum of squares of residuals.
+#[must_use]
+pub fn square(residuals: &Residuals) -> f64 {
+    residuals.iter().map(DVector::norm_squared).sum()
+}
