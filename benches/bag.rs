@@ -66,6 +66,17 @@ fn bags(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("bag, bytes");
     group.sample_size(10).throughput(Throughput::Bytes(bytes));
     group.bench_function("read", |bencher| bencher.iter(|| bag::read(&path, &ReadOptions::default())));
+    // What `info` does, beside the least that any reader does: the mcap crate's own, which hands on each message and checks CRCs, and a
+    // copy of the bytes with their CRC.
+    group.bench_function("look", |bencher| bencher.iter(|| bag::look(&path, &ReadOptions::default())));
+    let packed = std::fs::read(&survey.files[0].path).expect("a file");
+    group.bench_function("mcap crate", |bencher| {
+        bencher.iter(|| mcap::MessageStream::new(&packed).expect("a bag").flatten().count());
+    });
+    let unpacked: Vec<u8> = packed.iter().copied().cycle().take(usize::try_from(bytes).unwrap_or_default()).collect();
+    group.bench_function("copy and CRC", |bencher| {
+        bencher.iter(|| crc32fast::hash(std::hint::black_box(&unpacked.clone())));
+    });
     group.finish();
 }
 

@@ -4,6 +4,9 @@
 #[path = "cli/bags.rs"]
 #[expect(dead_code, reason = "several tests share it")]
 mod bags;
+#[cfg(target_os = "linux")]
+#[path = "slips/table.rs"]
+mod table;
 
 use std::path::Path;
 use std::process::{Command, Output};

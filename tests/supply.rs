@@ -24,7 +24,19 @@ fn entries(key: &str) -> BTreeMap<String, String> {
 #[test]
 fn every_duplicate_crate_has_its_reason() {
     let output = Command::new(env!("CARGO"))
-        .args(["tree", "--locked", "--all-features", "--edges", "normal,build", "--prefix", "none", "--format", "{p}"])
+        .args([
+            "tree",
+            "--locked",
+            "--all-features",
+            "--target",
+            "all",
+            "--edges",
+            "normal,build",
+            "--prefix",
+            "none",
+            "--format",
+            "{p}",
+        ])
         .current_dir(TOP)
         .output()
         .unwrap();

@@ -33,6 +33,11 @@ impl Bucket {
         let mean_ns = self.sum_ns / i128::from(self.count).max(1);
         i64::try_from(mean_ns).unwrap_or(if mean_ns < 0 { i64::MIN } else { i64::MAX })
     }
+
+    fn add(&mut self, other: &Self) {
+        self.count += other.count;
+        self.sum_ns += other.sum_ns;
+    }
 }
 
 impl Distribution {
@@ -97,20 +102,17 @@ impl Distribution {
         }
         let mut waiting = std::mem::take(&mut self.waiting);
         waiting.sort_unstable();
-        let one = |value_ns: &i64| Bucket { least_ns: *value_ns, count: 1, sum_ns: i128::from(*value_ns) };
-        self.buckets.extend(waiting.iter().map(one));
+        let before = std::mem::take(&mut self.buckets);
+        self.buckets = in_order(before, runs(&waiting, self.bits));
         waiting.clear();
         self.waiting = waiting;
-        // Two runs in order: the sort merges them.
-        self.buckets.sort_by_key(|bucket| bucket.least_ns);
-        self.merge();
         while self.buckets.len() > MOST_BUCKETS {
             self.bits = Some(self.bits.map_or(FINEST_BITS, |bits| bits.saturating_sub(1)));
             self.merge();
         }
     }
 
-    /// Makes one bucket of those with one key, which lie side by side.
+    /// Makes one bucket of those with one key by the bits that count now, which lie side by side.
     fn merge(&mut self) {
         let bits = self.bits;
         for bucket in &mut self.buckets {
@@ -119,12 +121,44 @@ impl Distribution {
         self.buckets.dedup_by(|next, first| {
             let same = next.least_ns == first.least_ns;
             if same {
-                first.count += next.count;
-                first.sum_ns += next.sum_ns;
+                first.add(next);
             }
             same
         });
     }
+}
+
+/// The buckets of values in rising order.
+fn runs(values: &[i64], bits: Option<u32>) -> Vec<Bucket> {
+    let mut found: Vec<Bucket> = vec![];
+    for value_ns in values {
+        let one = Bucket { least_ns: key(*value_ns, bits), count: 1, sum_ns: i128::from(*value_ns) };
+        match found.last_mut() {
+            Some(last) if last.least_ns == one.least_ns => last.add(&one),
+            _ => found.push(one),
+        }
+    }
+    found
+}
+
+/// Two lists in rising order as one; what is in both becomes one bucket.
+fn in_order(some: Vec<Bucket>, others: Vec<Bucket>) -> Vec<Bucket> {
+    let mut merged = Vec::with_capacity(some.len() + others.len());
+    let mut left = some.into_iter().peekable();
+    for other in others {
+        while let Some(bucket) = left.next_if(|bucket| bucket.least_ns < other.least_ns) {
+            merged.push(bucket);
+        }
+        match left.next_if(|bucket| bucket.least_ns == other.least_ns) {
+            Some(mut bucket) => {
+                bucket.add(&other);
+                merged.push(bucket);
+            }
+            None => merged.push(other),
+        }
+    }
+    merged.extend(left);
+    merged
 }
 
 /// The bucket of a value: its leading bits, and its sign.

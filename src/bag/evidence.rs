@@ -71,7 +71,7 @@ impl StreamEvidence {
 
     /// A message as it arrives.
     pub(super) fn message(&mut self, message: RawView<'_>, frame_id: &str) {
-        if self.frames.get(self.frame).is_none_or(|frame| frame != frame_id) {
+        if self.frames.get(self.frame).is_none_or(|frame| !frame.bytes().eq(frame_id.bytes())) {
             self.switches += u64::from(!self.frames.is_empty());
             self.frame = self.frames.iter().position(|frame| frame == frame_id).unwrap_or(self.frames.len());
             if self.frame == self.frames.len() && self.frames.len() < MOST_FRAMES {

@@ -31,6 +31,16 @@ impl Tally {
         let (first_ns, last_ns) = self.times_ns.unwrap_or((log_time_ns, log_time_ns));
         self.times_ns = Some((first_ns.min(log_time_ns), last_ns.max(log_time_ns)));
     }
+
+    fn add(&mut self, other: &Self) {
+        for (channel_id, count) in &other.counts {
+            *self.counts.entry(*channel_id).or_default() += count;
+        }
+        if let Some((other_first_ns, other_last_ns)) = other.times_ns {
+            let (first_ns, last_ns) = self.times_ns.unwrap_or((other_first_ns, other_last_ns));
+            self.times_ns = Some((first_ns.min(other_first_ns), last_ns.max(other_last_ns)));
+        }
+    }
 }
 
 /// What a file's summary says it holds.
@@ -102,7 +112,6 @@ impl Structure {
     /// Takes a message.
     pub(super) fn message(&mut self, channel_id: u16, log_time_ns: u64) {
         self.chunk.take(channel_id, log_time_ns);
-        self.all.take(channel_id, log_time_ns);
     }
 
     /// A chunk begins, and the one before it with its index is over; none begins at the end of the data.
@@ -111,6 +120,7 @@ impl Structure {
             self.note("an index of messages counts others than its chunk holds".to_owned());
         }
         self.message_index.clear();
+        self.all.add(&self.chunk);
         self.chunk = Tally::default();
         self.chunks += u32::from(begins);
     }

@@ -13,6 +13,26 @@ use govtwin::report::table::Table;
 
 pub use progress::Progress;
 
+/// Prints help, version or wrong usage, and ends: as `clap::Error::exit`, but help that cannot be written is an error.
+#[expect(clippy::exit, reason = "parsing the command line ends here, as it does in clap")]
+pub fn leave(told: &clap::Error) -> ! {
+    let written = told.print().and_then(|()| io::stdout().flush());
+    if let Err(error) = written.or_else(unless_gone)
+        && !told.use_stderr()
+    {
+        fail(&anyhow::Error::new(error).context(UNWRITTEN));
+        std::process::exit(1);
+    }
+    std::process::exit(told.exit_code())
+}
+
+const UNWRITTEN: &str = "cannot write to standard output";
+
+/// A reader that has gone away is no error.
+fn unless_gone(error: io::Error) -> io::Result<()> {
+    if error.kind() == io::ErrorKind::BrokenPipe { Ok(()) } else { Err(error) }
+}
+
 /// Writes text to standard output; a reader that has gone away (`… | head`) is no error.
 pub fn print(text: &str) -> anyhow::Result<()> {
     let mut stdout = io::stdout().lock();

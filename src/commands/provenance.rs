@@ -28,7 +28,7 @@ pub fn new(command: &str, sheet: &Sheet, seed: Option<u64>) -> anyhow::Result<Pr
     Ok(Provenance {
         program: PROGRAM.to_owned(),
         command: command.to_owned(),
-        date: date(),
+        date: date()?,
         unit: sheet.name.clone(),
         sheet: SheetUsed { name: sheet.name.clone(), files, sha256: params::unit_digest(&sheet.unit) },
         seed,
@@ -38,13 +38,15 @@ pub fn new(command: &str, sheet: &Sheet, seed: Option<u64>) -> anyhow::Result<Pr
 
 /// Now, UTC.
 #[expect(clippy::disallowed_methods, reason = "a report says when it was made")]
-fn date() -> String {
-    let stated = std::env::var(EPOCH).ok().and_then(|text| text.trim().parse().ok());
-    let seconds = stated.unwrap_or_else(|| {
+fn date() -> anyhow::Result<String> {
+    let seconds = if let Some(text) = std::env::var_os(EPOCH) {
+        let seconds = text.to_str().and_then(|text| text.trim().parse().ok());
+        seconds.with_context(|| format!("{EPOCH}: expected whole seconds since 1970, found {}", text.display()))?
+    } else {
         let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
         since.map_or(0, |since| i64::try_from(since.as_secs()).unwrap_or_default())
-    });
-    jiff::Timestamp::from_second(seconds).map_or_else(|_| seconds.to_string(), |time| time.to_string())
+    };
+    Ok(jiff::Timestamp::from_second(seconds).map_or_else(|_| seconds.to_string(), |time| time.to_string()))
 }
 
 /// A time of a recording, ns since 1970, UTC to the second.

@@ -34,7 +34,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let shown = args.report.display();
     let text =
         govtwin::files::read_text(&args.report, LARGEST_BYTES).with_context(|| format!("cannot read {shown}"))?;
-    let report: serde_json::Value = serde_json::from_str(&text).with_context(|| shown.to_string())?;
+    let report: serde_json::Value = serde_json::from_str(&text).with_context(|| {
+        format!("{shown}: expected JSON as `govtwin diagnose` writes it to report.json, found something else")
+    })?;
     let schema = report["schema"].as_str().unwrap_or_default();
     if schema == govtwin::replay::summary::SCHEMA {
         bail!(

@@ -1,0 +1,25 @@
+# shellcheck shell=sh
+# Files as a hand, an editor or a broken copy leaves them, beside a sound bag `run`.
+set -e
+mkdir empty; : >empty.mcap; printf 'hello\n' >notes.txt
+head -c 3000 run/run_0.mcap >cut.mcap
+{ printf 'oops'; cat run/run_0.mcap; } >shifted.mcap
+printf 'base: reference_unit\noil:\n  density_kg_m3: 870\n' >unit.yaml
+printf 'base: reference_unit\noil:\n  densty_kg_m3: 870\n' >typo.yaml
+printf 'base: reference_unit\noil:\n  density_kg_m3: -870\n' >sign.yaml
+printf 'base: reference_unit\noil:\n  density_kg_m3: heavy\n' >word.yaml
+printf 'base: reference_unit\noil:\n\tdensity_kg_m3: 870\n' >tab.yaml
+printf 'base: reference_unit\nsupply:\n  tank_pressure_pa: {value: 63, unit: bar}\n' >bar.yaml
+printf 'base: reference_unit\noil:\n  density_kg_m3: {value: 870, unit: g}\n' >gram.yaml
+printf 'base: reference_unit\noil:\n  density_kg_m3: 870\n  density_kg_m3: 880\n' >twice.yaml
+printf 'base: nowhere.yaml\n' >orphan.yaml
+printf 'base: loop.yaml\n' >loop.yaml
+printf 'a: &a [1]\nb: [*a,*a,*a,*a,*a,*a,*a,*a,*a,*a,*a]\n' >alias.yaml
+printf 'base: reference_unit\nwrong: 1\nalso_wrong: 2\n' >two.yaml
+printf 'base: reference_unit\noil:\n  density_kg_m3: .nan\n' >nan.yaml
+printf 'base: reference_unit\noil:\n  density_kg_m3: 1e999\n' >huge.yaml
+printf '\377\376b\0a\0' >utf16.yaml
+printf '{}' >report.json; printf '{"schema":' >torn.json
+printf 'time,y\n0,1\n1,2\n' >table.csv; printf '' >void.csv; printf 'time;y\n0;1,5\n1;2,5\n' >comma.csv
+printf '\211MCAP0\r\nabc' >stub.mcap; printf '#ROSBAG V2.0\n' >ros1.bag; printf '\0\1\2\3' >bin.dat
+ln -s nowhere dangling; mkfifo pipe
