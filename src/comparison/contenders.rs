@@ -10,7 +10,7 @@ use crate::residual::guard::{Counts, Guard};
 use crate::residual::model::{Learned, Model};
 use crate::residual::split::without_process;
 use crate::residual::table::{Layout, Table};
-use crate::residual::training::{self, targets};
+use crate::residual::training;
 
 /// The same table with some of its features.
 #[must_use]
@@ -46,7 +46,7 @@ pub fn estimates(forest: &Forest, table: &Table, rows: &[usize], learned: Learne
     let mut counts = Counts::default();
     let of = |&row: &usize| {
         let raw = forest.value(table.row(row));
-        let value = guard.map_or(raw, |guard| guard.apply(raw, table.row(row), &mut counts).0);
+        let value = guard.map_or(raw, |guard| guard.apply(raw, table.row(row), &mut counts).value);
         match learned {
             Learned::Residual => table.marks[row].model + value,
             Learned::Signal => value,
@@ -99,8 +99,8 @@ pub fn leave_one_out(
             Forest::new(&trees, table.layout.features.len()).map_err(|error| TrainError::Library(error.to_string()))
         };
         let mut hybrids = |table: &Table, [bare, guarded]: [(&'static str, &'static str); 2]| {
-            let targets = targets(table, &split.train, Learned::Residual);
-            let guard = Guard::of(&table.select(&split.train), table.layout.features.len(), &targets);
+            let with = Hyperparameters::MANUAL;
+            let (guard, _) = training::guard(table, &split.train, Learned::Residual, &with, seed)?;
             let hybrid = forest(table, Learned::Residual)?;
             done();
             let said = |guard| estimates(&hybrid, table, &split.test, Learned::Residual, guard);

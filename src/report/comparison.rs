@@ -170,12 +170,13 @@ fn why(body: &mut Blocks, summary: &Summary, shown: &Shown) -> Result<(), DrawEr
         });
         let guard = &one.guard;
         body.paragraph(format!(
-            "{}: {decided}; the twin's trace comes too late by: {}; of {} rows the guard would clamp {}, fade {} and refuse {}.",
+            "{}: {decided}; the twin's trace comes too late by: {}; of {} rows the guard would clamp {}, fade {}, shrink {} and refuse {}.",
             title(one.process),
             shifts.join(", "),
             guard.rows,
             guard.clamped,
             guard.faded,
+            guard.shrunk,
             guard.outside + guard.bad
         ));
     }
