@@ -2,6 +2,7 @@
 
 use anyhow::{Context, bail};
 use govtwin::comparison::contenders::{self, mechanism, trained};
+use govtwin::comparison::coverage::{CoveredAt, covered_by_distance};
 use govtwin::comparison::summary::{Covered, Scored, Searched, covered};
 use govtwin::comparison::{Contender, Standing};
 use govtwin::recording::Process;
@@ -78,6 +79,7 @@ struct Trained {
     models: Vec<Scored>,
     searches: Vec<Searched>,
     band: Option<Covered>,
+    band_by_distance: Vec<CoveredAt>,
 }
 
 /// Runs the command.
@@ -111,8 +113,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     model.training.insert("unit".to_owned(), ready.sheet.name.clone());
     model.training.extend(ready.origin.iter().map(|origin| ("origin".to_owned(), origin.clone())));
-    let band = model.band.map(|band| covered(table, &split.test, &estimates, &band));
     let forest = model.forest()?;
+    let by_distance = model.band.map(|band| covered_by_distance(table, &split.test, &forest, (&model.guard, &band)));
+    let band = model.band.map(|band| covered(table, &split.test, &estimates, &band));
     let guarded = contenders::estimates(&forest, table, &split.test, Learned::Residual, Some(&model.guard));
     let standings = [
         mechanism(table, &split.test),
@@ -132,6 +135,15 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         let (stated, found) = (100.0 * band.coverage_share, 100.0 * band.overall_share);
         said += &format!("Band: {stated:.0} % stated, {found:.1} % of the judging rows inside.\n");
     }
+    let band_by_distance = by_distance.unwrap_or_default();
+    for at in &band_by_distance {
+        said += &format!("  guarded, {}, {}: {} rows", at.process, at.distance, at.rows);
+        if at.coverage_share.is_finite() {
+            let covered = 100.0 * at.coverage_share;
+            said += &format!(", {covered:.1} % inside, half width {:.4} {}", at.mean_half_width, model.unit);
+        }
+        said += "\n";
+    }
     let mut page =
         Page::new("Training of the residual", format!("{} rows teach, {} judge", rows.0.len(), rows.1.len()));
     if let Some(origin) = &ready.origin {
@@ -149,6 +161,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         models: scored,
         searches,
         band,
+        band_by_distance,
     };
     output.add_json("train.json", &figures)?;
     output.place()?;

@@ -1,5 +1,6 @@
 //! The models of the comparison that trees can make, each trained on the same rows with the same features.
 
+use super::coverage::{CoveredAt, covered_by_distance};
 use super::{Contender, Standing};
 use crate::parameters::Unit;
 use crate::recording::Process;
@@ -73,6 +74,17 @@ pub fn trained(
     Ok((model, said))
 }
 
+/// What models say of a process that none of them saw.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LeftOut {
+    /// The process.
+    pub process: Process,
+    /// The models.
+    pub models: Vec<Standing>,
+    /// The band of the guarded hybrid on the better twin, by distance.
+    pub band: Vec<CoveredAt>,
+}
+
 /// Every process left out of training in turn, with the manual hyperparameters: MBM, DDM, the paper's hybrid, and the hybrid on a twin
 /// whose inputs are drawn in between rows, beside that twin.
 ///
@@ -86,7 +98,7 @@ pub fn leave_one_out(
     drawn: &Table,
     seed: u64,
     mut done: impl FnMut(),
-) -> Result<Vec<(Process, Vec<Standing>)>, TrainError> {
+) -> Result<Vec<LeftOut>, TrainError> {
     let data = data_only(plain);
     let mut all = vec![];
     for process in Process::ALL {
@@ -100,17 +112,18 @@ pub fn leave_one_out(
         };
         let mut hybrids = |table: &Table, [bare, guarded]: [(&'static str, &'static str); 2]| {
             let with = Hyperparameters::MANUAL;
-            let (guard, _) = training::guard(table, &split.train, Learned::Residual, &with, seed)?;
+            let (guard, band) = training::guard(table, &split.train, Learned::Residual, &with, seed)?;
             let hybrid = forest(table, Learned::Residual)?;
             done();
             let said = |guard| estimates(&hybrid, table, &split.test, Learned::Residual, guard);
             let of = |(id, title), estimates| Contender { id, title, estimates };
-            Ok::<_, TrainError>([of(bare, said(None)), of(guarded, said(Some(&guard)))])
+            let covered = band.map(|band| covered_by_distance(table, &split.test, &hybrid, (&guard, &band)));
+            Ok::<_, TrainError>(([of(bare, said(None)), of(guarded, said(Some(&guard)))], covered.unwrap_or_default()))
         };
         let names = [("hybrid", "LightGBM hybrid"), ("guarded", "LightGBM hybrid, guarded")];
-        let [paper, paper_guarded] = hybrids(plain, names)?;
+        let ([paper, paper_guarded], _) = hybrids(plain, names)?;
         let names = [("hybrid_drawn", "hybrid on it"), ("guarded_drawn", "hybrid on it, guarded")];
-        let [better, better_guarded] = hybrids(drawn, names)?;
+        let ([better, better_guarded], band) = hybrids(drawn, names)?;
         let alone = forest(&data, Learned::Signal)?;
         done();
         let ddm = estimates(&alone, &data, &split.test, Learned::Signal, None);
@@ -123,7 +136,8 @@ pub fn leave_one_out(
             better,
             better_guarded,
         ];
-        all.push((process, contenders.iter().map(|one| Standing::of(plain, &split.test, one)).collect()));
+        let models = contenders.iter().map(|one| Standing::of(plain, &split.test, one)).collect();
+        all.push(LeftOut { process, models, band });
     }
     Ok(all)
 }

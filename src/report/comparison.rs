@@ -32,7 +32,7 @@ impl Shown<'_> {
 }
 
 /// Ids of the hybrids, in the paper's ranking; those that took no part are passed over.
-pub const HYBRIDS: [&str; 6] = ["gate", "hybrid", "mdhm", "lightgbm", "lstm", "tcn"];
+pub const HYBRIDS: [&str; 7] = ["gate", "hybrid", "mdhm", "random", "lightgbm", "lstm", "tcn"];
 
 /// The figures of models, process by process.
 #[must_use]

@@ -71,7 +71,8 @@ impl Reach {
         let scales: Vec<f64> = features.iter().map(|&feature| scale(table, scales_of, feature)).collect();
         let count = rows.len().min(POINTS);
         let taken: Vec<usize> = (0..count).map(|k| rows[k * (rows.len() - 1) / (count - 1).max(1)]).collect();
-        let column = |(&feature, scale): (&usize, &f64)| taken.iter().map(|&row| table.row(row)[feature] * scale).collect();
+        let column =
+            |(&feature, scale): (&usize, &f64)| taken.iter().map(|&row| table.row(row)[feature] * scale).collect();
         let points = features.iter().zip(&scales).map(column).collect();
         Some(Self { features, scales, points, edges: vec![], weight_shares: vec![1.0], widenings: vec![1.0] })
     }
@@ -111,8 +112,7 @@ impl Reach {
     pub fn learned(mut self, unseen: &[Unseen], coverage_share: f64) -> Self {
         let mut distances: Vec<f64> = unseen.iter().map(|one| one.distance).collect();
         distances.sort_by(f64::total_cmp);
-        self.edges =
-            (1..LEVELS).filter_map(|level| distances.get(distances.len() * level / LEVELS)).copied().collect();
+        self.edges = (1..LEVELS).filter_map(|level| distances.get(distances.len() * level / LEVELS)).copied().collect();
         (self.weight_shares, self.widenings) = (vec![], vec![]);
         let mut most: u32 = STEPS;
         for level in 0..=self.edges.len() {
@@ -228,7 +228,8 @@ mod tests {
 
     #[test]
     fn no_group_with_its_weights_is_worse_than_its_twin_on_the_rows_that_taught_them() {
-        let rows: Vec<Unseen> = (0..9000).map(|k| Unseen { said: 0.02 - 0.004 * (k % 11) as f64, ..unseen(k) }).collect();
+        let rows: Vec<Unseen> =
+            (0..9000).map(|k| Unseen { said: 0.02 - 0.004 * (k % 11) as f64, ..unseen(k) }).collect();
         let reach = blank().learned(&rows, 0.9);
         for group in [0, 1, 9] {
             let own = || rows.iter().filter(|one| one.group == group);
