@@ -298,4 +298,38 @@ mod tests {
             assert!((named[dimension.name] - value).abs() < 1e-9, "{}", dimension.name);
         }
     }
+
+    #[test]
+    fn a_process_that_no_row_taught_is_no_worse_than_its_twin_under_the_guard() {
+        use super::{Learned, fit, guard};
+        use crate::recording::Process;
+        use crate::residual::forest::Forest;
+        use crate::residual::guard::Counts;
+        use crate::residual::split::without_process;
+        // What is right in one process is wrong in the next.
+        let gaps = [0.02, -0.02, 0.015, 0.005];
+        let recordings: Vec<_> = (0..4)
+            .map(|k| recording(&format!("{k}"), 500 * k, 500, move |_, _| gaps[usize::try_from(k).unwrap()]))
+            .collect();
+        let mut table = of(&recordings);
+        for mark in &mut table.marks {
+            mark.process = Process::ALL[mark.recording];
+        }
+        let split = without_process(&table, Process::ALL[3]);
+        let learned = Learned::Residual;
+        let (guard, band) = guard(&table, &split.train, learned, &quick(), 1).unwrap();
+        assert!(band.is_some() && guard.reach.is_some());
+        let forest =
+            Forest::new(&fit(&table, &split.train, learned, &quick(), 1).unwrap().0, table.layout.features.len())
+                .unwrap();
+        let (mut twin, mut bare, mut guarded) = (0.0, 0.0, 0.0);
+        for &row in &split.test {
+            let (residual, raw) = (table.marks[row].residual(), forest.value(table.row(row)));
+            twin += residual.abs();
+            bare += (residual - raw).abs();
+            guarded += (residual - guard.apply(raw, table.row(row), &mut Counts::default()).value).abs();
+        }
+        assert!(bare > 1.5 * twin, "{bare} against {twin}: the test shows nothing");
+        assert!(guarded <= twin + 1e-9, "{guarded} against {twin}");
+    }
 }
