@@ -39,9 +39,22 @@ pub struct Args {
     /// Processes that neither teach nor judge, so that `replay --then` can show how far the model carries.
     #[arg(long, value_name = "PROCESS", value_enum, value_delimiter = ',')]
     leave_out: Vec<Which>,
+    /// What bounds corrections. `processes` never makes a process worse that no row taught, as far as those that taught can tell, and
+    /// corrects less where they did; `range` is for a unit that does what it did in the recordings.
+    #[arg(long, value_enum, default_value_t = GuardBy::Range)]
+    guard: GuardBy,
     /// No search: the hyperparameters that a person would take.
     #[arg(long)]
     manual: bool,
+}
+
+/// What bounds corrections.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum GuardBy {
+    /// The range of each feature, and of the corrections, among the rows that taught.
+    Range,
+    /// That, and the distance from those rows, with weights learned on folds that leave a process out.
+    Processes,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -106,6 +119,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let unit = &ready.sheet.unit;
     let rows = (&split.train[..], &split.test[..]);
     let (mut model, estimates) = trained(table, rows, Learned::Residual, &with, args.learn.seed, unit)?;
+    if args.guard == GuardBy::Range {
+        model.guard.reach = None;
+    }
     let names: Vec<&str> = ready.recordings.iter().map(|one| one.name.as_str()).collect();
     model.training.insert("recordings".to_owned(), names.join(", "));
     if !left_out.is_empty() {
