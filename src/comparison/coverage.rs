@@ -67,6 +67,7 @@ mod tests {
     use super::covered_by_distance;
     use crate::comparison::tests::made;
     use crate::residual::band::Band;
+    use crate::residual::features::Feature;
     use crate::residual::forest::{Forest, Tree};
     use crate::residual::guard::Guard;
     use crate::residual::reach::Reach;
@@ -78,7 +79,9 @@ mod tests {
         let width = table.layout.features.len();
         let forest = Forest::new(&[Tree { leaf: vec![0.0], ..Tree::default() }], width).unwrap();
         let mut guard = Guard::of(&table.select(&rows), width, &[-0.1, 0.1]);
-        let mut reach = Reach::of(&table, &taught, &taught).unwrap();
+        let names: Vec<String> = table.layout.features.iter().map(Feature::name).collect();
+        let near: Vec<&[f64]> = taught.iter().map(|&row| table.row(row)).collect();
+        let mut reach = Reach::of(&names, &near, &near).unwrap();
         (reach.edges, reach.weight_shares, reach.widenings) = (vec![0.5], vec![1.0, 0.5], vec![1.0, 3.0]);
         guard.reach = Some(reach);
         // The recording is the twin's own, so that a band of any width holds it.

@@ -8,8 +8,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::table::Table;
-
 /// What says where the unit runs; a model without one of them takes the others.
 const PLACES: [&str; 6] =
     ["command_pu.mean10", "command_pu.slope5", "error_pu.mean10", "esv", "model.mean5", "model.spread5"];
@@ -60,19 +58,19 @@ pub struct Unseen {
 }
 
 impl Reach {
-    /// The distance from `rows` alone: no weights yet. `None` where the table lacks all features that it needs.
+    /// The distance from `rows` alone, in standard deviations of `scales_of`: no weights yet. `None` where none of the features that make it is among
+    /// the named ones.
     #[must_use]
-    pub fn of(table: &Table, rows: &[usize], scales_of: &[usize]) -> Option<Self> {
-        let find = |name: &&str| table.layout.features.iter().position(|feature| feature.name() == **name);
-        let features: Vec<usize> = PLACES.iter().filter_map(find).collect();
+    pub fn of(names: &[String], rows: &[&[f64]], scales_of: &[&[f64]]) -> Option<Self> {
+        let features: Vec<usize> =
+            PLACES.iter().filter_map(|place| names.iter().position(|name| name == place)).collect();
         if features.is_empty() || rows.is_empty() {
             return None;
         }
-        let scales: Vec<f64> = features.iter().map(|&feature| scale(table, scales_of, feature)).collect();
+        let scales: Vec<f64> = features.iter().map(|&feature| scale(scales_of, feature)).collect();
         let count = rows.len().min(POINTS);
-        let taken: Vec<usize> = (0..count).map(|k| rows[k * (rows.len() - 1) / (count - 1).max(1)]).collect();
-        let column =
-            |(&feature, scale): (&usize, &f64)| taken.iter().map(|&row| table.row(row)[feature] * scale).collect();
+        let taken: Vec<&[f64]> = (0..count).map(|k| rows[k * (rows.len() - 1) / (count - 1).max(1)]).collect();
+        let column = |(&feature, scale): (&usize, &f64)| taken.iter().map(|row| row[feature] * scale).collect();
         let points = features.iter().zip(&scales).map(column).collect();
         Some(Self { features, scales, points, edges: vec![], weight_shares: vec![1.0], widenings: vec![1.0] })
     }
@@ -188,9 +186,9 @@ fn rank(sorted: &[f64], share: f64) -> Option<f64> {
 
 /// One over the standard deviation of a feature over rows; 1 where it does not move.
 #[expect(clippy::cast_precision_loss, reason = "counts of rows")]
-fn scale(table: &Table, rows: &[usize], feature: usize) -> f64 {
+fn scale(rows: &[&[f64]], feature: usize) -> f64 {
     let count = rows.len().max(1) as f64;
-    let values = || rows.iter().map(|&row| table.row(row)[feature]);
+    let values = || rows.iter().map(|row| row[feature]);
     let mean = values().sum::<f64>() / count;
     let spread = (values().map(|value| (value - mean) * (value - mean)).sum::<f64>() / count).sqrt();
     if spread < 1e-9 * (1.0 + mean.abs()) { 1.0 } else { 1.0 / spread }
@@ -199,12 +197,19 @@ fn scale(table: &Table, rows: &[usize], feature: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::{Reach, Unseen};
+    use crate::residual::features::Feature;
+    use crate::residual::table::Table;
     use crate::residual::table::tests::{of, recording};
 
+    /// The distance from all rows of a table.
+    fn all(table: &Table) -> Reach {
+        let names: Vec<String> = table.layout.features.iter().map(Feature::name).collect();
+        let rows: Vec<&[f64]> = (0..table.marks.len()).map(|row| table.row(row)).collect();
+        Reach::of(&names, &rows, &rows).unwrap()
+    }
+
     fn blank() -> Reach {
-        let table = of(&[recording("a", 0, 300, |_, _| 0.01)]);
-        let rows: Vec<usize> = (0..300).collect();
-        Reach::of(&table, &rows, &rows).unwrap()
+        all(&of(&[recording("a", 0, 300, |_, _| 0.01)]))
     }
 
     /// A near row is right; a far one of process 0 is right too, one of process 1 says the opposite.
@@ -241,8 +246,7 @@ mod tests {
     #[test]
     fn a_training_row_is_near_and_a_strange_one_far() {
         let table = of(&[recording("a", 0, 300, |_, _| 0.01)]);
-        let rows: Vec<usize> = (0..300).collect();
-        let reach = Reach::of(&table, &rows, &rows).unwrap();
+        let reach = all(&table);
         let mut row = table.row(0).to_vec();
         assert!(reach.distance(&row) < 1e-12);
         row[reach.features[0]] += 3.0 / reach.scales[0];

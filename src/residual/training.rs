@@ -155,16 +155,20 @@ pub fn guard(
     let missed_unseen = missed(table, &left_out, learned, with, seed)?;
     let folds = left_out.iter().zip(&missed_unseen).enumerate().map(|(group, fold)| (group, fold));
     let by_time = by_time.iter().zip(&missed_by_time).map(|fold| (left_out.len(), fold));
+    let names: Vec<String> = table.layout.features.iter().map(super::features::Feature::name).collect();
+    let of = |rows: &[usize]| -> Vec<&[f64]> { rows.iter().map(|&row| table.row(row)).collect() };
+    let scales_of = of(rows);
+    let reach = |taught: &[usize]| Reach::of(&names, &of(taught), &scales_of);
     let mut unseen = vec![];
     for (group, (fold, missed)) in folds.chain(by_time) {
-        let Some(reach) = Reach::of(table, &fold.train, rows) else { continue };
+        let Some(reach) = reach(&fold.train) else { continue };
         unseen.extend(missed.iter().map(|&(row, missed)| {
             let (mark, distance) = (&table.marks[row], reach.distance(table.row(row)));
             let (target, half_width) = (mark.residual(), band.half_width(mark.motion));
             Unseen { group, distance, target, said: target - missed, half_width }
         }));
     }
-    guard.reach = Reach::of(table, rows, rows).map(|reach| reach.learned(&unseen, COVERAGE_SHARE));
+    guard.reach = reach(rows).map(|reach| reach.learned(&unseen, COVERAGE_SHARE));
     Ok((guard, Some(band)))
 }
 
