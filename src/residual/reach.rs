@@ -152,7 +152,6 @@ impl Reach {
 }
 
 /// Steps of the weight whose worst group is best; all of them where no group has rows enough.
-#[expect(clippy::cast_precision_loss, reason = "groups are few")]
 fn safest(rows: &[&Unseen]) -> u32 {
     let mut groups: Vec<usize> = rows.iter().map(|one| one.group).collect();
     groups.sort_unstable();
