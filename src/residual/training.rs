@@ -313,7 +313,7 @@ mod tests {
         // What is right in one process is wrong in the next.
         let gaps = [0.02, -0.02, 0.015, 0.005];
         let recordings: Vec<_> = (0..4)
-            .map(|k| recording(&format!("{k}"), 500 * k, 500, move |_, _| gaps[usize::try_from(k).unwrap()]))
+            .map(|k| recording(&format!("{k}"), 500 * k, 1500, move |_, _| gaps[usize::try_from(k).unwrap()]))
             .collect();
         let mut table = of(&recordings);
         for mark in &mut table.marks {
