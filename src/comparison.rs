@@ -13,8 +13,9 @@
 //!  "ablation": [as spread],
 //!  "breakdown": {"models": ["mdhm", "ddm", …], "processes": [{"process": "startup", "parts": [{"phase": "trip", "rows": 2, "mae": […], "square_shares": […]}, …],
 //!                "shift_s": [["mbm", 0.1], …], "decided_share": 0.9, "worst": [{"recording": 11, "time_s": 3.2, "phase": "trip", "measured": -1.0, "said": […]}, …],
-//!                "guard": {"rows": 1000, "clamped": 0, "faded": 0, "outside": 0, "bad": 0}}, …]},
-//!  "left_out_process": [{"process": "startup", "models": [{"id": "mbm", …FIGURES}, …]}, …],
+//!                "guard": {"rows": 1000, "clamped": 0, "faded": 0, "shrunk": 0, "outside": 0, "bad": 0}}, …]},
+//!  "left_out_process": [{"process": "startup", "models": [{"id": "mbm", …FIGURES}, …],
+//!                       "band": [{"process": "startup", "distance": "near", "rows": 4100, "coverage_share": 0.9, "mean_half_width": 0.011}, …]}, …],
 //!  "searches": [{"id": "mdhm", "kind": "bayesian", "trials": […], "slices": […]}, …],
 //!  "importance": [{"feature": "model.rate", "group": "model", "gain_share": 0.21}, …],
 //!  "band": {"coverage_share": 0.9, "measured": [{"process": "startup", "coverage_share": 0.93, "mean_half_width": 0.011}, …]},
@@ -30,6 +31,7 @@ pub mod breakdown;
 pub mod closed;
 #[cfg(feature = "residual")]
 pub mod contenders;
+pub mod coverage;
 pub mod gate;
 pub mod limit;
 #[cfg(feature = "residual")]

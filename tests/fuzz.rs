@@ -213,7 +213,7 @@ fn write_the_model() {
         period_ns: 200_000_000,
         twin: fingerprint(&govtwin::params::reference()),
         features,
-        guard: Guard { support: vec![[-1e9, 1e9]; count], range: [-0.02, 0.02] },
+        guard: Guard { support: vec![[-1e9, 1e9]; count], range: [-0.02, 0.02], reach: None },
         band: None,
         importance: vec![0.0; count],
         booster: "by hand".into(),

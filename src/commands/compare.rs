@@ -8,8 +8,9 @@ use anyhow::{Context, bail};
 use govtwin::comparison::ablation::{Parents, STEPS, ablation, same_rows};
 use govtwin::comparison::breakdown::{Breakdown, breakdown};
 use govtwin::comparison::closed::closed_loop;
-use govtwin::comparison::contenders::leave_one_out;
-use govtwin::comparison::limit::limit;
+use govtwin::comparison::contenders::{LeftOut, leave_one_out};
+use govtwin::comparison::coverage::CoveredAt;
+use govtwin::comparison::limit::{Known, limit};
 use govtwin::comparison::refit::{refit, teaching};
 use govtwin::comparison::summary::{
     Claims, FreeRun, Importance, SCHEMA, Scored, Summary, Unseen, claims, covered, spread,
@@ -17,7 +18,6 @@ use govtwin::comparison::summary::{
 use govtwin::comparison::{Contender, Standing};
 use govtwin::estimation::calibration::parts;
 use govtwin::parameters::Unit;
-use govtwin::recording::Process;
 use govtwin::replay::summary::cut_id;
 use govtwin::report::comparison::{HYBRIDS, Shown, breakdown_table, models_table, page, spread_table};
 use govtwin::report::table::Table as Printed;
@@ -59,10 +59,18 @@ pub struct Args {
     /// An effect of `govtwin effects` to fit with it, such as a diagnosis of the rows that teach named.
     #[arg(long = "effect", value_name = "ID", requires = "refit")]
     effects: Vec<String>,
-    /// Evaluations of each network's search, which takes far longer than that for trees.
+    /// Evaluations of each network's search; without it as many as those for trees, so that the effort is equal.
     #[cfg(feature = "deep")]
-    #[arg(long, value_name = "N", default_value_t = 15)]
-    network_iterations: usize,
+    #[arg(long, value_name = "N")]
+    network_iterations: Option<usize>,
+}
+
+#[cfg(feature = "deep")]
+impl Args {
+    /// Evaluations of each network's search.
+    fn network_budget(&self) -> usize {
+        self.learn.scaled(self.network_iterations.unwrap_or(self.learn.iterations))
+    }
 }
 
 /// Runs the command.
@@ -95,26 +103,24 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         (None, vec![], vec![]);
     for &seed in &seeds {
         let mut found = field(&args.learn, &parents, &split, seed, &ready.sheet.unit)?;
+        #[cfg(feature = "deep")]
+        learn::networks::compete(
+            &args.learn,
+            args.network_budget(),
+            (&ready.table, &split, seed),
+            (&mut found.contenders, &mut found.searches),
+        )?;
         let rows = (&ready.table, &split.test[..]);
-        found.contenders.push(limit(&unit, ready.cut, (&ready.recordings, grid_ns(&unit)), rows, seed));
+        for known in [Known::Inputs, Known::Rows] {
+            let recordings = (&ready.recordings[..], grid_ns(&unit));
+            found.contenders.push(limit(&unit, ready.cut, recordings, rows, (known, seed)));
+        }
         every.push(standings_of(&found.contenders));
         first.get_or_insert(found);
         let progress = Progress::new(STEPS, "steps of the ablation");
         steps.push(standings_of(&ablation(&parents, &split, &Hyperparameters::MANUAL, seed, || progress.step())?));
     }
     let field = first.context("no seed was given")?;
-    #[cfg(feature = "deep")]
-    let field = {
-        let mut field = field;
-        learn::networks::compete(
-            &args.learn,
-            args.learn.scaled(args.network_iterations),
-            &ready.table,
-            &split,
-            (&mut field.contenders, &mut field.searches),
-        )?;
-        field
-    };
     let broken = broken(&parents, &split, &field)?;
     let progress = Progress::new(12, "models with a process left out");
     let left_out = leave_one_out(parents.plain, parents.drawn, args.learn.seed, || progress.step())?;
@@ -126,9 +132,10 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let named = |id: &str| standings.iter().find(|one| one.id == id).context("a model of the comparison is missing");
     let mut ranked: Vec<&Standing> = standings.iter().filter(|one| HYBRIDS.contains(&one.id)).collect();
     ranked.sort_by(|a, b| a.overall.mae.total_cmp(&b.overall.mae));
-    let unseen = |(process, models): &(Process, Vec<Standing>)| Unseen {
-        process: process.id(),
-        models: models.iter().map(Scored::from).collect(),
+    let unseen = |one: &LeftOut| Unseen {
+        process: one.process.id(),
+        models: one.models.iter().map(Scored::from).collect(),
+        band: one.band.clone(),
     };
     let of_hybrid = field.contenders.iter().find(|one| one.id == "mdhm").map(|one| &one.estimates[..]);
     let rivals = [named("mbm")?, named("ddm")?];
@@ -222,7 +229,7 @@ fn free_run(args: &Args, ready: &Ready) -> anyhow::Result<Option<FreeRun>> {
 fn settings(args: &Args, ready: &Ready, hybrid: &Model) -> BTreeMap<&'static str, String> {
     let cut = if args.cut == CutAt::None { Cut::None } else { Cut::Servomotor };
     #[cfg(feature = "deep")]
-    let networks = format!("{}, on every fourth row of the folds", args.learn.scaled(args.network_iterations));
+    let networks = format!("{}, on every fourth row of the folds", args.network_budget());
     #[cfg(not(feature = "deep"))]
     let networks = "none: built without the cargo feature `deep`".to_owned();
     let named = hybrid.hyperparameters.iter().map(|(name, value)| format!("{name} {value}"));
@@ -261,6 +268,16 @@ fn importance(model: &Model) -> Vec<Importance> {
     all
 }
 
+/// Rows and coverage in words.
+fn covered_words(at: &CoveredAt) -> String {
+    if at.coverage_share.is_nan() {
+        format!("{} rows, no band", at.rows)
+    } else {
+        let (covered, half) = (100.0 * at.coverage_share, at.mean_half_width);
+        format!("{} rows, {covered:.1} % inside, half width {half:.4}", at.rows)
+    }
+}
+
 fn say(summary: &Summary, unit: &str) -> anyhow::Result<()> {
     print(&table_text(&models_table(&summary.models, unit)))?;
     print("Over all seeds:\n")?;
@@ -278,6 +295,9 @@ fn say(summary: &Summary, unit: &str) -> anyhow::Result<()> {
         let said: Vec<String> =
             unseen.models.iter().map(|model| format!("{} {:.5}", model.title, model.overall.mae)).collect();
         print(&format!("Left out of training: {}: MAE {}\n", unseen.process, said.join(", ")))?;
+        for at in &unseen.band {
+            print(&format!("  its band, {}: {}\n", at.distance, covered_words(at)))?;
+        }
     }
     for (signal, models) in
         summary.closed_loop.iter().flat_map(|run| [("spool", &run.spool), ("servomotor", &run.servomotor)])

@@ -143,7 +143,12 @@ impl Args {
     /// Evaluations of a search, and how many of them chance chooses first.
     pub fn budget(&self) -> (usize, usize) {
         let budget = self.scaled(self.iterations);
-        (budget, budget.div_ceil(5).max(3).min(budget))
+        (budget, Self::initial(budget))
+    }
+
+    /// How many of so many evaluations chance chooses first.
+    pub fn initial(budget: usize) -> usize {
+        budget.div_ceil(5).max(3).min(budget)
     }
 
     /// So many evaluations, or a tenth.

@@ -2,6 +2,7 @@
 
 use anyhow::{Context, bail};
 use govtwin::comparison::contenders::{self, mechanism, trained};
+use govtwin::comparison::coverage::{CoveredAt, covered_by_distance};
 use govtwin::comparison::summary::{Covered, Scored, Searched, covered};
 use govtwin::comparison::{Contender, Standing};
 use govtwin::recording::Process;
@@ -38,9 +39,22 @@ pub struct Args {
     /// Processes that neither teach nor judge, so that `replay --then` can show how far the model carries.
     #[arg(long, value_name = "PROCESS", value_enum, value_delimiter = ',')]
     leave_out: Vec<Which>,
+    /// What bounds corrections. `processes` never makes a process worse that no row taught, as far as those that taught can tell, and
+    /// corrects less where they did; `range` is for a unit that does what it did in the recordings.
+    #[arg(long, value_enum, default_value_t = GuardBy::Range)]
+    guard: GuardBy,
     /// No search: the hyperparameters that a person would take.
     #[arg(long)]
     manual: bool,
+}
+
+/// What bounds corrections.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum GuardBy {
+    /// The range of each feature, and of the corrections, among the rows that taught.
+    Range,
+    /// That, and the distance from those rows, with weights learned on folds that leave a process out.
+    Processes,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -78,6 +92,7 @@ struct Trained {
     models: Vec<Scored>,
     searches: Vec<Searched>,
     band: Option<Covered>,
+    band_by_distance: Vec<CoveredAt>,
 }
 
 /// Runs the command.
@@ -104,6 +119,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let unit = &ready.sheet.unit;
     let rows = (&split.train[..], &split.test[..]);
     let (mut model, estimates) = trained(table, rows, Learned::Residual, &with, args.learn.seed, unit)?;
+    if args.guard == GuardBy::Range {
+        model.guard.reach = None;
+    }
     let names: Vec<&str> = ready.recordings.iter().map(|one| one.name.as_str()).collect();
     model.training.insert("recordings".to_owned(), names.join(", "));
     if !left_out.is_empty() {
@@ -111,8 +129,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     model.training.insert("unit".to_owned(), ready.sheet.name.clone());
     model.training.extend(ready.origin.iter().map(|origin| ("origin".to_owned(), origin.clone())));
-    let band = model.band.map(|band| covered(table, &split.test, &estimates, &band));
     let forest = model.forest()?;
+    let by_distance = model.band.map(|band| covered_by_distance(table, &split.test, &forest, (&model.guard, &band)));
+    let band = model.band.map(|band| covered(table, &split.test, &estimates, &band));
     let guarded = contenders::estimates(&forest, table, &split.test, Learned::Residual, Some(&model.guard));
     let standings = [
         mechanism(table, &split.test),
@@ -132,6 +151,15 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         let (stated, found) = (100.0 * band.coverage_share, 100.0 * band.overall_share);
         said += &format!("Band: {stated:.0} % stated, {found:.1} % of the judging rows inside.\n");
     }
+    let band_by_distance = by_distance.unwrap_or_default();
+    for at in &band_by_distance {
+        said += &format!("  guarded, {}, {}: {} rows", at.process, at.distance, at.rows);
+        if at.coverage_share.is_finite() {
+            let covered = 100.0 * at.coverage_share;
+            said += &format!(", {covered:.1} % inside, half width {:.4} {}", at.mean_half_width, model.unit);
+        }
+        said += "\n";
+    }
     let mut page =
         Page::new("Training of the residual", format!("{} rows teach, {} judge", rows.0.len(), rows.1.len()));
     if let Some(origin) = &ready.origin {
@@ -149,6 +177,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         models: scored,
         searches,
         band,
+        band_by_distance,
     };
     output.add_json("train.json", &figures)?;
     output.place()?;

@@ -252,7 +252,7 @@ mod tests {
         let mut bad = Contender { id: "bad", ..good.clone() };
         bad.estimates[50] += 0.5;
         let width = table.layout.features.len();
-        let guard = Guard { support: vec![[-1e9, 1e9]; width], range: [-0.1, 0.1] };
+        let guard = Guard { support: vec![[-1e9, 1e9]; width], range: [-0.1, 0.1], reach: None };
         let said = breakdown(&[("late", &table)], &rows, &[&bad, &good], &guard);
         assert_eq!(said.models, ["bad", "good"]);
         let process = &said.processes[0];

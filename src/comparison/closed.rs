@@ -216,7 +216,7 @@ mod tests {
         let with = |rate_m_s: f64| {
             let leaf = vec![rate_m_s, rate_m_s];
             let tree = Tree { feature: vec![0], threshold: vec![0.0], left: vec![-1], right: vec![-2], leaf };
-            let guard = Guard { support: vec![[-1e12, 1e12]; FEATURES], range: [-0.01, 0.01] };
+            let guard = Guard { support: vec![[-1e12, 1e12]; FEATURES], range: [-0.01, 0.01], reach: None };
             simulate(&mut twin(&unit, Forest::new(&[tree], FEATURES).unwrap(), guard), &rows)
         };
         assert!(with(0.0) == plain);

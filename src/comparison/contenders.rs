@@ -1,5 +1,6 @@
 //! The models of the comparison that trees can make, each trained on the same rows with the same features.
 
+use super::coverage::{CoveredAt, covered_by_distance};
 use super::{Contender, Standing};
 use crate::parameters::Unit;
 use crate::recording::Process;
@@ -10,7 +11,7 @@ use crate::residual::guard::{Counts, Guard};
 use crate::residual::model::{Learned, Model};
 use crate::residual::split::without_process;
 use crate::residual::table::{Layout, Table};
-use crate::residual::training::{self, targets};
+use crate::residual::training;
 
 /// The same table with some of its features.
 #[must_use]
@@ -46,7 +47,7 @@ pub fn estimates(forest: &Forest, table: &Table, rows: &[usize], learned: Learne
     let mut counts = Counts::default();
     let of = |&row: &usize| {
         let raw = forest.value(table.row(row));
-        let value = guard.map_or(raw, |guard| guard.apply(raw, table.row(row), &mut counts).0);
+        let value = guard.map_or(raw, |guard| guard.apply(raw, table.row(row), &mut counts).value);
         match learned {
             Learned::Residual => table.marks[row].model + value,
             Learned::Signal => value,
@@ -73,6 +74,17 @@ pub fn trained(
     Ok((model, said))
 }
 
+/// What models say of a process that none of them saw.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LeftOut {
+    /// The process.
+    pub process: Process,
+    /// The models.
+    pub models: Vec<Standing>,
+    /// The band of the guarded hybrid on the better twin, by distance.
+    pub band: Vec<CoveredAt>,
+}
+
 /// Every process left out of training in turn, with the manual hyperparameters: MBM, DDM, the paper's hybrid, and the hybrid on a twin
 /// whose inputs are drawn in between rows, beside that twin.
 ///
@@ -86,7 +98,7 @@ pub fn leave_one_out(
     drawn: &Table,
     seed: u64,
     mut done: impl FnMut(),
-) -> Result<Vec<(Process, Vec<Standing>)>, TrainError> {
+) -> Result<Vec<LeftOut>, TrainError> {
     let data = data_only(plain);
     let mut all = vec![];
     for process in Process::ALL {
@@ -99,18 +111,19 @@ pub fn leave_one_out(
             Forest::new(&trees, table.layout.features.len()).map_err(|error| TrainError::Library(error.to_string()))
         };
         let mut hybrids = |table: &Table, [bare, guarded]: [(&'static str, &'static str); 2]| {
-            let targets = targets(table, &split.train, Learned::Residual);
-            let guard = Guard::of(&table.select(&split.train), table.layout.features.len(), &targets);
+            let with = Hyperparameters::MANUAL;
+            let (guard, band) = training::guard(table, &split.train, Learned::Residual, &with, seed)?;
             let hybrid = forest(table, Learned::Residual)?;
             done();
             let said = |guard| estimates(&hybrid, table, &split.test, Learned::Residual, guard);
             let of = |(id, title), estimates| Contender { id, title, estimates };
-            Ok::<_, TrainError>([of(bare, said(None)), of(guarded, said(Some(&guard)))])
+            let covered = band.map(|band| covered_by_distance(table, &split.test, &hybrid, (&guard, &band)));
+            Ok::<_, TrainError>(([of(bare, said(None)), of(guarded, said(Some(&guard)))], covered.unwrap_or_default()))
         };
         let names = [("hybrid", "LightGBM hybrid"), ("guarded", "LightGBM hybrid, guarded")];
-        let [paper, paper_guarded] = hybrids(plain, names)?;
+        let ([paper, paper_guarded], _) = hybrids(plain, names)?;
         let names = [("hybrid_drawn", "hybrid on it"), ("guarded_drawn", "hybrid on it, guarded")];
-        let [better, better_guarded] = hybrids(drawn, names)?;
+        let ([better, better_guarded], band) = hybrids(drawn, names)?;
         let alone = forest(&data, Learned::Signal)?;
         done();
         let ddm = estimates(&alone, &data, &split.test, Learned::Signal, None);
@@ -123,7 +136,8 @@ pub fn leave_one_out(
             better,
             better_guarded,
         ];
-        all.push((process, contenders.iter().map(|one| Standing::of(plain, &split.test, one)).collect()));
+        let models = contenders.iter().map(|one| Standing::of(plain, &split.test, one)).collect();
+        all.push(LeftOut { process, models, band });
     }
     Ok(all)
 }

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::breakdown::Breakdown;
+use super::coverage::CoveredAt;
 use super::{Standing, reduction};
 use crate::metrics::Figures;
 use crate::recording::Process;
@@ -170,6 +171,8 @@ pub struct Unseen {
     pub process: &'static str,
     /// The models.
     pub models: Vec<Scored>,
+    /// The band of the guarded hybrid on the better twin, by distance.
+    pub band: Vec<CoveredAt>,
 }
 
 /// A search's trace.

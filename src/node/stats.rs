@@ -176,8 +176,8 @@ impl Summary {
         if let Some(guard) = &self.guard {
             let _ = writeln!(
                 text,
-                "residual: {} rows, {} clamped, {} faded, {} outside, {} bad",
-                guard.rows, guard.clamped, guard.faded, guard.outside, guard.bad
+                "residual: {} rows, {} clamped, {} faded, {} shrunk, {} outside, {} bad",
+                guard.rows, guard.clamped, guard.faded, guard.shrunk, guard.outside, guard.bad
             );
         }
         if let Some(adaptation) = &self.adaptation {

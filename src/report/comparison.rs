@@ -32,7 +32,7 @@ impl Shown<'_> {
 }
 
 /// Ids of the hybrids, in the paper's ranking; those that took no part are passed over.
-pub const HYBRIDS: [&str; 6] = ["gate", "hybrid", "mdhm", "lightgbm", "lstm", "tcn"];
+pub const HYBRIDS: [&str; 7] = ["gate", "hybrid", "mdhm", "random", "lightgbm", "lstm", "tcn"];
 
 /// The figures of models, process by process.
 #[must_use]
@@ -170,12 +170,13 @@ fn why(body: &mut Blocks, summary: &Summary, shown: &Shown) -> Result<(), DrawEr
         });
         let guard = &one.guard;
         body.paragraph(format!(
-            "{}: {decided}; the twin's trace comes too late by: {}; of {} rows the guard would clamp {}, fade {} and refuse {}.",
+            "{}: {decided}; the twin's trace comes too late by: {}; of {} rows the guard would clamp {}, fade {}, shrink {} and refuse {}.",
             title(one.process),
             shifts.join(", "),
             guard.rows,
             guard.clamped,
             guard.faded,
+            guard.shrunk,
             guard.outside + guard.bad
         ));
     }

@@ -6,7 +6,7 @@ use super::adapt::{Adaptation, Adapter};
 use super::band::Band;
 use super::features::{self, Feature};
 use super::forest::Forest;
-use super::guard::{Counts, Guard};
+use super::guard::{Counts, Guard, Passed};
 use super::history::History;
 use super::model::{Learned, Model, ModelError};
 use super::row::{Channel, Rows};
@@ -20,7 +20,7 @@ pub struct Correction {
     pub uncorrected: f64,
     /// The corrected value, equal to the twin's where the guard is off; the coefficient's unit is the signal's.
     pub corrected: f64,
-    /// Half width of the band around it; NaN where there is none: without a band, or with the guard off. In the signal's unit, pu or Pa.
+    /// Half width of the band around it, wider where training rows are far; NaN where there is none: without a band, or outside the support. In the signal's unit, pu or Pa.
     pub half_width: f64,
     /// How much of the learned correction was let through, 1 in the support; a share of 1.
     pub weight_share: f64,
@@ -116,7 +116,8 @@ impl Corrector {
         let taps = self.history.push(frame.time_ns, &row);
         features::fill(&self.features, taps, self.period_ns, &mut self.values);
         let motion = motion(taps.iter().take(5).map(|tap| tap[Channel::Model as usize]));
-        let (value, weight_share) = self.guard.apply(self.forest.value(&self.values), &self.values, &mut self.counts);
+        let Passed { value, weight_share, widening } =
+            self.guard.apply(self.forest.value(&self.values), &self.values, &mut self.counts);
         let uncorrected = self.signal.of(&estimate.signals);
         let mut corrected = match self.learned {
             Learned::Residual => uncorrected + value,
@@ -130,8 +131,7 @@ impl Corrector {
                 corrected += added;
             }
         }
-        let banded = self.band.filter(|_| weight_share == 1.0);
-        let half_width = banded.map_or(f64::NAN, |band| band.half_width(motion));
+        let half_width = self.band.map_or(f64::NAN, |band| band.half_width(motion)) * widening;
         Correction { uncorrected, corrected, half_width, weight_share }
     }
 }

@@ -166,6 +166,9 @@ impl Model {
                 return Err(damaged(format!("`{what}` has {len} entries for {features} features")));
             }
         }
+        if let Some(problem) = model.guard.reach.as_ref().and_then(|reach| reach.problem(features)) {
+            return Err(damaged(problem.to_owned()));
+        }
         if model.guard.support.iter().chain([&model.guard.range]).any(|[low, high]| low > high) {
             return Err(damaged("a range ends before it begins".to_owned()));
         }
@@ -267,7 +270,7 @@ pub(super) mod tests {
             period_ns: 200_000_000,
             twin: fingerprint(&crate::params::reference()),
             features,
-            guard: Guard { support: vec![[-1e9, 1e9]; count], range: [-0.02, 0.02] },
+            guard: Guard { support: vec![[-1e9, 1e9]; count], range: [-0.02, 0.02], reach: None },
             band: None,
             importance: vec![0.0; count],
             booster: "by hand".into(),

@@ -53,7 +53,13 @@ pub fn folds(table: &Table, train: &[usize]) -> Vec<Split> {
 /// All rows of other processes teach, those of one judge: how far learning carries to what was never seen.
 #[must_use]
 pub fn without_process(table: &Table, process: Process) -> Split {
-    let (test, train) = (0..table.marks.len()).partition(|&row| table.marks[row].process == process);
+    without(table, &(0..table.marks.len()).collect::<Vec<_>>(), process)
+}
+
+/// The same among some rows.
+#[must_use]
+pub fn without(table: &Table, rows: &[usize], process: Process) -> Split {
+    let (test, train) = rows.iter().partition(|&&row| table.marks[row].process == process);
     Split { train, test, purged: 0 }
 }
 

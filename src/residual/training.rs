@@ -9,10 +9,12 @@ use super::booster::{self, FEWEST_ROWS, Hyperparameters, Objective, TrainError, 
 use super::forest::{Forest, Tree};
 use super::guard::Guard;
 use super::model::{Learned, Model, fingerprint};
+use super::reach::{Reach, Unseen};
 use super::search::Dimension;
-use super::split::{Split, folds};
+use super::split::{Split, folds, without};
 use super::table::Table;
 use crate::parameters::Unit;
+use crate::recording::Process;
 
 /// Share of rows that a model's band is to cover.
 pub const COVERAGE_SHARE: f64 = 0.9;
@@ -101,21 +103,73 @@ pub fn out_of_fold(
     with: &Hyperparameters,
     seed: u64,
 ) -> Result<Vec<(usize, f64)>, TrainError> {
+    Ok(missed(table, folds, learned, with, seed)?.concat())
+}
+
+/// The same fold by fold; a fold with too few rows to teach gives none.
+fn missed(
+    table: &Table,
+    folds: &[Split],
+    learned: Learned,
+    with: &Hyperparameters,
+    seed: u64,
+) -> Result<Vec<Vec<(usize, f64)>>, TrainError> {
     let most = folds.iter().map(|fold| fold.train.len()).max().unwrap_or(0);
     if most < FEWEST_ROWS {
         return Err(TrainError::TooFew { found: most });
     }
-    // The first folds of few recordings may be too short to teach anything.
-    let long_enough: Vec<&Split> = folds.iter().filter(|fold| fold.train.len() >= FEWEST_ROWS).collect();
-    let of = |fold: &&Split| -> Result<Vec<(usize, f64)>, TrainError> {
+    let of = |fold: &Split| -> Result<Vec<(usize, f64)>, TrainError> {
+        // The first folds of few recordings may be too short to teach anything.
+        if fold.train.len() < FEWEST_ROWS {
+            return Ok(vec![]);
+        }
         let (trees, _) = fit(table, &fold.train, learned, with, seed)?;
         let forest = walkable(&trees, table)?;
         let targets = targets(table, &fold.test, learned);
         let residual = |(&row, target): (&usize, f64)| (row, target - forest.value(table.row(row)));
         Ok(fold.test.iter().zip(targets).map(residual).collect())
     };
-    let residuals: Result<Vec<_>, _> = long_enough.par_iter().map(of).collect();
-    Ok(residuals?.concat())
+    folds.par_iter().map(of).collect()
+}
+
+/// The guard of rows that teach, with its reach where they are of two processes or more, and the band that goes with it.
+///
+/// # Errors
+/// As [`grow`].
+pub fn guard(
+    table: &Table,
+    rows: &[usize],
+    learned: Learned,
+    with: &Hyperparameters,
+    seed: u64,
+) -> Result<(Guard, Option<Band>), TrainError> {
+    let mut guard = Guard::of(&table.select(rows), table.layout.features.len(), &targets(table, rows, learned));
+    let by_time = folds(table, rows);
+    let missed_by_time = missed(table, &by_time, learned, with, seed).unwrap_or_default();
+    let motions = missed_by_time.iter().flatten().map(|(row, missed)| (table.marks[*row].motion, *missed));
+    let band = Band::of(&motions.collect::<Vec<_>>(), COVERAGE_SHARE);
+    let left_out: Vec<Split> = Process::ALL.map(|process| without(table, rows, process)).into();
+    let alone = left_out.iter().filter(|fold| fold.train.len() >= FEWEST_ROWS && !fold.test.is_empty()).count() < 2;
+    // A model of the signal itself has no twin to fall back on.
+    let Some(band) = band.filter(|_| learned == Learned::Residual && !alone) else { return Ok((guard, band)) };
+    let missed_unseen = missed(table, &left_out, learned, with, seed)?;
+    let folds = left_out.iter().zip(&missed_unseen).enumerate().map(|(group, fold)| (group, fold));
+    let by_time = by_time.iter().zip(&missed_by_time).map(|fold| (left_out.len(), fold));
+    let names: Vec<String> = table.layout.features.iter().map(super::features::Feature::name).collect();
+    let of = |rows: &[usize]| -> Vec<&[f64]> { rows.iter().map(|&row| table.row(row)).collect() };
+    let scales_of = of(rows);
+    let reach = |taught: &[usize]| Reach::of(&names, &of(taught), &scales_of);
+    let mut unseen = vec![];
+    for (group, (fold, missed)) in folds.chain(by_time) {
+        let Some(reach) = reach(&fold.train) else { continue };
+        unseen.extend(missed.iter().map(|&(row, missed)| {
+            let (mark, distance) = (&table.marks[row], reach.distance(table.row(row)));
+            let (target, half_width) = (mark.residual(), band.half_width(mark.motion));
+            Unseen { group, distance, target, said: target - missed, half_width }
+        }));
+    }
+    guard.reach = reach(rows).map(|reach| reach.learned(&unseen, COVERAGE_SHARE));
+    Ok((guard, Some(band)))
 }
 
 fn walkable(trees: &[Tree], table: &Table) -> Result<Forest, TrainError> {
@@ -155,12 +209,9 @@ pub fn model(
     unit: &Unit,
 ) -> Result<Model, TrainError> {
     let (trees, importance) = fit(table, rows, learned, with, seed)?;
-    let residuals = out_of_fold(table, &folds(table, rows), learned, with, seed).unwrap_or_default();
-    let residuals: Vec<(f64, f64)> =
-        residuals.into_iter().map(|(row, residual)| (table.marks[row].motion, residual)).collect();
+    let (guard, band) = guard(table, rows, learned, with, seed)?;
     let layout = &table.layout;
     let features: Vec<String> = layout.features.iter().map(super::features::Feature::name).collect();
-    let guard = Guard::of(&table.select(rows), features.len(), &targets(table, rows, learned));
     Ok(Model {
         program: concat!("govtwin ", env!("CARGO_PKG_VERSION")).to_owned(),
         signal: layout.signal.id().to_owned(),
@@ -172,7 +223,7 @@ pub fn model(
         twin: fingerprint(unit),
         features,
         guard,
-        band: Band::of(&residuals, COVERAGE_SHARE),
+        band,
         importance,
         booster: booster::NAME.to_owned(),
         hyperparameters: named(with),
@@ -250,5 +301,39 @@ mod tests {
         for (dimension, value) in SPACE.iter().zip(point) {
             assert!((named[dimension.name] - value).abs() < 1e-9, "{}", dimension.name);
         }
+    }
+
+    #[test]
+    fn a_process_that_no_row_taught_is_no_worse_than_its_twin_under_the_guard() {
+        use super::{Learned, fit, guard};
+        use crate::recording::Process;
+        use crate::residual::forest::Forest;
+        use crate::residual::guard::Counts;
+        use crate::residual::split::without_process;
+        // What is right in one process is wrong in the next.
+        let gaps = [0.02, -0.02, 0.015, 0.005];
+        let recordings: Vec<_> = (0..4)
+            .map(|k| recording(&format!("{k}"), 500 * k, 1500, move |_, _| gaps[usize::try_from(k).unwrap()]))
+            .collect();
+        let mut table = of(&recordings);
+        for mark in &mut table.marks {
+            mark.process = Process::ALL[mark.recording];
+        }
+        let split = without_process(&table, Process::ALL[3]);
+        let learned = Learned::Residual;
+        let (guard, band) = guard(&table, &split.train, learned, &quick(), 1).unwrap();
+        assert!(band.is_some() && guard.reach.is_some());
+        let forest =
+            Forest::new(&fit(&table, &split.train, learned, &quick(), 1).unwrap().0, table.layout.features.len())
+                .unwrap();
+        let (mut twin, mut bare, mut guarded) = (0.0, 0.0, 0.0);
+        for &row in &split.test {
+            let (residual, raw) = (table.marks[row].residual(), forest.value(table.row(row)));
+            twin += residual.abs();
+            bare += (residual - raw).abs();
+            guarded += (residual - guard.apply(raw, table.row(row), &mut Counts::default()).value).abs();
+        }
+        assert!(bare > 1.5 * twin, "{bare} against {twin}: the test shows nothing");
+        assert!(guarded <= twin + 1e-9, "{guarded} against {twin}");
     }
 }

@@ -24,7 +24,7 @@ pub fn model(unit: &Unit) -> Model {
         period_ns: 200_000_000,
         twin: fingerprint(unit),
         features,
-        guard: Guard { support: vec![[-1e12, 1e12]; count], range: [-0.05, 0.05] },
+        guard: Guard { support: vec![[-1e12, 1e12]; count], range: [-0.05, 0.05], reach: None },
         band: Some(Band { coverage_share: 0.9, moving_above: 0.1, at_rest: 0.02, in_motion: 0.02 }),
         importance: vec![0.0; count],
         booster: "none".into(),

@@ -25,18 +25,21 @@ pub struct Field {
     pub paper: Model,
 }
 
-/// One search by each kind, and what the Bayesian one found.
+/// One search by each kind, and what each found, the Bayesian one first.
 fn searched(
     args: &learn::Args,
     (table, split, learned): (&Table, &Split, Learned),
     (id, nouns): (&'static str, [&'static str; 2]),
     seed: u64,
     searches: &mut Vec<Searched>,
-) -> anyhow::Result<Hyperparameters> {
+) -> anyhow::Result<[Hyperparameters; 2]> {
     let [bayesian, random] = nouns;
     let found = args.search(table, split, learned, Job { id, kind: "bayesian", noun: bayesian }, seed)?;
-    let with = training::at(found.best().context("no evaluation of the search succeeded")?.0);
     let chance = args.search(table, split, learned, Job { id, kind: "random", noun: random }, seed)?;
+    let at = |search: &Searched| -> anyhow::Result<Hyperparameters> {
+        Ok(training::at(search.best().context("no evaluation of the search succeeded")?.0))
+    };
+    let with = [at(&found)?, at(&chance)?];
     searches.extend([found, chance]);
     Ok(with)
 }
@@ -53,15 +56,16 @@ pub fn field(
     let data = data_only(plain);
     let mut searches = vec![];
     let job = (plain, split, Learned::Residual);
-    let paper =
+    let [paper, paper_by_chance] =
         searched(args, job, ("mdhm", ["evaluations, MDHM", "evaluations, MDHM at random"]), seed, &mut searches)?;
     let job = (&data, split, Learned::Signal);
-    let alone = searched(args, job, ("ddm", ["evaluations, DDM", "evaluations, DDM at random"]), seed, &mut searches)?;
+    let [alone, _] =
+        searched(args, job, ("ddm", ["evaluations, DDM", "evaluations, DDM at random"]), seed, &mut searches)?;
     let job = (best, split, Learned::Residual);
     let nouns = ["evaluations, hybrid", "evaluations, hybrid at random"];
-    let with = searched(args, job, ("hybrid", nouns), seed, &mut searches)?;
+    let [with, _] = searched(args, job, ("hybrid", nouns), seed, &mut searches)?;
 
-    let progress = Progress::new(6, "models");
+    let progress = Progress::new(7, "models");
     let rows = (&split.train[..], &split.test[..]);
     let mut contenders = vec![mechanism(plain, &split.test)];
     contenders.push(Contender { id: "drawn", title: "MBM, inputs drawn in", ..mechanism(parents.drawn, &split.test) });
@@ -77,6 +81,9 @@ pub fn field(
     progress.step();
     let (_, estimates) = trained(plain, rows, Learned::Residual, &Hyperparameters::MANUAL, seed, unit)?;
     contenders.push(Contender { id: "lightgbm", title: "LightGBM hybrid", estimates });
+    progress.step();
+    let (_, estimates) = trained(plain, rows, Learned::Residual, &paper_by_chance, seed, unit)?;
+    contenders.push(Contender { id: "random", title: "LightGBM hybrid, random search", estimates });
     progress.step();
     let (model, estimates) = trained(plain, rows, Learned::Residual, &paper, seed, unit)?;
     contenders.push(Contender { id: "mdhm", title: "MDHM", estimates });

@@ -16,12 +16,11 @@ use crate::commands::output::{Progress, print};
 /// In searches every so many-th row of a fold teaches and judges: a network takes ten times as long as trees.
 const EVERY: usize = 4;
 
-/// Searches, trains and asks both networks; `budget` is the number of evaluations of each search.
+/// Searches, trains and asks both networks by one seed; `budget` is the number of evaluations of each search.
 pub fn compete(
     args: &Args,
     budget: usize,
-    table: &Table,
-    split: &Split,
+    (table, split, seed): (&Table, &Split, u64),
     (contenders, searches): (&mut Vec<Contender>, &mut Vec<Searched>),
 ) -> anyhow::Result<()> {
     let rivals = [
@@ -29,18 +28,18 @@ pub fn compete(
         (Kind::Tcn, "tcn", "BO-TCN hybrid", "evaluations, TCN"),
     ];
     let folds = folds(table, &split.train);
-    let initial = budget.div_ceil(3).max(3).min(budget);
+    let initial = Args::initial(budget);
     for (kind, id, title, noun) in rivals {
         let key = format!("{kind:?}, every {EVERY}");
-        let mut journal = Journal::open(&args.out.join("search.json"), table, &split.train, key, args.seed);
+        let mut journal = Journal::open(&args.out.join("search.json"), table, &split.train, key, seed);
         let progress = Progress::new(budget, noun);
         let (mut done, search_start) = (0, now());
-        let trials = search(&SPACE, "bayesian", [initial, budget], args.seed, |point| {
+        let trials = search(&SPACE, "bayesian", [initial, budget], seed, |point| {
             let loss = if let Some(loss) = journal.known(point) {
                 loss
             } else {
                 done += 1;
-                let loss = loss(kind, table, &folds, point, args.seed)?;
+                let loss = loss(kind, table, &folds, point, seed)?;
                 journal.keep(point, loss)?;
                 loss
             };
@@ -53,7 +52,7 @@ pub fn compete(
         let best = found.best().context("no evaluation of the search succeeded")?.0.to_vec();
         searches.push(found);
         let fit_start = now();
-        let said = residuals(kind, table, split, 1, &best, args.seed)?;
+        let said = residuals(kind, table, split, 1, &best, seed)?;
         let fit_s = fit_start.elapsed().as_secs_f64();
         print(&format!("{title}: {done} evaluations in {search_s:.0} s, trained in {fit_s:.1} s.\n"))?;
         let estimates = split.test.iter().zip(said).map(|(&row, residual)| table.marks[row].model + residual).collect();
