@@ -289,7 +289,8 @@ mod tests {
         assert!(chart(&[], 100.0).is_empty());
         let same = vec![Estimate { size: 0.0, low: 0.0, high: 0.0, group: 0 }; 30];
         assert!(chart(&same, 100.0).iter().all(|point| !point.alarm));
-        let wild = [1.0, 1.01, 0.99, 1.0, 50.0].map(|size| Estimate { size, low: size - 0.01, high: size + 0.01, group: 0 });
+        let wild =
+            [1.0, 1.01, 0.99, 1.0, 50.0].map(|size| Estimate { size, low: size - 0.01, high: size + 0.01, group: 0 });
         assert!(first_alarm(&chart(&wild, 1000.0)).is_none(), "one wild estimate alone");
     }
 }

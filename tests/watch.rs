@@ -1,24 +1,18 @@
 //! `govtwin watch` through the binary: processes entered once whatever happens to bags, histories that survive, slips.
 #![cfg(feature = "cli")]
 
+#[path = "support/program.rs"]
+mod program;
+
 use std::fs;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-struct Run {
-    code: i32,
-    stdout: String,
-    stderr: String,
-}
+use program::Run;
 
 fn govtwin(folder: &Path, arguments: &[&str]) -> Run {
-    let output = Command::new(env!("CARGO_BIN_EXE_govtwin")).current_dir(folder).args(arguments).output().unwrap();
-    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-    let code = output.status.code().expect("ended by itself");
-    let run = Run { code, stdout: text(output.stdout), stderr: text(output.stderr) };
-    assert!(!run.stderr.contains("panicked"), "{}", run.stderr);
-    run
+    Run::of(Command::new(env!("CARGO_BIN_EXE_govtwin")).current_dir(folder).args(arguments))
 }
 
 /// A sheet in which nothing has a tolerance, so that a diagnosis is quick.

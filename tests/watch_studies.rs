@@ -83,7 +83,14 @@ fn watched(frames: &[Frame]) -> Vec<Entry> {
             .iter()
             .map(|size| format!("{} {:.3e} [{:.3e}, {:.3e}]", size.effect, size.value, size.ci90[0], size.ci90[1]))
             .collect();
-        println!("{:5.1} h {:14} {:12} {} {}", hour(last), last.process, last.verdict, sizes.join(", "), warnings.join("; "));
+        println!(
+            "{:5.1} h {:14} {:12} {} {}",
+            hour(last),
+            last.process,
+            last.verdict,
+            sizes.join(", "),
+            warnings.join("; ")
+        );
     }
     entries
 }

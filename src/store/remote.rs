@@ -182,7 +182,10 @@ mod tests {
         let path = "x".to_owned();
         let refused = reason(&object_store::Error::PermissionDenied { path, source: "403 Forbidden: ".into() });
         assert!(refused.contains("403 Forbidden; check the credentials") && refused.contains("clock"), "{refused}");
-        assert!(!reason(&object_store::Error::NotImplemented { operation: "x".into(), implementer: "y".into() }).contains("clock"));
+        assert!(
+            !reason(&object_store::Error::NotImplemented { operation: "x".into(), implementer: "y".into() })
+                .contains("clock")
+        );
     }
 
     #[test]
