@@ -32,7 +32,7 @@ def main():
     folder.mkdir(parents=True, exist_ok=True)
     entries = make(folder, arguments.units, arguments.periods)
     say(f"{entries} entries of {arguments.units} units, on {CORES} cores; all recordings are synthetic")
-    expected = fleet_engines.whole(folder, entries)
+    expected, pace_s = fleet_engines.whole(folder, entries)
     fleet_engines.overhead(folder, entries)
     for name in fleet_engines.ENGINES:
         if name in what:
@@ -42,7 +42,7 @@ def main():
         fleet_engines.in_s3(stored, folder, expected, entries)
     chosen = [name for name in faults if name in what]
     if chosen:
-        fleet_faults.run(chosen, folder, expected, entries, arguments.kills)
+        fleet_faults.run(chosen, folder, expected, entries, arguments.kills, pace_s)
     if not arguments.keep:
         shutil.rmtree(folder)
 

@@ -74,7 +74,7 @@ ENGINES = {"xargs": by_xargs, "xargs-1": by_one_job_of_xargs, "parallel": by_par
 
 
 def whole(folder, entries):
-    """What every engine is held against: the table of a single process, which does one entry after the other."""
+    """What every engine is held against: the table of a single process, which does one entry after the other; and how long it took for one, s."""
     store, out = folder / "whole", folder / "gathered/whole"
     start = time.monotonic()
     govtwin("fleet", "run", folder / "plan", "--out", store)
@@ -83,7 +83,7 @@ def whole(folder, entries):
     work = figures["work"]
     say(f"one process: {seconds:.0f} s, {entries / seconds:.2f} entries/s; {work['processor_s'] / entries:.3f} s of a core an entry, at most {work['peak_memory_bytes'] / 1e6:.0f} MB; "
         f"{figures['done']} diagnosed, {figures['failed']} failed, {len(figures['standing']['changed'])} sizes beyond their intervals")
-    return expected
+    return expected, seconds / entries
 
 
 def compare(name, expected, got, entries, seconds):
