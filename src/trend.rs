@@ -1,28 +1,33 @@
 //! Whether a size that is estimated again and again has moved: a self-starting cumulative sum, with a stated rate of false alarms.
 //!
-//! Of each estimate x_i with standard deviation s_i the distance from the weighted mean of all estimates before it is taken, over what both are
-//! known by: u_i = (x_i − m_{i−1}) / √(s_i² + 1/Σ s_j⁻²). Where nothing moves these recursive residuals are independent, with one variance R², R
-//! being how far the stated intervals are too narrow or too wide. u_i over the root mean square of those before it follows Student's distribution,
-//! and is turned into a standard normal z_i (Hawkins 1987, "Self-starting CUSUM charts for location and scale", *The Statistician* 36(4):299). The sums
+//! Of each estimate x_i with standard deviation s_i the distance from the weighted mean of all estimates of its group before it is taken, over what
+//! both are known by: u_i = (x_i − m_{i−1}) / √(s_i² + 1/Σ s_j⁻²). Where nothing moves these recursive residuals (Brown, Durbin & Evans 1975) are
+//! independent, with one variance R² in a group, R being how far the stated intervals are too narrow or too wide. u_i over the root mean square of
+//! those of its group before it follows Student's distribution, and is turned into a standard normal z_i (Hawkins 1987, "Self-starting CUSUM charts
+//! for location and scale", *The Statistician* 36(4):299). The sums run over all groups in the order of time:
 //!
 //! ```text
 //! S⁺ = max(0, S⁺ + z − k),   S⁻ = max(0, S⁻ − z − k),   k = ½
 //! ```
 //!
-//! raise an alarm at h, which follows from the number of estimates between two false alarms that is wanted (Siegmund 1985, *Sequential Analysis*,
+//! and raise an alarm at h, which follows from the number of estimates between two false alarms that is wanted (Siegmund 1985, *Sequential Analysis*,
 //! section 2.6): one side lasts (e^{2k(h + 1.166)} − 2k(h + 1.166) − 1) / (2k²) estimates on average, both sides half as long. Growth that is slow
 //! against the distance of the estimates drags the mean along and is seen later than a jump.
+//!
+//! Groups are for estimates that differ although nothing moves, such as those of different kinds of process: each group has its own mean and scatter,
+//! and the sums, which see standard normal numbers alone, gather what all of them say. Estimates that only set their group's mean and scatter leave
+//! the sums as they are.
 
 use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
 
 /// Shift that is not counted, standard deviations: half of the smallest shift that is to be seen soon.
-pub const ALLOWANCE: f64 = 0.5;
+const ALLOWANCE: f64 = 0.5;
 /// What a sum goes beyond its limit on average (Siegmund's correction), standard deviations.
 const BEYOND: f64 = 1.166;
 /// Half-width of an interval of nine in ten, standard deviations.
-const NORMAL_90: f64 = 1.645;
-/// Estimates that only set mean and scatter.
-const FIRST: usize = 3;
+pub const NORMAL_90: f64 = 1.644_853_6;
+/// Estimates of a group that only set its mean and scatter.
+const FIRST: u32 = 3;
 /// A z beyond this says no more than this: one wild estimate alone raises no alarm.
 const LARGEST_Z: f64 = 4.0;
 
@@ -35,23 +40,76 @@ pub struct Estimate {
     pub low: f64,
     /// Upper end, in its own unit.
     pub high: f64,
+    /// Which estimates it is compared with: those of the same group, such as a kind of process.
+    pub group: usize,
 }
 
 /// The chart after an estimate.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Point {
-    /// Distance from the mean of the estimates before, as a standard normal number; 0 while too few are known.
+    /// Distance from the mean of the group's estimates before, as a standard normal number; 0 while too few are known.
     pub z: f64,
-    /// Sum for growth, standard deviations.
-    pub growth: f64,
-    /// Sum for shrinkage, standard deviations.
-    pub shrinkage: f64,
-    /// Mean of the estimates before it, in the size's own unit.
+    /// Sums after it.
+    pub sums: Sums,
+    /// Mean of the group's estimates before it, in the size's own unit; of its first the size itself.
     pub mean: f64,
     /// Whether a sum is at its limit or beyond.
     pub alarm: bool,
     /// Index of the estimate with which the movement began, where there is an alarm.
     pub since: Option<usize>,
+}
+
+/// The mean of estimates so far, weighted by their variances.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Level {
+    /// The mean, in the size's own unit.
+    pub mean: f64,
+    /// Reciprocal of its variance; 0 of none.
+    weight: f64,
+}
+
+impl Level {
+    /// How far an estimate lies from the mean, over what both are known by; none of the first.
+    #[must_use]
+    pub fn residual(&self, size: f64, sd: f64) -> Option<f64> {
+        (self.weight > 0.0).then(|| (size - self.mean) / (sd * sd + 1.0 / self.weight).sqrt())
+    }
+
+    /// Takes an estimate in.
+    pub fn take(&mut self, size: f64, sd: f64) {
+        let own = 1.0 / (sd * sd);
+        self.weight += own;
+        self.mean += (size - self.mean) * own / self.weight;
+    }
+}
+
+/// Cumulative sums of standard normal numbers, standard deviations.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Sums {
+    /// For growth.
+    pub growth: f64,
+    /// For shrinkage.
+    pub shrinkage: f64,
+}
+
+impl Sums {
+    /// Takes a number in.
+    pub fn take(&mut self, z: f64) {
+        self.growth = (self.growth + z - ALLOWANCE).max(0.0);
+        self.shrinkage = (self.shrinkage - z - ALLOWANCE).max(0.0);
+    }
+
+    /// The larger of both.
+    #[must_use]
+    pub fn largest(&self) -> f64 {
+        self.growth.max(self.shrinkage)
+    }
+
+    /// Whether it is rather growth.
+    #[must_use]
+    pub fn is_growth(&self) -> bool {
+        self.growth >= self.shrinkage
+    }
 }
 
 /// Estimates until both sums together first give a false alarm at this limit, on average.
@@ -72,45 +130,58 @@ pub fn limit(between_false_alarms: f64) -> f64 {
     high
 }
 
+/// What is known of a group.
+#[derive(Clone, Copy, Debug, Default)]
+struct Group {
+    level: Level,
+    /// Sum of squared residuals.
+    squares: f64,
+    /// How many they are.
+    freedom: u32,
+}
+
+impl Group {
+    /// The standard normal number of a residual, where enough are known.
+    fn z(&self, residual: f64) -> Option<f64> {
+        let scatter = (self.squares / f64::from(self.freedom)).sqrt().max(1e-9);
+        (self.freedom + 1 >= FIRST).then(|| normal(residual / scatter, self.freedom))
+    }
+}
+
 /// The chart of estimates in their order, with so many of them between two false alarms where nothing moves.
 #[must_use]
 pub fn chart(estimates: &[Estimate], between_false_alarms: f64) -> Vec<Point> {
     let limit = limit(between_false_alarms);
-    let (mut weight, mut weighted, mut squares, mut freedom) = (0.0, 0.0, 0.0, 0_u32);
-    let (mut up, mut down) = (0.0_f64, 0.0_f64);
-    let (mut up_since, mut down_since) = (None, None);
+    let mut groups: Vec<Group> = vec![];
+    let mut sums = Sums::default();
+    let (mut growth_since, mut shrinkage_since) = (None, None);
     let mut points: Vec<Point> = Vec::with_capacity(estimates.len());
     for (i, one) in estimates.iter().enumerate() {
+        if one.group >= groups.len() {
+            groups.resize(one.group + 1, Group::default());
+        }
+        let group = &mut groups[one.group];
         let sd = ((one.high - one.low) / (2.0 * NORMAL_90)).max(1e-6 * one.size.abs()).max(1e-15);
         let moved = points.last().is_some_and(|point| point.alarm);
-        let mean = if weight > 0.0 { weighted / weight } else { one.size };
-        let mut z = 0.0;
-        if weight > 0.0 {
-            let residual = (one.size - mean) / (sd * sd + 1.0 / weight).sqrt();
-            if i >= FIRST {
-                z = normal(residual / (squares / f64::from(freedom)).sqrt().max(1e-9), freedom);
-            }
-            // What has moved is no part of where it stood.
-            if !moved {
-                squares += residual * residual;
-                freedom += 1;
-            }
+        let residual = group.level.residual(one.size, sd);
+        let mean = if residual.is_some() { group.level.mean } else { one.size };
+        let z = residual.and_then(|residual| group.z(residual));
+        if let Some(z) = z {
+            sums.take(z);
+            growth_since = growth_since.or(Some(i)).filter(|_| sums.growth > 0.0);
+            shrinkage_since = shrinkage_since.or(Some(i)).filter(|_| sums.shrinkage > 0.0);
         }
+        // What has moved is no part of where it stood.
         if !moved {
-            weight += 1.0 / (sd * sd);
-            weighted += one.size / (sd * sd);
+            if let Some(residual) = residual {
+                group.squares += residual * residual;
+                group.freedom += 1;
+            }
+            group.level.take(one.size, sd);
         }
-        let step = |sum: f64, z: f64, since: &mut Option<usize>| {
-            let next = (sum + z - ALLOWANCE).max(0.0);
-            *since = if next > 0.0 { since.or(Some(i)) } else { None };
-            next
-        };
-        up = step(up, z, &mut up_since);
-        down = step(down, -z, &mut down_since);
-        let alarm = up.max(down) >= limit;
-        let since = if up >= down { up_since } else { down_since };
-        let since = since.filter(|_| alarm);
-        points.push(Point { z, growth: up, shrinkage: down, mean, alarm, since });
+        let alarm = sums.largest() >= limit;
+        let since = if sums.is_growth() { growth_since } else { shrinkage_since };
+        points.push(Point { z: z.unwrap_or(0.0), sums, mean, alarm, since: since.filter(|_| alarm) });
     }
     points
 }
@@ -140,7 +211,7 @@ mod tests {
             let sd = 0.05 * rng.random_range(0.5..2.0);
             let size = size(i) + sd * normal.sample(&mut rng);
             let half = 1.645 * sd * stated;
-            Estimate { size, low: size - half, high: size + half }
+            Estimate { size, low: size - half, high: size + half, group: 0 }
         };
         (0..count).map(of).collect()
     }
@@ -173,22 +244,50 @@ mod tests {
         let jump = chart(&estimates(1, 40, 1.0, |i| if i < 20 { 1.0 } else { 1.2 }), 1000.0);
         let seen = first_alarm(&jump).unwrap();
         assert!((20..28).contains(&seen), "{seen}");
-        assert!(jump[seen].since.unwrap().abs_diff(20) <= 6 && jump[seen].growth > jump[seen].shrinkage);
+        assert!(jump[seen].since.unwrap().abs_diff(20) <= 6 && jump[seen].sums.is_growth());
         // Once moved it stays so: the mean does not follow.
         assert!(jump[seen..].iter().all(|point| point.alarm) && (jump[39].mean - 1.0).abs() < 0.06);
         let growth = chart(&estimates(2, 60, 1.0, |i| 1.0 + 0.01 * (i as f64 - 20.0).max(0.0)), 1000.0);
         assert!((22..48).contains(&first_alarm(&growth).unwrap()));
         let shrinks = chart(&estimates(3, 40, 1.0, |i| if i < 20 { 1.0 } else { 0.8 }), 1000.0);
         let seen = first_alarm(&shrinks).unwrap();
-        assert!(shrinks[seen].shrinkage > shrinks[seen].growth);
+        assert!(!shrinks[seen].sums.is_growth());
+    }
+
+    /// Estimates of a size whose four groups differ by more than their intervals, each with a scatter of its own.
+    fn grouped(seed: u64, count: usize, size: impl Fn(usize) -> f64) -> Vec<Estimate> {
+        let of = |(i, one): (usize, Estimate)| {
+            let group = i % 4;
+            let moved = |value: f64| size(i) + 0.3 * group as f64 + (1.0 + group as f64) * (value - size(i));
+            Estimate { size: moved(one.size), low: moved(one.low), high: moved(one.high), group }
+        };
+        estimates(seed, count, 1.0, &size).into_iter().enumerate().map(of).collect()
+    }
+
+    #[test]
+    fn groups_that_differ_keep_the_rate_and_growth_in_all_of_them_adds_up() {
+        let alarms =
+            (0..400).filter(|&seed| first_alarm(&chart(&grouped(seed, 100, |_| 1.0), 200.0)).is_some()).count();
+        // Each group's first three estimates raise nothing: 88 of 100 count, which gives 36 % at most.
+        let share = alarms as f64 / 400.0;
+        assert!((0.22..0.44).contains(&share), "{share}");
+        // A step of one deviation or two, by group, is seen within a few estimates of all groups together, not of each.
+        let estimates = grouped(5, 80, |i| if i < 40 { 1.0 } else { 1.2 });
+        let jump = chart(&estimates, 1000.0);
+        let seen = first_alarm(&jump).unwrap();
+        assert!((40..56).contains(&seen) && jump[seen].sums.is_growth(), "{seen}");
+        // Were they one group, what they differ by would count as scatter, and hide it longer.
+        let mixed: Vec<Estimate> = estimates.iter().map(|one| Estimate { group: 0, ..*one }).collect();
+        assert!(first_alarm(&chart(&mixed, 1000.0)).is_none_or(|late| late > seen));
     }
 
     #[test]
     fn few_or_equal_estimates_raise_nothing() {
         assert!(chart(&[], 100.0).is_empty());
-        let same = vec![Estimate { size: 0.0, low: 0.0, high: 0.0 }; 30];
+        let same = vec![Estimate { size: 0.0, low: 0.0, high: 0.0, group: 0 }; 30];
         assert!(chart(&same, 100.0).iter().all(|point| !point.alarm));
-        let wild = [1.0, 1.01, 0.99, 1.0, 50.0].map(|size| Estimate { size, low: size - 0.01, high: size + 0.01 });
+        let wild =
+            [1.0, 1.01, 0.99, 1.0, 50.0].map(|size| Estimate { size, low: size - 0.01, high: size + 0.01, group: 0 });
         assert!(first_alarm(&chart(&wild, 1000.0)).is_none(), "one wild estimate alone");
     }
 }

@@ -1,6 +1,9 @@
 //! Acceptance measures: intervals that hold the known values of generated units, counterfactuals against the unit without the fault, the command.
 #![cfg(feature = "cli")]
 
+#[path = "support/program.rs"]
+mod program;
+
 use std::fs;
 use std::path::Path;
 use std::process::Command;
@@ -14,6 +17,7 @@ use govtwin::params;
 use govtwin::recording::{Process, Recording};
 use govtwin::replay::simulate;
 use govtwin::twin::Twin;
+use program::Run;
 
 fn unit(seed: u64, effects: &[(&str, &[f64])]) -> Unit {
     let mut unit = generate::spread(&params::reference(), seed);
@@ -100,17 +104,8 @@ fn the_size_of_a_fault_widens_what_is_foretold() {
     assert!(half(Some([1e-4, 5e-4])) > 1.3 * half(None));
 }
 
-struct Run {
-    code: i32,
-    stdout: String,
-    stderr: String,
-}
-
 fn govtwin(folder: &Path, arguments: &[&str]) -> Run {
-    let output = Command::new(env!("CARGO_BIN_EXE_govtwin")).current_dir(folder).args(arguments).output().unwrap();
-    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-    let code = output.status.code().expect("ended by itself");
-    Run { code, stdout: text(output.stdout), stderr: text(output.stderr) }
+    Run::of(Command::new(env!("CARGO_BIN_EXE_govtwin")).current_dir(folder).args(arguments))
 }
 
 /// A diagnosis that names extra overlap, as `govtwin diagnose` leaves it.

@@ -3,6 +3,8 @@
 
 #[path = "cli/bags.rs"]
 mod bags;
+#[path = "support/program.rs"]
+mod program;
 
 use std::fs;
 use std::path::Path;
@@ -10,23 +12,10 @@ use std::process::{Command, Stdio};
 
 use bags::{BEGIN_NS, ROWS, bag, file_of, in_namespace, with_wrong_type};
 use govtwin::msg::EsvState;
-
-struct Run {
-    code: i32,
-    stdout: String,
-    stderr: String,
-}
+use program::Run;
 
 fn govtwin(arguments: &[&str]) -> Run {
-    let output = Command::new(env!("CARGO_BIN_EXE_govtwin")).args(arguments).output().unwrap();
-    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-    let run = Run {
-        code: output.status.code().expect("ended by itself"),
-        stdout: text(output.stdout),
-        stderr: text(output.stderr),
-    };
-    assert!(!run.stderr.contains("panicked"), "{}", run.stderr);
-    run
+    Run::of(Command::new(env!("CARGO_BIN_EXE_govtwin")).args(arguments))
 }
 
 fn replay(path: &Path, more: &[&str]) -> Run {

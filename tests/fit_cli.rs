@@ -1,28 +1,18 @@
 //! `govtwin fit` through the binary: files, exit codes, words; and the example of docs/own_effect.md in every command.
 #![cfg(feature = "cli")]
 
+#[path = "support/program.rs"]
+mod program;
+
 use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-struct Run {
-    code: i32,
-    stdout: String,
-    stderr: String,
-}
+use program::Run;
 
 fn run(threads: &str, arguments: &[&str]) -> Run {
-    let program = env!("CARGO_BIN_EXE_govtwin");
-    let output = Command::new(program)
-        .args(arguments)
-        .env("RAYON_NUM_THREADS", threads)
-        .env("SOURCE_DATE_EPOCH", "0")
-        .output()
-        .unwrap();
-    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-    let run = Run { code: output.status.code().unwrap(), stdout: text(output.stdout), stderr: text(output.stderr) };
-    assert!(!run.stderr.contains("panicked"), "{}", run.stderr);
-    run
+    let mut command = Command::new(env!("CARGO_BIN_EXE_govtwin"));
+    Run::of(command.args(arguments).env("RAYON_NUM_THREADS", threads).env("SOURCE_DATE_EPOCH", "0"))
 }
 
 fn done(arguments: &[&str]) -> String {

@@ -1,33 +1,18 @@
 //! `govtwin watch` through the binary: processes entered once whatever happens to bags, histories that survive, slips.
 #![cfg(feature = "cli")]
 
+#[path = "support/program.rs"]
+mod program;
+
 use std::fs;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use govtwin::diagnosis::{Settings, diagnose};
-use govtwin::frame::Frame;
-use govtwin::generate::{self, Scenario};
-use govtwin::parameters::EffectSetting;
-use govtwin::recording::Process;
-use govtwin::units::nanos_from_seconds;
-use govtwin::watch::cut::Cutter;
-use govtwin::watch::history::{self, Entry};
-
-struct Run {
-    code: i32,
-    stdout: String,
-    stderr: String,
-}
+use program::Run;
 
 fn govtwin(folder: &Path, arguments: &[&str]) -> Run {
-    let output = Command::new(env!("CARGO_BIN_EXE_govtwin")).current_dir(folder).args(arguments).output().unwrap();
-    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-    let code = output.status.code().expect("ended by itself");
-    let run = Run { code, stdout: text(output.stdout), stderr: text(output.stderr) };
-    assert!(!run.stderr.contains("panicked"), "{}", run.stderr);
-    run
+    Run::of(Command::new(env!("CARGO_BIN_EXE_govtwin")).current_dir(folder).args(arguments))
 }
 
 /// A sheet in which nothing has a tolerance, so that a diagnosis is quick.
@@ -212,80 +197,4 @@ fn slips_have_their_exit_codes_and_ways_out() {
         assert_eq!(run.code, code, "{arguments:?}: {}", run.stderr);
         assert!(run.stderr.contains(words), "{arguments:?}: {}", run.stderr);
     }
-}
-
-/// A day of operation: a process each half hour, of one machine whose extra overlap is as told, m.
-fn day(seed: u64, overlap_m: impl Fn(f64) -> f64) -> Vec<Frame> {
-    let mut all: Vec<Frame> = vec![];
-    for number in 0..48_u64 {
-        let mut unit = generate::spread(&govtwin::params::reference(), seed);
-        unit.effects =
-            vec![EffectSetting { id: "port_overlap".to_owned(), values: vec![overlap_m(0.5 * number as f64)] }];
-        let process = Process::ALL[number as usize % 4];
-        // The seed decides the course of a process too; the machine stays the same, as it is drawn above.
-        let scenario =
-            Scenario { unit, process, rate_hz: 50.0, duration_s: 60.0, rich: false, seed: 100 * seed + number };
-        let frames = generate::recording(&scenario).frames;
-        let offset_ns = nanos_from_seconds(1800.0 * number as f64) - frames[0].time_ns;
-        all.extend(frames.iter().map(|frame| Frame { time_ns: frame.time_ns + offset_ns, ..*frame }));
-    }
-    all
-}
-
-/// What the history of a day says, process by process.
-fn watched(frames: &[Frame]) -> Vec<Entry> {
-    let mut cutter = Cutter::default();
-    let mut cuts: Vec<_> = frames.iter().filter_map(|frame| cutter.row(frame)).collect();
-    cuts.extend(cutter.end());
-    // A few effects alone: what is studied is the course of a size, and each process is diagnosed in seconds.
-    let mut settings = Settings::default();
-    settings.catalogue.retain(|spec| ["port_overlap", "servo_friction", "supply_loss"].contains(&spec.id));
-    let mut entries: Vec<Entry> = vec![];
-    for cut in cuts {
-        let (time_ns, process) = (cut.recording.frames[0].time_ns, cut.recording.process);
-        let followed = history::followed(&entries);
-        let said = diagnose(vec![cut.recording], &govtwin::params::reference(), &settings, &|_, _| ());
-        let (verdict, sizes) = match &said {
-            Ok(said) => (said.verdict.id(), history::sizes(said, &followed)),
-            Err(_) => ("not_diagnosed", vec![]),
-        };
-        entries.push(Entry {
-            schema: history::SCHEMA.to_owned(),
-            digest: cut.digest,
-            bag: "day".to_owned(),
-            time_ns,
-            duration_s: 0.0,
-            process: process.id().to_owned(),
-            verdict: verdict.to_owned(),
-            closure: None,
-            sizes,
-            notes: vec![],
-            warnings: vec![],
-            program: String::new(),
-        });
-        let courses = history::courses(&entries, 1000.0);
-        let warnings: Vec<String> = courses.iter().filter_map(history::Course::warning).collect();
-        let last = entries.last().unwrap();
-        let hour = time_ns as f64 / 3.6e12;
-        let sizes: Vec<String> = last.sizes.iter().map(|size| format!("{} {:.3e}", size.effect, size.value)).collect();
-        println!("{hour:5.1} h {:14} {:12} {} {}", last.process, last.verdict, sizes.join(", "), warnings.join("; "));
-    }
-    entries
-}
-
-/// A study: `cargo test --release --test watch -- --ignored --nocapture`. Overlap grows from hour 8 on, from 0.2 mm by 0.02 mm an hour.
-#[test]
-#[ignore = "diagnoses a hundred processes: minutes of a free processor"]
-fn a_day_with_a_fault_that_grows() {
-    let grows = watched(&day(7, |hour| 2e-4 + 2e-5 * (hour - 8.0).max(0.0)));
-    let courses = history::courses(&grows, 1000.0);
-    let overlap =
-        courses.iter().find(|course| course.effect == "port_overlap").expect("the fault is named at least once");
-    let noticed = overlap.points.iter().position(|point| point.alarm).expect("the growth is noticed");
-    let entry = &grows[overlap.entries[noticed]];
-    println!("noticed at {:.1} h, size {:.3e} m", entry.time_ns as f64 / 3.6e12, overlap.estimates[noticed].size);
-    assert!(entry.time_ns as f64 / 3.6e12 > 8.0, "not before it begins");
-    let still = watched(&day(8, |_| 2e-4));
-    let false_warnings = history::courses(&still, 1000.0).iter().filter(|course| course.warning().is_some()).count();
-    println!("without growth: {false_warnings} sizes of {} processes warned of", still.len());
 }

@@ -66,7 +66,7 @@ const HELP: &str = "\
 Cuts start-ups, load changes, shutdowns and load rejections out of what is recorded, diagnoses each alone once nothing has moved for 25 s or its
 bag has ended, and enters verdict and sizes with intervals into the history. A fault that was named once is followed from then on, also in
 processes whose verdict does not name it. Its sizes go into a cumulative sum that weighs each by its interval; a warning says that the size has
-moved, from which process on, and how far. The limit is not set by hand: it follows from --between-false-alarms.
+moved, from which process on, and how far. Each process is compared with those of its kind, and all kinds add to the sum. The limit is not set by hand: it follows from --between-false-alarms.
 
 The history is whole at any moment: stop and start as you like. What is in it is known by the digest of its rows, so that nothing is
 entered twice, also where a bag was copied, renamed, or read while it grew. `govtwin record` into a watched folder is followed while it records.
@@ -276,8 +276,8 @@ fn state_of(course: &Course) -> serde_json::Value {
     let (last, point) = (course.estimates.last(), course.points.last());
     serde_json::json!({
         "effect": course.effect, "parameter": course.parameter, "unit": course.unit, "estimates": course.estimates.len(),
-        "value": last.map(|one| one.size), "ci90": last.map(|one| [one.low, one.high]), "mean_before": point.map(|point| point.mean),
-        "growth": point.map(|point| point.growth), "shrinkage": point.map(|point| point.shrinkage), "limit": course.limit,
+        "value": last.map(|one| one.size), "process": last.map(|_| course.kind(course.estimates.len() - 1)), "ci90": last.map(|one| [one.low, one.high]), "mean_before": point.map(|point| point.mean),
+        "growth": point.map(|point| point.sums.growth), "shrinkage": point.map(|point| point.sums.shrinkage), "limit": course.limit,
         "moved": point.is_some_and(|point| point.alarm),
         "since_process": point.and_then(|point| point.since).map(|since| course.entries[since]),
     })

@@ -1,23 +1,13 @@
 //! Ageing: which sizes of a unit changed from period to period by more than their intervals allow.
 //!
-//! Each value is compared with the mean of those before it, weighted by their variances, in standard deviations of the difference. As long
-//! as nothing changes, these recursive residuals (Brown, Durbin & Evans 1975) are independent and of unit variance, since the error of the
-//! mean is counted. Their cumulative sums upwards and downwards (Page 1954; self-starting as in Hawkins 1987) signal a change:
-//!
-//! ```text
-//! w_n = (x_n − x̄_{n−1}) / √(σ_n² + σ̄²_{n−1}),   S⁺ = max(0, S⁺ + w_n − k),   S⁻ = max(0, S⁻ − w_n − k)
-//! ```
-//!
-//! with x a size, σ its standard deviation by its 90 % interval, k = ½ and the limit h such that a whole fleet in which nothing changes
-//! gives one false alarm in ten gathers. Sizes that the recordings do not determine take no part.
+//! Each value is compared with the mean of those before it, and their distances are summed up, as [`crate::trend`] has it, whose parts these are. A
+//! month's few values teach no scatter: what the intervals promise is believed, so that a change shows from the second value on. The limit is such
+//! that a whole fleet in which nothing changes gives one false alarm in ten gathers. Sizes that the recordings do not determine take no part.
 
 use std::collections::BTreeMap;
 
 use super::result::{Finding, Size};
-use crate::trend::{ALLOWANCE, run_length};
-
-/// Half a 90 % interval in standard deviations.
-const HALF_90: f64 = 1.644_853_6;
+use crate::trend::{Level, NORMAL_90, Sums, run_length};
 
 /// The limit is never lower than this: the usual one for a single series.
 const LEAST_LIMIT: f64 = 5.0;
@@ -84,21 +74,16 @@ pub fn sum_up<'a>(trends: impl Iterator<Item = &'a mut Trend>) -> f64 {
 }
 
 fn sum_up_one(points: &mut [Point], limit: f64) {
-    let (mut mean, mut weight) = (0.0, 0.0);
-    let (mut up, mut down) = (0.0_f64, 0.0_f64);
+    let (mut level, mut sums) = (Level::default(), Sums::default());
     for point in points {
         // The wider half of the interval stands for both.
-        let sigma = (point.high - point.value).max(point.value - point.low) / HALF_90;
-        let own = 1.0 / (sigma * sigma);
-        if weight > 0.0 {
-            let w = (point.value - mean) / (1.0 / own + 1.0 / weight).sqrt();
-            up = (up + w - ALLOWANCE).max(0.0);
-            down = (down - w - ALLOWANCE).max(0.0);
+        let sd = (point.high - point.value).max(point.value - point.low) / NORMAL_90;
+        if let Some(residual) = level.residual(point.value, sd) {
+            sums.take(residual);
         }
-        point.cumulative_sum = if up >= down { up } else { -down };
-        point.changed = up.max(down) > limit;
-        mean += (point.value - mean) * own / (weight + own);
-        weight += own;
+        point.cumulative_sum = if sums.is_growth() { sums.growth } else { -sums.shrinkage };
+        point.changed = sums.largest() > limit;
+        level.take(point.value, sd);
     }
 }
 
@@ -121,7 +106,7 @@ mod tests {
     use crate::fleet::result::Cause;
 
     fn trend(values: impl IntoIterator<Item = f64>, sigma: f64) -> Trend {
-        let half = HALF_90 * sigma;
+        let half = NORMAL_90 * sigma;
         let point = |value: f64| Point { value, low: value - half, high: value + half, ..Point::default() };
         Trend { points: values.into_iter().map(point).collect(), ..Trend::default() }
     }

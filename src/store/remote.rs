@@ -69,7 +69,7 @@ impl Remote {
         let object = format!("{}/{path}", self.address);
         self.runtime.block_on(work).map_err(|error| match error {
             object_store::Error::NotFound { .. } => StoreError::Absent { object },
-            error => StoreError::Refused { object, what, reason: without_queries(&error.to_string()) },
+            error => StoreError::Refused { object, what, reason: reason(&error) },
         })
     }
 
@@ -147,6 +147,17 @@ impl Remote {
     }
 }
 
+/// The store's own words. One that refuses says little, and nothing where it was only asked whether an object is there.
+fn reason(error: &object_store::Error) -> String {
+    let words = without_queries(error.to_string().trim_end_matches([':', ' ', '\n']));
+    match error {
+        object_store::Error::PermissionDenied { .. } | object_store::Error::Unauthenticated { .. } => {
+            format!("{words}; check the credentials of the environment, what they allow, and this machine's clock")
+        }
+        _ => words,
+    }
+}
+
 /// A text whose addresses end before their queries.
 fn without_queries(text: &str) -> String {
     let cut = |word: &str| match word.split_once('?') {
@@ -164,6 +175,17 @@ mod tests {
     fn errors_show_no_signature() {
         let text = "failed at https://box.example/x?sv=1&sig=hidden, twice? yes";
         assert_eq!(without_queries(text), "failed at https://box.example/x?… twice? yes");
+    }
+
+    #[test]
+    fn a_refusal_names_what_can_be_checked() {
+        let path = "x".to_owned();
+        let refused = reason(&object_store::Error::PermissionDenied { path, source: "403 Forbidden: ".into() });
+        assert!(refused.contains("403 Forbidden; check the credentials") && refused.contains("clock"), "{refused}");
+        assert!(
+            !reason(&object_store::Error::NotImplemented { operation: "x".into(), implementer: "y".into() })
+                .contains("clock")
+        );
     }
 
     #[test]

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::diagnosis::result::{Diagnosis, Fitted, Verdict};
 use crate::parameters::ENTRIES;
+use crate::recording::Process;
 use crate::trend::{Estimate, Point, chart, limit};
 
 /// The schema of a line.
@@ -154,7 +155,7 @@ pub fn followed(entries: &[Entry]) -> Vec<String> {
     ids
 }
 
-/// The course of every size, with so many processes between two false alarms of each.
+/// The course of every size, each process compared with those of its kind, with so many processes between two false alarms of each.
 #[must_use]
 pub fn courses(entries: &[Entry], between_false_alarms: f64) -> Vec<Course> {
     let mut order: Vec<usize> = (0..entries.len()).collect();
@@ -164,7 +165,8 @@ pub fn courses(entries: &[Entry], between_false_alarms: f64) -> Vec<Course> {
         for size in &entries[i].sizes {
             let same = |course: &&mut Course| course.effect == size.effect && course.parameter == size.parameter;
             let place = courses.iter_mut().find(same);
-            let estimate = Estimate { size: size.value, low: size.ci90[0], high: size.ci90[1] };
+            let group = group(&entries[i].process);
+            let estimate = Estimate { size: size.value, low: size.ci90[0], high: size.ci90[1], group };
             if let Some(course) = place {
                 course.entries.push(i);
                 course.estimates.push(estimate);
@@ -187,22 +189,34 @@ pub fn courses(entries: &[Entry], between_false_alarms: f64) -> Vec<Course> {
     courses
 }
 
+/// The kinds of process, by which sizes differ although nothing moves: a process shows a fault by those of its movements that it has.
+fn group(process: &str) -> usize {
+    Process::ALL.iter().position(|kind| kind.id() == process).unwrap_or(Process::ALL.len())
+}
+
 impl Course {
+    /// The kind of process of an estimate, as a word of the history.
+    #[must_use]
+    pub fn kind(&self, k: usize) -> &'static str {
+        Process::ALL.get(self.estimates[k].group).map_or("process", |kind| kind.id())
+    }
+
     /// What is to be said of it now: that it has moved; none where it stays.
     #[must_use]
     pub fn warning(&self) -> Option<String> {
         let (point, last) = (self.points.last()?, self.estimates.last()?);
         let since = point.since.filter(|_| point.alarm)?;
-        let verb = if point.growth >= point.shrinkage { "has grown" } else { "has shrunk" };
+        let verb = if point.sums.is_growth() { "has grown" } else { "has shrunk" };
         let quantity = |value: f64| crate::report::table::quantity(value, &self.unit);
         let count = self.estimates.len() - since;
         Some(format!(
-            "{} {verb}: {} is {} ({} to {}), it was {} before; {count} {} this way since",
+            "{} {verb}: {} is {} ({} to {}) in the last {}, it was {} there before; {count} {} this way since",
             self.effect,
             self.parameter,
             quantity(last.size),
             quantity(last.low),
             quantity(last.high),
+            self.kind(self.estimates.len() - 1),
             quantity(point.mean),
             if count == 1 { "process points" } else { "processes point" },
         ))

@@ -52,8 +52,8 @@ pub fn page(watched: &Watched) -> Result<Page, DrawError> {
         body.heading("Sizes");
         for course in courses {
             let caption = format!(
-                "{}: {}. Above: each process with its interval of nine in ten, blue where the verdict names the fault and grey where it was fitted alone; the line is the mean of those \
-                 before. Below: the cumulative sums for growth and shrinkage, with the limit at {} standard deviations, at which one false alarm in {} \
+                "{}: {}. Above: each process with its interval of nine in ten, blue where the verdict names the fault and grey where it was fitted alone; the dashes are the \
+                 mean of those before of the same kind of process. Below: the cumulative sums for growth and shrinkage, with the limit at {} standard deviations, at which one false alarm in {} \
                  processes is expected.",
                 course.effect,
                 course.parameter,
@@ -112,11 +112,14 @@ fn picture(course: &Course, entries: &[Entry]) -> Picture {
     };
     let dot = |k: usize| [x(k), factor * course.estimates[k].size];
     let title = format!("{}, {unit}", course.parameter);
-    let mut sizes = Panel::new(title).mark(Mark::new(Shape::Segments(whiskers.collect()), Ink::Band, "interval")).line(
-        Ink::Command,
-        "mean before",
-        (0..count).map(|k| [x(k), factor * course.points[k].mean]).collect(),
-    );
+    let dash_h = 0.004 * span_h.max(0.1) / scale_h;
+    let dashes = (0..count).map(|k| {
+        let mean = factor * course.points[k].mean;
+        [x(k) - dash_h, mean, x(k) + dash_h, mean]
+    });
+    let mut sizes = Panel::new(title)
+        .mark(Mark::new(Shape::Segments(whiskers.collect()), Ink::Band, "interval"))
+        .mark(Mark::new(Shape::Segments(dashes.collect()), Ink::Command, "mean before, of its kind"));
     let groups: [(Ink, &str, Vec<usize>); 2] = [
         (Ink::Simulated, "named", (0..count).filter(named).collect()),
         (Ink::Muted, "fitted alone", (0..count).filter(|k| !named(k)).collect()),
@@ -132,8 +135,8 @@ fn picture(course: &Course, entries: &[Entry]) -> Picture {
     let of = |value: fn(&crate::trend::Point) -> f64| (0..count).map(|k| [x(k), value(&course.points[k])]).collect();
     let sums = Panel::new("Cumulative sums, standard deviations")
         .height(90)
-        .line(Ink::Extra1, "growth", of(|point| point.growth))
-        .line(Ink::Extra2, "shrinkage", of(|point| point.shrinkage))
+        .line(Ink::Extra1, "growth", of(|point| point.sums.growth))
+        .line(Ink::Extra2, "shrinkage", of(|point| point.sums.shrinkage))
         .level(Ink::Alarm, "limit", course.limit)
         .x_name(name);
     Picture::stacked(format!("Size of {} over time", course.effect), vec![sizes, sums])

@@ -3,12 +3,19 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
+use std::process::Output;
 
 use govtwin::bag::{self, Writer, WriterOptions};
 use serde_json::Value;
 
 use crate::bags::{bag, file_of};
 use crate::{copy, govtwin, shown, text};
+
+/// Plans a source by units.csv of a folder into a place, and whatever more is said.
+fn plan(folder: &Path, source: &str, out: &Path, more: &[&str]) -> Output {
+    let units = shown(&folder.join("units.csv"));
+    govtwin(&[&["fleet", "plan", source, "--units", &units, "--out", &shown(out)], more].concat())
+}
 
 /// A bag that states the unit that it is of.
 fn stating(from: &Path, to: &Path, unit: &str) {
@@ -47,15 +54,7 @@ fn every_object_is_in_an_entry_or_left_out_with_its_reason() {
     fs::write(at("source/b/no_servo.mcap"), fs::read(file_of(&first)).unwrap().split_at(60).0).unwrap();
     copy(&file_of(&first), &at("source/nobody/run.mcap"));
     fs::write(at("units.csv"), "unit\na\nb\nc\n").unwrap();
-    let run = govtwin(&[
-        "fleet",
-        "plan",
-        &shown(&at("source")),
-        "--units",
-        &shown(&at("units.csv")),
-        "--out",
-        &shown(&at("plan")),
-    ]);
+    let run = plan(dir.path(), &shown(&at("source")), &at("plan"), &[]);
     assert_eq!(run.status.code(), Some(3), "{}", text(&run.stderr));
     let entries: Vec<Value> = fs::read_to_string(at("plan/entries.jsonl"))
         .unwrap()
@@ -112,24 +111,8 @@ fn every_object_is_in_an_entry_or_left_out_with_its_reason() {
         assert!(said.contains(words), "{said}");
     }
     // Longer periods hold more; the same source gives the same plan.
-    let args = |out: &str| {
-        [
-            "fleet",
-            "plan",
-            &shown(&at("source")),
-            "--units",
-            &shown(&at("units.csv")),
-            "--period",
-            "all",
-            "--json",
-            "--out",
-            out,
-        ]
-        .map(str::to_owned)
-    };
     let of = |out: &Path| {
-        let args = args(&shown(out));
-        let run = govtwin(&args.iter().map(String::as_str).collect::<Vec<_>>());
+        let run = plan(dir.path(), &shown(&at("source")), out, &["--period", "all", "--json"]);
         (serde_json::from_slice::<Value>(&run.stdout).unwrap(), fs::read(out.join("entries.jsonl")).unwrap())
     };
     let (json, lines) = of(&at("all"));
@@ -147,17 +130,9 @@ fn what_is_wrong_with_a_table_or_source_is_named_with_row_and_object() {
     bag(&at("source/a"), "run", |_, _| {});
     fs::create_dir(at("empty")).unwrap();
     fs::write(at("wrong.yaml"), "oil: {bulk_modulus_pa: -1}\n").unwrap();
-    let plan = |source: &str, table: &str| {
+    let planned = |source: &str, table: &str| {
         fs::write(at("units.csv"), table).unwrap();
-        let run = govtwin(&[
-            "fleet",
-            "plan",
-            &shown(&at(source)),
-            "--units",
-            &shown(&at("units.csv")),
-            "--out",
-            &shown(&at("plan")),
-        ]);
+        let run = plan(dir.path(), &shown(&at(source)), &at("plan"), &[]);
         assert!(!at("plan").exists(), "nothing is written");
         (run.status.code(), text(&run.stderr))
     };
@@ -179,28 +154,12 @@ fn what_is_wrong_with_a_table_or_source_is_named_with_row_and_object() {
         ("nowhere", "unit\na\n", "expected recordings, found nothing there"),
         ("units.csv", "unit\na\n", "expected a folder, found a file"),
     ] {
-        let (code, said) = plan(source, table);
+        let (code, said) = planned(source, table);
         assert!(code == Some(1) && said.contains(words), "{table}: {said}");
     }
-    let run = govtwin(&[
-        "fleet",
-        "plan",
-        &shown(&at("source")),
-        "--units",
-        &shown(&at("none.csv")),
-        "--out",
-        &shown(&at("plan")),
-    ]);
+    let run = govtwin(&["fleet", "plan", "source", "--units", &shown(&at("none.csv")), "--out", &shown(&at("plan"))]);
     assert!(run.status.code() == Some(1) && text(&run.stderr).contains("none.csv"));
-    let run = govtwin(&[
-        "fleet",
-        "plan",
-        "s3://key:hidden@bucket",
-        "--units",
-        &shown(&at("units.csv")),
-        "--out",
-        &shown(&at("plan")),
-    ]);
+    let run = plan(dir.path(), "s3://key:hidden@bucket", &at("plan"), &[]);
     assert!(run.status.code() == Some(1) && !text(&run.stderr).contains("hidden"), "{}", text(&run.stderr));
 }
 
@@ -213,7 +172,7 @@ fn where_nobody_may_write_or_read_the_place_is_named() {
     fs::write(at("units.csv"), "unit\na\n").unwrap();
     // Nobody may make folders there, not even who may all else.
     let out = "/proc/self/govtwin";
-    let run = govtwin(&["fleet", "plan", &shown(&at("source")), "--units", &shown(&at("units.csv")), "--out", out]);
+    let run = plan(dir.path(), &shown(&at("source")), Path::new(out), &[]);
     assert!(run.status.code() == Some(1) && text(&run.stderr).contains(out), "{}", text(&run.stderr));
     let run = govtwin(&["fleet", "gather", out]);
     assert!(run.status.code() == Some(1) && text(&run.stderr).contains(out), "{}", text(&run.stderr));
@@ -221,15 +180,7 @@ fn where_nobody_may_write_or_read_the_place_is_named() {
     use std::os::unix::fs::PermissionsExt as _;
     fs::set_permissions(at("source/a"), fs::Permissions::from_mode(0o0)).unwrap();
     if fs::read_dir(at("source/a")).is_err() {
-        let run = govtwin(&[
-            "fleet",
-            "plan",
-            &shown(&at("source")),
-            "--units",
-            &shown(&at("units.csv")),
-            "--out",
-            &shown(&at("plan")),
-        ]);
+        let run = plan(dir.path(), &shown(&at("source")), &at("plan"), &[]);
         let said = text(&run.stderr);
         assert!(
             run.status.code() == Some(1) && said.contains("source/a") && said.contains("ermission denied"),

@@ -1,0 +1,147 @@
+"""One plan on several engines, in folders and in an S3 server: the tables must be those of a single process, byte for byte."""
+
+import shutil
+import subprocess
+import sys
+import time
+
+from fleet_made import CORES, ENVIRONMENT, PROGRAM, SECRET, TOP, govtwin, gather, lines, s3, say, xargs
+
+
+# Entries of which the cost of an engine alone is measured: their results are there already.
+OVERHEAD = 200
+
+
+def by_xargs(folder, plan, store, environment):
+    xargs(len(lines(folder / "plan")), CORES, plan, store, environment)
+    return True
+
+
+def by_one_job_of_xargs(folder, plan, store, environment):
+    xargs(len(lines(folder / "plan")), 1, plan, store, environment)
+    return True
+
+
+def by_parallel(folder, plan, store, environment):
+    if not shutil.which("parallel"):
+        return False
+    command = f"seq 0 {len(lines(folder / 'plan')) - 1} | parallel -j {CORES} '{PROGRAM}' fleet run '{plan}' --index {{}} --out '{store}'"
+    subprocess.run(["bash", "-c", command], env=environment, check=True, capture_output=True)
+    return True
+
+
+def by_hyperqueue(folder, plan, store, environment):
+    try:
+        from hyperqueue import Job, LocalCluster
+        from hyperqueue.cluster import WorkerConfig
+    except ImportError:
+        return False
+    listed = lines(folder / "plan")
+    if str(plan).startswith("s3://"):
+        listed = govtwin_lines(plan, environment)
+    job = Job()
+    for line in listed:
+        # What `hq submit --each-line entries.jsonl` does: a task for each line, which is told it by HQ_ENTRY.
+        handed = {name: value for name, value in environment.items() if name.startswith(("AWS_", "RAYON_", "SOURCE_"))}
+        job.program([PROGRAM, "fleet", "run", str(plan), "--out", str(store)], env={**handed, "HQ_ENTRY": line}, stdout=None, stderr=None)
+    with LocalCluster(worker_config=WorkerConfig(cores=CORES)) as cluster:
+        client = cluster.client()
+        client.wait_for_jobs([client.submit(job)])
+    return True
+
+
+def govtwin_lines(plan, environment):
+    """The lines of a plan in the server."""
+    import boto3
+
+    client = boto3.client("s3", endpoint_url=environment["AWS_ENDPOINT"], aws_access_key_id="key", aws_secret_access_key=SECRET, region_name="us-east-1")
+    bucket, _, prefix = str(plan).removeprefix("s3://").partition("/")
+    return client.get_object(Bucket=bucket, Key=f"{prefix}/entries.jsonl")["Body"].read().decode().splitlines()
+
+
+def by_slurm(folder, plan, store, environment):
+    environment = {**environment, "GOVTWIN": PROGRAM}
+    command = [TOP / "scripts/fleet_slurm", plan, store, str(len(lines(folder / "plan")))]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    if done.returncode == 77:
+        return False
+    if done.returncode:
+        sys.exit(f"fleet_check: slurm: {done.stdout}{done.stderr}")
+    return True
+
+
+ENGINES = {"xargs": by_xargs, "xargs-1": by_one_job_of_xargs, "parallel": by_parallel, "hyperqueue": by_hyperqueue, "slurm": by_slurm}
+
+
+def whole(folder, entries):
+    """What every engine is held against: the table of a single process, which does one entry after the other; and how long it took for one, s."""
+    store, out = folder / "whole", folder / "gathered/whole"
+    start = time.monotonic()
+    govtwin("fleet", "run", folder / "plan", "--out", store)
+    seconds = time.monotonic() - start
+    expected, figures = gather(store, folder / "plan", out)
+    work = figures["work"]
+    say(f"one process: {seconds:.0f} s, {entries / seconds:.2f} entries/s; {work['processor_s'] / entries:.3f} s of a core an entry, at most {work['peak_memory_bytes'] / 1e6:.0f} MB; "
+        f"{figures['done']} diagnosed, {figures['failed']} failed, {len(figures['standing']['changed'])} sizes beyond their intervals")
+    return expected, seconds / entries
+
+
+def compare(name, expected, got, entries, seconds):
+    table, figures = got
+    if table != expected:
+        sys.exit(f"fleet_check: {name}: the table is not that of a single process")
+    pace = f", {seconds:.0f} s, {entries / seconds:.2f} entries/s" if seconds else ""
+    work = figures["work"]
+    say(f"{name}: the table is the same to the last byte{pace}, {work['processor_s'] / entries:.3f} s of a core an entry, at most {work['peak_memory_bytes'] / 1e6:.0f} MB a worker")
+
+
+def in_folder(name, folder, expected, entries):
+    store = folder / name
+    start = time.monotonic()
+    if not ENGINES[name](folder, folder / "plan", store, ENVIRONMENT):
+        say(f"{name}: skipped, as it is not installed")
+        return
+    seconds = time.monotonic() - start
+    compare(name, expected, gather(store, folder / "plan", folder / f"gathered/{name}"), entries, seconds)
+
+
+def overhead(folder, entries):
+    """What an entry costs beside its diagnosis: its result is there already."""
+    count = min(entries, OVERHEAD)
+    start = time.monotonic()
+    for index in range(count):
+        govtwin("fleet", "run", folder / "plan", "--index", index, "--out", folder / "whole")
+    say(f"overhead: {1000 * (time.monotonic() - start) / count:.0f} ms an entry whose result is there, a process each")
+
+
+def in_s3(names, folder, expected, entries):
+    """Source, plan and stores in a server that speaks S3. No secret may be seen in any object or line."""
+    server = s3()
+    if server is None:
+        say("s3: skipped, as moto is not installed or the program has no object stores")
+        return
+    try:
+        start = time.monotonic()
+        server.plan(folder)
+        say(f"s3: {entries} exports put there and planned in {time.monotonic() - start:.0f} s")
+        for name in names:
+            store = f"s3://plant/{name}"
+            start = time.monotonic()
+            if not ENGINES[name](folder, "s3://plant/plan", store, server.environment()):
+                say(f"s3, {name}: skipped, as it is not installed")
+                continue
+            seconds = time.monotonic() - start
+            got = gather(store, "s3://plant/plan", folder / f"gathered/s3_{name}", server.environment())
+            compare(f"s3, {name}", expected, got, entries, seconds)
+            results = server.keys(f"{name}/results/")
+            if len(results) != entries:
+                sys.exit(f"fleet_check: s3, {name}: {len(results)} results of {entries} entries")
+            for key in server.keys(f"{name}/"):
+                if key.endswith((".json", ".txt")) and SECRET.encode() in server.text(key):
+                    sys.exit(f"fleet_check: s3: a secret is in {key}")
+    finally:
+        server.stop()
+    refused = govtwin("fleet", "run", "s3://plant/plan", "--index", 0, "--out", "s3://plant/gone", check=(1,), environment=server.environment(), timeout=900).stderr
+    if SECRET in refused:
+        sys.exit("fleet_check: s3: a secret is in an error")
+    say(f"s3: a server that is gone: {refused.strip()[:200]}")

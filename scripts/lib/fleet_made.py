@@ -1,0 +1,155 @@
+"""What the fleet's checks share: a fleet of synthetic exports, the program, tables, and an S3 server."""
+
+import datetime
+import json
+import math
+import os
+import random
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+PROGRAM = os.path.realpath(os.environ["GOVTWIN"])
+TOP = Path(__file__).resolve().parents[2]
+CORES = os.cpu_count() or 1
+SECRET = "not-to-be-seen"
+# One thread a worker, so that throughput is told by the number of workers; the same date in all reports.
+ENVIRONMENT = {**os.environ, "RAYON_NUM_THREADS": "1", "SOURCE_DATE_EPOCH": "1700000000"}
+MAP = """time: {column: t, format: unix_s}
+signals:
+  spool_position: {column: spool, unit: pu}
+  servomotor_position: {column: servomotor, unit: pu}
+"""
+DURATION_S = 20
+RATE_HZ = 10
+
+
+def govtwin(*arguments, check=(0,), environment=None, **more):
+    done = subprocess.run([PROGRAM, *map(str, arguments)], env=environment or ENVIRONMENT, capture_output=True, text=True, **more)
+    if check and done.returncode not in check:
+        sys.exit(f"fleet_check: govtwin {' '.join(map(str, arguments))} ended with {done.returncode}:\n{done.stdout}{done.stderr}")
+    return done
+
+
+def say(text):
+    print(f"fleet_check: {text}", flush=True)
+
+
+def export(unit, period, grown):
+    """A historian's table of one servomotor stage: an integrator with a dead band, and the noise of two transducers."""
+    draws = random.Random(1000 * unit + period)
+    own = random.Random(unit)
+    rise, fall = own.uniform(0.09, 0.11), own.uniform(0.09, 0.11)
+    dead_band = 0.05 if grown else 0.01
+    phase, position = draws.uniform(0, 2 * math.pi), draws.uniform(0.3, 0.6)
+    begin = datetime.datetime(2015 + period // 12, 1 + period % 12, 5, 6, tzinfo=datetime.timezone.utc).timestamp()
+    rows = ["t,spool,servomotor"]
+    steps = 50
+    for i in range(DURATION_S * RATE_HZ):
+        for k in range(steps):
+            at = (i + k / steps) / RATE_HZ
+            spool = 0.5 * math.sin(0.9 * at + phase) + 0.3 * math.sin(2.3 * at)
+            if k == 0:
+                rows.append(f"{begin + at:.3f},{spool + draws.gauss(0, 5e-4):.5f},{position + draws.gauss(0, 5e-4):.5f}")
+            beyond = math.copysign(max(abs(spool) - dead_band, 0), spool)
+            position = min(1, max(0, position + (rise if beyond > 0 else fall) * beyond / RATE_HZ / steps))
+    return "\n".join(rows) + "\n"
+
+
+def make(folder, units, periods):
+    """Exports of units over months and their table; from half-time on the dead band of every third unit is wider. Says how many entries the plan has."""
+    for unit in range(units):
+        for period in range(periods):
+            path = folder / "source" / f"unit_{unit:03}" / f"{period:03}.csv"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(export(unit, period, unit % 3 == 0 and period >= periods // 2))
+    (folder / "stage.yaml").write_text(MAP)
+    (folder / "units.csv").write_text("unit,map\n" + "".join(f"unit_{unit:03},stage.yaml\n" for unit in range(units)))
+    govtwin("fleet", "plan", folder / "source", "--units", folder / "units.csv", "--out", folder / "plan", check=(0, 3))
+    return len(lines(folder / "plan"))
+
+
+def lines(plan):
+    return (plan / "entries.jsonl").read_text().splitlines()
+
+
+def gather(store, plan, out, environment=None):
+    """The table of a store, and its figures; nothing may be lost or double in it."""
+    done = govtwin("fleet", "gather", store, "--plan", plan, "--out", out, "--json", check=(0, 3), environment=environment)
+    figures = json.loads(done.stdout)
+    if figures["missing"] or figures["damaged"] or figures["superseded"]:
+        sys.exit(f"fleet_check: {store}: missing {figures['missing']}, damaged {figures['damaged']}, superseded {figures['superseded']}")
+    return (out / "fleet.csv").read_bytes(), figures
+
+
+def xargs(entries, workers, plan, store, environment=None, twice=False, check=True):
+    """Every entry by its index, by so many workers; twice where each is to have two of them at once."""
+    doubled = "sed p | " if twice else ""
+    command = f"seq 0 {entries - 1} | {doubled}xargs -P {workers} -I I '{PROGRAM}' fleet run '{plan}' --index I --out '{store}'"
+    done = subprocess.run(["bash", "-c", command], env=environment or ENVIRONMENT, capture_output=True, text=True)
+    if check and done.returncode:
+        sys.exit(f"fleet_check: xargs ended with {done.returncode}:\n{done.stderr[-2000:]}")
+    return done
+
+
+def free_port():
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return one.getsockname()[1]
+
+
+class S3:
+    """A local server that speaks S3, PyPI's moto, in a process of its own."""
+
+    def __init__(self):
+        self.port = free_port()
+        command = [sys.executable, "-m", "moto.server", "-H", "127.0.0.1", "-p", str(self.port)]
+        self.process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        for _ in range(300):
+            try:
+                socket.create_connection(("127.0.0.1", self.port), 1).close()
+                break
+            except OSError:
+                time.sleep(0.1)
+        import boto3
+
+        self.client = boto3.client("s3", endpoint_url=self.endpoint(), aws_access_key_id="key", aws_secret_access_key=SECRET, region_name="us-east-1")
+        self.client.create_bucket(Bucket="plant")
+
+    def endpoint(self, port=None):
+        return f"http://127.0.0.1:{port or self.port}"
+
+    def environment(self, port=None):
+        """What a worker needs to know of it; through a proxy where a port is given."""
+        return {**ENVIRONMENT, "AWS_ENDPOINT": self.endpoint(port), "AWS_ALLOW_HTTP": "true", "AWS_ACCESS_KEY_ID": "key",
+                "AWS_SECRET_ACCESS_KEY": SECRET, "AWS_REGION": "us-east-1"}
+
+    def plan(self, folder):
+        """Recordings and plan into the server."""
+        for path in sorted((folder / "source").rglob("*")):
+            if path.is_file():
+                self.client.upload_file(str(path), "plant", f"source/{path.relative_to(folder / 'source')}")
+        govtwin("fleet", "plan", "s3://plant/source", "--units", folder / "units.csv", "--out", "s3://plant/plan", check=(0, 3), environment=self.environment())
+
+    def keys(self, prefix):
+        pages = self.client.get_paginator("list_objects_v2").paginate(Bucket="plant", Prefix=prefix)
+        return [one["Key"] for page in pages for one in page.get("Contents", [])]
+
+    def text(self, key):
+        return self.client.get_object(Bucket="plant", Key=key)["Body"].read()
+
+    def stop(self):
+        self.process.terminate()
+        self.process.wait()
+
+
+def s3():
+    """A server, or none where moto is not installed or the program was built without object stores."""
+    try:
+        import boto3  # noqa: F401
+        import moto.server  # noqa: F401
+    except ImportError:
+        return None
+    return None if "not in this build" in govtwin("fleet", "gather", "s3://x/y", check=None).stderr else S3()

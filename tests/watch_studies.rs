@@ -1,0 +1,142 @@
+//! Studies of a watched unit, which CI does not run: when a fault that grows is noticed, and how often a warning is false.
+//!
+//!     cargo test --release --test watch_studies -- --ignored --nocapture
+//!
+//! All recordings are synthetic.
+#![cfg(feature = "cli")]
+
+use govtwin::diagnosis::{Settings, diagnose};
+use govtwin::frame::Frame;
+use govtwin::generate::{self, Scenario};
+use govtwin::parameters::EffectSetting;
+use govtwin::recording::Process;
+use govtwin::trend::{Estimate, chart};
+use govtwin::units::nanos_from_seconds;
+use govtwin::watch::cut::Cutter;
+use govtwin::watch::history::{self, Entry};
+use rand::SeedableRng as _;
+use rand::seq::SliceRandom as _;
+
+/// Processes between two false warnings of one size.
+const BETWEEN: f64 = 1000.0;
+/// Processes of a month: four a day.
+const MONTH: usize = 120;
+
+/// Processes of one machine, half an hour apart, whose extra overlap is as told by hours, m.
+fn operation(seed: u64, count: u64, overlap_m: impl Fn(f64) -> f64) -> Vec<Frame> {
+    let mut all: Vec<Frame> = vec![];
+    for number in 0..count {
+        let mut unit = generate::spread(&govtwin::params::reference(), seed);
+        unit.effects =
+            vec![EffectSetting { id: "port_overlap".to_owned(), values: vec![overlap_m(0.5 * number as f64)] }];
+        let process = Process::ALL[number as usize % 4];
+        // The seed decides the course of a process too; the machine stays the same, as it is drawn above.
+        let scenario =
+            Scenario { unit, process, rate_hz: 50.0, duration_s: 60.0, rich: false, seed: 1000 * seed + number };
+        let frames = generate::recording(&scenario).frames;
+        let offset_ns = nanos_from_seconds(1800.0 * number as f64) - frames[0].time_ns;
+        all.extend(frames.iter().map(|frame| Frame { time_ns: frame.time_ns + offset_ns, ..*frame }));
+    }
+    all
+}
+
+fn hour(entry: &Entry) -> f64 {
+    entry.time_ns as f64 / 3.6e12
+}
+
+/// The history, process by process, as `govtwin watch` enters it.
+fn watched(frames: &[Frame]) -> Vec<Entry> {
+    let mut cutter = Cutter::default();
+    let mut cuts: Vec<_> = frames.iter().filter_map(|frame| cutter.row(frame)).collect();
+    cuts.extend(cutter.end());
+    // A few effects alone: what is studied is the course of a size, and each process is diagnosed in seconds.
+    let mut settings = Settings::default();
+    settings.catalogue.retain(|spec| ["port_overlap", "servo_friction", "supply_loss"].contains(&spec.id));
+    let mut entries: Vec<Entry> = vec![];
+    for cut in cuts {
+        let (time_ns, process) = (cut.recording.frames[0].time_ns, cut.recording.process);
+        let followed = history::followed(&entries);
+        let said = diagnose(vec![cut.recording], &govtwin::params::reference(), &settings, &|_, _| ());
+        let (verdict, sizes) = match &said {
+            Ok(said) => (said.verdict.id(), history::sizes(said, &followed)),
+            Err(_) => ("not_diagnosed", vec![]),
+        };
+        entries.push(Entry {
+            schema: history::SCHEMA.to_owned(),
+            digest: cut.digest,
+            bag: "day".to_owned(),
+            time_ns,
+            duration_s: 0.0,
+            process: process.id().to_owned(),
+            verdict: verdict.to_owned(),
+            closure: None,
+            sizes,
+            notes: vec![],
+            warnings: vec![],
+            program: String::new(),
+        });
+        let courses = history::courses(&entries, BETWEEN);
+        let warnings: Vec<String> = courses.iter().filter_map(history::Course::warning).collect();
+        let last = entries.last().unwrap();
+        let sizes: Vec<String> = last
+            .sizes
+            .iter()
+            .map(|size| format!("{} {:.3e} [{:.3e}, {:.3e}]", size.effect, size.value, size.ci90[0], size.ci90[1]))
+            .collect();
+        println!(
+            "{:5.1} h {:14} {:12} {} {}",
+            hour(last),
+            last.process,
+            last.verdict,
+            sizes.join(", "),
+            warnings.join("; ")
+        );
+    }
+    entries
+}
+
+#[test]
+#[ignore = "diagnoses 48 processes: minutes of a free processor"]
+fn a_day_with_a_fault_that_grows() {
+    let grows = watched(&operation(7, 48, |hour| 2e-4 + 2e-5 * (hour - 8.0).max(0.0)));
+    let courses = history::courses(&grows, BETWEEN);
+    let overlap =
+        courses.iter().find(|course| course.effect == "port_overlap").expect("the fault is named at least once");
+    let noticed = overlap.points.iter().position(|point| point.alarm).expect("the growth is noticed");
+    let entry = &grows[overlap.entries[noticed]];
+    println!("noticed at {:.1} h, size {:.3e} m", hour(entry), overlap.estimates[noticed].size);
+    assert!(hour(entry) > 8.0, "not before it begins");
+}
+
+/// How often a chart of these estimates in random orders raises an alarm.
+fn false_months(estimates: &[Estimate], seed: u64) -> f64 {
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+    let mut estimates = estimates.to_vec();
+    let orders = 1000;
+    let alarms = (0..orders)
+        .filter(|_| {
+            estimates.shuffle(&mut random);
+            chart(&estimates, BETWEEN).iter().any(|point| point.alarm)
+        })
+        .count();
+    alarms as f64 / f64::from(orders)
+}
+
+#[test]
+#[ignore = "diagnoses a month of 120 processes: ten minutes of a free processor"]
+fn a_month_without_growth() {
+    let still = watched(&operation(8, MONTH as u64, |_| 2e-4));
+    for course in history::courses(&still, BETWEEN) {
+        let warned = course.points.iter().position(|point| point.alarm);
+        let one = course.estimates.iter().map(|one| Estimate { group: 0, ..*one }).collect::<Vec<_>>();
+        let once = chart(&one, BETWEEN).iter().position(|point| point.alarm);
+        println!(
+            "{} {}: {} estimates; warned at {warned:?}, by one chart for all kinds at {once:?}; random orders with a false warning: {:.1} %, by one chart {:.1} %",
+            course.effect,
+            course.parameter,
+            course.estimates.len(),
+            100.0 * false_months(&course.estimates, 1),
+            100.0 * false_months(&one, 1),
+        );
+    }
+}
