@@ -109,8 +109,9 @@ impl Run {
             while next < self.time_s.len() && self.time_s[next] <= time_s {
                 next += 1;
             }
-            if next == 0 {
-                return self.spool[0];
+            // A lag that rounds away leaves the last sample at its own time.
+            if next == 0 || next == self.time_s.len() {
+                return self.spool[next.saturating_sub(1)];
             }
             let share = (time_s - self.time_s[next - 1]) / (self.time_s[next] - self.time_s[next - 1]);
             self.spool[next - 1] + share * (self.spool[next] - self.spool[next - 1])
@@ -294,4 +295,17 @@ pub fn left_out(normals: &[Normal]) -> Option<f64> {
         missed += normal.missed(&best?);
     }
     Some(missed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A fit may end at a lag of next to nothing.
+    #[test]
+    fn a_lag_that_rounds_away_is_none() {
+        let run = Run { time_s: vec![0.0, 0.5, 60.0], spool: vec![0.0, 0.2, 0.7], opening: vec![0.0; 3] };
+        assert_eq!(run.lagged(Lag::Dead(1e-18)), run.spool);
+        assert_eq!(run.lagged(Lag::Dead(0.5)), [0.0, 0.0, 0.2 + 0.5 * 59.0 / 59.5]);
+    }
 }
