@@ -213,7 +213,7 @@ mod tests {
 
     /// A near row is right; a far one of process 0 is right too, one of process 1 says the opposite.
     fn unseen(k: usize) -> Unseen {
-        let far = k % 3 != 0;
+        let far = !k.is_multiple_of(3);
         let target = 0.01 + 1e-5 * (k % 7) as f64;
         let said = if k % 3 == 2 { -target } else { target };
         let group = if far { k % 3 - 1 } else { 9 };

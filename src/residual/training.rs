@@ -153,7 +153,7 @@ pub fn guard(
     // A model of the signal itself has no twin to fall back on.
     let Some(band) = band.filter(|_| learned == Learned::Residual && !alone) else { return Ok((guard, band)) };
     let missed_unseen = missed(table, &left_out, learned, with, seed)?;
-    let folds = left_out.iter().zip(&missed_unseen).enumerate().map(|(group, fold)| (group, fold));
+    let folds = left_out.iter().zip(&missed_unseen).enumerate();
     let by_time = by_time.iter().zip(&missed_by_time).map(|fold| (left_out.len(), fold));
     let names: Vec<String> = table.layout.features.iter().map(super::features::Feature::name).collect();
     let of = |rows: &[usize]| -> Vec<&[f64]> { rows.iter().map(|&row| table.row(row)).collect() };
