@@ -132,7 +132,6 @@ impl Explored {
 pub struct Exploration<'a> {
     explorer: Explorer<'a>,
     sheet: &'a Model,
-    catalogue: &'a [&'static EffectSpec],
     discrepancy: Arc<Columns>,
     linearisation: Linearisation,
     known: Known,
@@ -154,8 +153,8 @@ impl<'a> Exploration<'a> {
         let mut known = Known::default();
         known.take(explorer.hypothesis(Vec::new(), refitted.clone(), true));
         progress("weighing all sets of up to three effects", 0.25);
-        let linearisation = Linearisation::new(problem, refitted, catalogue, &discrepancy, kappa(problem));
-        let from_sheet = Linearisation::new(problem, sheet, catalogue, &discrepancy, kappa(problem));
+        let linearisation = explorer.picture(refitted, &discrepancy);
+        let from_sheet = explorer.picture(sheet, &discrepancy);
         progress("fitting the likeliest sets", 0.4);
         let mut jobs: Vec<(&Model, Proposal)> = Vec::new();
         for (point, picture) in [(refitted, &linearisation), (sheet, &from_sheet)] {
@@ -172,7 +171,7 @@ impl<'a> Exploration<'a> {
             known.take(hypothesis);
         }
         known.refine(&explorer);
-        Self { explorer, sheet, catalogue, discrepancy, linearisation, known }
+        Self { explorer, sheet, discrepancy, linearisation, known }
     }
 
     /// The unit of the likeliest set so far.
@@ -184,15 +183,14 @@ impl<'a> Exploration<'a> {
     /// Goes on: all sets are weighed anew at the leader and fitted, until it stands.
     #[must_use]
     pub fn finish(self, progress: &(dyn Fn(&str, f64) + Sync)) -> Explored {
-        let Self { explorer, sheet, catalogue, discrepancy, linearisation, mut known } = self;
-        let problem = explorer.problem;
+        let Self { explorer, sheet, discrepancy, linearisation, mut known } = self;
         for round in 0..ROUNDS {
             let Some(leader) = known.ordered().first().map(|leader| (*leader).clone()) else { break };
             if leader.effects.is_empty() {
                 break;
             }
             progress("weighing all sets anew at the likeliest", 0.6 + 0.1 * round as f64);
-            let picture = Linearisation::new(problem, &leader.model, catalogue, &discrepancy, kappa(problem));
+            let picture = explorer.picture(&leader.model, &discrepancy);
             let mut proposals = picture.proposals(MOST - leader.effects.len());
             let further = |proposal: &Proposal| proposal.effects.len() as f64 - proposal.removed.len() as f64;
             let odds = |proposal: &Proposal| proposal.log_evidence - RARITY * further(proposal);

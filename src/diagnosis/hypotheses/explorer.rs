@@ -9,7 +9,7 @@ use rayon::iter::{
 };
 
 use crate::diagnosis::evidence::{KAPPAS, Normal, Shared};
-use crate::diagnosis::hypotheses::linearisation::Proposal;
+use crate::diagnosis::hypotheses::linearisation::{Linearisation, Proposal};
 use crate::diagnosis::model::Model;
 use crate::diagnosis::model::discrepancy::Columns;
 use crate::diagnosis::model::support::{Placed, Variant, add};
@@ -99,6 +99,11 @@ impl<'a> Explorer<'a> {
     ) -> Self {
         let shared = Shared::new(problem, discrepancy, nominal.cost());
         Self { kappa: kappa(problem), problem, nominal, catalogue, shared }
+    }
+
+    /// The linear picture about a point.
+    pub(super) fn picture(&self, point: &Model, discrepancy: &Columns) -> Linearisation {
+        Linearisation::new(self.problem, point, self.catalogue, discrepancy, self.kappa)
     }
 
     pub(super) fn hypothesis(&self, effects: Vec<usize>, model: Model, refined: bool) -> Hypothesis {
