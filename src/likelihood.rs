@@ -2,9 +2,11 @@
 
 pub mod event_time;
 pub mod idle;
+pub mod kick;
 pub mod limit_cycle;
 pub mod loop_noise;
 pub mod noise;
 pub mod problem;
 pub mod qualification;
 pub mod trial;
+pub mod whitener;

@@ -9,9 +9,10 @@ use crate::estimation::fit::{Effort, Fit, fit};
 use crate::estimation::free_parameter::{FreeParameter, unit_at};
 use crate::estimation::linear::normal;
 use crate::likelihood::loop_noise::heard;
-use crate::likelihood::noise::{Noise, independent_share};
+use crate::likelihood::noise::Noise;
 use crate::likelihood::problem::{Problem, Residuals};
 use crate::likelihood::trial::Trial;
+use crate::likelihood::whitener::independent_share;
 use crate::parameters::Unit;
 use crate::signal::Signal;
 

@@ -1,34 +1,13 @@
-//! Noise: what a right twin may still leave, and the filter that makes residuals independent and of unit size.
+//! Noise: what a right twin may still leave of each signal, sample by sample.
 
 use crate::frame::Estimate;
-use crate::likelihood::limit_cycle::{LimitCycles, Look, swings};
+use crate::likelihood::kick::Kick;
 use crate::likelihood::trial::Trial;
 use crate::parameters::Sensors;
 use crate::signal::Signal;
-use crate::twin::Cut;
 
-/// Time over which the errors of a model's equations stay correlated, s: what a model leaves out shows in the same way for long, so that
-/// samples closer together than this are no independent evidence even where the noise is white. The likelihood is raised to a power that counts
-/// independent samples (a power posterior; Grünwald & van Ommen 2017).
-const CORRELATION_TIME_S: f64 = 0.19;
-
-/// Most independent samples per sample: the slower a recorder, the less is known of the inputs between its samples, whose errors last.
-///
-/// At 5 Hz a share of a half lets fits end at parameters of which faster recordings know better.
-const MOST_INDEPENDENT: f64 = 0.05;
-
-/// Independent samples per sample of a recording with this sampling period.
-#[must_use]
-pub fn independent_share(period_s: f64) -> f64 {
-    (period_s / (period_s + CORRELATION_TIME_S)).min(MOST_INDEPENDENT)
-}
-
-/// The same for the power of limit cycles, of which each block gives several octaves that say much the same.
-const LIMIT_CYCLE_SHARE: f64 = 0.05;
-
-/// From so many standard deviations on, a residual counts by its size rather than by its square: sudden events that come a little early or late
-/// are many deviations off, and say little (pseudo-Huber; Charbonnier et al. 1997).
-const OUTLYING: f64 = 8.0;
+/// Deviation of a slow recording's chatter over what the jitter between its samples makes of the demand: commands wander as well.
+const HIDDEN: f64 = 1.25;
 
 /// Logarithm of the sum of exponentials.
 #[must_use]
@@ -40,12 +19,6 @@ pub fn log_sum(values: impl IntoIterator<Item = f64>) -> f64 {
     } else {
         most + values.iter().map(|value| (value - most).exp()).sum::<f64>().ln()
     }
-}
-
-/// The number whose square is what a residual costs, where a sample is this share of an independent one.
-fn tamed(residual: f64, share: f64) -> f64 {
-    let cost = 2.0 * OUTLYING * OUTLYING * ((1.0 + (residual / OUTLYING).powi(2)).sqrt() - 1.0);
-    (cost * share).sqrt().copysign(residual)
 }
 
 /// Share of a bend that a right model may leave: it has sudden events a little early or late, and rounds them in its own way.
@@ -151,146 +124,73 @@ pub fn expected(sensors: &Sensors) -> Noise {
     })
 }
 
-/// Time since the sample before, s; 0 for the first.
-fn steps_s(trial: &Trial) -> Vec<f64> {
-    let times_ns = trial.samples.iter().map(|&row| trial.frames[row].time_ns);
-    let before_ns = times_ns.clone().take(1).chain(times_ns.clone());
-    times_ns.zip(before_ns).map(|(here, before)| crate::units::seconds_from_nanos(here - before)).collect()
-}
-
-/// The filter of one signal in one trial: gains and scales, fixed so that it is linear in the residuals.
+/// What a right model leaves of one signal, at each sample, in its unit squared.
 #[derive(Clone, Debug)]
-pub struct Whitener {
-    decay: Vec<f64>,
-    gain: Vec<f64>,
-    scale: Vec<f64>,
-    /// Independent samples per sample.
-    pub share: f64,
-    /// Where the recording swings.
-    pub swings: LimitCycles,
-    /// Mean square that a right model would leave besides sudden events, in the signal's unit squared.
-    pub floor_square: f64,
-}
-
-/// Variances of what a right model leaves of one signal, at each sample, in its unit squared.
-struct Variances {
-    white: Vec<f64>,
-    drift: Vec<f64>,
-    wander: f64,
+pub struct Variances {
+    /// Transducer, quantisation, and chatter that is over with the sample.
+    pub white: Vec<f64>,
+    /// Chatter and what the spool's stops do, which last as long as the wandering.
+    pub drift: Vec<f64>,
+    /// Sudden events that come a little early or late.
+    pub sharp: Vec<f64>,
+    /// The wandering's own.
+    pub wander: f64,
+    /// Where samples are far apart, chatter that comes as rare kicks; it is then no part of the others.
+    pub kicks: Vec<Kick>,
 }
 
 impl Variances {
-    fn new(trial: &Trial, noise: &SignalNoise, reference: &[Estimate], sway: &[f64]) -> Self {
-        // Chatter outlives the demand that set it off by the spool's settling time.
-        let mut ringing: f64 = 0.0;
-        let of = |((estimate, step_s), sway): ((&Estimate, &f64), &f64)| {
-            ringing = (ringing * (-step_s / 0.03).exp()).max(estimate.spool_command_sd_pu);
-            let (chatter, drift) = (noise.chatter * ringing, noise.chatter_wander * ringing);
-            (noise.white * noise.white + chatter * chatter, drift * drift + sway * sway)
-        };
-        let (white, drift) = reference.iter().zip(&steps_s(trial)).zip(sway).map(of).unzip();
-        Self { white, drift, wander: noise.wander * noise.wander }
-    }
-
-    /// All together.
-    fn sums(&self) -> Vec<f64> {
-        self.white.iter().zip(&self.drift).map(|(white, drift)| white + drift + self.wander).collect()
-    }
-}
-
-/// The filters of all signals that a trial has, in their order; the noise is laid out along a reference's estimates, `moved` are those with
-/// the spool's stops a little off.
-#[must_use]
-pub fn whiteners(trial: &Trial, noise: &Noise, reference: &[Estimate], moved: &[Vec<Estimate>]) -> Vec<Whitener> {
-    let of = |signal: Signal| {
-        let sway = sway(trial, signal, reference, moved);
-        let variances = Variances::new(trial, &noise[signal as usize], reference, &sway);
-        let measured = trial.measured(signal);
-        let reference = signal.of_estimates(reference);
-        (Look { measured, reference, noise_squares: variances.sums() }, variances)
-    };
-    let (looks, variances): (Vec<Look>, Vec<Variances>) = trial.signals().map(of).unzip();
-    // A servomotor behind a recorded spool cannot swing of itself.
-    let swings = match trial.cut {
-        Cut::Spool => looks.iter().map(LimitCycles::none).collect(),
-        _ => swings(&looks, trial.period_s),
-    };
-    let each = trial.signals().zip(looks).zip(variances).zip(swings);
-    each.map(|(((signal, look), variances), swings)| {
-        let sharpness = sharpness(trial, signal, reference);
-        Whitener::new(trial, &noise[signal as usize], &look, &variances, &sharpness, swings)
-    })
-    .collect()
-}
-
-impl Whitener {
-    /// The steady innovations filter of wandering seen through white noise and chatter.
-    ///
-    /// `d ← a d + w`, `residual = d + n`: the scalar Kalman filter (Anderson & Moore 1979, section 3.1), whose innovations over
-    /// their standard deviation are independent and of unit size when the model is right.
-    fn new(
+    /// Along a reference's estimates; `moved` are those with the spool's stops a little off, and `step_pu` is the demand at the edge of the
+    /// regulator's dead band.
+    #[must_use]
+    pub fn new(
         trial: &Trial,
+        signal: Signal,
         noise: &SignalNoise,
-        look: &Look,
-        variances: &Variances,
-        sharpness: &[f64],
-        swings: LimitCycles,
+        reference: &[Estimate],
+        moved: &[Vec<Estimate>],
+        step_pu: f64,
     ) -> Self {
-        let count = trial.samples.len();
-        let (mut decay, mut gain, mut scale) =
-            (Vec::with_capacity(count), Vec::with_capacity(count), Vec::with_capacity(count));
-        let mut spread = variances.wander;
-        for (k, step_s) in steps_s(trial).into_iter().enumerate() {
-            let a = (-step_s / noise.wander_time_s).exp();
-            let doubt = noise.doubt * trial.command_doubt_pu[k];
-            spread = a * a * spread + (1.0 - a * a) * (variances.wander + variances.drift[k] + doubt * doubt);
-            decay.push(a);
-            if look.measured[k].is_finite() {
-                let total = spread + variances.white[k] + sharpness[k] * sharpness[k] + swings.ignored_squares[k];
-                let k_gain = spread / total;
-                gain.push(k_gain);
-                scale.push(1.0 / total.sqrt());
-                spread *= 1.0 - k_gain;
-            } else {
-                gain.push(0.0);
-                scale.push(0.0);
-            }
-        }
-        let seen = look.noise_squares.iter().zip(&look.measured).filter(|(_, measured)| measured.is_finite());
-        let seen: Vec<f64> = seen.map(|(square, _)| *square).collect();
-        let floor_square = seen.iter().sum::<f64>() / seen.len().max(1) as f64;
-        Self { decay, gain, scale, share: independent_share(trial.period_s), swings, floor_square }
+        let sway = sway(trial, signal, reference, moved);
+        // A servomotor sums kicks up; of the others they are over before the next slow sample.
+        let (white, drift, kicks) = if trial.is_slow() && signal != Signal::ServomotorPosition {
+            rare(noise, reference, &sway, step_pu)
+        } else {
+            let (white, drift) = ringing(trial, noise, reference, &sway);
+            (white, drift, Vec::new())
+        };
+        Self { white, drift, sharp: sharpness(trial, signal, reference), wander: noise.wander * noise.wander, kicks }
     }
 
-    /// Twice the logarithm of the standard deviation, over all samples, raised as the likelihood is.
+    /// All together, but for sudden events.
     #[must_use]
-    pub fn width(&self) -> f64 {
-        self.scale.iter().filter(|scale| **scale > 0.0).map(|scale| -2.0 * scale.ln() * self.share).sum()
+    pub fn sums(&self) -> Vec<f64> {
+        let kicks = self.kicks.iter().map(Kick::mean_square).chain(std::iter::repeat(0.0));
+        let plain = self.white.iter().zip(&self.drift).map(|(white, drift)| white + drift + self.wander);
+        plain.zip(kicks).map(|(plain, kicks)| plain + kicks).collect()
     }
+}
 
-    /// One over the standard deviation of each innovation, where there was a sample.
-    #[must_use]
-    pub fn scales(&self) -> Vec<f64> {
-        self.scale.iter().copied().filter(|scale| *scale > 0.0).collect()
-    }
+/// White and drifting variances where samples are close together: chatter outlives the demand that set it off by the spool's settling time.
+fn ringing(trial: &Trial, noise: &SignalNoise, reference: &[Estimate], sway: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let mut ringing: f64 = 0.0;
+    let of = |((estimate, step_s), sway): ((&Estimate, &f64), &f64)| {
+        ringing = (ringing * (-step_s / 0.03).exp()).max(estimate.spool_command_sd_pu);
+        let (chatter, drift) = (noise.chatter * ringing, noise.chatter_wander * ringing);
+        (noise.white * noise.white + chatter * chatter, drift * drift + sway * sway)
+    };
+    reference.iter().zip(&trial.steps_s()).zip(sway).map(of).unzip()
+}
 
-    /// By how much a simulated signal swings otherwise than the recorded one, where that swings of itself.
-    pub fn swings<'a>(&'a self, simulated: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
-        self.swings.residuals(simulated).map(|residual| tamed(residual, LIMIT_CYCLE_SHARE))
-    }
-
-    /// Turns residuals into innovations over their standard deviation, in place; a residual that is not finite becomes 0.
-    pub fn apply(&self, residuals: &mut [f64]) {
-        let mut state = 0.0;
-        for (k, residual) in residuals.iter_mut().enumerate() {
-            state *= self.decay[k];
-            if self.scale[k] == 0.0 || !residual.is_finite() {
-                *residual = 0.0;
-                continue;
-            }
-            let innovation = *residual - state;
-            state += self.gain[k] * innovation;
-            *residual = tamed(innovation * self.scale[k], self.share);
-        }
-    }
+/// White and drifting variances and kicks where samples are far apart: chatter lasts only where kicks follow each other closely.
+fn rare(noise: &SignalNoise, reference: &[Estimate], sway: &[f64], step_pu: f64) -> (Vec<f64>, Vec<f64>, Vec<Kick>) {
+    let of = |(estimate, sway): (&Estimate, &f64)| {
+        let sd_pu = HIDDEN * estimate.spool_command_sd_pu;
+        let lasting = Kick::new(sd_pu, step_pu, noise.chatter).probability();
+        let wander_square = noise.chatter_wander * noise.chatter_wander;
+        let short = (noise.chatter * noise.chatter + (1.0 - lasting) * wander_square).sqrt();
+        (Kick::new(sd_pu, step_pu, short), lasting * wander_square * sd_pu * sd_pu + sway * sway)
+    };
+    let (kicks, drift) = reference.iter().zip(sway).map(of).unzip();
+    (vec![noise.white * noise.white; reference.len()], drift, kicks)
 }

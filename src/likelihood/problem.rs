@@ -7,10 +7,12 @@ use nalgebra::DVector;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 use crate::frame::Estimate;
-use crate::likelihood::noise::{Noise, Whitener, independent_share, whiteners};
+use crate::likelihood::noise::Noise;
 use crate::likelihood::trial::{Traces, Trial};
+use crate::likelihood::whitener::{Whitener, independent_share, whiteners};
 use crate::parameters::Unit;
 use crate::plant::lanes::Width;
+use crate::plant::regulator::Regulator;
 use crate::signal::Signal;
 use crate::solver::Method;
 use crate::twin::{Cut, Twin};
@@ -66,6 +68,7 @@ impl Problem {
     pub fn laid_along(&self, reference: &Unit) -> Self {
         let [less, more] = [-1.0, 1.0].map(|times| twin_of(&with_moved_stops(reference, times)));
         let twins = [twin_of(reference), less, more];
+        let step_pu = Regulator::new(&reference.parameters.regulator).deadband_step_pu();
         let whiteners = (0..self.trials.len())
             .into_par_iter()
             .map(|index| {
@@ -77,7 +80,7 @@ impl Problem {
                 self.simulations.fetch_add(twins.len(), Ordering::Relaxed);
                 let mut estimates = trial.run_batch(&mut twins);
                 let moved = estimates.split_off(1);
-                whiteners(trial, &self.noise, &estimates[0], &moved)
+                whiteners(trial, &self.noise, &estimates[0], &moved, step_pu)
             })
             .collect();
         self.of(self.trials.clone(), whiteners)
@@ -202,14 +205,17 @@ impl Problem {
         Some(self.whiteners[trial][place].swings.ignored_squares.iter().map(|square| *square > 0.0).collect())
     }
 
-    /// Independent samples, all trials and signals together.
+    /// Independent samples, all trials and signals together; one that may hold a kick counts as it costs a right model.
     #[must_use]
     pub fn independent_samples(&self) -> f64 {
-        let of = |trial: &Trial| {
-            let count = trial.signals().map(|signal| trial.measured(signal).iter().filter(|v| v.is_finite()).count());
-            count.sum::<usize>() as f64 * independent_share(trial.period_s)
-        };
-        self.trials.iter().map(of).sum()
+        let whiteners = self.whiteners.iter().flatten();
+        whiteners.map(|whitener| whitener.expected_square() * whitener.share).sum()
+    }
+
+    /// Sum of squares that innovations of a signal in a trial have where the model is right; see [`Self::innovations`].
+    #[must_use]
+    pub fn expected_square(&self, trial: usize, signal: Signal) -> f64 {
+        self.trials[trial].place(signal).map_or(0.0, |place| self.whiteners[trial][place].expected_square())
     }
 
     /// The cost that a right model has: one for each independent sample, the noise being a little generous.

@@ -138,6 +138,14 @@ impl Trial {
         self.samples.iter().map(|&row| signal.of(&self.frames[row].measured)).collect()
     }
 
+    /// Time since the sample before, s; 0 for the first.
+    #[must_use]
+    pub fn steps_s(&self) -> Vec<f64> {
+        let times_ns = self.samples.iter().map(|&row| self.frames[row].time_ns);
+        let before_ns = times_ns.clone().take(1).chain(times_ns.clone());
+        times_ns.zip(before_ns).map(|(here, before)| seconds_from_nanos(here - before)).collect()
+    }
+
     /// How many samples a time holds, one at least.
     #[must_use]
     pub fn samples_in(&self, time_s: f64) -> usize {

@@ -101,6 +101,17 @@ impl Regulator {
         (self.p.deadband_lower_pu, self.p.deadband_upper_pu)
     }
 
+    /// What the large loop demands at the edge of the dead band, mean of both sides, pu.
+    #[must_use]
+    pub fn deadband_step_pu(&self) -> f64 {
+        let p = &self.p;
+        let (up, down) = (
+            p.position_gain * p.deadband_upper_pu + p.compensation_positive_pu,
+            p.position_gain * p.deadband_lower_pu + p.compensation_negative_pu,
+        );
+        0.5 * (up - down)
+    }
+
     /// The large loop: spool demand `u_y`, pu.
     #[inline]
     #[must_use]

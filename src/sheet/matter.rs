@@ -12,9 +12,10 @@ use super::item::{ITEMS, Item};
 use crate::effects::CATALOGUE;
 use crate::estimation::free_parameter::{FreeParameter, unit_at};
 use crate::generate::{Scenario, recording};
-use crate::likelihood::noise::{expected, independent_share};
+use crate::likelihood::noise::expected;
 use crate::likelihood::problem::{Problem, Residuals};
 use crate::likelihood::trial::Trial;
+use crate::likelihood::whitener::independent_share;
 use crate::parameters::{ENTRIES, EffectSetting, Unit};
 use crate::recording::Process;
 

@@ -12,7 +12,8 @@ pub struct Consistency {
     pub signal: Signal,
     /// How many samples.
     pub samples: usize,
-    /// Mean square of the normalised innovations: 1 where the noise is as expected, far above where the model lacks something.
+    /// Mean square of the normalised innovations over what a right model has: 1 where the noise is as expected, far above where the model
+    /// lacks something.
     pub mean_square: f64,
     /// Correlation of each innovation with the next: 0 but for some 2/√samples where they are white.
     pub correlation: f64,
@@ -29,10 +30,11 @@ pub fn consistency(problem: &Problem, model: &Model) -> Vec<Consistency> {
         let samples: usize = innovations.iter().map(Vec::len).sum();
         let square: f64 = innovations.iter().flatten().map(|one| one * one).sum();
         let product: f64 = innovations.iter().flat_map(|all| all.windows(2)).map(|two| two[0] * two[1]).sum();
+        let expected: f64 = (0..problem.trials.len()).map(|trial| problem.expected_square(trial, signal)).sum();
         (samples > 0).then(|| Consistency {
             signal,
             samples,
-            mean_square: square / samples as f64,
+            mean_square: square / expected,
             correlation: if square > 0.0 { product / square } else { 0.0 },
         })
     };
