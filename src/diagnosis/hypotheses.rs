@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use crate::diagnosis::evidence::Shared;
 use crate::diagnosis::hypotheses::explorer::{
-    Explorer, Hypothesis, LAW_ERROR, LEAST_GAIN, RARITY, is_stage_alone, kappa, worthwhile,
+    Explorer, Hypothesis, LEAST_GAIN, RARITY, is_stage_alone, kappa, worthwhile,
 };
 use crate::diagnosis::hypotheses::fitted_sets::Known;
 use crate::diagnosis::hypotheses::linearisation::{Linearisation, Proposal};
@@ -116,9 +116,7 @@ impl Explored {
             let (effects, specs): (Vec<usize>, Vec<&'static EffectSpec>) = known.map(|(k, spec)| (k, *spec)).unzip();
             let model = Model::new(specs, base, free_parameters, fit);
             if best[place].as_ref().is_none_or(|best| model.cost() < best.model.cost()) {
-                let normal = shared.normal(&model);
-                let log_evidence = normal.at(kappa(problem), LAW_ERROR) - RARITY * effects.len() as f64;
-                best[place] = Some(Hypothesis { effects, model, normal, log_evidence, refined: true });
+                best[place] = Some(Hypothesis::new(&shared, kappa(problem), effects, model, true));
             }
         }
         for found in best.into_iter().flatten() {

@@ -5,7 +5,7 @@
 
 use crate::diagnosis::evidence::Shared;
 use crate::diagnosis::hypotheses::Explored;
-use crate::diagnosis::hypotheses::explorer::{Hypothesis, LAW_ERROR, RARITY, kappa};
+use crate::diagnosis::hypotheses::explorer::{Hypothesis, kappa};
 use crate::diagnosis::model::Model;
 use crate::diagnosis::model::support::{Placed, Variant};
 use crate::effects::EffectSpec;
@@ -40,9 +40,7 @@ pub fn singles(found: &mut Explored, problem: &Problem, sheet: &Model, catalogue
             continue;
         }
         let model = Model::new(vec![catalogue[effect]], base, free_parameters, fit);
-        let normal = shared.normal(&model);
-        let log_evidence = normal.at(kappa(problem), LAW_ERROR) - RARITY;
-        let anew = Hypothesis { effects: vec![effect], model, normal, log_evidence, refined: true };
+        let anew = Hypothesis::new(&shared, kappa(problem), vec![effect], model, true);
         match known {
             Some(place) => found.hypotheses[place] = anew,
             None => found.hypotheses.push(anew),

@@ -63,6 +63,15 @@ pub struct Hypothesis {
     pub refined: bool,
 }
 
+impl Hypothesis {
+    /// Weighs a fitted model, at an error of equations of `kappa`.
+    pub(super) fn new(shared: &Shared, kappa: f64, effects: Vec<usize>, model: Model, refined: bool) -> Self {
+        let normal = shared.normal(&model);
+        let log_evidence = normal.at(kappa, LAW_ERROR) - RARITY * effects.len() as f64;
+        Self { effects, model, normal, log_evidence, refined }
+    }
+}
+
 /// Error of equations that explorations count with: next to none where the stage behind a recorded spool stands alone, of which the discrepancy
 /// terms know too much: at the spool's own rate nothing in the loop holds them.
 pub(super) fn kappa(problem: &Problem) -> f64 {
@@ -107,9 +116,7 @@ impl<'a> Explorer<'a> {
     }
 
     pub(super) fn hypothesis(&self, effects: Vec<usize>, model: Model, refined: bool) -> Hypothesis {
-        let normal = self.shared.normal(&model);
-        let log_evidence = normal.at(self.kappa, LAW_ERROR) - RARITY * effects.len() as f64;
-        Hypothesis { effects, model, normal, log_evidence, refined }
+        Hypothesis::new(&self.shared, self.kappa, effects, model, refined)
     }
 
     /// Places in the catalogue of the effects that a proposal at a point leaves or adds, with where they stand.
