@@ -12,13 +12,14 @@ use govtwin::recording::Recording;
 use govtwin::replay::simulate;
 use govtwin::residual::booster::{Hyperparameters, Reference};
 use govtwin::residual::corrector::Corrector;
+use govtwin::residual::features;
 use govtwin::residual::model::{Learned, Model};
 use govtwin::residual::prepare::prepare;
 use govtwin::residual::row::{Between, Opening};
 use govtwin::residual::search::bayesian;
 use govtwin::residual::split::{folds, seven_to_three};
 use govtwin::residual::table::{Layout, table};
-use govtwin::residual::{features, training};
+use govtwin::residual::training::{self, GuardKind};
 use govtwin::signal::Signal;
 use govtwin::twin::Twin;
 
@@ -104,7 +105,9 @@ fn main() {
     let split = seven_to_three(&table);
 
     let start = Instant::now();
-    let model = training::model(&table, &split.train, Learned::Residual, &Hyperparameters::MANUAL, 1, &unit).unwrap();
+    let model =
+        training::model(&table, &split.train, Learned::Residual, &Hyperparameters::MANUAL, 1, &unit, GuardKind::Range)
+            .unwrap();
     let trees = model.trees.len();
     let nodes: usize = model.trees.iter().map(|tree| tree.feature.len()).sum();
     println!("training with its band, {trees} trees, {nodes} nodes: {:.1} s", start.elapsed().as_secs_f64());

@@ -9,7 +9,6 @@ use govtwin::comparison::ablation::{Parents, STEPS, ablation, same_rows};
 use govtwin::comparison::breakdown::{Breakdown, breakdown};
 use govtwin::comparison::closed::closed_loop;
 use govtwin::comparison::contenders::{LeftOut, leave_one_out};
-use govtwin::comparison::coverage::CoveredAt;
 use govtwin::comparison::limit::{Known, limit};
 use govtwin::comparison::refit::{refit, teaching};
 use govtwin::comparison::summary::{
@@ -268,16 +267,6 @@ fn importance(model: &Model) -> Vec<Importance> {
     all
 }
 
-/// Rows and coverage in words.
-fn covered_words(at: &CoveredAt) -> String {
-    if at.coverage_share.is_nan() {
-        format!("{} rows, no band", at.rows)
-    } else {
-        let (covered, half) = (100.0 * at.coverage_share, at.mean_half_width);
-        format!("{} rows, {covered:.1} % inside, half width {half:.4}", at.rows)
-    }
-}
-
 fn say(summary: &Summary, unit: &str) -> anyhow::Result<()> {
     print(&table_text(&models_table(&summary.models, unit)))?;
     print("Over all seeds:\n")?;
@@ -296,7 +285,7 @@ fn say(summary: &Summary, unit: &str) -> anyhow::Result<()> {
             unseen.models.iter().map(|model| format!("{} {:.5}", model.title, model.overall.mae)).collect();
         print(&format!("Left out of training: {}: MAE {}\n", unseen.process, said.join(", ")))?;
         for at in &unseen.band {
-            print(&format!("  its band, {}: {}\n", at.distance, covered_words(at)))?;
+            print(&format!("  its band, {}: {}\n", at.distance, at.words(unit)))?;
         }
     }
     for (signal, models) in

@@ -12,7 +12,7 @@ use govtwin::residual::booster::Hyperparameters;
 use govtwin::residual::model::{LEFT_OUT, Learned};
 use govtwin::residual::prepare::Cleaning;
 use govtwin::residual::split::seven_to_three;
-use govtwin::residual::training;
+use govtwin::residual::training::{self, GuardKind};
 use serde::Serialize;
 
 use super::learn::{self, CutAt, Job, RateOfInputs};
@@ -55,6 +55,15 @@ enum GuardBy {
     Range,
     /// That, and the distance from those rows, with weights learned on folds that leave a process out.
     Processes,
+}
+
+impl GuardBy {
+    fn kind(self) -> GuardKind {
+        match self {
+            Self::Range => GuardKind::Range,
+            Self::Processes => GuardKind::Processes,
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -118,10 +127,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let unit = &ready.sheet.unit;
     let rows = (&split.train[..], &split.test[..]);
-    let (mut model, estimates) = trained(table, rows, Learned::Residual, &with, args.learn.seed, unit)?;
-    if args.guard == GuardBy::Range {
-        model.guard.reach = None;
-    }
+    let (mut model, estimates) =
+        trained(table, rows, Learned::Residual, &with, args.learn.seed, unit, args.guard.kind())?;
     let names: Vec<&str> = ready.recordings.iter().map(|one| one.name.as_str()).collect();
     model.training.insert("recordings".to_owned(), names.join(", "));
     if !left_out.is_empty() {
@@ -153,12 +160,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let band_by_distance = by_distance.unwrap_or_default();
     for at in &band_by_distance {
-        said += &format!("  guarded, {}, {}: {} rows", at.process, at.distance, at.rows);
-        if at.coverage_share.is_finite() {
-            let covered = 100.0 * at.coverage_share;
-            said += &format!(", {covered:.1} % inside, half width {:.4} {}", at.mean_half_width, model.unit);
-        }
-        said += "\n";
+        said += &format!("  guarded, {}, {}: {}\n", at.process, at.distance, at.words(&model.unit));
     }
     let mut page =
         Page::new("Training of the residual", format!("{} rows teach, {} judge", rows.0.len(), rows.1.len()));

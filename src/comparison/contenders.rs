@@ -11,7 +11,7 @@ use crate::residual::guard::{Counts, Guard};
 use crate::residual::model::{Learned, Model};
 use crate::residual::split::without_process;
 use crate::residual::table::{Layout, Table};
-use crate::residual::training;
+use crate::residual::training::{self, GuardKind};
 
 /// The same table with some of its features.
 #[must_use]
@@ -67,8 +67,9 @@ pub fn trained(
     with: &Hyperparameters,
     seed: u64,
     unit: &Unit,
+    kind: GuardKind,
 ) -> Result<(Model, Vec<f64>), TrainError> {
-    let model = training::model(table, split.0, learned, with, seed, unit)?;
+    let model = training::model(table, split.0, learned, with, seed, unit, kind)?;
     let forest = model.forest().map_err(|error| TrainError::Library(error.to_string()))?;
     let said = estimates(&forest, table, split.1, learned, None);
     Ok((model, said))
@@ -112,7 +113,8 @@ pub fn leave_one_out(
         };
         let mut hybrids = |table: &Table, [bare, guarded]: [(&'static str, &'static str); 2]| {
             let with = Hyperparameters::MANUAL;
-            let (guard, band) = training::guard(table, &split.train, Learned::Residual, &with, seed)?;
+            let (guard, band) =
+                training::guard(table, &split.train, Learned::Residual, &with, seed, GuardKind::Processes)?;
             let hybrid = forest(table, Learned::Residual)?;
             done();
             let said = |guard| estimates(&hybrid, table, &split.test, Learned::Residual, guard);

@@ -23,6 +23,18 @@ pub struct CoveredAt {
     pub mean_half_width: f64,
 }
 
+impl CoveredAt {
+    /// Rows, coverage and half width in words; `unit` is the signal's.
+    #[must_use]
+    pub fn words(&self, unit: &str) -> String {
+        if self.coverage_share.is_nan() {
+            return format!("{} rows, no band", self.rows);
+        }
+        let (covered, half) = (100.0 * self.coverage_share, self.mean_half_width);
+        format!("{} rows, {covered:.1} % inside, half width {half:.4} {unit}", self.rows)
+    }
+}
+
 /// How much of the rows the band of a guarded residual holds, by process and by distance.
 #[must_use]
 #[expect(clippy::cast_precision_loss, reason = "counts of rows")]

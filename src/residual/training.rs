@@ -132,7 +132,17 @@ fn missed(
     folds.par_iter().map(of).collect()
 }
 
-/// The guard of rows that teach, with its reach where they are of two processes or more, and the band that goes with it.
+/// What bounds corrections.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum GuardKind {
+    /// The range of each feature, and of the corrections, among the rows that teach.
+    Range,
+    /// That, and the distance from those rows, with weights learned on folds that leave a process out: models of their own, trained for nothing
+    /// else.
+    Processes,
+}
+
+/// The guard of rows that teach, with the reach that it asks for where they are of two processes or more, and the band that goes with it.
 ///
 /// # Errors
 /// As [`grow`].
@@ -142,12 +152,16 @@ pub fn guard(
     learned: Learned,
     with: &Hyperparameters,
     seed: u64,
+    kind: GuardKind,
 ) -> Result<(Guard, Option<Band>), TrainError> {
     let mut guard = Guard::of(&table.select(rows), table.layout.features.len(), &targets(table, rows, learned));
     let by_time = folds(table, rows);
     let missed_by_time = missed(table, &by_time, learned, with, seed).unwrap_or_default();
     let motions = missed_by_time.iter().flatten().map(|(row, missed)| (table.marks[*row].motion, *missed));
     let band = Band::of(&motions.collect::<Vec<_>>(), COVERAGE_SHARE);
+    if kind == GuardKind::Range {
+        return Ok((guard, band));
+    }
     let left_out: Vec<Split> = Process::ALL.map(|process| without(table, rows, process)).into();
     let alone = left_out.iter().filter(|fold| fold.train.len() >= FEWEST_ROWS && !fold.test.is_empty()).count() < 2;
     // A model of the signal itself has no twin to fall back on.
@@ -207,9 +221,10 @@ pub fn model(
     with: &Hyperparameters,
     seed: u64,
     unit: &Unit,
+    kind: GuardKind,
 ) -> Result<Model, TrainError> {
     let (trees, importance) = fit(table, rows, learned, with, seed)?;
-    let (guard, band) = guard(table, rows, learned, with, seed)?;
+    let (guard, band) = guard(table, rows, learned, with, seed, kind)?;
     let layout = &table.layout;
     let features: Vec<String> = layout.features.iter().map(super::features::Feature::name).collect();
     Ok(Model {
@@ -242,7 +257,7 @@ pub fn named(with: &Hyperparameters) -> BTreeMap<String, f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::{SPACE, at, loss, model, named};
+    use super::{GuardKind, SPACE, at, loss, model, named};
     use crate::residual::booster::{Hyperparameters, TrainError};
     use crate::residual::corrector::Corrector;
     use crate::residual::model::{Learned, Model};
@@ -265,7 +280,7 @@ mod tests {
         let table = of(&recordings);
         let split = seven_to_three(&table);
         let unit = crate::params::reference();
-        let trained = model(&table, &split.train, Learned::Residual, &quick(), 1, &unit).unwrap();
+        let trained = model(&table, &split.train, Learned::Residual, &quick(), 1, &unit, GuardKind::Range).unwrap();
         let model = Model::from_text(&trained.to_text().unwrap()).unwrap();
         assert_eq!(model, trained);
         let mut corrector = Corrector::new(&model).unwrap();
@@ -288,7 +303,7 @@ mod tests {
         let table = of(&[recording("a", 0, 60, gap)]);
         let split = seven_to_three(&table);
         let unit = crate::params::reference();
-        let error = model(&table, &split.train, Learned::Residual, &quick(), 1, &unit).unwrap_err();
+        let error = model(&table, &split.train, Learned::Residual, &quick(), 1, &unit, GuardKind::Range).unwrap_err();
         assert_eq!(error, TrainError::TooFew { found: 42 });
         assert!(loss(&table, &folds(&table, &split.train), Learned::Residual, &quick(), 1).is_err());
     }
@@ -321,7 +336,9 @@ mod tests {
         }
         let split = without_process(&table, Process::ALL[3]);
         let learned = Learned::Residual;
-        let (guard, band) = guard(&table, &split.train, learned, &quick(), 1).unwrap();
+        let (guard, band) = guard(&table, &split.train, learned, &quick(), 1, GuardKind::Processes).unwrap();
+        let range = super::guard(&table, &split.train, learned, &quick(), 1, GuardKind::Range).unwrap();
+        assert!(range.0.reach.is_none() && range.1 == band);
         assert!(band.is_some() && guard.reach.is_some());
         let forest =
             Forest::new(&fit(&table, &split.train, learned, &quick(), 1).unwrap().0, table.layout.features.len())

@@ -10,7 +10,7 @@ use govtwin::residual::booster::Hyperparameters;
 use govtwin::residual::model::{Learned, Model};
 use govtwin::residual::split::Split;
 use govtwin::residual::table::Table;
-use govtwin::residual::training;
+use govtwin::residual::training::{self, GuardKind};
 
 use crate::commands::learn::{self, Job};
 use crate::commands::output::Progress;
@@ -73,24 +73,25 @@ pub fn field(
         let of = mechanism(table, &split.test);
         contenders.push(Contender { id: "refitted", title: "MBM, that and refitted", ..of });
     }
-    let (_, estimates) = trained(&data, rows, Learned::Signal, &alone, seed, unit)?;
+    let (_, estimates) = trained(&data, rows, Learned::Signal, &alone, seed, unit, GuardKind::Range)?;
     contenders.push(Contender { id: "ddm", title: "DDM", estimates });
     progress.step();
     let (_, estimates) = gated(&data, split, &of_data(&alone), seed)?;
     contenders.push(Contender { id: "ddm_gate", title: "DDM, gate", estimates });
     progress.step();
-    let (_, estimates) = trained(plain, rows, Learned::Residual, &Hyperparameters::MANUAL, seed, unit)?;
+    let (_, estimates) =
+        trained(plain, rows, Learned::Residual, &Hyperparameters::MANUAL, seed, unit, GuardKind::Range)?;
     contenders.push(Contender { id: "lightgbm", title: "LightGBM hybrid", estimates });
     progress.step();
-    let (_, estimates) = trained(plain, rows, Learned::Residual, &paper_by_chance, seed, unit)?;
+    let (_, estimates) = trained(plain, rows, Learned::Residual, &paper_by_chance, seed, unit, GuardKind::Range)?;
     contenders.push(Contender { id: "random", title: "LightGBM hybrid, random search", estimates });
     progress.step();
-    let (model, estimates) = trained(plain, rows, Learned::Residual, &paper, seed, unit)?;
+    let (model, estimates) = trained(plain, rows, Learned::Residual, &paper, seed, unit, GuardKind::Processes)?;
     contenders.push(Contender { id: "mdhm", title: "MDHM", estimates });
     let guarded = contenders::estimates(&model.forest()?, plain, &split.test, Learned::Residual, Some(&model.guard));
     contenders.push(Contender { id: "guarded", title: "MDHM, guarded", estimates: guarded });
     progress.step();
-    let (_, estimates) = trained(best, rows, Learned::Residual, &with, seed, unit)?;
+    let (_, estimates) = trained(best, rows, Learned::Residual, &with, seed, unit, GuardKind::Range)?;
     contenders.push(Contender { id: "hybrid", title: "hybrid, better twin", estimates });
     progress.step();
     let (_, estimates) = gated(best, split, &of_hybrid(&with), seed)?;
