@@ -42,6 +42,7 @@ pub mod recorder;
 pub mod refit;
 pub mod services;
 pub mod settings;
+mod spout;
 pub mod startup;
 pub mod stats;
 mod tap;

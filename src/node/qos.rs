@@ -10,6 +10,12 @@ use super::arguments::{Given, nearest};
 /// Prefix of the parameters that change a quality of service.
 pub const PREFIX: &str = "qos_overrides.";
 
+/// Samples of a played topic that may wait for readers.
+const BURST_DEPTH: usize = 100;
+
+/// Samples that are kept for late comers of a played topic; `/rosout` keeps 1000.
+const LATCHED_DEPTH: usize = 1000;
+
 /// Best effort, the newest ten: what inputs are read with. It matches every writer.
 #[must_use]
 pub fn best_effort() -> QosProfile {
@@ -42,6 +48,41 @@ pub fn reliable() -> QosProfile {
         history: History::KeepLast { depth: 10 },
         ..QosProfile::publisher_default()
     }
+}
+
+/// What a recorded topic is played with: reliable without waiting, and otherwise as its publishers offered it. `profiles` is what
+/// rosbag2 keeps of them, YAML with words or, before Iron, with numbers. What they do not agree on is not offered.
+#[must_use]
+pub fn played(profiles: &str) -> QosProfile {
+    let all = |key: &str| {
+        let values = profiles.lines().filter_map(|line| line.trim_start_matches(['-', ' ']).strip_prefix(key));
+        values.map(|value| value.trim_start_matches(':').trim()).collect::<Vec<_>>()
+    };
+    let durabilities = all("durability:");
+    let is_latched =
+        !durabilities.is_empty() && durabilities.iter().all(|word| ["transient_local", "1"].contains(word));
+    let depth = all("depth:").iter().filter_map(|depth| depth.parse::<usize>().ok()).sum();
+    // A burst of samples must fit, and what others kept for late comers must be kept again; a bag may not know how much that was.
+    let least = if is_latched { LATCHED_DEPTH } else { BURST_DEPTH };
+    QosProfile {
+        durability: if is_latched { Durability::TransientLocal } else { Durability::Volatile },
+        history: History::KeepLast { depth: least.max(depth).min(10_000) },
+        deadline: common_span(profiles, "deadline"),
+        lifespan: common_span(profiles, "lifespan"),
+        ..reliable()
+    }
+}
+
+/// A span of time that all publishers offer alike; none where it is the longest one of ROS 2, or 0, which stands for it as well.
+fn common_span(profiles: &str, policy: &str) -> Option<Duration> {
+    let lines: Vec<&str> = profiles.lines().map(str::trim).collect();
+    let number = |line: &str, key: &str| line.strip_prefix(key)?.trim().parse::<u64>().ok();
+    let spans = lines.windows(3).filter(|lines| lines[0].trim_end_matches(':') == policy);
+    let mut spans = spans.map(|lines| Some((number(lines[1], "sec:")?, number(lines[2], "nsec:")?)));
+    let first = spans.next()??;
+    let (seconds, nanos) = first;
+    let is_one = !matches!(first, (0, 0) | (9_223_372_036.., _)) && spans.all(|span| span == Some(first));
+    is_one.then(|| Duration::from_secs(seconds) + Duration::from_nanos(nanos))
 }
 
 /// Applies `qos_overrides.TOPIC.ROLE.POLICY` parameters to a topic's quality of service; the later one wins.
@@ -119,7 +160,7 @@ pub fn idle(parameters: &[(String, Given)], places: &[String]) -> Vec<String> {
 mod tests {
     use ros2_client::qos::{Durability, History, Reliability};
 
-    use super::{Given, idle, overridden, reliable};
+    use super::{Given, idle, overridden, played, reliable};
 
     fn text(name: &str, value: &str) -> (String, Given) {
         (name.to_owned(), Given::Text(value.to_owned()))
@@ -149,6 +190,25 @@ mod tests {
         let qos = overridden(&parameters, "/a", "publisher", reliable()).unwrap();
         assert_eq!((qos.deadline, qos.lifespan), (Some(std::time::Duration::from_millis(100)), None));
         assert!(overridden(&[number("deadline", 0.5)], "/a", "publisher", reliable()).is_err());
+    }
+
+    #[test]
+    fn a_recorded_topic_is_played_as_it_was_offered() {
+        let offered = |durability: &str, deadline_s: u64| {
+            format!(
+                "- history: keep_last\n  depth: 300\n  reliability: best_effort\n  durability: {durability}\n  deadline:\n    \
+                 sec: {deadline_s}\n    nsec: 5\n  lifespan:\n    sec: 9223372036\n    nsec: 854775807\n"
+            )
+        };
+        let latched = played(&offered("transient_local", 2));
+        assert_eq!(latched.durability, Durability::TransientLocal);
+        assert_eq!((latched.history, latched.lifespan), (History::KeepLast { depth: 1000 }, None));
+        assert_eq!(latched.deadline, Some(std::time::Duration::new(2, 5)));
+        let two = played(&[offered("volatile", 2), offered("transient_local", 3)].concat());
+        assert_eq!((two.durability, two.history), (Durability::Volatile, History::KeepLast { depth: 600 }));
+        assert_eq!(two.deadline, None, "they do not agree");
+        assert_eq!(played("- durability: 1\n").durability, Durability::TransientLocal, "as Foxy and Humble write it");
+        assert_eq!(played("").durability, Durability::Volatile);
     }
 
     #[test]
