@@ -12,7 +12,7 @@ import subprocess
 import sys
 import time
 
-from bench import DOMAIN, Bench, check, whole, FAILED
+from bench import DOMAIN, Bench, check, stamp_ns, whole, FAILED
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
@@ -131,8 +131,22 @@ def churn(binary, folder):
         check("the node ends in order", node.end())
 
 
+def slope(times, values):
+    """Least-squares slope an hour with its 95 % interval, from the means of 20 spans of time: neighbours depend on each other."""
+    count = min(20, len(times))
+    spans = [range(len(times) * k // count, len(times) * (k + 1) // count) for k in range(count)]
+    t = [sum(times[n] for n in span) / len(span) / 3600 for span in spans]
+    v = [sum(values[n] for n in span) / len(span) for span in spans]
+    mean_t, mean_v = sum(t) / count, sum(v) / count
+    spread = sum((one - mean_t) ** 2 for one in t)
+    rise = sum((a - mean_t) * (b - mean_v) for a, b in zip(t, v)) / spread
+    rest = sum((b - mean_v - rise * (a - mean_t)) ** 2 for a, b in zip(t, v))
+    # Student's t of 18 degrees of freedom.
+    return rise, 2.10 * (rest / max(count - 2, 1) / spread) ** 0.5
+
+
 def soak(binary, folder):
-    """Some minutes at 100 Hz: the slope of memory, threads, descriptors, the state's age."""
+    """SOAK_S at 100 Hz (180 s): slopes of memory, descriptors, threads, and of the model's time against the clock."""
     seconds = float(os.environ.get("SOAK_S", "180"))
     figures = os.path.join(folder, "soak.json")
     node = Node(binary, os.path.join(folder, "soak.txt"), "--out", figures)
@@ -140,27 +154,30 @@ def soak(binary, folder):
     try:
         # Rings and the transport's caches fill first: 80 s at 100 Hz.
         bench.drive(100.0, 0.4)
-        first, begin = resources(node), time.monotonic()
-        times, sizes, states = [], [], 0
+        begin, times, rows, states = time.monotonic(), [], [], 0
         while time.monotonic() < begin + seconds:
             got, _ = bench.drive(5.0, 0.4 + 0.1 * (len(times) % 2))
             states += len(got)
             times.append(time.monotonic() - begin)
-            sizes.append(node.megabytes())
-        mean_t, mean_s = sum(times) / len(times), sum(sizes) / len(sizes)
-        spread = sum((t - mean_t) ** 2 for t in times)
-        slope = 3600 * sum((t - mean_t) * (s - mean_s) for t, s in zip(times, sizes)) / spread
-        print("     MB every 5 s: " + " ".join(f"{size:.1f}" for size in sizes))
-        check("memory does not grow", slope < 2.0, f"({slope:+.2f} MB an hour over {times[-1]:.0f} s; {sizes[0]:.1f} -> {sizes[-1]:.1f} MB)")
-        check("nor do threads and descriptors", resources(node)[0] <= first[0] and resources(node)[1] <= first[1] + 1,
-              f"({first} -> {resources(node)})")
+            # The newest of the last 100 states: what delays single ones is not drift.
+            ahead_ms = max((stamp_ns(state.header) - time.time_ns()) * 1e-6 for state in got[-3:]) if got else float("nan")
+            rows.append((node.megabytes(), *resources(node), ahead_ms))
+        memory, threads, files, ahead_ms = zip(*rows)
+        print("     MB each minute: " + " ".join(f"{size:.1f}" for size in memory[::12]))
+        rise, either_way = slope(times, memory)
+        check("memory does not grow", rise - either_way < 2.0,
+              f"({rise:+.2f} +- {either_way:.2f} MB an hour over {times[-1]:.0f} s; {memory[0]:.1f} -> {memory[-1]:.1f} MB)")
+        check("nor do threads and descriptors", max(threads) <= threads[0] and max(files) <= files[0] + 1,
+              f"(threads {min(threads)} to {max(threads)}, descriptors {min(files)} to {max(files)})")
+        drift, either_way = slope(times, ahead_ms)
+        check("the model's time keeps to the clock", abs(drift) < 5.0 + either_way, f"({drift:+.2f} +- {either_way:.2f} ms an hour)")
         check("states keep their rate", states > 95 * times[-1], f"({states / times[-1]:.1f} a second)")
     finally:
         check("the node ends in order", node.end())
     with open(figures) as text:
         run = json.load(text)
-    print(f"     wake-up lateness {run['loop']['lateness']['p99_9_us']:.0f} us at 99.9 %, {run['loop']['overruns']} overruns, "
-          f"{run['lost_publications']} publications lost, {run['inputs']['governor/command']['lost']} commands lost")
+    print(f"     wake-up lateness {run['loop']['lateness']['p99_9_us']:.0f} us at 99.9 %, {run['loop']['overruns']} overruns, {run['loop']['skipped']} ticks "
+          f"skipped, {run['lost_publications']} publications lost, {run['inputs']['governor/command']['lost']} commands lost; load {os.getloadavg()[2]:.1f}")
 
 
 def main():
