@@ -15,6 +15,7 @@ use super::arguments::Arguments;
 use super::environment::Environment;
 use super::offer::{Describer, Offer, dds_type, ros_type};
 use super::qos::{self, best_effort, latched, recorded, reliable};
+use super::services::call::Calls;
 use super::tap::Tap;
 use super::transport;
 use crate::msg::Interface;
@@ -197,6 +198,28 @@ impl Bus {
         S::Response: Message + Clone + 'static,
     {
         self.serve(mapping, service, S::TYPE_NAME)
+    }
+
+    /// Opens a service of any type, `package/KIND/Type`, for callers of both layouts.
+    ///
+    /// # Errors
+    /// As [`Bus::serve`].
+    pub(super) fn calls(&mut self, service: &str, type_name: &str) -> Result<Calls, BusError> {
+        let full_name = self.arguments.resolve(service)?;
+        self.opened.insert(self.arguments.expand(service)?);
+        let (participant, qos) = (self.context.domain_participant(), QosPolicies::from(&reliable()));
+        let open = || {
+            let topic = |name: String, half: &str| {
+                participant.create_topic(name, dds_type(&format!("{type_name}_{half}")), &qos, TopicKind::NoKey)
+            };
+            let requests = topic(format!("rq{full_name}Request"), "Request")?;
+            let responses = topic(format!("rr{full_name}Reply"), "Response")?;
+            let (subscriber, publisher) = (participant.create_subscriber(&qos)?, participant.create_publisher(&qos)?);
+            let reader = subscriber.create_simple_datareader_no_key(&requests, None)?;
+            let writer = publisher.create_datawriter_no_key(&responses, None)?;
+            Ok(Calls::new((subscriber, reader), (publisher, writer)))
+        };
+        open().map_err(|source| BusError::open(&full_name, source))
     }
 
     /// Opens a service of another node, by its full name, to call it.

@@ -58,6 +58,8 @@ pub struct Output {
     pub tick: Tick,
     /// Whether it is to be published.
     pub publish: bool,
+    /// Steps that a caller ordered and that are still to come after this tick.
+    pub steps_left: u64,
     /// Whether the loop waits for room, so that whoever publishes may wait for a reader.
     pub patient: bool,
     /// Overruns so far.
@@ -315,6 +317,7 @@ impl Integrator {
             let output = Output {
                 tick,
                 publish,
+                steps_left: self.steps.map_or(0, |steps| steps.left_count.saturating_sub(1)),
                 patient: self.steps.is_some(),
                 overruns: self.stats.overruns,
                 worst_lateness_us: self.stats.worst_lateness_us(),

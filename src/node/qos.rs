@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use ros2_client::QosProfile;
-use ros2_client::qos::{Durability, History, Reliability, WhenFull};
+use ros2_client::qos::{Durability, History, Liveliness, Reliability, WhenFull};
 
 use super::arguments::{Given, nearest};
 
@@ -48,6 +48,12 @@ pub fn reliable() -> QosProfile {
         history: History::KeepLast { depth: 10 },
         ..QosProfile::publisher_default()
     }
+}
+
+/// The same, and the newest is kept for who comes late: the statuses of an action's goals.
+#[must_use]
+pub fn kept() -> QosProfile {
+    QosProfile { durability: Durability::TransientLocal, history: History::KeepLast { depth: 1 }, ..reliable() }
 }
 
 /// What a recorded topic is played with: reliable without waiting, and otherwise as its publishers offered it. `profiles` is what
@@ -99,6 +105,21 @@ pub fn overridden(
     for (name, given) in parameters {
         let Some(policy) = name.strip_prefix(&prefix) else { continue };
         match (policy, given) {
+            // What stands for the node's own choice.
+            ("reliability" | "durability" | "history" | "liveliness", Given::Text(text))
+                if text == "system_default" => {}
+            ("history", Given::Text(text)) if text == "keep_all" => {
+                return Err(format!(
+                    "{name} is keep_all, which the transport does not have: it would keep 64; give a depth of 1 to 10000 instead"
+                ));
+            }
+            ("liveliness", Given::Text(text)) if text == "manual_by_topic" => {
+                qos.liveliness = Liveliness::ManualByTopic
+            }
+            ("avoid_ros_namespace_conventions", Given::Bool(false)) => {}
+            ("avoid_ros_namespace_conventions", Given::Bool(true)) => {
+                return Err(format!("{name} is true: this node's topics keep the names of ROS 2 on DDS, `rt/…`"));
+            }
             ("reliability", Given::Text(text)) if text == "reliable" => {
                 qos.reliability = Reliability::Reliable { when_full: WhenFull::Fail };
             }
@@ -108,7 +129,7 @@ pub fn overridden(
                 qos.durability = Durability::TransientLocal;
             }
             ("history", Given::Text(text)) if text == "keep_last" => {}
-            ("liveliness", Given::Text(text)) if text == "automatic" => {}
+            ("liveliness", Given::Text(text)) if text == "automatic" => qos.liveliness = Liveliness::Automatic,
             ("deadline", Given::Number(span_ns)) if is_span(*span_ns) => qos.deadline = span(*span_ns),
             ("lifespan", Given::Number(span_ns)) if is_span(*span_ns) => qos.lifespan = span(*span_ns),
             ("liveliness_lease_duration", Given::Number(span_ns)) if is_span(*span_ns) => {
@@ -121,8 +142,8 @@ pub fn overridden(
             _ => {
                 return Err(format!(
                     "{name} is {given}: expected reliability (reliable, best_effort), durability (volatile, \
-                     transient_local), history (keep_last), depth (1 to 10000), liveliness (automatic), or one of deadline, \
-                     lifespan and liveliness_lease_duration in whole nanoseconds"
+                     transient_local), history (keep_last), depth (1 to 10000), liveliness (automatic, manual_by_topic), \
+                     avoid_ros_namespace_conventions (false), or one of deadline, lifespan and liveliness_lease_duration in whole nanoseconds"
                 ));
             }
         }
@@ -158,7 +179,7 @@ pub fn idle(parameters: &[(String, Given)], places: &[String]) -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
-    use ros2_client::qos::{Durability, History, Reliability};
+    use ros2_client::qos::{Durability, History, Liveliness, Reliability};
 
     use super::{Given, idle, overridden, played, reliable};
 
@@ -227,5 +248,27 @@ mod tests {
     fn a_policy_that_is_none_is_refused_in_words() {
         let parameters = [text("qos_overrides./a.publisher.reliability", "perhaps")];
         assert!(overridden(&parameters, "/a", "publisher", reliable()).unwrap_err().contains("best_effort"));
+    }
+
+    #[test]
+    fn each_policy_of_ros_is_followed_or_refused_with_the_way_out() {
+        let one = |policy: &str, value: &str| {
+            let given = value.parse().map_or_else(|_| Given::Text(value.to_owned()), Given::Bool);
+            let parameters = [(format!("qos_overrides./a.publisher.{policy}"), given)];
+            overridden(&parameters, "/a", "publisher", reliable())
+        };
+        assert_eq!(one("liveliness", "manual_by_topic").unwrap().liveliness, Liveliness::ManualByTopic);
+        for (policy, value) in [
+            ("reliability", "system_default"),
+            ("durability", "system_default"),
+            ("history", "system_default"),
+            ("history", "keep_last"),
+            ("liveliness", "system_default"),
+            ("avoid_ros_namespace_conventions", "false"),
+        ] {
+            assert_eq!(one(policy, value).unwrap(), reliable(), "{policy} {value}");
+        }
+        assert!(one("history", "keep_all").unwrap_err().contains("give a depth"));
+        assert!(one("avoid_ros_namespace_conventions", "true").unwrap_err().contains("rt/"));
     }
 }

@@ -2,8 +2,7 @@
 """How late the node's loop wakes, and how old a command is when it acts, beside a bare loop and a plain Cyclone DDS echo in the same run.
 
 Usage: latency.py GOVTWIN FOLDER   (a study, not part of the tests; the figures stand in docs/ros2.md)
-Needs Debian's rt-tests (cyclictest, the bare loop), cyclonedds-dev and cyclonedds-tools, PyPI `mcap`, gcc, and the right to
-SCHED_FIFO. RUN_S is the length of a run (60), RATES the node's rates in Hz, LOADS how many busy loops run beside it, CORE where
+Needs Debian's cyclonedds-dev and cyclonedds-tools, PyPI `mcap`, gcc, and the right to SCHED_FIFO. RUN_S is the length of a run (60), RATES the node's rates in Hz, LOADS how many busy loops run beside it, CORE where
 the node's loop and the bare loop run. Exits 0 when all runs gave figures, 1 otherwise, 77 where something is missing.
 """
 
@@ -40,21 +39,6 @@ def quantiles(values):
     return [values[min(len(values) - 1, int(share * len(values)))] * 1e-3 for share in (0.5, 0.99, 0.999, 1.0)] if values else [float("nan")] * 4
 
 
-def bare(path):
-    """The same of cyclictest's histogram: lines `LATENESS_us COUNT`."""
-    rows = [line.split() for line in open(path) if line[:1].isdigit()]
-    counts = [(int(row[0]), int(row[1])) for row in rows if len(row) == 2]
-    total, out = sum(count for _, count in counts), []
-    for share in (0.5, 0.99, 0.999, 1.0):
-        seen = 0
-        for lateness, count in counts:
-            seen += count
-            if count and seen >= share * total:
-                out.append(float(lateness))
-                break
-    return out
-
-
 def in_force(bag):
     """The tick at which each command acted, by its opening, from the node's bag."""
     from mcap.reader import make_reader
@@ -72,7 +56,7 @@ def in_force(bag):
 
 def run(binary, folder, peer, rate, load):
     """One run; the rows of the table."""
-    bag, figures, events, histogram = (os.path.join(folder, name) for name in ("bag", "run.json", "events.txt", "bare.txt"))
+    bag, figures, events, lateness = (os.path.join(folder, name) for name in ("bag", "run.json", "events.txt", "bare.txt"))
     shutil.rmtree(bag, ignore_errors=True)
     real_time = ["chrt", "-f", "70"]
     others = [subprocess.Popen(["sh", "-c", "while :; do :; done"]) for _ in range(load)]
@@ -82,9 +66,7 @@ def run(binary, folder, peer, rate, load):
                              "--bag", bag, "--out", figures], stdout=log, stderr=log)
     try:
         time.sleep(3)
-        period_us = 10**6 // rate
-        loop = subprocess.Popen(["cyclictest", "-q", "-t1", "-a", str(CORE), "-p", "80", "-i", str(period_us), f"--aligned={period_us // 2}", "-D", str(SECONDS),
-                                 "-h", "100000", f"--histfile={histogram}"], stdout=log, stderr=log)
+        loop = subprocess.Popen(["taskset", "-c", str(CORE), "chrt", "-f", "80", peer, "bare", str(SECONDS), str(10**9 // rate), lateness])
         subprocess.run([*real_time, peer, "drive", str(SECONDS), events], check=True)
         loop.wait(30)
     finally:
@@ -107,7 +89,7 @@ def run(binary, folder, peer, rate, load):
     with open(figures) as text:
         loop = json.load(text)["loop"]
     node_late = [loop["lateness"][name] for name in ("p50_us", "p99_us", "p99_9_us", "max_us")]
-    rows = [bare(histogram), node_late, quantiles(to_tick), quantiles(to_state), quantiles(echoes)]
+    rows = [quantiles([int(line) for line in open(lateness)]), node_late, quantiles(to_tick), quantiles(to_state), quantiles(echoes)]
     heard = f"{len(to_tick)} of {len(sent)} commands acted, {len(echoes)} echoes, {len(states)} states, {loop['ticks']} ticks, {loop['overruns']} overruns, {loop['skipped']} skipped"
     return rows, heard
 
@@ -118,8 +100,8 @@ def main():
         import mcap  # noqa: F401
     except ImportError:
         mcap = None
-    if mcap is None or not all(map(shutil.which, ("cyclictest", "idlc", "gcc", "chrt"))):
-        print("skipped: needs rt-tests, cyclonedds-dev, cyclonedds-tools, gcc and PyPI mcap")
+    if mcap is None or not all(map(shutil.which, ("idlc", "gcc", "chrt", "taskset"))):
+        print("skipped: needs cyclonedds-dev, cyclonedds-tools, gcc and PyPI mcap")
         sys.exit(77)
     os.makedirs(folder, exist_ok=True)
     peer, whole = build(folder), True

@@ -2,7 +2,7 @@
 """A running `govtwin run` on a bad network, with peers that come and go, and over some minutes.
 
 Usage: network.py GOVTWIN FOLDER   (needs PyPI `cyclonedds` 11; ROS_DOMAIN_ID picks the domain; logs go to FOLDER)
-CASES picks among: link churn soak; `link` needs root. SOAK_S and CHURN_S are their lengths. Exits 0 when everything was as it
+CASES picks among: link churn soak units; `link` needs root. SOAK_S, CHURN_S and UNITS_S are lengths, UNITS how many. Exits 0 when everything was as it
 should be, 1 otherwise, 77 where nothing could be tried.
 """
 
@@ -12,7 +12,7 @@ import subprocess
 import sys
 import time
 
-from bench import DOMAIN, Bench, check, stamp_ns, whole, FAILED
+from bench import BEST_EFFORT, DOMAIN, RELIABLE, Bench, check, now, stamp_ns, wait_for, whole, FAILED
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
@@ -180,9 +180,47 @@ def soak(binary, folder):
           f"skipped, {run['lost_publications']} publications lost, {run['inputs']['governor/command']['lost']} commands lost; load {os.getloadavg()[2]:.1f}")
 
 
+def units(binary, folder):
+    """UNITS nodes (10) at 1 kHz beside each other, each with a namespace and a command of its own, for UNITS_S (20)."""
+    count, seconds = int(os.environ.get("UNITS", "10")), float(os.environ.get("UNITS_S", "20"))
+    figures = [os.path.join(folder, f"unit_{n}.json") for n in range(count)]
+    nodes = [Node(binary, os.path.join(folder, f"unit_{n}.txt"), "--optional", "esv", "tank_pressure", "--rate", "1000", "--out", figures[n],
+                  "--ros-args", "-r", f"__ns:=/unit{n}") for n in range(count)]
+    participant = DomainParticipant(DOMAIN)
+    ends = [(DataWriter(participant, Topic(participant, f"rt/unit{n}/governor/command", ros.GovernorCommand), qos=RELIABLE),
+             DataReader(participant, Topic(participant, f"rt/unit{n}/sim/servo_state", ros.ServoState), qos=BEST_EFFORT)) for n in range(count)]
+    openings, states, last = [0.1 + 0.05 * n for n in range(count)], [0] * count, [None] * count
+    try:
+        wait_for(lambda: all(writer.get_matched_subscriptions() for writer, _ in ends), 30)
+        begin, settled = time.monotonic(), False
+        while time.monotonic() < begin + seconds + 3:
+            loop = time.monotonic()
+            for n, (writer, reader) in enumerate(ends):
+                writer.write(ros.GovernorCommand(now(), openings[n]))
+                got = whole(reader.take(1000))
+                states[n] += len(got)
+                last[n] = got[-1] if got else last[n]
+            if not settled and loop > begin + 3:
+                states, settled, start = [0] * count, True, loop
+            time.sleep(max(0.0, loop + 0.05 - time.monotonic()))
+        took = time.monotonic() - start
+        worst = max(abs(state.servomotor_position - opening) if state else 1.0 for state, opening in zip(last, openings))
+        check("each unit follows its own command", worst < 2e-3, f"({worst:.4f} pu at most)")
+        check("and keeps its rate", min(states) > 95 * took, f"({min(states) / took:.0f} to {max(states) / took:.0f} a second)")
+        memory = sum(node.megabytes() for node in nodes)
+    finally:
+        check("all end in order", all([node.end() for node in nodes]))
+    loops = [json.load(open(name))["loop"] for name in figures]
+    late, overruns = [loop["lateness"]["p99_9_us"] for loop in loops], [loop["overruns"] for loop in loops]
+    skipped, ticks = sum(loop["skipped"] for loop in loops), sum(loop["ticks"] for loop in loops)
+    check("hardly a tick is skipped", skipped <= ticks // 1000, f"({skipped} of {ticks})")
+    print(f"     wake-up lateness at 99.9 % {min(late):.0f} to {max(late):.0f} us, overruns {sum(overruns)} of {ticks}, {memory:.0f} MB together, "
+          f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
+
+
 def main():
     binary, folder = sys.argv[1], sys.argv[2]
-    cases = {"link": link, "churn": churn, "soak": soak}
+    cases = {"link": link, "churn": churn, "soak": soak, "units": units}
     for name in os.environ.get("CASES", " ".join(cases)).split():
         print(f"-- {name}: {cases[name].__doc__}")
         cases[name](binary, folder)

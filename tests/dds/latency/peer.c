@@ -1,6 +1,8 @@
 // A peer on Cyclone DDS that measures: it commands the node, hears its states, and sends the same commands through a plain echo.
 //
 // Usage: peer echo                    gives back each command of rt/echo/in on rt/echo/out, until it is killed
+//        peer bare SECONDS PERIOD FILE  wakes each PERIOD ns, half of it after the node, and writes how late each time, ns; as the node
+//                                     does, it catches up after a stall and leaves no wake-up out
 //        peer drive SECONDS FILE      commands rt/governor/command and rt/echo/in in turn, 100 times a second each
 // FILE gets a line for each event, times in ns of the machine's clock: `sent TIME OPENING`, `echo SENT RECEIVED`,
 // `state STAMP RECEIVED`. CYCLONEDDS_URI and ROS_DOMAIN_ID as usual.
@@ -70,7 +72,21 @@ static void hear_state(dds_entity_t reader, void *nothing) {
     }
 }
 
+static int bare(long seconds, int64_t period, const char *path) {
+    int64_t times = seconds * 1000000000LL / period, *late = calloc((size_t)times, sizeof *late);
+    int64_t due = (now(CLOCK_MONOTONIC) / period + 2) * period + period / 2;
+    for (int64_t n = 0; n < times; n++, due += period) {
+        struct timespec until = {due / 1000000000LL, due % 1000000000LL};
+        clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, NULL);
+        late[n] = now(CLOCK_MONOTONIC) - due;
+    }
+    FILE *file = fopen(path, "w");
+    for (int64_t n = 0; file && n < times; n++) fprintf(file, "%lld\n", (long long)late[n]);
+    return file && !fclose(file) ? 0 : 1;
+}
+
 int main(int count, char **words) {
+    if (count == 5 && !strcmp(words[1], "bare")) return bare(atol(words[2]), atoll(words[3]), words[4]);
     const char *text = getenv("ROS_DOMAIN_ID");
     dds_entity_t participant = dds_create_participant(text ? (dds_domainid_t)atoi(text) : 0, NULL, NULL);
     const dds_topic_descriptor_t *command = &governor_msgs_msg_dds__GovernorCommand__desc;
@@ -88,7 +104,7 @@ int main(int count, char **words) {
         for (;;) dds_sleepfor(DDS_SECS(3600));
     }
     if (count != 4 || strcmp(words[1], "drive")) {
-        fprintf(stderr, "usage: peer echo | peer drive SECONDS FILE\n");
+        fprintf(stderr, "usage: peer echo | peer bare SECONDS PERIOD FILE | peer drive SECONDS FILE\n");
         return 2;
     }
     long seconds = atol(words[2]);
