@@ -25,6 +25,9 @@ const CLOCK: &str = "/clock";
 /// Longest sleep before looking whether to stop, ns.
 const NAP_NS: i64 = 20_000_000;
 
+/// After the last message, so that readers who lost it can ask for it again.
+const LINGER: Duration = Duration::from_millis(500);
+
 /// Once the first listener is there, others get so long to come too.
 const SETTLE: Duration = Duration::from_millis(700);
 
@@ -131,6 +134,7 @@ impl Player {
             let pass = Pass { begin_ns: monotonic_ns(), first_ns, speed_ratio: options.speed_ratio };
             tape.run(|messages| self.pass(messages, &pass, options, stop, &mut played, progress))?;
             if !options.repeat || last_ns == first_ns || stop.load(Ordering::Relaxed) {
+                pause(LINGER);
                 return Ok(played);
             }
         }

@@ -114,7 +114,7 @@ pub fn overridden(
                 ));
             }
             ("liveliness", Given::Text(text)) if text == "manual_by_topic" => {
-                qos.liveliness = Liveliness::ManualByTopic
+                qos.liveliness = Liveliness::ManualByTopic;
             }
             ("avoid_ros_namespace_conventions", Given::Bool(false)) => {}
             ("avoid_ros_namespace_conventions", Given::Bool(true)) => {
