@@ -1,5 +1,6 @@
 //! Wire types: the ROS 2 messages that the twin reads and writes, as `serde` structs in field order.
 
+pub mod action;
 pub mod definition;
 pub mod service;
 pub mod simulation;

@@ -12,7 +12,7 @@
 //! DDS, a lock or the allocator. `hear`, `publish` and the transport's event loop run below it in real time, discovery below them. The model's time is the count of its steps, or `/clock` where
 //! `use_sim_time` is set; what arrives takes effect at the next step.
 //!
-//! What it does not do: REP-2016 type hashes are not announced (Iron and later warn, data flows); a
+//! What it does not do: REP-2016 type hashes of services are not announced, those of topics are; a
 //! publisher's lease, deadline and lifespan are not judged, silence is, by arrival; `ROS_STATIC_PEERS` and DDS
 //! security cannot be followed. RustDDS is the repaired copy below `vendor/`, see `transport`.
 
@@ -42,6 +42,7 @@ pub mod recorder;
 pub mod refit;
 pub mod services;
 pub mod settings;
+mod spout;
 pub mod startup;
 pub mod stats;
 mod tap;

@@ -176,6 +176,8 @@ fn steps_wait_for_room_and_other_orders_end_them() {
         order(&mut integrator, &mut ends, Order::Pause, 0).iter().map(|answer| answer.outcome).collect();
     assert_eq!(outcomes, [Outcome::Interrupted, Outcome::Done]);
     assert_eq!(integrator.stats().ticks, before);
+    let ahead = outputs(&mut ends).len();
+    assert!(ahead <= 600, "whoever ends the steps waits for {ahead} results");
 }
 
 #[test]

@@ -17,6 +17,7 @@ use super::{BagError, FileHealth, Warning, source, unpack};
 pub struct Messages {
     files: Vec<FileHealth>,
     topics: Vec<Arc<TopicInfo>>,
+    span_ns: Option<(i64, i64)>,
     warnings: Vec<Warning>,
     loaders: Vec<Loader>,
     /// Segments not loaded yet with the number of their file, by the time of their first message.
@@ -113,6 +114,12 @@ impl Messages {
         &self.topics
     }
 
+    /// Log times of the first and the last message, ns; `None` without messages.
+    #[must_use]
+    pub fn span_ns(&self) -> Option<(i64, i64)> {
+        self.span_ns
+    }
+
     /// What a user should read before the messages.
     #[must_use]
     pub fn warnings(&self) -> &[Warning] {
@@ -162,7 +169,11 @@ impl Iterator for Messages {
 /// system refuses later on.
 pub fn messages(path: &Path) -> Result<Messages, BagError> {
     let source = source::open(path)?;
-    let scanned = source.scan(&mut |_| {})?;
+    let mut span_ns = None;
+    let scanned = source.scan(&mut |message| {
+        let time_ns = message.log_time_ns;
+        span_ns = Some(span_ns.map_or((time_ns, time_ns), |(first, last)| (time_ns.min(first), time_ns.max(last))));
+    })?;
     let warnings = source.all_warnings(&scanned.files);
     let known = source.metadata.as_ref().map(|metadata| metadata.topics.clone()).unwrap_or_default();
     let mut topics = scanned.topics;
@@ -177,5 +188,6 @@ pub fn messages(path: &Path) -> Result<Messages, BagError> {
         waiting.extend(segments.into_iter().map(|segment| (number, segment)));
     }
     waiting.sort_by_key(|(number, segment)| (segment.first_ns, *number, segment.at));
-    Ok(Messages { files: scanned.files, topics, warnings, loaders, waiting: waiting.into(), loaded: BinaryHeap::new() })
+    let (files, waiting) = (scanned.files, waiting.into());
+    Ok(Messages { files, topics, span_ns, warnings, loaders, waiting, loaded: BinaryHeap::new() })
 }

@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use anyhow::ensure;
-use govtwin::bag;
+use anyhow::bail;
 use govtwin::node::arguments::Arguments;
 use govtwin::node::bus::Bus;
+use govtwin::node::player::tape::Tape;
 use govtwin::node::player::{Options, Played, Player};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
@@ -56,44 +56,38 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     expect(clock_ok, || format!("--clock is {}: expected 0.1 to 10000 Hz", args.clock_hz.unwrap_or_default()))?;
     let wait = duration(Some(args.wait_s), "--wait")?.unwrap_or_default();
     let options = Options { speed_ratio: args.speed, repeat: args.repeat, clock_hz: args.clock_hz, wait };
-    let read = bag::messages(&args.bag)?;
-    for warning in read.warnings() {
+    let length = duration(args.duration_s, "--duration")?;
+    let (tape, warnings) = Tape::open(args.bag.clone(), args.topics.clone(), length)?;
+    for warning in &warnings {
         output::warn(&warning.to_string());
     }
-    let mut messages = read.collect::<Result<Vec<_>, _>>()?;
-    messages.retain(|message| args.topics.is_empty() || args.topics.contains(&message.topic.name));
-    if let (Some(first), Some(limit)) = (messages.first(), duration(args.duration_s, "--duration")?) {
-        let end_ns = first.log_time_ns.saturating_add(i64::try_from(limit.as_nanos()).unwrap_or(i64::MAX));
-        messages.retain(|message| message.log_time_ns <= end_ns);
-    }
-    ensure!(!messages.is_empty(), "{}: nothing to play{}", args.bag.display(), none_of(&args.topics));
+    let Some(tape) = tape else { bail!("{}: nothing to play{}", args.bag.display(), none_of(&args.topics)) };
     let environment = environment(args.lease_s)?;
     for remark in &environment.remarks {
         output::warn(remark);
     }
     let stop = stop_on_signals()?;
     let mut bus = Bus::open(&environment, Arguments::parse(&args.ros, "govtwin_play")?)?;
-    let player = Player::open(&mut bus, &messages, &options)?;
+    let player = Player::open(&mut bus, &tape, &options)?;
     for words in bus.arguments().remarks.iter().chain(&bus.idle_arguments()) {
         output::warn(words);
     }
-    for topic in &player.left_out {
-        output::warn(&format!("{topic} is not played: its type is not one of this program's"));
+    for (topic, reason) in &player.left_out {
+        output::warn(&format!("{topic} is not played: {reason}"));
     }
     if !options.wait.is_zero() && !player.wait(&bus, &options, &stop) {
         output::warn(&format!("nobody listened within {} s; playing all the same", args.wait_s));
     }
-    let length_ms = |from: i64, to: i64| u64::try_from((to - from) / 1_000_000).unwrap_or(0);
-    let total = messages.first().zip(messages.last()).map_or(0, |(a, b)| length_ms(a.log_time_ns, b.log_time_ns));
-    let bar = ProgressBar::new(total);
+    let (first_ns, last_ns) = tape.span_ns();
+    let bar = ProgressBar::new(u64::try_from((last_ns - first_ns) / 1_000_000).unwrap_or(0));
     if let Ok(style) = ProgressStyle::with_template("{bar:40} {msg} {percent}%, {eta} left") {
         bar.set_style(style);
     }
-    let played = player.play(&options, &stop, &mut |time_s| {
+    let played = player.play(&tape, &options, &stop, &mut |time_s| {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a time in a recording, in ms")]
         bar.set_position((time_s * 1e3) as u64);
         bar.set_message(format!("{time_s:.1} s"));
-    });
+    })?;
     bar.finish_and_clear();
     drop(player);
     drop(bus);

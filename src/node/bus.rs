@@ -4,21 +4,23 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use ros2_client::parameters::raw;
 use ros2_client::{
-    Client, Context, CreateError, Gid, Message, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher,
-    QosProfile, Server, ServiceMapping, ServiceTypeName, Subscription,
+    Client, Context, CreateError, Gid, Message, Name, Node, NodeName, NodeOptions, Publisher, QosProfile, Server,
+    ServiceMapping, ServiceTypeName, Subscription,
 };
 use ros2args::Ros2ArgsError;
-use rustdds::{DomainParticipantBuilder, GUID, QosPolicies, RTPSEntity};
+use rustdds::{DomainParticipant, DomainParticipantBuilder, GUID, QosPolicies, RTPSEntity, TopicKind};
 use serde::Serialize;
 
 use super::arguments::Arguments;
 use super::environment::Environment;
-use super::offer::{Describer, Offer, ros_type};
+use super::offer::{Describer, Offer, dds_type, ros_type};
 use super::qos::{self, best_effort, latched, recorded, reliable};
+use super::services::call::Calls;
 use super::tap::Tap;
 use super::transport;
 use crate::msg::Interface;
 use crate::msg::service::Service;
+use crate::msg::type_hash::type_hash;
 
 /// The node cannot come on the bus.
 #[derive(Debug, thiserror::Error)]
@@ -47,20 +49,18 @@ pub enum BusError {
         /// What the client library says.
         source: CreateError,
     },
-    /// A topic could not be opened for its bytes.
-    #[error("cannot open `{topic}`: {reason}")]
-    Tap {
-        /// The topic.
-        topic: String,
-        /// What RustDDS says.
-        reason: String,
-    },
     /// A `qos_overrides` parameter.
     #[error("{0}")]
     Qos(String),
     /// The arguments.
     #[error(transparent)]
     Arguments(#[from] Ros2ArgsError),
+}
+
+impl BusError {
+    fn open(topic: &str, source: rustdds::dds::CreateError) -> Self {
+        Self::Open { topic: topic.to_owned(), source: source.into() }
+    }
 }
 
 /// A node on the bus.
@@ -94,6 +94,7 @@ impl Bus {
             builder = builder.with_only_networks(networks.iter().copied());
         }
         let participant = builder.build().map_err(|error| join(error.to_string()))?;
+        announce_hash(&participant, "rt/rosout", "rcl_interfaces/msg/Log", None);
         let context = Context::from_domain_participant(participant).map_err(|error| join(error.to_string()))?;
         let name = NodeName::new(&arguments.namespace, &arguments.name)
             .map_err(|error| BusError::Name { name: arguments.full_name(), reason: error.to_string() })?;
@@ -129,9 +130,8 @@ impl Bus {
     /// As [`Bus::subscribe`].
     pub(super) fn tap(&mut self, topic: &str, type_name: &str, is_latched: bool) -> Result<Tap, BusError> {
         let qos = if is_latched { latched() } else { recorded() };
-        let (full_name, topic) = self.topic(topic, type_name, "subscription", qos.clone())?;
-        let refused =
-            |source: rustdds::dds::CreateError| BusError::Tap { topic: full_name.clone(), reason: source.to_string() };
+        let (full_name, topic) = self.topic(topic, (type_name, None), "subscription", qos.clone())?;
+        let refused = |source: rustdds::dds::CreateError| BusError::open(&full_name, source);
         let subscriber =
             self.context.domain_participant().create_subscriber(&QosPolicies::from(&qos)).map_err(refused)?;
         let reader = subscriber.create_simple_datareader_no_key(&topic, None).map_err(refused)?;
@@ -143,7 +143,20 @@ impl Bus {
     /// # Errors
     /// On a name that is none, or when DDS refuses.
     pub fn publish<M: Serialize>(&mut self, topic: &str, type_name: &str) -> Result<Publisher<M>, BusError> {
-        let (full_name, topic) = self.topic(topic, type_name, "publisher", reliable())?;
+        self.publish_as(topic, (type_name, None), reliable())
+    }
+
+    /// Opens a topic for writing with a quality of service of its own, and the hash of a type that this crate does not carry.
+    ///
+    /// # Errors
+    /// As [`Bus::publish`].
+    pub(super) fn publish_as<M: Serialize>(
+        &mut self,
+        topic: &str,
+        kind: (&str, Option<&str>),
+        qos: QosProfile,
+    ) -> Result<Publisher<M>, BusError> {
+        let (full_name, topic) = self.topic(topic, kind, "publisher", qos)?;
         self.node.create_publisher(&topic, None).map_err(|source| BusError::Open { topic: full_name, source })
     }
 
@@ -185,6 +198,28 @@ impl Bus {
         S::Response: Message + Clone + 'static,
     {
         self.serve(mapping, service, S::TYPE_NAME)
+    }
+
+    /// Opens a service of any type, `package/KIND/Type`, for callers of both layouts.
+    ///
+    /// # Errors
+    /// As [`Bus::serve`].
+    pub(super) fn calls(&mut self, service: &str, type_name: &str) -> Result<Calls, BusError> {
+        let full_name = self.arguments.resolve(service)?;
+        self.opened.insert(self.arguments.expand(service)?);
+        let (participant, qos) = (self.context.domain_participant(), QosPolicies::from(&reliable()));
+        let open = || {
+            let topic = |name: String, half: &str| {
+                participant.create_topic(name, dds_type(&format!("{type_name}_{half}")), &qos, TopicKind::NoKey)
+            };
+            let requests = topic(format!("rq{full_name}Request"), "Request")?;
+            let responses = topic(format!("rr{full_name}Reply"), "Response")?;
+            let (subscriber, publisher) = (participant.create_subscriber(&qos)?, participant.create_publisher(&qos)?);
+            let reader = subscriber.create_simple_datareader_no_key(&requests, None)?;
+            let writer = publisher.create_datawriter_no_key(&responses, None)?;
+            Ok(Calls::new((subscriber, reader), (publisher, writer)))
+        };
+        open().map_err(|source| BusError::open(&full_name, source))
     }
 
     /// Opens a service of another node, by its full name, to call it.
@@ -308,31 +343,38 @@ impl Bus {
     }
 
     fn listen<M: Interface + 'static>(&mut self, topic: &str, qos: QosProfile) -> Result<Subscription<M>, BusError> {
-        let (full_name, topic) = self.topic(topic, M::TYPE_NAME, "subscription", qos)?;
+        let (full_name, topic) = self.topic(topic, (M::TYPE_NAME, None), "subscription", qos)?;
         self.node.create_subscription(&topic, None).map_err(|source| BusError::Open { topic: full_name, source })
     }
 
+    /// A topic to be read or written; what is opened on it announces the hash of its type.
     fn topic(
         &mut self,
         topic: &str,
-        type_name: &str,
+        (type_name, hash): (&str, Option<&str>),
         role: &str,
         qos: QosProfile,
     ) -> Result<(String, rustdds::Topic), BusError> {
         let full_name = self.arguments.resolve(topic)?;
         self.opened.insert(self.arguments.expand(topic)?);
         let qos = qos::overridden(&self.arguments.parameters, &full_name, role, qos).map_err(BusError::Qos)?;
-        let name = parse_name(&full_name)?;
-        let (package, base) = split_type(type_name);
-        match self.node.create_topic(&name, MessageTypeName::new(package, base), &qos) {
-            Ok(topic) => {
-                let endpoint =
-                    Endpoint { topic: full_name.clone(), writes: role == "publisher", qos: QosPolicies::from(&qos) };
-                self.endpoints.push(endpoint);
-                Ok((full_name, topic))
-            }
-            Err(source) => Err(BusError::Open { topic: full_name, source }),
-        }
+        parse_name(&full_name)?;
+        let qos = QosPolicies::from(&qos);
+        let (dds_name, participant) = (format!("rt{full_name}"), self.context.domain_participant());
+        announce_hash(&participant, &dds_name, type_name, hash);
+        let topic = participant
+            .create_topic(dds_name, dds_type(type_name), &qos, TopicKind::NoKey)
+            .map_err(|source| BusError::open(&full_name, source))?;
+        self.endpoints.push(Endpoint { topic: full_name.clone(), writes: role == "publisher", qos });
+        Ok((full_name, topic))
+    }
+}
+
+/// Lets a topic's endpoints announce this hash, or that of a type which the crate carries.
+fn announce_hash(participant: &DomainParticipant, dds_name: &str, type_name: &str, hash: Option<&str>) {
+    let own = || type_hash(type_name).ok();
+    if let Some(hash) = hash.map(str::to_owned).or_else(own) {
+        transport::announce_hash(participant, dds_name, &hash);
     }
 }
 
@@ -345,7 +387,7 @@ fn parse_name(full_name: &str) -> Result<Name, BusError> {
     Name::parse(full_name).map_err(|error| BusError::Name { name: full_name.to_owned(), reason: error.to_string() })
 }
 
-/// `package/msg/Type` or `package/Type` as package and type.
+/// `package/srv/Type` or `package/Type` as package and type.
 fn split_type(type_name: &str) -> (&str, &str) {
     let (package, _) = type_name.split_once('/').unwrap_or(("", type_name));
     let (_, base) = type_name.rsplit_once('/').unwrap_or(("", type_name));
@@ -358,7 +400,7 @@ mod tests {
 
     #[test]
     fn a_type_is_a_package_and_a_name() {
-        assert_eq!(split_type("sensor_msgs/msg/JointState"), ("sensor_msgs", "JointState"));
+        assert_eq!(split_type("std_srvs/srv/Trigger"), ("std_srvs", "Trigger"));
         assert_eq!(split_type("rcl_interfaces/GetParameters"), ("rcl_interfaces", "GetParameters"));
     }
 }

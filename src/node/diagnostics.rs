@@ -156,7 +156,7 @@ mod tests {
     }
 
     fn report(tick: Tick, counts: &[Counts; Input::COUNT], reported: &[Counts; Input::COUNT]) -> DiagnosticArray {
-        let newest = Output { tick, publish: true, patient: false, overruns: 0, worst_lateness_us: 0.0 };
+        let newest = Output { tick, publish: true, steps_left: 0, patient: false, overruns: 0, worst_lateness_us: 0.0 };
         compile("/govtwin", 5, Some(&newest), &policy(OnStale::Hold).into(), counts, reported, Course::default())
     }
 

@@ -35,6 +35,9 @@ pub const REFITS: usize = 4;
 /// Without so much room for results a simulation that is ahead of them waits.
 const ROOM_TO_STEP: usize = 256;
 
+/// Steps that a caller ordered run no farther ahead of what is published than so many results: who ends them early is answered behind these.
+const MOST_AHEAD: usize = 512;
+
 /// How long a loop without a deadline sleeps where nobody wakes it.
 const IDLE: Duration = Duration::from_millis(50);
 
@@ -58,6 +61,8 @@ pub struct Output {
     pub tick: Tick,
     /// Whether it is to be published.
     pub publish: bool,
+    /// Steps that a caller ordered and that are still to come after this tick.
+    pub steps_left: u64,
     /// Whether the loop waits for room, so that whoever publishes may wait for a reader.
     pub patient: bool,
     /// Overruns so far.
@@ -224,7 +229,7 @@ impl Integrator {
             if self.follows() || self.state != State::Playing {
                 deadline = None;
                 let waits = if self.has_work() { BLOCKED } else { IDLE };
-                if !self.has_work() || self.outputs.slots() < ROOM_TO_STEP {
+                if !self.has_work() || !self.has_room() {
                     std::thread::park_timeout(waits);
                 }
                 if self.turn(monotonic_ns()) {
@@ -265,6 +270,12 @@ impl Integrator {
         self.steps.is_some() || self.is_behind() || !self.events.is_empty()
     }
 
+    /// Whether there is room for the results of what is to be done.
+    fn has_room(&self) -> bool {
+        let room = if self.steps.is_some() { OUTPUTS - MOST_AHEAD } else { ROOM_TO_STEP };
+        self.outputs.slots() >= room
+    }
+
     fn is_behind(&self) -> bool {
         self.follows() && self.clock_ns.is_some_and(|clock_ns| self.time_ns <= clock_ns)
     }
@@ -287,7 +298,7 @@ impl Integrator {
 
     /// Ticks up to the clock as far as there is room for results. Returns whether it is there.
     fn catch_up(&mut self) -> bool {
-        while self.is_behind() && self.outputs.slots() >= ROOM_TO_STEP {
+        while self.is_behind() && self.has_room() {
             self.tick(self.time_ns, false);
         }
         !self.is_behind()
@@ -315,6 +326,7 @@ impl Integrator {
             let output = Output {
                 tick,
                 publish,
+                steps_left: self.steps.map_or(0, |steps| steps.left_count.saturating_sub(1)),
                 patient: self.steps.is_some(),
                 overruns: self.stats.overruns,
                 worst_lateness_us: self.stats.worst_lateness_us(),

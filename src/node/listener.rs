@@ -28,6 +28,7 @@ use super::realtime::{monotonic_ns, wall_ns};
 use super::refit::Refit;
 use super::services::replies::Replies;
 use super::services::simulation::SimulationServices;
+use super::services::steps::StepsAction;
 use super::services::upkeep::UpkeepServices;
 use super::services::{Aftermath, ParameterServices, ServiceDesk};
 use super::settings::Settings;
@@ -45,6 +46,7 @@ pub struct Subscriptions {
     measured: Option<Subscription<ServoState>>,
     clock: Option<Subscription<Clock>>,
     services: Vec<(ParameterServices, UpkeepServices, SimulationServices)>,
+    action: StepsAction,
     parameter_events: Publisher<raw::ParameterEvent>,
 }
 
@@ -66,6 +68,7 @@ impl Subscriptions {
         }
         Ok(Self {
             services,
+            action: StepsAction::open(bus, time)?,
             command: bus.subscribe(Input::Command.topic())?,
             esv: bus.subscribe(Input::Esv.topic())?,
             tank_pressure: bus.subscribe(Input::TankPressure.topic())?,
@@ -74,6 +77,14 @@ impl Subscriptions {
             clock: if settings.use_sim_time { Some(bus.subscribe("/clock")?) } else { None },
             parameter_events: bus.parameter_events()?,
         })
+    }
+}
+
+impl Subscriptions {
+    /// The action that steps the simulation.
+    #[must_use]
+    pub fn action(&self) -> &StepsAction {
+        &self.action
     }
 }
 
@@ -182,6 +193,8 @@ impl<'a> Listener<'a> {
             let answers = answers.chain(simulation.answers(services, replies));
             streams.extend(answers.map(|answers| answers.map(Arrival::Answered).boxed_local()));
         }
+        let answers = subscriptions.action.answers(services, replies).into_iter();
+        streams.extend(answers.map(|answers| answers.map(Arrival::Answered).boxed_local()));
         let mut arrivals = select_all(streams).take_until(stop);
         futures::executor::block_on(async {
             while let Some(arrival) = arrivals.next().await {

@@ -168,7 +168,7 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
         let telling = news.clone();
         let publishing = std::thread::Builder::new().name("publish".to_owned()).spawn_scoped(scope, move || {
             claim_as_carrier(settings.wishes.priority);
-            publishers_ref.publish(outputs, answers, replies_ref, &telling)
+            publishers_ref.publish(outputs, answers, replies_ref, subscriptions_ref.action(), &telling)
         })?;
         let (publisher, stepper_news) = (publishing.thread().clone(), news.clone());
         let stepping = std::thread::Builder::new().name("step".to_owned()).spawn_scoped(scope, move || {

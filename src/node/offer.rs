@@ -67,6 +67,15 @@ pub(super) fn ros_type(dds_name: &str) -> String {
     plain.strip_suffix('_').unwrap_or(&plain).to_owned()
 }
 
+/// The reverse of [`ros_type`]: `pkg/msg/Type` is `pkg::msg::dds_::Type_`, and so are `pkg/srv/Type_Event` and their like. Topics
+/// whose types are named otherwise keep that name.
+pub(super) fn dds_type(ros_name: &str) -> String {
+    match ros_name.split('/').collect::<Vec<_>>()[..] {
+        [package, kind, name] => format!("{package}::{kind}::dds_::{name}_"),
+        _ => ros_name.to_owned(),
+    }
+}
+
 fn process_of(id: &[u8; 16]) -> [u8; 12] {
     let mut process = [0; 12];
     process.copy_from_slice(&id[..12]);
@@ -79,8 +88,13 @@ fn type_hash(user_data: &[u8]) -> Option<String> {
     let begin = user_data.windows(KEY.len()).position(|window| window == KEY)? + KEY.len();
     let hash: Vec<u8> = user_data.get(begin..)?.iter().copied().take_while(|letter| *letter != b';').collect();
     let hash = String::from_utf8(hash).ok()?;
-    let digits = hash.strip_prefix("RIHS01_")?;
-    (digits.len() == 64 && digits.bytes().all(|digit| digit.is_ascii_hexdigit())).then_some(hash)
+    is_hash(&hash).then_some(hash)
+}
+
+/// Whether a text is the hash of a type.
+pub(super) fn is_hash(text: &str) -> bool {
+    let digits = text.strip_prefix("RIHS01_");
+    digits.is_some_and(|digits| digits.len() == 64 && digits.bytes().all(|digit| digit.is_ascii_hexdigit()))
 }
 
 /// As rosbag2 keeps it; what is not announced (history and depth) is unknown.
@@ -133,6 +147,9 @@ mod tests {
     fn type_names_are_those_of_ros() {
         assert_eq!(ros_type("sensor_msgs::msg::dds_::JointState_"), "sensor_msgs/msg/JointState");
         assert_eq!(ros_type("Other"), "Other");
+        for name in ["sensor_msgs/msg/JointState", "std_srvs/srv/Trigger_Event", "Other"] {
+            assert_eq!(ros_type(&dds_type(name)), name);
+        }
     }
 
     #[test]

@@ -1,4 +1,6 @@
-//! Publishing a recording over DDS with its timing.
+//! Publishing a recording over DDS with its timing: topics of any type, byte by byte as they were recorded.
+
+pub mod tape;
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -6,14 +8,25 @@ use std::time::Duration;
 
 use ros2_client::Publisher;
 
+use tape::Tape;
+
 use super::bus::{Bus, BusError};
+use super::offer::is_hash;
+use super::qos;
 use super::realtime::{Until, monotonic_ns, pause, sleep_until};
-use crate::bag::{RawMessage, cdr};
-use crate::msg::{Clock, EsvState, FluidPressure, GovernorCommand, Interface, JointState, ServoState, Time};
+use super::spout::Encoded;
+use crate::bag::{BagError, RawMessage};
+use crate::msg::{Clock, Interface, Time};
 use crate::units::seconds_from_nanos;
+
+/// Where time is told.
+const CLOCK: &str = "/clock";
 
 /// Longest sleep before looking whether to stop, ns.
 const NAP_NS: i64 = 20_000_000;
+
+/// After the last message, so that readers who lost it can ask for it again.
+const LINGER: Duration = Duration::from_millis(500);
 
 /// Once the first listener is there, others get so long to come too.
 const SETTLE: Duration = Duration::from_millis(700);
@@ -36,7 +49,7 @@ pub struct Options {
 pub struct Played {
     /// Messages by topic.
     pub messages: BTreeMap<String, u64>,
-    /// Messages that do not decode, or that DDS did not take.
+    /// Messages in another layout than little-endian CDR, or that DDS did not take.
     pub lost: u64,
     /// Largest delay of a message behind its time, s.
     pub worst_delay_s: f64,
@@ -44,63 +57,47 @@ pub struct Played {
     pub passes: u64,
 }
 
-/// Where one topic's messages go.
-trait Outlet {
-    fn publish(&self, data: &[u8]) -> bool;
-}
-
-impl<M: Interface> Outlet for Publisher<M> {
-    fn publish(&self, data: &[u8]) -> bool {
-        cdr::decode::<M>(data).is_ok_and(|message| Publisher::publish(self, message).is_ok())
-    }
-}
-
-/// Opens an outlet for a type that this crate knows.
-fn outlet(bus: &mut Bus, topic: &str, type_name: &str) -> Result<Option<Box<dyn Outlet>>, BusError> {
-    fn open<M: Interface + 'static>(bus: &mut Bus, topic: &str) -> Result<Option<Box<dyn Outlet>>, BusError> {
-        Ok(Some(Box::new(bus.publish::<M>(topic, M::TYPE_NAME)?)))
-    }
-    match type_name {
-        GovernorCommand::TYPE_NAME => open::<GovernorCommand>(bus, topic),
-        EsvState::TYPE_NAME => open::<EsvState>(bus, topic),
-        ServoState::TYPE_NAME => open::<ServoState>(bus, topic),
-        FluidPressure::TYPE_NAME => open::<FluidPressure>(bus, topic),
-        JointState::TYPE_NAME => open::<JointState>(bus, topic),
-        _ => Ok(None),
-    }
-}
-
 /// A recording ready to be played.
-pub struct Player<'a> {
-    outlets: BTreeMap<String, Box<dyn Outlet>>,
+pub struct Player {
+    outlets: BTreeMap<String, Publisher<Encoded>>,
     clock: Option<Publisher<Clock>>,
-    messages: &'a [RawMessage],
-    /// Topics whose type this crate does not know; they are not played.
-    pub left_out: Vec<String>,
+    /// Topics that are not played, and why.
+    pub left_out: Vec<(String, &'static str)>,
 }
 
-impl<'a> Player<'a> {
-    /// Opens a topic for each that the messages need. The messages must be in the order of their log times.
+impl Player {
+    /// Opens each topic of the recording under its type, with the hash that is recorded of it and as its publishers offered it.
     ///
     /// # Errors
     /// When DDS refuses.
-    pub fn open(bus: &mut Bus, messages: &'a [RawMessage], options: &Options) -> Result<Self, BusError> {
-        let types: BTreeMap<&str, &str> =
-            messages.iter().map(|message| (message.topic.name.as_str(), message.topic.type_name.as_str())).collect();
-        let (mut outlets, mut left_out) = (BTreeMap::new(), Vec::new());
-        for (topic, type_name) in types {
-            match outlet(bus, topic, type_name)? {
-                Some(outlet) => {
-                    outlets.insert(topic.to_owned(), outlet);
+    pub fn open(bus: &mut Bus, tape: &Tape, options: &Options) -> Result<Self, BusError> {
+        let (mut outlets, mut left_out) = (BTreeMap::<String, _>::new(), Vec::new());
+        for topic in tape.topics() {
+            let reason = if topic.encoding != "cdr" || topic.type_name.is_empty() {
+                "its messages are not those of ROS 2"
+            } else if options.clock_hz.is_some() && bus.arguments().resolve(&topic.name).is_ok_and(|name| name == CLOCK)
+            {
+                "--clock tells the time instead"
+            } else if outlets.contains_key(&topic.name) {
+                "it was recorded with another type as well"
+            } else {
+                let kind = (topic.type_name.as_str(), Some(topic.type_hash.as_str()).filter(|hash| is_hash(hash)));
+                match bus.publish_as(&topic.name, kind, qos::played(&topic.offered_qos_profiles)) {
+                    Ok(outlet) => {
+                        outlets.insert(topic.name.clone(), outlet);
+                        continue;
+                    }
+                    Err(BusError::Name { .. }) => "its name is none of ROS 2",
+                    Err(error) => return Err(error),
                 }
-                None => left_out.push(format!("{topic} ({type_name})")),
-            }
+            };
+            left_out.push((format!("{} ({})", topic.name, topic.type_name), reason));
         }
         let clock = match options.clock_hz {
-            Some(_) => Some(bus.publish("/clock", Clock::TYPE_NAME)?),
+            Some(_) => Some(bus.publish(CLOCK, Clock::TYPE_NAME)?),
             None => None,
         };
-        Ok(Self { outlets, clock, messages, left_out })
+        Ok(Self { outlets, clock, left_out })
     }
 
     /// Waits until somebody listens. Returns whether somebody does.
@@ -120,47 +117,82 @@ impl<'a> Player<'a> {
     }
 
     /// Plays until the end, or until `stop`; `progress` hears the time in the recording, s.
-    pub fn play(&self, options: &Options, stop: &AtomicBool, progress: &mut dyn FnMut(f64)) -> Played {
+    ///
+    /// # Errors
+    /// Where the bag cannot be read on.
+    pub fn play(
+        &self,
+        tape: &Tape,
+        options: &Options,
+        stop: &AtomicBool,
+        progress: &mut dyn FnMut(f64),
+    ) -> Result<Played, BagError> {
         let mut played = Played::default();
-        let (Some(first), Some(last)) = (self.messages.first(), self.messages.last()) else { return played };
+        let (first_ns, last_ns) = tape.span_ns();
         loop {
             played.passes += 1;
-            let begin_ns = monotonic_ns();
-            #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "days of nanoseconds fit")]
-            let due = |time_ns: i64| begin_ns + ((time_ns - first.log_time_ns) as f64 / options.speed_ratio) as i64;
-            let mut next_clock_ns = first.log_time_ns;
-            for message in self.messages {
-                if let (Some(clock), Some(hz)) = (&self.clock, options.clock_hz) {
-                    while next_clock_ns < message.log_time_ns {
-                        if !sleep_while(due(next_clock_ns), stop) {
-                            return played;
-                        }
-                        tell_clock(clock, next_clock_ns);
-                        next_clock_ns += crate::units::nanos_from_seconds(1.0 / hz).max(1);
-                    }
-                }
-                let due_ns = due(message.log_time_ns);
-                if !sleep_while(due_ns, stop) {
-                    return played;
-                }
-                if let Some(clock) = &self.clock {
-                    tell_clock(clock, message.log_time_ns);
-                }
-                if let Some(outlet) = self.outlets.get(&message.topic.name) {
-                    if outlet.publish(&message.data) {
-                        *played.messages.entry(message.topic.name.clone()).or_default() += 1;
-                    } else {
-                        played.lost += 1;
-                    }
-                }
-                played.worst_delay_s = played.worst_delay_s.max(seconds_from_nanos(monotonic_ns() - due_ns));
-                progress(seconds_from_nanos(message.log_time_ns - first.log_time_ns));
-            }
-            let nothing_to_repeat = last.log_time_ns == first.log_time_ns;
-            if !options.repeat || nothing_to_repeat || stop.load(Ordering::Relaxed) {
-                return played;
+            let pass = Pass { begin_ns: monotonic_ns(), first_ns, speed_ratio: options.speed_ratio };
+            tape.run(|messages| self.pass(messages, &pass, options, stop, &mut played, progress))?;
+            if !options.repeat || last_ns == first_ns || stop.load(Ordering::Relaxed) {
+                pause(LINGER);
+                return Ok(played);
             }
         }
+    }
+
+    /// Plays the recording once.
+    fn pass(
+        &self,
+        messages: &mut dyn Iterator<Item = RawMessage>,
+        pass: &Pass,
+        options: &Options,
+        stop: &AtomicBool,
+        played: &mut Played,
+        progress: &mut dyn FnMut(f64),
+    ) {
+        let mut next_clock_ns = pass.first_ns;
+        for message in messages {
+            if let (Some(clock), Some(hz)) = (&self.clock, options.clock_hz) {
+                while next_clock_ns < message.log_time_ns {
+                    if !sleep_while(pass.due_ns(next_clock_ns), stop) {
+                        return;
+                    }
+                    tell_clock(clock, next_clock_ns);
+                    next_clock_ns += crate::units::nanos_from_seconds(1.0 / hz).max(1);
+                }
+            }
+            let due_ns = pass.due_ns(message.log_time_ns);
+            if !sleep_while(due_ns, stop) {
+                return;
+            }
+            if let Some(clock) = &self.clock {
+                tell_clock(clock, message.log_time_ns);
+            }
+            if let Some(outlet) = self.outlets.get(&message.topic.name) {
+                if Encoded::of(message.data).is_some_and(|sample| outlet.publish(sample).is_ok()) {
+                    *played.messages.entry(message.topic.name.clone()).or_default() += 1;
+                } else {
+                    played.lost += 1;
+                }
+            }
+            played.worst_delay_s = played.worst_delay_s.max(seconds_from_nanos(monotonic_ns() - due_ns));
+            progress(seconds_from_nanos(message.log_time_ns - pass.first_ns));
+        }
+    }
+}
+
+/// Where the times of a recording lie on the machine's clock while it is played once.
+struct Pass {
+    begin_ns: i64,
+    first_ns: i64,
+    speed_ratio: f64,
+}
+
+impl Pass {
+    /// When a message of this log time is due.
+    #[expect(clippy::cast_possible_truncation, reason = "days of nanoseconds fit")]
+    fn due_ns(&self, time_ns: i64) -> i64 {
+        self.begin_ns + ((time_ns - self.first_ns) as f64 / self.speed_ratio) as i64
     }
 }
 

@@ -14,6 +14,7 @@ use super::listener::event::{News, Teller};
 use super::messages;
 use super::realtime::{monotonic_ns, pause};
 use super::services::replies::Replies;
+use super::services::steps::StepsAction;
 use crate::msg::{Clock, Interface, JointState, ServoState, Time, TwinStatus};
 use crate::signal::Signal;
 
@@ -55,6 +56,7 @@ impl Publishers {
         mut outputs: Consumer<Output>,
         mut answers: Consumer<Answer>,
         replies: &Replies<'_>,
+        action: &StepsAction,
         news: &Teller,
     ) -> u64 {
         let mut lost = 0;
@@ -77,6 +79,9 @@ impl Publishers {
                     if let Some((voice, correction)) = self.corrected.as_ref().zip(output.tick.correction.as_ref()) {
                         lost += voice.say(estimate, correction);
                     }
+                }
+                if output.patient {
+                    action.progress(output.steps_left);
                 }
                 news.tell(News::Output(Box::new(output)));
             }

@@ -3,12 +3,18 @@
 use std::time::Duration;
 
 use ros2_client::QosProfile;
-use ros2_client::qos::{Durability, History, Reliability, WhenFull};
+use ros2_client::qos::{Durability, History, Liveliness, Reliability, WhenFull};
 
 use super::arguments::{Given, nearest};
 
 /// Prefix of the parameters that change a quality of service.
 pub const PREFIX: &str = "qos_overrides.";
+
+/// Samples of a played topic that may wait for readers.
+const BURST_DEPTH: usize = 100;
+
+/// Samples that are kept for late comers of a played topic; `/rosout` keeps 1000.
+const LATCHED_DEPTH: usize = 1000;
 
 /// Best effort, the newest ten: what inputs are read with. It matches every writer.
 #[must_use]
@@ -44,6 +50,47 @@ pub fn reliable() -> QosProfile {
     }
 }
 
+/// The same, and the newest is kept for who comes late: the statuses of an action's goals.
+#[must_use]
+pub fn kept() -> QosProfile {
+    QosProfile { durability: Durability::TransientLocal, history: History::KeepLast { depth: 1 }, ..reliable() }
+}
+
+/// What a recorded topic is played with: reliable without waiting, and otherwise as its publishers offered it. `profiles` is what
+/// rosbag2 keeps of them, YAML with words or, before Iron, with numbers. What they do not agree on is not offered.
+#[must_use]
+pub fn played(profiles: &str) -> QosProfile {
+    let all = |key: &str| {
+        let values = profiles.lines().filter_map(|line| line.trim_start_matches(['-', ' ']).strip_prefix(key));
+        values.map(|value| value.trim_start_matches(':').trim()).collect::<Vec<_>>()
+    };
+    let durabilities = all("durability:");
+    let is_latched =
+        !durabilities.is_empty() && durabilities.iter().all(|word| ["transient_local", "1"].contains(word));
+    let depth = all("depth:").iter().filter_map(|depth| depth.parse::<usize>().ok()).sum();
+    // A burst of samples must fit, and what others kept for late comers must be kept again; a bag may not know how much that was.
+    let least = if is_latched { LATCHED_DEPTH } else { BURST_DEPTH };
+    QosProfile {
+        durability: if is_latched { Durability::TransientLocal } else { Durability::Volatile },
+        history: History::KeepLast { depth: least.max(depth).min(10_000) },
+        deadline: common_span(profiles, "deadline"),
+        lifespan: common_span(profiles, "lifespan"),
+        ..reliable()
+    }
+}
+
+/// A span of time that all publishers offer alike; none where it is the longest one of ROS 2, or 0, which stands for it as well.
+fn common_span(profiles: &str, policy: &str) -> Option<Duration> {
+    let lines: Vec<&str> = profiles.lines().map(str::trim).collect();
+    let number = |line: &str, key: &str| line.strip_prefix(key)?.trim().parse::<u64>().ok();
+    let spans = lines.windows(3).filter(|lines| lines[0].trim_end_matches(':') == policy);
+    let mut spans = spans.map(|lines| Some((number(lines[1], "sec:")?, number(lines[2], "nsec:")?)));
+    let first = spans.next()??;
+    let (seconds, nanos) = first;
+    let is_one = !matches!(first, (0, 0) | (9_223_372_036.., _)) && spans.all(|span| span == Some(first));
+    is_one.then(|| Duration::from_secs(seconds) + Duration::from_nanos(nanos))
+}
+
 /// Applies `qos_overrides.TOPIC.ROLE.POLICY` parameters to a topic's quality of service; the later one wins.
 ///
 /// # Errors
@@ -58,6 +105,21 @@ pub fn overridden(
     for (name, given) in parameters {
         let Some(policy) = name.strip_prefix(&prefix) else { continue };
         match (policy, given) {
+            // What stands for the node's own choice.
+            ("reliability" | "durability" | "history" | "liveliness", Given::Text(text))
+                if text == "system_default" => {}
+            ("history", Given::Text(text)) if text == "keep_all" => {
+                return Err(format!(
+                    "{name} is keep_all, which the transport does not have: it would keep 64; give a depth of 1 to 10000 instead"
+                ));
+            }
+            ("liveliness", Given::Text(text)) if text == "manual_by_topic" => {
+                qos.liveliness = Liveliness::ManualByTopic;
+            }
+            ("avoid_ros_namespace_conventions", Given::Bool(false)) => {}
+            ("avoid_ros_namespace_conventions", Given::Bool(true)) => {
+                return Err(format!("{name} is true: this node's topics keep the names of ROS 2 on DDS, `rt/…`"));
+            }
             ("reliability", Given::Text(text)) if text == "reliable" => {
                 qos.reliability = Reliability::Reliable { when_full: WhenFull::Fail };
             }
@@ -67,7 +129,7 @@ pub fn overridden(
                 qos.durability = Durability::TransientLocal;
             }
             ("history", Given::Text(text)) if text == "keep_last" => {}
-            ("liveliness", Given::Text(text)) if text == "automatic" => {}
+            ("liveliness", Given::Text(text)) if text == "automatic" => qos.liveliness = Liveliness::Automatic,
             ("deadline", Given::Number(span_ns)) if is_span(*span_ns) => qos.deadline = span(*span_ns),
             ("lifespan", Given::Number(span_ns)) if is_span(*span_ns) => qos.lifespan = span(*span_ns),
             ("liveliness_lease_duration", Given::Number(span_ns)) if is_span(*span_ns) => {
@@ -80,8 +142,8 @@ pub fn overridden(
             _ => {
                 return Err(format!(
                     "{name} is {given}: expected reliability (reliable, best_effort), durability (volatile, \
-                     transient_local), history (keep_last), depth (1 to 10000), liveliness (automatic), or one of deadline, \
-                     lifespan and liveliness_lease_duration in whole nanoseconds"
+                     transient_local), history (keep_last), depth (1 to 10000), liveliness (automatic, manual_by_topic), \
+                     avoid_ros_namespace_conventions (false), or one of deadline, lifespan and liveliness_lease_duration in whole nanoseconds"
                 ));
             }
         }
@@ -117,9 +179,9 @@ pub fn idle(parameters: &[(String, Given)], places: &[String]) -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
-    use ros2_client::qos::{Durability, History, Reliability};
+    use ros2_client::qos::{Durability, History, Liveliness, Reliability};
 
-    use super::{Given, idle, overridden, reliable};
+    use super::{Given, idle, overridden, played, reliable};
 
     fn text(name: &str, value: &str) -> (String, Given) {
         (name.to_owned(), Given::Text(value.to_owned()))
@@ -152,6 +214,25 @@ mod tests {
     }
 
     #[test]
+    fn a_recorded_topic_is_played_as_it_was_offered() {
+        let offered = |durability: &str, deadline_s: u64| {
+            format!(
+                "- history: keep_last\n  depth: 300\n  reliability: best_effort\n  durability: {durability}\n  deadline:\n    \
+                 sec: {deadline_s}\n    nsec: 5\n  lifespan:\n    sec: 9223372036\n    nsec: 854775807\n"
+            )
+        };
+        let latched = played(&offered("transient_local", 2));
+        assert_eq!(latched.durability, Durability::TransientLocal);
+        assert_eq!((latched.history, latched.lifespan), (History::KeepLast { depth: 1000 }, None));
+        assert_eq!(latched.deadline, Some(std::time::Duration::new(2, 5)));
+        let two = played(&[offered("volatile", 2), offered("transient_local", 3)].concat());
+        assert_eq!((two.durability, two.history), (Durability::Volatile, History::KeepLast { depth: 600 }));
+        assert_eq!(two.deadline, None, "they do not agree");
+        assert_eq!(played("- durability: 1\n").durability, Durability::TransientLocal, "as Foxy and Humble write it");
+        assert_eq!(played("").durability, Durability::Volatile);
+    }
+
+    #[test]
     fn overrides_for_nothing_are_told_with_what_may_be_meant() {
         let parameters = [
             text("qos_overrides./sim/servo_stat.publisher.reliability", "best_effort"),
@@ -167,5 +248,27 @@ mod tests {
     fn a_policy_that_is_none_is_refused_in_words() {
         let parameters = [text("qos_overrides./a.publisher.reliability", "perhaps")];
         assert!(overridden(&parameters, "/a", "publisher", reliable()).unwrap_err().contains("best_effort"));
+    }
+
+    #[test]
+    fn each_policy_of_ros_is_followed_or_refused_with_the_way_out() {
+        let one = |policy: &str, value: &str| {
+            let given = value.parse().map_or_else(|_| Given::Text(value.to_owned()), Given::Bool);
+            let parameters = [(format!("qos_overrides./a.publisher.{policy}"), given)];
+            overridden(&parameters, "/a", "publisher", reliable())
+        };
+        assert_eq!(one("liveliness", "manual_by_topic").unwrap().liveliness, Liveliness::ManualByTopic);
+        for (policy, value) in [
+            ("reliability", "system_default"),
+            ("durability", "system_default"),
+            ("history", "system_default"),
+            ("history", "keep_last"),
+            ("liveliness", "system_default"),
+            ("avoid_ros_namespace_conventions", "false"),
+        ] {
+            assert_eq!(one(policy, value).unwrap(), reliable(), "{policy} {value}");
+        }
+        assert!(one("history", "keep_all").unwrap_err().contains("give a depth"));
+        assert!(one("avoid_ros_namespace_conventions", "true").unwrap_err().contains("rt/"));
     }
 }

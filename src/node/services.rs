@@ -6,8 +6,10 @@
 //! `RMW_IMPLEMENTATION` does not decide, both layouts are served side by side and each caller is heard
 //! by exactly one of them.
 
+pub mod call;
 pub mod replies;
 pub mod simulation;
+pub mod steps;
 pub mod upkeep;
 
 use std::cell::{Cell, RefCell};
@@ -107,9 +109,14 @@ impl<'a> ServiceDesk<'a> {
         }
     }
 
+    /// Whether this layout is served, and is the one for this caller.
+    pub(super) fn serves(&self, mapping: ServiceMapping, vendor: [u8; 2]) -> bool {
+        self.mappings.contains(&mapping) && self.is_for(mapping, vendor)
+    }
+
     /// Words for a caller whom no server answers, the first time.
     fn turn_away(&self, vendor: [u8; 2]) -> Option<String> {
-        if self.mappings.iter().any(|&mapping| self.is_for(mapping, vendor)) {
+        if self.mappings.iter().any(|&mapping| self.serves(mapping, vendor)) {
             return None;
         }
         let mut strangers = self.strangers.borrow_mut();

@@ -30,7 +30,7 @@ const LAYOUTS: &[Layout] = &[
 
 /// Gives samples undecoded.
 #[derive(Debug)]
-pub(super) struct Undecoded;
+pub struct Undecoded;
 
 impl DeserializerAdapter<Vec<u8>> for Undecoded {
     type Error = io::Error;
@@ -52,7 +52,7 @@ impl DefaultDecoder<Vec<u8>> for Undecoded {
 
 /// Puts the four bytes before a sample that name its layout; the last two are options that say nothing.
 #[derive(Clone, Debug)]
-pub(super) struct Head;
+pub struct Head;
 
 impl<'de> Decode<'de, Vec<u8>> for Head {
     type Error = io::Error;

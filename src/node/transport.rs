@@ -7,7 +7,7 @@
 
 use std::time::Duration;
 
-use rustdds::DomainParticipantBuilder;
+use rustdds::{DomainParticipant, DomainParticipantBuilder};
 
 /// What stands in for the repaired copy's items where the release lacks them.
 trait Published: Sized {
@@ -20,6 +20,24 @@ trait Published: Sized {
 }
 
 impl Published for DomainParticipantBuilder {}
+
+/// The same for participants.
+trait Silent {
+    fn set_user_data(&self, _dds_topic: &str, _user_data: Vec<u8>) {}
+}
+
+impl Silent for DomainParticipant {}
+
+/// Lets the endpoints of a topic that are opened from now on announce the hash of its type, as those of Iron and later do; the release
+/// cannot.
+pub(super) fn announce_hash(participant: &DomainParticipant, dds_topic: &str, hash: &str) {
+    let user_data = format!("typehash={hash};").into_bytes();
+    if is_repaired() {
+        participant.set_user_data(dds_topic, user_data);
+    } else {
+        Silent::set_user_data(participant, dds_topic, user_data);
+    }
+}
 
 /// The transport in words, for `--version` and for the first words of a node.
 pub const DESCRIPTION: &str = DomainParticipantBuilder::CHANGES;

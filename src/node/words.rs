@@ -107,6 +107,7 @@ mod tests {
         let stale = News::Output(Box::new(Output {
             tick,
             publish: false,
+            steps_left: 0,
             patient: false,
             overruns: 0,
             worst_lateness_us: 0.0,

@@ -2,7 +2,7 @@
 """A running `govtwin run` on a bad network, with peers that come and go, and over some minutes.
 
 Usage: network.py GOVTWIN FOLDER   (needs PyPI `cyclonedds` 11; ROS_DOMAIN_ID picks the domain; logs go to FOLDER)
-CASES picks among: link churn soak; `link` needs root. SOAK_S and CHURN_S are their lengths. Exits 0 when everything was as it
+CASES picks among: link churn soak units; `link` needs root. SOAK_S, CHURN_S and UNITS_S are lengths, UNITS how many. Exits 0 when everything was as it
 should be, 1 otherwise, 77 where nothing could be tried.
 """
 
@@ -12,7 +12,7 @@ import subprocess
 import sys
 import time
 
-from bench import DOMAIN, Bench, check, whole, FAILED
+from bench import BEST_EFFORT, DOMAIN, RELIABLE, Bench, check, now, stamp_ns, wait_for, whole, FAILED
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
@@ -131,8 +131,22 @@ def churn(binary, folder):
         check("the node ends in order", node.end())
 
 
+def slope(times, values):
+    """Least-squares slope an hour with its 95 % interval, from the means of 20 spans of time: neighbours depend on each other."""
+    count = min(20, len(times))
+    spans = [range(len(times) * k // count, len(times) * (k + 1) // count) for k in range(count)]
+    t = [sum(times[n] for n in span) / len(span) / 3600 for span in spans]
+    v = [sum(values[n] for n in span) / len(span) for span in spans]
+    mean_t, mean_v = sum(t) / count, sum(v) / count
+    spread = sum((one - mean_t) ** 2 for one in t)
+    rise = sum((a - mean_t) * (b - mean_v) for a, b in zip(t, v)) / spread
+    rest = sum((b - mean_v - rise * (a - mean_t)) ** 2 for a, b in zip(t, v))
+    # Student's t of 18 degrees of freedom.
+    return rise, 2.10 * (rest / max(count - 2, 1) / spread) ** 0.5
+
+
 def soak(binary, folder):
-    """Some minutes at 100 Hz: the slope of memory, threads, descriptors, the state's age."""
+    """SOAK_S at 100 Hz (180 s): slopes of memory, descriptors, threads, and of the model's time against the clock."""
     seconds = float(os.environ.get("SOAK_S", "180"))
     figures = os.path.join(folder, "soak.json")
     node = Node(binary, os.path.join(folder, "soak.txt"), "--out", figures)
@@ -140,32 +154,73 @@ def soak(binary, folder):
     try:
         # Rings and the transport's caches fill first: 80 s at 100 Hz.
         bench.drive(100.0, 0.4)
-        first, begin = resources(node), time.monotonic()
-        times, sizes, states = [], [], 0
+        begin, times, rows, states = time.monotonic(), [], [], 0
         while time.monotonic() < begin + seconds:
             got, _ = bench.drive(5.0, 0.4 + 0.1 * (len(times) % 2))
             states += len(got)
             times.append(time.monotonic() - begin)
-            sizes.append(node.megabytes())
-        mean_t, mean_s = sum(times) / len(times), sum(sizes) / len(sizes)
-        spread = sum((t - mean_t) ** 2 for t in times)
-        slope = 3600 * sum((t - mean_t) * (s - mean_s) for t, s in zip(times, sizes)) / spread
-        print("     MB every 5 s: " + " ".join(f"{size:.1f}" for size in sizes))
-        check("memory does not grow", slope < 2.0, f"({slope:+.2f} MB an hour over {times[-1]:.0f} s; {sizes[0]:.1f} -> {sizes[-1]:.1f} MB)")
-        check("nor do threads and descriptors", resources(node)[0] <= first[0] and resources(node)[1] <= first[1] + 1,
-              f"({first} -> {resources(node)})")
+            # The newest of the last 100 states: what delays single ones is not drift.
+            ahead_ms = max((stamp_ns(state.header) - time.time_ns()) * 1e-6 for state in got[-3:]) if got else float("nan")
+            rows.append((node.megabytes(), *resources(node), ahead_ms))
+        memory, threads, files, ahead_ms = zip(*rows)
+        print("     MB each minute: " + " ".join(f"{size:.1f}" for size in memory[::12]))
+        rise, either_way = slope(times, memory)
+        check("memory does not grow", rise - either_way < 2.0,
+              f"({rise:+.2f} +- {either_way:.2f} MB an hour over {times[-1]:.0f} s; {memory[0]:.1f} -> {memory[-1]:.1f} MB)")
+        check("nor do threads and descriptors", max(threads) <= threads[0] and max(files) <= files[0] + 1,
+              f"(threads {min(threads)} to {max(threads)}, descriptors {min(files)} to {max(files)})")
+        drift, either_way = slope(times, ahead_ms)
+        check("the model's time keeps to the clock", abs(drift) < 5.0 + either_way, f"({drift:+.2f} +- {either_way:.2f} ms an hour)")
         check("states keep their rate", states > 95 * times[-1], f"({states / times[-1]:.1f} a second)")
     finally:
         check("the node ends in order", node.end())
     with open(figures) as text:
         run = json.load(text)
-    print(f"     wake-up lateness {run['loop']['lateness']['p99_9_us']:.0f} us at 99.9 %, {run['loop']['overruns']} overruns, "
-          f"{run['lost_publications']} publications lost, {run['inputs']['governor/command']['lost']} commands lost")
+    print(f"     wake-up lateness {run['loop']['lateness']['p99_9_us']:.0f} us at 99.9 %, {run['loop']['overruns']} overruns, {run['loop']['skipped']} ticks "
+          f"skipped, {run['lost_publications']} publications lost, {run['inputs']['governor/command']['lost']} commands lost; load {os.getloadavg()[2]:.1f}")
+
+
+def units(binary, folder):
+    """UNITS nodes (10) at 1 kHz beside each other, each with a namespace and a command of its own, for UNITS_S (20)."""
+    count, seconds = int(os.environ.get("UNITS", "10")), float(os.environ.get("UNITS_S", "20"))
+    figures = [os.path.join(folder, f"unit_{n}.json") for n in range(count)]
+    nodes = [Node(binary, os.path.join(folder, f"unit_{n}.txt"), "--optional", "esv", "tank_pressure", "--rate", "1000", "--out", figures[n],
+                  "--ros-args", "-r", f"__ns:=/unit{n}") for n in range(count)]
+    participant = DomainParticipant(DOMAIN)
+    ends = [(DataWriter(participant, Topic(participant, f"rt/unit{n}/governor/command", ros.GovernorCommand), qos=RELIABLE),
+             DataReader(participant, Topic(participant, f"rt/unit{n}/sim/servo_state", ros.ServoState), qos=BEST_EFFORT)) for n in range(count)]
+    openings, states, last = [0.1 + 0.05 * n for n in range(count)], [0] * count, [None] * count
+    try:
+        wait_for(lambda: all(writer.get_matched_subscriptions() for writer, _ in ends), 30)
+        begin, settled = time.monotonic(), False
+        while time.monotonic() < begin + seconds + 3:
+            loop = time.monotonic()
+            for n, (writer, reader) in enumerate(ends):
+                writer.write(ros.GovernorCommand(now(), openings[n]))
+                got = whole(reader.take(1000))
+                states[n] += len(got)
+                last[n] = got[-1] if got else last[n]
+            if not settled and loop > begin + 3:
+                states, settled, start = [0] * count, True, loop
+            time.sleep(max(0.0, loop + 0.05 - time.monotonic()))
+        took = time.monotonic() - start
+        worst = max(abs(state.servomotor_position - opening) if state else 1.0 for state, opening in zip(last, openings))
+        check("each unit follows its own command", worst < 2e-3, f"({worst:.4f} pu at most)")
+        check("and keeps its rate", min(states) > 95 * took, f"({min(states) / took:.0f} to {max(states) / took:.0f} a second)")
+        memory = sum(node.megabytes() for node in nodes)
+    finally:
+        check("all end in order", all([node.end() for node in nodes]))
+    loops = [json.load(open(name))["loop"] for name in figures]
+    late, overruns = [loop["lateness"]["p99_9_us"] for loop in loops], [loop["overruns"] for loop in loops]
+    skipped, ticks = sum(loop["skipped"] for loop in loops), sum(loop["ticks"] for loop in loops)
+    check("hardly a tick is skipped", skipped <= ticks // 1000, f"({skipped} of {ticks})")
+    print(f"     wake-up lateness at 99.9 % {min(late):.0f} to {max(late):.0f} us, overruns {sum(overruns)} of {ticks}, {memory:.0f} MB together, "
+          f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
 
 
 def main():
     binary, folder = sys.argv[1], sys.argv[2]
-    cases = {"link": link, "churn": churn, "soak": soak}
+    cases = {"link": link, "churn": churn, "soak": soak, "units": units}
     for name in os.environ.get("CASES", " ".join(cases)).split():
         print(f"-- {name}: {cases[name].__doc__}")
         cases[name](binary, folder)

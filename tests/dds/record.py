@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""`govtwin record` beside publishers on Cyclone DDS: types that it does not know, kills, a full disk, refusals.
+"""`govtwin record` and `play` beside peers on Cyclone DDS: types that it does not know, kills, a full disk, refusals.
 
 Usage: record.py GOVTWIN FOLDER   (needs PyPI `cyclonedds` 11; ROS_DOMAIN_ID picks the domain; bags and logs go to FOLDER)
-CASES picks among: types refusals kills full; KILLS is how often the recorder is killed (4); `full` needs root, for a small disk.
+CASES picks among: types play refusals kills full; KILLS is how often the recorder is killed (4); `full` needs root, for a small disk.
 Exits 0 when everything was as it should be, 1 otherwise, 77 where cyclonedds is missing.
 """
 
@@ -18,7 +18,7 @@ import threading
 import time
 from dataclasses import dataclass
 
-from bench import DOMAIN, RELIABLE, DataReader, DataWriter, DomainParticipant, Policy, Qos, Topic, check, duration, now, whole, FAILED
+from bench import DOMAIN, RELIABLE, DataReader, DataWriter, DomainParticipant, Policy, Qos, Topic, check, duration, now, wait_for, whole, BuiltinDataReader, BuiltinTopicDcpsPublication, FAILED
 from cyclonedds.idl import IdlStruct
 from cyclonedds.idl.types import array, float32, float64, int32, sequence, uint8, uint32
 import types_ros as ros
@@ -218,6 +218,60 @@ def types(binary, folder):
         peer.end()
 
 
+KEPT = Qos(Policy.Reliability.Reliable(duration(milliseconds=100)), Policy.History.KeepAll)
+KEPT_LATCHED = Qos(Policy.Reliability.Reliable(duration(milliseconds=100)), Policy.Durability.TransientLocal, Policy.History.KeepAll)
+PLAYED = {"/clock": ros.Clock, "/rosout": Log, "/diagnostics": Diagnostics, "/talk": String, "/joint_states": ros.JointState,
+          "/bare": Bare, "/head": Head}
+
+
+def play(binary, folder):
+    """What was recorded, played again: types that the program does not know, decoded by a peer."""
+    bag = os.path.join(folder, "all")
+    if not os.path.isdir(bag):
+        types(binary, folder)
+    recorded, _, _ = info(binary, bag)
+    participant = DomainParticipant(DOMAIN)
+    publications = BuiltinDataReader(participant, BuiltinTopicDcpsPublication)
+    topics = {name: Topic(participant, f"rt{name}", kind) for name, kind in PLAYED.items()}
+    readers = {name: DataReader(participant, topic, qos=KEPT) for name, topic in topics.items()}
+    got, late, said_by = {name: [] for name in PLAYED}, [], {}
+    process = subprocess.Popen([binary, "play", bag, "--speed", "3", "--json"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    begin = None
+    while process.poll() is None:
+        for name, reader in readers.items():
+            got[name] += whole(reader.take(10000))
+        if got["/clock"] and begin is None:
+            begin = time.monotonic()
+            said_by = {s.topic_name[2:]: s for s in publications.read(1000) if s.participant_key != participant.guid}
+        if begin and time.monotonic() > begin + 1.0 and not late:
+            comer = DataReader(participant, topics["/rosout"], qos=KEPT_LATCHED)
+            wait_for(lambda: late.extend(whole(comer.take(10))) or late, 1.5)
+            late.append(None)
+        time.sleep(0.002)
+    for name, reader in readers.items():
+        got[name] += whole(reader.take(10000))
+    out, err = process.communicate()
+    played = json.loads(out or "{}").get("messages", {})
+    check("a bag of any types is played without a word", process.returncode == 0 and not err.strip(), f"(exit code {process.returncode}, {err.strip()})")
+    counts = {name: (topic["messages"], played.get(name), len(got[name])) for name, topic in recorded.items()}
+    check("whole: as many as were recorded are played and decoded", all(a == b == c for a, b, c in counts.values()) and set(PLAYED) == set(counts), f"({counts})")
+    heads = [head.metres for head in got["/head"]]
+    right = all(head.counts == [1, 2, 3] and [gauge.level for gauge in head.gauges] == [0.5, 0.25] for head in got["/head"])
+    check("in order, and as they were", right and heads == sorted(heads) and all(b - a == 1.0 for a, b in zip(heads, heads[1:])))
+    check("words and joints, too", [sample.data[:7] for sample in got["/talk"][:1]] == ["number "] and got["/joint_states"][0].name == ["a"])
+    clocks = [sample.clock.sec * 10**9 + sample.clock.nanosec for sample in got["/clock"]]
+    check("/clock rises", clocks == sorted(clocks) and len(set(clocks)) == len(clocks))
+    check("who comes late gets what its publisher kept", len(late) == 2, f"({len(late) - 1} of 1)")
+    head = said_by.get("/head")
+    data = bytes(head.qos[Policy.Userdata].data) if head and Policy.Userdata in head.qos else b""
+    check("the type's hash is announced as it was recorded", f"typehash={head_hash()};".encode() in data, f"({data})")
+
+    chosen = subprocess.run([binary, "play", bag, "--topics", "/talk", "/clock", "--duration", "2", "--clock=50", "--speed", "4", "--wait", "0"],
+                            capture_output=True, text=True)
+    check("the bag's /clock gives way to --clock, which is told", chosen.returncode == 0 and "--clock tells the time instead" in chosen.stderr
+          and "/talk" in chosen.stdout and "/head" not in chosen.stdout, f"(exit code {chosen.returncode}, {chosen.stderr})")
+
+
 def refusals(binary, folder):
     """What is refused leaves nothing, and nothing that blocks the next."""
     bag = os.path.join(folder, "refused")
@@ -362,7 +416,7 @@ def full(binary, folder):
 def main():
     binary, folder = sys.argv[1], os.path.join(sys.argv[2], "record")
     os.makedirs(folder, exist_ok=True)
-    cases = {"types": types, "refusals": refusals, "kills": kills, "full": full}
+    cases = {"types": types, "play": play, "refusals": refusals, "kills": kills, "full": full}
     for name in os.environ.get("CASES", " ".join(cases)).split():
         print(f"-- {name}: {cases[name].__doc__}")
         cases[name](binary, folder)

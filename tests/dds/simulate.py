@@ -2,7 +2,7 @@
 """A peer on Cyclone DDS that drives the simulation: state, steps, reset, clock, joint commands, live changes, two commanders.
 
 Usage: simulate.py GOVTWIN FOLDER   (needs PyPI `cyclonedds` 11; ROS_DOMAIN_ID picks the domain; logs go to FOLDER)
-CASES picks among: steps live own follow rivals typos. Exits 0 when everything was as it should be, 1 otherwise, 77 without cyclonedds.
+CASES picks among: steps action live own follow rivals typos. Exits 0 when everything was as it should be, 1 otherwise, 77 without cyclonedds.
 """
 
 import itertools
@@ -11,13 +11,14 @@ import subprocess
 import sys
 import time
 
-from bench import Bench, check, now, stamp_ns, wait_for, whole, BEST_EFFORT, DOMAIN, FAILED, RELIABLE
+from bench import Bench, Policy, Qos, check, duration, now, stamp_ns, wait_for, whole, BEST_EFFORT, DOMAIN, FAILED, RELIABLE
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.pub import DataWriter
 from cyclonedds.topic import Topic
 import types_ros as ros
 from faults import Node
 
+LATCHED = Qos(Policy.Reliability.Reliable(duration(milliseconds=100)), Policy.Durability.TransientLocal, Policy.History.KeepLast(10))
 OK, INCORRECT_STATE, FAILED_RESULT, UNSUPPORTED, ALREADY = 1, 3, 4, 0, 101
 STOPPED, PLAYING, PAUSED, QUITTING = 0, 1, 2, 3
 
@@ -95,7 +96,7 @@ def steps(binary, folder):
             driver.matched()
             features = driver.call("get_simulator_features", 0)
             check("the features are those of a simulator that can be stepped", features is not None
-                  and sorted(features.features.features) == [20, 21, 22, 24, 25, 26, 31, 32])
+                  and sorted(features.features.features) == [20, 21, 22, 24, 25, 26, 31, 32, 33])
             state = driver.call("get_simulation_state", 0)
             check("it stands at first", state is not None and state.state == PAUSED)
             driver.inputs(0.3)
@@ -337,9 +338,71 @@ def typos(binary, folder):
     check("security that must be kept is refused", done.returncode == 1 and "ROS_SECURITY_STRATEGY=Permissive" in done.stderr)
 
 
+def action(binary, folder):
+    """The action SimulateSteps: feedback, result, an early end, and what is refused."""
+    node = Node(binary, os.path.join(folder, "action.txt"), "--paused", "--publish-clock")
+    driver = Driver()
+    at = "govtwin/simulate_steps/_action/"
+    for name, request, response in (("send_goal", ros.SendGoalRequest, ros.SendGoalResponse), ("cancel_goal", ros.CancelRequest, ros.CancelResponse),
+                                    ("get_result", ros.GetResultRequest, ros.GetResultResponse)):
+        call = DataWriter(driver.participant, Topic(driver.participant, f"rq/{at}{name}Request", request), qos=RELIABLE)
+        driver.SERVICES = {**driver.SERVICES, name: (request, response)}
+        driver.calls[name] = (call, driver.reader(f"rr/{at}{name}Reply", response, RELIABLE))
+    feedback = driver.reader(f"rt/{at}feedback", ros.Feedback, RELIABLE)
+    status = driver.reader(f"rt/{at}status", ros.GoalStatusArray, LATCHED)
+    one, two, never = [1] * 16, [2] * 16, [9] * 16
+    ever = ros.Time(0, 0)
+    try:
+        driver.matched()
+        driver.inputs(0.3)
+        time.sleep(0.3)
+        reply = driver.call("send_goal", one, 2000)
+        check("a goal is accepted", reply is not None and reply.accepted and reply.stamp.sec > 0)
+        reply = driver.call("get_result", one)
+        check("its result comes once it is done", reply is not None and (reply.status, reply.result.result) == (4, OK), f"({reply})")
+        told = whole(feedback.take(1000))
+        sums = {sample.completed_steps + sample.remaining_steps for sample in told}
+        done = [sample.completed_steps for sample in told]
+        check("feedback rises to the end", sums == {2000} and done == sorted(done) and done[-1] == 2000, f"({done})")
+        # Each state was sent before the result, reliably.
+        got = whole(driver.reliable_state.take(1000))
+        check("time advanced by exactly the steps", bool(got) and stamp_ns(got[-1].header) == 1_999_000_000,
+              f"({stamp_ns(got[-1].header) if got else None} ns)")
+        state = driver.call("get_simulation_state", 0)
+        check("and it stands again", state is not None and state.state == PAUSED)
+
+        check("a long goal is accepted", driver.call("send_goal", two, 500_000_000).accepted)
+        reply = driver.call("send_goal", never, 5)
+        check("another one meanwhile is not", reply is not None and not reply.accepted)
+        reply = driver.call("cancel_goal", ros.GoalInfo(two, ever))
+        check("it is ended early", reply is not None and reply.return_code == 0 and [list(info.goal_id) for info in reply.goals_canceling] == [two], f"({reply})")
+        reply = driver.call("get_result", two)
+        check("which is its result", reply is not None and reply.status == 5, f"({reply})")
+        reply = driver.call("cancel_goal", ros.GoalInfo(two, ever))
+        check("an end early needs a goal under way", reply is not None and reply.return_code == 3)
+        reply = driver.call("cancel_goal", ros.GoalInfo(never, ever))
+        check("that there is", reply is not None and reply.return_code == 2)
+        reply = driver.call("get_result", never)
+        check("a result of nothing is unknown", reply is not None and reply.status == 0)
+        driver.call("set_simulation_state", PLAYING)
+        check("while it plays, a goal is accepted", driver.call("send_goal", [3] * 16, 10).accepted)
+        reply = driver.call("get_result", [3] * 16)
+        check("and fails with the reason", reply is not None and reply.status == 6 and "pause" in reply.result.error_message, f"({reply})")
+        reply = driver.call("send_goal", [4] * 16, 2**63)
+        check("more steps than there can be are refused", reply is not None and not reply.accepted)
+        late = driver.reader(f"rt/{at}status", ros.GoalStatusArray, LATCHED)
+        seen = []
+        wait_for(lambda: seen.extend(whole(late.take(10))) or seen, 5)
+        check("who comes late has the statuses", bool(seen) and [one.status for one in seen[-1].status_list] == [4, 5, 6])
+        statuses = [[one.status for one in sample.status_list] for sample in whole(status.take(100))]
+        check("each change of status was told", [2] in statuses and [4, 2] in statuses and [4, 5] in statuses, f"({statuses})")
+    finally:
+        check("the node ends in order", node.end())
+
+
 def main():
     binary, folder = sys.argv[1], sys.argv[2]
-    cases = {"steps": steps, "live": live, "follow": follow, "rivals": rivals, "typos": typos}
+    cases = {"steps": steps, "action": action, "live": live, "follow": follow, "rivals": rivals, "typos": typos}
     for name in os.environ.get("CASES", " ".join(cases)).split():
         print(f"-- {name}: {cases[name].__doc__}")
         cases[name](binary, folder)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from cyclonedds.idl import IdlStruct
-from cyclonedds.idl.types import float64, int32, int64, sequence, uint8, uint16, uint32, uint64
+from cyclonedds.idl.types import array, float64, int8, int32, int64, sequence, uint8, uint16, uint32, uint64
 
 
 @dataclass
@@ -385,3 +385,76 @@ class TypeResponse(IdlStruct, typename="type_description_interfaces::srv::dds_::
     referenced_type_descriptions: sequence[IndividualTypeDescription]
     type_sources: sequence[TypeSource]
     extra_information: sequence[TypeKeyValue]
+
+
+Id = array[uint8, 16]
+
+
+@dataclass
+class GoalInfo(IdlStruct, typename="action_msgs::msg::dds_::GoalInfo_"):
+    goal_id: Id
+    stamp: Time
+
+
+@dataclass
+class GoalStatus(IdlStruct, typename="action_msgs::msg::dds_::GoalStatus_"):
+    goal_info: GoalInfo
+    status: int8
+
+
+@dataclass
+class GoalStatusArray(IdlStruct, typename="action_msgs::msg::dds_::GoalStatusArray_"):
+    status_list: sequence[GoalStatus]
+
+
+@dataclass
+class CancelRequest(IdlStruct, typename="action_msgs::srv::dds_::CancelGoal_Request_"):
+    caller: uint64
+    number: int64
+    goal_info: GoalInfo
+
+
+@dataclass
+class CancelResponse(IdlStruct, typename="action_msgs::srv::dds_::CancelGoal_Response_"):
+    caller: uint64
+    number: int64
+    return_code: int8
+    goals_canceling: sequence[GoalInfo]
+
+
+@dataclass
+class SendGoalRequest(IdlStruct, typename="simulation_interfaces::action::dds_::SimulateSteps_SendGoal_Request_"):
+    caller: uint64
+    number: int64
+    goal_id: Id
+    steps: uint64
+
+
+@dataclass
+class SendGoalResponse(IdlStruct, typename="simulation_interfaces::action::dds_::SimulateSteps_SendGoal_Response_"):
+    caller: uint64
+    number: int64
+    accepted: bool
+    stamp: Time
+
+
+@dataclass
+class GetResultRequest(IdlStruct, typename="simulation_interfaces::action::dds_::SimulateSteps_GetResult_Request_"):
+    caller: uint64
+    number: int64
+    goal_id: Id
+
+
+@dataclass
+class GetResultResponse(IdlStruct, typename="simulation_interfaces::action::dds_::SimulateSteps_GetResult_Response_"):
+    caller: uint64
+    number: int64
+    status: int8
+    result: SimulationResult
+
+
+@dataclass
+class Feedback(IdlStruct, typename="simulation_interfaces::action::dds_::SimulateSteps_FeedbackMessage_"):
+    goal_id: Id
+    completed_steps: uint64
+    remaining_steps: uint64

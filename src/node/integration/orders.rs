@@ -3,7 +3,7 @@
 use rtrb::PushError;
 
 use super::super::control::{Answer, Order, Outcome, State, Steps, Ticket};
-use super::{Integrator, ROOM_TO_STEP, Time};
+use super::{Integrator, Time};
 
 /// Most steps between two looks at what was heard.
 const MOST_STEPS: usize = 256;
@@ -74,7 +74,7 @@ impl Integrator {
     pub(super) fn step(&mut self) {
         for _ in 0..MOST_STEPS {
             let Some(Steps { ticket, left_count }) = self.steps else { return };
-            if self.outputs.slots() < ROOM_TO_STEP {
+            if !self.has_room() {
                 return;
             }
             self.ages.step(self.pace.period_ns);

@@ -147,7 +147,7 @@ fn state_order(state: SimulationState, time: Time) -> Result<Order, SimulationRe
     }
 }
 
-fn step_order(steps: u64, time: Time) -> Result<Order, SimulationResult> {
+pub(super) fn step_order(steps: u64, time: Time) -> Result<Order, SimulationResult> {
     match steps {
         _ if time == Time::Follow => Err(SimulationResult::refused(SimulationResult::INCORRECT_STATE, FOLLOWS)),
         0..=MOST_STEPS => Ok(Order::Step { ticks: steps }),
@@ -171,7 +171,7 @@ fn reset_order(scope: u8, time: Time) -> Result<Order, SimulationResult> {
     }
 }
 
-fn result(outcome: Outcome) -> SimulationResult {
+pub(super) fn result(outcome: Outcome) -> SimulationResult {
     let refuse = SimulationResult::refused;
     match outcome {
         Outcome::Done => SimulationResult::ok(),
@@ -200,7 +200,7 @@ fn features(time: Time) -> SimulatorFeatures {
     }
     if time != Time::Follow {
         features.extend([F::SIMULATION_STATE_SETTING, F::SIMULATION_STATE_PAUSE]);
-        features.extend([F::STEP_SIMULATION_SINGLE, F::STEP_SIMULATION_MULTIPLE]);
+        features.extend([F::STEP_SIMULATION_SINGLE, F::STEP_SIMULATION_MULTIPLE, F::STEP_SIMULATION_ACTION]);
     }
     features.sort_unstable();
     let custom_info = format!(
@@ -244,8 +244,8 @@ mod tests {
 
     #[test]
     fn what_is_offered_is_what_the_time_allows() {
-        assert_eq!(features(Time::Own).features, [20, 21, 22, 24, 25, 26, 31, 32]);
-        assert_eq!(features(Time::Wall).features, [20, 22, 24, 25, 26, 31, 32]);
+        assert_eq!(features(Time::Own).features, [20, 21, 22, 24, 25, 26, 31, 32, 33]);
+        assert_eq!(features(Time::Wall).features, [20, 22, 24, 25, 26, 31, 32, 33]);
         assert_eq!(features(Time::Follow).features, [20, 22, 24]);
     }
 }

@@ -1,6 +1,6 @@
 // use mio::Token;
 use std::{
-  collections::HashMap,
+  collections::{BTreeMap, HashMap},
   io,
   io::ErrorKind,
   net::{IpAddr, Ipv4Addr},
@@ -564,6 +564,31 @@ impl DomainParticipant {
     self.dpi.lock().ok().and_then(|g| g.only_networks())
   }
 
+  /// Sets the USER_DATA QoS policy that Readers and Writers of a topic announce
+  /// to remote participants, if they are created after this call.
+  ///
+  /// It is keyed by the topic's name, because it is not part of
+  /// [`QosPolicies`](crate::QosPolicies). Empty `user_data` is not announced.
+  pub fn set_user_data(&self, topic_name: &str, user_data: Vec<u8>) {
+    if let Ok(mut dpi) = self.dpi.lock() {
+      dpi.user_data.insert(topic_name.to_owned(), user_data);
+    }
+  }
+
+  /// The USER_DATA of a topic as it stands on the wire: an octet sequence in
+  /// little-endian CDR. Empty, if there is none.
+  pub(crate) fn user_data_cdr(&self, topic_name: &str) -> Vec<u8> {
+    let dpi = self.dpi.lock().ok();
+    let user_data = dpi.as_ref().and_then(|dpi| dpi.user_data.get(topic_name));
+    match user_data {
+      Some(bytes) if !bytes.is_empty() => {
+        let length = (bytes.len() as u32).to_le_bytes();
+        length.iter().chain(bytes).copied().collect()
+      }
+      _ => Vec::new(),
+    }
+  }
+
   /// Gets all DiscoveredTopics from DDS network
   ///
   /// # Examples
@@ -981,6 +1006,8 @@ pub(crate) struct DomainParticipantDisc {
   discovery_join_handle: std::sync::mpsc::Receiver<JoinHandle<()>>,
   // This allows deterministic generation of EntityIds for DataReader, DataWriter, etc.
   entity_id_generator: atomic::AtomicU32,
+  // USER_DATA that local endpoints announce, by topic name
+  user_data: BTreeMap<String, Vec<u8>>,
 }
 
 impl DomainParticipantDisc {
@@ -1026,6 +1053,7 @@ impl DomainParticipantDisc {
       discovery_command_sender,
       discovery_join_handle,
       entity_id_generator: atomic::AtomicU32::new(0),
+      user_data: BTreeMap::new(),
     })
   }
 

@@ -733,7 +733,7 @@ impl DiscoveryDB {
       reader_proxy: ReaderProxy::from(reader_proxy),
       subscription_topic_data: subscription_data,
       content_filter,
-      user_data: Vec::new(),
+      user_data: domain_participant.user_data_cdr(&topic.name()),
     }
   }
 

@@ -498,7 +498,7 @@ impl ParameterListable for DiscoveredReaderData {
           security_info,
         },
       content_filter,
-      user_data: _,
+      user_data,
     } = self;
 
     let mut pl = ParameterList::new();
@@ -572,6 +572,14 @@ impl ParameterListable for DiscoveredReaderData {
       content_filter,
       ContentFilterProperty
     );
+
+    // Already serialized, because it is not looked into when it is received.
+    if !user_data.is_empty() {
+      pl.push(Parameter::new(
+        ParameterId::PID_USER_DATA,
+        user_data.clone(),
+      ));
+    }
 
     #[cfg(feature = "security")]
     emit_option!(
@@ -810,7 +818,7 @@ impl DiscoveredWriterData {
       last_updated: Instant::now(),
       writer_proxy,
       publication_topic_data,
-      user_data: Vec::new(),
+      user_data: dp.user_data_cdr(&topic.name()),
     }
   }
 }
@@ -956,7 +964,7 @@ impl ParameterListable for DiscoveredWriterData {
           #[cfg(feature = "security")]
           security_info,
         },
-      user_data: _,
+      user_data,
     } = self;
 
     let mut pl = ParameterList::new();
@@ -1024,6 +1032,14 @@ impl ParameterListable for DiscoveredWriterData {
         &topic_alias.clone().into(),
         StringWithNul
       );
+    }
+
+    // Already serialized, because it is not looked into when it is received.
+    if !user_data.is_empty() {
+      pl.push(Parameter::new(
+        ParameterId::PID_USER_DATA,
+        user_data.clone(),
+      ));
     }
 
     #[cfg(feature = "security")]
@@ -1390,7 +1406,7 @@ mod tests {
       reader_proxy,
       subscription_topic_data: sub_topic_data,
       content_filter: Some(content_filter),
-      user_data: Vec::new(),
+      user_data: vec![4, 0, 0, 0, 1, 2, 3, 4],
     };
 
     // serialize
@@ -1447,7 +1463,7 @@ mod tests {
       last_updated: Instant::now(),
       writer_proxy,
       publication_topic_data: pub_topic_data,
-      user_data: Vec::new(),
+      user_data: vec![4, 0, 0, 0, 1, 2, 3, 4],
     };
 
     let sdata = dwd
