@@ -162,7 +162,7 @@ fn is_empty(place: &Path) -> bool {
 /// A bag folder of which every file has the mark, and which holds nothing else.
 fn is_marked(place: &Path, mark: &str) -> bool {
     let Ok(entries) = fs::read_dir(place) else { return false };
-    let Ok(source) = source::open(place) else { return false };
+    let Ok(source) = source::open_as_it_is(place) else { return false };
     let Ok(scanned) = source.scan(&mut |_| {}) else { return false };
     let marked = scanned.files.iter().all(|file| file.metadata.iter().any(|name| name == mark));
     marked
