@@ -166,10 +166,19 @@ impl Output {
         let moves: Vec<_> = bags.iter().map(Sealed::moves).chain(files.moves()).collect();
         let placing = || format!("cannot place the files in {}", folder.display());
         let act = || -> anyhow::Result<()> {
-            for bag in bags {
-                bag.place()?;
+            let mut bags = bags;
+            for number in 0..bags.len() {
+                if let Err(error) = bags[number].put() {
+                    bags[..number].iter_mut().rev().for_each(Sealed::take_back);
+                    return Err(error.into());
+                }
             }
-            files.place().with_context(placing)?;
+            if let Err(error) = files.place() {
+                bags.iter_mut().rev().for_each(Sealed::take_back);
+                return Err(error).with_context(placing);
+            }
+            // Older bags go here.
+            drop(bags);
             for path in &outdated {
                 match std::fs::remove_file(path) {
                     Err(error) if error.kind() != io::ErrorKind::NotFound => {

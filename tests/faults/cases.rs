@@ -4,8 +4,8 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-/// A fixed date, few threads, and no engine.
-pub const ENVIRONMENT: [(&str, &str); 2] = [("SOURCE_DATE_EPOCH", "1700000000"), ("RAYON_NUM_THREADS", "2")];
+/// A fixed date, one thread so that steps come in one order, and no engine.
+pub const ENVIRONMENT: [(&str, &str); 2] = [("SOURCE_DATE_EPOCH", "1700000000"), ("RAYON_NUM_THREADS", "1")];
 
 /// A writer.
 pub struct Case {
@@ -50,7 +50,15 @@ pub fn fit() -> Case {
     Case {
         name: "fit",
         arguments: &[
-            "fit", "ROOT/new/run", "--params", "ROOT/sheet.yaml", "--effect", "port_overlap", "--starts", "1", "--out",
+            "fit",
+            "ROOT/new/run",
+            "--params",
+            "ROOT/sheet.yaml",
+            "--effect",
+            "port_overlap",
+            "--starts",
+            "1",
+            "--out",
             "ROOT/out",
         ],
         prepare: |root| {
@@ -58,7 +66,15 @@ pub fn fit() -> Case {
             govtwin(
                 root,
                 &[
-                    "fit", "old/run", "--params", "sheet.yaml", "--effect", "port_overlap", "--starts", "1", "--out",
+                    "fit",
+                    "old/run",
+                    "--params",
+                    "sheet.yaml",
+                    "--effect",
+                    "port_overlap",
+                    "--starts",
+                    "1",
+                    "--out",
                     "out",
                 ],
             );
@@ -73,7 +89,14 @@ pub fn diagnose() -> Case {
     Case {
         name: "diagnose",
         arguments: &[
-            "diagnose", "ROOT/new/run", "--params", "ROOT/sheet.yaml", "--only", "port_overlap", "--out", "ROOT/out",
+            "diagnose",
+            "ROOT/new/run",
+            "--params",
+            "ROOT/sheet.yaml",
+            "--only",
+            "port_overlap",
+            "--out",
+            "ROOT/out", "--overwrite",
         ],
         prepare: |root| {
             recordings(root);
@@ -109,7 +132,15 @@ pub fn watch() -> Case {
     Case {
         name: "watch",
         arguments: &[
-            "watch", "ROOT/seen", "--once", "--params", "ROOT/sheet.yaml", "--only", "port_overlap", "--out", "ROOT/out",
+            "watch",
+            "ROOT/seen",
+            "--once",
+            "--params",
+            "ROOT/sheet.yaml",
+            "--only",
+            "port_overlap",
+            "--out",
+            "ROOT/out",
         ],
         prepare: |root| {
             recordings(root);
@@ -195,7 +226,8 @@ pub fn recover() -> Case {
             fs::write(file, bytes).unwrap();
         },
         stepwise: false,
-        before_next: nothing,
+        // It replaces nothing.
+        before_next: |root| drop(fs::remove_dir_all(root.join("out"))),
     }
 }
 
