@@ -87,7 +87,7 @@ impl<'a> Trial<'a> {
 
     fn run(&self, fault: Option<(usize, Fault)>) -> trace::Traced {
         let mut command = vec![env!("CARGO_BIN_EXE_govtwin").to_owned()];
-        command.extend(self.case.arguments.iter().map(|word| word.replace("ROOT", self.root.to_str().unwrap())));
+        command.extend(cases::words(&self.root, self.case.arguments));
         let command: Vec<&str> = command.iter().map(String::as_str).collect();
         let temporary = self.root.join("tmp");
         let mut environment = ENVIRONMENT.to_vec();
@@ -105,6 +105,9 @@ impl<'a> Trial<'a> {
         let now = tree(&self.root);
         let names = now.keys().chain(from.keys()).filter(|path| !is_hidden(path));
         let mut other: Vec<_> = names.filter(|path| !self.same(now.get(*path), from.get(*path))).cloned().collect();
+        // The system's temporary folder is nobody's output.
+        other.retain(|path| !path.starts_with(self.root.join("tmp")));
+        other.sort();
         other.dedup();
         other
     }
@@ -114,9 +117,7 @@ impl<'a> Trial<'a> {
     }
 
     fn hidden(&self) -> Vec<PathBuf> {
-        let mut all: Vec<_> = tree(&self.root).into_keys().filter(|path| is_hidden(path)).collect();
-        all.extend(tree(&self.root.join("tmp")).into_keys());
-        all
+        tree(&self.root).into_keys().filter(|path| is_hidden(path)).collect()
     }
 
     /// Whether everything is the old one or everything the new one; where names are taken one after the other, each for itself.
@@ -153,8 +154,8 @@ impl<'a> Trial<'a> {
         if run.stderr.contains("panicked") {
             found.push(format!("panicked: {}", run.stderr));
         }
-        // Where the way to what is to be removed is refused, or removing itself, it stays for the next run.
-        let removing = matches!(step.kind, Kind::Remove | Kind::List | Kind::Open | Kind::Look);
+        // Where the way to what is to be removed is refused, or removing itself, it stays for the next run; so does a lock that is none.
+        let removing = matches!(step.kind, Kind::Remove | Kind::List | Kind::Open | Kind::Look | Kind::Lock);
         if !removing && !self.hidden().is_empty() {
             found.push(format!("left {:?}", self.hidden()));
         }
@@ -213,7 +214,7 @@ impl<'a> Trial<'a> {
         if run.code != Some(self.code) {
             found.push(format!("the next run: code {:?}, {}", run.code, run.stderr));
         }
-        let from_new = self.differs(&self.new);
+        let from_new = if self.case.tells_of_before { vec![] } else { self.differs(&self.new) };
         if !from_new.is_empty() || !self.hidden().is_empty() {
             found.push(format!("after the next run {from_new:?} is another, {:?} is left", self.hidden()));
         }
@@ -233,9 +234,13 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// Whether all steps are tried.
-fn all() -> bool {
-    std::env::var("FAULTS").is_ok_and(|which| which == "all")
+/// How many steps of each writer are tried, refused and killed each: some, or `FAULTS`, which may be `all`.
+fn sampled() -> usize {
+    match std::env::var("FAULTS").as_deref() {
+        Ok("all") => usize::MAX,
+        Ok(count) => count.parse().expect("FAULTS: expected `all` or a count"),
+        Err(_) => SAMPLED,
+    }
 }
 
 fn try_case(case: &Case) {
@@ -248,7 +253,7 @@ fn try_case(case: &Case) {
     let mut note =
         |found: Vec<String>, place: String| wrong.extend(found.into_iter().map(|found| format!("{place}: {found}")));
     // Another part of all steps for each writer.
-    let stride = if all() { 1 } else { steps.len().div_ceil(SAMPLED) };
+    let stride = steps.len().div_ceil(sampled());
     let first = case.name.len() % stride;
     for (at, step) in steps.iter().enumerate().skip(first).step_by(stride) {
         note(
@@ -257,7 +262,7 @@ fn try_case(case: &Case) {
         );
     }
     let changing: Vec<_> = steps.iter().enumerate().filter(|(_, step)| step.kind.changes()).collect();
-    let stride = if all() { 1 } else { changing.len().div_ceil(SAMPLED) };
+    let stride = changing.len().div_ceil(sampled());
     for (at, step) in changing.into_iter().rev().step_by(stride) {
         note(
             trial.kill(at, &mut outcomes),

@@ -17,6 +17,8 @@ pub struct Case {
     pub stepwise: bool,
     /// What a user does before the next run, where the last one tells it.
     pub before_next: fn(&Path),
+    /// Says what changed since it ran last, so that another run says something else.
+    pub tells_of_before: bool,
 }
 
 fn nothing(_: &Path) {}
@@ -32,6 +34,7 @@ pub fn replay() -> Case {
         },
         stepwise: false,
         before_next: nothing,
+        tells_of_before: false,
     }
 }
 
@@ -43,6 +46,7 @@ pub fn generate() -> Case {
         stepwise: true,
         // Broken off between two names, it is refused as a folder of others would be.
         before_next: |root| drop(fs::remove_dir_all(root.join("out"))),
+        tells_of_before: false,
     }
 }
 
@@ -82,6 +86,7 @@ pub fn fit() -> Case {
         },
         stepwise: false,
         before_next: nothing,
+        tells_of_before: false,
     }
 }
 
@@ -93,10 +98,10 @@ pub fn diagnose() -> Case {
             "ROOT/new/run",
             "--params",
             "ROOT/sheet.yaml",
-            "--only",
-            "port_overlap",
+            "WITHOUT",
             "--out",
-            "ROOT/out", "--overwrite",
+            "ROOT/out",
+            "--overwrite",
         ],
         prepare: |root| {
             recordings(root);
@@ -105,6 +110,7 @@ pub fn diagnose() -> Case {
         },
         stepwise: false,
         before_next: nothing,
+        tells_of_before: false,
     }
 }
 
@@ -125,6 +131,7 @@ pub fn import() -> Case {
         },
         stepwise: false,
         before_next: nothing,
+        tells_of_before: false,
     }
 }
 
@@ -156,6 +163,7 @@ pub fn watch() -> Case {
         // The history grows line by line; the page follows.
         stepwise: true,
         before_next: nothing,
+        tells_of_before: false,
     }
 }
 
@@ -166,6 +174,7 @@ pub fn fleet_plan() -> Case {
         prepare: fleet,
         stepwise: true,
         before_next: nothing,
+        tells_of_before: false,
     }
 }
 
@@ -179,6 +188,7 @@ pub fn fleet_run() -> Case {
         },
         stepwise: true,
         before_next: nothing,
+        tells_of_before: false,
     }
 }
 
@@ -194,6 +204,7 @@ pub fn fleet_gather() -> Case {
         },
         stepwise: false,
         before_next: nothing,
+        tells_of_before: true,
     }
 }
 
@@ -211,6 +222,7 @@ pub fn blind() -> Case {
         },
         stepwise: true,
         before_next: nothing,
+        tells_of_before: false,
     }
 }
 
@@ -228,6 +240,7 @@ pub fn recover() -> Case {
         stepwise: false,
         // It replaces nothing.
         before_next: |root| drop(fs::remove_dir_all(root.join("out"))),
+        tells_of_before: false,
     }
 }
 
@@ -242,6 +255,7 @@ pub fn report() -> Case {
         },
         stepwise: false,
         before_next: nothing,
+        tells_of_before: false,
     }
 }
 
@@ -255,15 +269,28 @@ pub fn sheet() -> Case {
         },
         stepwise: false,
         before_next: nothing,
+        tells_of_before: false,
     }
 }
 
 /// Runs the program in a folder; exit codes 0 and 3 are good.
 fn govtwin(root: &Path, arguments: &[&str]) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_govtwin"));
-    let arguments = arguments.iter().map(|word| word.replace("ROOT", root.to_str().unwrap()));
-    let run = command.current_dir(root).args(arguments).envs(ENVIRONMENT).output().unwrap();
+    let run = command.current_dir(root).args(words(root, arguments)).envs(ENVIRONMENT).output().unwrap();
     assert!(matches!(run.status.code(), Some(0 | 3)), "{}", String::from_utf8_lossy(&run.stderr));
+}
+
+/// What is typed, `WITHOUT` standing for all effects but one, so that a diagnosis is quick.
+pub fn words(root: &Path, arguments: &[&str]) -> Vec<String> {
+    let others = || govtwin::effects::CATALOGUE.iter().map(|spec| spec.id).filter(|id| *id != "port_overlap");
+    let mut words = vec![];
+    for word in arguments {
+        match *word {
+            "WITHOUT" => words.extend(others().flat_map(|id| ["--without".to_owned(), id.to_owned()])),
+            word => words.push(word.replace("ROOT", root.to_str().unwrap())),
+        }
+    }
+    words
 }
 
 /// Two recordings of one name, `old/run` and `new/run`, and a sheet in which nothing has a tolerance, so that a diagnosis is quick.
@@ -296,7 +323,7 @@ fn recordings(root: &Path) {
 }
 
 fn diagnosis(root: &Path) {
-    govtwin(root, &["diagnose", "old/run", "--params", "sheet.yaml", "--only", "port_overlap", "--out", "out"]);
+    govtwin(root, &["diagnose", "old/run", "--params", "sheet.yaml", "WITHOUT", "--out", "out"]);
 }
 
 /// A unit, and a table that names it.
