@@ -119,16 +119,9 @@ fn absent(command: &str, feature: &str) -> anyhow::Result<Outcome> {
     )
 }
 
-/// A write beyond the largest size of a file (`ulimit -f`) is an error like any other, and does not end the process amid its work.
-fn hear_of_file_sizes() {
-    #[cfg(target_os = "linux")]
-    // Where no handler can be set, the signal ends the process as before, and the next run cleans up.
-    let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, std::sync::Arc::default());
-}
-
 /// Runs the command line; exit codes: 0 ok, 1 error, 2 usage, 3 finished with warnings.
 pub fn main() -> ExitCode {
-    hear_of_file_sizes();
+    commands::output::hear_of_file_sizes();
     let outcome = match Cli::try_parse().unwrap_or_else(|told| commands::output::leave(&told)).command {
         Command::Accept(args) => commands::accept::run(&args),
         Command::Blind(args) => commands::blind::run(&args),

@@ -101,6 +101,13 @@ pub fn say(text: &str) {
     let _ = writeln!(io::stderr().lock(), "govtwin: {}", plain(text));
 }
 
+/// A write beyond the largest size of a file (`ulimit -f`) is an error like any other, and does not end the process amid its work.
+pub fn hear_of_file_sizes() {
+    #[cfg(target_os = "linux")]
+    // Where no handler can be set, the signal ends the process as before, and the next run cleans up.
+    let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, std::sync::Arc::default());
+}
+
 /// What a command leaves in a folder: claimed before the work, placed together after it.
 #[derive(Debug)]
 pub struct Output {
