@@ -235,8 +235,9 @@ fn copy(from: &Path, to: &Path) {
 }
 
 /// How many steps of each writer are tried, refused and killed each: some, or `FAULTS`, which may be `all`.
-fn sampled() -> usize {
+fn sampled(case: &Case) -> usize {
     match std::env::var("FAULTS").as_deref() {
+        Err(_) if case.costly => 1,
         Ok("all") => usize::MAX,
         Ok(count) => count.parse().expect("FAULTS: expected `all` or a count"),
         Err(_) => SAMPLED,
@@ -253,7 +254,7 @@ fn try_case(case: &Case) {
     let mut note =
         |found: Vec<String>, place: String| wrong.extend(found.into_iter().map(|found| format!("{place}: {found}")));
     // Another part of all steps for each writer.
-    let stride = steps.len().div_ceil(sampled());
+    let stride = steps.len().div_ceil(sampled(case));
     let first = case.name.len() % stride;
     for (at, step) in steps.iter().enumerate().skip(first).step_by(stride) {
         note(
@@ -262,7 +263,7 @@ fn try_case(case: &Case) {
         );
     }
     let changing: Vec<_> = steps.iter().enumerate().filter(|(_, step)| step.kind.changes()).collect();
-    let stride = changing.len().div_ceil(sampled());
+    let stride = changing.len().div_ceil(sampled(case));
     for (at, step) in changing.into_iter().rev().step_by(stride) {
         note(
             trial.kill(at, &mut outcomes),

@@ -19,6 +19,8 @@ pub struct Case {
     pub before_next: fn(&Path),
     /// Says what changed since it ran last, so that another run says something else.
     pub tells_of_before: bool,
+    /// Takes seconds a run: one step of it is tried in the ordinary tests.
+    pub costly: bool,
 }
 
 fn nothing(_: &Path) {}
@@ -35,6 +37,7 @@ pub fn replay() -> Case {
         stepwise: false,
         before_next: nothing,
         tells_of_before: false,
+        costly: false,
     }
 }
 
@@ -47,6 +50,7 @@ pub fn generate() -> Case {
         // Broken off between two names, it is refused as a folder of others would be.
         before_next: |root| drop(fs::remove_dir_all(root.join("out"))),
         tells_of_before: false,
+        costly: false,
     }
 }
 
@@ -87,6 +91,7 @@ pub fn fit() -> Case {
         stepwise: false,
         before_next: nothing,
         tells_of_before: false,
+        costly: false,
     }
 }
 
@@ -111,6 +116,7 @@ pub fn diagnose() -> Case {
         stepwise: false,
         before_next: nothing,
         tells_of_before: false,
+        costly: true,
     }
 }
 
@@ -132,6 +138,7 @@ pub fn import() -> Case {
         stepwise: false,
         before_next: nothing,
         tells_of_before: false,
+        costly: false,
     }
 }
 
@@ -164,6 +171,7 @@ pub fn watch() -> Case {
         stepwise: true,
         before_next: nothing,
         tells_of_before: false,
+        costly: true,
     }
 }
 
@@ -175,6 +183,7 @@ pub fn fleet_plan() -> Case {
         stepwise: true,
         before_next: nothing,
         tells_of_before: false,
+        costly: false,
     }
 }
 
@@ -189,6 +198,7 @@ pub fn fleet_run() -> Case {
         stepwise: true,
         before_next: nothing,
         tells_of_before: false,
+        costly: true,
     }
 }
 
@@ -205,6 +215,7 @@ pub fn fleet_gather() -> Case {
         stepwise: false,
         before_next: nothing,
         tells_of_before: true,
+        costly: false,
     }
 }
 
@@ -223,6 +234,7 @@ pub fn blind() -> Case {
         stepwise: true,
         before_next: nothing,
         tells_of_before: false,
+        costly: true,
     }
 }
 
@@ -241,6 +253,7 @@ pub fn recover() -> Case {
         // It replaces nothing.
         before_next: |root| drop(fs::remove_dir_all(root.join("out"))),
         tells_of_before: false,
+        costly: false,
     }
 }
 
@@ -256,6 +269,7 @@ pub fn report() -> Case {
         stepwise: false,
         before_next: nothing,
         tells_of_before: false,
+        costly: false,
     }
 }
 
@@ -270,6 +284,7 @@ pub fn sheet() -> Case {
         stepwise: false,
         before_next: nothing,
         tells_of_before: false,
+        costly: false,
     }
 }
 
