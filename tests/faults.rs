@@ -288,4 +288,4 @@ macro_rules! tests {
     ($($name:ident)*) => { $(#[test] fn $name() { try_case(&cases::$name()); })* };
 }
 
-tests! { replay generate fit diagnose import watch fleet_plan fleet_run fleet_gather blind recover report sheet }
+tests! { replay generate fit diagnose import watch fleet_plan fleet_gather blind recover report sheet }

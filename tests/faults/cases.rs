@@ -187,21 +187,6 @@ pub fn fleet_plan() -> Case {
     }
 }
 
-pub fn fleet_run() -> Case {
-    Case {
-        name: "fleet run",
-        arguments: &["fleet", "run", "ROOT/store", "--out", "ROOT/store"],
-        prepare: |root| {
-            fleet(root);
-            planned(root);
-        },
-        stepwise: true,
-        before_next: nothing,
-        tells_of_before: false,
-        costly: true,
-    }
-}
-
 pub fn fleet_gather() -> Case {
     Case {
         name: "fleet gather",
