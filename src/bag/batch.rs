@@ -85,7 +85,9 @@ pub(super) fn counted<R>(read: impl FnOnce(&mut dyn FnMut(RawView<'_>)) -> R) ->
         let (to, from) = sync_channel::<Batch>(2);
         let counting = scope.spawn(move || {
             let mut tallies = Tallies::default();
-            from.iter().for_each(|batch| batch.count(&mut tallies));
+            for batch in &from {
+                batch.count(&mut tallies);
+            }
             tallies
         });
         let mut hand = Hand { batch: Batch::default(), to };
