@@ -24,6 +24,7 @@
 pub mod cdr;
 
 mod align;
+mod batch;
 mod channel;
 mod channels;
 mod chunk;

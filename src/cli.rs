@@ -121,6 +121,7 @@ fn absent(command: &str, feature: &str) -> anyhow::Result<Outcome> {
 
 /// Runs the command line; exit codes: 0 ok, 1 error, 2 usage, 3 finished with warnings.
 pub fn main() -> ExitCode {
+    commands::output::hear_of_file_sizes();
     let outcome = match Cli::try_parse().unwrap_or_else(|told| commands::output::leave(&told)).command {
         Command::Accept(args) => commands::accept::run(&args),
         Command::Blind(args) => commands::blind::run(&args),

@@ -39,7 +39,7 @@ pub mod train;
 mod usage;
 pub mod watch;
 
-pub use usage::{Usage, expect, usage};
+pub use usage::{Usage, expect, number, usage};
 
 /// How a command that did not fail ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

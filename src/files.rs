@@ -21,12 +21,12 @@ use std::path::Path;
 
 pub use bounds::{YamlBoundError, check_yaml};
 pub use claim::{Claim, ClaimError};
-pub use create::write_new;
+pub use create::{make_folder, write_new};
 pub use input::{read_bytes, read_text};
 pub use journal::{journalled, settle};
-pub use regular::check_regular;
+pub use regular::{check_regular, look_at, look_at_link};
 pub use rename::{exchange, move_new};
-pub use temporary::{Scratch, hold, is_held, remove_stale, temporary_folder};
+pub use temporary::{Scratch, hold, is_held, remove_abandoned, remove_stale, temporary_folder};
 pub use together::Together;
 
 /// Writes a file, whole or not at all; missing folders on the way are made.
@@ -34,6 +34,7 @@ pub use together::Together;
 /// # Errors
 /// What the file system says; an older file of that name is then untouched.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    remove_abandoned(folder_of(path));
     let mut files = Together::default();
     files.add(path, bytes)?;
     files.place()

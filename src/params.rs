@@ -48,6 +48,9 @@ pub use write::{Overlay, WholeSheet, overlay_text, whole_text, write};
 /// Text of the shipped sheet.
 const REFERENCE: &str = include_str!("../params/reference_unit.yaml");
 
+/// What errors call such a file.
+const PARAMETER: &str = "parameter";
+
 /// More than any parameter file holds; guards against being handed a bag.
 const LARGEST_FILE_BYTES: u64 = 1 << 20;
 
@@ -110,16 +113,20 @@ pub fn load_candidates(path: &Path) -> Result<Vec<OwnEffect>, ParamsError> {
     if own.is_empty() {
         let message = "no effect of your own in it: expected `at`, `expression` and `parameters` below an id";
         let problem = Problem { line: None, key: "effects".to_owned(), message: message.to_owned() };
-        return Err(ParamsError::Invalid { path: path.to_path_buf(), problems: vec![problem] });
+        return Err(ParamsError::Invalid { what: PARAMETER, path: path.to_path_buf(), problems: vec![problem] });
     }
     Ok(own)
 }
 
 /// Loads `path` over its bases; `open` holds the files that are being loaded, to find a circle.
 fn load_over(path: &Path, open: &mut Vec<PathBuf>) -> Result<Sheet, ParamsError> {
-    let identity = path.canonicalize().map_err(|reason| ParamsError::Read { path: path.to_path_buf(), reason })?;
-    let text = read(path)?;
-    let invalid = |problems| ParamsError::Invalid { path: path.to_path_buf(), problems };
+    let identity = path.canonicalize().map_err(|reason| ParamsError::Read {
+        what: PARAMETER,
+        path: path.to_path_buf(),
+        reason,
+    })?;
+    let text = read(PARAMETER, path)?;
+    let invalid = |problems| ParamsError::Invalid { what: PARAMETER, path: path.to_path_buf(), problems };
     let document = parse(&text).map_err(invalid)?;
     open.push(identity);
     let mut sheet = match document.text("base") {
@@ -159,8 +166,8 @@ fn parse(text: &str) -> Result<yaml::Document, Vec<Problem>> {
     yaml::parse(text).map_err(|error| vec![Problem { line: error.line, key: String::new(), message: error.message }])
 }
 
-fn read(path: &Path) -> Result<String, ParamsError> {
-    read_text(path, LARGEST_FILE_BYTES).map_err(|reason| ParamsError::Read { path: path.to_path_buf(), reason })
+fn read(what: &'static str, path: &Path) -> Result<String, ParamsError> {
+    read_text(path, LARGEST_FILE_BYTES).map_err(|reason| ParamsError::Read { what, path: path.to_path_buf(), reason })
 }
 
 fn read_reference() -> Result<Sheet, Vec<Problem>> {

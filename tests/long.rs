@@ -51,6 +51,14 @@ fn write(folder: &Path, seconds: i64) -> PathBuf {
     writer.finish().unwrap()
 }
 
+/// For `scripts/sizes`: writes `LONG_BAG`, a recording of `LONG_SECONDS`.
+#[test]
+#[ignore = "writes as much as it is told; scripts/sizes runs it"]
+fn writes_a_bag_of_a_size() {
+    let (Ok(path), Ok(seconds)) = (std::env::var("LONG_BAG"), std::env::var("LONG_SECONDS")) else { return };
+    write(Path::new(&path), seconds.parse().unwrap());
+}
+
 /// Runs the program; its output, and the most memory that it held, MB.
 #[cfg(target_os = "linux")]
 fn run(arguments: &[&str]) -> (String, u64) {

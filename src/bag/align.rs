@@ -5,11 +5,8 @@ use super::{BagError, Interpolation};
 use crate::frame::{EsvState, Frame, Inputs, Signals};
 use crate::units::seconds_from_nanos;
 
-/// The most rows that resampling may make of any recording: 2.7 h at 1 ms, about 0.8 GB.
+/// The most rows that resampling may make of a recording: 2.7 h at 1 ms, about 0.8 GB, and several times that in a fit.
 const ROW_LIMIT: i64 = 10_000_000;
-
-/// The most rows that it may make for each sample: of long recordings a grid lies between samples, not between silences.
-const ROWS_PER_SAMPLE: i64 = 250;
 
 /// Rows further apart than this are of two clocks, ns: a day.
 pub(super) const FARTHEST_NS: i64 = 86_400_000_000_000;
@@ -50,8 +47,7 @@ pub(super) fn align(
         (interpolation.period_ns().filter(|_| bends), times_ns.first(), times_ns.last())
     {
         let count = end_ns.saturating_sub(begin_ns) / period_ns;
-        let samples = i64::try_from(times_ns.len()).unwrap_or(i64::MAX);
-        let limit = ROW_LIMIT.max(ROWS_PER_SAMPLE.saturating_mul(samples));
+        let limit = ROW_LIMIT;
         if count > limit {
             let duration_s = seconds_from_nanos(end_ns.saturating_sub(begin_ns));
             return Err(BagError::TooManyRows { path: path.to_owned(), period_ns, duration_s, rows: count, limit });

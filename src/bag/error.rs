@@ -219,6 +219,11 @@ impl BagError {
         move |reason| match reason {
             // The library's own words would leave out the system's.
             mcap::McapError::Io(reason) => Self::Io { path: path.to_owned(), action: "write", reason },
+            mcap::McapError::Parse(reason) => Self::Io {
+                path: path.to_owned(),
+                action: "write",
+                reason: std::io::Error::other(reason.root_cause().to_string()),
+            },
             reason => Self::Mcap { path: path.to_owned(), reason },
         }
     }

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
+use super::batch::counted;
 use super::live::{Irregular, Live};
 use super::read::{check, read};
 use super::source::{Scanned, Source};
-use super::tally::Tallies;
 use super::topic::{OnMessage, RawMessage, RawView};
 use super::{BagError, Health, Interpolation, Loaded, ReadOptions, Survey, source, survey};
 use crate::frame::Frame;
@@ -52,9 +52,9 @@ pub struct Overview {
 /// Where there is no bag at the path; the inner one says why it holds no recording.
 pub fn look(path: &Path, options: &ReadOptions) -> Result<(Survey, Result<Overview, BagError>), BagError> {
     let source = source::open(path)?;
-    let mut tallies = Tallies::default();
     let mut glance = Glance::default();
-    let (scanned, health) = pass(path, &source, options, &mut |message| tallies.take(message), &mut glance)?;
+    let (passed, tallies) = counted(|on_message| pass(path, &source, options, on_message, &mut glance));
+    let (scanned, health) = passed?;
     let overview = health.map(|health| Overview {
         process: glance.process.process(),
         rows: glance.rows,

@@ -105,6 +105,11 @@ impl BagFile {
 /// Where there is nothing at the path, or something that is no bag.
 pub(super) fn open(path: &Path) -> Result<Source, BagError> {
     settle(path).map_err(BagError::io(path, "read"))?;
+    open_as_it_is(path)
+}
+
+/// The same for who writes in the folder, and may be at work on its journal.
+pub(super) fn open_as_it_is(path: &Path) -> Result<Source, BagError> {
     let kind = fs::metadata(path).map_err(BagError::io(path, "open"))?;
     let name = path.file_stem().or_else(|| path.file_name()).unwrap_or(path.as_os_str());
     let mut source =

@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 
 use super::{BagError, WriterOptions, metadata, reserve, source};
 use crate::files::fault::step;
-use crate::files::{exchange, is_held, move_new, temporary_folder};
+use crate::files::{
+    exchange, is_held, look_at, look_at_link, make_folder, move_new, remove_abandoned, temporary_folder,
+};
 
 /// A folder beside the bag's place. Dropped, it is removed, unless it is to be kept.
 #[derive(Debug)]
@@ -15,13 +17,15 @@ pub(super) struct Unfinished {
     place: PathBuf,
     options: WriterOptions,
     keep: bool,
+    /// Once it is in its place: whether it replaced another.
+    replaced: Option<bool>,
 }
 
 /// Whether a bag may be written at a place: it is free or holds a bag that may be replaced, and no recording is left in the making.
 pub(super) fn check(place: &Path, options: WriterOptions) -> Result<(), BagError> {
     check_place(place, options)?;
     let path = kept(place);
-    if options.keep_unfinished && fs::symlink_metadata(&path).is_ok() {
+    if options.keep_unfinished && look_at_link(&path).map_err(BagError::io(&path, "look at"))?.is_some() {
         return match left_or_busy(place, path) {
             BagError::Unfinished { kept, .. } if holds_nothing(&kept) => Ok(()),
             error => Err(error),
@@ -32,11 +36,15 @@ pub(super) fn check(place: &Path, options: WriterOptions) -> Result<(), BagError
 
 fn check_place(place: &Path, options: WriterOptions) -> Result<(), BagError> {
     // A link that leads nowhere is in the way, too.
-    let free = fs::symlink_metadata(place).is_err();
-    if free || options.mark.is_some_and(|mark| is_empty(place) || is_marked(place, mark)) {
+    let looking = || BagError::io(place, "look at");
+    if look_at_link(place).map_err(looking())?.is_none() {
         return Ok(());
     }
-    Err(BagError::InTheWay { path: place.to_owned() })
+    let ours = match options.mark {
+        Some(mark) => is_empty(place).map_err(looking())? || is_marked(place, mark)?,
+        None => false,
+    };
+    if ours { Ok(()) } else { Err(BagError::InTheWay { path: place.to_owned() }) }
 }
 
 /// What it means that a recording stands unfinished: somebody is at it, or it was broken off.
@@ -67,7 +75,7 @@ impl Unfinished {
             Some(parent) if parent != Path::new("") => parent,
             _ => Path::new("."),
         };
-        fs::create_dir_all(parent).map_err(BagError::io(parent, "create"))?;
+        make_folder(parent).map_err(BagError::io(parent, "create"))?;
         let path = if options.keep_unfinished {
             let path = kept(place);
             check(place, options)?;
@@ -81,9 +89,10 @@ impl Unfinished {
             }
             path
         } else {
+            remove_abandoned(parent);
             temporary_folder(parent).map_err(BagError::io(parent, "write in"))?
         };
-        Ok(Self { path, place: place.to_owned(), options, keep: false })
+        Ok(Self { path, place: place.to_owned(), options, keep: false, replaced: None })
     }
 
     /// There is something to be kept now, where it should be.
@@ -108,14 +117,24 @@ impl Unfinished {
 
     /// Puts the folder in its place; a bag that stood there goes only once this one stands.
     pub(super) fn complete(mut self) -> Result<PathBuf, BagError> {
+        self.put()?;
+        Ok(self.place.clone())
+    }
+
+    /// Puts the folder in its place. A bag that stood there keeps the temporary name as long as this is not dropped.
+    pub(super) fn put(&mut self) -> Result<(), BagError> {
         // Writing takes its time, and others may have written there.
         check_place(&self.place, self.options).map_err(|error| self.taken(error))?;
-        if self.place.exists() {
+        let older = look_at_link(&self.place).map_err(BagError::io(&self.place, "look at"))?;
+        if older.is_some() {
             exchange(&self.path, &self.place).map_err(BagError::io(&self.place, "replace"))?;
             // What came out is looked at again: only now nobody can change it any more.
-            if let Err(BagError::InTheWay { .. }) = check_place(&self.path, self.options) {
+            if let Err(error) = check_place(&self.path, self.options) {
                 exchange(&self.path, &self.place).map_err(BagError::io(&self.place, "put back"))?;
-                return Err(self.taken(BagError::InTheWay { path: self.place.clone() }));
+                return Err(match error {
+                    BagError::InTheWay { .. } => self.taken(BagError::InTheWay { path: self.place.clone() }),
+                    other => other,
+                });
             }
             // The old bag now has the temporary name, and goes with it.
             self.keep = false;
@@ -128,7 +147,18 @@ impl Unfinished {
             })?;
             self.keep = true;
         }
-        Ok(self.place.clone())
+        self.replaced = Some(older.is_some());
+        Ok(())
+    }
+
+    /// Takes the folder out of its place again; what stood there stands there again.
+    pub(super) fn take_back(&mut self) {
+        // Nothing better can be done where even the way back is closed: both stay.
+        self.keep = match self.replaced.take() {
+            Some(true) => exchange(&self.path, &self.place).is_err(),
+            Some(false) => fs::rename(&self.place, &self.path).is_err(),
+            None => self.keep,
+        };
     }
 
     /// The same error, with where the bag is kept.
@@ -155,18 +185,27 @@ pub(super) fn kept(place: &Path) -> PathBuf {
     place.with_file_name(format!(".{name}.unfinished"))
 }
 
-fn is_empty(place: &Path) -> bool {
-    fs::read_dir(place).is_ok_and(|mut entries| entries.next().is_none())
+fn is_empty(place: &Path) -> io::Result<bool> {
+    match fs::read_dir(place) {
+        Ok(mut entries) => entries.next().transpose().map(|first| first.is_none()),
+        Err(error) if error.kind() == io::ErrorKind::NotADirectory => Ok(false),
+        Err(error) => Err(error),
+    }
 }
 
-/// A bag folder of which every file has the mark, and which holds nothing else.
-fn is_marked(place: &Path, mark: &str) -> bool {
-    let Ok(entries) = fs::read_dir(place) else { return false };
-    let Ok(source) = source::open(place) else { return false };
-    let Ok(scanned) = source.scan(&mut |_| {}) else { return false };
+/// A bag folder of which every file has the mark, and which holds nothing else. What cannot be read is an error, not another's.
+fn is_marked(place: &Path, mark: &str) -> Result<bool, BagError> {
+    let reading = || BagError::io(place, "read");
+    let scanned = match source::open_as_it_is(place).and_then(|source| source.scan(&mut |_| {})) {
+        Err(error @ BagError::Io { .. }) => return Err(error),
+        Err(_) => return Ok(false),
+        Ok(scanned) => scanned,
+    };
+    let described = look_at(&place.join(metadata::FILE_NAME)).map_err(reading())?;
+    let entries = fs::read_dir(place).and_then(Iterator::collect::<io::Result<Vec<_>>>).map_err(reading())?;
     let marked = scanned.files.iter().all(|file| file.metadata.iter().any(|name| name == mark));
-    marked
+    Ok(marked
         && !scanned.files.is_empty()
-        && place.join(metadata::FILE_NAME).is_file()
-        && entries.count() == source.files.len() + 1
+        && described.is_some_and(|kind| kind.is_file())
+        && entries.len() == scanned.files.len() + 1)
 }

@@ -102,6 +102,19 @@ impl Sealed {
     pub fn place(self) -> Result<PathBuf, BagError> {
         self.folder.complete()
     }
+
+    /// Puts the bag in its place, from which [`Sealed::take_back`] takes it as long as this stands.
+    ///
+    /// # Errors
+    /// As [`Writer::finish`].
+    pub fn put(&mut self) -> Result<(), BagError> {
+        self.folder.put()
+    }
+
+    /// Takes the bag out of its place again, and lets stand there what stood there before.
+    pub fn take_back(&mut self) {
+        self.folder.take_back();
+    }
 }
 
 impl Writer {

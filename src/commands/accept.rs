@@ -99,7 +99,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let topics = args.topics.topics();
     let Recordings { recordings, mut warnings, read } = bags::read(&mapped.paths, &topics, &sheet.unit)?;
     warnings.splice(0..0, mapped.warnings.iter().cloned());
-    made.recordings = provenance::inputs(&read, &mapped);
+    made.recordings = provenance::inputs(&read, &mapped)?;
     made.unit = name;
     if !recordings.iter().any(|recording| Series::measured(recording).is_some()) {
         bail!(

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use govtwin::bag::{self, BagError, Health, Interpolation, Loaded, Positions, ReadOptions, Stream, Topics, Warning};
+use govtwin::files::look_at;
 use govtwin::import::Map;
 use govtwin::parameters::Unit;
 use govtwin::params::quantity_text;
@@ -15,7 +16,7 @@ use tempfile::TempDir;
 use super::output::Progress;
 use super::{import, usage};
 
-/// Folders within folders deeper than this are a mistake, or a circle of links.
+/// Folders within folders deeper than this are a mistake.
 const DEEPEST: usize = 16;
 
 /// Time between rows of a recording that is simulated many times, ns: the twin's own tick.
@@ -263,7 +264,7 @@ pub fn find(paths: &[PathBuf]) -> anyhow::Result<Vec<Bag>> {
             ));
         }
         let before = found.len();
-        collect(path, 0, &mut found)?;
+        collect(path, &mut vec![], &mut found)?;
         if found.len() == before && path.is_dir() {
             anyhow::bail!(
                 "{}: no bag in this folder: expected `metadata.yaml`, or .mcap files in it or below it",
@@ -277,9 +278,16 @@ pub fn find(paths: &[PathBuf]) -> anyhow::Result<Vec<Bag>> {
     Ok(found.into_iter().zip(names).map(|(path, name)| Bag { path, name }).collect())
 }
 
-/// Whether a folder is one bag.
+/// Whether a folder is one bag, where it can be looked at.
 pub fn is_bag_folder(path: &Path) -> bool {
-    path.join("metadata.yaml").is_file()
+    check_bag_folder(path).unwrap_or(false)
+}
+
+/// Whether a folder is one bag.
+fn check_bag_folder(path: &Path) -> anyhow::Result<bool> {
+    let file = path.join("metadata.yaml");
+    let kind = look_at(&file).with_context(|| format!("cannot look at {}", file.display()))?;
+    Ok(kind.is_some_and(|kind| kind.is_file()))
 }
 
 /// Whether a file is called as a bag's: `.mcap`, or compressed as a whole `.mcap.zstd`.
@@ -288,15 +296,26 @@ fn is_bag_file(path: &Path) -> bool {
     has(path, "mcap") || (has(path, "zstd") && has(&path.with_extension(""), "mcap"))
 }
 
-fn collect(path: &Path, depth: usize, found: &mut Vec<PathBuf>) -> anyhow::Result<()> {
-    if !path.is_dir() || is_bag_folder(path) {
+/// `above` are the real paths of the folders on the way.
+fn collect(path: &Path, above: &mut Vec<PathBuf>, found: &mut Vec<PathBuf>) -> anyhow::Result<()> {
+    let kind = look_at(path).with_context(|| format!("cannot look at {}", path.display()))?;
+    if !kind.is_some_and(|kind| kind.is_dir()) || check_bag_folder(path)? {
         found.push(path.to_owned());
         return Ok(());
     }
-    if depth > DEEPEST {
-        anyhow::bail!("{}: folders go deeper than {DEEPEST} levels; is there a circle of links?", path.display());
-    }
     let reading = || format!("cannot read the folder {}", path.display());
+    let real = path.canonicalize().with_context(reading)?;
+    if above.contains(&real) {
+        // A link that leads back: everything below it is found without it.
+        return Ok(());
+    }
+    if above.len() > DEEPEST {
+        anyhow::bail!(
+            "{}: folders go deeper than {DEEPEST} levels; name one that is nearer to the bags",
+            path.display()
+        );
+    }
+    above.push(real);
     let mut entries = vec![];
     for entry in path.read_dir().with_context(reading)? {
         entries.push(entry.with_context(reading)?.path());
@@ -305,9 +324,10 @@ fn collect(path: &Path, depth: usize, found: &mut Vec<PathBuf>) -> anyhow::Resul
     for entry in entries {
         let hidden = entry.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
         if !hidden && (entry.is_dir() || is_bag_file(&entry)) {
-            collect(&entry, depth + 1, found)?;
+            collect(&entry, above, found)?;
         }
     }
+    above.pop();
     Ok(())
 }
 

@@ -189,7 +189,7 @@ pub fn unit(args: &Args) -> anyhow::Result<Diagnosed> {
         Some(_) => (bags::read(&mapped.paths, &topics, &unit)?, false),
         None => bags::read_without_sheet(&mapped.paths, &topics, &unit, args.free)?,
     };
-    made.recordings = provenance::inputs(&read, &mapped);
+    made.recordings = provenance::inputs(&read, &mapped)?;
     if !args.overwrite {
         files::refuse_to_replace(&out, &made)?;
     }

@@ -162,7 +162,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 fn describe(args: &Args, sheet: &Sheet, mapped: &Mapped, read: &Recordings) -> anyhow::Result<Provenance> {
     let mut made = provenance::new("fit", sheet, None)?;
     made.unit = provenance::unit_of(&args.bags);
-    made.recordings = provenance::inputs(&read.read, mapped);
+    made.recordings = provenance::inputs(&read.read, mapped)?;
     provenance::options(&args.topics, &args.map, &mut made)?;
     let mut option = |name: &str, value: String| made.options.insert(name.to_owned(), value);
     option("starts", args.starts.to_string());

@@ -21,7 +21,7 @@ use jiff::Timestamp;
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 
 use crate::commands::output::{Output, Progress, print};
-use crate::commands::{Outcome, expect};
+use crate::commands::{Outcome, expect, number};
 
 /// The unit that was simulated.
 const TRUTH: &str = "truth.yaml";
@@ -42,10 +42,10 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
     /// Rate of command and servo state, Hz.
-    #[arg(long = "rate", value_name = "HZ", default_value_t = 100.0)]
+    #[arg(long = "rate", value_name = "HZ", default_value_t = 100.0, value_parser = number)]
     rate_hz: f64,
     /// Length of each recording, s.
-    #[arg(long = "duration", value_name = "S", default_value_t = 40.0)]
+    #[arg(long = "duration", value_name = "S", default_value_t = 40.0, value_parser = number)]
     duration_s: f64,
     /// Record pilot-valve position and control pressure too.
     #[arg(long)]
@@ -129,9 +129,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         refuse_what_cannot_be(&unit, args.seed)?;
     }
     let mut output = Output::claim(&args.out, &[TRUTH])?;
-    let foreign =
-        |entry: std::io::Result<std::fs::DirEntry>| !entry.is_ok_and(|entry| Claim::is_lock(&entry.file_name()));
-    if args.out.read_dir().is_ok_and(|mut entries| entries.any(foreign)) {
+    let reading = || format!("--out: cannot read the folder {}", args.out.display());
+    let entries = args.out.read_dir().and_then(Iterator::collect::<std::io::Result<Vec<_>>>).with_context(reading)?;
+    if entries.iter().any(|entry| !Claim::is_lock(&entry.file_name())) {
         bail!("{}: not empty; give a folder that does not exist", args.out.display());
     }
 

@@ -101,6 +101,13 @@ pub fn say(text: &str) {
     let _ = writeln!(io::stderr().lock(), "govtwin: {}", plain(text));
 }
 
+/// A write beyond the largest size of a file (`ulimit -f`) is an error like any other, and does not end the process amid its work.
+pub fn hear_of_file_sizes() {
+    #[cfg(target_os = "linux")]
+    // Where no handler can be set, the signal ends the process as before, and the next run cleans up.
+    let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, std::sync::Arc::default());
+}
+
 /// What a command leaves in a folder: claimed before the work, placed together after it.
 #[derive(Debug)]
 pub struct Output {
@@ -166,10 +173,19 @@ impl Output {
         let moves: Vec<_> = bags.iter().map(Sealed::moves).chain(files.moves()).collect();
         let placing = || format!("cannot place the files in {}", folder.display());
         let act = || -> anyhow::Result<()> {
-            for bag in bags {
-                bag.place()?;
+            let mut bags = bags;
+            for number in 0..bags.len() {
+                if let Err(error) = bags[number].put() {
+                    bags[..number].iter_mut().rev().for_each(Sealed::take_back);
+                    return Err(error.into());
+                }
             }
-            files.place().with_context(placing)?;
+            if let Err(error) = files.place() {
+                bags.iter_mut().rev().for_each(Sealed::take_back);
+                return Err(error).with_context(placing);
+            }
+            // Older bags go here.
+            drop(bags);
             for path in &outdated {
                 match std::fs::remove_file(path) {
                     Err(error) if error.kind() != io::ErrorKind::NotFound => {

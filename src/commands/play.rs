@@ -12,7 +12,7 @@ use serde_json::json;
 
 use super::output;
 use super::run::{duration, environment, stop_on_signals};
-use crate::commands::{Outcome, expect};
+use crate::commands::{Outcome, expect, number};
 
 /// Arguments of `govtwin play`.
 #[derive(Debug, clap::Args)]
@@ -21,25 +21,25 @@ pub struct Args {
     #[arg(value_name = "BAG")]
     bag: PathBuf,
     /// Speed, 2 for twice as fast.
-    #[arg(long = "speed", alias = "rate", value_name = "FACTOR", default_value_t = 1.0)]
+    #[arg(long = "speed", alias = "rate", value_name = "FACTOR", default_value_t = 1.0, value_parser = number)]
     speed: f64,
     /// Start again at the end, until told to stop.
     #[arg(long = "loop")]
     repeat: bool,
     /// Publish the recording's time on `/clock`, so often and before each message.
-    #[arg(long = "clock", value_name = "HZ", num_args = 0..=1, default_missing_value = "100", require_equals = true)]
+    #[arg(long = "clock", value_name = "HZ", num_args = 0..=1, default_missing_value = "100", require_equals = true, value_parser = number)]
     clock_hz: Option<f64>,
     /// Only these topics, by their names in the recording.
     #[arg(long, value_name = "TOPIC", num_args = 1..)]
     topics: Vec<String>,
     /// Only the first seconds of the recording.
-    #[arg(long = "duration", value_name = "S")]
+    #[arg(long = "duration", value_name = "S", value_parser = number)]
     duration_s: Option<f64>,
     /// Wait so long for somebody to listen; 0 not to wait.
-    #[arg(long = "wait", value_name = "S", default_value_t = 10.0)]
+    #[arg(long = "wait", value_name = "S", default_value_t = 10.0, value_parser = number)]
     wait_s: f64,
     /// Peers drop a node that they did not hear for so long; it is announced five times in that span.
-    #[arg(long = "lease", value_name = "S", default_value_t = 10.0)]
+    #[arg(long = "lease", value_name = "S", default_value_t = 10.0, value_parser = number)]
     lease_s: f64,
     /// Print JSON instead of text.
     #[arg(long)]

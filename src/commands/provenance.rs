@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use govtwin::bag::{self, Health};
 use govtwin::digest::Digest;
-use govtwin::files::check_regular;
+use govtwin::files::{check_regular, look_at};
 use govtwin::params::{self, Sheet};
 use govtwin::provenance::{FileUsed, Input, Provenance, SheetUsed};
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
@@ -75,15 +75,16 @@ pub fn file(path: &Path) -> anyhow::Result<FileUsed> {
 
 /// The files of a bag that hold its data: itself, or all of a bag folder but `metadata.yaml`, which tools write anew.
 fn files_of(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
-    if !path.is_dir() {
+    let reading = || format!("cannot read the folder {}", path.display());
+    if !look_at(path).with_context(reading)?.is_some_and(|kind| kind.is_dir()) {
         return Ok(vec![path.to_owned()]);
     }
-    let reading = || format!("cannot read the folder {}", path.display());
     let mut files = vec![];
     for entry in path.read_dir().with_context(reading)? {
         let entry = entry.with_context(reading)?.path();
         let name = entry.file_name().unwrap_or_default();
-        if entry.is_file() && name != "metadata.yaml" && !name.as_encoded_bytes().starts_with(b".") {
+        let is_file = look_at(&entry).with_context(reading)?.is_some_and(|kind| kind.is_file());
+        if is_file && name != "metadata.yaml" && !name.as_encoded_bytes().starts_with(b".") {
             files.push(entry);
         }
     }
@@ -109,28 +110,29 @@ pub fn files_of_bags(bags: &[bags::Bag]) -> Vec<FileUsed> {
     files.filter_map(|path| file(&path).ok()).collect()
 }
 
-/// The recordings that a command line named, as they were read or left out. A file that went away meanwhile has no digest.
-pub fn inputs(read: &[Read], mapped: &Mapped) -> Vec<Input> {
+/// The recordings that a command line named, as they were read or left out; what was left out may have no digest.
+pub fn inputs(read: &[Read], mapped: &Mapped) -> anyhow::Result<Vec<Input>> {
     read.par_iter()
         .map(|one| {
             let given = mapped.given(&one.path);
-            let files = files_of(given).unwrap_or_default();
-            Input {
-                name: one.name.clone(),
-                files: files.iter().filter_map(|path| file(path).ok()).collect(),
-                left_out: one.left_out.clone(),
-                ..marked(one.health.as_ref(), given)
-            }
+            let input = marked(one.health.as_ref(), given).and_then(|marked| {
+                let files = files_of(given)?.iter().map(|path| file(path)).collect::<anyhow::Result<_>>()?;
+                Ok(Input { files, ..marked })
+            });
+            let input = if one.left_out.is_some() { input.unwrap_or_default() } else { input? };
+            Ok(Input { name: one.name.clone(), left_out: one.left_out.clone(), ..input })
         })
         .collect()
 }
 
 /// Whether bag or folder say that the data is synthetic, and where it comes from.
-pub fn marked(health: Option<&Health>, given: &Path) -> Input {
-    let stated = health.and_then(|health| health.about(bag::ORIGIN)).map(str::to_owned);
-    let origin = stated.or_else(|| origin::of(given));
+pub fn marked(health: Option<&Health>, given: &Path) -> anyhow::Result<Input> {
+    let origin = match health.and_then(|health| health.about(bag::ORIGIN)) {
+        Some(stated) => Some(stated.to_owned()),
+        None => origin::read(given)?,
+    };
     let by_folder = origin.as_deref().is_some_and(says_synthetic);
-    Input { synthetic: by_folder || health.is_some_and(Health::is_synthetic), origin, ..Input::default() }
+    Ok(Input { synthetic: by_folder || health.is_some_and(Health::is_synthetic), origin, ..Input::default() })
 }
 
 /// Whether a note of origin begins by saying that the data is synthetic.

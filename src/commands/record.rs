@@ -12,7 +12,7 @@ use serde_json::json;
 
 use super::output;
 use super::run::{duration, environment, stop_on_signals};
-use crate::commands::Outcome;
+use crate::commands::{Outcome, number};
 
 /// Record from DDS into a bag.
 ///
@@ -35,10 +35,10 @@ pub struct Args {
     #[arg(long, value_name = "DIR", num_args = 1..)]
     definitions: Vec<PathBuf>,
     /// End after so many seconds; record until told to stop by default.
-    #[arg(long = "duration", value_name = "S")]
+    #[arg(long = "duration", value_name = "S", value_parser = number)]
     duration_s: Option<f64>,
     /// Peers drop a node that they did not hear for so long; it is announced five times in that span.
-    #[arg(long = "lease", value_name = "S", default_value_t = 10.0)]
+    #[arg(long = "lease", value_name = "S", default_value_t = 10.0, value_parser = number)]
     lease_s: f64,
     /// Print JSON instead of text.
     #[arg(long)]

@@ -233,7 +233,7 @@ fn describe(
 ) -> anyhow::Result<Provenance> {
     let mut made = provenance::new("replay", sheet, None)?;
     made.unit = provenance::unit_of(&args.bags);
-    made.recordings = provenance::inputs(&results.iter().map(|one| one.read.clone()).collect::<Vec<_>>(), mapped);
+    made.recordings = provenance::inputs(&results.iter().map(|one| one.read.clone()).collect::<Vec<_>>(), mapped)?;
     let said = results.iter().flat_map(|one| {
         let name = &one.replayed.recording.name;
         one.source.warnings.iter().map(move |warning| format!("{name}: {warning}"))
@@ -336,7 +336,7 @@ fn replay(
     };
     let mut warnings: Vec<String> = health.warnings.iter().map(ToString::to_string).collect();
     warnings.extend(bags::doubt_of_pressure(&replayed.recording, &options.topics, unit));
-    let marked = provenance::marked(Some(&health), given);
+    let marked = provenance::marked(Some(&health), given)?;
     let source = Source {
         path: given.display().to_string(),
         bytes: health.files.iter().map(|file| file.bytes).sum(),

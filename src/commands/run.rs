@@ -17,7 +17,7 @@ use govtwin::twin::Twin;
 use serde_json::json;
 
 use super::{model, output};
-use crate::commands::{Outcome, expect, usage};
+use crate::commands::{Outcome, expect, number, usage};
 
 /// Arguments of `govtwin run`.
 #[derive(Debug, clap::Args)]
@@ -33,10 +33,10 @@ pub struct Args {
     #[arg(long, requires = "residual")]
     adapt: bool,
     /// Ticks of the model per second.
-    #[arg(long = "rate", value_name = "HZ", default_value_t = 1000.0)]
+    #[arg(long = "rate", value_name = "HZ", default_value_t = 1000.0, value_parser = number)]
     rate_hz: f64,
     /// Published states per second.
-    #[arg(long = "publish-rate", value_name = "HZ", default_value_t = 100.0)]
+    #[arg(long = "publish-rate", value_name = "HZ", default_value_t = 100.0, value_parser = number)]
     publish_rate_hz: f64,
     /// Keep the integration thread on this core.
     #[arg(long, value_name = "CORE")]
@@ -45,19 +45,19 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 80, value_parser = clap::value_parser!(u8).range(0..=99))]
     priority: u8,
     /// End after so many seconds; run until told to stop by default.
-    #[arg(long = "duration", value_name = "S")]
+    #[arg(long = "duration", value_name = "S", value_parser = number)]
     duration_s: Option<f64>,
     /// An input older than this is stale; the ESV state comes only once a second.
-    #[arg(long = "stale-after", value_name = "S", default_value_t = 2.5)]
+    #[arg(long = "stale-after", value_name = "S", default_value_t = 2.5, value_parser = number)]
     stale_after_s: f64,
     /// Hold a stale input for so long before the fail-safe.
-    #[arg(long = "hold", value_name = "S", default_value_t = 1.0)]
+    #[arg(long = "hold", value_name = "S", default_value_t = 1.0, value_parser = number)]
     hold_s: f64,
     /// The fail-safe: treat a stale input as an ESV trip, hold it for ever, stop the node, or go back to its default.
     #[arg(long, value_name = "WHAT", default_value = "trip", value_parser = OnStale::NAMES)]
     on_stale: String,
     /// Peers drop a node that they did not hear for so long; it is announced five times in that span.
-    #[arg(long = "lease", value_name = "S", default_value_t = 10.0)]
+    #[arg(long = "lease", value_name = "S", default_value_t = 10.0, value_parser = number)]
     lease_s: f64,
     /// Count time from 0 and publish it as `/clock`, for others to follow.
     #[arg(long = "publish-clock")]

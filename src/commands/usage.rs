@@ -14,3 +14,14 @@ pub fn usage(words: impl Into<String>) -> anyhow::Error {
 pub fn expect(is_right: bool, words: impl FnOnce() -> String) -> anyhow::Result<()> {
     if is_right { Ok(()) } else { Err(usage(words())) }
 }
+
+/// Reads a number of the command line; who writes a unit behind it is told that the option has one.
+pub fn number(text: &str) -> Result<f64, String> {
+    text.trim().parse().map_err(|_| {
+        let end = text.rfind(|c: char| c.is_ascii_digit()).map_or(0, |last| last + 1);
+        match text.get(..end).filter(|number| number.parse::<f64>().is_ok()) {
+            Some(number) => format!("expected a number, without its unit: `{number}`"),
+            None => "expected a number, such as 100 or 0.5".to_owned(),
+        }
+    })
+}

@@ -18,7 +18,7 @@ use govtwin::watch::page::{Watched, page};
 use super::bags::TopicArgs;
 use super::output::{Output, Progress, print, warn};
 use super::provenance::{self, PROGRAM};
-use crate::commands::{Outcome, expect, usage};
+use crate::commands::{Outcome, expect, number, usage};
 use follow::Follower;
 
 /// The history, the page, and the state for machines.
@@ -52,7 +52,7 @@ pub struct Args {
     #[arg(long, value_name = "S", default_value_t = 30, value_parser = RangedU64ValueParser::<u64>::new().range(1..=86_400))]
     settled: u64,
     /// Processes between two false warnings of one size, where nothing moves: the limit of the cumulative sum follows from it.
-    #[arg(long, value_name = "N", default_value_t = 1000.0)]
+    #[arg(long, value_name = "N", default_value_t = 1000.0, value_parser = number)]
     between_false_alarms: f64,
     /// Tries these effects alone, which is faster; may be repeated.
     #[arg(long, value_name = "ID")]

@@ -4,6 +4,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io;
 use std::path::{Path, PathBuf};
 
+use super::create::make_folder;
 use super::fault::step;
 use super::journal;
 use super::temporary::{hold, remove_stale};
@@ -119,7 +120,7 @@ impl Drop for Claim {
 fn make(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let missing = folder.ancestors().filter(|folder| *folder != Path::new(""));
     let made: Vec<PathBuf> = missing.take_while(|folder| !folder.exists()).map(Path::to_owned).collect();
-    fs::create_dir_all(folder).inspect_err(|_| remove_empty(&made))?;
+    make_folder(folder).inspect_err(|_| remove_empty(&made))?;
     Ok(made)
 }
 

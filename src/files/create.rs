@@ -3,10 +3,23 @@
 use std::io::{self, Write as _};
 use std::path::Path;
 
+use super::regular::look_at;
+
 use super::fault::step;
 use super::folder_of;
 use super::rename::move_new;
 use super::temporary::temporary_file;
+
+/// Makes a folder and those above it, where they are missing.
+///
+/// # Errors
+/// What the file system says; the standard library would say of a folder that cannot be looked at that it exists.
+pub fn make_folder(folder: &Path) -> io::Result<()> {
+    if look_at(folder)?.is_some_and(|kind| kind.is_dir()) {
+        return Ok(());
+    }
+    std::fs::create_dir_all(folder)
+}
 
 /// Writes a file where nothing stands under its name; missing folders on the way are made. Says whether it was written: false where
 /// something stands there, which is left as it is.
@@ -16,7 +29,7 @@ use super::temporary::temporary_file;
 pub fn write_new(path: &Path, bytes: &[u8]) -> io::Result<bool> {
     let folder = folder_of(path);
     step()?;
-    std::fs::create_dir_all(folder)?;
+    make_folder(folder)?;
     let mut file = temporary_file(folder)?;
     step()?;
     file.write_all(bytes)?;

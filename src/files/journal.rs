@@ -8,7 +8,7 @@ use std::path::{Component, Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::fault::step;
-use super::regular::bounded_text;
+use super::regular::{bounded_text, look_at_link};
 use super::rename::{exchange, move_new};
 use super::temporary::is_temporary;
 use super::{Claim, ClaimError, Together, folder_of};
@@ -64,7 +64,7 @@ pub fn journalled<R>(
         |path: &Path| std::path::absolute(path)?.strip_prefix(&root).map(Path::to_owned).map_err(io::Error::other);
     let mut journal = Journal { schema: SCHEMA.to_owned(), ..Journal::default() };
     for (from, to) in moves {
-        let inode = inode(from).ok_or(io::ErrorKind::NotFound)?;
+        let inode = inode(from)?.ok_or(io::ErrorKind::NotFound)?;
         journal.moves.push(Move { from: inside(from)?, to: inside(to)?, inode });
     }
     for path in removes {
@@ -74,7 +74,11 @@ pub fn journalled<R>(
     let mut file = Together::default();
     file.add(&path, &serde_json::to_vec(&journal).map_err(io::Error::other)?)?;
     file.place()?;
-    sync(folder)?;
+    if let Err(error) = sync(folder) {
+        // Nothing was done, and nobody may do it later.
+        fs::remove_file(&path)?;
+        return Err(error);
+    }
     let done = act();
     step()?;
     fs::remove_file(&path)?;
@@ -84,7 +88,7 @@ pub fn journalled<R>(
 /// Completes what a killed process left to do; only for who has claimed the folder.
 pub(super) fn complete(folder: &Path) -> io::Result<()> {
     let path = folder.join(NAME);
-    if fs::symlink_metadata(&path).is_err() {
+    if look_at_link(&path)?.is_none() {
         return Ok(());
     }
     let text = bounded_text(&path, LARGEST_BYTES)?;
@@ -100,10 +104,10 @@ pub(super) fn complete(folder: &Path) -> io::Result<()> {
     }
     for Move { from, to, inode: number } in &journal.moves {
         let (from, to) = (folder.join(from), folder.join(to));
-        if inode(&to) == Some(*number) || inode(&from) != Some(*number) {
+        if inode(&to)? == Some(*number) || inode(&from)? != Some(*number) {
             continue;
         }
-        if fs::symlink_metadata(&to).is_ok() {
+        if look_at_link(&to)?.is_some() {
             // The older one takes the temporary name, and goes with what is stale.
             exchange(&from, &to)?;
         } else {
@@ -127,7 +131,7 @@ pub fn settle(read: &Path) -> io::Result<()> {
     let folder = folder_of(read);
     let path = folder.join(NAME);
     for _ in 0..TRIES {
-        if fs::symlink_metadata(&path).is_err() {
+        if look_at_link(&path)?.is_none() {
             return Ok(());
         }
         match Claim::folder(folder) {
@@ -155,15 +159,15 @@ fn foreign(path: &Path, problem: &str) -> io::Error {
 }
 
 #[cfg(unix)]
-fn inode(path: &Path) -> Option<u64> {
+fn inode(path: &Path) -> io::Result<Option<u64>> {
     use std::os::unix::fs::MetadataExt as _;
-    fs::symlink_metadata(path).ok().map(|kind| kind.ino())
+    Ok(look_at_link(path)?.map(|kind| kind.ino()))
 }
 
 /// Elsewhere files have no number, and there is no journal.
 #[cfg(not(unix))]
-fn inode(_: &Path) -> Option<u64> {
-    None
+fn inode(_: &Path) -> io::Result<Option<u64>> {
+    Ok(None)
 }
 
 /// Puts the names in a folder onto the disk.
@@ -267,7 +271,7 @@ mod tests {
         fs::create_dir(&folder).unwrap();
         fs::write(dir.path().join("mine"), "mine").unwrap();
         fs::write(folder.join("plain"), "plain").unwrap();
-        let number = |path: &Path| inode(path).unwrap();
+        let number = |path: &Path| inode(path).unwrap().unwrap();
         let mine = number(&dir.path().join("mine"));
         for journal in [
             format!(

@@ -19,6 +19,29 @@ pub fn check_regular(path: &Path) -> io::Result<Metadata> {
     }
 }
 
+/// What is at a path, links followed; none where nothing is there.
+///
+/// # Errors
+/// Where the file system does not say, which is no reason to take something for absent.
+pub fn look_at(path: &Path) -> io::Result<Option<Metadata>> {
+    found(std::fs::metadata(path))
+}
+
+/// The same for a link itself.
+///
+/// # Errors
+/// As [`look_at`].
+pub fn look_at_link(path: &Path) -> io::Result<Option<Metadata>> {
+    found(std::fs::symlink_metadata(path))
+}
+
+fn found(result: io::Result<Metadata>) -> io::Result<Option<Metadata>> {
+    match result {
+        Err(error) if matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) => Ok(None),
+        other => other.map(Some),
+    }
+}
+
 #[cfg(unix)]
 fn describe(kind: &Metadata) -> Option<&'static str> {
     use std::os::unix::fs::FileTypeExt as _;

@@ -4,6 +4,7 @@ use std::ffi::OsStr;
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use tempfile::{Builder, NamedTempFile};
 
@@ -107,14 +108,30 @@ fn is_temporary_name(name: &OsStr) -> bool {
     name.starts_with(PREFIX.as_bytes()) && name.ends_with(SUFFIX.as_bytes())
 }
 
+/// What another process makes is held within moments; older than this and held by nobody, it was left.
+const YOUNG: Duration = Duration::from_secs(60);
+
 /// Removes the temporary files and folders in a folder that nobody holds; only for who has claimed it, or one above it.
 pub fn remove_stale(folder: &Path) {
+    remove(folder, |_| true);
+}
+
+/// The same for a folder that nobody claims, such as one that many write bags into: only what has stood there for a minute.
+pub fn remove_abandoned(folder: &Path) {
+    let is_old = |entry: &fs::DirEntry| {
+        let changed = entry.metadata().and_then(|data| data.modified());
+        changed.is_ok_and(|time| time.elapsed().is_ok_and(|age| age > YOUNG))
+    };
+    remove(folder, is_old);
+}
+
+fn remove(folder: &Path, counts: impl Fn(&fs::DirEntry) -> bool) {
     let Ok(entries) = fs::read_dir(folder) else { return };
     for entry in entries.flatten() {
         let ours = is_temporary_name(&entry.file_name());
         let path = entry.path();
         let Ok(kind) = entry.file_type() else { continue };
-        if !ours || is_held(&path) {
+        if !ours || !counts(&entry) || is_held(&path) {
             continue;
         }
         // What cannot be removed disturbs nobody but by its room.
@@ -142,7 +159,12 @@ mod tests {
         assert!(live.path().exists() && making.exists() && at("notes.tmp").exists() && at(".govtwin-mine").exists());
         assert!(!dead.exists() && !at(".govtwin-dead.tmp").exists());
         drop(file);
-        remove_stale(folder.path());
+        remove_abandoned(folder.path());
+        assert!(making.exists(), "it may be in the making");
+        let long_ago = fs::FileTimes::new().set_modified(std::time::SystemTime::now() - 2 * YOUNG);
+        File::open(&making).unwrap().set_times(long_ago).unwrap();
+        File::open(live.path()).unwrap().set_times(long_ago).unwrap();
+        remove_abandoned(folder.path());
         assert!(!making.exists() && live.path().exists());
     }
 

@@ -5,8 +5,10 @@ use std::path::{Path, PathBuf};
 
 use tempfile::{NamedTempFile, TempPath};
 
+use super::create::make_folder;
 use super::fault::step;
 use super::folder_of;
+use super::regular::{look_at, look_at_link};
 use super::rename::{exchange, move_new};
 use super::temporary::temporary_file;
 
@@ -24,8 +26,8 @@ impl Together {
     pub fn add(&mut self, path: &Path, bytes: &[u8]) -> io::Result<()> {
         let folder = folder_of(path);
         step()?;
-        std::fs::create_dir_all(folder)?;
-        if path.is_dir() {
+        make_folder(folder)?;
+        if look_at(path)?.is_some_and(|kind| kind.is_dir()) {
             return Err(io::Error::new(
                 io::ErrorKind::IsADirectory,
                 "expected a file or nothing there, found a folder",
@@ -57,11 +59,13 @@ impl Together {
             self.files.into_iter().map(|(file, path)| (file.into_parts(), path)).unzip();
         let (_held, temporary): (Vec<_>, Vec<TempPath>) = open.into_iter().unzip();
         for (from, path) in temporary.into_iter().zip(names) {
-            let there = std::fs::symlink_metadata(&path).is_ok();
-            // The older file takes the temporary name, and goes with it.
-            let result = if there { exchange(&from, &path) } else { move_new(&from, &path) };
+            // An older file takes the temporary name, and goes with it.
+            let result = look_at_link(&path).and_then(|older| {
+                let there = older.is_some();
+                if there { exchange(&from, &path) } else { move_new(&from, &path) }.map(|()| there)
+            });
             match result {
-                Ok(()) => placed.push((from, path, there)),
+                Ok(there) => placed.push((from, path, there)),
                 Err(error) => {
                     for (from, path, there) in placed.iter().rev() {
                         // Nothing better can be done where even the way back is closed.

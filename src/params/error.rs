@@ -29,8 +29,10 @@ impl fmt::Display for Problem {
 #[non_exhaustive]
 pub enum ParamsError {
     /// The file cannot be read.
-    #[error("cannot read the parameter file {}: {reason}", path.display())]
+    #[error("cannot read the {what} file {}: {reason}", path.display())]
     Read {
+        /// Which kind of file it should be: parameter, limits, plate.
+        what: &'static str,
         /// The file.
         path: PathBuf,
         /// Why.
@@ -45,8 +47,10 @@ pub enum ParamsError {
         reason: std::io::Error,
     },
     /// The content is wrong; all problems of the file at once.
-    #[error("{}", list(path, problems))]
+    #[error("{}", list(what, path, problems))]
     Invalid {
+        /// Which kind of file it should be: parameter, limits, plate.
+        what: &'static str,
         /// The file.
         path: PathBuf,
         /// What is wrong, in the order of the file.
@@ -66,12 +70,12 @@ impl ParamsError {
 }
 
 /// One line a problem, each beginning with `file:line:` as compilers do, so that editors can jump to it.
-fn list(path: &std::path::Path, problems: &[Problem]) -> String {
+fn list(what: &str, path: &std::path::Path, problems: &[Problem]) -> String {
     let noun = if problems.len() == 1 { "problem" } else { "problems" };
     let path = path.display();
     let lines = problems.iter().map(|problem| match problem.line {
         Some(line) => format!("\n  {path}:{line}: {problem}"),
         None => format!("\n  {path}: {problem}"),
     });
-    format!("{} {noun} in the parameter file {path}{}", problems.len(), lines.collect::<String>())
+    format!("{} {noun} in the {what} file {path}{}", problems.len(), lines.collect::<String>())
 }

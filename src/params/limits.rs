@@ -20,8 +20,8 @@ use crate::acceptance::limits::{Limit, Limits};
 /// # Errors
 /// When it cannot be read, or holds anything that is not right; all problems come at once.
 pub fn load_limits(path: &Path) -> Result<Limits, ParamsError> {
-    let text = super::read(path)?;
-    limits_of(&text).map_err(|problems| ParamsError::Invalid { path: path.to_path_buf(), problems })
+    let text = super::read("limits", path)?;
+    limits_of(&text).map_err(|problems| ParamsError::Invalid { what: "limits", path: path.to_path_buf(), problems })
 }
 
 fn limits_of(text: &str) -> Result<Limits, Vec<Problem>> {

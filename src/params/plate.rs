@@ -21,8 +21,8 @@ use crate::sheet::{Given, ITEMS, Item, Plate};
 /// # Errors
 /// When it cannot be read, or holds anything that is not right; all problems come at once.
 pub fn load_plate(path: &Path) -> Result<Plate, ParamsError> {
-    let text = super::read(path)?;
-    plate_of(&text).map_err(|problems| ParamsError::Invalid { path: path.to_path_buf(), problems })
+    let text = super::read("plate", path)?;
+    plate_of(&text).map_err(|problems| ParamsError::Invalid { what: "plate", path: path.to_path_buf(), problems })
 }
 
 /// One value as people write it on a command line, `tank_pressure=63 bar`.

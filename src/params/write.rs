@@ -50,7 +50,7 @@ pub fn write(path: &Path, overlay: &Overlay) -> Result<(), ParamsError> {
 /// As [`write()`], but for the file.
 pub fn overlay_text(path: &Path, overlay: &Overlay) -> Result<String, ParamsError> {
     let text = text(overlay);
-    let invalid = |problems| ParamsError::Invalid { path: path.to_path_buf(), problems };
+    let invalid = |problems| ParamsError::Invalid { what: super::PARAMETER, path: path.to_path_buf(), problems };
     let sheet = sheet_over_reference(&text, path).map_err(invalid)?;
     let of_effect = |key: &str| {
         let (id, name) = key.split_once('.').unwrap_or_default();

@@ -2,23 +2,28 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Once;
 
 use super::{Object, StoreError};
-use crate::files::{check_regular, write_atomically, write_new};
+use crate::files::{check_regular, look_at, remove_abandoned, write_atomically, write_new};
 
-/// Folders within folders deeper than this are a mistake, or a circle of links.
+const WHAT: &str = "list the objects";
+
+/// Folders within folders deeper than this are a mistake.
 const DEEPEST: usize = 16;
 
 /// A folder.
 #[derive(Debug)]
 pub struct Folder {
     top: PathBuf,
+    /// What killed writers left beside the first result is removed; a list for each would cost more than the results.
+    first: Once,
 }
 
 impl Folder {
     /// A folder that need not be there yet.
     pub fn new(top: PathBuf) -> Self {
-        Self { top }
+        Self { top, first: Once::new() }
     }
 
     /// Its full path where it is there.
@@ -48,22 +53,28 @@ impl Folder {
     pub fn list(&self, prefix: &str) -> Result<Vec<Object>, StoreError> {
         let mut all = Vec::new();
         let top = self.path(prefix);
-        if top.exists() && !top.is_dir() {
+        if look_at(&top).map_err(self.refused(prefix, WHAT))?.is_some_and(|kind| !kind.is_dir()) {
             let reason = "expected a folder, found a file".to_owned();
-            return Err(StoreError::Refused { object: top.display().to_string(), what: "list the objects", reason });
+            return Err(StoreError::Refused { object: top.display().to_string(), what: WHAT, reason });
         }
-        match self.walk(prefix, 0, &mut all) {
+        match self.walk(prefix, &mut vec![], &mut all) {
             Err(StoreError::Absent { .. }) => Ok(vec![]),
             other => other.map(|()| all),
         }
     }
 
-    fn walk(&self, folder: &str, depth: usize, all: &mut Vec<Object>) -> Result<(), StoreError> {
-        const WHAT: &str = "list the objects";
-        if depth > DEEPEST {
-            let reason = format!("folders go deeper than {DEEPEST} levels; is there a circle of links?");
+    /// `above` are the real paths of the folders on the way.
+    fn walk(&self, folder: &str, above: &mut Vec<PathBuf>, all: &mut Vec<Object>) -> Result<(), StoreError> {
+        let real = self.path(folder).canonicalize().map_err(self.refused(folder, WHAT))?;
+        if above.contains(&real) {
+            // A link that leads back: everything below it is met without it.
+            return Ok(());
+        }
+        if above.len() > DEEPEST {
+            let reason = format!("folders go deeper than {DEEPEST} levels; name one that is nearer to its recordings");
             return Err(StoreError::Refused { object: self.path(folder).display().to_string(), what: WHAT, reason });
         }
+        above.push(real);
         for entry in self.path(folder).read_dir().map_err(self.refused(folder, WHAT))? {
             let entry = entry.map_err(self.refused(folder, WHAT))?;
             let name = entry.file_name().to_string_lossy().into_owned();
@@ -72,12 +83,14 @@ impl Folder {
             }
             let path = if folder.is_empty() { name } else { format!("{folder}/{name}") };
             match std::fs::metadata(entry.path()) {
-                Ok(kind) if kind.is_dir() => self.walk(&path, depth + 1, all)?,
+                Ok(kind) if kind.is_dir() => self.walk(&path, above, all)?,
                 Ok(kind) => all.push(Object { path, bytes: kind.len() }),
                 // A link to nowhere, or a file that went away meanwhile; who reads it is told.
-                Err(_) => all.push(Object { path, bytes: 0 }),
+                Err(error) if error.kind() == io::ErrorKind::NotFound => all.push(Object { path, bytes: 0 }),
+                Err(error) => return Err(self.refused(&path, WHAT)(error)),
             }
         }
+        above.pop();
         Ok(())
     }
 
@@ -100,7 +113,9 @@ impl Folder {
     }
 
     pub fn create(&self, path: &str, bytes: &[u8]) -> Result<bool, StoreError> {
-        write_new(&self.path(path), bytes).map_err(self.unwritten(path))
+        let path_there = self.path(path);
+        self.first.call_once(|| remove_abandoned(path_there.parent().unwrap_or(&self.top)));
+        write_new(&path_there, bytes).map_err(self.unwritten(path))
     }
 
     pub fn remove(&self, path: &str) -> Result<(), StoreError> {

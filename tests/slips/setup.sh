@@ -23,3 +23,4 @@ printf '{}' >report.json; printf '{"schema":' >torn.json
 printf 'time,y\n0,1\n1,2\n' >table.csv; printf '' >void.csv; printf 'time;y\n0;1,5\n1;2,5\n' >comma.csv
 printf '\211MCAP0\r\nabc' >stub.mcap; printf '#ROSBAG V2.0\n' >ros1.bag; printf '\0\1\2\3' >bin.dat
 ln -s nowhere dangling; mkfifo pipe
+mkdir circle; cp -r run circle/; ln -s . circle/again

@@ -61,13 +61,24 @@ fn files(dir: &Path) -> BTreeSet<PathBuf> {
 fn first_line(answer: &str) -> String {
     let mut lines = answer.lines().map(str::trim).filter(|line| !line.is_empty());
     let mut line = lines.next().unwrap_or_default().to_owned();
-    if (line.ends_with(':') || line.contains(" in the parameter file ") || line.contains(" in the map "))
+    if (line.ends_with(':')
+        || line.contains(" in the parameter file ")
+        || line.contains(" in the limits file ")
+        || line.contains(" in the map "))
         && let Some(next) = lines.next()
     {
         line = format!("{line} {next}");
     }
     let line: String = line.chars().take(LONGEST).collect();
     if line.is_empty() { line } else { format!("`` {line} ``") }
+}
+
+/// A text without the drawn part of a temporary name.
+fn lasting(text: &str) -> String {
+    match text.split_once(".govtwin-") {
+        Some((before, rest)) => format!("{before}.govtwin-*{}", rest.get(6..).unwrap_or_default()),
+        None => text.to_owned(),
+    }
 }
 
 /// Types a line in a copy of a folder.
@@ -93,14 +104,11 @@ fn typed(fixture: &Path, line: &str) -> Row {
         .difference(&before)
         .map(|path| {
             let name = path.strip_prefix(dir.path()).unwrap().display().to_string();
-            let name = match name.split_once(".govtwin-") {
-                Some((folder, rest)) => format!("{folder}.govtwin-*{}", rest.get(6..).unwrap_or_default()),
-                None => name,
-            };
-            format!("`{name}`")
+            format!("`{}`", lasting(&name))
         })
         .collect();
-    let [out, err] = [text(&output.stdout), text(&output.stderr)];
+    let here = format!("{}/", dir.path().canonicalize().unwrap().display());
+    let [out, err] = [text(&output.stdout), text(&output.stderr)].map(|said| lasting(&said.replace(&here, "")));
     assert!(!err.contains("panicked"), "{line}: {err}");
     Row {
         typed: line.to_owned(),

@@ -17,7 +17,7 @@ const KNOWN_BY: &[(&str, &[&str])] = &[
     ("ros2_client", &["src/node/", "src/node.rs", "src/msg/", "src/msg.rs"]),
     ("rustdds", &["src/node/", "src/node.rs", "src/msg/", "src/msg.rs"]),
     ("ros2args", &["src/node/", "src/node.rs", "src/commands/"]),
-    ("libc", &["src/node/realtime.rs"]),
+    ("libc", &["src/node/realtime.rs", "tests/faults/trace.rs"]),
     ("rustix", &["src/node/realtime.rs", "src/files/rename.rs", "benches/"]),
     ("tempfile", &["src/files/", "src/store/", "src/commands/", "tests/", "benches/", "fuzz/"]),
     ("signal_hook", &["src/node/", "src/node.rs", "src/commands/"]),

@@ -6,6 +6,7 @@ use std::path::Path;
 use anyhow::{Context, bail};
 use govtwin::diagnosis::result::schema;
 use govtwin::diagnosis::result::{Diagnosis, Fitted, Verdict};
+use govtwin::files::look_at;
 use govtwin::parameters::Unit;
 use govtwin::params::{self, Overlay};
 use govtwin::provenance::Provenance;
@@ -25,7 +26,8 @@ pub const NAMES: [&str; 5] = [REPORT, "report.html", "refitted.yaml", "fitted.ya
 pub fn refuse_to_replace(out: &Path, made: &Provenance) -> anyhow::Result<()> {
     let way_out = "name another folder with --out, or replace them with --overwrite";
     let path = out.join(REPORT);
-    if !path.is_file() {
+    let looking = || format!("--out: cannot look at {}", path.display());
+    if !look_at(&path).with_context(looking)?.is_some_and(|kind| kind.is_file()) {
         return match NAMES.iter().find(|name| out.join(name).exists()) {
             Some(name) => bail!(
                 "--out: {} is there without a {REPORT} beside it, so nobody can tell whose it is; {way_out}",
@@ -34,8 +36,10 @@ pub fn refuse_to_replace(out: &Path, made: &Provenance) -> anyhow::Result<()> {
             None => Ok(()),
         };
     }
-    let Ok(Some(there)) = report_file::provenance(&path) else {
-        bail!("--out: {} does not say which recordings it is of; {way_out}", path.display());
+    let there = match report_file::provenance(&path) {
+        Ok(Some(there)) => there,
+        Ok(None) => bail!("--out: {} does not say which recordings it is of; {way_out}", path.display()),
+        Err(error) => bail!("--out: {} does not say which recordings it is of ({error:#}); {way_out}", path.display()),
     };
     let (old, new) = (there.digests(), made.digests());
     if !old.iter().any(|digest| new.contains(digest)) {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use govtwin::files::read_text;
+use govtwin::files::{look_at, read_text};
 use govtwin::fleet::changes::{Change, Standing};
 use govtwin::fleet::entry::Entry;
 use govtwin::fleet::gathered::{Gathered, Status, gather};
@@ -168,7 +168,8 @@ impl<'a> Target<'a> {
 }
 
 fn standing_in(path: &Path) -> anyhow::Result<Option<Standing>> {
-    if !path.is_file() {
+    let there = look_at(path).with_context(|| format!("cannot look at {}", path.display()))?;
+    if !there.is_some_and(|kind| kind.is_file()) {
         return Ok(None);
     }
     let text = read_text(path, LARGEST_BYTES).with_context(|| format!("cannot read {}", path.display()))?;

@@ -28,7 +28,7 @@ pub fn write(files: &[PathBuf], map: &Map, out: &Path, bar: bool) -> anyhow::Res
     let failed = || format!("cannot write {}", out.display());
     let import = Import::open(files, map)?;
     if let Some(parent) = out.parent() {
-        std::fs::create_dir_all(parent).with_context(failed)?;
+        govtwin::files::make_folder(parent).with_context(failed)?;
     }
     let mut bag = Writer::create(out, OPTIONS).with_context(failed)?;
     bag.describe(bag::GOVTWIN, about(files, map))?;

@@ -4,6 +4,9 @@ use std::fs::File;
 use std::io::Read as _;
 use std::path::Path;
 
+use anyhow::Context;
+use govtwin::files::look_at;
+
 /// A text file that says it, in the bag's folder or one of those above it.
 const FILE_NAME: &str = "ORIGIN.txt";
 
@@ -13,16 +16,27 @@ const FOLDERS: usize = 5;
 /// More than anybody reads in a note.
 const LONGEST_BYTES: u64 = 2000;
 
-/// The first paragraph of the nearest [`FILE_NAME`].
+/// The first paragraph of the nearest [`FILE_NAME`], where it can be read.
 pub fn of(bag: &Path) -> Option<String> {
-    let full = bag.canonicalize().ok()?;
-    let file = full.ancestors().take(FOLDERS).map(|folder| folder.join(FILE_NAME)).find(|file| file.is_file())?;
+    read(bag).unwrap_or_default()
+}
+
+/// The first paragraph of the nearest [`FILE_NAME`], where there is one.
+pub fn read(bag: &Path) -> anyhow::Result<Option<String>> {
+    let full = bag.canonicalize().with_context(|| format!("cannot look at {}", bag.display()))?;
     let mut bytes = Vec::new();
-    File::open(file).ok()?.take(LONGEST_BYTES).read_to_end(&mut bytes).ok()?;
+    for file in full.ancestors().take(FOLDERS).map(|folder| folder.join(FILE_NAME)) {
+        let reading = || format!("cannot read {}", file.display());
+        if look_at(&file).with_context(reading)?.is_some_and(|kind| kind.is_file()) {
+            let opened = File::open(&file).with_context(reading)?;
+            opened.take(LONGEST_BYTES).read_to_end(&mut bytes).with_context(reading)?;
+            break;
+        }
+    }
     let text = String::from_utf8_lossy(&bytes);
     let words: Vec<&str> =
         text.lines().take_while(|line| !line.trim().is_empty()).flat_map(str::split_whitespace).collect();
-    (!words.is_empty()).then(|| words.join(" "))
+    Ok((!words.is_empty()).then(|| words.join(" ")))
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use anyhow::Context;
 use govtwin::bag::{self, BagError, Health, Qos, RawMessage, Sealed, Stream, Topic, Topics, Writer, WriterOptions};
+use govtwin::files::make_folder;
 use govtwin::frame::Estimate;
 use govtwin::msg::{Header, ServoState};
 use govtwin::provenance::Input;
@@ -76,7 +77,7 @@ pub fn about(name: &str, health: &Health, marked: &Input) -> BTreeMap<String, St
 pub fn begin(dir: &Path, about: &BTreeMap<String, String>) -> anyhow::Result<(Writer, Topic<ServoState>)> {
     let failed = || format!("cannot write the simulated bag {}", dir.display());
     if let Some(parent) = dir.parent() {
-        std::fs::create_dir_all(parent).with_context(failed)?;
+        make_folder(parent).with_context(failed)?;
     }
     let mut writer = Writer::create(dir, OPTIONS)?;
     writer.describe(bag::GOVTWIN, about.clone())?;

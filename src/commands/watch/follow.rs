@@ -84,7 +84,7 @@ impl Follower {
     ) -> anyhow::Result<Vec<String>> {
         let mut troubles = vec![];
         let now = Instant::now();
-        for path in self.bags() {
+        for path in self.bags(&mut troubles) {
             let bytes = bytes_of(&path);
             let seen = self.seen.entry(path.clone()).or_insert(Seen { bytes, since: now, read: None });
             if seen.bytes != bytes {
@@ -117,13 +117,16 @@ impl Follower {
     }
 
     /// All bags that are there by now, in the order of their names; what is being recorded among them.
-    fn bags(&self) -> Vec<PathBuf> {
+    fn bags(&self, troubles: &mut Vec<String>) -> Vec<PathBuf> {
         let mut all = vec![];
         for path in &self.paths {
             if path.is_dir() && !is_bag_folder(path) {
-                // A folder without bags may get some.
-                let found = bags::find(std::slice::from_ref(path)).unwrap_or_default();
-                all.extend(found.into_iter().map(|bag| bag.path));
+                match bags::find(std::slice::from_ref(path)) {
+                    Ok(found) => all.extend(found.into_iter().map(|bag| bag.path)),
+                    // A folder without bags may get some.
+                    Err(error) if error.root_cause().downcast_ref::<std::io::Error>().is_none() => {}
+                    Err(error) => troubles.push(format!("{error:#}")),
+                }
                 let hidden = path.read_dir().into_iter().flatten().flatten().map(|entry| entry.path());
                 let mut hidden: Vec<PathBuf> = hidden.filter(|path| path.is_dir() && is_unfinished(path)).collect();
                 hidden.sort();

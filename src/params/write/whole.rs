@@ -46,7 +46,8 @@ pub fn whole_text(path: &Path, unit: &Unit, whole: &WholeSheet) -> Result<String
     }
     lines.push(String::new());
     let text = lines.join("\n");
-    let invalid = |problems| ParamsError::Invalid { path: path.to_path_buf(), problems };
+    let invalid =
+        |problems| ParamsError::Invalid { what: crate::params::PARAMETER, path: path.to_path_buf(), problems };
     let read = sheet_over_reference(&text, path).map_err(invalid)?;
     if read.unit != *unit {
         let message = "the unit has effects, transducers or values that a sheet cannot hold".to_owned();

@@ -1,0 +1,235 @@
+//! Runs a program under ptrace, counts what it does to the files below a folder, and refuses one of these steps or kills it there.
+//!
+//! It sees every system call of every thread, whichever library makes it, and needs no change of the program.
+
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::{Read as _, Seek as _, Write as _};
+use std::os::unix::fs::FileExt as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use nix::errno::Errno;
+use nix::sys::ptrace::{self, Options};
+use nix::sys::signal::Signal;
+use nix::sys::wait::{WaitPidFlag, WaitStatus, waitpid};
+use nix::unistd::Pid;
+
+/// What a step does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Kind {
+    Look,
+    Open,
+    Read,
+    List,
+    Lock,
+    Create,
+    Folder,
+    Write,
+    Size,
+    Sync,
+    Rights,
+    Rename,
+    Remove,
+}
+
+impl Kind {
+    /// What the system says where such a step fails.
+    pub fn error(self) -> Errno {
+        match self {
+            Self::Create | Self::Folder | Self::Write | Self::Size => Errno::ENOSPC,
+            Self::Lock => Errno::ENOLCK,
+            Self::Look | Self::Open | Self::Read | Self::List | Self::Sync | Self::Rights => Errno::EIO,
+            Self::Rename | Self::Remove => Errno::EACCES,
+        }
+    }
+
+    /// Whether a kill before it can leave something else than a kill before the step that went before.
+    pub fn changes(self) -> bool {
+        self >= Self::Create
+    }
+}
+
+/// A step: what is done, and to which file or folder.
+#[derive(Clone, Debug)]
+pub struct Step {
+    pub kind: Kind,
+    pub path: PathBuf,
+}
+
+/// What becomes of one step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fault {
+    Refused,
+    Killed,
+}
+
+/// How a traced program ended.
+#[derive(Debug)]
+pub struct Traced {
+    pub steps: Vec<Step>,
+    /// None where it ended by a signal.
+    pub code: Option<i32>,
+    pub stderr: String,
+}
+
+/// Runs a program; of the steps below a folder the one with this number has a fault.
+pub fn run(command: &[&str], environment: &[(&str, &str)], below: &Path, fault: Option<(usize, Fault)>) -> Traced {
+    let mut said = tempfile::tempfile().unwrap();
+    let mut child = Command::new("sh")
+        // Waits until it is traced.
+        .args(["-c", "read -r go; exec \"$0\" \"$@\""])
+        .args(command)
+        .envs(environment.iter().copied())
+        .stdin(Stdio::piped())
+        .stdout(Stdio::null())
+        .stderr(said.try_clone().unwrap())
+        .spawn()
+        .unwrap();
+    let leader = Pid::from_raw(child.id().cast_signed());
+    let mut tracer = Tracer { leader, below, fault, steps: vec![], inside: HashMap::new(), begun: false };
+    let options = Options::PTRACE_O_TRACESYSGOOD
+        | Options::PTRACE_O_TRACECLONE
+        | Options::PTRACE_O_TRACEFORK
+        | Options::PTRACE_O_TRACEVFORK
+        | Options::PTRACE_O_TRACEEXEC
+        | Options::PTRACE_O_EXITKILL;
+    ptrace::seize(leader, options).expect("this test traces its children by ptrace, which is refused here");
+    ptrace::interrupt(leader).unwrap();
+    let mut stdin = child.stdin.take();
+    let mut code = None;
+    // Only what this thread traces: other tests have children, too.
+    while let Ok(status) = waitpid(Pid::from_raw(-1), Some(WaitPidFlag::__WALL | WaitPidFlag::__WNOTHREAD)) {
+        let (pid, signal) = match status {
+            WaitStatus::Exited(pid, exit) if pid == leader => {
+                code = Some(exit);
+                break;
+            }
+            WaitStatus::Signaled(pid, ..) if pid == leader => break,
+            WaitStatus::PtraceSyscall(pid) => {
+                tracer.stopped(pid);
+                (pid, None)
+            }
+            WaitStatus::PtraceEvent(pid, _, event) => {
+                tracer.begun |= event == ptrace::Event::PTRACE_EVENT_EXEC as i32;
+                (pid, None)
+            }
+            WaitStatus::Stopped(pid, signal) => (pid, Some(signal)),
+            _ => continue,
+        };
+        // One that was killed meanwhile cannot go on.
+        let _ = ptrace::syscall(pid, signal);
+        if let Some(mut stdin) = stdin.take() {
+            stdin.write_all(b"go\n").unwrap();
+        }
+    }
+    let mut stderr = String::new();
+    said.rewind().unwrap();
+    said.read_to_string(&mut stderr).unwrap();
+    Traced { steps: tracer.steps, code, stderr }
+}
+
+struct Tracer<'a> {
+    leader: Pid,
+    below: &'a Path,
+    fault: Option<(usize, Fault)>,
+    steps: Vec<Step>,
+    /// Threads inside a system call, and the error that it is to end with.
+    inside: HashMap<Pid, Option<Errno>>,
+    begun: bool,
+}
+
+impl Tracer<'_> {
+    fn stopped(&mut self, pid: Pid) {
+        let Ok(mut registers) = ptrace::getregs(pid) else { return };
+        if let Some(error) = self.inside.remove(&pid) {
+            if let Some(error) = error {
+                registers.rax = (-i64::from(error as i32)).cast_unsigned();
+                ptrace::setregs(pid, registers).unwrap();
+            }
+            return;
+        }
+        // A new thread's first stop may be the end of the call that made it.
+        if registers.rax.cast_signed() != -i64::from(Errno::ENOSYS as i32) {
+            return;
+        }
+        let mut error = None;
+        if self.begun
+            && let Some(step) = self.step(&registers)
+        {
+            let number = self.steps.len();
+            match self.fault.filter(|(at, _)| *at == number) {
+                Some((_, Fault::Refused)) => {
+                    error = Some(step.kind.error());
+                    // No such call: the kernel does nothing.
+                    registers.orig_rax = u64::MAX;
+                    ptrace::setregs(pid, registers).unwrap();
+                }
+                Some((_, Fault::Killed)) => nix::sys::signal::kill(self.leader, Signal::SIGKILL).unwrap(),
+                None => {}
+            }
+            self.steps.push(step);
+        }
+        self.inside.insert(pid, error);
+    }
+
+    /// What a system call does to a file below the folder.
+    fn step(&self, registers: &libc::user_regs_struct) -> Option<Step> {
+        let [first, second, third] = [registers.rdi, registers.rsi, registers.rdx];
+        let (kind, path) = match registers.orig_rax.cast_signed() {
+            libc::SYS_open => (opened(second), self.named(None, first)),
+            libc::SYS_openat => (opened(third), self.named(Some(first), second)),
+            libc::SYS_stat | libc::SYS_lstat => (Kind::Look, self.named(None, first)),
+            libc::SYS_newfstatat | libc::SYS_statx => (Kind::Look, self.named(Some(first), second)),
+            libc::SYS_read | libc::SYS_pread64 | libc::SYS_readv => (Kind::Read, self.opened(first)),
+            libc::SYS_getdents64 => (Kind::List, self.opened(first)),
+            libc::SYS_flock => (Kind::Lock, self.opened(first)),
+            libc::SYS_write | libc::SYS_pwrite64 | libc::SYS_writev => (Kind::Write, self.opened(first)),
+            libc::SYS_copy_file_range => (Kind::Write, self.opened(third)),
+            libc::SYS_sendfile => (Kind::Write, self.opened(first)),
+            libc::SYS_ftruncate => (Kind::Size, self.opened(first)),
+            libc::SYS_fsync | libc::SYS_fdatasync => (Kind::Sync, self.opened(first)),
+            libc::SYS_fchmod => (Kind::Rights, self.opened(first)),
+            libc::SYS_chmod => (Kind::Rights, self.named(None, first)),
+            libc::SYS_mkdir => (Kind::Folder, self.named(None, first)),
+            libc::SYS_mkdirat => (Kind::Folder, self.named(Some(first), second)),
+            libc::SYS_rename | libc::SYS_link => (Kind::Rename, self.named(None, second)),
+            libc::SYS_renameat | libc::SYS_renameat2 | libc::SYS_linkat => {
+                (Kind::Rename, self.named(Some(third), registers.r10))
+            }
+            libc::SYS_unlink | libc::SYS_rmdir => (Kind::Remove, self.named(None, first)),
+            libc::SYS_unlinkat => (Kind::Remove, self.named(Some(first), second)),
+            _ => return None,
+        };
+        let path = path.filter(|path| path.starts_with(self.below))?;
+        Some(Step { kind, path })
+    }
+
+    /// A path in the program's memory, below an open folder where it is relative.
+    fn named(&self, folder: Option<u64>, address: u64) -> Option<PathBuf> {
+        let memory = File::open(format!("/proc/{}/mem", self.leader)).ok()?;
+        let mut bytes = vec![0; 4096];
+        let read = memory.read_at(&mut bytes, address).ok()?;
+        let end = bytes[..read].iter().position(|byte| *byte == 0)?;
+        let name = String::from_utf8_lossy(&bytes[..end]).into_owned();
+        if name.starts_with('/') {
+            return Some(PathBuf::from(name));
+        }
+        let here = folder.filter(|folder| *folder as i32 != libc::AT_FDCWD);
+        let folder = match here {
+            Some(folder) => self.opened(folder)?,
+            None => std::fs::read_link(format!("/proc/{}/cwd", self.leader)).ok()?,
+        };
+        Some(if name.is_empty() { folder } else { folder.join(name) })
+    }
+
+    /// The path of an open file.
+    fn opened(&self, descriptor: u64) -> Option<PathBuf> {
+        std::fs::read_link(format!("/proc/{}/fd/{}", self.leader, descriptor as i32)).ok()
+    }
+}
+
+/// Whether a file is made or only opened.
+fn opened(flags: u64) -> Kind {
+    if flags as i32 & libc::O_CREAT == 0 { Kind::Open } else { Kind::Create }
+}
