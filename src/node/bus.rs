@@ -14,7 +14,7 @@ use serde::Serialize;
 use super::arguments::Arguments;
 use super::environment::Environment;
 use super::offer::{Describer, Offer, ros_type};
-use super::qos::{self, best_effort, latched, recorded, reliable};
+use super::qos::{self, best_effort, kept, latched, recorded, reliable};
 use super::tap::Tap;
 use super::transport;
 use crate::msg::Interface;
@@ -144,6 +144,15 @@ impl Bus {
     /// On a name that is none, or when DDS refuses.
     pub fn publish<M: Serialize>(&mut self, topic: &str, type_name: &str) -> Result<Publisher<M>, BusError> {
         let (full_name, topic) = self.topic(topic, type_name, "publisher", reliable())?;
+        self.node.create_publisher(&topic, None).map_err(|source| BusError::Open { topic: full_name, source })
+    }
+
+    /// Opens a topic for writing whose newest message is kept for those who subscribe later.
+    ///
+    /// # Errors
+    /// As [`Bus::publish`].
+    pub fn publish_kept<M: Serialize>(&mut self, topic: &str, type_name: &str) -> Result<Publisher<M>, BusError> {
+        let (full_name, topic) = self.topic(topic, type_name, "publisher", kept())?;
         self.node.create_publisher(&topic, None).map_err(|source| BusError::Open { topic: full_name, source })
     }
 

@@ -44,6 +44,12 @@ pub fn reliable() -> QosProfile {
     }
 }
 
+/// Reliable like [`reliable`], and the newest is kept for those who subscribe later.
+#[must_use]
+pub fn kept() -> QosProfile {
+    QosProfile { durability: Durability::TransientLocal, history: History::KeepLast { depth: 1 }, ..reliable() }
+}
+
 /// Applies `qos_overrides.TOPIC.ROLE.POLICY` parameters to a topic's quality of service; the later one wins.
 ///
 /// # Errors

@@ -1,0 +1,282 @@
+//! A recorder that cuts: a bag for each process, from a little before it begins until the unit rests again, and nothing of the rest between.
+//!
+//! Bags wait in a folder until somebody has read them, so that a slow reader loses nothing and a process that is killed loses a second.
+
+use std::collections::VecDeque;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::realtime::monotonic_ns;
+use super::recorder::{OPTIONS, Sink};
+use crate::bag::{BagError, Newest, RawMessage, ReadOptions, Stream, Writer, intended_place, recover};
+use crate::frame::Frame;
+use crate::units::{NANOS_PER_SECOND, nanos_from_seconds, seconds_from_nanos};
+use crate::watch::cut::{Cutter, GAP_S, LEAD_S};
+
+/// Recorded before the movement that begins a process: what the reader keeps, and as much again by which it finds the beginning, s.
+const BEFORE_S: f64 = 2.0 * LEAD_S;
+/// Recorded after a process has ended: the reader, which sees straight lines between samples, may find its end a little later, s.
+const AFTER_S: f64 = 3.0;
+/// A state so much older than the newest came late; one that is older still shows a clock that was set back, s.
+const LATE_S: f64 = 1.0;
+/// A process ends where nothing is heard for so long, whatever the stamps say, ns.
+const SILENCE_NS: i64 = 10 * NANOS_PER_SECOND;
+/// Messages kept before a process begins, and between two measured states.
+const MOST_LATELY: usize = 200_000;
+/// Recordings that may wait for their reader.
+const MOST_WAITING: usize = 500;
+
+/// What is being heard.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Hearing {
+    /// No measured state for a while.
+    #[default]
+    Nothing,
+    /// A unit at rest.
+    Rest,
+    /// A unit in a process, which is being recorded.
+    Process,
+}
+
+/// What was heard so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Listening {
+    /// What is being heard.
+    pub hearing: Hearing,
+    /// Samples of each stream, and those of them that could not be used, in the order of [`Stream::ALL`].
+    pub samples: [(u64, u64); 4],
+    /// Samples that senders numbered and that never came.
+    pub lost: u64,
+    /// Processes that were recorded.
+    pub processes: u64,
+    /// Processes that were not recorded, or not to their end.
+    pub left_out: u64,
+    /// Recordings that wait for their reader.
+    pub waiting: usize,
+}
+
+/// A bag in the making.
+struct Open {
+    writer: Writer,
+    name: String,
+    /// The process has ended, and its bag ends here, ns.
+    until_ns: Option<i64>,
+}
+
+/// Records processes into bags.
+pub struct ProcessRecorder {
+    folder: PathBuf,
+    name: Box<dyn FnMut() -> String>,
+    newest: Newest,
+    cutter: Cutter,
+    /// Messages of the last seconds, with the time of the state that they came with.
+    lately: VecDeque<(i64, RawMessage)>,
+    /// Messages since the last state: they go into the bag with the next one, unless time jumps in between.
+    behind: Vec<RawMessage>,
+    open: Option<Open>,
+    /// The process that is going on is not recorded.
+    skips: bool,
+    time_ns: Option<i64>,
+    heard_ns: i64,
+    listening: Listening,
+    words: Vec<String>,
+}
+
+impl std::fmt::Debug for ProcessRecorder {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("ProcessRecorder").field("folder", &self.folder).finish_non_exhaustive()
+    }
+}
+
+impl ProcessRecorder {
+    /// Begins to record into `folder`; `name` gives each bag a name that no other has.
+    #[must_use]
+    pub fn new(folder: &Path, options: &ReadOptions, name: Box<dyn FnMut() -> String>) -> Self {
+        Self {
+            folder: folder.to_owned(),
+            name,
+            newest: Newest::new(options),
+            cutter: Cutter::default(),
+            lately: VecDeque::new(),
+            behind: vec![],
+            open: None,
+            skips: false,
+            time_ns: None,
+            heard_ns: 0,
+            listening: Listening::default(),
+            words: vec![],
+        }
+    }
+
+    /// What was heard so far.
+    #[must_use]
+    pub fn listening(&self) -> Listening {
+        let samples = Stream::ALL.map(|stream| self.newest.counts(stream));
+        Listening { samples, ..self.listening }
+    }
+
+    /// What a user should read, once.
+    pub fn words(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.words)
+    }
+
+    /// The bag in the making, where there is one.
+    #[must_use]
+    pub fn in_the_making(&self) -> Option<&str> {
+        self.open.as_ref().map(|open| open.name.as_str())
+    }
+
+    /// Takes a state's row into account, and what came since the one before it.
+    fn state(&mut self, time_ns: i64, row: &Frame) {
+        let step_s = self.time_ns.map_or(0.0, |last_ns| seconds_from_nanos(time_ns - last_ns));
+        let is_late = (-LATE_S..0.0).contains(&step_s);
+        if !is_late {
+            if !(0.0..=GAP_S).contains(&step_s) {
+                self.complete();
+                self.lately.clear();
+            }
+            self.time_ns = Some(time_ns);
+            let ended = self.cutter.row(row).is_some();
+            let is_moving = self.cutter.is_moving();
+            // A process that is cut for its length goes on in the next at once.
+            if !is_moving || ended {
+                self.skips = false;
+                if let Some(open) = &mut self.open {
+                    open.until_ns.get_or_insert(time_ns + nanos_from_seconds(AFTER_S));
+                }
+            }
+            if is_moving && !self.skips && self.open.as_ref().is_none_or(|open| open.until_ns.is_some()) {
+                self.complete();
+                self.begin();
+            }
+            self.listening.hearing = if is_moving { Hearing::Process } else { Hearing::Rest };
+        }
+        let now_ns = self.time_ns.unwrap_or(time_ns);
+        for message in std::mem::take(&mut self.behind) {
+            self.write(&message);
+            self.lately.push_back((now_ns, message));
+        }
+        if self.open.as_ref().and_then(|open| open.until_ns).is_some_and(|until_ns| until_ns <= now_ns) {
+            self.complete();
+        }
+        let first_ns = now_ns - nanos_from_seconds(BEFORE_S);
+        while self.lately.len() > MOST_LATELY || self.lately.front().is_some_and(|(time_ns, _)| *time_ns < first_ns) {
+            self.lately.pop_front();
+        }
+    }
+
+    fn begin(&mut self) {
+        if waiting(&self.folder).len() >= MOST_WAITING {
+            self.leave_out(&format!("{MOST_WAITING} recordings wait to be diagnosed, and there is room for no more"));
+            return;
+        }
+        let name = (self.name)();
+        match Writer::create(&self.folder.join(&name), OPTIONS) {
+            Ok(writer) => self.open = Some(Open { writer, name, until_ns: None }),
+            Err(error) => return self.leave_out(&error.to_string()),
+        }
+        for (time_ns, message) in std::mem::take(&mut self.lately) {
+            self.write(&message);
+            self.lately.push_back((time_ns, message));
+        }
+    }
+
+    fn leave_out(&mut self, why: &str) {
+        self.skips = true;
+        self.listening.left_out += 1;
+        self.words.push(format!("a process is not recorded, or not to its end: {why}"));
+    }
+
+    fn write(&mut self, message: &RawMessage) {
+        let Some(open) = &mut self.open else { return };
+        match open.writer.copy(message) {
+            Ok(()) if open.writer.is_full() => {
+                self.leave_out("the disk is full");
+                self.complete();
+            }
+            Ok(()) => {}
+            Err(error) => {
+                // What was written stays, for the next start.
+                self.open = None;
+                self.leave_out(&error.to_string());
+            }
+        }
+    }
+
+    /// Gives the bag in the making its name.
+    fn complete(&mut self) {
+        let Some(open) = self.open.take() else { return };
+        match open.writer.finish() {
+            Ok(_) => self.listening.processes += 1,
+            Err(error) => self.leave_out(&error.to_string()),
+        }
+    }
+}
+
+impl Sink for ProcessRecorder {
+    fn take(&mut self, message: RawMessage) -> Result<(), BagError> {
+        let row = self.newest.take(&message);
+        if self.behind.len() >= MOST_LATELY {
+            self.behind.clear();
+        }
+        self.behind.push(message);
+        if let Some(row) = row {
+            self.heard_ns = monotonic_ns();
+            self.state(row.time_ns, &row);
+        }
+        Ok(())
+    }
+
+    fn second(&mut self, lost: u64) -> Result<(), BagError> {
+        self.listening.lost = lost;
+        self.listening.waiting = waiting(&self.folder).len();
+        if let Some(Err(error)) = self.open.as_mut().map(|open| open.writer.flush()) {
+            self.open = None;
+            self.leave_out(&error.to_string());
+        }
+        if self.time_ns.is_some() && monotonic_ns() - self.heard_ns > SILENCE_NS {
+            self.complete();
+            self.cutter = Cutter::default();
+            self.lately.clear();
+            self.behind.clear();
+            self.skips = false;
+            self.time_ns = None;
+            self.listening.hearing = Hearing::Nothing;
+        }
+        Ok(())
+    }
+
+    fn is_full(&self) -> bool {
+        false
+    }
+}
+
+/// The recordings that wait in a folder, oldest first by their names.
+#[must_use]
+pub fn waiting(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let is_hidden = |path: &Path| path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
+    let mut found: Vec<PathBuf> = entries.filter(|path| path.is_dir() && !is_hidden(path)).collect();
+    found.sort();
+    found
+}
+
+/// Makes whole bags of what an earlier run was recording when it ended, so that they wait with the others; says what became of each.
+#[must_use]
+pub fn take_up(folder: &Path) -> Vec<String> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let mut words = vec![];
+    for kept in entries.filter(|path| path.is_dir()) {
+        let Some(place) = intended_place(&kept) else { continue };
+        let name = place.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let saved = if place.exists() { Ok(()) } else { recover(&kept, &place).map(|_| ()) };
+        let outcome = saved.map_err(|error| error.to_string()).and_then(|()| {
+            fs::remove_dir_all(&kept).map_err(|error| format!("cannot remove {}: {error}", kept.display()))
+        });
+        words.push(match outcome {
+            Ok(()) => format!("{name} was being recorded when the last watch ended; it is diagnosed as far as it was heard"),
+            Err(reason) => format!("{name} was being recorded when the last watch ended, and is lost: {reason}"),
+        });
+    }
+    words
+}
