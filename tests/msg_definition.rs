@@ -10,8 +10,7 @@ use govtwin::msg::simulation::{
 use govtwin::msg::type_hash::{hash_of, type_hash};
 use govtwin::msg::upkeep::{GetLoggerLevels, GetTypeDescription, SetLoggerLevels};
 use govtwin::msg::{
-    EsvState, FluidPressure, GovernorCommand, Header, Interface, JointState, ServoState, Time, TwinStatus,
-    UnitVerdict,
+    EsvState, FluidPressure, GovernorCommand, Header, Interface, JointState, ServoState, Time, TwinStatus, UnitVerdict,
 };
 use serde::de::{DeserializeOwned, DeserializeSeed, Deserializer, SeqAccess, Visitor};
 

@@ -21,8 +21,7 @@ impl Newest {
     /// Nothing has come: command and pressure are NaN, the ESV is normal.
     #[must_use]
     pub fn new(options: &ReadOptions) -> Self {
-        let inputs =
-            Inputs { opening_command_pu: f64::NAN, esv: EsvState::Normal, tank_pressure_pa: f64::NAN };
+        let inputs = Inputs { opening_command_pu: f64::NAN, esv: EsvState::Normal, tank_pressure_pa: f64::NAN };
         Self { collected: Collected::new(options), inputs }
     }
 

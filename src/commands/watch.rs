@@ -203,4 +203,3 @@ fn settings(only: &[String]) -> anyhow::Result<Settings> {
     }
     Ok(settings)
 }
-

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use super::realtime::monotonic_ns;
 use super::recorder::{OPTIONS, Sink};
-use crate::bag::{BagError, Newest, RawMessage, ReadOptions, Stream, Writer, intended_place, recover};
+use crate::bag::{BagError, Newest, RawMessage, ReadOptions, Stream, Writer, broken_off, intended_place, recover};
 use crate::frame::Frame;
 use crate::units::{NANOS_PER_SECOND, nanos_from_seconds, seconds_from_nanos};
 use crate::watch::cut::{Cutter, GAP_S, LEAD_S};
@@ -131,12 +131,12 @@ impl ProcessRecorder {
         let step_s = self.time_ns.map_or(0.0, |last_ns| seconds_from_nanos(time_ns - last_ns));
         let is_late = (-LATE_S..0.0).contains(&step_s);
         if !is_late {
+            let ended = self.cutter.row(row).is_some();
             if !(0.0..=GAP_S).contains(&step_s) {
-                self.complete();
+                self.complete_or_discard(ended);
                 self.lately.clear();
             }
             self.time_ns = Some(time_ns);
-            let ended = self.cutter.row(row).is_some();
             let is_moving = self.cutter.is_moving();
             // A process that is cut for its length goes on in the next at once.
             if !is_moving || ended {
@@ -203,6 +203,23 @@ impl ProcessRecorder {
         }
     }
 
+    /// Gives the bag in the making its name where it holds a process, which may be too short to be one.
+    fn complete_or_discard(&mut self, ended: bool) {
+        match self.open.take() {
+            Some(open) if !ended && open.until_ns.is_none() => {
+                drop(open.writer);
+                if let Some(kept) = broken_off(&self.folder.join(&open.name)) {
+                    // What stays is taken up at the next start.
+                    let _ = fs::remove_dir_all(kept);
+                }
+            }
+            others => {
+                self.open = others;
+                self.complete();
+            }
+        }
+    }
+
     /// Gives the bag in the making its name.
     fn complete(&mut self) {
         let Some(open) = self.open.take() else { return };
@@ -235,8 +252,8 @@ impl Sink for ProcessRecorder {
             self.leave_out(&error.to_string());
         }
         if self.time_ns.is_some() && monotonic_ns() - self.heard_ns > SILENCE_NS {
-            self.complete();
-            self.cutter = Cutter::default();
+            let ended = self.cutter.end().is_some();
+            self.complete_or_discard(ended);
             self.lately.clear();
             self.behind.clear();
             self.skips = false;
@@ -274,9 +291,153 @@ pub fn take_up(folder: &Path) -> Vec<String> {
             fs::remove_dir_all(&kept).map_err(|error| format!("cannot remove {}: {error}", kept.display()))
         });
         words.push(match outcome {
-            Ok(()) => format!("{name} was being recorded when the last watch ended; it is diagnosed as far as it was heard"),
+            Ok(()) => {
+                format!("{name} was being recorded when the last watch ended; it is diagnosed as far as it was heard")
+            }
             Err(reason) => format!("{name} was being recorded when the last watch ended, and is lost: {reason}"),
         });
     }
     words
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::{Hearing, ProcessRecorder, Sink, take_up, waiting};
+    use crate::bag::{
+        Interpolation, Qos, RawMessage, ReadOptions, Stream, Topics, Writer, WriterOptions, messages, read,
+    };
+    use crate::frame::Frame;
+    use crate::generate::{self, Scenario};
+    use crate::node::messages as wire;
+    use crate::recording::Process;
+    use crate::units::nanos_from_seconds;
+    use crate::watch::cut::{Cut, Cutter, Ended};
+
+    /// What is sent of a unit that begins at `from_s`, moves, and rests for a minute; the bag that holds all of it.
+    fn sent(folder: &Path, from_s: f64, process: Process) -> (Vec<RawMessage>, std::path::PathBuf) {
+        let unit = crate::params::reference();
+        let mut frames =
+            generate::recording(&Scenario { unit, process, rate_hz: 50.0, duration_s: 40.0, rich: false, seed: 4 })
+                .frames;
+        let (first, last) = (frames[0], *frames.last().unwrap());
+        let shift_ns = nanos_from_seconds(from_s) - first.time_ns;
+        let before = (1..=1000).rev().map(|i| Frame { time_ns: first.time_ns - 20_000_000 * i, ..first });
+        let after = (1..=3000).map(|i| Frame { time_ns: last.time_ns + 20_000_000 * i, ..last });
+        frames = before.chain(frames).chain(after).collect();
+        let bag = folder.join(format!("all_{from_s}"));
+        let mut writer = Writer::create(&bag, WriterOptions::default()).unwrap();
+        let topics = Topics::default();
+        let command = writer.topic(&topics.command, Qos::DEFAULT).unwrap();
+        let esv = writer.topic(&topics.esv, Qos::DEFAULT).unwrap();
+        let pressure = writer.topic(&topics.tank_pressure, Qos::DEFAULT).unwrap();
+        let state = writer.topic(&topics.servo_state, Qos::DEFAULT).unwrap();
+        for frame in &frames {
+            let time_ns = frame.time_ns + shift_ns;
+            writer.write(command, time_ns, &wire::command(&frame.inputs, time_ns)).unwrap();
+            writer.write(esv, time_ns, &wire::esv(&frame.inputs, time_ns)).unwrap();
+            writer.write(pressure, time_ns, &wire::tank_pressure(&frame.inputs, time_ns)).unwrap();
+            let signals = frame.measured;
+            let message = crate::msg::ServoState {
+                header: crate::msg::Header::at(time_ns),
+                spool_position: signals.spool_position_pu,
+                servomotor_position: signals.servomotor_position_pu,
+                pilot_valve_position: signals.pilot_valve_position_pu,
+                control_pressure: signals.control_pressure_pa,
+            };
+            writer.write(state, time_ns, &message).unwrap();
+        }
+        writer.finish().unwrap();
+        (messages(&bag).unwrap().map(Result::unwrap).collect(), bag)
+    }
+
+    fn options() -> ReadOptions {
+        ReadOptions {
+            interpolation: Interpolation::Sharp { period_ns: 1_000_000 },
+            required: vec![Stream::ServoState],
+            ..ReadOptions::default()
+        }
+    }
+
+    fn recorder(folder: &Path) -> ProcessRecorder {
+        let mut number = 0;
+        let name = move || {
+            number += 1;
+            format!("p{number}")
+        };
+        ProcessRecorder::new(folder, &options(), Box::new(name))
+    }
+
+    fn cuts(bag: &Path) -> Vec<Cut> {
+        let mut cutter = Cutter::default();
+        let frames = read(bag, &options()).unwrap().recording.frames;
+        let mut cuts: Vec<Cut> = frames.iter().filter_map(|frame| cutter.row(frame)).collect();
+        cuts.extend(cutter.end());
+        cuts
+    }
+
+    #[test]
+    fn each_process_gets_a_bag_that_gives_the_cut_of_the_whole_stream() {
+        let dir = tempfile::tempdir().unwrap();
+        let queue = dir.path().join("waiting");
+        let mut recorder = recorder(&queue);
+        let (mut expected, mut processes) = (vec![], vec![]);
+        for (from_s, process) in [(1.8e9, Process::LoadRejection), (1.8e9 + 3600.0, Process::Startup)] {
+            let (messages, bag) = sent(dir.path(), from_s, process);
+            for message in messages {
+                recorder.take(message).unwrap();
+            }
+            expected.extend(cuts(&bag));
+            processes.push(process);
+        }
+        assert_eq!(
+            (recorder.listening().hearing, recorder.in_the_making(), recorder.words()),
+            (Hearing::Rest, None, vec![])
+        );
+        let found: Vec<Cut> = waiting(&queue).iter().flat_map(|bag| cuts(bag)).collect();
+        assert!(found.iter().all(|cut| cut.ended == Ended::AtRest));
+        let ids = |cuts: &[Cut]| {
+            cuts.iter().map(|cut| (cut.recording.process, cut.recording.frames.len())).collect::<Vec<_>>()
+        };
+        assert_eq!(ids(&found), ids(&expected));
+        assert!(processes.iter().all(|process| found.iter().any(|cut| cut.recording.process == *process)));
+        let listening = recorder.listening();
+        assert_eq!((listening.processes, listening.left_out), (found.len() as u64, 0));
+        assert_eq!(listening.samples.map(|(_, refused)| refused), [0; 4]);
+    }
+
+    #[test]
+    fn a_process_in_the_making_survives_a_kill_and_one_that_is_too_short_leaves_nothing() {
+        let dir = tempfile::tempdir().unwrap();
+        let queue = dir.path().join("waiting");
+        let (messages, _) = sent(dir.path(), 1.8e9, Process::LoadRejection);
+        let mut killed = recorder(&queue);
+        let begins = messages.iter().position(|message| {
+            killed.take(message.clone()).unwrap();
+            killed.in_the_making().is_some()
+        });
+        let begins = begins.expect("the process begins");
+        messages[begins + 1..begins + 4000].iter().for_each(|message| killed.take(message.clone()).unwrap());
+        killed.second(0).unwrap();
+        drop(killed);
+        assert!(waiting(&queue).is_empty());
+        let words = take_up(&queue);
+        assert!(words.len() == 1 && words[0].contains("p1 was being recorded"), "{words:?}");
+        let cuts = cuts(&waiting(&queue)[0]);
+        assert_eq!((cuts.len(), cuts[0].ended, cuts[0].recording.process), (1, Ended::OfRows, Process::LoadRejection));
+        assert!(take_up(&queue).is_empty());
+
+        let other = dir.path().join("other");
+        let mut short = recorder(&other);
+        for message in &messages[..begins + 40] {
+            short.take(message.clone()).unwrap();
+        }
+        assert!(short.in_the_making().is_some());
+        // An hour later it all begins anew.
+        sent(dir.path(), 1.8e9 + 3600.0, Process::Startup).0[..100]
+            .iter()
+            .for_each(|message| short.take(message.clone()).unwrap());
+        assert_eq!((short.in_the_making(), std::fs::read_dir(&other).unwrap().count()), (None, 0));
+    }
 }

@@ -229,7 +229,9 @@ mod tests {
         assert_eq!(shown, [("/govtwin_watch: verdict", 1), ("/govtwin_watch: backlash.play_pu", 1)]);
         assert!(array.status.iter().all(|status| status.hardware_id == "unit3"));
         let value = |key: &str| array.status[1].values.iter().find(|one| one.key == key).unwrap().value.clone();
-        assert!(value("interval of nine in ten").contains(" to ") && value("limit of the sums [sd]").parse::<f64>().is_ok());
+        assert!(
+            value("interval of nine in ten").contains(" to ") && value("limit of the sums [sd]").parse::<f64>().is_ok()
+        );
     }
 
     #[test]

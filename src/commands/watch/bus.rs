@@ -140,9 +140,11 @@ pub fn listen(args: &Args, keeper: Keeper) -> anyhow::Result<Outcome> {
     let recorder = ProcessRecorder::new(&queue, &options, Box::new(name_of_now));
     let keep = args.bus.keep;
     let (from, to) = (queue.clone(), done);
-    let worker = Worker::begin(keeper, move |mut keeper, news| loop {
-        diagnose_waiting(&mut keeper, &options, [&from, &to], keep, news)?;
-        wait(SECOND);
+    let worker = Worker::begin(keeper, move |mut keeper, news| {
+        loop {
+            diagnose_waiting(&mut keeper, &options, [&from, &to], keep, news)?;
+            wait(SECOND);
+        }
     });
     let mut ears = Ears { recorder, herald, worker };
     let heard = hear(&mut bus, &selection, &mut ears, None, &stop, &mut |words| {
@@ -155,7 +157,9 @@ pub fn listen(args: &Args, keeper: Keeper) -> anyhow::Result<Outcome> {
     }
     let listening = ears.recorder.listening();
     if let Some(name) = ears.recorder.in_the_making() {
-        warn(&format!("a process is not over: {name} is kept, and diagnosed as far as it was heard after the next start"));
+        warn(&format!(
+            "a process is not over: {name} is kept, and diagnosed as far as it was heard after the next start"
+        ));
     }
     if listening.lost > 0 {
         warn(&format!("{} samples were lost on the way", listening.lost));
