@@ -67,21 +67,27 @@ pub struct Args {
 }
 
 const HELP: &str = "\
-Cuts start-ups, load changes, shutdowns and load rejections out of what is recorded, diagnoses each alone once nothing has moved for 25 s or its
-bag has ended, and enters verdict and sizes with intervals into the history. A fault that was named once is followed from then on, also in
-processes whose verdict does not name it. Its sizes go into a cumulative sum that weighs each by its interval; a warning says that the size has
-moved, from which process on, and how far. Each process is compared with those of its kind, and all kinds add to the sum. The limit is not set by hand: it follows from --between-false-alarms.
+Cuts start-ups, load changes, shutdowns and load rejections out of what is recorded or, with --bus, heard, diagnoses each alone once nothing has
+moved for 25 s or its bag has ended, and enters verdict and sizes with intervals into the history. A fault that was named once is followed from then on, also in
+processes whose verdict does not name it. Each size is ranked, by its distance over its interval, among those of the same kind of process; ranks of
+all kinds go into a cumulative sum, and a warning says that the size has moved, from which process on, and how far. The limit is not set by hand: it
+follows from --between-false-alarms.
 
 The history is whole at any moment: stop and start as you like. What is in it is known by the digest of its rows, so that nothing is
 entered twice, also where a bag was copied, renamed, or read while it grew. `govtwin record` into a watched folder is followed while it records.
 
+With --bus a process is recorded into a bag of its own, which waits in OUT/waiting until it is diagnosed while listening goes on. What was being
+recorded when the watch ended is diagnosed as far as it was heard after the next start.
+
 Examples:
+  govtwin watch --bus --params unit3.yaml --ros-args -r __ns:=/unit3
   govtwin watch /data/unit3 --params unit3.yaml
+  govtwin watch /data/unit3 --params unit3.yaml --publish
   govtwin watch /data/unit3 --once || mail -s 'unit 3' operator < watch/unit3/watch.json
   govtwin watch /data/unit3 --json | jq -c 'select(.warnings != [])'
 
 Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 (with --once) a size has moved, or something could not be read. Without --once it goes on until it is
-stopped.";
+stopped; with --bus 3 then says that samples or processes were lost.";
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
@@ -95,6 +101,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             path.display()
         );
     }
+    #[cfg(feature = "node")]
+    args.bus.check()?;
     let mut keeper = keeper(args)?;
     #[cfg(feature = "node")]
     if args.bus.bus {

@@ -33,20 +33,27 @@ const SECOND: Duration = Duration::from_secs(1);
 #[derive(Debug, clap::Args)]
 pub struct BusArgs {
     /// Listen on DDS instead of following bags: processes are recorded into OUT/waiting, a bag each, and diagnosed while listening goes on.
-    #[arg(long, conflicts_with_all = ["paths", "once", "settled", "every", "publish"])]
+    #[arg(long, group = "told", conflicts_with_all = ["paths", "once", "settled", "every"])]
     pub bus: bool,
     /// Publish verdict and sizes on `~/verdict` and `/diagnostics` while bags are followed; a watch on the bus always does.
-    #[arg(long, conflicts_with = "once")]
+    #[arg(long, group = "told", conflicts_with = "once")]
     pub publish: bool,
     /// Recordings of diagnosed processes that stay in OUT/processes, the newest (with --bus).
     #[arg(long, value_name = "N", default_value_t = 500, requires = "bus")]
     keep: usize,
     /// Peers drop a node that they did not hear for so long (with --bus or --publish).
-    #[arg(long = "lease", value_name = "S", default_value_t = 10.0)]
+    #[arg(long = "lease", value_name = "S", default_value_t = 10.0, requires = "told")]
     lease_s: f64,
     /// What every ROS 2 program takes, with --bus or --publish: `-r FROM:=TO`, `-r __ns:=/NAME`, `-r __node:=NAME`.
-    #[arg(long = "ros-args", num_args = 0.., allow_hyphen_values = true, value_terminator = "--", value_name = "ARGS")]
+    #[arg(long = "ros-args", requires = "told", num_args = 0.., allow_hyphen_values = true, value_terminator = "--", value_name = "ARGS")]
     ros: Vec<String>,
+}
+
+impl BusArgs {
+    /// Refuses what cannot be before anything is made.
+    pub fn check(&self) -> anyhow::Result<()> {
+        environment(self.lease_s).map(|_| ())
+    }
 }
 
 /// What diagnoses beside, and what it has to say.
