@@ -2,8 +2,8 @@
 
 #[cfg(feature = "node")]
 mod bus;
+mod chronicle;
 mod follow;
-mod keeper;
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -18,8 +18,8 @@ use super::bags::TopicArgs;
 use super::output::{Output, print, warn};
 use super::provenance;
 use crate::commands::{Outcome, expect, usage};
+use chronicle::Chronicle;
 use follow::Follower;
-use keeper::Keeper;
 
 /// The history, the page, and the state for machines.
 const NAMES: [&str; 3] = ["history.jsonl", "watch.html", "watch.json"];
@@ -103,55 +103,55 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     #[cfg(feature = "node")]
     args.bus.check()?;
-    let mut keeper = keeper(args)?;
+    let mut chronicle = chronicle(args)?;
     #[cfg(feature = "node")]
     if args.bus.bus {
-        return bus::listen(args, keeper);
+        return bus::listen(args, chronicle);
     }
-    let options = follow::options(args.topics.topics(), &keeper.unit);
+    let options = follow::options(args.topics.topics(), &chronicle.unit);
     let mut follower = Follower::new(&args.paths, options, args.settled);
     #[cfg(feature = "node")]
     if args.bus.publish {
-        return bus::publish(args, keeper, follower);
+        return bus::publish(args, chronicle, follower);
     }
     loop {
-        look(&mut follower, &mut keeper, args.once, &mut |_| ())?;
+        look(&mut follower, &mut chronicle, args.once, &mut |_| ())?;
         if args.once {
             break;
         }
         wait(Duration::from_secs(args.every));
     }
-    keeper.place()?;
-    let courses = keeper.courses();
+    chronicle.place()?;
+    let courses = chronicle.courses();
     let moved = courses.iter().any(|course| course.warning().is_some());
     if !args.json {
-        print(&keeper.closing(&courses))?;
+        print(&chronicle.closing(&courses))?;
     }
-    Ok(if moved || keeper.warned { Outcome::Warnings } else { Outcome::Ok })
+    Ok(if moved || chronicle.warned { Outcome::Warnings } else { Outcome::Ok })
 }
 
 /// Looks once; `entered` hears of each process that was entered.
 fn look(
     follower: &mut Follower,
-    keeper: &mut Keeper,
+    chronicle: &mut Chronicle,
     only_look: bool,
-    entered: &mut dyn FnMut(&Keeper),
+    entered: &mut dyn FnMut(&Chronicle),
 ) -> anyhow::Result<()> {
     let troubles = follower.look(only_look, &mut |bag, cut| {
-        if keeper.take(bag, cut)? {
-            entered(keeper);
+        if chronicle.take(bag, cut)? {
+            entered(chronicle);
         }
         Ok(())
     })?;
     for trouble in troubles {
         warn(&trouble);
-        keeper.warned = true;
+        chronicle.warned = true;
     }
     Ok(())
 }
 
 /// Claims the folder of the history and reads what is in it.
-fn keeper(args: &Args) -> anyhow::Result<Keeper> {
+fn chronicle(args: &Args) -> anyhow::Result<Chronicle> {
     let unit = match &args.params {
         Some(path) => params::load(path)?,
         None => params::reference(),
@@ -177,7 +177,7 @@ fn keeper(args: &Args) -> anyhow::Result<Keeper> {
     if torn {
         warn(&format!("{}: the last line was broken off; its process is diagnosed anew", history.display()));
     }
-    Ok(Keeper {
+    Ok(Chronicle {
         unit,
         name,
         out,

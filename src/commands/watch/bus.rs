@@ -11,20 +11,27 @@ use govtwin::bag::{BagError, RawMessage, ReadOptions, Stream, Topics};
 use govtwin::msg::{EsvState, FluidPressure, GovernorCommand, Interface, ServoState, UnitVerdict};
 use govtwin::node::arguments::Arguments;
 use govtwin::node::bus::Bus;
+use govtwin::node::environment::Environment;
 use govtwin::node::process_recorder::{ProcessRecorder, take_up, waiting};
 use govtwin::node::realtime::wall_ns;
 use govtwin::node::recorder::{Selection, Sink, hear};
 use govtwin::node::verdict::{Herald, verdict};
 
+use super::chronicle::Chronicle;
 use super::follow::{self, Follower};
-use super::keeper::Keeper;
 use super::{Args, look, wait};
-use crate::commands::Outcome;
 use crate::commands::output::{say, warn};
 use crate::commands::run::{environment, stop_on_signals};
+use crate::commands::{Outcome, expect};
 
 /// Recordings of processes that wait to be diagnosed, and those that were.
 const FOLDERS: [&str; 2] = ["waiting", "processes"];
+
+/// Recordings of diagnosed processes that stay.
+const KEPT: usize = 500;
+
+/// Peers drop a node that they did not hear for so long, s.
+const LEASE_S: f64 = 10.0;
 
 /// Time between two looks at what waits, and between two reports.
 const SECOND: Duration = Duration::from_secs(1);
@@ -33,26 +40,36 @@ const SECOND: Duration = Duration::from_secs(1);
 #[derive(Debug, clap::Args)]
 pub struct BusArgs {
     /// Listen on DDS instead of following bags: processes are recorded into OUT/waiting, a bag each, and diagnosed while listening goes on.
-    #[arg(long, group = "told", conflicts_with_all = ["paths", "once", "settled", "every"])]
+    #[arg(long, conflicts_with_all = ["paths", "once", "settled", "every", "publish"])]
     pub bus: bool,
     /// Publish verdict and sizes on `~/verdict` and `/diagnostics` while bags are followed; a watch on the bus always does.
-    #[arg(long, group = "told", conflicts_with = "once")]
+    #[arg(long, conflicts_with = "once")]
     pub publish: bool,
-    /// Recordings of diagnosed processes that stay in OUT/processes, the newest (with --bus).
-    #[arg(long, value_name = "N", default_value_t = 500, requires = "bus")]
-    keep: usize,
-    /// Peers drop a node that they did not hear for so long (with --bus or --publish).
-    #[arg(long = "lease", value_name = "S", default_value_t = 10.0, requires = "told")]
-    lease_s: f64,
+    /// Recordings of diagnosed processes that stay in OUT/processes, the newest, with --bus [default: 500].
+    #[arg(long, value_name = "N")]
+    keep: Option<usize>,
+    /// Peers drop a node that they did not hear for so long, with --bus or --publish [default: 10].
+    #[arg(long = "lease", value_name = "S")]
+    lease_s: Option<f64>,
     /// What every ROS 2 program takes, with --bus or --publish: `-r FROM:=TO`, `-r __ns:=/NAME`, `-r __node:=NAME`.
-    #[arg(long = "ros-args", requires = "told", num_args = 0.., allow_hyphen_values = true, value_terminator = "--", value_name = "ARGS")]
+    #[arg(long = "ros-args", num_args = 0.., allow_hyphen_values = true, value_terminator = "--", value_name = "ARGS")]
     ros: Vec<String>,
 }
 
 impl BusArgs {
     /// Refuses what cannot be before anything is made.
     pub fn check(&self) -> anyhow::Result<()> {
-        environment(self.lease_s).map(|_| ())
+        let is_node = self.bus || self.publish;
+        // clap requires nothing that conflicts with what is there.
+        expect(self.bus || self.keep.is_none(), || "--keep is for a watch with --bus".to_owned())?;
+        expect(is_node || (self.lease_s.is_none() && self.ros.is_empty()), || {
+            "--lease and --ros-args are for a watch with --bus or --publish".to_owned()
+        })?;
+        if is_node { self.environment().map(|_| ()) } else { Ok(()) }
+    }
+
+    fn environment(&self) -> anyhow::Result<Environment> {
+        environment(self.lease_s.unwrap_or(LEASE_S))
     }
 }
 
@@ -65,12 +82,12 @@ struct Worker {
 impl Worker {
     /// Begins to work with the history as it is.
     fn begin(
-        keeper: Keeper,
-        work: impl FnOnce(Keeper, &Sender<UnitVerdict>) -> anyhow::Result<()> + Send + 'static,
+        chronicle: Chronicle,
+        work: impl FnOnce(Chronicle, &Sender<UnitVerdict>) -> anyhow::Result<()> + Send + 'static,
     ) -> Self {
         let (news, verdicts) = channel();
-        tell(&keeper, &news);
-        let thread = std::thread::spawn(move || work(keeper, &news));
+        tell(&chronicle, &news);
+        let thread = std::thread::spawn(move || work(chronicle, &news));
         Self { thread, verdicts }
     }
 
@@ -85,14 +102,14 @@ impl Worker {
 }
 
 /// Tells what the history shows now; at the end of the program there may be nobody to tell.
-fn tell(keeper: &Keeper, news: &Sender<UnitVerdict>) {
-    if let Some(verdict) = verdict(&keeper.name, &keeper.entries, &keeper.courses()) {
+fn tell(chronicle: &Chronicle, news: &Sender<UnitVerdict>) {
+    if let Some(verdict) = verdict(&chronicle.name, &chronicle.entries, &chronicle.courses()) {
         let _ = news.send(verdict);
     }
 }
 
 fn open(args: &BusArgs) -> anyhow::Result<(Bus, u16)> {
-    let environment = environment(args.lease_s)?;
+    let environment = args.environment()?;
     for remark in &environment.remarks {
         warn(remark);
     }
@@ -108,15 +125,15 @@ fn remark(bus: &Bus) {
 }
 
 /// Follows bags, and publishes what they show.
-pub fn publish(args: &Args, keeper: Keeper, mut follower: Follower) -> anyhow::Result<Outcome> {
+pub fn publish(args: &Args, chronicle: Chronicle, mut follower: Follower) -> anyhow::Result<Outcome> {
     let stop = stop_on_signals()?;
     let (mut bus, _) = open(&args.bus)?;
-    let mut herald = Herald::open(&mut bus, &keeper.name)?;
+    let mut herald = Herald::open(&mut bus, &chronicle.name)?;
     remark(&bus);
     let every = Duration::from_secs(args.every);
-    let worker = Worker::begin(keeper, move |mut keeper, news| {
+    let worker = Worker::begin(chronicle, move |mut chronicle, news| {
         loop {
-            look(&mut follower, &mut keeper, false, &mut |keeper| tell(keeper, news))?;
+            look(&mut follower, &mut chronicle, false, &mut |chronicle| tell(chronicle, news))?;
             wait(every);
         }
     });
@@ -130,31 +147,31 @@ pub fn publish(args: &Args, keeper: Keeper, mut follower: Follower) -> anyhow::R
 }
 
 /// Listens to a unit, and diagnoses each process when it has ended.
-pub fn listen(args: &Args, keeper: Keeper) -> anyhow::Result<Outcome> {
+pub fn listen(args: &Args, chronicle: Chronicle) -> anyhow::Result<Outcome> {
     let stop = stop_on_signals()?;
-    let [queue, done] = FOLDERS.map(|name| keeper.out.join(name));
+    let [queue, done] = FOLDERS.map(|name| chronicle.out.join(name));
     std::fs::create_dir_all(&queue).with_context(|| format!("cannot make {}", queue.display()))?;
-    if keeper.warned {
-        put_back(&keeper, &done, &queue)?;
+    if chronicle.warned {
+        put_back(&chronicle, &done, &queue)?;
     }
     for words in take_up(&queue) {
         warn(&words);
     }
     let (mut bus, domain) = open(&args.bus)?;
     let (selection, topics) = selection(&bus, args)?;
-    let options = follow::options(topics, &keeper.unit);
-    let herald = Herald::open(&mut bus, &keeper.name)?;
+    let options = follow::options(topics, &chronicle.unit);
+    let herald = Herald::open(&mut bus, &chronicle.name)?;
     let recorder = ProcessRecorder::new(&queue, &options, Box::new(name_of_now));
-    let keep = args.bus.keep;
+    let keep = args.bus.keep.unwrap_or(KEPT);
     let (from, to) = (queue.clone(), done);
-    let worker = Worker::begin(keeper, move |mut keeper, news| {
+    let worker = Worker::begin(chronicle, move |mut chronicle, news| {
         loop {
-            diagnose_waiting(&mut keeper, &options, [&from, &to], keep, news)?;
+            diagnose_waiting(&mut chronicle, &options, [&from, &to], keep, news)?;
             wait(SECOND);
         }
     });
-    let mut ears = Ears { recorder, herald, worker };
-    let heard = hear(&mut bus, &selection, &mut ears, None, &stop, &mut |words| {
+    let mut listener = Listener { recorder, herald, worker };
+    let heard = hear(&mut bus, &selection, &mut listener, None, &stop, &mut |words| {
         say(if words == "recording" { "listening" } else { words });
     });
     remark(&bus);
@@ -162,8 +179,8 @@ pub fn listen(args: &Args, keeper: Keeper) -> anyhow::Result<Outcome> {
     for words in recorded.silence(domain) {
         warn(&words);
     }
-    let listening = ears.recorder.listening();
-    if let Some(name) = ears.recorder.in_the_making() {
+    let listening = listener.recorder.listening();
+    if let Some(name) = listener.recorder.in_the_making() {
         warn(&format!(
             "a process is not over: {name} is kept, and diagnosed as far as it was heard after the next start"
         ));
@@ -171,18 +188,18 @@ pub fn listen(args: &Args, keeper: Keeper) -> anyhow::Result<Outcome> {
     if listening.lost > 0 {
         warn(&format!("{} samples were lost on the way", listening.lost));
     }
-    ears.worker.end()?;
+    listener.worker.end()?;
     Ok(if listening.left_out > 0 || listening.lost > 0 { Outcome::Warnings } else { Outcome::Ok })
 }
 
 /// Hands on what is heard, and once a second what is to be said.
-struct Ears {
+struct Listener {
     recorder: ProcessRecorder,
     herald: Herald,
     worker: Worker,
 }
 
-impl Sink for Ears {
+impl Sink for Listener {
     fn take(&mut self, message: RawMessage) -> Result<(), BagError> {
         self.recorder.take(message)
     }
@@ -224,7 +241,7 @@ fn name_of_now() -> String {
 
 /// Diagnoses the recordings that wait, and files them away one by one.
 fn diagnose_waiting(
-    keeper: &mut Keeper,
+    chronicle: &mut Chronicle,
     options: &ReadOptions,
     [queue, done]: [&Path; 2],
     keep: usize,
@@ -232,7 +249,7 @@ fn diagnose_waiting(
 ) -> anyhow::Result<()> {
     for bag in waiting(queue) {
         let mut follower = Follower::new(std::slice::from_ref(&bag), options.clone(), 0);
-        look(&mut follower, keeper, true, &mut |keeper| tell(keeper, news))?;
+        look(&mut follower, chronicle, true, &mut |chronicle| tell(chronicle, news))?;
         move_into(&bag, done)?;
         let kept = waiting(done);
         for old in &kept[..kept.len().saturating_sub(keep)] {
@@ -249,10 +266,10 @@ fn move_into(bag: &Path, folder: &Path) -> anyhow::Result<()> {
 }
 
 /// Recordings whose line of the history was broken off wait again.
-fn put_back(keeper: &Keeper, done: &Path, queue: &Path) -> anyhow::Result<()> {
+fn put_back(chronicle: &Chronicle, done: &Path, queue: &Path) -> anyhow::Result<()> {
     let entered = |bag: &PathBuf| {
         let name = bag.file_name().unwrap_or_default().to_string_lossy();
-        keeper.entries.iter().any(|entry| entry.bag == name)
+        chronicle.entries.iter().any(|entry| entry.bag == name)
     };
     waiting(done).iter().filter(|bag| !entered(bag)).try_for_each(|bag| move_into(bag, queue))
 }

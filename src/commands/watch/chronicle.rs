@@ -1,4 +1,4 @@
-//! The keeper of a history: diagnoses each process once, enters it, and writes history, page and state.
+//! The chronicle of a unit: diagnoses each process once, enters it, and writes history, page and state.
 
 use std::path::PathBuf;
 
@@ -15,7 +15,7 @@ use crate::commands::output::{Output, Progress, print, warn};
 use crate::commands::provenance::{self, PROGRAM};
 
 /// Keeps the history of one unit.
-pub struct Keeper {
+pub struct Chronicle {
     /// The unit's data sheet.
     pub unit: Unit,
     /// What it is called.
@@ -38,7 +38,7 @@ pub struct Keeper {
     pub _claim: Output,
 }
 
-impl Keeper {
+impl Chronicle {
     /// The courses of all sizes.
     pub fn courses(&self) -> Vec<Course> {
         history::courses(&self.entries, self.between_false_alarms)
