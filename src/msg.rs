@@ -42,6 +42,7 @@ stamped! {
     EsvState = "governor_msgs/msg/EsvState",
     ServoState = "governor_msgs/msg/ServoState",
     TwinStatus = "governor_msgs/msg/TwinStatus",
+    UnitVerdict = "governor_msgs/msg/UnitVerdict",
     FluidPressure = "sensor_msgs/msg/FluidPressure",
     JointState = "sensor_msgs/msg/JointState",
 }
@@ -166,6 +167,60 @@ pub struct TwinStatus {
     pub command_clamped: bool,
     /// Whether a learned correction is loaded and not applied.
     pub residual_off: bool,
+}
+
+/// `governor_msgs/msg/FaultSize`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FaultSize {
+    /// When the process began.
+    pub stamp: Time,
+    /// Its kind.
+    pub process: String,
+    /// The fault.
+    pub effect: String,
+    /// Its parameter.
+    pub parameter: String,
+    /// Unit of value, interval and mean.
+    pub unit: String,
+    /// Estimate.
+    pub value: f64,
+    /// Lower end of its interval of nine in ten.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+    /// Whether the verdict names the fault.
+    pub named: bool,
+    /// Mean of the estimates before, of the same kind of process.
+    pub mean_before: f64,
+    /// Cumulative sum for growth, standard deviations.
+    pub growth: f64,
+    /// Cumulative sum for shrinkage, standard deviations.
+    pub shrinkage: f64,
+    /// The sums at which the size counts as moved, standard deviations.
+    pub limit: f64,
+    /// Whether it has moved.
+    pub moved: bool,
+}
+
+/// `governor_msgs/msg/UnitVerdict`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct UnitVerdict {
+    /// When the process began, and the unit's name.
+    pub header: Header,
+    /// Its kind.
+    pub process: String,
+    /// Its length, s.
+    pub duration: f64,
+    /// The verdict's word.
+    pub verdict: String,
+    /// Share of the gap that the named faults close; NaN where there is none.
+    pub closure: f64,
+    /// Every size that the history follows.
+    pub sizes: Vec<FaultSize>,
+    /// What has moved, in sentences.
+    pub warnings: Vec<String>,
+    /// Processes in the history.
+    pub processes: u32,
 }
 
 /// `sensor_msgs/msg/FluidPressure`.

@@ -35,6 +35,7 @@ mod offer;
 pub mod parameters;
 pub mod player;
 pub mod policy;
+pub mod process_recorder;
 pub mod publishers;
 pub mod qos;
 pub mod realtime;
@@ -47,6 +48,7 @@ pub mod startup;
 pub mod stats;
 mod tap;
 pub mod transport;
+pub mod verdict;
 pub mod words;
 
 #[cfg(not(target_os = "linux"))]

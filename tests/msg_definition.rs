@@ -10,7 +10,7 @@ use govtwin::msg::simulation::{
 use govtwin::msg::type_hash::{hash_of, type_hash};
 use govtwin::msg::upkeep::{GetLoggerLevels, GetTypeDescription, SetLoggerLevels};
 use govtwin::msg::{
-    EsvState, FluidPressure, GovernorCommand, Header, Interface, JointState, ServoState, Time, TwinStatus,
+    EsvState, FluidPressure, GovernorCommand, Header, Interface, JointState, ServoState, Time, TwinStatus, UnitVerdict,
 };
 use serde::de::{DeserializeOwned, DeserializeSeed, Deserializer, SeqAccess, Visitor};
 
@@ -169,6 +169,7 @@ fn structs_equal_their_definitions_in_order_type_and_name() {
     check::<EsvState>();
     check::<ServoState>();
     check::<TwinStatus>();
+    check::<UnitVerdict>();
     check_service::<Trigger>();
     check_service::<GetSimulatorFeatures>();
     check_service::<GetSimulationState>();

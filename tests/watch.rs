@@ -198,3 +198,26 @@ fn slips_have_their_exit_codes_and_ways_out() {
         assert!(run.stderr.contains(words), "{arguments:?}: {}", run.stderr);
     }
 }
+
+#[cfg(feature = "node")]
+#[test]
+fn what_listens_follows_no_bags_and_what_does_nothing_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = dir.path();
+    fs::create_dir_all(folder.join("unit")).unwrap();
+    for (arguments, words) in [
+        (&["watch", "unit", "--bus"][..], "cannot be used with"),
+        (&["watch", "--bus", "--once"], "cannot be used with"),
+        (&["watch", "--bus", "--every", "3"], "cannot be used with"),
+        (&["watch", "--bus", "--publish"], "cannot be used with"),
+        (&["watch", "unit", "--publish", "--once"], "cannot be used with"),
+        (&["watch", "unit", "--keep", "3"], "--bus"),
+        (&["watch", "unit", "--once", "--ros-args", "-r", "__ns:=/unit3"], "--publish"),
+        (&["watch", "--bus", "--lease", "0"], "expected 1 to 3600 s"),
+    ] {
+        let run = govtwin(folder, arguments);
+        assert_eq!(run.code, 2, "{arguments:?}: {}", run.stderr);
+        assert!(run.stderr.contains(words), "{arguments:?}: {}", run.stderr);
+    }
+    assert!(!folder.join("watch/unit/history.jsonl").exists());
+}

@@ -140,3 +140,84 @@ fn a_month_without_growth() {
         );
     }
 }
+
+/// What scatters about a size where nothing moves, in standard deviations that the interval states.
+#[derive(Clone, Copy, Debug)]
+enum Scatter {
+    /// Normal numbers.
+    Normal,
+    /// Nine in ten are a tenth as far as the others.
+    TwoWidths,
+    /// Student's distribution with two degrees of freedom: no variance.
+    Student2,
+    /// Normal numbers that end at a bound near their middle.
+    Bound,
+    /// Exponential numbers.
+    Skew,
+}
+
+/// Estimates of a size of 5 in four groups in turn, which differ in level and scatter, moved by `shift` of a deviation from `moved` on.
+fn scattered(scatter: Scatter, seed: u64, count: usize, moved: usize, shift: f64) -> Vec<Estimate> {
+    use rand::RngExt as _;
+    use rand_distr::{Distribution as _, Exp1, StandardNormal, StudentT};
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+    let student = StudentT::new(2.0).unwrap();
+    let of = |i: usize| {
+        let group = i % 4;
+        let sd = (1.0 + group as f64) * random.random_range(0.5..2.0);
+        let normal: f64 = StandardNormal.sample(&mut random);
+        let number = match scatter {
+            Scatter::Normal => normal,
+            Scatter::TwoWidths => normal * if random.random_bool(0.1) { 10.0 } else { 1.0 },
+            Scatter::Student2 => student.sample(&mut random),
+            Scatter::Bound => normal.max(-0.2),
+            Scatter::Skew => {
+                let number: f64 = Exp1.sample(&mut random);
+                number
+            }
+        };
+        let shift = if i >= moved { shift } else { 0.0 };
+        let size = 5.0 + group as f64 + sd * (number + shift);
+        Estimate { size, low: size - 1.645 * sd, high: size + 1.645 * sd, group }
+    };
+    (0..count).map(of).collect()
+}
+
+#[test]
+#[ignore = "charts 10,000 courses: minutes of a free processor"]
+fn false_alarms_and_delays_whatever_the_scatter() {
+    use rayon::prelude::{IntoParallelIterator as _, ParallelIterator as _};
+    const MONTHS: usize = 600;
+    for scatter in [Scatter::Normal, Scatter::TwoWidths, Scatter::Student2, Scatter::Bound, Scatter::Skew] {
+        let alarms = |length: usize| {
+            let first = |seed: u64| {
+                chart(&scattered(scatter, seed, length, length, 0.0), BETWEEN).iter().position(|one| one.alarm)
+            };
+            (0..MONTHS as u64).into_par_iter().filter_map(first).collect::<Vec<usize>>()
+        };
+        let long = alarms(4000);
+        // Of a course that lasts T on average: alarms over the estimates that were charted until then.
+        let charted = |alarms: &[usize], length: usize| alarms.iter().sum::<usize>() + (MONTHS - alarms.len()) * length;
+        let month = alarms(MONTH);
+        let rate = |alarms: &[usize], length| charted(alarms, length) as f64 / alarms.len().max(1) as f64;
+        let delays: Vec<String> = [1.0, 2.0, 3.0]
+            .map(|shift| {
+                let mut behind: Vec<usize> = (0..MONTHS as u64)
+                    .into_par_iter()
+                    .map(|seed| {
+                        let points = chart(&scattered(scatter, seed, 200, 40, shift), BETWEEN);
+                        points[40..].iter().position(|one| one.alarm).map_or(999, |at| at + 1)
+                    })
+                    .collect();
+                behind.sort_unstable();
+                behind[MONTHS / 2].to_string()
+            })
+            .to_vec();
+        println!(
+            "{scatter:?}: one false alarm in {:.0} estimates; in the first {MONTH} one in {:.0}; a jump by 1, 2, 3 deviations after 40 estimates is seen by the {} th behind it",
+            rate(&long, 4000),
+            rate(&month, MONTH),
+            delays.join(", "),
+        );
+    }
+}

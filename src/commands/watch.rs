@@ -1,5 +1,8 @@
-//! `govtwin watch`: follow the bags of a unit, diagnose each process when it has ended, and say when a fault has grown.
+//! `govtwin watch`: follow the bags of a unit or listen to it, diagnose each process when it has ended, and say when a fault has grown.
 
+#[cfg(feature = "node")]
+mod bus;
+mod chronicle;
 mod follow;
 
 use std::path::PathBuf;
@@ -7,18 +10,15 @@ use std::time::Duration;
 
 use anyhow::{Context, bail};
 use clap::builder::RangedU64ValueParser;
-use govtwin::diagnosis::{Settings, diagnose};
-use govtwin::parameters::Unit;
+use govtwin::diagnosis::Settings;
 use govtwin::params;
-use govtwin::report::table::quantity;
-use govtwin::watch::cut::{Cut, Ended};
-use govtwin::watch::history::{self, Course, Entry, SCHEMA};
-use govtwin::watch::page::{Watched, page};
+use govtwin::watch::history;
 
 use super::bags::TopicArgs;
-use super::output::{Output, Progress, print, warn};
-use super::provenance::{self, PROGRAM};
+use super::output::{Output, print, warn};
+use super::provenance;
 use crate::commands::{Outcome, expect, number, usage};
+use chronicle::Chronicle;
 use follow::Follower;
 
 /// The history, the page, and the state for machines.
@@ -32,8 +32,12 @@ const LARGEST_BYTES: u64 = 1 << 28;
 #[command(after_long_help = HELP)]
 pub struct Args {
     /// What one unit records: folders in which bags appear, and bags, which may still grow.
-    #[arg(value_name = "FOLDER|BAG", required = true)]
+    #[cfg_attr(feature = "node", arg(value_name = "FOLDER|BAG", required_unless_present = "bus"))]
+    #[cfg_attr(not(feature = "node"), arg(value_name = "FOLDER|BAG", required = true))]
     paths: Vec<PathBuf>,
+    #[cfg(feature = "node")]
+    #[command(flatten)]
+    bus: bus::BusArgs,
     #[command(flatten)]
     topics: TopicArgs,
     /// The unit's data sheet; without it the shipped reference unit.
@@ -63,32 +67,27 @@ pub struct Args {
 }
 
 const HELP: &str = "\
-Cuts start-ups, load changes, shutdowns and load rejections out of what is recorded, diagnoses each alone once nothing has moved for 25 s or its
-bag has ended, and enters verdict and sizes with intervals into the history. A fault that was named once is followed from then on, also in
-processes whose verdict does not name it. Its sizes go into a cumulative sum that weighs each by its interval; a warning says that the size has
-moved, from which process on, and how far. Each process is compared with those of its kind, and all kinds add to the sum. The limit is not set by hand: it follows from --between-false-alarms.
+Cuts start-ups, load changes, shutdowns and load rejections out of what is recorded or, with --bus, heard, diagnoses each alone once nothing has
+moved for 25 s or its bag has ended, and enters verdict and sizes with intervals into the history. A fault that was named once is followed from then on, also in
+processes whose verdict does not name it. Each size is ranked, by its distance over its interval, among those of the same kind of process; ranks of
+all kinds go into a cumulative sum, and a warning says that the size has moved, from which process on, and how far. The limit is not set by hand: it
+follows from --between-false-alarms.
 
 The history is whole at any moment: stop and start as you like. What is in it is known by the digest of its rows, so that nothing is
 entered twice, also where a bag was copied, renamed, or read while it grew. `govtwin record` into a watched folder is followed while it records.
 
+With --bus a process is recorded into a bag of its own, which waits in OUT/waiting until it is diagnosed while listening goes on. What was being
+recorded when the watch ended is diagnosed as far as it was heard after the next start.
+
 Examples:
+  govtwin watch --bus --params unit3.yaml --ros-args -r __ns:=/unit3
   govtwin watch /data/unit3 --params unit3.yaml
+  govtwin watch /data/unit3 --params unit3.yaml --publish
   govtwin watch /data/unit3 --once || mail -s 'unit 3' operator < watch/unit3/watch.json
   govtwin watch /data/unit3 --json | jq -c 'select(.warnings != [])'
 
 Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 (with --once) a size has moved, or something could not be read. Without --once it goes on until it is
-stopped.";
-
-/// What is being watched.
-struct Watch<'a> {
-    args: &'a Args,
-    unit: Unit,
-    name: String,
-    out: PathBuf,
-    settings: Settings,
-    entries: Vec<Entry>,
-    warned: bool,
-}
+stopped; with --bus 3 then says that samples or processes were lost.";
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
@@ -96,19 +95,76 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     expect((10.0..=1e6).contains(&between), || {
         format!("--between-false-alarms: expected 10 to 1000000 processes, found {between}")
     })?;
-    let unit = match &args.params {
-        Some(path) => params::load(path)?,
-        None => params::reference(),
-    };
-    let name = provenance::unit_of(&args.paths);
-    let out = args.out.clone().unwrap_or_else(|| PathBuf::from("watch").join(&name));
     if let Some(path) = args.paths.iter().find(|path| !follow::may_come(path)) {
         bail!(
             "{}: expected a folder, a bag, or a place where one is being recorded; found nothing there",
             path.display()
         );
     }
-    let output = Output::claim(&out, &NAMES)?;
+    #[cfg(feature = "node")]
+    args.bus.check()?;
+    let mut chronicle = chronicle(args)?;
+    #[cfg(feature = "node")]
+    if args.bus.bus {
+        return bus::listen(args, chronicle);
+    }
+    let options = follow::options(args.topics.topics(), &chronicle.unit);
+    let mut follower = Follower::new(&args.paths, options, args.settled);
+    #[cfg(feature = "node")]
+    if args.bus.publish {
+        return bus::publish(args, chronicle, follower);
+    }
+    loop {
+        look(&mut follower, &mut chronicle, args.once, &mut |_| ())?;
+        if args.once {
+            break;
+        }
+        wait(Duration::from_secs(args.every));
+    }
+    chronicle.place()?;
+    let courses = chronicle.courses();
+    let moved = courses.iter().any(|course| course.warning().is_some());
+    if !args.json {
+        print(&chronicle.closing(&courses))?;
+    }
+    Ok(if moved || chronicle.warned { Outcome::Warnings } else { Outcome::Ok })
+}
+
+/// Looks once; `entered` hears of each process that was entered.
+fn look(
+    follower: &mut Follower,
+    chronicle: &mut Chronicle,
+    only_look: bool,
+    entered: &mut dyn FnMut(&Chronicle),
+) -> anyhow::Result<()> {
+    let troubles = follower.look(only_look, &mut |bag, cut| {
+        if chronicle.take(bag, cut)? {
+            entered(chronicle);
+        }
+        Ok(())
+    })?;
+    for trouble in troubles {
+        warn(&trouble);
+        chronicle.warned = true;
+    }
+    Ok(())
+}
+
+/// Claims the folder of the history and reads what is in it.
+fn chronicle(args: &Args) -> anyhow::Result<Chronicle> {
+    let unit = match &args.params {
+        Some(path) => params::load(path)?,
+        None => params::reference(),
+    };
+    // Who listens has no folder of recordings: the unit is called by its folder or its sheet.
+    let instead: Vec<PathBuf> = args.out.iter().chain(&args.params).take(1).cloned().collect();
+    let name = match if args.paths.is_empty() { &instead } else { &args.paths } {
+        none if none.is_empty() => "unit".to_owned(),
+        some => provenance::unit_of(some),
+    };
+    let out = args.out.clone().unwrap_or_else(|| PathBuf::from("watch").join(&name));
+    let settings = settings(&args.only)?;
+    let claim = Output::claim(&out, &NAMES)?;
     let history = out.join(NAMES[0]);
     let text = if history.is_file() {
         govtwin::files::read_text(&history, LARGEST_BYTES)
@@ -121,33 +177,23 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     if torn {
         warn(&format!("{}: the last line was broken off; its process is diagnosed anew", history.display()));
     }
-    let mut watch = Watch { args, unit, name, out, settings: settings(&args.only)?, entries, warned: torn };
-    let mut follower = Follower::new(&args.paths, args.topics.topics(), &watch.unit, args.settled);
-    loop {
-        let look = follower.look(args.once, &mut |bag, cut| watch.take(bag, cut))?;
-        for trouble in look {
-            warn(&trouble);
-            watch.warned = true;
-        }
-        if args.once {
-            break;
-        }
-        wait(args.every);
-    }
-    watch.place()?;
-    // The claim lasts as long as the watch.
-    drop(output);
-    let courses = watch.courses();
-    let moved = courses.iter().any(|course| course.warning().is_some());
-    if !args.json {
-        print(&watch.closing(&courses))?;
-    }
-    Ok(if moved || watch.warned { Outcome::Warnings } else { Outcome::Ok })
+    Ok(Chronicle {
+        unit,
+        name,
+        out,
+        settings,
+        only: args.only.clone(),
+        between_false_alarms: args.between_false_alarms,
+        json: args.json,
+        entries,
+        warned: torn,
+        _claim: claim,
+    })
 }
 
 #[expect(clippy::disallowed_methods, reason = "nobody says when a bag has grown; it is looked at now and then")]
-fn wait(seconds: u64) {
-    std::thread::sleep(Duration::from_secs(seconds));
+fn wait(duration: Duration) {
+    std::thread::sleep(duration);
 }
 
 fn settings(only: &[String]) -> anyhow::Result<Settings> {
@@ -164,132 +210,4 @@ fn settings(only: &[String]) -> anyhow::Result<Settings> {
         settings.catalogue.retain(|spec| only.iter().any(|id| id == spec.id));
     }
     Ok(settings)
-}
-
-impl Watch<'_> {
-    fn courses(&self) -> Vec<Course> {
-        history::courses(&self.entries, self.args.between_false_alarms)
-    }
-
-    /// Diagnoses a process that is not in the history yet, and enters it.
-    fn take(&mut self, bag: &str, cut: Cut) -> anyhow::Result<()> {
-        if self.entries.iter().any(|entry| entry.digest == cut.digest) {
-            return Ok(());
-        }
-        let mut entry = self.entry(bag, cut);
-        self.entries.push(entry.clone());
-        let said: Vec<String> = self.courses().iter().filter_map(Course::warning).collect();
-        entry.warnings = said;
-        self.entries.pop();
-        self.entries.push(entry.clone());
-        self.place()?;
-        if self.args.json {
-            print(&(serde_json::to_string(&entry)? + "\n"))?;
-        } else {
-            print(&line(&entry))?;
-        }
-        for warning in &entry.warnings {
-            warn(warning);
-        }
-        Ok(())
-    }
-
-    fn entry(&self, bag: &str, cut: Cut) -> Entry {
-        let Cut { mut recording, digest, ended } = cut;
-        bag.clone_into(&mut recording.name);
-        let mut entry = Entry {
-            schema: SCHEMA.to_owned(),
-            digest,
-            bag: bag.to_owned(),
-            time_ns: recording.frames.first().map_or(0, |frame| frame.time_ns),
-            duration_s: recording.duration_s(),
-            process: recording.process.id().to_owned(),
-            verdict: "not_diagnosed".to_owned(),
-            closure: None,
-            sizes: vec![],
-            notes: vec![],
-            warnings: vec![],
-            program: PROGRAM.to_owned(),
-        };
-        entry.notes.extend(match ended {
-            Ended::AtRest => None,
-            Ended::Gap => Some("Time jumped, which ended the process.".to_owned()),
-            Ended::TooLong => Some("It had not ended after 300 s and goes on in the next.".to_owned()),
-            Ended::OfRows => Some("The bag ended before the unit was at rest.".to_owned()),
-        });
-        let mut followed = history::followed(&self.entries);
-        followed.extend(self.args.only.iter().cloned());
-        let progress = Progress::new(100, "%");
-        match diagnose(vec![recording], &self.unit, &self.settings, &|what, share| progress.at(share, what)) {
-            Ok(diagnosis) => {
-                diagnosis.verdict.id().clone_into(&mut entry.verdict);
-                entry.closure = Some(diagnosis.closure.value).filter(|share| share.is_finite());
-                entry.sizes = history::sizes(&diagnosis, &followed);
-                entry.notes.extend(diagnosis.notes);
-            }
-            Err(error) => entry.notes.push(error.to_string()),
-        }
-        entry
-    }
-
-    /// Writes history, page and state; the history is whole at any moment.
-    fn place(&self) -> anyhow::Result<()> {
-        let courses = self.courses();
-        let times: Vec<String> = self.entries.iter().map(|entry| provenance::date_of(entry.time_ns)).collect();
-        let between_false_alarms = self.args.between_false_alarms;
-        let watched = Watched {
-            unit: &self.name,
-            entries: &self.entries,
-            courses: &courses,
-            between_false_alarms,
-            times: &times,
-        };
-        let state = serde_json::json!({
-            "schema": SCHEMA, "unit": self.name, "processes": self.entries.len(),
-            "between_false_alarms": between_false_alarms,
-            "warnings": courses.iter().filter_map(Course::warning).collect::<Vec<_>>(),
-            "sizes": courses.iter().map(state_of).collect::<Vec<_>>(),
-            "newest": self.entries.last(),
-        });
-        let mut files = govtwin::files::Together::default();
-        let texts =
-            [history::write(&self.entries)?, page(&watched)?.to_html(), serde_json::to_string_pretty(&state)? + "\n"];
-        let writing = || format!("cannot write in {}", self.out.display());
-        for (name, text) in NAMES.iter().zip(texts) {
-            files.add(&self.out.join(name), text.as_bytes()).with_context(writing)?;
-        }
-        files.place().with_context(writing)
-    }
-
-    fn closing(&self, courses: &[Course]) -> String {
-        let mut text = format!("{}: {} processes in the history\n", self.name, self.entries.len());
-        for course in courses {
-            let words = course.warning().unwrap_or_else(|| format!("{}: {} stays", course.effect, course.parameter));
-            text += &format!("  {words}\n");
-        }
-        text + &format!("page: {}\n", self.out.join(NAMES[1]).display())
-    }
-}
-
-/// One size for machines.
-fn state_of(course: &Course) -> serde_json::Value {
-    let (last, point) = (course.estimates.last(), course.points.last());
-    serde_json::json!({
-        "effect": course.effect, "parameter": course.parameter, "unit": course.unit, "estimates": course.estimates.len(),
-        "value": last.map(|one| one.size), "process": last.map(|_| course.kind(course.estimates.len() - 1)), "ci90": last.map(|one| [one.low, one.high]), "mean_before": point.map(|point| point.mean),
-        "growth": point.map(|point| point.sums.growth), "shrinkage": point.map(|point| point.sums.shrinkage), "limit": course.limit,
-        "moved": point.is_some_and(|point| point.alarm),
-        "since_process": point.and_then(|point| point.since).map(|since| course.entries[since]),
-    })
-}
-
-/// A process in a line.
-fn line(entry: &Entry) -> String {
-    let named = entry.sizes.iter().filter(|size| size.named).map(|size| {
-        let [low, high] = size.ci90.map(|end| quantity(end, &size.unit));
-        format!(" {} {} ({low} to {high})", size.effect, quantity(size.value, &size.unit))
-    });
-    let sizes: Vec<String> = named.collect();
-    let time = provenance::date_of(entry.time_ns);
-    format!("{time} {} in {}: {}{}\n", entry.process, entry.bag, entry.verdict, sizes.join(","))
 }

@@ -14,7 +14,7 @@ use serde::Serialize;
 use super::arguments::Arguments;
 use super::environment::Environment;
 use super::offer::{Describer, Offer, dds_type, ros_type};
-use super::qos::{self, best_effort, latched, recorded, reliable};
+use super::qos::{self, best_effort, kept, latched, recorded, reliable};
 use super::services::call::Calls;
 use super::tap::Tap;
 use super::transport;
@@ -158,6 +158,14 @@ impl Bus {
     ) -> Result<Publisher<M>, BusError> {
         let (full_name, topic) = self.topic(topic, kind, "publisher", qos)?;
         self.node.create_publisher(&topic, None).map_err(|source| BusError::Open { topic: full_name, source })
+    }
+
+    /// Opens a topic for writing whose newest message is kept for those who subscribe later.
+    ///
+    /// # Errors
+    /// As [`Bus::publish`].
+    pub fn publish_kept<M: Serialize>(&mut self, topic: &str, type_name: &str) -> Result<Publisher<M>, BusError> {
+        self.publish_as(topic, (type_name, None), kept())
     }
 
     /// Opens a service; `type_name` is `package/Type`.

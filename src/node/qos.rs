@@ -50,7 +50,7 @@ pub fn reliable() -> QosProfile {
     }
 }
 
-/// The same, and the newest is kept for who comes late: the statuses of an action's goals.
+/// Reliable like [`reliable`], and the newest is kept for those who subscribe later: verdicts, and the statuses of an action's goals.
 #[must_use]
 pub fn kept() -> QosProfile {
     QosProfile { durability: Durability::TransientLocal, history: History::KeepLast { depth: 1 }, ..reliable() }

@@ -1,4 +1,4 @@
-//! Writing what is heard on DDS into a bag: topics of any type, as bytes.
+//! Hearing topics of any type as bytes, and writing them into a bag.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,6 +11,7 @@ use ros2_client::Gid;
 use super::arguments::nearest;
 use super::bus::{Bus, BusError};
 use super::definitions::Definitions;
+use super::intake::Numbering;
 use super::offer::Offer;
 use super::realtime::{Until, pause};
 use super::tap::{Sample, Tap};
@@ -78,6 +79,8 @@ pub struct Recorded {
     pub undefined: Vec<(String, String)>,
     /// Samples in a layout that is not known, which were left out.
     pub unreadable: u64,
+    /// Samples that senders numbered and that never came.
+    pub lost: u64,
     /// The disk was full, and the recording ended there.
     pub disk_full: bool,
     /// The bag.
@@ -114,10 +117,43 @@ struct Tape {
     said_silent: bool,
 }
 
-/// The bag in the making.
+/// Takes what is heard.
+pub trait Sink {
+    /// Takes a message.
+    ///
+    /// # Errors
+    /// Where it cannot be kept, and listening is of no use any more.
+    fn take(&mut self, message: RawMessage) -> Result<(), BagError>;
+
+    /// Is called once a second; `lost` are the samples that senders numbered and that never came, since the beginning.
+    ///
+    /// # Errors
+    /// As [`Sink::take`].
+    fn second(&mut self, lost: u64) -> Result<(), BagError>;
+
+    /// Whether no more can be taken.
+    fn is_full(&self) -> bool;
+}
+
+impl Sink for Writer {
+    fn take(&mut self, message: RawMessage) -> Result<(), BagError> {
+        self.copy(&message)
+    }
+
+    fn second(&mut self, _: u64) -> Result<(), BagError> {
+        self.flush()
+    }
+
+    fn is_full(&self) -> bool {
+        Writer::is_full(self)
+    }
+}
+
+/// What listens.
 struct Deck<'a> {
     bus: &'a mut Bus,
-    writer: Writer,
+    sink: &'a mut dyn Sink,
+    numbers: Numbering<Gid>,
     definitions: Definitions,
     tapes: Vec<Tape>,
     recorded: Recorded,
@@ -137,9 +173,35 @@ pub fn record(
     stop: &AtomicBool,
     tell: &mut dyn FnMut(&str),
 ) -> Result<Recorded, RecordError> {
-    let writer = Writer::create(folder, OPTIONS)?;
+    let mut writer = Writer::create(folder, OPTIONS)?;
+    let (mut recorded, topics) = hear(bus, selection, &mut writer, duration, stop, tell)?;
+    if recorded.disk_full {
+        tell("the disk is full: the recording ends here, and is completed in room that was kept for it");
+    } else {
+        for topic in &topics {
+            writer.announce(topic)?;
+        }
+    }
+    recorded.bag = writer.finish()?;
+    Ok(recorded)
+}
+
+/// Hears until `stop` or for `duration`, or until the sink is full, and hands on what comes; `tell` is given what a user should read
+/// meanwhile. Also gives the topics that anybody published.
+///
+/// # Errors
+/// When the bus or the sink refuses.
+pub fn hear(
+    bus: &mut Bus,
+    selection: &Selection,
+    sink: &mut dyn Sink,
+    duration: Option<Duration>,
+    stop: &AtomicBool,
+    tell: &mut dyn FnMut(&str),
+) -> Result<(Recorded, Vec<Arc<TopicInfo>>), RecordError> {
     let definitions = Definitions::new(&selection.definitions);
-    let mut deck = Deck { bus, writer, definitions, tapes: Vec::new(), recorded: Recorded::default(), tell };
+    let (tapes, recorded, numbers) = (Vec::new(), Recorded::default(), Numbering::default());
+    let mut deck = Deck { bus, sink, numbers, definitions, tapes, recorded, tell };
     for (given, type_name) in &selection.topics {
         deck.add(given, type_name.clone())?;
     }
@@ -154,26 +216,19 @@ pub fn record(
         }
         deck.take()?;
         if flush.comes_round(Duration::from_secs(1)) {
-            deck.writer.flush()?;
+            deck.sink.second(deck.recorded.lost)?;
         }
-        if deck.writer.is_full() {
-            deck.recorded.disk_full = true;
-            (deck.tell)("the disk is full: the recording ends here, and is completed in room that was kept for it");
-        }
+        deck.recorded.disk_full = deck.sink.is_full();
         if is_over || deck.recorded.disk_full {
             break;
         }
         pause(ROUND);
     }
-    let Deck { mut writer, tapes, mut recorded, .. } = deck;
+    let Deck { tapes, mut recorded, .. } = deck;
     for tape in &tapes {
         recorded.messages.entry(tape.name.clone()).or_default();
-        if let Some(topic) = tape.topic.as_ref().filter(|_| !recorded.disk_full) {
-            writer.announce(topic)?;
-        }
     }
-    recorded.bag = writer.finish()?;
-    Ok(recorded)
+    Ok((recorded, tapes.into_iter().filter_map(|tape| tape.topic).collect()))
 }
 
 impl Deck<'_> {
@@ -259,7 +314,7 @@ impl Deck<'_> {
             let (Some(tap), Some(topic)) = (&tape.tap, &tape.topic) else { continue };
             let type_name = tape.type_name.as_deref().unwrap_or_default();
             for _ in 0..MOST_TAKEN {
-                let Sample { sender, received_ns, sent_ns, data } = match tap.take() {
+                let Sample { sender, received_ns, sent_ns, number, data } = match tap.take() {
                     None => break,
                     Some(Ok(sample)) => sample,
                     Some(Err(_)) => {
@@ -270,10 +325,11 @@ impl Deck<'_> {
                 if !believes(&mut tape.senders, sender, self.bus, (&tape.name, type_name), &mut self.recorded.foreign) {
                     continue;
                 }
+                self.recorded.lost += self.numbers.take(sender, number);
                 let topic = Arc::clone(topic);
                 let times = (received_ns, sent_ns);
                 let message = RawMessage { topic, log_time_ns: times.0, publish_time_ns: times.1, sequence: 0, data };
-                self.writer.copy(&message)?;
+                self.sink.take(message)?;
                 *self.recorded.messages.entry(tape.name.clone()).or_default() += 1;
             }
         }

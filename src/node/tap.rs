@@ -71,6 +71,8 @@ pub(super) struct Sample {
     pub(super) received_ns: i64,
     /// When it was sent, as its sender says; when it came where it does not.
     pub(super) sent_ns: i64,
+    /// The number that its sender gave it.
+    pub(super) number: i64,
     /// The sample behind four bytes that name its layout.
     pub(super) data: Vec<u8>,
 }
@@ -96,7 +98,8 @@ impl Tap {
                 let received_ns = nanos(change.receive_instant);
                 let sent_ns = change.source_timestamp().map_or(received_ns, nanos);
                 let sender = Gid::from(change.writer_guid());
-                Some(Ok(Sample { sender, received_ns, sent_ns, data: change.into_value() }))
+                let number = i64::from(change.sequence_number);
+                Some(Ok(Sample { sender, received_ns, sent_ns, number, data: change.into_value() }))
             }
             Err(error) => Some(Err(error.to_string())),
         }

@@ -16,13 +16,13 @@ const BEGINS_PU: f64 = 0.03;
 /// A movement that keeps it going, pu.
 const GOES_ON_PU: f64 = 0.015;
 /// Kept before the movement, s.
-const LEAD_S: f64 = 4.0;
+pub const LEAD_S: f64 = 4.0;
 /// Nothing has moved for so long at its end, s: a starting unit holds its opening while it runs up.
 const REST_S: f64 = 25.0;
 /// A process that lasts longer is cut here, s.
 const LONGEST_S: f64 = 300.0;
 /// A gap in time that ends a process, s.
-const GAP_S: f64 = 5.0;
+pub const GAP_S: f64 = 5.0;
 /// A shorter process says nothing, s.
 const SHORTEST_S: f64 = 5.0;
 
@@ -141,6 +141,12 @@ impl Cutter {
     /// The process that the rows break off in, where they end.
     pub fn end(&mut self) -> Option<Cut> {
         self.finish(Ended::OfRows)
+    }
+
+    /// Whether a process has begun and not ended.
+    #[must_use]
+    pub fn is_moving(&self) -> bool {
+        self.moving
     }
 
     fn finish(&mut self, ended: Ended) -> Option<Cut> {

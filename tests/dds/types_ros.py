@@ -52,6 +52,36 @@ class TwinStatus(IdlStruct, typename="governor_msgs::msg::dds_::TwinStatus_"):
 
 
 @dataclass
+class FaultSize(IdlStruct, typename="governor_msgs::msg::dds_::FaultSize_"):
+    stamp: Time
+    process: str
+    effect: str
+    parameter: str
+    unit: str
+    value: float64
+    low: float64
+    high: float64
+    named: bool
+    mean_before: float64
+    growth: float64
+    shrinkage: float64
+    limit: float64
+    moved: bool
+
+
+@dataclass
+class UnitVerdict(IdlStruct, typename="governor_msgs::msg::dds_::UnitVerdict_"):
+    header: Header
+    process: str
+    duration: float64
+    verdict: str
+    closure: float64
+    sizes: sequence[FaultSize]
+    warnings: sequence[str]
+    processes: uint32
+
+
+@dataclass
 class FluidPressure(IdlStruct, typename="sensor_msgs::msg::dds_::FluidPressure_"):
     header: Header
     fluid_pressure: float64

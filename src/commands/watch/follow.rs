@@ -63,15 +63,19 @@ fn is_unfinished(path: &Path) -> bool {
     path.file_name().is_some_and(|name| name.to_string_lossy().ends_with(".unfinished"))
 }
 
+/// How the recordings of a unit are read.
+pub fn options(topics: Topics, unit: &Unit) -> ReadOptions {
+    ReadOptions {
+        positions: Positions::of(unit.recorded),
+        topics,
+        interpolation: Interpolation::Sharp { period_ns: TICK_NS },
+        required: vec![Stream::ServoState],
+    }
+}
+
 impl Follower {
     /// Nothing was seen yet.
-    pub fn new(paths: &[PathBuf], topics: Topics, unit: &Unit, settled_s: u64) -> Self {
-        let options = ReadOptions {
-            positions: Positions::of(unit.recorded),
-            topics,
-            interpolation: Interpolation::Sharp { period_ns: TICK_NS },
-            required: vec![Stream::ServoState],
-        };
+    pub fn new(paths: &[PathBuf], options: ReadOptions, settled_s: u64) -> Self {
         Self { paths: paths.to_vec(), options, settled: Duration::from_secs(settled_s), seen: BTreeMap::new() }
     }
 

@@ -1,8 +1,9 @@
 // A bench on Fast DDS against a running `govtwin run`: it commands, listens and asks for parameters.
 //
-// Prints what it checked and exits with the number of checks that failed. Usage: bench DOMAIN [watch]
+// Prints what it checked and exits with the number of checks that failed. Usage: bench DOMAIN [watch | listen]
 // With `watch` it is a peer as tests/dds/watch.py is one: it commands 0.3 and 0.5 in turn after each silence of 2 s, and
 // prints each half second how many states it received. Its lease is 2 s then.
+// With `listen` it is one that comes late to a `govtwin watch`: it prints its verdict and the parts of its diagnostics.
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -45,6 +46,7 @@ static std_msgs::msg::dds_::Header_ now() {
 
 int main(int argc, char** argv) {
     const int domain = argc > 1 ? std::atoi(argv[1]) : 0;
+    const bool listening = argc > 2 && std::string(argv[2]) == "listen";
     const bool watching = argc > 2 && std::string(argv[2]) == "watch";
     DomainParticipantQos own = PARTICIPANT_QOS_DEFAULT;
     if (watching) {
@@ -74,6 +76,37 @@ int main(int argc, char** argv) {
         return subscriber->create_datareader(topic(name, type), qos);
     };
     using namespace governor_msgs::msg::dds_;
+    if (listening) {
+        DataReaderQos late = DATAREADER_QOS_DEFAULT;
+        late.reliability().kind = RELIABLE_RELIABILITY_QOS;
+        late.durability().kind = TRANSIENT_LOCAL_DURABILITY_QOS;
+        auto* verdicts = subscriber->create_datareader(
+            topic("rt/govtwin_watch/verdict", TypeSupport(new UnitVerdict_PubSubType())), late);
+        auto* diagnostics =
+            reader("rt/diagnostics", TypeSupport(new diagnostic_msgs::msg::dds_::DiagnosticArray_PubSubType()), false);
+        UnitVerdict_ verdict;
+        diagnostic_msgs::msg::dds_::DiagnosticArray_ array;
+        SampleInfo came;
+        bool told = false, reported = false;
+        for (int wait = 0; wait < 150 && !(told && reported); ++wait) {
+            std::this_thread::sleep_for(milliseconds(100));
+            if (verdicts->take_next_sample(&verdict, &came) == ReturnCode_t::RETCODE_OK && came.valid_data) {
+                told = true;
+                std::printf("verdict %s %s %s %u\n", verdict.header().frame_id().c_str(), verdict.process().c_str(),
+                            verdict.verdict().c_str(), verdict.processes());
+                for (const auto& size : verdict.sizes()) {
+                    std::printf("size %s %.6g %.6g %.6g\n", size.effect().c_str(), size.value(), size.low(), size.high());
+                }
+            }
+            if (diagnostics->take_next_sample(&array, &came) == ReturnCode_t::RETCODE_OK && came.valid_data) {
+                reported = true;
+                for (const auto& status : array.status()) {
+                    std::printf("status %d %s\n", status.level(), status.name().c_str());
+                }
+            }
+        }
+        return told && reported ? 0 : 1;
+    }
     auto* command = writer("rt/governor/command", TypeSupport(new GovernorCommand_PubSubType()));
     auto* esv = writer("rt/governor/esv", TypeSupport(new EsvState_PubSubType()));
     auto* pressure = writer("rt/governor/tank_pressure", TypeSupport(new sensor_msgs::msg::dds_::FluidPressure_PubSubType()));

@@ -1,0 +1,275 @@
+//! Listening to a unit on the bus, and publishing what its history shows: the diagnosing goes on beside both.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use anyhow::Context;
+use govtwin::bag::{BagError, RawMessage, ReadOptions, Stream, Topics};
+use govtwin::msg::{EsvState, FluidPressure, GovernorCommand, Interface, ServoState, UnitVerdict};
+use govtwin::node::arguments::Arguments;
+use govtwin::node::bus::Bus;
+use govtwin::node::environment::Environment;
+use govtwin::node::process_recorder::{ProcessRecorder, take_up, waiting};
+use govtwin::node::realtime::wall_ns;
+use govtwin::node::recorder::{Selection, Sink, hear};
+use govtwin::node::verdict::{Herald, verdict};
+
+use super::chronicle::Chronicle;
+use super::follow::{self, Follower};
+use super::{Args, look, wait};
+use crate::commands::output::{say, warn};
+use crate::commands::run::{environment, stop_on_signals};
+use crate::commands::{Outcome, expect};
+
+/// Recordings of processes that wait to be diagnosed, and those that were.
+const FOLDERS: [&str; 2] = ["waiting", "processes"];
+
+/// Recordings of diagnosed processes that stay.
+const KEPT: usize = 500;
+
+/// Peers drop a node that they did not hear for so long, s.
+const LEASE_S: f64 = 10.0;
+
+/// Time between two looks at what waits, and between two reports.
+const SECOND: Duration = Duration::from_secs(1);
+
+/// Arguments of a watch on the bus.
+#[derive(Debug, clap::Args)]
+pub struct BusArgs {
+    /// Listen on DDS instead of following bags: processes are recorded into OUT/waiting, a bag each, and diagnosed while listening goes on.
+    #[arg(long, conflicts_with_all = ["paths", "once", "settled", "every", "publish"])]
+    pub bus: bool,
+    /// Publish verdict and sizes on `~/verdict` and `/diagnostics` while bags are followed; a watch on the bus always does.
+    #[arg(long, conflicts_with = "once")]
+    pub publish: bool,
+    /// Recordings of diagnosed processes that stay in OUT/processes, the newest, with --bus [default: 500].
+    #[arg(long, value_name = "N")]
+    keep: Option<usize>,
+    /// Peers drop a node that they did not hear for so long, with --bus or --publish [default: 10].
+    #[arg(long = "lease", value_name = "S")]
+    lease_s: Option<f64>,
+    /// What every ROS 2 program takes, with --bus or --publish: `-r FROM:=TO`, `-r __ns:=/NAME`, `-r __node:=NAME`.
+    #[arg(long = "ros-args", num_args = 0.., allow_hyphen_values = true, value_terminator = "--", value_name = "ARGS")]
+    ros: Vec<String>,
+}
+
+impl BusArgs {
+    /// Refuses what cannot be before anything is made.
+    pub fn check(&self) -> anyhow::Result<()> {
+        let is_node = self.bus || self.publish;
+        // clap requires nothing that conflicts with what is there.
+        expect(self.bus || self.keep.is_none(), || "--keep is for a watch with --bus".to_owned())?;
+        expect(is_node || (self.lease_s.is_none() && self.ros.is_empty()), || {
+            "--lease and --ros-args are for a watch with --bus or --publish".to_owned()
+        })?;
+        if is_node { self.environment().map(|_| ()) } else { Ok(()) }
+    }
+
+    fn environment(&self) -> anyhow::Result<Environment> {
+        environment(self.lease_s.unwrap_or(LEASE_S))
+    }
+}
+
+/// What diagnoses beside, and what it has to say.
+struct Worker {
+    thread: JoinHandle<anyhow::Result<()>>,
+    verdicts: Receiver<UnitVerdict>,
+}
+
+impl Worker {
+    /// Begins to work with the history as it is.
+    fn begin(
+        chronicle: Chronicle,
+        work: impl FnOnce(Chronicle, &Sender<UnitVerdict>) -> anyhow::Result<()> + Send + 'static,
+    ) -> Self {
+        let (news, verdicts) = channel();
+        tell(&chronicle, &news);
+        let thread = std::thread::spawn(move || work(chronicle, &news));
+        Self { thread, verdicts }
+    }
+
+    /// What it failed with, once it has.
+    fn end(self) -> anyhow::Result<()> {
+        if !self.thread.is_finished() {
+            // A diagnosis may take minutes. Its recording waits, and is diagnosed after the next start.
+            return Ok(());
+        }
+        self.thread.join().unwrap_or_else(|_| Err(anyhow::anyhow!("the diagnosis broke off")))
+    }
+}
+
+/// Tells what the history shows now; at the end of the program there may be nobody to tell.
+fn tell(chronicle: &Chronicle, news: &Sender<UnitVerdict>) {
+    if let Some(verdict) = verdict(&chronicle.name, &chronicle.entries, &chronicle.courses()) {
+        let _ = news.send(verdict);
+    }
+}
+
+fn open(args: &BusArgs) -> anyhow::Result<(Bus, u16)> {
+    let environment = args.environment()?;
+    for remark in &environment.remarks {
+        warn(remark);
+    }
+    let bus = Bus::open(&environment, Arguments::parse(&args.ros, "govtwin_watch")?)?;
+    Ok((bus, environment.domain))
+}
+
+/// Says which arguments do nothing.
+fn remark(bus: &Bus) {
+    for words in bus.arguments().remarks.iter().chain(&bus.idle_arguments()) {
+        warn(words);
+    }
+}
+
+/// Follows bags, and publishes what they show.
+pub fn publish(args: &Args, chronicle: Chronicle, mut follower: Follower) -> anyhow::Result<Outcome> {
+    let stop = stop_on_signals()?;
+    let (mut bus, _) = open(&args.bus)?;
+    let mut herald = Herald::open(&mut bus, &chronicle.name)?;
+    remark(&bus);
+    let every = Duration::from_secs(args.every);
+    let worker = Worker::begin(chronicle, move |mut chronicle, news| {
+        loop {
+            look(&mut follower, &mut chronicle, false, &mut |chronicle| tell(chronicle, news))?;
+            wait(every);
+        }
+    });
+    while !stop.load(Ordering::Relaxed) && !worker.thread.is_finished() {
+        worker.verdicts.try_iter().for_each(|verdict| herald.take(verdict));
+        herald.second(None);
+        wait(SECOND);
+    }
+    worker.end()?;
+    Ok(Outcome::Ok)
+}
+
+/// Listens to a unit, and diagnoses each process when it has ended.
+pub fn listen(args: &Args, chronicle: Chronicle) -> anyhow::Result<Outcome> {
+    let stop = stop_on_signals()?;
+    let [queue, done] = FOLDERS.map(|name| chronicle.out.join(name));
+    std::fs::create_dir_all(&queue).with_context(|| format!("cannot make {}", queue.display()))?;
+    if chronicle.warned {
+        put_back(&chronicle, &done, &queue)?;
+    }
+    for words in take_up(&queue) {
+        warn(&words);
+    }
+    let (mut bus, domain) = open(&args.bus)?;
+    let (selection, topics) = selection(&bus, args)?;
+    let options = follow::options(topics, &chronicle.unit);
+    let herald = Herald::open(&mut bus, &chronicle.name)?;
+    let recorder = ProcessRecorder::new(&queue, &options, Box::new(name_of_now));
+    let keep = args.bus.keep.unwrap_or(KEPT);
+    let (from, to) = (queue.clone(), done);
+    let worker = Worker::begin(chronicle, move |mut chronicle, news| {
+        loop {
+            diagnose_waiting(&mut chronicle, &options, [&from, &to], keep, news)?;
+            wait(SECOND);
+        }
+    });
+    let mut listener = Listener { recorder, herald, worker };
+    let heard = hear(&mut bus, &selection, &mut listener, None, &stop, &mut |words| {
+        say(if words == "recording" { "listening" } else { words });
+    });
+    remark(&bus);
+    let (recorded, _) = heard?;
+    for words in recorded.silence(domain) {
+        warn(&words);
+    }
+    let listening = listener.recorder.listening();
+    if let Some(name) = listener.recorder.in_the_making() {
+        warn(&format!(
+            "a process is not over: {name} is kept, and diagnosed as far as it was heard after the next start"
+        ));
+    }
+    if listening.lost > 0 {
+        warn(&format!("{} samples were lost on the way", listening.lost));
+    }
+    listener.worker.end()?;
+    Ok(if listening.left_out > 0 || listening.lost > 0 { Outcome::Warnings } else { Outcome::Ok })
+}
+
+/// Hands on what is heard, and once a second what is to be said.
+struct Listener {
+    recorder: ProcessRecorder,
+    herald: Herald,
+    worker: Worker,
+}
+
+impl Sink for Listener {
+    fn take(&mut self, message: RawMessage) -> Result<(), BagError> {
+        self.recorder.take(message)
+    }
+
+    fn second(&mut self, lost: u64) -> Result<(), BagError> {
+        self.recorder.second(lost)?;
+        for words in self.recorder.words() {
+            warn(&words);
+        }
+        self.worker.verdicts.try_iter().for_each(|verdict| self.herald.take(verdict));
+        self.herald.second(Some(&self.recorder.listening()));
+        Ok(())
+    }
+
+    fn is_full(&self) -> bool {
+        self.worker.thread.is_finished()
+    }
+}
+
+/// The topics to listen to, and what they are called in the bags.
+fn selection(bus: &Bus, args: &Args) -> anyhow::Result<(Selection, Topics)> {
+    let types = [GovernorCommand::TYPE_NAME, EsvState::TYPE_NAME, FluidPressure::TYPE_NAME, ServoState::TYPE_NAME];
+    let (mut selection, mut topics) = (Selection::default(), Topics::default());
+    for (stream, type_name) in Stream::ALL.into_iter().zip(types) {
+        let named = args.topics.named.iter().rev().find(|(of, _)| *of == stream).map(|(_, name)| name.clone());
+        // The usual names are below the node's namespace.
+        let given = named.unwrap_or_else(|| Topics::default().of(stream).trim_start_matches('/').to_owned());
+        topics.set(stream, &bus.arguments().resolve(&given)?);
+        selection.topics.push((given, Some(type_name.to_owned())));
+    }
+    Ok((selection, topics))
+}
+
+/// A bag's name: when it begins.
+fn name_of_now() -> String {
+    let now = jiff::Timestamp::from_millisecond(wall_ns() / 1_000_000).unwrap_or_default();
+    now.strftime("%Y%m%dT%H%M%S.%3fZ").to_string()
+}
+
+/// Diagnoses the recordings that wait, and files them away one by one.
+fn diagnose_waiting(
+    chronicle: &mut Chronicle,
+    options: &ReadOptions,
+    [queue, done]: [&Path; 2],
+    keep: usize,
+    news: &Sender<UnitVerdict>,
+) -> anyhow::Result<()> {
+    for bag in waiting(queue) {
+        let mut follower = Follower::new(std::slice::from_ref(&bag), options.clone(), 0);
+        look(&mut follower, chronicle, true, &mut |chronicle| tell(chronicle, news))?;
+        move_into(&bag, done)?;
+        let kept = waiting(done);
+        for old in &kept[..kept.len().saturating_sub(keep)] {
+            std::fs::remove_dir_all(old).with_context(|| format!("cannot remove {}", old.display()))?;
+        }
+    }
+    Ok(())
+}
+
+fn move_into(bag: &Path, folder: &Path) -> anyhow::Result<()> {
+    std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
+    let place = folder.join(bag.file_name().unwrap_or_default());
+    std::fs::rename(bag, &place).with_context(|| format!("cannot move {} to {}", bag.display(), place.display()))
+}
+
+/// Recordings whose line of the history was broken off wait again.
+fn put_back(chronicle: &Chronicle, done: &Path, queue: &Path) -> anyhow::Result<()> {
+    let entered = |bag: &PathBuf| {
+        let name = bag.file_name().unwrap_or_default().to_string_lossy();
+        chronicle.entries.iter().any(|entry| entry.bag == name)
+    };
+    waiting(done).iter().filter(|bag| !entered(bag)).try_for_each(|bag| move_into(bag, queue))
+}
