@@ -175,7 +175,7 @@ fn slips_have_their_exit_codes_and_ways_out() {
     for (arguments, code, words) in [
         (&["accept"][..], 2, "required"),
         (&["accept", "nowhere.mcap", "--limits", "bad.yaml"], 1, "did you mean `dead_band_pu`?"),
-        (&["accept", "nowhere.mcap", "--limits", "missing.yaml"], 1, "cannot read the parameter file missing.yaml"),
+        (&["accept", "nowhere.mcap", "--limits", "missing.yaml"], 1, "cannot read the limits file missing.yaml"),
         (&["accept", "nowhere.mcap", "--limits", "good.yaml"], 1, "nowhere.mcap"),
         (&["accept", "nowhere.mcap", "--diagnosis", "good"], 1, "expected the folder of a diagnosis"),
         (&["accept", "x.mcap", "--diagnosis", "d", "--measure-only"], 2, "cannot be used with"),

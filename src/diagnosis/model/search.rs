@@ -37,6 +37,11 @@ pub fn nominal(trials: Vec<Trial>, unit: &Unit, turned: Turned, noise: &Noise) -
     let Turned { free_parameters, starts } = turned;
     let zeros: Vec<f64> = free_parameters.iter().map(|free_parameter| free_parameter.start(unit)).collect();
     let first = Problem::new(trials, unit, noise);
+    // A fit that begins with a trip far off makes up for it by parameters, and then stays there.
+    let first = match placed(&first, unit) {
+        Some(trials) => first.anew(trials, unit),
+        None => first,
+    };
     let scattered = |number: usize| -> Vec<f64> {
         // Additive recurrence with the golden section: even, and without a generator.
         let off = |k: usize| SCATTER * (2.0 * ((k * 7 + number * 3) as f64 * 0.618_033_988_75).fract() - 1.0);
