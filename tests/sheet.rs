@@ -238,7 +238,7 @@ fn the_command_writes_a_sheet_that_every_command_takes() {
         (vec!["sheet", "new"], 2, "PLATE"),
         (vec!["sheet", "new", "--set", "closing_time=6.5 bar"], 2, "expected a number and one of the units s, ms, min"),
         (vec!["sheet", "new", "--set", "closing_time=6.5 s"], 1, "tank_pressure is missing"),
-        (vec!["sheet", "new", "nowhere.yaml"], 1, "cannot read the parameter file nowhere.yaml"),
+        (vec!["sheet", "new", "nowhere.yaml"], 1, "cannot read the plate file nowhere.yaml"),
     ] {
         let (found, said) = govtwin(&args, folder.path());
         assert_eq!(found, Some(code), "{args:?}: {said}");
