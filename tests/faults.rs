@@ -7,6 +7,8 @@
 
 #[path = "faults/cases.rs"]
 mod cases;
+#[path = "support/tight_sheet.rs"]
+mod tight_sheet;
 #[path = "faults/trace.rs"]
 mod trace;
 

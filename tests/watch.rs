@@ -3,6 +3,8 @@
 
 #[path = "support/program.rs"]
 mod program;
+#[path = "support/tight_sheet.rs"]
+mod tight_sheet;
 
 use std::fs;
 use std::path::Path;
@@ -13,24 +15,6 @@ use program::Run;
 
 fn govtwin(folder: &Path, arguments: &[&str]) -> Run {
     Run::of(Command::new(env!("CARGO_BIN_EXE_govtwin")).current_dir(folder).args(arguments))
-}
-
-/// A sheet in which nothing has a tolerance, so that a diagnosis is quick.
-fn tight_sheet(folder: &Path) {
-    let mut sheet = String::new();
-    let mut last = "";
-    for (entry, tolerance) in govtwin::parameters::ENTRIES.iter().zip(govtwin::params::reference().tolerances) {
-        let (section, name) = entry.key.split_once('.').unwrap();
-        if tolerance.is_none() || name == "coulomb_friction_n" {
-            continue;
-        }
-        if section != last {
-            sheet += &format!("{section}:\n");
-            last = section;
-        }
-        sheet += &format!("  {name}: {{tol: ~}}\n");
-    }
-    fs::write(folder.join("sheet.yaml"), sheet).unwrap();
 }
 
 fn generate(folder: &Path, out: &str, seed: &str) {
@@ -65,7 +49,7 @@ fn lines(folder: &Path) -> Vec<serde_json::Value> {
 fn a_process_is_entered_once_whatever_happens_to_its_bag() {
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path();
-    tight_sheet(folder);
+    tight_sheet::write(folder);
     fs::create_dir(folder.join("unit")).unwrap();
     let empty = watch(folder, &[]);
     assert_eq!(empty.code, 0, "a folder without bags may get some: {}", empty.stderr);
@@ -131,7 +115,7 @@ fn await_history(folder: &Path) {
 fn a_watch_that_goes_on_sees_a_bag_that_comes_and_loses_nothing_when_killed() {
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path();
-    tight_sheet(folder);
+    tight_sheet::write(folder);
     fs::create_dir(folder.join("unit")).unwrap();
     let mut watching = goes_on(folder, &["--json"]);
     generate(folder, "unit/monday", "2");
@@ -149,7 +133,7 @@ fn a_watch_that_goes_on_sees_a_bag_that_comes_and_loses_nothing_when_killed() {
 fn a_bag_that_grows_gives_each_process_as_it_ends_and_none_twice() {
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path();
-    tight_sheet(folder);
+    tight_sheet::write(folder);
     let arguments = ["generate", "--out", "made", "--process", "load_rejection", "--rate", "20", "--spread", "off"];
     let made = govtwin(folder, &[&arguments[..], &["--effect", "port_overlap=3e-4", "--duration", "120"]].concat());
     assert_eq!(made.code, 0, "{}", made.stderr);

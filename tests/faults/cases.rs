@@ -306,20 +306,7 @@ fn recordings(root: &Path) {
         let text = fs::read_to_string(run.join("metadata.yaml")).unwrap();
         fs::write(run.join("metadata.yaml"), text.replace("load_rejection_0", "run_0")).unwrap();
     }
-    let mut sheet = String::new();
-    let mut last = "";
-    for (entry, tolerance) in govtwin::parameters::ENTRIES.iter().zip(govtwin::params::reference().tolerances) {
-        let (section, name) = entry.key.split_once('.').unwrap();
-        if tolerance.is_none() || name == "coulomb_friction_n" {
-            continue;
-        }
-        if section != last {
-            sheet += &format!("{section}:\n");
-            last = section;
-        }
-        sheet += &format!("  {name}: {{tol: ~}}\n");
-    }
-    fs::write(root.join("sheet.yaml"), sheet).unwrap();
+    crate::tight_sheet::write(root);
 }
 
 fn diagnosis(root: &Path) {
