@@ -30,17 +30,8 @@ impl Kick {
     /// All kicks together have the variance of the demand. Where decisions leave the dead band often, every sample shows some.
     #[must_use]
     pub fn new(demand_sd_pu: f64, step_pu: f64, gain: f64) -> Self {
-        let step_square = step_pu * step_pu;
-        let demand_square = (demand_sd_pu * demand_sd_pu).max(LEAST_SHARE * step_square);
-        // Without a step, the demand is as noisy as it is, and that always.
-        let probability = (DECISIONS_SHOWN * demand_square / step_square).min(1.0);
+        let (demand_square, probability) = demand(demand_sd_pu, step_pu);
         Self { probability, square: gain * gain * demand_square / probability }
-    }
-
-    /// Probability that a sample shows one.
-    #[must_use]
-    pub fn probability(&self) -> f64 {
-        self.probability
     }
 
     /// Mean variance that kicks add, in the signal's unit squared.
@@ -61,6 +52,20 @@ impl Kick {
             density: plain + kicked,
         }
     }
+}
+
+/// Probability that a sample shows a kick, of a demand's standard deviation, pu, and of the step at the edge of the dead band, pu.
+#[must_use]
+pub fn probability(demand_sd_pu: f64, step_pu: f64) -> f64 {
+    demand(demand_sd_pu, step_pu).1
+}
+
+/// Variance of a demand, pu squared, and the probability that a sample shows a kick of it.
+fn demand(sd_pu: f64, step_pu: f64) -> (f64, f64) {
+    let step_square = step_pu * step_pu;
+    let demand_square = (sd_pu * sd_pu).max(LEAST_SHARE * step_square);
+    // Without a step, the demand is as noisy as it is, and that always.
+    (demand_square, (DECISIONS_SHOWN * demand_square / step_square).min(1.0))
 }
 
 /// The density of an innovation that may hold a kick.

@@ -1,7 +1,7 @@
 //! Noise: what a right twin may still leave of each signal, sample by sample.
 
 use crate::frame::Estimate;
-use crate::likelihood::kick::Kick;
+use crate::likelihood::kick::{Kick, probability};
 use crate::likelihood::trial::Trial;
 use crate::parameters::Sensors;
 use crate::signal::Signal;
@@ -186,7 +186,7 @@ fn ringing(trial: &Trial, noise: &SignalNoise, reference: &[Estimate], sway: &[f
 fn rare(noise: &SignalNoise, reference: &[Estimate], sway: &[f64], step_pu: f64) -> (Vec<f64>, Vec<f64>, Vec<Kick>) {
     let of = |(estimate, sway): (&Estimate, &f64)| {
         let sd_pu = HIDDEN * estimate.spool_command_sd_pu;
-        let lasting = Kick::new(sd_pu, step_pu, noise.chatter).probability();
+        let lasting = probability(sd_pu, step_pu);
         let wander_square = noise.chatter_wander * noise.chatter_wander;
         let short = (noise.chatter * noise.chatter + (1.0 - lasting) * wander_square).sqrt();
         (Kick::new(sd_pu, step_pu, short), lasting * wander_square * sd_pu * sd_pu + sway * sway)
