@@ -22,7 +22,7 @@ pub fn closure(recordings: Vec<Recording>, refitted: &Unit, improved: &Unit) -> 
 pub fn laid_along(recordings: Vec<Recording>, refitted: &Unit) -> Problem {
     let noise = expected(&refitted.sensors);
     let problem = heard(Problem::new(recordings.into_iter().map(Trial::new).collect(), refitted, &noise), refitted);
-    match placed(&problem, refitted) {
+    match placed(&problem, &problem.trials, refitted) {
         Some(trials) => problem.anew(trials, refitted),
         None => problem,
     }

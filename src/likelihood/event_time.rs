@@ -12,15 +12,15 @@ const PLACES: i64 = 20;
 /// Where the search ends: the twin's tick, ns.
 const TICK_NS: i64 = 1_000_000;
 
-/// Trials of a problem with their trips where this unit explains them best; none if no trial has a trip whose time is in doubt.
+/// A problem's trials as recorded, with their trips where this unit explains them best; none if no trial has a trip whose time is in doubt.
 ///
 /// A trip that a slow recorder writes down with the next sample came up to one sample earlier. A servomotor at full speed makes a
-/// hundredth of its stroke in that time: taken at its stamp, the trip would pass for a fault.
+/// hundredth of its stroke in that time: taken at its stamp, the trip would pass for a fault. `recorded` are the trials before any trip was moved, so that
+/// a trip that was moved too far comes back.
 #[must_use]
-pub fn placed(problem: &Problem, unit: &Unit) -> Option<Vec<Trial>> {
+pub fn placed(problem: &Problem, recorded: &[Trial], unit: &Unit) -> Option<Vec<Trial>> {
     let mut any = false;
-    let trials = problem
-        .trials
+    let trials = recorded
         .iter()
         .enumerate()
         .map(|(index, trial)| match doubt(trial) {
@@ -170,7 +170,11 @@ mod tests {
         });
         let trial = Trial::new(Recording::new("slow", rows.collect()));
         let problem = Problem::new(vec![trial], &unit, &crate::likelihood::noise::expected(&unit.sensors));
-        let moved = placed(&problem, &unit).unwrap();
+        let moved = placed(&problem, &problem.trials, &unit).unwrap();
+        // From a problem whose trip was moved, the same is found: what is moved is the recording.
+        let again = problem.anew(moved.clone(), &unit);
+        let inputs = |trial: &Trial| trial.frames.iter().map(|frame| frame.inputs).collect::<Vec<_>>();
+        assert_eq!(inputs(&placed(&again, &problem.trials, &unit).unwrap()[0]), inputs(&moved[0]));
         let tripped = moved[0].frames.iter().find(|frame| frame.inputs.esv == EsvState::Shutdown).unwrap();
         assert!((tripped.time_ns / 1_000_000 - TRIP_MS).abs() <= 10, "{} ns", tripped.time_ns);
         let commands: Vec<f64> = moved[0].frames.iter().map(|frame| frame.inputs.opening_command_pu).collect();

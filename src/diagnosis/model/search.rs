@@ -36,9 +36,10 @@ const SCATTER: f64 = 1.0;
 pub fn nominal(trials: Vec<Trial>, unit: &Unit, turned: Turned, noise: &Noise) -> (Problem, Model, Model) {
     let Turned { free_parameters, starts } = turned;
     let zeros: Vec<f64> = free_parameters.iter().map(|free_parameter| free_parameter.start(unit)).collect();
+    let recorded = trials.clone();
     let first = Problem::new(trials, unit, noise);
     // A fit that begins with a trip far off makes up for it by parameters, and then stays there.
-    let first = match placed(&first, unit) {
+    let first = match placed(&first, &recorded, unit) {
         Some(trials) => first.anew(trials, unit),
         None => first,
     };
@@ -57,8 +58,9 @@ pub fn nominal(trials: Vec<Trial>, unit: &Unit, turned: Turned, noise: &Noise) -
     let mut settled = true;
     // The unit that explains the trips best and the trips that suit it best are found in turns.
     for _ in 0..TURNS {
-        let Some(trials) = placed(&problem, &unit_at(unit, &free_parameters, &fine.positions)) else { break };
-        problem = problem.anew(trials, &unit_at(unit, &free_parameters, &fine.positions));
+        let now = unit_at(unit, &free_parameters, &fine.positions);
+        let Some(trials) = placed(&problem, &recorded, &now) else { break };
+        problem = problem.anew(trials, &now);
         fine = fit(&problem, unit, &free_parameters, &fine.positions, TURN, Some(&fine.slopes));
         settled = false;
     }
