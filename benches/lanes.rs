@@ -116,7 +116,7 @@ fn trial(process: Process) -> Trial {
 /// The shipped unit with each of its first parameters moved a little.
 fn units() -> Vec<Unit> {
     let reference = params::reference();
-    let moved = |entry: &govtwin::parameters::Entry| {
+    let moved = |entry: &govtwin::parameters::ParameterEntry| {
         let mut unit = reference.clone();
         let value = (entry.get)(&unit.parameters);
         (entry.set)(&mut unit.parameters, 1.01 * value);

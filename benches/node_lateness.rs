@@ -16,7 +16,7 @@ use govtwin::msg::{EsvState, FluidPressure, GovernorCommand, Header, Interface, 
 use govtwin::node::arguments::Arguments;
 use govtwin::node::bus::Bus;
 use govtwin::node::environment::Environment;
-use govtwin::node::policy::Input;
+use govtwin::node::policy::NodeInput;
 use govtwin::node::realtime::{
     Until, Wishes, claim, lock_memory, monotonic_ns, pause, resident_bytes, sleep_until, wall_ns,
 };
@@ -35,7 +35,7 @@ fn bare(core: usize, stop: &AtomicBool) -> Stats {
         sleep_until(deadline_ns);
         let woke_ns = monotonic_ns();
         stats.woke(deadline_ns, woke_ns, woke_ns, PERIOD_NS);
-        stats.ticked(&[None; Input::COUNT]);
+        stats.ticked(&[None; NodeInput::COUNT]);
         deadline_ns += PERIOD_NS;
     }
     stats

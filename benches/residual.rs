@@ -18,7 +18,7 @@ use govtwin::residual::prepare::prepare;
 use govtwin::residual::row::{Between, Opening};
 use govtwin::residual::search::bayesian;
 use govtwin::residual::split::{folds, seven_to_three};
-use govtwin::residual::table::{Layout, table};
+use govtwin::residual::table::{TableLayout, table};
 use govtwin::residual::training::{self, GuardKind};
 use govtwin::signal::Signal;
 use govtwin::twin::Twin;
@@ -98,7 +98,7 @@ fn main() {
     let twin = Twin::new(&unit);
     let estimates: Vec<_> = prepared.recordings.iter().map(|one| simulate(&mut twin.clone(), one)).collect();
     let (signal, opening, between) = (Signal::SpoolPosition, Opening::Simulated, Between::Hold);
-    let layout = Layout { signal, opening, between, period_ns: 200_000_000, features: features::all() };
+    let layout = TableLayout { signal, opening, between, period_ns: 200_000_000, features: features::all() };
     let start = Instant::now();
     let table = table(&prepared.recordings, &estimates, layout);
     println!("features of {} rows: {:.2} s", table.marks.len(), start.elapsed().as_secs_f64());

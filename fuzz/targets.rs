@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use govtwin::bag::{self, ReadOptions, Rows, cdr};
-use govtwin::blind::said::Said;
+use govtwin::blind::said::ReportVerdict;
 use govtwin::digest::sha256;
 use govtwin::effects::own::expression::Expression;
 use govtwin::effects::own::names;
@@ -213,7 +213,7 @@ pub fn model(bytes: &[u8]) {
 /// Any text as a report of a diagnosis.
 pub fn report(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
-    if let Ok(said) = Said::read(text) {
+    if let Ok(said) = ReportVerdict::read(text) {
         assert!(said.verdict().is_some());
         let _ = said.to_json();
     }

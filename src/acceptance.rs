@@ -163,7 +163,7 @@ impl Measure {
 
 /// One measure as found.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Found {
+pub struct MeasureFound {
     /// What.
     pub measure: Measure,
     /// The value, in the measure's unit; none where the movements do not show it.
@@ -178,7 +178,7 @@ pub struct Found {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measures {
     /// One for each of [`Measure::ALL`], in its order.
-    pub found: Vec<Found>,
+    pub found: Vec<MeasureFound>,
     /// The frequency response, where excited.
     pub response: Vec<Response>,
 }
@@ -186,7 +186,7 @@ pub struct Measures {
 impl Measures {
     /// One of them.
     #[must_use]
-    pub fn of(&self, measure: Measure) -> &Found {
+    pub fn of(&self, measure: Measure) -> &MeasureFound {
         &self.found[measure as usize]
     }
 

@@ -70,7 +70,7 @@ mod writer;
 
 use std::fmt;
 
-use crate::parameters::Channels;
+use crate::parameters::ChannelReadings;
 use crate::recording::Recording;
 
 pub use error::BagError;
@@ -226,7 +226,7 @@ pub enum Positions {
     #[default]
     Pu,
     /// Spool and servomotor in units of their own, which are read as pu.
-    Recorded(Channels),
+    Recorded(ChannelReadings),
     /// Anything that rises and falls with the position, taken as it is.
     AnyUnit,
 }
@@ -234,8 +234,8 @@ pub enum Positions {
 impl Positions {
     /// As a unit's file says.
     #[must_use]
-    pub fn of(channels: Channels) -> Self {
-        if channels == Channels::default() { Self::Pu } else { Self::Recorded(channels) }
+    pub fn of(channels: ChannelReadings) -> Self {
+        if channels == ChannelReadings::default() { Self::Pu } else { Self::Recorded(channels) }
     }
 }
 

@@ -10,7 +10,7 @@ pub mod least_squares;
 pub mod sparse;
 
 use crate::baselines::ground::Ground;
-use crate::blind::said::{Blamed, Location, Rank, Said, Size};
+use crate::blind::said::{Blamed, Location, Rank, ReportVerdict, ReportedSize};
 use crate::diagnosis::result::Verdict;
 use crate::effects::EffectSpec;
 
@@ -22,7 +22,7 @@ pub struct Baseline {
     /// What it does.
     pub name: &'static str,
     /// Its rule.
-    pub judge: fn(&Ground) -> Said,
+    pub judge: fn(&Ground) -> ReportVerdict,
 }
 
 /// All baselines.
@@ -45,7 +45,7 @@ struct Found {
 }
 
 /// A verdict: probabilities in proportion to `exp(evidence)`, with nothing at evidence 0.
-fn said(found: &[Found]) -> Said {
+fn said(found: &[Found]) -> ReportVerdict {
     let highest = found.iter().map(|one| one.evidence).fold(0.0, f64::max);
     let weight = |evidence: f64| (evidence - highest).exp();
     let sum: f64 = weight(0.0) + found.iter().map(|one| weight(one.evidence)).sum::<f64>();
@@ -56,12 +56,12 @@ fn said(found: &[Found]) -> Said {
     let mut blamed: Vec<&Found> = found.iter().filter(|one| one.blamed).collect();
     blamed.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
     let verdict = if blamed.is_empty() { Verdict::NoGap } else { Verdict::Named };
-    Said {
+    ReportVerdict {
         verdict: verdict.id().to_owned(),
         location: Location { stage: blamed.first().map(|one| one.spec.stage.id().to_owned()) },
         effects: blamed.iter().map(|one| blame(one)).collect(),
         ranking,
-        ..Said::default()
+        ..ReportVerdict::default()
     }
 }
 
@@ -70,7 +70,7 @@ fn blame(found: &Found) -> Blamed {
     let size = first.zip(found.size).map(|(parameter, (position, deviation))| {
         let at = |position: f64| parameter.neutral + (parameter.typical - parameter.neutral) * position;
         let (a, b) = (at(position - 1.645 * deviation), at(position + 1.645 * deviation));
-        Size { value: Some(at(position)), ci90: Some([Some(a.min(b)), Some(a.max(b))]) }
+        ReportedSize { value: Some(at(position)), ci90: Some([Some(a.min(b)), Some(a.max(b))]) }
     });
     Blamed { id: found.spec.id.to_owned(), parameters: size.into_iter().collect() }
 }

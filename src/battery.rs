@@ -21,7 +21,7 @@ use crate::battery::mismatch::Mismatch;
 use crate::effects::{Stage, find};
 use crate::frame::{Inputs, Signals};
 use crate::generate::spread;
-use crate::generate::streams::Streams;
+use crate::generate::streams::GeneratedStreams;
 use crate::parameters::Unit;
 use crate::recording::{Process, Recording};
 use crate::signal::Signal;
@@ -41,7 +41,7 @@ const FLOORS: [f64; 4] = [1.6e-4, 5.0e-3, 7.0e-2, 1.3e4];
 
 /// What kind of unit a case is.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum CaseKind {
     /// Within its tolerances.
     Sound,
     /// One effect of the catalogue.
@@ -56,7 +56,7 @@ pub enum Kind {
     LeftOut(String),
 }
 
-impl Kind {
+impl CaseKind {
     /// The word in labels.
     #[must_use]
     pub fn id(&self) -> &'static str {
@@ -88,7 +88,7 @@ pub struct Case {
     /// Name of its folder; says nothing of what is in it.
     pub name: String,
     /// What is in it.
-    pub kind: Kind,
+    pub kind: CaseKind,
     /// Rate of command and servo state, Hz.
     pub rate_hz: f64,
     /// Whether the pilot signals are recorded.
@@ -99,7 +99,7 @@ pub struct Case {
 
 /// One thing that is truly in a unit.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Truth {
+pub struct TrueFault {
     /// Its id.
     pub id: String,
     /// Where it sits.
@@ -118,7 +118,7 @@ pub struct Label {
     /// Name of the case.
     pub name: String,
     /// What is in it.
-    pub effects: Vec<Truth>,
+    pub effects: Vec<TrueFault>,
     /// Whether the catalogue that the diagnosis may use holds all of it.
     pub listed: bool,
     /// How far the strongest signal moves over its noise floor, RMS; NaN where nobody measured it, 0 for a sound unit.
@@ -131,7 +131,7 @@ pub struct Label {
 #[derive(Clone, Debug)]
 pub struct Made {
     /// Streams by process.
-    pub streams: Vec<(Process, Streams)>,
+    pub streams: Vec<(Process, GeneratedStreams)>,
     /// The truth.
     pub label: Label,
 }
@@ -169,21 +169,21 @@ pub fn strength(unit: &Unit, case: &Case) -> f64 {
     Process::ALL.into_par_iter().map(of).reduce(|| 0.0, f64::max)
 }
 
-fn unmeasured(case: &Case, effects: Vec<Truth>) -> Label {
-    let listed = matches!(case.kind, Kind::Sound | Kind::Single(_) | Kind::Pair(..) | Kind::Triple(..));
+fn unmeasured(case: &Case, effects: Vec<TrueFault>) -> Label {
+    let listed = matches!(case.kind, CaseKind::Sound | CaseKind::Single(_) | CaseKind::Pair(..) | CaseKind::Triple(..));
     Label { name: case.name.clone(), effects, listed, strength_ratio: f64::NAN, rate_hz: case.rate_hz }
 }
 
 /// Streams of the same plant on another day, by the same recorder: what no diagnosis has seen.
 #[must_use]
-pub fn exam(unit: &Unit, case: &Case) -> Vec<(Process, Streams)> {
+pub fn exam(unit: &Unit, case: &Case) -> Vec<(Process, GeneratedStreams)> {
     let (bench, _) = bench(unit, case);
     let another = Bench { seed: case.seed.wrapping_add(ANOTHER_DAY), ..bench };
     Process::ALL.into_iter().map(|process| (process, another.record(process).0)).collect()
 }
 
 /// The plant of a case on its bench, and what is in it.
-fn bench(unit: &Unit, case: &Case) -> (Bench, Vec<Truth>) {
+fn bench(unit: &Unit, case: &Case) -> (Bench, Vec<TrueFault>) {
     let mut sound = unit.clone();
     sound.effects.clear();
     let parameters = spread(&sound, case.seed).parameters;
@@ -220,11 +220,11 @@ pub fn readings(seed: u64) -> u32 {
 }
 
 /// Draws how much of an effect or a stranger there is.
-fn truth(id: &str, draw: &mut Draw) -> Option<Truth> {
+fn truth(id: &str, draw: &mut Draw) -> Option<TrueFault> {
     let factor = draw.log_between(SIZES.0, SIZES.1);
     let negative = draw.chance(0.5);
     let of = |stage, size, unit: &str, meaning: &str| {
-        Some(Truth { id: id.to_owned(), stage, size, unit: unit.to_owned(), meaning: meaning.to_owned() })
+        Some(TrueFault { id: id.to_owned(), stage, size, unit: unit.to_owned(), meaning: meaning.to_owned() })
     };
     if let Some(stranger) = STRANGERS.iter().find(|stranger| stranger.id == id) {
         return of(stranger.stage, stranger.typical * factor, stranger.unit, stranger.meaning);
@@ -298,7 +298,7 @@ mod tests {
             ("feedback_lag", Process::LoadRejection),
         ];
         shown_by.par_iter().for_each(|&(id, process)| {
-            let kind = Kind::Single(id.to_owned());
+            let kind = CaseKind::Single(id.to_owned());
             let case = Case { name: String::new(), kind, rate_hz: 100.0, rich: false, seed: 21 };
             let (bench, effects) = bench(&unit, &case);
             let trial = Trial::new(Recording::new(id, bench.record(process).0.rows()));

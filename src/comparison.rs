@@ -40,7 +40,7 @@ pub mod summary;
 
 use crate::metrics::{Accumulator, Figures};
 use crate::recording::Process;
-use crate::residual::table::Table;
+use crate::residual::table::FeatureTable;
 
 /// A model's word for some rows of a table.
 #[derive(Clone, Debug, PartialEq)]
@@ -55,7 +55,7 @@ pub struct Contender {
 
 /// How far a model is off, in each process and over all.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Standing {
+pub struct ModelStanding {
     /// Its id.
     pub id: &'static str,
     /// Its title.
@@ -66,10 +66,10 @@ pub struct Standing {
     pub overall: Figures,
 }
 
-impl Standing {
+impl ModelStanding {
     /// Compares estimates with what was measured at `rows`.
     #[must_use]
-    pub fn of(table: &Table, rows: &[usize], contender: &Contender) -> Self {
+    pub fn of(table: &FeatureTable, rows: &[usize], contender: &Contender) -> Self {
         let pairs = |process: Option<Process>| {
             let of_process = rows
                 .iter()
@@ -103,7 +103,7 @@ impl Standing {
 
 /// By how much `ours` is below `theirs`, percent: lowest and highest over processes.
 #[must_use]
-pub fn reduction(ours: &Standing, theirs: &Standing, figure: fn(&Figures) -> f64) -> [f64; 2] {
+pub fn reduction(ours: &ModelStanding, theirs: &ModelStanding, figure: fn(&Figures) -> f64) -> [f64; 2] {
     let of = |(process, own): &(Process, Figures)| {
         theirs.process(*process).map(|other| 100.0 * (1.0 - figure(own) / figure(other)))
     };
@@ -113,18 +113,18 @@ pub fn reduction(ours: &Standing, theirs: &Standing, figure: fn(&Figures) -> f64
 
 #[cfg(test)]
 pub(super) mod tests {
-    use super::{Contender, Standing, reduction};
+    use super::{Contender, ModelStanding, reduction};
     use crate::frame::{EsvState, Frame, Inputs, Signals};
     use crate::recording::Process;
     use crate::recording::Recording;
     use crate::residual::features;
     use crate::residual::row::{Between, Opening};
-    use crate::residual::table::{Layout, Mark, Table};
+    use crate::residual::table::{FeatureTable, RowMark, TableLayout};
     use crate::signal::Signal;
     use crate::twin::Twin;
 
     /// So many rows of a twin on a wavy command, every 0.2 s, and their table.
-    pub fn made(rows: i64) -> (Recording, Table) {
+    pub fn made(rows: i64) -> (Recording, FeatureTable) {
         let mut twin = Twin::new(&crate::params::reference());
         let mut estimates = vec![];
         let frame = |k: i64| {
@@ -137,14 +137,14 @@ pub(super) mod tests {
         };
         let recordings = [Recording::new("a", (0..rows).map(frame).collect())];
         let (signal, opening, between) = (Signal::SpoolPosition, Opening::Simulated, Between::Hold);
-        let layout = Layout { signal, opening, between, period_ns: 200_000_000, features: features::all() };
+        let layout = TableLayout { signal, opening, between, period_ns: 200_000_000, features: features::all() };
         let table = crate::residual::table::table(&recordings, &[estimates], layout);
         let [recording] = recordings;
         (recording, table)
     }
 
-    fn table() -> Table {
-        let mark = |frame: usize| Mark {
+    fn table() -> FeatureTable {
+        let mark = |frame: usize| RowMark {
             recording: 0,
             frame,
             process: if frame < 10 { Process::Startup } else { Process::Shutdown },
@@ -154,8 +154,8 @@ pub(super) mod tests {
             motion: 0.0,
         };
         let (signal, opening, between) = (Signal::SpoolPosition, Opening::Simulated, Between::Hold);
-        let layout = Layout { signal, opening, between, period_ns: 200_000_000, features: features::all() };
-        Table { layout, values: vec![], marks: (0..20).map(mark).collect(), left_out: 0 }
+        let layout = TableLayout { signal, opening, between, period_ns: 200_000_000, features: features::all() };
+        FeatureTable { layout, values: vec![], marks: (0..20).map(mark).collect(), left_out: 0 }
     }
 
     #[test]
@@ -164,7 +164,7 @@ pub(super) mod tests {
         let rows: Vec<usize> = (0..20).collect();
         let off = |by: [f64; 2]| {
             let estimates = rows.iter().map(|&row| row as f64 + by[row / 10]).collect();
-            Standing::of(&table, &rows, &Contender { id: "a", title: "A", estimates })
+            ModelStanding::of(&table, &rows, &Contender { id: "a", title: "A", estimates })
         };
         let (ours, theirs) = (off([0.25, -0.5]), off([1.0, 1.0]));
         assert_eq!(ours.process(Process::Startup).unwrap().mae, 0.25);

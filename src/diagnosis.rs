@@ -20,10 +20,10 @@ pub mod summary;
 
 use crate::diagnosis::decision::Decision;
 use crate::diagnosis::decision::posterior::{Posterior, Weights};
-use crate::diagnosis::hypotheses::table::Table;
+use crate::diagnosis::hypotheses::table::EvidenceTable;
 use crate::diagnosis::hypotheses::{Exploration, Explored};
 use crate::diagnosis::result::{Diagnosis, Verdict};
-use crate::diagnosis::summary::{Judged, Seen};
+use crate::diagnosis::summary::{BeforeVerdict, Judged};
 use crate::effects::{CATALOGUE, EffectSpec};
 use crate::likelihood::loop_noise::quieter;
 use crate::parameters::Unit;
@@ -39,7 +39,7 @@ use crate::signal::Signal;
 /// settings.catalogue.retain(|effect| effect.id != "backlash"); // the owner knows that there is none
 /// ```
 #[derive(Clone, Debug)]
-pub struct Settings {
+pub struct DiagnosisSettings {
     /// The effects to try, in the order of reports.
     pub catalogue: Vec<&'static EffectSpec>,
     /// Seed of the resampling behind intervals of closures.
@@ -48,7 +48,7 @@ pub struct Settings {
     pub free: bool,
 }
 
-impl Default for Settings {
+impl Default for DiagnosisSettings {
     fn default() -> Self {
         Self { catalogue: CATALOGUE.iter().collect(), seed: 1, free: false }
     }
@@ -103,7 +103,7 @@ pub enum DiagnosisError {
 pub fn diagnose(
     recordings: Vec<Recording>,
     unit: &Unit,
-    settings: &Settings,
+    settings: &DiagnosisSettings,
     progress: &(dyn Fn(&str, f64) + Sync),
 ) -> Result<Diagnosis, DiagnosisError> {
     if settings.catalogue.is_empty() {
@@ -114,7 +114,7 @@ pub fn diagnose(
     let ready = preparation::ready(recordings, unit, settings)?;
     let stage_only = !ready.whole.is_empty();
     progress("refitting the sheet's parameters within their tolerances", 0.02);
-    let settings = &Settings { catalogue: ready.catalogue.clone(), ..settings.clone() };
+    let settings = &DiagnosisSettings { catalogue: ready.catalogue.clone(), ..settings.clone() };
     let (mut problem, refitted, sheet) =
         model::search::nominal(ready.trials.clone(), &ready.unit, ready.turned.clone(), &ready.noise);
     let catalogue = &settings.catalogue;
@@ -137,7 +137,7 @@ pub fn diagnose(
         hypotheses::anew::singles(&mut explored, &problem, &sheet, &settings.catalogue);
     }
     progress("tabulating the evidence", 0.85);
-    let table = Table::new(&problem, &explored, &settings.catalogue);
+    let table = EvidenceTable::new(&problem, &explored, &settings.catalogue);
     // Weights are learned on whole chains; of a stage alone nothing is learned, and evidence counts as it is.
     let mut weights = Weights::shipped();
     if stage_only {
@@ -175,7 +175,7 @@ pub fn diagnose(
         decision: &decision,
         weights: &weights,
     };
-    let mut diagnosis = summary::gather(judged, &ready.unit, settings, Seen { channels, notes });
+    let mut diagnosis = summary::gather(judged, &ready.unit, settings, BeforeVerdict { channels, notes });
     diagnosis.part = stage_only::describe(&ready, &explored, &decision);
     if let Some(part) = diagnosis.part.as_ref().filter(|part| !part.sheet) {
         // What the most flexible law leaves is the error of equations, no transducer's noise.
@@ -208,7 +208,7 @@ fn stretched(explored: &Explored, decision: &Decision) -> Option<String> {
 }
 
 /// Which recording a name idle_segments on: without it the posterior would name something else, or nothing.
-fn rests_on(table: &Table, weights: &Weights, decision: &Decision, recordings: &[String]) -> Option<String> {
+fn rests_on(table: &EvidenceTable, weights: &Weights, decision: &Decision, recordings: &[String]) -> Option<String> {
     if decision.verdict != Verdict::Named {
         return None;
     }

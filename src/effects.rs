@@ -122,16 +122,16 @@ pub struct EffectSpec {
 
 /// An effect as its file defines it: its law takes as many values as there are parameters, which the compiler checks.
 #[derive(Clone, Copy)]
-pub(crate) struct Definition<const N: usize> {
+pub(crate) struct EffectDefinition<const N: usize> {
     pub id: &'static str,
     pub stage: Stage,
     pub source: &'static str,
     pub parameters: &'static [EffectParameter; N],
-    pub apply: &'static Law<N>,
+    pub apply: &'static EffectLaw<N>,
 }
 
 /// How an effect of `N` parameters enters a plant.
-pub(crate) struct Law<const N: usize>(pub fn([f64; N], &mut Plant));
+pub(crate) struct EffectLaw<const N: usize>(pub fn([f64; N], &mut Plant));
 
 /// A law of any number of parameters.
 pub(crate) trait Build: Send + Sync {
@@ -139,7 +139,7 @@ pub(crate) trait Build: Send + Sync {
     fn build(&self, values: &[f64], plant: &mut Plant);
 }
 
-impl<const N: usize> Build for Law<N> {
+impl<const N: usize> Build for EffectLaw<N> {
     fn build(&self, values: &[f64], plant: &mut Plant) {
         // `EffectSpec::apply` hands over as many as there are parameters.
         if let Ok(values) = values.try_into() {
@@ -157,7 +157,7 @@ impl fmt::Debug for EffectSpec {
 /// What the head of an effect's file says, in plain words.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
-pub struct Head {
+pub struct EffectHead {
     /// What it is.
     pub summary: String,
     /// Its equation and where it comes from.
@@ -172,8 +172,8 @@ pub struct Head {
 
 impl EffectSpec {
     /// An effect of the catalogue.
-    pub(crate) const fn new<const N: usize>(definition: Definition<N>) -> Self {
-        let Definition { id, stage, source, parameters, apply } = definition;
+    pub(crate) const fn new<const N: usize>(definition: EffectDefinition<N>) -> Self {
+        let EffectDefinition { id, stage, source, parameters, apply } = definition;
         Self { id, stage, source, parameters, law: apply }
     }
 
@@ -191,7 +191,7 @@ impl EffectSpec {
 
     /// Reads the head of its file.
     #[must_use]
-    pub fn head(&self) -> Head {
+    pub fn head(&self) -> EffectHead {
         let lines = self.source.lines().map_while(|line| line.strip_prefix("//!")).map(str::trim);
         let mut paragraphs = vec![String::new()];
         let mut symbols = Vec::new();
@@ -216,7 +216,7 @@ impl EffectSpec {
         let (symptom, limits) = last.split_once(" Limits: ").unwrap_or((&last, ""));
         // The first two rows of the table are its head.
         let symbols = symbols.split_off(2.min(symbols.len()));
-        Head { summary, equation, symbols, symptom: symptom.to_owned(), limits: limits.to_owned() }
+        EffectHead { summary, equation, symbols, symptom: symptom.to_owned(), limits: limits.to_owned() }
     }
 }
 

@@ -14,8 +14,8 @@ use crate::frame::{EsvState, Frame, Inputs, Signals};
 use crate::generate::governor::Governor;
 use crate::generate::machine::Machine;
 use crate::generate::noise::{Dice, Purpose, READINGS, Transducer};
-use crate::generate::script::Script;
-use crate::generate::streams::Streams;
+use crate::generate::script::ProcessScript;
+use crate::generate::streams::GeneratedStreams;
 use crate::parameters::{ENTRIES, Tolerance, Unit};
 use crate::plant::Plant;
 use crate::plant::term::Point;
@@ -60,7 +60,7 @@ pub fn recording(scenario: &Scenario) -> Recording {
 
 /// The messages of a scenario, stream by stream.
 #[must_use]
-pub fn streams(scenario: &Scenario) -> Streams {
+pub fn streams(scenario: &Scenario) -> GeneratedStreams {
     let mut plant = Plant::new(&scenario.unit.parameters);
     effects::apply(&scenario.unit, &mut plant);
     streams_of(plant, scenario)
@@ -68,7 +68,7 @@ pub fn streams(scenario: &Scenario) -> Streams {
 
 /// The same of a plant with other equations than the unit's; of the unit only tank and transducers count then.
 #[must_use]
-pub fn streams_of(mut plant: Plant, scenario: &Scenario) -> Streams {
+pub fn streams_of(mut plant: Plant, scenario: &Scenario) -> GeneratedStreams {
     let Scenario { unit, process, .. } = scenario;
     let dice = Dice { seed: scenario.seed, process: *process };
     let sensors = &unit.sensors;
@@ -80,7 +80,7 @@ pub fn streams_of(mut plant: Plant, scenario: &Scenario) -> Streams {
         plant.terms.push(noise::in_loop(point, sensor, readings, dice.of(purpose), scenario.duration_s / tick_s));
     }
     let lookahead_ns = nanos_from_seconds(plant.lookahead_s);
-    let script = Script::new(*process, scenario.duration_s, &dice);
+    let script = ProcessScript::new(*process, scenario.duration_s, &dice);
     let mut governor = Governor::new(script, dice.of(Purpose::Command));
     let mut machine = Machine::new(&unit.parameters, &script, dice.of(Purpose::Grid));
     let mut spool = Transducer::new(sensors.spool_position_pu, dice.of(Purpose::Spool));
@@ -100,7 +100,7 @@ pub fn streams_of(mut plant: Plant, scenario: &Scenario) -> Streams {
     let start = Signals { servomotor_position_pu: script.initial_opening_pu, ..Signals::NONE };
     twin.advance(&Frame { time_ns: begin_ns, inputs, measured: start });
 
-    let mut streams = Streams::default();
+    let mut streams = GeneratedStreams::default();
     let row_period_s = 1.0 / scenario.rate_hz;
     let tank_period_s = 1.0 / scenario.rate_hz.min(TANK_RATE_HZ);
     let (mut rows, mut tank_rows) = (0_u32, 0_u32);

@@ -1,7 +1,7 @@
 //! Recordings as plants have them (tables, historian exports, bags with other types) read by a map into rows of this project's signals.
 //!
 //! A [`Map`] says which column or field of a message holds which signal, in which unit, and how time is written. [`Import`] opens the
-//! files, merges their rows by time and hands on one [`Row`] after the other; memory does not grow with the files. [`findings`] watches
+//! files, merges their rows by time and hands on one [`ImportedRow`] after the other; memory does not grow with the files. [`findings`] watches
 //! what passes: gaps, frozen and saturated channels, units that cannot be meant. [`suggest`] proposes a map of a file that nobody has
 //! mapped yet. What comes out is written as a bag, which everything else reads as any other.
 
@@ -23,7 +23,7 @@ pub mod suggest;
 mod topics;
 
 pub use error::ImportError;
-pub use map::{Event, FileMap, Map, Place, Repeated, SignalMap, TimeMap, map_text};
-pub use row::{Row, Target};
-pub use run::{Import, Outcome};
-pub use source::{Kind, kind_of};
+pub use map::{FileMap, Map, Repeated, SignalMap, SignalPlace, TimeMap, TripRule, map_text};
+pub use row::{ImportedRow, Target};
+pub use run::{Import, ImportOutcome};
+pub use source::{SourceKind, kind_of};

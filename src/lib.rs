@@ -162,9 +162,12 @@ pub use effects::on_unit::EffectError;
 pub use effects::own::OwnError;
 pub use effects::{CATALOGUE, EffectParameter, EffectSpec, Stage};
 pub use parameters::{
-    Channels, EffectSetting, OwnEffect, OwnParameter, Parameters, Reading, Sensor, Sensors, Tolerance, Unit,
+    ChannelReading, ChannelReadings, EffectSetting, OwnEffect, OwnParameter, Parameters, Sensor, Sensors, Tolerance,
+    Unit,
 };
-pub use params::{Overlay, ParamsError, Problem, load as load_unit, reference as reference_unit, write as write_unit};
+pub use params::{
+    FileProblem, Overlay, ParamsError, load as load_unit, reference as reference_unit, write as write_unit,
+};
 
 // The row that flows, and recordings of it.
 /// ```
@@ -194,7 +197,7 @@ pub use twin::{Cut, Twin};
 // Why a unit differs from its twin.
 pub use diagnosis::result::schema::report as diagnosis_json;
 pub use diagnosis::result::{Blame, Diagnosis, Experiment, Fitted, Interval, Ranked, SignalGap, Verdict};
-pub use diagnosis::{DiagnosisError, Settings as DiagnosisSettings, diagnose};
+pub use diagnosis::{DiagnosisError, DiagnosisSettings, diagnose};
 pub use provenance::Provenance;
 pub use report::diagnosis::{page as diagnosis_page, summary as diagnosis_text};
 pub use report::draw::DrawError;
@@ -212,6 +215,7 @@ pub use report::page::Page;
 /// ```
 pub mod sections {
     pub use crate::parameters::{
-        DistributingValve, ENTRIES, Entry, Esv, MainPorts, Oil, ProportionalValve, Regulator, Servomotor, entry,
+        DistributingValve, ENTRIES, Esv, MainPorts, Oil, ParameterEntry, ProportionalValve, Regulator, Servomotor,
+        entry,
     };
 }

@@ -2,12 +2,12 @@
 
 mod channels;
 
-pub use channels::{Channels, Reading};
+pub use channels::{ChannelReading, ChannelReadings};
 
 /// One row of the table: where a parameter lives, its unit, and the range that physics allows.
 #[derive(Clone, Copy)]
 #[non_exhaustive]
-pub struct Entry {
+pub struct ParameterEntry {
     /// Section and name as parameter files write them, such as `oil.density_kg_m3`.
     pub key: &'static str,
     /// Unit, `1` where there is none.
@@ -37,7 +37,7 @@ macro_rules! parameters {
         pub struct Parameters { $( $(#[doc = $sdoc])* pub $section: $Section, )* }
 
         /// Every parameter, in the order of the data sheet.
-        pub const ENTRIES: &[Entry] = &[ $( $( Entry {
+        pub const ENTRIES: &[ParameterEntry] = &[ $( $( ParameterEntry {
             key: concat!(stringify!($section), ".", stringify!($field)),
             unit: $unit, min: $min, max: $max,
             doc: concat!($($doc),*),
@@ -169,7 +169,7 @@ parameters! {
 
 /// The entry with this key.
 #[must_use]
-pub fn entry(key: &str) -> Option<&'static Entry> {
+pub fn entry(key: &str) -> Option<&'static ParameterEntry> {
     ENTRIES.iter().find(|entry| entry.key == key)
 }
 
@@ -294,5 +294,5 @@ pub struct Unit {
     /// Effects of the owner's, beside those of the catalogue; [`Unit::effects`] switches them on.
     pub own_effects: Vec<OwnEffect>,
     /// How its positions are recorded, where not in pu.
-    pub recorded: Channels,
+    pub recorded: ChannelReadings,
 }

@@ -37,7 +37,7 @@ use crate::files::read_text;
 use crate::parameters::{ENTRIES, OwnEffect, Unit};
 
 pub use consistency::{Conflict, conflicts};
-pub use error::{ParamsError, Problem};
+pub use error::{FileProblem, ParamsError};
 pub use limits::{limits_template, load_limits};
 pub use number::{number_text, quantity_text, tolerance_text};
 pub use plate::{load_plate, plate_template, plate_value};
@@ -112,7 +112,7 @@ pub fn load_candidates(path: &Path) -> Result<Vec<OwnEffect>, ParamsError> {
     let own = load(path)?.own_effects;
     if own.is_empty() {
         let message = "no effect of your own in it: expected `at`, `expression` and `parameters` below an id";
-        let problem = Problem { line: None, key: "effects".to_owned(), message: message.to_owned() };
+        let problem = FileProblem { line: None, key: "effects".to_owned(), message: message.to_owned() };
         return Err(ParamsError::Invalid { what: PARAMETER, path: path.to_path_buf(), problems: vec![problem] });
     }
     Ok(own)
@@ -133,8 +133,9 @@ fn load_over(path: &Path, open: &mut Vec<PathBuf>) -> Result<Sheet, ParamsError>
         None => reference_sheet(),
         Some(base) => {
             let base = path.parent().unwrap_or(Path::new("")).join(base);
-            let at_base =
-                |message| invalid(vec![Problem { line: document.line(&["base"]), key: "base".to_owned(), message }]);
+            let at_base = |message| {
+                invalid(vec![FileProblem { line: document.line(&["base"]), key: "base".to_owned(), message }])
+            };
             let known =
                 base.canonicalize().map_err(|error| at_base(format!("cannot read {}: {error}", base.display())))?;
             if open.contains(&known) {
@@ -155,29 +156,30 @@ fn load_over(path: &Path, open: &mut Vec<PathBuf>) -> Result<Sheet, ParamsError>
 }
 
 /// The shipped sheet with `text` over it, without bases; `path` is where the text stands or will stand.
-fn sheet_over_reference(text: &str, path: &Path) -> Result<Sheet, Vec<Problem>> {
+fn sheet_over_reference(text: &str, path: &Path) -> Result<Sheet, Vec<FileProblem>> {
     let document = parse(text)?;
     let mut sheet = reference_sheet();
     let problems = merge::merge(&document, Some(path), &mut sheet);
     if problems.is_empty() { Ok(sheet) } else { Err(problems) }
 }
 
-fn parse(text: &str) -> Result<yaml::Document, Vec<Problem>> {
-    yaml::parse(text).map_err(|error| vec![Problem { line: error.line, key: String::new(), message: error.message }])
+fn parse(text: &str) -> Result<yaml::Document, Vec<FileProblem>> {
+    yaml::parse(text)
+        .map_err(|error| vec![FileProblem { line: error.line, key: String::new(), message: error.message }])
 }
 
 fn read(what: &'static str, path: &Path) -> Result<String, ParamsError> {
     read_text(path, LARGEST_FILE_BYTES).map_err(|reason| ParamsError::Read { what, path: path.to_path_buf(), reason })
 }
 
-fn read_reference() -> Result<Sheet, Vec<Problem>> {
+fn read_reference() -> Result<Sheet, Vec<FileProblem>> {
     let document = parse(REFERENCE)?;
     let mut sheet = Sheet::blank();
     let mut problems = merge::merge(&document, None, &mut sheet);
     let sensors = SENSOR_ENTRIES.iter().map(|entry| format!("sensors.{}", entry.name));
     for key in ENTRIES.iter().map(|entry| entry.key.to_owned()).chain(sensors) {
         if !sheet.origins.contains_key(&key) {
-            problems.push(Problem { line: None, key, message: "missing from the shipped sheet".to_owned() });
+            problems.push(FileProblem { line: None, key, message: "missing from the shipped sheet".to_owned() });
         }
     }
     if problems.is_empty() { Ok(sheet) } else { Err(problems) }

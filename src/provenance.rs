@@ -23,7 +23,7 @@ pub struct Provenance {
     /// What the unit is called, by its parameter file or by the folder of its recordings.
     pub unit: String,
     /// The recordings that were given, in their order.
-    pub recordings: Vec<Input>,
+    pub recordings: Vec<RecordingGiven>,
     /// The data sheet.
     pub sheet: SheetUsed,
     /// Options that were given or that decide the result, by name.
@@ -47,7 +47,7 @@ pub struct FileUsed {
 
 /// A recording that was given.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Input {
+pub struct RecordingGiven {
     /// What it is called in the report.
     pub name: String,
     /// Its files.
@@ -139,7 +139,7 @@ impl Provenance {
     }
 }
 
-impl Input {
+impl RecordingGiven {
     /// One line: its files, whether it is synthetic, why it was left out.
     fn text(&self) -> String {
         let mut parts: Vec<String> = self.files.iter().map(ToString::to_string).collect();
@@ -170,16 +170,16 @@ fn short(sha256: &str) -> &str {
 
 #[cfg(test)]
 mod tests {
-    use super::{FileUsed, Input, Provenance};
+    use super::{FileUsed, Provenance, RecordingGiven};
 
-    fn input(name: &str, synthetic: bool, origin: Option<&str>) -> Input {
+    fn input(name: &str, synthetic: bool, origin: Option<&str>) -> RecordingGiven {
         let files = vec![FileUsed { path: format!("{name}.mcap"), bytes: 3, sha256: "ab".repeat(32) }];
-        Input { name: name.into(), files, synthetic, origin: origin.map(str::to_owned), left_out: None }
+        RecordingGiven { name: name.into(), files, synthetic, origin: origin.map(str::to_owned), left_out: None }
     }
 
     #[test]
     fn what_is_synthetic_is_said_once_wherever_it_is_marked() {
-        let of = |recordings: Vec<Input>| Provenance { recordings, ..Provenance::default() };
+        let of = |recordings: Vec<RecordingGiven>| Provenance { recordings, ..Provenance::default() };
         assert!(of(vec![input("a", false, None)]).origins().is_empty());
         let said = of(vec![input("a", true, Some("Made up.")), input("b", true, Some("Made up."))]);
         assert_eq!(said.origins(), ["Made up."]);

@@ -13,11 +13,11 @@ pub mod quantity;
 use std::collections::BTreeMap;
 
 pub use derive::{Derived, Sourced, derive};
-pub use item::{ITEMS, Item};
+pub use item::{ITEMS, PlateItem};
 
 /// A value from plate or manual.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Given {
+pub struct GivenValue {
     /// In the SI unit of its item, in the item's unit.
     pub value: f64,
     /// Standard deviation as a share of the value; none where the item's own counts.
@@ -34,7 +34,7 @@ pub struct Plate {
     /// What the unit is called.
     pub name: String,
     /// The values.
-    pub values: BTreeMap<&'static str, Given>,
+    pub values: BTreeMap<&'static str, GivenValue>,
 }
 
 impl Plate {

@@ -22,7 +22,7 @@ use crate::units::nanos_from_seconds;
 use hold::Hold;
 use now::{Acting, Demand, Now, esv_opening_pu};
 use readings::positions_pu;
-use tick::{Chain, Read, Seen, Setting, large_loop, tick};
+use tick::{Chain, Seen, Setting, TickReads, large_loop, tick};
 
 /// Where recorded signals stand in for simulated ones, so that one stage is judged by its own input.
 ///
@@ -332,7 +332,7 @@ impl Chain<f64> for Single<'_> {
     }
 
     #[inline(always)]
-    fn large_loop(&mut self, ticks: u64, moving_s: f64, read: &Read, demand: &mut Demand) -> f64 {
+    fn large_loop(&mut self, ticks: u64, moving_s: f64, read: &TickReads, demand: &mut Demand) -> f64 {
         large_loop(self.plant, self.hold, ticks, moving_s, read, demand)
     }
 

@@ -8,7 +8,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use govtwin::acceptance::counterfactual::{Size, compare};
+use govtwin::acceptance::counterfactual::{SizeKnowledge, compare};
 use govtwin::acceptance::series::Series;
 use govtwin::acceptance::{Measure, Measures, measure};
 use govtwin::generate::{self, Scenario};
@@ -95,8 +95,8 @@ fn the_size_of_a_fault_widens_what_is_foretold() {
     let faulty = unit(3, &[("port_overlap", &[3e-4])]);
     let recordings = &recordings(&faulty, 3)[1..2];
     let half = |ends: Option<[f64; 2]>| {
-        let size = |ends| Size { effect: "port_overlap".to_owned(), parameter: 0, ends };
-        let sizes: Vec<Size> = ends.map(size).into_iter().collect();
+        let size = |ends| SizeKnowledge { effect: "port_overlap".to_owned(), parameter: 0, ends };
+        let sizes: Vec<SizeKnowledge> = ends.map(size).into_iter().collect();
         let compared = compare(recordings, &faulty, &["port_overlap".to_owned()], &sizes, &|| {});
         let value = compared.without[0].expected[Measure::DeadBand as usize].unwrap().value;
         value.high - value.value

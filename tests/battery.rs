@@ -1,7 +1,7 @@
 //! The battery: its plants are the twin's kind, not the twin; its faults show; its seeds decide everything.
 #![cfg(feature = "lab")]
 
-use govtwin::battery::{Case, Kind, exam, make, strength};
+use govtwin::battery::{Case, CaseKind, exam, make, strength};
 use govtwin::blind::validation::closure;
 use govtwin::generate::spread;
 use govtwin::parameters::{EffectSetting, Unit};
@@ -10,7 +10,7 @@ use govtwin::recording::Recording;
 use govtwin::signal::Signal;
 use govtwin::twin::Twin;
 
-fn case(kind: Kind, seed: u64) -> Case {
+fn case(kind: CaseKind, seed: u64) -> Case {
     Case { name: "case".into(), kind, rate_hz: 100.0, rich: false, seed }
 }
 
@@ -38,7 +38,7 @@ fn another_day(unit: &Unit, case: &Case) -> Vec<Recording> {
 fn a_sound_plant_is_the_twins_kind_but_not_the_twin() {
     let unit = params::reference();
     for seed in [2, 3] {
-        let made = make(&unit, &case(Kind::Sound, seed));
+        let made = make(&unit, &case(CaseKind::Sound, seed));
         let mut twin = Twin::new(&spread(&unit, seed));
         for recording in made.recordings() {
             let miss = rms(&mut twin, &recording, Signal::ServomotorPosition);
@@ -52,7 +52,7 @@ fn a_sound_plant_is_the_twins_kind_but_not_the_twin() {
 #[test]
 fn a_seed_decides_everything_and_a_fault_shows() {
     let unit = params::reference();
-    let backlash = case(Kind::Single("backlash".into()), 5);
+    let backlash = case(CaseKind::Single("backlash".into()), 5);
     let made = make(&unit, &backlash);
     // As text, since a signal that is not recorded is NaN.
     let again = make(&unit, &backlash);
@@ -61,7 +61,7 @@ fn a_seed_decides_everything_and_a_fault_shows() {
     assert!(truth.id == "backlash" && truth.stage.id() == "servomotor" && truth.unit == "pu");
     let strength_ratio = strength(&unit, &backlash);
     assert!(made.label.listed && strength_ratio > 1.0, "{strength_ratio}");
-    assert!(!make(&unit, &case(Kind::LeftOut("backlash".into()), 5)).label.listed);
+    assert!(!make(&unit, &case(CaseKind::LeftOut("backlash".into()), 5)).label.listed);
 
     // The contact gap is the play operator's kind: with it the twin comes close, without it it does not.
     let mut spread_unit = spread(&unit, 5);
@@ -83,7 +83,7 @@ fn a_seed_decides_everything_and_a_fault_shows() {
 #[test]
 fn what_chatters_louder_is_examined_with_the_noise_of_its_own() {
     let unit = params::reference();
-    let slow = case(Kind::Single("regulator_cycle".into()), 5);
+    let slow = case(CaseKind::Single("regulator_cycle".into()), 5);
     let truth = make(&unit, &slow).label.effects[0].clone();
     assert!(truth.size > 0.01, "{truth:?}: too short a cycle to chatter");
     let sound = spread(&unit, 5);

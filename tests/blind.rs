@@ -15,7 +15,7 @@ use govtwin::digest::sha256;
 use govtwin::effects::find;
 use govtwin::frame::{EsvState, Frame};
 use govtwin::params;
-use govtwin::provenance::{FileUsed, Input, Provenance, SheetUsed};
+use govtwin::provenance::{FileUsed, Provenance, RecordingGiven, SheetUsed};
 use govtwin::recording::Recording;
 use govtwin::twin::Twin;
 use serde_json::Value;
@@ -40,7 +40,7 @@ fn of_recording(report: &str, bytes: &str) -> String {
     let mut report: Value = serde_json::from_str(report).unwrap();
     let files = vec![FileUsed { path: "startup.mcap".into(), bytes: bytes.len() as u64, sha256: sha256(bytes) }];
     let made = Provenance {
-        recordings: vec![Input { name: "startup".into(), files, ..Input::default() }],
+        recordings: vec![RecordingGiven { name: "startup".into(), files, ..RecordingGiven::default() }],
         sheet: SheetUsed { sha256: params::unit_digest(&params::reference()), ..SheetUsed::default() },
         ..Provenance::default()
     };

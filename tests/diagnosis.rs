@@ -1,10 +1,10 @@
 //! The diagnosis on generated units: what is planted is named, what is not is not, and nothing is said on too little.
 
 use govtwin::diagnosis::hypotheses::explore;
-use govtwin::diagnosis::model::Model;
+use govtwin::diagnosis::model::FittedModel;
 use govtwin::diagnosis::result::schema::report;
 use govtwin::diagnosis::result::{Diagnosis, Verdict};
-use govtwin::diagnosis::{DiagnosisError, Settings, diagnose};
+use govtwin::diagnosis::{DiagnosisError, DiagnosisSettings, diagnose};
 use govtwin::effects::find;
 use govtwin::estimation::free_parameter::FreeParameter;
 use govtwin::generate::{Scenario, recording, spread};
@@ -18,8 +18,8 @@ use govtwin::recording::{Process, Recording};
 /// A few effects that resemble each other, so that a test takes seconds.
 const TRIED: [&str; 4] = ["backlash", "port_overlap", "lvdt_bias", "feedback_lag"];
 
-fn settings() -> Settings {
-    Settings { catalogue: TRIED.iter().filter_map(|id| find(id)).collect(), ..Settings::default() }
+fn settings() -> DiagnosisSettings {
+    DiagnosisSettings { catalogue: TRIED.iter().filter_map(|id| find(id)).collect(), ..DiagnosisSettings::default() }
 }
 
 fn unit(seed: u64, effect: Option<(&str, f64)>) -> Unit {
@@ -91,7 +91,7 @@ fn what_is_claimed_has_the_named_effects_and_no_others() {
     let trials = recordings(&true_unit, &processes, 3).into_iter().map(Trial::new).collect();
     let problem = Problem::new(trials, &reference(), &expected(&reference().sensors));
     let problem = problem.with_loop_noise(1.0).laid_along(&reference());
-    let sheet = Model::sheet(&problem, &reference(), &FreeParameter::nuisances(&reference()));
+    let sheet = FittedModel::sheet(&problem, &reference(), &FreeParameter::nuisances(&reference()));
     let catalogue: Vec<_> = planted.iter().filter_map(|(id, _)| find(id)).collect();
     let mut found = explore(&problem, &sheet, &sheet, &catalogue, &|_, _| ());
     found.complete(&problem, &["lvdt_bias", "feedback_lag"], true, &catalogue);
@@ -121,7 +121,10 @@ fn a_unit_that_swings_of_itself_is_named_by_its_loudness() {
     let unit = unit(3, Some(("pv_bandwidth", 0.1)));
     let recordings = recordings(&unit, &[Process::LoadIncrease, Process::Shutdown], 3);
     let tried = ["pv_bandwidth", "pv_hysteresis", "lvdt_bias"];
-    let settings = Settings { catalogue: tried.iter().filter_map(|id| find(id)).collect(), ..Settings::default() };
+    let settings = DiagnosisSettings {
+        catalogue: tried.iter().filter_map(|id| find(id)).collect(),
+        ..DiagnosisSettings::default()
+    };
     let said = diagnose(recordings, &reference(), &settings, &|_, _| ()).unwrap();
     assert_eq!(said.verdict, Verdict::Named, "{:?}", said.ranking);
     assert_eq!(said.blamed[0].id, "pv_bandwidth");
@@ -149,7 +152,10 @@ fn a_sheet_stretched_beyond_belief_is_no_sound_unit() {
     let extra = find("port_overlap").unwrap().parameters[0];
     let recordings = recordings(&unit(3, Some(("port_overlap", 0.8 * extra.typical))), &Process::ALL, 3);
     let tried = ["feedback_lag", "esv_slow"];
-    let settings = Settings { catalogue: tried.iter().filter_map(|id| find(id)).collect(), ..Settings::default() };
+    let settings = DiagnosisSettings {
+        catalogue: tried.iter().filter_map(|id| find(id)).collect(),
+        ..DiagnosisSettings::default()
+    };
     let said = diagnose(recordings, &reference(), &settings, &|_, _| ()).unwrap();
     assert_eq!(said.verdict, Verdict::Unknown, "{:?}", said.ranking);
     let words = "follows these recordings only if main_ports.overlap_m is";
@@ -167,7 +173,7 @@ fn a_sound_unit_has_no_gap() {
 #[test]
 fn the_number_of_threads_changes_nothing() {
     let recordings = recordings(&unit(5, Some(("lvdt_bias", 0.02))), &[Process::Startup, Process::Shutdown], 5);
-    let few = Settings { catalogue: settings().catalogue[2..].to_vec(), ..settings() };
+    let few = DiagnosisSettings { catalogue: settings().catalogue[2..].to_vec(), ..settings() };
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let recordings = recordings.clone();
@@ -183,6 +189,6 @@ fn too_little_is_refused_in_words() {
     let error = diagnose(vec![recording], &reference(), &settings(), &|_, _| ()).unwrap_err();
     assert!(matches!(error, DiagnosisError::Unusable(_)), "{error}");
     assert!(error.to_string().contains("at least 50"), "{error}");
-    let none = Settings { catalogue: vec![], ..Settings::default() };
+    let none = DiagnosisSettings { catalogue: vec![], ..DiagnosisSettings::default() };
     assert_eq!(diagnose(vec![], &reference(), &none, &|_, _| ()).unwrap_err(), DiagnosisError::NothingToTry);
 }

@@ -4,25 +4,26 @@
 use std::path::Path;
 
 use govtwin::bag::{self, Interpolation, ReadOptions, Stream};
-use govtwin::battery::{self, Case, Kind};
+use govtwin::battery::{self, Case, CaseKind};
 use govtwin::diagnosis::result::{Diagnosis, Verdict};
-use govtwin::diagnosis::{Settings, diagnose};
+use govtwin::diagnosis::{DiagnosisSettings, diagnose};
 use govtwin::frame::{Frame, Signals};
 use govtwin::params::reference;
 use govtwin::recording::Recording;
 
 fn judged(recordings: Vec<Recording>) -> Diagnosis {
     let catalogue = govtwin::effects::of_the_chain().collect();
-    diagnose(recordings, &reference(), &Settings { catalogue, ..Settings::default() }, &|_, _| ()).unwrap()
+    diagnose(recordings, &reference(), &DiagnosisSettings { catalogue, ..DiagnosisSettings::default() }, &|_, _| ())
+        .unwrap()
 }
 
-fn generated(kind: Kind, seed: u64) -> Diagnosis {
+fn generated(kind: CaseKind, seed: u64) -> Diagnosis {
     let case = Case { name: "unit".to_owned(), kind, rate_hz: 100.0, rich: false, seed };
     judged(battery::make(&reference(), &case).recordings())
 }
 
 /// The same at 5 Hz, its inputs straight between the rows, as a bag at such a rate is read.
-fn generated_slow(kind: Kind, seed: u64) -> Diagnosis {
+fn generated_slow(kind: CaseKind, seed: u64) -> Diagnosis {
     let case = Case { name: "unit".to_owned(), kind, rate_hz: 5.0, rich: false, seed };
     judged(battery::make(&reference(), &case).recordings().into_iter().map(straight).collect())
 }
@@ -74,14 +75,14 @@ fn named_and_explained(said: &Diagnosis, ids: &[&str]) {
 
 #[test]
 fn a_generated_sound_unit_shows_no_gap() {
-    let said = generated(Kind::Sound, 11);
+    let said = generated(CaseKind::Sound, 11);
     assert!(matches!(said.verdict, Verdict::NoGap | Verdict::NotExcited), "{:?} {:?}", said.verdict, said.sets);
 }
 
 /// A regulator's kicks and a command taken back with the trip are noise of slow recordings, and no gap.
 #[test]
 fn a_generated_sound_unit_at_5_hz_leaves_what_its_noise_says() {
-    let said = generated_slow(Kind::Sound, 11);
+    let said = generated_slow(CaseKind::Sound, 11);
     assert!(matches!(said.verdict, Verdict::NoGap | Verdict::NotExcited), "{:?} {:?}", said.verdict, said.sets);
     for one in &said.consistency[0] {
         assert!((0.4..1.6).contains(&one.mean_square), "{one:?}");
@@ -91,22 +92,22 @@ fn a_generated_sound_unit_at_5_hz_leaves_what_its_noise_says() {
 /// Its gap is too small beside the noise to say on data left out how much of it is explained.
 #[test]
 fn a_generated_load_at_5_hz_is_named_alone() {
-    named(&generated_slow(Kind::Single("load".to_owned()), 17), &["load"]);
+    named(&generated_slow(CaseKind::Single("load".to_owned()), 17), &["load"]);
 }
 
 #[test]
 fn a_generated_leak_across_the_piston_is_named() {
-    named_and_explained(&generated(Kind::Single("servo_leak".to_owned()), 12), &["servo_leak"]);
+    named_and_explained(&generated(CaseKind::Single("servo_leak".to_owned()), 12), &["servo_leak"]);
 }
 
 #[test]
 fn a_generated_play_is_named() {
-    named_and_explained(&generated(Kind::Single("backlash".to_owned()), 13), &["backlash"]);
+    named_and_explained(&generated(CaseKind::Single("backlash".to_owned()), 13), &["backlash"]);
 }
 
 #[test]
 fn a_generated_late_trip_is_named_or_in_a_class_with_a_slow_one() {
-    let said = generated(Kind::Single("esv_delay".to_owned()), 14);
+    let said = generated(CaseKind::Single("esv_delay".to_owned()), 14);
     assert!(matches!(said.verdict, Verdict::Named | Verdict::Class), "{:?} {:?}", said.verdict, said.sets);
     assert_eq!(said.blamed[0].id, "esv_delay", "{:?}", said.sets);
 }
@@ -114,7 +115,7 @@ fn a_generated_late_trip_is_named_or_in_a_class_with_a_slow_one() {
 /// Of all fault sets the right pair leads by far; whether the verdict names it, too, is for the learned doubt that something unknown is there.
 #[test]
 fn two_effects_at_once_lead_all_other_fault_sets() {
-    let said = generated(Kind::Pair("backlash".to_owned(), "lvdt_bias".to_owned()), 15);
+    let said = generated(CaseKind::Pair("backlash".to_owned(), "lvdt_bias".to_owned()), 15);
     assert!(said.verdict != Verdict::NoGap, "{:?}", said.ranking);
     assert_eq!(said.sets[0].0, ["backlash", "lvdt_bias"], "{:?}", said.sets);
     assert!(said.sets.iter().skip(1).all(|(_, probability)| *probability < 0.2 * said.sets[0].1), "{:?}", said.sets);
@@ -122,7 +123,7 @@ fn two_effects_at_once_lead_all_other_fault_sets() {
 
 #[test]
 fn a_generated_clock_that_is_off_is_named() {
-    named_and_explained(&generated(Kind::Single("clock_offset".to_owned()), 16), &["clock_offset"]);
+    named_and_explained(&generated(CaseKind::Single("clock_offset".to_owned()), 16), &["clock_offset"]);
 }
 
 #[test]

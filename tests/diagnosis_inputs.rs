@@ -5,7 +5,7 @@ use std::process::Command;
 
 use govtwin::bag::{Interpolation, ReadOptions, read};
 use govtwin::diagnosis::result::{Diagnosis, Verdict};
-use govtwin::diagnosis::{DiagnosisError, Settings, diagnose};
+use govtwin::diagnosis::{DiagnosisError, DiagnosisSettings, diagnose};
 use govtwin::effects::find;
 use govtwin::generate::{Scenario, recording};
 use govtwin::parameters::{ENTRIES, EffectSetting, Unit};
@@ -48,7 +48,7 @@ fn pair(unit: &Unit) -> Vec<Recording> {
 
 fn judge(recordings: Vec<Recording>) -> Result<Diagnosis, DiagnosisError> {
     let catalogue = ["lvdt_bias", "feedback_lag"].iter().filter_map(|id| find(id)).collect();
-    diagnose(recordings, &sheet(), &Settings { catalogue, ..Settings::default() }, &|_, _| ())
+    diagnose(recordings, &sheet(), &DiagnosisSettings { catalogue, ..DiagnosisSettings::default() }, &|_, _| ())
 }
 
 fn nothing_claimed(said: &Diagnosis) {

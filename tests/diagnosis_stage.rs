@@ -7,13 +7,13 @@ use std::path::Path;
 
 use govtwin::bag;
 use govtwin::diagnosis::result::{Diagnosis, FreeRun, Verdict};
-use govtwin::diagnosis::{Settings, diagnose};
+use govtwin::diagnosis::{DiagnosisSettings, diagnose};
 use govtwin::params::reference;
 use govtwin::recording::Recording;
 use stage::{Spool, record, symmetric, with};
 
 fn freely(recordings: Vec<Recording>) -> Diagnosis {
-    let settings = Settings { free: true, ..Settings::default() };
+    let settings = DiagnosisSettings { free: true, ..DiagnosisSettings::default() };
     diagnose(recordings, &reference(), &settings, &|_, _| ()).unwrap()
 }
 
@@ -104,7 +104,7 @@ fn a_leak_is_not_taken_for_something_surely_else() {
 #[test]
 fn with_a_sheet_the_stage_is_judged_against_it() {
     let unit = with(reference(), "backlash", &[0.006]);
-    let settings = Settings::default();
+    let settings = DiagnosisSettings::default();
     let recordings = vec![record(&unit, &Spool::usual(6), 50.0, 3000)];
     let said = diagnose(recordings, &reference(), &settings, &|_, _| ()).unwrap();
     assert_eq!(said.verdict, Verdict::Named, "{}", shown(&said));
@@ -119,7 +119,7 @@ fn a_spool_that_drives_something_else_is_refused() {
     for (frame, strange) in other.frames.iter_mut().zip(&one.frames) {
         frame.measured.spool_position_pu = strange.measured.spool_position_pu;
     }
-    let settings = Settings { free: true, ..Settings::default() };
+    let settings = DiagnosisSettings { free: true, ..DiagnosisSettings::default() };
     match diagnose(vec![other], &reference(), &settings, &|_, _| ()) {
         Err(error) => assert!(error.to_string().contains("no law of the spool"), "{error}"),
         Ok(said) => {

@@ -19,7 +19,7 @@ mod tools;
 
 use std::path::{Path, PathBuf};
 
-use govtwin::import::{Import, ImportError, Map, Outcome, Row};
+use govtwin::import::{Import, ImportError, ImportOutcome, ImportedRow, Map};
 
 /// A file that other tools wrote, by `make.py` beside it.
 fn fixture(name: &str) -> PathBuf {
@@ -36,7 +36,7 @@ fn map(text: &str) -> Map {
 }
 
 /// All rows of files by a map, and what there is to say of them.
-fn rows(files: &[PathBuf], text: &str) -> Result<(Vec<Row>, Outcome), ImportError> {
+fn rows(files: &[PathBuf], text: &str) -> Result<(Vec<ImportedRow>, ImportOutcome), ImportError> {
     let mut rows = vec![];
     let import = Import::open(files, &map(text))?;
     let outcome = import.run(
@@ -58,7 +58,7 @@ fn file(name: &str, content: impl AsRef<[u8]>) -> (tempfile::TempDir, PathBuf) {
 }
 
 /// Rows of a table in memory.
-fn rows_of(content: impl AsRef<[u8]>, text: &str) -> Result<(Vec<Row>, Outcome), ImportError> {
+fn rows_of(content: impl AsRef<[u8]>, text: &str) -> Result<(Vec<ImportedRow>, ImportOutcome), ImportError> {
     let (_folder, path) = file("t.csv", content);
     rows(&[path], text)
 }

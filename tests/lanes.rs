@@ -18,7 +18,7 @@ use govtwin::plant::lanes::Width;
 use govtwin::plant::term::{Point, Term, View};
 use govtwin::recording::{Process, Recording};
 use govtwin::solver::Method;
-use govtwin::twin::batch::{self, Row};
+use govtwin::twin::batch::{self, BatchRow};
 use govtwin::twin::{Cut, Twin};
 
 /// A disturbance that nobody else has, at a point of the chain.
@@ -231,7 +231,7 @@ fn no_rows_and_one_row_are_rows_too() {
     let twins = [Twin::new(&params::reference()), Twin::new(&spread(&params::reference(), 1))];
     let row = rows::rows(0.0, rows::TICK_NS, |_| rows::command(0.3));
     for frames in [vec![], row] {
-        let rows = || frames.iter().map(|&frame| Row { frame, is_sample: true });
+        let rows = || frames.iter().map(|&frame| BatchRow { frame, is_sample: true });
         let alone: Vec<_> = twins.iter().map(|twin| rows::run(twin, &frames)).collect();
         for width in Width::all() {
             assert_eq!(batch::estimates(width, &mut twins.clone(), vec![rows()]), alone);

@@ -9,12 +9,12 @@ use govtwin::diagnosis::decision::posterior::{Posterior, Weights};
 use govtwin::diagnosis::experiment::candidate_test::candidates;
 use govtwin::diagnosis::experiment::survivors::survivors;
 use govtwin::diagnosis::experiment::{next, weigh};
-use govtwin::diagnosis::hypotheses::table::Table;
+use govtwin::diagnosis::hypotheses::table::EvidenceTable;
 use govtwin::diagnosis::hypotheses::{Explored, explore};
-use govtwin::diagnosis::model::Model;
+use govtwin::diagnosis::model::FittedModel;
 use govtwin::diagnosis::result::Diagnosis;
-use govtwin::diagnosis::result::test_script::{Script, Shape};
-use govtwin::diagnosis::{Settings, diagnose};
+use govtwin::diagnosis::result::test_script::{CommandShape, TestScript};
+use govtwin::diagnosis::{DiagnosisSettings, diagnose};
 use govtwin::effects::{self, CATALOGUE, EffectSpec, find};
 use govtwin::estimation::free_parameter::FreeParameter;
 use govtwin::frame::Signals;
@@ -52,7 +52,7 @@ fn load_increase(unit: &Unit) -> Recording {
 }
 
 /// What a recorder would have of a unit under a script, positions alone.
-fn answered(unit: &Unit, script: &Script) -> Recording {
+fn answered(unit: &Unit, script: &TestScript) -> Recording {
     let dice = Dice { seed: 5, process: Process::LoadIncrease };
     let mut servomotor = Transducer::new(unit.sensors.servomotor_position_pu, dice.of(Purpose::Servomotor));
     let mut spool = Transducer::new(unit.sensors.spool_position_pu, dice.of(Purpose::Spool));
@@ -75,7 +75,7 @@ fn answered(unit: &Unit, script: &Script) -> Recording {
 }
 
 fn judged(recordings: Vec<Recording>) -> Diagnosis {
-    let settings = Settings { catalogue: catalogue(), ..Settings::default() };
+    let settings = DiagnosisSettings { catalogue: catalogue(), ..DiagnosisSettings::default() };
     diagnose(recordings, &reference(), &settings, &|_, _| ()).unwrap()
 }
 
@@ -103,15 +103,15 @@ fn the_proposed_test_settles_what_one_recording_leaves_open() {
 struct Held {
     problem: Problem,
     found: Explored,
-    table: Table,
+    table: EvidenceTable,
 }
 
 fn held() -> Held {
     let trials = vec![Trial::new(load_increase(&unit()))];
     let problem = Problem::new(trials, &reference(), &expected(&reference().sensors));
-    let sheet = Model::sheet(&problem, &reference(), &FreeParameter::nuisances(&reference()));
+    let sheet = FittedModel::sheet(&problem, &reference(), &FreeParameter::nuisances(&reference()));
     let found = explore(&problem, &sheet, &sheet, &catalogue(), &|_, _| ());
-    let table = Table::new(&problem, &found, &catalogue());
+    let table = EvidenceTable::new(&problem, &found, &catalogue());
     Held { problem, found, table }
 }
 
@@ -133,7 +133,7 @@ fn a_test_tells_more_than_standing_idle_and_nothing_is_asked_where_one_hypothesi
     assert!((proposed.entropy_bits - 1.0).abs() < 1e-9);
     let best = &proposed.experiments[0];
     println!("{spent} simulations, {proposed:#?}");
-    let idle = Script { start_pu: 0.5, shape: Shape::Hold, length_s: best.length_s };
+    let idle = TestScript { start_pu: 0.5, shape: CommandShape::Hold, length_s: best.length_s };
     let recorded = Signal::ALL.map(|signal| Signal::POSITIONS.contains(&signal));
     let leader = left[0].model;
     let idle = candidates(&problem, &leader.unit(), &[idle]);

@@ -6,8 +6,8 @@ mod residual;
 
 use govtwin::frame::EsvState;
 use govtwin::node::control::Order;
-use govtwin::node::core::{Core, Heard, Input, Notices, OnStale, Policy, Rule};
-use govtwin::node::integration::{Event, Integrator, Pace, Time};
+use govtwin::node::core::{Core, InputEvent, NodeInput, Notices, OnStale, Policy, Rule};
+use govtwin::node::integration::{Integrator, LoopPace, TimeSource, TimedEvent};
 use govtwin::node::refit::Refit;
 use govtwin::params;
 use govtwin::residual::corrector::Corrector;
@@ -30,47 +30,47 @@ fn run(simulated: bool, corrected: bool, adapts: bool) -> (u64, i64) {
     let corrector = corrected.then(|| Corrector::new(&model).unwrap());
     let corrector = corrector.map(|one| if adapts { one.adapting(&model).unwrap() } else { one });
     let core = Core::new(Twin::new(&unit), policy, 6.3e6).with_corrector(corrector);
-    let time = if simulated { Time::Follow } else { Time::Wall };
-    let pace = Pace { period_ns: MS, publish_period_ns: 10 * MS, time, paused: false };
+    let time = if simulated { TimeSource::Follow } else { TimeSource::Wall };
+    let pace = LoopPace { period_ns: MS, publish_period_ns: 10 * MS, time, paused: false };
     let mut drifted = false;
     let (mut integrator, mut ends) = Integrator::new(core, pace, 0);
     let mut refit = Some(Box::new(Refit::new(&unit)));
     let calls = calls_of(|| {
         for step in 0..TICKS {
             let now_ns = step * MS;
-            let mut tell = |heard| ends.events.push(Event { arrived_ns: now_ns, heard }).unwrap();
+            let mut tell = |heard| ends.events.push(TimedEvent { arrived_ns: now_ns, heard }).unwrap();
             // Inputs with a silence in between, so that start, fail-safe and recovery are all in.
             if !(1000..1500).contains(&step) {
-                tell(Heard::Command(if step < 500 { 0.3 } else { 0.5 }));
-                tell(Heard::Esv(EsvState::Normal));
-                tell(Heard::TankPressure(6.2e6));
+                tell(InputEvent::Command(if step < 500 { 0.3 } else { 0.5 }));
+                tell(InputEvent::Esv(EsvState::Normal));
+                tell(InputEvent::TankPressure(6.2e6));
             }
             if step == 2000 {
-                for input in Input::ALL {
-                    tell(Heard::Rule(input, Rule { policy, required: input != Input::Load }));
+                for input in NodeInput::ALL {
+                    tell(InputEvent::Rule(input, Rule { policy, required: input != NodeInput::Load }));
                 }
-                tell(Heard::PublishPeriod(5 * MS));
+                tell(InputEvent::PublishPeriod(5 * MS));
             }
             if adapts && step % 20 == 0 {
                 // A unit that has drifted far away.
-                tell(Heard::Measured { spool_pu: 0.3, servomotor_pu: 0.4 });
+                tell(InputEvent::Measured { spool_pu: 0.3, servomotor_pu: 0.4 });
             }
             match (step, simulated) {
-                (6000, false) => tell(Heard::Order(Order::Pause, 1)),
-                (6100, false) => tell(Heard::Order(Order::Step { ticks: 50 }, 2)),
-                (6200, false) => tell(Heard::Order(Order::Reset { time: true }, 3)),
-                (6300, false) => tell(Heard::Order(Order::Play, 4)),
+                (6000, false) => tell(InputEvent::Order(Order::Pause, 1)),
+                (6100, false) => tell(InputEvent::Order(Order::Step { ticks: 50 }, 2)),
+                (6200, false) => tell(InputEvent::Order(Order::Reset { time: true }, 3)),
+                (6300, false) => tell(InputEvent::Order(Order::Play, 4)),
                 _ => {}
             }
             if step == 6400
                 && let Some(refit) = refit.take()
             {
                 ends.refits.push(refit).unwrap();
-                tell(Heard::Refit);
+                tell(InputEvent::Refit);
             }
             if simulated {
                 // A jump back at the end of every second.
-                tell(Heard::Clock((step % 1000) * MS));
+                tell(InputEvent::Clock((step % 1000) * MS));
             }
             integrator.turn(now_ns);
             while let Ok(output) = ends.outputs.pop() {

@@ -7,13 +7,13 @@ use std::time::{Duration, Instant};
 use govtwin::msg::{EsvState, FluidPressure, GovernorCommand, Header, Interface, ServoState};
 use govtwin::node::arguments::Arguments;
 use govtwin::node::bus::Bus;
-use govtwin::node::core::Input;
+use govtwin::node::core::NodeInput;
 use govtwin::node::environment::Environment;
 use govtwin::node::intake::Refusal;
-use govtwin::node::live::{self, Options};
+use govtwin::node::live::{self, RunOptions};
 use govtwin::node::realtime::{Wishes, wall_ns};
 use govtwin::node::recorder::{Selection, record};
-use govtwin::node::settings::Settings;
+use govtwin::node::settings::NodeSettings;
 use govtwin::params;
 
 /// A domain of its own, so that tests that run beside this one are not heard.
@@ -39,13 +39,13 @@ fn wait_for(what: &str, mut condition: impl FnMut() -> bool) {
 fn the_node_hears_its_peers_tells_strangers_apart_and_leaves() {
     let environment = environment();
     let words: Vec<String> = ["-r", "__ns:=/unit7", "-r", "governor/command:=/bench/y"].map(str::to_owned).to_vec();
-    let options = Options {
+    let options = RunOptions {
         arguments: Arguments::parse(&words, "govtwin").unwrap(),
         environment: environment.clone(),
         unit: params::reference(),
         residual: None,
         adapt: false,
-        settings: Settings { wishes: Wishes::default(), ..Settings::default() },
+        settings: NodeSettings { wishes: Wishes::default(), ..NodeSettings::default() },
         duration: None,
         bag: None,
     };
@@ -86,7 +86,7 @@ fn the_node_hears_its_peers_tells_strangers_apart_and_leaves() {
         node.join().unwrap()
     });
     let ended = ended.unwrap();
-    let counts = ended.counts[Input::Command as usize];
+    let counts = ended.counts[NodeInput::Command as usize];
     assert!(counts.used > 10 && counts.refused(Refusal::ForeignType) > 10, "{counts:?}");
     assert!(ended.summary.ticks > 100 && ended.summary.lost_outputs == 0);
     let stranger_told = |words: &String| words.contains("/bench/y") && words.contains("sensor_msgs/msg/FluidPressure");

@@ -2,9 +2,9 @@
 #![cfg(feature = "node")]
 
 use govtwin::frame::EsvState;
-use govtwin::node::control::{Answer, Order, Outcome, State};
-use govtwin::node::core::{Core, Heard, Input, Notices, OnStale, Policy};
-use govtwin::node::integration::{Ends, Event, Integrator, Output, Pace, Time};
+use govtwin::node::control::{Answer, Order, OrderOutcome, RunState};
+use govtwin::node::core::{Core, InputEvent, NodeInput, Notices, OnStale, Policy};
+use govtwin::node::integration::{Ends, Integrator, LoopPace, TickOutput, TimeSource, TimedEvent};
 use govtwin::node::refit::Refit;
 use govtwin::parameters::EffectSetting;
 use govtwin::params;
@@ -15,19 +15,20 @@ const MS: i64 = 1_000_000;
 fn integrator(simulated: bool) -> (Integrator, Ends) {
     let policy = Policy { stale_after_ns: 1000 * MS, hold_ns: 1000 * MS, on_stale: OnStale::Trip };
     let core = Core::new(Twin::new(&params::reference()), policy, 6.3e6);
-    let time = if simulated { Time::Follow } else { Time::Wall };
-    Integrator::new(core, Pace { period_ns: MS, publish_period_ns: 10 * MS, time, paused: false }, 0)
+    let time = if simulated { TimeSource::Follow } else { TimeSource::Wall };
+    Integrator::new(core, LoopPace { period_ns: MS, publish_period_ns: 10 * MS, time, paused: false }, 0)
 }
 
-fn hear(ends: &mut Ends, heard: &[Heard]) {
+fn hear(ends: &mut Ends, heard: &[InputEvent]) {
     for &heard in heard {
-        ends.events.push(Event { arrived_ns: 0, heard }).unwrap();
+        ends.events.push(TimedEvent { arrived_ns: 0, heard }).unwrap();
     }
 }
 
-const INPUTS: [Heard; 3] = [Heard::Command(0.3), Heard::Esv(EsvState::Normal), Heard::TankPressure(6.3e6)];
+const INPUTS: [InputEvent; 3] =
+    [InputEvent::Command(0.3), InputEvent::Esv(EsvState::Normal), InputEvent::TankPressure(6.3e6)];
 
-fn outputs(ends: &mut Ends) -> Vec<Output> {
+fn outputs(ends: &mut Ends) -> Vec<TickOutput> {
     std::iter::from_fn(|| ends.outputs.pop().ok()).collect()
 }
 
@@ -37,7 +38,7 @@ fn publishes_at_its_period_and_at_each_new_input() {
     hear(&mut ends, &INPUTS);
     for now in 0..100 {
         if now == 55 {
-            hear(&mut ends, &[Heard::Command(0.31)]);
+            hear(&mut ends, &[InputEvent::Command(0.31)]);
         }
         integrator.turn(now * MS);
     }
@@ -62,10 +63,10 @@ fn a_skip_keeps_the_models_time_on_the_grid() {
 #[test]
 fn a_stall_leaves_no_simulated_time_out() {
     let (mut integrator, mut ends) = integrator(true);
-    hear(&mut ends, &[Heard::Clock(0)]);
+    hear(&mut ends, &[InputEvent::Clock(0)]);
     integrator.turn(0);
     integrator.skip(500);
-    hear(&mut ends, &[Heard::Clock(250 * MS)]);
+    hear(&mut ends, &[InputEvent::Clock(250 * MS)]);
     integrator.turn(500 * MS);
     assert_eq!((integrator.stats().ticks, integrator.stats().skipped), (251, 0));
 }
@@ -75,15 +76,15 @@ fn a_simulated_clock_sets_the_pace_and_a_jump_back_resets() {
     let (mut integrator, mut ends) = integrator(true);
     integrator.turn(0);
     assert!(outputs(&mut ends).is_empty(), "no tick before the clock speaks");
-    hear(&mut ends, &[Heard::Clock(1000 * MS)]);
+    hear(&mut ends, &[InputEvent::Clock(1000 * MS)]);
     hear(&mut ends, &INPUTS);
-    hear(&mut ends, &[Heard::Clock(1050 * MS)]);
+    hear(&mut ends, &[InputEvent::Clock(1050 * MS)]);
     integrator.turn(0);
     assert_eq!(integrator.stats().ticks, 51);
     let heard = outputs(&mut ends);
     assert!(heard[0].tick.frame.time_ns == 1000 * MS && !heard[0].publish, "ages are known before the first estimate");
     assert!(heard[1].tick.frame.time_ns == 1001 * MS && heard[1].publish);
-    hear(&mut ends, &[Heard::Clock(10 * MS)]);
+    hear(&mut ends, &[InputEvent::Clock(10 * MS)]);
     integrator.turn(0);
     let back = outputs(&mut ends);
     assert!(back[0].tick.notices.has(Notices::RESET) && back[0].tick.frame.time_ns == 10 * MS);
@@ -92,12 +93,12 @@ fn a_simulated_clock_sets_the_pace_and_a_jump_back_resets() {
 #[test]
 fn a_leap_of_the_clock_starts_anew_instead_of_integrating_it() {
     let (mut integrator, mut ends) = integrator(true);
-    hear(&mut ends, &[Heard::Clock(0)]);
+    hear(&mut ends, &[InputEvent::Clock(0)]);
     hear(&mut ends, &INPUTS);
     // Ten seconds are followed tick by tick, whatever comes after only where it is another time.
     for (second, ticks) in [(10, 10_001), (21, 10_002), (1_700_000_000, 10_003)] {
         let clock_ns = second * 1000 * MS;
-        hear(&mut ends, &[Heard::Clock(clock_ns)]);
+        hear(&mut ends, &[InputEvent::Clock(clock_ns)]);
         integrator.turn(0);
         assert_eq!(integrator.stats().ticks, ticks);
         let last = outputs(&mut ends).pop().unwrap().tick;
@@ -105,7 +106,7 @@ fn a_leap_of_the_clock_starts_anew_instead_of_integrating_it() {
         assert_eq!((last.notices.has(Notices::RESET), last.estimate.is_none()), (second > 10, second > 10));
     }
     hear(&mut ends, &INPUTS);
-    hear(&mut ends, &[Heard::Clock(1_700_000_000_001 * MS)]);
+    hear(&mut ends, &[InputEvent::Clock(1_700_000_000_001 * MS)]);
     integrator.turn(0);
     assert!(outputs(&mut ends)[0].tick.notices.has(Notices::STARTED));
 }
@@ -113,9 +114,9 @@ fn a_leap_of_the_clock_starts_anew_instead_of_integrating_it() {
 #[test]
 fn an_input_before_the_first_clock_is_as_old_as_the_clock() {
     let (mut integrator, mut ends) = integrator(true);
-    hear(&mut ends, &[Heard::Command(0.3), Heard::Clock(1_000_000 * MS)]);
+    hear(&mut ends, &[InputEvent::Command(0.3), InputEvent::Clock(1_000_000 * MS)]);
     integrator.turn(0);
-    hear(&mut ends, &[INPUTS[1], INPUTS[2], Heard::Clock(1_000_001 * MS)]);
+    hear(&mut ends, &[INPUTS[1], INPUTS[2], InputEvent::Clock(1_000_001 * MS)]);
     integrator.turn(MS);
     let heard = outputs(&mut ends);
     assert!(heard.iter().all(|output| !output.tick.notices.has(Notices::FAIL_SAFE)), "{heard:?}");
@@ -127,12 +128,12 @@ fn an_input_before_the_first_clock_is_as_old_as_the_clock() {
 fn own_time(paused: bool) -> (Integrator, Ends) {
     let policy = Policy { stale_after_ns: 1000 * MS, hold_ns: 1000 * MS, on_stale: OnStale::Trip };
     let core = Core::of_refit(Refit::new(&params::reference()), policy);
-    Integrator::new(core, Pace { period_ns: MS, publish_period_ns: 10 * MS, time: Time::Own, paused }, 0)
+    Integrator::new(core, LoopPace { period_ns: MS, publish_period_ns: 10 * MS, time: TimeSource::Own, paused }, 0)
 }
 
 /// Gives an order and what is answered in the turns after it.
 fn order(integrator: &mut Integrator, ends: &mut Ends, order: Order, now_ns: i64) -> Vec<Answer> {
-    ends.events.push(Event { arrived_ns: now_ns, heard: Heard::Order(order, 7) }).unwrap();
+    ends.events.push(TimedEvent { arrived_ns: now_ns, heard: InputEvent::Order(order, 7) }).unwrap();
     for _ in 0..20 {
         integrator.turn(now_ns);
     }
@@ -146,17 +147,26 @@ fn steps_advance_exactly_so_many_ticks_and_the_last_is_shown() {
     integrator.turn(0);
     assert_eq!(integrator.stats().ticks, 0, "it stands");
     let done = |outcome, state| vec![Answer { ticket: 7, outcome, state }];
-    assert_eq!(order(&mut integrator, &mut ends, Order::Step { ticks: 1 }, 0), done(Outcome::Done, State::Paused));
-    assert_eq!(order(&mut integrator, &mut ends, Order::Step { ticks: 1003 }, 0), done(Outcome::Done, State::Paused));
+    assert_eq!(
+        order(&mut integrator, &mut ends, Order::Step { ticks: 1 }, 0),
+        done(OrderOutcome::Done, RunState::Paused)
+    );
+    assert_eq!(
+        order(&mut integrator, &mut ends, Order::Step { ticks: 1003 }, 0),
+        done(OrderOutcome::Done, RunState::Paused)
+    );
     assert_eq!(integrator.stats().ticks, 1004);
     let shown = outputs(&mut ends);
     assert_eq!(shown.last().map(|output| (output.tick.frame.time_ns, output.publish)), Some((1003 * MS, true)));
     assert_eq!(shown.iter().filter(|output| output.publish).count(), 102, "every tenth, and the last");
-    assert_eq!(order(&mut integrator, &mut ends, Order::Step { ticks: 0 }, 0), done(Outcome::Done, State::Paused));
-    assert_eq!(order(&mut integrator, &mut ends, Order::Play, 0), done(Outcome::Done, State::Playing));
-    assert_eq!(order(&mut integrator, &mut ends, Order::Play, 0), done(Outcome::Already, State::Playing));
+    assert_eq!(
+        order(&mut integrator, &mut ends, Order::Step { ticks: 0 }, 0),
+        done(OrderOutcome::Done, RunState::Paused)
+    );
+    assert_eq!(order(&mut integrator, &mut ends, Order::Play, 0), done(OrderOutcome::Done, RunState::Playing));
+    assert_eq!(order(&mut integrator, &mut ends, Order::Play, 0), done(OrderOutcome::Already, RunState::Playing));
     let refused = order(&mut integrator, &mut ends, Order::Step { ticks: 1 }, 0);
-    assert_eq!(refused, done(Outcome::NotPaused, State::Playing));
+    assert_eq!(refused, done(OrderOutcome::NotPaused, RunState::Playing));
 }
 
 #[test]
@@ -165,16 +175,16 @@ fn steps_wait_for_room_and_other_orders_end_them() {
     hear(&mut ends, &INPUTS);
     assert!(order(&mut integrator, &mut ends, Order::Step { ticks: 10_000_000 }, 0).is_empty());
     let busy = order(&mut integrator, &mut ends, Order::Step { ticks: 5 }, 0);
-    assert_eq!(busy.iter().map(|answer| answer.outcome).collect::<Vec<_>>(), [Outcome::Busy]);
+    assert_eq!(busy.iter().map(|answer| answer.outcome).collect::<Vec<_>>(), [OrderOutcome::Busy]);
     for _ in 0..2000 {
         integrator.turn(0);
     }
     let before = integrator.stats().ticks;
     integrator.turn(0);
     assert_eq!((integrator.stats().ticks, integrator.stats().lost_outputs), (before, 0), "no room, no tick");
-    let outcomes: Vec<Outcome> =
+    let outcomes: Vec<OrderOutcome> =
         order(&mut integrator, &mut ends, Order::Pause, 0).iter().map(|answer| answer.outcome).collect();
-    assert_eq!(outcomes, [Outcome::Interrupted, Outcome::Done]);
+    assert_eq!(outcomes, [OrderOutcome::Interrupted, OrderOutcome::Done]);
     assert_eq!(integrator.stats().ticks, before);
     let ahead = outputs(&mut ends).len();
     assert!(ahead <= 600, "whoever ends the steps waits for {ahead} results");
@@ -188,8 +198,8 @@ fn a_simulation_that_stands_ages_nothing_and_trips_nothing() {
         integrator.turn(now * MS);
     }
     let hour_ns = 3_600_000 * MS;
-    assert_eq!(order(&mut integrator, &mut ends, Order::Pause, 100 * MS)[0].state, State::Paused);
-    assert_eq!(order(&mut integrator, &mut ends, Order::Play, hour_ns)[0].state, State::Playing);
+    assert_eq!(order(&mut integrator, &mut ends, Order::Pause, 100 * MS)[0].state, RunState::Paused);
+    assert_eq!(order(&mut integrator, &mut ends, Order::Play, hour_ns)[0].state, RunState::Playing);
     outputs(&mut ends);
     integrator.turn(hour_ns + MS);
     let ages = integrator.stats().summary(0).command_age.max_us;
@@ -206,18 +216,18 @@ fn reset_and_stop_set_back_twin_and_time_and_keep_what_was_heard() {
     let (mut integrator, mut ends) = own_time(false);
     hear(&mut ends, &INPUTS);
     integrator.turn(0);
-    hear(&mut ends, &[Heard::Command(0.6)]);
+    hear(&mut ends, &[InputEvent::Command(0.6)]);
     for now in 1..300 {
         integrator.turn(now * MS);
     }
     outputs(&mut ends);
-    assert_eq!(order(&mut integrator, &mut ends, Order::Reset { time: true }, 300 * MS)[0].outcome, Outcome::Done);
+    assert_eq!(order(&mut integrator, &mut ends, Order::Reset { time: true }, 300 * MS)[0].outcome, OrderOutcome::Done);
     let first = outputs(&mut ends)[0];
     assert_eq!(first.tick.frame.time_ns, 0);
     assert!(first.tick.notices.has(Notices::RESTARTED) && first.tick.notices.has(Notices::STARTED));
     assert!((first.tick.estimate.unwrap().signals.servomotor_position_pu - 0.6).abs() < 1e-2);
     let stopped = order(&mut integrator, &mut ends, Order::Stop, 400 * MS);
-    assert_eq!((stopped[0].outcome, stopped[0].state), (Outcome::Done, State::Stopped));
+    assert_eq!((stopped[0].outcome, stopped[0].state), (OrderOutcome::Done, RunState::Stopped));
     let ticks = integrator.stats().ticks;
     integrator.turn(500 * MS);
     assert_eq!(integrator.stats().ticks, ticks);
@@ -237,7 +247,7 @@ fn a_refit_takes_hold_between_two_ticks_and_gives_the_old_twin_back() {
     unit.effects.push(EffectSetting { id: "servo_leak".to_owned(), values: vec![2e-8] });
     unit.parameters.servomotor.load_closed_n += 1e5;
     ends.refits.push(Box::new(Refit::new(&unit))).unwrap();
-    hear(&mut ends, &[Heard::Refit]);
+    hear(&mut ends, &[InputEvent::Refit]);
     integrator.turn(50 * MS);
     let after = outputs(&mut ends);
     assert!(after[0].tick.notices.has(Notices::REFITTED));
@@ -250,13 +260,13 @@ fn a_refit_takes_hold_between_two_ticks_and_gives_the_old_twin_back() {
 fn a_load_force_moves_the_piston_and_falls_away_with_its_source() {
     let (mut integrator, mut ends) = own_time(false);
     hear(&mut ends, &INPUTS);
-    hear(&mut ends, &[Heard::Load(3.0e5)]);
+    hear(&mut ends, &[InputEvent::Load(3.0e5)]);
     let mut farthest_pu: f64 = 0.0;
     let mut last = None;
     for now in 0..4000 {
-        let keep = [Heard::Command(0.3), Heard::Esv(EsvState::Normal), Heard::TankPressure(6.3e6)];
+        let keep = [InputEvent::Command(0.3), InputEvent::Esv(EsvState::Normal), InputEvent::TankPressure(6.3e6)];
         for heard in keep {
-            ends.events.push(Event { arrived_ns: now * MS, heard }).unwrap();
+            ends.events.push(TimedEvent { arrived_ns: now * MS, heard }).unwrap();
         }
         integrator.turn(now * MS);
         for output in outputs(&mut ends) {
@@ -268,5 +278,5 @@ fn a_load_force_moves_the_piston_and_falls_away_with_its_source() {
     // On_stale is `trip` for all here: a coupling that dies must not go unseen.
     assert!(last.fail_safe && last.load_n.abs() < 1e-9, "{last:?}");
     assert_eq!(last.frame.inputs.esv, EsvState::Shutdown);
-    assert!(last.ages_ns[Input::Load as usize].is_some());
+    assert!(last.ages_ns[NodeInput::Load as usize].is_some());
 }

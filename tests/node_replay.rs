@@ -6,8 +6,8 @@ mod journal;
 
 use govtwin::frame::EsvState;
 use govtwin::node::control::Order;
-use govtwin::node::core::{Core, Heard, OnStale, Policy};
-use govtwin::node::integration::{Ends, Event, Integrator, Output, Pace, Time};
+use govtwin::node::core::{Core, InputEvent, OnStale, Policy};
+use govtwin::node::integration::{Ends, Integrator, LoopPace, TickOutput, TimeSource, TimedEvent};
 use govtwin::node::journal::{Journal, Names};
 use govtwin::params;
 use govtwin::twin::Twin;
@@ -28,20 +28,20 @@ fn names() -> Names {
     }
 }
 
-fn integrator(pace: Pace, start_ns: i64) -> (Integrator, Ends) {
+fn integrator(pace: LoopPace, start_ns: i64) -> (Integrator, Ends) {
     let policy = Policy { stale_after_ns: 400 * MS, hold_ns: 200 * MS, on_stale: OnStale::Trip };
     let core = Core::new(Twin::new(&params::reference()), policy, 6.3e6);
     Integrator::new(core, pace, start_ns)
 }
 
-fn tell(ends: &mut Ends, arrived_ns: i64, heard: Heard) {
-    ends.events.push(Event { arrived_ns, heard }).unwrap();
+fn tell(ends: &mut Ends, arrived_ns: i64, heard: InputEvent) {
+    ends.events.push(TimedEvent { arrived_ns, heard }).unwrap();
 }
 
 /// Twelve seconds of a bench: steps and a ramp at a ragged rate, pressure dips, an ESV trip, a silence that
 /// trips the fail-safe, ticks left out after a stall.
-fn scripted(publish_period_ns: i64, record: &mut dyn FnMut(&Output)) -> u64 {
-    let pace = Pace { period_ns: MS, publish_period_ns, time: Time::Wall, paused: false };
+fn scripted(publish_period_ns: i64, record: &mut dyn FnMut(&TickOutput)) -> u64 {
+    let pace = LoopPace { period_ns: MS, publish_period_ns, time: TimeSource::Wall, paused: false };
     let (mut integrator, mut ends) = integrator(pace, START_NS);
     let mut random = ChaCha8Rng::seed_from_u64(7);
     let mut recorded = 0;
@@ -55,14 +55,14 @@ fn scripted(publish_period_ns: i64, record: &mut dyn FnMut(&Output)) -> u64 {
                 2000..5000 => 0.3 + 1e-4 * (step - 2000) as f64,
                 _ => 0.45,
             };
-            tell(&mut ends, now_ns, Heard::Command(opening));
+            tell(&mut ends, now_ns, InputEvent::Command(opening));
         }
         if step > 35 && !silent && step % 50 == 0 {
-            tell(&mut ends, now_ns, Heard::TankPressure(6.3e6 - random.random_range(0.0..4.0e5)));
+            tell(&mut ends, now_ns, InputEvent::TankPressure(6.3e6 - random.random_range(0.0..4.0e5)));
         }
         if !silent && step % 250 == 0 {
             let trip = (6000..7500).contains(&step);
-            tell(&mut ends, now_ns, Heard::Esv(if trip { EsvState::Shutdown } else { EsvState::Normal }));
+            tell(&mut ends, now_ns, InputEvent::Esv(if trip { EsvState::Shutdown } else { EsvState::Normal }));
         }
         if step == 3333 {
             integrator.skip(120);
@@ -102,14 +102,14 @@ fn with_a_simulated_clock_too() {
     let path = folder.path().join("simulated");
     let mut journal = Journal::create(&path, &names()).unwrap();
     let (mut integrator, mut ends) =
-        integrator(Pace { period_ns: MS, publish_period_ns: 10 * MS, time: Time::Follow, paused: false }, 0);
+        integrator(LoopPace { period_ns: MS, publish_period_ns: 10 * MS, time: TimeSource::Follow, paused: false }, 0);
     for step in 0..800_i64 {
         // Half-way the clock jumps back to the beginning, as a recording that is played again.
         let clock_ns = START_NS + step % 400 * 10 * MS;
-        tell(&mut ends, 0, Heard::Clock(clock_ns));
-        tell(&mut ends, 0, Heard::Command(if step % 400 < 100 { 0.2 } else { 0.6 }));
-        tell(&mut ends, 0, Heard::TankPressure(6.3e6));
-        tell(&mut ends, 0, Heard::Esv(EsvState::Normal));
+        tell(&mut ends, 0, InputEvent::Clock(clock_ns));
+        tell(&mut ends, 0, InputEvent::Command(if step % 400 < 100 { 0.2 } else { 0.6 }));
+        tell(&mut ends, 0, InputEvent::TankPressure(6.3e6));
+        tell(&mut ends, 0, InputEvent::Esv(EsvState::Normal));
         if step % 3 == 0 {
             integrator.turn(0);
         }
@@ -130,15 +130,15 @@ fn a_twin_that_was_set_back_begins_another_bag_and_both_replay() {
     let path = folder.path().join("reset");
     let mut journal = Journal::create(&path, &names()).unwrap();
     let (mut integrator, mut ends) =
-        integrator(Pace { period_ns: MS, publish_period_ns: 10 * MS, time: Time::Own, paused: false }, 0);
+        integrator(LoopPace { period_ns: MS, publish_period_ns: 10 * MS, time: TimeSource::Own, paused: false }, 0);
     for step in 0..4000_i64 {
         if step % 100 == 0 {
-            tell(&mut ends, step * MS, Heard::Command(if step % 2000 < 1000 { 0.2 } else { 0.6 }));
-            tell(&mut ends, step * MS, Heard::TankPressure(6.3e6));
-            tell(&mut ends, step * MS, Heard::Esv(EsvState::Normal));
+            tell(&mut ends, step * MS, InputEvent::Command(if step % 2000 < 1000 { 0.2 } else { 0.6 }));
+            tell(&mut ends, step * MS, InputEvent::TankPressure(6.3e6));
+            tell(&mut ends, step * MS, InputEvent::Esv(EsvState::Normal));
         }
         if step == 1777 {
-            tell(&mut ends, step * MS, Heard::Order(Order::Reset { time: true }, 1));
+            tell(&mut ends, step * MS, InputEvent::Order(Order::Reset { time: true }, 1));
         }
         integrator.turn(step * MS);
     }
@@ -156,14 +156,16 @@ fn a_twin_that_was_set_back_begins_another_bag_and_both_replay() {
 fn inputs_that_repeat_themselves_change_nothing() {
     let mut estimates = [Vec::new(), Vec::new()];
     for (repeat, estimates) in [1, 5].into_iter().zip(&mut estimates) {
-        let (mut integrator, mut ends) =
-            integrator(Pace { period_ns: MS, publish_period_ns: MS, time: Time::Wall, paused: false }, START_NS);
+        let (mut integrator, mut ends) = integrator(
+            LoopPace { period_ns: MS, publish_period_ns: MS, time: TimeSource::Wall, paused: false },
+            START_NS,
+        );
         for step in 0..2000_i64 {
             if step % 100 == 0 {
                 for _ in 0..repeat {
-                    tell(&mut ends, step * MS, Heard::Command(0.3 + 0.1 * f64::from(u8::from(step >= 1000))));
-                    tell(&mut ends, step * MS, Heard::TankPressure(6.3e6));
-                    tell(&mut ends, step * MS, Heard::Esv(EsvState::Normal));
+                    tell(&mut ends, step * MS, InputEvent::Command(0.3 + 0.1 * f64::from(u8::from(step >= 1000))));
+                    tell(&mut ends, step * MS, InputEvent::TankPressure(6.3e6));
+                    tell(&mut ends, step * MS, InputEvent::Esv(EsvState::Normal));
                 }
             }
             integrator.turn(step * MS);

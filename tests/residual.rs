@@ -94,7 +94,7 @@ fn a_model_that_does_not_fit_or_is_damaged_is_refused_with_its_reason() {
 #[test]
 fn the_node_corrects_in_the_same_step_as_a_replay_would() {
     use govtwin::frame::EsvState;
-    use govtwin::node::core::{Core, Heard, OnStale, Policy};
+    use govtwin::node::core::{Core, InputEvent, OnStale, Policy};
     use govtwin::residual::corrector::Corrector;
     use govtwin::twin::Twin;
 
@@ -107,9 +107,9 @@ fn the_node_corrects_in_the_same_step_as_a_replay_would() {
     let (mut twin, mut offline) = (Twin::new(&unit), corrector);
     for step in 0..800 {
         let now_ns = step * MS;
-        core.hear(Heard::Command(if step < 300 { 0.35 } else { 0.45 }), now_ns);
-        core.hear(Heard::Esv(EsvState::Normal), now_ns);
-        core.hear(Heard::TankPressure(6.2e6), now_ns);
+        core.hear(InputEvent::Command(if step < 300 { 0.35 } else { 0.45 }), now_ns);
+        core.hear(InputEvent::Esv(EsvState::Normal), now_ns);
+        core.hear(InputEvent::TankPressure(6.2e6), now_ns);
         let tick = core.tick(now_ns, now_ns);
         let (estimate, correction) = (tick.estimate.unwrap(), tick.correction.unwrap());
         let by = if step < 300 { -0.01 } else { 0.01 };

@@ -12,9 +12,9 @@ use std::process::Command;
 use govtwin::bag;
 use govtwin::diagnosis::result::schema;
 use govtwin::diagnosis::result::{Diagnosis, Verdict};
-use govtwin::diagnosis::{Settings, diagnose};
+use govtwin::diagnosis::{DiagnosisSettings, diagnose};
 use govtwin::frame::{EsvState, Frame, Inputs, Signals};
-use govtwin::import::{Import, ImportError, Map, Row, Target};
+use govtwin::import::{Import, ImportError, ImportedRow, Map, Target};
 use govtwin::params::reference;
 use govtwin::provenance::Provenance;
 use govtwin::recording::Recording;
@@ -25,7 +25,7 @@ use rand_chacha::ChaCha8Rng;
 use stage::{Spool, record, symmetric, with};
 
 fn freely(recordings: Vec<Recording>) -> Diagnosis {
-    let settings = Settings { free: true, ..Settings::default() };
+    let settings = DiagnosisSettings { free: true, ..DiagnosisSettings::default() };
     diagnose(recordings, &reference(), &settings, &|_, _| ()).unwrap()
 }
 
@@ -209,7 +209,7 @@ fn the_measured_rig_is_never_called_without_a_gap() {
     let map = Map::load(&folder.join("map.yaml")).unwrap();
     let mut frames = vec![];
     let import = Import::open(&[folder.join("faster.csv")], &map).unwrap();
-    let take = &mut |row: &Row| {
+    let take = &mut |row: &ImportedRow| {
         let measured = Signals {
             spool_position_pu: row.value(Target::SpoolPosition).unwrap(),
             servomotor_position_pu: row.value(Target::ServomotorPosition).unwrap(),

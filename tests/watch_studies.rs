@@ -5,7 +5,7 @@
 //! All recordings are synthetic.
 #![cfg(feature = "cli")]
 
-use govtwin::diagnosis::{Settings, diagnose};
+use govtwin::diagnosis::{DiagnosisSettings, diagnose};
 use govtwin::frame::Frame;
 use govtwin::generate::{self, Scenario};
 use govtwin::parameters::EffectSetting;
@@ -50,7 +50,7 @@ fn watched(frames: &[Frame]) -> Vec<Entry> {
     let mut cuts: Vec<_> = frames.iter().filter_map(|frame| cutter.row(frame)).collect();
     cuts.extend(cutter.end());
     // A few effects alone: what is studied is the course of a size, and each process is diagnosed in seconds.
-    let mut settings = Settings::default();
+    let mut settings = DiagnosisSettings::default();
     settings.catalogue.retain(|spec| ["port_overlap", "servo_friction", "supply_loss"].contains(&spec.id));
     let mut entries: Vec<Entry> = vec![];
     for cut in cuts {

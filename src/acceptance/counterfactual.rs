@@ -18,7 +18,7 @@ use crate::twin::Twin;
 
 /// How far the size of a fault is known.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Size {
+pub struct SizeKnowledge {
     /// The effect's id.
     pub effect: String,
     /// Which of its parameters, in the order of its specification.
@@ -38,7 +38,7 @@ pub struct TwinMeasures {
 
 /// A value with the kind of evidence that it rests on.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Expected {
+pub struct ExpectedValue {
     /// The value, in the measure's unit.
     pub value: Interval,
     /// True where no recording shows the measure, so that the twin's standard test speaks alone.
@@ -53,7 +53,7 @@ pub struct Without {
     /// The twin's own measures.
     pub twin: TwinMeasures,
     /// What the unit is expected to measure, one for each of [`Measure::ALL`].
-    pub expected: Vec<Option<Expected>>,
+    pub expected: Vec<Option<ExpectedValue>>,
 }
 
 /// All that was measured and simulated of a unit.
@@ -64,7 +64,7 @@ pub struct Compared {
     /// The twin as found, with the intervals that the sizes of its faults leave.
     pub found: TwinMeasures,
     /// What the unit measures as it is: the recordings, or where they show nothing the twin's standard test.
-    pub as_found: Vec<Option<Expected>>,
+    pub as_found: Vec<Option<ExpectedValue>>,
     /// Without each of the faults, and where there are several, without all of them.
     pub without: Vec<Without>,
 }
@@ -86,7 +86,7 @@ pub fn compare(
     recordings: &[Recording],
     found: &Unit,
     faults: &[String],
-    sizes: &[Size],
+    sizes: &[SizeKnowledge],
     progress: &(dyn Fn() + Sync),
 ) -> Compared {
     let measured = measure(&recordings.iter().filter_map(Series::measured).collect::<Vec<_>>());
@@ -117,14 +117,14 @@ pub fn compare(
     };
     let found = widened(0);
     let as_found = Measure::ALL.map(|one| match measured.value(one) {
-        Some(value) => Some(Expected { value, simulated: false }),
-        None => found.tested.value(one).map(|value| Expected { value, simulated: true }),
+        Some(value) => Some(ExpectedValue { value, simulated: false }),
+        None => found.tested.value(one).map(|value| ExpectedValue { value, simulated: true }),
     });
     let without = (1..cases.len())
         .map(|case| {
             let twin = widened(case);
             let expected = Measure::ALL.map(|one| {
-                let alone = || twin.tested.value(one).map(|value| Expected { value, simulated: true });
+                let alone = || twin.tested.value(one).map(|value| ExpectedValue { value, simulated: true });
                 let pair = |a: &Measures, b: &Measures| Some(b.value(one)?.value - a.value(one)?.value);
                 let Some(unit) = measured.value(one) else { return alone() };
                 let Some(change) = pair(&own(0).recorded, &own(case).recorded) else { return alone() };
@@ -138,7 +138,7 @@ pub fn compare(
                 let half = (half * half + sizes + (change * missed.min(1.0)).powi(2)).sqrt();
                 let value = (unit.value + change).max(0.0);
                 let value = Interval { value, low: (unit.value + change - half).max(0.0), high: value + half };
-                Some(Expected { value, simulated: false })
+                Some(ExpectedValue { value, simulated: false })
             });
             Without { removed: cases[case].clone(), twin, expected: expected.to_vec() }
         })
@@ -150,14 +150,14 @@ pub fn compare(
 #[must_use]
 pub fn measured_alone(recordings: &[Recording]) -> Compared {
     let measured = measure(&recordings.iter().filter_map(Series::measured).collect::<Vec<_>>());
-    let of = |one: Measure| measured.value(one).map(|value| Expected { value, simulated: false });
+    let of = |one: Measure| measured.value(one).map(|value| ExpectedValue { value, simulated: false });
     let nothing = TwinMeasures { recorded: measure(&[]), tested: measure(&[]) };
     Compared { as_found: Measure::ALL.map(of).to_vec(), measured, found: nothing, without: vec![] }
 }
 
 /// How many twins [`compare`] simulates.
 #[must_use]
-pub fn simulations(found: &Unit, faults: &[String], sizes: &[Size]) -> usize {
+pub fn simulations(found: &Unit, faults: &[String], sizes: &[SizeKnowledge]) -> usize {
     variants(found, &cases(faults), sizes).len()
 }
 
@@ -171,7 +171,7 @@ fn cases(faults: &[String]) -> Vec<Vec<String>> {
     cases
 }
 
-fn variants(found: &Unit, cases: &[Vec<String>], sizes: &[Size]) -> Vec<Variant> {
+fn variants(found: &Unit, cases: &[Vec<String>], sizes: &[SizeKnowledge]) -> Vec<Variant> {
     let mut all = vec![];
     for (case, removed) in cases.iter().enumerate() {
         let unit = without(found, removed);

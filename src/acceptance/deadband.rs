@@ -5,8 +5,8 @@
 //! stretches of 5 s.
 
 use super::series::{Series, rate, smooth};
-use super::statistics::{Event, found, missing, student_90};
-use super::{Found, Measure};
+use super::statistics::{MeasuredEvent, found, missing, student_90};
+use super::{Measure, MeasureFound};
 use crate::diagnosis::result::Interval;
 
 /// Fastest command of slow movement, pu/s.
@@ -177,7 +177,7 @@ fn least(widths: &[f64], profile: &[f64]) -> f64 {
 
 /// Width of the command's movement that the position does not follow.
 #[must_use]
-pub fn dead_band(all: &[Series]) -> Found {
+pub fn dead_band(all: &[Series]) -> MeasureFound {
     let measure = Measure::DeadBand;
     let mut blocks = 0;
     let slow: Vec<Slow> = all.iter().map(|series| slow_of(series, &mut blocks)).collect();
@@ -225,14 +225,14 @@ pub fn dead_band(all: &[Series]) -> Found {
     // A fifth of a step is what the parabola between widths may miss.
     let half = (student_90(count - 1.0) * square.sqrt()).max(0.2 * (STEP_RATIO - 1.0) * value).max(NARROWEST_PU);
     let value = Interval { value, low: (value - half).max(0.0), high: value + half };
-    Found { measure, value: Some(value), events: blocks, note: String::new() }
+    MeasureFound { measure, value: Some(value), events: blocks, note: String::new() }
 }
 
 /// How far apart the positions of rising and of falling commands are.
 #[must_use]
-pub fn hysteresis(all: &[Series]) -> Found {
+pub fn hysteresis(all: &[Series]) -> MeasureFound {
     let measure = Measure::Hysteresis;
-    let mut events: Vec<Event> = vec![];
+    let mut events: Vec<MeasuredEvent> = vec![];
     for series in all {
         let slow = is_slow(series);
         let means = smooth(&series.time_s, &series.command_pu, 0.2);
@@ -251,7 +251,7 @@ pub fn hysteresis(all: &[Series]) -> Found {
             }
             let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
             let sd = series.noise_pu * (1.0 / rising.len() as f64 + 1.0 / falling.len() as f64).sqrt();
-            events.push(Event { value: mean(&falling) - mean(&rising), sd });
+            events.push(MeasuredEvent { value: mean(&falling) - mean(&rising), sd });
         }
     }
     found(measure, &events, "no opening at which the command both rises and falls slower than 1 %/s")

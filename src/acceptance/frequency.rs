@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::series::{FULL_RATE_ERROR_PU, Series};
 use super::statistics::{NORMAL_90, missing};
-use super::{Found, Measure};
+use super::{Measure, MeasureFound};
 use crate::diagnosis::result::Interval;
 
 /// Length of a segment, s.
@@ -49,7 +49,7 @@ struct Power {
 
 /// The response at the frequencies that are excited, and the bandwidth where it lies among them.
 #[must_use]
-pub fn response(all: &[Series]) -> (Vec<Response>, Found) {
+pub fn response(all: &[Series]) -> (Vec<Response>, MeasureFound) {
     let mut powers = [Power::default(); CYCLES.len()];
     let mut segments = 0;
     let mut period_s: f64 = 0.0;
@@ -126,7 +126,7 @@ fn add(series: &Series, rows: std::ops::Range<usize>, powers: &mut [Power]) {
 }
 
 /// Where the gain passes −3 dB, between two excited frequencies.
-fn bandwidth(excited: &[Response], segments: usize) -> Found {
+fn bandwidth(excited: &[Response], segments: usize) -> MeasureFound {
     let measure = Measure::Bandwidth;
     let pair = excited.windows(2).find(|pair| pair[0].gain >= HALF_POWER && pair[1].gain < HALF_POWER);
     let Some([above, below]) = pair else {
@@ -144,7 +144,7 @@ fn bandwidth(excited: &[Response], segments: usize) -> Found {
         above.frequency_hz * (below.frequency_hz / above.frequency_hz).powf(share.clamp(-1.0, 2.0))
     };
     let value = Interval { value: cross(0.0), low: cross(-1.0).min(cross(0.0)), high: cross(1.0).max(cross(0.0)) };
-    Found { measure, value: Some(value), events: segments, note: String::new() }
+    MeasureFound { measure, value: Some(value), events: segments, note: String::new() }
 }
 
 #[cfg(test)]

@@ -18,14 +18,14 @@ pub struct Limit {
 
 /// The limits of a file.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Limits {
+pub struct AcceptanceLimits {
     /// What the file calls itself; empty where it gives no name.
     pub name: String,
     /// Limits by measure, each measure once.
     pub of: Vec<(Measure, Limit)>,
 }
 
-impl Limits {
+impl AcceptanceLimits {
     /// The limit of a measure, where there is one.
     #[must_use]
     pub fn limit(&self, measure: Measure) -> Option<&Limit> {
@@ -36,7 +36,7 @@ impl Limits {
 /// How a measure stands to its limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Standing {
+pub enum LimitStanding {
     /// The whole interval keeps the limit.
     Passes,
     /// The whole interval breaks it.
@@ -47,7 +47,7 @@ pub enum Standing {
     NotMeasured,
 }
 
-impl Standing {
+impl LimitStanding {
     /// The word in reports.
     #[must_use]
     pub fn word(self) -> &'static str {
@@ -63,41 +63,41 @@ impl Standing {
 impl Limit {
     /// How a value stands to it.
     #[must_use]
-    pub fn judge(&self, value: Option<Interval>) -> Standing {
-        let Some(Interval { low, high, .. }) = value else { return Standing::NotMeasured };
+    pub fn judge(&self, value: Option<Interval>) -> LimitStanding {
+        let Some(Interval { low, high, .. }) = value else { return LimitStanding::NotMeasured };
         let keeps = |value: f64| self.min.is_none_or(|min| value >= min) && self.max.is_none_or(|max| value <= max);
         let beyond = self.max.is_some_and(|max| low > max) || self.min.is_some_and(|min| high < min);
         if keeps(low) && keeps(high) {
-            Standing::Passes
+            LimitStanding::Passes
         } else if beyond {
-            Standing::Fails
+            LimitStanding::Fails
         } else {
-            Standing::Undecided
+            LimitStanding::Undecided
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{Limit, Standing};
+    use super::{Limit, LimitStanding};
     use crate::diagnosis::result::Interval;
 
     #[test]
     fn a_limit_is_kept_or_broken_by_the_whole_interval() {
         let limit = Limit { min: Some(1.0), max: Some(2.0), source: String::new() };
         for (low, high, expected) in [
-            (1.0, 2.0, Standing::Passes),
-            (2.1, 3.0, Standing::Fails),
-            (0.1, 0.9, Standing::Fails),
-            (1.9, 2.1, Standing::Undecided),
-            (0.5, 3.0, Standing::Undecided),
+            (1.0, 2.0, LimitStanding::Passes),
+            (2.1, 3.0, LimitStanding::Fails),
+            (0.1, 0.9, LimitStanding::Fails),
+            (1.9, 2.1, LimitStanding::Undecided),
+            (0.5, 3.0, LimitStanding::Undecided),
         ] {
             assert_eq!(limit.judge(Some(Interval { value: low, low, high })), expected, "{low} {high}");
         }
-        assert_eq!(limit.judge(None), Standing::NotMeasured);
+        assert_eq!(limit.judge(None), LimitStanding::NotMeasured);
         assert_eq!(
             Limit { min: None, ..limit }.judge(Some(Interval { value: 0.0, low: 0.0, high: 1.0 })),
-            Standing::Passes
+            LimitStanding::Passes
         );
     }
 }

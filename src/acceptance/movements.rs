@@ -1,8 +1,8 @@
 //! Movements of the command from rest to rest: dead time, overshoot and settling time; and how far the position is behind on the way.
 
 use super::series::{FULL_RATE_ERROR_PU, Series, smooth};
-use super::statistics::{Event, NORMAL_90, found, mean_and_sd, missing, student_90};
-use super::{Found, Measure};
+use super::statistics::{MeasuredEvent, NORMAL_90, found, mean_and_sd, missing, student_90};
+use super::{Measure, MeasureFound};
 use crate::diagnosis::result::Interval;
 
 /// Movement that counts as a departure, pu.
@@ -88,7 +88,7 @@ fn departures(series: &Series) -> Vec<Departure> {
 
 /// From the command's departure to the position's.
 #[must_use]
-pub fn dead_time(all: &[Series]) -> Found {
+pub fn dead_time(all: &[Series]) -> MeasureFound {
     let mut events = vec![];
     for series in all {
         events.extend(departures(series).iter().filter_map(|departure| follows_after(series, departure)));
@@ -96,7 +96,7 @@ pub fn dead_time(all: &[Series]) -> Found {
     found(Measure::DeadTime, &events, "no command that leaves its rest at 2 %/s or faster")
 }
 
-fn follows_after(series: &Series, departure: &Departure) -> Option<Event> {
+fn follows_after(series: &Series, departure: &Departure) -> Option<MeasuredEvent> {
     let threshold_pu = DEPARTED_PU.max(6.0 * series.margin_pu);
     let beyond = |i: usize| departure.direction * (series.position_pu[i] - departure.position_pu) >= threshold_pu;
     let end = series.at(departure.time_s + LONGEST_S).min(series.len() - 1);
@@ -115,7 +115,7 @@ fn follows_after(series: &Series, departure: &Departure) -> Option<Event> {
     let noise_s = 1.2 * series.noise_pu / speed_pu_s.max(threshold_pu / LONGEST_S);
     // Between two samples neither command nor position is known better than a straight line tells.
     let between_s = apart_s / 12.0_f64.sqrt();
-    Some(Event { value: (crossed_s - departure.time_s).max(0.0), sd: noise_s.hypot(between_s) })
+    Some(MeasuredEvent { value: (crossed_s - departure.time_s).max(0.0), sd: noise_s.hypot(between_s) })
 }
 
 /// A movement from rest to rest.
@@ -171,7 +171,7 @@ const FROM_REST_TO_REST: &str = "no command that leaves its rest, moves by 1 % o
 
 /// How far the position goes beyond its final value.
 #[must_use]
-pub fn overshoot(all: &[Series]) -> Found {
+pub fn overshoot(all: &[Series]) -> MeasureFound {
     let mut events = vec![];
     for series in all {
         let means = series.smooth_pu(MEAN_WINDOW_S);
@@ -182,7 +182,7 @@ pub fn overshoot(all: &[Series]) -> Found {
             let peak_pu = beyond.fold(0.0, f64::max);
             // The largest of many noisy means lies about two of their deviations too high.
             let value = ((peak_pu - 2.0 * noise_pu).max(0.0)) / one.change_pu.abs();
-            events.push(Event { value, sd: 1.5 * noise_pu / one.change_pu.abs() });
+            events.push(MeasuredEvent { value, sd: 1.5 * noise_pu / one.change_pu.abs() });
         }
     }
     found(Measure::Overshoot, &events, FROM_REST_TO_REST)
@@ -190,7 +190,7 @@ pub fn overshoot(all: &[Series]) -> Found {
 
 /// From the command's arrival until the position stays near its final value.
 #[must_use]
-pub fn settling_time(all: &[Series]) -> Found {
+pub fn settling_time(all: &[Series]) -> MeasureFound {
     let mut events = vec![];
     for series in all {
         let means = series.smooth_pu(MEAN_WINDOW_S);
@@ -205,7 +205,7 @@ pub fn settling_time(all: &[Series]) -> Found {
             let speed_pu_s = (means[last] - means[from]).abs() / apart_s.max(1e-9);
             let noise_pu = series.noise_pu / series.samples_in(MEAN_WINDOW_S).sqrt();
             let crossing_s = (noise_pu / speed_pu_s.max(1e-9)).min(MEAN_WINDOW_S);
-            events.push(Event {
+            events.push(MeasuredEvent {
                 value,
                 sd: crossing_s.hypot(series.period_s / 3.0_f64.sqrt()).hypot(0.25 * MEAN_WINDOW_S),
             });
@@ -216,7 +216,7 @@ pub fn settling_time(all: &[Series]) -> Found {
 
 /// Command less position, RMS, where the command is less than 5 % ahead.
 #[must_use]
-pub fn tracking_error(all: &[Series]) -> Found {
+pub fn tracking_error(all: &[Series]) -> MeasureFound {
     let mut squares = vec![];
     for series in all {
         let (mut sum, mut count, mut block) = (0.0, 0.0, 0.0);
@@ -246,7 +246,7 @@ pub fn tracking_error(all: &[Series]) -> Found {
     let half = student_90((0.5 * count - 1.0).max(1.0)).max(NORMAL_90) * sd / (0.5 * count).sqrt();
     let root = |square: f64| square.max(0.0).sqrt();
     let value = Interval { value: root(mean), low: root(mean - half), high: root(mean + half) };
-    Found { measure: Measure::TrackingError, value: Some(value), events: squares.len(), note: String::new() }
+    MeasureFound { measure: Measure::TrackingError, value: Some(value), events: squares.len(), note: String::new() }
 }
 
 #[cfg(test)]

@@ -3,12 +3,12 @@
 mod pictures;
 
 use super::Measure;
-use super::limits::{Limit, Standing};
+use super::limits::{Limit, LimitStanding};
 use super::series::Series;
-use super::summary::{Asked, Figure, Subject, Summary, text};
+use super::summary::{AcceptanceSummary, AskedMeasure, Figure, Subject, text};
 use crate::provenance::Provenance;
 use crate::report::draw::{DrawError, svg};
-use crate::report::page::{Blocks, KeyFigure, Page, Tone};
+use crate::report::page::{KeyFigure, Page, PageBody, Tone};
 use crate::report::table::{Table, significant};
 
 use pictures::{curves, response};
@@ -31,7 +31,7 @@ pub struct Drawn {
 ///
 /// # Errors
 /// Where a picture cannot be drawn.
-pub fn page(summary: &Summary, drawn: &[Drawn]) -> Result<Page, DrawError> {
+pub fn page(summary: &AcceptanceSummary, drawn: &[Drawn]) -> Result<Page, DrawError> {
     let made = summary.provenance.clone().unwrap_or_default();
     let subtitle = match summary.limits.as_str() {
         "" => made.unit.clone(),
@@ -76,13 +76,13 @@ pub fn page(summary: &Summary, drawn: &[Drawn]) -> Result<Page, DrawError> {
     Ok(page)
 }
 
-fn kind(asked: &Asked) -> Measure {
+fn kind(asked: &AskedMeasure) -> Measure {
     Measure::find(asked.id).unwrap_or(Measure::DeadTime)
 }
 
 /// The one sentence to take away.
-fn lead(summary: &Summary) -> String {
-    let named = |wanted: Standing| {
+fn lead(summary: &AcceptanceSummary) -> String {
+    let named = |wanted: LimitStanding| {
         let of = summary
             .measures
             .iter()
@@ -91,13 +91,13 @@ fn lead(summary: &Summary) -> String {
     };
     let head = match summary.standing {
         None => "Measures without limits: give a file with --limits to judge them.".to_owned(),
-        Some(Standing::Passes) => "The unit keeps every limit.".to_owned(),
-        Some(Standing::Fails) => format!("The unit fails: {}.", named(Standing::Fails)),
-        Some(Standing::Undecided) => {
-            format!("Undecided: {}; the intervals hold values on both sides.", named(Standing::Undecided))
+        Some(LimitStanding::Passes) => "The unit keeps every limit.".to_owned(),
+        Some(LimitStanding::Fails) => format!("The unit fails: {}.", named(LimitStanding::Fails)),
+        Some(LimitStanding::Undecided) => {
+            format!("Undecided: {}; the intervals hold values on both sides.", named(LimitStanding::Undecided))
         }
-        Some(Standing::NotMeasured) => {
-            format!("Not shown by these recordings: {}; the rest passes.", named(Standing::NotMeasured))
+        Some(LimitStanding::NotMeasured) => {
+            format!("Not shown by these recordings: {}; the rest passes.", named(LimitStanding::NotMeasured))
         }
     };
     match summary.sentences.first() {
@@ -131,7 +131,7 @@ fn value_text(figure: &Figure, measure: Measure) -> (String, String) {
 
 /// The measures of the unit as it is, beside the limits.
 #[must_use]
-pub fn measures_table(summary: &Summary) -> Table {
+pub fn measures_table(summary: &AcceptanceSummary) -> Table {
     let mut table = Table::new()
         .words("measure")
         .numbers("value")
@@ -154,14 +154,14 @@ pub fn measures_table(summary: &Summary) -> Table {
             None => String::new(),
         };
         let cells = [asked.title.to_owned(), value, interval, limit, words, source];
-        if standing == Some(Standing::Fails) { table.strong_row(cells) } else { table.row(cells) }
+        if standing == Some(LimitStanding::Fails) { table.strong_row(cells) } else { table.row(cells) }
     }
     table
 }
 
 /// What each fault costs: the unit as it is beside the unit without it.
 #[must_use]
-pub fn without_table(summary: &Summary) -> Option<Table> {
+pub fn without_table(summary: &AcceptanceSummary) -> Option<Table> {
     let units: Vec<&Subject> =
         summary.subjects.iter().filter(|subject| subject.name.starts_with("unit without")).collect();
     if units.is_empty() {
@@ -178,7 +178,7 @@ pub fn without_table(summary: &Summary) -> Option<Table> {
         let mut cells = vec![asked.title.to_owned(), before, limit_text(asked.limit.as_ref(), measure)];
         for unit in &units {
             let (value, interval) = value_text(&unit.figures[i], measure);
-            let standing = unit.figures[i].standing.map_or("", Standing::word).to_owned();
+            let standing = unit.figures[i].standing.map_or("", LimitStanding::word).to_owned();
             cells.extend([value, interval, standing]);
         }
         table.row(cells);
@@ -186,7 +186,7 @@ pub fn without_table(summary: &Summary) -> Option<Table> {
     Some(table)
 }
 
-fn without(body: &mut Blocks, summary: &Summary) {
+fn without(body: &mut PageBody, summary: &AcceptanceSummary) {
     match without_table(summary) {
         None => body.paragraph(format!(
             "The diagnosis names no fault (verdict: {}), so there is none to take out.",
@@ -212,7 +212,7 @@ fn without(body: &mut Blocks, summary: &Summary) {
             );
         }
     }
-    let mut inner = Blocks::new();
+    let mut inner = PageBody::new();
     let twins: Vec<&Subject> =
         summary.subjects.iter().filter(|subject| !subject.name.starts_with("unit without")).collect();
     let mut table = Table::new().words("measure");
@@ -230,7 +230,7 @@ fn without(body: &mut Blocks, summary: &Summary) {
     body.details("What the twins themselves measure", inner);
 }
 
-fn closing(body: &mut Blocks, summary: &Summary, made: &Provenance) {
+fn closing(body: &mut PageBody, summary: &AcceptanceSummary, made: &Provenance) {
     body.heading("How it was measured");
     let events = summary.subjects.first().map(|subject| &subject.figures);
     let mut table = Table::new().words("measure").words("definition").numbers("from");
@@ -259,11 +259,11 @@ fn closing(body: &mut Blocks, summary: &Summary, made: &Provenance) {
                     .map(|value| significant(value, 3)),
             );
         }
-        let mut inner = Blocks::new();
+        let mut inner = PageBody::new();
         inner.table(table, "As measured.");
         body.details("Frequency response in figures", inner);
     }
-    let mut inner = Blocks::new();
+    let mut inner = PageBody::new();
     inner.facts(made.facts());
     body.details("What this report was made from", inner);
     body.facts([("measured by", " "), ("accepted by", " "), ("date and signature", " ")]);

@@ -2,7 +2,7 @@
 
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-use super::{Found, Measure};
+use super::{Measure, MeasureFound};
 use crate::diagnosis::result::Interval;
 
 /// Half-width of a normal interval that holds nine in ten, standard deviations.
@@ -10,7 +10,7 @@ pub const NORMAL_90: f64 = 1.645;
 
 /// One event: what it shows, and the standard deviation with which it shows it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Event {
+pub struct MeasuredEvent {
     /// The value, in the measure's unit.
     pub value: f64,
     /// Its standard deviation, in the measure's unit.
@@ -34,7 +34,7 @@ pub fn mean_and_sd(values: &[f64]) -> (f64, f64) {
 
 /// The mean of events: as wide as they differ, and no narrower than each is known.
 #[must_use]
-pub fn mean(events: &[Event]) -> Option<Interval> {
+pub fn mean(events: &[MeasuredEvent]) -> Option<Interval> {
     if events.is_empty() {
         return None;
     }
@@ -49,15 +49,15 @@ pub fn mean(events: &[Event]) -> Option<Interval> {
 
 /// The mean of events as a measure; `missing` says what it takes where there is none.
 #[must_use]
-pub fn found(measure: Measure, events: &[Event], missing: &str) -> Found {
+pub fn found(measure: Measure, events: &[MeasuredEvent], missing: &str) -> MeasureFound {
     let note = if events.is_empty() { missing.to_owned() } else { String::new() };
-    Found { measure, value: mean(events), events: events.len(), note }
+    MeasureFound { measure, value: mean(events), events: events.len(), note }
 }
 
 /// A measure that the movements do not show.
 #[must_use]
-pub fn missing(measure: Measure, why: impl Into<String>) -> Found {
-    Found { measure, value: None, events: 0, note: why.into() }
+pub fn missing(measure: Measure, why: impl Into<String>) -> MeasureFound {
+    MeasureFound { measure, value: None, events: 0, note: why.into() }
 }
 
 /// The middle value; NaN of none.
@@ -69,12 +69,12 @@ pub fn median(mut values: Vec<f64>) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::{Event, mean, median};
+    use super::{MeasuredEvent, mean, median};
 
     #[test]
     fn the_mean_of_events_is_as_wide_as_they_differ_and_no_narrower_than_each_is_known() {
         let of = |values: &[f64], sd: f64| {
-            mean(&values.iter().map(|&value| Event { value, sd }).collect::<Vec<_>>()).unwrap()
+            mean(&values.iter().map(|&value| MeasuredEvent { value, sd }).collect::<Vec<_>>()).unwrap()
         };
         let one = of(&[2.0], 0.1);
         assert!((one.high - 2.1645).abs() < 1e-9 && (one.low - 1.8355).abs() < 1e-9);

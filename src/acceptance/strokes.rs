@@ -1,8 +1,8 @@
 //! Strokes at full rate: opening and closing times, and the cushion at the end of closing.
 
 use super::series::{FULL_RATE_ERROR_PU, Series, rate, slope, smooth};
-use super::statistics::{Event, found, mean_and_sd, missing};
-use super::{Found, Measure};
+use super::statistics::{MeasuredEvent, found, mean_and_sd, missing};
+use super::{Measure, MeasureFound};
 
 /// A stroke shorter than this tells no rate, pu.
 const LEAST_TRAVEL_PU: f64 = 0.08;
@@ -27,14 +27,14 @@ struct Stroke {
     from: usize,
     to: usize,
     speed_pu_s: f64,
-    event: Event,
+    event: MeasuredEvent,
 }
 
 /// Full-stroke time at the full rate.
 #[must_use]
-pub fn stroke_time(all: &[Series], measure: Measure) -> Found {
+pub fn stroke_time(all: &[Series], measure: Measure) -> MeasureFound {
     let strokes: Vec<Stroke> = all.iter().flat_map(|series| strokes(series, measure)).collect();
-    let events: Vec<Event> = strokes.iter().map(|stroke| stroke.event).collect();
+    let events: Vec<MeasuredEvent> = strokes.iter().map(|stroke| stroke.event).collect();
     let missing = match measure {
         Measure::TripClosingTime => "no trip with 8 % of travel or more",
         Measure::OpeningTime => "no opening stroke of 8 % or more with the command over 5 % ahead",
@@ -97,13 +97,13 @@ fn stroke(series: &Series, rows: &[usize], opens: bool) -> Option<Stroke> {
     };
     let unseen = unlike * (1.0 - travel_pu).max(0.0);
     let time_s = 1.0 / along;
-    let event = Event { value: time_s, sd: time_s * (sd / along).hypot(unseen) };
+    let event = MeasuredEvent { value: time_s, sd: time_s * (sd / along).hypot(unseen) };
     Some(Stroke { from, to, speed_pu_s: along, event })
 }
 
 /// How long the last part of closing strokes is slowed.
 #[must_use]
-pub fn cushion_time(all: &[Series]) -> Found {
+pub fn cushion_time(all: &[Series]) -> MeasureFound {
     let mut events = vec![];
     for series in all {
         for stroke in strokes(series, Measure::ClosingTime) {
@@ -116,7 +116,7 @@ pub fn cushion_time(all: &[Series]) -> Found {
     found(Measure::CushionTime, &events, "")
 }
 
-fn cushion(series: &Series, stroke: Stroke) -> Option<Event> {
+fn cushion(series: &Series, stroke: Stroke) -> Option<MeasuredEvent> {
     let smoothed = smooth(&series.time_s, &series.position_pu, (SPEED_WINDOW_S / 4.0).max(series.period_s));
     let rest = stroke.from..series.len();
     let closed_pu = rest.clone().map(|i| smoothed[i]).fold(f64::INFINITY, f64::min);
@@ -137,7 +137,7 @@ fn cushion(series: &Series, stroke: Stroke) -> Option<Event> {
     let slow_pu_s = (margin_pu / time_s.max(series.period_s)).max(1e-4);
     let crossing_s = series.noise_pu / series.samples_in(SPEED_WINDOW_S / 4.0).sqrt() / slow_pu_s;
     let knee_s = window_s / 12.0_f64.sqrt();
-    Some(Event { value: time_s, sd: crossing_s.hypot(knee_s).hypot(series.period_s / 12.0_f64.sqrt()) })
+    Some(MeasuredEvent { value: time_s, sd: crossing_s.hypot(knee_s).hypot(series.period_s / 12.0_f64.sqrt()) })
 }
 
 #[cfg(test)]

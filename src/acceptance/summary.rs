@@ -2,10 +2,10 @@
 
 use serde::Serialize;
 
-use super::counterfactual::{Compared, Expected};
+use super::counterfactual::{Compared, ExpectedValue};
 use super::frequency::Response;
-use super::limits::{Limit, Limits, Standing};
-use super::{Found, Measure};
+use super::limits::{AcceptanceLimits, Limit, LimitStanding};
+use super::{Measure, MeasureFound};
 use crate::diagnosis::result::Interval;
 use crate::provenance::Provenance;
 use crate::report::table::{quantity, significant};
@@ -30,7 +30,7 @@ pub struct Figure {
     /// What to know of it; empty where there is nothing to say.
     pub note: String,
     /// How it stands to the limit; null where there is no limit.
-    pub standing: Option<Standing>,
+    pub standing: Option<LimitStanding>,
 }
 
 /// The unit or its twin, as one column of the report.
@@ -40,13 +40,13 @@ pub struct Subject {
     pub name: String,
     /// Ids of the faults that are taken out.
     pub removed: Vec<String>,
-    /// One for each measure, in the order of [`Summary::measures`].
+    /// One for each measure, in the order of [`AcceptanceSummary::measures`].
     pub figures: Vec<Figure>,
 }
 
 /// A measure and its limit.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Asked {
+pub struct AskedMeasure {
     /// The key.
     pub id: &'static str,
     /// The name in words.
@@ -63,19 +63,19 @@ pub struct Asked {
 
 /// All that an acceptance report holds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Summary {
+pub struct AcceptanceSummary {
     /// [`SCHEMA`].
     pub schema: &'static str,
     /// What the limits call themselves; empty where there are none.
     pub limits: String,
     /// `passes`, `fails`, `undecided` or `not measured` over all limits, the worst of them; null without limits.
-    pub standing: Option<Standing>,
+    pub standing: Option<LimitStanding>,
     /// The verdict of the diagnosis that the twin comes from; empty where only recordings were measured.
     pub verdict: String,
     /// The faults that it names.
     pub faults: Vec<String>,
     /// The measures.
-    pub measures: Vec<Asked>,
+    pub measures: Vec<AskedMeasure>,
     /// Recordings and twins.
     pub subjects: Vec<Subject>,
     /// What the faults cost, in sentences.
@@ -90,7 +90,7 @@ pub struct Summary {
 
 /// What a twin is known by.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Diagnosed {
+pub struct DiagnosedTwin {
     /// The verdict.
     pub verdict: String,
     /// The faults named.
@@ -108,8 +108,8 @@ fn figure(value: Option<Interval>, from: &'static str, limit: Option<&Limit>) ->
     }
 }
 
-fn figures(found: &[Found], from: &'static str, limits: &Limits) -> Vec<Figure> {
-    let of = |one: &Found| Figure {
+fn figures(found: &[MeasureFound], from: &'static str, limits: &AcceptanceLimits) -> Vec<Figure> {
+    let of = |one: &MeasureFound| Figure {
         events: one.events,
         note: one.note.clone(),
         ..figure(one.value, from, limits.limit(one.measure))
@@ -117,8 +117,8 @@ fn figures(found: &[Found], from: &'static str, limits: &Limits) -> Vec<Figure> 
     found.iter().map(of).collect()
 }
 
-fn expected(all: &[Option<Expected>], limits: &Limits) -> Vec<Figure> {
-    let of = |(measure, one): (Measure, &Option<Expected>)| {
+fn expected(all: &[Option<ExpectedValue>], limits: &AcceptanceLimits) -> Vec<Figure> {
+    let of = |(measure, one): (Measure, &Option<ExpectedValue>)| {
         let from = if one.is_some_and(|one| one.simulated) { "standard test" } else { "recordings" };
         figure(one.map(|one| one.value), from, limits.limit(measure))
     };
@@ -127,7 +127,7 @@ fn expected(all: &[Option<Expected>], limits: &Limits) -> Vec<Figure> {
 
 /// Gathers what a report says.
 #[must_use]
-pub fn summarise(compared: &Compared, diagnosed: &Diagnosed, limits: &Limits) -> Summary {
+pub fn summarise(compared: &Compared, diagnosed: &DiagnosedTwin, limits: &AcceptanceLimits) -> AcceptanceSummary {
     let as_found = expected(&compared.as_found, limits);
     let with_twin = !diagnosed.verdict.is_empty();
     let subject = |name: String, removed: &[String], figures| Subject { name, removed: removed.to_vec(), figures };
@@ -149,7 +149,7 @@ pub fn summarise(compared: &Compared, diagnosed: &Diagnosed, limits: &Limits) ->
     let measures = Measure::ALL
         .into_iter()
         .zip(as_found)
-        .map(|(measure, figure)| Asked {
+        .map(|(measure, figure)| AskedMeasure {
             id: measure.id(),
             title: measure.title(),
             unit: measure.unit(),
@@ -158,10 +158,10 @@ pub fn summarise(compared: &Compared, diagnosed: &Diagnosed, limits: &Limits) ->
             as_found: Some(figure).filter(|figure| figure.value.is_some() || figure.standing.is_some()),
         })
         .collect::<Vec<_>>();
-    let standings: Vec<Standing> =
+    let standings: Vec<LimitStanding> =
         measures.iter().filter_map(|asked| asked.as_found.as_ref().and_then(|figure| figure.standing)).collect();
-    let worst = [Standing::Fails, Standing::Undecided, Standing::NotMeasured, Standing::Passes];
-    Summary {
+    let worst = [LimitStanding::Fails, LimitStanding::Undecided, LimitStanding::NotMeasured, LimitStanding::Passes];
+    AcceptanceSummary {
         schema: SCHEMA,
         limits: limits.name.clone(),
         standing: worst.into_iter().find(|one| standings.contains(one)),
@@ -188,7 +188,7 @@ pub fn text(value: f64, measure: Measure) -> String {
 }
 
 /// What taking faults out changes, in sentences: first what passes or fails by it, then what moves by more than its interval.
-fn sentences(compared: &Compared, limits: &Limits) -> Vec<String> {
+fn sentences(compared: &Compared, limits: &AcceptanceLimits) -> Vec<String> {
     let (mut turning, mut moving) = (vec![], vec![]);
     for one in &compared.without {
         let names = one.removed.join(" and ");
@@ -220,7 +220,7 @@ fn sentences(compared: &Compared, limits: &Limits) -> Vec<String> {
 
 /// The figures as CSV: a row for each measure of each subject.
 #[must_use]
-pub fn csv(summary: &Summary) -> String {
+pub fn csv(summary: &AcceptanceSummary) -> String {
     let mut text = "measure,unit,subject,from,value,low,high,events,limit_min,limit_max,standing,note\n".to_owned();
     let quoted = |words: &str| format!("\"{}\"", words.replace('"', "\"\""));
     let number = |value: Option<f64>| value.map(|value| format!("{value}")).unwrap_or_default();
@@ -238,7 +238,7 @@ pub fn csv(summary: &Summary) -> String {
                 figure.events.to_string(),
                 number(limit.min),
                 number(limit.max),
-                figure.standing.map_or("", Standing::word).to_owned(),
+                figure.standing.map_or("", LimitStanding::word).to_owned(),
                 quoted(&figure.note),
             ];
             text += &cells.join(",");

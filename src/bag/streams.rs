@@ -6,7 +6,7 @@ use super::topic::RawView;
 use super::{Positions, StreamHealth, cdr};
 use crate::frame::{EsvState, Signals};
 use crate::msg::{self, Interface, Time};
-use crate::parameters::{Channels, Reading};
+use crate::parameters::{ChannelReading, ChannelReadings};
 
 /// One decoded value with its times.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -113,7 +113,7 @@ impl Value for Signals {
     type Message = msg::ServoState;
 
     fn of(message: &Self::Message, positions: Positions, faults: &mut Vec<String>) -> Result<Self, String> {
-        let mut position = |reading: fn(&Channels) -> Reading, recorded: f64| match positions {
+        let mut position = |reading: fn(&ChannelReadings) -> ChannelReading, recorded: f64| match positions {
             Positions::Pu => POSITION_LIMITS.check_signal(recorded, faults),
             Positions::Recorded(channels) => {
                 POSITION_LIMITS.check_signal(reading(&channels).position_pu(recorded), faults)

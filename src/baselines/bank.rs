@@ -5,12 +5,12 @@
 
 use crate::baselines::ground::Ground;
 use crate::baselines::{Found, said};
-use crate::blind::said::Said;
+use crate::blind::said::ReportVerdict;
 use crate::likelihood::problem::square;
 
 /// The rule.
 #[must_use]
-pub fn judge(ground: &Ground) -> Said {
+pub fn judge(ground: &Ground) -> ReportVerdict {
     let nominal = square(&ground.fit.residuals);
     let best = ground.best_tries();
     let least = best.iter().map(|one| square(&one.residuals)).fold(nominal, f64::min);

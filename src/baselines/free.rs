@@ -4,14 +4,14 @@ use nalgebra::DMatrix;
 
 use crate::baselines::ground::Ground;
 use crate::baselines::{Found, said};
-use crate::blind::said::Said;
+use crate::blind::said::ReportVerdict;
 
 /// Standard deviations from nothing at which an effect is blamed.
 const SIGNIFICANT: f64 = 3.0;
 
 /// The rule.
 #[must_use]
-pub fn judge(ground: &Ground) -> Said {
+pub fn judge(ground: &Ground) -> ReportVerdict {
     let tries = ground.best_tries();
     let (gram, product) = ground.projected(&tries);
     let variance = ground.variance();

@@ -4,7 +4,7 @@
 
 use crate::baselines::ground::Ground;
 use crate::baselines::{Found, said};
-use crate::blind::said::Said;
+use crate::blind::said::ReportVerdict;
 use crate::estimation::fit::{Effort, fit};
 use crate::estimation::linear::normal;
 
@@ -13,7 +13,7 @@ const ROUNDS: usize = 3;
 
 /// The rule.
 #[must_use]
-pub fn judge(ground: &Ground) -> Said {
+pub fn judge(ground: &Ground) -> ReportVerdict {
     let n = ground.count();
     let criterion = |cost: f64, extra: usize| n * (cost / n).ln() + extra as f64 * n.ln();
     let nominal = criterion(ground.fit.cost(), 0);

@@ -7,14 +7,14 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::baselines::ground::Ground;
 use crate::baselines::{Found, said};
-use crate::blind::said::Said;
+use crate::blind::said::ReportVerdict;
 
 /// Most effects at once.
 const MOST: usize = 3;
 
 /// The rule.
 #[must_use]
-pub fn judge(ground: &Ground) -> Said {
+pub fn judge(ground: &Ground) -> ReportVerdict {
     let tries = ground.best_tries();
     let (gram, product) = ground.projected(&tries);
     let (variance, price) = (ground.variance(), ground.count().ln());

@@ -11,8 +11,8 @@ use crate::frame::{EsvState, Inputs, Signals};
 use crate::generate::governor::Governor;
 use crate::generate::machine::Machine;
 use crate::generate::noise::{Dice, Purpose, Transducer};
-use crate::generate::script::Script;
-use crate::generate::streams::Streams;
+use crate::generate::script::ProcessScript;
+use crate::generate::streams::GeneratedStreams;
 use crate::parameters::{Parameters, Sensor, Sensors};
 use crate::recording::Process;
 use crate::units::nanos_from_seconds;
@@ -62,7 +62,7 @@ enum Source<'a> {
 
 /// What a run leaves behind.
 struct Run {
-    streams: Streams,
+    streams: GeneratedStreams,
     /// Inputs by command period.
     inputs: Vec<Inputs>,
     /// True readings by command period.
@@ -72,7 +72,7 @@ struct Run {
 impl Bench {
     /// Records a process.
     #[must_use]
-    pub fn record(&self, process: Process) -> (Streams, Vec<Inputs>) {
+    pub fn record(&self, process: Process) -> (GeneratedStreams, Vec<Inputs>) {
         let dice = Dice { seed: self.seed, process };
         let script = self.script(process);
         let governor = Governor::new(script, dice.of(Purpose::Command));
@@ -87,8 +87,8 @@ impl Bench {
         self.run(process, Source::Given(inputs), &Sensors::default()).readings
     }
 
-    fn script(&self, process: Process) -> Script {
-        Script::new(process, self.ticks as f64 * 1e-3, &Dice { seed: self.seed, process })
+    fn script(&self, process: Process) -> ProcessScript {
+        ProcessScript::new(process, self.ticks as f64 * 1e-3, &Dice { seed: self.seed, process })
     }
 
     #[expect(clippy::too_many_lines, reason = "one timetable of a tick, in its order")]
@@ -122,7 +122,7 @@ impl Bench {
         };
         let begin_ns = EPOCH_NS + 3_600_000_000_000 * (1 + process as i64);
         let offset_s = self.faults.clock_offset_s;
-        let mut run = Run { streams: Streams::default(), inputs: vec![], readings: vec![] };
+        let mut run = Run { streams: GeneratedStreams::default(), inputs: vec![], readings: vec![] };
         let (mut tripped_at, mut esv_due) = (None, 0);
         for tick in -SETTLING_TICKS..=self.ticks {
             let time_s = tick as f64 * 1e-3;

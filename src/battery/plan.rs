@@ -2,12 +2,12 @@
 
 use crate::battery::draws::{Draw, Question};
 use crate::battery::faults::STRANGERS;
-use crate::battery::{Case, Kind};
+use crate::battery::{Case, CaseKind};
 use crate::effects::of_the_chain;
 
 /// Which rates a battery's recordings have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Rates {
+pub enum BatteryRates {
     /// 100 Hz, as on a bench.
     Bench,
     /// 5 Hz, as in a plant's archive.
@@ -70,7 +70,7 @@ const PATTERN: [Slot; 24] = [
 ///
 /// Each part goes through all effects before one comes again.
 #[must_use]
-pub fn plan(count: usize, seed: u64, rates: Rates) -> Vec<Case> {
+pub fn plan(count: usize, seed: u64, rates: BatteryRates) -> Vec<Case> {
     let mut draw = Draw::new(seed, Question::Plan, 0);
     // Triples have a stream of their own, so that they leave the other kinds as they were.
     let mut of_triples = Draw::new(seed, Question::Plan, 1);
@@ -85,20 +85,20 @@ pub fn plan(count: usize, seed: u64, rates: Rates) -> Vec<Case> {
     (0..count)
         .map(|place| {
             let kind = match PATTERN[place % PATTERN.len()] {
-                Slot::Sound => Kind::Sound,
-                Slot::Single => Kind::Single(singles.next(&mut draw)),
-                Slot::LeftOut => Kind::LeftOut(left_out.next(&mut draw)),
-                Slot::Stranger => Kind::Stranger(strangers.next(&mut draw)),
+                Slot::Sound => CaseKind::Sound,
+                Slot::Single => CaseKind::Single(singles.next(&mut draw)),
+                Slot::LeftOut => CaseKind::LeftOut(left_out.next(&mut draw)),
+                Slot::Stranger => CaseKind::Stranger(strangers.next(&mut draw)),
                 Slot::Pair => {
                     let first = firsts.next(&mut draw);
                     let second = another(&seconds, &[&first], &mut draw);
-                    Kind::Pair(first, second)
+                    CaseKind::Pair(first, second)
                 }
                 Slot::Triple => {
                     let first = triples.next(&mut of_triples);
                     let second = another(&seconds, &[&first], &mut of_triples);
                     let third = another(&seconds, &[&first, &second], &mut of_triples);
-                    Kind::Triple(first, second, third)
+                    CaseKind::Triple(first, second, third)
                 }
             };
             // Drawn whether needed or not, so that the rates asked for change nothing else.
@@ -106,9 +106,9 @@ pub fn plan(count: usize, seed: u64, rates: Rates) -> Vec<Case> {
             let hidden = kind.ids().iter().any(|id| HIDDEN.contains(id));
             let rich = rich < if hidden { 0.7 } else { 0.3 };
             let slow = match rates {
-                Rates::Bench => false,
-                Rates::Plant => true,
-                Rates::Both => slow,
+                BatteryRates::Bench => false,
+                BatteryRates::Plant => true,
+                BatteryRates::Both => slow,
             };
             Case { name: format!("case_{:03}", place + 1), kind, rate_hz: if slow { 5.0 } else { 100.0 }, rich, seed }
         })
@@ -153,23 +153,29 @@ mod tests {
 
     #[test]
     fn a_round_of_units_has_their_shares_of_each_kind() {
-        let of = |kind: &str| plan(PATTERN.len(), 9, Rates::Both).iter().filter(|case| case.kind.id() == kind).count();
+        let of = |kind: &str| {
+            plan(PATTERN.len(), 9, BatteryRates::Both).iter().filter(|case| case.kind.id() == kind).count()
+        };
         let shares = ["sound", "single", "pair", "triple", "stranger", "left_out"].map(of);
         assert_eq!(shares, [4, 10, 3, 1, 2, 4]);
     }
 
     #[test]
     fn a_longer_battery_begins_with_the_shorter_and_covers_every_effect() {
-        let (short, long) = (plan(12, 7, Rates::Both), plan(200, 7, Rates::Both));
+        let (short, long) = (plan(12, 7, BatteryRates::Both), plan(200, 7, BatteryRates::Both));
         assert_eq!(short, long[..12]);
-        assert_ne!(short, plan(12, 8, Rates::Both));
+        assert_ne!(short, plan(12, 8, BatteryRates::Both));
         for spec in of_the_chain() {
-            let single = |case: &&Case| matches!(&case.kind, Kind::Single(id) if id == spec.id);
+            let single = |case: &&Case| matches!(&case.kind, CaseKind::Single(id) if id == spec.id);
             assert!(long.iter().filter(single).count() >= 2, "{}", spec.id);
-            assert!(long.iter().any(|case| matches!(&case.kind, Kind::LeftOut(id) if id == spec.id)), "{}", spec.id);
+            assert!(
+                long.iter().any(|case| matches!(&case.kind, CaseKind::LeftOut(id) if id == spec.id)),
+                "{}",
+                spec.id
+            );
         }
         for stranger in STRANGERS {
-            assert!(long.iter().any(|case| case.kind == Kind::Stranger(stranger.id.to_owned())));
+            assert!(long.iter().any(|case| case.kind == CaseKind::Stranger(stranger.id.to_owned())));
         }
         let kinds: Vec<&str> = short.iter().map(|case| case.kind.id()).collect();
         for kind in ["sound", "single", "pair", "stranger", "left_out"] {
@@ -180,10 +186,10 @@ mod tests {
             ids.sort_unstable();
             assert!(ids.windows(2).all(|pair| pair[0] != pair[1]), "{ids:?}");
         }
-        let triples: Vec<_> = long.iter().filter(|case| matches!(case.kind, Kind::Triple(..))).collect();
+        let triples: Vec<_> = long.iter().filter(|case| matches!(case.kind, CaseKind::Triple(..))).collect();
         assert!(triples.len() == 8 && triples.iter().all(|case| case.kind.ids().len() == 3));
         let slow = long.iter().filter(|case| case.rate_hz == 5.0).count();
         assert!((40..100).contains(&slow), "{slow}");
-        assert!(plan(12, 7, Rates::Plant).iter().all(|case| case.rate_hz == 5.0));
+        assert!(plan(12, 7, BatteryRates::Plant).iter().all(|case| case.rate_hz == 5.0));
     }
 }

@@ -10,9 +10,9 @@ use nalgebra::{DMatrix, DVector};
 use crate::battery::Label;
 use crate::blind::statistics::weight_of_sound;
 use crate::diagnosis::decision::posterior::{
-    Feature, Hypotheses, OF_SETS, OF_STAGES, OF_UNKNOWN, Posterior, Weights, beforehand, score,
+    Hypotheses, OF_SETS, OF_STAGES, OF_UNKNOWN, Posterior, PosteriorFeature, Weights, beforehand, score,
 };
-use crate::diagnosis::hypotheses::table::{Row, Table};
+use crate::diagnosis::hypotheses::table::{EvidenceRow, EvidenceTable};
 use crate::diagnosis::result::Interval;
 use crate::effects::find;
 
@@ -31,7 +31,7 @@ const LEAST: f64 = 1e-3;
 /// A unit to learn from.
 #[derive(Clone, Debug)]
 pub struct Example {
-    table: Table,
+    table: EvidenceTable,
     truth: Truth,
     struck: Vec<String>,
     weight: f64,
@@ -46,7 +46,7 @@ enum Truth {
 
 /// The examples that a unit makes: as it is, and each single effect struck from it in turn.
 #[must_use]
-pub fn examples(label: &Label, table: &Table) -> Vec<Example> {
+pub fn examples(label: &Label, table: &EvidenceTable) -> Vec<Example> {
     let mut ids: Vec<String> = label.effects.iter().map(|truth| truth.id.clone()).collect();
     let stages = || label.effects.iter().map(|truth| truth.stage.id().to_owned()).collect::<Vec<_>>();
     let as_is = |truth| Example { table: table.clone(), truth, struck: Vec::new(), weight: 1.0 };
@@ -56,9 +56,9 @@ pub fn examples(label: &Label, table: &Table) -> Vec<Example> {
     let mut all = Vec::new();
     let best = |with: bool| {
         let rows = table.rows.iter().filter(|row| ids.iter().all(|id| row.effects.contains(id)) == with);
-        rows.map(Row::evidence).fold(f64::NEG_INFINITY, f64::max)
+        rows.map(EvidenceRow::evidence).fold(f64::NEG_INFINITY, f64::max)
     };
-    let empty = table.rows.iter().find(|row| row.effects.is_empty()).map_or(0.0, Row::evidence);
+    let empty = table.rows.iter().find(|row| row.effects.is_empty()).map_or(0.0, EvidenceRow::evidence);
     if ids.len() == 1 && best(true) - empty > VISIBLE {
         all.push(Example {
             table: table.clone(),
@@ -189,7 +189,7 @@ pub fn fit(examples: &[Example]) -> Weights {
 }
 
 /// The weights of one question: Newton's method on the log score with a Gaussian prior about what they are with nothing learned.
-fn best(choices: &[Choice], features: &[Feature]) -> Vec<f64> {
+fn best(choices: &[Choice], features: &[PosteriorFeature]) -> Vec<f64> {
     let centre = DVector::from_vec(beforehand(features));
     let count = centre.len();
     let mut weights = centre.clone();
@@ -228,7 +228,7 @@ fn best(choices: &[Choice], features: &[Feature]) -> Vec<f64> {
 
 /// Spread of the relative error of sizes, one standard deviation: a tenth of them lie outside 1.645 of it.
 #[must_use]
-pub fn size_spread(units: &[(&Label, &Table)]) -> f64 {
+pub fn size_spread(units: &[(&Label, &EvidenceTable)]) -> f64 {
     let mut errors: Vec<f64> = units
         .iter()
         .filter_map(|(label, table)| {
@@ -275,7 +275,7 @@ pub fn first_is_right(example: &Example, weights: &Weights) -> bool {
 
 /// What learning came to, each part judged by weights that never saw it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Learned {
+pub struct LearningResult {
     /// Weights of all parts together.
     pub weights: Weights,
     /// Mean log score of Bayes' theorem on evidence as it is.
@@ -292,7 +292,7 @@ pub struct Learned {
 
 /// Learns from all parts, and judges each by the others.
 #[must_use]
-pub fn learn(parts: &[Vec<Example>]) -> Learned {
+pub fn learn(parts: &[Vec<Example>]) -> LearningResult {
     let bayes = Weights::bayes();
     let all: Vec<Example> = parts.iter().flatten().cloned().collect();
     let (mut held_out, mut right, mut count) = (0.0, 0.0, 0.0_f64);
@@ -309,7 +309,7 @@ pub fn learn(parts: &[Vec<Example>]) -> Learned {
     }
     let weights = fit(&all);
     let seen = log_score(&all, &weights);
-    Learned {
+    LearningResult {
         weights,
         bayes: log_score(&all, &bayes),
         held_out: held_out / count.max(1.0),

@@ -1,17 +1,17 @@
 //! The page of a score: the measures beside their targets, the confusion matrix, how far probabilities can be trusted.
 
-use crate::blind::score::{Confusion, Measure, Score};
-use crate::blind::scored::{MissedBy, SEEN, Scored};
+use crate::blind::score::{Confusion, Score, ScoredMeasure};
+use crate::blind::scored::{MissedBy, SEEN, ScoredUnit};
 use crate::blind::statistics::{Bin, Measured};
 use crate::report::draw::{DrawError, svg};
 use crate::report::ink::Ink;
 use crate::report::page::{KeyFigure, Page, Tone};
-use crate::report::picture::{Mark, Panel, Picture, Shape};
+use crate::report::picture::{Mark, MarkShape, Panel, Picture};
 use crate::report::table::{Table, significant};
 
 /// One method with its score, the diagnosis first.
 #[derive(Clone, Debug)]
-pub struct Method {
+pub struct MethodScore {
     /// What people call it.
     pub name: String,
     /// Its score.
@@ -24,9 +24,9 @@ pub struct Method {
 /// # Errors
 /// Where a picture cannot be drawn.
 pub fn page(
-    methods: &[Method],
-    cases: &[Scored],
-    parts: &[Method],
+    methods: &[MethodScore],
+    cases: &[ScoredUnit],
+    parts: &[MethodScore],
     subtitle: &str,
     origin: Option<&str>,
 ) -> Result<Page, DrawError> {
@@ -93,7 +93,7 @@ fn percent(share: f64) -> String {
 }
 
 /// A value as text: percent for shares, plain for times and probabilities.
-fn value_text(measure: &Measure) -> String {
+fn value_text(measure: &ScoredMeasure) -> String {
     match measure.id {
         "seconds" | "probability" => significant(measure.measured.value, 3),
         _ if measure.measured.cases == 0 => "–".to_owned(),
@@ -101,7 +101,7 @@ fn value_text(measure: &Measure) -> String {
     }
 }
 
-fn interval(measure: &Measure) -> String {
+fn interval(measure: &ScoredMeasure) -> String {
     let Measured { low, high, cases, .. } = measure.measured;
     match measure.id {
         _ if cases == 0 => String::new(),
@@ -112,7 +112,7 @@ fn interval(measure: &Measure) -> String {
 
 /// The table of measures: targets, the diagnosis, the baselines.
 #[must_use]
-pub fn measures_table(methods: &[Method]) -> Table {
+pub fn measures_table(methods: &[MethodScore]) -> Table {
     let mut table = Table::new().words("measure").words("target");
     for (place, method) in methods.iter().enumerate() {
         // The first has room for its intervals; those of the others are in the file of figures.
@@ -153,8 +153,8 @@ pub fn measures_table(methods: &[Method]) -> Table {
     table
 }
 
-fn measures_picture(method: &Method) -> Picture {
-    let shares: Vec<&Measure> = method
+fn measures_picture(method: &MethodScore) -> Picture {
+    let shares: Vec<&ScoredMeasure> = method
         .score
         .measures
         .iter()
@@ -171,11 +171,9 @@ fn measures_picture(method: &Method) -> Picture {
         let own = || shares.iter().enumerate().filter(|(_, measure)| measure.reached == wanted);
         let lines = own().map(|(k, m)| [m.measured.low.max(0.0), height(k), m.measured.high.min(1.0), height(k)]);
         let dots = own().map(|(k, m)| [m.measured.value, height(k)]).collect();
-        panel = panel.mark(Mark { width_px: 3.0, ..Mark::new(Shape::Segments(lines.collect()), ink, "") }).mark(Mark {
-            width_px: 4.5,
-            opacity: 1.0,
-            ..Mark::new(Shape::Dots(dots), ink, "")
-        });
+        panel = panel
+            .mark(Mark { width_px: 3.0, ..Mark::new(MarkShape::Segments(lines.collect()), ink, "") })
+            .mark(Mark { width_px: 4.5, opacity: 1.0, ..Mark::new(MarkShape::Dots(dots), ink, "") });
     }
     Picture::grid("Measures with their intervals", 1, vec![panel])
 }
@@ -196,17 +194,17 @@ fn confusion_picture(confusion: &Confusion) -> Picture {
         .x_name(if confusion.words.len() > 8 { legend } else { "said".to_owned() })
         .x_categories(if confusion.words.len() > 8 { numbered } else { confusion.words.clone() })
         .y_categories(confusion.truths.iter().rev().cloned())
-        .mark(Mark::new(Shape::Cells { rows, full, below: Ink::Alarm, decimals: 0 }, Ink::Simulated, ""));
+        .mark(Mark::new(MarkShape::Cells { rows, full, below: Ink::Alarm, decimals: 0 }, Ink::Simulated, ""));
     Picture::grid("What is in a unit against what was said of it", 1, vec![panel])
 }
 
-fn reliability_picture(methods: &[Method]) -> Picture {
+fn reliability_picture(methods: &[MethodScore]) -> Picture {
     let mut panel = Panel::new("how often it was so")
         .height(300)
         .x_name("probability said")
         .x_range(0.0, 1.0)
         .y_range(0.0, 1.0)
-        .mark(Mark::new(Shape::Segments(vec![[0.0, 0.0, 1.0, 1.0]]), Ink::Muted, "what it should be"));
+        .mark(Mark::new(MarkShape::Segments(vec![[0.0, 0.0, 1.0, 1.0]]), Ink::Muted, "what it should be"));
     for (place, (method, ink)) in methods.iter().zip(Ink::SERIES).enumerate() {
         let point = |bin: &Bin| [bin.said_probability, bin.was.value];
         let points: Vec<[f64; 2]> = method.score.reliability.iter().map(point).collect();
@@ -217,7 +215,7 @@ fn reliability_picture(methods: &[Method]) -> Picture {
                 .reliability
                 .iter()
                 .map(|b| [b.said_probability, b.was.low, b.said_probability, b.was.high]);
-            panel = panel.dots(ink, "", points).mark(Mark::new(Shape::Segments(whiskers.collect()), ink, ""));
+            panel = panel.dots(ink, "", points).mark(Mark::new(MarkShape::Segments(whiskers.collect()), ink, ""));
         }
     }
     Picture::grid("Reliability of the probabilities", 1, vec![panel])
@@ -225,7 +223,7 @@ fn reliability_picture(methods: &[Method]) -> Picture {
 
 /// How many answers missed, and by what; none where nothing was missed.
 #[must_use]
-pub fn misses_in_words(cases: &[Scored]) -> Option<String> {
+pub fn misses_in_words(cases: &[ScoredUnit]) -> Option<String> {
     let missed = cases.iter().filter(|case| case.missed()).count();
     let by = |what: Option<MissedBy>| cases.iter().filter(|case| case.missed() && case.missed_by() == what).count();
     let [recordings, tolerance, method] = MissedBy::ALL.map(|what| by(Some(what)));
@@ -246,7 +244,7 @@ pub fn misses_in_words(cases: &[Scored]) -> Option<String> {
 
 /// Case by case: what is so, what was said.
 #[must_use]
-pub fn cases_table(cases: &[Scored]) -> Table {
+pub fn cases_table(cases: &[ScoredUnit]) -> Table {
     let mut table = Table::new()
         .words("unit")
         .words("what is in it")

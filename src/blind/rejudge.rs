@@ -1,17 +1,17 @@
 //! What would have been said of a judged unit by other weights: read off its evidence table, without a simulation.
 
-use crate::blind::said::{Blamed, Gap, Location, Rank, Said};
+use crate::blind::said::{Blamed, Gap, Location, Rank, ReportVerdict};
 use crate::diagnosis::decision::Decision;
 use crate::diagnosis::decision::posterior::{Posterior, Weights};
 use crate::diagnosis::evidence::KAPPAS;
 use crate::diagnosis::evidence::law_error::LAW_ERRORS;
-use crate::diagnosis::hypotheses::table::Table;
+use crate::diagnosis::hypotheses::table::EvidenceTable;
 use crate::diagnosis::result::Verdict;
 use crate::effects::{EffectSpec, find};
 
 /// What is left out of the evidence, to see what it is worth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LeftOut {
+pub enum EvidenceLeftOut {
     /// Nothing.
     Nothing,
     /// The error of equations: evidence as if every equation were exact.
@@ -22,10 +22,10 @@ pub enum LeftOut {
     Unknown,
 }
 
-impl LeftOut {
+impl EvidenceLeftOut {
     /// The table without it.
     #[must_use]
-    pub fn of(self, table: &Table) -> Table {
+    pub fn of(self, table: &EvidenceTable) -> EvidenceTable {
         let mut table = table.clone();
         match self {
             Self::Nothing => {}
@@ -43,7 +43,7 @@ impl LeftOut {
 
 /// The verdict on a unit by these weights and this table; sizes and closure stay those of the report where it blames the same.
 #[must_use]
-pub fn rejudged(said: &Said, table: &Table, weights: &Weights) -> Said {
+pub fn rejudged(said: &ReportVerdict, table: &EvidenceTable, weights: &Weights) -> ReportVerdict {
     let mut ids: Vec<&str> = table.rows.iter().flat_map(|row| &row.effects).map(String::as_str).collect();
     ids.sort_unstable();
     ids.dedup();
@@ -61,7 +61,7 @@ pub fn rejudged(said: &Said, table: &Table, weights: &Weights) -> Said {
     });
     let effects: Vec<Blamed> = blamed.collect();
     let same = said.effects.len() == effects.len() && effects.iter().all(|effect| said.blames(&effect.id));
-    Said {
+    ReportVerdict {
         // What moves too little to tell is told by the recordings, not by the weights.
         verdict: if decision.verdict == Verdict::NoGap && said.verdict() == Some(Verdict::NotExcited) {
             said.verdict.clone()
@@ -80,37 +80,37 @@ pub fn rejudged(said: &Said, table: &Table, weights: &Weights) -> Said {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnosis::hypotheses::table::Row;
+    use crate::diagnosis::hypotheses::table::EvidenceRow;
 
-    fn table() -> Table {
-        let row = |effects: &[&str], evidence: f64| Row {
+    fn table() -> EvidenceTable {
+        let row = |effects: &[&str], evidence: f64| EvidenceRow {
             effects: effects.iter().map(|id| (*id).to_owned()).collect(),
             refined: true,
             // As much as a right model leaves of the likeliest set.
             cost: 64.0 - 2.0 * (evidence + 100.0),
             sizes: vec![1.1; effects.len()],
             grid: [[evidence - 40.0; 3], [evidence; 3], [evidence; 3], [evidence; 3]],
-            ..Row::default()
+            ..EvidenceRow::default()
         };
-        Table {
+        EvidenceTable {
             samples: 100.0,
             rows: vec![row(&["backlash", "load"], -100.0), row(&["load"], -112.0), row(&[], -400.0)],
             unknown: [("spool".to_owned(), -390.0)].into(),
-            ..Table::default()
+            ..EvidenceTable::default()
         }
     }
 
     #[test]
     fn what_is_left_out_is_gone_and_the_rest_is_judged() {
-        let said = Said { verdict: "unknown".into(), ..Said::default() };
-        let judged = |left_out: LeftOut| rejudged(&said, &left_out.of(&table()), &Weights::bayes());
-        let whole = judged(LeftOut::Nothing);
+        let said = ReportVerdict { verdict: "unknown".into(), ..ReportVerdict::default() };
+        let judged = |left_out: EvidenceLeftOut| rejudged(&said, &left_out.of(&table()), &Weights::bayes());
+        let whole = judged(EvidenceLeftOut::Nothing);
         assert_eq!(whole.verdict, "named");
         assert!(whole.blames("backlash") && whole.blames("load"));
-        let alone = judged(LeftOut::SeveralEffects);
+        let alone = judged(EvidenceLeftOut::SeveralEffects);
         assert!(alone.blames("load") && !alone.blames("backlash"), "{alone:?}");
-        assert_eq!(judged(LeftOut::Unknown).probability("unknown"), 0.0);
-        assert_eq!(LeftOut::ModelError.of(&table()).rows[0].grid, [[-140.0; 3]; 4]);
+        assert_eq!(judged(EvidenceLeftOut::Unknown).probability("unknown"), 0.0);
+        assert_eq!(EvidenceLeftOut::ModelError.of(&table()).rows[0].grid, [[-140.0; 3]; 4]);
         let sum: f64 = whole.ranking.iter().filter_map(|rank| rank.probability).sum();
         assert!(sum > 1.0 && whole.probability("none") < 1e-9);
     }

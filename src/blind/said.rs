@@ -2,13 +2,13 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::diagnosis::hypotheses::table::{Row, Table};
+use crate::diagnosis::hypotheses::table::{EvidenceRow, EvidenceTable};
 use crate::diagnosis::result::{Interval, Verdict};
 use crate::likelihood::problem::SOUND_MEAN_SQUARE;
 
 /// The part of `report.json` that is scored.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Said {
+pub struct ReportVerdict {
     /// The verdict's word.
     pub verdict: String,
     /// Where the gap lies.
@@ -36,7 +36,7 @@ pub struct Said {
 pub struct Evidence {
     /// The evidence of all fault sets.
     #[serde(default)]
-    pub table: Table,
+    pub table: EvidenceTable,
     /// By how much intervals of the explained share were widened; none of an older program.
     #[serde(default)]
     pub closure_widened_by: Option<f64>,
@@ -57,12 +57,12 @@ pub struct Blamed {
     pub id: String,
     /// Its parameters; the first is its size.
     #[serde(default)]
-    pub parameters: Vec<Size>,
+    pub parameters: Vec<ReportedSize>,
 }
 
 /// A parameter with its interval, both in the unit of the effect's parameter.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Size {
+pub struct ReportedSize {
     /// Its value; the unit is the parameter's own.
     #[serde(default)]
     pub value: Option<f64>,
@@ -86,7 +86,7 @@ pub struct Rank {
 pub struct Gap {
     /// What the blamed effects close of it.
     #[serde(default)]
-    pub closure: Size,
+    pub closure: ReportedSize,
 }
 
 /// A report that cannot be scored.
@@ -100,7 +100,7 @@ pub enum SaidError {
     Verdict(String),
 }
 
-impl Said {
+impl ReportVerdict {
     /// Reads a report.
     ///
     /// # Errors
@@ -174,7 +174,7 @@ impl Said {
             _ => Vec::new(),
         };
         let table = &self.evidence.table;
-        let is_it = |row: &&Row| {
+        let is_it = |row: &&EvidenceRow| {
             row.effects.len() == wanted.len() && wanted.iter().all(|id| row.effects.iter().any(|effect| effect == id))
         };
         Some(table.rows.iter().find(is_it)?.cost - SOUND_MEAN_SQUARE * table.samples)
@@ -183,7 +183,7 @@ impl Said {
     /// The claimed closure; none where nothing is claimed, or an interval leaves everything open.
     #[must_use]
     pub fn closure(&self) -> Option<Interval> {
-        let Size { value, ci90: Some([Some(low), Some(high)]) } = self.gap.closure else { return None };
+        let ReportedSize { value, ci90: Some([Some(low), Some(high)]) } = self.gap.closure else { return None };
         // What leaves everything open is not given as a figure.
         let claim = Interval { value: value.unwrap_or(f64::NAN), low, high };
         let claims = matches!(self.verdict(), Some(Verdict::Named | Verdict::Class));
@@ -215,16 +215,16 @@ mod tests {
                  "own_noise": 0.0, "without_each": [], "sizes": [1.0]},
                 {"effects": [], "refined": true, "cost": 1420.0, "prior": 0.0, "strain": 0.0, "grid": [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]],
                  "own_noise": 0.0, "without_each": [], "sizes": []}]}}}"#;
-        let said = Said::read(report).unwrap();
+        let said = ReportVerdict::read(report).unwrap();
         assert!(said.detects() && said.first() == "port_overlap" && said.word() == "port_overlap");
         assert_eq!(said.effects[0].parameters[0].ci90, Some([Some(2.8e-4), None]));
         assert_eq!(said.probability("backlash"), 0.0);
         assert_eq!(said.leaves(), Some(30.0));
-        assert_eq!(Said { verdict: "unknown".into(), ..said.clone() }.leaves(), Some(500.0));
-        assert_eq!(Said::read(&said.to_json()).unwrap(), said);
-        assert!(matches!(Said::read(r#"{"verdict": "perhaps"}"#), Err(SaidError::Verdict(_))));
-        assert!(matches!(Said::read("{"), Err(SaidError::Malformed(_))));
-        let silent = Said::read(r#"{"verdict": "no_gap", "location": {"stage": null}}"#).unwrap();
+        assert_eq!(ReportVerdict { verdict: "unknown".into(), ..said.clone() }.leaves(), Some(500.0));
+        assert_eq!(ReportVerdict::read(&said.to_json()).unwrap(), said);
+        assert!(matches!(ReportVerdict::read(r#"{"verdict": "perhaps"}"#), Err(SaidError::Verdict(_))));
+        assert!(matches!(ReportVerdict::read("{"), Err(SaidError::Malformed(_))));
+        let silent = ReportVerdict::read(r#"{"verdict": "no_gap", "location": {"stage": null}}"#).unwrap();
         assert!(silent.word() == "none" && !silent.detects() && silent.first() == "none" && silent.leaves().is_none());
     }
 }

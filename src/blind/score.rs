@@ -2,15 +2,15 @@
 
 use std::collections::BTreeMap;
 
-use crate::blind::scored::{MissedBy, Scored};
-use crate::blind::statistics::{Bin, Claim, Measured, reliability, weight_of_sound};
+use crate::blind::scored::{MissedBy, ScoredUnit};
+use crate::blind::statistics::{Bin, Measured, StatedProbability, reliability, weight_of_sound};
 use crate::diagnosis::result::Verdict;
 
 /// A measure without a target; of others the words, and from what to what the value may lie.
 const OPEN: (&str, f64, f64) = ("", 0.0, 1.0);
 /// One measure with its target.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Measure {
+pub struct ScoredMeasure {
     /// Key in files.
     pub id: &'static str,
     /// What it is.
@@ -25,7 +25,7 @@ pub struct Measure {
     pub misses: Option<Misses>,
 }
 
-/// The misses of a measure, and what they lie with ([`Scored::missed_by`]); of some nothing may be known.
+/// The misses of a measure, and what they lie with ([`ScoredUnit::missed_by`]); of some nothing may be known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Misses {
     /// All of them.
@@ -40,7 +40,7 @@ pub struct Score {
     /// Units that were scored.
     pub units: usize,
     /// All measures.
-    pub measures: Vec<Measure>,
+    pub measures: Vec<ScoredMeasure>,
     /// How often each word was said of each truth.
     pub confusion: Confusion,
     /// Probabilities said against how often it was so, where half of the units are sound, as the learned weights take it.
@@ -60,12 +60,12 @@ pub struct Confusion {
 
 /// Scores a set of units.
 #[must_use]
-pub fn score(cases: &[Scored]) -> Score {
+pub fn score(cases: &[ScoredUnit]) -> Score {
     let sound = weight_of_sound(cases.iter().filter(|case| case.sound()).count(), cases.len());
     let mut claims = Vec::new();
     for case in cases {
         let weight = if case.sound() { sound } else { 1.0 };
-        claims.extend(case.said.ranking.iter().map(|rank| Claim {
+        claims.extend(case.said.ranking.iter().map(|rank| StatedProbability {
             said_probability: rank.probability.unwrap_or(0.0),
             was: case.holds(&rank.id),
             weight,
@@ -77,9 +77,9 @@ pub fn score(cases: &[Scored]) -> Score {
 
 /// The share of cases of which something holds, and its misses; `good` says whether it is good that it holds.
 fn share<'a>(
-    cases: impl Iterator<Item = &'a Scored>,
+    cases: impl Iterator<Item = &'a ScoredUnit>,
     good: bool,
-    holds: impl Fn(&Scored) -> bool,
+    holds: impl Fn(&ScoredUnit) -> bool,
 ) -> (Measured, Option<Misses>) {
     let (hits, missed): (Vec<bool>, Vec<Option<MissedBy>>) = cases
         .map(|case| {
@@ -92,23 +92,23 @@ fn share<'a>(
     (Measured::of(hits), (by != [0; 3]).then_some(Misses { all, by }))
 }
 
-fn measures(cases: &[Scored]) -> Vec<Measure> {
+fn measures(cases: &[ScoredUnit]) -> Vec<ScoredMeasure> {
     let all = || cases.iter();
     let singles = || all().filter(|case| case.single());
     let pairs = || all().filter(|case| case.pair());
     let triples = || all().filter(|case| case.triple());
     let outside = || all().filter(|case| !case.label.listed);
-    let shares = |named: &Scored| named.label.effects.iter().filter(|truth| named.said.blames(&truth.id)).count();
+    let shares = |named: &ScoredUnit| named.label.effects.iter().filter(|truth| named.said.blames(&truth.id)).count();
     // A class says that one of them is there.
-    let every = |case: &Scored| case.names() && shares(case) == case.label.effects.len();
+    let every = |case: &ScoredUnit| case.names() && shares(case) == case.label.effects.len();
     let named = || all().filter(|case| case.label.listed && case.names());
-    let detects = |case: &Scored| case.said.detects();
-    let unknown = |case: &Scored| case.says(Verdict::Unknown);
+    let detects = |case: &ScoredUnit| case.said.detects();
+    let unknown = |case: &ScoredUnit| case.says(Verdict::Unknown);
     let probabilities: Vec<f64> = singles().map(|case| case.said.probability(case.first_truth())).collect();
     let seconds: Vec<f64> = all().filter_map(|case| case.said.seconds).collect();
     let only = |measured| (measured, None);
-    let closure = only(Measured::of(all().filter_map(Scored::closure_is_covered)));
-    let size = only(Measured::of(all().filter_map(Scored::size_is_covered)));
+    let closure = only(Measured::of(all().filter_map(ScoredUnit::closure_is_covered)));
+    let size = only(Measured::of(all().filter_map(ScoredUnit::size_is_covered)));
     let probability = only(Measured::mean_probability(&probabilities));
     let time = only(Measured::mean(&seconds));
 
@@ -116,10 +116,10 @@ fn measures(cases: &[Scored]) -> Vec<Measure> {
         |id, name, (target, low, high): (&'static str, f64, f64), (measured, misses): (Measured, Option<Misses>)| {
             let judged = measured.cases > 0 && !target.is_empty();
             let reached = judged.then(|| (low..=high).contains(&measured.value));
-            Measure { id, name, measured, target, reached, misses }
+            ScoredMeasure { id, name, measured, target, reached, misses }
         };
     // Of all such units, and of those whose faults show.
-    let twice = |ids: [&'static str; 2], name, target, of: fn(&Scored) -> bool, holds: fn(&Scored) -> bool| {
+    let twice = |ids: [&'static str; 2], name, target, of: fn(&ScoredUnit) -> bool, holds: fn(&ScoredUnit) -> bool| {
         let visible = share(all().filter(|case| of(case) && case.visible()), true, holds);
         [
             row(ids[0], name, target, share(all().filter(|case| of(case)), true, holds)),
@@ -128,10 +128,10 @@ fn measures(cases: &[Scored]) -> Vec<Measure> {
     };
     let false_alarm = share(all().filter(|case| case.sound()), false, detects);
     let detection = share(all().filter(|case| case.visible()), true, detects);
-    let placed = share(outside().filter(|case| unknown(case)), true, Scored::stage_is_right);
+    let placed = share(outside().filter(|case| unknown(case)), true, ScoredUnit::stage_is_right);
     let false_unknown = share(all().filter(|case| case.label.listed), false, unknown);
-    let (first, in_class) = (Scored::is_first, Scored::blamed_in_small_class);
-    let (single, faulty) = (Scored::single, |case: &Scored| !case.sound());
+    let (first, in_class) = (ScoredUnit::is_first, ScoredUnit::blamed_in_small_class);
+    let (single, faulty) = (ScoredUnit::single, |case: &ScoredUnit| !case.sound());
     let mut rows = vec![
         row("false_alarm", "false alarm on sound units", ("≤ 2 %", 0.0, 0.02), false_alarm),
         row("detection", "detection at ≥ 3 times the noise", ("≥ 95 %", 0.95, 1.0), detection),
@@ -140,7 +140,7 @@ fn measures(cases: &[Scored]) -> Vec<Measure> {
     rows.extend(twice(["single_first", "single_first_visible"], "right single effect first", target, single, first));
     let (name, target) = ("right single effect in a class of at most 3", ("≥ 95 %", 0.95, 1.0));
     rows.extend(twice(["single_in_class", "single_in_class_visible"], name, target, single, in_class));
-    rows.extend(twice(["stage", "stage_visible"], "stage right", target, faulty, Scored::stage_is_right));
+    rows.extend(twice(["stage", "stage_visible"], "stage right", target, faulty, ScoredUnit::stage_is_right));
     rows.extend([
         row("probability", "mean probability on the true effect", ("≥ 0.85", 0.85, 1.0), probability),
         row("pair_both", "pairs: both named", ("≥ 60 %", 0.6, 1.0), share(pairs(), true, every)),
@@ -156,7 +156,7 @@ fn measures(cases: &[Scored]) -> Vec<Measure> {
             "made_up",
             "named verdicts with an effect that is not there",
             OPEN,
-            share(named(), false, Scored::makes_up),
+            share(named(), false, ScoredUnit::makes_up),
         ),
         row("unknown", "outside the catalogue called unknown", ("≥ 80 %", 0.8, 1.0), share(outside(), true, unknown)),
         row("unknown_stage", "… and placed in the right stage", OPEN, placed),
@@ -173,7 +173,7 @@ fn measures(cases: &[Scored]) -> Vec<Measure> {
     rows
 }
 
-fn confusion(cases: &[Scored]) -> Confusion {
+fn confusion(cases: &[ScoredUnit]) -> Confusion {
     let mut counts: BTreeMap<(usize, String), BTreeMap<(usize, String), usize>> = BTreeMap::new();
     let place = |word: &str| {
         let order = match word {
@@ -203,13 +203,13 @@ fn confusion(cases: &[Scored]) -> Confusion {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::battery::{Label, Truth};
-    use crate::blind::said::{Blamed, Evidence, Gap, Location, Rank, Said, Size};
-    use crate::diagnosis::hypotheses::table::{Row, Table};
+    use crate::battery::{Label, TrueFault};
+    use crate::blind::said::{Blamed, Evidence, Gap, Location, Rank, ReportVerdict, ReportedSize};
+    use crate::diagnosis::hypotheses::table::{EvidenceRow, EvidenceTable};
     use crate::effects::Stage;
 
-    fn truth(id: &str, stage: Stage) -> Truth {
-        Truth { id: id.into(), stage, size: 1.0, unit: "1".into(), meaning: String::new() }
+    fn truth(id: &str, stage: Stage) -> TrueFault {
+        TrueFault { id: id.into(), stage, size: 1.0, unit: "1".into(), meaning: String::new() }
     }
 
     /// A case: true ids, listed, strength, verdict, stage said, blamed ids with a probability each.
@@ -220,15 +220,15 @@ mod tests {
         verdict: &str,
         stage: &str,
         blamed: &[(&str, f64)],
-    ) -> Scored {
-        let size = |low, high| Size { value: Some(1.0), ci90: Some([Some(low), Some(high)]) };
+    ) -> ScoredUnit {
+        let size = |low, high| ReportedSize { value: Some(1.0), ci90: Some([Some(low), Some(high)]) };
         let mut ranking: Vec<Rank> =
             blamed.iter().map(|(id, p)| Rank { id: (*id).into(), probability: Some(*p) }).collect();
         ranking.push(Rank { id: "unknown".into(), probability: Some(if verdict == "unknown" { 0.95 } else { 0.01 }) });
         ranking.push(Rank { id: "none".into(), probability: Some(if verdict == "no_gap" { 0.95 } else { 0.01 }) });
         let effects = blamed.iter().map(|(id, _)| Blamed { id: (*id).into(), parameters: vec![size(0.9, 1.2)] });
-        Scored {
-            said: Said {
+        ScoredUnit {
+            said: ReportVerdict {
                 verdict: verdict.into(),
                 location: Location { stage: (!stage.is_empty()).then(|| stage.into()) },
                 effects: effects.collect(),
@@ -249,7 +249,7 @@ mod tests {
         }
     }
 
-    fn hand_made() -> Vec<Scored> {
+    fn hand_made() -> Vec<ScoredUnit> {
         vec![
             case(&[], true, 0.0, "no_gap", "", &[]),
             case(&[], true, 0.0, "named", "esv", &[("esv_slow", 0.8)]),
@@ -309,7 +309,8 @@ mod tests {
         assert!(!class(&["backlash"]).missed() && !class(&["backlash"]).makes_up());
         let pair = class(&["load", "backlash"]);
         assert!(pair.missed() && pair.hidden().map(|truth| truth.id.as_str()).eq(["backlash"]));
-        let of = |cases: &[Scored], id: &str| score(cases).measures.iter().find(|row| row.id == id).unwrap().measured;
+        let of =
+            |cases: &[ScoredUnit], id: &str| score(cases).measures.iter().find(|row| row.id == id).unwrap().measured;
         assert_eq!(of(&[more, class(&["load"])], "made_up"), Measured::share(1, 1));
         assert_eq!(of(std::slice::from_ref(&pair), "pair_both"), Measured::share(0, 1));
         assert_eq!(of(&[pair], "pair_one"), Measured::share(1, 1));
@@ -318,15 +319,15 @@ mod tests {
     #[test]
     fn a_miss_lies_with_recordings_tolerance_or_method() {
         // A right model of a thousand independent samples costs 640.
-        let row = |effects: &[&str], cost: f64| Row {
+        let row = |effects: &[&str], cost: f64| EvidenceRow {
             effects: effects.iter().map(|id| (*id).to_owned()).collect(),
             cost,
-            ..Row::default()
+            ..EvidenceRow::default()
         };
-        let table = |left: f64| Table {
+        let table = |left: f64| EvidenceTable {
             samples: 1000.0,
             rows: vec![row(&["load"], 640.0 + left), row(&["load", "backlash"], 640.0 + left), row(&[], 1640.0)],
-            ..Table::default()
+            ..EvidenceTable::default()
         };
         let named = |told, left| {
             let mut case = case(&["backlash"], true, 9.0, "named", "servomotor", &[("load", 0.9)]);
@@ -350,10 +351,10 @@ mod tests {
         assert_eq!(misses("single_first"), Some(Misses { all: 3, by: [1, 1, 1] }));
         assert_eq!((misses("stage"), misses("pair_both"), misses("seconds")), (None, None, None));
         let all = hand_made();
-        let missed: Vec<bool> = all.iter().map(Scored::missed).collect();
+        let missed: Vec<bool> = all.iter().map(ScoredUnit::missed).collect();
         assert_eq!(missed, [false, true, false, false, true, false, true, false, true]);
         // A false alarm is the method's own; of the rest nothing is known.
-        assert_eq!(all.iter().filter_map(Scored::missed_by).collect::<Vec<_>>(), [MissedBy::Method]);
+        assert_eq!(all.iter().filter_map(ScoredUnit::missed_by).collect::<Vec<_>>(), [MissedBy::Method]);
     }
 
     #[test]
@@ -368,7 +369,7 @@ mod tests {
             of(&["cushion"], "named"),
             of(&["load", "backlash", "viscosity"], "class"),
         ];
-        let missed: Vec<bool> = all.iter().map(Scored::missed).collect();
+        let missed: Vec<bool> = all.iter().map(ScoredUnit::missed).collect();
         assert_eq!(missed, [false, true, true, true]);
         assert_eq!(all[3].hidden().count(), 2, "a class is one effect");
         let score = score(&all);

@@ -1,7 +1,7 @@
 //! One unit before the scorer: what was said of it beside what is so.
 
-use crate::battery::{Label, Truth};
-use crate::blind::said::Said;
+use crate::battery::{Label, TrueFault};
+use crate::blind::said::ReportVerdict;
 use crate::diagnosis::result::Verdict;
 
 /// Gain in likelihood, as −2 ln, from which something can be told: a log Bayes factor of 10, of which the odds against any effect take half.
@@ -18,7 +18,7 @@ pub enum MissedBy {
     /// What was left out gains less than an effect must ([`SEEN`]) once sheet and answer are fitted against it
     /// ([`told`](crate::blind::isolability::told)).
     Recordings,
-    /// It gains more, or nobody knows how much; but the answer leaves no more than the method lets a right model leave ([`Said::leaves`]).
+    /// It gains more, or nobody knows how much; but the answer leaves no more than the method lets a right model leave ([`ReportVerdict::leaves`]).
     Tolerance,
     /// The rest: what was left out could have been seen, or there is nothing left out and something made up.
     Method,
@@ -41,9 +41,9 @@ impl MissedBy {
 
 /// One unit: what was said of it, and what is so.
 #[derive(Clone, Debug)]
-pub struct Scored {
+pub struct ScoredUnit {
     /// What was said.
-    pub said: Said,
+    pub said: ReportVerdict,
     /// What is so.
     pub label: Label,
     /// Closure on recordings that the diagnosis never saw; none where nobody tried.
@@ -52,7 +52,7 @@ pub struct Scored {
     pub told: Option<f64>,
 }
 
-impl Scored {
+impl ScoredUnit {
     pub(super) fn sound(&self) -> bool {
         self.label.effects.is_empty()
     }
@@ -95,8 +95,8 @@ impl Scored {
     }
 
     /// What is in the unit and was not said to be: of a class one effect at most is.
-    pub fn hidden(&self) -> impl Iterator<Item = &Truth> {
-        let blamed = |truth: &&Truth| self.said.blames(&truth.id);
+    pub fn hidden(&self) -> impl Iterator<Item = &TrueFault> {
+        let blamed = |truth: &&TrueFault| self.said.blames(&truth.id);
         let most = if self.says(Verdict::Class) { 1 } else { usize::MAX };
         let said: Vec<&str> =
             self.label.effects.iter().filter(blamed).take(most).map(|truth| truth.id.as_str()).collect();

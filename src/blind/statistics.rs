@@ -91,7 +91,7 @@ pub struct Bin {
 
 /// A probability that was said, with whether it was so, and how much it counts.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Claim {
+pub struct StatedProbability {
     /// The probability said.
     pub said_probability: f64,
     /// Whether it was so.
@@ -102,7 +102,7 @@ pub struct Claim {
 
 /// Probabilities said against what was so, in bins of a tenth; empty bins are left out.
 #[must_use]
-pub fn reliability(claims: &[Claim]) -> Vec<Bin> {
+pub fn reliability(claims: &[StatedProbability]) -> Vec<Bin> {
     (0..10)
         .filter_map(|bin| {
             let (from, to) = (f64::from(bin) / 10.0, f64::from(bin + 1) / 10.0);
@@ -152,7 +152,7 @@ mod tests {
     fn means_and_bins_are_those_of_the_cases() {
         let mean = Measured::mean(&[0.2, 0.4, 0.9]);
         assert!((mean.value - 0.5).abs() < 1e-12 && (mean.high - 0.5 - Z * (0.13_f64 / 3.0).sqrt()).abs() < 1e-12);
-        let claim = |(said_probability, was)| Claim { said_probability, was, weight: 1.0 };
+        let claim = |(said_probability, was)| StatedProbability { said_probability, was, weight: 1.0 };
         let bins = reliability(&[(0.05, false), (0.07, true), (1.0, true), (0.95, true)].map(claim));
         assert_eq!(bins.len(), 2);
         assert!((bins[0].said_probability - 0.06).abs() < 1e-12 && bins[0].was == Measured::share(1, 2));

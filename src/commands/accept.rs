@@ -6,10 +6,10 @@ use std::path::PathBuf;
 
 use anyhow::bail;
 use govtwin::acceptance::counterfactual::{self, Compared};
-use govtwin::acceptance::limits::{Limits, Standing};
+use govtwin::acceptance::limits::{AcceptanceLimits, LimitStanding};
 use govtwin::acceptance::page::{Drawn, measures_table, page, without_table};
 use govtwin::acceptance::series::Series;
-use govtwin::acceptance::summary::{Diagnosed, Summary, csv, summarise};
+use govtwin::acceptance::summary::{AcceptanceSummary, DiagnosedTwin, csv, summarise};
 use govtwin::parameters::Unit;
 use govtwin::params;
 use govtwin::provenance::Provenance;
@@ -21,7 +21,7 @@ use super::bags::{self, MapArgs, Recordings, TopicArgs};
 use super::output::{Output, Progress, print, table_text, warn};
 use super::provenance;
 use crate::commands::Outcome;
-use faults::Faults;
+use faults::FoundFaults;
 
 /// The files.
 const NAMES: [&str; 3] = ["acceptance.json", "acceptance.csv", "acceptance.html"];
@@ -93,7 +93,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let name = provenance::unit_of(&args.bags);
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("acceptance").join(&name));
     let output = Output::claim(&out, &NAMES)?;
-    let known = args.diagnosis.as_ref().map(|folder| Faults::load(folder)).transpose()?;
+    let known = args.diagnosis.as_ref().map(|folder| FoundFaults::load(folder)).transpose()?;
     let mut made = provenance::new("accept", &sheet, None)?;
     let mapped = args.map.open(&args.bags)?;
     let topics = args.topics.topics();
@@ -113,12 +113,12 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             warnings.extend(known.doubt(&made));
             Some(known)
         }
-        None => Some(Faults::diagnose(&recordings, &sheet.unit)?),
+        None => Some(FoundFaults::diagnose(&recordings, &sheet.unit)?),
     };
     let (summary, drawn) = judge(&recordings, faults.as_ref(), &limits, &sheet.unit);
     warnings.extend(faults.iter().flat_map(|faults| faults.notes.clone()));
     describe(&mut made, args, &warnings)?;
-    let summary = Summary { provenance: Some(made), ..summary };
+    let summary = AcceptanceSummary { provenance: Some(made), ..summary };
     write(output, &summary, &drawn)?;
     if args.json {
         print(&(serde_json::to_string_pretty(&summary)? + "\n"))?;
@@ -129,24 +129,29 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     for warning in &warnings {
         warn(warning);
     }
-    let kept = matches!(summary.standing, None | Some(Standing::Passes));
+    let kept = matches!(summary.standing, None | Some(LimitStanding::Passes));
     Ok(if kept && warnings.is_empty() { Outcome::Ok } else { Outcome::Warnings })
 }
 
 /// Measures recordings and twins, and holds them against the limits.
-fn judge(recordings: &[Recording], faults: Option<&Faults>, limits: &Limits, sheet: &Unit) -> (Summary, Vec<Drawn>) {
+fn judge(
+    recordings: &[Recording],
+    faults: Option<&FoundFaults>,
+    limits: &AcceptanceLimits,
+    sheet: &Unit,
+) -> (AcceptanceSummary, Vec<Drawn>) {
     let Some(faults) = faults else {
         // The sheet's twin stands in where nothing is compared with it; none of its figures are shown.
         let compared = counterfactual::measured_alone(recordings);
         let drawn = draw(recordings, None, &[]);
-        return (summarise(&compared, &Diagnosed::default(), limits), drawn);
+        return (summarise(&compared, &DiagnosedTwin::default(), limits), drawn);
     };
     let named: Vec<String> = faults.named.clone();
     let unit = Unit { recorded: sheet.recorded, ..faults.unit.clone() };
     let progress = Progress::new(counterfactual::simulations(&unit, &named, &faults.sizes), "twins measured");
     let compared: Compared = counterfactual::compare(recordings, &unit, &named, &faults.sizes, &|| progress.step());
     drop(progress);
-    let diagnosed = Diagnosed { verdict: faults.verdict.clone(), faults: named.clone() };
+    let diagnosed = DiagnosedTwin { verdict: faults.verdict.clone(), faults: named.clone() };
     let drawn = draw(recordings, Some(&unit), &named);
     (summarise(&compared, &diagnosed, limits), drawn)
 }
@@ -180,14 +185,14 @@ fn describe(made: &mut Provenance, args: &Args, warnings: &[String]) -> anyhow::
     provenance::options(&args.topics, &args.map, made)
 }
 
-fn write(mut output: Output, summary: &Summary, drawn: &[Drawn]) -> anyhow::Result<()> {
+fn write(mut output: Output, summary: &AcceptanceSummary, drawn: &[Drawn]) -> anyhow::Result<()> {
     output.add("acceptance.html", page(summary, drawn)?.to_html().as_bytes())?;
     output.add("acceptance.csv", csv(summary).as_bytes())?;
     output.add_json("acceptance.json", summary)?;
     output.place()
 }
 
-fn text(summary: &Summary) -> String {
+fn text(summary: &AcceptanceSummary) -> String {
     let mut text = table_text(&measures_table(summary));
     if summary.measures.iter().any(|asked| asked.as_found.as_ref().is_some_and(|figure| figure.from == "standard test"))
     {

@@ -128,12 +128,12 @@ pub struct Recordings {
     /// Warnings, each with the name of its recording.
     pub warnings: Vec<String>,
     /// All that were named, in the order of the command line.
-    pub read: Vec<Read>,
+    pub read: Vec<GivenBag>,
 }
 
 /// A bag that was to be read.
 #[derive(Clone, Debug)]
-pub struct Read {
+pub struct GivenBag {
     /// Where it is.
     pub path: PathBuf,
     /// What its recording is called.
@@ -220,7 +220,7 @@ fn read_as(paths: &[PathBuf], topics: &Topics, unit: &Unit, positions: Positions
                 (None, Some(error.to_string()))
             }
         };
-        read.push(Read { path, name, health, left_out });
+        read.push(GivenBag { path, name, health, left_out });
     }
     if recordings.is_empty() {
         anyhow::bail!("no recording can be read:\n  {}", refused.join("\n  "));

@@ -10,12 +10,12 @@ mod shard;
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
-use govtwin::battery::plan::Rates;
+use govtwin::battery::plan::BatteryRates;
 use govtwin::params;
 use rayon::prelude::{ParallelBridge, ParallelIterator};
 
-use self::cases::{Case, find};
-use self::expected::Expected;
+use self::cases::{UnitFolder, find};
+use self::expected::ExpectedDigests;
 use self::method::methods;
 use self::shard::Shard;
 use super::bags::TopicArgs;
@@ -116,9 +116,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         Some(0) => return Err(usage("--generate: expected at least 1 unit, found 0")),
         Some(count) => {
             let rates = match args.rate_hz {
-                Rate::Bench => Rates::Bench,
-                Rate::Plant => Rates::Plant,
-                Rate::Both => Rates::Both,
+                Rate::Bench => BatteryRates::Bench,
+                Rate::Plant => BatteryRates::Plant,
+                Rate::Both => BatteryRates::Both,
             };
             Some(battery::make((&args.dir, out), unit, count, (args.seed, rates), args.shard.unwrap_or_default())?)
         }
@@ -130,12 +130,12 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let methods = methods(args.baselines, args.baselines_only);
     if let Some(made) = &made {
-        let unjudged = |case: &Case| methods.iter().any(|method| !method.report(out, &case.name).is_file());
+        let unjudged = |case: &UnitFolder| methods.iter().any(|method| !method.report(out, &case.name).is_file());
         if cases.iter().any(unjudged) {
             made.close(out)?;
         }
     }
-    let expected = Expected::new(&cases, unit, args.unchecked)?;
+    let expected = ExpectedDigests::new(&cases, unit, args.unchecked)?;
     let progress = Progress::new(cases.len(), "units");
     let threads = (rayon::current_num_threads() / cases.len().max(1)).max(1);
     // Dealt out one by one, so that what is broken off has the first units and not some of each half.

@@ -4,13 +4,13 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use govtwin::battery::Label;
-use govtwin::blind::learn::{Example, Learned, closure_widening, examples, learn, log_score, size_spread};
-use govtwin::blind::rejudge::{LeftOut, rejudged};
-use govtwin::blind::said::Said;
+use govtwin::blind::learn::{Example, LearningResult, closure_widening, examples, learn, log_score, size_spread};
+use govtwin::blind::rejudge::{EvidenceLeftOut, rejudged};
+use govtwin::blind::said::ReportVerdict;
 use govtwin::blind::score::{Score, score};
-use govtwin::blind::scored::Scored;
+use govtwin::blind::scored::ScoredUnit;
 use govtwin::diagnosis::decision::posterior::Weights;
-use govtwin::diagnosis::hypotheses::table::Table;
+use govtwin::diagnosis::hypotheses::table::EvidenceTable;
 use govtwin::diagnosis::result::Interval;
 use govtwin::files::read_text;
 use govtwin::params::labels;
@@ -52,13 +52,13 @@ Exit codes: 0 ok, 1 not possible, 2 wrong usage.";
 /// A unit: its answer, what was said of it, and which share of the gap was closed on recordings made afterwards.
 struct Judged {
     label: Label,
-    said: Said,
+    said: ReportVerdict,
     came_true: Option<f64>,
 }
 
 impl Judged {
     /// What it claims of the share explained, with the interval as it was before it was widened.
-    fn closure(&self, said: &Said) -> Option<Interval> {
+    fn closure(&self, said: &ReportVerdict) -> Option<Interval> {
         let widened_by = self.said.evidence.closure_widened_by.unwrap_or(Weights::shipped().closure_widening);
         Some(said.closure()?.widened(1.0 / widened_by))
     }
@@ -70,12 +70,12 @@ impl Judged {
 }
 
 /// Variants that are scored on units not seen, by name: what is left out of the evidence, and whether weights are learned.
-const VARIANTS: [(&str, LeftOut, bool); 5] = [
-    ("learned", LeftOut::Nothing, true),
-    ("not learned", LeftOut::Nothing, false),
-    ("no model error", LeftOut::ModelError, true),
-    ("single effects", LeftOut::SeveralEffects, true),
-    ("no unknown", LeftOut::Unknown, true),
+const VARIANTS: [(&str, EvidenceLeftOut, bool); 5] = [
+    ("learned", EvidenceLeftOut::Nothing, true),
+    ("not learned", EvidenceLeftOut::Nothing, false),
+    ("no model error", EvidenceLeftOut::ModelError, true),
+    ("single effects", EvidenceLeftOut::SeveralEffects, true),
+    ("no unknown", EvidenceLeftOut::Unknown, true),
 ];
 
 /// Runs the command.
@@ -90,10 +90,10 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     };
     let mut scores = Vec::new();
     let mut by_folder = Vec::new();
-    let mut whole: Option<Learned> = None;
+    let mut whole: Option<LearningResult> = None;
     for (name, left_out, is_learned) in VARIANTS {
         let of = |units: &Vec<&Judged>| -> Vec<Example> {
-            let table = |said: &Said| left_out.of(&said.evidence.table);
+            let table = |said: &ReportVerdict| left_out.of(&said.evidence.table);
             units.iter().flat_map(|unit| examples(&unit.label, &table(&unit.said))).collect()
         };
         let examples: Vec<Vec<Example>> = parts.iter().map(of).collect();
@@ -109,9 +109,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
                     let Interval { low, high, .. } = claim.widened(widening);
                     said.gap.closure.ci90 = Some([Some(low), Some(high)]);
                 }
-                Scored { said, label: unit.label.clone(), realised_closure: unit.came_true, told: None }
+                ScoredUnit { said, label: unit.label.clone(), realised_closure: unit.came_true, told: None }
             });
-            let judged: Vec<Scored> = judged.collect();
+            let judged: Vec<ScoredUnit> = judged.collect();
             if whole.is_none() && batteries.len() > 1 {
                 by_folder.push((folder(&args.dirs[part]), log_score(&examples[part], &weights(part)), score(&judged)));
             }
@@ -123,7 +123,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let Some(learned) = whole else { bail!("there is nothing to learn from") };
     let all: Vec<&Judged> = batteries.iter().flatten().collect();
-    let pairs: Vec<(&Label, &Table)> = all.iter().map(|unit| (&unit.label, &unit.said.evidence.table)).collect();
+    let pairs: Vec<(&Label, &EvidenceTable)> =
+        all.iter().map(|unit| (&unit.label, &unit.said.evidence.table)).collect();
     let claims: Vec<(Interval, f64)> = all.iter().filter_map(|unit| unit.claim()).collect();
     let weights = Weights {
         size_spread: size_spread(&pairs),

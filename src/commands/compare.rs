@@ -6,32 +6,32 @@ use std::collections::BTreeMap;
 
 use anyhow::{Context, bail};
 use govtwin::comparison::ablation::{Parents, STEPS, ablation, same_rows};
-use govtwin::comparison::breakdown::{Breakdown, breakdown};
+use govtwin::comparison::breakdown::{ErrorBreakdown, breakdown};
 use govtwin::comparison::closed::closed_loop;
-use govtwin::comparison::contenders::{LeftOut, leave_one_out};
-use govtwin::comparison::limit::{Known, limit};
+use govtwin::comparison::contenders::{LeftOutProcess, leave_one_out};
+use govtwin::comparison::limit::{LimitKnowledge, limit};
 use govtwin::comparison::refit::{refit, teaching};
 use govtwin::comparison::summary::{
-    Claims, FreeRun, Importance, SCHEMA, Scored, Summary, Unseen, claims, covered, spread,
+    Claims, ComparisonSummary, FreeRunFigures, Importance, ModelFigures, SCHEMA, UnseenProcess, claims, covered, spread,
 };
-use govtwin::comparison::{Contender, Standing};
+use govtwin::comparison::{Contender, ModelStanding};
 use govtwin::estimation::calibration::parts;
 use govtwin::parameters::Unit;
 use govtwin::replay::summary::cut_id;
 use govtwin::report::comparison::{HYBRIDS, Shown, breakdown_table, models_table, page, spread_table};
-use govtwin::report::table::Table as Printed;
+use govtwin::report::table::FeatureTable as Printed;
 use govtwin::residual::booster::Hyperparameters;
 use govtwin::residual::model::Model;
 use govtwin::residual::row::Between;
-use govtwin::residual::split::{Split, seven_to_three};
-use govtwin::residual::table::Table;
+use govtwin::residual::split::{RowSplit, seven_to_three};
+use govtwin::residual::table::FeatureTable;
 use govtwin::signal::Signal;
 use govtwin::twin::Cut;
 
-use super::learn::{self, CutAt, Ready, grid_ns};
+use super::learn::{self, CutAt, TrainingData, grid_ns};
 use super::output::{Output, Progress, print, table_text};
 use crate::commands::Outcome;
-use field::{Field, field};
+use field::{Contenders, field};
 
 /// Compare the twin, data-only models and hybrids as the paper does.
 ///
@@ -95,10 +95,10 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         );
     }
     let seeds: Vec<u64> = (0..args.seeds).map(|k| args.learn.seed + k).collect();
-    let standings_of = |contenders: &[Contender]| -> Vec<Standing> {
-        contenders.iter().map(|one| Standing::of(&ready.table, &split.test, one)).collect()
+    let standings_of = |contenders: &[Contender]| -> Vec<ModelStanding> {
+        contenders.iter().map(|one| ModelStanding::of(&ready.table, &split.test, one)).collect()
     };
-    let (mut first, mut every, mut steps): (Option<Field>, Vec<Vec<Standing>>, Vec<Vec<Standing>>) =
+    let (mut first, mut every, mut steps): (Option<Contenders>, Vec<Vec<ModelStanding>>, Vec<Vec<ModelStanding>>) =
         (None, vec![], vec![]);
     for &seed in &seeds {
         let mut found = field(&args.learn, &parents, &split, seed, &ready.sheet.unit)?;
@@ -110,7 +110,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             (&mut found.contenders, &mut found.searches),
         )?;
         let rows = (&ready.table, &split.test[..]);
-        for known in [Known::Inputs, Known::Rows] {
+        for known in [LimitKnowledge::Inputs, LimitKnowledge::Rows] {
             let recordings = (&ready.recordings[..], grid_ns(&unit));
             found.contenders.push(limit(&unit, ready.cut, recordings, rows, (known, seed)));
         }
@@ -129,16 +129,16 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let table = &ready.table;
     let standings = standings_of(&field.contenders);
     let named = |id: &str| standings.iter().find(|one| one.id == id).context("a model of the comparison is missing");
-    let mut ranked: Vec<&Standing> = standings.iter().filter(|one| HYBRIDS.contains(&one.id)).collect();
+    let mut ranked: Vec<&ModelStanding> = standings.iter().filter(|one| HYBRIDS.contains(&one.id)).collect();
     ranked.sort_by(|a, b| a.overall.mae.total_cmp(&b.overall.mae));
-    let unseen = |one: &LeftOut| Unseen {
+    let unseen = |one: &LeftOutProcess| UnseenProcess {
         process: one.process.id(),
-        models: one.models.iter().map(Scored::from).collect(),
+        models: one.models.iter().map(ModelFigures::from).collect(),
         band: one.band.clone(),
     };
     let of_hybrid = field.contenders.iter().find(|one| one.id == "mdhm").map(|one| &one.estimates[..]);
     let rivals = [named("mbm")?, named("ddm")?];
-    let summary = Summary {
+    let summary = ComparisonSummary {
         schema: SCHEMA,
         program: concat!("govtwin ", env!("CARGO_PKG_VERSION")),
         origin: ready.origin.clone(),
@@ -158,7 +158,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         .iter()
         .flat_map(|one| claims(one, rivals))
         .collect(),
-        models: standings.iter().map(Scored::from).collect(),
+        models: standings.iter().map(ModelFigures::from).collect(),
         seeds,
         spread: spread(&every),
         ablation: spread(&steps),
@@ -174,7 +174,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 }
 
 /// Leaves page and JSON, and says what is in them.
-fn write(args: &Args, mut output: Output, summary: &Summary, shown: &Shown<'_>) -> anyhow::Result<Outcome> {
+fn write(args: &Args, mut output: Output, summary: &ComparisonSummary, shown: &Shown<'_>) -> anyhow::Result<Outcome> {
     let html = output.path("compare.html");
     output.add("compare.html", page(summary, shown)?.to_html().as_bytes())?;
     output.add_json("compare.json", summary)?;
@@ -189,7 +189,7 @@ fn write(args: &Args, mut output: Output, summary: &Summary, shown: &Shown<'_>) 
 }
 
 /// The unit refitted on the rows that teach.
-fn refitted(args: &Args, ready: &Ready, split: &Split) -> anyhow::Result<Unit> {
+fn refitted(args: &Args, ready: &TrainingData, split: &RowSplit) -> anyhow::Result<Unit> {
     let unit = &ready.sheet.unit;
     let effects: Vec<&str> = args.effects.iter().map(String::as_str).collect();
     for id in &effects {
@@ -201,10 +201,10 @@ fn refitted(args: &Args, ready: &Ready, split: &Split) -> anyhow::Result<Unit> {
 }
 
 /// Where the paper's hybrid loses to data alone.
-fn broken(parents: &Parents<'_>, split: &Split, field: &Field) -> anyhow::Result<Breakdown> {
+fn broken(parents: &Parents<'_>, split: &RowSplit, field: &Contenders) -> anyhow::Result<ErrorBreakdown> {
     let named = |id: &str| field.contenders.iter().find(|one| one.id == id).context("a model is missing");
     let models = [named("mdhm")?, named("ddm")?, named("mbm")?, named("gate")?];
-    let tables: Vec<(&'static str, &Table)> = [("mbm", parents.plain), ("drawn", parents.drawn)]
+    let tables: Vec<(&'static str, &FeatureTable)> = [("mbm", parents.plain), ("drawn", parents.drawn)]
         .into_iter()
         .chain(parents.refitted.map(|one| ("refitted", one)))
         .collect();
@@ -212,7 +212,7 @@ fn broken(parents: &Parents<'_>, split: &Split, field: &Field) -> anyhow::Result
 }
 
 /// The residual inside the loop beside the additive one, whatever the cut of the rest.
-fn free_run(args: &Args, ready: &Ready) -> anyhow::Result<Option<FreeRun>> {
+fn free_run(args: &Args, ready: &TrainingData) -> anyhow::Result<Option<FreeRunFigures>> {
     if ready.table.layout.signal != Signal::SpoolPosition {
         return Ok(None);
     }
@@ -221,11 +221,11 @@ fn free_run(args: &Args, ready: &Ready) -> anyhow::Result<Option<FreeRun>> {
     let split = seven_to_three(&ready.table);
     let (unit, seed) = (&ready.sheet.unit, args.learn.seed);
     let judged = closed_loop(unit, (&ready.recordings, grid_ns(unit)), &ready.table, &split, seed, || progress.step())?;
-    let scored = |standings: &[Standing]| standings.iter().map(Scored::from).collect();
-    Ok(Some(FreeRun { spool: scored(&judged.spool), servomotor: scored(&judged.servomotor) }))
+    let scored = |standings: &[ModelStanding]| standings.iter().map(ModelFigures::from).collect();
+    Ok(Some(FreeRunFigures { spool: scored(&judged.spool), servomotor: scored(&judged.servomotor) }))
 }
 
-fn settings(args: &Args, ready: &Ready, hybrid: &Model) -> BTreeMap<&'static str, String> {
+fn settings(args: &Args, ready: &TrainingData, hybrid: &Model) -> BTreeMap<&'static str, String> {
     let cut = if args.cut == CutAt::None { Cut::None } else { Cut::Servomotor };
     #[cfg(feature = "deep")]
     let networks = format!("{}, on every fourth row of the folds", args.network_budget());
@@ -267,7 +267,7 @@ fn importance(model: &Model) -> Vec<Importance> {
     all
 }
 
-fn say(summary: &Summary, unit: &str) -> anyhow::Result<()> {
+fn say(summary: &ComparisonSummary, unit: &str) -> anyhow::Result<()> {
     print(&table_text(&models_table(&summary.models, unit)))?;
     print("Over all seeds:\n")?;
     print(&table_text(&spread_table(&summary.spread, unit)))?;

@@ -9,7 +9,7 @@ use std::time::Instant;
 use anyhow::{Context, bail};
 use clap::builder::PossibleValuesParser;
 use govtwin::diagnosis::result::{Diagnosis, Verdict};
-use govtwin::diagnosis::{Settings, diagnose};
+use govtwin::diagnosis::{DiagnosisSettings, diagnose};
 use govtwin::effects::own;
 use govtwin::parameters::Unit;
 use govtwin::params;
@@ -197,7 +197,7 @@ pub fn unit(args: &Args) -> anyhow::Result<Diagnosed> {
     for warning in &warnings {
         warn(warning);
     }
-    let settings = Settings { free, ..settings };
+    let settings = DiagnosisSettings { free, ..settings };
     let (diagnosis, seconds) = judge(recordings, &unit, &settings)?;
     describe(&mut made, args, &settings, &name, &warnings, &diagnosis)?;
     show(&mut made, &args.stand_ins);
@@ -215,8 +215,8 @@ fn show(made: &mut Provenance, stand_ins: &[(String, String)]) {
 }
 
 /// What to try; effects of the user's own go into the unit.
-fn settings(args: &Args, unit: &mut Unit) -> anyhow::Result<Settings> {
-    let mut settings = Settings { seed: args.seed, free: args.free, ..Settings::default() };
+fn settings(args: &Args, unit: &mut Unit) -> anyhow::Result<DiagnosisSettings> {
+    let mut settings = DiagnosisSettings { seed: args.seed, free: args.free, ..DiagnosisSettings::default() };
     for id in &args.without {
         let known = || settings.catalogue.iter().map(|spec| spec.id);
         if govtwin::effects::find(id).is_none() {
@@ -241,7 +241,7 @@ fn settings(args: &Args, unit: &mut Unit) -> anyhow::Result<Settings> {
 
 /// Diagnoses with a progress bar; also how long it took, s.
 #[expect(clippy::disallowed_methods, reason = "a report says how long it took")]
-fn judge(recordings: Vec<Recording>, unit: &Unit, settings: &Settings) -> anyhow::Result<(Diagnosis, f64)> {
+fn judge(recordings: Vec<Recording>, unit: &Unit, settings: &DiagnosisSettings) -> anyhow::Result<(Diagnosis, f64)> {
     let start = Instant::now();
     let progress = Progress::new(100, "%");
     let diagnosis = diagnose(recordings, unit, settings, &|what, share| progress.at(share, what))?;
@@ -252,7 +252,7 @@ fn judge(recordings: Vec<Recording>, unit: &Unit, settings: &Settings) -> anyhow
 fn describe(
     made: &mut Provenance,
     args: &Args,
-    settings: &Settings,
+    settings: &DiagnosisSettings,
     name: &str,
     warnings: &[String],
     diagnosis: &Diagnosis,

@@ -7,14 +7,14 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use anyhow::{Context, bail};
-use govtwin::diagnosis::model::Model;
-use govtwin::diagnosis::result::Told;
+use govtwin::diagnosis::model::FittedModel;
+use govtwin::diagnosis::result::StageFigure;
 use govtwin::diagnosis::stage_only::told::told;
 use govtwin::estimation::calibration::{Calibration, calibrate, parts};
 use govtwin::estimation::free_parameter::FreeParameter;
 use govtwin::likelihood::noise;
 use govtwin::likelihood::problem::Problem;
-use govtwin::likelihood::qualification::{Intake, qualify_all};
+use govtwin::likelihood::qualification::{QualifiedRecordings, qualify_all};
 use govtwin::likelihood::trial::Trial;
 use govtwin::parameters::{ENTRIES, Unit};
 use govtwin::params::{self, Overlay, Sheet, nearest, number_text};
@@ -194,7 +194,7 @@ fn read(args: &Args, paths: &[PathBuf], unit: &Unit) -> anyhow::Result<Recording
 fn taken(read: Recordings, made: &mut Provenance) -> anyhow::Result<(Vec<Taken>, Vec<String>)> {
     let Recordings { recordings, mut warnings, .. } = read;
     let whole_or_stage = |recording: &Recording| if recording.has_command() { Cut::None } else { Cut::Spool };
-    let Intake { qualified, notes, refused } = qualify_all(recordings, whole_or_stage);
+    let QualifiedRecordings { qualified, notes, refused } = qualify_all(recordings, whole_or_stage);
     if qualified.is_empty() {
         bail!("no recording can be used:\n  {}", refused.join("\n  "));
     }
@@ -221,12 +221,16 @@ fn prepared(recordings: Vec<Taken>, warnings: &mut Vec<String>) -> Vec<Trial> {
 }
 
 /// What was fitted of a servomotor stage alone, in the numbers of its recordings; nothing where whole chains were.
-fn stage(problem: &Problem, base: &Unit, fitted: &Calibration) -> Vec<Told> {
+fn stage(problem: &Problem, base: &Unit, fitted: &Calibration) -> Vec<StageFigure> {
     if problem.trials.iter().any(|trial| trial.cut != Cut::Spool) {
         return vec![];
     }
     let Some(law) = plain(&Run::all(&problem.trials)) else { return vec![] };
-    told(&Model::new(vec![], base.clone(), fitted.free_parameters.clone(), fitted.fit.clone()), &law, &problem.trials)
+    told(
+        &FittedModel::new(vec![], base.clone(), fitted.free_parameters.clone(), fitted.fit.clone()),
+        &law,
+        &problem.trials,
+    )
 }
 
 /// Takes the effects that a file defines into a unit, with the values that the file gives them.
@@ -289,7 +293,7 @@ fn free_parameters(args: &Args, unit: &mut Unit) -> anyhow::Result<Vec<FreeParam
 
 /// The fitted unit as a parameter file.
 fn overlay(problem: &Problem, sheet: &Sheet, fitted: &Calibration, made: &Provenance) -> Overlay {
-    let comment = |row: &govtwin::estimation::calibration::Row| {
+    let comment = |row: &govtwin::estimation::calibration::CalibrationRow| {
         let [low, high] = row.ci90.map(number_text);
         let bound = if row.at_bound { ", at a bound" } else { "" };
         (row.key.clone(), format!("ci90 [{low}, {high}], sheet {}{bound}", number_text(row.sheet)))

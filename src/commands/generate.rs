@@ -11,7 +11,7 @@ use govtwin::bag::{self, Qos, Sealed, Topics, Writer, WriterOptions};
 use govtwin::files::Claim;
 use govtwin::frame::EsvState;
 use govtwin::generate::noise::{Dice, Purpose};
-use govtwin::generate::streams::Streams;
+use govtwin::generate::streams::GeneratedStreams;
 use govtwin::generate::{self, Scenario};
 use govtwin::parameters::Unit;
 use govtwin::params::{self, Overlay};
@@ -215,11 +215,17 @@ enum Message {
 
 /// Writes the messages of a process as a bag folder under a temporary name; it says that it is synthetic, and which command's
 /// simulator made it.
-pub fn write(command: &str, process: Process, seed: u64, streams: &Streams, dir: &Path) -> anyhow::Result<Sealed> {
+pub fn write(
+    command: &str,
+    process: Process,
+    seed: u64,
+    streams: &GeneratedStreams,
+    dir: &Path,
+) -> anyhow::Result<Sealed> {
     put(command, process, seed, streams, dir).with_context(|| format!("cannot write {}", dir.display()))
 }
 
-fn put(by: &str, process: Process, seed: u64, streams: &Streams, dir: &Path) -> anyhow::Result<Sealed> {
+fn put(by: &str, process: Process, seed: u64, streams: &GeneratedStreams, dir: &Path) -> anyhow::Result<Sealed> {
     let mut bag = Writer::create(dir, WriterOptions::default())?;
     let topics = Topics::default();
     let command = bag.topic(&topics.command, Qos::DEFAULT)?;
@@ -249,7 +255,7 @@ fn put(by: &str, process: Process, seed: u64, streams: &Streams, dir: &Path) -> 
 }
 
 /// All messages in the order in which a recorder would have got them.
-fn messages(process: Process, seed: u64, streams: &Streams) -> Vec<(i64, Message)> {
+fn messages(process: Process, seed: u64, streams: &GeneratedStreams) -> Vec<(i64, Message)> {
     let mut draws = Dice { seed, process }.of(Purpose::LogTime);
     let mut all: Vec<(i64, Message)> = vec![];
     let mut put = |stamp_ns: i64, message| {

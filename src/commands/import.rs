@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::ValueHint;
-use govtwin::import::{Map, Outcome as Imported};
+use govtwin::import::{ImportOutcome as Imported, Map};
 use govtwin::params::number_text;
 use govtwin::report::table::Table;
 use serde_json::json;
@@ -148,7 +148,7 @@ fn significant(value: f64) -> f64 {
 }
 
 fn figures(imported: &Imported, out: Option<&Path>) -> serde_json::Value {
-    let signal = |found: &govtwin::import::findings::Found| {
+    let signal = |found: &govtwin::import::findings::SignalFindings| {
         json!({
             "signal": found.target.id(),
             "from": found.place,

@@ -19,9 +19,9 @@ use govtwin::residual::history::{LONGEST_PERIOD_NS, SHORTEST_PERIOD_NS};
 use govtwin::residual::model::Learned;
 use govtwin::residual::prepare::{Cleaning, Prepared, prepare};
 use govtwin::residual::row::{Between, Opening};
-use govtwin::residual::search::{Dimension, Trial, bayesian, random, slices};
-use govtwin::residual::split::{Split, folds};
-use govtwin::residual::table::{Layout, Table, slowest_period_ns, table};
+use govtwin::residual::search::{Evaluation, Hyperparameter, bayesian, random, slices};
+use govtwin::residual::split::{RowSplit, folds};
+use govtwin::residual::table::{FeatureTable, TableLayout, slowest_period_ns, table};
 use govtwin::residual::{features, training};
 use govtwin::signal::Signal;
 use govtwin::twin::{Cut, Twin};
@@ -31,7 +31,7 @@ use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use super::bags::{self, Bag, TopicArgs};
 use super::output::{Progress, warn};
 use super::replay::origin;
-use journal::Journal;
+use journal::EvaluationJournal;
 
 /// What both commands take.
 #[derive(Debug, clap::Args)]
@@ -105,7 +105,7 @@ impl RateOfInputs {
 }
 
 /// Everything that training needs.
-pub struct Ready {
+pub struct TrainingData {
     /// The unit.
     pub sheet: Sheet,
     /// Recordings, prepared.
@@ -113,16 +113,16 @@ pub struct Ready {
     /// What preparation found.
     pub cleanings: Vec<Cleaning>,
     /// The rows.
-    pub table: Table,
+    pub table: FeatureTable,
     /// What the folders say of where the data comes from.
     pub origin: Option<String>,
     /// Where the recording stands in for the twin.
     pub cut: Cut,
 }
 
-impl Ready {
+impl TrainingData {
     /// The same rows under another unit's twin, or with other inputs between them.
-    pub fn table_of(&self, unit: &Unit, between: Between) -> Table {
+    pub fn table_of(&self, unit: &Unit, between: Between) -> FeatureTable {
         let twin = Twin::new(unit).with_cut(self.cut);
         let period_ns = grid_ns(unit);
         let run = |one: &Recording| match between {
@@ -130,7 +130,7 @@ impl Ready {
             Between::Linear => simulate_between(&mut twin.clone(), one, period_ns),
         };
         let estimates: Vec<_> = self.recordings.par_iter().map(run).collect();
-        table(&self.recordings, &estimates, Layout { between, ..self.table.layout.clone() })
+        table(&self.recordings, &estimates, TableLayout { between, ..self.table.layout.clone() })
     }
 }
 
@@ -157,12 +157,12 @@ impl Args {
     }
 
     /// Reads, prepares and simulates the recordings, and makes the rows.
-    pub fn ready(&self, cut: CutAt, between: Between) -> anyhow::Result<Ready> {
+    pub fn ready(&self, cut: CutAt, between: Between) -> anyhow::Result<TrainingData> {
         self.ready_without(cut, between, &[])
     }
 
     /// The same without some processes.
-    pub fn ready_without(&self, cut: CutAt, between: Between, left_out: &[Process]) -> anyhow::Result<Ready> {
+    pub fn ready_without(&self, cut: CutAt, between: Between, left_out: &[Process]) -> anyhow::Result<TrainingData> {
         let sheet = match &self.params {
             Some(path) => params::load_sheet(path)?,
             None => params::reference_sheet(),
@@ -199,10 +199,10 @@ impl Args {
                 seconds_from_nanos(period_ns)
             );
         }
-        let layout = Layout { signal, opening, between, period_ns, features: features::all() };
-        let nothing = Table { layout, values: vec![], marks: vec![], left_out: 0 };
+        let layout = TableLayout { signal, opening, between, period_ns, features: features::all() };
+        let nothing = FeatureTable { layout, values: vec![], marks: vec![], left_out: 0 };
         let origin = (!origins.is_empty()).then(|| origins.join(" "));
-        let mut ready = Ready { sheet, recordings, cleanings, table: nothing, origin, cut };
+        let mut ready = TrainingData { sheet, recordings, cleanings, table: nothing, origin, cut };
         ready.table = ready.table_of(&ready.sheet.unit, between);
         for cleaning in ready.cleanings.iter().filter(|cleaning| !cleaning.is_clean()) {
             warn(&format!("{}: {}", cleaning.name, cleaning.words()));
@@ -217,10 +217,10 @@ impl Args {
     /// Searches for hyperparameters with the Gaussian process, or at random; evaluations in the journal are not repeated.
     pub fn search(
         &self,
-        table: &Table,
-        split: &Split,
+        table: &FeatureTable,
+        split: &RowSplit,
         learned: Learned,
-        job: Job,
+        job: SearchJob,
         seed: u64,
     ) -> anyhow::Result<Searched> {
         let folds = folds(table, &split.train);
@@ -245,7 +245,7 @@ impl Args {
 
 /// One search.
 #[derive(Clone, Copy)]
-pub struct Job {
+pub struct SearchJob {
     /// Id of the model that it is for.
     pub id: &'static str,
     /// `bayesian` or `random`.
@@ -256,12 +256,12 @@ pub struct Job {
 
 /// Runs a search of either kind.
 pub fn search(
-    space: &[Dimension],
+    space: &[Hyperparameter],
     kind: &str,
     [initial, budget]: [usize; 2],
     seed: u64,
     objective: impl FnMut(&[f64]) -> anyhow::Result<f64>,
-) -> anyhow::Result<Vec<Trial>> {
+) -> anyhow::Result<Vec<Evaluation>> {
     if kind == "random" {
         random(space, budget, seed, objective)
     } else {
@@ -270,7 +270,7 @@ pub fn search(
 }
 
 /// A search as it is reported.
-pub fn searched(space: &[Dimension], job: Job, trials: &[Trial]) -> Searched {
+pub fn searched(space: &[Hyperparameter], job: SearchJob, trials: &[Evaluation]) -> Searched {
     let slices = if job.kind == "bayesian" { slices(space, trials) } else { vec![] };
     Searched {
         id: job.id,

@@ -6,7 +6,7 @@ use anyhow::bail;
 use govtwin::node::arguments::Arguments;
 use govtwin::node::bus::Bus;
 use govtwin::node::player::tape::Tape;
-use govtwin::node::player::{Options, Played, Player};
+use govtwin::node::player::{PlayOptions, Played, Player};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 
@@ -55,7 +55,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let clock_ok = args.clock_hz.is_none_or(|hz| (0.1..=10_000.0).contains(&hz));
     expect(clock_ok, || format!("--clock is {}: expected 0.1 to 10000 Hz", args.clock_hz.unwrap_or_default()))?;
     let wait = duration(Some(args.wait_s), "--wait")?.unwrap_or_default();
-    let options = Options { speed_ratio: args.speed, repeat: args.repeat, clock_hz: args.clock_hz, wait };
+    let options = PlayOptions { speed_ratio: args.speed, repeat: args.repeat, clock_hz: args.clock_hz, wait };
     let length = duration(args.duration_s, "--duration")?;
     let (tape, warnings) = Tape::open(args.bag.clone(), args.topics.clone(), length)?;
     for warning in &warnings {

@@ -9,10 +9,10 @@ use govtwin::bag::{self, Health};
 use govtwin::digest::Digest;
 use govtwin::files::{check_regular, look_at};
 use govtwin::params::{self, Sheet};
-use govtwin::provenance::{FileUsed, Input, Provenance, SheetUsed};
+use govtwin::provenance::{FileUsed, Provenance, RecordingGiven, SheetUsed};
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 
-use super::bags::{self, MapArgs, Mapped, Read, TopicArgs};
+use super::bags::{self, GivenBag, MapArgs, Mapped, TopicArgs};
 use super::replay::origin;
 
 /// Program and version, as reports name it.
@@ -111,28 +111,32 @@ pub fn files_of_bags(bags: &[bags::Bag]) -> Vec<FileUsed> {
 }
 
 /// The recordings that a command line named, as they were read or left out; what was left out may have no digest.
-pub fn inputs(read: &[Read], mapped: &Mapped) -> anyhow::Result<Vec<Input>> {
+pub fn inputs(read: &[GivenBag], mapped: &Mapped) -> anyhow::Result<Vec<RecordingGiven>> {
     read.par_iter()
         .map(|one| {
             let given = mapped.given(&one.path);
             let input = marked(one.health.as_ref(), given).and_then(|marked| {
                 let files = files_of(given)?.iter().map(|path| file(path)).collect::<anyhow::Result<_>>()?;
-                Ok(Input { files, ..marked })
+                Ok(RecordingGiven { files, ..marked })
             });
             let input = if one.left_out.is_some() { input.unwrap_or_default() } else { input? };
-            Ok(Input { name: one.name.clone(), left_out: one.left_out.clone(), ..input })
+            Ok(RecordingGiven { name: one.name.clone(), left_out: one.left_out.clone(), ..input })
         })
         .collect()
 }
 
 /// Whether bag or folder say that the data is synthetic, and where it comes from.
-pub fn marked(health: Option<&Health>, given: &Path) -> anyhow::Result<Input> {
+pub fn marked(health: Option<&Health>, given: &Path) -> anyhow::Result<RecordingGiven> {
     let origin = match health.and_then(|health| health.about(bag::ORIGIN)) {
         Some(stated) => Some(stated.to_owned()),
         None => origin::read(given)?,
     };
     let by_folder = origin.as_deref().is_some_and(says_synthetic);
-    Ok(Input { synthetic: by_folder || health.is_some_and(Health::is_synthetic), origin, ..Input::default() })
+    Ok(RecordingGiven {
+        synthetic: by_folder || health.is_some_and(Health::is_synthetic),
+        origin,
+        ..RecordingGiven::default()
+    })
 }
 
 /// Whether a note of origin begins by saying that the data is synthetic.

@@ -19,17 +19,17 @@ use govtwin::recording::Recording;
 use govtwin::replay::Replayed;
 use govtwin::replay::between::trips_amid;
 use govtwin::replay::ladder::Ladder;
-use govtwin::replay::summary::{Parameters, Residual, Source, summarise};
+use govtwin::replay::summary::{ParameterDifferences, RecordingSource, Residual, summarise};
 use govtwin::report::replay::{ladder_table, process_table, reason_for_dashes, reason_for_stars};
 use govtwin::residual::corrector::Corrector;
-use govtwin::residual::guard::Counts;
+use govtwin::residual::guard::GuardCounts;
 use govtwin::residual::model::Model;
 use govtwin::residual::row as residual_row;
 use govtwin::twin::{Cut, Twin};
 use govtwin::units::nanos_from_seconds;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
-use super::bags::{self, Bag, MapArgs, Mapped, Read, TopicArgs};
+use super::bags::{self, Bag, GivenBag, MapArgs, Mapped, TopicArgs};
 use super::output::{Output, Progress, print, table_text, warn};
 use super::{model, provenance};
 use crate::commands::{Outcome, usage};
@@ -146,11 +146,11 @@ impl Args {
 /// One bag, replayed, with what was drawn of it.
 struct Result {
     replayed: Replayed,
-    source: Source,
-    read: Read,
+    source: RecordingSource,
+    read: GivenBag,
     /// What the bag with the simulated state says of itself.
     about: BTreeMap<String, String>,
-    corrected: Option<(Replayed, Counts)>,
+    corrected: Option<(Replayed, GuardCounts)>,
 }
 
 /// Runs the command.
@@ -337,7 +337,7 @@ fn replay(
     let mut warnings: Vec<String> = health.warnings.iter().map(ToString::to_string).collect();
     warnings.extend(bags::doubt_of_pressure(&replayed.recording, &options.topics, unit));
     let marked = provenance::marked(Some(&health), given)?;
-    let source = Source {
+    let source = RecordingSource {
         path: given.display().to_string(),
         bytes: health.files.iter().map(|file| file.bytes).sum(),
         origin: marked.origin.clone(),
@@ -346,11 +346,11 @@ fn replay(
     };
     let about = simulated::about(&bag.name, &health, &marked);
     let corrected = corrector.map(|corrector| residual::correct(corrector, &replayed));
-    let read = Read { path: bag.path.clone(), name: bag.name.clone(), health: Some(health), left_out: None };
+    let read = GivenBag { path: bag.path.clone(), name: bag.name.clone(), health: Some(health), left_out: None };
     Ok(Result { replayed, source, read, about, corrected })
 }
 
-fn parameters(sheet: &Sheet) -> Parameters {
+fn parameters(sheet: &Sheet) -> ParameterDifferences {
     let files = sheet.files.iter().map(|path| path.display().to_string()).collect();
-    Parameters::new(sheet.name.clone(), files, &sheet.unit, &params::reference())
+    ParameterDifferences::new(sheet.name.clone(), files, &sheet.unit, &params::reference())
 }

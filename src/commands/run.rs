@@ -7,11 +7,11 @@ use std::time::Duration;
 
 use anyhow::Context;
 use govtwin::node::arguments::Arguments;
-use govtwin::node::core::{Input, OnStale};
+use govtwin::node::core::{NodeInput, OnStale};
 use govtwin::node::environment::Environment;
-use govtwin::node::live::{self, Ended, Options};
+use govtwin::node::live::{self, RunEnd, RunOptions};
 use govtwin::node::realtime::Wishes;
-use govtwin::node::settings::{InputSettings, Settings};
+use govtwin::node::settings::{InputSettings, NodeSettings};
 use govtwin::params;
 use govtwin::twin::Twin;
 use serde_json::json;
@@ -66,7 +66,7 @@ pub struct Args {
     #[arg(long)]
     paused: bool,
     /// Inputs that may stay away: their defaults are taken until they are heard.
-    #[arg(long, value_name = "INPUT", num_args = 1.., value_delimiter = ',', value_parser = Input::NAMES)]
+    #[arg(long, value_name = "INPUT", num_args = 1.., value_delimiter = ',', value_parser = NodeInput::NAMES)]
     optional: Vec<String>,
     /// Write a bag of the inputs as the twin took them and of its estimates.
     #[arg(long, value_name = "DIR")]
@@ -93,20 +93,20 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         format!("--stale-after is {stale_after_s}: expected 0.001 to 86400 s")
     })?;
     expect((0.0..=86_400.0).contains(hold_s), || format!("--hold is {hold_s}: expected 0 to 86400 s"))?;
-    let settings = Settings {
+    let settings = NodeSettings {
         rate_hz: args.rate_hz,
         publish_rate_hz: args.publish_rate_hz,
         stale_after_s: args.stale_after_s,
         hold_s: args.hold_s,
         on_stale: OnStale::named(&args.on_stale).unwrap_or_default(),
-        inputs: Input::NAMES.map(|name| InputSettings {
+        inputs: NodeInput::NAMES.map(|name| InputSettings {
             required: name != "load" && !args.optional.iter().any(|optional| optional == name),
             ..InputSettings::default()
         }),
         publish_clock: args.publish_clock,
         paused: args.paused,
         wishes: Wishes { cpu: args.cpu, priority: args.priority },
-        ..Settings::default()
+        ..NodeSettings::default()
     };
     let mut unit = args.params.as_deref().map_or_else(|| Ok(params::reference()), params::load)?;
     if Twin::new(&unit).plant().lookahead_s > 0.0 {
@@ -115,7 +115,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             "the effect clock_offset asks for inputs from the future, which has no meaning live; it is left out",
         );
     }
-    let options = Options {
+    let options = RunOptions {
         environment: environment(args.lease_s)?,
         arguments: Arguments::parse(&args.ros, "govtwin")?,
         unit,
@@ -166,8 +166,8 @@ pub fn duration(seconds_s: Option<f64>, flag: &str) -> anyhow::Result<Option<Dur
     seconds_s.map(convert).transpose()
 }
 
-fn figures(ended: &Ended) -> serde_json::Value {
-    let inputs: serde_json::Map<String, serde_json::Value> = Input::ALL
+fn figures(ended: &RunEnd) -> serde_json::Value {
+    let inputs: serde_json::Map<String, serde_json::Value> = NodeInput::ALL
         .into_iter()
         .map(|input| {
             let counts = ended.counts[input as usize];
@@ -185,9 +185,9 @@ fn figures(ended: &Ended) -> serde_json::Value {
     })
 }
 
-fn text(ended: &Ended) -> String {
+fn text(ended: &RunEnd) -> String {
     let mut text = ended.summary.text();
-    for input in Input::ALL {
+    for input in NodeInput::ALL {
         let counts = ended.counts[input as usize];
         let (topic, used, refused, lost) = (input.topic(), counts.used, counts.all_refused(), counts.lost);
         text.push_str(&format!("{topic:<24}{used:>8} used {refused:>8} refused {lost:>8} lost on the way\n"));

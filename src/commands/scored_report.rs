@@ -3,25 +3,25 @@
 use std::path::Path;
 
 use anyhow::{Context, bail};
-use govtwin::blind::said::Said;
+use govtwin::blind::said::ReportVerdict;
 use govtwin::diagnosis::result::schema::SCHEMA;
 use govtwin::files::read_text;
 
 use super::report_file::LARGEST_BYTES;
 
 /// Reads a report.
-pub fn read(path: &Path) -> anyhow::Result<Said> {
+pub fn read(path: &Path) -> anyhow::Result<ReportVerdict> {
     let text = read_text(path, LARGEST_BYTES).with_context(|| format!("cannot read {}", path.display()))?;
     check(&text).with_context(|| path.display().to_string())
 }
 
 /// What the text of a report says. One without a schema is a baseline's, which `govtwin blind` writes itself.
-fn check(text: &str) -> anyhow::Result<Said> {
+fn check(text: &str) -> anyhow::Result<ReportVerdict> {
     #[derive(serde::Deserialize)]
     struct Head {
         schema: Option<String>,
     }
-    let said = Said::read(text)?;
+    let said = ReportVerdict::read(text)?;
     let head: Head = serde_json::from_str(text)?;
     if let Some(found) = head.schema.filter(|found| found != SCHEMA) {
         bail!("expected a report of the schema {SCHEMA}, found `{found}`; was it made by another version?");

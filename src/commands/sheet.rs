@@ -8,7 +8,7 @@ use govtwin::parameters::{ENTRIES, Tolerance};
 use govtwin::params::{self, WholeSheet, number_text, tolerance_text};
 use govtwin::report::table::Table;
 use govtwin::sheet::matter::{Matter, PARTS, matter};
-use govtwin::sheet::{Derived, Given, Plate, derive};
+use govtwin::sheet::{Derived, GivenValue, Plate, derive};
 use serde_json::json;
 
 use super::output::{Progress, print, table_text, warn, write_atomically};
@@ -43,7 +43,7 @@ struct New {
     plate: Option<PathBuf>,
     /// A value of the plate, such as `--set "tank_pressure=63 bar"`; over the file's where both say it. May be repeated.
     #[arg(long, value_name = "KEY=VALUE", value_parser = params::plate_value)]
-    set: Vec<(&'static str, Given)>,
+    set: Vec<(&'static str, GivenValue)>,
     /// Print a plate file to fill in: every item with its meaning, where it stands, and an example.
     #[arg(long, conflicts_with_all = ["plate", "set", "out"])]
     template: bool,

@@ -3,8 +3,8 @@
 use anyhow::{Context, bail};
 use govtwin::comparison::contenders::{self, mechanism, trained};
 use govtwin::comparison::coverage::{CoveredAt, covered_by_distance};
-use govtwin::comparison::summary::{Covered, Scored, Searched, covered};
-use govtwin::comparison::{Contender, Standing};
+use govtwin::comparison::summary::{Covered, ModelFigures, Searched, covered};
+use govtwin::comparison::{Contender, ModelStanding};
 use govtwin::recording::Process;
 use govtwin::report::comparison::{models_table, search_blocks};
 use govtwin::report::page::{Page, Tone};
@@ -15,7 +15,7 @@ use govtwin::residual::split::seven_to_three;
 use govtwin::residual::training::{self, GuardKind};
 use serde::Serialize;
 
-use super::learn::{self, CutAt, Job, RateOfInputs};
+use super::learn::{self, CutAt, RateOfInputs, SearchJob};
 use super::output::{Output, print, table_text};
 use crate::commands::Outcome;
 
@@ -98,7 +98,7 @@ struct Trained {
     origin: Option<String>,
     recordings: Vec<Cleaning>,
     hyperparameters: std::collections::BTreeMap<String, f64>,
-    models: Vec<Scored>,
+    models: Vec<ModelFigures>,
     searches: Vec<Searched>,
     band: Option<Covered>,
     band_by_distance: Vec<CoveredAt>,
@@ -118,7 +118,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let mut searches = vec![];
     let mut with = Hyperparameters::MANUAL;
     if !args.manual {
-        let job = |kind, noun| Job { id: "hybrid", kind, noun };
+        let job = |kind, noun| SearchJob { id: "hybrid", kind, noun };
         for job in [job("bayesian", "evaluations, Bayesian"), job("random", "evaluations, random")] {
             searches.push(args.learn.search(table, &split, Learned::Residual, job, args.learn.seed)?);
         }
@@ -145,12 +145,12 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         Contender { id: "hybrid", title: "hybrid", estimates },
         Contender { id: "guarded", title: "hybrid, guarded", estimates: guarded },
     ]
-    .map(|contender| Standing::of(table, &split.test, &contender));
+    .map(|contender| ModelStanding::of(table, &split.test, &contender));
     let text = model.to_text().context("the model holds a number that is not finite")?;
     let path = output.path("model.residual");
     output.add("model.residual", text.as_bytes())?;
 
-    let scored: Vec<Scored> = standings.iter().map(Scored::from).collect();
+    let scored: Vec<ModelFigures> = standings.iter().map(ModelFigures::from).collect();
     let table_of_models = models_table(&scored, model.unit.as_str());
     let mut said = table_text(&table_of_models);
     said.extend(ready.origin.iter().map(|origin| format!("{origin}\n")));

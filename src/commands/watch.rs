@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use anyhow::{Context, bail};
 use clap::builder::RangedU64ValueParser;
-use govtwin::diagnosis::Settings;
+use govtwin::diagnosis::DiagnosisSettings;
 use govtwin::params;
 use govtwin::watch::history;
 
@@ -196,8 +196,8 @@ fn wait(duration: Duration) {
     std::thread::sleep(duration);
 }
 
-fn settings(only: &[String]) -> anyhow::Result<Settings> {
-    let mut settings = Settings::default();
+fn settings(only: &[String]) -> anyhow::Result<DiagnosisSettings> {
+    let mut settings = DiagnosisSettings::default();
     for id in only {
         let known = settings.catalogue.iter().map(|spec| spec.id);
         if !settings.catalogue.iter().any(|spec| spec.id == id) {

@@ -2,13 +2,13 @@
 
 use super::Contender;
 use super::contenders::{data_only, estimates, keeping, mechanism};
-use super::gate::Gate;
+use super::gate::BlendGate;
 use crate::residual::booster::{Hyperparameters, Objective, TrainError};
 use crate::residual::features::Feature;
 use crate::residual::forest::Forest;
 use crate::residual::model::Learned;
-use crate::residual::split::{Split, folds};
-use crate::residual::table::Table;
+use crate::residual::split::{RowSplit, folds};
+use crate::residual::table::FeatureTable;
 use crate::residual::training;
 
 /// How many steps there are with a refitted parent; one less without.
@@ -18,11 +18,11 @@ pub const STEPS: usize = 11;
 #[derive(Clone, Copy, Debug)]
 pub struct Parents<'a> {
     /// The twin of the unit as given, its inputs held between rows: the paper's.
-    pub plain: &'a Table,
+    pub plain: &'a FeatureTable,
     /// The same, its inputs drawn in between rows.
-    pub drawn: &'a Table,
+    pub drawn: &'a FeatureTable,
     /// That, refitted on the rows that teach. It is the better twin, but trees on top of it find no more.
-    pub refitted: Option<&'a Table>,
+    pub refitted: Option<&'a FeatureTable>,
 }
 
 /// Trains on the rows that teach; what it says of those that judge.
@@ -30,8 +30,8 @@ pub struct Parents<'a> {
 /// # Errors
 /// Where it cannot be trained.
 pub fn said(
-    table: &Table,
-    split: &Split,
+    table: &FeatureTable,
+    split: &RowSplit,
     learned: Learned,
     with: &Hyperparameters,
     seed: u64,
@@ -47,11 +47,11 @@ pub fn said(
 /// # Errors
 /// Where a model cannot be trained.
 pub fn gated(
-    table: &Table,
-    split: &Split,
+    table: &FeatureTable,
+    split: &RowSplit,
     models: &[(Learned, Hyperparameters)],
     seed: u64,
-) -> Result<(Gate, Vec<f64>), TrainError> {
+) -> Result<(BlendGate, Vec<f64>), TrainError> {
     let folds = folds(table, &split.train);
     let mut rows: Vec<(usize, Vec<f64>)> = vec![];
     let mut words: Vec<Vec<f64>> = vec![vec![]; split.test.len()];
@@ -66,7 +66,7 @@ pub fn gated(
         let judged = said(table, split, *learned, with, seed)?;
         words.iter_mut().zip(judged).for_each(|(own, word)| own.push(word));
     }
-    let gate = Gate::learned(table, models.len(), &rows);
+    let gate = BlendGate::learned(table, models.len(), &rows);
     let mixed = split.test.iter().zip(&words).map(|(&row, words)| gate.value(table.marks[row].motion, words)).collect();
     Ok((gate, mixed))
 }
@@ -90,7 +90,7 @@ pub fn of_data(with: &Hyperparameters) -> [(Learned, Hyperparameters); 2] {
 /// Where a model cannot be trained.
 pub fn ablation(
     parents: &Parents<'_>,
-    split: &Split,
+    split: &RowSplit,
     with: &Hyperparameters,
     seed: u64,
     mut done: impl FnMut(),
@@ -99,7 +99,7 @@ pub fn ablation(
     let (alone, alone_rates) = (data_only(&papers), data_only(parents.plain));
     let best = parents.drawn;
     let other = |objective| Hyperparameters { objective, ..*with };
-    let mut steps: Vec<(&str, &str, &Table, Learned, Hyperparameters)> = vec![
+    let mut steps: Vec<(&str, &str, &FeatureTable, Learned, Hyperparameters)> = vec![
         ("ddm_without_rates", "DDM, the paper's features", &alone, Learned::Signal, *with),
         ("ddm_rates", "DDM, with rates", &alone_rates, Learned::Signal, *with),
         ("paper", "hybrid, the paper's features", &papers, Learned::Residual, *with),
@@ -131,8 +131,8 @@ pub fn ablation(
 
 /// Whether two tables hold the same rows.
 #[must_use]
-pub fn same_rows(one: &Table, other: &Table) -> bool {
-    let places = |table: &Table| table.marks.iter().map(|mark| (mark.recording, mark.frame)).collect::<Vec<_>>();
-    let names = |table: &Table| table.layout.features.iter().map(Feature::name).collect::<Vec<_>>();
+pub fn same_rows(one: &FeatureTable, other: &FeatureTable) -> bool {
+    let places = |table: &FeatureTable| table.marks.iter().map(|mark| (mark.recording, mark.frame)).collect::<Vec<_>>();
+    let names = |table: &FeatureTable| table.layout.features.iter().map(Feature::name).collect::<Vec<_>>();
     places(one) == places(other) && names(one) == names(other)
 }

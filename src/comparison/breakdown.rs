@@ -7,9 +7,9 @@ use serde::Serialize;
 
 use super::Contender;
 use crate::recording::Process;
-use crate::residual::guard::{Counts, Guard};
-use crate::residual::row::Channel;
-use crate::residual::table::Table;
+use crate::residual::guard::{Guard, GuardCounts};
+use crate::residual::row::RowChannel;
+use crate::residual::table::FeatureTable;
 use crate::units::seconds_from_nanos;
 
 /// A signal that changes by more than this from row to row jumps, in its unit, pu; the coefficient's unit is the signal's.
@@ -56,7 +56,7 @@ impl Phase {
 
 /// Errors of all models in one phase of a process, in the order of the models.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Part {
+pub struct PhaseErrors {
     /// The phase.
     pub phase: Phase,
     /// Its rows.
@@ -69,7 +69,7 @@ pub struct Part {
 
 /// A row that decides.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Told {
+pub struct DecidingRow {
     /// The recording's index.
     pub recording: usize,
     /// The row's time from the recording's first row in the table, s.
@@ -91,20 +91,20 @@ pub struct Broken {
     /// Its id.
     pub process: &'static str,
     /// Phases that have rows.
-    pub parts: Vec<Part>,
+    pub parts: Vec<PhaseErrors>,
     /// By how much each parent's trace comes too late on these rows, s: of the shifts tried the one with the least mean absolute error.
     pub shift_s: Vec<(&'static str, f64)>,
     /// Of what the first model loses to the second in squared error, the share that lies in the told rows; `null` where it loses nothing.
     pub decided_share: Option<f64>,
     /// The rows on which the first model loses most to the second.
-    pub worst: Vec<Told>,
+    pub worst: Vec<DecidingRow>,
     /// What the guard would do to these rows.
-    pub guard: Counts,
+    pub guard: GuardCounts,
 }
 
 /// The whole breakdown.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Breakdown {
+pub struct ErrorBreakdown {
     /// Ids of the models; the first is compared with the second.
     pub models: Vec<&'static str>,
     /// Process by process.
@@ -113,13 +113,13 @@ pub struct Breakdown {
 
 /// The phase of a row.
 #[must_use]
-pub fn phase(table: &Table, row: usize) -> Phase {
+pub fn phase(table: &FeatureTable, row: usize) -> Phase {
     let mark = &table.marks[row];
     let before = |back: usize| {
         let at = row.checked_sub(back)?;
         (table.marks[at].recording == mark.recording).then_some(at)
     };
-    let esv = table.layout.features.iter().position(|feature| feature.is_now() && feature.channel() == Channel::Esv);
+    let esv = table.layout.features.iter().position(|feature| feature.is_now() && feature.channel() == RowChannel::Esv);
     let open = |row: usize| esv.and_then(|place| table.row(row).get(place)).copied();
     let trips = |row: Option<usize>, before: Option<usize>| matches!((row.and_then(open), before.and_then(open)), (Some(now), Some(then)) if now < then);
     if trips(Some(row), before(1)) || trips(before(1), before(2)) {
@@ -139,12 +139,12 @@ pub fn phase(table: &Table, row: usize) -> Phase {
 #[must_use]
 #[expect(clippy::cast_precision_loss, reason = "counts of rows")]
 pub fn breakdown(
-    parents: &[(&'static str, &Table)],
+    parents: &[(&'static str, &FeatureTable)],
     rows: &[usize],
     models: &[&Contender],
     guard: &Guard,
-) -> Breakdown {
-    let Some((_, table)) = parents.first() else { return Breakdown { models: vec![], processes: vec![] } };
+) -> ErrorBreakdown {
+    let Some((_, table)) = parents.first() else { return ErrorBreakdown { models: vec![], processes: vec![] } };
     let phases: Vec<Phase> = rows.iter().map(|&row| phase(table, row)).collect();
     let miss = |model: usize, at: usize| models[model].estimates[at] - table.marks[rows[at]].measured;
     let of = |process: Process| {
@@ -157,7 +157,7 @@ pub fn breakdown(
             let here: Vec<usize> = own.iter().copied().filter(|&at| phases[at] == phase).collect();
             let mae = |model: usize| here.iter().map(|&at| miss(model, at).abs()).sum::<f64>() / here.len() as f64;
             let share = |model: usize| squares(model, &here) / squares(model, &own).max(f64::MIN_POSITIVE);
-            (!here.is_empty()).then(|| Part {
+            (!here.is_empty()).then(|| PhaseErrors {
                 phase,
                 rows: here.len() as u64,
                 mae: (0..models.len()).map(mae).collect(),
@@ -174,7 +174,7 @@ pub fn breakdown(
         };
         let told = |&at: &usize| {
             let mark = &table.marks[rows[at]];
-            Told {
+            DecidingRow {
                 recording: mark.recording,
                 time_s: seconds_from_nanos(mark.time_ns - begin_ns(mark.recording)),
                 phase: phases[at],
@@ -183,7 +183,7 @@ pub fn breakdown(
                 row: rows[at],
             }
         };
-        let mut guarded = Counts::default();
+        let mut guarded = GuardCounts::default();
         for &at in &own {
             let mark = &table.marks[rows[at]];
             guard.apply(models[0].estimates[at] - mark.model, table.row(rows[at]), &mut guarded);
@@ -198,14 +198,14 @@ pub fn breakdown(
             guard: guarded,
         })
     };
-    Breakdown {
+    ErrorBreakdown {
         models: models.iter().map(|model| model.id).collect(),
         processes: Process::ALL.into_iter().filter_map(of).collect(),
     }
 }
 
 /// By how much the twin's trace comes too late on some rows, s, to a twentieth of a period.
-fn shift_s(table: &Table, rows: &[usize]) -> f64 {
+fn shift_s(table: &FeatureTable, rows: &[usize]) -> f64 {
     let model = |row: Option<usize>, recording: usize| {
         row.and_then(|row| table.marks.get(row)).filter(|mark| mark.recording == recording).map(|mark| mark.model)
     };
@@ -231,10 +231,10 @@ mod tests {
     use crate::comparison::Contender;
     use crate::comparison::tests::made;
     use crate::residual::guard::Guard;
-    use crate::residual::table::Table;
+    use crate::residual::table::FeatureTable;
 
     /// A twin that comes one row late, and one row at which the first model fails.
-    fn late() -> Table {
+    fn late() -> FeatureTable {
         let mut table = made(400).1;
         let models: Vec<f64> = table.marks.iter().map(|mark| mark.measured).collect();
         for (row, mark) in table.marks.iter_mut().enumerate() {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::contenders::estimates;
-use super::{Contender, Standing};
+use super::{Contender, ModelStanding};
 use crate::effects;
 use crate::frame::Estimate;
 use crate::parameters::Unit;
@@ -16,8 +16,8 @@ use crate::residual::forest::Forest;
 use crate::residual::guard::Guard;
 use crate::residual::inloop::{self, FEATURES, Pull, at, features};
 use crate::residual::model::Learned;
-use crate::residual::split::Split;
-use crate::residual::table::Table;
+use crate::residual::split::RowSplit;
+use crate::residual::table::FeatureTable;
 use crate::residual::training::{self, targets};
 use crate::signal::Signal;
 use crate::solver::Method;
@@ -87,9 +87,9 @@ fn plant(unit: &Unit) -> Plant {
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClosedLoop {
     /// Spool position.
-    pub spool: Vec<Standing>,
+    pub spool: Vec<ModelStanding>,
     /// Servomotor position, which an additive residual of the spool cannot reach.
-    pub servomotor: Vec<Standing>,
+    pub servomotor: Vec<ModelStanding>,
 }
 
 /// Trains both residuals with the manual hyperparameters on the rows that teach, and judges them on the others, guarded.
@@ -101,8 +101,8 @@ pub struct ClosedLoop {
 pub fn closed_loop(
     unit: &Unit,
     (recordings, grid_ns): (&[Recording], i64),
-    table: &Table,
-    split: &Split,
+    table: &FeatureTable,
+    split: &RowSplit,
     seed: u64,
     mut done: impl FnMut(),
 ) -> Result<ClosedLoop, TrainError> {
@@ -145,7 +145,7 @@ pub fn closed_loop(
             contender("additive", "additive residual", additive),
             contender("inside", "residual inside the loop", of(&free, signal)),
         ];
-        contenders.map(|one| Standing::of(&judged, &split.test, &one)).to_vec()
+        contenders.map(|one| ModelStanding::of(&judged, &split.test, &one)).to_vec()
     };
     let untouched = of(&plain, Signal::ServomotorPosition);
     Ok(ClosedLoop {
@@ -159,12 +159,12 @@ fn walkable(trees: &[crate::residual::forest::Tree], width: usize) -> Result<For
 }
 
 /// The same rows with another measured signal.
-fn judged(table: &Table, recordings: &[Recording], signal: Signal) -> Table {
+fn judged(table: &FeatureTable, recordings: &[Recording], signal: Signal) -> FeatureTable {
     let mut marks = table.marks.clone();
     for mark in &mut marks {
         mark.measured = signal.of(&recordings[mark.recording].frames[mark.frame].measured);
     }
-    Table { layout: table.layout.clone(), values: vec![], marks, left_out: table.left_out }
+    FeatureTable { layout: table.layout.clone(), values: vec![], marks, left_out: table.left_out }
 }
 
 #[cfg(test)]

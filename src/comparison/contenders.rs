@@ -1,27 +1,27 @@
 //! The models of the comparison that trees can make, each trained on the same rows with the same features.
 
 use super::coverage::{CoveredAt, covered_by_distance};
-use super::{Contender, Standing};
+use super::{Contender, ModelStanding};
 use crate::parameters::Unit;
 use crate::recording::Process;
 use crate::residual::booster::{Hyperparameters, TrainError};
 use crate::residual::features::Feature;
 use crate::residual::forest::Forest;
-use crate::residual::guard::{Counts, Guard};
+use crate::residual::guard::{Guard, GuardCounts};
 use crate::residual::model::{Learned, Model};
 use crate::residual::split::without_process;
-use crate::residual::table::{Layout, Table};
+use crate::residual::table::{FeatureTable, TableLayout};
 use crate::residual::training::{self, GuardKind};
 
 /// The same table with some of its features.
 #[must_use]
-pub fn keeping(table: &Table, keeps: impl Fn(&Feature) -> bool) -> Table {
+pub fn keeping(table: &FeatureTable, keeps: impl Fn(&Feature) -> bool) -> FeatureTable {
     let keep: Vec<usize> =
         (0..table.layout.features.len()).filter(|&index| keeps(&table.layout.features[index])).collect();
     let features: Vec<Feature> = keep.iter().map(|&index| table.layout.features[index]).collect();
     let values = (0..table.marks.len()).flat_map(|row| keep.iter().map(move |&index| table.row(row)[index])).collect();
-    Table {
-        layout: Layout { features, ..table.layout.clone() },
+    FeatureTable {
+        layout: TableLayout { features, ..table.layout.clone() },
         values,
         marks: table.marks.clone(),
         left_out: table.left_out,
@@ -30,21 +30,27 @@ pub fn keeping(table: &Table, keeps: impl Fn(&Feature) -> bool) -> Table {
 
 /// The same table without the twin's words: what a model of data alone sees.
 #[must_use]
-pub fn data_only(table: &Table) -> Table {
+pub fn data_only(table: &FeatureTable) -> FeatureTable {
     keeping(table, |feature| !feature.channel().is_model())
 }
 
 /// The twin alone.
 #[must_use]
-pub fn mechanism(table: &Table, rows: &[usize]) -> Contender {
+pub fn mechanism(table: &FeatureTable, rows: &[usize]) -> Contender {
     let estimates = rows.iter().map(|&row| table.marks[row].model).collect();
     Contender { id: "mbm", title: "MBM", estimates }
 }
 
 /// The word of trees for rows; with a guard, as a node runs them.
 #[must_use]
-pub fn estimates(forest: &Forest, table: &Table, rows: &[usize], learned: Learned, guard: Option<&Guard>) -> Vec<f64> {
-    let mut counts = Counts::default();
+pub fn estimates(
+    forest: &Forest,
+    table: &FeatureTable,
+    rows: &[usize],
+    learned: Learned,
+    guard: Option<&Guard>,
+) -> Vec<f64> {
+    let mut counts = GuardCounts::default();
     let of = |&row: &usize| {
         let raw = forest.value(table.row(row));
         let value = guard.map_or(raw, |guard| guard.apply(raw, table.row(row), &mut counts).value);
@@ -61,7 +67,7 @@ pub fn estimates(forest: &Forest, table: &Table, rows: &[usize], learned: Learne
 /// # Errors
 /// Where it cannot be trained.
 pub fn trained(
-    table: &Table,
+    table: &FeatureTable,
     split: (&[usize], &[usize]),
     learned: Learned,
     with: &Hyperparameters,
@@ -77,11 +83,11 @@ pub fn trained(
 
 /// What models say of a process that none of them saw.
 #[derive(Clone, Debug, PartialEq)]
-pub struct LeftOut {
+pub struct LeftOutProcess {
     /// The process.
     pub process: Process,
     /// The models.
-    pub models: Vec<Standing>,
+    pub models: Vec<ModelStanding>,
     /// The band of the guarded hybrid on the better twin, by distance.
     pub band: Vec<CoveredAt>,
 }
@@ -95,11 +101,11 @@ pub struct LeftOut {
 /// # Errors
 /// Where a model cannot be trained.
 pub fn leave_one_out(
-    plain: &Table,
-    drawn: &Table,
+    plain: &FeatureTable,
+    drawn: &FeatureTable,
     seed: u64,
     mut done: impl FnMut(),
-) -> Result<Vec<LeftOut>, TrainError> {
+) -> Result<Vec<LeftOutProcess>, TrainError> {
     let data = data_only(plain);
     let mut all = vec![];
     for process in Process::ALL {
@@ -107,11 +113,11 @@ pub fn leave_one_out(
         if split.test.is_empty() || split.train.is_empty() {
             continue;
         }
-        let forest = |table: &Table, learned| -> Result<Forest, TrainError> {
+        let forest = |table: &FeatureTable, learned| -> Result<Forest, TrainError> {
             let (trees, _) = training::fit(table, &split.train, learned, &Hyperparameters::MANUAL, seed)?;
             Forest::new(&trees, table.layout.features.len()).map_err(|error| TrainError::Library(error.to_string()))
         };
-        let mut hybrids = |table: &Table, [bare, guarded]: [(&'static str, &'static str); 2]| {
+        let mut hybrids = |table: &FeatureTable, [bare, guarded]: [(&'static str, &'static str); 2]| {
             let with = Hyperparameters::MANUAL;
             let (guard, band) =
                 training::guard(table, &split.train, Learned::Residual, &with, seed, GuardKind::Processes)?;
@@ -138,8 +144,8 @@ pub fn leave_one_out(
             better,
             better_guarded,
         ];
-        let models = contenders.iter().map(|one| Standing::of(plain, &split.test, one)).collect();
-        all.push(LeftOut { process, models, band });
+        let models = contenders.iter().map(|one| ModelStanding::of(plain, &split.test, one)).collect();
+        all.push(LeftOutProcess { process, models, band });
     }
     Ok(all)
 }

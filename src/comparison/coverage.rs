@@ -5,8 +5,8 @@ use serde::Serialize;
 use crate::recording::Process;
 use crate::residual::band::Band;
 use crate::residual::forest::Forest;
-use crate::residual::guard::{Counts, Guard};
-use crate::residual::table::Table;
+use crate::residual::guard::{Guard, GuardCounts};
+use crate::residual::table::FeatureTable;
 
 /// What the band of a guarded model holds at one distance from what taught it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -39,12 +39,12 @@ impl CoveredAt {
 #[must_use]
 #[expect(clippy::cast_precision_loss, reason = "counts of rows")]
 pub fn covered_by_distance(
-    table: &Table,
+    table: &FeatureTable,
     rows: &[usize],
     forest: &Forest,
     (guard, band): (&Guard, &Band),
 ) -> Vec<CoveredAt> {
-    let mut counts = Counts::default();
+    let mut counts = GuardCounts::default();
     let of = |&row: &usize| {
         let (mark, values) = (&table.marks[row], table.row(row));
         let passed = guard.apply(forest.value(values), values, &mut counts);

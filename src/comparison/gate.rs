@@ -3,7 +3,7 @@
 //! `y = Σ mᵢ·yᵢ` with weights that are not negative and add up to 1, chosen by mean absolute error for each level of motion, on predictions
 //! for rows that no model was trained on. A level with too few rows keeps the first model.
 
-use crate::residual::table::Table;
+use crate::residual::table::FeatureTable;
 
 /// Levels of motion.
 const LEVELS: usize = 5;
@@ -16,17 +16,17 @@ const STEPS: u32 = 10;
 
 /// Weights by how far the twin moved.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Gate {
+pub struct BlendGate {
     /// Motions at which the next level begins, rising; the coefficient's unit is the signal's.
     pub edges: Vec<f64>,
     /// Weights of the models in each level, shares of 1.
     pub weight_shares: Vec<Vec<f64>>,
 }
 
-impl Gate {
+impl BlendGate {
     /// Learns a gate on rows: for each the row's index and the words of all models, none of which saw it.
     #[must_use]
-    pub fn learned(table: &Table, models: usize, rows: &[(usize, Vec<f64>)]) -> Self {
+    pub fn learned(table: &FeatureTable, models: usize, rows: &[(usize, Vec<f64>)]) -> Self {
         let mut motions: Vec<f64> = rows.iter().map(|(row, _)| table.marks[*row].motion).collect();
         motions.sort_by(f64::total_cmp);
         let edges: Vec<f64> =
@@ -78,7 +78,7 @@ fn weights(models: usize, steps: u32) -> Vec<Vec<f64>> {
 
 #[cfg(test)]
 mod tests {
-    use super::{Gate, weights};
+    use super::{BlendGate, weights};
     use crate::comparison::tests::made;
 
     #[test]
@@ -96,7 +96,7 @@ mod tests {
             (row, off.map(|off| mark.measured + off).to_vec())
         };
         let words: Vec<_> = (0..1000).map(said).collect();
-        let gate = Gate::learned(&table, 3, &words);
+        let gate = BlendGate::learned(&table, 3, &words);
         let shares: Vec<f64> = gate.weight_shares.iter().map(|shares| shares[0]).collect();
         assert_eq!(shares, [1.0, 1.0, 1.0, 0.0, 0.0]);
         for (row, words) in &words {
@@ -104,7 +104,7 @@ mod tests {
             assert!((gate.value(mark.motion, words) - mark.measured).abs() < 1e-12);
         }
         // Too few rows teach nothing.
-        assert_eq!(Gate::learned(&table, 3, &words[..50]).weight_shares, vec![vec![1.0, 0.0, 0.0]; 5]);
+        assert_eq!(BlendGate::learned(&table, 3, &words[..50]).weight_shares, vec![vec![1.0, 0.0, 0.0]; 5]);
     }
 
     #[test]

@@ -4,7 +4,7 @@
 //! The best estimate of one of them is their mean, so that `(one − other)/√2` is an error of the size that is left to a model that knows all but the
 //! noise.
 //!
-//! [`Known::Rows`] adds what a recorder of slow rows hides from every model that it feeds: the noise of the recorded opening, which stands in for the
+//! [`LimitKnowledge::Rows`] adds what a recorder of slow rows hides from every model that it feeds: the noise of the recorded opening, which stands in for the
 //! regulator's own reading, and the command between rows. The command is taken to wander there as it wanders from row to row, as a Brownian bridge
 //! whose step is the median of the second differences around. The regulator multiplies both, and jumps over the dead band where they cross its edge.
 
@@ -19,7 +19,7 @@ use crate::plant::term::Point;
 use crate::recording::{Process, Recording};
 use crate::replay::between::drawn;
 use crate::replay::simulate;
-use crate::residual::table::Table;
+use crate::residual::table::FeatureTable;
 use crate::solver::Method;
 use crate::twin::{Cut, Twin};
 use crate::units::seconds_from_nanos;
@@ -29,7 +29,7 @@ const AROUND: usize = 25;
 
 /// What the model at the limit knows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Known {
+pub enum LimitKnowledge {
     /// All but the noise in the loop.
     Inputs,
     /// The recorded rows alone.
@@ -42,14 +42,14 @@ pub fn limit(
     unit: &Unit,
     cut: Cut,
     (recordings, grid_ns): (&[Recording], i64),
-    (table, rows): (&Table, &[usize]),
-    (known, seed): (Known, u64),
+    (table, rows): (&FeatureTable, &[usize]),
+    (known, seed): (LimitKnowledge, u64),
 ) -> Contender {
     let [one, other] = [2 * seed, 2 * seed + 1].map(|seed| {
         let run = |recording: &Recording| {
             let mut recording = recording.clone();
             let dice = Dice { seed, process: recording.process };
-            if known == Known::Rows && cut == Cut::Servomotor {
+            if known == LimitKnowledge::Rows && cut == Cut::Servomotor {
                 let mut reader = Transducer::new(unit.sensors.servomotor_position_pu, dice.of(Purpose::Servomotor));
                 for frame in &mut recording.frames {
                     let position_pu = &mut frame.measured.servomotor_position_pu;
@@ -57,7 +57,7 @@ pub fn limit(
                 }
             }
             let (mut between, rows) = drawn(&recording, grid_ns);
-            if known == Known::Rows {
+            if known == LimitKnowledge::Rows {
                 wander(&mut between.frames, &rows, &mut dice.of(Purpose::Command));
             }
             let estimates = simulate(&mut noisy(unit, &recording, seed).with_cut(cut), &between);
@@ -77,8 +77,10 @@ pub fn limit(
         mark.measured + (reader.read(of(&one)) - another.read(of(&other))) * std::f64::consts::FRAC_1_SQRT_2
     });
     let (id, title) = match known {
-        Known::Inputs => ("limit", "limit: the noise in the loop, redrawn"),
-        Known::Rows => ("limit_rows", "limit: that, the recorded opening's noise and the command between rows"),
+        LimitKnowledge::Inputs => ("limit", "limit: the noise in the loop, redrawn"),
+        LimitKnowledge::Rows => {
+            ("limit_rows", "limit: that, the recorded opening's noise and the command between rows")
+        }
     };
     Contender { id, title, estimates: estimates.collect() }
 }
@@ -129,7 +131,7 @@ fn noisy(unit: &Unit, recording: &Recording, seed: u64) -> Twin {
 
 #[cfg(test)]
 mod tests {
-    use super::{Known, limit, wander};
+    use super::{LimitKnowledge, limit, wander};
     use crate::comparison::tests::made;
     use crate::metrics::Accumulator;
     use crate::twin::Cut;
@@ -141,7 +143,7 @@ mod tests {
         let recordings = [recording];
         let rows: Vec<usize> = (0..300).collect();
         let rmse = |unit: &crate::parameters::Unit| {
-            let said = limit(unit, Cut::None, (&recordings, 10_000_000), (&table, &rows), (Known::Inputs, 1));
+            let said = limit(unit, Cut::None, (&recordings, 10_000_000), (&table, &rows), (LimitKnowledge::Inputs, 1));
             let measured = table.marks.iter().map(|mark| mark.measured);
             Accumulator::of(measured.zip(said.estimates)).figures().rmse
         };

@@ -8,8 +8,8 @@ use crate::likelihood::trial::Trial;
 use crate::parameters::{EffectSetting, Unit};
 use crate::recording::Recording;
 use crate::replay::between::drawn;
-use crate::residual::split::Split;
-use crate::residual::table::Table;
+use crate::residual::split::RowSplit;
+use crate::residual::table::FeatureTable;
 
 /// Fewer rows than this of a recording are left out of a refit.
 const FEWEST_ROWS: usize = 100;
@@ -18,7 +18,7 @@ const FEWEST_ROWS: usize = 100;
 ///
 /// Where a process is left out, its recordings are, too.
 #[must_use]
-pub fn teaching(recordings: &[Recording], table: &Table, split: &Split) -> Vec<Recording> {
+pub fn teaching(recordings: &[Recording], table: &FeatureTable, split: &RowSplit) -> Vec<Recording> {
     let mut ends = vec![0; recordings.len()];
     for mark in split.train.iter().map(|&row| &table.marks[row]) {
         ends[mark.recording] = ends[mark.recording].max(mark.frame + 1);

@@ -4,21 +4,21 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::breakdown::Breakdown;
+use super::breakdown::ErrorBreakdown;
 use super::coverage::CoveredAt;
-use super::{Standing, reduction};
+use super::{ModelStanding, reduction};
 use crate::metrics::Figures;
 use crate::recording::Process;
 use crate::residual::band::Band;
 use crate::residual::prepare::Cleaning;
-use crate::residual::table::Table;
+use crate::residual::table::FeatureTable;
 
 /// Name and version of the schema.
 pub const SCHEMA: &str = "govtwin-comparison/1";
 
 /// All figures of one comparison.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Summary {
+pub struct ComparisonSummary {
     /// [`SCHEMA`].
     pub schema: &'static str,
     /// Program and version.
@@ -32,21 +32,21 @@ pub struct Summary {
     /// What preparation found.
     pub recordings: Vec<Cleaning>,
     /// Every model.
-    pub models: Vec<Scored>,
+    pub models: Vec<ModelFigures>,
     /// Ids of the hybrids, the smallest MAE over all rows first.
     pub ranking: Vec<&'static str>,
     /// The paper's claims beside what is found here.
-    pub claims: Vec<Claim>,
+    pub claims: Vec<PaperClaim>,
     /// The seeds; figures of `models` are those of the first.
     pub seeds: Vec<u64>,
     /// Figures over all seeds.
-    pub spread: Vec<Spread>,
+    pub spread: Vec<SeedSpread>,
     /// What each step from the paper's hybrid to this one brings, with the manual hyperparameters, over all seeds.
-    pub ablation: Vec<Spread>,
+    pub ablation: Vec<SeedSpread>,
     /// Where the MDHM loses to the DDM.
-    pub breakdown: Breakdown,
+    pub breakdown: ErrorBreakdown,
     /// Every process left out of training in turn.
-    pub left_out_process: Vec<Unseen>,
+    pub left_out_process: Vec<UnseenProcess>,
     /// Searches for hyperparameters.
     pub searches: Vec<Searched>,
     /// Features of the MDHM, the strongest first.
@@ -54,34 +54,34 @@ pub struct Summary {
     /// The MDHM's band on rows that nobody was trained on.
     pub band: Option<Covered>,
     /// The additive residual against the one inside the loop, in closed-loop free run; `null` where the spool is not what is learned.
-    pub closed_loop: Option<FreeRun>,
+    pub closed_loop: Option<FreeRunFigures>,
 }
 
 /// Figures in closed-loop free run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct FreeRun {
+pub struct FreeRunFigures {
     /// Of the spool position.
-    pub spool: Vec<Scored>,
+    pub spool: Vec<ModelFigures>,
     /// Of the servomotor position.
-    pub servomotor: Vec<Scored>,
+    pub servomotor: Vec<ModelFigures>,
 }
 
 /// One model's figures.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Scored {
+pub struct ModelFigures {
     /// Its id.
     pub id: &'static str,
     /// Its title.
     pub title: &'static str,
     /// Over all rows.
-    pub overall: Score,
+    pub overall: ErrorFigures,
     /// Process by process.
     pub processes: Vec<OfProcess>,
 }
 
 /// Figures in the signal's unit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Score {
+pub struct ErrorFigures {
     /// Rows.
     pub rows: u64,
     /// Mean absolute error, in the signal's unit, pu or Pa.
@@ -99,12 +99,12 @@ pub struct OfProcess {
     pub process: &'static str,
     /// The figures.
     #[serde(flatten)]
-    pub score: Score,
+    pub score: ErrorFigures,
 }
 
 /// One model's figures over several seeds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Spread {
+pub struct SeedSpread {
     /// Its id.
     pub id: &'static str,
     /// Its title.
@@ -127,15 +127,15 @@ pub struct SpreadIn {
 /// Figures over seeds; every seed has the same models in the same order.
 #[must_use]
 #[expect(clippy::cast_precision_loss, reason = "a few seeds")]
-pub fn spread(seeds: &[Vec<Standing>]) -> Vec<Spread> {
+pub fn spread(seeds: &[Vec<ModelStanding>]) -> Vec<SeedSpread> {
     let over = |values: Vec<f64>| {
         let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
         let (low, high) = (values.iter().copied().fold(mean, f64::min), values.iter().copied().fold(mean, f64::max));
         [mean, low, high]
     };
-    let of = |place: usize, model: &Standing| {
-        let all: Vec<&Standing> = seeds.iter().filter_map(|seed| seed.get(place)).collect();
-        let part = |process: &'static str, figures: &dyn Fn(&Standing) -> Option<Figures>| {
+    let of = |place: usize, model: &ModelStanding| {
+        let all: Vec<&ModelStanding> = seeds.iter().filter_map(|seed| seed.get(place)).collect();
+        let part = |process: &'static str, figures: &dyn Fn(&ModelStanding) -> Option<Figures>| {
             let found: Vec<Figures> = all.iter().filter_map(|one| figures(one)).collect();
             let (mae, rmse) = (found.iter().map(|one| one.mae).collect(), found.iter().map(|one| one.rmse).collect());
             SpreadIn { process, mae: over(mae), rmse: over(rmse) }
@@ -146,14 +146,14 @@ pub fn spread(seeds: &[Vec<Standing>]) -> Vec<Spread> {
             .map(|(process, _)| part(process.id(), &|one| one.process(*process).copied()))
             .collect();
         parts.push(part("all", &|one| Some(one.overall)));
-        Spread { id: model.id, title: model.title, parts }
+        SeedSpread { id: model.id, title: model.title, parts }
     };
     seeds.first().into_iter().flatten().enumerate().map(|(place, model)| of(place, model)).collect()
 }
 
 /// A claim of the paper, and the same figure here.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Claim {
+pub struct PaperClaim {
     /// What is claimed.
     pub what: String,
     /// In the paper, on another plant's data.
@@ -166,11 +166,11 @@ pub struct Claim {
 
 /// Figures on a process that no model has seen.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Unseen {
+pub struct UnseenProcess {
     /// Its id.
     pub process: &'static str,
     /// The models.
-    pub models: Vec<Scored>,
+    pub models: Vec<ModelFigures>,
     /// The band of the guarded hybrid on the better twin, by distance.
     pub band: Vec<CoveredAt>,
 }
@@ -244,14 +244,14 @@ pub struct CoveredIn {
     pub mean_half_width: f64,
 }
 
-impl From<&Figures> for Score {
+impl From<&Figures> for ErrorFigures {
     fn from(figures: &Figures) -> Self {
         Self { rows: figures.count, mae: figures.mae, rmse: figures.rmse, r2: figures.r2 }
     }
 }
 
-impl From<&Standing> for Scored {
-    fn from(standing: &Standing) -> Self {
+impl From<&ModelStanding> for ModelFigures {
+    fn from(standing: &ModelStanding) -> Self {
         let of = |(process, figures): &(Process, Figures)| OfProcess { process: process.id(), score: figures.into() };
         Self {
             id: standing.id,
@@ -268,18 +268,18 @@ pub struct Claims<'a> {
     /// What it is called in a sentence.
     pub of: &'static str,
     /// Its figures.
-    pub hybrid: &'a Standing,
+    pub hybrid: &'a ModelStanding,
 }
 
 /// The paper's claims for its hybrid, beside the figures here; the rivals are the twin alone and the model of data alone.
 #[must_use]
-pub fn claims(ours: &Claims<'_>, [mechanism, data]: [&Standing; 2]) -> Vec<Claim> {
+pub fn claims(ours: &Claims<'_>, [mechanism, data]: [&ModelStanding; 2]) -> Vec<PaperClaim> {
     let Claims { of, hybrid } = ours;
-    let span = |theirs: &Standing, figure: fn(&Figures) -> f64| {
+    let span = |theirs: &ModelStanding, figure: fn(&Figures) -> f64| {
         let [low, high] = reduction(hybrid, theirs, figure);
         format!("{low:.1} to {high:.1}")
     };
-    let claim = |what: &str, paper, here, unit| Claim { what: what.replace("MDHM", of), paper, here, unit };
+    let claim = |what: &str, paper, here, unit| PaperClaim { what: what.replace("MDHM", of), paper, here, unit };
     vec![
         claim("R² of MDHM, mean over processes", "0.990", format!("{:.3}", hybrid.mean_r2()), ""),
         claim("MAE of MDHM below MBM", "43.9 to 68.3", span(mechanism, |figures| figures.mae), "%"),
@@ -292,7 +292,7 @@ pub fn claims(ours: &Claims<'_>, [mechanism, data]: [&Standing; 2]) -> Vec<Claim
 /// How much of the rows a band holds.
 #[must_use]
 #[expect(clippy::cast_precision_loss, reason = "counts of rows")]
-pub fn covered(table: &Table, rows: &[usize], estimates: &[f64], band: &Band) -> Covered {
+pub fn covered(table: &FeatureTable, rows: &[usize], estimates: &[f64], band: &Band) -> Covered {
     let share = |process: Option<Process>| {
         let (mut count, mut inside, mut width) = (0_u64, 0_u64, 0.0);
         for (&row, estimate) in rows.iter().zip(estimates) {

@@ -7,7 +7,7 @@
 pub mod posterior;
 
 use crate::diagnosis::decision::posterior::Posterior;
-use crate::diagnosis::hypotheses::table::Table;
+use crate::diagnosis::hypotheses::table::EvidenceTable;
 use crate::diagnosis::result::Verdict;
 use crate::effects::{EffectSpec, Stage};
 
@@ -39,7 +39,7 @@ pub struct Decision {
 impl Decision {
     /// By a posterior.
     #[must_use]
-    pub fn new(table: &Table, posterior: &Posterior, catalogue: &[&'static EffectSpec]) -> Self {
+    pub fn new(table: &EvidenceTable, posterior: &Posterior, catalogue: &[&'static EffectSpec]) -> Self {
         let effects: Vec<(&'static EffectSpec, f64)> =
             catalogue.iter().map(|&spec| (spec, posterior.inclusion(table, spec.id))).collect();
         let (unknown, none) = (posterior.unknown(), posterior.nothing(table));
@@ -142,13 +142,16 @@ fn told(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnosis::hypotheses::table::Row;
+    use crate::diagnosis::hypotheses::table::EvidenceRow;
     use crate::effects::find;
 
     /// The decision on fault sets with these probabilities, the rest unknown at the spool.
     fn decided(sets: &[(&[&str], f64)]) -> Decision {
-        let row = |ids: &[&str]| Row { effects: ids.iter().map(|id| (*id).to_owned()).collect(), ..Row::default() };
-        let table = Table { rows: sets.iter().map(|(ids, _)| row(ids)).collect(), ..Table::default() };
+        let row = |ids: &[&str]| EvidenceRow {
+            effects: ids.iter().map(|id| (*id).to_owned()).collect(),
+            ..EvidenceRow::default()
+        };
+        let table = EvidenceTable { rows: sets.iter().map(|(ids, _)| row(ids)).collect(), ..EvidenceTable::default() };
         let known: f64 = sets.iter().map(|(_, p)| p).sum();
         let posterior = Posterior {
             sets: sets.iter().enumerate().map(|(row, (_, p))| (row, *p)).collect(),

@@ -13,7 +13,7 @@ use std::sync::Arc;
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use crate::diagnosis::evidence::law_error::{LAW_ERRORS, Modulations, limits};
-use crate::diagnosis::model::Model;
+use crate::diagnosis::model::FittedModel;
 use crate::diagnosis::model::discrepancy::{self, Columns};
 use crate::diagnosis::model::support::SIZE_PRIOR;
 use crate::effects::Stage;
@@ -30,7 +30,7 @@ pub const UNKNOWN_SIZES: [f64; 3] = [1.0, 4.0, 16.0];
 
 /// Normal equations of a model beside the discrepancy terms.
 #[derive(Clone, Debug)]
-pub struct Normal {
+pub struct NormalEquations {
     cost: f64,
     slopes: usize,
     terms: usize,
@@ -75,7 +75,7 @@ impl Shared {
 
     /// The normal equations of a fitted model that has its slopes.
     #[must_use]
-    pub fn normal(&self, model: &Model) -> Normal {
+    pub fn normal(&self, model: &FittedModel) -> NormalEquations {
         let (n, b) = (model.free_parameters.len(), self.gram.nrows());
         let laws = self.modulations.count(model);
         let limits = limits(model, self.without_effects);
@@ -138,7 +138,7 @@ impl Shared {
             hessian[(k, k)] += precision;
             log_precision += precision.ln();
         }
-        Normal { cost: model.fit.cost(), slopes: n, terms: b, hessian, gradient, sizes, log_precision, parts }
+        NormalEquations { cost: model.fit.cost(), slopes: n, terms: b, hessian, gradient, sizes, log_precision, parts }
     }
 }
 
@@ -147,7 +147,7 @@ fn log_determinant(cholesky: &Cholesky<f64, nalgebra::Dyn>) -> f64 {
     2.0 * cholesky.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>()
 }
 
-impl Normal {
+impl NormalEquations {
     /// Logarithm of the evidence where the terms are of these sizes, and errors of laws of this one.
     fn with_terms(&self, size: impl Fn(usize) -> f64, law_error: f64) -> f64 {
         let n = self.slopes;

@@ -18,8 +18,8 @@ use crate::diagnosis::experiment::candidate_test::{Candidate, candidates};
 use crate::diagnosis::experiment::information::{Drop, Predicted, entropy_bits, expected_drop};
 use crate::diagnosis::experiment::survivors::{Survivor, deviations, survivors};
 use crate::diagnosis::hypotheses::Explored;
-use crate::diagnosis::hypotheses::table::Table;
-use crate::diagnosis::model::Model;
+use crate::diagnosis::hypotheses::table::EvidenceTable;
+use crate::diagnosis::model::FittedModel;
 use crate::diagnosis::result::Experiment;
 use crate::diagnosis::result::test_script::CANDIDATES;
 use crate::estimation::fit::slopes;
@@ -49,7 +49,12 @@ pub struct Next {
 
 /// The best tests: of those that ask for nothing further, and with a trip, pilot signals or a faster recorder where these tell more per minute.
 #[must_use]
-pub fn next(problem: &Problem, found: &Explored, judged: (&Table, &Posterior, &Weights), decision: &Decision) -> Next {
+pub fn next(
+    problem: &Problem,
+    found: &Explored,
+    judged: (&EvidenceTable, &Posterior, &Weights),
+    decision: &Decision,
+) -> Next {
     let (table, posterior, weights) = judged;
     let left = survivors(found, table, posterior, decision);
     let entropy_bits = entropy_bits(left.iter().map(|one| one.probability));
@@ -105,7 +110,7 @@ impl Weighed {
 pub fn weigh(
     problem: &Problem,
     left: &[Survivor<'_>],
-    leader: &Model,
+    leader: &FittedModel,
     refitted: &Unit,
     candidates: Vec<Candidate>,
     known: (f64, [bool; Signal::ALL.len()]),
@@ -120,14 +125,14 @@ pub fn weigh(
 }
 
 /// Parameters of a model's effects.
-fn own_count(model: &Model) -> usize {
+fn own_count(model: &FittedModel) -> usize {
     model.effects.iter().map(|spec| spec.parameters.len()).sum()
 }
 
 /// Candidates with what every survivor, and behind them the refitted sheet, answers.
 struct Weighing<'a> {
     left: &'a [Survivor<'a>],
-    leader: &'a Model,
+    leader: &'a FittedModel,
     candidates: Vec<Candidate>,
     known: (f64, [bool; Signal::ALL.len()]),
     /// The candidates with noise, the leader's answer being what is measured.
@@ -192,7 +197,7 @@ impl Weighing<'_> {
     /// What a candidate tells, with each choice of signals.
     fn weighed(&self, index: usize) -> Vec<Weighed> {
         let only = self.tests.only(index);
-        let slopes_at = |model: &Model, first: usize, at: &DVector<f64>| {
+        let slopes_at = |model: &FittedModel, first: usize, at: &DVector<f64>| {
             slopes(&only, &model.base, &model.free_parameters, &model.fit.positions, first, &vec![at.clone()]).pop()
         };
         let leads = self.left.iter().position(|one| !one.unknown && std::ptr::eq(one.model, self.leader));

@@ -1,7 +1,7 @@
 //! Whether the recordings agree: the same parameters must fit each of them, or they are not of one unit.
 
 use crate::diagnosis::hypotheses::Explored;
-use crate::diagnosis::model::{Model, covariance};
+use crate::diagnosis::model::{FittedModel, covariance};
 use crate::estimation::fit::{Effort, Fit, fit};
 use crate::estimation::free_parameter::FreeParameter;
 use crate::likelihood::problem::Problem;
@@ -64,7 +64,7 @@ pub fn disagreement(problem: &Problem, found: &Explored) -> Option<String> {
 }
 
 /// The parameter that two recordings see farthest apart, in its deviations.
-fn apart(problem: &Problem, model: &Model, alone: &[Alone]) -> Option<String> {
+fn apart(problem: &Problem, model: &FittedModel, alone: &[Alone]) -> Option<String> {
     let mut farthest: Option<(f64, usize, usize, usize)> = None;
     for (k, _) in model.free_parameters.iter().enumerate() {
         for a in 0..alone.len() {

@@ -12,9 +12,9 @@ use crate::diagnosis::evidence::Shared;
 use crate::diagnosis::hypotheses::explorer::{
     Explorer, Hypothesis, LEAST_GAIN, RARITY, is_stage_alone, kappa, worthwhile,
 };
-use crate::diagnosis::hypotheses::fitted_sets::Known;
+use crate::diagnosis::hypotheses::fitted_sets::KnownSets;
 use crate::diagnosis::hypotheses::linearisation::{Linearisation, Proposal};
-use crate::diagnosis::model::Model;
+use crate::diagnosis::model::FittedModel;
 use crate::diagnosis::model::discrepancy::{Columns, columns};
 use crate::diagnosis::model::support::Placed;
 use crate::effects::EffectSpec;
@@ -51,20 +51,20 @@ pub struct Explored {
 impl Explored {
     /// The sheet refitted, without any effect.
     #[must_use]
-    pub fn refitted(&self) -> &Model {
+    pub fn refitted(&self) -> &FittedModel {
         // Exploration begins with it.
         self.hypotheses.iter().find(|one| one.effects.is_empty()).map_or(&self.hypotheses[0].model, |one| &one.model)
     }
 
     /// The likeliest fitted set.
     #[must_use]
-    pub fn leader(&self) -> &Model {
+    pub fn leader(&self) -> &FittedModel {
         &self.hypotheses[0].model
     }
 
     /// The model with just these effects, where it was fitted and kept.
     #[must_use]
-    pub fn with(&self, ids: &[&str]) -> Option<&Model> {
+    pub fn with(&self, ids: &[&str]) -> Option<&FittedModel> {
         let is_it = |one: &&Hypothesis| {
             one.model.effects.len() == ids.len()
                 && ids.iter().all(|id| one.model.has(id))
@@ -114,7 +114,7 @@ impl Explored {
         for ((place, _, (base, free_parameters, _)), fit) in places.into_iter().zip(fits) {
             let known = catalogue.iter().enumerate().filter(|(_, spec)| claims[place].contains(&spec.id));
             let (effects, specs): (Vec<usize>, Vec<&'static EffectSpec>) = known.map(|(k, spec)| (k, *spec)).unzip();
-            let model = Model::new(specs, base, free_parameters, fit);
+            let model = FittedModel::new(specs, base, free_parameters, fit);
             if best[place].as_ref().is_none_or(|best| model.cost() < best.model.cost()) {
                 best[place] = Some(Hypothesis::new(&shared, kappa(problem), effects, model, true));
             }
@@ -129,10 +129,10 @@ impl Explored {
 /// An exploration on its way: fault sets of a catalogue fitted from the refitted sheet and from the sheet itself.
 pub struct Exploration<'a> {
     explorer: Explorer<'a>,
-    sheet: &'a Model,
+    sheet: &'a FittedModel,
     discrepancy: Arc<Columns>,
     linearisation: Linearisation,
-    known: Known,
+    known: KnownSets,
 }
 
 impl<'a> Exploration<'a> {
@@ -140,21 +140,21 @@ impl<'a> Exploration<'a> {
     #[must_use]
     pub fn begin(
         problem: &'a Problem,
-        refitted: &'a Model,
-        sheet: &'a Model,
+        refitted: &'a FittedModel,
+        sheet: &'a FittedModel,
         catalogue: &'a [&'static EffectSpec],
         progress: &(dyn Fn(&str, f64) + Sync),
     ) -> Self {
         progress("placing discrepancy terms", 0.2);
         let discrepancy = Arc::new(columns(problem, refitted));
         let explorer = Explorer::new(problem, refitted, catalogue, &discrepancy);
-        let mut known = Known::default();
+        let mut known = KnownSets::default();
         known.take(explorer.hypothesis(Vec::new(), refitted.clone(), true));
         progress("weighing all sets of up to three effects", 0.25);
         let linearisation = explorer.picture(refitted, &discrepancy);
         let from_sheet = explorer.picture(sheet, &discrepancy);
         progress("fitting the likeliest sets", 0.4);
-        let mut jobs: Vec<(&Model, Proposal)> = Vec::new();
+        let mut jobs: Vec<(&FittedModel, Proposal)> = Vec::new();
         for (point, picture) in [(refitted, &linearisation), (sheet, &from_sheet)] {
             let proposals = worthwhile(picture.proposals(MOST));
             // A stage alone has few effects and all are alike: each is fitted.
@@ -193,7 +193,7 @@ impl<'a> Exploration<'a> {
             let further = |proposal: &Proposal| proposal.effects.len() as f64 - proposal.removed.len() as f64;
             let odds = |proposal: &Proposal| proposal.log_evidence - RARITY * further(proposal);
             proposals.sort_by(|a, b| odds(b).total_cmp(&odds(a)));
-            let mut jobs: Vec<(&Model, Proposal)> = Vec::new();
+            let mut jobs: Vec<(&FittedModel, Proposal)> = Vec::new();
             for proposal in proposals {
                 let effects: Vec<usize> =
                     explorer.members(&leader.model, &proposal).into_iter().map(|(effect, _)| effect).collect();
@@ -239,8 +239,8 @@ impl<'a> Exploration<'a> {
 #[must_use]
 pub fn explore(
     problem: &Problem,
-    refitted: &Model,
-    sheet: &Model,
+    refitted: &FittedModel,
+    sheet: &FittedModel,
     catalogue: &[&'static EffectSpec],
     progress: &(dyn Fn(&str, f64) + Sync),
 ) -> Explored {

@@ -17,7 +17,7 @@ use crate::parameters::Unit;
 
 /// A model with all its free parameters fitted: the sheet's tolerances, then the parameters of its effects.
 #[derive(Clone, Debug)]
-pub struct Model {
+pub struct FittedModel {
     /// The effects beyond those of the unit itself.
     pub effects: Vec<&'static EffectSpec>,
     /// The unit with the effects in it, neutral.
@@ -30,7 +30,7 @@ pub struct Model {
     pub spread: DMatrix<f64>,
 }
 
-impl Model {
+impl FittedModel {
     /// A model as fitted.
     #[must_use]
     pub fn new(effects: Vec<&'static EffectSpec>, base: Unit, free_parameters: Vec<FreeParameter>, fit: Fit) -> Self {

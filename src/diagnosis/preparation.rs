@@ -2,16 +2,16 @@
 
 pub mod channels;
 
-use crate::diagnosis::model::Model;
+use crate::diagnosis::model::FittedModel;
 use crate::diagnosis::model::search::Turned;
 use crate::diagnosis::model::support::Variant;
-use crate::diagnosis::{DiagnosisError, Settings};
+use crate::diagnosis::{DiagnosisError, DiagnosisSettings};
 use crate::effects::{EffectSpec, STAGE_ALONE};
 use crate::estimation::fit::Fit;
 use crate::estimation::free_parameter::{FreeParameter, unit_at};
 use crate::likelihood::noise::{Noise, expected};
 use crate::likelihood::problem::{Problem, square};
-use crate::likelihood::qualification::{Intake, qualify_all};
+use crate::likelihood::qualification::{QualifiedRecordings, qualify_all};
 use crate::likelihood::trial::{Trial, join_spool};
 use crate::parameters::Unit;
 use crate::recording::Recording;
@@ -34,7 +34,7 @@ const STARTS: usize = 4;
 
 /// What a diagnosis begins with.
 #[derive(Clone, Debug)]
-pub struct Ready {
+pub struct Preparation {
     /// What is fitted to; of a stage alone pieces of the recordings, each to be left out in turn.
     pub trials: Vec<Trial>,
     /// Of a stage alone the recordings as a whole, in pu; else empty.
@@ -72,11 +72,15 @@ pub struct Alone {
 ///
 /// # Errors
 /// Where nothing is left that a diagnosis could go by; each recording's reason is told.
-pub fn ready(mut recordings: Vec<Recording>, sheet: &Unit, settings: &Settings) -> Result<Ready, DiagnosisError> {
+pub fn ready(
+    mut recordings: Vec<Recording>,
+    sheet: &Unit,
+    settings: &DiagnosisSettings,
+) -> Result<Preparation, DiagnosisError> {
     let stage_only = settings.free || !recordings.iter().any(Recording::has_command);
     let stands_in = if settings.free { command_for_spool(&mut recordings) } else { None };
     let cut = if stage_only { Cut::Spool } else { Cut::None };
-    let Intake { qualified, notes, refused } = qualify_all(recordings, |_| cut);
+    let QualifiedRecordings { qualified, notes, refused } = qualify_all(recordings, |_| cut);
     if qualified.is_empty() {
         return Err(DiagnosisError::Unusable(refused));
     }
@@ -102,7 +106,7 @@ pub fn ready(mut recordings: Vec<Recording>, sheet: &Unit, settings: &Settings) 
             only.process.title()
         ));
     }
-    Ok(Ready {
+    Ok(Preparation {
         trials: qualified.into_iter().map(Trial::new).collect(),
         whole: Vec::new(),
         unit: sheet.clone(),
@@ -144,9 +148,9 @@ fn is_copy(a: &Recording, b: &Recording) -> bool {
 fn servomotor_stage(
     mut whole: Vec<Recording>,
     sheet: &Unit,
-    settings: &Settings,
+    settings: &DiagnosisSettings,
     mut notes: Vec<String>,
-) -> Result<Ready, DiagnosisError> {
+) -> Result<Preparation, DiagnosisError> {
     let still = || {
         DiagnosisError::Unusable(vec![
             "spool or servomotor stand still, so that neither says what drives what".to_owned(),
@@ -184,7 +188,7 @@ fn servomotor_stage(
         );
     }
     let catalogue = acting(&trials, &unit, settings, &noise);
-    Ok(Ready {
+    Ok(Preparation {
         trials,
         whole,
         unit,
@@ -198,11 +202,11 @@ fn servomotor_stage(
 }
 
 /// The effects that change the servomotor's position when the spool is given.
-fn acting(trials: &[Trial], unit: &Unit, settings: &Settings, noise: &Noise) -> Vec<&'static EffectSpec> {
+fn acting(trials: &[Trial], unit: &Unit, settings: &DiagnosisSettings, noise: &Noise) -> Vec<&'static EffectSpec> {
     let problem = Problem::new(trials.to_vec(), unit, noise);
     let residuals = problem.residuals_of(std::slice::from_ref(unit)).pop().unwrap_or_default();
     let fit = Fit { positions: Vec::new(), square: square(&residuals), prior: 0.0, residuals, slopes: Vec::new() };
-    let model = Model::new(Vec::new(), unit.clone(), Vec::new(), fit);
+    let model = FittedModel::new(Vec::new(), unit.clone(), Vec::new(), fit);
     let acts = |spec: &&'static EffectSpec| {
         let Some((base, free_parameters, positions)) = model.with_effect(spec, Variant { size: 1.0, further: 1.0 })
         else {

@@ -6,10 +6,10 @@ pub mod test_script;
 
 use serde_json::{Value, json};
 
-use crate::diagnosis::hypotheses::table::Table;
+use crate::diagnosis::hypotheses::table::EvidenceTable;
 use crate::diagnosis::model::consistency::Consistency;
 use crate::diagnosis::model::discrepancy::Curve;
-use crate::diagnosis::result::test_script::Script;
+use crate::diagnosis::result::test_script::TestScript;
 use crate::effects::Stage;
 use crate::parameters::Unit;
 use crate::recording::Process;
@@ -162,13 +162,13 @@ pub struct Experiment {
     /// Samples a second.
     pub rate_hz: f64,
     /// Command and ESV over time, where the test can be sent to a governor.
-    pub script: Option<Script>,
+    pub script: Option<TestScript>,
 }
 
 /// One channel of one recording, as found.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
-pub struct Channel {
+pub struct ChannelReport {
     /// Recording.
     pub recording: String,
     /// Signal.
@@ -204,7 +204,7 @@ pub struct Visible {
 /// One part of a cut through the squared gap.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
-pub struct Part {
+pub struct BreakdownPart {
     /// What the part holds, in words.
     pub name: String,
     /// Samples in it.
@@ -224,7 +224,7 @@ pub struct Breakdown {
     /// By what: process, phase, direction, spool band, end zones, ESV.
     pub by: &'static str,
     /// The parts; together they are the whole.
-    pub parts: Vec<Part>,
+    pub parts: Vec<BreakdownPart>,
 }
 
 /// A stage driven by the recorded signals at its input.
@@ -314,7 +314,7 @@ pub struct FreeRun {
 /// One figure of a fitted stage, in the numbers of its recordings.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
-pub struct Told {
+pub struct StageFigure {
     /// Its id in reports.
     pub id: &'static str,
     /// What it is.
@@ -325,7 +325,7 @@ pub struct Told {
     pub value: Interval,
 }
 
-impl Told {
+impl StageFigure {
     /// As reports hold it.
     #[must_use]
     pub fn json(&self) -> Value {
@@ -345,7 +345,7 @@ pub struct StageOnly {
     /// Length of a piece, s.
     pub piece_s: f64,
     /// What was fitted, in the numbers of the recordings.
-    pub told: Vec<Told>,
+    pub told: Vec<StageFigure>,
     /// RMS that the transducers alone make a right model residual over a piece, pu of stroke.
     pub transducers_pu: f64,
     /// Why the recordings are of no such stage; none where they are.
@@ -387,7 +387,7 @@ pub struct Diagnosis {
     pub parameters: Vec<Fitted>,
     /// Channels as found.
     #[doc(hidden)]
-    pub channels: Vec<Channel>,
+    pub channels: Vec<ChannelReport>,
     /// What could be seen at all.
     #[doc(hidden)]
     pub visible: Vec<Visible>,
@@ -416,7 +416,7 @@ pub struct Diagnosis {
     pub sets: Vec<(Vec<String>, f64)>,
     /// The evidence that the probabilities rest on.
     #[doc(hidden)]
-    pub table: Table,
+    pub table: EvidenceTable,
     /// Innovations of the refitted sheet, and of the likeliest fault set.
     #[doc(hidden)]
     pub consistency: [Vec<Consistency>; 2],

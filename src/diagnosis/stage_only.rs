@@ -4,8 +4,8 @@ pub mod told;
 
 use crate::diagnosis::decision::Decision;
 use crate::diagnosis::hypotheses::Explored;
-use crate::diagnosis::model::Model;
-use crate::diagnosis::preparation::{Alone, Ready};
+use crate::diagnosis::model::FittedModel;
+use crate::diagnosis::preparation::{Alone, Preparation};
 use crate::diagnosis::result::{FreeRun, StageOnly, Verdict};
 use crate::diagnosis::stage_only::told::told;
 use crate::diagnosis::summary::explained_fraction::without_recordings;
@@ -42,7 +42,7 @@ pub const PLAIN: &str = "plain law";
 /// Without a sheet everything is fitted freely, and a piece of a recording starts in a state that nobody measured: a second effect, or the
 /// better of two alike, is then easily had. That there is no gap is said only where the transducers account for what is missed on pieces left out.
 #[must_use]
-pub fn modest(problem: &Problem, found: &Explored, ready: &Ready, decision: Decision) -> (Decision, Vec<String>) {
+pub fn modest(problem: &Problem, found: &Explored, ready: &Preparation, decision: Decision) -> (Decision, Vec<String>) {
     let Some(alone) = &ready.alone else { return (decision, Vec::new()) };
     if let Some(foreign) = foreign(alone) {
         return (decision.forced(Verdict::NoSuchUnit), vec![foreign]);
@@ -75,7 +75,7 @@ fn foreign(alone: &Alone) -> Option<String> {
 }
 
 /// Mean square that the transducers make a right model residual, in pu squared.
-fn floor_square(problem: &Problem, ready: &Ready, alone: &Alone) -> f64 {
+fn floor_square(problem: &Problem, ready: &Preparation, alone: &Alone) -> f64 {
     let seen = alone.seen.transducers.powi(2);
     if !ready.sheet {
         return seen;
@@ -86,7 +86,7 @@ fn floor_square(problem: &Problem, ready: &Ready, alone: &Alone) -> f64 {
 }
 
 /// That the model residuals more on pieces left out than the transducers account for, in a sentence.
-fn beyond_transducers(problem: &Problem, model: &Model, floor_square: f64) -> Option<String> {
+fn beyond_transducers(problem: &Problem, model: &FittedModel, floor_square: f64) -> Option<String> {
     let mean_square = left_out_square(problem, model);
     is_beyond(problem, mean_square / floor_square).then(|| {
         format!(
@@ -123,7 +123,7 @@ fn predicts_better(problem: &Problem, found: &Explored, decision: &Decision) -> 
 }
 
 /// Mean square that a model residuals on pieces left out of its fit, each piece with the same weight, in pu squared.
-fn left_out_square(problem: &Problem, model: &Model) -> f64 {
+fn left_out_square(problem: &Problem, model: &FittedModel) -> f64 {
     let left_out = without_recordings(problem, model).estimates;
     let of = |(index, estimates): (usize, &Vec<Estimate>)| {
         let squares = problem.squares(index, Signal::ServomotorPosition, estimates)?;
@@ -134,7 +134,7 @@ fn left_out_square(problem: &Problem, model: &Model) -> f64 {
     means.iter().sum::<f64>() / means.len().max(1) as f64
 }
 
-fn careful(problem: &Problem, found: &Explored, ready: &Ready, decision: Decision) -> (Decision, Vec<String>) {
+fn careful(problem: &Problem, found: &Explored, ready: &Preparation, decision: Decision) -> (Decision, Vec<String>) {
     let mut decision = decision;
     let calm = found.refitted().cost() < CALM_ENOUGH * problem.independent_samples() + LEAST_GAIN;
     if !ready.sheet && calm && !predicts_better(problem, found, &decision) {
@@ -177,7 +177,7 @@ fn careful(problem: &Problem, found: &Explored, ready: &Ready, decision: Decisio
 
 /// Takes one effect in the place of several where those predict pieces left out no better than a single one does, or where that leaves no more than
 /// the transducers account for; says so.
-fn single_instead(problem: &Problem, found: &Explored, ready: &Ready, decision: &mut Decision) -> Option<String> {
+fn single_instead(problem: &Problem, found: &Explored, ready: &Preparation, decision: &mut Decision) -> Option<String> {
     let together = left_out_square(problem, found.with(&decision.blamed)?);
     let singles = near(found).into_iter().filter_map(|id| Some((id, left_out_square(problem, found.with(&[id])?))));
     let (best, alone) = singles.min_by(|a, b| a.1.total_cmp(&b.1))?;
@@ -196,7 +196,7 @@ fn single_instead(problem: &Problem, found: &Explored, ready: &Ready, decision: 
 
 /// Leaves those of a class out that predict nothing better on pieces left out; says so.
 fn without_idle(problem: &Problem, found: &Explored, decision: &mut Decision) -> Option<String> {
-    let missed = |model: &Model| without_recordings(problem, model).costs.iter().sum::<f64>();
+    let missed = |model: &FittedModel| without_recordings(problem, model).costs.iter().sum::<f64>();
     let before = missed(found.refitted());
     let closes = |id: &&'static str| found.with(&[id]).is_none_or(|model| missed(model) < before);
     let (kept, idle): (Vec<_>, Vec<_>) = decision.blamed.iter().copied().partition(closes);
@@ -225,7 +225,7 @@ fn near(found: &Explored) -> Vec<&'static str> {
 }
 
 /// Errors of free runs: each half fitted, the other predicted; by the models, then by the plain law.
-fn free_runs(ready: &Ready, models: &[&Model], length_s: f64) -> Vec<FreeRun> {
+fn free_runs(ready: &Preparation, models: &[&FittedModel], length_s: f64) -> Vec<FreeRun> {
     let of = |half: &[Recording]| -> Vec<Trial> {
         let runs = half.iter().flat_map(|recording| windows(recording, length_s)).map(Trial::servomotor_stage);
         runs.filter(|trial| trial.samples.len() > 2).collect()
@@ -244,7 +244,7 @@ fn free_runs(ready: &Ready, models: &[&Model], length_s: f64) -> Vec<FreeRun> {
         return Vec::new();
     }
     let both = [(0, "first half"), (1, "second half")];
-    let of_model = |model: &&Model| {
+    let of_model = |model: &&FittedModel| {
         both.map(|(half, fitted_on)| {
             let problem = Problem::new(halves[half].clone(), &model.unit(), &ready.noise);
             let found = fit(&problem, &model.base, &model.free_parameters, &model.fit.positions, Effort::FULL, None);
@@ -280,10 +280,10 @@ fn error(trials: &[Trial], unit: &Unit, noise: &Noise) -> f64 {
 
 /// What a report says of the part; none of a whole chain.
 #[must_use]
-pub fn describe(ready: &Ready, found: &Explored, decision: &Decision) -> Option<StageOnly> {
+pub fn describe(ready: &Preparation, found: &Explored, decision: &Decision) -> Option<StageOnly> {
     let alone = ready.alone.as_ref()?;
     let blamed = decision.blamed.iter().filter_map(|id| found.with(&[id]));
-    let mut models: Vec<&Model> = std::iter::once(found.refitted()).chain(blamed).collect();
+    let mut models: Vec<&FittedModel> = std::iter::once(found.refitted()).chain(blamed).collect();
     let together =
         (decision.verdict == Verdict::Named && decision.blamed.len() > 1).then(|| found.with(&decision.blamed));
     models.extend(together.flatten());

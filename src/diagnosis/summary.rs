@@ -5,21 +5,23 @@ pub mod explained_fraction;
 pub mod stages;
 pub mod traces;
 
-use crate::diagnosis::Settings;
+use crate::diagnosis::DiagnosisSettings;
 use crate::diagnosis::decision::Decision;
 use crate::diagnosis::decision::posterior::{Posterior, Weights};
 use crate::diagnosis::detectability::{alike, visible};
 use crate::diagnosis::experiment::next;
 use crate::diagnosis::hypotheses::Explored;
 use crate::diagnosis::hypotheses::explorer::Hypothesis;
-use crate::diagnosis::hypotheses::table::Table;
-use crate::diagnosis::model::Model;
+use crate::diagnosis::hypotheses::table::EvidenceTable;
+use crate::diagnosis::model::FittedModel;
 use crate::diagnosis::model::consistency::consistency;
 use crate::diagnosis::model::discrepancy;
-use crate::diagnosis::result::{Blame, Channel, Diagnosis, Fitted, Interval, Latent, Ranked, Transfer, Tried, Verdict};
+use crate::diagnosis::result::{
+    Blame, ChannelReport, Diagnosis, Fitted, Interval, Latent, Ranked, Transfer, Tried, Verdict,
+};
 use crate::diagnosis::summary::breakdown::{breakdowns, gaps};
 use crate::diagnosis::summary::explained_fraction::{
-    LeftOut, Refitted, closure, closure_of, without_parts, without_recordings,
+    HeldOutEstimates, Refitted, closure, closure_of, without_parts, without_recordings,
 };
 use crate::diagnosis::summary::traces::traces;
 use crate::effects::EffectSpec;
@@ -44,9 +46,9 @@ const UNKNOWN: (f64, f64) = (4.0, 0.03);
 
 /// What was seen before the verdict.
 #[derive(Clone, Debug)]
-pub struct Seen {
+pub struct BeforeVerdict {
     /// Channels as found.
-    pub channels: Vec<Channel>,
+    pub channels: Vec<ChannelReport>,
     /// What a reader must know.
     pub notes: Vec<String>,
 }
@@ -59,7 +61,7 @@ pub struct Judged<'a> {
     /// The fitted fault sets.
     pub explored: &'a Explored,
     /// Their evidence.
-    pub table: Table,
+    pub table: EvidenceTable,
     /// The probabilities.
     pub posterior: &'a Posterior,
     /// The verdict.
@@ -70,7 +72,7 @@ pub struct Judged<'a> {
 
 impl Judged<'_> {
     /// The model of what is named: of several effects all at once, of rivals the first; the refitted sheet where nothing is.
-    fn chosen(&self) -> &Model {
+    fn chosen(&self) -> &FittedModel {
         let blamed = self.decision.blamed.as_slice();
         let claim = if self.decision.verdict == Verdict::Class { &blamed[..1] } else { blamed };
         self.explored.with(claim).unwrap_or_else(|| self.explored.refitted())
@@ -79,9 +81,9 @@ impl Judged<'_> {
 
 /// Builds the diagnosis.
 #[must_use]
-pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &Settings, seen: Seen) -> Diagnosis {
+pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &DiagnosisSettings, seen: BeforeVerdict) -> Diagnosis {
     let Judged { problem, explored, decision, .. } = judged;
-    let Seen { channels, mut notes } = seen;
+    let BeforeVerdict { channels, mut notes } = seen;
     let visible = visible(explored, &settings.catalogue);
     let shown = visible.iter().filter(|effect| effect.smallest <= EXCITED * effect.typical).count();
     let mut verdict = decision.verdict;
@@ -159,7 +161,7 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &Settings, seen: Seen) 
 }
 
 /// What something unknown would be like at each place, best first; beside it what it would be like if the unit were the improved twin.
-fn latents(problem: &Problem, explored: &Explored, chosen: &Model) -> Vec<Latent> {
+fn latents(problem: &Problem, explored: &Explored, chosen: &FittedModel) -> Vec<Latent> {
     let Some(empty) = explored.hypotheses.iter().find(|one| one.effects.is_empty()) else { return Vec::new() };
     let gap = empty.model.fit.cost() - problem.expected_cost();
     let goal = (!chosen.effects.is_empty()).then(|| -> Residuals {
@@ -188,7 +190,7 @@ fn latents(problem: &Problem, explored: &Explored, chosen: &Model) -> Vec<Latent
 }
 
 /// The fitted values of those free parameters that are wanted.
-fn fitted(model: &Model, size_spread: f64, wanted: impl Fn(&FreeParameter) -> bool) -> Vec<Fitted> {
+fn fitted(model: &FittedModel, size_spread: f64, wanted: impl Fn(&FreeParameter) -> bool) -> Vec<Fitted> {
     // Effects of the unit itself come before those that were tried.
     let first = model.base.effects.len().saturating_sub(model.effects.len());
     model
@@ -225,14 +227,20 @@ fn fitted(model: &Model, size_spread: f64, wanted: impl Fn(&FreeParameter) -> bo
 }
 
 /// The fitted parameters of one effect of a model.
-fn fitted_effect(model: &Model, size_spread: f64, effect: &EffectSpec) -> Vec<Fitted> {
+fn fitted_effect(model: &FittedModel, size_spread: f64, effect: &EffectSpec) -> Vec<Fitted> {
     fitted(model, size_spread, |free_parameter| match free_parameter {
         FreeParameter::Effect { effect: place, .. } => model.base.effects[*place].id == effect.id,
         _ => false,
     })
 }
 
-fn blames(judged: &Judged<'_>, chosen: &Model, verdict: Verdict, refitted: &LeftOut, seed: u64) -> Vec<Blame> {
+fn blames(
+    judged: &Judged<'_>,
+    chosen: &FittedModel,
+    verdict: Verdict,
+    refitted: &HeldOutEstimates,
+    seed: u64,
+) -> Vec<Blame> {
     let decision = judged.decision;
     let probability = |id: &str| decision.effects.iter().find(|(spec, _)| spec.id == id).map_or(0.0, |(_, p)| *p);
     if !matches!(verdict, Verdict::Named | Verdict::Class) {
@@ -287,7 +295,12 @@ fn ranking(decision: &Decision) -> Vec<Ranked> {
 }
 
 /// Closure on each recording by fits to the others.
-fn transfers(problem: &Problem, [refitted, with_effects]: [&Refitted; 2], chosen: &Model, seed: u64) -> Vec<Transfer> {
+fn transfers(
+    problem: &Problem,
+    [refitted, with_effects]: [&Refitted; 2],
+    chosen: &FittedModel,
+    seed: u64,
+) -> Vec<Transfer> {
     if chosen.effects.is_empty() || problem.trials.len() < 2 {
         return Vec::new();
     }
@@ -305,13 +318,13 @@ fn transfers(problem: &Problem, [refitted, with_effects]: [&Refitted; 2], chosen
 /// All sets that were fitted; `judged` are the refitted sheet's fits without each recording, and the chosen model with its own.
 fn tried(
     explored: &Explored,
-    judged: (&Refitted, &Model, &Refitted),
+    judged: (&Refitted, &FittedModel, &Refitted),
     problem: &Problem,
     size_spread: f64,
 ) -> Vec<Tried> {
     let (refitted, chosen, chosen_without) = judged;
     let base: f64 = refitted.costs.iter().sum();
-    let held_out = |model: &Model| -> f64 {
+    let held_out = |model: &FittedModel| -> f64 {
         let same = model.ids() == chosen.ids();
         let without = if same { chosen_without.clone() } else { without_recordings(problem, model) };
         base - without.costs.iter().sum::<f64>()

@@ -14,13 +14,13 @@
 
 use std::sync::Arc;
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 use crate::plant::term::Point;
 use crate::plant::term::play::Play;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "backlash",
     stage: Stage::Servomotor,
     source: include_str!("backlash.rs"),
@@ -33,7 +33,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
         typical: 2.0e-3,
         doc: "play between piston and transducer, pu of stroke",
     }],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([play_pu]: [f64; 1], plant: &mut Plant) {

@@ -9,11 +9,11 @@
 //! Without it the real pilot valve stands open at rest and the spool off its demand towards closing; it opens slower and closes faster.
 //! Limits: laminar, independent of the spool's place; the positions confuse it with a null shift of the pilot valve.
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "chamber_leak",
     stage: Stage::Spool,
     source: include_str!("chamber_leak.rs"),
@@ -26,7 +26,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
         typical: 5.0e-12,
         doc: "leakage coefficient from the control chamber to return",
     }],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([leakage_m3_s_pa]: [f64; 1], plant: &mut Plant) {

@@ -12,13 +12,13 @@
 
 use std::sync::Arc;
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 use crate::plant::term::Point;
 use crate::plant::term::delay::Delay;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "clock_offset",
     stage: Stage::Sensor,
     source: include_str!("clock_offset.rs"),
@@ -31,7 +31,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
         typical: 0.03,
         doc: "stamps of command and ESV less those of the plant's signals",
     }],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([offset_s]: [f64; 1], plant: &mut Plant) {

@@ -12,13 +12,13 @@
 
 use std::sync::Arc;
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 use crate::plant::term::Point;
 use crate::plant::term::delay::Delay;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "command_delay",
     stage: Stage::Regulator,
     source: include_str!("command_delay.rs"),
@@ -31,7 +31,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
         typical: 0.05,
         doc: "delay between the issue of the command and its use by the regulator",
     }],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([delay_s]: [f64; 1], plant: &mut Plant) {

@@ -9,11 +9,11 @@
 //! Without it the real servomotor comes to rest at g times the opening commanded, farther off the simulated one the wider it stands open;
 //! its speed and all that follows the ESV agree. Limits: linear through zero, the same over all recordings.
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "command_gain",
     stage: Stage::Regulator,
     source: include_str!("command_gain.rs"),
@@ -26,7 +26,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
         typical: 1.02,
         doc: "what the regulator reads over the command issued",
     }],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([gain_ratio]: [f64; 1], plant: &mut Plant) {

@@ -11,11 +11,11 @@
 //! Without it the real spool is slower than simulated in large movements, alike when opening and when closing, and as fast in small ones; an
 //! ESV that trips drains past the pilot valve and is on time. Limits: sharp, the same for both signs, constant over the recording.
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "current_limit",
     stage: Stage::PilotValve,
     source: include_str!("current_limit.rs"),
@@ -28,7 +28,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
         typical: 0.5,
         doc: "greatest current that reaches the pilot valve, over the rated one",
     }],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([limit_pu]: [f64; 1], plant: &mut Plant) {

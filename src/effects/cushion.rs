@@ -12,11 +12,11 @@
 //! Without it the simulated servomotor runs into its closed end at full speed while the real one slows down over the last part of
 //! the stroke, in shutdowns and rejections only. Limits: closing only; no cushion at the open end.
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "cushion",
     stage: Stage::Servomotor,
     source: include_str!("cushion.rs"),
@@ -40,7 +40,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
             doc: "length of the cushion from the closed end, pu of stroke",
         },
     ],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([strength_n_s2_m2, length_pu]: [f64; 2], plant: &mut Plant) {

@@ -12,11 +12,11 @@
 //! the pressure is low. The positions show little. Limits: in the control chamber only, a dead end where air stays (the servomotor's
 //! chambers are flushed by each stroke, and 2 % there would move it by less than its sensor's noise); no solution of air in oil.
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "entrained_air",
     stage: Stage::Spool,
     source: include_str!("entrained_air.rs"),
@@ -29,7 +29,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
         typical: 0.03,
         doc: "volume share of free air at atmospheric pressure",
     }],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([free_air_share]: [f64; 1], plant: &mut Plant) {

@@ -12,13 +12,13 @@
 
 use std::sync::Arc;
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 use crate::plant::term::Point;
 use crate::plant::term::delay::Delay;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "esv_delay",
     stage: Stage::Esv,
     source: include_str!("esv_delay.rs"),
@@ -31,7 +31,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
         typical: 0.3,
         doc: "time from the ESV's signal to its switching",
     }],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([delay_s]: [f64; 1], plant: &mut Plant) {

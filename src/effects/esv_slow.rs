@@ -13,12 +13,12 @@
 
 use std::sync::Arc;
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 use crate::plant::term::{Point, Term, View};
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "esv_slow",
     stage: Stage::Esv,
     source: include_str!("esv_slow.rs"),
@@ -31,7 +31,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
         typical: 0.3,
         doc: "time that the ESV needs from one end of its travel to the other",
     }],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([travel_s]: [f64; 1], plant: &mut Plant) {

@@ -11,11 +11,11 @@
 //! it; away from the ends readings agree. Limits: constant over all recordings; where no recording reaches an end of the stroke it
 //! looks like a load off the sheet, or like nothing.
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "feedback_bias",
     stage: Stage::Sensor,
     source: include_str!("feedback_bias.rs"),
@@ -28,7 +28,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
         typical: 5.0e-3,
         doc: "offset of the servomotor's transducer, pu of stroke",
     }],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([bias_pu]: [f64; 1], plant: &mut Plant) {

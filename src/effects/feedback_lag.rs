@@ -11,13 +11,13 @@
 //! Without it the real reading trails the simulated one by τ in every ramp and the loop overshoots at its end. Limits: one
 //! linear lag.
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 use crate::plant::lag::lag;
 use crate::plant::term::Point;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "feedback_lag",
     stage: Stage::Sensor,
     source: include_str!("feedback_lag.rs"),
@@ -30,7 +30,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
         typical: 0.05,
         doc: "time constant of the servomotor's transducer",
     }],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([time_constant_s]: [f64; 1], plant: &mut Plant) {

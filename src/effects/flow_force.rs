@@ -10,11 +10,11 @@
 //! Without it the real control pressure is higher than simulated while the servomotor opens and lower while it closes, in
 //! proportion to the spool's travel. The positions show little. Limits: steady part only; no force of accelerating oil.
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "flow_force",
     stage: Stage::Spool,
     source: include_str!("flow_force.rs"),
@@ -27,7 +27,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
         typical: 1.0,
         doc: "flow force over the theoretical one of sharp-edged ports",
     }],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([force_ratio]: [f64; 1], plant: &mut Plant) {

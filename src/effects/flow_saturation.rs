@@ -13,12 +13,12 @@
 
 use std::sync::Arc;
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 use crate::plant::term::{Point, Term, View};
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "flow_saturation",
     stage: Stage::Spool,
     source: include_str!("flow_saturation.rs"),
@@ -31,7 +31,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
         typical: 0.3,
         doc: "part of the spool's reference stroke over which the flow grows no more",
     }],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([saturated_share]: [f64; 1], plant: &mut Plant) {

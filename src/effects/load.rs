@@ -10,11 +10,11 @@
 //! Without it the real servomotor opens slower and closes faster than simulated at the same spool position. Limits: linear in the
 //! opening, the same shape as on the sheet, without the flow's dynamics.
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "load",
     stage: Stage::Servomotor,
     source: include_str!("load.rs"),
@@ -27,7 +27,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
         typical: 0.4,
         doc: "guide-vane load above the sheet's, relative",
     }],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([extra_ratio]: [f64; 1], plant: &mut Plant) {

@@ -10,11 +10,11 @@
 //! Without it the real spool reads b at its stops beyond what the nuts allow, and the servomotor drifts to one side of its dead
 //! band. Limits: constant over all recordings.
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "lvdt_bias",
     stage: Stage::Sensor,
     source: include_str!("lvdt_bias.rs"),
@@ -27,7 +27,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
         typical: 0.03,
         doc: "offset of the spool's transducer",
     }],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([bias_pu]: [f64; 1], plant: &mut Plant) {

@@ -10,11 +10,11 @@
 //! Without it the real spool reading has another value at the stops, and the servomotor moves at 1/g of the speed that the reading
 //! promises in slow movements. Limits: linear.
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "lvdt_gain",
     stage: Stage::Sensor,
     source: include_str!("lvdt_gain.rs"),
@@ -27,7 +27,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
         typical: 1.08,
         doc: "reading of the spool's transducer over the true position",
     }],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([gain_ratio]: [f64; 1], plant: &mut Plant) {

@@ -10,11 +10,11 @@
 //! Without it the real spool opens slower than the simulated one and closes as fast; small movements hardly differ. Limits: turbulent,
 //! constant over the recording, on the filling side only.
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "pilot_filter",
     stage: Stage::PilotValve,
     source: include_str!("pilot_filter.rs"),
@@ -27,7 +27,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
         typical: 3.0,
         doc: "the filter's conductance is 1/value of the fully open filling edge's",
     }],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([clogging_ratio]: [f64; 1], plant: &mut Plant) {

@@ -12,11 +12,11 @@
 //! position and opening. Limits: both edges of a direction alike, the same along the port; a diagnosis tries it where the servomotor stage
 //! stands alone.
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "port_asymmetry",
     stage: Stage::Servomotor,
     source: include_str!("port_asymmetry.rs"),
@@ -29,7 +29,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
         typical: 0.1,
         doc: "gain of the opening ports above the mean of both directions, relative",
     }],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([asymmetry_ratio]: [f64; 1], plant: &mut Plant) {

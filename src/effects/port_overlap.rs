@@ -9,11 +9,11 @@
 //! Without it the simulated servomotor starts earlier than the real one after each rest or reversal, and
 //! the real spool wanders further before the servomotor follows. Limits: both sides alike, sharp edges.
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "port_overlap",
     stage: Stage::Servomotor,
     source: include_str!("port_overlap.rs"),
@@ -26,7 +26,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
         typical: 2.0e-4,
         doc: "extra overlap of the main ports, each side of neutral",
     }],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([extra_overlap_m]: [f64; 1], plant: &mut Plant) {

@@ -13,11 +13,11 @@
 //! Without it the real servomotor creeps while the spool stands within the overlap, and answers small demands more strongly than the
 //! simulated one; at large travel both agree. Limits: all four edges alike; what flows from supply past both edges to return is left out.
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "port_wear",
     stage: Stage::Servomotor,
     source: include_str!("port_wear.rs"),
@@ -30,7 +30,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
         typical: 2.0e-4,
         doc: "radius of the worn metering edges of the main ports",
     }],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([edge_radius_m]: [f64; 1], plant: &mut Plant) {

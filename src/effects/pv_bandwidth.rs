@@ -10,11 +10,11 @@
 //! Without it the real spool starts a few milliseconds later than the simulated one and rings about its demand, in all manoeuvres
 //! alike. Limits: linear; the damping ratio stays.
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "pv_bandwidth",
     stage: Stage::PilotValve,
     source: include_str!("pv_bandwidth.rs"),
@@ -27,7 +27,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
         typical: 0.4,
         doc: "natural frequency of the pilot valve over the sheet's",
     }],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([frequency_ratio]: [f64; 1], plant: &mut Plant) {

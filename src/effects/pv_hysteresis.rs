@@ -14,13 +14,13 @@
 
 use std::sync::Arc;
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 use crate::plant::term::Point;
 use crate::plant::term::play::Play;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "pv_hysteresis",
     stage: Stage::PilotValve,
     source: include_str!("pv_hysteresis.rs"),
@@ -33,7 +33,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
         typical: 0.05,
         doc: "total width of the hysteresis loop on the valve current",
     }],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([width_pu]: [f64; 1], plant: &mut Plant) {

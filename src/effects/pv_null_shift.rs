@@ -11,11 +11,11 @@
 //! offset of the servomotor inside the dead band. Limits: in the positions it equals an error of the regulator's current
 //! reference, which the sheet lets vary; the pilot valve's own signal tells them apart.
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "pv_null_shift",
     stage: Stage::PilotValve,
     source: include_str!("pv_null_shift.rs"),
@@ -28,7 +28,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
         typical: 0.03,
         doc: "valve position at which no oil passes",
     }],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([null_shift_pu]: [f64; 1], plant: &mut Plant) {

@@ -11,11 +11,11 @@
 //! the pilot valve swinging across the zone. Limits: both edges alike and sharp; where leakage
 //! or a null shift hides, it looks like one.
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "pv_overlap",
     stage: Stage::PilotValve,
     source: include_str!("pv_overlap.rs"),
@@ -28,7 +28,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
         typical: 0.05,
         doc: "half width of the dead zone around the pilot valve's null",
     }],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([overlap_pu]: [f64; 1], plant: &mut Plant) {

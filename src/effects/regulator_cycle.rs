@@ -12,11 +12,11 @@
 //! unknown; a run between two ticks takes effect within the tick, so that the response is continuous in ΔT. `fit` and `diagnose` simulate
 //! the mean over all phases instead, and take the spread of the demand as noise to expect: a cycle jitters, and no recording tells its phase.
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "regulator_cycle",
     stage: Stage::Regulator,
     source: include_str!("regulator_cycle.rs"),
@@ -29,7 +29,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
         typical: 0.04,
         doc: "time added to the period of the large loop",
     }],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([extra_period_s]: [f64; 1], plant: &mut Plant) {

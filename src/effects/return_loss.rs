@@ -13,11 +13,11 @@
 //! larger chamber: a loss in the pressure line does it the other way round. Limits: no inertia of the oil; pilot valve and ESV
 //! drain by a line of their own.
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "return_loss",
     stage: Stage::Supply,
     source: include_str!("return_loss.rs"),
@@ -30,7 +30,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
         typical: 2.0e9,
         doc: "quadratic loss of the return line behind the main ports",
     }],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([loss_pa_s2_m6]: [f64; 1], plant: &mut Plant) {

@@ -12,11 +12,11 @@
 //! Without it the real servomotor starts later after each rest and runs slower both ways; at rest it stays where it was left. Limits: the
 //! same along the stroke and both ways.
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "servo_friction",
     stage: Stage::Servomotor,
     source: include_str!("servo_friction.rs"),
@@ -40,7 +40,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
             doc: "friction at rest over Coulomb friction",
         },
     ],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([extra_coulomb_n, static_ratio]: [f64; 2], plant: &mut Plant) {

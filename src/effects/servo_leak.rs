@@ -10,11 +10,11 @@
 //! Without it the real piston creeps under load while the ports are shut, so that the regulator corrects again and again, and it runs
 //! slower against the load. Limits: laminar, the same along the stroke.
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "servo_leak",
     stage: Stage::Servomotor,
     source: include_str!("servo_leak.rs"),
@@ -27,7 +27,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
         typical: 5.0e-10,
         doc: "leakage coefficient across the piston",
     }],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([leakage_m3_s_pa]: [f64; 1], plant: &mut Plant) {

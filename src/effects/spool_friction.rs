@@ -12,11 +12,11 @@
 //! Without it the control pressure of the real unit swings wider about the balance, and the spool waits before each
 //! small movement. The positions show little: the small loop has force to spare. Limits: no presliding, no memory beyond the speed.
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "spool_friction",
     stage: Stage::Spool,
     source: include_str!("spool_friction.rs"),
@@ -40,7 +40,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
             doc: "friction at rest over Coulomb friction",
         },
     ],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([coulomb_n, static_ratio]: [f64; 2], plant: &mut Plant) {

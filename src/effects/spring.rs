@@ -10,11 +10,11 @@
 //! Without it the simulated control pressure is higher than the real one at every place of the spool, by k d/A and
 //! more the further it opens; the positions show it only where the pressure reaches its limits, in trips above all. Limits: linear coils.
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "spring",
     stage: Stage::Spool,
     source: include_str!("spring.rs"),
@@ -38,7 +38,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
             doc: "pre-compression lost",
         },
     ],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([stiffness_loss_share, preload_loss_m]: [f64; 2], plant: &mut Plant) {

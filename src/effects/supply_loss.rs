@@ -11,11 +11,11 @@
 //! Without it the simulated servomotor is too fast in large movements and right in small ones, most at the spool's stops. Limits: no inertia of
 //! the oil in the line, no accumulator behind the loss.
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "supply_loss",
     stage: Stage::Supply,
     source: include_str!("supply_loss.rs"),
@@ -28,7 +28,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
         typical: 2.0e9,
         doc: "quadratic loss of the line between tank and valve",
     }],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([loss_pa_s2_m6]: [f64; 1], plant: &mut Plant) {

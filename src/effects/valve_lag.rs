@@ -11,13 +11,13 @@
 //! Without it the real servomotor sets off later than simulated after every movement of the spool, and stops later. Limits: one linear lag; acts
 //! only where the recorded spool drives the servomotor stage.
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 use crate::plant::lag::lag;
 use crate::plant::term::Point;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "valve_lag",
     stage: Stage::Spool,
     source: include_str!("valve_lag.rs"),
@@ -30,7 +30,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
         typical: 0.1,
         doc: "time constant of the valve behind its recorded signal",
     }],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([time_constant_s]: [f64; 1], plant: &mut Plant) {

@@ -11,11 +11,11 @@
 //! Without it the real servomotor and spool are slower than simulated at the start of a recording and agree at its end. Limits:
 //! orifices are taken as turbulent, hence independent of it; every recording starts equally cold.
 
-use crate::effects::{Definition, EffectParameter, EffectSpec, Law, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
 use crate::plant::Plant;
 
 /// The effect.
-pub const SPEC: EffectSpec = EffectSpec::new(Definition {
+pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     id: "viscosity",
     stage: Stage::Spool,
     source: include_str!("viscosity.rs"),
@@ -39,7 +39,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(Definition {
             doc: "time constant with which the oil warms",
         },
     ],
-    apply: &Law(apply),
+    apply: &EffectLaw(apply),
 });
 
 fn apply([cold_excess, warming_time_s]: [f64; 2], plant: &mut Plant) {

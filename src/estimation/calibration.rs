@@ -43,7 +43,7 @@ const STRONG: f64 = 0.7;
 
 /// One free parameter after the fit.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Row {
+pub struct CalibrationRow {
     /// Key in parameter files; for effects `id.parameter`.
     pub key: String,
     /// Unit of the values.
@@ -81,7 +81,7 @@ pub struct Calibration {
     /// The fit itself.
     pub fit: Fit,
     /// Each free parameter, in order.
-    pub rows: Vec<Row>,
+    pub rows: Vec<CalibrationRow>,
     /// Standard deviation of each free parameter's position, 1.
     pub deviations: Vec<f64>,
     /// Strong correlations, the strongest first.
@@ -252,7 +252,7 @@ fn judge(
         let value = |position: f64| free_parameter.value(base, position.clamp(low, high));
         let ends = [value(position - NINETY * sd), value(position + NINETY * sd)];
         let prior_variance = if free_parameter.has_prior() { 1.0 } else { (high - low).powi(2) / 12.0 };
-        Row {
+        CalibrationRow {
             key,
             unit,
             sheet: free_parameter.value(base, free_parameter.position(base)),
@@ -263,7 +263,7 @@ fn judge(
             learned: (1.0 - sd * sd / prior_variance).clamp(0.0, 1.0),
         }
     });
-    let rows: Vec<Row> = rows.collect();
+    let rows: Vec<CalibrationRow> = rows.collect();
     let mut correlations = Vec::new();
     for i in 0..free_parameters.len() {
         for j in i + 1..free_parameters.len() {

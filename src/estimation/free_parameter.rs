@@ -1,7 +1,7 @@
 //! Free parameters: what a fit may turn, in units of what is known of it beforehand.
 
 use crate::effects::EffectParameter;
-use crate::parameters::{ENTRIES, Entry, Tolerance, Unit};
+use crate::parameters::{ENTRIES, ParameterEntry, Tolerance, Unit};
 
 /// Farthest that a fit may go from the sheet, in standard deviations.
 const FARTHEST: f64 = 6.0;
@@ -101,7 +101,7 @@ impl FreeParameter {
     pub fn value(&self, unit: &Unit, position: f64) -> f64 {
         match *self {
             Self::Parameter { index, tolerance } | Self::Free { index, step: tolerance } => {
-                let entry: &Entry = &ENTRIES[index];
+                let entry: &ParameterEntry = &ENTRIES[index];
                 let nominal = (entry.get)(&unit.parameters);
                 let value = match tolerance {
                     Tolerance::Relative(share) => nominal * (1.0 + share * position),

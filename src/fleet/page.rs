@@ -8,8 +8,8 @@ use super::gathered::{Gathered, Row, Status};
 use super::urgency::Look;
 use crate::report::draw::{DrawError, svg};
 use crate::report::ink::Ink;
-use crate::report::page::{Blocks, KeyFigure, Page, Tone};
-use crate::report::picture::{Mark, Panel, Picture, Shape};
+use crate::report::page::{KeyFigure, Page, PageBody, Tone};
+use crate::report::picture::{Mark, MarkShape, Panel, Picture};
 use crate::report::table::{Table, quantity};
 
 /// Rows of a table on the page; all of them are in the CSV file.
@@ -66,7 +66,7 @@ pub fn page(gathered: &Gathered, context: &Context) -> Result<Page, DrawError> {
     rows_table(body, gathered, context);
     trends(body, gathered)?;
     not_run(body, gathered);
-    let mut inner = Blocks::new();
+    let mut inner = PageBody::new();
     inner.facts(context.facts.clone());
     body.details("How these figures were made", inner);
     Ok(page)
@@ -97,7 +97,7 @@ fn figures(gathered: &Gathered, context: &Context) -> Vec<KeyFigure> {
     figures
 }
 
-fn look_first(body: &mut Blocks, gathered: &Gathered, context: &Context) {
+fn look_first(body: &mut PageBody, gathered: &Gathered, context: &Context) {
     body.heading("Look first");
     if context.looks.is_empty() {
         body.paragraph("No unit: all are diagnosed, without a gap in the last period, and nothing changed.");
@@ -119,7 +119,7 @@ fn look_first(body: &mut Blocks, gathered: &Gathered, context: &Context) {
     cut(body, context.looks.len());
 }
 
-fn changes(body: &mut Blocks, context: &Context) {
+fn changes(body: &mut PageBody, context: &Context) {
     body.heading("Since the last time");
     let Some(before) = context.before else {
         body.paragraph("This is the first time; the next page will name what changed.");
@@ -137,7 +137,7 @@ fn changes(body: &mut Blocks, context: &Context) {
     cut(body, context.changes.len());
 }
 
-fn rows_table(body: &mut Blocks, gathered: &Gathered, context: &Context) {
+fn rows_table(body: &mut PageBody, gathered: &Gathered, context: &Context) {
     let mut table = Table::new()
         .words("unit")
         .words("period")
@@ -189,7 +189,7 @@ fn link(context: &Context, report: &str) -> String {
 }
 
 /// Says how many rows are not shown.
-fn cut(body: &mut Blocks, all: usize) {
+fn cut(body: &mut PageBody, all: usize) {
     if let Some(left) = all.checked_sub(MOST_ROWS).filter(|left| *left > 0) {
         body.note(Tone::Plain, format!("{left} more are in fleet.csv and fleet.json."));
     }
@@ -218,7 +218,7 @@ fn causes_picture(gathered: &Gathered, looks: &[Look]) -> Option<Picture> {
         p.map_or(f64::NAN, |p| 100.0 * p)
     };
     let cells = rows.iter().rev().map(|row| causes.iter().map(|id| value(row, id)).collect()).collect();
-    let shape = Shape::Cells { rows: cells, full: 100.0, below: Ink::Muted, decimals: 0 };
+    let shape = MarkShape::Cells { rows: cells, full: 100.0, below: Ink::Muted, decimals: 0 };
     let height = 24 * u32::try_from(rows.len().max(3)).unwrap_or(3);
     let panel = Panel::new("probability, %")
         .height(height)
@@ -229,7 +229,7 @@ fn causes_picture(gathered: &Gathered, looks: &[Look]) -> Option<Picture> {
 }
 
 /// Sizes over time: those that changed, and where none did those that are determined most often.
-fn trends(body: &mut Blocks, gathered: &Gathered) -> Result<(), DrawError> {
+fn trends(body: &mut PageBody, gathered: &Gathered) -> Result<(), DrawError> {
     body.heading("Sizes over time");
     let mut shown: Vec<(&str, &Trend)> = gathered.changed().collect();
     shown.sort_by(|a, b| sum(b.1).total_cmp(&sum(a.1)).then((a.0, &a.1.name).cmp(&(b.0, &b.1.name))));
@@ -287,12 +287,12 @@ fn panel(unit: &str, trend: &Trend) -> Panel {
         .height(120)
         .x_categories(names)
         .x_range(-0.5, at(trend.points.len()) - 0.5)
-        .mark(Mark::new(Shape::Segments(whiskers), Ink::Measured, ""))
+        .mark(Mark::new(MarkShape::Segments(whiskers), Ink::Measured, ""))
         .dots(Ink::Measured, "", dots(false))
-        .mark(Mark { width_px: 4.0, ..Mark::new(Shape::Dots(dots(true)), Ink::Alarm, "") })
+        .mark(Mark { width_px: 4.0, ..Mark::new(MarkShape::Dots(dots(true)), Ink::Alarm, "") })
 }
 
-fn not_run(body: &mut Blocks, gathered: &Gathered) {
+fn not_run(body: &mut PageBody, gathered: &Gathered) {
     let rows: Vec<&Row> = gathered.rows.iter().filter(|row| row.status != Status::Done).collect();
     if rows.is_empty() {
         return;

@@ -7,7 +7,7 @@
 
 use crate::frame::EsvState;
 use crate::generate::noise::Draws;
-use crate::generate::script::Script;
+use crate::generate::script::ProcessScript;
 
 /// Time between two commands, s.
 const PERIOD_S: f64 = 0.010;
@@ -30,7 +30,7 @@ const COMMAND_NOISE_PU: f64 = 1.0e-4;
 
 /// What the governor says.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Command {
+pub struct GovernorOutput {
     /// Guide-vane opening, pu.
     pub opening_pu: f64,
     /// State of the emergency shutdown valve.
@@ -49,7 +49,7 @@ enum Mode {
 /// The governor and its memory.
 #[derive(Clone, Debug)]
 pub struct Governor {
-    script: Script,
+    script: ProcessScript,
     draws: Draws,
     mode: Mode,
     set_pu: f64,
@@ -61,7 +61,7 @@ pub struct Governor {
 impl Governor {
     /// A governor at the start of its script.
     #[must_use]
-    pub fn new(script: Script, draws: Draws) -> Self {
+    pub fn new(script: ProcessScript, draws: Draws) -> Self {
         let (mode, speed_pu) = if script.stands_still { (Mode::Standing, 0.0) } else { (Mode::OnGrid, 1.0) };
         Self {
             script,
@@ -81,7 +81,7 @@ impl Governor {
     }
 
     /// The command at a time and a speed; called every 10 ms.
-    pub fn command(&mut self, time_s: f64, speed_pu: f64) -> Command {
+    pub fn command(&mut self, time_s: f64, speed_pu: f64) -> GovernorOutput {
         self.filtered_speed_pu += (speed_pu - self.filtered_speed_pu) * PERIOD_S / (PERIOD_S + DERIVATIVE_FILTER_S);
         self.change_mode(time_s, speed_pu);
         match self.mode {
@@ -95,10 +95,10 @@ impl Governor {
             Mode::Tripped => self.opening_pu = 0.0,
         }
         if self.mode == Mode::Tripped {
-            return Command { opening_pu: 0.0, esv: EsvState::Shutdown };
+            return GovernorOutput { opening_pu: 0.0, esv: EsvState::Shutdown };
         }
         let noise_pu = COMMAND_NOISE_PU * self.draws.normal();
-        Command { opening_pu: self.opening_pu + noise_pu, esv: EsvState::Normal }
+        GovernorOutput { opening_pu: self.opening_pu + noise_pu, esv: EsvState::Normal }
     }
 
     fn change_mode(&mut self, time_s: f64, speed_pu: f64) {

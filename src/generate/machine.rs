@@ -14,7 +14,7 @@
 //! | A | turbine gain, 1/(1 − q_0) | 1 |
 
 use crate::generate::noise::Draws;
-use crate::generate::script::Script;
+use crate::generate::script::ProcessScript;
 use crate::parameters::Parameters;
 
 /// Step, s: the governor's period.
@@ -55,7 +55,7 @@ pub struct Machine {
 impl Machine {
     /// The unit of a script with the servomotor and the tank of a sheet.
     #[must_use]
-    pub fn new(p: &Parameters, script: &Script, draws: Draws) -> Self {
+    pub fn new(p: &Parameters, script: &ProcessScript, draws: Draws) -> Self {
         let servomotor = &p.servomotor;
         let nominal_pressure_pa = p.oil.tank_pressure_pa;
         Self {

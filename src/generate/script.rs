@@ -5,7 +5,7 @@ use crate::recording::Process;
 
 /// A set point of the opening that the operator gives.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Step {
+pub struct SetPoint {
     /// When, s from the start.
     pub time_s: f64,
     /// The opening wanted, pu.
@@ -14,7 +14,7 @@ pub struct Step {
 
 /// The course of one process; times that never come are infinite.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Script {
+pub struct ProcessScript {
     /// Opening at the start, pu.
     pub initial_opening_pu: f64,
     /// Opening at which the machine turns at nominal speed without load, pu.
@@ -30,7 +30,7 @@ pub struct Script {
     /// Opening limit of the start-up, pu.
     pub start_opening_pu: f64,
     /// Set points on the grid, in time.
-    pub steps: [Step; 3],
+    pub steps: [SetPoint; 3],
     /// How far the grid's frequency walks, over an ordinary grid's.
     pub grid_unrest_ratio: f64,
     /// Rate at which set point and start-up limit move, pu/s.
@@ -44,9 +44,9 @@ pub struct Script {
 }
 
 /// A set point that never comes.
-const NEVER: Step = Step { time_s: f64::INFINITY, opening_pu: 0.0 };
+const NEVER: SetPoint = SetPoint { time_s: f64::INFINITY, opening_pu: 0.0 };
 
-impl Script {
+impl ProcessScript {
     /// Draws the course of a process over a recording of `duration_s`.
     #[must_use]
     pub fn new(process: Process, duration_s: f64, dice: &Dice) -> Self {
@@ -71,7 +71,7 @@ impl Script {
             breaker_opens_s: f64::INFINITY,
             trip_s: f64::INFINITY,
         };
-        let step = |time_s, opening_pu| Step { time_s, opening_pu };
+        let step = |time_s, opening_pu| SetPoint { time_s, opening_pu };
         match process {
             Process::Startup => {
                 script.stands_still = true;

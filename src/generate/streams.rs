@@ -4,7 +4,7 @@ use crate::frame::{EsvState, Frame, Inputs, Signals};
 
 /// Four streams of values with their stamps, ns, each strictly rising.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Streams {
+pub struct GeneratedStreams {
     /// Opening command, pu.
     pub command: Vec<(i64, f64)>,
     /// State of the ESV.
@@ -15,7 +15,7 @@ pub struct Streams {
     pub servo_state: Vec<(i64, Signals)>,
 }
 
-impl Streams {
+impl GeneratedStreams {
     /// The same, so much later, ns.
     #[must_use]
     pub fn later(self, by_ns: i64) -> Self {
@@ -86,7 +86,7 @@ mod tests {
     #[test]
     fn inputs_hold_and_measured_signals_do_not() {
         let measured = |spool_position_pu| Signals { spool_position_pu, ..Signals::NONE };
-        let mut streams = Streams {
+        let mut streams = GeneratedStreams {
             command: vec![(5, 0.1), (15, 0.2)],
             esv: vec![(0, EsvState::Normal), (12, EsvState::Shutdown)],
             tank_pressure: vec![(0, 6e6)],

@@ -116,7 +116,7 @@ impl Format {
 
 /// Reads the times of one file, in their order.
 #[derive(Clone, Debug)]
-pub struct Clock {
+pub struct TimeReader {
     format: Format,
     numbers: Numbers,
     zone: TimeZone,
@@ -135,7 +135,7 @@ pub struct Clock {
     pub used_zone: bool,
 }
 
-impl Clock {
+impl TimeReader {
     /// For a format and what the map says of time.
     ///
     /// # Errors
@@ -324,10 +324,10 @@ fn named_zone(text: &str) -> Result<TimeZone, String> {
 mod tests {
     use super::*;
 
-    fn clock(format: &str, zone: Option<&str>, start: Option<&str>) -> Clock {
+    fn clock(format: &str, zone: Option<&str>, start: Option<&str>) -> TimeReader {
         let map = TimeMap { zone: zone.map(str::to_owned), start: start.map(str::to_owned), ..TimeMap::default() };
         let numbers = Numbers { decimal: '.', thousands: None, missing: vec![] };
-        Clock::new(Format::of(format).unwrap(), &map, &numbers).unwrap()
+        TimeReader::new(Format::of(format).unwrap(), &map, &numbers).unwrap()
     }
 
     #[test]
@@ -359,7 +359,7 @@ mod tests {
     #[test]
     fn the_hour_that_comes_twice_goes_on_and_the_one_that_does_not_exist_is_refused() {
         let mut clock = clock("iso", Some("Europe/Zurich"), None);
-        let read = |clock: &mut Clock, text: &str| clock.read(text).unwrap() / 1_000_000_000;
+        let read = |clock: &mut TimeReader, text: &str| clock.read(text).unwrap() / 1_000_000_000;
         let before = read(&mut clock, "2024-10-27 01:59:00");
         let first = read(&mut clock, "2024-10-27 02:30:00");
         let second = read(&mut clock, "2024-10-27 02:10:00");

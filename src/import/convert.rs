@@ -17,7 +17,7 @@ pub struct Conversion {
     /// What the ends of the range mean, in the unit.
     pub to: [f64; 2],
     /// The unit.
-    pub unit: Unit,
+    pub unit: UnitConversion,
     /// Turns the sign at the end.
     pub turned: bool,
 }
@@ -25,7 +25,7 @@ pub struct Conversion {
 impl Conversion {
     /// The law that changes nothing.
     pub const NONE: Self =
-        Self { scale: 1.0, offset: 0.0, range: None, to: [0.0, 1.0], unit: Unit::ONE, turned: false };
+        Self { scale: 1.0, offset: 0.0, range: None, to: [0.0, 1.0], unit: UnitConversion::ONE, turned: false };
 
     /// The value after the import.
     #[must_use]
@@ -51,13 +51,13 @@ impl Conversion {
 
 /// A unit as multiplication, division and addition; a percentage is divided by 100, so that it reads as people write it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Unit {
+pub struct UnitConversion {
     times: f64,
     by: f64,
     plus: f64,
 }
 
-impl Unit {
+impl UnitConversion {
     /// The unit of the import itself.
     pub const ONE: Self = Self { times: 1.0, by: 1.0, plus: 0.0 };
 
@@ -139,25 +139,25 @@ pub fn plain(text: &str) -> String {
 
 /// A unit of pressure, gauge or absolute.
 #[must_use]
-pub fn pressure(text: &str) -> Option<Unit> {
+pub fn pressure(text: &str) -> Option<UnitConversion> {
     let name = plain(text);
     // `MPa` and `mPa` differ only in case, and nobody measures oil in the latter.
     let find = |name: &str| PRESSURES.iter().find(|(known, _)| *known == name).map(|(_, in_pa)| *in_pa);
     if let Some(in_pa) = find(&name) {
         let plus = if ABSOLUTE.contains(&name.as_str()) { -ATMOSPHERE_PA } else { 0.0 };
-        return Some(Unit { plus, ..Unit::times(in_pa) });
+        return Some(UnitConversion { plus, ..UnitConversion::times(in_pa) });
     }
     if let Some(in_pa) = name.strip_suffix('a').and_then(find) {
-        return Some(Unit { plus: -ATMOSPHERE_PA, ..Unit::times(in_pa) });
+        return Some(UnitConversion { plus: -ATMOSPHERE_PA, ..UnitConversion::times(in_pa) });
     }
-    name.strip_suffix('g').and_then(find).map(Unit::times)
+    name.strip_suffix('g').and_then(find).map(UnitConversion::times)
 }
 
 /// A unit of a share of a stroke.
 #[must_use]
-pub fn share(text: &str) -> Option<Unit> {
+pub fn share(text: &str) -> Option<UnitConversion> {
     let name = plain(text);
-    SHARES.iter().find(|(known, _)| *known == name).map(|(_, by)| Unit::by(*by))
+    SHARES.iter().find(|(known, _)| *known == name).map(|(_, by)| UnitConversion::by(*by))
 }
 
 /// Whether a text is a unit that a header may state for any signal.

@@ -13,10 +13,10 @@ use encoding_rs_io::DecodeReaderBytesBuilder;
 use super::ImportError;
 use super::dialect::{Dialect, sniff};
 use super::map::FileMap;
-use super::number::{Cell as NumberCell, Numbers};
-use super::source::channel::{Bad, Value};
-use super::source::head::Head;
-use super::source::records::Records;
+use super::number::{NumberCell, Numbers};
+use super::source::channel::{Bad, ChannelValue};
+use super::source::head::TableHead;
+use super::source::records::TableRecords;
 
 /// From so many bytes the layout is found out.
 const SAMPLE_BYTES: u64 = 1 << 18;
@@ -26,7 +26,7 @@ const LONGEST_RECORD_BYTES: u64 = 1 << 23;
 /// How a table of text is to be read.
 #[derive(Clone, Debug)]
 pub(super) struct CsvFile {
-    pub(super) head: Head,
+    pub(super) head: TableHead,
     pub(super) dialect: Dialect,
     encoding: Option<&'static Encoding>,
     bytes: u64,
@@ -67,7 +67,7 @@ impl CsvFile {
                 dialect.first_line
             ),
         );
-        let head = Head {
+        let head = TableHead {
             path: path.to_owned(),
             names: dialect.names.clone(),
             units: dialect.units.clone(),
@@ -246,7 +246,7 @@ impl CsvRecords {
     }
 }
 
-impl Records for CsvRecords {
+impl TableRecords for CsvRecords {
     fn advance(&mut self) -> Result<bool, ImportError> {
         loop {
             self.counts.left.set(LONGEST_RECORD_BYTES);
@@ -274,12 +274,12 @@ impl Records for CsvRecords {
         self.record.position().map_or(0, csv::Position::line) + self.first_line - 1
     }
 
-    fn value(&self, column: usize) -> Value<'_> {
+    fn value(&self, column: usize) -> ChannelValue<'_> {
         let text = self.text(column);
         match self.numbers.cell(text) {
-            NumberCell::Number(number) => Value::Number(number),
-            NumberCell::Missing => Value::Missing,
-            NumberCell::Other => Value::Text(text),
+            NumberCell::Number(number) => ChannelValue::Number(number),
+            NumberCell::Missing => ChannelValue::Missing,
+            NumberCell::Other => ChannelValue::Text(text),
         }
     }
 

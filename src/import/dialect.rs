@@ -2,7 +2,7 @@
 
 use super::convert::is_unit;
 use super::map::FileMap;
-use super::number::{Cell, Numbers};
+use super::number::{NumberCell, Numbers};
 
 /// Lines of a sample that are looked at.
 const MOST_LINES: usize = 200;
@@ -178,8 +178,9 @@ fn most_common(counts: impl Iterator<Item = usize>) -> Option<usize> {
 
 /// Whether a row holds data: at least half of what it holds are numbers or times.
 fn is_data(row: &[String], width: usize, numbers: &Numbers) -> bool {
-    let filled: Vec<&String> = row.iter().filter(|cell| numbers.cell(cell) != Cell::Missing).collect();
-    let values = filled.iter().filter(|cell| matches!(numbers.cell(cell), Cell::Number(_)) || is_time(cell)).count();
+    let filled: Vec<&String> = row.iter().filter(|cell| numbers.cell(cell) != NumberCell::Missing).collect();
+    let values =
+        filled.iter().filter(|cell| matches!(numbers.cell(cell), NumberCell::Number(_)) || is_time(cell)).count();
     row.len() == width && values > 0 && 2 * values >= filled.len()
 }
 

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::bag::BagError;
-use crate::params::Problem;
+use crate::params::FileProblem;
 
 /// Why something cannot be imported.
 #[derive(Debug, thiserror::Error)]
@@ -24,7 +24,7 @@ pub enum ImportError {
         /// The map.
         path: PathBuf,
         /// What is wrong, in the order of the file.
-        problems: Vec<Problem>,
+        problems: Vec<FileProblem>,
     },
     /// The file is not what the map, or anybody, expects.
     #[error("{path}: {problem}")]
@@ -67,7 +67,7 @@ impl ImportError {
 }
 
 /// One line a problem, each beginning with `file:line:` as compilers do.
-fn list(path: &Path, problems: &[Problem]) -> String {
+fn list(path: &Path, problems: &[FileProblem]) -> String {
     let noun = if problems.len() == 1 { "problem" } else { "problems" };
     let path = path.display();
     let lines = problems.iter().map(|problem| match problem.line {

@@ -4,12 +4,12 @@ mod meant;
 mod pace;
 
 use super::map::Map;
-use super::row::{Row, Target};
+use super::row::{ImportedRow, Target};
 use crate::units::seconds_from_nanos;
 
-pub(super) use meant::Pairs;
+pub(super) use meant::CorrelationSums;
 pub use meant::Range;
-use pace::Pace;
+use pace::IntervalBins;
 
 /// Equal samples one after another, and for so long, that a lively channel never has, s.
 const FROZEN: (u64, f64) = (50, 2.0);
@@ -28,7 +28,7 @@ const REPEATED_SHARE: f64 = 0.01;
 
 /// What is known of one signal after an import.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Found {
+pub struct SignalFindings {
     /// The signal.
     pub target: Target,
     /// Its column or field; empty for a constant.
@@ -77,7 +77,7 @@ struct Watch {
     /// Whether the map gives a range, so that another unit cannot be meant.
     ranged: bool,
     range: Range,
-    pace: Pace,
+    pace: IntervalBins,
     changes: u64,
     run: Option<Run>,
     longest: Option<Run>,
@@ -158,7 +158,7 @@ impl Findings {
             unit: signal.unit.clone(),
             ranged: signal.conversion.range.is_some(),
             range: Range::default(),
-            pace: Pace::default(),
+            pace: IntervalBins::default(),
             changes: 0,
             run: None,
             longest: None,
@@ -169,7 +169,7 @@ impl Findings {
     }
 
     /// Watches a row.
-    pub fn take(&mut self, row: &Row) {
+    pub fn take(&mut self, row: &ImportedRow) {
         for watch in &mut self.watched {
             if let Some(value) = row.value(watch.target) {
                 watch.take(row.time_ns, value);
@@ -180,7 +180,7 @@ impl Findings {
 
     /// What is known of the signals, and what a user should look into.
     #[must_use]
-    pub fn finish(self) -> (Vec<Found>, Vec<String>) {
+    pub fn finish(self) -> (Vec<SignalFindings>, Vec<String>) {
         let mut warnings = vec![];
         let moves = |watch: &&Watch| {
             !watch.target.is_pressure() && watch.target != Target::Esv && watch.range.span() > MOVES_PU
@@ -227,7 +227,7 @@ impl Findings {
             watch.pace.warnings(watch.target == Target::Esv).into_iter().for_each(say);
         }
         warnings.extend(self.meant.warnings());
-        let found = |watch: Watch| Found {
+        let found = |watch: Watch| SignalFindings {
             target: watch.target,
             place: watch.place,
             unit: watch.unit,

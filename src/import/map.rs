@@ -89,7 +89,7 @@ pub struct TimeMap {
 
 /// Where a signal is found.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Place {
+pub enum SignalPlace {
     /// A column of a table.
     Column(String),
     /// A field of a message, `/topic.field[index]`.
@@ -100,7 +100,7 @@ pub enum Place {
 
 /// When an event column says that the ESV has tripped.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Event {
+pub enum TripRule {
     /// The cell is this text, or this number.
     Is(String),
     /// The number lies above.
@@ -115,13 +115,13 @@ pub struct SignalMap {
     /// Which.
     pub target: Target,
     /// Where it is.
-    pub from: Place,
+    pub from: SignalPlace,
     /// Its unit as the map writes it; empty where it gives none.
     pub unit: String,
     /// From what the file holds to the unit of the import.
     pub conversion: Conversion,
     /// Of the ESV: what means shutdown.
-    pub shutdown: Vec<Event>,
+    pub shutdown: Vec<TripRule>,
     /// Of the ESV: a trip stays, even where the column falls back.
     pub latch: bool,
     /// Line of the map, counted from 1.
@@ -134,7 +134,7 @@ impl SignalMap {
     pub fn of_column(target: Target, column: &str) -> Self {
         Self {
             target,
-            from: Place::Column(column.to_owned()),
+            from: SignalPlace::Column(column.to_owned()),
             unit: String::new(),
             conversion: Conversion::NONE,
             shutdown: vec![],
@@ -147,8 +147,8 @@ impl SignalMap {
     #[must_use]
     pub fn place(&self) -> Option<&str> {
         match &self.from {
-            Place::Column(name) | Place::Field(name) => Some(name),
-            Place::Constant(_) => None,
+            SignalPlace::Column(name) | SignalPlace::Field(name) => Some(name),
+            SignalPlace::Constant(_) => None,
         }
     }
 }

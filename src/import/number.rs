@@ -40,7 +40,7 @@ pub(super) struct Numbers {
 
 /// What a cell holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Cell {
+pub(super) enum NumberCell {
     /// Nothing.
     Missing,
     /// A number, finite.
@@ -58,7 +58,7 @@ impl Numbers {
     }
 
     /// A cell as a number; blanks round it do not count.
-    pub(super) fn cell(&self, text: &str) -> Cell {
+    pub(super) fn cell(&self, text: &str) -> NumberCell {
         let text = text.trim();
         // Digits begin nearly every cell, and no other text that Rust would take for a number.
         let begins = text.bytes().next().is_some_and(|byte| byte.is_ascii_digit() || b"+-.,".contains(&byte));
@@ -67,9 +67,9 @@ impl Numbers {
             && let Ok(number) = self.plain(text).parse::<f64>()
             && number.is_finite()
         {
-            return Cell::Number(number);
+            return NumberCell::Number(number);
         }
-        if self.is_missing(text) { Cell::Missing } else { Cell::Other }
+        if self.is_missing(text) { NumberCell::Missing } else { NumberCell::Other }
     }
 
     /// The text with a decimal point and without groups.
@@ -158,15 +158,15 @@ mod tests {
             ('.', None, ".5", 0.5),
             (',', None, "3E+2", 300.0),
         ] {
-            assert_eq!(numbers(decimal, thousands).cell(text), Cell::Number(value), "{text}");
+            assert_eq!(numbers(decimal, thousands).cell(text), NumberCell::Number(value), "{text}");
         }
         for text in ["", "NaN", "#N/A", "Bad", "Bad Input", "-", " null "] {
-            assert_eq!(numbers('.', None).cell(text), Cell::Missing, "{text}");
+            assert_eq!(numbers('.', None).cell(text), NumberCell::Missing, "{text}");
         }
         for text in ["1,5", "abc", "1.2.3", "inf", "0x10", "12:30"] {
-            assert_eq!(numbers('.', None).cell(text), Cell::Other, "{text}");
+            assert_eq!(numbers('.', None).cell(text), NumberCell::Other, "{text}");
         }
-        assert_eq!(numbers(',', None).cell("1.5"), Cell::Other, "a point beside a decimal comma");
+        assert_eq!(numbers(',', None).cell("1.5"), NumberCell::Other, "a point beside a decimal comma");
     }
 
     #[test]

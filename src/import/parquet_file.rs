@@ -10,9 +10,9 @@ use parquet::record::{Field, Row};
 
 use super::ImportError;
 use super::number::Numbers;
-use super::source::channel::{Bad, Value};
-use super::source::head::Head;
-use super::source::records::Records;
+use super::source::channel::{Bad, ChannelValue};
+use super::source::head::TableHead;
+use super::source::records::TableRecords;
 
 /// Milliseconds in a day.
 const DAY_MS: i64 = 86_400_000;
@@ -29,7 +29,7 @@ struct Times {
 /// A Parquet file and its columns.
 #[derive(Clone, Debug)]
 pub(super) struct ParquetFile {
-    pub(super) head: Head,
+    pub(super) head: TableHead,
     times: Vec<Option<Times>>,
 }
 
@@ -77,7 +77,7 @@ impl ParquetFile {
             .map(|(name, none)| super::dialect::bracketed(name).map_or(none, |(_, unit)| unit.to_owned()))
             .collect();
         let numbers = Numbers { decimal: '.', thousands: None, missing: vec![] };
-        Ok(Self { head: Head { path: path.to_owned(), names, units, numbers, notes }, times })
+        Ok(Self { head: TableHead { path: path.to_owned(), names, units, numbers, notes }, times })
     }
 
     /// The rows from the first on.
@@ -115,7 +115,7 @@ pub(super) struct ParquetRecords {
     none: Bad,
 }
 
-impl Records for ParquetRecords {
+impl TableRecords for ParquetRecords {
     fn advance(&mut self) -> Result<bool, ImportError> {
         let Some(row) = self.rows.next() else { return Ok(false) };
         self.passed += 1;
@@ -130,8 +130,8 @@ impl Records for ParquetRecords {
         self.passed
     }
 
-    fn value(&self, column: usize) -> Value<'_> {
-        let Some(field) = self.row.get(column) else { return Value::Missing };
+    fn value(&self, column: usize) -> ChannelValue<'_> {
+        let Some(field) = self.row.get(column) else { return ChannelValue::Missing };
         let whole = match field {
             Field::Byte(value) => i64::from(*value),
             Field::Short(value) => i64::from(*value),
@@ -143,19 +143,19 @@ impl Records for ParquetRecords {
             Field::ULong(value) => i64::try_from(*value).unwrap_or(i64::MAX),
             Field::Bool(value) => i64::from(*value),
             Field::Date(days) => {
-                return Value::Local(i64::from(*days).saturating_mul(DAY_MS).saturating_mul(1_000_000));
+                return ChannelValue::Local(i64::from(*days).saturating_mul(DAY_MS).saturating_mul(1_000_000));
             }
-            Field::Float16(value) => return Value::Number(f64::from(f32::from(*value))),
-            Field::Float(value) => return Value::Number(f64::from(*value)),
-            Field::Double(value) => return Value::Number(*value),
-            Field::Str(text) => return Value::Text(text),
-            Field::Decimal(_) => return field.to_string().parse().map_or(Value::Missing, Value::Number),
-            _ => return Value::Missing,
+            Field::Float16(value) => return ChannelValue::Number(f64::from(f32::from(*value))),
+            Field::Float(value) => return ChannelValue::Number(f64::from(*value)),
+            Field::Double(value) => return ChannelValue::Number(*value),
+            Field::Str(text) => return ChannelValue::Text(text),
+            Field::Decimal(_) => return field.to_string().parse().map_or(ChannelValue::Missing, ChannelValue::Number),
+            _ => return ChannelValue::Missing,
         };
         match self.times.get(column).copied().flatten() {
-            Some(Times { unit_ns, utc: true }) => Value::Time(whole.saturating_mul(unit_ns)),
-            Some(Times { unit_ns, utc: false }) => Value::Local(whole.saturating_mul(unit_ns)),
-            None => Value::Whole(whole),
+            Some(Times { unit_ns, utc: true }) => ChannelValue::Time(whole.saturating_mul(unit_ns)),
+            Some(Times { unit_ns, utc: false }) => ChannelValue::Local(whole.saturating_mul(unit_ns)),
+            None => ChannelValue::Whole(whole),
         }
     }
 

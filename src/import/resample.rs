@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use super::row::{Row, Target};
+use super::row::{ImportedRow, Target};
 use crate::units::{nanos_from_seconds, seconds_from_nanos};
 
 /// Between neighbours that lie further apart than this nothing is drawn, ns.
@@ -21,7 +21,7 @@ pub(super) struct Resampler {
     period_ns: i64,
     last: [Option<Sample>; Target::ALL.len()],
     /// Rows of the grid that some signal may still enter, the earliest first.
-    open: VecDeque<Row>,
+    open: VecDeque<ImportedRow>,
     newest_ns: i64,
     ended: bool,
     rows: u64,
@@ -42,7 +42,7 @@ impl Resampler {
     }
 
     /// Takes a row; those of one signal must rise in time, others are left out.
-    pub(super) fn push(&mut self, row: &Row) {
+    pub(super) fn push(&mut self, row: &ImportedRow) {
         self.newest_ns = self.newest_ns.max(row.time_ns);
         for target in Target::ALL {
             let Some(value) = row.value(target) else { continue };
@@ -78,13 +78,13 @@ impl Resampler {
     }
 
     /// The row of a time of the grid; none where it has gone already.
-    fn row(&mut self, time_ns: i64) -> Option<&mut Row> {
+    fn row(&mut self, time_ns: i64) -> Option<&mut ImportedRow> {
         let at = self.open.partition_point(|row| row.time_ns < time_ns);
         if self.open.get(at).is_none_or(|row| row.time_ns != time_ns) {
             if at == 0 && self.rows > 0 && self.open.is_empty() && time_ns <= self.newest_ns - 2 * WIDEST_NS {
                 return None;
             }
-            self.open.insert(at, Row::at(time_ns));
+            self.open.insert(at, ImportedRow::at(time_ns));
         }
         self.open.get_mut(at)
     }
@@ -95,7 +95,7 @@ impl Resampler {
     }
 
     /// The next row that no signal can enter any more.
-    pub(super) fn pop(&mut self) -> Option<Row> {
+    pub(super) fn pop(&mut self) -> Option<ImportedRow> {
         let first = self.open.front()?;
         let settled = self.ended || first.time_ns < self.newest_ns - WIDEST_NS;
         let row = if settled { self.open.pop_front() } else { None };
@@ -130,7 +130,7 @@ mod tests {
         samples.sort_by_key(|sample| sample.0);
         let mut rows = vec![];
         for (time_ns, target, value) in samples {
-            let mut row = Row::at(time_ns);
+            let mut row = ImportedRow::at(time_ns);
             row.set(target, value);
             resampler.push(&row);
             rows.extend(std::iter::from_fn(|| resampler.pop()));
@@ -138,7 +138,7 @@ mod tests {
         resampler.end();
         rows.extend(std::iter::from_fn(|| resampler.pop()));
         assert!(rows.windows(2).all(|pair| pair[0].time_ns < pair[1].time_ns));
-        let both: Vec<&Row> = rows
+        let both: Vec<&ImportedRow> = rows
             .iter()
             .filter(|row| row.value(Target::SpoolPosition).is_some() && row.value(Target::ServomotorPosition).is_some())
             .collect();

@@ -86,14 +86,14 @@ impl Target {
 
 /// What is known at one time; NaN where a signal has no value then.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Row {
+pub struct ImportedRow {
     /// The time, ns since 1970, UTC.
     pub time_ns: i64,
     /// Values by [`Target::place`], in their units after the import; of the ESV 1 is normal and 0 is shutdown.
     pub values: [f64; Target::ALL.len()],
 }
 
-impl Row {
+impl ImportedRow {
     /// A row without values.
     #[must_use]
     pub fn at(time_ns: i64) -> Self {

@@ -4,13 +4,13 @@ use std::path::{Path, PathBuf};
 
 use super::ImportError;
 use super::csv_file::CsvFile;
-use super::findings::{Findings, Found};
-use super::map::{Map, Place};
+use super::findings::{Findings, SignalFindings};
+use super::map::{Map, SignalPlace};
 use super::resample::Resampler;
-use super::row::{Row, Target};
-use super::source::table::Table;
-use super::source::{Kind, Source, kind_of};
-use super::topics::{self, Topics};
+use super::row::{ImportedRow, Target};
+use super::source::table::TableSource;
+use super::source::{Source, SourceKind, kind_of};
+use super::topics::{self, BagRows};
 
 /// Time after which the state of the ESV, and what is constant, is given again, ns.
 const AGAIN_NS: i64 = 1_000_000_000;
@@ -28,16 +28,16 @@ struct Part {
     path: PathBuf,
     bytes: u64,
     source: Box<dyn Source>,
-    next: Option<Row>,
+    next: Option<ImportedRow>,
 }
 
 /// What became of an import.
 #[derive(Clone, Debug, Default)]
-pub struct Outcome {
+pub struct ImportOutcome {
     /// Rows handed on.
     pub rows: u64,
     /// What is known of each signal.
-    pub signals: Vec<Found>,
+    pub signals: Vec<SignalFindings>,
     /// How the files were understood.
     pub notes: Vec<String>,
     /// What a user should look into.
@@ -69,9 +69,10 @@ impl Import {
                 continue;
             }
             let id = signal.target.id();
-            let kinds: Vec<Kind> = self.sources.iter().map(|part| kind_of(&part.path)).collect::<Result<_, _>>()?;
-            let is_field = matches!(signal.from, Place::Field(_));
-            let fits = |kind: &Kind| (*kind == Kind::Bag) == is_field;
+            let kinds: Vec<SourceKind> =
+                self.sources.iter().map(|part| kind_of(&part.path)).collect::<Result<_, _>>()?;
+            let is_field = matches!(signal.from, SignalPlace::Field(_));
+            let fits = |kind: &SourceKind| (*kind == SourceKind::Bag) == is_field;
             let Some(at) = kinds.iter().position(fits) else {
                 let (key, has, wants) = if is_field {
                     ("field", "a table has columns", "column: NAME")
@@ -86,7 +87,7 @@ impl Import {
             };
             let path = &self.sources[at].path;
             let problem = match kinds[at] {
-                Kind::Bag => topics::absent(path, place)?,
+                SourceKind::Bag => topics::absent(path, place)?,
                 _ => head_of(path, &self.map)?.absent(place),
             };
             return Err(ImportError::file(path, format!("{id}: {problem}")));
@@ -105,20 +106,20 @@ impl Import {
     /// Where a file cannot be read on, or `on_row` fails.
     pub fn run<E: From<ImportError>>(
         mut self,
-        on_row: &mut dyn FnMut(&Row) -> Result<(), E>,
+        on_row: &mut dyn FnMut(&ImportedRow) -> Result<(), E>,
         on_progress: &mut dyn FnMut(f64),
-    ) -> Result<Outcome, E> {
+    ) -> Result<ImportOutcome, E> {
         let mut findings = Findings::new(&self.map);
         let mut rows = 0_u64;
         let mut esv = Esv::default();
         let mut resampler = self.map.resample_hz.map(Resampler::new);
         let constants = self.constants();
-        let mut held: Option<Row> = None;
+        let mut held: Option<ImportedRow> = None;
         for part in &mut self.sources {
             part.next = part.source.next()?;
         }
         let mut given_ns: Option<i64> = None;
-        let mut hand_on = |row: &mut Row, rows: &mut u64| {
+        let mut hand_on = |row: &mut ImportedRow, rows: &mut u64| {
             // Constants hold from the first row on, and are given again as the state of the ESV is.
             if given_ns.is_none_or(|given_ns| row.time_ns - given_ns >= AGAIN_NS) {
                 given_ns = Some(row.time_ns);
@@ -158,7 +159,7 @@ impl Import {
                 on_progress(self.share());
             }
         }
-        let mut outcome = Outcome::default();
+        let mut outcome = ImportOutcome::default();
         if let Some(mut resampler) = resampler {
             resampler.end();
             while let Some(mut row) = resampler.pop() {
@@ -181,14 +182,14 @@ impl Import {
     /// Values that no file holds.
     fn constants(&self) -> Vec<(Target, f64)> {
         let constant = |signal: &super::map::SignalMap| match signal.from {
-            Place::Constant(value) => Some((signal.target, value)),
+            SignalPlace::Constant(value) => Some((signal.target, value)),
             _ => None,
         };
         self.map.signals.iter().filter_map(constant).collect()
     }
 
     /// The earliest row of all sources, of one time that of the file named first.
-    fn earliest(&mut self) -> Result<Option<Row>, ImportError> {
+    fn earliest(&mut self) -> Result<Option<ImportedRow>, ImportError> {
         let next = |part: &Part| part.next.as_ref().map(|row| row.time_ns);
         let with_row = self.sources.iter().enumerate().filter_map(|(k, part)| Some((next(part)?, k)));
         let Some((_, k)) = with_row.min() else { return Ok(None) };
@@ -208,26 +209,26 @@ impl Import {
 /// Opens one file.
 fn open(path: &Path, map: &Map) -> Result<Box<dyn Source>, ImportError> {
     Ok(match kind_of(path)? {
-        Kind::Bag => Box::new(Topics::open(path, map)?),
-        Kind::Table => {
+        SourceKind::Bag => Box::new(BagRows::open(path, map)?),
+        SourceKind::Table => {
             let file = CsvFile::open(path, &map.file)?;
-            Box::new(Table::new(file.head.clone(), map, || file.records())?)
+            Box::new(TableSource::new(file.head.clone(), map, || file.records())?)
         }
         #[cfg(feature = "parquet")]
-        Kind::Parquet => {
+        SourceKind::Parquet => {
             let file = super::parquet_file::ParquetFile::open(path)?;
-            Box::new(Table::new(file.head.clone(), map, || file.records())?)
+            Box::new(TableSource::new(file.head.clone(), map, || file.records())?)
         }
         #[cfg(not(feature = "parquet"))]
-        Kind::Parquet => return Err(no_parquet(path)),
+        SourceKind::Parquet => return Err(no_parquet(path)),
     })
 }
 
 /// The columns of a table.
-fn head_of(path: &Path, map: &Map) -> Result<super::source::head::Head, ImportError> {
+fn head_of(path: &Path, map: &Map) -> Result<super::source::head::TableHead, ImportError> {
     match kind_of(path)? {
         #[cfg(feature = "parquet")]
-        Kind::Parquet => Ok(super::parquet_file::ParquetFile::open(path)?.head),
+        SourceKind::Parquet => Ok(super::parquet_file::ParquetFile::open(path)?.head),
         _ => Ok(CsvFile::open(path, &map.file)?.head),
     }
 }
@@ -249,7 +250,7 @@ struct Esv {
 }
 
 impl Esv {
-    fn thin(&mut self, row: &mut Row) {
+    fn thin(&mut self, row: &mut ImportedRow) {
         let Some(state) = row.value(Target::Esv) else { return };
         match self.last {
             Some((time_ns, last)) if last == state && (0..AGAIN_NS).contains(&(row.time_ns - time_ns)) => {

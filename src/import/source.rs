@@ -11,12 +11,12 @@ use std::io::Read as _;
 use std::path::Path;
 
 use super::ImportError;
-use super::row::Row;
+use super::row::ImportedRow;
 use crate::files::check_regular;
 
 /// What a file is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum SourceKind {
     /// Text in columns.
     Table,
     /// Apache Parquet.
@@ -45,9 +45,9 @@ const OTHERS: [(&[u8], &str); 9] = [
 ///
 /// # Errors
 /// Where it cannot be read, is empty, or is something else, with the way out.
-pub fn kind_of(path: &Path) -> Result<Kind, ImportError> {
+pub fn kind_of(path: &Path) -> Result<SourceKind, ImportError> {
     if path.is_dir() {
-        return Ok(Kind::Bag);
+        return Ok(SourceKind::Bag);
     }
     check_regular(path).map_err(ImportError::io(path, "read"))?;
     let mut head = vec![];
@@ -57,10 +57,10 @@ pub fn kind_of(path: &Path) -> Result<Kind, ImportError> {
         return Err(ImportError::file(path, "expected a table or a bag, found an empty file"));
     }
     if head.starts_with(mcap_magic()) || head.starts_with(b"SQLite format 3\0") {
-        return Ok(Kind::Bag);
+        return Ok(SourceKind::Bag);
     }
     if head.starts_with(b"PAR1") {
-        return Ok(Kind::Parquet);
+        return Ok(SourceKind::Parquet);
     }
     if let Some((_, found)) = OTHERS.iter().find(|(magic, _)| head.starts_with(magic)) {
         return Err(ImportError::file(path, format!("expected a table or a bag, found {found}")));
@@ -72,7 +72,7 @@ pub fn kind_of(path: &Path) -> Result<Kind, ImportError> {
         let found = "a file with zero bytes, which no table of text has";
         return Err(ImportError::file(path, format!("expected a table or a bag, found {found}")));
     }
-    Ok(Kind::Table)
+    Ok(SourceKind::Table)
 }
 
 /// The first bytes of an MCAP file.
@@ -82,7 +82,7 @@ fn mcap_magic() -> &'static [u8] {
 
 /// What a source has to say once it is read.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(super) struct Said {
+pub(super) struct SourceNotes {
     /// How it was understood.
     pub(super) notes: Vec<String>,
     /// What a user should look into.
@@ -92,11 +92,11 @@ pub(super) struct Said {
 /// Rows in the order of a file.
 pub(super) trait Source {
     /// The next row; none at the end.
-    fn next(&mut self) -> Result<Option<Row>, ImportError>;
+    fn next(&mut self) -> Result<Option<ImportedRow>, ImportError>;
     /// The share of the file that is read.
     fn share(&self) -> f64;
     /// Numbers of the map's signals that it holds.
     fn holds(&self) -> Vec<usize>;
     /// What there is to say of it, at the end.
-    fn said(&self) -> Said;
+    fn said(&self) -> SourceNotes;
 }

@@ -10,14 +10,14 @@ use std::path::Path;
 use super::ImportError;
 use super::csv_file::CsvFile;
 use super::map::{FileMap, Map, Repeated, TimeMap};
-use super::source::channel::Value;
-use super::source::head::Head;
-use super::source::records::{Records, SAMPLED};
-use super::source::table::Table;
-use super::source::{Kind, Source as _, kind_of};
+use super::source::channel::ChannelValue;
+use super::source::head::TableHead;
+use super::source::records::{SAMPLED, TableRecords};
+use super::source::table::TableSource;
+use super::source::{Source as _, SourceKind, kind_of};
 use crate::bag::{FieldReader, FieldValue, messages};
 
-pub use column::{Column, Envelope};
+pub use column::{Envelope, SuggestedColumn};
 pub use rank::Proposed;
 
 /// Columns of a file that are looked at.
@@ -31,7 +31,7 @@ pub struct Suggestion {
     /// The map.
     pub map: Map,
     /// Every column or field, in the order of the file.
-    pub columns: Vec<Column>,
+    pub columns: Vec<SuggestedColumn>,
     /// What each signal of the map was chosen by, in its order.
     pub reasons: Vec<Proposed>,
     /// How the file was understood.
@@ -48,8 +48,8 @@ pub struct Suggestion {
 /// Where it cannot be read, or its time is not understood: then the error says which line of a map would help.
 pub fn suggest(path: &Path, given: &Map, on_progress: &mut dyn FnMut(f64)) -> Result<Suggestion, ImportError> {
     match kind_of(path)? {
-        Kind::Bag => of_bag(path, on_progress),
-        Kind::Table => {
+        SourceKind::Bag => of_bag(path, on_progress),
+        SourceKind::Table => {
             let file = CsvFile::open(path, &given.file)?;
             let mut layout = given.file.clone();
             layout.separator = Some(file.dialect.separator);
@@ -60,17 +60,17 @@ pub fn suggest(path: &Path, given: &Map, on_progress: &mut dyn FnMut(f64)) -> Re
             of_table(file.head.clone(), layout, given, || file.records(), on_progress)
         }
         #[cfg(feature = "parquet")]
-        Kind::Parquet => {
+        SourceKind::Parquet => {
             let file = super::parquet_file::ParquetFile::open(path)?;
             of_table(file.head.clone(), FileMap::default(), given, || file.records(), on_progress)
         }
         #[cfg(not(feature = "parquet"))]
-        Kind::Parquet => Err(super::run::no_parquet(path)),
+        SourceKind::Parquet => Err(super::run::no_parquet(path)),
     }
 }
 
-fn of_table<R: Records>(
-    head: Head,
+fn of_table<R: TableRecords>(
+    head: TableHead,
     layout: FileMap,
     given: &Map,
     open: impl Fn() -> Result<R, ImportError>,
@@ -89,10 +89,10 @@ fn of_table<R: Records>(
             ),
         ));
     }
-    let mut table = Table::new(head, &map, &open)?;
+    let mut table = TableSource::new(head, &map, &open)?;
     let (time_columns, time) = table.time(&map);
-    let mut columns: Vec<Column> =
-        names.iter().zip(&units).take(MOST_COLUMNS).map(|(name, unit)| Column::new(name, unit)).collect();
+    let mut columns: Vec<SuggestedColumn> =
+        names.iter().zip(&units).take(MOST_COLUMNS).map(|(name, unit)| SuggestedColumn::new(name, unit)).collect();
     let mut rows = 0_u64;
     let (mut newest_ns, mut repeated) = (None, 0_u64);
     while let Some(time_ns) = table.advance()? {
@@ -136,8 +136,8 @@ fn of_table<R: Records>(
 }
 
 /// The column of names in a table with one value a line: text that repeats itself beside few other columns.
-fn long_table<R: Records>(
-    head: &Head,
+fn long_table<R: TableRecords>(
+    head: &TableHead,
     open: &impl Fn() -> Result<R, ImportError>,
 ) -> Result<Option<usize>, ImportError> {
     if head.names.len() > 6 {
@@ -150,7 +150,7 @@ fn long_table<R: Records>(
     while count < SAMPLED && records.advance()? {
         count += 1;
         for (column, (words, texts)) in seen.iter_mut().enumerate() {
-            if let Value::Text(text) = records.value(column) {
+            if let ChannelValue::Text(text) = records.value(column) {
                 *texts += 1;
                 if !words.iter().any(|known| known == text) {
                     words.push(text.to_owned());
@@ -184,7 +184,7 @@ fn of_bag(path: &Path, on_progress: &mut dyn FnMut(f64)) -> Result<Suggestion, I
             Err(problem) => notes.push(format!("topic {}: {problem}", topic.name)),
         }
     }
-    let mut columns: Vec<Column> = vec![];
+    let mut columns: Vec<SuggestedColumn> = vec![];
     let mut rows = 0_u64;
     for message in bag {
         let message = message?;
@@ -205,14 +205,14 @@ fn of_bag(path: &Path, on_progress: &mut dyn FnMut(f64)) -> Result<Suggestion, I
             let place = place.or_else(|| {
                 (columns.len() < MOST_COLUMNS).then(|| {
                     let unit = if *joints && field.starts_with("position") { "m" } else { "" };
-                    columns.push(Column::new(&name, unit));
+                    columns.push(SuggestedColumn::new(&name, unit));
                     columns.len() - 1
                 })
             });
             let Some(column) = place.and_then(|place| columns.get_mut(place)) else { continue };
             match &value {
-                FieldValue::Number(number) => column.take(time_ns, Value::Number(*number)),
-                FieldValue::Text(text) => column.take(time_ns, Value::Text(text)),
+                FieldValue::Number(number) => column.take(time_ns, ChannelValue::Number(*number)),
+                FieldValue::Text(text) => column.take(time_ns, ChannelValue::Text(text)),
             }
         }
     }

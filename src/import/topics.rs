@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::ImportError;
-use super::map::{Map, Place};
-use super::row::Row;
-use super::source::channel::{Channel, Value};
-use super::source::{Said, Source};
+use super::map::{Map, SignalPlace};
+use super::row::ImportedRow;
+use super::source::channel::{ChannelValue, SourceChannel};
+use super::source::{Source, SourceNotes};
 use crate::bag::{FieldPath, FieldReader, FieldValue, Messages, TopicInfo, messages};
 use crate::params::nearest;
 
@@ -15,13 +15,13 @@ use crate::params::nearest;
 struct Wanted {
     path: FieldPath,
     reader: usize,
-    channel: Channel,
+    channel: SourceChannel,
     /// Messages that do not hold the field.
     absent: u64,
 }
 
 /// A bag as a source of rows.
-pub(super) struct Topics {
+pub(super) struct BagRows {
     path: PathBuf,
     messages: Messages,
     readers: Vec<(Arc<TopicInfo>, FieldReader)>,
@@ -33,7 +33,7 @@ pub(super) struct Topics {
     notes: Vec<String>,
 }
 
-impl Topics {
+impl BagRows {
     /// Opens a bag by a map.
     pub(super) fn open(path: &Path, map: &Map) -> Result<Self, ImportError> {
         let messages = messages(path)?;
@@ -41,7 +41,7 @@ impl Topics {
         let mut readers: Vec<(Arc<TopicInfo>, FieldReader)> = vec![];
         let mut wanted = vec![];
         for (signal, one) in map.signals.iter().enumerate() {
-            let Place::Field(field) = &one.from else { continue };
+            let SignalPlace::Field(field) = &one.from else { continue };
             let id = one.target.id();
             let field = FieldPath::parse(field).map_err(|problem| wrong(format!("{id}: {problem}")))?;
             let Some(topic) = messages.topics().iter().find(|topic| topic.name == field.topic) else { continue };
@@ -55,7 +55,7 @@ impl Topics {
                 readers.len() - 1
             };
             readers[reader].1.check(&field).map_err(|problem| wrong(format!("{id}: {problem}")))?;
-            wanted.push(Wanted { path: field, reader, channel: Channel::new(signal, one), absent: 0 });
+            wanted.push(Wanted { path: field, reader, channel: SourceChannel::new(signal, one), absent: 0 });
         }
         let notes =
             readers.iter().map(|(topic, _)| format!("topic {} of type {}", topic.name, topic.type_name)).collect();
@@ -81,8 +81,8 @@ pub(super) fn absent(path: &Path, field: &str) -> Result<String, ImportError> {
     Ok(format!("there is no topic `{topic}`;{hint} topics: {}", list.join(", ")))
 }
 
-impl Source for Topics {
-    fn next(&mut self) -> Result<Option<Row>, ImportError> {
+impl Source for BagRows {
+    fn next(&mut self) -> Result<Option<ImportedRow>, ImportError> {
         for message in self.messages.by_ref() {
             let message = message?;
             self.passed += 1;
@@ -91,13 +91,15 @@ impl Source for Topics {
             };
             let stamp_ns = self.readers[reader].1.stamp_ns(&message.data).filter(|_| !self.by_log);
             self.undated += u64::from(stamp_ns.is_none() && !self.by_log);
-            let mut row = Row::at(stamp_ns.unwrap_or(message.log_time_ns));
+            let mut row = ImportedRow::at(stamp_ns.unwrap_or(message.log_time_ns));
             for wanted in self.wanted.iter_mut().filter(|wanted| wanted.reader == reader) {
                 match self.readers[reader].1.value(&wanted.path, &message.data) {
                     Some(FieldValue::Number(number)) => {
-                        wanted.channel.take(Value::Number(number), self.passed, &mut row);
+                        wanted.channel.take(ChannelValue::Number(number), self.passed, &mut row);
                     }
-                    Some(FieldValue::Text(text)) => wanted.channel.take(Value::Text(&text), self.passed, &mut row),
+                    Some(FieldValue::Text(text)) => {
+                        wanted.channel.take(ChannelValue::Text(&text), self.passed, &mut row)
+                    }
                     None => wanted.absent += 1,
                 }
             }
@@ -116,10 +118,10 @@ impl Source for Topics {
         self.wanted.iter().map(|wanted| wanted.channel.signal).collect()
     }
 
-    fn said(&self) -> Said {
+    fn said(&self) -> SourceNotes {
         let path = self.path.display();
         let mut said =
-            Said { notes: self.notes.iter().map(|note| format!("{path}: {note}")).collect(), warnings: vec![] };
+            SourceNotes { notes: self.notes.iter().map(|note| format!("{path}: {note}")).collect(), warnings: vec![] };
         said.warnings.extend(self.messages.warnings().iter().map(|warning| format!("{path}: {warning}")));
         if self.undated > 0 {
             let count = self.undated;

@@ -33,7 +33,7 @@ type Powers = [f64; OCTAVES];
 
 /// One signal of a recording, its reference, and the variance of noise, at each sample.
 #[derive(Clone, Debug)]
-pub struct Look {
+pub struct SignalSamples {
     /// As recorded; not a number where it was not.
     pub measured: Vec<f64>,
     /// As the reference has it.
@@ -61,7 +61,7 @@ pub struct LimitCycles {
 
 /// Looks for stretches in which any signal of a recording swings and the reference does not; then all of them do. One for each signal.
 #[must_use]
-pub fn swings(looks: &[Look], period_s: f64) -> Vec<LimitCycles> {
+pub fn swings(looks: &[SignalSamples], period_s: f64) -> Vec<LimitCycles> {
     let count = looks.first().map_or(0, |look| look.measured.len());
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small count")]
     let length = ((BLOCK.0 / period_s.max(1e-3)).round() as usize).max(BLOCK.1);
@@ -103,7 +103,7 @@ struct Compared {
     reference: Powers,
 }
 
-impl Look {
+impl SignalSamples {
     fn at(&self, samples: &Range<usize>) -> Compared {
         let samples = samples.clone();
         let noise_square = self.noise_squares[samples.clone()].iter().sum::<f64>() / samples.len() as f64;
@@ -127,7 +127,7 @@ impl Compared {
 impl LimitCycles {
     /// Of a signal that nothing lets swing of itself.
     #[must_use]
-    pub fn none(look: &Look) -> Self {
+    pub fn none(look: &SignalSamples) -> Self {
         Self { blocks: Vec::new(), octaves: 0, ignored_squares: vec![0.0; look.measured.len()] }
     }
 
@@ -204,7 +204,7 @@ mod tests {
 
     fn found(measured: Vec<f64>) -> LimitCycles {
         let noise_squares = vec![1e-6; measured.len()];
-        swings(&[Look { measured, reference: swing(0.0, 0.0, 0.0), noise_squares }], PERIOD_S).remove(0)
+        swings(&[SignalSamples { measured, reference: swing(0.0, 0.0, 0.0), noise_squares }], PERIOD_S).remove(0)
     }
 
     fn square(swings: &LimitCycles, simulated: &[f64]) -> f64 {
@@ -240,8 +240,8 @@ mod tests {
     fn an_event_at_another_time_and_louder_noise_are_no_swing() {
         let step = |at_s: f64| signal(|t| if t > at_s { 0.5 } else { 0.0 });
         let noise_squares = vec![1e-6; 2000];
-        let event = Look { measured: step(7.0), reference: step(9.5), noise_squares: noise_squares.clone() };
-        let noisy = Look {
+        let event = SignalSamples { measured: step(7.0), reference: step(9.5), noise_squares: noise_squares.clone() };
+        let noisy = SignalSamples {
             measured: (0..2000).map(|k| if k % 2 == 0 { 1.5e-3 } else { -1.5e-3 }).collect(),
             reference: vec![0.0; 2000],
             noise_squares,
@@ -258,7 +258,7 @@ mod tests {
         gappy[1000] = f64::NAN;
         let noise_squares = vec![1e-6; 2000];
         let reference = swing(0.0, 0.0, 0.0);
-        let looks = [swing(0.05, 3.0, 0.0), gappy].map(|measured| Look {
+        let looks = [swing(0.05, 3.0, 0.0), gappy].map(|measured| SignalSamples {
             measured,
             reference: reference.clone(),
             noise_squares: noise_squares.clone(),
@@ -270,8 +270,11 @@ mod tests {
     #[test]
     fn recordings_shorter_than_a_block_have_no_swings() {
         for count in [0, 1, 50] {
-            let look =
-                Look { measured: vec![1.0; count], reference: vec![0.0; count], noise_squares: vec![1e-6; count] };
+            let look = SignalSamples {
+                measured: vec![1.0; count],
+                reference: vec![0.0; count],
+                noise_squares: vec![1e-6; count],
+            };
             assert_eq!(swings(&[look], PERIOD_S)[0].samples(), 0);
         }
     }

@@ -76,7 +76,7 @@ fn log_likelihood(innovations: &[f64], scales: &[f64], share: f64) -> f64 {
 #[cfg(all(test, feature = "lab"))]
 mod tests {
     use super::*;
-    use crate::battery::{self, Case, Kind};
+    use crate::battery::{self, Case, CaseKind};
     use crate::likelihood::noise::expected;
     use crate::likelihood::trial::Trial;
     use crate::params;
@@ -86,7 +86,7 @@ mod tests {
     fn the_ratio_follows_the_readings_of_which_the_regulator_takes_the_mean() {
         let unit = params::reference();
         let ratio_of = |seed: u64| {
-            let kind = Kind::Sound;
+            let kind = CaseKind::Sound;
             let case = Case { name: "sound".into(), kind, rate_hz: 100.0, rich: false, seed };
             let trials = battery::make(&unit, &case).recordings().into_iter().map(Trial::new).collect();
             let problem = Problem::new(trials, &unit, &expected(&unit.sensors));

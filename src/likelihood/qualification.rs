@@ -37,7 +37,7 @@ struct Qualified {
 
 /// Recordings taken in, and what there is to say of them and of the others.
 #[derive(Clone, Debug, Default)]
-pub struct Intake {
+pub struct QualifiedRecordings {
     /// Those that can be used, in their order, each with its cut.
     pub qualified: Vec<(Recording, Cut)>,
     /// Warnings, each with the name of its recording, without full stop.
@@ -47,8 +47,8 @@ pub struct Intake {
 }
 
 /// Takes recordings in, each cut as the law says.
-pub fn qualify_all(recordings: Vec<Recording>, cut: impl Fn(&Recording) -> Cut) -> Intake {
-    let mut intake = Intake::default();
+pub fn qualify_all(recordings: Vec<Recording>, cut: impl Fn(&Recording) -> Cut) -> QualifiedRecordings {
+    let mut intake = QualifiedRecordings::default();
     for recording in recordings {
         let (name, cut) = (recording.name.clone(), cut(&recording));
         match qualify(recording, cut) {

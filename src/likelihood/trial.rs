@@ -7,7 +7,7 @@ use crate::likelihood::idle::idle_segments;
 use crate::plant::lanes::Width;
 use crate::recording::{Process, Recording};
 use crate::signal::Signal;
-use crate::twin::batch::{self, Row};
+use crate::twin::batch::{self, BatchRow};
 use crate::twin::{Cut, Twin};
 use crate::units::{nanos_from_seconds, seconds_from_nanos};
 
@@ -158,7 +158,7 @@ impl Trial {
     pub fn run(&self, twin: &mut Twin) -> Vec<Estimate> {
         twin.reset();
         let mut estimates = Vec::with_capacity(self.samples.len());
-        for Row { frame, is_sample } in self.rows(twin) {
+        for BatchRow { frame, is_sample } in self.rows(twin) {
             if is_sample {
                 estimates.push(twin.step(&frame));
             } else {
@@ -197,7 +197,7 @@ impl Trial {
     ///
     /// A plant whose inputs have a clock of their own reads commands and ESV ahead of their rows. The twin's clock stands
     /// still over the idle_segments that are left out.
-    fn rows(&self, twin: &Twin) -> impl Iterator<Item = Row> + use<'_> {
+    fn rows(&self, twin: &Twin) -> impl Iterator<Item = BatchRow> + use<'_> {
         let lookahead_ns = nanos_from_seconds(twin.plant().lookahead_s);
         let mut samples = self.samples.iter().peekable();
         let mut source = 0;
@@ -216,12 +216,12 @@ impl Trial {
                 rested_ns += rest_ns;
             }
             frame.time_ns -= rested_ns;
-            Row { frame, is_sample: samples.next_if(|&&sample| sample == row).is_some() }
+            BatchRow { frame, is_sample: samples.next_if(|&&sample| sample == row).is_some() }
         })
     }
 
     /// The same of several twins: once where all see the same.
-    fn rows_of(&self, twins: &[Twin]) -> Vec<impl Iterator<Item = Row> + use<'_>> {
+    fn rows_of(&self, twins: &[Twin]) -> Vec<impl Iterator<Item = BatchRow> + use<'_>> {
         let alike = twins.windows(2).all(|two| two[0].plant().lookahead_s == two[1].plant().lookahead_s);
         twins[..if alike { 1 } else { twins.len() }].iter().map(|twin| self.rows(twin)).collect()
     }

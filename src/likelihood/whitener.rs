@@ -2,7 +2,7 @@
 
 use crate::frame::Estimate;
 use crate::likelihood::kick::Contaminated;
-use crate::likelihood::limit_cycle::{LimitCycles, Look, swings};
+use crate::likelihood::limit_cycle::{LimitCycles, SignalSamples, swings};
 use crate::likelihood::noise::{Noise, SignalNoise, Variances};
 use crate::likelihood::trial::Trial;
 use crate::signal::Signal;
@@ -66,9 +66,9 @@ pub fn whiteners(
         let variances = Variances::new(trial, signal, &noise[signal as usize], reference, moved, step_pu);
         let measured = trial.measured(signal);
         let reference = signal.of_estimates(reference);
-        (Look { measured, reference, noise_squares: variances.sums() }, variances)
+        (SignalSamples { measured, reference, noise_squares: variances.sums() }, variances)
     };
-    let (looks, variances): (Vec<Look>, Vec<Variances>) = trial.signals().map(of).unzip();
+    let (looks, variances): (Vec<SignalSamples>, Vec<Variances>) = trial.signals().map(of).unzip();
     // A servomotor behind a recorded spool cannot swing of itself.
     let swings = match trial.cut {
         Cut::Spool => looks.iter().map(LimitCycles::none).collect(),
@@ -86,7 +86,13 @@ impl Whitener {
     ///
     /// `d ← a d + w`, `residual = d + n`: the scalar Kalman filter (Anderson & Moore 1979, section 3.1), whose innovations over
     /// their standard deviation are independent and of unit size when the model is right.
-    fn new(trial: &Trial, noise: &SignalNoise, look: &Look, variances: &Variances, swings: LimitCycles) -> Self {
+    fn new(
+        trial: &Trial,
+        noise: &SignalNoise,
+        look: &SignalSamples,
+        variances: &Variances,
+        swings: LimitCycles,
+    ) -> Self {
         let count = trial.samples.len();
         let (mut decay, mut gain, mut scale) =
             (Vec::with_capacity(count), Vec::with_capacity(count), Vec::with_capacity(count));

@@ -7,7 +7,7 @@ use ros2args::{LogLevel, ParamAssignment, Ros2Args, Ros2ArgsError, build_node_fq
 
 /// A value given for a parameter before start.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Given {
+pub enum ParameterOverride {
     /// `true` or `false`.
     Bool(bool),
     /// A number; ROS 2 tells 1 from 1.0, a person at a shell need not.
@@ -16,7 +16,7 @@ pub enum Given {
     Text(String),
 }
 
-impl fmt::Display for Given {
+impl fmt::Display for ParameterOverride {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Bool(value) => write!(f, "{value}"),
@@ -34,7 +34,7 @@ pub struct Arguments {
     /// Base name of the node.
     pub name: String,
     /// Parameters in the order in which they count: later ones win.
-    pub parameters: Vec<(String, Given)>,
+    pub parameters: Vec<(String, ParameterOverride)>,
     /// Least level of what is said.
     pub log_level: LogLevel,
     /// Whether words also go to `/rosout`.
@@ -143,7 +143,7 @@ fn collect(
     assignment: &ParamAssignment,
     namespace: &str,
     name: &str,
-    parameters: &mut Vec<(String, Given)>,
+    parameters: &mut Vec<(String, ParameterOverride)>,
     remarks: &mut Vec<String>,
 ) {
     if let Some(pattern) = &assignment.node_name {
@@ -162,13 +162,13 @@ fn collect(
         return;
     }
     #[expect(clippy::cast_precision_loss, reason = "parameters of this node are small numbers")]
-    let whole = assignment.as_i64().map(|value| Given::Number(value as f64));
+    let whole = assignment.as_i64().map(|value| ParameterOverride::Number(value as f64));
     let value = assignment
         .as_bool()
-        .map(Given::Bool)
+        .map(ParameterOverride::Bool)
         .or(whole)
-        .or_else(|| assignment.as_f64().map(Given::Number))
-        .or_else(|| assignment.as_str().map(|text| Given::Text(text.to_owned())));
+        .or_else(|| assignment.as_f64().map(ParameterOverride::Number))
+        .or_else(|| assignment.as_str().map(|text| ParameterOverride::Text(text.to_owned())));
     match value {
         Some(value) => parameters.push((key.clone(), value)),
         None => remarks.push(format!("parameter `{key}` is neither a bool, a number nor text; left out")),
@@ -179,7 +179,7 @@ fn collect(
 mod tests {
     use std::io::Write;
 
-    use super::{Arguments, Given};
+    use super::{Arguments, ParameterOverride};
 
     fn parse(words: &[&str]) -> Arguments {
         let words: Vec<String> = words.iter().map(|&word| word.to_owned()).collect();
@@ -239,11 +239,11 @@ mod tests {
         let path = file.path().to_str().unwrap();
         let arguments = parse(&["-p", "publish_rate:=200.0", "--params-file", path, "-p", "on_stale:=hold"]);
         let expected = [
-            ("hold".to_owned(), Given::Number(2.5)),
-            ("publish_rate".to_owned(), Given::Number(50.0)),
-            ("qos.depth".to_owned(), Given::Number(3.0)),
-            ("publish_rate".to_owned(), Given::Number(200.0)),
-            ("on_stale".to_owned(), Given::Text("hold".to_owned())),
+            ("hold".to_owned(), ParameterOverride::Number(2.5)),
+            ("publish_rate".to_owned(), ParameterOverride::Number(50.0)),
+            ("qos.depth".to_owned(), ParameterOverride::Number(3.0)),
+            ("publish_rate".to_owned(), ParameterOverride::Number(200.0)),
+            ("on_stale".to_owned(), ParameterOverride::Text("hold".to_owned())),
         ];
         assert_eq!(arguments.parameters, expected);
     }

@@ -11,7 +11,7 @@ const PATIENCE_NS: i64 = 3 * NANOS_PER_SECOND;
 
 /// What was heard of `/clock`, shared between whoever hears and whoever watches.
 #[derive(Debug)]
-pub struct Heard {
+pub struct ClockHeard {
     arrived_ns: AtomicI64,
     time_ns: AtomicI64,
 }
@@ -19,13 +19,13 @@ pub struct Heard {
 /// No time yet.
 const NEVER: i64 = i64::MIN;
 
-impl Default for Heard {
+impl Default for ClockHeard {
     fn default() -> Self {
         Self { arrived_ns: AtomicI64::new(NEVER), time_ns: AtomicI64::new(NEVER) }
     }
 }
 
-impl Heard {
+impl ClockHeard {
     /// Notes a time of the clock that arrived at `now_ns` of the machine's; a time that repeats itself is no news.
     pub fn note(&self, time_ns: i64, now_ns: i64) {
         if self.time_ns.swap(time_ns, Ordering::Relaxed) != time_ns {
@@ -64,7 +64,7 @@ impl Watch {
     }
 
     /// What is to be told at `now_ns`; `writers` is how many publish `/clock`.
-    pub fn look(&mut self, heard: &Heard, writers: usize, now_ns: i64) -> Option<(LogLevel, String)> {
+    pub fn look(&mut self, heard: &ClockHeard, writers: usize, now_ns: i64) -> Option<(LogLevel, String)> {
         if writers < 2 {
             self.two_told = false;
         } else if !std::mem::replace(&mut self.two_told, true) {
@@ -117,13 +117,13 @@ impl Watch {
 
 #[cfg(test)]
 mod tests {
-    use super::{Heard, Watch};
+    use super::{ClockHeard, Watch};
 
     const SECOND_NS: i64 = 1_000_000_000;
 
     #[test]
     fn absent_heard_stopped_and_going_on_are_told_once_each() {
-        let (heard, mut watch) = (Heard::default(), Watch::new(0));
+        let (heard, mut watch) = (ClockHeard::default(), Watch::new(0));
         let mut told = Vec::new();
         for second in 0..20 {
             if (6..9).contains(&second) || second >= 15 {
@@ -142,7 +142,7 @@ mod tests {
 
     #[test]
     fn two_clocks_are_told_and_one_that_cannot_be_heard_is_counted() {
-        let (heard, mut watch) = (Heard::default(), Watch::new(0));
+        let (heard, mut watch) = (ClockHeard::default(), Watch::new(0));
         assert!(watch.look(&heard, 2, 0).unwrap().1.contains("2 publishers"));
         assert!(watch.look(&heard, 2, 1).is_none());
         assert!(watch.look(&heard, 1, 4 * SECOND_NS).unwrap().1.contains("1 publish it, but nothing arrives"));

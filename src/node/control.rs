@@ -28,7 +28,7 @@ pub enum Order {
 
 /// Whether the simulation runs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum State {
+pub enum RunState {
     /// It stands at the start.
     Stopped,
     /// It runs with the clock.
@@ -40,7 +40,7 @@ pub enum State {
 
 /// What became of an order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Outcome {
+pub enum OrderOutcome {
     /// Done.
     Done,
     /// It was so already.
@@ -59,9 +59,9 @@ pub struct Answer {
     /// Of which order.
     pub ticket: Ticket,
     /// What became of it.
-    pub outcome: Outcome,
+    pub outcome: OrderOutcome,
     /// The state from then on.
-    pub state: State,
+    pub state: RunState,
 }
 
 /// Steps under way.

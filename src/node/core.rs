@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 pub use self::notices::Notices;
 use super::control::{Order, Ticket};
-pub use super::policy::{Input, InputState, OnStale, Policies, Policy, Rule};
+pub use super::policy::{InputState, NodeInput, OnStale, Policies, Policy, Rule};
 use super::refit::{Load, Refit};
 use crate::frame::{Estimate, EsvState, Frame, Inputs, Signals};
 use crate::residual::corrector::{Correction, Corrector};
@@ -17,7 +17,7 @@ use crate::twin::Twin;
 
 /// Something heard, checked already: every number is finite and in range.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Heard {
+pub enum InputEvent {
     /// Guide-vane opening command, pu.
     Command(f64),
     /// State of the emergency shutdown valve.
@@ -40,7 +40,7 @@ pub enum Heard {
     /// A twin of changed parameters waits on its own ring.
     Refit,
     /// A new treatment of one input's silence.
-    Rule(Input, Rule),
+    Rule(NodeInput, Rule),
     /// A new publish period, ns.
     PublishPeriod(i64),
 }
@@ -63,13 +63,13 @@ pub struct Tick {
     /// The fail-safe asks the node to end.
     pub stop: bool,
     /// What stands behind each input.
-    pub states: [InputState; Input::COUNT],
+    pub states: [InputState; NodeInput::COUNT],
     /// Spool's reference stroke and servomotor's stroke, by which positions become metres.
     pub strokes_m: [f64; 2],
     /// Force on the piston besides the sheet's load, N, + opens.
     pub load_n: f64,
     /// Ages of the inputs, ns; `None` for one never heard.
-    pub ages_ns: [Option<i64>; Input::COUNT],
+    pub ages_ns: [Option<i64>; NodeInput::COUNT],
 }
 
 impl Tick {
@@ -97,7 +97,7 @@ pub struct Core {
     measured: Signals,
     policies: Policies,
     inputs: Inputs,
-    held: [Held; Input::COUNT],
+    held: [Held; NodeInput::COUNT],
     began_ns: Option<i64>,
     previous: Option<Inputs>,
     fail_safe: bool,
@@ -113,7 +113,7 @@ impl Core {
         let tank_pressure_pa = *policies.default_tank_pressure_pa.get_or_insert(tank_pressure_pa);
         let inputs =
             Inputs { opening_command_pu: policies.default_command_pu, esv: policies.default_esv, tank_pressure_pa };
-        let held = [Held { heard_ns: None, stale: false }; Input::COUNT];
+        let held = [Held { heard_ns: None, stale: false }; NodeInput::COUNT];
         let plant = twin.plant();
         let strokes_m = [plant.spool.reference_stroke_m, plant.servomotor.stroke_m];
         Self {
@@ -154,34 +154,34 @@ impl Core {
     }
 
     /// Takes what was heard at `now_ns`, a time that never runs backwards between two resets.
-    pub fn hear(&mut self, heard: Heard, now_ns: i64) {
+    pub fn hear(&mut self, heard: InputEvent, now_ns: i64) {
         let input = match heard {
-            Heard::Command(opening_command_pu) => {
+            InputEvent::Command(opening_command_pu) => {
                 self.inputs.opening_command_pu = opening_command_pu;
-                Input::Command
+                NodeInput::Command
             }
-            Heard::Esv(esv) => {
+            InputEvent::Esv(esv) => {
                 self.inputs.esv = esv;
-                Input::Esv
+                NodeInput::Esv
             }
-            Heard::TankPressure(tank_pressure_pa) => {
+            InputEvent::TankPressure(tank_pressure_pa) => {
                 self.inputs.tank_pressure_pa = tank_pressure_pa;
-                Input::TankPressure
+                NodeInput::TankPressure
             }
-            Heard::Rule(input, rule) => {
+            InputEvent::Rule(input, rule) => {
                 self.policies.rules[input as usize] = rule;
                 return;
             }
-            Heard::Measured { spool_pu, servomotor_pu } => {
+            InputEvent::Measured { spool_pu, servomotor_pu } => {
                 self.measured.spool_position_pu = spool_pu;
                 self.measured.servomotor_position_pu = servomotor_pu;
                 return;
             }
-            Heard::Load(load_n) => {
+            InputEvent::Load(load_n) => {
                 self.load_n = load_n;
-                Input::Load
+                NodeInput::Load
             }
-            Heard::Clock(_) | Heard::PublishPeriod(_) | Heard::Order(..) | Heard::Refit => return,
+            InputEvent::Clock(_) | InputEvent::PublishPeriod(_) | InputEvent::Order(..) | InputEvent::Refit => return,
         };
         self.held[input as usize].heard_ns = Some(now_ns);
     }
@@ -200,7 +200,7 @@ impl Core {
             corrector.reset();
         }
         self.measured = Signals::NONE;
-        self.held = [Held { heard_ns: None, stale: false }; Input::COUNT];
+        self.held = [Held { heard_ns: None, stale: false }; NodeInput::COUNT];
         self.began_ns = None;
         self.load_n = 0.0;
         self.previous = None;
@@ -231,9 +231,9 @@ impl Core {
     pub fn tick(&mut self, time_ns: i64, now_ns: i64) -> Tick {
         let began_ns = *self.began_ns.get_or_insert(now_ns);
         let mut notices = std::mem::take(&mut self.pending);
-        let (mut complete, mut ages_ns) = (true, [None; Input::COUNT]);
-        let mut states = [InputState::Default; Input::COUNT];
-        for input in Input::ALL {
+        let (mut complete, mut ages_ns) = (true, [None; NodeInput::COUNT]);
+        let mut states = [InputState::Default; NodeInput::COUNT];
+        for input in NodeInput::ALL {
             let rule = self.policies.rules[input as usize];
             let held = &mut self.held[input as usize];
             let age_ns = now_ns.saturating_sub(held.heard_ns.unwrap_or(began_ns));
@@ -260,8 +260,8 @@ impl Core {
         // Without a first set of inputs there is no steady state to start from: the twin waits, and nothing trips.
         let runs = complete || self.previous.is_some();
         let failed = |choice: OnStale| {
-            let of = |input: &Input| self.policies.rules[*input as usize].policy.on_stale == choice;
-            runs && Input::ALL.iter().any(|input| states[*input as usize] == InputState::Failed && of(input))
+            let of = |input: &NodeInput| self.policies.rules[*input as usize].policy.on_stale == choice;
+            runs && NodeInput::ALL.iter().any(|input| states[*input as usize] == InputState::Failed && of(input))
         };
         let (trip, stop) = (failed(OnStale::Trip), failed(OnStale::Stop));
         let fail_safe = trip || stop || failed(OnStale::Default);
@@ -275,7 +275,7 @@ impl Core {
         if runs && self.previous.is_none() {
             notices.add(Notices::STARTED);
         }
-        let load_n = if states[Input::Load as usize] == InputState::Failed { 0.0 } else { self.load_n };
+        let load_n = if states[NodeInput::Load as usize] == InputState::Failed { 0.0 } else { self.load_n };
         self.load.set(load_n);
         let estimate = runs.then(|| self.twin.step(&frame));
         // A measured sample belongs to the tick that first sees it, and is no input of the twin.
@@ -310,7 +310,7 @@ impl Core {
 
 #[cfg(test)]
 mod tests {
-    use super::{Core, Heard, Input, InputState, Notices, OnStale, Policies, Policy, Rule};
+    use super::{Core, InputEvent, InputState, NodeInput, Notices, OnStale, Policies, Policy, Rule};
     use crate::frame::EsvState;
     use crate::twin::Twin;
 
@@ -322,15 +322,15 @@ mod tests {
     }
 
     fn hear_all(core: &mut Core, now_ns: i64) {
-        core.hear(Heard::Command(0.4), now_ns);
-        core.hear(Heard::Esv(EsvState::Normal), now_ns);
-        core.hear(Heard::TankPressure(6.2e6), now_ns);
+        core.hear(InputEvent::Command(0.4), now_ns);
+        core.hear(InputEvent::Esv(EsvState::Normal), now_ns);
+        core.hear(InputEvent::TankPressure(6.2e6), now_ns);
     }
 
     #[test]
     fn waits_for_all_inputs_then_starts_at_their_steady_state() {
         let mut core = core(OnStale::Trip);
-        core.hear(Heard::Command(0.4), 0);
+        core.hear(InputEvent::Command(0.4), 0);
         assert_eq!(core.tick(0, 0).estimate, None);
         hear_all(&mut core, 0);
         let tick = core.tick(MS, MS);
@@ -359,9 +359,9 @@ mod tests {
         }
         let steps: Vec<i64> = seen.iter().map(|(step, _)| *step).collect();
         assert_eq!(steps, [0, 101, 151, 300]);
-        assert!(Input::ALL[..3].iter().all(|&input| seen[1].1.has(Notices::stale(input))));
+        assert!(NodeInput::ALL[..3].iter().all(|&input| seen[1].1.has(Notices::stale(input))));
         assert!(seen[2].1.has(Notices::FAIL_SAFE));
-        assert!(seen[3].1.has(Notices::RELEASED) && seen[3].1.has(Notices::recovered(Input::Esv)));
+        assert!(seen[3].1.has(Notices::RELEASED) && seen[3].1.has(Notices::recovered(NodeInput::Esv)));
     }
 
     #[test]
@@ -380,11 +380,12 @@ mod tests {
     fn without_first_inputs_it_waits_and_says_what_for() {
         let mut core = core(OnStale::Trip);
         assert_eq!(core.tick(0, 0).estimate, None);
-        core.hear(Heard::Command(0.4), MS);
+        core.hear(InputEvent::Command(0.4), MS);
         let tick = core.tick(151 * MS, 151 * MS);
         assert!(tick.estimate.is_none() && !tick.fail_safe && !tick.stop);
         assert!(
-            tick.notices.has(Notices::missing(Input::Esv)) && tick.notices.has(Notices::missing(Input::TankPressure))
+            tick.notices.has(Notices::missing(NodeInput::Esv))
+                && tick.notices.has(Notices::missing(NodeInput::TankPressure))
         );
         assert_eq!(tick.states, [InputState::Held, InputState::Default, InputState::Default, InputState::Default]);
     }
@@ -393,25 +394,25 @@ mod tests {
     fn an_optional_input_has_its_default_until_it_is_heard_and_its_own_limits_then() {
         let policy = Policy { stale_after_ns: 100 * MS, hold_ns: 50 * MS, on_stale: OnStale::Trip };
         let mut policies = Policies::from(policy);
-        policies.rules[Input::Esv as usize].required = false;
+        policies.rules[NodeInput::Esv as usize].required = false;
         let relaxed = Policy { stale_after_ns: 1000 * MS, hold_ns: 0, on_stale: OnStale::Default };
-        policies.rules[Input::TankPressure as usize] = Rule { policy: relaxed, required: false };
+        policies.rules[NodeInput::TankPressure as usize] = Rule { policy: relaxed, required: false };
         policies.default_tank_pressure_pa = Some(5.9e6);
         let mut core = Core::new(Twin::new(&crate::params::reference()), policies, 6.3e6);
         let tick = |core: &mut Core, now: i64| {
-            core.hear(Heard::Command(0.4), now * MS);
+            core.hear(InputEvent::Command(0.4), now * MS);
             core.tick(now * MS, now * MS)
         };
         let first = tick(&mut core, 0);
         assert!(first.estimate.is_some());
         assert_eq!((first.frame.inputs.esv, first.frame.inputs.tank_pressure_pa), (EsvState::Normal, 5.9e6));
         assert!(!tick(&mut core, 5000).fail_safe, "an optional input never heard is not missed");
-        core.hear(Heard::TankPressure(6.1e6), 5000 * MS);
+        core.hear(InputEvent::TankPressure(6.1e6), 5000 * MS);
         assert_eq!(tick(&mut core, 6000).frame.inputs.tank_pressure_pa, 6.1e6);
         let late = tick(&mut core, 6001);
         assert!(late.fail_safe && late.states[2] == InputState::Failed);
         assert_eq!((late.frame.inputs.esv, late.frame.inputs.tank_pressure_pa), (EsvState::Normal, 5.9e6));
-        core.hear(Heard::Esv(EsvState::Normal), 6001 * MS);
+        core.hear(InputEvent::Esv(EsvState::Normal), 6001 * MS);
         let tripped = tick(&mut core, 6152);
         assert_eq!(tripped.frame.inputs.esv, EsvState::Shutdown);
         assert!(!tripped.is_clamped() && tick(&mut core, 6153).fail_safe);

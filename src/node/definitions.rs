@@ -32,7 +32,7 @@ type Wanted = (String, String);
 
 /// The definition of a type.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub(super) struct Known {
+pub(super) struct KnownDefinition {
     /// The `ros2msg` schema; empty where nobody knows one.
     pub(super) schema: String,
     /// The hash of the type as it is published; empty where neither publisher nor schema says.
@@ -42,7 +42,7 @@ pub(super) struct Known {
 /// Where definitions come from, and what was found.
 pub(super) struct Definitions {
     folders: Vec<PathBuf>,
-    known: BTreeMap<Wanted, Known>,
+    known: BTreeMap<Wanted, KnownDefinition>,
     asked: BTreeMap<Wanted, Inquiry>,
 }
 
@@ -68,16 +68,16 @@ impl Definitions {
         hash: &str,
         process: Option<[u8; 12]>,
         bus: &mut Bus,
-    ) -> Option<Known> {
+    ) -> Option<KnownDefinition> {
         let wanted = (type_name.to_owned(), hash.to_owned());
         if let Some(known) = self.known.get(&wanted) {
             return Some(known.clone());
         }
         let found = self.carried_or_filed(&wanted).or_else(|| self.answered(&wanted));
         let found = match found {
-            Some(schema) => Known { hash: or_own(hash, type_name, &schema), schema },
+            Some(schema) => KnownDefinition { hash: or_own(hash, type_name, &schema), schema },
             None if self.ask(&wanted, process, bus) => return None,
-            None => Known { schema: String::new(), hash: hash.to_owned() },
+            None => KnownDefinition { schema: String::new(), hash: hash.to_owned() },
         };
         self.asked.remove(&wanted);
         self.known.insert(wanted, found.clone());

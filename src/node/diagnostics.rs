@@ -2,10 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::control::State;
-use super::core::{Input, Policies};
-use super::intake::{Counts, Refusal};
-use super::integration::Output;
+use super::control::RunState;
+use super::core::{NodeInput, Policies};
+use super::intake::{Refusal, TopicCounts};
+use super::integration::TickOutput;
 use crate::msg::Header;
 use crate::units::seconds_from_nanos;
 
@@ -47,9 +47,9 @@ pub struct DiagnosticArray {
 
 /// How time goes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Course {
+pub struct TimeKeeping {
     /// Whether the simulation runs.
-    pub state: State,
+    pub state: RunState,
     /// Of a `/clock` that is followed: how bad, and what.
     pub clock: Option<(u8, &'static str)>,
     /// Of a bag that is written: how bad, and what.
@@ -64,26 +64,26 @@ pub struct Course {
 pub fn compile(
     node: &str,
     time_ns: i64,
-    newest: Option<&Output>,
+    newest: Option<&TickOutput>,
     policies: &Policies,
-    counts: &[Counts; Input::COUNT],
-    reported: &[Counts; Input::COUNT],
-    course: Course,
+    counts: &[TopicCounts; NodeInput::COUNT],
+    reported: &[TopicCounts; NodeInput::COUNT],
+    course: TimeKeeping,
 ) -> DiagnosticArray {
-    let Course { state, clock, bag } = course;
+    let TimeKeeping { state, clock, bag } = course;
     let mut status = Vec::new();
     let key_value = |key: &str, value: String| KeyValue { key: key.to_owned(), value };
     let mut add = |part: &str, level, message: String, values| {
         let name = format!("{node}: {part}");
         status.push(DiagnosticStatus { level, name, message, hardware_id: String::new(), values });
     };
-    let is_stale = |input: Input, age_ns: i64| age_ns > policies.rules[input as usize].policy.stale_after_ns;
+    let is_stale = |input: NodeInput, age_ns: i64| age_ns > policies.rules[input as usize].policy.stale_after_ns;
     let (level, message) = match newest.map(|output| &output.tick) {
-        _ if state != State::Playing => (0, "the simulation stands, until it is played or stepped"),
+        _ if state != RunState::Playing => (0, "the simulation stands, until it is played or stepped"),
         Some(tick) if tick.fail_safe => (2, "fail-safe: inputs are missing"),
         Some(tick) if tick.estimate.is_some() => {
-            let of = |input: Input| tick.ages_ns[input as usize].is_some_and(|age_ns| is_stale(input, age_ns));
-            let silent = Input::ALL.into_iter().any(of);
+            let of = |input: NodeInput| tick.ages_ns[input as usize].is_some_and(|age_ns| is_stale(input, age_ns));
+            let silent = NodeInput::ALL.into_iter().any(of);
             if silent { (1, "running on the last value of silent inputs") } else { (0, "running") }
         }
         _ => (3, "waiting for inputs"),
@@ -95,7 +95,7 @@ pub fn compile(
         ]
     });
     add("integration", level, message.to_owned(), figures);
-    for input in Input::ALL {
+    for input in NodeInput::ALL {
         let (counts, reported) = (counts[input as usize], reported[input as usize]);
         let age_ns = newest.and_then(|output| output.tick.ages_ns[input as usize]);
         let mut values = vec![
@@ -132,11 +132,11 @@ fn seconds_text(time_ns: i64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{Course, DiagnosticArray, State, compile};
+    use super::{DiagnosticArray, RunState, TimeKeeping, compile};
     use crate::frame::EsvState;
-    use crate::node::core::{Core, Heard, Input, OnStale, Policy, Tick};
-    use crate::node::intake::{Counts, Gate, Refusal};
-    use crate::node::integration::Output;
+    use crate::node::core::{Core, InputEvent, NodeInput, OnStale, Policy, Tick};
+    use crate::node::intake::{Refusal, TopicCounts, TopicGate};
+    use crate::node::integration::TickOutput;
     use crate::twin::Twin;
 
     const SECOND_NS: i64 = 1_000_000_000;
@@ -149,15 +149,20 @@ mod tests {
     /// A core that heard all inputs at 0 s.
     fn core(on_stale: OnStale) -> Core {
         let mut core = Core::new(Twin::new(&crate::params::reference()), policy(on_stale), 6.3e6);
-        for heard in [Heard::Command(0.4), Heard::Esv(EsvState::Normal), Heard::TankPressure(6.3e6)] {
+        for heard in [InputEvent::Command(0.4), InputEvent::Esv(EsvState::Normal), InputEvent::TankPressure(6.3e6)] {
             core.hear(heard, 0);
         }
         core
     }
 
-    fn report(tick: Tick, counts: &[Counts; Input::COUNT], reported: &[Counts; Input::COUNT]) -> DiagnosticArray {
-        let newest = Output { tick, publish: true, steps_left: 0, patient: false, overruns: 0, worst_lateness_us: 0.0 };
-        compile("/govtwin", 5, Some(&newest), &policy(OnStale::Hold).into(), counts, reported, Course::default())
+    fn report(
+        tick: Tick,
+        counts: &[TopicCounts; NodeInput::COUNT],
+        reported: &[TopicCounts; NodeInput::COUNT],
+    ) -> DiagnosticArray {
+        let newest =
+            TickOutput { tick, publish: true, steps_left: 0, patient: false, overruns: 0, worst_lateness_us: 0.0 };
+        compile("/govtwin", 5, Some(&newest), &policy(OnStale::Hold).into(), counts, reported, TimeKeeping::default())
     }
 
     fn said(array: &DiagnosticArray) -> Vec<(u8, &str)> {
@@ -166,7 +171,7 @@ mod tests {
 
     #[test]
     fn silence_is_stale_and_every_part_is_there() {
-        let none = <[_; Input::COUNT]>::default();
+        let none = <[_; NodeInput::COUNT]>::default();
         let array = compile(
             "/govtwin",
             5,
@@ -174,7 +179,7 @@ mod tests {
             &policy(OnStale::Trip).into(),
             &none,
             &none,
-            Course { clock: Some((2, "missing")), ..Course::default() },
+            TimeKeeping { clock: Some((2, "missing")), ..TimeKeeping::default() },
         );
         assert_eq!(array.status.len(), 6);
         assert!(array.status[..4].iter().all(|status| status.level == 3));
@@ -184,15 +189,15 @@ mod tests {
 
     #[test]
     fn an_input_that_fell_silent_is_an_error_with_its_age_even_where_it_is_held() {
-        let none = <[_; Input::COUNT]>::default();
+        let none = <[_; NodeInput::COUNT]>::default();
         let mut core = core(OnStale::Hold);
         assert_eq!(
             said(&report(core.tick(0, 0), &none, &none)),
             [(0, "running"), (0, "heard"), (0, "heard"), (0, "heard"), NO_LOAD]
         );
         let hour_ns = 3600 * SECOND_NS;
-        core.hear(Heard::Esv(EsvState::Normal), hour_ns);
-        core.hear(Heard::TankPressure(6.3e6), hour_ns);
+        core.hear(InputEvent::Esv(EsvState::Normal), hour_ns);
+        core.hear(InputEvent::TankPressure(6.3e6), hour_ns);
         let array = report(core.tick(SECOND_NS, hour_ns), &none, &none);
         let expected = [
             (1, "running on the last value of silent inputs"),
@@ -207,7 +212,7 @@ mod tests {
 
     #[test]
     fn a_fail_safe_is_told_until_it_ends_or_time_starts_anew() {
-        let none = <[_; Input::COUNT]>::default();
+        let none = <[_; NodeInput::COUNT]>::default();
         let mut core = core(OnStale::Trip);
         let tripped = report(core.tick(4 * SECOND_NS, 4 * SECOND_NS), &none, &none);
         assert_eq!(said(&tripped)[0], (2, "fail-safe: inputs are missing"));
@@ -217,7 +222,7 @@ mod tests {
 
     #[test]
     fn a_simulation_that_stands_is_told_as_such() {
-        let none = <[_; Input::COUNT]>::default();
+        let none = <[_; NodeInput::COUNT]>::default();
         let array = compile(
             "/govtwin",
             5,
@@ -225,7 +230,7 @@ mod tests {
             &policy(OnStale::Trip).into(),
             &none,
             &none,
-            Course { state: State::Paused, ..Course::default() },
+            TimeKeeping { state: RunState::Paused, ..TimeKeeping::default() },
         );
         assert_eq!(said(&array)[0], (0, "the simulation stands, until it is played or stepped"));
     }
@@ -233,9 +238,9 @@ mod tests {
     #[test]
     fn a_refused_sample_warns_in_one_report() {
         let mut core = core(OnStale::Hold);
-        let mut gate = Gate::default();
+        let mut gate = TopicGate::default();
         gate.refuse(Refusal::OutOfRange);
-        let none = <[Counts; Input::COUNT]>::default();
+        let none = <[TopicCounts; NodeInput::COUNT]>::default();
         let mut counts = none;
         counts[0] = gate.counts();
         let tick = core.tick(0, 0);

@@ -9,7 +9,7 @@ use crate::frame::EsvState;
 use crate::msg::{self, Header};
 use crate::units::NANOS_PER_SECOND;
 
-use super::core::{Heard, Input};
+use super::core::{InputEvent, NodeInput};
 
 /// Opening commands beyond these are no commands, pu; the regulator itself limits what lies between.
 const OPENING_RANGE_PU: (f64, f64) = (-0.5, 1.5);
@@ -68,7 +68,7 @@ impl Refusal {
 
 /// Counts of one topic.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counts {
+pub struct TopicCounts {
     /// Samples used.
     pub used: u64,
     /// Times at which the source started again.
@@ -78,7 +78,7 @@ pub struct Counts {
     refused: [u64; 7],
 }
 
-impl Counts {
+impl TopicCounts {
     /// Samples refused for this reason.
     #[must_use]
     pub fn refused(&self, refusal: Refusal) -> u64 {
@@ -94,15 +94,15 @@ impl Counts {
 
 /// The gate of one topic.
 #[derive(Clone, Debug, Default)]
-pub struct Gate {
-    counts: Counts,
+pub struct TopicGate {
+    counts: TopicCounts,
     newest_ns: Option<i64>,
 }
 
-impl Gate {
+impl TopicGate {
     /// Counts so far.
     #[must_use]
-    pub fn counts(&self) -> Counts {
+    pub fn counts(&self) -> TopicCounts {
         self.counts
     }
 
@@ -145,41 +145,41 @@ impl Gate {
 /// A message that the node listens to.
 pub trait Intake {
     /// The input that it feeds.
-    const INPUT: Input;
+    const INPUT: NodeInput;
 
     /// Checks a message against what may be.
     ///
     /// # Errors
     /// With the reason for which it is not used.
-    fn check(&self, gate: &mut Gate) -> Result<Heard, Refusal>;
+    fn check(&self, gate: &mut TopicGate) -> Result<InputEvent, Refusal>;
 }
 
 impl Intake for msg::GovernorCommand {
-    const INPUT: Input = Input::Command;
+    const INPUT: NodeInput = NodeInput::Command;
 
-    fn check(&self, gate: &mut Gate) -> Result<Heard, Refusal> {
-        gate.pass(&self.header, in_range(self.opening, OPENING_RANGE_PU).map(Heard::Command))
+    fn check(&self, gate: &mut TopicGate) -> Result<InputEvent, Refusal> {
+        gate.pass(&self.header, in_range(self.opening, OPENING_RANGE_PU).map(InputEvent::Command))
     }
 }
 
 impl Intake for msg::EsvState {
-    const INPUT: Input = Input::Esv;
+    const INPUT: NodeInput = NodeInput::Esv;
 
-    fn check(&self, gate: &mut Gate) -> Result<Heard, Refusal> {
+    fn check(&self, gate: &mut TopicGate) -> Result<InputEvent, Refusal> {
         let state = match self.state {
             Self::SHUTDOWN => Ok(EsvState::Shutdown),
             Self::NORMAL => Ok(EsvState::Normal),
             _ => Err(Refusal::OutOfRange),
         };
-        gate.pass(&self.header, state.map(Heard::Esv))
+        gate.pass(&self.header, state.map(InputEvent::Esv))
     }
 }
 
 impl Intake for msg::FluidPressure {
-    const INPUT: Input = Input::TankPressure;
+    const INPUT: NodeInput = NodeInput::TankPressure;
 
-    fn check(&self, gate: &mut Gate) -> Result<Heard, Refusal> {
-        gate.pass(&self.header, in_range(self.fluid_pressure, PRESSURE_RANGE_PA).map(Heard::TankPressure))
+    fn check(&self, gate: &mut TopicGate) -> Result<InputEvent, Refusal> {
+        gate.pass(&self.header, in_range(self.fluid_pressure, PRESSURE_RANGE_PA).map(InputEvent::TankPressure))
     }
 }
 
@@ -222,9 +222,9 @@ impl<Sender: Ord> Numbering<Sender> {
 mod tests {
     use proptest::prelude::{any, proptest};
 
-    use super::{Gate, Intake, MOST_SENDERS, Numbering, Refusal};
+    use super::{Intake, MOST_SENDERS, Numbering, Refusal, TopicGate};
     use crate::msg::{EsvState, FluidPressure, GovernorCommand, Header, Time};
-    use crate::node::core::Heard;
+    use crate::node::core::InputEvent;
 
     fn command(sec: i32, nanosec: u32, opening: f64) -> GovernorCommand {
         GovernorCommand { header: Header { stamp: Time { sec, nanosec }, frame_id: String::new() }, opening }
@@ -232,17 +232,17 @@ mod tests {
 
     #[test]
     fn numbers_that_cannot_be_are_refused_and_counted() {
-        let mut gate = Gate::default();
-        assert_eq!(command(1, 0, 0.5).check(&mut gate), Ok(Heard::Command(0.5)));
+        let mut gate = TopicGate::default();
+        assert_eq!(command(1, 0, 0.5).check(&mut gate), Ok(InputEvent::Command(0.5)));
         for (opening, refusal) in
             [(f64::NAN, Refusal::NotFinite), (f64::INFINITY, Refusal::NotFinite), (7.0, Refusal::OutOfRange)]
         {
             assert_eq!(command(2, 0, opening).check(&mut gate), Err(refusal));
         }
         let esv = EsvState { header: Header::default(), state: 2 };
-        assert_eq!(esv.check(&mut Gate::default()), Err(Refusal::OutOfRange));
+        assert_eq!(esv.check(&mut TopicGate::default()), Err(Refusal::OutOfRange));
         let pressure = FluidPressure { fluid_pressure: -1.0, ..FluidPressure::default() };
-        assert_eq!(pressure.check(&mut Gate::default()), Err(Refusal::OutOfRange));
+        assert_eq!(pressure.check(&mut TopicGate::default()), Err(Refusal::OutOfRange));
         let counts = gate.counts();
         assert_eq!((counts.used, counts.refused(Refusal::NotFinite), counts.all_refused()), (1, 2, 3));
     }
@@ -264,7 +264,7 @@ mod tests {
 
     #[test]
     fn stamps_keep_their_order_and_a_long_way_back_is_a_restart() {
-        let mut gate = Gate::default();
+        let mut gate = TopicGate::default();
         assert!(command(100, 0, 0.1).check(&mut gate).is_ok());
         assert!(command(100, 0, 0.2).check(&mut gate).is_ok(), "an equal stamp is no step back");
         assert_eq!(command(99, 900_000_000, 0.3).check(&mut gate), Err(Refusal::Late));
@@ -277,9 +277,9 @@ mod tests {
     proptest! {
         #[test]
         fn whatever_comes_is_used_in_range_or_counted(sec: i32, nanosec: u32, opening in any::<f64>()) {
-            let mut gate = Gate::default();
+            let mut gate = TopicGate::default();
             match command(sec, nanosec, opening).check(&mut gate) {
-                Ok(Heard::Command(value)) => assert!(value.is_finite() && value.abs() <= 1.5),
+                Ok(InputEvent::Command(value)) => assert!(value.is_finite() && value.abs() <= 1.5),
                 Ok(other) => panic!("{other:?}"),
                 Err(refusal) => assert_eq!(gate.counts().refused(refusal), 1),
             }

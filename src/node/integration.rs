@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use super::control::{AgeClock, Answer, State, Steps};
-use super::core::{Core, Heard, Notices, Tick};
+use super::control::{AgeClock, Answer, RunState, Steps};
+use super::core::{Core, InputEvent, Notices, Tick};
 use super::realtime::{monotonic_ns, sleep_until, wall_ns};
 use super::refit::Refit;
 use super::stats::Stats;
@@ -46,17 +46,17 @@ const BLOCKED: Duration = Duration::from_micros(200);
 
 /// Something heard, and when, on the monotonic clock.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Event {
+pub struct TimedEvent {
     /// Arrival, ns of the monotonic clock.
     pub arrived_ns: i64,
     /// What it was.
-    pub heard: Heard,
+    pub heard: InputEvent,
 }
 
 /// What leaves the loop: every tick that is to be published, or would be if it had an estimate, that took new inputs
 /// or that has news.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Output {
+pub struct TickOutput {
     /// The tick.
     pub tick: Tick,
     /// Whether it is to be published.
@@ -74,20 +74,20 @@ pub struct Output {
 /// The loop's ends that the other threads hold.
 pub struct Ends {
     /// Takes what was heard.
-    pub events: Producer<Event>,
-    /// Takes twins of changed parameters, each announced by [`Heard::Refit`].
+    pub events: Producer<TimedEvent>,
+    /// Takes twins of changed parameters, each announced by [`InputEvent::Refit`].
     pub refits: Producer<Box<Refit>>,
     /// Gives back what was exchanged, for whoever may give back memory.
     pub retired: Consumer<Box<Refit>>,
     /// Gives results.
-    pub outputs: Consumer<Output>,
+    pub outputs: Consumer<TickOutput>,
     /// Gives answers to orders; what led to an answer is among the results before it.
     pub answers: Consumer<Answer>,
 }
 
 /// Whose time the model's is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Time {
+pub enum TimeSource {
     /// The machine's.
     #[default]
     Wall,
@@ -99,13 +99,13 @@ pub enum Time {
 
 /// How the loop runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pace {
+pub struct LoopPace {
     /// Time between two ticks, ns.
     pub period_ns: i64,
     /// Time between two published results, ns.
     pub publish_period_ns: i64,
     /// Whose time the model's is.
-    pub time: Time,
+    pub time: TimeSource,
     /// Whether it stands at first.
     pub paused: bool,
 }
@@ -113,14 +113,14 @@ pub struct Pace {
 /// The loop's state between two wake-ups.
 pub struct Integrator {
     core: Core,
-    pace: Pace,
-    events: Consumer<Event>,
+    pace: LoopPace,
+    events: Consumer<TimedEvent>,
     refits: Consumer<Box<Refit>>,
     retired: Producer<Box<Refit>>,
-    outputs: Producer<Output>,
+    outputs: Producer<TickOutput>,
     answers: Producer<Answer>,
     stats: Stats,
-    state: State,
+    state: RunState,
     steps: Option<Steps>,
     ages: AgeClock,
     start_ns: i64,
@@ -134,7 +134,7 @@ impl Integrator {
     /// A loop at rest, with its rings. `time_ns` is the model's time at the first tick; with a simulated clock
     /// the clock gives it.
     #[must_use]
-    pub fn new(core: Core, pace: Pace, time_ns: i64) -> (Self, Ends) {
+    pub fn new(core: Core, pace: LoopPace, time_ns: i64) -> (Self, Ends) {
         let (event_in, events) = RingBuffer::new(EVENTS);
         let (outputs, output_out) = RingBuffer::new(OUTPUTS);
         let (answers, answer_out) = RingBuffer::new(ANSWERS);
@@ -153,7 +153,7 @@ impl Integrator {
             outputs,
             answers,
             stats: Stats::default(),
-            state: if pace.paused { State::Paused } else { State::Playing },
+            state: if pace.paused { RunState::Paused } else { RunState::Playing },
             steps: None,
             ages,
             start_ns: time_ns,
@@ -183,13 +183,13 @@ impl Integrator {
             }
             let Ok(event) = self.events.pop() else { break };
             match event.heard {
-                Heard::PublishPeriod(period_ns) => {
+                InputEvent::PublishPeriod(period_ns) => {
                     self.pace.publish_period_ns = period_ns;
                     self.next_publish_ns = self.time_ns;
                 }
-                Heard::Clock(clock_ns) if self.follows() => self.follow(clock_ns),
-                Heard::Order(order, ticket) => self.obey(order, ticket, now_ns),
-                Heard::Refit => self.refit(),
+                InputEvent::Clock(clock_ns) if self.follows() => self.follow(clock_ns),
+                InputEvent::Order(order, ticket) => self.obey(order, ticket, now_ns),
+                InputEvent::Refit => self.refit(),
                 // Ages are counted on the clock that the model follows; they begin with its first word.
                 heard if self.follows() => self.core.hear(heard, self.clock_ns.unwrap_or(0)),
                 heard => self.core.hear(heard, self.ages.at(event.arrived_ns)),
@@ -197,7 +197,7 @@ impl Integrator {
         }
         if self.follows() {
             self.catch_up();
-        } else if self.state == State::Playing {
+        } else if self.state == RunState::Playing {
             self.tick(self.ages.at(now_ns), false);
         } else {
             self.step();
@@ -222,11 +222,11 @@ impl Integrator {
     pub fn run(mut self, stop: &AtomicBool, listener: &Thread) -> Stats {
         let period_ns = self.pace.period_ns;
         let mut deadline = None;
-        if self.pace.time == Time::Wall {
+        if self.pace.time == TimeSource::Wall {
             self.restart_at(wall_ns());
         }
         while !stop.load(Ordering::Relaxed) && !self.stats.ended_by_fail_safe && !self.stats.ended_by_caller {
-            if self.follows() || self.state != State::Playing {
+            if self.follows() || self.state != RunState::Playing {
                 deadline = None;
                 let waits = if self.has_work() { BLOCKED } else { IDLE };
                 if !self.has_work() || !self.has_room() {
@@ -239,7 +239,7 @@ impl Integrator {
             }
             // Deadlines lie on whole periods of the monotonic clock, so that loops on one machine can keep clear of each other.
             let mut deadline_ns = deadline.unwrap_or_else(|| (monotonic_ns() / period_ns + 2) * period_ns);
-            if self.stats.ticks == 0 && deadline.is_none() && self.pace.time == Time::Wall {
+            if self.stats.ticks == 0 && deadline.is_none() && self.pace.time == TimeSource::Wall {
                 self.restart_at(wall_ns() + (deadline_ns - monotonic_ns()));
             }
             sleep_until(deadline_ns);
@@ -262,7 +262,7 @@ impl Integrator {
     }
 
     fn follows(&self) -> bool {
-        self.pace.time == Time::Follow
+        self.pace.time == TimeSource::Follow
     }
 
     /// Whether there is something to do before the next event.
@@ -323,7 +323,7 @@ impl Integrator {
         let due = due || shown;
         let publish = tick.estimate.is_some() && (due || tick.notices.has(Notices::STARTED));
         if due || publish || tick.inputs_changed || tick.notices != Notices::default() || tick.stop {
-            let output = Output {
+            let output = TickOutput {
                 tick,
                 publish,
                 steps_left: self.steps.map_or(0, |steps| steps.left_count.saturating_sub(1)),

@@ -6,7 +6,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::core::{Input, Notices, Tick};
+use super::core::{NodeInput, Notices, Tick};
 use super::messages;
 use crate::bag::{BagError, Qos, Topic, Writer, WriterOptions};
 use crate::frame::Inputs;
@@ -15,8 +15,8 @@ use crate::msg::{EsvState, FluidPressure, GovernorCommand, JointState, ServoStat
 /// Topic names of a journal.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Names {
-    /// Names of the inputs, in the order of [`Input::ALL`].
-    pub inputs: [String; Input::COUNT],
+    /// Names of the inputs, in the order of [`NodeInput::ALL`].
+    pub inputs: [String; NodeInput::COUNT],
     /// Name of the simulated servo state.
     pub servo_state: String,
     /// Name of the simulated joint state.
@@ -100,12 +100,12 @@ impl Bag {
     fn create(folder: &Path, names: &Names) -> Result<Self, BagError> {
         let mut writer = Writer::create(folder, WriterOptions { keep_unfinished: true, ..WriterOptions::default() })?;
         Ok(Self {
-            command: writer.topic(&names.inputs[Input::Command as usize], Qos::SENSOR)?,
-            esv: writer.topic(&names.inputs[Input::Esv as usize], Qos::SENSOR)?,
-            tank_pressure: writer.topic(&names.inputs[Input::TankPressure as usize], Qos::SENSOR)?,
+            command: writer.topic(&names.inputs[NodeInput::Command as usize], Qos::SENSOR)?,
+            esv: writer.topic(&names.inputs[NodeInput::Esv as usize], Qos::SENSOR)?,
+            tank_pressure: writer.topic(&names.inputs[NodeInput::TankPressure as usize], Qos::SENSOR)?,
             servo_state: writer.topic(&names.servo_state, Qos::DEFAULT)?,
             joint_states: writer.topic(&names.joint_states, Qos::DEFAULT)?,
-            load: writer.topic(&names.inputs[Input::Load as usize], Qos::SENSOR)?,
+            load: writer.topic(&names.inputs[NodeInput::Load as usize], Qos::SENSOR)?,
             previous: None,
             previous_load_n: 0.0,
             writer,

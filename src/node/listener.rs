@@ -18,11 +18,11 @@ use rtrb::{Consumer, Producer};
 use self::event::{News, Teller};
 use super::bus::{Bus, BusError};
 use super::clock;
-use super::core::{Heard, Input};
+use super::core::{InputEvent, NodeInput};
 use super::environment::Environment;
 use super::intake::rivals::Rivals;
-use super::intake::{Counts, Gate, Intake, Numbering};
-use super::integration::Event;
+use super::intake::{Intake, Numbering, TopicCounts, TopicGate};
+use super::integration::TimedEvent;
 use super::policy::JOINT_COMMANDS;
 use super::realtime::{monotonic_ns, wall_ns};
 use super::refit::Refit;
@@ -31,7 +31,7 @@ use super::services::simulation::SimulationServices;
 use super::services::steps::StepsAction;
 use super::services::upkeep::UpkeepServices;
 use super::services::{Aftermath, ParameterServices, ServiceDesk};
-use super::settings::Settings;
+use super::settings::NodeSettings;
 use crate::msg::{Clock, EsvState, FluidPressure, GovernorCommand, Interface, JointState, ServoState};
 
 /// Topic of the state measured on the real unit.
@@ -55,7 +55,12 @@ impl Subscriptions {
     ///
     /// # Errors
     /// When DDS refuses one.
-    pub fn open(bus: &mut Bus, environment: &Environment, settings: &Settings, adapts: bool) -> Result<Self, BusError> {
+    pub fn open(
+        bus: &mut Bus,
+        environment: &Environment,
+        settings: &NodeSettings,
+        adapts: bool,
+    ) -> Result<Self, BusError> {
         let time = settings.pace().time;
         let mut services = Vec::new();
         for &mapping in &environment.service_mappings {
@@ -69,9 +74,9 @@ impl Subscriptions {
         Ok(Self {
             services,
             action: StepsAction::open(bus, time)?,
-            command: bus.subscribe(Input::Command.topic())?,
-            esv: bus.subscribe(Input::Esv.topic())?,
-            tank_pressure: bus.subscribe(Input::TankPressure.topic())?,
+            command: bus.subscribe(NodeInput::Command.topic())?,
+            esv: bus.subscribe(NodeInput::Esv.topic())?,
+            tank_pressure: bus.subscribe(NodeInput::TankPressure.topic())?,
             joint_commands: bus.subscribe(JOINT_COMMANDS)?,
             measured: if adapts { Some(bus.subscribe(MEASURED)?) } else { None },
             clock: if settings.use_sim_time { Some(bus.subscribe("/clock")?) } else { None },
@@ -91,7 +96,7 @@ impl Subscriptions {
 /// The loop as the listener reaches it.
 pub struct Loop {
     /// Where events go.
-    pub events: Producer<Event>,
+    pub events: Producer<TimedEvent>,
     /// Where twins of a changed unit go.
     pub refits: Producer<Box<Refit>>,
     /// Where they come back from.
@@ -109,13 +114,13 @@ pub struct Listener<'a> {
     /// Where words go.
     pub news: Teller,
     /// Counts of the inputs, for whoever asks.
-    pub counts: &'a Mutex<[Counts; Input::COUNT]>,
+    pub counts: &'a Mutex<[TopicCounts; NodeInput::COUNT]>,
     /// What was heard of `/clock`, for whoever watches it.
-    pub clock: &'a clock::Heard,
+    pub clock: &'a clock::ClockHeard,
     /// Stroke of the servomotor, by which metres become pu.
     stroke_m: Cell<f64>,
-    gates: RefCell<[Gate; Input::COUNT]>,
-    rivals: RefCell<[Rivals<Gid>; Input::COUNT]>,
+    gates: RefCell<[TopicGate; NodeInput::COUNT]>,
+    rivals: RefCell<[Rivals<Gid>; NodeInput::COUNT]>,
     senders: RefCell<BTreeMap<Gid, bool>>,
     numbers: RefCell<Numbering<Gid>>,
     full: Cell<bool>,
@@ -134,8 +139,8 @@ impl<'a> Listener<'a> {
         bus: &'a Bus,
         integrator: Loop,
         news: Teller,
-        counts: &'a Mutex<[Counts; Input::COUNT]>,
-        clock: &'a clock::Heard,
+        counts: &'a Mutex<[TopicCounts; NodeInput::COUNT]>,
+        clock: &'a clock::ClockHeard,
     ) -> Self {
         Self {
             bus,
@@ -182,7 +187,7 @@ impl<'a> Listener<'a> {
             let ticks = clock.async_stream().map(|sample| {
                 if let Some(time_ns) = sample.ok().and_then(|(clock, _)| clock.clock.nanos()) {
                     self.clock.note(time_ns, monotonic_ns());
-                    self.tell(Heard::Clock(time_ns));
+                    self.tell(InputEvent::Clock(time_ns));
                 }
                 Arrival::Done
             });
@@ -217,9 +222,9 @@ impl<'a> Listener<'a> {
         samples.boxed_local()
     }
 
-    fn tell(&self, heard: Heard) {
+    fn tell(&self, heard: InputEvent) {
         let mut integrator = self.integrator.borrow_mut();
-        let lost = integrator.events.push(Event { arrived_ns: monotonic_ns(), heard }).is_err();
+        let lost = integrator.events.push(TimedEvent { arrived_ns: monotonic_ns(), heard }).is_err();
         integrator.thread.unpark();
         if lost && !self.full.replace(true) {
             self.say(LogLevel::Error, "the integration thread does not keep up: inputs are lost".to_owned());
@@ -236,7 +241,7 @@ impl<'a> Listener<'a> {
             // The service desk asks for no twin where there is no room.
             self.say(LogLevel::Error, "the integration thread takes no changes: the unit stays as it was".to_owned());
         } else {
-            self.tell(Heard::Refit);
+            self.tell(InputEvent::Refit);
         }
         self.look_for_room(services);
     }
@@ -253,7 +258,7 @@ impl<'a> Listener<'a> {
             self.say(LogLevel::Info, words);
         }
         for (order, ticket) in aftermath.orders {
-            self.tell(Heard::Order(order, ticket));
+            self.tell(InputEvent::Order(order, ticket));
         }
         if let Some(refit) = aftermath.refit {
             self.hand_over(refit, services);
@@ -264,10 +269,10 @@ impl<'a> Listener<'a> {
         let settings = services.store.borrow().settings();
         // First to the supervisor, so that whatever comes of them is told in their words.
         self.news.tell(News::Settings(Box::new(settings)));
-        for (input, rule) in Input::ALL.into_iter().zip(settings.policies().rules) {
-            self.tell(Heard::Rule(input, rule));
+        for (input, rule) in NodeInput::ALL.into_iter().zip(settings.policies().rules) {
+            self.tell(InputEvent::Rule(input, rule));
         }
-        self.tell(Heard::PublishPeriod(settings.publish_period_ns()));
+        self.tell(InputEvent::PublishPeriod(settings.publish_period_ns()));
         let event = raw::ParameterEvent {
             stamp: ros2_client::builtin_interfaces::Time::from_nanos(wall_ns()),
             node: self.bus.arguments().full_name(),

@@ -16,23 +16,23 @@ use supervisor::Supervisor;
 use super::arguments::Arguments;
 use super::bus::{Bus, BusError};
 use super::clock::{self, Watch};
-use super::control::State;
-use super::core::{Core, Input};
+use super::control::RunState;
+use super::core::{Core, NodeInput};
 use super::diagnostics;
 use super::environment::Environment;
-use super::intake::Counts;
+use super::intake::TopicCounts;
 use super::integration::{Ends, Integrator};
 use super::journal::{Journal, Names};
 use super::listener::event::{News, way};
 use super::listener::{Listener, Loop, Subscriptions};
-use super::parameters::Store;
+use super::parameters::ParameterStore;
 use super::publishers::Publishers;
 use super::realtime::{Until, claim, claim_as_carrier, monotonic_ns, resident_bytes};
 use super::refit::Refit;
 use super::services::ServiceDesk;
 use super::services::replies::Replies;
-use super::settings::Settings;
-use super::stats::Summary;
+use super::settings::NodeSettings;
+use super::stats::RunSummary;
 use super::{qos, startup};
 use crate::bag::BagError;
 use crate::parameters::Unit;
@@ -49,7 +49,7 @@ pub type Say<'a> = &'a mut dyn FnMut(LogLevel, &str);
 
 /// How the node is to run.
 #[derive(Debug, Clone)]
-pub struct Options {
+pub struct RunOptions {
     /// The environment.
     pub environment: Environment,
     /// What stands behind `--ros-args`.
@@ -61,7 +61,7 @@ pub struct Options {
     /// Whether it adapts to drift, by what `plant/servo_state` says.
     pub adapt: bool,
     /// Settings before `--ros-args`.
-    pub settings: Settings,
+    pub settings: NodeSettings,
     /// End after so long.
     pub duration: Option<Duration>,
     /// Folder of the bag to write.
@@ -70,11 +70,11 @@ pub struct Options {
 
 /// How a run ended.
 #[derive(Debug, Clone)]
-pub struct Ended {
+pub struct RunEnd {
     /// The integration thread's figures.
-    pub summary: Summary,
+    pub summary: RunSummary,
     /// What came in, for each input.
-    pub counts: [Counts; Input::COUNT],
+    pub counts: [TopicCounts; NodeInput::COUNT],
     /// Whether the fail-safe ended the node.
     pub by_fail_safe: bool,
     /// The bags that were written.
@@ -109,7 +109,7 @@ pub enum NodeError {
 ///
 /// # Errors
 /// When the bus cannot be joined, a parameter is wrong or the bag cannot be written.
-pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, NodeError> {
+pub fn run(options: &RunOptions, stop: &AtomicBool, say: Say<'_>) -> Result<RunEnd, NodeError> {
     let store = parameters(options, say)?;
     let (settings, unit) = (store.settings(), store.unit().clone());
     let corrector = corrector(options, &unit)?;
@@ -136,10 +136,10 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
     let core = Core::of_refit(Refit::new(&unit), settings.policies()).with_corrector(corrector);
     let (integrator, ends) = Integrator::new(core, settings.pace(), 0);
     let Ends { events, refits, retired, outputs, answers } = ends;
-    let replies = Replies::new(if settings.pace().paused { State::Paused } else { State::Playing });
-    let clock = clock::Heard::default();
+    let replies = Replies::new(if settings.pace().paused { RunState::Paused } else { RunState::Playing });
+    let clock = clock::ClockHeard::default();
     let least = AtomicU8::new(log_level(options.arguments.log_level) as u8);
-    let counts = Mutex::new(<[Counts; Input::COUNT]>::default());
+    let counts = Mutex::new(<[TopicCounts; NodeInput::COUNT]>::default());
     let (news, heard) = way();
     let (stop_listening, listening) = oneshot::channel();
     let ending = AtomicBool::new(false);
@@ -213,11 +213,11 @@ pub fn run(options: &Options, stop: &AtomicBool, say: Say<'_>) -> Result<Ended, 
     drop(bus);
     let counts = counts.into_inner().unwrap_or_default();
     let by_fail_safe = !stop.load(Ordering::Relaxed) && stats.ended_by_fail_safe;
-    Ok(Ended { summary: stats.summary(resident), counts, by_fail_safe, bags, bag_ended, lost_publications })
+    Ok(RunEnd { summary: stats.summary(resident), counts, by_fail_safe, bags, bag_ended, lost_publications })
 }
 
 /// The learned residual, where there is one and it is of this unit.
-fn corrector(options: &Options, unit: &Unit) -> Result<Option<Corrector>, ModelError> {
+fn corrector(options: &RunOptions, unit: &Unit) -> Result<Option<Corrector>, ModelError> {
     let corrector = options.residual.as_ref().map(|model| {
         model.check(unit, Opening::Simulated)?;
         let corrector = Corrector::new(model)?;
@@ -227,8 +227,8 @@ fn corrector(options: &Options, unit: &Unit) -> Result<Option<Corrector>, ModelE
 }
 
 /// The node's parameters with what was given at start.
-fn parameters(options: &Options, say: Say<'_>) -> Result<Store, NodeError> {
-    let mut store = Store::new(&options.settings, &options.unit);
+fn parameters(options: &RunOptions, say: Say<'_>) -> Result<ParameterStore, NodeError> {
+    let mut store = ParameterStore::new(&options.settings, &options.unit);
     for (name, given) in &options.arguments.parameters {
         if name.starts_with(qos::PREFIX) {
             // The bus knows what to do with them.
@@ -256,7 +256,7 @@ fn parameters(options: &Options, say: Say<'_>) -> Result<Store, NodeError> {
 
 fn names(bus: &Bus) -> Result<Names, BusError> {
     let resolve = |topic: &str| bus.arguments().resolve(topic);
-    let [command, esv, tank_pressure, load] = Input::ALL.map(Input::topic);
+    let [command, esv, tank_pressure, load] = NodeInput::ALL.map(NodeInput::topic);
     Ok(Names {
         inputs: [resolve(command)?, resolve(esv)?, resolve(tank_pressure)?, resolve(load)?],
         servo_state: resolve("sim/servo_state")?,
@@ -278,18 +278,18 @@ fn log_level(level: ros2args::LogLevel) -> LogLevel {
 mod tests {
     use std::sync::atomic::AtomicBool;
 
-    use super::{Arguments, Environment, NodeError, Options, Settings, run};
+    use super::{Arguments, Environment, NodeError, NodeSettings, RunOptions, run};
 
     #[test]
     fn a_unit_that_a_file_may_not_describe_does_not_run_either() {
         let words = ["-p", "unit.distributing_valve.control_volume_m3:=1e-6"].map(str::to_owned);
-        let options = Options {
+        let options = RunOptions {
             environment: Environment::read(|_| None).unwrap(),
             arguments: Arguments::parse(&words, "govtwin").unwrap(),
             unit: crate::params::reference(),
             residual: None,
             adapt: false,
-            settings: Settings::default(),
+            settings: NodeSettings::default(),
             duration: None,
             bag: None,
         };

@@ -7,9 +7,9 @@ use ros2_client::parameters::{ParameterValue, raw};
 use domain::Domain;
 pub use domain::words_of;
 
-use super::arguments::Given;
-use super::policy::{Input, OnStale};
-use super::settings::{InputSettings, Settings};
+use super::arguments::ParameterOverride;
+use super::policy::{NodeInput, OnStale};
+use super::settings::{InputSettings, NodeSettings};
 use crate::effects::{CATALOGUE, EffectParameter, EffectSpec, own};
 use crate::frame::EsvState;
 use crate::parameters::{ENTRIES, EffectSetting, Unit, entry};
@@ -46,15 +46,15 @@ struct Entry {
 
 /// All parameters of the node, in the order of their names.
 #[derive(Clone, Debug)]
-pub struct Store {
+pub struct ParameterStore {
     entries: Vec<Entry>,
     unit: Unit,
 }
 
-impl Store {
+impl ParameterStore {
     /// The table for these settings and this unit.
     #[must_use]
-    pub fn new(settings: &Settings, unit: &Unit) -> Self {
+    pub fn new(settings: &NodeSettings, unit: &Unit) -> Self {
         let mut entries = Vec::new();
         let mut add = |name: &str, value, domain, read_only, description: &str| {
             entries.push(Entry {
@@ -84,7 +84,7 @@ impl Store {
         add("cpu", ParameterValue::Integer(cpu), Domain::Whole(-1, 1023), true, cpu_doc);
         let priority_doc = "SCHED_FIFO priority of the integration thread, 0 for none";
         add("priority", ParameterValue::Integer(priority), Domain::Whole(0, 99), true, priority_doc);
-        for (input, name) in settings.inputs.iter().zip(Input::NAMES) {
+        for (input, name) in settings.inputs.iter().zip(NodeInput::NAMES) {
             let required = ParameterValue::Boolean(input.required);
             let wait =
                 "Whether the twin waits for this input; one that is not required has its default until it is heard";
@@ -134,7 +134,7 @@ impl Store {
 
     /// The settings as they stand.
     #[must_use]
-    pub fn settings(&self) -> Settings {
+    pub fn settings(&self) -> NodeSettings {
         let real = |name: &str| match self.value(name) {
             ParameterValue::Double(value) => value,
             _ => f64::NAN,
@@ -147,13 +147,13 @@ impl Store {
             ParameterValue::String(text) => text,
             _ => String::new(),
         };
-        let inputs = Input::NAMES.map(|name| InputSettings {
+        let inputs = NodeInput::NAMES.map(|name| InputSettings {
             required: self.value(&format!("inputs.{name}.required")) != ParameterValue::Boolean(false),
             stale_after_s: Some(real(&format!("inputs.{name}.stale_after"))).filter(|own_s| *own_s > 0.0),
             hold_s: Some(real(&format!("inputs.{name}.hold"))).filter(|own_s| *own_s >= 0.0),
             on_stale: OnStale::named(&text(&format!("inputs.{name}.on_stale"))),
         });
-        Settings {
+        NodeSettings {
             rate_hz: real("rate"),
             publish_rate_hz: real("publish_rate"),
             stale_after_s: real("stale_after"),
@@ -183,15 +183,17 @@ impl Store {
     ///
     /// # Errors
     /// In words, on a name that is not there or a value that may not be.
-    pub fn preset(&mut self, name: &str, given: &Given) -> Result<(), String> {
+    pub fn preset(&mut self, name: &str, given: &ParameterOverride) -> Result<(), String> {
         let index = self.find(name).ok_or_else(|| self.unknown(name))?;
         let domain = self.entries[index].domain;
         let value = match (domain, given) {
-            (Domain::Real(..), Given::Number(value)) => ParameterValue::Double(*value),
+            (Domain::Real(..), ParameterOverride::Number(value)) => ParameterValue::Double(*value),
             #[expect(clippy::cast_possible_truncation, reason = "checked to be whole; out of range is refused below")]
-            (Domain::Whole(..), Given::Number(value)) if value.fract() == 0.0 => ParameterValue::Integer(*value as i64),
-            (Domain::Bool, Given::Bool(value)) => ParameterValue::Boolean(*value),
-            (Domain::Choice(_), Given::Text(text)) => ParameterValue::String(text.clone()),
+            (Domain::Whole(..), ParameterOverride::Number(value)) if value.fract() == 0.0 => {
+                ParameterValue::Integer(*value as i64)
+            }
+            (Domain::Bool, ParameterOverride::Bool(value)) => ParameterValue::Boolean(*value),
+            (Domain::Choice(_), ParameterOverride::Text(text)) => ParameterValue::String(text.clone()),
             (_, given) => return Err(format!("`{name}` is {}, not {given}", domain.words())),
         };
         domain.check(name, &value)?;
@@ -250,10 +252,10 @@ impl Store {
         Ok(())
     }
 
-    /// Whether [`Store::set`] would succeed.
+    /// Whether [`ParameterStore::set`] would succeed.
     ///
     /// # Errors
-    /// As [`Store::set`].
+    /// As [`ParameterStore::set`].
     pub fn check(&self, name: &str, value: &ParameterValue) -> Result<usize, String> {
         let index = self.find(name).ok_or_else(|| self.unknown(name))?;
         let entry = &self.entries[index];
@@ -337,16 +339,16 @@ impl Store {
 mod tests {
     use ros2_client::parameters::ParameterValue;
 
-    use super::{Given, Settings, Store};
+    use super::{NodeSettings, ParameterOverride, ParameterStore};
     use crate::node::core::OnStale;
 
-    fn store() -> Store {
-        Store::new(&Settings::default(), &crate::params::reference())
+    fn store() -> ParameterStore {
+        ParameterStore::new(&NodeSettings::default(), &crate::params::reference())
     }
 
     #[test]
     fn settings_go_in_and_come_out_unchanged() {
-        assert_eq!(store().settings(), Settings::default());
+        assert_eq!(store().settings(), NodeSettings::default());
     }
 
     #[test]
@@ -373,24 +375,24 @@ mod tests {
     #[test]
     fn presets_reach_the_settings_and_the_unit() {
         let mut store = store();
-        store.preset("rate", &Given::Number(500.0)).unwrap();
-        store.preset("use_sim_time", &Given::Bool(true)).unwrap();
-        store.preset("priority", &Given::Number(0.0)).unwrap();
-        store.preset("unit.oil.density_kg_m3", &Given::Number(865.0)).unwrap();
+        store.preset("rate", &ParameterOverride::Number(500.0)).unwrap();
+        store.preset("use_sim_time", &ParameterOverride::Bool(true)).unwrap();
+        store.preset("priority", &ParameterOverride::Number(0.0)).unwrap();
+        store.preset("unit.oil.density_kg_m3", &ParameterOverride::Number(865.0)).unwrap();
         let settings = store.settings();
         assert!(settings.use_sim_time && settings.wishes.priority == 0);
         assert_eq!(settings.pace().period_ns, 2_000_000);
         assert_eq!(store.unit().parameters.oil.density_kg_m3.to_bits(), 865.0_f64.to_bits());
-        assert!(store.preset("priority", &Given::Number(0.5)).unwrap_err().contains("whole"));
-        assert!(store.preset("unit.oil.density_kg_m3", &Given::Number(-1.0)).is_err());
+        assert!(store.preset("priority", &ParameterOverride::Number(0.5)).unwrap_err().contains("whole"));
+        assert!(store.preset("unit.oil.density_kg_m3", &ParameterOverride::Number(-1.0)).is_err());
     }
 
     #[test]
     fn presets_that_do_not_go_together_are_refused_once_all_are_in() {
         let mut store = store();
         assert_eq!(store.check_unit(), Ok(()));
-        store.preset("unit.oil.tank_pressure_pa", &Given::Number(1.0e6)).unwrap();
-        store.preset("unit.oil.return_pressure_pa", &Given::Number(2.0e6)).unwrap();
+        store.preset("unit.oil.tank_pressure_pa", &ParameterOverride::Number(1.0e6)).unwrap();
+        store.preset("unit.oil.return_pressure_pa", &ParameterOverride::Number(2.0e6)).unwrap();
         let reason = store.check_unit().unwrap_err();
         assert!(reason.contains("unit.oil.return_pressure_pa, unit.oil.tank_pressure_pa: the return line"), "{reason}");
     }

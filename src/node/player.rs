@@ -33,7 +33,7 @@ const SETTLE: Duration = Duration::from_millis(700);
 
 /// How to play.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Options {
+pub struct PlayOptions {
     /// Speed, 1 for the recording's own.
     pub speed_ratio: f64,
     /// Start again at the end.
@@ -70,7 +70,7 @@ impl Player {
     ///
     /// # Errors
     /// When DDS refuses.
-    pub fn open(bus: &mut Bus, tape: &Tape, options: &Options) -> Result<Self, BusError> {
+    pub fn open(bus: &mut Bus, tape: &Tape, options: &PlayOptions) -> Result<Self, BusError> {
         let (mut outlets, mut left_out) = (BTreeMap::<String, _>::new(), Vec::new());
         for topic in tape.topics() {
             let reason = if topic.encoding != "cdr" || topic.type_name.is_empty() {
@@ -101,7 +101,7 @@ impl Player {
     }
 
     /// Waits until somebody listens. Returns whether somebody does.
-    pub fn wait(&self, bus: &Bus, options: &Options, stop: &AtomicBool) -> bool {
+    pub fn wait(&self, bus: &Bus, options: &PlayOptions, stop: &AtomicBool) -> bool {
         let until = Until::after(Some(options.wait));
         loop {
             let resolved = self.outlets.keys().filter_map(|topic| bus.arguments().resolve(topic).ok());
@@ -123,7 +123,7 @@ impl Player {
     pub fn play(
         &self,
         tape: &Tape,
-        options: &Options,
+        options: &PlayOptions,
         stop: &AtomicBool,
         progress: &mut dyn FnMut(f64),
     ) -> Result<Played, BagError> {
@@ -145,7 +145,7 @@ impl Player {
         &self,
         messages: &mut dyn Iterator<Item = RawMessage>,
         pass: &Pass,
-        options: &Options,
+        options: &PlayOptions,
         stop: &AtomicBool,
         played: &mut Played,
         progress: &mut dyn FnMut(f64),

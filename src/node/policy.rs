@@ -8,7 +8,7 @@ pub const JOINT_COMMANDS: &str = "sim/joint_commands";
 
 /// The inputs of the node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Input {
+pub enum NodeInput {
     /// `governor/command`.
     Command,
     /// `governor/esv`.
@@ -19,7 +19,7 @@ pub enum Input {
     Load,
 }
 
-impl Input {
+impl NodeInput {
     /// All inputs, in the order of the arrays here.
     pub const ALL: [Self; Self::COUNT] = [Self::Command, Self::Esv, Self::TankPressure, Self::Load];
 
@@ -108,7 +108,7 @@ pub struct Rule {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Policies {
     /// For each input.
-    pub rules: [Rule; Input::COUNT],
+    pub rules: [Rule; NodeInput::COUNT],
     /// Opening command that stands in for one never heard, pu.
     pub default_command_pu: f64,
     /// ESV state that stands in for one never heard.
@@ -121,7 +121,7 @@ impl From<Policy> for Policies {
     /// All inputs are treated alike, and all but the load are required.
     fn from(policy: Policy) -> Self {
         Self {
-            rules: Input::ALL.map(|input| Rule { policy, required: input != Input::Load }),
+            rules: NodeInput::ALL.map(|input| Rule { policy, required: input != NodeInput::Load }),
             default_command_pu: 0.0,
             default_esv: EsvState::Normal,
             default_tank_pressure_pa: None,
@@ -146,19 +146,19 @@ pub enum InputState {
 impl Policies {
     /// The inputs for a tick: the last values, the defaults where a fail-safe goes back to them, and an ESV trip.
     #[must_use]
-    pub fn inputs(&self, last: &Inputs, states: &[InputState; Input::COUNT], trip: bool) -> Inputs {
-        let back = |input: Input| {
+    pub fn inputs(&self, last: &Inputs, states: &[InputState; NodeInput::COUNT], trip: bool) -> Inputs {
+        let back = |input: NodeInput| {
             let policy = self.rules[input as usize].policy;
             states[input as usize] == InputState::Failed && policy.on_stale == OnStale::Default
         };
         let mut inputs = *last;
-        if back(Input::Command) {
+        if back(NodeInput::Command) {
             inputs.opening_command_pu = self.default_command_pu;
         }
-        if back(Input::Esv) {
+        if back(NodeInput::Esv) {
             inputs.esv = self.default_esv;
         }
-        if let (true, Some(tank_pressure_pa)) = (back(Input::TankPressure), self.default_tank_pressure_pa) {
+        if let (true, Some(tank_pressure_pa)) = (back(NodeInput::TankPressure), self.default_tank_pressure_pa) {
             inputs.tank_pressure_pa = tank_pressure_pa;
         }
         if trip {

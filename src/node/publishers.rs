@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::bus::{Bus, BusError};
 use super::control::Answer;
 use super::corrected::Voice;
-use super::integration::Output;
+use super::integration::TickOutput;
 use super::listener::event::{News, Teller};
 use super::messages;
 use super::realtime::{monotonic_ns, pause};
@@ -53,7 +53,7 @@ impl Publishers {
     /// is published. Returns how many messages DDS did not take.
     pub fn publish(
         &self,
-        mut outputs: Consumer<Output>,
+        mut outputs: Consumer<TickOutput>,
         mut answers: Consumer<Answer>,
         replies: &Replies<'_>,
         action: &StepsAction,

@@ -5,7 +5,7 @@ use std::time::Duration;
 use ros2_client::QosProfile;
 use ros2_client::qos::{Durability, History, Liveliness, Reliability, WhenFull};
 
-use super::arguments::{Given, nearest};
+use super::arguments::{ParameterOverride, nearest};
 
 /// Prefix of the parameters that change a quality of service.
 pub const PREFIX: &str = "qos_overrides.";
@@ -96,7 +96,7 @@ fn common_span(profiles: &str, policy: &str) -> Option<Duration> {
 /// # Errors
 /// In words, on a policy or a value that is none.
 pub fn overridden(
-    parameters: &[(String, Given)],
+    parameters: &[(String, ParameterOverride)],
     topic: &str,
     role: &str,
     mut qos: QosProfile,
@@ -106,37 +106,43 @@ pub fn overridden(
         let Some(policy) = name.strip_prefix(&prefix) else { continue };
         match (policy, given) {
             // What stands for the node's own choice.
-            ("reliability" | "durability" | "history" | "liveliness", Given::Text(text))
+            ("reliability" | "durability" | "history" | "liveliness", ParameterOverride::Text(text))
                 if text == "system_default" => {}
-            ("history", Given::Text(text)) if text == "keep_all" => {
+            ("history", ParameterOverride::Text(text)) if text == "keep_all" => {
                 return Err(format!(
                     "{name} is keep_all, which the transport does not have: it would keep 64; give a depth of 1 to 10000 instead"
                 ));
             }
-            ("liveliness", Given::Text(text)) if text == "manual_by_topic" => {
+            ("liveliness", ParameterOverride::Text(text)) if text == "manual_by_topic" => {
                 qos.liveliness = Liveliness::ManualByTopic;
             }
-            ("avoid_ros_namespace_conventions", Given::Bool(false)) => {}
-            ("avoid_ros_namespace_conventions", Given::Bool(true)) => {
+            ("avoid_ros_namespace_conventions", ParameterOverride::Bool(false)) => {}
+            ("avoid_ros_namespace_conventions", ParameterOverride::Bool(true)) => {
                 return Err(format!("{name} is true: this node's topics keep the names of ROS 2 on DDS, `rt/…`"));
             }
-            ("reliability", Given::Text(text)) if text == "reliable" => {
+            ("reliability", ParameterOverride::Text(text)) if text == "reliable" => {
                 qos.reliability = Reliability::Reliable { when_full: WhenFull::Fail };
             }
-            ("reliability", Given::Text(text)) if text == "best_effort" => qos.reliability = Reliability::BestEffort,
-            ("durability", Given::Text(text)) if text == "volatile" => qos.durability = Durability::Volatile,
-            ("durability", Given::Text(text)) if text == "transient_local" => {
+            ("reliability", ParameterOverride::Text(text)) if text == "best_effort" => {
+                qos.reliability = Reliability::BestEffort
+            }
+            ("durability", ParameterOverride::Text(text)) if text == "volatile" => {
+                qos.durability = Durability::Volatile
+            }
+            ("durability", ParameterOverride::Text(text)) if text == "transient_local" => {
                 qos.durability = Durability::TransientLocal;
             }
-            ("history", Given::Text(text)) if text == "keep_last" => {}
-            ("liveliness", Given::Text(text)) if text == "automatic" => qos.liveliness = Liveliness::Automatic,
-            ("deadline", Given::Number(span_ns)) if is_span(*span_ns) => qos.deadline = span(*span_ns),
-            ("lifespan", Given::Number(span_ns)) if is_span(*span_ns) => qos.lifespan = span(*span_ns),
-            ("liveliness_lease_duration", Given::Number(span_ns)) if is_span(*span_ns) => {
+            ("history", ParameterOverride::Text(text)) if text == "keep_last" => {}
+            ("liveliness", ParameterOverride::Text(text)) if text == "automatic" => {
+                qos.liveliness = Liveliness::Automatic
+            }
+            ("deadline", ParameterOverride::Number(span_ns)) if is_span(*span_ns) => qos.deadline = span(*span_ns),
+            ("lifespan", ParameterOverride::Number(span_ns)) if is_span(*span_ns) => qos.lifespan = span(*span_ns),
+            ("liveliness_lease_duration", ParameterOverride::Number(span_ns)) if is_span(*span_ns) => {
                 qos.liveliness_lease = span(*span_ns);
             }
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole and in range")]
-            ("depth", Given::Number(depth)) if (1.0..=10_000.0).contains(depth) && depth.fract() == 0.0 => {
+            ("depth", ParameterOverride::Number(depth)) if (1.0..=10_000.0).contains(depth) && depth.fract() == 0.0 => {
                 qos.history = History::KeepLast { depth: *depth as usize };
             }
             _ => {
@@ -164,7 +170,7 @@ fn span(span_ns: f64) -> Option<Duration> {
 
 /// `qos_overrides` that are for no endpoint among `places` (`TOPIC.ROLE`), in words.
 #[must_use]
-pub fn idle(parameters: &[(String, Given)], places: &[String]) -> Vec<String> {
+pub fn idle(parameters: &[(String, ParameterOverride)], places: &[String]) -> Vec<String> {
     let overrides = parameters.iter().filter_map(|(name, _)| name.strip_prefix(PREFIX));
     let at = |name: &str, place: &String| name.strip_prefix(place.as_str()).is_some_and(|rest| rest.starts_with('.'));
     let idle = overrides.filter(|name| !places.iter().any(|place| at(name, place)));
@@ -181,10 +187,10 @@ pub fn idle(parameters: &[(String, Given)], places: &[String]) -> Vec<String> {
 mod tests {
     use ros2_client::qos::{Durability, History, Liveliness, Reliability};
 
-    use super::{Given, idle, overridden, played, reliable};
+    use super::{ParameterOverride, idle, overridden, played, reliable};
 
-    fn text(name: &str, value: &str) -> (String, Given) {
-        (name.to_owned(), Given::Text(value.to_owned()))
+    fn text(name: &str, value: &str) -> (String, ParameterOverride) {
+        (name.to_owned(), ParameterOverride::Text(value.to_owned()))
     }
 
     #[test]
@@ -192,7 +198,7 @@ mod tests {
         let parameters = [
             text("qos_overrides./sim/servo_state.publisher.reliability", "best_effort"),
             text("qos_overrides./sim/servo_state.subscription.durability", "transient_local"),
-            ("qos_overrides./sim/servo_state.publisher.depth".to_owned(), Given::Number(3.0)),
+            ("qos_overrides./sim/servo_state.publisher.depth".to_owned(), ParameterOverride::Number(3.0)),
         ];
         let qos = overridden(&parameters, "/sim/servo_state", "publisher", reliable()).unwrap();
         assert_eq!(qos.reliability, Reliability::BestEffort);
@@ -202,7 +208,8 @@ mod tests {
 
     #[test]
     fn spans_are_in_nanoseconds_and_the_longest_is_none() {
-        let number = |policy: &str, value| (format!("qos_overrides./a.publisher.{policy}"), Given::Number(value));
+        let number =
+            |policy: &str, value| (format!("qos_overrides./a.publisher.{policy}"), ParameterOverride::Number(value));
         let parameters = [
             number("deadline", 1e8),
             number("lifespan", i64::MAX as f64),
@@ -253,7 +260,8 @@ mod tests {
     #[test]
     fn each_policy_of_ros_is_followed_or_refused_with_the_way_out() {
         let one = |policy: &str, value: &str| {
-            let given = value.parse().map_or_else(|_| Given::Text(value.to_owned()), Given::Bool);
+            let given =
+                value.parse().map_or_else(|_| ParameterOverride::Text(value.to_owned()), ParameterOverride::Bool);
             let parameters = [(format!("qos_overrides./a.publisher.{policy}"), given)];
             overridden(&parameters, "/a", "publisher", reliable())
         };

@@ -14,7 +14,7 @@ use super::definitions::Definitions;
 use super::intake::Numbering;
 use super::offer::Offer;
 use super::realtime::{Until, pause};
-use super::tap::{Sample, Tap};
+use super::tap::{Tap, TappedSample};
 use crate::bag::{BagError, RawMessage, TopicInfo, Writer, WriterOptions};
 use crate::msg::{EsvState, FluidPressure, GovernorCommand, Interface, JointState, ServoState};
 
@@ -314,7 +314,7 @@ impl Deck<'_> {
             let (Some(tap), Some(topic)) = (&tape.tap, &tape.topic) else { continue };
             let type_name = tape.type_name.as_deref().unwrap_or_default();
             for _ in 0..MOST_TAKEN {
-                let Sample { sender, received_ns, sent_ns, number, data } = match tap.take() {
+                let TappedSample { sender, received_ns, sent_ns, number, data } = match tap.take() {
                     None => break,
                     Some(Ok(sample)) => sample,
                     Some(Err(_)) => {

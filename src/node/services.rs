@@ -26,7 +26,7 @@ use ros2_client::{Gid, Message, ParameterValue, Server, ServiceMapping};
 
 use super::bus::{Bus, BusError};
 use super::control::{Order, Ticket};
-use super::parameters::{Store, words_of};
+use super::parameters::{ParameterStore, words_of};
 use super::refit::Refit;
 
 /// Vendor of Cyclone DDS, the first two bytes of its ids.
@@ -65,7 +65,7 @@ pub struct Aftermath {
 /// What the answers share.
 pub struct ServiceDesk<'a> {
     /// The parameters.
-    pub store: RefCell<Store>,
+    pub store: RefCell<ParameterStore>,
     /// Why the unit cannot be changed while the node runs; `None` where it can.
     pub fixed_unit: Option<&'static str>,
     /// Whether the loop has room for another twin.
@@ -78,7 +78,7 @@ pub struct ServiceDesk<'a> {
 impl<'a> ServiceDesk<'a> {
     /// A desk for these parameters, serving these layouts; `least` is the level below which nothing is told.
     #[must_use]
-    pub fn new(store: Store, mappings: &[ServiceMapping], least: &'a AtomicU8) -> Self {
+    pub fn new(store: ParameterStore, mappings: &[ServiceMapping], least: &'a AtomicU8) -> Self {
         Self {
             store: RefCell::new(store),
             fixed_unit: None,
@@ -284,13 +284,13 @@ mod tests {
     use ros2_client::parameters::{ParameterValue, raw};
 
     use super::{Aftermath, ServiceDesk, set};
-    use crate::node::parameters::Store;
-    use crate::node::settings::Settings;
+    use crate::node::parameters::ParameterStore;
+    use crate::node::settings::NodeSettings;
 
     static LEAST: AtomicU8 = AtomicU8::new(20);
 
     fn desk(mappings: &[ros2_client::ServiceMapping]) -> ServiceDesk<'static> {
-        ServiceDesk::new(Store::new(&Settings::default(), &crate::params::reference()), mappings, &LEAST)
+        ServiceDesk::new(ParameterStore::new(&NodeSettings::default(), &crate::params::reference()), mappings, &LEAST)
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! What can be set on the node, from the command line, by `--ros-args` or by parameter services.
 
-use super::integration::{Pace, Time};
-use super::policy::{Input, OnStale, Policies, Policy, Rule};
+use super::integration::{LoopPace, TimeSource};
+use super::policy::{NodeInput, OnStale, Policies, Policy, Rule};
 use super::realtime::Wishes;
 use crate::frame::EsvState;
 use crate::units::nanos_from_seconds;
@@ -27,7 +27,7 @@ impl Default for InputSettings {
 
 /// The node's settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
+pub struct NodeSettings {
     /// Ticks per second.
     pub rate_hz: f64,
     /// Published results per second.
@@ -39,7 +39,7 @@ pub struct Settings {
     /// The fail-safe.
     pub on_stale: OnStale,
     /// What differs from that for each input.
-    pub inputs: [InputSettings; Input::COUNT],
+    pub inputs: [InputSettings; NodeInput::COUNT],
     /// Command that stands in for one never heard, pu.
     pub default_command_pu: f64,
     /// Whether the ESV counts as tripped until it is heard.
@@ -56,7 +56,7 @@ pub struct Settings {
     pub wishes: Wishes,
 }
 
-impl Default for Settings {
+impl Default for NodeSettings {
     fn default() -> Self {
         Self {
             rate_hz: 1000.0,
@@ -65,8 +65,8 @@ impl Default for Settings {
             stale_after_s: 2.5,
             hold_s: 1.0,
             on_stale: OnStale::Trip,
-            inputs: Input::ALL
-                .map(|input| InputSettings { required: input != Input::Load, ..InputSettings::default() }),
+            inputs: NodeInput::ALL
+                .map(|input| InputSettings { required: input != NodeInput::Load, ..InputSettings::default() }),
             default_command_pu: 0.0,
             default_esv: EsvState::Normal,
             default_tank_pressure_pa: None,
@@ -78,7 +78,7 @@ impl Default for Settings {
     }
 }
 
-impl Settings {
+impl NodeSettings {
     /// The treatment of silence.
     #[must_use]
     pub fn policies(&self) -> Policies {
@@ -100,14 +100,14 @@ impl Settings {
 
     /// The loop's pace.
     #[must_use]
-    pub fn pace(&self) -> Pace {
-        Pace {
+    pub fn pace(&self) -> LoopPace {
+        LoopPace {
             period_ns: nanos_from_seconds(1.0 / self.rate_hz).max(1),
             publish_period_ns: self.publish_period_ns(),
             time: match (self.use_sim_time, self.publish_clock) {
-                (true, _) => Time::Follow,
-                (false, true) => Time::Own,
-                (false, false) => Time::Wall,
+                (true, _) => TimeSource::Follow,
+                (false, true) => TimeSource::Own,
+                (false, false) => TimeSource::Wall,
             },
             paused: self.paused && !self.use_sim_time,
         }

@@ -4,15 +4,15 @@ use ros2_client::log::LogLevel;
 
 use super::bus::Bus;
 use super::environment::Environment;
-use super::integration::Time;
-use super::policy::{Input, OnStale};
+use super::integration::TimeSource;
+use super::policy::{NodeInput, OnStale};
 use super::realtime::{carrier, claim_transport, lock_memory};
-use super::settings::Settings;
+use super::settings::NodeSettings;
 use super::transport;
 use crate::msg::{EsvState, FluidPressure, GovernorCommand, Interface, JointState, ServoState, TwinStatus};
 
 /// Type and unit of each input.
-const INPUTS: [(&str, &str); Input::COUNT] = [
+const INPUTS: [(&str, &str); NodeInput::COUNT] = [
     (GovernorCommand::TYPE_NAME, "pu"),
     (EsvState::TYPE_NAME, "0 shutdown, 1 normal"),
     (FluidPressure::TYPE_NAME, "Pa gauge"),
@@ -28,7 +28,7 @@ const OUTPUTS: [(&str, &str, &str); 3] = [
 
 /// The node's name, transport, topics and rates.
 #[must_use]
-pub fn words(bus: &Bus, environment: &Environment, settings: &Settings) -> Vec<(LogLevel, String)> {
+pub fn words(bus: &Bus, environment: &Environment, settings: &NodeSettings) -> Vec<(LogLevel, String)> {
     let name = bus.arguments().full_name();
     let networks = if environment.only_networks.is_some() { "this machine only" } else { "all networks" };
     let (domain, lease_s) = (environment.domain, environment.lease.as_secs_f64());
@@ -38,7 +38,7 @@ pub fn words(bus: &Bus, environment: &Environment, settings: &Settings) -> Vec<(
         (level, transport::DESCRIPTION.to_owned()),
     ];
     let full = |topic: &str| bus.arguments().resolve(topic).unwrap_or_else(|_| topic.to_owned());
-    for input in Input::ALL {
+    for input in NodeInput::ALL {
         let (type_name, unit) = INPUTS[input as usize];
         let rule = settings.policies().rules[input as usize];
         let [stale_after_s, hold_s] = rule.policy.limits_s();
@@ -56,11 +56,11 @@ pub fn words(bus: &Bus, environment: &Environment, settings: &Settings) -> Vec<(
     let outputs = OUTPUTS.map(|(topic, type_name, units)| format!("{}: {type_name} [{units}]", full(topic)));
     lines.push((LogLevel::Info, format!("publishes at {} Hz {}", settings.publish_rate_hz, outputs.join("; "))));
     let time = match (settings.pace().time, settings.paused) {
-        (Time::Follow, _) => "/clock as it comes",
-        (Time::Wall, false) => "the machine's clock",
-        (Time::Own, false) => "its own clock from 0, published as /clock",
-        (Time::Wall, true) => "the machine's clock, once it is played or stepped",
-        (Time::Own, true) => "its own clock from 0, published as /clock, once it is played or stepped",
+        (TimeSource::Follow, _) => "/clock as it comes",
+        (TimeSource::Wall, false) => "the machine's clock",
+        (TimeSource::Own, false) => "its own clock from 0, published as /clock",
+        (TimeSource::Wall, true) => "the machine's clock, once it is played or stepped",
+        (TimeSource::Own, true) => "its own clock from 0, published as /clock, once it is played or stepped",
     };
     lines.push((
         LogLevel::Info,

@@ -5,9 +5,9 @@ use std::fmt::Write;
 use hdrhistogram::Histogram;
 use serde::Serialize;
 
-use super::policy::Input;
+use super::policy::NodeInput;
 use crate::residual::adapt::Adaptation;
-use crate::residual::guard::Counts;
+use crate::residual::guard::GuardCounts;
 
 /// Longest time that is told apart, ns; longer ones count as this.
 const LONGEST_NS: u64 = 60_000_000_000;
@@ -17,7 +17,7 @@ const LONGEST_NS: u64 = 60_000_000_000;
 pub struct Stats {
     lateness: Histogram<u64>,
     work: Histogram<u64>,
-    ages: [Histogram<u64>; Input::COUNT],
+    ages: [Histogram<u64>; NodeInput::COUNT],
     /// Ticks done.
     pub ticks: u64,
     /// Ticks whose work ended after the next tick's deadline.
@@ -31,7 +31,7 @@ pub struct Stats {
     /// Whether a caller asked the node to end.
     pub ended_by_caller: bool,
     /// What the guard and the adaptation of a learned residual did, at the end.
-    pub residual: Option<(Counts, Option<Adaptation>)>,
+    pub residual: Option<(GuardCounts, Option<Adaptation>)>,
 }
 
 /// Percentiles of one quantity, us.
@@ -49,7 +49,7 @@ pub struct Percentiles {
 
 /// The report of a run.
 #[derive(Clone, Debug, Serialize, PartialEq)]
-pub struct Summary {
+pub struct RunSummary {
     /// Ticks done.
     pub ticks: u64,
     /// Wake-up after the deadline.
@@ -73,7 +73,7 @@ pub struct Summary {
     /// Resident memory of the process, bytes.
     pub resident_bytes: u64,
     /// What the guard of a learned residual did.
-    pub guard: Option<Counts>,
+    pub guard: Option<GuardCounts>,
     /// What its adaptation did.
     pub adaptation: Option<Adaptation>,
 }
@@ -88,7 +88,7 @@ impl Default for Stats {
         Self {
             lateness: histogram(),
             work: histogram(),
-            ages: Input::ALL.map(|_| histogram()),
+            ages: NodeInput::ALL.map(|_| histogram()),
             ticks: 0,
             overruns: 0,
             skipped: 0,
@@ -109,7 +109,7 @@ impl Stats {
     }
 
     /// Counts one tick with the ages of its inputs, ns; an input never heard has none.
-    pub fn ticked(&mut self, ages_ns: &[Option<i64>; Input::COUNT]) {
+    pub fn ticked(&mut self, ages_ns: &[Option<i64>; NodeInput::COUNT]) {
         self.ticks += 1;
         for (histogram, age_ns) in self.ages.iter_mut().zip(ages_ns) {
             if let Some(age_ns) = age_ns {
@@ -126,8 +126,8 @@ impl Stats {
 
     /// The report.
     #[must_use]
-    pub fn summary(&self, resident_bytes: u64) -> Summary {
-        Summary {
+    pub fn summary(&self, resident_bytes: u64) -> RunSummary {
+        RunSummary {
             ticks: self.ticks,
             lateness: percentiles(&self.lateness),
             work: percentiles(&self.work),
@@ -145,7 +145,7 @@ impl Stats {
     }
 }
 
-impl Summary {
+impl RunSummary {
     /// The report in words.
     #[must_use]
     pub fn text(&self) -> String {

@@ -46,15 +46,15 @@ impl DeserializerAdapter<Vec<u8>> for Undecoded {
 }
 
 impl DefaultDecoder<Vec<u8>> for Undecoded {
-    type Decoder = Head;
-    const DECODER: Head = Head;
+    type Decoder = Encapsulation;
+    const DECODER: Encapsulation = Encapsulation;
 }
 
 /// Puts the four bytes before a sample that name its layout; the last two are options that say nothing.
 #[derive(Clone, Debug)]
-pub struct Head;
+pub struct Encapsulation;
 
-impl<'de> Decode<'de, Vec<u8>> for Head {
+impl<'de> Decode<'de, Vec<u8>> for Encapsulation {
     type Error = io::Error;
 
     fn decode_bytes(self, bytes: &'de [u8], layout: Layout) -> Result<Vec<u8>, io::Error> {
@@ -64,7 +64,7 @@ impl<'de> Decode<'de, Vec<u8>> for Head {
 
 /// A sample of a tapped topic.
 #[derive(Debug)]
-pub(super) struct Sample {
+pub(super) struct TappedSample {
     /// Who sent it.
     pub(super) sender: Gid,
     /// When it came, ns since the epoch.
@@ -90,7 +90,7 @@ impl Tap {
     }
 
     /// The next sample that has come; an error is one that cannot be handed on. `None` where there is none.
-    pub(super) fn take(&self) -> Option<Result<Sample, String>> {
+    pub(super) fn take(&self) -> Option<Result<TappedSample, String>> {
         self.reader.drain_read_notifications();
         match self.reader.try_take_one() {
             Ok(None) => None,
@@ -99,7 +99,7 @@ impl Tap {
                 let sent_ns = change.source_timestamp().map_or(received_ns, nanos);
                 let sender = Gid::from(change.writer_guid());
                 let number = i64::from(change.sequence_number);
-                Some(Ok(Sample { sender, received_ns, sent_ns, number, data: change.into_value() }))
+                Some(Ok(TappedSample { sender, received_ns, sent_ns, number, data: change.into_value() }))
             }
             Err(error) => Some(Err(error.to_string())),
         }
@@ -120,8 +120,8 @@ mod tests {
 
     #[test]
     fn a_sample_keeps_its_bytes_behind_the_name_of_its_layout() {
-        assert_eq!(Head.decode_bytes(&[7, 8], Layout::CDR_LE).unwrap(), [0, 1, 0, 0, 7, 8]);
-        assert_eq!(Head.decode_bytes(&[], Layout::CDR_BE).unwrap(), [0, 0, 0, 0]);
+        assert_eq!(Encapsulation.decode_bytes(&[7, 8], Layout::CDR_LE).unwrap(), [0, 1, 0, 0, 7, 8]);
+        assert_eq!(Encapsulation.decode_bytes(&[], Layout::CDR_BE).unwrap(), [0, 0, 0, 0]);
     }
 
     #[test]

@@ -2,13 +2,13 @@
 
 use ros2_client::log::LogLevel;
 
-use super::core::{Input, Notices, OnStale};
+use super::core::{NodeInput, Notices, OnStale};
 use super::listener::event::News;
-use super::settings::Settings;
+use super::settings::NodeSettings;
 
 /// News in words, with how urgent they are; `settings` follow what changes while the node runs.
 #[must_use]
-pub fn of(news: &News, settings: &mut Settings) -> Vec<(LogLevel, String)> {
+pub fn of(news: &News, settings: &mut NodeSettings) -> Vec<(LogLevel, String)> {
     match news {
         News::Output(output) => of_tick(output.tick.notices, settings),
         News::Said(level, words) => vec![(*level, words.clone())],
@@ -20,7 +20,7 @@ pub fn of(news: &News, settings: &mut Settings) -> Vec<(LogLevel, String)> {
 }
 
 /// The news of a tick in words.
-fn of_tick(notices: Notices, settings: &Settings) -> Vec<(LogLevel, String)> {
+fn of_tick(notices: Notices, settings: &NodeSettings) -> Vec<(LogLevel, String)> {
     let mut said = Vec::new();
     if notices.has(Notices::RESET) {
         let words = "time jumped back, or ahead by more than 10 s: the twin forgot everything and waits for inputs";
@@ -33,12 +33,12 @@ fn of_tick(notices: Notices, settings: &Settings) -> Vec<(LogLevel, String)> {
         let words = "the changed unit took hold between two ticks; a bag does not replay across such a change";
         said.push((LogLevel::Info, words.to_owned()));
     }
-    for input in Input::ALL {
+    for input in NodeInput::ALL {
         let topic = input.topic();
         let policy = settings.policies().rules[input as usize].policy;
         let ([stale_after_s, hold_s], on_stale) = (policy.limits_s(), policy.on_stale);
         if notices.has(Notices::missing(input)) {
-            let name = Input::NAMES[input as usize];
+            let name = NodeInput::NAMES[input as usize];
             let words = format!(
                 "{topic}: nothing heard yet, after {stale_after_s} s; the twin waits for it, unless it is given \
                  `--optional {name}`"
@@ -86,25 +86,25 @@ fn of_tick(notices: Notices, settings: &Settings) -> Vec<(LogLevel, String)> {
 #[cfg(test)]
 mod tests {
     use super::{LogLevel, News, Notices, of, of_tick};
-    use crate::node::core::{Core, Input, OnStale};
-    use crate::node::integration::Output;
-    use crate::node::settings::Settings;
+    use crate::node::core::{Core, NodeInput, OnStale};
+    use crate::node::integration::TickOutput;
+    use crate::node::settings::NodeSettings;
     use crate::twin::Twin;
 
     #[test]
     fn a_stale_input_is_named_with_its_limits() {
-        let said = of_tick(Notices::stale(Input::Esv), &Settings::default());
+        let said = of_tick(Notices::stale(NodeInput::Esv), &NodeSettings::default());
         let expected = "governor/esv: nothing heard for 2.5 s; its last value is held for 1 s, then the ESV trips";
         assert_eq!(said, [(LogLevel::Warn, expected.to_owned())]);
-        assert!(of_tick(Notices::default(), &Settings::default()).is_empty());
+        assert!(of_tick(Notices::default(), &NodeSettings::default()).is_empty());
     }
 
     #[test]
     fn what_is_set_while_the_node_runs_is_told_from_then_on() {
-        let mut settings = Settings::default();
+        let mut settings = NodeSettings::default();
         let mut tick = Core::new(Twin::new(&crate::params::reference()), settings.policies(), 6.3e6).tick(0, 0);
-        tick.notices = Notices::stale(Input::Esv);
-        let stale = News::Output(Box::new(Output {
+        tick.notices = Notices::stale(NodeInput::Esv);
+        let stale = News::Output(Box::new(TickOutput {
             tick,
             publish: false,
             steps_left: 0,
@@ -113,10 +113,10 @@ mod tests {
             worst_lateness_us: 0.0,
         }));
         assert!(of(&stale, &mut settings)[0].1.contains("held for 1 s, then the ESV trips"));
-        let longer = Settings { hold_s: 30.0, ..settings };
+        let longer = NodeSettings { hold_s: 30.0, ..settings };
         assert!(of(&News::Settings(Box::new(longer)), &mut settings).is_empty());
         assert!(of(&stale, &mut settings)[0].1.contains("held for 30 s, then the ESV trips"));
-        let holding = Settings { on_stale: OnStale::Hold, ..longer };
+        let holding = NodeSettings { on_stale: OnStale::Hold, ..longer };
         assert!(of(&News::Settings(Box::new(holding)), &mut settings).is_empty());
         assert!(of(&stale, &mut settings)[0].1.ends_with("its last value is held"));
     }

@@ -2,21 +2,21 @@
 
 /// How one channel is read: `pu = recorded × scale + offset`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Reading {
+pub struct ChannelReading {
     /// Pu for each unit of what is recorded; below 0 where the channel is turned round.
     pub scale_pu: f64,
     /// Position where 0 is recorded, pu.
     pub offset_pu: f64,
 }
 
-impl Default for Reading {
+impl Default for ChannelReading {
     /// Recorded in pu.
     fn default() -> Self {
         Self { scale_pu: 1.0, offset_pu: 0.0 }
     }
 }
 
-impl Reading {
+impl ChannelReading {
     /// A channel that reads 0 pu at one recorded value and 1 pu at another.
     #[must_use]
     pub fn between(zero: f64, one: f64) -> Self {
@@ -39,11 +39,11 @@ impl Reading {
 
 /// The positions that a unit may have recorded in units of its own.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Channels {
+pub struct ChannelReadings {
     /// The spool's.
-    pub spool_position: Reading,
+    pub spool_position: ChannelReading,
     /// The servomotor's.
-    pub servomotor_position: Reading,
+    pub servomotor_position: ChannelReading,
 }
 
 #[cfg(test)]
@@ -52,7 +52,7 @@ mod tests {
 
     #[test]
     fn a_reading_goes_there_and_back() {
-        let volts = Reading::between(5.0, -3.0);
+        let volts = ChannelReading::between(5.0, -3.0);
         assert_eq!((volts.position_pu(5.0), volts.position_pu(-3.0)), (0.0, 1.0));
         assert!((volts.recorded(volts.position_pu(1.7)) - 1.7).abs() < 1e-12);
     }

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 /// One thing wrong in a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub struct Problem {
+pub struct FileProblem {
     /// Line, counted from 1, where it is known.
     pub line: Option<usize>,
     /// Dotted key, such as `oil.density_kg_m3`; empty where it concerns the whole file.
@@ -15,7 +15,7 @@ pub struct Problem {
     pub message: String,
 }
 
-impl fmt::Display for Problem {
+impl fmt::Display for FileProblem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if !self.key.is_empty() {
             write!(f, "{}: ", self.key)?;
@@ -54,14 +54,14 @@ pub enum ParamsError {
         /// The file.
         path: PathBuf,
         /// What is wrong, in the order of the file.
-        problems: Vec<Problem>,
+        problems: Vec<FileProblem>,
     },
 }
 
 impl ParamsError {
     /// What is wrong in the file's content; empty where it could not be read or written at all.
     #[must_use]
-    pub fn problems(&self) -> &[Problem] {
+    pub fn problems(&self) -> &[FileProblem] {
         match self {
             Self::Invalid { problems, .. } => problems,
             Self::Read { .. } | Self::Write { .. } => &[],
@@ -70,7 +70,7 @@ impl ParamsError {
 }
 
 /// One line a problem, each beginning with `file:line:` as compilers do, so that editors can jump to it.
-fn list(what: &str, path: &std::path::Path, problems: &[Problem]) -> String {
+fn list(what: &str, path: &std::path::Path, problems: &[FileProblem]) -> String {
     let noun = if problems.len() == 1 { "problem" } else { "problems" };
     let path = path.display();
     let lines = problems.iter().map(|problem| match problem.line {

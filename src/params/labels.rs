@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::battery::{Label, Truth};
+use crate::battery::{Label, TrueFault};
 use crate::effects::Stage;
 use crate::params::yaml::{Node, parse};
 
@@ -65,7 +65,7 @@ fn label(name: &str, node: &Node) -> Result<Label, LabelsError> {
     Ok(Label { name: name.to_owned(), effects, listed, strength_ratio, rate_hz })
 }
 
-fn truth(name: &str, node: &Node) -> Result<Truth, LabelsError> {
+fn truth(name: &str, node: &Node) -> Result<TrueFault, LabelsError> {
     let text = |key: &str| match get(node, key) {
         Some(Node::Text(text)) => Ok(text.clone()),
         Some(Node::Number(number)) => Ok(number.to_string()),
@@ -81,7 +81,7 @@ fn truth(name: &str, node: &Node) -> Result<Truth, LabelsError> {
         other => return Err(wrong(&format!("{name}: size"), "a number", other)),
     };
     let (unit, meaning) = (text("unit").unwrap_or_default(), text("meaning").unwrap_or_default());
-    Ok(Truth { id: text("id")?, stage, size, unit, meaning })
+    Ok(TrueFault { id: text("id")?, stage, size, unit, meaning })
 }
 
 fn get<'a>(node: &'a Node, key: &str) -> Option<&'a Node> {
@@ -143,7 +143,7 @@ mod tests {
 
     #[test]
     fn labels_are_read_as_they_are_written() {
-        let truth = |id: &str, stage, size| Truth {
+        let truth = |id: &str, stage, size| TrueFault {
             id: id.into(),
             stage,
             size,

@@ -9,43 +9,43 @@
 
 use std::path::Path;
 
-use super::error::{ParamsError, Problem};
+use super::error::{FileProblem, ParamsError};
 use super::suggest::nearest;
 use super::yaml::{Node, parse};
 use crate::acceptance::Measure;
-use crate::acceptance::limits::{Limit, Limits};
+use crate::acceptance::limits::{AcceptanceLimits, Limit};
 
 /// Reads a limits file.
 ///
 /// # Errors
 /// When it cannot be read, or holds anything that is not right; all problems come at once.
-pub fn load_limits(path: &Path) -> Result<Limits, ParamsError> {
+pub fn load_limits(path: &Path) -> Result<AcceptanceLimits, ParamsError> {
     let text = super::read("limits", path)?;
     limits_of(&text).map_err(|problems| ParamsError::Invalid { what: "limits", path: path.to_path_buf(), problems })
 }
 
-fn limits_of(text: &str) -> Result<Limits, Vec<Problem>> {
-    let document =
-        parse(text).map_err(|error| vec![Problem { line: error.line, key: String::new(), message: error.message }])?;
+fn limits_of(text: &str) -> Result<AcceptanceLimits, Vec<FileProblem>> {
+    let document = parse(text)
+        .map_err(|error| vec![FileProblem { line: error.line, key: String::new(), message: error.message }])?;
     let Node::Map(pairs) = &document.root else {
         let message = format!(
             "a limits file holds measures such as `dead_time_s: {{max: 0.2}}`; this is {}",
             document.root.describe()
         );
-        return Err(vec![Problem { line: None, key: String::new(), message }]);
+        return Err(vec![FileProblem { line: None, key: String::new(), message }]);
     };
     let source = document.text("source").unwrap_or_default();
-    let mut limits = Limits { name: document.text("name").unwrap_or_default().to_owned(), of: vec![] };
+    let mut limits = AcceptanceLimits { name: document.text("name").unwrap_or_default().to_owned(), of: vec![] };
     let mut problems = vec![];
     for (key, node) in pairs.iter().filter(|(key, _)| key != "name" && key != "source") {
         match measure(key).and_then(|measure| Ok((measure, limit(node, source)?))) {
             Ok(read) => limits.of.push(read),
-            Err(message) => problems.push(Problem { line: document.line(&[key]), key: key.clone(), message }),
+            Err(message) => problems.push(FileProblem { line: document.line(&[key]), key: key.clone(), message }),
         }
     }
     if limits.of.is_empty() && problems.is_empty() {
         let message = "no limit in it; `govtwin accept --template` prints a file with all measures".to_owned();
-        problems.push(Problem { line: None, key: String::new(), message });
+        problems.push(FileProblem { line: None, key: String::new(), message });
     }
     if problems.is_empty() { Ok(limits) } else { Err(problems) }
 }

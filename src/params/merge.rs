@@ -8,10 +8,10 @@ mod sensor;
 
 use std::path::Path;
 
-use crate::parameters::{ENTRIES, Entry};
+use crate::parameters::{ENTRIES, ParameterEntry};
 
 use super::consistency;
-use super::error::Problem;
+use super::error::FileProblem;
 use super::number::{number_text, quantity_text};
 use super::sheet::{Origin, Sheet};
 use super::suggest::nearest;
@@ -21,7 +21,7 @@ use super::yaml::{Document, Node};
 const TOP_KEYS: [&str; 6] = ["name", "base", "source", "sensors", "effects", "recorded"];
 
 /// Lays `document` over `sheet`; returns every problem.
-pub(super) fn merge(document: &Document, file: Option<&Path>, sheet: &mut Sheet) -> Vec<Problem> {
+pub(super) fn merge(document: &Document, file: Option<&Path>, sheet: &mut Sheet) -> Vec<FileProblem> {
     let source = document.text("source").unwrap_or_default().to_owned();
     let mut merge = Merge { document, file, sheet, source, problems: Vec::new() };
     merge.file();
@@ -37,13 +37,13 @@ struct Merge<'a> {
     sheet: &'a mut Sheet,
     /// What the file names as the source of all its values.
     source: String,
-    problems: Vec<Problem>,
+    problems: Vec<FileProblem>,
 }
 
 impl Merge<'_> {
     fn problem(&mut self, path: &[&str], message: impl Into<String>) {
         let line = self.document.line(path);
-        self.problems.push(Problem { line, key: path.join("."), message: message.into() });
+        self.problems.push(FileProblem { line, key: path.join("."), message: message.into() });
     }
 
     fn unknown<'k>(&mut self, path: &[&str], known: impl IntoIterator<Item = &'k str>) {
@@ -186,7 +186,7 @@ impl Merge<'_> {
                 let origin = self.sheet.origins.get(*key)?;
                 if origin.file.as_deref() == self.file { origin.line } else { None }
             });
-            self.problems.push(Problem { line, key: conflict.keys.join(", "), message: conflict.message });
+            self.problems.push(FileProblem { line, key: conflict.keys.join(", "), message: conflict.message });
         }
     }
 }
@@ -197,11 +197,11 @@ fn get<'n>(map: &'n Map, key: &str) -> Option<&'n Node> {
     map.iter().find(|(known, _)| known == key).map(|(_, node)| node)
 }
 
-pub(super) fn section_of(entry: &Entry) -> &'static str {
+pub(super) fn section_of(entry: &ParameterEntry) -> &'static str {
     entry.key.split_once('.').map_or("", |(section, _)| section)
 }
 
-pub(super) fn name_of(entry: &Entry) -> &'static str {
+pub(super) fn name_of(entry: &ParameterEntry) -> &'static str {
     entry.key.split_once('.').map_or("", |(_, name)| name)
 }
 

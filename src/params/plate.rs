@@ -10,11 +10,11 @@
 
 use std::path::Path;
 
-use super::error::{ParamsError, Problem};
+use super::error::{FileProblem, ParamsError};
 use super::suggest::nearest;
 use super::yaml::{Document, Node, parse};
 use crate::sheet::item::item;
-use crate::sheet::{Given, ITEMS, Item, Plate};
+use crate::sheet::{GivenValue, ITEMS, Plate, PlateItem};
 
 /// Reads a plate file.
 ///
@@ -29,13 +29,13 @@ pub fn load_plate(path: &Path) -> Result<Plate, ParamsError> {
 ///
 /// # Errors
 /// In words.
-pub fn plate_value(text: &str) -> Result<(&'static str, Given), String> {
+pub fn plate_value(text: &str) -> Result<(&'static str, GivenValue), String> {
     let (key, value) = text.split_once('=').ok_or_else(|| format!("expected KEY=VALUE, found `{text}`"))?;
     let item = find(key.trim())?;
     Ok((item.key, given(item, value.trim(), None, String::new())?))
 }
 
-fn find(key: &str) -> Result<&'static Item, String> {
+fn find(key: &str) -> Result<&'static PlateItem, String> {
     item(key).ok_or_else(|| {
         let hint = match nearest(key, ITEMS.iter().map(|item| item.key)) {
             Some(near) => format!("did you mean `{near}`?"),
@@ -45,26 +45,26 @@ fn find(key: &str) -> Result<&'static Item, String> {
     })
 }
 
-fn given(item: &Item, text: &str, tolerance_share: Option<f64>, source: String) -> Result<Given, String> {
+fn given(item: &PlateItem, text: &str, tolerance_share: Option<f64>, source: String) -> Result<GivenValue, String> {
     let value = item.dimension.parse(text).map_err(|error| error.to_string())?;
     if !(item.least..=item.most).contains(&value) {
         let unit = item.dimension.unit();
         let (least, most) = (item.least, item.most);
         return Err(format!("{value} {unit} makes no sense of {}; expected {least} to {most} {unit}", item.key));
     }
-    Ok(Given { value, tolerance_share, text: text.to_owned(), source })
+    Ok(GivenValue { value, tolerance_share, text: text.to_owned(), source })
 }
 
-fn plate_of(text: &str) -> Result<Plate, Vec<Problem>> {
-    let document =
-        parse(text).map_err(|error| vec![Problem { line: error.line, key: String::new(), message: error.message }])?;
+fn plate_of(text: &str) -> Result<Plate, Vec<FileProblem>> {
+    let document = parse(text)
+        .map_err(|error| vec![FileProblem { line: error.line, key: String::new(), message: error.message }])?;
     let pairs = match &document.root {
         Node::Map(pairs) => pairs.as_slice(),
         Node::Null => &[],
         other => {
             let message =
                 format!("a plate file holds items such as `tank_pressure: 63 bar`; this is {}", other.describe());
-            return Err(vec![Problem { line: None, key: String::new(), message }]);
+            return Err(vec![FileProblem { line: None, key: String::new(), message }]);
         }
     };
     let mut plate = Plate::default();
@@ -77,7 +77,7 @@ fn plate_of(text: &str) -> Result<Plate, Vec<Problem>> {
         }
         match find(key).and_then(|item| Ok((item.key, read(item, node, source)?))) {
             Ok((key, given)) => drop(plate.values.insert(key, given)),
-            Err(message) => problems.push(Problem { line: line(&document, key), key: key.clone(), message }),
+            Err(message) => problems.push(FileProblem { line: line(&document, key), key: key.clone(), message }),
         }
     }
     if problems.is_empty() { Ok(plate) } else { Err(problems) }
@@ -87,7 +87,7 @@ fn line(document: &Document, key: &str) -> Option<usize> {
     document.line(&[key])
 }
 
-fn read(item: &Item, node: &Node, source: &str) -> Result<Given, String> {
+fn read(item: &PlateItem, node: &Node, source: &str) -> Result<GivenValue, String> {
     let words = |node: &Node| match node {
         Node::Text(text) => Ok(text.clone()),
         Node::Number(number) => Ok(number.to_string()),

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use crate::digest::Digest;
-use crate::parameters::{Channels, ENTRIES, Parameters, Sensor, Sensors, Unit};
+use crate::parameters::{ChannelReadings, ENTRIES, Parameters, Sensor, Sensors, Unit};
 
 /// Where a value was read.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -41,7 +41,7 @@ impl Sheet {
                 sensors: Sensors::default(),
                 effects: Vec::new(),
                 own_effects: Vec::new(),
-                recorded: Channels::default(),
+                recorded: ChannelReadings::default(),
             },
             files: Vec::new(),
             origins: BTreeMap::new(),
@@ -65,7 +65,7 @@ pub fn unit_digest(unit: &Unit) -> String {
         digest.update_f64(sensor.step);
     }
     digest.update(format!("{:?}{:?}", unit.effects, unit.own_effects));
-    if unit.recorded != Channels::default() {
+    if unit.recorded != ChannelReadings::default() {
         digest.update(format!("{:?}", unit.recorded));
     }
     digest.text()
@@ -109,7 +109,7 @@ sensors! {
 #[cfg(test)]
 mod tests {
     use super::unit_digest;
-    use crate::parameters::Reading;
+    use crate::parameters::ChannelReading;
     use crate::params::reference;
 
     #[test]
@@ -126,7 +126,7 @@ mod tests {
         // The same plant, recorded in millimetres, or from another zero.
         let recorded = |scale_pu: f64, offset_pu: f64| {
             let mut unit = reference();
-            unit.recorded.servomotor_position = Reading { scale_pu, offset_pu };
+            unit.recorded.servomotor_position = ChannelReading { scale_pu, offset_pu };
             unit_digest(&unit)
         };
         assert_ne!(shipped, recorded(1.0 / 600.0, 0.0));

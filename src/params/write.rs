@@ -8,9 +8,9 @@ use std::path::Path;
 
 use crate::effects::find_in;
 use crate::files::write_atomically;
-use crate::parameters::{Channels, ENTRIES, Reading, Tolerance, Unit};
+use crate::parameters::{ChannelReading, ChannelReadings, ENTRIES, Tolerance, Unit};
 
-use super::error::{ParamsError, Problem};
+use super::error::{FileProblem, ParamsError};
 use super::merge::{name_of, section_of};
 use super::number::number_text;
 use super::sheet::SENSOR_ENTRIES;
@@ -60,11 +60,11 @@ pub fn overlay_text(path: &Path, overlay: &Overlay) -> Result<String, ParamsErro
     let unknown = overlay.comments.keys().find(|key| ENTRIES.iter().all(|entry| entry.key != **key) && !of_effect(key));
     if let Some(key) = unknown {
         let message = "a comment for a key that does not exist".to_owned();
-        return Err(invalid(vec![Problem { line: None, key: key.clone(), message }]));
+        return Err(invalid(vec![FileProblem { line: None, key: key.clone(), message }]));
     }
     if sheet.unit != overlay.unit {
         let message = "the unit has effects or values that a parameter file cannot hold".to_owned();
-        return Err(invalid(vec![Problem { line: None, key: String::new(), message }]));
+        return Err(invalid(vec![FileProblem { line: None, key: String::new(), message }]));
     }
     Ok(text)
 }
@@ -119,9 +119,9 @@ fn text(overlay: &Overlay) -> String {
 
 /// How the positions are recorded, where that is not in pu.
 fn recorded(lines: &mut Vec<String>, unit: &Unit) {
-    let Channels { spool_position, servomotor_position } = unit.recorded;
+    let ChannelReadings { spool_position, servomotor_position } = unit.recorded;
     let channels = [("spool_position", spool_position), ("servomotor_position", servomotor_position)];
-    let other = channels.into_iter().filter(|(_, reading)| *reading != Reading::default());
+    let other = channels.into_iter().filter(|(_, reading)| *reading != ChannelReading::default());
     for (index, (name, reading)) in other.enumerate() {
         if index == 0 {
             lines.push(line(0, "recorded", "", "pu = recorded × scale + offset"));

@@ -33,7 +33,7 @@ pub trait Wide: Real {
 }
 
 /// Work that can be done in lanes of any width.
-pub trait Job {
+pub trait LaneWork {
     /// What comes of it.
     type Output;
     /// Does it; `zero` tells the width, and all constants are made like it.
@@ -83,7 +83,7 @@ impl Width {
     #[must_use]
     pub fn lanes(self) -> usize {
         struct Count;
-        impl Job for Count {
+        impl LaneWork for Count {
             type Output = usize;
 
             #[inline(always)]
@@ -95,7 +95,7 @@ impl Width {
     }
 
     /// Does a job compiled for this width.
-    pub fn run<J: Job>(self, job: J) -> J::Output {
+    pub fn run<J: LaneWork>(self, job: J) -> J::Output {
         if self.pair { self.arch.dispatch(Double(job)) } else { self.arch.dispatch(Single(job)) }
     }
 }
@@ -103,7 +103,7 @@ impl Width {
 /// A job in one register.
 struct Single<J>(J);
 
-impl<J: Job> WithSimd for Single<J> {
+impl<J: LaneWork> WithSimd for Single<J> {
     type Output = J::Output;
 
     #[inline(always)]
@@ -115,7 +115,7 @@ impl<J: Job> WithSimd for Single<J> {
 /// A job in two registers.
 struct Double<J>(J);
 
-impl<J: Job> WithSimd for Double<J> {
+impl<J: LaneWork> WithSimd for Double<J> {
     type Output = J::Output;
 
     #[inline(always)]

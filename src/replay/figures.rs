@@ -4,7 +4,7 @@ use serde::Serialize;
 
 /// Figures over all rows of several recordings.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Group {
+pub struct RecordingGroup {
     /// Id of their process; absent for everything.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub process: Option<&'static str>,

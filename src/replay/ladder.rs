@@ -5,7 +5,7 @@
 
 use serde::Serialize;
 
-use super::figures::{Group, SignalFigures};
+use super::figures::{RecordingGroup, SignalFigures};
 use crate::recording::Process;
 use crate::signal::Signal;
 
@@ -19,9 +19,9 @@ pub struct Rung {
     /// Ids of processes that were left out of the residual's training.
     pub unseen: Vec<String>,
     /// Process by process, those that occur.
-    pub processes: Vec<Group>,
+    pub processes: Vec<RecordingGroup>,
     /// Everything.
-    pub overall: Group,
+    pub overall: RecordingGroup,
 }
 
 /// All rungs, the unit as given first, then units, then residuals.
@@ -36,7 +36,7 @@ pub struct Ladder {
 }
 
 /// The figures of a signal in a group.
-fn figures(group: &Group, signal: Signal) -> Option<&SignalFigures> {
+fn figures(group: &RecordingGroup, signal: Signal) -> Option<&SignalFigures> {
     group.signals.iter().find(|figures| figures.name == signal.id())
 }
 
@@ -122,10 +122,10 @@ fn capitalised(words: &str) -> String {
 mod tests {
     use super::{Ladder, Rung};
     use crate::recording::Process;
-    use crate::replay::figures::{Group, SignalFigures};
+    use crate::replay::figures::{RecordingGroup, SignalFigures};
     use crate::signal::Signal;
 
-    fn group(process: Option<&'static str>, mae: f64) -> Group {
+    fn group(process: Option<&'static str>, mae: f64) -> RecordingGroup {
         let figures = SignalFigures {
             name: Signal::SpoolPosition.id(),
             unit: "pu",
@@ -138,7 +138,7 @@ mod tests {
             bias: 0.0,
             max_abs: mae,
         };
-        Group { process, recordings: 1, signals: vec![figures] }
+        RecordingGroup { process, recordings: 1, signals: vec![figures] }
     }
 
     fn rung(title: &str, model: bool, [startup, rejection]: [f64; 2]) -> Rung {

@@ -39,7 +39,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::figures::{Group, SignalFigures};
+use super::figures::{RecordingGroup, SignalFigures};
 use super::ladder::Ladder;
 use super::{Replayed, Scores, stands_in};
 use crate::effects;
@@ -47,7 +47,7 @@ use crate::parameters::{ENTRIES, EffectSetting, Unit};
 use crate::provenance::Provenance;
 use crate::recording::Process;
 use crate::residual::adapt::Adaptation;
-use crate::residual::guard::Counts;
+use crate::residual::guard::GuardCounts;
 use crate::signal::Signal;
 use crate::twin::Cut;
 
@@ -56,7 +56,7 @@ pub const SCHEMA: &str = "govtwin-replay/1";
 
 /// All figures of one replay.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Summary {
+pub struct ReplaySummary {
     /// [`SCHEMA`].
     pub schema: &'static str,
     /// Program and version.
@@ -65,17 +65,17 @@ pub struct Summary {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub provenance: Option<Provenance>,
     /// What was simulated.
-    pub parameters: Parameters,
+    pub parameters: ParameterDifferences,
     /// Name of the cut.
     pub cut: &'static str,
     /// `hold` or `linear`.
     pub inputs_between_samples: &'static str,
     /// Recording by recording, in the order given.
-    pub recordings: Vec<Recorded>,
+    pub recordings: Vec<RecordingFigures>,
     /// Process by process, those that occur.
-    pub processes: Vec<Group>,
+    pub processes: Vec<RecordingGroup>,
     /// Everything.
-    pub overall: Group,
+    pub overall: RecordingGroup,
     /// The same with a learned residual.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub residual: Option<Residual>,
@@ -90,18 +90,18 @@ pub struct Residual {
     /// The model's file as given.
     pub model: String,
     /// What its guard did.
-    pub guard: Counts,
+    pub guard: GuardCounts,
     /// What its adaptation to drift did, `null` where it did not adapt.
     pub adaptation: Option<Adaptation>,
     /// Process by process, those that occur.
-    pub processes: Vec<Group>,
+    pub processes: Vec<RecordingGroup>,
     /// Everything.
-    pub overall: Group,
+    pub overall: RecordingGroup,
 }
 
 /// The unit that was simulated, as its difference from the shipped one.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Parameters {
+pub struct ParameterDifferences {
     /// What its file calls it.
     pub name: String,
     /// The files that it was merged from; none for the shipped unit.
@@ -112,7 +112,7 @@ pub struct Parameters {
     pub effects: Vec<Effect>,
 }
 
-impl Parameters {
+impl ParameterDifferences {
     /// Compares a unit with the shipped one.
     #[must_use]
     pub fn new(name: String, files: Vec<String>, unit: &Unit, shipped: &Unit) -> Self {
@@ -142,7 +142,7 @@ pub struct Effect {
 
 /// Where a recording came from, and what its reader had to say.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Source {
+pub struct RecordingSource {
     /// The path as given.
     pub path: String,
     /// Size of its files.
@@ -157,7 +157,7 @@ pub struct Source {
 
 /// Figures of one recording.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Recorded {
+pub struct RecordingFigures {
     /// Its name.
     pub name: String,
     /// The path as given.
@@ -185,11 +185,11 @@ pub struct Recorded {
 /// Pools recordings into groups.
 #[must_use]
 pub fn summarise(
-    parameters: Parameters,
+    parameters: ParameterDifferences,
     cut: Cut,
     inputs_between_samples: &'static str,
-    replayed: &[(&Replayed, &Source)],
-) -> Summary {
+    replayed: &[(&Replayed, &RecordingSource)],
+) -> ReplaySummary {
     let group = |process: Option<Process>| {
         let mut scores = Scores::default();
         let mut recordings = 0;
@@ -199,9 +199,9 @@ pub fn summarise(
                 recordings += 1;
             }
         }
-        Group { process: process.map(Process::id), recordings, signals: signals(&scores, cut) }
+        RecordingGroup { process: process.map(Process::id), recordings, signals: signals(&scores, cut) }
     };
-    let recorded = |(one, from): &(&Replayed, &Source)| Recorded {
+    let recorded = |(one, from): &(&Replayed, &RecordingSource)| RecordingFigures {
         name: one.recording.name.clone(),
         path: from.path.clone(),
         bytes: from.bytes,
@@ -214,7 +214,7 @@ pub fn summarise(
         notes: from.notes.clone(),
         signals: signals(&one.scores, cut),
     };
-    Summary {
+    ReplaySummary {
         schema: SCHEMA,
         program: concat!("govtwin ", env!("CARGO_PKG_VERSION")),
         provenance: None,

@@ -4,13 +4,13 @@ mod pictures;
 mod searches;
 
 use super::draw::{DrawError, svg};
-use super::page::{Blocks, KeyFigure, Page, Tone};
+use super::page::{KeyFigure, Page, PageBody, Tone};
 use super::table::{Table, fixed, significant};
 use crate::comparison::Contender;
-use crate::comparison::breakdown::Breakdown;
-use crate::comparison::summary::{Scored, Spread, Summary};
+use crate::comparison::breakdown::ErrorBreakdown;
+use crate::comparison::summary::{ComparisonSummary, ModelFigures, SeedSpread};
 use crate::recording::Process;
-use crate::residual::table::Table as Rows;
+use crate::residual::table::FeatureTable as Rows;
 
 pub use searches::search_blocks;
 
@@ -36,13 +36,13 @@ pub const HYBRIDS: [&str; 7] = ["gate", "hybrid", "mdhm", "random", "lightgbm", 
 
 /// The figures of models, process by process.
 #[must_use]
-pub fn models_table(models: &[Scored], unit: &str) -> Table {
+pub fn models_table(models: &[ModelFigures], unit: &str) -> Table {
     let mut table = Table::new().words("model").words("process").numbers("rows");
     for name in [format!("MAE, {unit}"), format!("RMSE, {unit}"), "R²".to_owned()] {
         table = table.numbers(name);
     }
     for model in models {
-        let cells = |process: &str, score: &crate::comparison::summary::Score| {
+        let cells = |process: &str, score: &crate::comparison::summary::ErrorFigures| {
             let figures = [fixed(score.mae, 5), fixed(score.rmse, 5), fixed(score.r2, 4)];
             [vec![model.title.to_owned(), process.to_owned(), score.rows.to_string()], figures.to_vec()].concat()
         };
@@ -56,7 +56,7 @@ pub fn models_table(models: &[Scored], unit: &str) -> Table {
 
 /// Figures over seeds, process by process: the mean, and the spread behind it where there are several.
 #[must_use]
-pub fn spread_table(models: &[Spread], unit: &str) -> Table {
+pub fn spread_table(models: &[SeedSpread], unit: &str) -> Table {
     let mut table = Table::new().words("model");
     let parts = models.first().map_or(&[][..], |model| &model.parts);
     for part in parts {
@@ -78,7 +78,7 @@ pub fn spread_table(models: &[Spread], unit: &str) -> Table {
 
 /// Errors by process and phase.
 #[must_use]
-pub fn breakdown_table(broken: &Breakdown, unit: &str) -> Table {
+pub fn breakdown_table(broken: &ErrorBreakdown, unit: &str) -> Table {
     let mut table = Table::new().words("process").words("phase").numbers("rows");
     for model in &broken.models {
         table = table.numbers(format!("{model}, MAE, {unit}")).numbers("squares, %");
@@ -106,7 +106,7 @@ fn title(id: &str) -> &str {
 ///
 /// # Errors
 /// Where a picture cannot be drawn.
-pub fn page(summary: &Summary, shown: &Shown) -> Result<Page, DrawError> {
+pub fn page(summary: &ComparisonSummary, shown: &Shown) -> Result<Page, DrawError> {
     let unit = shown.rows.layout.signal.unit();
     let mut page = Page::new(
         "Comparison of models",
@@ -159,7 +159,7 @@ pub fn page(summary: &Summary, shown: &Shown) -> Result<Page, DrawError> {
 }
 
 /// Why the paper's hybrid loses to data alone, and what each step against it brings.
-fn why(body: &mut Blocks, summary: &Summary, shown: &Shown) -> Result<(), DrawError> {
+fn why(body: &mut PageBody, summary: &ComparisonSummary, shown: &Shown) -> Result<(), DrawError> {
     let unit = shown.rows.layout.signal.unit();
     body.heading("Where the MDHM loses to the DDM");
     for one in &summary.breakdown.processes {
@@ -197,7 +197,7 @@ fn why(body: &mut Blocks, summary: &Summary, shown: &Shown) -> Result<(), DrawEr
     Ok(())
 }
 
-fn opening(body: &mut Blocks, summary: &Summary, unit: &str) {
+fn opening(body: &mut PageBody, summary: &ComparisonSummary, unit: &str) {
     let order: Vec<&str> = summary.ranking.iter().map(|id| model_title(summary, id)).collect();
     body.lead(format!("Hybrids by MAE over all judging rows: {}.", order.join(" < ")));
     if let Some(origin) = &summary.origin {
@@ -232,11 +232,11 @@ fn opening(body: &mut Blocks, summary: &Summary, unit: &str) {
     }
 }
 
-fn model_title<'a>(summary: &'a Summary, id: &'a str) -> &'a str {
+fn model_title<'a>(summary: &'a ComparisonSummary, id: &'a str) -> &'a str {
     summary.models.iter().find(|model| model.id == id).map_or(id, |model| model.title)
 }
 
-fn left_out_table(summary: &Summary, unit: &str) -> Table {
+fn left_out_table(summary: &ComparisonSummary, unit: &str) -> Table {
     let mut table = Table::new().words("left out").words("model");
     for name in [format!("MAE, {unit}"), format!("RMSE, {unit}"), "R²".to_owned()] {
         table = table.numbers(name);
@@ -256,8 +256,8 @@ fn left_out_table(summary: &Summary, unit: &str) -> Table {
     table
 }
 
-fn closing(body: &mut Blocks, summary: &Summary) {
-    let mut inner = Blocks::new();
+fn closing(body: &mut PageBody, summary: &ComparisonSummary) {
+    let mut inner = PageBody::new();
     inner.facts(summary.settings.iter().map(|(name, value)| (*name, value.clone())));
     inner.facts(summary.rows.iter().map(|(name, count)| (format!("rows: {name}"), count.to_string())));
     let found: Vec<(String, String)> = summary
@@ -280,18 +280,18 @@ mod tests {
     use std::collections::BTreeMap;
 
     use super::*;
-    use crate::comparison::summary::{Claim, OfProcess, SCHEMA, Score, Searched};
+    use crate::comparison::summary::{ErrorFigures, OfProcess, PaperClaim, SCHEMA, Searched};
 
-    fn model(id: &'static str, title: &'static str, r2: [f64; 2]) -> Scored {
-        let score = |r2| Score { rows: 10, mae: 0.01, rmse: 0.02, r2 };
+    fn model(id: &'static str, title: &'static str, r2: [f64; 2]) -> ModelFigures {
+        let score = |r2| ErrorFigures { rows: 10, mae: 0.01, rmse: 0.02, r2 };
         let of = |(process, r2)| OfProcess { process, score: score(r2) };
         let processes = ["startup", "shutdown"].into_iter().zip(r2).map(of).collect();
-        Scored { id, title, overall: score(0.5), processes }
+        ModelFigures { id, title, overall: score(0.5), processes }
     }
 
-    fn summary(r2: [f64; 2]) -> Summary {
-        let claim = Claim { what: "MAE of the MDHM".to_owned(), paper: "0.1", here: "0.2".to_owned(), unit: "pu" };
-        Summary {
+    fn summary(r2: [f64; 2]) -> ComparisonSummary {
+        let claim = PaperClaim { what: "MAE of the MDHM".to_owned(), paper: "0.1", here: "0.2".to_owned(), unit: "pu" };
+        ComparisonSummary {
             schema: SCHEMA,
             program: "govtwin",
             origin: None,
@@ -304,7 +304,7 @@ mod tests {
             seeds: vec![1],
             spread: vec![],
             ablation: vec![],
-            breakdown: Breakdown { models: vec![], processes: vec![] },
+            breakdown: ErrorBreakdown { models: vec![], processes: vec![] },
             left_out_process: vec![],
             searches: vec![],
             importance: vec![],

@@ -10,7 +10,7 @@ mod traces;
 mod words;
 
 use super::draw::{DrawError, svg};
-use super::page::{Blocks, KeyFigure, Page, Tone};
+use super::page::{KeyFigure, Page, PageBody, Tone};
 use crate::diagnosis::result::{Diagnosis, Trace, Verdict};
 use crate::provenance::Provenance;
 use crate::report::table::significant;
@@ -66,7 +66,7 @@ fn subtitle(diagnosis: &Diagnosis, made: &Provenance) -> String {
     parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(" · ")
 }
 
-fn opening(body: &mut Blocks, diagnosis: &Diagnosis, made: &Provenance) {
+fn opening(body: &mut PageBody, diagnosis: &Diagnosis, made: &Provenance) {
     body.answers(answers::answers(diagnosis));
     let verdict = words::verdict_title(diagnosis.verdict);
     let verdict = KeyFigure::new("verdict", verdict, "");
@@ -112,7 +112,7 @@ fn opening(body: &mut Blocks, diagnosis: &Diagnosis, made: &Provenance) {
     }
 }
 
-fn misses(body: &mut Blocks, diagnosis: &Diagnosis, explained: bool) -> Result<(), DrawError> {
+fn misses(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Result<(), DrawError> {
     body.heading("How far off the twin is");
     if !diagnosis.gap.is_empty() {
         let caption = if diagnosis.part.as_ref().is_some_and(|part| !part.sheet) {
@@ -145,13 +145,13 @@ fn misses(body: &mut Blocks, diagnosis: &Diagnosis, explained: bool) -> Result<(
     Ok(())
 }
 
-fn recordings(body: &mut Blocks, diagnosis: &Diagnosis, explained: bool) -> Result<(), DrawError> {
+fn recordings(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Result<(), DrawError> {
     body.heading("Before and after");
     // A report that was read back has the curves of one recording.
     let mut order: Vec<&Trace> = diagnosis.traces.iter().filter(|trace| !trace.time_s.is_empty()).collect();
     order.sort_by(|a, b| traces::gap(b).total_cmp(&traces::gap(a)));
     for (rank, trace) in order.into_iter().enumerate() {
-        let mut inner = Blocks::new();
+        let mut inner = PageBody::new();
         let into = if rank == 0 { &mut *body } else { &mut inner };
         let what = match diagnosis.part {
             Some(_) => trace.name.clone(),
@@ -174,7 +174,7 @@ fn recordings(body: &mut Blocks, diagnosis: &Diagnosis, explained: bool) -> Resu
     Ok(())
 }
 
-fn location(body: &mut Blocks, diagnosis: &Diagnosis, explained: bool) -> Result<(), DrawError> {
+fn location(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Result<(), DrawError> {
     body.heading("Where the error sits");
     for signal in Signal::POSITIONS {
         let breakdowns: Vec<_> = diagnosis.breakdowns.iter().filter(|breakdown| breakdown.signal == signal).collect();
@@ -208,7 +208,7 @@ fn location(body: &mut Blocks, diagnosis: &Diagnosis, explained: bool) -> Result
                 }
             ),
         );
-        let mut inner = Blocks::new();
+        let mut inner = PageBody::new();
         inner.table(
             tables::latents(diagnosis),
             "Share of the error beyond noise that a discrepancy term would explain there.",
@@ -218,7 +218,7 @@ fn location(body: &mut Blocks, diagnosis: &Diagnosis, explained: bool) -> Result
     Ok(())
 }
 
-fn causes(body: &mut Blocks, diagnosis: &Diagnosis) -> Result<(), DrawError> {
+fn causes(body: &mut PageBody, diagnosis: &Diagnosis) -> Result<(), DrawError> {
     body.heading("What causes it");
     let some = matches!(diagnosis.verdict, Verdict::Named | Verdict::Class | Verdict::Unknown);
     let caption = if some {
@@ -237,14 +237,14 @@ fn causes(body: &mut Blocks, diagnosis: &Diagnosis) -> Result<(), DrawError> {
     if !diagnosis.tried.is_empty() {
         let caption = "Fitted on top of the recalibrated twin, best first: by how much the cost (errors over their noise, squared, and the \
                        tolerances) falls, and the same on processes held out of the fit, which only the leaders were put through.";
-        let mut inner = Blocks::new();
+        let mut inner = PageBody::new();
         inner.table(tables::tried(diagnosis), caption);
         body.details(format!("What was tried: {} models", diagnosis.tried.len()), inner);
     }
     Ok(())
 }
 
-fn next(body: &mut Blocks, diagnosis: &Diagnosis) {
+fn next(body: &mut PageBody, diagnosis: &Diagnosis) {
     body.heading("What these recordings cannot say");
     if diagnosis.alike.is_empty() {
         body.paragraph("No two effects of those that were tried leave the same mark here.");
@@ -257,7 +257,7 @@ fn next(body: &mut Blocks, diagnosis: &Diagnosis) {
             "Proposed tests: the best of the candidates, each simulated with every hypothesis that is left; parameters that nobody knows better and errors of equations count against them. The first stands in next_test.mcap where a governor can be sent it.",
         );
     }
-    let mut inner = Blocks::new();
+    let mut inner = PageBody::new();
     inner.table(
         tables::visible(diagnosis),
         "Smallest deviation from a sound unit that would stand out, beside a moderate fault.",
@@ -270,19 +270,19 @@ fn next(body: &mut Blocks, diagnosis: &Diagnosis) {
     }
 }
 
-fn closing(body: &mut Blocks, diagnosis: &Diagnosis, made: &Provenance) {
+fn closing(body: &mut PageBody, diagnosis: &Diagnosis, made: &Provenance) {
     body.heading("Fitted values and channels");
-    let mut inner = Blocks::new();
+    let mut inner = PageBody::new();
     inner.table(
         tables::parameters(diagnosis),
         "Most moved first. σ from sheet: distance from the sheet in standard deviations of its tolerance. From recordings: 0 % where \
          the tolerance alone speaks.",
     );
     body.details(format!("The sheet's parameters as fitted ({})", diagnosis.parameters.len()), inner);
-    let mut inner = Blocks::new();
+    let mut inner = PageBody::new();
     inner.table(tables::channels(diagnosis), "Noise is judged where the signal moves slowly; positions in %.");
     body.details("Channels of the recordings", inner);
-    let mut inner = Blocks::new();
+    let mut inner = PageBody::new();
     inner.paragraph(
         "Error explained: (MSE recalibrated − MSE with faults) / (MSE recalibrated − noise²) over all recorded signals, each weighed by its \
          noise, on data held out of the fit; its interval from blocks of 2 s drawn anew. Intervals hold the truth nine times in ten where \

@@ -12,8 +12,8 @@ use plotters::style::{Color, FontDesc, FontFamily, FontStyle, RGBAColor, RGBColo
 
 use super::dress::dressed;
 use super::ink::Ink;
-use super::layout::{self, Place, ROW_PX, TITLE_PX, legend_px, words_px};
-use super::picture::{Axis, Mark, Panel, Picture, Shape};
+use super::layout::{self, PanelPlace, ROW_PX, TITLE_PX, legend_px, words_px};
+use super::picture::{Axis, Mark, MarkShape, Panel, Picture};
 use super::table::fixed;
 use super::thin::{clip, clip_segment, runs, thin};
 
@@ -93,7 +93,7 @@ fn draw(picture: &Picture) -> Result<String, Failure> {
     Ok(text)
 }
 
-fn draw_panel(canvas: &Canvas, picture: &Picture, panel: &Panel, place: &Place) -> Result<(), Failure> {
+fn draw_panel(canvas: &Canvas, picture: &Picture, panel: &Panel, place: &PanelPlace) -> Result<(), Failure> {
     let [left, top, right, bottom] = place.plot;
     let plot: Plot = canvas.clone().apply_coord_spec(Cartesian2d::new(
         place.x[0]..place.x[1],
@@ -134,7 +134,7 @@ fn draw_panel(canvas: &Canvas, picture: &Picture, panel: &Panel, place: &Place) 
     draw_title_and_legend(canvas, panel, place)
 }
 
-fn draw_title_and_legend(canvas: &Canvas, panel: &Panel, place: &Place) -> Result<(), Failure> {
+fn draw_title_and_legend(canvas: &Canvas, panel: &Panel, place: &PanelPlace) -> Result<(), Failure> {
     let middle = place.top + 0.5 * TITLE_PX;
     write_bold(canvas, &panel.title, [place.left, middle])?;
     let named = || panel.marks.iter().filter(|mark| !mark.label.is_empty());
@@ -151,17 +151,17 @@ fn draw_title_and_legend(canvas: &Canvas, panel: &Panel, place: &Place) -> Resul
         }
         let (from, to) = ((units(x), units(y)), (units(x + 18.0), units(y)));
         match mark.shape {
-            Shape::Line(_) | Shape::Segments(_) => {
+            MarkShape::Line(_) | MarkShape::Segments(_) => {
                 canvas.draw(&PathElement::new([from, to], stroke(mark)))?;
             }
-            Shape::Dots(_) => {
+            MarkShape::Dots(_) => {
                 canvas.draw(&Circle::new(
                     (units(x + 9.0), from.1),
                     units(3.0),
                     ink(mark.ink, mark.opacity).filled(),
                 ))?;
             }
-            Shape::Band(_) | Shape::Blocks(_) | Shape::Words(_) | Shape::Cells { .. } => {
+            MarkShape::Band(_) | MarkShape::Blocks(_) | MarkShape::Words(_) | MarkShape::Cells { .. } => {
                 let corners = [(from.0, units(y - 5.0)), (to.0, units(y + 5.0))];
                 canvas.draw(&Rectangle::new(corners, ink(mark.ink, mark.opacity).filled()))?;
             }
@@ -173,12 +173,12 @@ fn draw_title_and_legend(canvas: &Canvas, panel: &Panel, place: &Place) -> Resul
 }
 
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a plot is a few thousand pixels wide")]
-fn draw_mark(canvas: &Canvas, plot: &Plot, mark: &Mark, place: &Place) -> Result<(), Failure> {
+fn draw_mark(canvas: &Canvas, plot: &Plot, mark: &Mark, place: &PanelPlace) -> Result<(), Failure> {
     let (x, y) = (place.x, place.y);
     let fill = ink(mark.ink, mark.opacity).filled();
     let bins = (place.plot[2] - place.plot[0]).max(1.0) as usize;
     match &mark.shape {
-        Shape::Line(points) => {
+        MarkShape::Line(points) => {
             for run in runs(points) {
                 if let [only] = run {
                     plot.draw(&Circle::new((only[0], only[1]), units(0.7 * mark.width_px), fill))?;
@@ -188,7 +188,7 @@ fn draw_mark(canvas: &Canvas, plot: &Plot, mark: &Mark, place: &Place) -> Result
                 }
             }
         }
-        Shape::Band(points) => {
+        MarkShape::Band(points) => {
             // Each edge keeps its own extremes, so a thinned band is never narrower than the whole one.
             let edge = |side: usize| {
                 let line: Vec<_> = points.iter().map(|p| [p[0], p[side]]).filter(|p| p[1].is_finite()).collect();
@@ -198,13 +198,13 @@ fn draw_mark(canvas: &Canvas, plot: &Plot, mark: &Mark, place: &Place) -> Result
             let (low, high) = (edge(1), edge(2));
             plot.draw(&Polygon::new(low.into_iter().chain(high.into_iter().rev()).collect::<Vec<_>>(), fill))?;
         }
-        Shape::Blocks(blocks) => {
+        MarkShape::Blocks(blocks) => {
             for &[x0, x1, y0, y1] in blocks {
                 let corners = [(x0, y1), (x1, y0)].map(|(a, b)| (a.clamp(x[0], x[1]), b.clamp(y[0], y[1])));
                 plot.draw(&Rectangle::new(corners, fill))?;
             }
         }
-        Shape::Segments(segments) => {
+        MarkShape::Segments(segments) => {
             for &[x0, y0, x1, y1] in segments {
                 let reach =
                     |value: f64, [low, high]: [f64; 2]| if value.is_finite() { value } else { value.clamp(low, high) };
@@ -214,18 +214,18 @@ fn draw_mark(canvas: &Canvas, plot: &Plot, mark: &Mark, place: &Place) -> Result
                 }
             }
         }
-        Shape::Dots(dots) => {
+        MarkShape::Dots(dots) => {
             for dot in dots.iter().filter(|d| d[0] >= x[0] && d[0] <= x[1] && d[1] >= y[0] && d[1] <= y[1]) {
                 plot.draw(&Circle::new((dot[0], dot[1]), units(mark.width_px), fill))?;
             }
         }
-        Shape::Words(words) => {
+        MarkShape::Words(words) => {
             for (at, text) in words {
                 let at = [to_px(place, at[0]) + 5.0, to_py(place, at[1])];
                 write(canvas, text, at, 11.5, mark.ink, HPos::Left, VPos::Center)?;
             }
         }
-        Shape::Cells { rows, full, below, decimals } => {
+        MarkShape::Cells { rows, full, below, decimals } => {
             draw_cells(canvas, plot, place, mark, (rows, *full, *below, *decimals))?;
         }
     }
@@ -236,7 +236,7 @@ fn draw_mark(canvas: &Canvas, plot: &Plot, mark: &Mark, place: &Place) -> Result
 fn draw_cells(
     canvas: &Canvas,
     plot: &Plot,
-    place: &Place,
+    place: &PanelPlace,
     mark: &Mark,
     (rows, full, below, decimals): (&[Vec<f64>], f64, Ink, usize),
 ) -> Result<(), Failure> {
@@ -271,11 +271,11 @@ fn ticks(axis: &Axis, [from, to]: [f64; 2], length_px: f64, apart: f64) -> Vec<(
     values.into_iter().map(|value| (value, fixed(value, decimals))).collect()
 }
 
-fn to_px(place: &Place, x: f64) -> f64 {
+fn to_px(place: &PanelPlace, x: f64) -> f64 {
     place.plot[0] + (x - place.x[0]) / (place.x[1] - place.x[0]) * (place.plot[2] - place.plot[0])
 }
 
-fn to_py(place: &Place, y: f64) -> f64 {
+fn to_py(place: &PanelPlace, y: f64) -> f64 {
     place.plot[3] - (y - place.y[0]) / (place.y[1] - place.y[0]) * (place.plot[3] - place.plot[1])
 }
 

@@ -2,8 +2,8 @@
 
 use super::draw::{DrawError, svg};
 use super::ink::Ink;
-use super::page::{Blocks, Page, Tone};
-use super::picture::{Mark, Panel, Picture, Shape};
+use super::page::{Page, PageBody, Tone};
+use super::picture::{Mark, MarkShape, Panel, Picture};
 use super::table::Table;
 
 /// Columns that are drawn although nothing was made of them.
@@ -26,7 +26,7 @@ pub struct Guess {
 
 /// What was understood of a file.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Look {
+pub struct ImportView {
     /// The file's name.
     pub file: String,
     /// Rows, or messages.
@@ -47,7 +47,7 @@ pub struct Look {
 ///
 /// # Errors
 /// Where a picture cannot be drawn.
-pub fn page(look: &Look) -> Result<Page, DrawError> {
+pub fn page(look: &ImportView) -> Result<Page, DrawError> {
     let mut page = Page::new(format!("What {} holds", look.file), format!("{} rows", look.rows));
     let body = &mut page.body;
     body.lead(format!(
@@ -79,7 +79,7 @@ pub fn page(look: &Look) -> Result<Page, DrawError> {
         body.heading("Columns left aside");
         let drawn: Vec<Guess> =
             look.unused.iter().filter(|guess| !guess.points.is_empty()).take(MOST_UNUSED).cloned().collect();
-        let mut inner = Blocks::new();
+        let mut inner = PageBody::new();
         if !drawn.is_empty() {
             inner.figure(svg(&picture("columns left aside", &drawn, Ink::Muted))?, "As the file holds them.");
         }
@@ -116,8 +116,8 @@ fn picture(what: &str, guesses: &[Guess], ink: Ink) -> Picture {
             let around = 0.5 * ends[0].abs().max(1.0);
             panel = panel.y_range(ends[0] - around, ends[1] + around);
         }
-        panel.marks.push(Mark::new(Shape::Band(guess.points.clone()), ink, ""));
-        panel.marks.push(Mark::new(Shape::Line(middle), ink, ""));
+        panel.marks.push(Mark::new(MarkShape::Band(guess.points.clone()), ink, ""));
+        panel.marks.push(Mark::new(MarkShape::Line(middle), ink, ""));
         panel
     };
     Picture::stacked(what, guesses.iter().map(panel).collect())
@@ -136,7 +136,7 @@ mod tests {
             why: why.into(),
             points: vec![[0.0, 0.1, 0.2], [1.0, 0.2, 0.3]],
         };
-        let look = Look {
+        let look = ImportView {
             file: "a.csv".into(),
             rows: 2,
             chosen: vec![guess("Servomotor position", "its name")],

@@ -1,6 +1,6 @@
 //! Where things go in a picture: ranges of the axes, rectangles of the panels, rows of words.
 
-use super::picture::{Axis, Event, Panel, Picture, Shape};
+use super::picture::{Axis, EventLine, MarkShape, Panel, Picture};
 
 /// Height of a panel's title row, px.
 pub const TITLE_PX: f64 = 24.0;
@@ -23,7 +23,7 @@ pub fn words_px(words: &str, size_px: f64) -> f64 {
 
 /// One panel's place, px from the picture's top left, and its ranges.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Place {
+pub struct PanelPlace {
     /// Left, top, right, bottom of the plot itself.
     pub plot: [f64; 4],
     /// Top of the title row.
@@ -42,12 +42,12 @@ pub struct Place {
 
 /// The places of all panels, and the picture's height, px.
 #[expect(clippy::cast_precision_loss, reason = "counts of panels and pixels are small")]
-pub fn places(picture: &Picture, event_rows: usize) -> (Vec<Place>, f64) {
+pub fn places(picture: &Picture, event_rows: usize) -> (Vec<PanelPlace>, f64) {
     let columns = picture.columns.max(1) as usize;
     let width = (f64::from(picture.width_px) - GAP_PX * (columns - 1) as f64) / columns as f64;
     let shared_x = picture.shared_x.then(|| union(picture.panels.iter().map(x_range)));
     let rows = picture.panels.len().div_ceil(columns);
-    let mut places: Vec<Place> = Vec::with_capacity(picture.panels.len());
+    let mut places: Vec<PanelPlace> = Vec::with_capacity(picture.panels.len());
     let mut top = 0.0;
     for (row, panels) in picture.panels.chunks(columns).enumerate() {
         let labels_x = !picture.shared_x || row + 1 == rows;
@@ -65,7 +65,7 @@ pub fn places(picture: &Picture, event_rows: usize) -> (Vec<Place>, f64) {
             let x = shared_x.unwrap_or_else(|| x_range(panel));
             let y = y_range(panel, x);
             let plot = [plot_left, plot_top, plot_right, plot_bottom];
-            places.push(Place { plot, top, left: plot_left, legend_rows, x, y, labels_x });
+            places.push(PanelPlace { plot, top, left: plot_left, legend_rows, x, y, labels_x });
             let name = if panel.x.name.is_empty() { 0.0 } else { NAME_PX };
             bottom = f64::max(bottom, plot_bottom + if labels_x { TICKS_PX + name } else { 4.0 });
         }
@@ -104,9 +104,9 @@ fn legend_rows(panel: &Panel, width: f64) -> usize {
 }
 
 /// A row for each event's name, so that no two run into each other; `at` turns x into px.
-pub fn event_rows(events: &[Event], at: impl Fn(f64) -> f64) -> Vec<usize> {
+pub fn event_rows(events: &[EventLine], at: impl Fn(f64) -> f64) -> Vec<usize> {
     let mut ends: Vec<f64> = Vec::new();
-    let row_of = |event: &Event| {
+    let row_of = |event: &EventLine| {
         let start = at(event.x);
         let end = start + words_px(&event.label, 11.5) + 12.0;
         let free = ends.iter().position(|&taken| taken <= start);
@@ -143,7 +143,7 @@ pub fn x_range(panel: &Panel) -> [f64; 2] {
         return range;
     }
     let all = union(panel.marks.iter().map(|mark| span(&mark.shape, 0, [f64::NEG_INFINITY, f64::INFINITY])));
-    let airy = panel.marks.iter().all(|mark| !matches!(mark.shape, Shape::Line(_) | Shape::Band(_)));
+    let airy = panel.marks.iter().all(|mark| !matches!(mark.shape, MarkShape::Line(_) | MarkShape::Band(_)));
     if airy { padded(sound(all), true) } else { sound(all) }
 }
 
@@ -156,7 +156,7 @@ fn y_range(panel: &Panel, x: [f64; 2]) -> [f64; 2] {
         return range;
     }
     let all = union(panel.marks.iter().map(|mark| span(&mark.shape, 1, x)));
-    let bars = panel.marks.iter().any(|mark| matches!(mark.shape, Shape::Blocks(_)));
+    let bars = panel.marks.iter().any(|mark| matches!(mark.shape, MarkShape::Blocks(_)));
     padded(sound(all), bars)
 }
 
@@ -173,7 +173,7 @@ fn padded([low, high]: [f64; 2], bars: bool) -> [f64; 2] {
 
 /// Least and greatest finite coordinate of a shape along an axis (0 x, 1 y), within a horizontal range.
 #[expect(clippy::cast_precision_loss, reason = "a heat map has few cells")]
-fn span(shape: &Shape, axis: usize, x: [f64; 2]) -> [f64; 2] {
+fn span(shape: &MarkShape, axis: usize, x: [f64; 2]) -> [f64; 2] {
     let mut all = [f64::INFINITY, f64::NEG_INFINITY];
     let mut take = |at_x: f64, value: f64| {
         if value.is_finite() && at_x >= x[0] && at_x <= x[1] {
@@ -181,21 +181,21 @@ fn span(shape: &Shape, axis: usize, x: [f64; 2]) -> [f64; 2] {
         }
     };
     match shape {
-        Shape::Line(points) | Shape::Dots(points) => points.iter().for_each(|p| take(p[0], p[axis])),
-        Shape::Band(points) => points.iter().for_each(|p| {
+        MarkShape::Line(points) | MarkShape::Dots(points) => points.iter().for_each(|p| take(p[0], p[axis])),
+        MarkShape::Band(points) => points.iter().for_each(|p| {
             take(p[0], p[axis]);
             take(p[0], p[2 * axis]);
         }),
-        Shape::Blocks(blocks) => blocks.iter().for_each(|b| {
+        MarkShape::Blocks(blocks) => blocks.iter().for_each(|b| {
             take(b[0].max(x[0]), b[2 * axis]);
             take(b[1].min(x[1]), b[2 * axis + 1]);
         }),
-        Shape::Segments(segments) => segments.iter().for_each(|s| {
+        MarkShape::Segments(segments) => segments.iter().for_each(|s| {
             take(s[0].max(x[0]), s[axis]);
             take(s[2].min(x[1]), s[axis + 2]);
         }),
-        Shape::Words(words) => words.iter().for_each(|(p, _)| take(p[0], p[axis])),
-        Shape::Cells { rows, .. } => {
+        MarkShape::Words(words) => words.iter().for_each(|(p, _)| take(p[0], p[axis])),
+        MarkShape::Cells { rows, .. } => {
             let across = rows.first().map_or(0, Vec::len);
             let count = if axis == 0 { across } else { rows.len() };
             all = [-0.5, count as f64 - 0.5];
@@ -208,7 +208,7 @@ fn span(shape: &Shape, axis: usize, x: [f64; 2]) -> [f64; 2] {
 mod tests {
     use super::{event_rows, places, x_range};
     use crate::report::ink::Ink;
-    use crate::report::picture::{Event, Panel, Picture};
+    use crate::report::picture::{EventLine, Panel, Picture};
 
     #[test]
     fn stacked_panels_share_one_horizontal_range_and_never_overlap() {
@@ -240,7 +240,7 @@ mod tests {
 
     #[test]
     fn names_of_close_events_take_rows_of_their_own() {
-        let event = |x: f64| Event { x, label: "ESV trip".into(), ink: Ink::Alarm };
+        let event = |x: f64| EventLine { x, label: "ESV trip".into(), ink: Ink::Alarm };
         let rows = event_rows(&[event(1.0), event(1.1), event(60.0)], |x| 10.0 * x);
         assert_eq!(rows, [0, 1, 0]);
     }

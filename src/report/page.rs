@@ -56,14 +56,14 @@ enum Block {
     Table { table: Table, caption: String },
     Facts(Vec<(String, String)>),
     Note { tone: Tone, text: String },
-    Details { summary: String, blocks: Blocks },
+    Details { summary: String, blocks: PageBody },
 }
 
 /// What stands on a page, in reading order.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Blocks(Vec<Block>);
+pub struct PageBody(Vec<Block>);
 
-impl Blocks {
+impl PageBody {
     /// Nothing yet.
     #[must_use]
     pub fn new() -> Self {
@@ -117,7 +117,7 @@ impl Blocks {
     }
 
     /// Blocks behind a line that opens them.
-    pub fn details(&mut self, summary: impl Into<String>, blocks: Blocks) {
+    pub fn details(&mut self, summary: impl Into<String>, blocks: PageBody) {
         self.0.push(Block::Details { summary: summary.into(), blocks });
     }
 }
@@ -130,14 +130,14 @@ pub struct Page {
     /// One line below the title.
     pub subtitle: String,
     /// What stands on it.
-    pub body: Blocks,
+    pub body: PageBody,
 }
 
 impl Page {
     /// An empty page.
     #[must_use]
     pub fn new(title: impl Into<String>, subtitle: impl Into<String>) -> Self {
-        Self { title: title.into(), subtitle: subtitle.into(), body: Blocks::new() }
+        Self { title: title.into(), subtitle: subtitle.into(), body: PageBody::new() }
     }
 
     /// The page as HTML.
@@ -186,7 +186,7 @@ fn slug(heading: &str) -> String {
     heading.chars().map(|c| if c.is_alphanumeric() { c.to_ascii_lowercase() } else { '-' }).collect()
 }
 
-fn blocks(blocks: &Blocks) -> Markup {
+fn blocks(blocks: &PageBody) -> Markup {
     html! { @for item in &blocks.0 { (block(item)) } }
 }
 
@@ -279,7 +279,7 @@ fn table_markup(table: &Table, caption: &str) -> Markup {
 
 #[cfg(test)]
 mod tests {
-    use super::{Blocks, KeyFigure, Page, Tone, prose};
+    use super::{KeyFigure, Page, PageBody, Tone, prose};
     use crate::report::draw::svg;
     use crate::report::ink::Ink;
     use crate::report::picture::{Panel, Picture};
@@ -293,7 +293,7 @@ mod tests {
         let mut table = Table::new().words("a").numbers("b");
         table.strong_row(["<script>alert(1)</script>", "2"]);
         table.linked_row(["unit <3>", "4"], "../a\"b/report.html");
-        let mut inner = Blocks::new();
+        let mut inner = PageBody::new();
         inner.table(table, "t");
         page.body.details("more", inner);
         page.body.note(Tone::Warning, "care");

@@ -18,7 +18,7 @@ pub struct Axis {
 
 /// The shape of a mark.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Shape {
+pub enum MarkShape {
     /// A polyline through x and y; a NaN breaks it. x must not fall.
     Line(Vec<[f64; 2]>),
     /// The area between low and high over x, as x, low, high.
@@ -49,7 +49,7 @@ pub enum Shape {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mark {
     /// Its shape, in data coordinates.
-    pub shape: Shape,
+    pub shape: MarkShape,
     /// What it stands for.
     pub ink: Ink,
     /// Its name in the legend; empty keeps it out.
@@ -63,13 +63,13 @@ pub struct Mark {
 impl Mark {
     /// A mark with the usual width and opacity of its shape.
     #[must_use]
-    pub fn new(shape: Shape, ink: Ink, label: impl Into<String>) -> Self {
+    pub fn new(shape: MarkShape, ink: Ink, label: impl Into<String>) -> Self {
         let (width_px, opacity) = match shape {
-            Shape::Band(_) => (0.0, 0.22),
-            Shape::Blocks(_) => (0.0, 0.85),
-            Shape::Segments(_) => (1.2, 1.0),
-            Shape::Dots(_) => (2.5, 0.8),
-            Shape::Line(_) | Shape::Words(_) | Shape::Cells { .. } => (1.4, 1.0),
+            MarkShape::Band(_) => (0.0, 0.22),
+            MarkShape::Blocks(_) => (0.0, 0.85),
+            MarkShape::Segments(_) => (1.2, 1.0),
+            MarkShape::Dots(_) => (2.5, 0.8),
+            MarkShape::Line(_) | MarkShape::Words(_) | MarkShape::Cells { .. } => (1.4, 1.0),
         };
         Self { shape, ink, label: label.into(), width_px, opacity }
     }
@@ -149,25 +149,25 @@ impl Panel {
     /// Adds a line of the usual width.
     #[must_use]
     pub fn line(self, ink: Ink, label: &str, points: Vec<[f64; 2]>) -> Self {
-        self.mark(Mark::new(Shape::Line(points), ink, label))
+        self.mark(Mark::new(MarkShape::Line(points), ink, label))
     }
 
     /// Adds a thick line: what a thinner one drawn later is compared with.
     #[must_use]
     pub fn thick_line(self, ink: Ink, label: &str, points: Vec<[f64; 2]>) -> Self {
-        self.mark(Mark { width_px: 4.0, opacity: 0.75, ..Mark::new(Shape::Line(points), ink, label) })
+        self.mark(Mark { width_px: 4.0, opacity: 0.75, ..Mark::new(MarkShape::Line(points), ink, label) })
     }
 
     /// Adds an area between two curves, given as x, low, high.
     #[must_use]
     pub fn band(self, ink: Ink, label: &str, points: Vec<[f64; 3]>) -> Self {
-        self.mark(Mark::new(Shape::Band(points), ink, label))
+        self.mark(Mark::new(MarkShape::Band(points), ink, label))
     }
 
     /// Adds dots.
     #[must_use]
     pub fn dots(self, ink: Ink, label: &str, points: Vec<[f64; 2]>) -> Self {
-        self.mark(Mark::new(Shape::Dots(points), ink, label))
+        self.mark(Mark::new(MarkShape::Dots(points), ink, label))
     }
 
     /// Adds the bars of one of `of` series side by side: bar `i` stands at category `i`.
@@ -179,7 +179,7 @@ impl Panel {
             let left = i as f64 - 0.4 + slot * series as f64;
             [left + 0.04 * slot, left + 0.96 * slot, 0.0, value]
         });
-        self.mark(Mark::new(Shape::Blocks(blocks.collect()), ink, label))
+        self.mark(Mark::new(MarkShape::Blocks(blocks.collect()), ink, label))
     }
 
     /// Adds lying bars from zero: bar `i` lies at category `i` of the vertical axis.
@@ -187,7 +187,7 @@ impl Panel {
     #[expect(clippy::cast_precision_loss, reason = "a handful of bars")]
     pub fn lying_bars(self, ink: Ink, label: &str, values: &[f64]) -> Self {
         let blocks = values.iter().enumerate().map(|(i, &value)| [0.0, value, i as f64 - 0.36, i as f64 + 0.36]);
-        self.mark(Mark::new(Shape::Blocks(blocks.collect()), ink, label))
+        self.mark(Mark::new(MarkShape::Blocks(blocks.collect()), ink, label))
     }
 
     /// Adds intervals as whiskers on lying bars: `low` to `high` at category `i` of the vertical axis.
@@ -198,7 +198,7 @@ impl Panel {
             let y = i as f64;
             [[low, y, high, y], [low, y - 0.16, low, y + 0.16], [high, y - 0.16, high, y + 0.16]]
         });
-        self.mark(Mark::new(Shape::Segments(segments.collect()), ink, label))
+        self.mark(Mark::new(MarkShape::Segments(segments.collect()), ink, label))
     }
 
     /// Adds a histogram: share of the finite values per bin, the outer bins taking what lies beyond.
@@ -218,19 +218,19 @@ impl Panel {
             let left = from + width * bin as f64;
             [left, left + width, 0.0, count as f64 / total as f64]
         });
-        self.mark(Mark::new(Shape::Blocks(blocks.collect()), ink, label))
+        self.mark(Mark::new(MarkShape::Blocks(blocks.collect()), ink, label))
     }
 
     /// Adds a level across the panel's own data, such as zero.
     #[must_use]
     pub fn level(self, ink: Ink, label: &str, y: f64) -> Self {
-        self.mark(Mark::new(Shape::Segments(vec![[f64::NEG_INFINITY, y, f64::INFINITY, y]]), ink, label))
+        self.mark(Mark::new(MarkShape::Segments(vec![[f64::NEG_INFINITY, y, f64::INFINITY, y]]), ink, label))
     }
 }
 
 /// Something that happened at one instant; a line through every panel.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Event {
+pub struct EventLine {
     /// Where on the shared horizontal axis.
     pub x: f64,
     /// Its name, written at the top.
@@ -262,7 +262,7 @@ pub struct Picture {
     /// The panels.
     pub panels: Vec<Panel>,
     /// Instants marked in every panel.
-    pub events: Vec<Event>,
+    pub events: Vec<EventLine>,
     /// Stretches tinted in every panel.
     pub spans: Vec<Span>,
 }

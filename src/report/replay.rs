@@ -5,13 +5,13 @@ mod ladder;
 mod tables;
 
 use super::draw::{DrawError, svg};
-use super::page::{Blocks, KeyFigure, Page, Tone};
+use super::page::{KeyFigure, Page, PageBody, Tone};
 use super::table::significant;
 use crate::parameters::Sensors;
 use crate::provenance::Provenance;
 use crate::recording::Process;
 use crate::replay::Replayed;
-use crate::replay::summary::Summary;
+use crate::replay::summary::ReplaySummary;
 use crate::signal::Signal;
 use tables::{errors, figures, r2_words, recording_table, thousands};
 
@@ -24,7 +24,7 @@ pub use tables::{process_table, reason_for_dashes};
 /// # Errors
 /// Where a picture cannot be drawn.
 pub fn page(
-    summary: &Summary,
+    summary: &ReplaySummary,
     replayed: &[&Replayed],
     pictures: &[Pictures],
     sensors: &Sensors,
@@ -49,7 +49,7 @@ pub fn page(
         let mut title = process.title().to_owned();
         title[..1].make_ascii_uppercase();
         body.heading(title);
-        let mut others = Blocks::new();
+        let mut others = PageBody::new();
         for (i, (one, pictures)) in of_process().enumerate() {
             let into = if i == 0 { &mut *body } else { &mut others };
             show(into, &one.name, pictures);
@@ -62,8 +62,11 @@ pub fn page(
     body.heading("Figures");
     body.table(process_table(summary), "Over all rows of a process; MAE and RMSE in pu of stroke.");
     if let Some(residual) = &summary.residual {
-        let corrected =
-            Summary { processes: residual.processes.clone(), overall: residual.overall.clone(), ..summary.clone() };
+        let corrected = ReplaySummary {
+            processes: residual.processes.clone(),
+            overall: residual.overall.clone(),
+            ..summary.clone()
+        };
         let caption = format!(
             "The same with the learned residual of {} on top; rows that taught it are among them.",
             residual.model
@@ -88,7 +91,7 @@ pub fn page(
         body.note(Tone::Plain, shown);
     }
     body.figure(svg(&errors(summary, replayed, sensors))?, "Left: RMSE by process. Right: how the differences are spread over all rows; the outermost bars hold all that lies further out.");
-    let mut inner = Blocks::new();
+    let mut inner = PageBody::new();
     inner.table(
         recording_table(summary),
         "MAE, RMSE, bias (mean of simulated − measured) and largest error in pu of stroke.",
@@ -98,7 +101,7 @@ pub fn page(
     Ok(page)
 }
 
-fn opening(body: &mut Blocks, summary: &Summary) {
+fn opening(body: &mut PageBody, summary: &ReplaySummary) {
     let judged = |signal: Signal| figures(&summary.overall, signal).filter(|figures| figures.rmse.is_finite());
     let said: Vec<String> = [
         (Signal::ServomotorPosition, "the servomotor", "its stroke"),
@@ -145,21 +148,21 @@ fn opening(body: &mut Blocks, summary: &Summary) {
     }
 }
 
-fn show(body: &mut Blocks, name: &str, pictures: &Pictures) {
+fn show(body: &mut PageBody, name: &str, pictures: &Pictures) {
     let band = "Grey band: twice the standard deviation of the transducer's noise and step.";
     body.figure(pictures.whole.clone(), format!("{name}. {band}"));
     if let Some(close_up) = &pictures.close_up {
         body.figure(close_up.clone(), format!("{name}, the liveliest stretch. {band}"));
     }
     if let Some(pilot) = &pictures.pilot {
-        let mut inner = Blocks::new();
+        let mut inner = PageBody::new();
         inner.figure(pilot.clone(), format!("{name}, pilot signals. {band}"));
         body.details(format!("Pilot signals of {name}"), inner);
     }
 }
 
-fn closing(body: &mut Blocks, summary: &Summary) {
-    let mut inner = Blocks::new();
+fn closing(body: &mut PageBody, summary: &ReplaySummary) {
+    let mut inner = PageBody::new();
     let files = summary.parameters.files.join(", ");
     let mut facts = vec![
         ("program".to_owned(), summary.program.to_owned()),

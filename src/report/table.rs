@@ -7,7 +7,7 @@ const LEAST_WORDS: usize = 12;
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Table {
     columns: Vec<Column>,
-    rows: Vec<Row>,
+    rows: Vec<TableRow>,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -25,7 +25,7 @@ impl Column {
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Row {
+pub(super) struct TableRow {
     pub(super) cells: Vec<String>,
     pub(super) strong: bool,
     /// Where the first cell leads on a page.
@@ -83,7 +83,7 @@ impl Table {
             // A cell with a line break would pass for a row.
             *cell = cell.replace('\n', "\\u000a").replace('\t', "\\u0009");
         }
-        self.rows.push(Row { cells, strong, link: None });
+        self.rows.push(TableRow { cells, strong, link: None });
     }
 
     /// The heads above the columns, each with the columns below it; none where no column has a group.
@@ -98,7 +98,7 @@ impl Table {
         &self.columns
     }
 
-    pub(super) fn rows(&self) -> &[Row] {
+    pub(super) fn rows(&self) -> &[TableRow] {
         &self.rows
     }
 
@@ -163,7 +163,7 @@ impl Table {
             let lines = cells.iter().map(Vec::len).max().unwrap_or(1);
             for line in 0..lines {
                 let cells = cells.iter().map(|cell| cell.get(line).cloned().unwrap_or_default()).collect();
-                folded.rows.push(Row { cells, strong: row.strong, link: row.link.clone() });
+                folded.rows.push(TableRow { cells, strong: row.strong, link: row.link.clone() });
             }
         }
         for (column, room) in folded.columns.iter_mut().zip(&widths) {

@@ -6,10 +6,10 @@ use super::adapt::{Adaptation, Adapter};
 use super::band::Band;
 use super::features::{self, Feature};
 use super::forest::Forest;
-use super::guard::{Counts, Guard, Passed};
+use super::guard::{Guard, GuardCounts, Passed};
 use super::history::History;
 use super::model::{Learned, Model, ModelError};
-use super::row::{Channel, Rows};
+use super::row::{RowChannel, RowMaker};
 use crate::frame::{Estimate, Frame};
 use crate::signal::Signal;
 
@@ -31,7 +31,7 @@ pub struct Correction {
 pub struct Corrector {
     signal: Signal,
     learned: Learned,
-    rows: Rows,
+    rows: RowMaker,
     period_ns: i64,
     features: Vec<Feature>,
     forest: Forest,
@@ -39,7 +39,7 @@ pub struct Corrector {
     band: Option<Band>,
     history: History,
     values: Vec<f64>,
-    counts: Counts,
+    counts: GuardCounts,
     adapter: Option<Adapter>,
 }
 
@@ -53,7 +53,7 @@ impl Corrector {
         Ok(Self {
             signal: model.signal()?,
             learned: model.learned,
-            rows: Rows::new(model.opening, model.signal()?),
+            rows: RowMaker::new(model.opening, model.signal()?),
             period_ns: model.period_ns,
             values: vec![0.0; features.len()],
             features,
@@ -61,7 +61,7 @@ impl Corrector {
             guard: model.guard.clone(),
             band: model.band,
             history: History::new(model.period_ns),
-            counts: Counts::default(),
+            counts: GuardCounts::default(),
             adapter: None,
         })
     }
@@ -94,7 +94,7 @@ impl Corrector {
 
     /// What the guard did so far.
     #[must_use]
-    pub fn counts(&self) -> &Counts {
+    pub fn counts(&self) -> &GuardCounts {
         &self.counts
     }
 
@@ -115,7 +115,7 @@ impl Corrector {
         let row = self.rows.row(frame, estimate);
         let taps = self.history.push(frame.time_ns, &row);
         features::fill(&self.features, taps, self.period_ns, &mut self.values);
-        let motion = motion(taps.iter().take(5).map(|tap| tap[Channel::Model as usize]));
+        let motion = motion(taps.iter().take(5).map(|tap| tap[RowChannel::Model as usize]));
         let Passed { value, weight_share, widening } =
             self.guard.apply(self.forest.value(&self.values), &self.values, &mut self.counts);
         let uncorrected = self.signal.of(&estimate.signals);

@@ -10,9 +10,9 @@ use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::search::Dimension;
-use super::split::Split;
-use super::table::Table;
+use super::search::Hyperparameter;
+use super::split::RowSplit;
+use super::table::FeatureTable;
 
 /// Rows that one step of the optimiser sees.
 const BATCH: usize = 256;
@@ -22,7 +22,7 @@ const FARTHEST: f64 = 6.0;
 
 /// Which network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum NetworkKind {
     /// Long short-term memory.
     Lstm,
     /// Temporal convolutional network: causal, dilated.
@@ -30,12 +30,18 @@ pub enum Kind {
 }
 
 /// The space of the search for both networks.
-pub const SPACE: [Dimension; 5] = [
-    Dimension { name: "width", group: "complexity", range: [8.0, 48.0], logarithmic: true, whole: true },
-    Dimension { name: "layers", group: "complexity", range: [1.0, 3.0], logarithmic: false, whole: true },
-    Dimension { name: "length", group: "complexity", range: [3.0, 10.0], logarithmic: false, whole: true },
-    Dimension { name: "epochs", group: "regularisation", range: [3.0, 12.0], logarithmic: false, whole: true },
-    Dimension { name: "learning_rate", group: "regularisation", range: [5e-4, 1e-2], logarithmic: true, whole: false },
+pub const SPACE: [Hyperparameter; 5] = [
+    Hyperparameter { name: "width", group: "complexity", range: [8.0, 48.0], logarithmic: true, whole: true },
+    Hyperparameter { name: "layers", group: "complexity", range: [1.0, 3.0], logarithmic: false, whole: true },
+    Hyperparameter { name: "length", group: "complexity", range: [3.0, 10.0], logarithmic: false, whole: true },
+    Hyperparameter { name: "epochs", group: "regularisation", range: [3.0, 12.0], logarithmic: false, whole: true },
+    Hyperparameter {
+        name: "learning_rate",
+        group: "regularisation",
+        range: [5e-4, 1e-2],
+        logarithmic: true,
+        whole: false,
+    },
 ];
 
 struct Shape {
@@ -72,15 +78,15 @@ struct Network {
 }
 
 impl Network {
-    fn new(kind: Kind, shape: &Shape, features: usize, vars: &VarBuilder) -> Result<Self> {
+    fn new(kind: NetworkKind, shape: &Shape, features: usize, vars: &VarBuilder) -> Result<Self> {
         let width = shape.width;
         let layers = match kind {
-            Kind::Lstm => {
+            NetworkKind::Lstm => {
                 let layer =
                     |k| candle_nn::lstm(width, width, candle_nn::LSTMConfig::default(), vars.pp(format!("lstm{k}")));
                 Layers::Lstm((0..shape.layers).map(layer).collect::<Result<_>>()?)
             }
-            Kind::Tcn => {
+            NetworkKind::Tcn => {
                 let tap = |k, tap| linear(width, width, vars.pp(format!("tcn{k}tap{tap}")));
                 let layer = |k: usize| -> Result<_> { Ok(([tap(k, 0)?, tap(k, 1)?, tap(k, 2)?], 1_usize << k)) };
                 Layers::Tcn((0..shape.layers).map(layer).collect::<Result<_>>()?)
@@ -120,7 +126,7 @@ impl Network {
 
 /// Rows as a network sees them.
 struct Scaled<'a> {
-    table: &'a Table,
+    table: &'a FeatureTable,
     middles: Vec<f64>,
     spreads: Vec<f64>,
     /// The part of the split that each row is in.
@@ -171,7 +177,14 @@ fn middle_and_spread(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
 /// # Errors
 /// Where the library refuses, or where there is nothing to learn from.
 #[expect(clippy::cast_possible_truncation, reason = "networks run in single precision")]
-pub fn residuals(kind: Kind, table: &Table, split: &Split, every: usize, point: &[f64], seed: u64) -> Result<Vec<f64>> {
+pub fn residuals(
+    kind: NetworkKind,
+    table: &FeatureTable,
+    split: &RowSplit,
+    every: usize,
+    point: &[f64],
+    seed: u64,
+) -> Result<Vec<f64>> {
     let sparse = |rows: &[usize]| -> Vec<usize> { rows.iter().copied().step_by(every.max(1)).collect() };
     let (train, test) = (sparse(&split.train), sparse(&split.test));
     if train.is_empty() || test.is_empty() {
@@ -241,8 +254,8 @@ fn draw_weights(vars: &VarMap, random: &mut ChaCha8Rng) -> Result<()> {
 mod tests {
     use candle_core::IndexOp;
 
-    use super::{Kind, SPACE, Scaled, residuals};
-    use crate::residual::split::{Split, seven_to_three};
+    use super::{NetworkKind, SPACE, Scaled, residuals};
+    use crate::residual::split::{RowSplit, seven_to_three};
     use crate::residual::table::tests::{of, recording};
 
     #[test]
@@ -252,7 +265,7 @@ mod tests {
         let table = of(&recordings);
         let split = seven_to_three(&table);
         let point = SPACE.map(|dimension| dimension.value(0.6));
-        for kind in [Kind::Lstm, Kind::Tcn] {
+        for kind in [NetworkKind::Lstm, NetworkKind::Tcn] {
             let said = residuals(kind, &table, &split, 1, &point, 1).unwrap();
             assert_eq!(said, residuals(kind, &table, &split, 1, &point, 1).unwrap());
             let (mut before, mut after) = (0.0, 0.0);
@@ -262,8 +275,8 @@ mod tests {
             }
             assert!(after < 0.6 * before, "{kind:?}: {after} against {before}");
         }
-        let untaught = Split { train: vec![], ..split };
-        assert!(residuals(Kind::Tcn, &table, &untaught, 1, &point, 1).is_err());
+        let untaught = RowSplit { train: vec![], ..split };
+        assert!(residuals(NetworkKind::Tcn, &table, &untaught, 1, &point, 1).is_err());
     }
 
     #[test]

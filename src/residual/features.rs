@@ -12,12 +12,12 @@
 //! No feature holds the measured signal that is to be corrected, so that a free run needs none.
 
 use super::history::{PAST, Taps};
-use super::row::Channel;
+use super::row::RowChannel;
 use crate::units::seconds_from_nanos;
 
 /// Table 1's groups.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Group {
+pub enum FeatureGroup {
     /// The inputs as they are.
     Original,
     /// Combinations of inputs.
@@ -32,7 +32,7 @@ pub enum Group {
     Trend,
 }
 
-impl Group {
+impl FeatureGroup {
     /// The name in tables.
     #[must_use]
     pub fn title(self) -> &'static str {
@@ -51,7 +51,7 @@ impl Group {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     Now,
-    Times(Channel),
+    Times(RowChannel),
     Lag(usize),
     Rate,
     Bend,
@@ -66,8 +66,8 @@ enum Kind {
 /// One feature.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Feature {
-    group: Group,
-    channel: Channel,
+    group: FeatureGroup,
+    channel: RowChannel,
     kind: Kind,
 }
 
@@ -77,52 +77,52 @@ const WINDOWS: [usize; 2] = [5, PAST];
 /// All features, in the order of a model's list.
 #[must_use]
 pub fn all() -> Vec<Feature> {
-    use Channel::{Command, Error, Esv, Model, Opening, TankPressure};
+    use RowChannel::{Command, Error, Esv, Model, Opening, TankPressure};
     let mut list = vec![];
     let mut add = |group, channel, kind| list.push(Feature { group, channel, kind });
     for channel in [Command, Opening, TankPressure, Esv] {
-        add(Group::Original, channel, Kind::Now);
+        add(FeatureGroup::Original, channel, Kind::Now);
     }
-    add(Group::Interaction, Error, Kind::Now);
+    add(FeatureGroup::Interaction, Error, Kind::Now);
     for (one, other) in
         [(Error, TankPressure), (Error, Esv), (Error, Opening), (Command, TankPressure), (Opening, TankPressure)]
     {
-        add(Group::Interaction, one, Kind::Times(other));
+        add(FeatureGroup::Interaction, one, Kind::Times(other));
     }
     for channel in [Command, Opening, Error] {
         for lag in LAGS {
-            add(Group::Lag, channel, Kind::Lag(lag));
+            add(FeatureGroup::Lag, channel, Kind::Lag(lag));
         }
     }
     for channel in [Command, Opening, Error] {
-        add(Group::Lag, channel, Kind::Rate);
-        add(Group::Lag, channel, Kind::Bend);
+        add(FeatureGroup::Lag, channel, Kind::Rate);
+        add(FeatureGroup::Lag, channel, Kind::Bend);
     }
     for (channel, lag) in [(TankPressure, 1), (TankPressure, 5), (Esv, 1), (Esv, 2), (Esv, 5)] {
-        add(Group::Lag, channel, Kind::Lag(lag));
+        add(FeatureGroup::Lag, channel, Kind::Lag(lag));
     }
     for channel in [Command, Opening, Error, TankPressure] {
         for window in WINDOWS {
-            add(Group::Rolling, channel, Kind::Mean(window));
-            add(Group::Rolling, channel, Kind::Spread(window));
+            add(FeatureGroup::Rolling, channel, Kind::Mean(window));
+            add(FeatureGroup::Rolling, channel, Kind::Spread(window));
         }
     }
     for window in WINDOWS {
-        add(Group::Rolling, Error, Kind::Lowest(window));
-        add(Group::Rolling, Error, Kind::Highest(window));
+        add(FeatureGroup::Rolling, Error, Kind::Lowest(window));
+        add(FeatureGroup::Rolling, Error, Kind::Highest(window));
     }
-    for channel in Channel::ALL.into_iter().filter(|channel| channel.is_model()) {
-        add(Group::Model, channel, Kind::Now);
+    for channel in RowChannel::ALL.into_iter().filter(|channel| channel.is_model()) {
+        add(FeatureGroup::Model, channel, Kind::Now);
     }
     for kind in [Kind::Rate, Kind::Bend, Kind::Lag(1), Kind::Lag(2), Kind::Lag(3), Kind::Mean(5), Kind::Spread(5)] {
-        add(Group::Model, Model, kind);
+        add(FeatureGroup::Model, Model, kind);
     }
     for channel in [Command, Opening, Error] {
-        add(Group::Trend, channel, Kind::Slope(5));
-        add(Group::Trend, channel, Kind::Strength(PAST));
+        add(FeatureGroup::Trend, channel, Kind::Slope(5));
+        add(FeatureGroup::Trend, channel, Kind::Strength(PAST));
     }
-    add(Group::Trend, Model, Kind::Slope(5));
-    add(Group::Trend, Model, Kind::Strength(PAST));
+    add(FeatureGroup::Trend, Model, Kind::Slope(5));
+    add(FeatureGroup::Trend, Model, Kind::Strength(PAST));
     list
 }
 
@@ -141,13 +141,13 @@ pub fn named(name: &str) -> Option<Feature> {
 impl Feature {
     /// Its group in Table 1.
     #[must_use]
-    pub fn group(&self) -> Group {
+    pub fn group(&self) -> FeatureGroup {
         self.group
     }
 
     /// The channel that it is made of.
     #[must_use]
-    pub fn channel(&self) -> Channel {
+    pub fn channel(&self) -> RowChannel {
         self.channel
     }
 
@@ -251,15 +251,15 @@ mod tests {
 
     use super::{all, fill, named, without_model};
     use crate::residual::history::History;
-    use crate::residual::row::{Channel, Row};
+    use crate::residual::row::{ChannelRow, RowChannel};
 
     const PERIOD_NS: i64 = 200_000_000;
 
-    fn rows(len: usize) -> impl Strategy<Value = Vec<Row>> {
+    fn rows(len: usize) -> impl Strategy<Value = Vec<ChannelRow>> {
         prop::collection::vec(prop::array::uniform12(-2.0..2.0), len)
     }
 
-    fn stream(rows: &[Row], step_ns: i64) -> Vec<Vec<u64>> {
+    fn stream(rows: &[ChannelRow], step_ns: i64) -> Vec<Vec<u64>> {
         let features = all();
         let mut history = History::new(PERIOD_NS);
         let mut values = vec![0.0; features.len()];
@@ -286,7 +286,7 @@ mod tests {
         let mut history = History::new(PERIOD_NS);
         let mut values = vec![0.0; all().len()];
         for k in 0_u32..40 {
-            let row = [0.01 * f64::from(k); Channel::ALL.len()];
+            let row = [0.01 * f64::from(k); RowChannel::ALL.len()];
             fill(&all(), history.push(i64::from(k) * PERIOD_NS, &row), PERIOD_NS, &mut values);
         }
         let value = |name: &str| values[all().iter().position(|feature| feature.name() == name).unwrap()];
@@ -320,7 +320,7 @@ mod tests {
         #[test]
         fn a_fast_stream_shows_the_slow_ones_features(rows in rows(30)) {
             let slow = stream(&rows, PERIOD_NS);
-            let fast_rows: Vec<Row> = (0..29 * 200 + 1).map(|k| rows[k / 200]).collect();
+            let fast_rows: Vec<ChannelRow> = (0..29 * 200 + 1).map(|k| rows[k / 200]).collect();
             let fast = stream(&fast_rows, 1_000_000);
             for (k, row) in slow.iter().enumerate() {
                 prop_assert_eq!(row, &fast[k * 200]);

@@ -40,7 +40,7 @@ pub struct Passed {
 
 /// What the guard did to rows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Counts {
+pub struct GuardCounts {
     /// Rows seen.
     pub rows: u64,
     /// Corrections cut to the trained range.
@@ -55,7 +55,7 @@ pub struct Counts {
     pub bad: u64,
 }
 
-impl Counts {
+impl GuardCounts {
     /// Adds what another guard did.
     pub fn add(&mut self, other: &Self) {
         self.rows += other.rows;
@@ -114,7 +114,7 @@ impl Guard {
     }
 
     /// The correction that may be applied, counted. `raw` is the trees' word for the row.
-    pub fn apply(&self, raw: f64, row: &[f64], counts: &mut Counts) -> Passed {
+    pub fn apply(&self, raw: f64, row: &[f64], counts: &mut GuardCounts) -> Passed {
         counts.rows += 1;
         let Some(inside) = self.weight(row).filter(|_| raw.is_finite()) else {
             counts.bad += 1;
@@ -137,7 +137,7 @@ mod tests {
     use proptest::prelude::any;
     use proptest::{prop_assert, proptest};
 
-    use super::{Counts, Guard, Passed};
+    use super::{Guard, GuardCounts, Passed};
 
     fn guard() -> Guard {
         Guard::of(&[0.0, 10.0, 1.0, 20.0], 2, &[-0.1, 0.2])
@@ -145,7 +145,7 @@ mod tests {
 
     #[test]
     fn full_inside_faded_near_off_far_and_on_bad_input() {
-        let (guard, mut counts) = (guard(), Counts::default());
+        let (guard, mut counts) = (guard(), GuardCounts::default());
         let full = |value| Passed { value, weight_share: 1.0, widening: 1.0 };
         assert_eq!(guard.apply(0.15, &[0.5, 15.0], &mut counts), full(0.15));
         assert_eq!(guard.apply(0.9, &[0.5, 15.0], &mut counts), full(0.2));
@@ -157,13 +157,13 @@ mod tests {
             let passed = guard.apply(raw, &row, &mut counts);
             assert_eq!((passed.value, passed.weight_share), (0.0, 0.0));
         }
-        assert_eq!(counts, Counts { rows: 7, clamped: 1, faded: 1, shrunk: 0, outside: 1, bad: 2 });
+        assert_eq!(counts, GuardCounts { rows: 7, clamped: 1, faded: 1, shrunk: 0, outside: 1, bad: 2 });
     }
 
     proptest! {
         #[test]
         fn no_correction_ever_leaves_the_trained_range(raw in any::<f64>(), a in any::<f64>(), b in any::<f64>()) {
-            let passed = guard().apply(raw, &[a, b], &mut Counts::default());
+            let passed = guard().apply(raw, &[a, b], &mut GuardCounts::default());
             prop_assert!((-0.1..=0.2).contains(&passed.value) && (0.0..=1.0).contains(&passed.weight_share));
         }
     }

@@ -5,7 +5,7 @@
 //! rows arrive every `T` the taps are the rows themselves. Before its first row a history holds that row; a pause of
 //! more than 2.5 periods, or a step back in time, begins a new one, so that no window reaches across recordings.
 
-use super::row::{Channel, Row};
+use super::row::{ChannelRow, RowChannel};
 
 /// Taps of the past besides the present one.
 pub const PAST: usize = 10;
@@ -20,14 +20,14 @@ pub const SHORTEST_PERIOD_NS: i64 = 2_000_000;
 pub const LONGEST_PERIOD_NS: i64 = 2_000_000_000;
 
 /// The present row and the past ones, `taps[k]` lying `k` periods back.
-pub type Taps = [Row; PAST + 1];
+pub type Taps = [ChannelRow; PAST + 1];
 
 /// Rows of the last few periods, in memory that is taken once.
 #[derive(Clone, Debug)]
 pub struct History {
     period_ns: i64,
     times_ns: Vec<i64>,
-    rows: Vec<Row>,
+    rows: Vec<ChannelRow>,
     /// Rows kept since the beginning; row `n` lies at `n` modulo the capacity.
     kept: usize,
     cursors: [usize; PAST],
@@ -43,7 +43,7 @@ impl History {
         // One period more than the taps reach, since the nearest row may lie before its instant.
         let capacity =
             usize::try_from((i64::try_from(PAST).unwrap_or(0) + 3) * period_ns / NEAREST_NS).unwrap_or(0) + 4;
-        let row = [0.0; Channel::ALL.len()];
+        let row = [0.0; RowChannel::ALL.len()];
         Self {
             period_ns,
             times_ns: vec![0; capacity],
@@ -63,7 +63,7 @@ impl History {
     }
 
     /// Takes a row and gives the taps for it. Allocates nothing.
-    pub fn push(&mut self, time_ns: i64, row: &Row) -> &Taps {
+    pub fn push(&mut self, time_ns: i64, row: &ChannelRow) -> &Taps {
         let pause_ns = self.last_ns.map_or(0, |last_ns| time_ns.saturating_sub(last_ns));
         if self.last_ns.is_none() || pause_ns < 0 || pause_ns > self.period_ns * 5 / 2 {
             self.reset();
@@ -94,12 +94,12 @@ impl History {
 #[cfg(test)]
 mod tests {
     use super::{History, PAST};
-    use crate::residual::row::{Channel, Row};
+    use crate::residual::row::{ChannelRow, RowChannel};
 
     const MS: i64 = 1_000_000;
 
-    fn row(value: f64) -> Row {
-        [value; Channel::ALL.len()]
+    fn row(value: f64) -> ChannelRow {
+        [value; RowChannel::ALL.len()]
     }
 
     #[test]

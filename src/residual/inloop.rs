@@ -64,7 +64,7 @@ impl Term for Pull {
 
 /// Gives the spool the rate that was learned.
 #[derive(Debug)]
-pub struct Learned {
+pub struct LearnedSpoolRate {
     /// Trees over [`features`]; they say a rate in m/s.
     pub forest: Forest,
     /// Where they know their way.
@@ -73,7 +73,7 @@ pub struct Learned {
     pub area_m2: f64,
 }
 
-impl Term for Learned {
+impl Term for LearnedSpoolRate {
     fn point(&self) -> Point {
         Point::ChamberFlow
     }

@@ -33,14 +33,14 @@ const PLACES: usize = 3;
 
 /// How often something was found, and where first.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Found {
+pub struct Occurrences {
     /// How often.
     pub count: u64,
     /// Times of the first few, s from the recording's first row.
     pub first_s: Vec<f64>,
 }
 
-impl Found {
+impl Occurrences {
     fn at(&mut self, count: u64, time_s: f64) {
         self.count += count;
         if self.first_s.len() < PLACES {
@@ -57,15 +57,15 @@ pub struct Cleaning {
     /// Rows that carry the target, as recorded.
     pub samples: u64,
     /// Samples that the target's own period would have had.
-    pub missing: Found,
+    pub missing: Occurrences,
     /// Rows with the stamp of an earlier one.
-    pub doubled: Found,
+    pub doubled: Occurrences,
     /// Inputs replaced by the last plausible value.
-    pub implausible_inputs: Found,
+    pub implausible_inputs: Occurrences,
     /// Targets outside what a plant can show.
-    pub implausible_targets: Found,
+    pub implausible_targets: Occurrences,
     /// Targets alone far off their neighbours.
-    pub outliers: Found,
+    pub outliers: Occurrences,
     /// The recording that this one repeats, and that was kept in its place.
     pub repeats: Option<String>,
 }

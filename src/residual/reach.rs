@@ -197,11 +197,11 @@ fn scale(rows: &[&[f64]], feature: usize) -> f64 {
 mod tests {
     use super::{Reach, Unseen};
     use crate::residual::features::Feature;
-    use crate::residual::table::Table;
+    use crate::residual::table::FeatureTable;
     use crate::residual::table::tests::{of, recording};
 
     /// The distance from all rows of a table.
-    fn all(table: &Table) -> Reach {
+    fn all(table: &FeatureTable) -> Reach {
         let names: Vec<String> = table.layout.features.iter().map(Feature::name).collect();
         let rows: Vec<&[f64]> = (0..table.marks.len()).map(|row| table.row(row)).collect();
         Reach::of(&names, &rows, &rows).unwrap()

@@ -50,7 +50,7 @@ impl Between {
 
 /// One number of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Channel {
+pub enum RowChannel {
     /// Guide-vane opening command, pu.
     Command,
     /// Guide-vane opening, pu.
@@ -77,7 +77,7 @@ pub enum Channel {
     ValveCurrent,
 }
 
-impl Channel {
+impl RowChannel {
     /// All channels, in the order of a row.
     pub const ALL: [Self; 12] = [
         Self::Command,
@@ -120,18 +120,18 @@ impl Channel {
     }
 }
 
-/// The channels at one instant, in the order of [`Channel::ALL`]; NaN where there is none.
-pub type Row = [f64; Channel::ALL.len()];
+/// The channels at one instant, in the order of [`RowChannel::ALL`]; NaN where there is none.
+pub type ChannelRow = [f64; RowChannel::ALL.len()];
 
 /// Makes rows of frames and estimates; a measured opening holds from one sample to the next.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Rows {
+pub struct RowMaker {
     opening: Opening,
     signal: Signal,
     held_pu: f64,
 }
 
-impl Rows {
+impl RowMaker {
     /// Rows for correcting a signal, with the opening from where it comes.
     #[must_use]
     pub fn new(opening: Opening, signal: Signal) -> Self {
@@ -144,7 +144,7 @@ impl Rows {
     }
 
     /// The row of a frame and of what the twin said for it.
-    pub fn row(&mut self, frame: &Frame, estimate: &Estimate) -> Row {
+    pub fn row(&mut self, frame: &Frame, estimate: &Estimate) -> ChannelRow {
         let now_pu = match self.opening {
             Opening::Simulated => estimate.signals.servomotor_position_pu,
             Opening::Measured => frame.measured.servomotor_position_pu,

@@ -24,7 +24,7 @@ type Process = GaussianProcess<f64, ConstantMean, Matern52Corr>;
 
 /// One hyperparameter.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Dimension {
+pub struct Hyperparameter {
     /// The library's name for it.
     pub name: &'static str,
     /// The paper's group: complexity, regularisation or sampling.
@@ -37,7 +37,7 @@ pub struct Dimension {
     pub whole: bool,
 }
 
-impl Dimension {
+impl Hyperparameter {
     /// The value at a place from 0 to 1.
     #[must_use]
     pub fn value(&self, place: f64) -> f64 {
@@ -55,7 +55,7 @@ impl Dimension {
 
 /// One evaluation.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Trial {
+pub struct Evaluation {
     /// Values, one for each dimension.
     pub values: Vec<f64>,
     /// What the objective said.
@@ -75,7 +75,7 @@ pub struct Slice {
 
 /// The trial with the smallest loss; the first of equals.
 #[must_use]
-pub fn best(trials: &[Trial]) -> Option<&Trial> {
+pub fn best(trials: &[Evaluation]) -> Option<&Evaluation> {
     trials.iter().filter(|trial| trial.loss.is_finite()).min_by(|a, b| a.loss.total_cmp(&b.loss))
 }
 
@@ -84,16 +84,16 @@ pub fn best(trials: &[Trial]) -> Option<&Trial> {
 /// # Errors
 /// What the objective fails with.
 pub fn random<E>(
-    space: &[Dimension],
+    space: &[Hyperparameter],
     budget: usize,
     seed: u64,
     mut objective: impl FnMut(&[f64]) -> Result<f64, E>,
-) -> Result<Vec<Trial>, E> {
+) -> Result<Vec<Evaluation>, E> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut trials = vec![];
     for _ in 0..budget {
         let values = anywhere(space, &mut random);
-        trials.push(Trial { loss: objective(&values)?, values, expected_gain: None });
+        trials.push(Evaluation { loss: objective(&values)?, values, expected_gain: None });
     }
     Ok(trials)
 }
@@ -105,12 +105,12 @@ pub fn random<E>(
 /// # Errors
 /// What the objective fails with.
 pub fn bayesian<E>(
-    space: &[Dimension],
+    space: &[Hyperparameter],
     initial: usize,
     budget: usize,
     seed: u64,
     mut objective: impl FnMut(&[f64]) -> Result<f64, E>,
-) -> Result<Vec<Trial>, E> {
+) -> Result<Vec<Evaluation>, E> {
     let mut trials = random(space, initial.min(budget), seed, &mut objective)?;
     let mut draws = ChaCha8Rng::seed_from_u64(seed ^ 0x5EED);
     while trials.len() < budget {
@@ -119,23 +119,23 @@ pub fn bayesian<E>(
             // Where no process fits, such as to losses that are all equal, chance goes on.
             None => (anywhere(space, &mut draws), None),
         };
-        trials.push(Trial { loss: objective(&values)?, values, expected_gain });
+        trials.push(Evaluation { loss: objective(&values)?, values, expected_gain });
     }
     Ok(trials)
 }
 
-fn anywhere(space: &[Dimension], random: &mut ChaCha8Rng) -> Vec<f64> {
+fn anywhere(space: &[Hyperparameter], random: &mut ChaCha8Rng) -> Vec<f64> {
     space.iter().map(|dimension| dimension.value(random.random())).collect()
 }
 
 /// The most promising point.
-fn next(space: &[Dimension], trials: &[Trial], random: &mut ChaCha8Rng) -> Option<(Vec<f64>, f64)> {
+fn next(space: &[Hyperparameter], trials: &[Evaluation], random: &mut ChaCha8Rng) -> Option<(Vec<f64>, f64)> {
     let process = fit(space, trials)?;
     let best = best(trials)?;
     let mut candidates: Vec<Vec<f64>> = (0..ANYWHERE).map(|_| anywhere(space, random)).collect();
     for k in 0..NEARBY {
         let width = if k % 2 == 0 { 0.1 } else { 0.03 };
-        let near = |(dimension, value): (&Dimension, &f64)| {
+        let near = |(dimension, value): (&Hyperparameter, &f64)| {
             let step: f64 = StandardNormal.sample(random);
             dimension.value((dimension.place(*value) + width * step).clamp(0.0, 1.0))
         };
@@ -160,13 +160,13 @@ fn expected_gain(best: f64, mean: f64, spread: f64) -> f64 {
     }
 }
 
-fn places(space: &[Dimension], points: &[Vec<f64>]) -> Array2<f64> {
+fn places(space: &[Hyperparameter], points: &[Vec<f64>]) -> Array2<f64> {
     let place = |(row, column): (usize, usize)| space[column].place(points[row][column]);
     Array2::from_shape_fn((points.len(), space.len()), place)
 }
 
-fn fit(space: &[Dimension], trials: &[Trial]) -> Option<Process> {
-    let known: Vec<&Trial> = trials.iter().filter(|trial| trial.loss > 0.0 && trial.loss.is_finite()).collect();
+fn fit(space: &[Hyperparameter], trials: &[Evaluation]) -> Option<Process> {
+    let known: Vec<&Evaluation> = trials.iter().filter(|trial| trial.loss > 0.0 && trial.loss.is_finite()).collect();
     let points: Vec<Vec<f64>> = known.iter().map(|trial| trial.values.clone()).collect();
     let losses: Array1<f64> = known.iter().map(|trial| trial.loss.ln()).collect();
     let spread = losses.iter().fold(f64::NEG_INFINITY, |high, loss| high.max(*loss))
@@ -180,7 +180,7 @@ fn fit(space: &[Dimension], trials: &[Trial]) -> Option<Process> {
     process.fit(&data).ok()
 }
 
-fn predict(process: &Process, space: &[Dimension], points: &[Vec<f64>]) -> Option<(Vec<f64>, Vec<f64>)> {
+fn predict(process: &Process, space: &[Hyperparameter], points: &[Vec<f64>]) -> Option<(Vec<f64>, Vec<f64>)> {
     let places = places(space, points);
     let means = process.predict(&places).ok()?;
     let variances = process.predict_var(&places).ok()?;
@@ -189,7 +189,7 @@ fn predict(process: &Process, space: &[Dimension], points: &[Vec<f64>]) -> Optio
 
 /// What the process makes of all trials, along each dimension through the best point; empty where none fits.
 #[must_use]
-pub fn slices(space: &[Dimension], trials: &[Trial]) -> Vec<Slice> {
+pub fn slices(space: &[Hyperparameter], trials: &[Evaluation]) -> Vec<Slice> {
     let (Some(process), Some(best)) = (fit(space, trials), best(trials)) else { return vec![] };
     let along = |index: usize| {
         let place = |step: u32| f64::from(step) / 60.0;
@@ -219,12 +219,12 @@ mod tests {
 
     use approx::assert_relative_eq;
 
-    use super::{Dimension, bayesian, best, expected_gain, random, slices};
+    use super::{Hyperparameter, bayesian, best, expected_gain, random, slices};
 
-    const SPACE: [Dimension; 3] = [
-        Dimension { name: "a", group: "x", range: [0.001, 1.0], logarithmic: true, whole: false },
-        Dimension { name: "b", group: "x", range: [-2.0, 2.0], logarithmic: false, whole: false },
-        Dimension { name: "c", group: "y", range: [1.0, 40.0], logarithmic: false, whole: true },
+    const SPACE: [Hyperparameter; 3] = [
+        Hyperparameter { name: "a", group: "x", range: [0.001, 1.0], logarithmic: true, whole: false },
+        Hyperparameter { name: "b", group: "x", range: [-2.0, 2.0], logarithmic: false, whole: false },
+        Hyperparameter { name: "c", group: "y", range: [1.0, 40.0], logarithmic: false, whole: true },
     ];
 
     /// A bowl with its bottom, 0.1, at a = 0.03, b = 0.7, c = 11.

@@ -5,7 +5,7 @@
 //! that judges. A fold's validation rows lie behind all its training rows of the same process (expanding window).
 
 use super::history::PAST;
-use super::table::Table;
+use super::table::FeatureTable;
 use crate::recording::Process;
 
 /// Share of each process's rows that teach.
@@ -16,7 +16,7 @@ pub const FOLDS: usize = 5;
 
 /// Rows by their index in the table.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Split {
+pub struct RowSplit {
     /// Rows that teach.
     pub train: Vec<usize>,
     /// Rows that judge.
@@ -27,9 +27,9 @@ pub struct Split {
 
 /// The 7:3 split of all rows.
 #[must_use]
-pub fn seven_to_three(table: &Table) -> Split {
+pub fn seven_to_three(table: &FeatureTable) -> RowSplit {
     let all: Vec<usize> = (0..table.marks.len()).collect();
-    let mut split = Split::default();
+    let mut split = RowSplit::default();
     for rows in by_process(table, &all) {
         let cut = share_of(rows.len(), TRAINING_SHARE);
         judge_behind(table, &rows[..cut], &rows[cut..], &mut split);
@@ -39,8 +39,8 @@ pub fn seven_to_three(table: &Table) -> Split {
 
 /// The five folds of training rows: each process in six blocks, of which the first `k` teach and the next one judges.
 #[must_use]
-pub fn folds(table: &Table, train: &[usize]) -> Vec<Split> {
-    let mut folds = vec![Split::default(); FOLDS];
+pub fn folds(table: &FeatureTable, train: &[usize]) -> Vec<RowSplit> {
+    let mut folds = vec![RowSplit::default(); FOLDS];
     for rows in by_process(table, train) {
         let edge = |block: usize| rows.len() * block / (FOLDS + 1);
         for (k, fold) in folds.iter_mut().enumerate() {
@@ -52,19 +52,19 @@ pub fn folds(table: &Table, train: &[usize]) -> Vec<Split> {
 
 /// All rows of other processes teach, those of one judge: how far learning carries to what was never seen.
 #[must_use]
-pub fn without_process(table: &Table, process: Process) -> Split {
+pub fn without_process(table: &FeatureTable, process: Process) -> RowSplit {
     without(table, &(0..table.marks.len()).collect::<Vec<_>>(), process)
 }
 
 /// The same among some rows.
 #[must_use]
-pub fn without(table: &Table, rows: &[usize], process: Process) -> Split {
+pub fn without(table: &FeatureTable, rows: &[usize], process: Process) -> RowSplit {
     let (test, train) = rows.iter().partition(|&&row| table.marks[row].process == process);
-    Split { train, test, purged: 0 }
+    RowSplit { train, test, purged: 0 }
 }
 
 /// Rows of each process in time order.
-fn by_process(table: &Table, rows: &[usize]) -> Vec<Vec<usize>> {
+fn by_process(table: &FeatureTable, rows: &[usize]) -> Vec<Vec<usize>> {
     let of = |process: Process| {
         let mut own: Vec<usize> = rows.iter().copied().filter(|&row| table.marks[row].process == process).collect();
         own.sort_by_key(|&row| (table.marks[row].time_ns, table.marks[row].recording));
@@ -84,7 +84,7 @@ fn share_of(count: usize, share: f64) -> usize {
 }
 
 /// Adds rows that teach, and those behind them that judge but for the ones whose windows reach across.
-fn judge_behind(table: &Table, train: &[usize], behind: &[usize], split: &mut Split) {
+fn judge_behind(table: &FeatureTable, train: &[usize], behind: &[usize], split: &mut RowSplit) {
     split.train.extend(train);
     let reach_ns = i64::try_from(PAST).unwrap_or(i64::MAX).saturating_mul(table.layout.period_ns);
     let last = train.last().map(|&row| table.marks[row]);
@@ -102,13 +102,13 @@ fn judge_behind(table: &Table, train: &[usize], behind: &[usize], split: &mut Sp
 
 #[cfg(test)]
 mod tests {
-    use super::{FOLDS, Split, folds, seven_to_three, without_process};
+    use super::{FOLDS, RowSplit, folds, seven_to_three, without_process};
     use crate::recording::Process;
     use crate::residual::history::PAST;
-    use crate::residual::table::Table;
+    use crate::residual::table::FeatureTable;
     use crate::residual::table::tests::{of, recording};
 
-    fn table() -> Table {
+    fn table() -> FeatureTable {
         let recordings: Vec<_> = (0..4).map(|k| recording(&format!("{k}"), 1000 * k, 300, |_, _| 0.01)).collect();
         let mut table = of(&recordings);
         for mark in &mut table.marks {
@@ -118,7 +118,7 @@ mod tests {
     }
 
     /// Judging rows whose windows hold a row that taught, or that lie before one of their process.
-    fn leaks(table: &Table, split: &Split) -> usize {
+    fn leaks(table: &FeatureTable, split: &RowSplit) -> usize {
         let reach_ns = i64::try_from(PAST).unwrap() * table.layout.period_ns;
         let leaks = |&&row: &&usize| {
             let judge = table.marks[row];
@@ -169,7 +169,7 @@ mod tests {
         assert_eq!(leaks(&table, &split), 2 * PAST);
         // And a shuffled split.
         let every_other =
-            Split { train: (0..1200).step_by(2).collect(), test: (1..1200).step_by(2).collect(), purged: 0 };
+            RowSplit { train: (0..1200).step_by(2).collect(), test: (1..1200).step_by(2).collect(), purged: 0 };
         assert!(leaks(&table, &every_other) > 500);
     }
 

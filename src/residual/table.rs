@@ -4,14 +4,14 @@ use super::corrector::motion;
 use super::features::{self, Feature};
 use super::history::History;
 use super::prepare::median_spacing_ns;
-use super::row::{Between, Channel, Opening, Rows};
+use super::row::{Between, Opening, RowChannel, RowMaker};
 use crate::frame::Estimate;
 use crate::recording::{Process, Recording};
 use crate::signal::Signal;
 
 /// What a table is made for.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Layout {
+pub struct TableLayout {
     /// The signal to learn.
     pub signal: Signal,
     /// Where the opening comes from.
@@ -26,7 +26,7 @@ pub struct Layout {
 
 /// One row of a table, apart from its features.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Mark {
+pub struct RowMark {
     /// Index of its recording.
     pub recording: usize,
     /// Index of its frame there.
@@ -43,7 +43,7 @@ pub struct Mark {
     pub motion: f64,
 }
 
-impl Mark {
+impl RowMark {
     /// Measured − twin.
     #[must_use]
     pub fn residual(&self) -> f64 {
@@ -53,18 +53,18 @@ impl Mark {
 
 /// Rows of features, one after the other, with their marks.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Table {
+pub struct FeatureTable {
     /// What it was made for.
-    pub layout: Layout,
+    pub layout: TableLayout,
     /// Values, row by row.
     pub values: Vec<f64>,
     /// What each row is.
-    pub marks: Vec<Mark>,
+    pub marks: Vec<RowMark>,
     /// Samples that were left out because a feature was not finite.
     pub left_out: u64,
 }
 
-impl Table {
+impl FeatureTable {
     /// The features of one row.
     #[must_use]
     pub fn row(&self, index: usize) -> &[f64] {
@@ -95,14 +95,14 @@ fn spacing_ns(recording: &Recording, signal: Signal) -> i64 {
 ///
 /// Every recording begins with a history of its own, so that no window reaches into another one.
 #[must_use]
-pub fn table(recordings: &[Recording], estimates: &[Vec<Estimate>], layout: Layout) -> Table {
+pub fn table(recordings: &[Recording], estimates: &[Vec<Estimate>], layout: TableLayout) -> FeatureTable {
     let width = layout.features.len();
-    let mut table = Table { values: vec![], marks: vec![], left_out: 0, layout };
+    let mut table = FeatureTable { values: vec![], marks: vec![], left_out: 0, layout };
     let layout = &table.layout;
     let mut values = vec![0.0; width];
     for (recording, (rows, estimates)) in recordings.iter().zip(estimates).enumerate() {
         let mut history = History::new(layout.period_ns);
-        let mut channels = Rows::new(layout.opening, layout.signal);
+        let mut channels = RowMaker::new(layout.opening, layout.signal);
         let mut next_ns = i64::MIN;
         // The row nearest to the grid counts; where rows come every period, a tenth of it is left to jitter.
         let jitter_ns = (spacing_ns(rows, layout.signal) / 2).min(layout.period_ns / 10);
@@ -121,10 +121,10 @@ pub fn table(recordings: &[Recording], estimates: &[Vec<Estimate>], layout: Layo
                 table.left_out += 1;
                 continue;
             }
-            let motion = motion(taps.iter().take(5).map(|tap| tap[Channel::Model as usize]));
+            let motion = motion(taps.iter().take(5).map(|tap| tap[RowChannel::Model as usize]));
             table.values.extend(&values);
             let (process, time_ns) = (rows.process, now.time_ns);
-            table.marks.push(Mark { recording, frame, process, time_ns, measured, model, motion });
+            table.marks.push(RowMark { recording, frame, process, time_ns, measured, model, motion });
         }
     }
     table
@@ -132,7 +132,7 @@ pub fn table(recordings: &[Recording], estimates: &[Vec<Estimate>], layout: Layo
 
 #[cfg(test)]
 pub(super) mod tests {
-    use super::{Layout, Table, slowest_period_ns, table};
+    use super::{FeatureTable, TableLayout, slowest_period_ns, table};
     use crate::frame::{EsvState, Frame, Inputs, Signals};
     use crate::recording::Recording;
     use crate::residual::features;
@@ -161,13 +161,13 @@ pub(super) mod tests {
         Recording::new(name, frames)
     }
 
-    pub fn layout() -> Layout {
+    pub fn layout() -> TableLayout {
         let period_ns = 200_000_000;
         let (signal, opening, between) = (Signal::SpoolPosition, Opening::Simulated, Between::Hold);
-        Layout { signal, opening, between, period_ns, features: features::all() }
+        TableLayout { signal, opening, between, period_ns, features: features::all() }
     }
 
-    pub fn of(recordings: &[Recording]) -> Table {
+    pub fn of(recordings: &[Recording]) -> FeatureTable {
         let twin = Twin::new(&crate::params::reference());
         let estimates: Vec<_> =
             recordings.iter().map(|recording| crate::replay::simulate(&mut twin.clone(), recording)).collect();

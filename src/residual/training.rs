@@ -10,9 +10,9 @@ use super::forest::{Forest, Tree};
 use super::guard::Guard;
 use super::model::{Learned, Model, fingerprint};
 use super::reach::{Reach, Unseen};
-use super::search::Dimension;
-use super::split::{Split, folds, without};
-use super::table::Table;
+use super::search::Hyperparameter;
+use super::split::{RowSplit, folds, without};
+use super::table::FeatureTable;
 use crate::parameters::Unit;
 use crate::recording::Process;
 
@@ -25,12 +25,12 @@ const fn dimension(
     range: [f64; 2],
     logarithmic: bool,
     whole: bool,
-) -> Dimension {
-    Dimension { name, group, range, logarithmic, whole }
+) -> Hyperparameter {
+    Hyperparameter { name, group, range, logarithmic, whole }
 }
 
 /// The space of the search, in the paper's three groups; set before any test row was seen.
-pub const SPACE: [Dimension; 9] = [
+pub const SPACE: [Hyperparameter; 9] = [
     dimension("num_iterations", "complexity", [50.0, 400.0], true, true),
     dimension("learning_rate", "complexity", [0.01, 0.3], true, false),
     dimension("max_depth", "complexity", [3.0, 12.0], false, true),
@@ -68,7 +68,7 @@ pub fn at(point: &[f64]) -> Hyperparameters {
 
 /// What the rows are to teach.
 #[must_use]
-pub fn targets(table: &Table, rows: &[usize], learned: Learned) -> Vec<f64> {
+pub fn targets(table: &FeatureTable, rows: &[usize], learned: Learned) -> Vec<f64> {
     let of = |&row: &usize| match learned {
         Learned::Residual => table.marks[row].residual(),
         Learned::Signal => table.marks[row].measured,
@@ -81,7 +81,7 @@ pub fn targets(table: &Table, rows: &[usize], learned: Learned) -> Vec<f64> {
 /// # Errors
 /// As [`grow`].
 pub fn fit(
-    table: &Table,
+    table: &FeatureTable,
     rows: &[usize],
     learned: Learned,
     with: &Hyperparameters,
@@ -97,8 +97,8 @@ pub fn fit(
 /// # Errors
 /// As [`grow`], and where every fold has too few rows.
 pub fn out_of_fold(
-    table: &Table,
-    folds: &[Split],
+    table: &FeatureTable,
+    folds: &[RowSplit],
     learned: Learned,
     with: &Hyperparameters,
     seed: u64,
@@ -108,8 +108,8 @@ pub fn out_of_fold(
 
 /// The same fold by fold; a fold with too few rows to teach gives none.
 fn missed(
-    table: &Table,
-    folds: &[Split],
+    table: &FeatureTable,
+    folds: &[RowSplit],
     learned: Learned,
     with: &Hyperparameters,
     seed: u64,
@@ -118,7 +118,7 @@ fn missed(
     if most < FEWEST_ROWS {
         return Err(TrainError::TooFew { found: most });
     }
-    let of = |fold: &Split| -> Result<Vec<(usize, f64)>, TrainError> {
+    let of = |fold: &RowSplit| -> Result<Vec<(usize, f64)>, TrainError> {
         // The first folds of few recordings may be too short to teach anything.
         if fold.train.len() < FEWEST_ROWS {
             return Ok(vec![]);
@@ -147,7 +147,7 @@ pub enum GuardKind {
 /// # Errors
 /// As [`grow`].
 pub fn guard(
-    table: &Table,
+    table: &FeatureTable,
     rows: &[usize],
     learned: Learned,
     with: &Hyperparameters,
@@ -162,7 +162,7 @@ pub fn guard(
     if kind == GuardKind::Range {
         return Ok((guard, band));
     }
-    let left_out: Vec<Split> = Process::ALL.map(|process| without(table, rows, process)).into();
+    let left_out: Vec<RowSplit> = Process::ALL.map(|process| without(table, rows, process)).into();
     let alone = left_out.iter().filter(|fold| fold.train.len() >= FEWEST_ROWS && !fold.test.is_empty()).count() < 2;
     // A model of the signal itself has no twin to fall back on.
     let Some(band) = band.filter(|_| learned == Learned::Residual && !alone) else { return Ok((guard, band)) };
@@ -186,7 +186,7 @@ pub fn guard(
     Ok((guard, Some(band)))
 }
 
-fn walkable(trees: &[Tree], table: &Table) -> Result<Forest, TrainError> {
+fn walkable(trees: &[Tree], table: &FeatureTable) -> Result<Forest, TrainError> {
     Forest::new(trees, table.layout.features.len()).map_err(|error| TrainError::Library(error.to_string()))
 }
 
@@ -195,8 +195,8 @@ fn walkable(trees: &[Tree], table: &Table) -> Result<Forest, TrainError> {
 /// # Errors
 /// As [`out_of_fold`].
 pub fn loss(
-    table: &Table,
-    folds: &[Split],
+    table: &FeatureTable,
+    folds: &[RowSplit],
     learned: Learned,
     with: &Hyperparameters,
     seed: u64,
@@ -215,7 +215,7 @@ pub fn loss(
 /// # Errors
 /// As [`grow`].
 pub fn model(
-    table: &Table,
+    table: &FeatureTable,
     rows: &[usize],
     learned: Learned,
     with: &Hyperparameters,
@@ -323,7 +323,7 @@ mod tests {
         use super::{Learned, fit, guard};
         use crate::recording::Process;
         use crate::residual::forest::Forest;
-        use crate::residual::guard::Counts;
+        use crate::residual::guard::GuardCounts;
         use crate::residual::split::without_process;
         // What is right in one process is wrong in the next.
         let gaps = [0.02, -0.02, 0.015, 0.005];
@@ -348,7 +348,7 @@ mod tests {
             let (residual, raw) = (table.marks[row].residual(), forest.value(table.row(row)));
             twin += residual.abs();
             bare += (residual - raw).abs();
-            guarded += (residual - guard.apply(raw, table.row(row), &mut Counts::default()).value).abs();
+            guarded += (residual - guard.apply(raw, table.row(row), &mut GuardCounts::default()).value).abs();
         }
         assert!(bare > 1.5 * twin, "{bare} against {twin}: the test shows nothing");
         assert!(guarded <= twin + 1e-9, "{guarded} against {twin}");

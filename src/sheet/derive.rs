@@ -119,7 +119,7 @@ pub fn derive(plate: &Plate, reference: &Unit) -> Result<Derived, Vec<String>> {
         tolerances: making.tolerances,
         effects: vec![],
         own_effects: vec![],
-        recorded: crate::parameters::Channels::default(),
+        recorded: crate::parameters::ChannelReadings::default(),
         ..reference.clone()
     };
     Ok(Derived { unit, sources: making.sources, times_s, assumed: making.assumed })

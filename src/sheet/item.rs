@@ -4,7 +4,7 @@ use super::quantity::Dimension;
 
 /// Something that a name plate, a drawing or a manual says.
 #[derive(Clone, Copy, Debug)]
-pub struct Item {
+pub struct PlateItem {
     /// Its key in plate files.
     pub key: &'static str,
     /// What it measures.
@@ -24,7 +24,7 @@ pub struct Item {
 macro_rules! items {
     ($( $key:ident: $dimension:ident [$least:literal ..= $most:literal] $example:literal $doc:literal => [$($settles:literal),* $(,)?]; )*) => {
         /// All items, the most important of each group first.
-        pub const ITEMS: &[Item] = &[$( Item {
+        pub const ITEMS: &[PlateItem] = &[$( PlateItem {
             key: stringify!($key),
             dimension: Dimension::$dimension,
             doc: $doc,
@@ -76,6 +76,6 @@ items! {
 
 /// The item of a key.
 #[must_use]
-pub fn item(key: &str) -> Option<&'static Item> {
+pub fn item(key: &str) -> Option<&'static PlateItem> {
     ITEMS.iter().find(|item| item.key == key)
 }

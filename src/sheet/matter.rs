@@ -8,7 +8,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::Plate;
-use super::item::{ITEMS, Item};
+use super::item::{ITEMS, PlateItem};
 use crate::effects::CATALOGUE;
 use crate::estimation::free_parameter::{FreeParameter, unit_at};
 use crate::generate::{Scenario, recording};
@@ -44,14 +44,14 @@ pub struct Shows {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Help {
     /// The item's key.
-    pub item: &'static Item,
+    pub item: &'static PlateItem,
     /// Sum over all faults of the logarithm of how much sharper they show, 1.
     pub gain: f64,
     /// The faults that it helps most, with the ratio.
     pub effects: Vec<(&'static str, f64)>,
 }
 
-impl PartialEq for Item {
+impl PartialEq for PlateItem {
     fn eq(&self, other: &Self) -> bool {
         self.key == other.key
     }
@@ -128,7 +128,7 @@ pub fn matter(unit: &Unit, plate: &Plate, seed: u64, on_progress: &dyn Fn()) -> 
         _ => "",
     };
     let known = |key: &str| plate.values.contains_key(key);
-    let settled = |item: &Item| item.settles.iter().any(|settled| all.iter().any(|place| key(*place) == *settled));
+    let settled = |item: &PlateItem| item.settles.iter().any(|settled| all.iter().any(|place| key(*place) == *settled));
     let helps = ITEMS.iter().filter(|item| !known(item.key) && settled(item)).map(|item| {
         let left: Vec<usize> = all.iter().copied().filter(|place| !item.settles.contains(&key(*place))).collect();
         let ratios: Vec<f64> = sharpness(&left)

@@ -5,7 +5,7 @@ use crate::recording::Recording;
 use crate::stage_alone::pieces::pieces;
 use crate::stage_alone::plain::plain;
 use crate::stage_alone::rivals::{Follows, follows};
-use crate::stage_alone::run::{Lag, Law, Run, solved};
+use crate::stage_alone::run::{Lag, Run, SpoolLaw, solved};
 
 /// Pieces that the recordings are cut into, at most.
 const PIECES: usize = 6;
@@ -64,7 +64,7 @@ fn sampled(recordings: &[Recording]) -> Vec<Recording> {
 
 /// The straight line over the command to which the position settles, by least squares: slope and level.
 fn settled(runs: &[Run], settles_s: f64) -> Option<(f64, f64)> {
-    let line = Law { lag: Lag::Dead(0.0), settles_s: Some(settles_s), shapes: &|command, _| vec![command, 1.0] };
+    let line = SpoolLaw { lag: Lag::Dead(0.0), settles_s: Some(settles_s), shapes: &|command, _| vec![command, 1.0] };
     let best = solved(line.normals(runs).iter())?;
     (best[0].is_finite() && best[0] != 0.0).then(|| (best[0], best[1]))
 }

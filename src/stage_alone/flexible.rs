@@ -6,7 +6,7 @@
 
 use crate::likelihood::noise::SignalNoise;
 use crate::stage_alone::plain::Plain;
-use crate::stage_alone::run::{Lag, Law, Run, solved, typical_s};
+use crate::stage_alone::run::{Lag, Run, SpoolLaw, solved, typical_s};
 
 /// Samples for each corner of the broken line.
 const SAMPLES_PER_CORNER: usize = 40;
@@ -70,7 +70,7 @@ pub fn flexible(runs: &[Run], law: &Plain) -> Option<Flexible> {
     let (left, best, coefficients) = Lag::tried(typical_s(runs))
         .chain([law.lag])
         .filter_map(|lag| {
-            let law = Law { lag, settles_s: None, shapes: &shapes };
+            let law = SpoolLaw { lag, settles_s: None, shapes: &shapes };
             let normals = law.normals(runs);
             let coefficients = solved(normals.iter())?;
             let left: f64 = normals.iter().map(|normal| normal.missed(&coefficients)).sum();

@@ -6,7 +6,7 @@
 
 use crate::stage_alone::flexible::{broken_line, corners};
 use crate::stage_alone::plain::Plain;
-use crate::stage_alone::run::{Lag, Law, Run, left_out, typical_s};
+use crate::stage_alone::run::{Lag, Run, SpoolLaw, left_out, typical_s};
 
 /// Samples of a run that are looked at.
 const LOOKED_AT: usize = 1500;
@@ -54,15 +54,16 @@ fn best(runs: &[Run], law: &Plain, travel_s: f64) -> Option<(Follows, [f64; 3])>
     let corners = corners(runs, law);
     let line = |spool, _| broken_line(&corners)(spool, 0.0);
     let length_s = typical_s(runs);
-    let missed = |law: &Law<'_>| left_out(&law.normals(runs));
+    let missed = |law: &SpoolLaw<'_>| left_out(&law.normals(runs));
     let least = |laws: &mut dyn Iterator<Item = Option<f64>>| laws.flatten().min_by(f64::total_cmp);
 
-    let sum = least(&mut Lag::tried(length_s).map(|lag| missed(&Law { lag, settles_s: None, shapes: &line })))?;
-    let level = |settles_s: Option<f64>| missed(&Law { lag: Lag::Dead(0.0), settles_s, shapes: &|_, _| vec![1.0] });
+    let sum = least(&mut Lag::tried(length_s).map(|lag| missed(&SpoolLaw { lag, settles_s: None, shapes: &line })))?;
+    let level =
+        |settles_s: Option<f64>| missed(&SpoolLaw { lag: Lag::Dead(0.0), settles_s, shapes: &|_, _| vec![1.0] });
     let nothing = least(&mut [Some(moved), level(None), level(Some(0.0))].into_iter())?;
     let settled = SETTLES.into_iter().filter_map(|share| {
         let settles_s = share * travel_s;
-        let of = |lag| missed(&Law { lag, settles_s: Some(settles_s), shapes: &line });
+        let of = |lag| missed(&SpoolLaw { lag, settles_s: Some(settles_s), shapes: &line });
         Some((settles_s, least(&mut Lag::tried(length_s).map(of))?))
     });
     let (settles_s, spool) = settled.min_by(|a, b| a.1.total_cmp(&b.1))?;

@@ -171,7 +171,7 @@ pub fn typical_s(runs: &[Run]) -> f64 {
 }
 
 /// A law of the spool.
-pub struct Law<'a> {
+pub struct SpoolLaw<'a> {
     /// How late the spool acts.
     pub lag: Lag,
     /// Time in which the position settles to what the shapes say, s; none where they are its speed.
@@ -182,7 +182,7 @@ pub struct Law<'a> {
 
 /// The normal equations of a law in one run.
 #[derive(Clone, Debug)]
-pub struct Normal {
+pub struct RunEquations {
     hessian: DMatrix<f64>,
     gradient: DVector<f64>,
     /// Sum of squares of what the law is to explain.
@@ -191,7 +191,7 @@ pub struct Normal {
     pub count: usize,
 }
 
-impl Law<'_> {
+impl SpoolLaw<'_> {
     /// Calls back with what each coefficient adds to the position by each sample but the first, and what is to be explained there.
     fn each(&self, run: &Run, on_sample: &mut dyn FnMut(&[f64], f64)) {
         let spool = run.lagged(self.lag);
@@ -219,10 +219,10 @@ impl Law<'_> {
 
     /// Its normal equations in each run.
     #[must_use]
-    pub fn normals(&self, runs: &[Run]) -> Vec<Normal> {
+    pub fn normals(&self, runs: &[Run]) -> Vec<RunEquations> {
         let width = (self.shapes)(0.0, 0.0).len();
         let of = |run: &Run| {
-            let mut normal = Normal {
+            let mut normal = RunEquations {
                 hessian: DMatrix::zeros(width, width),
                 gradient: DVector::zeros(width),
                 square: 0.0,
@@ -250,7 +250,7 @@ impl Law<'_> {
     }
 }
 
-impl Normal {
+impl RunEquations {
     /// Sum of squares that the run residuals with these coefficients.
     #[must_use]
     pub fn missed(&self, coefficients: &DVector<f64>) -> f64 {
@@ -261,13 +261,13 @@ impl Normal {
 
 /// The coefficients that are best for some runs; none where nothing determines them.
 #[must_use]
-pub fn solved<'a>(normals: impl Iterator<Item = &'a Normal>) -> Option<DVector<f64>> {
+pub fn solved<'a>(normals: impl Iterator<Item = &'a RunEquations>) -> Option<DVector<f64>> {
     let (hessian, gradient) = summed(normals)?;
     solution(&hessian, &gradient)
 }
 
 /// Normal equations of several runs together.
-fn summed<'a>(normals: impl Iterator<Item = &'a Normal>) -> Option<(DMatrix<f64>, DVector<f64>)> {
+fn summed<'a>(normals: impl Iterator<Item = &'a RunEquations>) -> Option<(DMatrix<f64>, DVector<f64>)> {
     normals
         .map(|normal| (normal.hessian.clone(), normal.gradient.clone()))
         .reduce(|one, other| (one.0 + other.0, one.1 + other.1))
@@ -284,7 +284,7 @@ fn solution(hessian: &DMatrix<f64>, gradient: &DVector<f64>) -> Option<DVector<f
 
 /// Sum of squares that is missed in each run by a fit to the others; a single run is judged by its own.
 #[must_use]
-pub fn left_out(normals: &[Normal]) -> Option<f64> {
+pub fn left_out(normals: &[RunEquations]) -> Option<f64> {
     let (hessian, gradient) = summed(normals.iter())?;
     let mut missed = 0.0;
     for normal in normals {

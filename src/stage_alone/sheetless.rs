@@ -7,7 +7,7 @@ use crate::effects::{CATALOGUE, Stage};
 use crate::estimation::free_parameter::FreeParameter;
 use crate::likelihood::noise::{Noise, expected};
 use crate::likelihood::trial::{Trial, join_spool};
-use crate::parameters::{Channels, ENTRIES, EffectSetting, Reading, Tolerance, Unit};
+use crate::parameters::{ChannelReading, ChannelReadings, ENTRIES, EffectSetting, Tolerance, Unit};
 use crate::recording::Recording;
 use crate::signal::Signal;
 use crate::stage_alone::flexible::{Flexible, flexible};
@@ -171,7 +171,7 @@ pub fn acts_behind_the_spool(free_parameter: &FreeParameter) -> bool {
 
 /// Turns and scales recordings so that the spool opens upwards from its zero to 1 pu at its farthest, and the servomotor travels the middle nine
 /// tenths of its stroke; says what was done.
-fn into_pu(recordings: &mut [Recording], law: &Plain) -> Option<(Channels, Vec<String>)> {
+fn into_pu(recordings: &mut [Recording], law: &Plain) -> Option<(ChannelReadings, Vec<String>)> {
     let ends = |signal: Signal| {
         let values = recordings.iter().flat_map(|r| r.frames.iter().map(|frame| signal.of(&frame.measured)));
         values.filter(|v| v.is_finite()).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)))
@@ -205,9 +205,9 @@ fn into_pu(recordings: &mut [Recording], law: &Plain) -> Option<(Channels, Vec<S
     ));
     let scale_pu = TRAVELLED.0 / (opening.1 - opening.0) * if rises { 1.0 } else { -1.0 };
     let begins = if rises { opening.0 } else { opening.1 };
-    let channels = Channels {
-        spool_position: Reading::between(zero, full),
-        servomotor_position: Reading { scale_pu, offset_pu: TRAVELLED.1 - begins * scale_pu },
+    let channels = ChannelReadings {
+        spool_position: ChannelReading::between(zero, full),
+        servomotor_position: ChannelReading { scale_pu, offset_pu: TRAVELLED.1 - begins * scale_pu },
     };
     for frame in recordings.iter_mut().flat_map(|recording| &mut recording.frames) {
         let measured = &mut frame.measured;

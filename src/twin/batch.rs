@@ -5,7 +5,7 @@
 //! which runs in one tick of ten. Twins that cannot go side by side run one after another.
 
 use crate::frame::{Estimate, Frame, Inputs};
-use crate::plant::lanes::{Job, MOST_LANES, Wide, Width};
+use crate::plant::lanes::{LaneWork, MOST_LANES, Wide, Width};
 use crate::plant::regulator::SmallLoop;
 use crate::plant::term::{POINTS, Point};
 use crate::plant::{Bank, Blocks, Drive, Plant};
@@ -16,12 +16,12 @@ use crate::state::State;
 
 use super::now::{Acting, Demand, Now, esv_opening_pu};
 use super::readings::positions_pu;
-use super::tick::{Chain, Read, Seen, large_loop, tick};
+use super::tick::{Chain, Seen, TickReads, large_loop, tick};
 use super::{Twin, estimate};
 
 /// One row, and whether somebody looks at the twins there.
 #[derive(Clone, Copy, Debug)]
-pub struct Row {
+pub struct BatchRow {
     /// The row.
     pub frame: Frame,
     /// Whether somebody looks.
@@ -32,7 +32,7 @@ pub struct Row {
 ///
 /// `rows` are those of each twin, or those of all; they agree in everything but command and ESV. No more twins than the width has lanes.
 #[must_use]
-pub fn estimates<I: Iterator<Item = Row>>(width: Width, twins: &mut [Twin], rows: Vec<I>) -> Vec<Vec<Estimate>> {
+pub fn estimates<I: Iterator<Item = BatchRow>>(width: Width, twins: &mut [Twin], rows: Vec<I>) -> Vec<Vec<Estimate>> {
     let mut watch = Watch { wanted: None, estimates: vec![Vec::new(); twins.len()], traces: Vec::new() };
     run(width, twins, rows, &mut watch);
     watch.estimates
@@ -40,7 +40,7 @@ pub fn estimates<I: Iterator<Item = Row>>(width: Width, twins: &mut [Twin], rows
 
 /// The same of some signals alone: for each of [`Signal::ALL`] that is wanted its values, twin by twin.
 #[must_use]
-pub fn signals<I: Iterator<Item = Row>>(
+pub fn signals<I: Iterator<Item = BatchRow>>(
     width: Width,
     twins: &mut [Twin],
     rows: Vec<I>,
@@ -94,7 +94,7 @@ pub fn fit(twins: &[Twin]) -> bool {
 }
 
 /// Runs twins side by side.
-fn run<I: Iterator<Item = Row>>(width: Width, twins: &mut [Twin], rows: Vec<I>, watch: &mut Watch) {
+fn run<I: Iterator<Item = BatchRow>>(width: Width, twins: &mut [Twin], rows: Vec<I>, watch: &mut Watch) {
     debug_assert!(twins.len() <= width.lanes() && (rows.len() == 1 || rows.len() == twins.len()));
     width.run(Run { twins, rows, watch });
 }
@@ -105,7 +105,7 @@ struct Run<'a, I> {
     watch: &'a mut Watch,
 }
 
-impl<I: Iterator<Item = Row>> Job for Run<'_, I> {
+impl<I: Iterator<Item = BatchRow>> LaneWork for Run<'_, I> {
     type Output = ();
 
     #[inline(always)]
@@ -121,7 +121,7 @@ impl<I: Iterator<Item = Row>> Job for Run<'_, I> {
         let Some(mut now) = Now::abreast(&started, zero) else { return };
         let Some(mut side) = Side::new(twins, zero) else { return };
         loop {
-            let Row { frame, is_sample } = row.all[0];
+            let BatchRow { frame, is_sample } = row.all[0];
             if is_sample {
                 watch.look(frame.time_ns, positions_pu(&side.bank.blocks(), &now, setting.cut, frame.time_ns), &now);
             }
@@ -143,12 +143,12 @@ impl<I: Iterator<Item = Row>> Job for Run<'_, I> {
 
 /// The row at which all twins are: one for all, or one for each.
 struct Rows {
-    all: [Row; MOST_LANES],
+    all: [BatchRow; MOST_LANES],
     count: usize,
 }
 
 impl Rows {
-    fn first<I: Iterator<Item = Row>>(rows: &mut [I]) -> Option<Self> {
+    fn first<I: Iterator<Item = BatchRow>>(rows: &mut [I]) -> Option<Self> {
         let all = [rows.first_mut()?.next()?; MOST_LANES];
         let mut first = Self { all, count: rows.len().min(MOST_LANES) };
         for (row, rows) in first.all.iter_mut().zip(rows).skip(1) {
@@ -157,12 +157,12 @@ impl Rows {
         Some(first)
     }
 
-    fn advance<I: Iterator<Item = Row>>(&mut self, rows: &mut [I]) -> bool {
+    fn advance<I: Iterator<Item = BatchRow>>(&mut self, rows: &mut [I]) -> bool {
         self.all.iter_mut().zip(rows).all(|(row, rows)| rows.next().map(|next| *row = next).is_some())
     }
 
     #[inline(always)]
-    fn of(&self, lane: usize) -> &Row {
+    fn of(&self, lane: usize) -> &BatchRow {
         &self.all[lane.min(self.count - 1)]
     }
 
@@ -250,7 +250,7 @@ impl<T: Wide> Chain<T> for Side<'_, T> {
     }
 
     #[inline(always)]
-    fn large_loop(&mut self, ticks: u64, moving_s: f64, read: &Read<T>, demand: &mut Demand<T>) -> T {
+    fn large_loop(&mut self, ticks: u64, moving_s: f64, read: &TickReads<T>, demand: &mut Demand<T>) -> T {
         if self.whole_ticks.is_some_and(|whole_ticks| !ticks.is_multiple_of(whole_ticks)) {
             return demand.spool_command_pu;
         }

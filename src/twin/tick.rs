@@ -68,13 +68,13 @@ impl Seen {
 
 /// What the large loop reads.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Read<T = f64> {
+pub(super) struct TickReads<T = f64> {
     pub command_pu: T,
     pub servomotor_pu: T,
     pub servomotor_velocity_m_s: T,
 }
 
-apart!(Read { command_pu, servomotor_pu, servomotor_velocity_m_s });
+apart!(TickReads { command_pu, servomotor_pu, servomotor_velocity_m_s });
 
 /// One plant or several in lanes, with what their terms and large loops remember.
 pub(super) trait Chain<T: Real> {
@@ -86,7 +86,7 @@ pub(super) trait Chain<T: Real> {
     fn apply(&mut self, point: Point, signal: T, seen: &Seen<T>) -> T;
     /// Runs the large loop where it is due; the spool demand that holds on average over the tick, pu. `moving_s` is for how long in a tick the
     /// reading moves on.
-    fn large_loop(&mut self, ticks: u64, moving_s: f64, read: &Read<T>, demand: &mut Demand<T>) -> T;
+    fn large_loop(&mut self, ticks: u64, moving_s: f64, read: &TickReads<T>, demand: &mut Demand<T>) -> T;
     /// Advances the continuous plant by a tick.
     fn advance(&self, state: &mut State<T>, drive: &Drive<T>);
     /// The same of the servomotor alone.
@@ -100,7 +100,7 @@ pub(super) fn large_loop(
     hold: &mut Hold,
     ticks: u64,
     moving_s: f64,
-    read: &Read,
+    read: &TickReads,
     demand: &mut Demand,
 ) -> f64 {
     let old_pu = demand.spool_command_pu;
@@ -140,7 +140,7 @@ pub(super) fn tick<T: Real>(chain: &mut impl Chain<T>, setting: Setting, now: &m
     let command_pu = chain.apply(Point::Command, now.inputs.opening_command_pu, &seen);
     let servomotor_pu = chain.apply(Point::RegulatorServomotor, servomotor_reading_pu, &seen);
     let spool_read_pu = chain.apply(Point::RegulatorSpool, spool_reading_pu, &seen);
-    let read = Read { command_pu, servomotor_pu, servomotor_velocity_m_s: seen.state.servomotor_velocity_m_s };
+    let read = TickReads { command_pu, servomotor_pu, servomotor_velocity_m_s: seen.state.servomotor_velocity_m_s };
     let moving_s = if cut == Cut::None { tick_s } else { 0.0 };
     let spool_command_pu = chain.large_loop(now.ticks, moving_s, &read, &mut now.demand);
     now.valve_current_pu = chain.small_loop().valve_current_pu(spool_command_pu, spool_read_pu);

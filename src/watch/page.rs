@@ -4,7 +4,7 @@ use super::history::{Course, Entry};
 use crate::report::draw::{DrawError, svg};
 use crate::report::ink::Ink;
 use crate::report::page::{KeyFigure, Page, Tone};
-use crate::report::picture::{Mark, Panel, Picture, Shape};
+use crate::report::picture::{Mark, MarkShape, Panel, Picture};
 use crate::report::table::{Table, quantity, significant};
 
 /// Processes that the table shows, the newest.
@@ -118,19 +118,19 @@ fn picture(course: &Course, entries: &[Entry]) -> Picture {
         [x(k) - dash_h, mean, x(k) + dash_h, mean]
     });
     let mut sizes = Panel::new(title)
-        .mark(Mark::new(Shape::Segments(whiskers.collect()), Ink::Band, "interval"))
-        .mark(Mark::new(Shape::Segments(dashes.collect()), Ink::Command, "mean before, of its kind"));
+        .mark(Mark::new(MarkShape::Segments(whiskers.collect()), Ink::Band, "interval"))
+        .mark(Mark::new(MarkShape::Segments(dashes.collect()), Ink::Command, "mean before, of its kind"));
     let groups: [(Ink, &str, Vec<usize>); 2] = [
         (Ink::Simulated, "named", (0..count).filter(named).collect()),
         (Ink::Muted, "fitted alone", (0..count).filter(|k| !named(k)).collect()),
     ];
     for (ink, label, ks) in groups.into_iter().filter(|group| !group.2.is_empty()) {
-        sizes =
-            sizes.mark(Mark { width_px: 3.5, ..Mark::new(Shape::Dots(ks.into_iter().map(dot).collect()), ink, label) });
+        sizes = sizes
+            .mark(Mark { width_px: 3.5, ..Mark::new(MarkShape::Dots(ks.into_iter().map(dot).collect()), ink, label) });
     }
     let alarmed: Vec<[f64; 2]> = (0..count).filter(|&k| course.points[k].alarm).map(dot).collect();
     if !alarmed.is_empty() {
-        sizes = sizes.mark(Mark { width_px: 4.5, ..Mark::new(Shape::Dots(alarmed), Ink::Alarm, "moved") });
+        sizes = sizes.mark(Mark { width_px: 4.5, ..Mark::new(MarkShape::Dots(alarmed), Ink::Alarm, "moved") });
     }
     let of = |value: fn(&crate::trend::Point) -> f64| (0..count).map(|k| [x(k), value(&course.points[k])]).collect();
     let sums = Panel::new("Cumulative sums, standard deviations")

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use govtwin::import::{Import, ImportError, Map, Row, Target};
+use govtwin::import::{Import, ImportError, ImportedRow, Map, Target};
 use nalgebra::{DMatrix, DVector};
 
 use crate::shipped;
@@ -18,7 +18,7 @@ const FULL_V: f64 = 3.0;
 fn rig() -> (Vec<f64>, Vec<f64>, f64) {
     let map = Map::load(&shipped("real/faster/map.yaml")).unwrap();
     let import = Import::open(&[shipped("real/faster/faster.csv")], &map).unwrap();
-    let mut rows: Vec<Row> = vec![];
+    let mut rows: Vec<ImportedRow> = vec![];
     let outcome = import.run(
         &mut |row| {
             rows.push(*row);

@@ -164,7 +164,7 @@ fn parquet_comes_back_to_the_last_bit() {
     writer.close().unwrap();
     let (from_parquet, _) = crate::rows(&[path], SIGNALS).unwrap();
     let (from_text, _) = crate::rows_of(&text, SIGNALS).unwrap();
-    let bits = |rows: &[govtwin::import::Row]| -> Vec<(i64, [u64; 7])> {
+    let bits = |rows: &[govtwin::import::ImportedRow]| -> Vec<(i64, [u64; 7])> {
         rows.iter()
             .map(|row| (row.time_ns, row.values.map(|value| if value.is_nan() { 0 } else { value.to_bits() })))
             .collect()

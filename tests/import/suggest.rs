@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use govtwin::import::suggest::{Suggestion, suggest};
-use govtwin::import::{Map, Place, Target, map_text};
+use govtwin::import::{Map, SignalPlace, Target, map_text};
 
 use crate::{file, fixture, shipped};
 
@@ -69,7 +69,7 @@ fn what_a_spool_does_to_a_servomotor_tells_columns_without_names() {
     assert!(found.map.signals[0].conversion.turned, "{:?}", found.map.signals[0]);
     let open = found.open.join("\n");
     assert!(open.contains("turned round (`sign: -1`)") && open.contains("`range` holds what the file shows"), "{open}");
-    assert!(matches!(found.map.signals[0].from, Place::Column(_)));
+    assert!(matches!(found.map.signals[0].from, SignalPlace::Column(_)));
 }
 
 #[test]

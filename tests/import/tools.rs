@@ -1,7 +1,7 @@
 //! Files as other tools write them, held against the recording that they were made of.
 
 use govtwin::bag::{self, FieldReader, FieldValue, ReadOptions};
-use govtwin::import::{Row, Target};
+use govtwin::import::{ImportedRow, Target};
 
 use crate::{fixture, rows, shipped};
 
@@ -25,7 +25,7 @@ fn truth() -> Vec<(i64, [Option<f64>; 4])> {
 }
 
 /// Compares with the recording, row by row; `shift_ns` is added to times that count from the first row.
-fn assert_true(name: &str, found: &[Row], tolerance: f64, nearest_ns: i64, targets: &[Target]) {
+fn assert_true(name: &str, found: &[ImportedRow], tolerance: f64, nearest_ns: i64, targets: &[Target]) {
     let truth = truth();
     let mut compared = 0;
     for row in found {

@@ -2,7 +2,7 @@
 
 use super::Drawn;
 use crate::acceptance::series::Series;
-use crate::acceptance::summary::Summary;
+use crate::acceptance::summary::AcceptanceSummary;
 use crate::report::ink::Ink;
 use crate::report::picture::{Panel, Picture};
 
@@ -34,7 +34,7 @@ pub(super) fn curves(one: &Drawn) -> Picture {
 }
 
 /// Gain and phase over frequency.
-pub(super) fn response(summary: &Summary) -> Picture {
+pub(super) fn response(summary: &AcceptanceSummary) -> Picture {
     let mut gain = Panel::new("Gain").x_name("frequency, Hz (log10)");
     let mut phase = Panel::new("Phase, °").x_name("frequency, Hz (log10)");
     for (ink, label, all) in [

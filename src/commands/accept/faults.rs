@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use anyhow::{Context, bail};
-use govtwin::acceptance::counterfactual::Size;
+use govtwin::acceptance::counterfactual::SizeKnowledge;
 use govtwin::diagnosis::result::schema;
 use govtwin::diagnosis::result::{Blame, Verdict};
-use govtwin::diagnosis::{Settings, diagnose};
+use govtwin::diagnosis::{DiagnosisSettings, diagnose};
 use govtwin::effects::find_in;
 use govtwin::files::read_text;
 use govtwin::parameters::Unit;
@@ -24,13 +24,13 @@ const FITTED: &str = "fitted.yaml";
 
 /// What a diagnosis found.
 #[derive(Debug)]
-pub struct Faults {
+pub struct FoundFaults {
     /// The verdict's word.
     pub verdict: String,
     /// The effects that it names, as far as the twin has them.
     pub named: Vec<String>,
     /// How far their sizes are known.
-    pub sizes: Vec<Size>,
+    pub sizes: Vec<SizeKnowledge>,
     /// The twin with them.
     pub unit: Unit,
     /// What a reader must know.
@@ -39,7 +39,7 @@ pub struct Faults {
     made: Option<Provenance>,
 }
 
-impl Faults {
+impl FoundFaults {
     /// Of the folder that `govtwin diagnose` wrote.
     pub fn load(folder: &Path) -> anyhow::Result<Self> {
         let report = folder.join(REPORT);
@@ -61,7 +61,7 @@ impl Faults {
     /// Of a fresh diagnosis.
     pub fn diagnose(recordings: &[Recording], sheet: &Unit) -> anyhow::Result<Self> {
         let progress = Progress::new(100, "%");
-        let settings = Settings::default();
+        let settings = DiagnosisSettings::default();
         let diagnosis = diagnose(recordings.to_vec(), sheet, &settings, &|what, share| progress.at(share, what))?;
         drop(progress);
         Ok(Self::of(diagnosis.verdict, &diagnosis.blamed, diagnosis.fitted, diagnosis.notes, None))
@@ -79,7 +79,7 @@ impl Faults {
                 let Some(value) = fitted.map(|fitted| fitted.value) else { continue };
                 let ends = [value.low, value.high].map(|end| end.clamp(known.min, known.max));
                 if ends.iter().all(|end| end.is_finite()) {
-                    sizes.push(Size { effect: blame.id.clone(), parameter, ends });
+                    sizes.push(SizeKnowledge { effect: blame.id.clone(), parameter, ends });
                 }
             }
         }

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use govtwin::bag::Topics;
-use govtwin::battery::plan::{Rates, plan};
-use govtwin::battery::{self, Case as Plan, Kind, Label};
+use govtwin::battery::plan::{BatteryRates, plan};
+use govtwin::battery::{self, Case as Plan, CaseKind, Label};
 use govtwin::blind::validation;
 use govtwin::digest::sha256;
 use govtwin::files::{Claim, read_text, write_new};
@@ -15,7 +15,7 @@ use govtwin::params::{self, labels};
 use govtwin::recording::Process;
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 
-use super::cases::Case;
+use super::cases::UnitFolder;
 use super::scoring::LARGEST_BYTES;
 use super::shard::Shard;
 use crate::commands::output::{Progress, write_atomically};
@@ -56,7 +56,7 @@ pub fn make(
     (dir, out): (&Path, &Path),
     unit: &Unit,
     count: usize,
-    (seed, rates): (u64, Rates),
+    (seed, rates): (u64, BatteryRates),
     shard: Shard,
 ) -> anyhow::Result<Battery> {
     let key = sha256(format!("seed {seed}, {rates:?}, {unit:?}"));
@@ -132,12 +132,12 @@ fn bag(dir: &Path, case: &Plan, process: Process) -> PathBuf {
 
 impl Battery {
     /// Takes from the catalogue of each unit what it is to be diagnosed without, and drops units of other batteries.
-    pub fn restrict(&self, cases: &mut Vec<Case>) {
+    pub fn restrict(&self, cases: &mut Vec<UnitFolder>) {
         cases.retain(|case| self.plans.iter().any(|plan| plan.name == case.name));
         for case in cases {
             let plan = self.plans.iter().find(|plan| plan.name == case.name);
             case.without = plan.and_then(|plan| match &plan.kind {
-                Kind::LeftOut(id) => Some(id.clone()),
+                CaseKind::LeftOut(id) => Some(id.clone()),
                 _ => None,
             });
         }
@@ -230,7 +230,7 @@ mod tests {
     fn what_opens_the_answers_is_gone_before_a_diagnosis() {
         let (dir, out) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
         let unit = params::reference();
-        let battery = make((dir.path(), out.path()), &unit, 0, (3, Rates::Both), Shard::default()).unwrap();
+        let battery = make((dir.path(), out.path()), &unit, 0, (3, BatteryRates::Both), Shard::default()).unwrap();
         let opened = [dir.path().join(LABELS), dir.path().join(STRENGTHS), out.path().join("score.html")];
         for file in &opened {
             std::fs::write(file, "").unwrap();

@@ -13,7 +13,7 @@ use crate::commands::bags::{self, Bag, TopicArgs};
 
 /// One unit to diagnose.
 #[derive(Clone, Debug)]
-pub struct Case {
+pub struct UnitFolder {
     /// Name of its folder.
     pub name: String,
     /// Its folder.
@@ -25,7 +25,7 @@ pub struct Case {
 }
 
 /// Every folder in a folder that holds bags, by name.
-pub fn find(dir: &Path, topics: &TopicArgs) -> anyhow::Result<Vec<Case>> {
+pub fn find(dir: &Path, topics: &TopicArgs) -> anyhow::Result<Vec<UnitFolder>> {
     let mut cases = vec![];
     let entries = dir.read_dir().with_context(|| format!("cannot read the folder {}", dir.display()))?;
     for entry in entries {
@@ -33,7 +33,7 @@ pub fn find(dir: &Path, topics: &TopicArgs) -> anyhow::Result<Vec<Case>> {
         let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         let hidden = name.starts_with('.');
         if path.is_dir() && !hidden && bags::find(std::slice::from_ref(&path)).is_ok() {
-            cases.push(Case { name, dir: path, topics: topics.clone(), without: None });
+            cases.push(UnitFolder { name, dir: path, topics: topics.clone(), without: None });
         }
     }
     cases.sort_by(|a, b| a.name.cmp(&b.name));
@@ -43,7 +43,7 @@ pub fn find(dir: &Path, topics: &TopicArgs) -> anyhow::Result<Vec<Case>> {
     Ok(cases)
 }
 
-impl Case {
+impl UnitFolder {
     /// Its bags, by name.
     pub fn bags(&self) -> anyhow::Result<Vec<Bag>> {
         bags::find(std::slice::from_ref(&self.dir))
@@ -80,7 +80,7 @@ mod tests {
         }
         std::fs::write(dir.path().join("torn.mcap"), "no bag").unwrap();
         let case =
-            Case { name: String::new(), dir: dir.path().to_owned(), topics: TopicArgs::default(), without: None };
+            UnitFolder { name: String::new(), dir: dir.path().to_owned(), topics: TopicArgs::default(), without: None };
         let sheet = govtwin::params::reference();
         let found = case.recordings(&sheet).unwrap();
         let read = bags::read(&[dir.path().to_owned()], &case.topics.topics(), &sheet).unwrap().recordings;

@@ -6,46 +6,46 @@ use std::path::Path;
 use anyhow::bail;
 use govtwin::parameters::Unit;
 use govtwin::params::{Sheet, unit_digest};
-use govtwin::provenance::{FileUsed, Input, Provenance};
+use govtwin::provenance::{FileUsed, Provenance, RecordingGiven};
 
-use super::cases::Case;
+use super::cases::UnitFolder;
 use crate::commands::{provenance, report_file};
 
 /// Digests of the recordings of every unit, and of the sheet.
 #[derive(Debug)]
-pub struct Expected {
+pub struct ExpectedDigests {
     recordings: BTreeMap<String, Vec<FileUsed>>,
     sheet: String,
     /// Reports that do not say what they are of count as well.
     unchecked: bool,
 }
 
-impl Expected {
+impl ExpectedDigests {
     /// Looks at all bags.
-    pub fn new(cases: &[Case], sheet: &Unit, unchecked: bool) -> anyhow::Result<Self> {
-        let of = |case: &Case| Ok((case.name.clone(), provenance::files_of_bags(&case.bags()?)));
+    pub fn new(cases: &[UnitFolder], sheet: &Unit, unchecked: bool) -> anyhow::Result<Self> {
+        let of = |case: &UnitFolder| Ok((case.name.clone(), provenance::files_of_bags(&case.bags()?)));
         let recordings = cases.iter().map(of).collect::<anyhow::Result<_>>()?;
         Ok(Self { recordings, sheet: unit_digest(sheet), unchecked })
     }
 
     /// The recordings of all units, by the names of the units.
-    pub fn inputs(&self, origin: Option<&str>) -> Vec<Input> {
-        let of = |(name, used): (&String, &Vec<FileUsed>)| Input {
+    pub fn inputs(&self, origin: Option<&str>) -> Vec<RecordingGiven> {
+        let of = |(name, used): (&String, &Vec<FileUsed>)| RecordingGiven {
             name: name.clone(),
             files: used.clone(),
             synthetic: origin.is_some_and(provenance::says_synthetic),
             origin: origin.map(str::to_owned),
-            ..Input::default()
+            ..RecordingGiven::default()
         };
         self.recordings.iter().map(of).collect()
     }
 
     /// What a baseline's report is made from.
-    pub fn made(&self, case: &Case, method: &str, sheet: &Sheet) -> anyhow::Result<Provenance> {
+    pub fn made(&self, case: &UnitFolder, method: &str, sheet: &Sheet) -> anyhow::Result<Provenance> {
         let mut made = provenance::new(&format!("blind, baseline {method}"), sheet, None)?;
         made.unit.clone_from(&case.name);
         let files = self.recordings.get(&case.name).cloned().unwrap_or_default();
-        made.recordings = vec![Input { name: case.name.clone(), files, ..Input::default() }];
+        made.recordings = vec![RecordingGiven { name: case.name.clone(), files, ..RecordingGiven::default() }];
         Ok(made)
     }
 

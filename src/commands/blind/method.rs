@@ -7,24 +7,24 @@ use std::process::{Command, Stdio};
 use anyhow::{Context, bail};
 use govtwin::baselines::ground::Ground;
 use govtwin::baselines::{BASELINES, Baseline};
-use govtwin::blind::said::Said;
+use govtwin::blind::said::ReportVerdict;
 use govtwin::params::Sheet;
 
-use super::cases::Case;
-use super::expected::Expected;
+use super::cases::UnitFolder;
+use super::expected::ExpectedDigests;
 use crate::commands::output::write_atomically;
 use crate::commands::scored_report;
 
 /// A method that says something of a unit.
 #[derive(Clone, Copy, Debug)]
-pub enum Method {
+pub enum JudgingMethod {
     /// `govtwin diagnose`.
     Diagnosis,
     /// One of the baselines.
     Baseline(&'static Baseline),
 }
 
-impl Method {
+impl JudgingMethod {
     /// Its name in tables.
     pub fn name(self) -> &'static str {
         match self {
@@ -42,7 +42,7 @@ impl Method {
     }
 
     /// What it said of a unit; none where it has not spoken, or of something else.
-    pub fn said(self, (out, expected): (&Path, &Expected), case: &str) -> anyhow::Result<Option<Said>> {
+    pub fn said(self, (out, expected): (&Path, &ExpectedDigests), case: &str) -> anyhow::Result<Option<ReportVerdict>> {
         let path = self.report(out, case);
         if !path.is_file() || expected.check(&path, case).is_err() {
             return Ok(None);
@@ -52,17 +52,17 @@ impl Method {
 }
 
 /// The methods asked for.
-pub fn methods(baselines: bool, baselines_only: bool) -> Vec<Method> {
-    let others = BASELINES.iter().map(Method::Baseline).filter(|_| baselines || baselines_only);
-    Some(Method::Diagnosis).filter(|_| !baselines_only).into_iter().chain(others).collect()
+pub fn methods(baselines: bool, baselines_only: bool) -> Vec<JudgingMethod> {
+    let others = BASELINES.iter().map(JudgingMethod::Baseline).filter(|_| baselines || baselines_only);
+    Some(JudgingMethod::Diagnosis).filter(|_| !baselines_only).into_iter().chain(others).collect()
 }
 
 /// Lets every method judge a unit, unless its report is there already; the diagnosis on so many threads.
 pub fn judge(
-    case: &Case,
-    (sheet, expected): (&Sheet, &Expected),
+    case: &UnitFolder,
+    (sheet, expected): (&Sheet, &ExpectedDigests),
     params: Option<&Path>,
-    methods: &[Method],
+    methods: &[JudgingMethod],
     threads: usize,
     out: &Path,
 ) -> anyhow::Result<()> {
@@ -74,8 +74,8 @@ pub fn judge(
             continue;
         }
         match method {
-            Method::Diagnosis => diagnose(case, params, threads, &out.join(&case.name))?,
-            Method::Baseline(baseline) => {
+            JudgingMethod::Diagnosis => diagnose(case, params, threads, &out.join(&case.name))?,
+            JudgingMethod::Baseline(baseline) => {
                 if ground.get().is_none() {
                     let made = Ground::new(case.recordings(&sheet.unit)?, &sheet.unit, &case.catalogue());
                     // Nobody else can have set it.
@@ -92,7 +92,7 @@ pub fn judge(
 }
 
 /// Runs `govtwin diagnose` on the bags of a unit. Units are judged side by side; figures do not depend on the threads.
-fn diagnose(case: &Case, params: Option<&Path>, threads: usize, out: &Path) -> anyhow::Result<()> {
+fn diagnose(case: &UnitFolder, params: Option<&Path>, threads: usize, out: &Path) -> anyhow::Result<()> {
     let program = std::env::current_exe().context("cannot find this program's own file")?;
     let mut command = Command::new(program);
     command.env("RAYON_NUM_THREADS", threads.to_string()).arg("diagnose").arg("--overwrite").arg("--out").arg(out);

@@ -7,20 +7,20 @@ use anyhow::Context;
 use govtwin::battery::Label;
 use govtwin::blind::isolability::{self, Sized};
 use govtwin::blind::page::{self, measures_table};
-use govtwin::blind::said::{Blamed, Said};
-use govtwin::blind::score::{Measure, Misses, Score, score};
-use govtwin::blind::scored::{MissedBy, Scored};
+use govtwin::blind::said::{Blamed, ReportVerdict};
+use govtwin::blind::score::{Misses, Score, ScoredMeasure, score};
+use govtwin::blind::scored::{MissedBy, ScoredUnit};
 use govtwin::blind::statistics::Measured;
 use govtwin::params::{self, labels};
 use govtwin::provenance::Provenance;
-use govtwin::report::page::Blocks;
+use govtwin::report::page::PageBody;
 use govtwin::report::table::{Table, significant};
 use rayon::prelude::{IntoParallelIterator, ParallelIterator};
 use serde_json::{Value, json};
 
-use super::cases::Case;
-use super::expected::Expected;
-use super::method::Method;
+use super::cases::UnitFolder;
+use super::expected::ExpectedDigests;
+use super::method::JudgingMethod;
 use crate::commands::output::{Output, Progress, print, table_text};
 
 pub use crate::commands::report_file::LARGEST_BYTES;
@@ -33,10 +33,14 @@ pub fn read_labels(path: &Path) -> anyhow::Result<Vec<Label>> {
 }
 
 /// What a method said of a unit: the unit's name, the method's, and the report.
-pub type Verdict = (String, &'static str, Said);
+pub type MethodVerdict = (String, &'static str, ReportVerdict);
 
 /// What every method said of every unit, where nobody knows the truth.
-pub fn verdicts(cases: &[Case], methods: &[Method], reports: (&Path, &Expected)) -> anyhow::Result<Vec<Verdict>> {
+pub fn verdicts(
+    cases: &[UnitFolder],
+    methods: &[JudgingMethod],
+    reports: (&Path, &ExpectedDigests),
+) -> anyhow::Result<Vec<MethodVerdict>> {
     let mut all = Vec::new();
     for case in cases {
         for method in methods {
@@ -48,7 +52,7 @@ pub fn verdicts(cases: &[Case], methods: &[Method], reports: (&Path, &Expected))
 }
 
 /// The same as a table.
-pub fn verdicts_table(verdicts: &[Verdict]) -> Table {
+pub fn verdicts_table(verdicts: &[MethodVerdict]) -> Table {
     let mut table =
         Table::new().words("unit").words("method").words("verdict").words("blamed").words("stage").numbers("p");
     for (unit, method, said) in verdicts {
@@ -66,8 +70,8 @@ pub fn verdicts_table(verdicts: &[Verdict]) -> Table {
 }
 
 /// The same for machines.
-pub fn verdicts_json(verdicts: &[Verdict]) -> Value {
-    let one = |(unit, method, said): &Verdict| {
+pub fn verdicts_json(verdicts: &[MethodVerdict]) -> Value {
+    let one = |(unit, method, said): &MethodVerdict| {
         json!({
             "unit": unit, "method": method, "verdict": said.verdict, "stage": said.location.stage,
             "effects": said.effects.iter().map(|effect| &effect.id).collect::<Vec<_>>(), "probability": said.probability(said.word()),
@@ -80,8 +84,8 @@ pub fn verdicts_json(verdicts: &[Verdict]) -> Value {
 pub fn score_all(
     labels: &[Label],
     exams: Option<&BTreeMap<String, f64>>,
-    methods: &[Method],
-    (units, expected): (&[Case], &Expected),
+    methods: &[JudgingMethod],
+    (units, expected): (&[UnitFolder], &ExpectedDigests),
     made: &Provenance,
     (out, mut output): (&Path, Output),
     as_json: bool,
@@ -102,21 +106,21 @@ pub fn score_all(
             };
             // The improved twins are the diagnosis's own.
             let realised_closure = exams.filter(|_| place == 0).and_then(|exams| exams.get(&label.name)).copied();
-            cases.push(Scored { said, label: label.clone(), realised_closure, told: None });
+            cases.push(ScoredUnit { said, label: label.clone(), realised_closure, told: None });
         }
-        if matches!(method, Method::Diagnosis) {
+        if matches!(method, JudgingMethod::Diagnosis) {
             tell(&mut cases, units, out);
         }
-        scores.push(page::Method { name: method.name().to_owned(), score: score(&cases) });
+        scores.push(page::MethodScore { name: method.name().to_owned(), score: score(&cases) });
         if place == 0 {
             first = cases;
         }
     }
-    let mut parts: Vec<page::Method> = Vec::new();
+    let mut parts: Vec<page::MethodScore> = Vec::new();
     for (name, rate_hz) in [("100 Hz", 100.0), ("5 Hz", 5.0)] {
-        let own: Vec<Scored> = first.iter().filter(|case| case.label.rate_hz == rate_hz).cloned().collect();
+        let own: Vec<ScoredUnit> = first.iter().filter(|case| case.label.rate_hz == rate_hz).cloned().collect();
         if !own.is_empty() {
-            parts.push(page::Method { name: name.to_owned(), score: score(&own) });
+            parts.push(page::MethodScore { name: name.to_owned(), score: score(&own) });
         }
     }
     if !as_json {
@@ -154,7 +158,7 @@ pub fn score_all(
     });
     let subtitle = format!("{}, {} of {} units", made.unit, first.len(), labels.len());
     let mut page = page::page(&scores, &first, &parts, &subtitle, made.origins().first().copied())?;
-    let mut inner = Blocks::new();
+    let mut inner = PageBody::new();
     inner.facts(made.facts());
     page.body.details("What these figures were made from", inner);
     output.add("score.html", page.to_html().as_bytes())?;
@@ -169,8 +173,8 @@ pub fn score_all(
 }
 
 /// Asks the recordings of every missed unit whether they could have told.
-fn tell(cases: &mut [Scored], units: &[Case], out: &Path) {
-    let missed: Vec<&mut Scored> = cases.iter_mut().filter(|case| case.missed()).collect();
+fn tell(cases: &mut [ScoredUnit], units: &[UnitFolder], out: &Path) {
+    let missed: Vec<&mut ScoredUnit> = cases.iter_mut().filter(|case| case.missed()).collect();
     let progress = Progress::new(missed.len(), "misses looked into");
     missed.into_par_iter().for_each(|case| {
         case.told = told(case, units, out);
@@ -178,7 +182,7 @@ fn tell(cases: &mut [Scored], units: &[Case], out: &Path) {
     });
 }
 
-fn told(case: &Scored, units: &[Case], out: &Path) -> Option<f64> {
+fn told(case: &ScoredUnit, units: &[UnitFolder], out: &Path) -> Option<f64> {
     let unit = units.iter().find(|unit| unit.name == case.label.name)?;
     let refitted = params::load(&out.join(&unit.name).join("refitted.yaml")).ok()?;
     let hidden: Vec<Sized> = case.hidden().map(|truth| (truth.id.as_str(), vec![truth.size])).collect();
@@ -202,7 +206,7 @@ fn misses_json(misses: Misses) -> Value {
 
 fn score_json(score: &Score) -> Value {
     let measured = |m: &Measured| json!({"value": m.value, "ci95": [m.low, m.high], "units": m.cases});
-    let measure = |m: &Measure| {
+    let measure = |m: &ScoredMeasure| {
         let mut value = measured(&m.measured);
         value["target"] = m.target.into();
         value["reached"] = m.reached.into();

@@ -8,15 +8,15 @@ use govtwin::comparison::summary::Searched;
 use govtwin::parameters::Unit;
 use govtwin::residual::booster::Hyperparameters;
 use govtwin::residual::model::{Learned, Model};
-use govtwin::residual::split::Split;
-use govtwin::residual::table::Table;
+use govtwin::residual::split::RowSplit;
+use govtwin::residual::table::FeatureTable;
 use govtwin::residual::training::{self, GuardKind};
 
-use crate::commands::learn::{self, Job};
+use crate::commands::learn::{self, SearchJob};
 use crate::commands::output::Progress;
 
 /// Who competes, and how their hyperparameters were found.
-pub struct Field {
+pub struct Contenders {
     /// What every model says of the rows that judge.
     pub contenders: Vec<Contender>,
     /// The searches.
@@ -28,14 +28,14 @@ pub struct Field {
 /// One search by each kind, and what each found, the Bayesian one first.
 fn searched(
     args: &learn::Args,
-    (table, split, learned): (&Table, &Split, Learned),
+    (table, split, learned): (&FeatureTable, &RowSplit, Learned),
     (id, nouns): (&'static str, [&'static str; 2]),
     seed: u64,
     searches: &mut Vec<Searched>,
 ) -> anyhow::Result<[Hyperparameters; 2]> {
     let [bayesian, random] = nouns;
-    let found = args.search(table, split, learned, Job { id, kind: "bayesian", noun: bayesian }, seed)?;
-    let chance = args.search(table, split, learned, Job { id, kind: "random", noun: random }, seed)?;
+    let found = args.search(table, split, learned, SearchJob { id, kind: "bayesian", noun: bayesian }, seed)?;
+    let chance = args.search(table, split, learned, SearchJob { id, kind: "random", noun: random }, seed)?;
     let at = |search: &Searched| -> anyhow::Result<Hyperparameters> {
         Ok(training::at(search.best().context("no evaluation of the search succeeded")?.0))
     };
@@ -48,10 +48,10 @@ fn searched(
 pub fn field(
     args: &learn::Args,
     parents: &Parents<'_>,
-    split: &Split,
+    split: &RowSplit,
     seed: u64,
     unit: &Unit,
-) -> anyhow::Result<Field> {
+) -> anyhow::Result<Contenders> {
     let (plain, best) = (parents.plain, parents.drawn);
     let data = data_only(plain);
     let mut searches = vec![];
@@ -97,5 +97,5 @@ pub fn field(
     let (_, estimates) = gated(best, split, &of_hybrid(&with), seed)?;
     contenders.push(Contender { id: "gate", title: "hybrid, better twin, gate", estimates });
     progress.step();
-    Ok(Field { contenders, searches, paper: model })
+    Ok(Contenders { contenders, searches, paper: model })
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::Context;
 use govtwin::bag::{InMemory, Qos, Topics};
-use govtwin::diagnosis::result::test_script::Script;
+use govtwin::diagnosis::result::test_script::TestScript;
 use govtwin::diagnosis::result::{Diagnosis, Experiment};
 use govtwin::frame::EsvState;
 use govtwin::msg;
@@ -23,7 +23,7 @@ pub fn file(diagnosis: &Diagnosis, path: &Path, sheet: &Parameters) -> anyhow::R
 }
 
 /// Log times begin at 0; messages carry no stamp, so that whoever records them dates them like what the governor answers.
-fn written(best: &Experiment, script: &Script, path: &Path, sheet: &Parameters) -> anyhow::Result<Vec<u8>> {
+fn written(best: &Experiment, script: &TestScript, path: &Path, sheet: &Parameters) -> anyhow::Result<Vec<u8>> {
     let topics = Topics::default();
     let mut bag = InMemory::new(path)?;
     let about = [

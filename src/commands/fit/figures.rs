@@ -1,7 +1,7 @@
 //! What a fit says: tables for a terminal, all figures as JSON.
 
-use govtwin::diagnosis::result::Told;
-use govtwin::estimation::calibration::{Calibration, Row};
+use govtwin::diagnosis::result::StageFigure;
+use govtwin::estimation::calibration::{Calibration, CalibrationRow};
 use govtwin::likelihood::problem::Problem;
 use govtwin::parameters::Unit;
 use govtwin::params::{Sheet, quantity_text};
@@ -16,7 +16,7 @@ use crate::commands::output::table_text;
 const SHOWN: usize = 5;
 
 /// Tables and sentences.
-pub fn text(problem: &Problem, base: &Unit, fitted: &Calibration, told: &[Told]) -> String {
+pub fn text(problem: &Problem, base: &Unit, fitted: &Calibration, told: &[StageFigure]) -> String {
     let mut table =
         Table::new().words("key").words("unit").numbers("sheet").numbers("fitted").numbers("ci90 from").numbers("to");
     for name in ["sd from sheet", "learned"] {
@@ -106,7 +106,13 @@ fn quantity_text_short(value: f64, unit: &str) -> String {
 }
 
 /// All figures.
-pub fn json(problem: &Problem, sheet: &Sheet, fitted: &Calibration, told: &[Told], warnings: &[String]) -> Value {
+pub fn json(
+    problem: &Problem,
+    sheet: &Sheet,
+    fitted: &Calibration,
+    told: &[StageFigure],
+    warnings: &[String],
+) -> Value {
     let recordings: Vec<Value> = problem
         .trials
         .iter()
@@ -135,13 +141,13 @@ pub fn json(problem: &Problem, sheet: &Sheet, fitted: &Calibration, told: &[Told
         "leftover": Signal::ALL.into_iter().zip(fitted.leftover).filter_map(|(signal, ratio)| Some((signal.id(), ratio?)))
             .collect::<std::collections::BTreeMap<_, _>>(),
         "correlations": correlations,
-        "fitted_stage": told.iter().map(Told::json).collect::<Vec<_>>(),
+        "fitted_stage": told.iter().map(StageFigure::json).collect::<Vec<_>>(),
         "identifiability": fitted.identifiability(),
         "warnings": warnings,
     })
 }
 
-fn parameter(row: &Row) -> Value {
+fn parameter(row: &CalibrationRow) -> Value {
     json!({
         "key": row.key, "unit": row.unit, "sheet": row.sheet, "fitted": row.fitted, "ci90": row.ci90,
         "sd_from_sheet": row.deviation, "at_bound": row.at_bound, "learned": row.learned,

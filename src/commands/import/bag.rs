@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use govtwin::bag::{self, Qos, Sealed, Topic, Topics, Writer, WriterOptions};
 use govtwin::frame::EsvState;
-use govtwin::import::{Import, ImportError, Map, Outcome, Row, Target, map_text};
+use govtwin::import::{Import, ImportError, ImportOutcome, ImportedRow, Map, Target, map_text};
 use govtwin::msg;
 
 use super::progress;
@@ -24,7 +24,7 @@ struct Streams {
 }
 
 /// Reads files by a map and writes them as a bag under a temporary name.
-pub fn write(files: &[PathBuf], map: &Map, out: &Path, bar: bool) -> anyhow::Result<(Sealed, Outcome)> {
+pub fn write(files: &[PathBuf], map: &Map, out: &Path, bar: bool) -> anyhow::Result<(Sealed, ImportOutcome)> {
     let failed = || format!("cannot write {}", out.display());
     let import = Import::open(files, map)?;
     if let Some(parent) = out.parent() {
@@ -47,14 +47,14 @@ pub fn write(files: &[PathBuf], map: &Map, out: &Path, bar: bool) -> anyhow::Res
 }
 
 /// Reads files by a map and writes nothing.
-pub fn check(files: &[PathBuf], map: &Map) -> anyhow::Result<Outcome> {
+pub fn check(files: &[PathBuf], map: &Map) -> anyhow::Result<ImportOutcome> {
     let progress = progress();
     let import = Import::open(files, map)?;
     Ok(import.run(&mut |_| Ok::<(), ImportError>(()), &mut |share| progress.at(share, "read"))?)
 }
 
 impl Streams {
-    fn put(&mut self, row: &Row) -> anyhow::Result<()> {
+    fn put(&mut self, row: &ImportedRow) -> anyhow::Result<()> {
         let time_ns = row.time_ns;
         let header = || msg::Header::at(time_ns);
         if let Some(opening) = row.value(Target::OpeningCommand) {

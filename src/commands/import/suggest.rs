@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use govtwin::import::suggest::{Column, Suggestion, suggest};
+use govtwin::import::suggest::{SuggestedColumn, Suggestion, suggest};
 use govtwin::import::{Map, SignalMap, map_text};
-use govtwin::report::import::{Guess, Look, page};
+use govtwin::report::import::{Guess, ImportView, page};
 use govtwin::report::table::Table;
 use govtwin::units::seconds_from_nanos;
 use serde_json::json;
@@ -93,14 +93,14 @@ fn table(suggestion: &Suggestion) -> Table {
 }
 
 /// What the page shows.
-fn look(file: &Path, suggestion: &Suggestion, text: &str) -> Look {
+fn look(file: &Path, suggestion: &Suggestion, text: &str) -> ImportView {
     let begin_ns = suggestion
         .columns
         .iter()
         .filter_map(|column| column.envelope.points().next())
         .map(|(time_ns, _)| time_ns)
         .min();
-    let guess = |column: &Column, title: String, why: String, signal: Option<&SignalMap>| {
+    let guess = |column: &SuggestedColumn, title: String, why: String, signal: Option<&SignalMap>| {
         let convert = |value: f64| signal.map_or(value, |signal| signal.conversion.apply(value));
         let points = column.envelope.points().map(|(time_ns, bucket)| {
             let (one, other) = (convert(bucket.least), convert(bucket.most));
@@ -117,7 +117,7 @@ fn look(file: &Path, suggestion: &Suggestion, text: &str) -> Look {
     let used = |index: usize| suggestion.reasons.iter().any(|reason| reason.column == Some(index));
     let unused = suggestion.columns.iter().enumerate().filter(|(index, _)| !used(*index));
     let unused = unused.map(|(_, column)| guess(column, column.name.clone(), String::new(), None));
-    Look {
+    ImportView {
         file: file.file_name().unwrap_or(file.as_os_str()).to_string_lossy().into_owned(),
         rows: suggestion.rows,
         chosen: chosen.collect(),

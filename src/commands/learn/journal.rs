@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use govtwin::digest::Digest;
 use govtwin::files::read_text;
-use govtwin::residual::table::Table;
+use govtwin::residual::table::FeatureTable;
 
 use crate::commands::output::write_atomically;
 
@@ -16,16 +16,16 @@ const LARGEST_BYTES: u64 = 1 << 26;
 type Known = BTreeMap<String, f64>;
 
 /// The journal of one kind of evaluation, in a file that holds several.
-pub struct Journal {
+pub struct EvaluationJournal {
     path: PathBuf,
     key: String,
     all: BTreeMap<String, Known>,
 }
 
-impl Journal {
+impl EvaluationJournal {
     /// Opens the journal; a file that is missing or is none counts as empty. Other rows, another seed or another version of the
     /// program never share evaluations.
-    pub fn open(path: &Path, table: &Table, rows: &[usize], learned: impl std::fmt::Debug, seed: u64) -> Self {
+    pub fn open(path: &Path, table: &FeatureTable, rows: &[usize], learned: impl std::fmt::Debug, seed: u64) -> Self {
         let mut hash = Digest::default();
         hash.update(format!("{} {learned:?} {seed} {:?}", env!("CARGO_PKG_VERSION"), table.layout));
         for &row in rows {

@@ -5,12 +5,12 @@ use std::time::Instant;
 use anyhow::Context;
 use govtwin::comparison::Contender;
 use govtwin::comparison::summary::Searched;
-use govtwin::residual::deep::{Kind, SPACE, residuals};
-use govtwin::residual::split::{Split, folds};
-use govtwin::residual::table::Table;
+use govtwin::residual::deep::{NetworkKind, SPACE, residuals};
+use govtwin::residual::split::{RowSplit, folds};
+use govtwin::residual::table::FeatureTable;
 
-use super::journal::Journal;
-use super::{Args, Job, search, searched};
+use super::journal::EvaluationJournal;
+use super::{Args, SearchJob, search, searched};
 use crate::commands::output::{Progress, print};
 
 /// In searches every so many-th row of a fold teaches and judges: a network takes ten times as long as trees.
@@ -20,18 +20,18 @@ const EVERY: usize = 4;
 pub fn compete(
     args: &Args,
     budget: usize,
-    (table, split, seed): (&Table, &Split, u64),
+    (table, split, seed): (&FeatureTable, &RowSplit, u64),
     (contenders, searches): (&mut Vec<Contender>, &mut Vec<Searched>),
 ) -> anyhow::Result<()> {
     let rivals = [
-        (Kind::Lstm, "lstm", "BO-LSTM hybrid", "evaluations, LSTM"),
-        (Kind::Tcn, "tcn", "BO-TCN hybrid", "evaluations, TCN"),
+        (NetworkKind::Lstm, "lstm", "BO-LSTM hybrid", "evaluations, LSTM"),
+        (NetworkKind::Tcn, "tcn", "BO-TCN hybrid", "evaluations, TCN"),
     ];
     let folds = folds(table, &split.train);
     let initial = Args::initial(budget);
     for (kind, id, title, noun) in rivals {
         let key = format!("{kind:?}, every {EVERY}");
-        let mut journal = Journal::open(&args.out.join("search.json"), table, &split.train, key, seed);
+        let mut journal = EvaluationJournal::open(&args.out.join("search.json"), table, &split.train, key, seed);
         let progress = Progress::new(budget, noun);
         let (mut done, search_start) = (0, now());
         let trials = search(&SPACE, "bayesian", [initial, budget], seed, |point| {
@@ -48,7 +48,7 @@ pub fn compete(
         })?;
         drop(progress);
         let search_s = search_start.elapsed().as_secs_f64();
-        let found = searched(&SPACE, Job { id, kind: "bayesian", noun }, &trials);
+        let found = searched(&SPACE, SearchJob { id, kind: "bayesian", noun }, &trials);
         let best = found.best().context("no evaluation of the search succeeded")?.0.to_vec();
         searches.push(found);
         let fit_start = now();
@@ -68,7 +68,7 @@ fn now() -> Instant {
 
 /// Mean absolute error over the validation rows of all folds.
 #[expect(clippy::cast_precision_loss, reason = "counts of rows")]
-fn loss(kind: Kind, table: &Table, folds: &[Split], point: &[f64], seed: u64) -> anyhow::Result<f64> {
+fn loss(kind: NetworkKind, table: &FeatureTable, folds: &[RowSplit], point: &[f64], seed: u64) -> anyhow::Result<f64> {
     let (mut sum, mut count) = (0.0, 0);
     for fold in folds {
         let said = residuals(kind, table, fold, EVERY, point, seed)?;

@@ -6,7 +6,7 @@ use govtwin::bag::{self, Sealed};
 use govtwin::files::remove_stale;
 use govtwin::parameters::Unit;
 use govtwin::replay::Replayed;
-use govtwin::replay::summary::Summary;
+use govtwin::replay::summary::ReplaySummary;
 use govtwin::report::replay::{Pictures, page};
 use govtwin::twin::Twin;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
@@ -68,7 +68,7 @@ fn write_bag(bag: &Bag, dir: &Path, one: &Result, unit: &Unit, args: &Args) -> a
 /// Writes the bags, the page and the figures.
 pub fn write_all(
     mut output: Output,
-    summary: &Summary,
+    summary: &ReplaySummary,
     results: &[Result],
     bags: &[Bag],
     unit: &Unit,

@@ -6,7 +6,7 @@ use govtwin::parameters::Unit;
 use govtwin::params;
 use govtwin::replay::Replayed;
 use govtwin::replay::ladder::{Ladder, Rung};
-use govtwin::replay::summary::{Source, Summary, summarise};
+use govtwin::replay::summary::{RecordingSource, ReplaySummary, summarise};
 use govtwin::residual::model::{Model, fingerprint};
 use govtwin::signal::Signal;
 use govtwin::twin::Twin;
@@ -36,7 +36,7 @@ pub fn climb(
     unit: &Unit,
     models: &[(&Path, Model)],
     results: &[Result],
-    plain: &Summary,
+    plain: &ReplaySummary,
 ) -> anyhow::Result<(Ladder, Option<After>)> {
     let given: Vec<Replayed> = results.iter().map(|one| one.replayed.clone()).collect();
     let first = args.params.as_deref().map_or_else(|| "as shipped".to_owned(), title);
@@ -51,7 +51,7 @@ pub fn climb(
         progress.step();
     }
     let rung = |title: String, replayed: &[Replayed]| {
-        let source = Source::default();
+        let source = RecordingSource::default();
         let together: Vec<_> = replayed.iter().map(|one| (one, &source)).collect();
         let whole = summarise(plain.parameters.clone(), args.cut.cut(), plain.inputs_between_samples, &together);
         Rung { title, model: None, unseen: vec![], processes: whole.processes, overall: whole.overall }

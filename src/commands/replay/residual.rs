@@ -4,10 +4,10 @@ use std::path::Path;
 
 use govtwin::parameters::Unit;
 use govtwin::replay::Replayed;
-use govtwin::replay::summary::{Residual, Source, Summary, summarise};
+use govtwin::replay::summary::{RecordingSource, ReplaySummary, Residual, summarise};
 use govtwin::residual::adapt::Adaptation;
 use govtwin::residual::corrector::Corrector;
-use govtwin::residual::guard::Counts;
+use govtwin::residual::guard::GuardCounts;
 use govtwin::residual::model::Model;
 use govtwin::residual::row::Opening;
 use govtwin::twin::Cut;
@@ -27,7 +27,7 @@ pub fn ready(model: &Model, unit: &Unit, cut: Cut) -> anyhow::Result<Corrector> 
 }
 
 /// The same recording with corrected estimates, and what the guard did.
-pub fn correct(corrector: &Corrector, replayed: &Replayed) -> (Replayed, Counts) {
+pub fn correct(corrector: &Corrector, replayed: &Replayed) -> (Replayed, GuardCounts) {
     follow(&mut corrector.clone(), replayed)
 }
 
@@ -44,7 +44,7 @@ pub fn adapt(mut corrector: Corrector, results: &mut [Outcome]) -> Option<Adapta
     corrector.adaptation()
 }
 
-fn follow(corrector: &mut Corrector, replayed: &Replayed) -> (Replayed, Counts) {
+fn follow(corrector: &mut Corrector, replayed: &Replayed) -> (Replayed, GuardCounts) {
     let signal = corrector.signal();
     let mut estimates = replayed.estimates.clone();
     for (frame, estimate) in replayed.recording.frames.iter().zip(&mut estimates) {
@@ -55,10 +55,15 @@ fn follow(corrector: &mut Corrector, replayed: &Replayed) -> (Replayed, Counts) 
 }
 
 /// The summary of the corrected recordings, for the figures of the whole replay.
-pub fn summary(path: &Path, corrected: &[(&(Replayed, Counts), &Source)], plain: &Summary, cut: Cut) -> Summary {
+pub fn summary(
+    path: &Path,
+    corrected: &[(&(Replayed, GuardCounts), &RecordingSource)],
+    plain: &ReplaySummary,
+    cut: Cut,
+) -> ReplaySummary {
     let together: Vec<_> = corrected.iter().map(|((replayed, _), source)| (replayed, *source)).collect();
     let mut summary = summarise(plain.parameters.clone(), cut, plain.inputs_between_samples, &together);
-    let mut guard = Counts::default();
+    let mut guard = GuardCounts::default();
     for ((_, counts), _) in corrected {
         guard.add(counts);
     }

@@ -8,7 +8,7 @@ use govtwin::bag::{self, BagError, Health, Qos, RawMessage, Sealed, Stream, Topi
 use govtwin::files::make_folder;
 use govtwin::frame::Estimate;
 use govtwin::msg::{Header, ServoState};
-use govtwin::provenance::Input;
+use govtwin::provenance::RecordingGiven;
 use govtwin::replay::{Replayed, is_measured};
 
 use crate::commands::provenance;
@@ -59,7 +59,7 @@ pub fn write(
 }
 
 /// What a simulated bag says of itself: whose it is a replay of, and whether what was recorded there is synthetic, which must not get lost.
-pub fn about(name: &str, health: &Health, marked: &Input) -> BTreeMap<String, String> {
+pub fn about(name: &str, health: &Health, marked: &RecordingGiven) -> BTreeMap<String, String> {
     let mut about = BTreeMap::from([
         ("generator".to_owned(), format!("{} replay", provenance::PROGRAM)),
         ("replay_of".to_owned(), name.to_owned()),

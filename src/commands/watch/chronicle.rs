@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::Context;
-use govtwin::diagnosis::{Settings, diagnose};
+use govtwin::diagnosis::{DiagnosisSettings, diagnose};
 use govtwin::parameters::Unit;
 use govtwin::report::table::quantity;
 use govtwin::watch::cut::{Cut, Ended};
@@ -23,7 +23,7 @@ pub struct Chronicle {
     /// Folder of the history.
     pub out: PathBuf,
     /// How processes are diagnosed.
-    pub settings: Settings,
+    pub settings: DiagnosisSettings,
     /// Effects that are followed from the first process on.
     pub only: Vec<String>,
     /// Processes between two false warnings of one size.

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use crate::diagnosis::hypotheses::table::{Row, Table};
+use crate::diagnosis::hypotheses::table::{EvidenceRow, EvidenceTable};
 use crate::diagnosis::model::support::SIZE_PRIOR;
 use crate::effects::find;
 use crate::likelihood::noise::log_sum;
@@ -20,20 +20,20 @@ const SHIPPED: &str = include_str!("../../../params/diagnosis_weights.json");
 
 /// What a weight multiplies, and its value beforehand.
 #[derive(Clone, Copy, Debug)]
-pub struct Feature {
+pub struct PosteriorFeature {
     /// What the weight multiplies.
     pub name: &'static str,
     /// The weight with nothing learned, at fast and at slow rates.
     pub bayes: [f64; 2],
 }
 
-const fn feature(name: &'static str, bayes: [f64; 2]) -> Feature {
-    Feature { name, bayes }
+const fn feature(name: &'static str, bayes: [f64; 2]) -> PosteriorFeature {
+    PosteriorFeature { name, bayes }
 }
 
 /// Features of a fault set. Where the best set leaves more than a right model would, its equations or its noise are wrong in some way, and so are nats:
 /// what it leaves beyond that is spread over some thirty numbers, by any of which a further effect may gain as much.
-pub const OF_SETS: [Feature; 6] = [
+pub const OF_SETS: [PosteriorFeature; 6] = [
     feature("nats of evidence lost against the best set", [0.0; 2]),
     feature("nats lost, over what the best set leaves beyond a right model", [-1.0; 2]),
     feature("number of effects", [-5.0; 2]),
@@ -43,7 +43,7 @@ pub const OF_SETS: [Feature; 6] = [
 ];
 
 /// Features of something unknown against all that is known, of the set that is best by Bayes' theorem.
-pub const OF_UNKNOWN: [Feature; 7] = [
+pub const OF_UNKNOWN: [PosteriorFeature; 7] = [
     feature("any unit", [-3.0; 2]),
     feature("inverse hyperbolic sine of the deviations by which ln χ² is off that of sound units", [1.5, 0.5]),
     feature("these deviations, where the best set is nothing and χ² is too large", [0.5; 2]),
@@ -57,7 +57,7 @@ pub const OF_UNKNOWN: [Feature; 7] = [
 ];
 
 /// Features of a stage, where something is unknown.
-pub const OF_STAGES: [Feature; 3] = [
+pub const OF_STAGES: [PosteriorFeature; 3] = [
     feature("nats lost against the best stage, over χ² of the best set", [-0.5; 2]),
     feature("logarithm of 1 and the nats lost", [0.0; 2]),
     feature("logarithm of the share that effects there have of all that is known, by Bayes' theorem", [0.5; 2]),
@@ -68,14 +68,14 @@ const RATES: [&str; 2] = ["at fast rates", "at slow rates"];
 
 /// What the weights multiply, in their order.
 #[must_use]
-pub fn names(features: &[Feature]) -> Vec<String> {
+pub fn names(features: &[PosteriorFeature]) -> Vec<String> {
     let of = |rate: &&str| features.iter().map(|feature| format!("{}, {rate}", feature.name)).collect::<Vec<_>>();
     RATES.iter().flat_map(of).collect()
 }
 
 /// The weights with nothing learned.
 #[must_use]
-pub fn beforehand(features: &[Feature]) -> Vec<f64> {
+pub fn beforehand(features: &[PosteriorFeature]) -> Vec<f64> {
     (0..RATES.len()).flat_map(|rate| features.iter().map(move |feature| feature.bayes[rate])).collect()
 }
 
@@ -121,7 +121,7 @@ impl Weights {
 
     /// Share with which a further nat of evidence counts between two sets, given a unit's table.
     #[must_use]
-    pub fn counted_share(&self, table: &Table) -> f64 {
+    pub fn counted_share(&self, table: &EvidenceTable) -> f64 {
         let scale = Hypotheses::new(table, &[]).map_or(1.0, |all| all.scale);
         let of = |first: usize| -(self.sets[first] + self.sets[first + 1] / scale);
         let shares = [1.0 - table.slow_share, table.slow_share];
@@ -158,7 +158,7 @@ pub struct Hypotheses {
 }
 
 /// Squares of the distances of a set's sizes from the typical one, in deviations of their prior.
-fn oddness(row: &Row) -> f64 {
+fn oddness(row: &EvidenceRow) -> f64 {
     let (median, spread) = SIZE_PRIOR;
     row.sizes.iter().map(|size| ((size.abs().max(1e-3) / median).ln() / spread).powi(2).min(9.0)).sum()
 }
@@ -166,11 +166,11 @@ fn oddness(row: &Row) -> f64 {
 impl Hypotheses {
     /// Those of a table, without sets of struck effects; none of an empty table.
     #[must_use]
-    pub fn new(table: &Table, struck: &[&str]) -> Option<Self> {
-        let allowed = |row: &&Row| !row.effects.iter().any(|id| struck.contains(&id.as_str()));
-        let odds = |row: &Row| row.evidence() - ODDS * row.effects.len() as f64;
+    pub fn new(table: &EvidenceTable, struck: &[&str]) -> Option<Self> {
+        let allowed = |row: &&EvidenceRow| !row.effects.iter().any(|id| struck.contains(&id.as_str()));
+        let odds = |row: &EvidenceRow| row.evidence() - ODDS * row.effects.len() as f64;
         let leader = table.rows.iter().filter(allowed).max_by(|a, b| odds(a).total_cmp(&odds(b)))?;
-        let top = table.rows.iter().filter(allowed).map(Row::evidence).fold(f64::NEG_INFINITY, f64::max);
+        let top = table.rows.iter().filter(allowed).map(EvidenceRow::evidence).fold(f64::NEG_INFINITY, f64::max);
         let shares = [1.0 - table.slow_share, table.slow_share];
         let by_rate = |features: &[f64]| -> Vec<f64> {
             shares.iter().flat_map(|share| features.iter().map(move |feature| share * feature)).collect()
@@ -180,7 +180,7 @@ impl Hypotheses {
         let deviations = excess / (SCATTER.powi(2) + 2.0 / table.samples.max(1.0)).sqrt();
         let chi = excess.exp().max(1.0);
         let scale = 1.0 + (leader.cost - expected).max(0.0) / FREEDOM;
-        let set = |(k, row): (usize, &Row)| {
+        let set = |(k, row): (usize, &EvidenceRow)| {
             let lost = (top - row.evidence()).min(FARTHEST);
             let features = by_rate(&[
                 lost,
@@ -234,7 +234,7 @@ pub struct Posterior {
 impl Posterior {
     /// By these weights; sets of struck effects are left out.
     #[must_use]
-    pub fn new(table: &Table, weights: &Weights, struck: &[&str]) -> Self {
+    pub fn new(table: &EvidenceTable, weights: &Weights, struck: &[&str]) -> Self {
         let Some(all) = Hypotheses::new(table, struck) else { return Self { sets: Vec::new(), unknown: Vec::new() } };
         let unknown = if all.stages.is_empty() { 0.0 } else { logistic(score(&all.unknown, &weights.unknown)) };
         let share_out = |scores: Vec<f64>, whole: f64| -> Vec<f64> {
@@ -250,7 +250,7 @@ impl Posterior {
 
     /// Probability that an effect is present: the sum over the sets that hold it.
     #[must_use]
-    pub fn inclusion(&self, table: &Table, id: &str) -> f64 {
+    pub fn inclusion(&self, table: &EvidenceTable, id: &str) -> f64 {
         let holds = |row: usize| table.rows[row].effects.iter().any(|effect| effect == id);
         self.sets.iter().filter(|(row, _)| holds(*row)).map(|(_, probability)| probability).sum()
     }
@@ -263,7 +263,7 @@ impl Posterior {
 
     /// Probability that there is nothing.
     #[must_use]
-    pub fn nothing(&self, table: &Table) -> f64 {
+    pub fn nothing(&self, table: &EvidenceTable) -> f64 {
         self.sets
             .iter()
             .filter(|(row, _)| table.rows[*row].effects.is_empty())
@@ -301,14 +301,14 @@ mod tests {
         assert!(weights.size_spread > 0.0 && weights.closure_widening > 0.0);
     }
 
-    fn row(effects: &[&str], evidence: f64, cost: f64) -> Row {
-        Row {
+    fn row(effects: &[&str], evidence: f64, cost: f64) -> EvidenceRow {
+        EvidenceRow {
             effects: effects.iter().map(|id| (*id).to_owned()).collect(),
             refined: true,
             cost,
             grid: [[evidence; 3]; 4],
             sizes: vec![1.1; effects.len()],
-            ..Row::default()
+            ..EvidenceRow::default()
         }
     }
 
@@ -321,7 +321,7 @@ mod tests {
             row(&["load"], -3.0, 606.0),
             row(&[], -8.0, 616.0),
         ];
-        let table = Table { samples: 1e3, rows, ..Table::default() };
+        let table = EvidenceTable { samples: 1e3, rows, ..EvidenceTable::default() };
         let posterior = Posterior::new(&table, &Weights::bayes(), &[]);
         let p = |row: usize| posterior.sets.iter().find(|(k, _)| *k == row).unwrap().1;
         for (a, b, nats) in [(0, 1, 2.0 - 5.0), (1, 2, 1.0), (1, 3, 6.0 - 5.0)] {
@@ -338,7 +338,11 @@ mod tests {
         let of = |left: f64| {
             let rows = vec![row(&["load"], -200.0 - left, 640.0 + 2.0 * left), row(&[], -800.0, 1840.0)];
             let unknown = [("spool".to_owned(), -500.0), ("esv".to_owned(), -790.0)].into();
-            Posterior::new(&Table { samples: 1e3, rows, unknown, ..Table::default() }, &Weights::bayes(), &[])
+            Posterior::new(
+                &EvidenceTable { samples: 1e3, rows, unknown, ..EvidenceTable::default() },
+                &Weights::bayes(),
+                &[],
+            )
         };
         let (right, wrong) = (of(0.0), of(400.0));
         assert!(right.unknown() < 0.1 && wrong.unknown() > 0.9, "{} {}", right.unknown(), wrong.unknown());

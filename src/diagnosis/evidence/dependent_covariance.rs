@@ -1,6 +1,6 @@
 //! Noise of its own: a model that chatters otherwise than the refitted sheet is judged by the chatter that it predicts.
 
-use crate::diagnosis::model::Model;
+use crate::diagnosis::model::FittedModel;
 use crate::likelihood::problem::{Problem, square};
 use crate::parameters::Unit;
 
@@ -27,7 +27,7 @@ fn is_notable(own_cost: f64, least: f64) -> bool {
 
 /// What a model costs more with the noise laid out along itself than with that of the problem; next to nothing among models that chatter alike.
 #[must_use]
-pub fn charge(problem: &Problem, model: &Model) -> f64 {
+pub fn charge(problem: &Problem, model: &FittedModel) -> f64 {
     own(problem, &model.unit()).1 - model.fit.square
 }
 

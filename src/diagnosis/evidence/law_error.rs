@@ -8,7 +8,7 @@
 
 use nalgebra::DMatrix;
 
-use crate::diagnosis::model::Model;
+use crate::diagnosis::model::FittedModel;
 use crate::estimation::free_parameter::FreeParameter;
 use crate::likelihood::problem::Problem;
 use crate::likelihood::trial::Trial;
@@ -66,13 +66,13 @@ impl Modulations {
 
     /// How many columns the law errors of a model have.
     #[must_use]
-    pub fn count(&self, model: &Model) -> usize {
+    pub fn count(&self, model: &FittedModel) -> usize {
         sizes(model).len() * self.by_trial.first().map_or(0, DMatrix::ncols)
     }
 
     /// Marks of the law errors of a model's effects in one recording, a column for each effect and modulation; `limits` are those of [`limits`].
     #[must_use]
-    pub fn marks(&self, model: &Model, trial: usize, limits: &[f64]) -> DMatrix<f64> {
+    pub fn marks(&self, model: &FittedModel, trial: usize, limits: &[f64]) -> DMatrix<f64> {
         let modulations = &self.by_trial[trial];
         let slopes = &model.fit.slopes[trial];
         let sizes = sizes(model);
@@ -89,7 +89,7 @@ impl Modulations {
 }
 
 /// Free parameters of a model that are sizes of effects.
-fn sizes(model: &Model) -> Vec<usize> {
+fn sizes(model: &FittedModel) -> Vec<usize> {
     (0..model.free_parameters.len())
         .filter(|&k| matches!(model.free_parameters[k], FreeParameter::Effect { parameter: 0, .. }))
         .collect()
@@ -98,7 +98,7 @@ fn sizes(model: &Model) -> Vec<usize> {
 /// Factor of each effect of a model that keeps what it does to the residuals within what the model gained over the one without effects, in cost:
 /// near a threshold the slope by the size promises far more than the effect does.
 #[must_use]
-pub fn limits(model: &Model, without_effects: f64) -> Vec<f64> {
+pub fn limits(model: &FittedModel, without_effects: f64) -> Vec<f64> {
     let most = 2.0 * (without_effects - model.fit.cost()).max(0.0) + CHANCE;
     let of = |&free_parameter: &usize| {
         let squares: f64 = model.fit.slopes.iter().map(|slopes| slopes.column(free_parameter).norm_squared()).sum();

@@ -1,6 +1,6 @@
 //! Candidates for the next test: scripts as the likeliest model of a unit would answer them, at the rates that may be recorded.
 
-use crate::diagnosis::result::test_script::{PERIOD_S, Script};
+use crate::diagnosis::result::test_script::{PERIOD_S, TestScript};
 use crate::frame::{Frame, Signals};
 use crate::likelihood::problem::Problem;
 use crate::likelihood::trial::Trial;
@@ -19,7 +19,7 @@ pub struct Candidate {
     /// As the leader would answer it.
     pub trial: Trial,
     /// The script, where one can be sent to a governor.
-    pub script: Option<Script>,
+    pub script: Option<TestScript>,
     /// Samples a second.
     pub rate_hz: f64,
     /// Whether that is faster than the recordings were.
@@ -39,19 +39,19 @@ impl Candidate {
     /// Trips of the emergency shutdown valve.
     #[must_use]
     pub fn trips(&self) -> u32 {
-        self.script.as_ref().map_or(0, Script::trips)
+        self.script.as_ref().map_or(0, TestScript::trips)
     }
 }
 
 /// Scripts as a unit would answer them, at the rate of the recordings and, where that is slow, at the scripts' own.
 #[must_use]
-pub fn candidates(problem: &Problem, unit: &Unit, scripts: &[Script]) -> Vec<Candidate> {
+pub fn candidates(problem: &Problem, unit: &Unit, scripts: &[TestScript]) -> Vec<Candidate> {
     let period_s = problem.trials.iter().map(|trial| trial.period_s).fold(PERIOD_S, f64::max);
     let mut periods_s = vec![PERIOD_S];
     if problem.is_slow() {
         periods_s.push(period_s);
     }
-    let of = |&script: &Script| {
+    let of = |&script: &TestScript| {
         let answer = answer(unit, &script);
         let candidate = |&period_s: &f64| Candidate {
             test: script.words(),
@@ -67,7 +67,7 @@ pub fn candidates(problem: &Problem, unit: &Unit, scripts: &[Script]) -> Vec<Can
 }
 
 /// A script as a unit answers it, all signals at every row.
-fn answer(unit: &Unit, script: &Script) -> Vec<Frame> {
+fn answer(unit: &Unit, script: &TestScript) -> Vec<Frame> {
     let mut twin = Twin::new(unit).with_dither(unit.sensors.servomotor_position_pu.noise);
     let mut frames = script.frames(unit.parameters.oil.tank_pressure_pa);
     for frame in &mut frames {

@@ -7,8 +7,8 @@ use crate::diagnosis::decision::posterior::Posterior;
 use crate::diagnosis::evidence::UNKNOWN_SIZES;
 use crate::diagnosis::hypotheses::Explored;
 use crate::diagnosis::hypotheses::explorer::KAPPA;
-use crate::diagnosis::hypotheses::table::Table;
-use crate::diagnosis::model::Model;
+use crate::diagnosis::hypotheses::table::EvidenceTable;
+use crate::diagnosis::model::FittedModel;
 use crate::diagnosis::model::discrepancy;
 use crate::diagnosis::model::support::SIZE_PRIOR;
 use crate::effects::Stage;
@@ -30,7 +30,7 @@ pub struct Survivor<'a> {
     /// Probability, all of them together 1.
     pub probability: f64,
     /// The fitted model; of something unknown the refitted sheet, on which it stands.
-    pub model: &'a Model,
+    pub model: &'a FittedModel,
     /// The twin with its parameters as fitted, and of something unknown with its most probable term.
     pub twin: Twin,
     /// Whether it is something unknown.
@@ -44,7 +44,7 @@ pub struct Survivor<'a> {
 #[must_use]
 pub fn survivors<'a>(
     found: &'a Explored,
-    table: &Table,
+    table: &EvidenceTable,
     posterior: &Posterior,
     decision: &Decision,
 ) -> Vec<Survivor<'a>> {
@@ -59,7 +59,7 @@ pub fn survivors<'a>(
         Some((name, probability * if empty { of_nothing } else { of_effects }, Ok(&hypothesis.model)))
     });
     let unknown = decision.unknown_at.iter().map(|&(stage, p)| (format!("unknown:{}", stage.id()), p, Err(stage)));
-    let mut all: Vec<(String, f64, Result<&Model, Stage>)> =
+    let mut all: Vec<(String, f64, Result<&FittedModel, Stage>)> =
         sets.chain(unknown).filter(|(_, probability, _)| *probability > 0.0).collect();
     all.sort_by(|a, b| b.1.total_cmp(&a.1));
     let mut held = 0.0;
@@ -88,7 +88,7 @@ pub fn survivors<'a>(
 /// The refitted sheet with something unknown at a stage.
 fn with_unknown(found: &Explored, stage: Stage) -> Option<Twin> {
     let empty = found.hypotheses.iter().find(|one| one.effects.is_empty())?;
-    let at = |(_, place): &(usize, &discrepancy::Place)| place.stage == stage;
+    let at = |(_, place): &(usize, &discrepancy::DiscrepancyPoint)| place.stage == stage;
     let terms = |(index, place)| {
         let (gain, sizes) = empty.normal.terms(index, (UNKNOWN_SIZES[1], KAPPA), None);
         (place, gain, sizes)
@@ -100,7 +100,7 @@ fn with_unknown(found: &Explored, stage: Stage) -> Option<Twin> {
 
 /// A root of the covariance of a model's free parameters, sizes of effects with their prior: one deviation a column.
 #[must_use]
-pub fn deviations(model: &Model) -> DMatrix<f64> {
+pub fn deviations(model: &FittedModel) -> DMatrix<f64> {
     let n = model.free_parameters.len();
     let mut covariance = model.spread.clone();
     if covariance.iter().any(|value| !value.is_finite()) {

@@ -6,7 +6,7 @@
 use crate::diagnosis::evidence::Shared;
 use crate::diagnosis::hypotheses::Explored;
 use crate::diagnosis::hypotheses::explorer::{Hypothesis, kappa};
-use crate::diagnosis::model::Model;
+use crate::diagnosis::model::FittedModel;
 use crate::diagnosis::model::support::{Placed, Variant};
 use crate::effects::EffectSpec;
 use crate::estimation::annealing::annealed;
@@ -21,7 +21,7 @@ const SIZES: [f64; 2] = [1.0, -1.0];
 const ROUNDS: usize = 3;
 
 /// Fits every single effect from the unfitted stage as well, and keeps what is better.
-pub fn singles(found: &mut Explored, problem: &Problem, sheet: &Model, catalogue: &[&'static EffectSpec]) {
+pub fn singles(found: &mut Explored, problem: &Problem, sheet: &FittedModel, catalogue: &[&'static EffectSpec]) {
     let mut fitted: Vec<(usize, Unit, Vec<FreeParameter>, Fit)> = Vec::new();
     for (effect, spec) in catalogue.iter().enumerate() {
         let of = |size| sheet.with_effect(spec, Variant { size, further: 1.0 });
@@ -39,7 +39,7 @@ pub fn singles(found: &mut Explored, problem: &Problem, sheet: &Model, catalogue
         if known.is_some_and(|place| found.hypotheses[place].model.cost() <= fit.cost()) {
             continue;
         }
-        let model = Model::new(vec![catalogue[effect]], base, free_parameters, fit);
+        let model = FittedModel::new(vec![catalogue[effect]], base, free_parameters, fit);
         let anew = Hypothesis::new(&shared, kappa(problem), vec![effect], model, true);
         match known {
             Some(place) => found.hypotheses[place] = anew,

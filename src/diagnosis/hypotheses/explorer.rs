@@ -8,9 +8,9 @@ use rayon::iter::{
     IndexedParallelIterator, IntoParallelIterator, IntoParallelRefIterator, ParallelExtend, ParallelIterator,
 };
 
-use crate::diagnosis::evidence::{KAPPAS, Normal, Shared};
+use crate::diagnosis::evidence::{KAPPAS, NormalEquations, Shared};
 use crate::diagnosis::hypotheses::linearisation::{Linearisation, Proposal};
-use crate::diagnosis::model::Model;
+use crate::diagnosis::model::FittedModel;
 use crate::diagnosis::model::discrepancy::Columns;
 use crate::diagnosis::model::support::{Placed, Variant, add};
 use crate::effects::EffectSpec;
@@ -54,9 +54,9 @@ pub struct Hypothesis {
     /// Places of its effects in the catalogue, rising.
     pub effects: Vec<usize>,
     /// The model; without residuals and slopes where it is far from the leader.
-    pub model: Model,
+    pub model: FittedModel,
     /// Normal equations for its evidence.
-    pub normal: Normal,
+    pub normal: NormalEquations,
     /// Logarithm of its evidence, and of the odds against so many effects.
     pub log_evidence: f64,
     /// Whether it was fitted with care.
@@ -65,7 +65,7 @@ pub struct Hypothesis {
 
 impl Hypothesis {
     /// Weighs a fitted model, at an error of equations of `kappa`.
-    pub(super) fn new(shared: &Shared, kappa: f64, effects: Vec<usize>, model: Model, refined: bool) -> Self {
+    pub(super) fn new(shared: &Shared, kappa: f64, effects: Vec<usize>, model: FittedModel, refined: bool) -> Self {
         let normal = shared.normal(&model);
         let log_evidence = normal.at(kappa, LAW_ERROR) - RARITY * effects.len() as f64;
         Self { effects, model, normal, log_evidence, refined }
@@ -93,7 +93,7 @@ pub fn is_stage_alone(problem: &Problem) -> bool {
 pub(super) struct Explorer<'a> {
     kappa: f64,
     pub(super) problem: &'a Problem,
-    nominal: &'a Model,
+    nominal: &'a FittedModel,
     catalogue: &'a [&'static EffectSpec],
     shared: Shared,
 }
@@ -102,7 +102,7 @@ impl<'a> Explorer<'a> {
     /// For a problem, the refitted sheet on it, a catalogue and the marks of the discrepancy terms.
     pub(super) fn new(
         problem: &'a Problem,
-        nominal: &'a Model,
+        nominal: &'a FittedModel,
         catalogue: &'a [&'static EffectSpec],
         discrepancy: &Arc<Columns>,
     ) -> Self {
@@ -111,16 +111,16 @@ impl<'a> Explorer<'a> {
     }
 
     /// The linear picture about a point.
-    pub(super) fn picture(&self, point: &Model, discrepancy: &Columns) -> Linearisation {
+    pub(super) fn picture(&self, point: &FittedModel, discrepancy: &Columns) -> Linearisation {
         Linearisation::new(self.problem, point, self.catalogue, discrepancy, self.kappa)
     }
 
-    pub(super) fn hypothesis(&self, effects: Vec<usize>, model: Model, refined: bool) -> Hypothesis {
+    pub(super) fn hypothesis(&self, effects: Vec<usize>, model: FittedModel, refined: bool) -> Hypothesis {
         Hypothesis::new(&self.shared, self.kappa, effects, model, refined)
     }
 
     /// Places in the catalogue of the effects that a proposal at a point leaves or adds, with where they stand.
-    pub(super) fn members(&self, point: &Model, proposal: &Proposal) -> Vec<(usize, Variant)> {
+    pub(super) fn members(&self, point: &FittedModel, proposal: &Proposal) -> Vec<(usize, Variant)> {
         let first = self.nominal.free_parameters.len();
         let mut members = proposal.effects.clone();
         let mut place = first;
@@ -137,8 +137,8 @@ impl<'a> Explorer<'a> {
     }
 
     /// Fits proposals quickly, each at its point: one step each, and those that are worth it then go on.
-    pub(super) fn scouted(&self, jobs: &[(&Model, Proposal)]) -> Vec<Hypothesis> {
-        let mut known: Vec<(*const Model, Vec<DMatrix<f64>>)> = Vec::new();
+    pub(super) fn scouted(&self, jobs: &[(&FittedModel, Proposal)]) -> Vec<Hypothesis> {
+        let mut known: Vec<(*const FittedModel, Vec<DMatrix<f64>>)> = Vec::new();
         for (point, _) in jobs {
             if known.iter().all(|(other, _)| !std::ptr::eq(*other, *point)) {
                 known.push((*point, self.sheet_slopes(point)));
@@ -162,7 +162,11 @@ impl<'a> Explorer<'a> {
             let fits = fit_all(self.problem, &starts);
             let glanced = places.par_iter().zip(fits).map(|((effects, (base, free_parameters, _)), fit)| {
                 let specs = effects.iter().map(|&effect| self.catalogue[effect]).collect();
-                self.hypothesis(effects.clone(), Model::new(specs, base.clone(), free_parameters.clone(), fit), false)
+                self.hypothesis(
+                    effects.clone(),
+                    FittedModel::new(specs, base.clone(), free_parameters.clone(), fit),
+                    false,
+                )
             });
             found.par_extend(glanced);
             found.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
@@ -191,8 +195,8 @@ impl<'a> Explorer<'a> {
             drop(starts);
             // A fit ends no higher than it began.
             let further = some.into_par_iter().zip(fits).map(|(one, fit)| {
-                let Model { effects, base, free_parameters, .. } = one.model;
-                self.hypothesis(one.effects, Model::new(effects, base, free_parameters, fit), false)
+                let FittedModel { effects, base, free_parameters, .. } = one.model;
+                self.hypothesis(one.effects, FittedModel::new(effects, base, free_parameters, fit), false)
             });
             all.par_extend(further);
         }
@@ -201,13 +205,13 @@ impl<'a> Explorer<'a> {
     }
 
     /// Slopes of a model by the parameters of the sheet alone.
-    fn sheet_slopes(&self, model: &Model) -> Vec<DMatrix<f64>> {
+    fn sheet_slopes(&self, model: &FittedModel) -> Vec<DMatrix<f64>> {
         let count = self.nominal.free_parameters.len();
         model.fit.slopes.iter().map(|slopes| slopes.columns(0, count).into_owned()).collect()
     }
 
     /// The effects of a proposal at a point, and the unit with them where the fit begins.
-    fn placed(&self, point: &Model, proposal: &Proposal) -> (Vec<usize>, Placed) {
+    fn placed(&self, point: &FittedModel, proposal: &Proposal) -> (Vec<usize>, Placed) {
         let members = self.members(point, proposal);
         let positions = (0..self.nominal.free_parameters.len()).map(|k| {
             let (low, high) = self.nominal.free_parameters[k].range(&self.nominal.base);
@@ -222,8 +226,12 @@ impl<'a> Explorer<'a> {
 
     /// Proposals of what a leader holds, begun from the sheet, and of what it holds without one of its effects, from the sheet and from where it
     /// stands: what takes an effect's place may have strained it.
-    pub(super) fn narrowed<'b>(&self, leader: &'b Model, sheet: &'b Model) -> Vec<(&'b Model, Proposal)> {
-        let still = |point: &Model| DVector::zeros(point.free_parameters.len());
+    pub(super) fn narrowed<'b>(
+        &self,
+        leader: &'b FittedModel,
+        sheet: &'b FittedModel,
+    ) -> Vec<(&'b FittedModel, Proposal)> {
+        let still = |point: &FittedModel| DVector::zeros(point.free_parameters.len());
         let stand = |removed| Proposal { effects: Vec::new(), removed, log_evidence: 0.0, change: still(leader) };
         let own = self.members(leader, &stand(Vec::new()));
         let from_sheet = |left: Option<usize>| {
@@ -242,9 +250,9 @@ impl<'a> Explorer<'a> {
     /// led a fit past a ridge and then vanished.
     pub(super) fn lessened<'b>(
         &self,
-        model: &'b Model,
+        model: &'b FittedModel,
         is_open: impl Fn(&[usize]) -> bool,
-    ) -> Vec<(&'b Model, Proposal)> {
+    ) -> Vec<(&'b FittedModel, Proposal)> {
         let change = DVector::zeros(model.free_parameters.len());
         let of = |left: usize| Proposal {
             effects: Vec::new(),

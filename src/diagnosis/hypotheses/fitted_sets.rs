@@ -6,11 +6,11 @@ use crate::diagnosis::hypotheses::explorer::{Explorer, Hypothesis, is_stage_alon
 
 /// Fitted sets so far, by their effects.
 #[derive(Default)]
-pub(super) struct Known {
+pub(super) struct KnownSets {
     pub(super) fitted: BTreeMap<Vec<usize>, Hypothesis>,
 }
 
-impl Known {
+impl KnownSets {
     pub(super) fn take(&mut self, hypothesis: Hypothesis) {
         let better = |known: &Hypothesis| hypothesis.log_evidence > known.log_evidence;
         if self.fitted.get(&hypothesis.effects).is_none_or(better) {

@@ -9,7 +9,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
-use crate::diagnosis::model::Model;
+use crate::diagnosis::model::FittedModel;
 use crate::diagnosis::model::discrepancy::Columns;
 use crate::diagnosis::model::support::{SIZE_PRIOR, Variant};
 use crate::effects::EffectSpec;
@@ -78,7 +78,7 @@ impl Linearisation {
     #[must_use]
     pub fn new(
         problem: &Problem,
-        model: &Model,
+        model: &FittedModel,
         catalogue: &[&'static EffectSpec],
         discrepancy: &Columns,
         kappa: f64,
@@ -118,7 +118,7 @@ impl Linearisation {
         Self::projected(model, atoms, &gram, discrepancy.marks.first().map_or(0, DMatrix::ncols), kappa)
     }
 
-    fn projected(model: &Model, atoms: Vec<Atom>, gram: &DMatrix<f64>, terms: usize, kappa: f64) -> Self {
+    fn projected(model: &FittedModel, atoms: Vec<Atom>, gram: &DMatrix<f64>, terms: usize, kappa: f64) -> Self {
         let (slopes, all) = (model.free_parameters.len(), gram.nrows());
         let known = slopes + terms;
         let mut h = gram.view((0, 0), (known, known)).into_owned();

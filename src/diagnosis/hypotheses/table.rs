@@ -16,7 +16,7 @@ use crate::likelihood::problem::Problem;
 
 /// What the recordings say of one fault set.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Row {
+pub struct EvidenceRow {
     /// Ids of its effects, in the order of the catalogue; none for the sheet alone.
     pub effects: Vec<String>,
     /// Whether it was fitted with care.
@@ -39,7 +39,7 @@ pub struct Row {
 
 /// All of a unit.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Table {
+pub struct EvidenceTable {
     /// Independent samples, all signals together.
     pub samples: f64,
     /// Share of these at rates too slow to show the inputs between samples.
@@ -47,12 +47,12 @@ pub struct Table {
     /// Whether pilot signals were recorded.
     pub pilot: bool,
     /// Fitted fault sets, likeliest first.
-    pub rows: Vec<Row>,
+    pub rows: Vec<EvidenceRow>,
     /// Logarithm of the evidence of something unknown at each stage, on the sheet alone.
     pub unknown: BTreeMap<String, f64>,
 }
 
-impl Row {
+impl EvidenceRow {
     /// Logarithm of the evidence, whatever the size of the error of equations; of a set that was fitted quickly with the usual one, since what it
     /// lacks of a fit would pass for such an error.
     #[must_use]
@@ -69,12 +69,13 @@ impl Row {
 /// Sets whose own noise is asked for at most.
 const OWN_NOISE: usize = 8;
 
-impl Table {
+impl EvidenceTable {
     /// The same as one recording less would have it; errors of equations are then counted with their usual size.
     #[must_use]
     pub fn without(&self, recording: usize) -> Self {
         let mut table = self.clone();
-        let empty = |table: &Self| table.rows.iter().find(|row| row.effects.is_empty()).map_or(0.0, Row::evidence);
+        let empty =
+            |table: &Self| table.rows.iter().find(|row| row.effects.is_empty()).map_or(0.0, EvidenceRow::evidence);
         let before = empty(self);
         for row in &mut table.rows {
             if let Some(&evidence) = row.without_each.get(recording) {
@@ -111,7 +112,7 @@ impl Table {
                 place += spec.parameters.len();
                 model.fit.positions[place - spec.parameters.len()]
             });
-            Row {
+            EvidenceRow {
                 effects: hypothesis.effects.iter().map(|&effect| catalogue[effect].id.to_owned()).collect(),
                 refined: hypothesis.refined,
                 cost: model.fit.cost(),

@@ -1,6 +1,6 @@
 //! Whether what a model leaves is noise: size and whiteness of its innovations, signal by signal.
 
-use crate::diagnosis::model::Model;
+use crate::diagnosis::model::FittedModel;
 use crate::likelihood::problem::Problem;
 use crate::signal::Signal;
 
@@ -21,7 +21,7 @@ pub struct Consistency {
 
 /// Of each signal that was measured, for a model that has its residuals.
 #[must_use]
-pub fn consistency(problem: &Problem, model: &Model) -> Vec<Consistency> {
+pub fn consistency(problem: &Problem, model: &FittedModel) -> Vec<Consistency> {
     let of = |signal: Signal| {
         let innovations: Vec<Vec<f64>> = (model.fit.residuals.iter().enumerate())
             .map(|(trial, residuals)| problem.innovations(trial, signal, residuals))

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::diagnosis::model::Model;
+use crate::diagnosis::model::FittedModel;
 use crate::effects::{self, Stage};
 use crate::likelihood::problem::{METHOD, Problem, Residuals};
 use crate::parameters::Unit;
@@ -18,7 +18,7 @@ use crate::twin::Twin;
 
 /// A place for a discrepancy term.
 #[derive(Clone, Copy, Debug)]
-pub struct Place {
+pub struct DiscrepancyPoint {
     point: Point,
     /// Where that is, in words.
     pub words: &'static str,
@@ -30,12 +30,12 @@ pub struct Place {
     pub scale: f64,
 }
 
-const fn place(point: Point, words: &'static str, stage: Stage, unit: &'static str, scale: f64) -> Place {
-    Place { point, words, stage, unit, scale }
+const fn place(point: Point, words: &'static str, stage: Stage, unit: &'static str, scale: f64) -> DiscrepancyPoint {
+    DiscrepancyPoint { point, words, stage, unit, scale }
 }
 
 /// All places, along the chain.
-pub const PLACES: [Place; 11] = [
+pub const PLACES: [DiscrepancyPoint; 11] = [
     place(Point::Command, "command on its way to the regulator", Stage::Regulator, "pu", 1.0e-3),
     place(Point::RegulatorServomotor, "servomotor reading in the regulator", Stage::Sensor, "pu", 1.0e-3),
     place(Point::RegulatorSpool, "spool reading in the regulator", Stage::Sensor, "pu", 5.0e-3),
@@ -72,7 +72,7 @@ fn speed(view: &View<'_>) -> f64 {
     view.state.servomotor_velocity_m_s / 0.6
 }
 
-impl Place {
+impl DiscrepancyPoint {
     /// How many shapes a term has here.
     #[must_use]
     pub fn shapes(&self) -> usize {
@@ -131,17 +131,17 @@ const STEP: f64 = 0.2;
 /// Number of columns.
 #[must_use]
 pub fn count() -> usize {
-    PLACES.iter().map(Place::shapes).sum()
+    PLACES.iter().map(DiscrepancyPoint::shapes).sum()
 }
 
 /// The place of each column.
-pub fn places() -> impl Iterator<Item = &'static Place> {
+pub fn places() -> impl Iterator<Item = &'static DiscrepancyPoint> {
     PLACES.iter().flat_map(|place| std::iter::repeat_n(place, place.shapes()))
 }
 
 /// Simulates a small term of every shape at every place on top of a model.
 #[must_use]
-pub fn columns(problem: &Problem, model: &Model) -> Columns {
+pub fn columns(problem: &Problem, model: &FittedModel) -> Columns {
     let unit = model.unit();
     let twins: Vec<Twin> = PLACES
         .iter()
@@ -161,10 +161,10 @@ pub fn columns(problem: &Problem, model: &Model) -> Columns {
 
 /// A twin of a unit with a term of every shape at one place; `sizes` are those of all columns, in moderate terms.
 #[must_use]
-pub fn twin_with(unit: &Unit, place: &Place, sizes: &[f64]) -> Twin {
+pub fn twin_with(unit: &Unit, place: &DiscrepancyPoint, sizes: &[f64]) -> Twin {
     let mut plant = Plant::new(&unit.parameters);
     effects::apply(unit, &mut plant);
-    let first: usize = PLACES.iter().take_while(|other| other.point != place.point).map(Place::shapes).sum();
+    let first: usize = PLACES.iter().take_while(|other| other.point != place.point).map(DiscrepancyPoint::shapes).sum();
     for shape in 0..place.shapes() {
         let size = sizes.get(first + shape).copied().unwrap_or(0.0) * place.scale;
         plant.terms.push(Arc::new(Free { point: place.point, shape, size }));
@@ -195,8 +195,8 @@ pub struct Curve {
 
 /// The shape of a place's term against position, speed, spool and time, from the sizes of all columns in moderate terms.
 #[must_use]
-pub fn curves(place: &Place, sizes: &[f64]) -> Vec<Curve> {
-    let first: usize = PLACES.iter().take_while(|other| other.point != place.point).map(Place::shapes).sum();
+pub fn curves(place: &DiscrepancyPoint, sizes: &[f64]) -> Vec<Curve> {
+    let first: usize = PLACES.iter().take_while(|other| other.point != place.point).map(DiscrepancyPoint::shapes).sum();
     let size = |shape: usize| sizes.get(first + shape).copied().unwrap_or(0.0) * place.scale;
     let line = |against, from: f64, to: f64, value: &dyn Fn(f64) -> f64| {
         let points = (0..=60).map(|k| from + (to - from) * f64::from(k) / 60.0).map(|x| (x, value(x))).collect();

@@ -1,6 +1,6 @@
 //! The nominal model: the sheet's parameters refitted within their tolerances, event times between slow samples with them.
 
-use crate::diagnosis::model::Model;
+use crate::diagnosis::model::FittedModel;
 use crate::estimation::annealing::annealed;
 use crate::estimation::fit::{Effort, fit};
 use crate::estimation::free_parameter::{FreeParameter, unit_at};
@@ -33,7 +33,7 @@ const SCATTER: f64 = 1.0;
 ///
 /// Returns the problem, the refitted model, and the same model unfitted.
 #[must_use]
-pub fn nominal(trials: Vec<Trial>, unit: &Unit, turned: Turned, noise: &Noise) -> (Problem, Model, Model) {
+pub fn nominal(trials: Vec<Trial>, unit: &Unit, turned: Turned, noise: &Noise) -> (Problem, FittedModel, FittedModel) {
     let Turned { free_parameters, starts } = turned;
     let zeros: Vec<f64> = free_parameters.iter().map(|free_parameter| free_parameter.start(unit)).collect();
     let recorded = trials.clone();
@@ -67,18 +67,18 @@ pub fn nominal(trials: Vec<Trial>, unit: &Unit, turned: Turned, noise: &Noise) -
     if !settled {
         fine = fit(&problem, unit, &free_parameters, &fine.positions, Effort::FULL, None);
     }
-    let sheet = Model::sheet(&problem, unit, &free_parameters);
-    let refitted = Model::new(Vec::new(), unit.clone(), free_parameters, fine);
+    let sheet = FittedModel::sheet(&problem, unit, &free_parameters);
+    let refitted = FittedModel::new(Vec::new(), unit.clone(), free_parameters, fine);
     (problem, refitted, sheet)
 }
 
 /// The same on a problem whose noise was learned anew, from where the refitted model stands.
 #[must_use]
-pub fn renewed(problem: &Problem, refitted: &Model) -> (Problem, Model, Model) {
+pub fn renewed(problem: &Problem, refitted: &FittedModel) -> (Problem, FittedModel, FittedModel) {
     let problem = problem.laid_along(&refitted.unit());
-    let Model { base, free_parameters, .. } = refitted;
+    let FittedModel { base, free_parameters, .. } = refitted;
     let fine = fit(&problem, base, free_parameters, &refitted.fit.positions, Effort::FULL, None);
-    let sheet = Model::sheet(&problem, base, free_parameters);
-    let refitted = Model::new(Vec::new(), base.clone(), free_parameters.clone(), fine);
+    let sheet = FittedModel::sheet(&problem, base, free_parameters);
+    let refitted = FittedModel::new(Vec::new(), base.clone(), free_parameters.clone(), fine);
     (problem, refitted, sheet)
 }

@@ -1,6 +1,6 @@
 //! Admissibility: what each channel of each recording is like, and what is wrong with it.
 
-use crate::diagnosis::result::Channel;
+use crate::diagnosis::result::ChannelReport;
 use crate::recording::Recording;
 use crate::signal::Signal;
 use crate::units::seconds_from_nanos;
@@ -23,7 +23,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 
 /// The channels of all recordings.
 #[must_use]
-pub fn survey(recordings: &[Recording]) -> Vec<Channel> {
+pub fn survey(recordings: &[Recording]) -> Vec<ChannelReport> {
     recordings
         .iter()
         .flat_map(|recording| Signal::ALL.into_iter().map(move |signal| (recording, signal)))
@@ -34,7 +34,7 @@ pub fn survey(recordings: &[Recording]) -> Vec<Channel> {
         .collect()
 }
 
-fn channel(recording: &Recording, signal: Signal, samples: &[(f64, f64)]) -> Channel {
+fn channel(recording: &Recording, signal: Signal, samples: &[(f64, f64)]) -> ChannelReport {
     let periods: Vec<f64> = samples.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
     let period_s = median(periods.clone());
     let mut steps: Vec<f64> =
@@ -60,7 +60,7 @@ fn channel(recording: &Recording, signal: Signal, samples: &[(f64, f64)]) -> Cha
     if longest > 5.0 * period_s && longest > 1.0 {
         troubles.push(format!("a gap of {longest:.1} s"));
     }
-    Channel {
+    ChannelReport {
         recording: recording.name.clone(),
         signal,
         samples: samples.len(),

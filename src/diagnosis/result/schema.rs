@@ -7,7 +7,7 @@ mod values;
 use serde_json::{Value, json};
 
 use crate::diagnosis::model::consistency::Consistency;
-use crate::diagnosis::result::Told;
+use crate::diagnosis::result::StageFigure;
 use crate::diagnosis::result::{Diagnosis, Fitted, Interval, StageOnly};
 use crate::effects::Stage;
 
@@ -92,7 +92,7 @@ pub fn report(diagnosis: &Diagnosis, seconds: f64) -> Value {
         "effects": effects,
         "ranking": ranking,
         "gap": {"signals": signals, "closure": interval(diagnosis.closure)},
-        "fitted_stage": diagnosis.part.as_ref().map(|part| part.told.iter().map(Told::json).collect::<Vec<_>>()),
+        "fitted_stage": diagnosis.part.as_ref().map(|part| part.told.iter().map(StageFigure::json).collect::<Vec<_>>()),
         "next_experiment": experiments,
         "seconds": seconds,
         "notes": diagnosis.notes,

@@ -11,7 +11,7 @@ const DWELL_S: f64 = 4.0;
 
 /// How the command goes on from the first opening.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Shape {
+pub enum CommandShape {
     /// Stays where it is.
     Hold,
     /// Steps by so much and, half of the rest of the time later, back.
@@ -47,11 +47,11 @@ pub enum Shape {
 
 /// A test.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Script {
+pub struct TestScript {
     /// First opening, pu.
     pub start_pu: f64,
     /// How the command goes on.
-    pub shape: Shape,
+    pub shape: CommandShape,
     /// Length, s.
     pub length_s: f64,
 }
@@ -60,24 +60,24 @@ pub struct Script {
 const ON_LOAD_PU: f64 = 0.1;
 
 /// The candidates: usual tests at several openings and sizes.
-pub const CANDIDATES: [Script; 13] = [
-    script(0.4, Shape::Step { by_pu: 0.02 }, 20.0),
-    script(0.6, Shape::Step { by_pu: 0.1 }, 20.0),
-    script(0.4, Shape::Triangle { by_pu: 0.015, period_s: 16.0 }, 36.0),
-    script(0.7, Shape::Triangle { by_pu: 0.05, period_s: 16.0 }, 36.0),
-    script(0.5, Shape::Sweep { by_pu: 0.01, between_hz: (0.05, 2.0) }, 34.0),
-    script(0.3, Shape::Sweep { by_pu: 0.03, between_hz: (0.05, 0.5) }, 34.0),
-    script(0.1, Shape::Ramp { to_pu: 0.9 }, 40.0),
-    script(0.05, Shape::Step { by_pu: 0.9 }, 34.0),
-    script(0.8, Shape::Step { by_pu: -0.5 }, 20.0),
-    script(0.3, Shape::Step { by_pu: 0.3 }, 20.0),
-    script(0.6, Shape::Trip { by_pu: 0.0 }, 12.0),
-    script(0.2, Shape::Trip { by_pu: 0.0 }, 12.0),
-    script(0.3, Shape::Trip { by_pu: 0.4 }, 14.0),
+pub const CANDIDATES: [TestScript; 13] = [
+    script(0.4, CommandShape::Step { by_pu: 0.02 }, 20.0),
+    script(0.6, CommandShape::Step { by_pu: 0.1 }, 20.0),
+    script(0.4, CommandShape::Triangle { by_pu: 0.015, period_s: 16.0 }, 36.0),
+    script(0.7, CommandShape::Triangle { by_pu: 0.05, period_s: 16.0 }, 36.0),
+    script(0.5, CommandShape::Sweep { by_pu: 0.01, between_hz: (0.05, 2.0) }, 34.0),
+    script(0.3, CommandShape::Sweep { by_pu: 0.03, between_hz: (0.05, 0.5) }, 34.0),
+    script(0.1, CommandShape::Ramp { to_pu: 0.9 }, 40.0),
+    script(0.05, CommandShape::Step { by_pu: 0.9 }, 34.0),
+    script(0.8, CommandShape::Step { by_pu: -0.5 }, 20.0),
+    script(0.3, CommandShape::Step { by_pu: 0.3 }, 20.0),
+    script(0.6, CommandShape::Trip { by_pu: 0.0 }, 12.0),
+    script(0.2, CommandShape::Trip { by_pu: 0.0 }, 12.0),
+    script(0.3, CommandShape::Trip { by_pu: 0.4 }, 14.0),
 ];
 
-const fn script(start_pu: f64, shape: Shape, length_s: f64) -> Script {
-    Script { start_pu, shape, length_s }
+const fn script(start_pu: f64, shape: CommandShape, length_s: f64) -> TestScript {
+    TestScript { start_pu, shape, length_s }
 }
 
 /// A share as a percentage, without digits that say nothing.
@@ -85,16 +85,16 @@ fn percent(share: f64) -> String {
     format!("{} %", (1000.0 * share).round() / 10.0)
 }
 
-impl Script {
+impl TestScript {
     /// Number of trips of the emergency shutdown valve.
     #[must_use]
     pub fn trips(&self) -> u32 {
-        u32::from(matches!(self.shape, Shape::Trip { .. }))
+        u32::from(matches!(self.shape, CommandShape::Trip { .. }))
     }
 
     /// When the command first moves or the valve trips, s.
     fn acts_s(&self) -> f64 {
-        DWELL_S + if matches!(self.shape, Shape::Trip { by_pu } if by_pu != 0.0) { 1.0 } else { 0.0 }
+        DWELL_S + if matches!(self.shape, CommandShape::Trip { by_pu } if by_pu != 0.0) { 1.0 } else { 0.0 }
     }
 
     /// The opening command at a time in s, pu.
@@ -107,25 +107,25 @@ impl Script {
         let rest_s = self.length_s - DWELL_S;
         self.start_pu
             + match self.shape {
-                Shape::Hold => 0.0,
-                Shape::Step { by_pu } => {
+                CommandShape::Hold => 0.0,
+                CommandShape::Step { by_pu } => {
                     if since_s < 0.5 * rest_s {
                         by_pu
                     } else {
                         0.0
                     }
                 }
-                Shape::Triangle { by_pu, period_s } => {
+                CommandShape::Triangle { by_pu, period_s } => {
                     by_pu * (1.0 - 4.0 * ((since_s / period_s + 0.25).fract() - 0.5).abs())
                 }
-                Shape::Sweep { by_pu, between_hz: (from_hz, to_hz) } => {
+                CommandShape::Sweep { by_pu, between_hz: (from_hz, to_hz) } => {
                     let turns = from_hz * since_s + 0.5 * (to_hz - from_hz) * since_s * since_s / rest_s;
                     by_pu * (std::f64::consts::TAU * turns).sin()
                 }
-                Shape::Ramp { to_pu } => {
+                CommandShape::Ramp { to_pu } => {
                     (to_pu - self.start_pu) * (1.0 - (2.0 * (since_s / rest_s).min(1.0) - 1.0).abs())
                 }
-                Shape::Trip { by_pu } => by_pu,
+                CommandShape::Trip { by_pu } => by_pu,
             }
     }
 
@@ -138,10 +138,12 @@ impl Script {
     /// Farthest from the first opening that the command asks for, pu.
     fn travel_pu(&self) -> f64 {
         match self.shape {
-            Shape::Hold => 0.0,
-            Shape::Step { by_pu } | Shape::Triangle { by_pu, .. } | Shape::Sweep { by_pu, .. } => by_pu.abs(),
-            Shape::Ramp { to_pu } => (to_pu - self.start_pu).abs(),
-            Shape::Trip { .. } => 1.0,
+            CommandShape::Hold => 0.0,
+            CommandShape::Step { by_pu } | CommandShape::Triangle { by_pu, .. } | CommandShape::Sweep { by_pu, .. } => {
+                by_pu.abs()
+            }
+            CommandShape::Ramp { to_pu } => (to_pu - self.start_pu).abs(),
+            CommandShape::Trip { .. } => 1.0,
         }
     }
 
@@ -168,31 +170,31 @@ impl Script {
     pub fn words(&self) -> String {
         let start = percent(self.start_pu);
         match self.shape {
-            Shape::Hold => format!("hold {start} for {} s", self.length_s),
-            Shape::Step { by_pu } => {
+            CommandShape::Hold => format!("hold {start} for {} s", self.length_s),
+            CommandShape::Step { by_pu } => {
                 let (to, held_s) = (percent(self.start_pu + by_pu), 0.5 * (self.length_s - DWELL_S));
                 format!("step the opening command from {start} to {to}, hold {held_s} s, and step back")
             }
-            Shape::Triangle { by_pu, period_s } => {
+            CommandShape::Triangle { by_pu, period_s } => {
                 let (by, rate) = (percent(by_pu), percent(4.0 * by_pu / period_s));
                 format!(
                     "move the opening command in triangles of ±{by} about {start}, {rate} a second, two periods of {period_s} s"
                 )
             }
-            Shape::Sweep { by_pu, between_hz: (from_hz, to_hz) } => {
+            CommandShape::Sweep { by_pu, between_hz: (from_hz, to_hz) } => {
                 let (by, swept_s) = (percent(by_pu), self.length_s - DWELL_S);
                 format!(
                     "sweep the opening command as a sine of ±{by} about {start} from {from_hz} to {to_hz} Hz in {swept_s} s"
                 )
             }
-            Shape::Ramp { to_pu } => {
+            CommandShape::Ramp { to_pu } => {
                 let rate = percent(2.0 * (to_pu - self.start_pu).abs() / (self.length_s - DWELL_S));
                 format!("ramp the opening command from {start} to {} and back at {rate} a second", percent(to_pu))
             }
-            Shape::Trip { by_pu: 0.0 } => {
+            CommandShape::Trip { by_pu: 0.0 } => {
                 format!("trip the ESV from {start} opening and record until the servomotor stands closed")
             }
-            Shape::Trip { by_pu } => {
+            CommandShape::Trip { by_pu } => {
                 let to = percent(self.start_pu + by_pu);
                 format!(
                     "step the opening command from {start} to {to} and trip the ESV 1 s later, while the servomotor opens"
@@ -242,7 +244,7 @@ mod tests {
                 frames.windows(2).map(|two| two[1].inputs.opening_command_pu - two[0].inputs.opening_command_pu);
             let most = jumps.map(f64::abs).fold(0.0, f64::max);
             assert!(
-                matches!(script.shape, Shape::Step { .. } | Shape::Trip { .. }) || most < 2.5e-3,
+                matches!(script.shape, CommandShape::Step { .. } | CommandShape::Trip { .. }) || most < 2.5e-3,
                 "{most} {script:?}"
             );
             words.push(script.words());

@@ -5,8 +5,8 @@
 
 use nalgebra::DVector;
 
-use crate::diagnosis::model::Model;
-use crate::diagnosis::result::{Interval, Told};
+use crate::diagnosis::model::FittedModel;
+use crate::diagnosis::result::{Interval, StageFigure};
 use crate::effects;
 use crate::estimation::free_parameter::unit_at;
 use crate::frame::{EsvState, Frame, Inputs, Signals};
@@ -44,7 +44,7 @@ const FIGURES: [(&str, &str, &str); 7] = [
 
 /// The figures of a model; `trials` tell how far the spool went.
 #[must_use]
-pub fn told(model: &Model, law: &Plain, trials: &[Trial]) -> Vec<Told> {
+pub fn told(model: &FittedModel, law: &Plain, trials: &[Trial]) -> Vec<StageFigure> {
     let spools = trials.iter().flat_map(|trial| trial.measured(Signal::SpoolPosition)).filter(|pu| pu.is_finite());
     let (closing_pu, opening_pu) = spools.fold((0.0_f64, 0.0_f64), |(low, high), pu| (low.min(pu), high.max(pu)));
     let of = |unit: &Unit| figures(unit, law, [opening_pu, closing_pu]);
@@ -67,7 +67,7 @@ pub fn told(model: &Model, law: &Plain, trials: &[Trial]) -> Vec<Told> {
     let each = FIGURES.iter().zip(&best).zip(&slopes).filter(|((_, value), _)| value.is_finite());
     each.map(|((&(id, title, unit), &value), slopes)| {
         let deviation = NINETY * slopes.dot(&(&model.spread * slopes)).max(0.0).sqrt();
-        Told { id, title, unit, value: Interval { value, low: value - deviation, high: value + deviation } }
+        StageFigure { id, title, unit, value: Interval { value, low: value - deviation, high: value + deviation } }
     })
     .collect()
 }

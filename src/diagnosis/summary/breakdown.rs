@@ -1,6 +1,6 @@
 //! Where: the gap of every signal, and its square split exactly over processes, phases, directions, spool bands, end zones and ESV states.
 
-use crate::diagnosis::result::{Breakdown, Part, SignalGap};
+use crate::diagnosis::result::{Breakdown, BreakdownPart, SignalGap};
 use crate::frame::{Estimate, EsvState, Frame};
 use crate::likelihood::problem::Problem;
 use crate::likelihood::trial::Trial;
@@ -48,9 +48,9 @@ pub fn breakdowns(problem: &Problem, refitted: &[Vec<Estimate>], with_effects: &
             if stage_only && ["process", "ESV"].contains(&by) {
                 continue;
             }
-            let mut parts: Vec<Part> = names
+            let mut parts: Vec<BreakdownPart> = names
                 .iter()
-                .map(|name| Part { name: (*name).to_owned(), samples: 0, refitted: 0.0, with_effects: 0.0 })
+                .map(|name| BreakdownPart { name: (*name).to_owned(), samples: 0, refitted: 0.0, with_effects: 0.0 })
                 .collect();
             for (index, trial) in problem.trials.iter().enumerate() {
                 let twins = [refitted, with_effects].map(|twin| problem.squares(index, signal, &twin[index]));

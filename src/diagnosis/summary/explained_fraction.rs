@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::diagnosis::model::Model;
+use crate::diagnosis::model::FittedModel;
 use crate::diagnosis::result::Interval;
 use crate::estimation::fit::{Effort, fit};
 use crate::estimation::free_parameter::{FreeParameter, unit_at};
@@ -39,16 +39,16 @@ const TELLING: f64 = 0.2;
 const REFIT: Effort = Effort { rounds: 2, refresh: 100, temperature: 1.0 };
 
 /// Estimates by trial, each made by a fit that did not see it.
-pub type LeftOut = Vec<Vec<Estimate>>;
+pub type HeldOutEstimates = Vec<Vec<Estimate>>;
 
 /// Leaves out every fifth block of every recording at a time: what to expect of new recordings of the same processes.
 ///
 /// A process may be over in seconds, so that a longer piece would be all that there is of it. With four fifths of every process at hand the fit
 /// hardly moves, so that one Gauss–Newton step refits it.
 #[must_use]
-pub fn without_parts(problem: &Problem, model: &Model) -> LeftOut {
+pub fn without_parts(problem: &Problem, model: &FittedModel) -> HeldOutEstimates {
     let trials = 0..problem.trials.len();
-    let mut estimates: LeftOut = problem.simulate_all(&model.unit());
+    let mut estimates: HeldOutEstimates = problem.simulate_all(&model.unit());
     if model.fit.slopes.is_empty() {
         return estimates;
     }
@@ -87,7 +87,7 @@ fn part_of(trial: &Trial, part: usize) -> impl Iterator<Item = Range<usize>> {
 }
 
 /// Positions after a step that is shortened as a whole, since its parts make up for each other.
-fn moved(model: &Model, step: &DVector<f64>) -> Vec<f64> {
+fn moved(model: &FittedModel, step: &DVector<f64>) -> Vec<f64> {
     let share = (FARTHEST / step.amax().max(1e-12)).min(1.0);
     let free_parameters = model.free_parameters.iter().zip(&model.fit.positions).zip(step.iter());
     free_parameters
@@ -102,14 +102,14 @@ fn moved(model: &Model, step: &DVector<f64>) -> Vec<f64> {
 #[derive(Clone, Debug)]
 pub struct Refitted {
     /// Estimates by trial.
-    pub estimates: LeftOut,
+    pub estimates: HeldOutEstimates,
     /// Cost of the residuals by trial.
     pub costs: Vec<f64>,
 }
 
 /// Leaves out each recording in turn and refits on the others; a single recording is judged by its own fit.
 #[must_use]
-pub fn without_recordings(problem: &Problem, model: &Model) -> Refitted {
+pub fn without_recordings(problem: &Problem, model: &FittedModel) -> Refitted {
     let count = problem.trials.len();
     let mut all = Refitted { estimates: Vec::with_capacity(count), costs: Vec::with_capacity(count) };
     for left in 0..count {
@@ -120,7 +120,7 @@ pub fn without_recordings(problem: &Problem, model: &Model) -> Refitted {
     all
 }
 
-fn refitted_without(problem: &Problem, model: &Model, left: usize) -> crate::parameters::Unit {
+fn refitted_without(problem: &Problem, model: &FittedModel, left: usize) -> crate::parameters::Unit {
     // An effect of which the other recordings say next to nothing stays where the fit to all has it.
     let says = |trial: usize, free_parameter: usize| model.fit.slopes[trial].column(free_parameter).norm_squared();
     let (free, held): (Vec<usize>, Vec<usize>) = (0..model.free_parameters.len()).partition(|&k| {
@@ -143,7 +143,7 @@ fn refitted_without(problem: &Problem, model: &Model, left: usize) -> crate::par
 type Squares = Vec<Option<[f64; 2]>>;
 
 /// Those of a signal in a trial.
-fn squares(problem: &Problem, index: usize, signal: Signal, twins: [&LeftOut; 2]) -> Squares {
+fn squares(problem: &Problem, index: usize, signal: Signal, twins: [&HeldOutEstimates; 2]) -> Squares {
     let floor = problem.floor_square(index, signal);
     let [Some(before), Some(after)] = twins.map(|twin| problem.squares(index, signal, &twin[index])) else {
         return Vec::new();
@@ -153,7 +153,7 @@ fn squares(problem: &Problem, index: usize, signal: Signal, twins: [&LeftOut; 2]
 }
 
 /// [`squares`] of a signal by trial, and their means.
-fn squares_and_means(problem: &Problem, signal: Signal, twins: [&LeftOut; 2]) -> (Vec<Squares>, [f64; 2]) {
+fn squares_and_means(problem: &Problem, signal: Signal, twins: [&HeldOutEstimates; 2]) -> (Vec<Squares>, [f64; 2]) {
     let all: Vec<_> = (0..problem.trials.len()).map(|index| squares(problem, index, signal, twins)).collect();
     let there = || all.iter().flatten().flatten();
     let count = there().count().max(1) as f64;
@@ -165,7 +165,7 @@ fn squares_and_means(problem: &Problem, signal: Signal, twins: [&LeftOut; 2]) ->
 ///
 /// Noise that a twin leaves less than is not there: the floor of a signal is what its transducer and chatter should leave, or what the better
 /// twin does leave if that is less.
-fn blocks(problem: &Problem, refitted: &LeftOut, with_effects: &LeftOut) -> Vec<Vec<[f64; 3]>> {
+fn blocks(problem: &Problem, refitted: &HeldOutEstimates, with_effects: &HeldOutEstimates) -> Vec<Vec<[f64; 3]>> {
     let mut blocks: Vec<Vec<[f64; 3]>> = problem
         .trials
         .iter()
@@ -201,7 +201,7 @@ fn ratio(sums: [f64; 3]) -> f64 {
 /// day is a draw as this one was (Efron & Tibshirani 1993, *An Introduction to the Bootstrap*, chapter 25). The noise is drawn too: no floor is
 /// known better than to what a right model may leave.
 #[must_use]
-pub fn closure(problem: &Problem, refitted: &LeftOut, with_effects: &LeftOut, seed: u64) -> Interval {
+pub fn closure(problem: &Problem, refitted: &HeldOutEstimates, with_effects: &HeldOutEstimates, seed: u64) -> Interval {
     closure_of(problem, refitted, with_effects, 0..problem.trials.len(), seed)
 }
 
@@ -209,8 +209,8 @@ pub fn closure(problem: &Problem, refitted: &LeftOut, with_effects: &LeftOut, se
 #[must_use]
 pub fn closure_of(
     problem: &Problem,
-    refitted: &LeftOut,
-    with_effects: &LeftOut,
+    refitted: &HeldOutEstimates,
+    with_effects: &HeldOutEstimates,
     trials: Range<usize>,
     seed: u64,
 ) -> Interval {
@@ -220,7 +220,7 @@ pub fn closure_of(
 
 /// Closure as it came true, of twins that were fitted to other recordings; none where there is no gap.
 #[must_use]
-pub fn share(problem: &Problem, refitted: &LeftOut, with_effects: &LeftOut) -> Option<f64> {
+pub fn share(problem: &Problem, refitted: &HeldOutEstimates, with_effects: &HeldOutEstimates) -> Option<f64> {
     let all = sum(blocks(problem, refitted, with_effects).iter().flatten());
     (all[0] > all[2]).then(|| ratio(all))
 }

@@ -1,9 +1,9 @@
 //! What a calibration says of its recordings, in sentences.
 
-use super::{Calibration, Row};
+use super::{Calibration, CalibrationRow};
 use crate::signal::Signal;
 
-impl Row {
+impl CalibrationRow {
     /// Whether the interval leaves the sheet's value out.
     fn is_off_sheet(&self) -> bool {
         !(self.ci90[0]..=self.ci90[1]).contains(&self.sheet)
@@ -14,7 +14,7 @@ impl Calibration {
     /// What the recordings could and could not tell, in sentences.
     #[must_use]
     pub fn identifiability(&self) -> Vec<String> {
-        let keys = |of: &dyn Fn(&Row) -> bool| {
+        let keys = |of: &dyn Fn(&CalibrationRow) -> bool| {
             let keys: Vec<String> =
                 self.rows.iter().filter(|row| of(row)).map(|row| format!("`{}`", row.key)).collect();
             keys.join(", ")

@@ -3,7 +3,7 @@
 use super::Format;
 use crate::import::convert::plain;
 use crate::import::map::TimeMap;
-use crate::import::number::{Cell, Numbers};
+use crate::import::number::{NumberCell, Numbers};
 
 /// Patterns that are tried, the more special first; of the last two only one may fit.
 const PATTERNS: [&str; 22] = [
@@ -50,16 +50,16 @@ pub(in crate::import) fn detect(
     unit: &str,
     numbers: &Numbers,
 ) -> Result<Detected, String> {
-    let cells: Vec<Cell> = texts.iter().map(|text| numbers.cell(text)).collect();
+    let cells: Vec<NumberCell> = texts.iter().map(|text| numbers.cell(text)).collect();
     let values: Vec<f64> =
-        cells.iter().filter_map(|cell| if let Cell::Number(x) = cell { Some(*x) } else { None }).collect();
+        cells.iter().filter_map(|cell| if let NumberCell::Number(x) = cell { Some(*x) } else { None }).collect();
     if values.len() * 10 >= texts.len() * 9 && !values.is_empty() {
         return number(&values, name, unit);
     }
     let texts: Vec<&String> = texts.iter().filter(|text| !numbers.is_missing(text.trim())).collect();
     let example = texts.first().map(|text| text.trim()).unwrap_or_default();
     let fits = |format: &Format| {
-        let mut clock = super::Clock::new(format.clone(), &TimeMap::default(), numbers).ok()?;
+        let mut clock = super::TimeReader::new(format.clone(), &TimeMap::default(), numbers).ok()?;
         // A footer or a broken line does not decide.
         let read = texts.iter().filter(|text| clock.read(text).is_ok()).count();
         (read * 10 >= texts.len() * 9 && read > 0).then_some(())

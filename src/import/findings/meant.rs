@@ -1,6 +1,6 @@
 //! Whether units and signs can be meant: ranges that no governor has, and signals that go against each other.
 
-use crate::import::row::{Row, Target};
+use crate::import::row::{ImportedRow, Target};
 use crate::units::seconds_from_nanos;
 
 /// Pressures of a governor's oil supply, Pa: from the oldest open-type governors to piston accumulators.
@@ -115,7 +115,7 @@ fn usual(target: Target) -> &'static str {
 
 /// Sums for a correlation.
 #[derive(Clone, Copy, Debug, Default)]
-pub(in crate::import) struct Pairs {
+pub(in crate::import) struct CorrelationSums {
     n: f64,
     x: f64,
     y: f64,
@@ -124,7 +124,7 @@ pub(in crate::import) struct Pairs {
     xy: f64,
 }
 
-impl Pairs {
+impl CorrelationSums {
     pub(in crate::import) fn take(&mut self, x: f64, y: f64) {
         self.n += 1.0;
         // Running means, so that a pressure in Pa loses no digits.
@@ -150,14 +150,14 @@ pub(super) struct Meant {
     /// Sum and number of spool positions since then.
     between: (f64, f64),
     /// Spool against the servomotor's speed.
-    spool: Pairs,
+    spool: CorrelationSums,
     /// Command against servomotor.
-    command: Pairs,
+    command: CorrelationSums,
     newest_command: Option<f64>,
 }
 
 impl Meant {
-    pub(super) fn take(&mut self, row: &Row) {
+    pub(super) fn take(&mut self, row: &ImportedRow) {
         let (spool, opening) = (row.value(Target::SpoolPosition), row.value(Target::ServomotorPosition));
         if let (Some(spool), Some(opening)) = (spool, opening) {
             self.between = (self.between.0 + spool, self.between.1 + 1.0);

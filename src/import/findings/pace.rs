@@ -11,7 +11,7 @@ const GAP_MEDIANS: f64 = 5.0;
 
 /// Intervals in bins of equal ratio.
 #[derive(Clone, Debug)]
-pub(super) struct Pace {
+pub(super) struct IntervalBins {
     counts: Vec<u64>,
     sums_s: Vec<f64>,
     first_ns: Option<i64>,
@@ -23,7 +23,7 @@ pub(super) struct Pace {
     longest_at_ns: i64,
 }
 
-impl Default for Pace {
+impl Default for IntervalBins {
     fn default() -> Self {
         Self {
             counts: vec![0; BINS],
@@ -39,7 +39,7 @@ impl Default for Pace {
     }
 }
 
-impl Pace {
+impl IntervalBins {
     pub(super) fn push(&mut self, time_ns: i64) {
         if self.first_ns.is_none() {
             self.first_ns = Some(time_ns);
@@ -143,7 +143,7 @@ mod tests {
 
     #[test]
     fn the_rate_is_the_median_and_gaps_are_counted() {
-        let mut pace = Pace::default();
+        let mut pace = IntervalBins::default();
         let mut time_ns = 0;
         for k in 0..1000 {
             time_ns += if k % 100 == 50 { 2_000_000_000 } else { 10_000_000 };
@@ -157,7 +157,7 @@ mod tests {
 
     #[test]
     fn rounded_times_are_told_with_another_way_out() {
-        let mut pace = Pace::default();
+        let mut pace = IntervalBins::default();
         (0..1000).for_each(|k| pace.push((k * 7_753_100_i64 + 5_000_000).div_euclid(10_000_000) * 10_000_000));
         let said = pace.warnings(false).join(" ");
         assert!(said.contains("has the export rounded the times?") && said.contains("rate_hz"), "{said}");
@@ -165,7 +165,7 @@ mod tests {
 
     #[test]
     fn whole_seconds_beside_faster_samples_are_told_with_the_way_out() {
-        let mut pace = Pace::default();
+        let mut pace = IntervalBins::default();
         (0..1000).for_each(|k| pace.push(k / 10 * 1_000_000_000));
         let said = pace.warnings(false).join(" ");
         assert!(

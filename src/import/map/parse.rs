@@ -1,10 +1,10 @@
 //! Reads a map, and says everything that is wrong in it at once.
 
 use super::reader::{Pairs, Reader, get, with};
-use super::{Event, Map, Place, Repeated, SignalMap};
-use crate::import::convert::{Unit, plain, pressure, share, units_of};
+use super::{Map, Repeated, SignalMap, SignalPlace, TripRule};
+use crate::import::convert::{UnitConversion, plain, pressure, share, units_of};
 use crate::import::row::Target;
-use crate::params::Problem;
+use crate::params::FileProblem;
 use crate::params::yaml::{Node, parse as parse_yaml};
 
 const TOP: &[&str] = &["name", "source", "file", "time", "signals", "resample"];
@@ -24,9 +24,9 @@ const TIME: &[&str] = &["column", "columns", "format", "zone", "start", "rate_hz
 const SIGNAL: &[&str] =
     &["column", "field", "constant", "unit", "scale", "offset", "range", "to", "sign", "shutdown", "latch"];
 
-pub(super) fn parse(text: &str) -> Result<Map, Vec<Problem>> {
+pub(super) fn parse(text: &str) -> Result<Map, Vec<FileProblem>> {
     let document = parse_yaml(text)
-        .map_err(|error| vec![Problem { line: error.line, key: String::new(), message: error.message }])?;
+        .map_err(|error| vec![FileProblem { line: error.line, key: String::new(), message: error.message }])?;
     let mut reader = Reader { document: &document, problems: vec![] };
     let map = reader.map();
     if reader.problems.is_empty() { Ok(map) } else { Err(reader.problems) }
@@ -124,10 +124,14 @@ impl<'a> Reader<'a> {
         // Short forms: `spool_position: "y, mm"` is a column, `esv: normal` a constant.
         match node {
             Node::Text(text) if target == Target::Esv && ["normal", "shutdown"].contains(&text.as_str()) => {
-                return Some(SignalMap { from: Place::Constant(f64::from(u8::from(text == "normal"))), ..blank });
+                return Some(SignalMap { from: SignalPlace::Constant(f64::from(u8::from(text == "normal"))), ..blank });
             }
             Node::Text(text) if target != Target::Esv => {
-                let from = if text.starts_with('/') { Place::Field(text.clone()) } else { Place::Column(text.clone()) };
+                let from = if text.starts_with('/') {
+                    SignalPlace::Field(text.clone())
+                } else {
+                    SignalPlace::Column(text.clone())
+                };
                 return Some(SignalMap { from, ..blank });
             }
             Node::Map(_) => {}
@@ -144,8 +148,9 @@ impl<'a> Reader<'a> {
         let pairs = self.pairs(node, path, SIGNAL);
         let mut signal = blank;
         let constant = self.number(pairs, path, "constant");
-        let column = self.text(pairs, path, "column").map(Place::Column);
-        let places = [column, self.text(pairs, path, "field").map(Place::Field), constant.map(Place::Constant)];
+        let column = self.text(pairs, path, "column").map(SignalPlace::Column);
+        let places =
+            [column, self.text(pairs, path, "field").map(SignalPlace::Field), constant.map(SignalPlace::Constant)];
         let mut places = places.into_iter().flatten();
         match (places.next(), places.next()) {
             (Some(from), None) => signal.from = from,
@@ -163,7 +168,7 @@ impl<'a> Reader<'a> {
             }
         }
         self.conversion(pairs, path, &mut signal);
-        if let Place::Constant(value) = &mut signal.from {
+        if let SignalPlace::Constant(value) = &mut signal.from {
             *value = signal.conversion.apply(*value);
         }
         Some(signal)
@@ -206,7 +211,7 @@ impl<'a> Reader<'a> {
             conversion.unit = unit;
         } else if signal.unit.is_empty() {
             // What a header states may still count; without it, the unit of the import.
-            conversion.unit = Unit::ONE;
+            conversion.unit = UnitConversion::ONE;
         } else {
             let known = units_of(target);
             let found = plain(&signal.unit);
@@ -229,9 +234,9 @@ impl<'a> Reader<'a> {
         for text in shutdown {
             let threshold = |rest: &str| rest.trim().parse::<f64>().ok().filter(|number| number.is_finite());
             let event = match text.trim().split_at_checked(1) {
-                Some((">", rest)) => threshold(rest).map(Event::Above),
-                Some(("<", rest)) => threshold(rest).map(Event::Below),
-                _ => Some(Event::Is(text.trim().to_owned())),
+                Some((">", rest)) => threshold(rest).map(TripRule::Above),
+                Some(("<", rest)) => threshold(rest).map(TripRule::Below),
+                _ => Some(TripRule::Is(text.trim().to_owned())),
             };
             match event {
                 Some(event) => signal.shutdown.push(event),

@@ -1,20 +1,20 @@
 //! Values of a map by their kinds: texts, numbers, pairs, letters; what is none of them is gathered with its line.
 
 use crate::params::yaml::{Document, Node};
-use crate::params::{Problem, nearest};
+use crate::params::{FileProblem, nearest};
 
 pub(super) type Pairs = [(String, Node)];
 
 /// Reads what stands below the keys, and gathers what is wrong.
 pub(super) struct Reader<'a> {
     pub(super) document: &'a Document,
-    pub(super) problems: Vec<Problem>,
+    pub(super) problems: Vec<FileProblem>,
 }
 
 impl<'a> Reader<'a> {
     pub(super) fn say(&mut self, path: &[&str], message: impl Into<String>) {
         let line = self.document.line(path);
-        self.problems.push(Problem { line, key: path.join("."), message: message.into() });
+        self.problems.push(FileProblem { line, key: path.join("."), message: message.into() });
     }
 
     pub(super) fn expected(&mut self, path: &[&str], expected: &str, found: &Node) {

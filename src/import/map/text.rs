@@ -1,6 +1,6 @@
 //! Writes a map as text that reads back as the same map.
 
-use super::{Event, Map, Place, Repeated, SignalMap};
+use super::{Map, Repeated, SignalMap, SignalPlace, TripRule};
 use crate::params::number_text;
 
 /// The text of a map; `reason` gives each signal a comment, empty for none.
@@ -72,13 +72,13 @@ fn section(lines: &mut Vec<String>, key: &str, found: &[String]) {
 
 fn value(signal: &SignalMap) -> String {
     let mut parts = vec![match &signal.from {
-        Place::Column(column) => format!("column: {}", quoted(column)),
-        Place::Field(field) => format!("field: {}", quoted(field)),
-        Place::Constant(value) if signal.target == super::Target::Esv => {
+        SignalPlace::Column(column) => format!("column: {}", quoted(column)),
+        SignalPlace::Field(field) => format!("field: {}", quoted(field)),
+        SignalPlace::Constant(value) if signal.target == super::Target::Esv => {
             return if *value == 0.0 { "shutdown" } else { "normal" }.to_owned();
         }
         // What stands here is in the unit of the import already.
-        Place::Constant(value) => return format!("{{constant: {}}}", number_text(*value)),
+        SignalPlace::Constant(value) => return format!("{{constant: {}}}", number_text(*value)),
     }];
     if !signal.unit.is_empty() {
         parts.push(format!("unit: {}", quoted(&signal.unit)));
@@ -110,11 +110,11 @@ fn value(signal: &SignalMap) -> String {
     format!("{{{}}}", parts.join(", "))
 }
 
-fn event(event: &Event) -> String {
+fn event(event: &TripRule) -> String {
     match event {
-        Event::Is(text) => text.clone(),
-        Event::Above(level) => format!("> {}", number_text(*level)),
-        Event::Below(level) => format!("< {}", number_text(*level)),
+        TripRule::Is(text) => text.clone(),
+        TripRule::Above(level) => format!("> {}", number_text(*level)),
+        TripRule::Below(level) => format!("< {}", number_text(*level)),
     }
 }
 

@@ -1,7 +1,7 @@
 //! One signal of a source: from a cell to a value of a row, with what could not be used counted.
 
-use crate::import::map::{Event, SignalMap};
-use crate::import::row::{Row, Target};
+use crate::import::map::{SignalMap, TripRule};
+use crate::import::row::{ImportedRow, Target};
 
 /// What a cell or field holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -9,7 +9,7 @@ use crate::import::row::{Row, Target};
     not(feature = "parquet"),
     expect(dead_code, reason = "only Parquet tells times and whole numbers from others")
 )]
-pub(in crate::import) enum Value<'a> {
+pub(in crate::import) enum ChannelValue<'a> {
     /// Nothing.
     Missing,
     /// A number.
@@ -43,7 +43,7 @@ impl Bad {
 
 /// A signal of a source.
 #[derive(Clone, Debug)]
-pub(in crate::import) struct Channel {
+pub(in crate::import) struct SourceChannel {
     /// Its number in the map.
     pub(in crate::import) signal: usize,
     pub(in crate::import) map: SignalMap,
@@ -51,18 +51,18 @@ pub(in crate::import) struct Channel {
     pub(in crate::import) bad: Bad,
 }
 
-impl Channel {
+impl SourceChannel {
     pub(in crate::import) fn new(signal: usize, map: &SignalMap) -> Self {
         Self { signal, map: map.clone(), latched: false, bad: Bad::default() }
     }
 
     /// Puts a value into a row.
-    pub(in crate::import) fn take(&mut self, value: Value<'_>, place: u64, row: &mut Row) {
+    pub(in crate::import) fn take(&mut self, value: ChannelValue<'_>, place: u64, row: &mut ImportedRow) {
         let value = match value {
-            Value::Whole(whole) => Value::Number(whole as f64),
+            ChannelValue::Whole(whole) => ChannelValue::Number(whole as f64),
             other => other,
         };
-        if value == Value::Missing {
+        if value == ChannelValue::Missing {
             return;
         }
         if self.map.target == Target::Esv {
@@ -72,27 +72,27 @@ impl Channel {
             return;
         }
         match value {
-            Value::Number(raw) if raw.is_finite() => row.set(self.map.target, self.map.conversion.apply(raw)),
-            Value::Number(raw) if raw.is_nan() => {}
-            Value::Number(raw) => self.bad.note(place, &raw.to_string()),
-            Value::Text(text) => self.bad.note(place, text),
+            ChannelValue::Number(raw) if raw.is_finite() => row.set(self.map.target, self.map.conversion.apply(raw)),
+            ChannelValue::Number(raw) if raw.is_nan() => {}
+            ChannelValue::Number(raw) => self.bad.note(place, &raw.to_string()),
+            ChannelValue::Text(text) => self.bad.note(place, text),
             _ => self.bad.note(place, "a time"),
         }
     }
 }
 
 /// Whether a cell says that an event happens.
-fn happens(event: &Event, value: Value<'_>) -> bool {
+fn happens(event: &TripRule, value: ChannelValue<'_>) -> bool {
     let number = match value {
-        Value::Number(number) => Some(number),
-        Value::Text(text) => truth(text).or_else(|| text.trim().parse().ok()),
+        ChannelValue::Number(number) => Some(number),
+        ChannelValue::Text(text) => truth(text).or_else(|| text.trim().parse().ok()),
         _ => None,
     };
     match event {
-        Event::Above(level) => number.is_some_and(|number| number > *level),
-        Event::Below(level) => number.is_some_and(|number| number < *level),
-        Event::Is(wanted) => {
-            let same = matches!(value, Value::Text(text) if text.trim().eq_ignore_ascii_case(wanted));
+        TripRule::Above(level) => number.is_some_and(|number| number > *level),
+        TripRule::Below(level) => number.is_some_and(|number| number < *level),
+        TripRule::Is(wanted) => {
+            let same = matches!(value, ChannelValue::Text(text) if text.trim().eq_ignore_ascii_case(wanted));
             let wanted = truth(wanted).or_else(|| wanted.parse().ok());
             same || wanted.is_some_and(|wanted: f64| number == Some(wanted))
         }
@@ -117,17 +117,17 @@ mod tests {
 
     #[test]
     fn events_are_recognised_as_text_number_and_level() {
-        let is = |text: &str| Event::Is(text.to_owned());
+        let is = |text: &str| TripRule::Is(text.to_owned());
         for (event, value, expected) in [
-            (is("TRIP"), Value::Text(" trip "), true),
-            (is("TRIP"), Value::Text("TRIPPED"), false),
-            (is("1"), Value::Number(1.0), true),
-            (is("1"), Value::Text("1.0"), true),
-            (is("1"), Value::Text("true"), true),
-            (is("true"), Value::Number(1.0), true),
-            (Event::Above(0.5), Value::Text("0.7"), true),
-            (Event::Above(0.5), Value::Number(0.5), false),
-            (Event::Below(20.0), Value::Number(3.0), true),
+            (is("TRIP"), ChannelValue::Text(" trip "), true),
+            (is("TRIP"), ChannelValue::Text("TRIPPED"), false),
+            (is("1"), ChannelValue::Number(1.0), true),
+            (is("1"), ChannelValue::Text("1.0"), true),
+            (is("1"), ChannelValue::Text("true"), true),
+            (is("true"), ChannelValue::Number(1.0), true),
+            (TripRule::Above(0.5), ChannelValue::Text("0.7"), true),
+            (TripRule::Above(0.5), ChannelValue::Number(0.5), false),
+            (TripRule::Below(20.0), ChannelValue::Number(3.0), true),
         ] {
             assert_eq!(happens(&event, value), expected, "{event:?} {value:?}");
         }
@@ -136,14 +136,14 @@ mod tests {
     #[test]
     fn a_latched_trip_stays() {
         let mut map = SignalMap::of_column(Target::Esv, "trip");
-        map.shutdown = vec![Event::Is("1".into())];
+        map.shutdown = vec![TripRule::Is("1".into())];
         map.latch = true;
-        let mut channel = Channel::new(0, &map);
+        let mut channel = SourceChannel::new(0, &map);
         let states: Vec<f64> = [0.0, 1.0, 0.0]
             .into_iter()
             .map(|value| {
-                let mut row = Row::at(0);
-                channel.take(Value::Number(value), 1, &mut row);
+                let mut row = ImportedRow::at(0);
+                channel.take(ChannelValue::Number(value), 1, &mut row);
                 row.values[Target::Esv.place()]
             })
             .collect();

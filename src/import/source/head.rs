@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::import::convert::{Unit, plain, pressure, share};
+use crate::import::convert::{UnitConversion, plain, pressure, share};
 use crate::import::dialect::bracketed;
 use crate::import::map::SignalMap;
 use crate::import::number::Numbers;
@@ -45,7 +45,7 @@ const TIMES_OF_DAY: [&str; 5] = ["time", "zeit", "uhrzeit", "heure", "ora"];
 
 /// What is known of a table before its records.
 #[derive(Clone, Debug)]
-pub(in crate::import) struct Head {
+pub(in crate::import) struct TableHead {
     pub(in crate::import) path: PathBuf,
     pub(in crate::import) names: Vec<String>,
     /// Units that the table states, empty where it does not.
@@ -55,7 +55,7 @@ pub(in crate::import) struct Head {
     pub(in crate::import) notes: Vec<String>,
 }
 
-impl Head {
+impl TableHead {
     /// The column of a name, `#3` being the third; none where there is none.
     ///
     /// # Errors
@@ -138,7 +138,7 @@ pub(super) fn with_header_unit(
         let takes_unit = one.conversion.range.is_none() || one.conversion.to != [0.0, 1.0];
         match read(stated) {
             Some(unit) if takes_unit => {
-                if unit != Unit::ONE {
+                if unit != UnitConversion::ONE {
                     notes.push(format!("{id}: unit `{stated}` as its header says"));
                 }
                 one.conversion.unit = unit;

@@ -2,21 +2,21 @@
 
 use std::collections::VecDeque;
 
-use super::channel::{Bad, Channel, Value};
-use super::head::{Head, hint, with_header_unit};
-use super::records::Records;
+use super::channel::{Bad, ChannelValue, SourceChannel};
+use super::head::{TableHead, hint, with_header_unit};
+use super::records::TableRecords;
 use super::timing::{read_time, timing};
-use super::{Said, Source};
+use super::{Source, SourceNotes};
 use crate::import::ImportError;
-use crate::import::clock::Clock;
-use crate::import::map::{Map, Place, Repeated, TimeMap};
-use crate::import::row::Row;
+use crate::import::clock::TimeReader;
+use crate::import::map::{Map, Repeated, SignalPlace, TimeMap};
+use crate::import::row::ImportedRow;
 use crate::units::nanos_from_seconds;
 
 /// A signal and its column.
 struct Column {
     index: usize,
-    channel: Channel,
+    channel: SourceChannel,
 }
 
 /// Where the tags and values of a long table stand.
@@ -26,13 +26,13 @@ struct Long {
 }
 
 /// A table as a source of rows.
-pub(in crate::import) struct Table<R> {
-    head: Head,
+pub(in crate::import) struct TableSource<R> {
+    head: TableHead,
     records: R,
     columns: Vec<Column>,
     long: Option<Long>,
     time: Vec<usize>,
-    clock: Clock,
+    clock: TimeReader,
     /// The file itself says how its times count.
     native: bool,
     rate_hz: Option<f64>,
@@ -41,17 +41,17 @@ pub(in crate::import) struct Table<R> {
     bad_times: Bad,
     first_bad_time: String,
     /// Rows of one time that wait for the next, and the last step between two times, ns.
-    waiting: VecDeque<Row>,
-    ready: VecDeque<Row>,
+    waiting: VecDeque<ImportedRow>,
+    ready: VecDeque<ImportedRow>,
     last_step_ns: i64,
     spread: u64,
     warnings: Vec<String>,
 }
 
-impl<R: Records> Table<R> {
+impl<R: TableRecords> TableSource<R> {
     /// Opens a table by a map; `open` gives its records from the beginning.
     pub(in crate::import) fn new(
-        mut head: Head,
+        mut head: TableHead,
         map: &Map,
         open: impl Fn() -> Result<R, ImportError>,
     ) -> Result<Self, ImportError> {
@@ -67,13 +67,13 @@ impl<R: Records> Table<R> {
         let mut warnings = vec![];
         let mut columns = vec![];
         for (signal, one) in map.signals.iter().enumerate() {
-            let Place::Column(name) = &one.from else { continue };
+            let SignalPlace::Column(name) = &one.from else { continue };
             if long.is_some() {
-                columns.push(Column { index: usize::MAX, channel: Channel::new(signal, one) });
+                columns.push(Column { index: usize::MAX, channel: SourceChannel::new(signal, one) });
             } else if let Some(index) = head.find(name).map_err(wrong)? {
                 let stated = head.units.get(index).map_or("", String::as_str);
                 let one = with_header_unit(one, stated, &mut head.notes, &mut warnings);
-                columns.push(Column { index, channel: Channel::new(signal, &one) });
+                columns.push(Column { index, channel: SourceChannel::new(signal, &one) });
             }
         }
         if !timing.note.is_empty() {
@@ -135,18 +135,18 @@ impl<R: Records> Table<R> {
     }
 
     /// What stands in a column of the present record.
-    pub(in crate::import) fn value(&self, column: usize) -> Value<'_> {
+    pub(in crate::import) fn value(&self, column: usize) -> ChannelValue<'_> {
         self.records.value(column)
     }
 
     /// The next record that has a time, as a row.
-    fn record(&mut self) -> Result<Option<Row>, ImportError> {
+    fn record(&mut self) -> Result<Option<ImportedRow>, ImportError> {
         while let Some(time_ns) = self.advance()? {
             let place = self.records.place();
-            let mut row = Row::at(time_ns);
+            let mut row = ImportedRow::at(time_ns);
             match &self.long {
                 Some(long) => {
-                    let Value::Text(tag) = self.records.value(long.tag) else { continue };
+                    let ChannelValue::Text(tag) = self.records.value(long.tag) else { continue };
                     let tag = tag.trim();
                     for column in self.columns.iter_mut().filter(|column| column.channel.map.place() == Some(tag)) {
                         column.channel.take(self.records.value(long.value), place, &mut row);
@@ -189,8 +189,8 @@ impl<R: Records> Table<R> {
     }
 }
 
-impl<R: Records> Source for Table<R> {
-    fn next(&mut self) -> Result<Option<Row>, ImportError> {
+impl<R: TableRecords> Source for TableSource<R> {
+    fn next(&mut self) -> Result<Option<ImportedRow>, ImportError> {
         if self.repeated == Repeated::Keep {
             return self.record();
         }
@@ -219,9 +219,9 @@ impl<R: Records> Source for Table<R> {
         self.columns.iter().map(|column| column.channel.signal).collect()
     }
 
-    fn said(&self) -> Said {
+    fn said(&self) -> SourceNotes {
         let path = self.head.path.display();
-        let mut said = Said { notes: self.head.notes.clone(), warnings: self.warnings.clone() };
+        let mut said = SourceNotes { notes: self.head.notes.clone(), warnings: self.warnings.clone() };
         for one in said.notes.iter_mut().chain(&mut said.warnings) {
             *one = format!("{path}: {one}");
         }

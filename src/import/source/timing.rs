@@ -1,30 +1,30 @@
 //! The time of a table: in which columns it stands, and how it is written.
 
-use super::channel::Value;
-use super::head::Head;
-use super::records::{Records, SAMPLED};
+use super::channel::ChannelValue;
+use super::head::TableHead;
+use super::records::{SAMPLED, TableRecords};
 use crate::import::ImportError;
-use crate::import::clock::{Clock, Format, detect};
+use crate::import::clock::{Format, TimeReader, detect};
 use crate::import::map::Map;
 use crate::units::{nanos_from_seconds, seconds_from_nanos};
 
 /// What time columns, format and zone a table has.
 pub(super) struct Timing {
     pub(super) columns: Vec<usize>,
-    pub(super) clock: Clock,
+    pub(super) clock: TimeReader,
     pub(super) note: String,
     pub(super) native: bool,
 }
 
 /// Finds the columns of time and how it is written.
-pub(super) fn timing<R: Records>(
-    head: &Head,
+pub(super) fn timing<R: TableRecords>(
+    head: &TableHead,
     map: &Map,
     open: &impl Fn() -> Result<R, ImportError>,
 ) -> Result<Timing, ImportError> {
     let path = &head.path;
     let wrong = |problem: String| ImportError::file(path, problem);
-    let clock = |format: Format| Clock::new(format, &map.time, &head.numbers).map_err(wrong);
+    let clock = |format: Format| TimeReader::new(format, &map.time, &head.numbers).map_err(wrong);
     if let Some(rate_hz) = map.time.rate_hz {
         let note = format!(
             "no time column: rows are {} s apart, as the map says",
@@ -61,7 +61,7 @@ pub(super) fn timing<R: Records>(
     let mut texts = vec![];
     let mut native = false;
     while texts.len() < SAMPLED && records.advance()? {
-        native |= matches!(records.value(columns[0]), Value::Time(_) | Value::Local(_));
+        native |= matches!(records.value(columns[0]), ChannelValue::Time(_) | ChannelValue::Local(_));
         texts.push(time_text(&records, &columns));
     }
     if native {
@@ -82,14 +82,14 @@ pub(super) fn timing<R: Records>(
 }
 
 /// Whether the first column holds numbers that rise from record to record.
-fn rises<R: Records>(records: &mut R) -> Result<bool, ImportError> {
+fn rises<R: TableRecords>(records: &mut R) -> Result<bool, ImportError> {
     let mut last: Option<f64> = None;
     let mut count = 0;
     while count < SAMPLED && records.advance()? {
         count += 1;
         let number = match records.value(0) {
-            Value::Number(number) => number,
-            Value::Whole(whole) => whole as f64,
+            ChannelValue::Number(number) => number,
+            ChannelValue::Whole(whole) => whole as f64,
             _ => return Ok(false),
         };
         if last.is_some_and(|last| number <= last) {
@@ -101,26 +101,30 @@ fn rises<R: Records>(records: &mut R) -> Result<bool, ImportError> {
 }
 
 /// The cells of time, joined by blanks.
-fn time_text<R: Records>(records: &R, columns: &[usize]) -> String {
+fn time_text<R: TableRecords>(records: &R, columns: &[usize]) -> String {
     let text = |column: &usize| match records.value(*column) {
         _ if records.text_of(*column).is_some() => records.text_of(*column).unwrap_or_default().trim().to_owned(),
-        Value::Text(text) => text.trim().to_owned(),
-        Value::Number(number) => number.to_string(),
-        Value::Whole(number) | Value::Time(number) | Value::Local(number) => number.to_string(),
-        Value::Missing => String::new(),
+        ChannelValue::Text(text) => text.trim().to_owned(),
+        ChannelValue::Number(number) => number.to_string(),
+        ChannelValue::Whole(number) | ChannelValue::Time(number) | ChannelValue::Local(number) => number.to_string(),
+        ChannelValue::Missing => String::new(),
     };
     columns.iter().map(text).collect::<Vec<_>>().join(" ")
 }
 
-pub(super) fn read_time<R: Records>(records: &R, columns: &[usize], clock: &mut Clock) -> Result<i64, String> {
+pub(super) fn read_time<R: TableRecords>(
+    records: &R,
+    columns: &[usize],
+    clock: &mut TimeReader,
+) -> Result<i64, String> {
     let only = columns.first().filter(|_| columns.len() == 1);
     if let Some(text) = only.and_then(|column| records.text_of(*column)) {
         return clock.read(text);
     }
     match only.map(|column| records.value(*column)) {
-        Some(Value::Time(time_ns)) => Ok(time_ns),
-        Some(Value::Local(local_ns)) => clock.local(local_ns),
-        Some(Value::Text(text)) => clock.read(text),
+        Some(ChannelValue::Time(time_ns)) => Ok(time_ns),
+        Some(ChannelValue::Local(local_ns)) => clock.local(local_ns),
+        Some(ChannelValue::Text(text)) => clock.read(text),
         _ => clock.read(&time_text(records, columns)),
     }
 }

@@ -1,7 +1,7 @@
 //! One column of a file that nobody has mapped: what it holds, in memory that does not grow with the file.
 
 use crate::import::findings::Range;
-use crate::import::source::channel::Value;
+use crate::import::source::channel::ChannelValue;
 
 /// Most buckets of an envelope; beyond, pairs become one.
 const MOST_BUCKETS: usize = 4096;
@@ -126,7 +126,7 @@ impl Envelope {
 
 /// A column or field and what it holds.
 #[derive(Clone, Debug)]
-pub struct Column {
+pub struct SuggestedColumn {
     /// Its name; of a bag the path of the field.
     pub name: String,
     /// The unit that the file states; empty where it does not.
@@ -146,7 +146,7 @@ pub struct Column {
     pub changes: u64,
 }
 
-impl Column {
+impl SuggestedColumn {
     pub(super) fn new(name: &str, unit: &str) -> Self {
         Self {
             name: name.to_owned(),
@@ -161,11 +161,11 @@ impl Column {
         }
     }
 
-    pub(super) fn take(&mut self, time_ns: i64, value: Value<'_>) {
+    pub(super) fn take(&mut self, time_ns: i64, value: ChannelValue<'_>) {
         let number = match value {
-            Value::Number(number) if number.is_finite() => number,
-            Value::Whole(whole) => whole as f64,
-            Value::Text(text) => {
+            ChannelValue::Number(number) if number.is_finite() => number,
+            ChannelValue::Whole(whole) => whole as f64,
+            ChannelValue::Text(text) => {
                 self.texts += 1;
                 if self.words.len() < MOST_DISTINCT && !self.words.iter().any(|word| word == text.trim()) {
                     self.words.push(text.trim().chars().take(40).collect());

@@ -1,8 +1,8 @@
 //! The line of a map for a column: unit, range, sign and states as the file shows them, with what its reader must settle.
 
-use super::column::Column;
+use super::column::SuggestedColumn;
 use crate::import::convert::{pressure, share};
-use crate::import::map::{Event, Place, SignalMap};
+use crate::import::map::{SignalMap, SignalPlace, TripRule};
 use crate::import::row::Target;
 
 /// Units that a pressure without one may have, Pa, with the range in which governors work.
@@ -15,17 +15,23 @@ pub(super) fn guessed_pressure(most: f64) -> Option<(&'static str, f64)> {
 }
 
 /// The signal with unit, range and sign as the column shows them.
-pub(super) fn signal(target: Target, column: &Column, fields: bool, turned: bool, open: &mut Vec<String>) -> SignalMap {
+pub(super) fn signal(
+    target: Target,
+    column: &SuggestedColumn,
+    fields: bool,
+    turned: bool,
+    open: &mut Vec<String>,
+) -> SignalMap {
     let mut signal = SignalMap::of_column(target, &column.name);
     if fields {
-        signal.from = Place::Field(column.name.clone());
+        signal.from = SignalPlace::Field(column.name.clone());
     }
     let [least, most] = column.range.ends();
     let id = target.id();
     match target {
         Target::Esv => {
             let (state, told) = trip_state(column);
-            signal.shutdown = vec![Event::Is(state)];
+            signal.shutdown = vec![TripRule::Is(state)];
             open.push(told);
         }
         Target::TankPressure | Target::ControlPressure => {
@@ -84,7 +90,7 @@ pub(super) fn signal(target: Target, column: &Column, fields: bool, turned: bool
 }
 
 /// The state that means a trip, and what to say of the choice.
-fn trip_state(column: &Column) -> (String, String) {
+fn trip_state(column: &SuggestedColumn) -> (String, String) {
     let bad = ["trip", "tripped", "aus", "shutdown", "alarm", "true", "on", "active", "1"];
     if let Some(word) = column.words.iter().find(|word| bad.contains(&word.to_lowercase().as_str())) {
         return (word.clone(), format!("esv: `{word}` is taken as shutdown"));

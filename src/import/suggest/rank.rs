@@ -1,13 +1,13 @@
 //! Which column is most likely which signal: names, units, ranges, and how signals of a servo system hang together.
 
 use super::Suggestion;
-use super::column::Column;
+use super::column::SuggestedColumn;
 use super::names::score;
 use super::propose::{guessed_pressure, rounded, signal};
 use crate::import::clock::Format;
 use crate::import::convert::{OF_TRANSDUCERS, plain, pressure, share};
-use crate::import::findings::Pairs;
-use crate::import::map::{Map, Place, SignalMap};
+use crate::import::findings::CorrelationSums;
+use crate::import::map::{Map, SignalMap, SignalPlace};
 use crate::import::row::Target;
 
 /// A column with less evidence is not proposed.
@@ -45,7 +45,7 @@ struct Relations {
 }
 
 /// Proposes a map; `fields` says that columns are fields of messages.
-pub(super) fn rank(mut map: Map, columns: Vec<Column>, fields: bool) -> Suggestion {
+pub(super) fn rank(mut map: Map, columns: Vec<SuggestedColumn>, fields: bool) -> Suggestion {
     let own: Vec<[(f64, Vec<String>); Target::ALL.len()]> =
         columns.iter().map(|column| Target::ALL.map(|target| evidence(column, target))).collect();
     let score = |column: usize, target: Target| own[column][target.place()].0;
@@ -103,7 +103,7 @@ pub(super) fn rank(mut map: Map, columns: Vec<Column>, fields: bool) -> Suggesti
 }
 
 /// Columns that move with the spool as the chosen servomotor does: which of them is the piston only its reader knows.
-fn rivals(columns: &[Column], related: &[usize], relations: &Relations, chosen: &[Choice]) -> Option<String> {
+fn rivals(columns: &[SuggestedColumn], related: &[usize], relations: &Relations, chosen: &[Choice]) -> Option<String> {
     let of = |target: Target| chosen[target.place()].as_ref().map(|(column, ..)| *column);
     let (servomotor, spool) = (of(Target::ServomotorPosition)?, of(Target::SpoolPosition)?);
     let at = |wanted: usize| related.iter().position(|column| *column == wanted);
@@ -129,7 +129,7 @@ fn absent(target: Target, chosen: &[Choice], map: &mut Map, reasons: &mut Vec<Pr
     let has_command = chosen[Target::OpeningCommand.place()].is_some();
     match target {
         Target::Esv if has_command => {
-            map.signals.push(SignalMap { from: Place::Constant(1.0), ..SignalMap::of_column(target, "") });
+            map.signals.push(SignalMap { from: SignalPlace::Constant(1.0), ..SignalMap::of_column(target, "") });
             let why = "no column of trips found: taken as never tripped".to_owned();
             reasons.push(Proposed { target, column: None, score: 0.0, why });
         }
@@ -147,7 +147,7 @@ fn absent(target: Target, chosen: &[Choice], map: &mut Map, reasons: &mut Vec<Pr
 }
 
 /// What name, unit, range and shape of a column speak for a signal.
-fn evidence(column: &Column, target: Target) -> (f64, Vec<String>) {
+fn evidence(column: &SuggestedColumn, target: Target) -> (f64, Vec<String>) {
     let mut why = vec![];
     let (mut sum, words) = score(&column.name, target);
     if sum > 0.0 && !words.is_empty() {
@@ -237,7 +237,7 @@ fn best_trio(related: &[usize], relations: &Relations, score: &dyn Fn(usize, Tar
 }
 
 /// Correlations of all pairs over buckets of one width.
-fn relations(columns: &[Column], related: &[usize]) -> Relations {
+fn relations(columns: &[SuggestedColumn], related: &[usize]) -> Relations {
     let widest = related.iter().map(|column| columns[*column].envelope.width_ns()).max().unwrap_or(0);
     let envelopes: Vec<_> = related
         .iter()
@@ -250,7 +250,7 @@ fn relations(columns: &[Column], related: &[usize]) -> Relations {
         })
         .collect();
     let pairs = |first: usize, second: usize| {
-        let (mut drives, mut alike) = (Pairs::default(), Pairs::default());
+        let (mut drives, mut alike) = (CorrelationSums::default(), CorrelationSums::default());
         let (from, to) = envelopes[first].span();
         for at in from..to {
             let (Some(value), Some(other)) = (envelopes[first].mean_at(at), envelopes[second].mean_at(at)) else {

@@ -1,6 +1,6 @@
 //! What a tick has to tell, as flags that a thread without memory of its own can set.
 
-use super::Input;
+use super::NodeInput;
 
 /// What happened in a tick that a person should hear of: a set of flags.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -24,19 +24,19 @@ impl Notices {
 
     /// This input became stale.
     #[must_use]
-    pub fn stale(input: Input) -> Self {
+    pub fn stale(input: NodeInput) -> Self {
         Self(input.bit())
     }
 
     /// This input is back after it was stale.
     #[must_use]
-    pub fn recovered(input: Input) -> Self {
+    pub fn recovered(input: NodeInput) -> Self {
         Self(input.bit() << 8)
     }
 
     /// This input was never heard and is overdue.
     #[must_use]
-    pub fn missing(input: Input) -> Self {
+    pub fn missing(input: NodeInput) -> Self {
         Self(input.bit() << 16)
     }
 

@@ -1,7 +1,7 @@
 //! Joint commands: what they ask of the servomotor, as `ros2_control`'s topic based hardware sends them.
 
 use super::super::messages::JOINTS;
-use super::{Gate, OPENING_RANGE_PU, Refusal, in_range};
+use super::{OPENING_RANGE_PU, Refusal, TopicGate, in_range};
 use crate::msg::JointState;
 
 /// Forces beyond this are none, N.
@@ -9,7 +9,7 @@ const LARGEST_FORCE_N: f64 = 1.0e8;
 
 /// What a message asks for; what it leaves out, or gives as NaN, it does not ask for.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Asked {
+pub struct JointTarget {
     /// Opening command, pu of the stroke.
     pub opening_command_pu: Option<f64>,
     /// Force on the piston besides the sheet's load, N, + opens.
@@ -20,24 +20,24 @@ pub struct Asked {
 ///
 /// # Errors
 /// With the reason for which it is not used.
-pub fn asked(message: &JointState, stroke_m: f64, gate: &mut Gate) -> Result<Asked, Refusal> {
+pub fn asked(message: &JointState, stroke_m: f64, gate: &mut TopicGate) -> Result<JointTarget, Refusal> {
     gate.pass(&message.header, read(message, stroke_m))
 }
 
-fn read(message: &JointState, stroke_m: f64) -> Result<Asked, Refusal> {
+fn read(message: &JointState, stroke_m: f64) -> Result<JointTarget, Refusal> {
     let index = message.name.iter().position(|name| name == JOINTS[1]).ok_or(Refusal::NothingAsked)?;
     let at = |values: &[f64]| values.get(index).copied().filter(|value| !value.is_nan());
     let opening_command_pu = at(&message.position).map(|position_m| in_range(position_m / stroke_m, OPENING_RANGE_PU));
     let load_n = at(&message.effort).map(|force_n| in_range(force_n, (-LARGEST_FORCE_N, LARGEST_FORCE_N)));
     match (opening_command_pu.transpose()?, load_n.transpose()?) {
         (None, None) => Err(Refusal::NothingAsked),
-        (opening_command_pu, load_n) => Ok(Asked { opening_command_pu, load_n }),
+        (opening_command_pu, load_n) => Ok(JointTarget { opening_command_pu, load_n }),
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{Asked, Gate, JointState, Refusal, asked};
+    use super::{JointState, JointTarget, Refusal, TopicGate, asked};
 
     fn command(name: &str, position: &[f64], effort: &[f64]) -> JointState {
         JointState {
@@ -51,12 +51,12 @@ mod tests {
     #[test]
     fn position_and_effort_of_the_servomotor_each_ask_for_something() {
         let ask = |position: &[f64], effort: &[f64]| {
-            asked(&command("servomotor", position, effort), 0.6, &mut Gate::default())
+            asked(&command("servomotor", position, effort), 0.6, &mut TopicGate::default())
         };
-        let both = Asked { opening_command_pu: Some(0.5), load_n: Some(-2e5) };
+        let both = JointTarget { opening_command_pu: Some(0.5), load_n: Some(-2e5) };
         assert_eq!(ask(&[0.0, 0.3], &[0.0, -2e5]), Ok(both));
-        assert_eq!(ask(&[0.0, f64::NAN], &[0.0, -2e5]), Ok(Asked { opening_command_pu: None, ..both }));
-        assert_eq!(ask(&[0.0, 0.3], &[]), Ok(Asked { load_n: None, ..both }));
+        assert_eq!(ask(&[0.0, f64::NAN], &[0.0, -2e5]), Ok(JointTarget { opening_command_pu: None, ..both }));
+        assert_eq!(ask(&[0.0, 0.3], &[]), Ok(JointTarget { load_n: None, ..both }));
         for (position, effort, refusal) in [
             (vec![], vec![], Refusal::NothingAsked),
             (vec![0.3], vec![1.0], Refusal::NothingAsked),
@@ -66,7 +66,7 @@ mod tests {
         ] {
             assert_eq!(ask(&position, &effort), Err(refusal), "{position:?} {effort:?}");
         }
-        let other = asked(&command("gate", &[0.0, 0.3], &[]), 0.6, &mut Gate::default());
+        let other = asked(&command("gate", &[0.0, 0.3], &[]), 0.6, &mut TopicGate::default());
         assert_eq!(other, Err(Refusal::NothingAsked));
     }
 }

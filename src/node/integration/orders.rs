@@ -2,8 +2,8 @@
 
 use rtrb::PushError;
 
-use super::super::control::{Answer, Order, Outcome, State, Steps, Ticket};
-use super::{Integrator, Time};
+use super::super::control::{Answer, Order, OrderOutcome, RunState, Steps, Ticket};
+use super::{Integrator, TimeSource};
 
 /// Most steps between two looks at what was heard.
 const MOST_STEPS: usize = 256;
@@ -12,53 +12,53 @@ impl Integrator {
     /// Does what a caller asks for, or says why not; steps are answered once they are done.
     pub(super) fn obey(&mut self, order: Order, ticket: Ticket, now_ns: i64) {
         let outcome = match order {
-            Order::Play => self.enter(State::Playing, now_ns),
-            Order::Pause => self.enter(State::Paused, now_ns),
-            Order::Stop => self.enter(State::Stopped, now_ns),
-            Order::Step { .. } if self.state == State::Playing => Outcome::NotPaused,
-            Order::Step { .. } if self.steps.is_some() => Outcome::Busy,
-            Order::Step { ticks: 0 } => Outcome::Done,
+            Order::Play => self.enter(RunState::Playing, now_ns),
+            Order::Pause => self.enter(RunState::Paused, now_ns),
+            Order::Stop => self.enter(RunState::Stopped, now_ns),
+            Order::Step { .. } if self.state == RunState::Playing => OrderOutcome::NotPaused,
+            Order::Step { .. } if self.steps.is_some() => OrderOutcome::Busy,
+            Order::Step { ticks: 0 } => OrderOutcome::Done,
             Order::Step { ticks } => {
-                self.state = State::Paused;
+                self.state = RunState::Paused;
                 self.steps = Some(Steps { ticket, left_count: ticks });
                 return;
             }
             Order::Reset { time } => {
                 self.interrupt();
                 self.set_back(time);
-                Outcome::Done
+                OrderOutcome::Done
             }
             Order::Quit => {
                 self.stats.ended_by_caller = true;
                 self.interrupt();
-                Outcome::Done
+                OrderOutcome::Done
             }
         };
         self.answer(ticket, outcome);
     }
 
     /// Goes into a state.
-    fn enter(&mut self, state: State, now_ns: i64) -> Outcome {
+    fn enter(&mut self, state: RunState, now_ns: i64) -> OrderOutcome {
         if self.state == state && self.steps.is_none() {
-            return Outcome::Already;
+            return OrderOutcome::Already;
         }
         self.interrupt();
         self.state = state;
         match state {
-            State::Playing => self.ages.go_on(now_ns),
-            State::Paused => self.ages.stop(now_ns),
-            State::Stopped => {
+            RunState::Playing => self.ages.go_on(now_ns),
+            RunState::Paused => self.ages.stop(now_ns),
+            RunState::Stopped => {
                 self.ages.stop(now_ns);
                 self.set_back(true);
             }
         }
-        Outcome::Done
+        OrderOutcome::Done
     }
 
     /// Back to the start; the machine's time stays what it is.
     fn set_back(&mut self, time: bool) {
         self.core.restart();
-        if time && self.pace.time == Time::Own {
+        if time && self.pace.time == TimeSource::Own {
             self.restart_at(self.start_ns);
         }
     }
@@ -66,7 +66,7 @@ impl Integrator {
     /// Ends steps that are under way.
     fn interrupt(&mut self) {
         if let Some(steps) = self.steps.take() {
-            self.answer(steps.ticket, Outcome::Interrupted);
+            self.answer(steps.ticket, OrderOutcome::Interrupted);
         }
     }
 
@@ -81,12 +81,12 @@ impl Integrator {
             self.tick(self.ages.at(0), left_count == 1);
             self.steps = (left_count > 1).then_some(Steps { ticket, left_count: left_count - 1 });
             if left_count == 1 {
-                self.answer(ticket, Outcome::Done);
+                self.answer(ticket, OrderOutcome::Done);
             }
         }
     }
 
-    fn answer(&mut self, ticket: Ticket, outcome: Outcome) {
+    fn answer(&mut self, ticket: Ticket, outcome: OrderOutcome) {
         // The hearing thread lets no more orders wait than there is room for answers.
         let _ = self.answers.push(Answer { ticket, outcome, state: self.state });
         self.news = true;

@@ -10,8 +10,8 @@ use std::time::Duration;
 
 use ros2_client::log::LogLevel;
 
-use super::super::integration::Output;
-use super::super::settings::Settings;
+use super::super::integration::TickOutput;
+use super::super::settings::NodeSettings;
 
 /// Room for news not yet taken: half a minute and more of the usual traffic.
 const ROOM: usize = 16_384;
@@ -20,11 +20,11 @@ const ROOM: usize = 16_384;
 #[derive(Debug, Clone)]
 pub enum News {
     /// A result worth keeping or telling.
-    Output(Box<Output>),
+    Output(Box<TickOutput>),
     /// Words for people.
     Said(LogLevel, String),
     /// Settings that changed while the node runs.
-    Settings(Box<Settings>),
+    Settings(Box<NodeSettings>),
 }
 
 /// What both ends share besides the queue.
@@ -32,7 +32,7 @@ pub enum News {
 struct Aside {
     left_out: AtomicU64,
     /// The newest settings that found no room: they must not be lost, and only the newest count.
-    settings: Mutex<Option<Settings>>,
+    settings: Mutex<Option<NodeSettings>>,
 }
 
 /// The end that tells.
@@ -95,7 +95,7 @@ impl Taker {
 
     /// Settings that found no room, once.
     #[must_use]
-    pub fn settings(&self) -> Option<Settings> {
+    pub fn settings(&self) -> Option<NodeSettings> {
         self.aside.settings.lock().ok()?.take()
     }
 
@@ -110,7 +110,7 @@ impl Taker {
 mod tests {
     use ros2_client::log::LogLevel;
 
-    use super::{News, Settings, way_with_room};
+    use super::{News, NodeSettings, way_with_room};
 
     #[test]
     fn a_full_way_takes_no_more_counts_and_keeps_the_newest_settings() {
@@ -119,7 +119,7 @@ mod tests {
             teller.tell(News::Said(LogLevel::Info, number.to_string()));
         }
         for rate_hz in [10.0, 20.0] {
-            teller.tell(News::Settings(Box::new(Settings { rate_hz, ..Settings::default() })));
+            teller.tell(News::Settings(Box::new(NodeSettings { rate_hz, ..NodeSettings::default() })));
         }
         let words = taker.rest().map(|item| match item {
             News::Said(_, words) => words,

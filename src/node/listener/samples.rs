@@ -3,8 +3,8 @@
 use ros2_client::log::LogLevel;
 use ros2_client::{Gid, MessageInfo, ReadError};
 
-use super::super::core::{Heard, Input};
-use super::super::intake::{Gate, Intake, Refusal, joints};
+use super::super::core::{InputEvent, NodeInput};
+use super::super::intake::{Intake, Refusal, TopicGate, joints};
 use super::super::realtime::monotonic_ns;
 use super::Listener;
 use crate::msg::{Interface, JointState, ServoState};
@@ -18,8 +18,8 @@ impl Listener<'_> {
         self.check(M::INPUT, M::TYPE_NAME, sample, |message, sender, gate| {
             let heard = message.check(gate)?;
             match heard {
-                Heard::Command(said) | Heard::TankPressure(said) => self.compare(M::INPUT, sender, said),
-                Heard::Esv(state) => self.compare(M::INPUT, sender, f64::from(state as u8)),
+                InputEvent::Command(said) | InputEvent::TankPressure(said) => self.compare(M::INPUT, sender, said),
+                InputEvent::Esv(state) => self.compare(M::INPUT, sender, f64::from(state as u8)),
                 _ => {}
             }
             self.tell(heard);
@@ -29,15 +29,15 @@ impl Listener<'_> {
 
     /// Checks a joint command and passes on what it asks for.
     pub(super) fn asked(&self, sample: Result<(JointState, MessageInfo), ReadError>) {
-        self.check(Input::Load, JointState::TYPE_NAME, sample, |message, sender, gate| {
+        self.check(NodeInput::Load, JointState::TYPE_NAME, sample, |message, sender, gate| {
             let asked = joints::asked(message, self.stroke_m.get(), gate)?;
             if let Some(opening_command_pu) = asked.opening_command_pu {
-                self.compare(Input::Command, sender, opening_command_pu);
-                self.tell(Heard::Command(opening_command_pu));
+                self.compare(NodeInput::Command, sender, opening_command_pu);
+                self.tell(InputEvent::Command(opening_command_pu));
             }
             if let Some(load_n) = asked.load_n {
-                self.compare(Input::Load, sender, load_n);
-                self.tell(Heard::Load(load_n));
+                self.compare(NodeInput::Load, sender, load_n);
+                self.tell(InputEvent::Load(load_n));
             }
             Ok(())
         });
@@ -46,10 +46,10 @@ impl Listener<'_> {
     /// Counts a sample of an input's topic, and says why it is not used where `take` refuses it.
     fn check<M>(
         &self,
-        input: Input,
+        input: NodeInput,
         type_name: &str,
         sample: Result<(M, MessageInfo), ReadError>,
-        take: impl FnOnce(&M, Gid, &mut Gate) -> Result<(), Refusal>,
+        take: impl FnOnce(&M, Gid, &mut TopicGate) -> Result<(), Refusal>,
     ) {
         let mut gates = self.gates.borrow_mut();
         let gate = &mut gates[input as usize];
@@ -81,10 +81,10 @@ impl Listener<'_> {
     }
 
     /// Tells of a second sender that says something else on the same input.
-    fn compare(&self, input: Input, sender: Gid, said: f64) {
+    fn compare(&self, input: NodeInput, sender: Gid, said: f64) {
         let rival = self.rivals.borrow_mut()[input as usize].take(sender, said, monotonic_ns());
         if let Some((other, before)) = rival {
-            let name = Input::NAMES[input as usize];
+            let name = NodeInput::NAMES[input as usize];
             let words = format!(
                 "{name}: two publishers say different things, {said} by {} and {before} by {}; the newest sample counts, \
                  whoever sent it (`ros2 topic info -v {}` shows who they are)",
@@ -102,7 +102,7 @@ impl Listener<'_> {
         let [spool_pu, servomotor_pu] = [state.spool_position, state.servomotor_position]
             .map(|position_pu| if position_pu.abs() <= FARTHEST_PU { position_pu } else { f64::NAN });
         if !self.is_foreign(info.publisher_gid(), ServoState::TYPE_NAME) {
-            self.tell(Heard::Measured { spool_pu, servomotor_pu });
+            self.tell(InputEvent::Measured { spool_pu, servomotor_pu });
         }
     }
 

@@ -12,14 +12,14 @@ use ros2_client::{Gid, Publisher, RosoutRaw};
 
 use super::super::bus::Bus;
 use super::super::clock::{self, Watch};
-use super::super::control::State;
-use super::super::core::Input;
-use super::super::diagnostics::{self, Course, DiagnosticArray};
-use super::super::intake::Counts;
+use super::super::control::RunState;
+use super::super::core::NodeInput;
+use super::super::diagnostics::{self, DiagnosticArray, TimeKeeping};
+use super::super::intake::TopicCounts;
 use super::super::journal::Journal;
 use super::super::listener::event::{News, Taker};
 use super::super::realtime::{Until, monotonic_ns, wall_ns};
-use super::super::settings::Settings;
+use super::super::settings::NodeSettings;
 use super::super::words;
 use super::Say;
 use crate::bag::BagError;
@@ -29,15 +29,15 @@ use crate::msg::{EsvState, FluidPressure, GovernorCommand, Interface, JointState
 pub(super) struct Supervisor<'a> {
     pub(super) bus: &'a Bus,
     pub(super) health: Publisher<DiagnosticArray>,
-    pub(super) counts: &'a Mutex<[Counts; Input::COUNT]>,
-    pub(super) settings: Settings,
+    pub(super) counts: &'a Mutex<[TopicCounts; NodeInput::COUNT]>,
+    pub(super) settings: NodeSettings,
     pub(super) journal: Option<Journal>,
     /// The bags of a journal that ended before the node, and why it did.
     pub(super) ended: Option<(Vec<PathBuf>, String)>,
     pub(super) strangers: BTreeSet<Gid>,
-    pub(super) clock: &'a clock::Heard,
+    pub(super) clock: &'a clock::ClockHeard,
     pub(super) watch: Watch,
-    pub(super) state: &'a dyn Fn() -> State,
+    pub(super) state: &'a dyn Fn() -> RunState,
     pub(super) rival_clock: bool,
     pub(super) least: &'a AtomicU8,
     pub(super) say: Say<'a>,
@@ -48,7 +48,7 @@ impl Supervisor<'_> {
     pub(super) fn keep(&mut self, news: &Taker, done: impl Fn() -> bool) {
         let second = Duration::from_secs(1);
         let mut next = Until::after(Some(second));
-        let (mut newest, mut reported) = (None, <[Counts; Input::COUNT]>::default());
+        let (mut newest, mut reported) = (None, <[TopicCounts; NodeInput::COUNT]>::default());
         while !done() {
             match news.take(Duration::from_millis(20)) {
                 Ok(item) => {
@@ -75,7 +75,7 @@ impl Supervisor<'_> {
                     &self.settings.policies(),
                     &counts,
                     &std::mem::replace(&mut reported, counts),
-                    Course {
+                    TimeKeeping {
                         state: (self.state)(),
                         clock: self.settings.use_sim_time.then(|| self.watch.state()),
                         bag: match (&self.journal, &self.ended) {
@@ -121,7 +121,7 @@ impl Supervisor<'_> {
     /// Tells of senders that announce another type on an input's topic; some middlewares match them, none can be used.
     fn look_for_strangers(&mut self) {
         let types = [GovernorCommand::TYPE_NAME, EsvState::TYPE_NAME, FluidPressure::TYPE_NAME, JointState::TYPE_NAME];
-        let names = Input::ALL.map(|input| self.bus.arguments().resolve(input.topic()).unwrap_or_default());
+        let names = NodeInput::ALL.map(|input| self.bus.arguments().resolve(input.topic()).unwrap_or_default());
         for (sender, (topic, found)) in self.bus.writers() {
             let expected = names.iter().zip(types).find(|(name, _)| **name == topic).map(|(_, expected)| expected);
             if expected.is_some_and(|expected| expected != found) && self.strangers.insert(sender) {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU8, AtomicU64, Ordering};
 
-use super::super::control::{Answer, Outcome, State, Ticket};
+use super::super::control::{Answer, OrderOutcome, RunState, Ticket};
 use super::super::integration::ANSWERS;
 
 /// What a caller is told once its order is done.
@@ -20,7 +20,7 @@ pub struct Replies<'a> {
 impl<'a> Replies<'a> {
     /// Nobody waits.
     #[must_use]
-    pub fn new(state: State) -> Self {
+    pub fn new(state: RunState) -> Self {
         Self { waiting: Mutex::default(), next: AtomicU64::new(1), state: AtomicU8::new(state as u8) }
     }
 
@@ -31,7 +31,7 @@ impl<'a> Replies<'a> {
             waiting.insert(ticket, Box::new(reply));
             return Some(ticket);
         }
-        reply(Answer { ticket, outcome: Outcome::Busy, state: self.state() });
+        reply(Answer { ticket, outcome: OrderOutcome::Busy, state: self.state() });
         None
     }
 
@@ -46,9 +46,12 @@ impl<'a> Replies<'a> {
 
     /// The state that the last answer left.
     #[must_use]
-    pub fn state(&self) -> State {
+    pub fn state(&self) -> RunState {
         let state = self.state.load(Ordering::Relaxed);
-        [State::Stopped, State::Playing, State::Paused].into_iter().find(|one| *one as u8 == state).unwrap_or_default()
+        [RunState::Stopped, RunState::Playing, RunState::Paused]
+            .into_iter()
+            .find(|one| *one as u8 == state)
+            .unwrap_or_default()
     }
 }
 
@@ -56,11 +59,11 @@ impl<'a> Replies<'a> {
 mod tests {
     use std::sync::mpsc::channel;
 
-    use super::{ANSWERS, Answer, Outcome, Replies, State};
+    use super::{ANSWERS, Answer, OrderOutcome, Replies, RunState};
 
     #[test]
     fn each_caller_has_its_own_answer_and_no_more_wait_than_have_room() {
-        let replies = Replies::new(State::Playing);
+        let replies = Replies::new(RunState::Playing);
         let (sender, answered) = channel();
         let mut tickets = Vec::new();
         for caller in 0..ANSWERS {
@@ -70,10 +73,10 @@ mod tests {
             }));
         }
         assert_eq!(tickets.len(), ANSWERS / 2);
-        assert!(answered.try_iter().all(|(caller, _, outcome)| caller >= ANSWERS / 2 && outcome == Outcome::Busy));
-        replies.answer(Answer { ticket: tickets[3], outcome: Outcome::Done, state: State::Paused });
-        replies.answer(Answer { ticket: tickets[3], outcome: Outcome::Done, state: State::Paused });
-        assert_eq!(answered.try_iter().collect::<Vec<_>>(), [(3, tickets[3], Outcome::Done)]);
-        assert_eq!(replies.state(), State::Paused);
+        assert!(answered.try_iter().all(|(caller, _, outcome)| caller >= ANSWERS / 2 && outcome == OrderOutcome::Busy));
+        replies.answer(Answer { ticket: tickets[3], outcome: OrderOutcome::Done, state: RunState::Paused });
+        replies.answer(Answer { ticket: tickets[3], outcome: OrderOutcome::Done, state: RunState::Paused });
+        assert_eq!(answered.try_iter().collect::<Vec<_>>(), [(3, tickets[3], OrderOutcome::Done)]);
+        assert_eq!(replies.state(), RunState::Paused);
     }
 }

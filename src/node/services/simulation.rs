@@ -8,8 +8,8 @@ use futures::stream::LocalBoxStream;
 use ros2_client::{Server, ServiceMapping};
 
 use super::super::bus::{Bus, BusError};
-use super::super::control::{Answer, Order, Outcome, State};
-use super::super::integration::Time;
+use super::super::control::{Answer, Order, OrderOutcome, RunState};
+use super::super::integration::TimeSource;
 use super::replies::Replies;
 use super::{Aftermath, ServiceDesk, answer, attend};
 use crate::msg::service::{Nothing, Trigger, TriggerResponse};
@@ -28,7 +28,7 @@ const FOLLOWS: &str = "this node follows /clock (use_sim_time): whoever publishe
 /// One layout of the services.
 pub struct SimulationServices {
     mapping: ServiceMapping,
-    time: Time,
+    time: TimeSource,
     features: Server<Nothing, FeaturesResponse>,
     get: Server<Nothing, StateResponse>,
     set: Server<SetStateRequest, ResultResponse>,
@@ -42,7 +42,7 @@ impl SimulationServices {
     ///
     /// # Errors
     /// When DDS refuses.
-    pub fn open(bus: &mut Bus, mapping: ServiceMapping, time: Time) -> Result<Self, BusError> {
+    pub fn open(bus: &mut Bus, mapping: ServiceMapping, time: TimeSource) -> Result<Self, BusError> {
         Ok(Self {
             mapping,
             time,
@@ -130,11 +130,11 @@ fn words(order: Order) -> Option<&'static str> {
     }
 }
 
-fn state_order(state: SimulationState, time: Time) -> Result<Order, SimulationResult> {
+fn state_order(state: SimulationState, time: TimeSource) -> Result<Order, SimulationResult> {
     let refuse = |result, why: &str| Err(SimulationResult::refused(result, why));
     match state.state {
         SimulationState::QUITTING => Ok(Order::Quit),
-        SimulationState::STOPPED..=SimulationState::PAUSED if time == Time::Follow => {
+        SimulationState::STOPPED..=SimulationState::PAUSED if time == TimeSource::Follow => {
             refuse(SimulationResult::INCORRECT_STATE, FOLLOWS)
         }
         SimulationState::STOPPED => Ok(Order::Stop),
@@ -147,9 +147,9 @@ fn state_order(state: SimulationState, time: Time) -> Result<Order, SimulationRe
     }
 }
 
-pub(super) fn step_order(steps: u64, time: Time) -> Result<Order, SimulationResult> {
+pub(super) fn step_order(steps: u64, time: TimeSource) -> Result<Order, SimulationResult> {
     match steps {
-        _ if time == Time::Follow => Err(SimulationResult::refused(SimulationResult::INCORRECT_STATE, FOLLOWS)),
+        _ if time == TimeSource::Follow => Err(SimulationResult::refused(SimulationResult::INCORRECT_STATE, FOLLOWS)),
         0..=MOST_STEPS => Ok(Order::Step { ticks: steps }),
         _ => {
             let why = format!("{steps} steps: expected at most {MOST_STEPS}");
@@ -158,47 +158,47 @@ pub(super) fn step_order(steps: u64, time: Time) -> Result<Order, SimulationResu
     }
 }
 
-fn reset_order(scope: u8, time: Time) -> Result<Order, SimulationResult> {
+fn reset_order(scope: u8, time: TimeSource) -> Result<Order, SimulationResult> {
     let refuse = |why: &str| Err(SimulationResult::refused(SimulationResult::FEATURE_UNSUPPORTED, why));
     let (wants_time, wants_state) = (scope & ResetRequest::SCOPE_TIME != 0, scope & ResetRequest::SCOPE_STATE != 0);
     match (wants_time, wants_state) {
         _ if scope == 0 || scope == ResetRequest::SCOPE_ALL => Ok(Order::Reset { time: true }),
         (false, true) => Ok(Order::Reset { time: false }),
-        (true, true) if time == Time::Own => Ok(Order::Reset { time: true }),
-        (true, _) if time != Time::Own => refuse("the time is not this node's to set back (see --publish-clock)"),
+        (true, true) if time == TimeSource::Own => Ok(Order::Reset { time: true }),
+        (true, _) if time != TimeSource::Own => refuse("the time is not this node's to set back (see --publish-clock)"),
         (true, _) => refuse("the time is set back together with the state only: expected scope 3, 0 or 255"),
         (false, false) => refuse("nothing is spawned here: expected scope 2 (state), 3 (and time), 0 or 255 (all)"),
     }
 }
 
-pub(super) fn result(outcome: Outcome) -> SimulationResult {
+pub(super) fn result(outcome: OrderOutcome) -> SimulationResult {
     let refuse = SimulationResult::refused;
     match outcome {
-        Outcome::Done => SimulationResult::ok(),
-        Outcome::Already => refuse(SimulationResult::ALREADY_IN_TARGET_STATE, "it is in that state already"),
-        Outcome::NotPaused => {
+        OrderOutcome::Done => SimulationResult::ok(),
+        OrderOutcome::Already => refuse(SimulationResult::ALREADY_IN_TARGET_STATE, "it is in that state already"),
+        OrderOutcome::NotPaused => {
             refuse(SimulationResult::OPERATION_FAILED, "the simulation plays: pause it before you step it")
         }
-        Outcome::Busy => refuse(SimulationResult::INCORRECT_STATE, "other callers are before this one"),
-        Outcome::Interrupted => refuse(SimulationResult::OPERATION_FAILED, "another call ended the steps early"),
+        OrderOutcome::Busy => refuse(SimulationResult::INCORRECT_STATE, "other callers are before this one"),
+        OrderOutcome::Interrupted => refuse(SimulationResult::OPERATION_FAILED, "another call ended the steps early"),
     }
 }
 
-fn number(state: State) -> u8 {
+fn number(state: RunState) -> u8 {
     match state {
-        State::Stopped => SimulationState::STOPPED,
-        State::Playing => SimulationState::PLAYING,
-        State::Paused => SimulationState::PAUSED,
+        RunState::Stopped => SimulationState::STOPPED,
+        RunState::Playing => SimulationState::PLAYING,
+        RunState::Paused => SimulationState::PAUSED,
     }
 }
 
-fn features(time: Time) -> SimulatorFeatures {
+fn features(time: TimeSource) -> SimulatorFeatures {
     use SimulatorFeatures as F;
     let mut features = vec![F::SIMULATION_RESET, F::SIMULATION_RESET_STATE, F::SIMULATION_STATE_GETTING];
-    if time == Time::Own {
+    if time == TimeSource::Own {
         features.push(F::SIMULATION_RESET_TIME);
     }
-    if time != Time::Follow {
+    if time != TimeSource::Follow {
         features.extend([F::SIMULATION_STATE_SETTING, F::SIMULATION_STATE_PAUSE]);
         features.extend([F::STEP_SIMULATION_SINGLE, F::STEP_SIMULATION_MULTIPLE, F::STEP_SIMULATION_ACTION]);
     }
@@ -212,31 +212,31 @@ fn features(time: Time) -> SimulatorFeatures {
 
 #[cfg(test)]
 mod tests {
-    use super::{Order, SimulationResult, SimulationState, Time, features, reset_order, state_order, step_order};
+    use super::{Order, SimulationResult, SimulationState, TimeSource, features, reset_order, state_order, step_order};
 
     #[test]
     fn orders_are_those_that_the_time_allows() {
         let state = |state, time| state_order(SimulationState { state }, time);
-        assert_eq!(state(2, Time::Wall), Ok(Order::Pause));
-        assert_eq!(state(3, Time::Follow), Ok(Order::Quit));
+        assert_eq!(state(2, TimeSource::Wall), Ok(Order::Pause));
+        assert_eq!(state(3, TimeSource::Follow), Ok(Order::Quit));
         let refused = |order: Result<Order, SimulationResult>| order.unwrap_err().result;
-        assert_eq!(refused(state(2, Time::Follow)), SimulationResult::INCORRECT_STATE);
-        assert_eq!(refused(state(5, Time::Own)), SimulationResult::FEATURE_UNSUPPORTED);
-        assert_eq!(step_order(5, Time::Wall), Ok(Order::Step { ticks: 5 }));
+        assert_eq!(refused(state(2, TimeSource::Follow)), SimulationResult::INCORRECT_STATE);
+        assert_eq!(refused(state(5, TimeSource::Own)), SimulationResult::FEATURE_UNSUPPORTED);
+        assert_eq!(step_order(5, TimeSource::Wall), Ok(Order::Step { ticks: 5 }));
         // The first half of an id read as a number, as a call in the other layout would be.
-        assert_eq!(refused(step_order(0x1122_3344_5566_7788, Time::Own)), SimulationResult::OPERATION_FAILED);
+        assert_eq!(refused(step_order(0x1122_3344_5566_7788, TimeSource::Own)), SimulationResult::OPERATION_FAILED);
     }
 
     #[test]
     fn a_reset_is_of_what_there_is() {
         for (scope, time, expected) in [
-            (0, Time::Wall, Some(true)),
-            (255, Time::Follow, Some(true)),
-            (2, Time::Own, Some(false)),
-            (3, Time::Own, Some(true)),
-            (3, Time::Wall, None),
-            (1, Time::Own, None),
-            (4, Time::Own, None),
+            (0, TimeSource::Wall, Some(true)),
+            (255, TimeSource::Follow, Some(true)),
+            (2, TimeSource::Own, Some(false)),
+            (3, TimeSource::Own, Some(true)),
+            (3, TimeSource::Wall, None),
+            (1, TimeSource::Own, None),
+            (4, TimeSource::Own, None),
         ] {
             assert_eq!(reset_order(scope, time).ok(), expected.map(|time| Order::Reset { time }), "{scope} {time:?}");
         }
@@ -244,8 +244,8 @@ mod tests {
 
     #[test]
     fn what_is_offered_is_what_the_time_allows() {
-        assert_eq!(features(Time::Own).features, [20, 21, 22, 24, 25, 26, 31, 32, 33]);
-        assert_eq!(features(Time::Wall).features, [20, 22, 24, 25, 26, 31, 32, 33]);
-        assert_eq!(features(Time::Follow).features, [20, 22, 24]);
+        assert_eq!(features(TimeSource::Own).features, [20, 21, 22, 24, 25, 26, 31, 32, 33]);
+        assert_eq!(features(TimeSource::Wall).features, [20, 22, 24, 25, 26, 31, 32, 33]);
+        assert_eq!(features(TimeSource::Follow).features, [20, 22, 24]);
     }
 }

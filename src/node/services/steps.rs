@@ -7,8 +7,8 @@ use futures::stream::LocalBoxStream;
 use ros2_client::Publisher;
 
 use super::super::bus::{Bus, BusError};
-use super::super::control::{Answer, Order, Outcome};
-use super::super::integration::Time;
+use super::super::control::{Answer, Order, OrderOutcome};
+use super::super::integration::TimeSource;
 use super::super::qos;
 use super::super::realtime::{monotonic_ns, wall_ns};
 use super::call::{Caller, Calls};
@@ -33,7 +33,7 @@ const FEEDBACK_NS: i64 = 50_000_000;
 
 /// The action's services and topics.
 pub struct StepsAction {
-    time: Time,
+    time: TimeSource,
     goal: Calls,
     cancel: Calls,
     result: Calls,
@@ -47,7 +47,7 @@ impl StepsAction {
     ///
     /// # Errors
     /// When DDS refuses.
-    pub fn open(bus: &mut Bus, time: Time) -> Result<Self, BusError> {
+    pub fn open(bus: &mut Bus, time: TimeSource) -> Result<Self, BusError> {
         const TYPE: &str = "simulation_interfaces/action/SimulateSteps";
         let at = |part: &str| format!("~/simulate_steps/_action/{part}");
         let feedback = format!("{TYPE}_FeedbackMessage");
@@ -124,7 +124,7 @@ impl StepsAction {
     }
 
     /// A goal has ended: its status is told, then its result to all who wait for it.
-    fn finish(&self, goal_id: GoalId, outcome: Outcome) {
+    fn finish(&self, goal_id: GoalId, outcome: OrderOutcome) {
         let Some((response, waiting)) = self.with(|goals| goals.finish(goal_id, outcome)).flatten() else { return };
         self.tell();
         for caller in waiting {
@@ -200,11 +200,11 @@ impl<C> Goals<C> {
     }
 
     /// Ends a goal; gives its result and who waits for it.
-    fn finish(&mut self, goal_id: GoalId, outcome: Outcome) -> Option<(StepsResult, Vec<C>)> {
+    fn finish(&mut self, goal_id: GoalId, outcome: OrderOutcome) -> Option<(StepsResult, Vec<C>)> {
         let goal = self.under_way().filter(|goal| goal.info.goal_id == goal_id)?;
         goal.status = match outcome {
-            Outcome::Done => GoalStatus::SUCCEEDED,
-            Outcome::Interrupted if goal.status == GoalStatus::CANCELING => GoalStatus::CANCELED,
+            OrderOutcome::Done => GoalStatus::SUCCEEDED,
+            OrderOutcome::Interrupted if goal.status == GoalStatus::CANCELING => GoalStatus::CANCELED,
             _ => GoalStatus::ABORTED,
         };
         goal.result = result(outcome);
@@ -274,7 +274,7 @@ impl<C> Goals<C> {
 
 #[cfg(test)]
 mod tests {
-    use super::{CancelResponse, GoalInfo, GoalStatus, Goals, Outcome, REMEMBERED, StepsFeedback};
+    use super::{CancelResponse, GoalInfo, GoalStatus, Goals, OrderOutcome, REMEMBERED, StepsFeedback};
     use crate::msg::Time;
 
     fn info(id: u8, sec: i32) -> GoalInfo {
@@ -288,13 +288,13 @@ mod tests {
         assert!(!goals.accept(info(2, 6), 100), "one at a time");
         assert_eq!(goals.ask([1; 16], "a"), None);
         assert_eq!(goals.ask([1; 16], "b"), None);
-        let (result, waiting) = goals.finish([1; 16], Outcome::Done).unwrap();
+        let (result, waiting) = goals.finish([1; 16], OrderOutcome::Done).unwrap();
         assert_eq!((result.status, waiting), (GoalStatus::SUCCEEDED, vec!["a", "b"]));
         assert_eq!(goals.ask([1; 16], "late").unwrap(), result);
         assert_eq!(goals.ask([9; 16], "c").unwrap().status, GoalStatus::UNKNOWN);
         assert!(!goals.accept(info(1, 7), 1), "an id is for one goal");
         for id in 10..50 {
-            assert!(goals.accept(info(id, 8), 1) && goals.finish([id; 16], Outcome::Done).is_some());
+            assert!(goals.accept(info(id, 8), 1) && goals.finish([id; 16], OrderOutcome::Done).is_some());
         }
         assert_eq!(goals.statuses().status_list.len(), REMEMBERED + 1);
     }
@@ -305,7 +305,7 @@ mod tests {
             let mut goals = Goals::<()>::default();
             goals.accept(info(1, 5), 100);
             let response = goals.cancel(&asked);
-            let ended = goals.finish([1; 16], Outcome::Interrupted).unwrap().0.status;
+            let ended = goals.finish([1; 16], OrderOutcome::Interrupted).unwrap().0.status;
             assert_eq!(ended, if response.return_code == 0 { GoalStatus::CANCELED } else { GoalStatus::ABORTED });
             assert_eq!(goals.cancel(&info(1, 0)).return_code, CancelResponse::GOAL_TERMINATED);
             response.return_code

@@ -71,11 +71,11 @@ impl Merge<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::{Definition, EffectParameter, Law, Stage};
+    use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, Stage};
     use crate::params::sheet::Sheet;
     use crate::params::yaml;
 
-    const CATALOGUE: &[EffectSpec] = &[EffectSpec::new(Definition {
+    const CATALOGUE: &[EffectSpec] = &[EffectSpec::new(EffectDefinition {
         id: "backlash",
         stage: Stage::Servomotor,
         source: "",
@@ -83,7 +83,7 @@ mod tests {
             EffectParameter { name: "width_pu", unit: "pu", neutral: 0.0, min: 0.0, max: 0.1, typical: 0.01, doc: "" },
             EffectParameter { name: "delay_s", unit: "s", neutral: 0.0, min: 0.0, max: 1.0, typical: 0.1, doc: "" },
         ],
-        apply: &Law(|_, _| {}),
+        apply: &EffectLaw(|_, _| {}),
     })];
 
     fn read(text: &str) -> (Vec<EffectSetting>, Vec<String>) {

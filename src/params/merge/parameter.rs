@@ -1,6 +1,6 @@
 //! One parameter of a file: a bare number, or a value with its tolerance, unit and source.
 
-use crate::parameters::{ENTRIES, Entry, Tolerance};
+use crate::parameters::{ENTRIES, ParameterEntry, Tolerance};
 use crate::params::suggest::nearest;
 use crate::params::yaml::Node;
 
@@ -47,7 +47,13 @@ impl Merge<'_> {
     }
 
     /// The tolerance after this file: `old` where it does not speak of it.
-    fn tolerance(&mut self, path: &[&str; 2], map: &Map, entry: &Entry, old: Option<Tolerance>) -> Option<Tolerance> {
+    fn tolerance(
+        &mut self,
+        path: &[&str; 2],
+        map: &Map,
+        entry: &ParameterEntry,
+        old: Option<Tolerance>,
+    ) -> Option<Tolerance> {
         let absolute = self.flag(path, map, "abs");
         let logarithmic = self.flag(path, map, "log");
         let Some(node) = get(map, "tol") else {

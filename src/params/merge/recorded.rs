@@ -1,6 +1,6 @@
 //! How a position is recorded: its scale and offset, as in a map of `govtwin import`.
 
-use crate::parameters::Reading;
+use crate::parameters::ChannelReading;
 use crate::params::yaml::Node;
 
 use super::{Map, Merge, get};
@@ -32,7 +32,7 @@ impl Merge<'_> {
         }
         if self.problems.len() == before {
             let recorded = &mut self.sheet.unit.recorded;
-            let reading = Reading { scale_pu, offset_pu };
+            let reading = ChannelReading { scale_pu, offset_pu };
             match name {
                 "spool_position" => recorded.spool_position = reading,
                 _ => recorded.servomotor_position = reading,

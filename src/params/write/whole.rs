@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::{line, name_of, quoted, section_of, tolerance_yaml};
 use crate::parameters::{ENTRIES, Unit};
-use crate::params::error::{ParamsError, Problem};
+use crate::params::error::{FileProblem, ParamsError};
 use crate::params::number::number_text;
 use crate::params::sheet_over_reference;
 
@@ -51,7 +51,7 @@ pub fn whole_text(path: &Path, unit: &Unit, whole: &WholeSheet) -> Result<String
     let read = sheet_over_reference(&text, path).map_err(invalid)?;
     if read.unit != *unit {
         let message = "the unit has effects, transducers or values that a sheet cannot hold".to_owned();
-        return Err(invalid(vec![Problem { line: None, key: String::new(), message }]));
+        return Err(invalid(vec![FileProblem { line: None, key: String::new(), message }]));
     }
     Ok(text)
 }

@@ -3,10 +3,10 @@
 use super::{HYBRIDS, Shown, title};
 use crate::comparison::Contender;
 use crate::comparison::breakdown::{AROUND, Broken};
-use crate::comparison::summary::{OfProcess, Scored, Summary};
+use crate::comparison::summary::{ComparisonSummary, ModelFigures, OfProcess};
 use crate::recording::Process;
 use crate::report::ink::Ink;
-use crate::report::picture::{Mark, Panel, Picture, Shape};
+use crate::report::picture::{Mark, MarkShape, Panel, Picture};
 use crate::report::table::significant;
 use crate::units::seconds_from_nanos;
 
@@ -65,7 +65,7 @@ pub fn traces(shown: &Shown) -> Picture {
 }
 
 /// A few rows around the one of each process that costs the MDHM most against the DDM.
-pub fn worst(summary: &Summary, shown: &Shown) -> Picture {
+pub fn worst(summary: &ComparisonSummary, shown: &Shown) -> Picture {
     let panel = |one: &Broken| {
         let told = one.worst.first()?;
         let marks = &shown.rows.marks;
@@ -107,12 +107,12 @@ fn with_unit(name: &str, unit: &str) -> String {
 }
 
 /// The models of [`bars`].
-fn barred(summary: &Summary) -> impl Iterator<Item = &Scored> {
+fn barred(summary: &ComparisonSummary) -> impl Iterator<Item = &ModelFigures> {
     ["mbm", "ddm", "mdhm"].into_iter().filter_map(|id| summary.models.iter().find(|model| model.id == id))
 }
 
 /// What of R² lies below the picture of [`bars`], as words for its caption; empty where nothing does.
-pub fn below_zero(summary: &Summary) -> String {
+pub fn below_zero(summary: &ComparisonSummary) -> String {
     let below: Vec<String> = barred(summary)
         .flat_map(|model| model.processes.iter().filter(|one| one.score.r2 < 0.0).map(move |one| (model, one)))
         .map(|(model, one)| {
@@ -126,12 +126,12 @@ pub fn below_zero(summary: &Summary) -> String {
     format!(" R² below 0, worse than the mean of what was measured, shows no bar: {}.", below.join(", "))
 }
 
-fn titles(models: &[Scored]) -> Vec<&str> {
+fn titles(models: &[ModelFigures]) -> Vec<&str> {
     models.first().into_iter().flat_map(|model| &model.processes).map(|one| title(one.process)).collect()
 }
 
-pub fn bars(summary: &Summary, unit: &str) -> Picture {
-    let models: Vec<&Scored> = barred(summary).collect();
+pub fn bars(summary: &ComparisonSummary, unit: &str) -> Picture {
+    let models: Vec<&ModelFigures> = barred(summary).collect();
     let panel = |(name, figure): &(&str, Figure)| {
         let mut panel = Panel::new(with_unit(name, unit)).x_categories(titles(&summary.models));
         if *name == "R²" {
@@ -213,14 +213,14 @@ fn density(values: &[f64], [from, to]: [f64; 2], bar: f64) -> Vec<[f64; 2]> {
     (0..=200).map(|k| from + (to - from) * f64::from(k) / 200.0).map(|x| [x, at(x)]).collect()
 }
 
-pub fn heatmap(summary: &Summary, unit: &str) -> Picture {
-    let hybrids: Vec<&Scored> =
+pub fn heatmap(summary: &ComparisonSummary, unit: &str) -> Picture {
+    let hybrids: Vec<&ModelFigures> =
         HYBRIDS.iter().rev().filter_map(|id| summary.models.iter().find(|model| model.id == *id)).collect();
     let panel = |(name, figure): &(&str, Figure)| {
         let rows: Vec<Vec<f64>> = hybrids.iter().map(|model| model.processes.iter().map(figure).collect()).collect();
         let full = rows.iter().flatten().fold(1e-12_f64, |most, value| most.max(value.abs()));
         let decimals = if *name == "R²" { 3 } else { 4 };
-        let shape = Shape::Cells { rows, full, below: Ink::Alarm, decimals };
+        let shape = MarkShape::Cells { rows, full, below: Ink::Alarm, decimals };
         Panel::new(with_unit(name, unit))
             .height(45 + 34 * bins_u32(hybrids.len()))
             .x_categories(titles(&summary.models))
@@ -230,21 +230,21 @@ pub fn heatmap(summary: &Summary, unit: &str) -> Picture {
     Picture::grid("Figures of the hybrids by process", 1, FIGURES.iter().map(panel).collect())
 }
 
-pub fn left_out(summary: &Summary, unit: &str) -> Picture {
+pub fn left_out(summary: &ComparisonSummary, unit: &str) -> Picture {
     let unseen = &summary.left_out_process;
     let mut panel = Panel::new(format!("MAE on the process left out, {unit}"))
         .x_categories(unseen.iter().map(|one| title(one.process)))
         .height(190);
     let models = unseen.first().map_or(&[][..], |one| &one.models);
     for (k, model) in models.iter().enumerate() {
-        let of = |unseen: &crate::comparison::summary::Unseen| unseen.models[k].overall.mae;
+        let of = |unseen: &crate::comparison::summary::UnseenProcess| unseen.models[k].overall.mae;
         let values: Vec<f64> = unseen.iter().map(of).collect();
         panel = panel.bars(ink(model.id), model.title, &values, k, models.len());
     }
     Picture::grid("A process left out of training", 1, vec![panel])
 }
 
-pub fn importance(summary: &Summary) -> Picture {
+pub fn importance(summary: &ComparisonSummary) -> Picture {
     let strongest: Vec<_> = summary.importance.iter().take(20).rev().collect();
     let shares: Vec<f64> = strongest.iter().map(|one| one.gain_share).collect();
     let mut groups: Vec<(&str, f64)> = vec![];

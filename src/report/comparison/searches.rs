@@ -3,15 +3,15 @@
 use crate::comparison::summary::Searched;
 use crate::report::draw::{DrawError, svg};
 use crate::report::ink::Ink;
-use crate::report::page::Blocks;
-use crate::report::picture::{Mark, Panel, Picture, Shape};
+use crate::report::page::PageBody;
+use crate::report::picture::{Mark, MarkShape, Panel, Picture};
 use crate::report::table::{Table, significant};
 
 /// Shows searches, whose losses have this unit: traces, what they found, and the surrogate along each dimension.
 ///
 /// # Errors
 /// Where a picture cannot be drawn.
-pub fn search_blocks(body: &mut Blocks, searches: &[Searched], unit: &str) -> Result<(), DrawError> {
+pub fn search_blocks(body: &mut PageBody, searches: &[Searched], unit: &str) -> Result<(), DrawError> {
     if searches.is_empty() {
         return Ok(());
     }
@@ -71,7 +71,7 @@ fn surrogate(search: &Searched) -> Picture {
         let mut panel = Panel::new(*name).height(110).band(Ink::Band, "", band).line(Ink::Simulated, "", middle);
         let known = search.dimensions.iter().position(|dimension| dimension == name);
         if let (Some(index), Some((best, loss))) = (known, search.best()) {
-            panel = panel.mark(Mark::new(Shape::Dots(vec![[best[index], loss]]), Ink::Alarm, ""));
+            panel = panel.mark(Mark::new(MarkShape::Dots(vec![[best[index], loss]]), Ink::Alarm, ""));
         }
         panel
     };

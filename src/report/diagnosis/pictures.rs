@@ -3,7 +3,7 @@
 use super::words::{id_words, stage_title};
 use crate::diagnosis::result::{Breakdown, Diagnosis, Latent, SignalGap, Verdict};
 use crate::report::ink::Ink;
-use crate::report::picture::{Mark, Panel, Picture, Shape};
+use crate::report::picture::{Mark, MarkShape, Panel, Picture};
 use crate::signal::Signal;
 
 /// How many rows the ranking shows.
@@ -38,7 +38,7 @@ pub fn misses(diagnosis: &Diagnosis, explained: bool) -> Picture {
 
 /// What noise alone makes, as a line across the bars.
 fn noise(at: f64) -> Mark {
-    let rule = Shape::Segments(vec![[at, f64::NEG_INFINITY, at, f64::INFINITY]]);
+    let rule = MarkShape::Segments(vec![[at, f64::NEG_INFINITY, at, f64::INFINITY]]);
     Mark { width_px: 2.0, ..Mark::new(rule, Ink::Alarm, "noise alone") }
 }
 
@@ -46,7 +46,7 @@ fn noise(at: f64) -> Mark {
 #[expect(clippy::cast_precision_loss, reason = "a handful of bars")]
 fn slim(values: &[f64]) -> Mark {
     let blocks = values.iter().enumerate().map(|(i, &value)| [0.0, value, i as f64 - 0.2, i as f64 + 0.2]);
-    Mark { opacity: 1.0, ..Mark::new(Shape::Blocks(blocks.collect()), Ink::Simulated, "with faults") }
+    Mark { opacity: 1.0, ..Mark::new(MarkShape::Blocks(blocks.collect()), Ink::Simulated, "with faults") }
 }
 
 /// Shares as lying bars with their percentages beside them.
@@ -56,7 +56,7 @@ fn shares(title: &str, ink: Ink, bars: &[(String, f64)]) -> Panel {
     let word = |(i, value): (usize, &f64)| {
         ([*value, i as f64], if *value < 0.5 { "< 1".into() } else { format!("{value:.0}") })
     };
-    let beside = Shape::Words(values.iter().enumerate().map(word).collect());
+    let beside = MarkShape::Words(values.iter().enumerate().map(word).collect());
     Panel::new(title)
         .height(height(10))
         .x_range(0.0, 112.0)

@@ -1,6 +1,6 @@
 //! What was fitted of a servomotor stage alone, in words.
 
-use crate::diagnosis::result::Told;
+use crate::diagnosis::result::StageFigure;
 use crate::diagnosis::result::{Diagnosis, Interval};
 use crate::report::table::significant;
 
@@ -13,7 +13,7 @@ pub fn fitted_stage(diagnosis: &Diagnosis) -> Option<String> {
 
 /// Value, interval and unit of a figure of a fitted stage.
 #[must_use]
-pub fn told_text(one: &Told) -> String {
+pub fn told_text(one: &StageFigure) -> String {
     let Interval { value, low, high } = one.value;
     let [value, low, high] = [value, low, high].map(|number| significant(number, 4));
     format!("{value} [{low}, {high}] {}", one.unit)

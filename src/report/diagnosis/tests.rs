@@ -1,15 +1,15 @@
 //! A made-up diagnosis on paper, with names that would break a careless page.
 
 use super::{page, summary};
-use crate::diagnosis::hypotheses::table::Table;
+use crate::diagnosis::hypotheses::table::EvidenceTable;
 use crate::diagnosis::model::discrepancy::Curve;
 use crate::diagnosis::result::{
-    Blame, Breakdown, Channel, Diagnosis, Experiment, Fitted, Interval, Latent, Part, Ranked, SignalGap, StageTest,
-    Trace, Tried, Verdict, Visible,
+    Blame, Breakdown, BreakdownPart, ChannelReport, Diagnosis, Experiment, Fitted, Interval, Latent, Ranked, SignalGap,
+    StageTest, Trace, Tried, Verdict, Visible,
 };
 use crate::effects::Stage;
 use crate::parameters::Unit;
-use crate::provenance::{Input, Provenance};
+use crate::provenance::{Provenance, RecordingGiven};
 use crate::recording::Process;
 use crate::signal::Signal;
 
@@ -32,7 +32,7 @@ fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
         sensors: crate::parameters::Sensors::default(),
         effects: vec![],
         own_effects: vec![],
-        recorded: crate::parameters::Channels::default(),
+        recorded: crate::parameters::ChannelReadings::default(),
     };
     let closure = Interval { value: 0.88, low: 0.84, high: 0.91 };
     let blame = |id: &&str| Blame {
@@ -46,7 +46,12 @@ fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
     };
     let time_s: Vec<f64> = (0..200).map(|k| 0.1 * f64::from(k)).collect();
     let level = |value: f64| vec![value; time_s.len()];
-    let part = |name: &str, share| Part { name: name.into(), samples: 100, refitted: share, with_effects: 0.1 * share };
+    let part = |name: &str, share| BreakdownPart {
+        name: name.into(),
+        samples: 100,
+        refitted: share,
+        with_effects: 0.1 * share,
+    };
     Diagnosis {
         verdict,
         stage: match verdict {
@@ -86,7 +91,7 @@ fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
         refitted: unit.clone(),
         fitted: unit,
         parameters: vec![Fitted { name: "regulator.position_gain".into(), unit: "1", ..play() }],
-        channels: vec![Channel {
+        channels: vec![ChannelReport {
             recording: "<b>one</b>".into(),
             signal: Signal::ServomotorPosition,
             samples: 200,
@@ -134,7 +139,7 @@ fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
         }],
         transfers: Vec::new(),
         sets: vec![(vec!["backlash".into()], 0.9)],
-        table: Table::default(),
+        table: EvidenceTable::default(),
         consistency: [Vec::new(), Vec::new()],
         samples: 100,
         traces: vec![Trace {
@@ -153,7 +158,10 @@ fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
 /// Made of one recording that says where it comes from.
 fn synthetic() -> Provenance {
     let origin = Some("Synthetic data.".to_owned());
-    Provenance { recordings: vec![Input { origin, synthetic: true, ..Input::default() }], ..Provenance::default() }
+    Provenance {
+        recordings: vec![RecordingGiven { origin, synthetic: true, ..RecordingGiven::default() }],
+        ..Provenance::default()
+    }
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use crate::diagnosis::result::Trace;
 use crate::report::ink::Ink;
-use crate::report::picture::{Mark, Panel, Picture, Shape};
+use crate::report::picture::{Mark, MarkShape, Panel, Picture};
 use crate::report::thin::{runs, thin};
 use crate::signal::Signal;
 
@@ -146,7 +146,7 @@ pub fn picture(trace: &Trace, window_s: Option<[f64; 2]>, explained: bool) -> Pi
 }
 
 fn thin_line(ink: Ink, label: &str, points: Vec<[f64; 2]>) -> Mark {
-    Mark { width_px: 1.0, ..Mark::new(Shape::Line(points), ink, label) }
+    Mark { width_px: 1.0, ..Mark::new(MarkShape::Line(points), ink, label) }
 }
 
 fn curve(time_s: &[f64], values: impl Iterator<Item = f64>, window_s: Option<[f64; 2]>) -> Vec<[f64; 2]> {

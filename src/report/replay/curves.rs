@@ -6,7 +6,7 @@ use crate::recording::Recording;
 use crate::replay::Replayed;
 use crate::report::draw::{DrawError, Svg, svg};
 use crate::report::ink::Ink;
-use crate::report::picture::{Event, Panel, Picture, Span};
+use crate::report::picture::{EventLine, Panel, Picture, Span};
 use crate::signal::Signal;
 use crate::units::seconds_from_nanos;
 
@@ -227,12 +227,12 @@ impl<'a> Curves<'a> {
             match (tripped_s, esv) {
                 (None, EsvState::Shutdown) => {
                     tripped_s = Some(now_s);
-                    picture.events.push(Event { x: now_s, label: "ESV trips".into(), ink: Ink::Alarm });
+                    picture.events.push(EventLine { x: now_s, label: "ESV trips".into(), ink: Ink::Alarm });
                 }
                 (Some(from_s), EsvState::Normal) => {
                     tripped_s = None;
                     picture.spans.push(Span { x: [from_s, now_s], ink: Ink::Alarm });
-                    picture.events.push(Event { x: now_s, label: "ESV normal".into(), ink: Ink::Good });
+                    picture.events.push(EventLine { x: now_s, label: "ESV normal".into(), ink: Ink::Good });
                 }
                 _ => {}
             }

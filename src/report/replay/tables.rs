@@ -4,21 +4,21 @@ use super::curves::spread;
 use crate::parameters::Sensors;
 use crate::recording::Process;
 use crate::replay::Replayed;
-use crate::replay::figures::{Group, SignalFigures};
-use crate::replay::summary::Summary;
+use crate::replay::figures::{RecordingGroup, SignalFigures};
+use crate::replay::summary::ReplaySummary;
 use crate::report::ink::Ink;
 use crate::report::picture::{Panel, Picture};
 use crate::report::table::{Table, fixed};
 use crate::signal::Signal;
 
 /// What the table says of a group.
-pub fn figures(group: &Group, signal: Signal) -> Option<&SignalFigures> {
+pub fn figures(group: &RecordingGroup, signal: Signal) -> Option<&SignalFigures> {
     group.signals.iter().find(|figures| figures.name == signal.id())
 }
 
 /// Why a signal has dashes for figures, where a cut takes it from the recording.
 #[must_use]
-pub fn reason_for_dashes(summary: &Summary) -> Option<String> {
+pub fn reason_for_dashes(summary: &ReplaySummary) -> Option<String> {
     let cut = summary.overall.signals.iter().find(|figures| figures.stands_in)?;
     let signal = Signal::ALL.into_iter().find(|signal| signal.id() == cut.name)?;
     Some(format!(
@@ -30,7 +30,7 @@ pub fn reason_for_dashes(summary: &Summary) -> Option<String> {
 
 /// The figures per process and overall.
 #[must_use]
-pub fn process_table(summary: &Summary) -> Table {
+pub fn process_table(summary: &ReplaySummary) -> Table {
     let mut table = Table::new().words("process").numbers("recordings").numbers("rows");
     for name in ["servomotor", "spool"] {
         table = table.numbers_of(name, "MAE, pu").numbers_of(name, "RMSE, pu").numbers_of(name, "R²");
@@ -51,7 +51,7 @@ pub fn process_table(summary: &Summary) -> Table {
     table
 }
 
-pub fn recording_table(summary: &Summary) -> Table {
+pub fn recording_table(summary: &ReplaySummary) -> Table {
     let mut table = Table::new().words("recording").words("process").numbers("rows").numbers("s");
     for name in ["servomotor", "spool"] {
         for figure in ["MAE", "RMSE", "R²", "bias", "largest"] {
@@ -103,7 +103,7 @@ pub fn thousands(number: u64) -> String {
 }
 
 /// RMSE by process, and how the differences are spread.
-pub fn errors(summary: &Summary, replayed: &[&Replayed], sensors: &Sensors) -> Picture {
+pub fn errors(summary: &ReplaySummary, replayed: &[&Replayed], sensors: &Sensors) -> Picture {
     let mut panels = vec![];
     let titles = summary.processes.iter().filter_map(|group| group.process.and_then(process_of).map(Process::title));
     let titles: Vec<&str> = titles.collect();

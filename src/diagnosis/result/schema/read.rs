@@ -5,16 +5,16 @@ use serde_json::Value;
 use super::curves::trace;
 use super::values::{ReadError, count, in_order, interval, lasting, number, rows, signal, text, texts};
 use super::{NEXT_TEST, SCHEMA};
-use crate::diagnosis::hypotheses::table::Table;
+use crate::diagnosis::hypotheses::table::EvidenceTable;
 use crate::diagnosis::model::discrepancy::Curve;
-use crate::diagnosis::result::Told;
-use crate::diagnosis::result::test_script::{Script, Shape};
+use crate::diagnosis::result::StageFigure;
+use crate::diagnosis::result::test_script::{CommandShape, TestScript};
 use crate::diagnosis::result::{
-    Blame, Breakdown, Channel, Diagnosis, Experiment, Fitted, FreeRun, Latent, Part, Ranked, SignalGap, StageOnly,
-    StageTest, Transfer, Tried, Verdict, Visible,
+    Blame, Breakdown, BreakdownPart, ChannelReport, Diagnosis, Experiment, Fitted, FreeRun, Latent, Ranked, SignalGap,
+    StageOnly, StageTest, Transfer, Tried, Verdict, Visible,
 };
 use crate::effects::Stage;
-use crate::parameters::{Channels, Parameters, Sensors, Unit};
+use crate::parameters::{ChannelReadings, Parameters, Sensors, Unit};
 
 /// The diagnosis of a report. What pages do not show is left empty: the units, and the innovations.
 ///
@@ -33,7 +33,7 @@ pub fn read(report: &Value) -> Result<Diagnosis, ReadError> {
         sensors: Sensors::default(),
         effects: vec![],
         own_effects: vec![],
-        recorded: Channels::default(),
+        recorded: ChannelReadings::default(),
     };
     let stage_of = |value: &Value| if value.is_null() { Ok(None) } else { stage(value).map(Some) };
     let stages = location["probability"].as_object().into_iter().flatten();
@@ -69,7 +69,7 @@ pub fn read(report: &Value) -> Result<Diagnosis, ReadError> {
             .map(|one| Transfer { recording: text(&one["recording"]), closure: interval(&one["closure"]) })
             .collect(),
         sets: rows(&evidence["fault_sets"]).map(|one| (texts(&one["effects"]), number(&one["probability"]))).collect(),
-        table: serde_json::from_value::<Table>(evidence["table"].clone()).unwrap_or_default(),
+        table: serde_json::from_value::<EvidenceTable>(evidence["table"].clone()).unwrap_or_default(),
         consistency: [Vec::new(), Vec::new()],
         samples: count(&evidence["values"]),
         traces: rows(&evidence["traces"]).map(trace).collect::<Result<_, _>>()?,
@@ -140,9 +140,9 @@ fn gap(value: &Value) -> Result<SignalGap, ReadError> {
 
 fn experiment(value: &Value) -> Result<Experiment, ReadError> {
     // Of the script a page says only that there is one; it stands beside the report.
-    let script = (value["bag"] == NEXT_TEST).then(|| Script {
+    let script = (value["bag"] == NEXT_TEST).then(|| TestScript {
         start_pu: f64::NAN,
-        shape: Shape::Trip { by_pu: 0.0 },
+        shape: CommandShape::Trip { by_pu: 0.0 },
         length_s: number(&value["length_s"]),
     });
     Ok(Experiment {
@@ -162,8 +162,8 @@ fn experiment(value: &Value) -> Result<Experiment, ReadError> {
     })
 }
 
-fn channel(value: &Value) -> Result<Channel, ReadError> {
-    Ok(Channel {
+fn channel(value: &Value) -> Result<ChannelReport, ReadError> {
+    Ok(ChannelReport {
         recording: text(&value["recording"]),
         signal: signal(&value["signal"])?,
         samples: count(&value["samples"]),
@@ -186,7 +186,7 @@ fn visible(value: &Value) -> Visible {
 }
 
 fn breakdown(value: &Value) -> Result<Breakdown, ReadError> {
-    let part = |part: &Value| Part {
+    let part = |part: &Value| BreakdownPart {
         name: text(&part["name"]),
         samples: count(&part["samples"]),
         refitted: number(&part["refitted"]),
@@ -231,8 +231,8 @@ fn tried(value: &Value) -> Tried {
     }
 }
 
-fn told(value: &Value) -> Told {
-    Told {
+fn told(value: &Value) -> StageFigure {
+    StageFigure {
         id: lasting(&value["id"]),
         title: lasting(&value["words"]),
         unit: lasting(&value["unit"]),
