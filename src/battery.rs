@@ -3,7 +3,6 @@
 //! A diagnosis that is tried on the twin's own effects proves little. The plants here ([`rig`]) share the sheet and the chain with the
 //! twin and nothing else. Everything follows from seeds.
 
-pub mod bench;
 pub mod draws;
 pub mod faults;
 pub mod laws;
@@ -11,13 +10,14 @@ pub mod mismatch;
 mod moment;
 pub mod plan;
 pub mod rig;
+pub mod test_rig;
 
 use rayon::prelude::{IntoParallelIterator, ParallelIterator};
 
-use crate::battery::bench::Bench;
 use crate::battery::draws::{Draw, Question};
 use crate::battery::faults::{Faults, STRANGERS};
 use crate::battery::mismatch::Mismatch;
+use crate::battery::test_rig::TestRig;
 use crate::effects::{Stage, find};
 use crate::frame::{Inputs, Signals};
 use crate::generate::spread;
@@ -178,12 +178,12 @@ fn unmeasured(case: &Case, effects: Vec<TrueFault>) -> Label {
 #[must_use]
 pub fn exam(unit: &Unit, case: &Case) -> Vec<(Process, GeneratedStreams)> {
     let (bench, _) = bench(unit, case);
-    let another = Bench { seed: case.seed.wrapping_add(ANOTHER_DAY), ..bench };
+    let another = TestRig { seed: case.seed.wrapping_add(ANOTHER_DAY), ..bench };
     Process::ALL.into_iter().map(|process| (process, another.record(process).0)).collect()
 }
 
 /// The plant of a case on its bench, and what is in it.
-fn bench(unit: &Unit, case: &Case) -> (Bench, Vec<TrueFault>) {
+fn bench(unit: &Unit, case: &Case) -> (TestRig, Vec<TrueFault>) {
     let mut sound = unit.clone();
     sound.effects.clear();
     let parameters = spread(&sound, case.seed).parameters;
@@ -198,7 +198,7 @@ fn bench(unit: &Unit, case: &Case) -> (Bench, Vec<TrueFault>) {
     }
     #[expect(clippy::cast_possible_truncation, reason = "a period in ticks")]
     let row_ticks = (1000.0 / case.rate_hz).round().max(1.0) as i64;
-    let bench = Bench {
+    let bench = TestRig {
         parameters,
         sensors: unit.sensors,
         faults,
@@ -244,8 +244,8 @@ fn truth(id: &str, draw: &mut Draw) -> Option<TrueFault> {
 }
 
 /// RMS by which the faults move the strongest recorded signal under the same inputs, over its noise floor.
-fn moved(bench: &Bench, process: Process, inputs: &[Inputs]) -> f64 {
-    let sound = Bench { faults: Faults::default(), ..bench.clone() };
+fn moved(bench: &TestRig, process: Process, inputs: &[Inputs]) -> f64 {
+    let sound = TestRig { faults: Faults::default(), ..bench.clone() };
     let mut with = bench.readings(process, inputs);
     let without = sound.readings(process, inputs);
     // A clock that is off moves the stamps, not the plant: what was shown under an input is shown that much later.

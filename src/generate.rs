@@ -13,7 +13,7 @@ use crate::effects;
 use crate::frame::{EsvState, Frame, Inputs, Signals};
 use crate::generate::governor::Governor;
 use crate::generate::machine::Machine;
-use crate::generate::noise::{Dice, Purpose, READINGS, Transducer};
+use crate::generate::noise::{Purpose, READINGS, RandomStreams, Transducer};
 use crate::generate::script::ProcessScript;
 use crate::generate::streams::GeneratedStreams;
 use crate::parameters::{ENTRIES, Tolerance, Unit};
@@ -70,24 +70,24 @@ pub fn streams(scenario: &Scenario) -> GeneratedStreams {
 #[must_use]
 pub fn streams_of(mut plant: Plant, scenario: &Scenario) -> GeneratedStreams {
     let Scenario { unit, process, .. } = scenario;
-    let dice = Dice { seed: scenario.seed, process: *process };
+    let random = RandomStreams { seed: scenario.seed, process: *process };
     let sensors = &unit.sensors;
     let tick_s = plant.regulator.small_loop_period_s();
     for (point, sensor, readings, purpose) in [
         (Point::RegulatorServomotor, sensors.servomotor_position_pu, READINGS, Purpose::RegulatorServomotor),
         (Point::RegulatorSpool, sensors.spool_position_pu, 1, Purpose::RegulatorSpool),
     ] {
-        plant.terms.push(noise::in_loop(point, sensor, readings, dice.of(purpose), scenario.duration_s / tick_s));
+        plant.terms.push(noise::in_loop(point, sensor, readings, random.of(purpose), scenario.duration_s / tick_s));
     }
     let lookahead_ns = nanos_from_seconds(plant.lookahead_s);
-    let script = ProcessScript::new(*process, scenario.duration_s, &dice);
-    let mut governor = Governor::new(script, dice.of(Purpose::Command));
-    let mut machine = Machine::new(&unit.parameters, &script, dice.of(Purpose::Grid));
-    let mut spool = Transducer::new(sensors.spool_position_pu, dice.of(Purpose::Spool));
-    let mut servomotor = Transducer::new(sensors.servomotor_position_pu, dice.of(Purpose::Servomotor));
-    let mut pilot_valve = Transducer::new(sensors.pilot_valve_position_pu, dice.of(Purpose::PilotValve));
-    let mut control_pressure = Transducer::new(sensors.control_pressure_pa, dice.of(Purpose::ControlPressure));
-    let mut tank = Transducer::new(sensors.tank_pressure_pa, dice.of(Purpose::TankPressure));
+    let script = ProcessScript::new(*process, scenario.duration_s, &random);
+    let mut governor = Governor::new(script, random.of(Purpose::Command));
+    let mut machine = Machine::new(&unit.parameters, &script, random.of(Purpose::Grid));
+    let mut spool = Transducer::new(sensors.spool_position_pu, random.of(Purpose::Spool));
+    let mut servomotor = Transducer::new(sensors.servomotor_position_pu, random.of(Purpose::Servomotor));
+    let mut pilot_valve = Transducer::new(sensors.pilot_valve_position_pu, random.of(Purpose::PilotValve));
+    let mut control_pressure = Transducer::new(sensors.control_pressure_pa, random.of(Purpose::ControlPressure));
+    let mut tank = Transducer::new(sensors.tank_pressure_pa, random.of(Purpose::TankPressure));
 
     let stroke_m = plant.servomotor.stroke_m;
     let mut twin = Twin::of_plant(plant, unit.parameters.oil.tank_pressure_pa, Method::default());
@@ -164,9 +164,9 @@ pub fn streams_of(mut plant: Plant, scenario: &Scenario) -> GeneratedStreams {
 #[must_use]
 pub fn spread(unit: &Unit, seed: u64) -> Unit {
     let mut drawn = unit.clone();
-    let mut dice = Dice { seed, process: Process::Startup }.of(Purpose::Unit);
+    let mut random = RandomStreams { seed, process: Process::Startup }.of(Purpose::Unit);
     for (entry, tolerance) in ENTRIES.iter().zip(&unit.tolerances) {
-        let z = dice.normal().clamp(-WIDEST_DRAW, WIDEST_DRAW);
+        let z = random.normal().clamp(-WIDEST_DRAW, WIDEST_DRAW);
         let value = (entry.get)(&unit.parameters);
         let value = match tolerance {
             None => continue,

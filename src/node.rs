@@ -5,7 +5,7 @@
 //! ```text
 //!  DDS ─▶ hear ───events───▶ step ────outputs───▶ publish ─▶ DDS
 //!         `listener` ring    `integration` ring   `publishers`
-//!         checks, answers    `core` → Twin        └─news─▶ supervisor: words, /rosout, /diagnostics, bag
+//!         checks, answers    `core` → Twin        └─node_events─▶ supervisor: words, /rosout, /diagnostics, bag
 //! ```
 //!
 //! `step` runs above all others; it shares nothing with them but two wait-free rings, and never touches

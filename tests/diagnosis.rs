@@ -58,7 +58,7 @@ fn a_planted_bias_is_named_with_its_size_and_closes_the_gap() {
         assert!((sum - 1.0).abs() < 1e-9, "{} of {}: {sum}", breakdown.by, breakdown.signal.id());
     }
     // The free term that would stand for the named effect is nearly the one that the recordings ask for.
-    let curves = &said.latents[0].curves;
+    let curves = &said.discrepancy_terms[0].curves;
     let square = |of: fn(f64, f64) -> f64| -> f64 {
         let points = curves.iter().flat_map(|curve| curve.points.iter().zip(&curve.named));
         points.map(|(free, named)| of(free.1, named.1).powi(2)).sum()

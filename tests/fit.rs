@@ -135,7 +135,7 @@ fn a_swing_is_compared_by_its_loudness() {
         seed: 11,
     };
     let problem = Problem::new(vec![Trial::new(recording(&scenario))], &unit, &noise::expected(&unit.sensors));
-    assert!(problem.swings_s(0) > 10.0, "{} s", problem.swings_s(0));
+    assert!(problem.limit_cycles_s(0) > 10.0, "{} s", problem.limit_cycles_s(0));
     let costs: Vec<f64> = problem.residuals_of(&[unit.clone(), slow(0.1), slow(0.102)]).iter().map(square).collect();
     assert!(costs[1] < 0.5 * costs[0] && costs[2] < 0.5 * costs[0], "{costs:?}");
     let gap = |unit: &Unit| {

@@ -61,9 +61,9 @@ const WORDS: &[&[u8]] = &[
 ];
 
 /// xorshift*, seeded: the same in every run.
-struct Dice(u64);
+struct RandomStreams(u64);
 
-impl Dice {
+impl RandomStreams {
     fn draw(&mut self, below: usize) -> usize {
         self.0 ^= self.0 >> 12;
         self.0 ^= self.0 << 25;
@@ -72,33 +72,33 @@ impl Dice {
     }
 }
 
-fn mutate(dice: &mut Dice, seeds: &[Vec<u8>]) -> Vec<u8> {
-    let mut bytes = seeds[dice.draw(seeds.len())].clone();
-    for _ in 0..=dice.draw(8) {
-        let at = dice.draw(bytes.len() + 1);
-        let most = 1 << dice.draw(9);
-        let len = dice.draw(most).min(bytes.len() - at);
-        match dice.draw(8) {
-            0 | 1 if at < bytes.len() => bytes[at] ^= 1 << dice.draw(8),
-            2 if at < bytes.len() => bytes[at] = dice.draw(256) as u8,
+fn mutate(random: &mut RandomStreams, seeds: &[Vec<u8>]) -> Vec<u8> {
+    let mut bytes = seeds[random.draw(seeds.len())].clone();
+    for _ in 0..=random.draw(8) {
+        let at = random.draw(bytes.len() + 1);
+        let most = 1 << random.draw(9);
+        let len = random.draw(most).min(bytes.len() - at);
+        match random.draw(8) {
+            0 | 1 if at < bytes.len() => bytes[at] ^= 1 << random.draw(8),
+            2 if at < bytes.len() => bytes[at] = random.draw(256) as u8,
             3 => drop(bytes.drain(at..at + len)),
             4 => {
                 let again = bytes[at..at + len].to_vec();
-                let to = dice.draw(bytes.len() + 1);
+                let to = random.draw(bytes.len() + 1);
                 bytes.splice(to..to, again);
             }
             5 => {
-                let word = WORDS[dice.draw(WORDS.len())];
-                let end = if dice.draw(2) == 0 { at } else { (at + word.len()).min(bytes.len()) };
+                let word = WORDS[random.draw(WORDS.len())];
+                let end = if random.draw(2) == 0 { at } else { (at + word.len()).min(bytes.len()) };
                 bytes.splice(at..end, word.iter().copied());
             }
             6 => {
-                let other = &seeds[dice.draw(seeds.len())];
-                let from = dice.draw(other.len() + 1);
+                let other = &seeds[random.draw(seeds.len())];
+                let from = random.draw(other.len() + 1);
                 bytes.truncate(at);
                 bytes.extend(&other[from..]);
             }
-            7 if dice.draw(4) == 0 => bytes.truncate(at),
+            7 if random.draw(4) == 0 => bytes.truncate(at),
             _ => {}
         }
     }
@@ -144,10 +144,10 @@ fn rounds(name: &str, target: Target, seed: u64, mut go_on: impl FnMut(u64) -> b
     for bytes in &seeds {
         run(name, target, bytes);
     }
-    let mut dice = Dice(seed | 1);
+    let mut random = RandomStreams(seed | 1);
     let mut round = 0;
     while go_on(round) {
-        run(name, target, &mutate(&mut dice, &seeds));
+        run(name, target, &mutate(&mut random, &seeds));
         round += 1;
     }
     round

@@ -18,7 +18,7 @@ use govtwin::diagnosis::{DiagnosisSettings, diagnose};
 use govtwin::effects::{self, CATALOGUE, EffectSpec, find};
 use govtwin::estimation::free_parameter::FreeParameter;
 use govtwin::frame::Signals;
-use govtwin::generate::noise::{Dice, Purpose, READINGS, Transducer, in_loop};
+use govtwin::generate::noise::{Purpose, READINGS, RandomStreams, Transducer, in_loop};
 use govtwin::generate::{Scenario, recording, spread};
 use govtwin::likelihood::noise::expected;
 use govtwin::likelihood::problem::Problem;
@@ -53,14 +53,20 @@ fn load_increase(unit: &Unit) -> Recording {
 
 /// What a recorder would have of a unit under a script, positions alone.
 fn answered(unit: &Unit, script: &TestScript) -> Recording {
-    let dice = Dice { seed: 5, process: Process::LoadIncrease };
-    let mut servomotor = Transducer::new(unit.sensors.servomotor_position_pu, dice.of(Purpose::Servomotor));
-    let mut spool = Transducer::new(unit.sensors.spool_position_pu, dice.of(Purpose::Spool));
+    let random = RandomStreams { seed: 5, process: Process::LoadIncrease };
+    let mut servomotor = Transducer::new(unit.sensors.servomotor_position_pu, random.of(Purpose::Servomotor));
+    let mut spool = Transducer::new(unit.sensors.spool_position_pu, random.of(Purpose::Spool));
     let mut plant = Plant::new(&unit.parameters);
     effects::apply(unit, &mut plant);
     // The regulator hears its transducer's noise, as in every recording.
     let heard = unit.sensors.servomotor_position_pu;
-    plant.terms.push(in_loop(Point::RegulatorServomotor, heard, READINGS, dice.of(Purpose::RegulatorServomotor), 1e6));
+    plant.terms.push(in_loop(
+        Point::RegulatorServomotor,
+        heard,
+        READINGS,
+        random.of(Purpose::RegulatorServomotor),
+        1e6,
+    ));
     let mut twin = Twin::of_plant(plant, unit.parameters.oil.tank_pressure_pa, Method::default());
     let mut frames = script.frames(unit.parameters.oil.tank_pressure_pa);
     for frame in &mut frames {

@@ -84,11 +84,11 @@ fn zero_dead_band_and_speeds_are_told_in_the_numbers_of_a_signal_about_a_half() 
 
 #[test]
 fn verdicts_do_not_depend_on_units_signs_or_zeros() {
-    let mut dice = ChaCha8Rng::seed_from_u64(28);
+    let mut random = ChaCha8Rng::seed_from_u64(28);
     let mut channel = |turns: bool| {
-        let size = 10.0_f64.powf(dice.random_range(-3.0..3.0));
-        let sign = if turns && dice.random_bool(0.5) { -1.0 } else { 1.0 };
-        [sign * size, size * dice.random_range(-3.0..3.0)]
+        let size = 10.0_f64.powf(random.random_range(-3.0..3.0));
+        let sign = if turns && random.random_bool(0.5) { -1.0 } else { 1.0 };
+        [sign * size, size * random.random_range(-3.0..3.0)]
     };
     let leaking = with(symmetric(&reference()), "servo_leak", &[4.0e-9]);
     let stages = [
@@ -186,13 +186,14 @@ fn without_a_spool_the_command_stands_in_as_a_valve_or_by_its_deviation() {
     // A proportional loop about the same valve.
     let mut loop_ = stage;
     let (mut at, mut asked) = (0.4, 0.4);
-    let mut dice = ChaCha8Rng::seed_from_u64(12);
+    let mut random = ChaCha8Rng::seed_from_u64(12);
     for (row, frame) in loop_.frames.iter_mut().enumerate() {
         if row % 100 == 0 {
-            asked = dice.random_range(0.1..0.9);
+            asked = random.random_range(0.1..0.9);
         }
         frame.inputs.opening_command_pu = asked;
-        frame.measured = Signals { servomotor_position_pu: at + 1e-4 * dice.random_range(-1.0..1.0), ..Signals::NONE };
+        frame.measured =
+            Signals { servomotor_position_pu: at + 1e-4 * random.random_range(-1.0..1.0), ..Signals::NONE };
         for _ in 0..20 {
             at += 0.0025 * 1.5 * (asked - at);
         }

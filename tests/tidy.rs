@@ -16,6 +16,8 @@ mod names;
 mod source;
 #[path = "tidy/text.rs"]
 mod text;
+#[path = "tidy/twins.rs"]
+mod twins;
 #[path = "tidy/words.rs"]
 mod words;
 
@@ -54,6 +56,11 @@ fn nothing_outside_the_laboratory_uses_it() {
 #[test]
 fn words_that_are_gone_stay_away() {
     hold(&words::gone(&tree()));
+}
+
+#[test]
+fn no_two_types_have_one_name() {
+    hold(&twins::twins(&rust()));
 }
 
 #[test]

@@ -9,7 +9,7 @@ use crate::effects::of_the_chain;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BatteryRates {
     /// 100 Hz, as on a bench.
-    Bench,
+    TestRig,
     /// 5 Hz, as in a plant's archive.
     Plant,
     /// Two thirds at 100 Hz, one third at 5 Hz.
@@ -106,7 +106,7 @@ pub fn plan(count: usize, seed: u64, rates: BatteryRates) -> Vec<Case> {
             let hidden = kind.ids().iter().any(|id| HIDDEN.contains(id));
             let rich = rich < if hidden { 0.7 } else { 0.3 };
             let slow = match rates {
-                BatteryRates::Bench => false,
+                BatteryRates::TestRig => false,
                 BatteryRates::Plant => true,
                 BatteryRates::Both => slow,
             };

@@ -90,7 +90,7 @@ Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 finished with warnings.";
 enum Rate {
     /// As on a bench.
     #[value(name = "100")]
-    Bench,
+    TestRig,
     /// As in a plant's archive.
     #[value(name = "5")]
     Plant,
@@ -116,7 +116,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         Some(0) => return Err(usage("--generate: expected at least 1 unit, found 0")),
         Some(count) => {
             let rates = match args.rate_hz {
-                Rate::Bench => BatteryRates::Bench,
+                Rate::TestRig => BatteryRates::TestRig,
                 Rate::Plant => BatteryRates::Plant,
                 Rate::Both => BatteryRates::Both,
             };

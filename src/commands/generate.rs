@@ -10,7 +10,7 @@ use clap::ValueEnum;
 use govtwin::bag::{self, Qos, Sealed, Topics, Writer, WriterOptions};
 use govtwin::files::Claim;
 use govtwin::frame::EsvState;
-use govtwin::generate::noise::{Dice, Purpose};
+use govtwin::generate::noise::{Purpose, RandomStreams};
 use govtwin::generate::streams::GeneratedStreams;
 use govtwin::generate::{self, Scenario};
 use govtwin::parameters::Unit;
@@ -256,7 +256,7 @@ fn put(by: &str, process: Process, seed: u64, streams: &GeneratedStreams, dir: &
 
 /// All messages in the order in which a recorder would have got them.
 fn messages(process: Process, seed: u64, streams: &GeneratedStreams) -> Vec<(i64, Message)> {
-    let mut draws = Dice { seed, process }.of(Purpose::LogTime);
+    let mut draws = RandomStreams { seed, process }.of(Purpose::LogTime);
     let mut all: Vec<(i64, Message)> = vec![];
     let mut put = |stamp_ns: i64, message| {
         all.push((stamp_ns + units::nanos_from_seconds(draws.between(1.5e-4, 9.0e-4)), message));

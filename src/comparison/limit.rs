@@ -12,7 +12,7 @@ use super::Contender;
 use crate::effects;
 use crate::frame::Estimate;
 use crate::frame::Frame;
-use crate::generate::noise::{Dice, Draws, Purpose, READINGS, Transducer, in_loop};
+use crate::generate::noise::{Draws, Purpose, READINGS, RandomStreams, Transducer, in_loop};
 use crate::parameters::Unit;
 use crate::plant::Plant;
 use crate::plant::term::Point;
@@ -48,9 +48,9 @@ pub fn limit(
     let [one, other] = [2 * seed, 2 * seed + 1].map(|seed| {
         let run = |recording: &Recording| {
             let mut recording = recording.clone();
-            let dice = Dice { seed, process: recording.process };
+            let random = RandomStreams { seed, process: recording.process };
             if known == LimitKnowledge::Rows && cut == Cut::Servomotor {
-                let mut reader = Transducer::new(unit.sensors.servomotor_position_pu, dice.of(Purpose::Servomotor));
+                let mut reader = Transducer::new(unit.sensors.servomotor_position_pu, random.of(Purpose::Servomotor));
                 for frame in &mut recording.frames {
                     let position_pu = &mut frame.measured.servomotor_position_pu;
                     *position_pu = reader.read(*position_pu);
@@ -58,7 +58,7 @@ pub fn limit(
             }
             let (mut between, rows) = drawn(&recording, grid_ns);
             if known == LimitKnowledge::Rows {
-                wander(&mut between.frames, &rows, &mut dice.of(Purpose::Command));
+                wander(&mut between.frames, &rows, &mut random.of(Purpose::Command));
             }
             let estimates = simulate(&mut noisy(unit, &recording, seed).with_cut(cut), &between);
             rows.iter().filter_map(|&row| estimates.get(row).copied()).collect()
@@ -67,8 +67,8 @@ pub fn limit(
     });
     let signal = table.layout.signal;
     let reader = |seed: u64| {
-        let dice = Dice { seed, process: Process::Startup };
-        Transducer::new(signal.sensor(&unit.sensors), dice.of(Purpose::Spool))
+        let random = RandomStreams { seed, process: Process::Startup };
+        Transducer::new(signal.sensor(&unit.sensors), random.of(Purpose::Spool))
     };
     let (mut reader, mut another) = (reader(2 * seed), reader(2 * seed + 1));
     let estimates = rows.iter().map(|&row| {
@@ -116,7 +116,7 @@ fn noisy(unit: &Unit, recording: &Recording, seed: u64) -> Twin {
     let mut plant = Plant::new(&unit.parameters);
     effects::apply(unit, &mut plant);
     let sensors = &unit.sensors;
-    let dice = Dice { seed, process: recording.process };
+    let random = RandomStreams { seed, process: recording.process };
     let [begin_ns, end_ns] =
         [recording.frames.first(), recording.frames.last()].map(|one| one.map_or(0, |one| one.time_ns));
     let ticks = seconds_from_nanos(end_ns - begin_ns) / plant.regulator.small_loop_period_s();
@@ -124,7 +124,7 @@ fn noisy(unit: &Unit, recording: &Recording, seed: u64) -> Twin {
         (Point::RegulatorServomotor, sensors.servomotor_position_pu, READINGS, Purpose::RegulatorServomotor),
         (Point::RegulatorSpool, sensors.spool_position_pu, 1, Purpose::RegulatorSpool),
     ] {
-        plant.terms.push(in_loop(point, sensor, readings, dice.of(purpose), ticks));
+        plant.terms.push(in_loop(point, sensor, readings, random.of(purpose), ticks));
     }
     Twin::of_plant(plant, unit.parameters.oil.tank_pressure_pa, Method::default())
 }
@@ -156,10 +156,10 @@ mod tests {
 
     #[test]
     fn a_command_wanders_between_rows_as_it_does_from_row_to_row_and_not_on_them() {
-        use crate::generate::noise::{Dice, Purpose};
+        use crate::generate::noise::{Purpose, RandomStreams};
         use crate::recording::Process;
         use crate::replay::between::drawn;
-        let mut draws = Dice { seed: 1, process: Process::Startup }.of(Purpose::Grid);
+        let mut draws = RandomStreams { seed: 1, process: Process::Startup }.of(Purpose::Grid);
         let (mut recording, _) = made(2000);
         let (mut walk_pu, step_pu) = (0.5, 1e-4);
         for frame in &mut recording.frames {

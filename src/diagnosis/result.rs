@@ -246,7 +246,7 @@ pub struct StageTest {
 /// A free term placed in one equation: how much it would explain, and what it looks like.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
-pub struct Latent {
+pub struct DiscrepancyTerm {
     /// Where it stands, in words.
     pub place: &'static str,
     /// Stage.
@@ -402,7 +402,7 @@ pub struct Diagnosis {
     pub stage_tests: Vec<StageTest>,
     /// Free terms.
     #[doc(hidden)]
-    pub latents: Vec<Latent>,
+    pub discrepancy_terms: Vec<DiscrepancyTerm>,
     /// What was tried, best first.
     #[doc(hidden)]
     pub tried: Vec<Tried>,

@@ -18,9 +18,9 @@ use crate::likelihood::trial::Trial;
 use crate::parameters::Unit;
 use crate::recording::Recording;
 use crate::signal::Signal;
+use crate::stage_alone::competing_laws::Follows;
 use crate::stage_alone::pieces::{length_s_of, pieces, windows};
 use crate::stage_alone::plain::plain;
-use crate::stage_alone::rivals::Follows;
 use crate::stage_alone::run::Run;
 use crate::units::seconds_from_nanos;
 

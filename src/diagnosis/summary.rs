@@ -17,7 +17,7 @@ use crate::diagnosis::model::FittedModel;
 use crate::diagnosis::model::consistency::consistency;
 use crate::diagnosis::model::discrepancy;
 use crate::diagnosis::result::{
-    Blame, ChannelReport, Diagnosis, Fitted, Interval, Latent, Ranked, Transfer, Tried, Verdict,
+    Blame, ChannelReport, Diagnosis, DiscrepancyTerm, Fitted, Interval, Ranked, Transfer, Tried, Verdict,
 };
 use crate::diagnosis::summary::breakdown::{breakdowns, gaps};
 use crate::diagnosis::summary::explained_fraction::{
@@ -145,7 +145,7 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &DiagnosisSettings, see
         visible,
         breakdowns: breakdowns(problem, &refitted, &with_effects),
         stage_tests: stages::tests(problem, &refitted_model.unit()),
-        latents: latents(problem, explored, chosen),
+        discrepancy_terms: discrepancy_terms(problem, explored, chosen),
         transfers: transfers(problem, [&refitted_without, &chosen_without], chosen, settings.seed),
         tried: tried(explored, (&refitted_without, chosen, &chosen_without), problem, spread),
         samples: problem.trials.iter().map(|t| t.samples.len() * t.has.iter().filter(|&&has| has).count()).sum(),
@@ -161,14 +161,14 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &DiagnosisSettings, see
 }
 
 /// What something unknown would be like at each place, best first; beside it what it would be like if the unit were the improved twin.
-fn latents(problem: &Problem, explored: &Explored, chosen: &FittedModel) -> Vec<Latent> {
+fn discrepancy_terms(problem: &Problem, explored: &Explored, chosen: &FittedModel) -> Vec<DiscrepancyTerm> {
     let Some(empty) = explored.hypotheses.iter().find(|one| one.effects.is_empty()) else { return Vec::new() };
     let gap = empty.model.fit.cost() - problem.expected_cost();
     let goal = (!chosen.effects.is_empty()).then(|| -> Residuals {
         let pairs = empty.model.fit.residuals.iter().zip(&chosen.fit.residuals);
         pairs.map(|(refitted, improved)| refitted - improved).collect()
     });
-    let mut all: Vec<Latent> = discrepancy::PLACES
+    let mut all: Vec<DiscrepancyTerm> = discrepancy::PLACES
         .iter()
         .enumerate()
         .map(|(index, place)| {
@@ -182,7 +182,7 @@ fn latents(problem: &Problem, explored: &Explored, chosen: &FittedModel) -> Vec<
                 }
             }
             let explains = if gap > 0.0 { (gain / gap).clamp(0.0, 1.0) } else { 0.0 };
-            Latent { place: place.words, stage: place.stage, unit: place.unit, explains, curves }
+            DiscrepancyTerm { place: place.words, stage: place.stage, unit: place.unit, explains, curves }
         })
         .collect();
     all.sort_by(|a, b| b.explains.total_cmp(&a.explains));

@@ -43,14 +43,14 @@ pub enum Purpose {
 
 /// The seed of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Dice {
+pub struct RandomStreams {
     /// The seed.
     pub seed: u64,
     /// The process recorded.
     pub process: Process,
 }
 
-impl Dice {
+impl RandomStreams {
     /// The stream of draws for a purpose.
     #[must_use]
     pub fn of(self, purpose: Purpose) -> Draws {
@@ -147,7 +147,8 @@ mod tests {
     #[test]
     fn noise_and_steps_are_those_of_the_sensor() {
         let sensor = Sensor { noise: 6.0e-4, step: 1.22e-4 };
-        let mut transducer = Transducer::new(sensor, Dice { seed: 3, process: Process::Startup }.of(Purpose::Spool));
+        let mut transducer =
+            Transducer::new(sensor, RandomStreams { seed: 3, process: Process::Startup }.of(Purpose::Spool));
         let count = 100_000;
         let readings: Vec<f64> = (0..count).map(|_| transducer.read(0.25)).collect();
         let mean = readings.iter().sum::<f64>() / f64::from(count);
@@ -161,7 +162,7 @@ mod tests {
 
     #[test]
     fn purposes_and_processes_do_not_share_draws() {
-        let first = |seed, process, purpose| Dice { seed, process }.of(purpose).normal();
+        let first = |seed, process, purpose| RandomStreams { seed, process }.of(purpose).normal();
         let one = first(1, Process::Startup, Purpose::Spool);
         assert_eq!(one, first(1, Process::Startup, Purpose::Spool));
         assert_ne!(one, first(2, Process::Startup, Purpose::Spool));

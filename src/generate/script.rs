@@ -1,6 +1,6 @@
 //! What happens in a process, and when: set points, limits, breaker and trip, drawn within what plants do.
 
-use crate::generate::noise::{Dice, Purpose};
+use crate::generate::noise::{Purpose, RandomStreams};
 use crate::recording::Process;
 
 /// A set point of the opening that the operator gives.
@@ -49,12 +49,12 @@ const NEVER: SetPoint = SetPoint { time_s: f64::INFINITY, opening_pu: 0.0 };
 impl ProcessScript {
     /// Draws the course of a process over a recording of `duration_s`.
     #[must_use]
-    pub fn new(process: Process, duration_s: f64, dice: &Dice) -> Self {
-        let mut machine = dice.of(Purpose::Machine);
+    pub fn new(process: Process, duration_s: f64, random: &RandomStreams) -> Self {
+        let mut machine = random.of(Purpose::Machine);
         let no_load_opening_pu = machine.between(0.10, 0.13);
         let mechanical_time_s = machine.between(5.5, 8.0);
         let water_time_s = machine.between(0.8, 1.6);
-        let mut draws = dice.of(Purpose::Script);
+        let mut draws = random.of(Purpose::Script);
         let begin_s = draws.between(2.0, 5.0);
         let mut script = Self {
             initial_opening_pu: 0.0,

@@ -18,11 +18,11 @@ const LOUD: f64 = 4.0;
 /// A block swings with so many of so many blocks about it: an event that comes at another time is soon over.
 const LASTING: (usize, usize) = (3, 5);
 
-/// So many times the variance of the swing counts as noise where samples are compared: one for the recording's, one for the twin's, and
+/// So many times the variance of the limit cycle counts as noise where samples are compared: one for the recording's, one for the twin's, and
 /// most for not favouring a twin that stands still.
 const IGNORED: f64 = 8.0;
 
-/// For so many blocks what comes after a swing depends on where in it that began.
+/// For so many blocks what comes after a limit cycle depends on where in it that began.
 const AFTER: usize = 2;
 
 /// How far the logarithm of a right equation's power may be off, one standard deviation.
@@ -55,13 +55,13 @@ struct Block {
 pub struct LimitCycles {
     blocks: Vec<Block>,
     octaves: usize,
-    /// What of the swing counts as noise at each sample, in the signal's unit squared.
+    /// What of the limit cycle counts as noise at each sample, in the signal's unit squared.
     pub ignored_squares: Vec<f64>,
 }
 
 /// Looks for stretches in which any signal of a recording swings and the reference does not; then all of them do. One for each signal.
 #[must_use]
-pub fn swings(looks: &[SignalSamples], period_s: f64) -> Vec<LimitCycles> {
+pub fn limit_cycles(looks: &[SignalSamples], period_s: f64) -> Vec<LimitCycles> {
     let count = looks.first().map_or(0, |look| look.measured.len());
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small count")]
     let length = ((BLOCK.0 / period_s.max(1e-3)).round() as usize).max(BLOCK.1);
@@ -84,7 +84,7 @@ pub fn swings(looks: &[SignalSamples], period_s: f64) -> Vec<LimitCycles> {
         let excesses: Vec<f64> = signal.iter().map(|block| block.excess(octaves)).collect();
         let mut ignored_squares = vec![0.0; count];
         for &k in &swinging {
-            // The swing goes on where an event hides it, and is no louder where an event comes at another time.
+            // The limit cycle goes on where an event hides it, and is no louder where an event comes at another time.
             let mut about = excesses[window(k)].to_vec();
             about.sort_by(f64::total_cmp);
             let end = blocks[(k + AFTER).min(blocks.len() - 1)].end;
@@ -144,13 +144,13 @@ impl LimitCycles {
         })
     }
 
-    /// How many samples are in a swing.
+    /// How many samples are in a limit cycle.
     #[must_use]
     pub fn samples(&self) -> usize {
         self.blocks.iter().map(|block| block.samples.len()).sum()
     }
 
-    /// Squares of residuals at each sample, as far as two runs can be in step: of a swing that of its loudness, octave by octave, and of its mean.
+    /// Squares of residuals at each sample, as far as two runs can be in step: of a limit cycle that of its loudness, octave by octave, and of its mean.
     #[must_use]
     pub fn squares(&self, measured: &[f64], simulated: &[f64]) -> Vec<f64> {
         let mut squares: Vec<f64> = measured.iter().zip(simulated).map(|(a, b)| (a - b).powi(2)).collect();
@@ -197,37 +197,37 @@ mod tests {
         (0..2000).map(|k| of(f64::from(k) * PERIOD_S)).collect()
     }
 
-    /// A swing about a slow movement.
+    /// A limit cycle about a slow movement.
     fn swing(loudness: f64, frequency_hz: f64, phase: f64) -> Vec<f64> {
         signal(|t| 0.3 * (0.2 * t).sin() + loudness * (std::f64::consts::TAU * frequency_hz * t + phase).sin())
     }
 
     fn found(measured: Vec<f64>) -> LimitCycles {
         let noise_squares = vec![1e-6; measured.len()];
-        swings(&[SignalSamples { measured, reference: swing(0.0, 0.0, 0.0), noise_squares }], PERIOD_S).remove(0)
+        limit_cycles(&[SignalSamples { measured, reference: swing(0.0, 0.0, 0.0), noise_squares }], PERIOD_S).remove(0)
     }
 
-    fn square(swings: &LimitCycles, simulated: &[f64]) -> f64 {
-        swings.residuals(simulated).map(|residual| residual * residual).sum::<f64>() / (10 * OCTAVES) as f64
+    fn square(limit_cycles: &LimitCycles, simulated: &[f64]) -> f64 {
+        limit_cycles.residuals(simulated).map(|residual| residual * residual).sum::<f64>() / (10 * OCTAVES) as f64
     }
 
     #[test]
     fn a_swing_is_known_by_loudness_and_pace_and_not_by_its_phase() {
-        let swings = found(swing(0.05, 3.0, 0.0));
-        assert_eq!(swings.samples(), 2000);
+        let limit_cycles = found(swing(0.05, 3.0, 0.0));
+        assert_eq!(limit_cycles.samples(), 2000);
         for phase in [0.0, 1.0, 2.5] {
-            assert!(square(&swings, &swing(0.05, 3.0, phase)) < 0.01);
+            assert!(square(&limit_cycles, &swing(0.05, 3.0, phase)) < 0.01);
         }
-        assert!(square(&swings, &swing(0.03, 3.0, 0.0)) > 3.0);
-        assert!(square(&swings, &swing(0.05, 6.0, 0.0)) > 3.0);
-        assert!(square(&swings, &swing(0.0, 0.0, 0.0)) > 20.0);
+        assert!(square(&limit_cycles, &swing(0.03, 3.0, 0.0)) > 3.0);
+        assert!(square(&limit_cycles, &swing(0.05, 6.0, 0.0)) > 3.0);
+        assert!(square(&limit_cycles, &swing(0.0, 0.0, 0.0)) > 20.0);
     }
 
     #[test]
     fn squares_in_a_swing_are_those_of_its_loudness_and_mean() {
         let (measured, other) = (swing(0.05, 3.0, 0.0), swing(0.05, 3.0, 2.0));
-        let swings = found(measured.clone());
-        let mean = |simulated: &[f64]| swings.squares(&measured, simulated).iter().sum::<f64>() / 2000.0;
+        let limit_cycles = found(measured.clone());
+        let mean = |simulated: &[f64]| limit_cycles.squares(&measured, simulated).iter().sum::<f64>() / 2000.0;
         let standing = mean(&swing(0.0, 0.0, 0.0));
         // Half the square of its loudness, as far as the octaves catch it.
         assert!((0.8..1.2).contains(&(standing / (0.5 * 0.05 * 0.05))), "{standing}");
@@ -246,9 +246,9 @@ mod tests {
             reference: vec![0.0; 2000],
             noise_squares,
         };
-        for swings in swings(&[event, noisy], PERIOD_S) {
-            assert_eq!(swings.samples(), 0);
-            assert!(swings.ignored_squares.iter().all(|square| *square == 0.0));
+        for limit_cycles in limit_cycles(&[event, noisy], PERIOD_S) {
+            assert_eq!(limit_cycles.samples(), 0);
+            assert!(limit_cycles.ignored_squares.iter().all(|square| *square == 0.0));
         }
     }
 
@@ -263,7 +263,7 @@ mod tests {
             reference: reference.clone(),
             noise_squares: noise_squares.clone(),
         });
-        let samples: Vec<usize> = swings(&looks, PERIOD_S).iter().map(LimitCycles::samples).collect();
+        let samples: Vec<usize> = limit_cycles(&looks, PERIOD_S).iter().map(LimitCycles::samples).collect();
         assert_eq!(samples, [2000, 1800]);
     }
 
@@ -275,7 +275,7 @@ mod tests {
                 reference: vec![0.0; count],
                 noise_squares: vec![1e-6; count],
             };
-            assert_eq!(swings(&[look], PERIOD_S)[0].samples(), 0);
+            assert_eq!(limit_cycles(&[look], PERIOD_S)[0].samples(), 0);
         }
     }
 }

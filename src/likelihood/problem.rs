@@ -45,7 +45,7 @@ pub struct Problem {
     simulations: Arc<AtomicUsize>,
 }
 
-/// Residuals of one unit: by trial, all signals one behind another, sample by sample, then their swings; made independent and of unit size.
+/// Residuals of one unit: by trial, all signals one behind another, sample by sample, then their limit cycles; made independent and of unit size.
 pub type Residuals = Vec<DVector<f64>>;
 
 impl Problem {
@@ -182,14 +182,14 @@ impl Problem {
         self.trials[trial].place(signal).map_or(0.0, |place| self.whiteners[trial][place].floor_square)
     }
 
-    /// Squared residuals of a signal in a trial at each sample, in its unit squared; where it swings, those of the swing's loudness.
+    /// Squared residuals of a signal in a trial at each sample, in its unit squared; where it swings, those of the limit cycle's loudness.
     ///
     /// Not a number where it was not measured; none where it never was.
     #[must_use]
     pub fn squares(&self, trial: usize, signal: Signal, estimates: &[Estimate]) -> Option<Vec<f64>> {
         let place = self.trials[trial].place(signal)?;
         let simulated = signal.of_estimates(estimates);
-        Some(self.whiteners[trial][place].swings.squares(&self.trials[trial].measured(signal), &simulated))
+        Some(self.whiteners[trial][place].limit_cycles.squares(&self.trials[trial].measured(signal), &simulated))
     }
 
     /// Whether any trial has samples so far apart that nobody knows what drives the unit between them.
@@ -200,9 +200,9 @@ impl Problem {
 
     /// By sample whether a signal swings of itself in a trial, where it is judged by its loudness; none where it was never measured.
     #[must_use]
-    pub fn swinging_samples(&self, trial: usize, signal: Signal) -> Option<Vec<bool>> {
+    pub fn limit_cycle_samples(&self, trial: usize, signal: Signal) -> Option<Vec<bool>> {
         let place = self.trials[trial].place(signal)?;
-        Some(self.whiteners[trial][place].swings.ignored_squares.iter().map(|square| *square > 0.0).collect())
+        Some(self.whiteners[trial][place].limit_cycles.ignored_squares.iter().map(|square| *square > 0.0).collect())
     }
 
     /// Independent samples, all trials and signals together; one that may hold a kick counts as it costs a right model.
@@ -226,15 +226,15 @@ impl Problem {
 
     /// For how long a trial swings of itself, s.
     #[must_use]
-    pub fn swings_s(&self, trial: usize) -> f64 {
-        let samples = self.whiteners[trial].iter().map(|whitener| whitener.swings.samples()).max().unwrap_or(0);
+    pub fn limit_cycles_s(&self, trial: usize) -> f64 {
+        let samples = self.whiteners[trial].iter().map(|whitener| whitener.limit_cycles.samples()).max().unwrap_or(0);
         samples as f64 * self.trials[trial].period_s
     }
 
     /// Where recordings swing of themselves and for how long, in a sentence.
     #[must_use]
     pub fn swinging(&self) -> Option<String> {
-        let times = self.trials.iter().enumerate().map(|(index, trial)| (&trial.name, self.swings_s(index)));
+        let times = self.trials.iter().enumerate().map(|(index, trial)| (&trial.name, self.limit_cycles_s(index)));
         let said: Vec<String> = times
             .filter(|(_, time_s)| *time_s > 0.0)
             .map(|(name, time_s)| format!("{name} for {time_s:.0} s"))
@@ -272,7 +272,7 @@ impl Problem {
     fn whitened(&self, data: &Trial, index: usize, mut traces: Traces) -> DVector<f64> {
         let count = data.samples.len();
         let mut all = Vec::with_capacity(count * self.whiteners[index].len());
-        let mut swings = Vec::new();
+        let mut limit_cycles = Vec::new();
         for (signal, whitener) in data.signals().zip(&self.whiteners[index]) {
             let start = all.len();
             let simulated = &mut traces[signal as usize];
@@ -280,9 +280,9 @@ impl Problem {
             let measured = data.measured(signal).into_iter();
             all.extend(measured.zip(&*simulated).map(|(measured, simulated)| measured - simulated));
             whitener.apply(&mut all[start..]);
-            swings.extend(whitener.swings(simulated));
+            limit_cycles.extend(whitener.limit_cycles(simulated));
         }
-        all.append(&mut swings);
+        all.append(&mut limit_cycles);
         DVector::from_vec(all)
     }
 

@@ -126,7 +126,7 @@ impl Trial {
         self.signals().position(|other| other == signal)
     }
 
-    /// Place of a sample among the residuals: one signal behind another, then what compares swings.
+    /// Place of a sample among the residuals: one signal behind another, then what compares limit cycles.
     #[must_use]
     pub fn residual(&self, place: usize, sample: usize) -> usize {
         place * self.samples.len() + sample

@@ -2,7 +2,7 @@
 
 use crate::frame::Estimate;
 use crate::likelihood::kick::Contaminated;
-use crate::likelihood::limit_cycle::{LimitCycles, SignalSamples, swings};
+use crate::likelihood::limit_cycle::{LimitCycles, SignalSamples, limit_cycles};
 use crate::likelihood::noise::{Noise, SignalNoise, Variances};
 use crate::likelihood::trial::Trial;
 use crate::signal::Signal;
@@ -47,7 +47,7 @@ pub struct Whitener {
     /// Independent samples per sample.
     pub share: f64,
     /// Where the recording swings.
-    pub swings: LimitCycles,
+    pub limit_cycles: LimitCycles,
     /// Mean square that a right model would leave besides sudden events, in the signal's unit squared.
     pub floor_square: f64,
 }
@@ -70,13 +70,13 @@ pub fn whiteners(
     };
     let (looks, variances): (Vec<SignalSamples>, Vec<Variances>) = trial.signals().map(of).unzip();
     // A servomotor behind a recorded spool cannot swing of itself.
-    let swings = match trial.cut {
+    let limit_cycles = match trial.cut {
         Cut::Spool => looks.iter().map(LimitCycles::none).collect(),
-        _ => swings(&looks, trial.period_s),
+        _ => limit_cycles(&looks, trial.period_s),
     };
-    let each = trial.signals().zip(looks).zip(variances).zip(swings);
-    each.map(|(((signal, look), variances), swings)| {
-        Whitener::new(trial, &noise[signal as usize], &look, &variances, swings)
+    let each = trial.signals().zip(looks).zip(variances).zip(limit_cycles);
+    each.map(|(((signal, look), variances), limit_cycles)| {
+        Whitener::new(trial, &noise[signal as usize], &look, &variances, limit_cycles)
     })
     .collect()
 }
@@ -91,7 +91,7 @@ impl Whitener {
         noise: &SignalNoise,
         look: &SignalSamples,
         variances: &Variances,
-        swings: LimitCycles,
+        limit_cycles: LimitCycles,
     ) -> Self {
         let count = trial.samples.len();
         let (mut decay, mut gain, mut scale) =
@@ -104,8 +104,10 @@ impl Whitener {
             spread = a * a * spread + (1.0 - a * a) * (variances.wander + variances.drift[k] + doubt * doubt);
             decay.push(a);
             if look.measured[k].is_finite() {
-                let total =
-                    spread + variances.white[k] + variances.sharp[k] * variances.sharp[k] + swings.ignored_squares[k];
+                let total = spread
+                    + variances.white[k]
+                    + variances.sharp[k] * variances.sharp[k]
+                    + limit_cycles.ignored_squares[k];
                 let k_gain = spread / total;
                 gain.push(k_gain);
                 let contaminated = variances.kicks.get(k).map(|kick| kick.over(total));
@@ -121,7 +123,7 @@ impl Whitener {
         let seen = look.noise_squares.iter().zip(&look.measured).filter(|(_, measured)| measured.is_finite());
         let seen: Vec<f64> = seen.map(|(square, _)| *square).collect();
         let floor_square = seen.iter().sum::<f64>() / seen.len().max(1) as f64;
-        Self { decay, gain, scale, kicked, share: independent_share(trial.period_s), swings, floor_square }
+        Self { decay, gain, scale, kicked, share: independent_share(trial.period_s), limit_cycles, floor_square }
     }
 
     /// Twice the logarithm of the standard deviation, over all samples, raised as the likelihood is.
@@ -137,8 +139,8 @@ impl Whitener {
     }
 
     /// By how much a simulated signal swings otherwise than the recorded one, where that swings of itself.
-    pub fn swings<'a>(&'a self, simulated: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
-        self.swings.residuals(simulated).map(|residual| tamed(residual, LIMIT_CYCLE_SHARE))
+    pub fn limit_cycles<'a>(&'a self, simulated: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+        self.limit_cycles.residuals(simulated).map(|residual| tamed(residual, LIMIT_CYCLE_SHARE))
     }
 
     /// Mean square of the innovations over their standard deviation where the model is right, summed over all samples.

@@ -14,14 +14,14 @@ use crate::residual::corrector::Correction;
 use crate::signal::Signal;
 
 /// The publishers of one corrected signal.
-pub struct Voice {
+pub struct CorrectedPublishers {
     signal: Signal,
     state: Publisher<ServoState>,
     lower: Publisher<ServoState>,
     upper: Publisher<ServoState>,
 }
 
-impl Voice {
+impl CorrectedPublishers {
     /// Opens the three topics.
     ///
     /// # Errors

@@ -1,7 +1,7 @@
 //! Checks on what peers send: every number finite and in range, stamps in order, types as agreed.
 
+pub mod competing_publishers;
 pub mod joints;
-pub mod rivals;
 
 use std::collections::BTreeMap;
 

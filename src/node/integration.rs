@@ -127,7 +127,7 @@ pub struct Integrator {
     time_ns: i64,
     next_publish_ns: i64,
     clock_ns: Option<i64>,
-    news: bool,
+    node_events: bool,
 }
 
 impl Integrator {
@@ -160,7 +160,7 @@ impl Integrator {
             time_ns,
             next_publish_ns: time_ns,
             clock_ns: None,
-            news: false,
+            node_events: false,
         };
         let ends =
             Ends { events: event_in, refits: refit_in, retired: retired_out, outputs: output_out, answers: answer_out };
@@ -175,7 +175,7 @@ impl Integrator {
 
     /// One wake-up: takes what was heard, advances the twin, hands the results out. Returns whether there are any.
     pub fn turn(&mut self, now_ns: i64) -> bool {
-        self.news = false;
+        self.node_events = false;
         for _ in 0..EVENTS {
             // What comes after a time of the clock counts from then on.
             if !self.catch_up() {
@@ -202,7 +202,7 @@ impl Integrator {
         } else {
             self.step();
         }
-        self.news
+        self.node_events
     }
 
     /// Leaves out `ticks` ticks: the next one steps over them. A simulated clock says itself how far time is; it loses none.
@@ -332,7 +332,7 @@ impl Integrator {
                 worst_lateness_us: self.stats.worst_lateness_us(),
             };
             self.stats.lost_outputs += u64::from(self.outputs.push(output).is_err());
-            self.news = true;
+            self.node_events = true;
         }
         self.time_ns += self.pace.period_ns;
     }

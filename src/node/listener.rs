@@ -15,12 +15,12 @@ use ros2_client::parameters::raw;
 use ros2_client::{Gid, Publisher, Subscription};
 use rtrb::{Consumer, Producer};
 
-use self::event::{News, Teller};
+use self::event::{NodeEvent, Teller};
 use super::bus::{Bus, BusError};
 use super::clock;
 use super::core::{InputEvent, NodeInput};
 use super::environment::Environment;
-use super::intake::rivals::Rivals;
+use super::intake::competing_publishers::CompetingPublishers;
 use super::intake::{Intake, Numbering, TopicCounts, TopicGate};
 use super::integration::TimedEvent;
 use super::policy::JOINT_COMMANDS;
@@ -30,7 +30,7 @@ use super::services::replies::Replies;
 use super::services::simulation::SimulationServices;
 use super::services::steps::StepsAction;
 use super::services::upkeep::UpkeepServices;
-use super::services::{Aftermath, ParameterServices, ServiceDesk};
+use super::services::{Aftermath, ParameterServices, ServiceContext};
 use super::settings::NodeSettings;
 use crate::msg::{Clock, EsvState, FluidPressure, GovernorCommand, Interface, JointState, ServoState};
 
@@ -112,7 +112,7 @@ pub struct Listener<'a> {
     /// The loop.
     pub integrator: RefCell<Loop>,
     /// Where words go.
-    pub news: Teller,
+    pub node_events: Teller,
     /// Counts of the inputs, for whoever asks.
     pub counts: &'a Mutex<[TopicCounts; NodeInput::COUNT]>,
     /// What was heard of `/clock`, for whoever watches it.
@@ -120,7 +120,7 @@ pub struct Listener<'a> {
     /// Stroke of the servomotor, by which metres become pu.
     stroke_m: Cell<f64>,
     gates: RefCell<[TopicGate; NodeInput::COUNT]>,
-    rivals: RefCell<[Rivals<Gid>; NodeInput::COUNT]>,
+    competing: RefCell<[CompetingPublishers<Gid>; NodeInput::COUNT]>,
     senders: RefCell<BTreeMap<Gid, bool>>,
     numbers: RefCell<Numbering<Gid>>,
     full: Cell<bool>,
@@ -138,19 +138,19 @@ impl<'a> Listener<'a> {
     pub fn new(
         bus: &'a Bus,
         integrator: Loop,
-        news: Teller,
+        node_events: Teller,
         counts: &'a Mutex<[TopicCounts; NodeInput::COUNT]>,
         clock: &'a clock::ClockHeard,
     ) -> Self {
         Self {
             bus,
             integrator: RefCell::new(integrator),
-            news,
+            node_events,
             counts,
             clock,
             stroke_m: Cell::new(1.0),
             gates: RefCell::default(),
-            rivals: RefCell::default(),
+            competing: RefCell::default(),
             senders: RefCell::default(),
             numbers: RefCell::default(),
             full: Cell::new(false),
@@ -161,7 +161,7 @@ impl<'a> Listener<'a> {
     pub fn run<'s>(
         &self,
         subscriptions: &'s Subscriptions,
-        services: &ServiceDesk<'_>,
+        services: &ServiceContext<'_>,
         replies: &Replies<'s>,
         stop: oneshot::Receiver<()>,
     ) {
@@ -232,13 +232,13 @@ impl<'a> Listener<'a> {
     }
 
     /// Hands a twin of the changed unit to the loop, and takes back those that it exchanged.
-    fn hand_over(&self, refit: Box<Refit>, services: &ServiceDesk<'_>) {
+    fn hand_over(&self, refit: Box<Refit>, services: &ServiceContext<'_>) {
         self.stroke_m.set(refit.strokes_m[1]);
         let mut integrator = self.integrator.borrow_mut();
         let lost = integrator.refits.push(refit).is_err();
         drop(integrator);
         if lost {
-            // The service desk asks for no twin where there is no room.
+            // The service context asks for no twin where there is no room.
             self.say(LogLevel::Error, "the integration thread takes no changes: the unit stays as it was".to_owned());
         } else {
             self.tell(InputEvent::Refit);
@@ -246,13 +246,18 @@ impl<'a> Listener<'a> {
         self.look_for_room(services);
     }
 
-    fn look_for_room(&self, services: &ServiceDesk<'_>) {
+    fn look_for_room(&self, services: &ServiceContext<'_>) {
         let mut integrator = self.integrator.borrow_mut();
         while integrator.retired.pop().is_ok() {}
         services.room_for_twins.set(integrator.refits.slots() > 0);
     }
 
-    fn follow_up(&self, aftermath: Aftermath, services: &ServiceDesk<'_>, publisher: &Publisher<raw::ParameterEvent>) {
+    fn follow_up(
+        &self,
+        aftermath: Aftermath,
+        services: &ServiceContext<'_>,
+        publisher: &Publisher<raw::ParameterEvent>,
+    ) {
         self.look_for_room(services);
         for words in aftermath.words {
             self.say(LogLevel::Info, words);
@@ -268,7 +273,7 @@ impl<'a> Listener<'a> {
         }
         let settings = services.store.borrow().settings();
         // First to the supervisor, so that whatever comes of them is told in their words.
-        self.news.tell(News::Settings(Box::new(settings)));
+        self.node_events.tell(NodeEvent::Settings(Box::new(settings)));
         for (input, rule) in NodeInput::ALL.into_iter().zip(settings.policies().rules) {
             self.tell(InputEvent::Rule(input, rule));
         }
@@ -286,6 +291,6 @@ impl<'a> Listener<'a> {
     }
 
     fn say(&self, level: LogLevel, words: String) {
-        self.news.tell(News::Said(level, words));
+        self.node_events.tell(NodeEvent::Said(level, words));
     }
 }

@@ -23,13 +23,13 @@ use super::environment::Environment;
 use super::intake::TopicCounts;
 use super::integration::{Ends, Integrator};
 use super::journal::{Journal, Names};
-use super::listener::event::{News, way};
+use super::listener::event::{NodeEvent, way};
 use super::listener::{Listener, Loop, Subscriptions};
 use super::parameters::ParameterStore;
 use super::publishers::Publishers;
 use super::realtime::{Until, claim, claim_as_carrier, monotonic_ns, resident_bytes};
 use super::refit::Refit;
-use super::services::ServiceDesk;
+use super::services::ServiceContext;
 use super::services::replies::Replies;
 use super::settings::NodeSettings;
 use super::stats::RunSummary;
@@ -140,7 +140,7 @@ pub fn run(options: &RunOptions, stop: &AtomicBool, say: Say<'_>) -> Result<RunE
     let clock = clock::ClockHeard::default();
     let least = AtomicU8::new(log_level(options.arguments.log_level) as u8);
     let counts = Mutex::new(<[TopicCounts; NodeInput::COUNT]>::default());
-    let (news, heard) = way();
+    let (node_events, heard) = way();
     let (stop_listening, listening) = oneshot::channel();
     let ending = AtomicBool::new(false);
     let (bus_ref, subscriptions_ref, publishers_ref, counts_ref, ending_ref) =
@@ -158,39 +158,39 @@ pub fn run(options: &RunOptions, stop: &AtomicBool, say: Say<'_>) -> Result<RunE
         clock: clock_ref,
         watch: Watch::new(monotonic_ns()),
         state: &state,
-        rival_clock: false,
+        competing_clock: false,
         least: least_ref,
         say,
     };
 
     let (stats, lost_publications) = std::thread::scope(|scope| {
         let environment = &options.environment;
-        let telling = news.clone();
+        let telling = node_events.clone();
         let publishing = std::thread::Builder::new().name("publish".to_owned()).spawn_scoped(scope, move || {
             claim_as_carrier(settings.wishes.priority);
             publishers_ref.publish(outputs, answers, replies_ref, subscriptions_ref.action(), &telling)
         })?;
-        let (publisher, stepper_news) = (publishing.thread().clone(), news.clone());
+        let (publisher, stepper_events) = (publishing.thread().clone(), node_events.clone());
         let stepping = std::thread::Builder::new().name("step".to_owned()).spawn_scoped(scope, move || {
             for said in claim(settings.wishes) {
                 let (level, words) = match said {
                     Ok(words) => (LogLevel::Info, words),
                     Err(words) => (LogLevel::Warn, words),
                 };
-                stepper_news.tell(News::Said(level, words));
+                stepper_events.tell(NodeEvent::Said(level, words));
             }
             // From here on this thread touches nothing that can wait.
-            drop(stepper_news);
+            drop(stepper_events);
             integrator.run(ending_ref, &publisher)
         })?;
         let integrator = Loop { events, refits, retired, thread: stepping.thread().clone() };
         let stepper = stepping.thread().clone();
         let hearing = std::thread::Builder::new().name("hear".to_owned()).spawn_scoped(scope, move || {
             claim_as_carrier(settings.wishes.priority);
-            let listener = Listener::new(bus_ref, integrator, news, counts_ref, clock_ref);
-            let mut desk = ServiceDesk::new(store, &environment.service_mappings, least_ref);
-            desk.fixed_unit = fixed_unit;
-            listener.run(subscriptions_ref, &desk, replies_ref, listening);
+            let listener = Listener::new(bus_ref, integrator, node_events, counts_ref, clock_ref);
+            let mut context = ServiceContext::new(store, &environment.service_mappings, least_ref);
+            context.fixed_unit = fixed_unit;
+            listener.run(subscriptions_ref, &context, replies_ref, listening);
         })?;
         let until = Until::after(options.duration);
         let done = || stop.load(Ordering::Relaxed) || until.is_past() || stepping.is_finished();

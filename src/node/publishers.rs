@@ -8,9 +8,9 @@ use serde::Serialize;
 
 use super::bus::{Bus, BusError};
 use super::control::Answer;
-use super::corrected::Voice;
+use super::corrected::CorrectedPublishers;
 use super::integration::TickOutput;
-use super::listener::event::{News, Teller};
+use super::listener::event::{NodeEvent, Teller};
 use super::messages;
 use super::realtime::{monotonic_ns, pause};
 use super::services::replies::Replies;
@@ -30,7 +30,7 @@ pub struct Publishers {
     servo_state: Publisher<ServoState>,
     joint_states: Publisher<JointState>,
     status: Publisher<TwinStatus>,
-    corrected: Option<Voice>,
+    corrected: Option<CorrectedPublishers>,
     clock: Option<Publisher<Clock>>,
 }
 
@@ -44,7 +44,7 @@ impl Publishers {
             servo_state: bus.publish("sim/servo_state", ServoState::TYPE_NAME)?,
             joint_states: bus.publish("sim/joint_states", JointState::TYPE_NAME)?,
             status: bus.publish("sim/status", TwinStatus::TYPE_NAME)?,
-            corrected: corrected.map(|signal| Voice::open(bus, signal)).transpose()?,
+            corrected: corrected.map(|signal| CorrectedPublishers::open(bus, signal)).transpose()?,
             clock: if clock { Some(bus.publish("/clock", Clock::TYPE_NAME)?) } else { None },
         })
     }
@@ -57,7 +57,7 @@ impl Publishers {
         mut answers: Consumer<Answer>,
         replies: &Replies<'_>,
         action: &StepsAction,
-        news: &Teller,
+        node_events: &Teller,
     ) -> u64 {
         let mut lost = 0;
         let (mut time_ns, mut told_ns) = (0, 0);
@@ -83,7 +83,7 @@ impl Publishers {
                 if output.patient {
                     action.progress(output.steps_left);
                 }
-                news.tell(News::Output(Box::new(output)));
+                node_events.tell(NodeEvent::Output(Box::new(output)));
             }
             for answer in done {
                 replies.answer(answer);

@@ -63,7 +63,7 @@ pub struct Aftermath {
 }
 
 /// What the answers share.
-pub struct ServiceDesk<'a> {
+pub struct ServiceContext<'a> {
     /// The parameters.
     pub store: RefCell<ParameterStore>,
     /// Why the unit cannot be changed while the node runs; `None` where it can.
@@ -75,8 +75,8 @@ pub struct ServiceDesk<'a> {
     strangers: RefCell<Vec<[u8; 2]>>,
 }
 
-impl<'a> ServiceDesk<'a> {
-    /// A desk for these parameters, serving these layouts; `least` is the level below which nothing is told.
+impl<'a> ServiceContext<'a> {
+    /// A context for these parameters, serving these layouts; `least` is the level below which nothing is told.
     #[must_use]
     pub fn new(store: ParameterStore, mappings: &[ServiceMapping], least: &'a AtomicU8) -> Self {
         Self {
@@ -154,16 +154,16 @@ impl ParameterServices {
     }
 
     /// Answers calls as they come; each item says what an answer left to do.
-    pub fn answers<'a>(&'a self, desk: &'a ServiceDesk<'a>) -> Vec<LocalBoxStream<'a, Aftermath>> {
+    pub fn answers<'a>(&'a self, context: &'a ServiceContext<'a>) -> Vec<LocalBoxStream<'a, Aftermath>> {
         let mapping = self.mapping;
         vec![
-            answer(mapping, &self.get, desk, |request, desk, _| {
-                let store = desk.store.borrow();
+            answer(mapping, &self.get, context, |request, context, _| {
+                let store = context.store.borrow();
                 let values = request.names.iter().take(MOST_ITEMS).map(|name| store.value(name).into());
                 GetParametersResponse { values: values.collect() }
             }),
-            answer(mapping, &self.get_types, desk, |request, desk, _| {
-                let store = desk.store.borrow();
+            answer(mapping, &self.get_types, context, |request, context, _| {
+                let store = context.store.borrow();
                 let types = request
                     .names
                     .iter()
@@ -171,32 +171,32 @@ impl ParameterServices {
                     .map(|name| ParameterValue::to_parameter_type_raw(&store.value(name)));
                 GetParameterTypesResponse { values: types.collect() }
             }),
-            answer(mapping, &self.list, desk, |request, desk, _| {
-                let (names, prefixes) = desk.store.borrow().list(&request.prefixes, request.depth);
+            answer(mapping, &self.list, context, |request, context, _| {
+                let (names, prefixes) = context.store.borrow().list(&request.prefixes, request.depth);
                 ListParametersResponse { result: ListParametersResult { names, prefixes } }
             }),
-            answer(mapping, &self.describe, desk, |request, desk, _| {
-                let store = desk.store.borrow();
+            answer(mapping, &self.describe, context, |request, context, _| {
+                let store = context.store.borrow();
                 let values = request.names.iter().take(MOST_ITEMS).map(|name| store.describe(name));
                 DescribeParametersResponse { values: values.collect() }
             }),
-            answer(mapping, &self.set, desk, |request, desk, aftermath| {
+            answer(mapping, &self.set, context, |request, context, aftermath| {
                 let items = request.parameter.into_iter().take(MOST_ITEMS);
-                SetParametersResponse { results: items.map(|item| set(&[item], desk, aftermath)).collect() }
+                SetParametersResponse { results: items.map(|item| set(&[item], context, aftermath)).collect() }
             }),
-            answer(mapping, &self.set_atomically, desk, |request, desk, aftermath| {
+            answer(mapping, &self.set_atomically, context, |request, context, aftermath| {
                 let few = request.parameter.len() <= MOST_ITEMS;
                 let items = if few { request.parameter.as_slice() } else { &[] };
-                SetParametersAtomicallyResponse { result: set(items, desk, aftermath) }
+                SetParametersAtomicallyResponse { result: set(items, context, aftermath) }
             }),
         ]
     }
 }
 
 /// Sets all or none.
-fn set(items: &[raw::Parameter], desk: &ServiceDesk<'_>, aftermath: &mut Aftermath) -> raw::SetParametersResult {
+fn set(items: &[raw::Parameter], context: &ServiceContext<'_>, aftermath: &mut Aftermath) -> raw::SetParametersResult {
     let refuse = |reason| raw::SetParametersResult { successful: false, reason };
-    let mut changed = desk.store.borrow().clone();
+    let mut changed = context.store.borrow().clone();
     let mut words = Vec::new();
     for item in items {
         let value: ParameterValue = item.value.clone().into();
@@ -205,19 +205,19 @@ fn set(items: &[raw::Parameter], desk: &ServiceDesk<'_>, aftermath: &mut Afterma
             return refuse(reason);
         }
     }
-    if changed.unit() != desk.store.borrow().unit() {
-        if let Some(reason) = desk.fixed_unit {
+    if changed.unit() != context.store.borrow().unit() {
+        if let Some(reason) = context.fixed_unit {
             return refuse(reason.to_owned());
         }
         if let Err(reason) = changed.check_unit() {
             return refuse(reason);
         }
-        if !desk.room_for_twins.get() {
+        if !context.room_for_twins.get() {
             return refuse("the changes before this one have not taken hold yet; try again".to_owned());
         }
         aftermath.refit = Some(Box::new(Refit::new(changed.unit())));
     }
-    *desk.store.borrow_mut() = changed;
+    *context.store.borrow_mut() = changed;
     aftermath.words.append(&mut words);
     aftermath.changed.extend(items.iter().cloned());
     raw::SetParametersResult { successful: true, reason: String::new() }
@@ -230,15 +230,15 @@ type Send<'a, Response> = Box<dyn FnOnce(Response) -> bool + std::marker::Send +
 fn answer<'a, Request, Response>(
     mapping: ServiceMapping,
     server: &'a Server<Request, Response>,
-    desk: &'a ServiceDesk<'a>,
-    respond: impl Fn(Request, &ServiceDesk<'_>, &mut Aftermath) -> Response + 'a,
+    context: &'a ServiceContext<'a>,
+    respond: impl Fn(Request, &ServiceContext<'_>, &mut Aftermath) -> Response + 'a,
 ) -> LocalBoxStream<'a, Aftermath>
 where
     Request: Message + Sync + 'static,
     Response: Message + Sync + 'static,
 {
-    attend(mapping, server, desk, move |request, desk, aftermath, send| {
-        let response = respond(request, desk, aftermath);
+    attend(mapping, server, context, move |request, context, aftermath, send| {
+        let response = respond(request, context, aftermath);
         if !send(response) {
             aftermath.words.push("an answer to a service call was lost".to_owned());
         }
@@ -249,8 +249,8 @@ where
 fn attend<'a, 's: 'a, Request, Response>(
     mapping: ServiceMapping,
     server: &'s Server<Request, Response>,
-    desk: &'a ServiceDesk<'a>,
-    take: impl Fn(Request, &ServiceDesk<'_>, &mut Aftermath, Send<'s, Response>) + 'a,
+    context: &'a ServiceContext<'a>,
+    take: impl Fn(Request, &ServiceContext<'_>, &mut Aftermath, Send<'s, Response>) + 'a,
 ) -> LocalBoxStream<'a, Aftermath>
 where
     Request: Message + Sync + 'static,
@@ -261,10 +261,15 @@ where
         // A call in the other layout often does not decode; the other server has it.
         let Ok((id, request)) = call else { return aftermath };
         let vendor = vendor_of(id.writer_gid);
-        if desk.is_for(mapping, vendor) {
-            take(request, desk, &mut aftermath, Box::new(move |response| server.send_response(id, response).is_ok()));
+        if context.is_for(mapping, vendor) {
+            take(
+                request,
+                context,
+                &mut aftermath,
+                Box::new(move |response| server.send_response(id, response).is_ok()),
+            );
         } else {
-            aftermath.words.extend(desk.turn_away(vendor));
+            aftermath.words.extend(context.turn_away(vendor));
         }
         aftermath
     });
@@ -283,19 +288,23 @@ mod tests {
     use ros2_client::ServiceMapping::{Cyclone, Enhanced};
     use ros2_client::parameters::{ParameterValue, raw};
 
-    use super::{Aftermath, ServiceDesk, set};
+    use super::{Aftermath, ServiceContext, set};
     use crate::node::parameters::ParameterStore;
     use crate::node::settings::NodeSettings;
 
     static LEAST: AtomicU8 = AtomicU8::new(20);
 
-    fn desk(mappings: &[ros2_client::ServiceMapping]) -> ServiceDesk<'static> {
-        ServiceDesk::new(ParameterStore::new(&NodeSettings::default(), &crate::params::reference()), mappings, &LEAST)
+    fn context(mappings: &[ros2_client::ServiceMapping]) -> ServiceContext<'static> {
+        ServiceContext::new(
+            ParameterStore::new(&NodeSettings::default(), &crate::params::reference()),
+            mappings,
+            &LEAST,
+        )
     }
 
     #[test]
     fn each_caller_is_answered_by_exactly_one_layout() {
-        let both = desk(&[Enhanced, Cyclone]);
+        let both = context(&[Enhanced, Cyclone]);
         for vendor in [[1, 0x0f], [1, 0x10], [1, 0x12], [1, 1], [9, 9]] {
             let answering = [Enhanced, Cyclone].into_iter().filter(|&mapping| both.is_for(mapping, vendor)).count();
             assert_eq!(answering, 1, "{vendor:?}");
@@ -305,7 +314,7 @@ mod tests {
 
     #[test]
     fn a_caller_of_the_other_layout_is_turned_away_once_in_words() {
-        let cyclone_only = desk(&[Cyclone]);
+        let cyclone_only = context(&[Cyclone]);
         assert!(!cyclone_only.is_for(Cyclone, [1, 0x0f]));
         assert!(cyclone_only.turn_away([1, 0x0f]).unwrap().contains("RMW_IMPLEMENTATION"));
         assert_eq!(cyclone_only.turn_away([1, 0x0f]), None);
@@ -314,21 +323,21 @@ mod tests {
 
     #[test]
     fn an_atomic_set_changes_all_or_nothing() {
-        let desk = desk(&[Enhanced]);
+        let context = context(&[Enhanced]);
         let item =
             |name: &str, value| raw::Parameter { name: name.to_owned(), value: ParameterValue::Double(value).into() };
         let mut aftermath = Aftermath::default();
-        let outcome = set(&[item("hold", 4.0), item("stale_after", -1.0)], &desk, &mut aftermath);
+        let outcome = set(&[item("hold", 4.0), item("stale_after", -1.0)], &context, &mut aftermath);
         assert!(!outcome.successful && outcome.reason.contains("stale_after") && aftermath.changed.is_empty());
-        assert_eq!(desk.store.borrow().value("hold"), ParameterValue::Double(1.0));
-        let outcome = set(&[item("hold", 4.0), item("stale_after", 3.0)], &desk, &mut aftermath);
+        assert_eq!(context.store.borrow().value("hold"), ParameterValue::Double(1.0));
+        let outcome = set(&[item("hold", 4.0), item("stale_after", 3.0)], &context, &mut aftermath);
         assert!(outcome.successful && aftermath.changed.len() == 2);
-        assert_eq!(desk.store.borrow().value("hold"), ParameterValue::Double(4.0));
+        assert_eq!(context.store.borrow().value("hold"), ParameterValue::Double(4.0));
     }
 
     #[test]
     fn the_unit_and_its_effects_change_together_or_not_at_all() {
-        let mut desk = desk(&[Enhanced]);
+        let mut context = context(&[Enhanced]);
         let item =
             |name: &str, value| raw::Parameter { name: name.to_owned(), value: ParameterValue::Double(value).into() };
         let mut aftermath = Aftermath::default();
@@ -336,23 +345,23 @@ mod tests {
         // A return line above the tank's pressure contradicts the sheet, whatever else is right.
         let outcome = set(
             &[leak.clone(), item("unit.oil.return_pressure_pa", 4.9e6), item("unit.oil.tank_pressure_pa", 5.0e5)],
-            &desk,
+            &context,
             &mut aftermath,
         );
         assert!(!outcome.successful && outcome.reason.contains("return_pressure_pa"), "{}", outcome.reason);
-        assert!(aftermath.refit.is_none() && desk.store.borrow().unit().effects.is_empty());
-        let outcome = set(&[leak.clone(), item("unit.servomotor.load_closed_n", 2.0e5)], &desk, &mut aftermath);
+        assert!(aftermath.refit.is_none() && context.store.borrow().unit().effects.is_empty());
+        let outcome = set(&[leak.clone(), item("unit.servomotor.load_closed_n", 2.0e5)], &context, &mut aftermath);
         assert!(outcome.successful, "{}", outcome.reason);
         assert!(aftermath.refit.take().is_some());
-        let unit = desk.store.borrow().unit().clone();
+        let unit = context.store.borrow().unit().clone();
         assert_eq!(unit.effects[0].id, "servo_leak");
         assert_eq!(unit.parameters.servomotor.load_closed_n.to_bits(), 2.0e5_f64.to_bits());
         // Back to neutral the effect is gone.
-        assert!(set(&[item("effects.servo_leak.leakage_m3_s_pa", 0.0)], &desk, &mut aftermath).successful);
-        assert!(desk.store.borrow().unit().effects.is_empty());
-        desk.room_for_twins.set(false);
-        assert!(set(std::slice::from_ref(&leak), &desk, &mut aftermath).reason.contains("try again"));
-        desk.fixed_unit = Some("a residual");
-        assert_eq!(set(&[leak], &desk, &mut aftermath).reason, "a residual");
+        assert!(set(&[item("effects.servo_leak.leakage_m3_s_pa", 0.0)], &context, &mut aftermath).successful);
+        assert!(context.store.borrow().unit().effects.is_empty());
+        context.room_for_twins.set(false);
+        assert!(set(std::slice::from_ref(&leak), &context, &mut aftermath).reason.contains("try again"));
+        context.fixed_unit = Some("a residual");
+        assert_eq!(set(&[leak], &context, &mut aftermath).reason, "a residual");
     }
 }

@@ -3,16 +3,16 @@
 use ros2_client::log::LogLevel;
 
 use super::core::{NodeInput, Notices, OnStale};
-use super::listener::event::News;
+use super::listener::event::NodeEvent;
 use super::settings::NodeSettings;
 
-/// News in words, with how urgent they are; `settings` follow what changes while the node runs.
+/// NodeEvent in words, with how urgent they are; `settings` follow what changes while the node runs.
 #[must_use]
-pub fn of(news: &News, settings: &mut NodeSettings) -> Vec<(LogLevel, String)> {
-    match news {
-        News::Output(output) => of_tick(output.tick.notices, settings),
-        News::Said(level, words) => vec![(*level, words.clone())],
-        News::Settings(new) => {
+pub fn of(node_events: &NodeEvent, settings: &mut NodeSettings) -> Vec<(LogLevel, String)> {
+    match node_events {
+        NodeEvent::Output(output) => of_tick(output.tick.notices, settings),
+        NodeEvent::Said(level, words) => vec![(*level, words.clone())],
+        NodeEvent::Settings(new) => {
             *settings = **new;
             Vec::new()
         }
@@ -85,7 +85,7 @@ fn of_tick(notices: Notices, settings: &NodeSettings) -> Vec<(LogLevel, String)>
 
 #[cfg(test)]
 mod tests {
-    use super::{LogLevel, News, Notices, of, of_tick};
+    use super::{LogLevel, NodeEvent, Notices, of, of_tick};
     use crate::node::core::{Core, NodeInput, OnStale};
     use crate::node::integration::TickOutput;
     use crate::node::settings::NodeSettings;
@@ -104,7 +104,7 @@ mod tests {
         let mut settings = NodeSettings::default();
         let mut tick = Core::new(Twin::new(&crate::params::reference()), settings.policies(), 6.3e6).tick(0, 0);
         tick.notices = Notices::stale(NodeInput::Esv);
-        let stale = News::Output(Box::new(TickOutput {
+        let stale = NodeEvent::Output(Box::new(TickOutput {
             tick,
             publish: false,
             steps_left: 0,
@@ -114,10 +114,10 @@ mod tests {
         }));
         assert!(of(&stale, &mut settings)[0].1.contains("held for 1 s, then the ESV trips"));
         let longer = NodeSettings { hold_s: 30.0, ..settings };
-        assert!(of(&News::Settings(Box::new(longer)), &mut settings).is_empty());
+        assert!(of(&NodeEvent::Settings(Box::new(longer)), &mut settings).is_empty());
         assert!(of(&stale, &mut settings)[0].1.contains("held for 30 s, then the ESV trips"));
         let holding = NodeSettings { on_stale: OnStale::Hold, ..longer };
-        assert!(of(&News::Settings(Box::new(holding)), &mut settings).is_empty());
+        assert!(of(&NodeEvent::Settings(Box::new(holding)), &mut settings).is_empty());
         assert!(of(&stale, &mut settings)[0].1.ends_with("its last value is held"));
     }
 }

@@ -192,7 +192,7 @@ fn location(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Resu
             "Stages of the recalibrated twin, driven by recorded signals. Over noise: 1 where only noise is left.",
         );
     }
-    if let Some(best) = diagnosis.latents.first() {
+    if let Some(best) = diagnosis.discrepancy_terms.first() {
         body.figure(
             svg(&pictures::shape(best))?,
             format!(
@@ -210,7 +210,7 @@ fn location(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Resu
         );
         let mut inner = PageBody::new();
         inner.table(
-            tables::latents(diagnosis),
+            tables::discrepancy_terms(diagnosis),
             "Share of the error beyond noise that a discrepancy term would explain there.",
         );
         body.details("Discrepancy terms at all places", inner);

@@ -2,9 +2,9 @@
 
 use crate::likelihood::trial::Trial;
 use crate::recording::Recording;
+use crate::stage_alone::competing_laws::{Follows, follows};
 use crate::stage_alone::pieces::pieces;
 use crate::stage_alone::plain::plain;
-use crate::stage_alone::rivals::{Follows, follows};
 use crate::stage_alone::run::{Lag, Run, SpoolLaw, solved};
 
 /// Pieces that the recordings are cut into, at most.

@@ -90,12 +90,12 @@ mod tests {
     #[test]
     fn what_is_held_longer_is_followed_farther() {
         use rand::{RngExt, SeedableRng};
-        let mut dice = rand_chacha::ChaCha8Rng::seed_from_u64(1);
+        let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(1);
         let mut sd = |held_s: f64| {
             let (mut state, mut squares) = (0.0_f64, 0.0);
             let keeps = (-held_s / SETTLING_S).exp();
             for _ in 0..200_000 {
-                state = keeps * state + (1.0 - keeps) * dice.random_range(-1.0..1.0_f64);
+                state = keeps * state + (1.0 - keeps) * random.random_range(-1.0..1.0_f64);
                 squares += state * state;
             }
             (squares / 200_000.0 * 3.0).sqrt()

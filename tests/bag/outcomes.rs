@@ -17,9 +17,9 @@ const TRIES: u64 = 150;
 /// Nothing may take longer for so small a bag, s: the promise is 2 s for each MB, and machines differ.
 const HUNG_S: f64 = 5.0;
 
-struct Dice(u64);
+struct RandomStreams(u64);
 
-impl Dice {
+impl RandomStreams {
     fn draw(&mut self, below: usize) -> usize {
         self.0 ^= self.0 >> 12;
         self.0 ^= self.0 << 25;
@@ -43,52 +43,52 @@ fn chunks(bytes: &[u8]) -> Vec<(usize, usize)> {
     records(bytes).into_iter().filter(|(opcode, ..)| *opcode == 6).map(|(_, from, to)| (from, to)).collect()
 }
 
-type Damage = fn(&mut Dice, &[u8]) -> Vec<u8>;
+type Damage = fn(&mut RandomStreams, &[u8]) -> Vec<u8>;
 
-fn flip(dice: &mut Dice, bytes: &[u8]) -> Vec<u8> {
+fn flip(random: &mut RandomStreams, bytes: &[u8]) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
-    let at = 8 + dice.draw(bytes.len() - 8);
-    bytes[at] ^= 1 << dice.draw(8);
+    let at = 8 + random.draw(bytes.len() - 8);
+    bytes[at] ^= 1 << random.draw(8);
     bytes
 }
 
-fn overwrite(dice: &mut Dice, bytes: &[u8]) -> Vec<u8> {
+fn overwrite(random: &mut RandomStreams, bytes: &[u8]) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
-    for _ in 0..=dice.draw(30) {
-        let at = 8 + dice.draw(bytes.len() - 8);
-        bytes[at] = dice.draw(256) as u8;
+    for _ in 0..=random.draw(30) {
+        let at = 8 + random.draw(bytes.len() - 8);
+        bytes[at] = random.draw(256) as u8;
     }
     bytes
 }
 
-fn cut(dice: &mut Dice, bytes: &[u8]) -> Vec<u8> {
-    bytes[..8 + dice.draw(bytes.len() - 8)].to_vec()
+fn cut(random: &mut RandomStreams, bytes: &[u8]) -> Vec<u8> {
+    bytes[..8 + random.draw(bytes.len() - 8)].to_vec()
 }
 
-fn zeros(dice: &mut Dice, bytes: &[u8]) -> Vec<u8> {
+fn zeros(random: &mut RandomStreams, bytes: &[u8]) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
-    let at = 8 + dice.draw(bytes.len() - 8);
-    let to = (at + 1 + dice.draw(4096)).min(bytes.len());
+    let at = 8 + random.draw(bytes.len() - 8);
+    let to = (at + 1 + random.draw(4096)).min(bytes.len());
     bytes[at..to].fill(0);
     bytes
 }
 
-fn without_a_chunk(dice: &mut Dice, bytes: &[u8]) -> Vec<u8> {
+fn without_a_chunk(random: &mut RandomStreams, bytes: &[u8]) -> Vec<u8> {
     let chunks = chunks(bytes);
-    let (from, to) = chunks[dice.draw(chunks.len())];
+    let (from, to) = chunks[random.draw(chunks.len())];
     // Where the summary begins stands in the footer; as a whole file it is found all the same.
     [&bytes[..from], &bytes[to..]].concat()
 }
 
-fn with_a_chunk_twice(dice: &mut Dice, bytes: &[u8]) -> Vec<u8> {
+fn with_a_chunk_twice(random: &mut RandomStreams, bytes: &[u8]) -> Vec<u8> {
     let chunks = chunks(bytes);
-    let (from, to) = chunks[dice.draw(chunks.len())];
+    let (from, to) = chunks[random.draw(chunks.len())];
     [&bytes[..to], &bytes[from..to], &bytes[to..]].concat()
 }
 
-fn with_chunks_exchanged(dice: &mut Dice, bytes: &[u8]) -> Vec<u8> {
+fn with_chunks_exchanged(random: &mut RandomStreams, bytes: &[u8]) -> Vec<u8> {
     let chunks = chunks(bytes);
-    let at = 1 + dice.draw(chunks.len() - 2);
+    let at = 1 + random.draw(chunks.len() - 2);
     let ((a, b), (c, d)) = (chunks[at], chunks[at + 1]);
     [&bytes[..a], &bytes[c..d], &bytes[b..c], &bytes[a..b], &bytes[d..]].concat()
 }
@@ -140,10 +140,10 @@ fn damage_of_every_kind_ends_in_a_word() {
         let bytes = bag.bytes(options);
         let (_folder, path) = in_file(&bytes);
         let sound = format!("{:?}", read_both_ways(&path, &ReadOptions::default()).unwrap().recording.frames);
-        let mut dice = Dice(0x1234_5678_9abc_def1 + number as u64);
+        let mut random = RandomStreams(0x1234_5678_9abc_def1 + number as u64);
         let mut outcomes = Outcomes::default();
         for _ in 0..tries {
-            std::fs::write(&path, damage(&mut dice, &bytes)).unwrap();
+            std::fs::write(&path, damage(&mut random, &bytes)).unwrap();
             outcome(&path, &sound, &mut outcomes);
         }
         let Outcomes { same, warned, refused, silent, hung, panicked } = outcomes;

@@ -26,7 +26,7 @@ impl PlainStage {
     /// A recording of so many samples at a rate.
     pub fn record(&self, spool: &Spool, rate_hz: f64, samples: i64) -> Recording {
         const STEPS: i64 = 20;
-        let mut dice = ChaCha8Rng::seed_from_u64(spool.seed);
+        let mut random = ChaCha8Rng::seed_from_u64(spool.seed);
         let mut noise = ChaCha8Rng::seed_from_u64(spool.seed ^ 0x5A);
         let mut normal = move || (0..12).map(|_| noise.random_range(-0.5..0.5)).sum::<f64>();
         let step_s = 1.0 / (rate_hz * STEPS as f64);
@@ -36,8 +36,8 @@ impl PlainStage {
         for k in 0..samples {
             let time_s = k as f64 / rate_hz;
             if time_s >= until_s {
-                target = spool.target(opening, &mut dice);
-                until_s = time_s + spool.dwell_s * dice.random_range(0.4..1.6);
+                target = spool.target(opening, &mut random);
+                until_s = time_s + spool.dwell_s * random.random_range(0.4..1.6);
             }
             if (opening > 0.9 && target > 0.0) || (opening < 0.1 && target < 0.0) {
                 target *= -0.5;

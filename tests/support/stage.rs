@@ -22,16 +22,16 @@ impl Spool {
     }
 
     /// Where it goes next at an opening: away from an end that is near, sometimes to rest.
-    pub fn target(&self, opening: f64, dice: &mut ChaCha8Rng) -> f64 {
-        let size = self.farthest_pu * dice.random_range(0.05_f64..1.0);
+    pub fn target(&self, opening: f64, random: &mut ChaCha8Rng) -> f64 {
+        let size = self.farthest_pu * random.random_range(0.05_f64..1.0);
         let up = if opening > 0.7 {
             false
         } else if opening < 0.3 {
             true
         } else {
-            dice.random_bool(0.5)
+            random.random_bool(0.5)
         };
-        if dice.random_bool(0.15) {
+        if random.random_bool(0.15) {
             0.0
         } else if up {
             size
@@ -62,7 +62,7 @@ pub fn symmetric(unit: &Unit) -> Unit {
 
 /// A recording of so many samples: the spool wanders between random positions and turns back before the ends of the stroke.
 pub fn record(unit: &Unit, spool: &Spool, rate_hz: f64, samples: i64) -> Recording {
-    let mut dice = ChaCha8Rng::seed_from_u64(spool.seed);
+    let mut random = ChaCha8Rng::seed_from_u64(spool.seed);
     let mut noise = ChaCha8Rng::seed_from_u64(spool.seed ^ 0xA5);
     let mut normal = move || (0..12).map(|_| noise.random_range(-0.5..0.5)).sum::<f64>();
     let mut twin = Twin::new(unit).with_cut(Cut::Spool);
@@ -73,8 +73,8 @@ pub fn record(unit: &Unit, spool: &Spool, rate_hz: f64, samples: i64) -> Recordi
     for k in 0..samples {
         let time_ns = k * period_ns;
         if time_ns >= until {
-            target = spool.target(opening, &mut dice);
-            until = time_ns + (spool.dwell_s * dice.random_range(0.4..1.6) * 1e9) as i64;
+            target = spool.target(opening, &mut random);
+            until = time_ns + (spool.dwell_s * random.random_range(0.4..1.6) * 1e9) as i64;
         }
         if (opening > 0.9 && target > 0.0) || (opening < 0.1 && target < 0.0) {
             target *= -0.5;

@@ -3,7 +3,7 @@
 use crate::source::Source;
 
 /// A word that is gone, and what the field says.
-const GONE: [(&str, &str); 15] = [
+const GONE: [(&str, &str); 23] = [
     ("knob", "free parameter"),
     ("knobs", "free parameters"),
     ("Knob", "FreeParameter"),
@@ -19,6 +19,14 @@ const GONE: [(&str, &str); 15] = [
     ("Mouth", "Publishers"),
     ("Ears", "Subscriptions"),
     ("Keeper", "Supervisor"),
+    ("News", "NodeEvent"),
+    ("Desk", "ServiceContext"),
+    ("desk", "context"),
+    ("Latent", "DiscrepancyTerm"),
+    ("latents", "discrepancy terms"),
+    ("leeway", "allowance"),
+    ("Dice", "RandomStreams"),
+    ("swings_s", "limit_cycles_s"),
 ];
 
 /// Uses of such words in sources and documents; what changed is told in the words of its day.

@@ -165,8 +165,8 @@ fn evidence(diagnosis: &Diagnosis) -> Value {
         .iter()
         .map(|one| json!({"stage": one.stage, "signal": one.signal.id(), "zero_error_pu": one.zero_error_pu, "rmse": one.rmse, "excess": one.excess}))
         .collect();
-    let latents: Vec<Value> = diagnosis
-        .latents
+    let discrepancy_terms: Vec<Value> = diagnosis
+        .discrepancy_terms
         .iter()
         .map(|one| {
             let curves: Vec<Value> = one
@@ -194,7 +194,7 @@ fn evidence(diagnosis: &Diagnosis) -> Value {
         "values": diagnosis.samples, "entropy_bits": diagnosis.entropy_bits, "fault_sets": sets, "table": diagnosis.table, "closure_without_recording": transfers,
         "closure_widened_by": diagnosis.closure_widened_by,
         "parameters": parameters, "tried": tried, "channels": channels, "smallest_visible": visible,
-        "alike": alike, "ledgers": breakdowns, "stage_tests": tests, "free_terms": latents,
+        "alike": alike, "ledgers": breakdowns, "stage_tests": tests, "free_terms": discrepancy_terms,
         "simulations": diagnosis.simulations,
         "servomotor_stage_only": diagnosis.part.as_ref().map(stage_only),
     })

@@ -18,7 +18,7 @@ use crate::signal::Signal;
 
 /// By how much a right model may leave more than the noise, as a share of it, at fast and at slow rates: no equation is exact, and between
 /// slow samples nobody knows the inputs. Measured on the generated battery of seed 77.
-const LEEWAY: (f64, f64) = (0.15, 1.5);
+const ALLOWANCE: (f64, f64) = (0.15, 1.5);
 
 /// Length of a block, s: longer than what one residual has to do with the next.
 const BLOCK_S: f64 = 2.0;
@@ -214,8 +214,8 @@ pub fn closure_of(
     trials: Range<usize>,
     seed: u64,
 ) -> Interval {
-    let leeway = if problem.is_slow() { LEEWAY.1 } else { LEEWAY.0 };
-    interval(&blocks(problem, refitted, with_effects)[trials], leeway, seed)
+    let allowance = if problem.is_slow() { ALLOWANCE.1 } else { ALLOWANCE.0 };
+    interval(&blocks(problem, refitted, with_effects)[trials], allowance, seed)
 }
 
 /// Closure as it came true, of twins that were fitted to other recordings; none where there is no gap.
@@ -230,7 +230,7 @@ fn sum<'a>(blocks: impl Iterator<Item = &'a [f64; 3]>) -> [f64; 3] {
 }
 
 /// Closure of blocks by trial, each with the sums of [`blocks`].
-fn interval(blocks: &[Vec<[f64; 3]>], leeway: f64, seed: u64) -> Interval {
+fn interval(blocks: &[Vec<[f64; 3]>], allowance: f64, seed: u64) -> Interval {
     let mut dice = ChaCha8Rng::seed_from_u64(seed);
     let mut day = || {
         let mut all = [0.0; 3];
@@ -241,7 +241,7 @@ fn interval(blocks: &[Vec<[f64; 3]>], leeway: f64, seed: u64) -> Interval {
             let plant = drawn(trial);
             all = sum([all].iter().chain(&drawn(&plant)));
         }
-        let noise = all[2] * (1.0 + leeway).powf(dice.random_range(-1.0..1.0));
+        let noise = all[2] * (1.0 + allowance).powf(dice.random_range(-1.0..1.0));
         // Neither twin leaves less than the noise.
         let most = all[2].max(all[0].min(all[1]));
         ratio([all[0], all[1], noise.min(most)])
@@ -272,7 +272,7 @@ mod tests {
     #[test]
     fn another_day_lies_inside_nine_times_in_ten() {
         let holds = |seed: &u64| {
-            let claim = interval(&day(*seed), LEEWAY.0, 1);
+            let claim = interval(&day(*seed), ALLOWANCE.0, 1);
             let came_true = ratio(sum(day(seed + 10_000).iter().flatten()));
             (claim.low..=claim.high).contains(&came_true)
         };
@@ -284,13 +284,13 @@ mod tests {
     #[test]
     fn how_uncertain_the_noise_is_widens_the_interval() {
         let blocks = vec![vec![[20.0, 1.5, 1.0]; 20]; 4];
-        let Interval { value, low, high } = interval(&blocks, LEEWAY.0, 1);
+        let Interval { value, low, high } = interval(&blocks, ALLOWANCE.0, 1);
         assert!((value - 18.5 / 19.0).abs() < 1e-12);
         let counted_from = |noise: f64| 18.5 / (20.0 - noise);
         assert!(low < counted_from(0.9) && high > counted_from(1.1), "{low} {high}");
         assert!(low > counted_from(0.85) && high < counted_from(1.16), "{low} {high}");
         // What leaves the least is no louder than the noise.
-        let least = interval(&[vec![[20.0, 1.0, 1.0]; 20]], LEEWAY.0, 1);
+        let least = interval(&[vec![[20.0, 1.0, 1.0]; 20]], ALLOWANCE.0, 1);
         assert!(least.high == 1.0 && least.low < 1.0, "{least:?}");
     }
 }

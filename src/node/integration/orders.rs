@@ -89,7 +89,7 @@ impl Integrator {
     fn answer(&mut self, ticket: Ticket, outcome: OrderOutcome) {
         // The hearing thread lets no more orders wait than there is room for answers.
         let _ = self.answers.push(Answer { ticket, outcome, state: self.state });
-        self.news = true;
+        self.node_events = true;
     }
 
     /// Takes over a twin that waits.

@@ -18,7 +18,7 @@ const ROOM: usize = 16_384;
 
 /// What the other threads tell the supervisor.
 #[derive(Debug, Clone)]
-pub enum News {
+pub enum NodeEvent {
     /// A result worth keeping or telling.
     Output(Box<TickOutput>),
     /// Words for people.
@@ -38,14 +38,14 @@ struct Aside {
 /// The end that tells.
 #[derive(Debug, Clone)]
 pub struct Teller {
-    queue: SyncSender<News>,
+    queue: SyncSender<NodeEvent>,
     aside: Arc<Aside>,
 }
 
 /// The end that takes.
 #[derive(Debug)]
 pub struct Taker {
-    queue: Receiver<News>,
+    queue: Receiver<NodeEvent>,
     aside: Arc<Aside>,
 }
 
@@ -63,9 +63,9 @@ fn way_with_room(room: usize) -> (Teller, Taker) {
 
 impl Teller {
     /// Tells, and never waits.
-    pub fn tell(&self, item: News) {
+    pub fn tell(&self, item: NodeEvent) {
         match self.queue.try_send(item) {
-            Err(TrySendError::Full(News::Settings(settings))) => {
+            Err(TrySendError::Full(NodeEvent::Settings(settings))) => {
                 if let Ok(mut waiting) = self.aside.settings.lock() {
                     *waiting = Some(*settings);
                 }
@@ -80,16 +80,16 @@ impl Teller {
 }
 
 impl Taker {
-    /// The next news, for which it waits so long at most.
+    /// The next events, for which it waits so long at most.
     ///
     /// # Errors
     /// When nothing came, or nobody is left who tells.
-    pub fn take(&self, patience: Duration) -> Result<News, RecvTimeoutError> {
+    pub fn take(&self, patience: Duration) -> Result<NodeEvent, RecvTimeoutError> {
         self.queue.recv_timeout(patience)
     }
 
     /// All that is there.
-    pub fn rest(&self) -> impl Iterator<Item = News> {
+    pub fn rest(&self) -> impl Iterator<Item = NodeEvent> {
         self.queue.try_iter()
     }
 
@@ -110,26 +110,26 @@ impl Taker {
 mod tests {
     use ros2_client::log::LogLevel;
 
-    use super::{News, NodeSettings, way_with_room};
+    use super::{NodeEvent, NodeSettings, way_with_room};
 
     #[test]
     fn a_full_way_takes_no_more_counts_and_keeps_the_newest_settings() {
         let (teller, taker) = way_with_room(2);
         for number in 0..5 {
-            teller.tell(News::Said(LogLevel::Info, number.to_string()));
+            teller.tell(NodeEvent::Said(LogLevel::Info, number.to_string()));
         }
         for rate_hz in [10.0, 20.0] {
-            teller.tell(News::Settings(Box::new(NodeSettings { rate_hz, ..NodeSettings::default() })));
+            teller.tell(NodeEvent::Settings(Box::new(NodeSettings { rate_hz, ..NodeSettings::default() })));
         }
         let words = taker.rest().map(|item| match item {
-            News::Said(_, words) => words,
+            NodeEvent::Said(_, words) => words,
             other => format!("{other:?}"),
         });
         assert_eq!(words.collect::<Vec<_>>(), ["0", "1"]);
         assert_eq!((taker.left_out(), taker.left_out()), (3, 0));
         assert_eq!(taker.settings().map(|settings| settings.rate_hz), Some(20.0));
         assert!(taker.settings().is_none());
-        teller.tell(News::Said(LogLevel::Info, "again".to_owned()));
+        teller.tell(NodeEvent::Said(LogLevel::Info, "again".to_owned()));
         assert_eq!(taker.rest().count(), 1);
     }
 }

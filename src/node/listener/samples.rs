@@ -82,7 +82,7 @@ impl Listener<'_> {
 
     /// Tells of a second sender that says something else on the same input.
     fn compare(&self, input: NodeInput, sender: Gid, said: f64) {
-        let rival = self.rivals.borrow_mut()[input as usize].take(sender, said, monotonic_ns());
+        let rival = self.competing.borrow_mut()[input as usize].take(sender, said, monotonic_ns());
         if let Some((other, before)) = rival {
             let name = NodeInput::NAMES[input as usize];
             let words = format!(

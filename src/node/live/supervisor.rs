@@ -17,7 +17,7 @@ use super::super::core::NodeInput;
 use super::super::diagnostics::{self, DiagnosticArray, TimeKeeping};
 use super::super::intake::TopicCounts;
 use super::super::journal::Journal;
-use super::super::listener::event::{News, Taker};
+use super::super::listener::event::{NodeEvent, Taker};
 use super::super::realtime::{Until, monotonic_ns, wall_ns};
 use super::super::settings::NodeSettings;
 use super::super::words;
@@ -38,21 +38,21 @@ pub(super) struct Supervisor<'a> {
     pub(super) clock: &'a clock::ClockHeard,
     pub(super) watch: Watch,
     pub(super) state: &'a dyn Fn() -> RunState,
-    pub(super) rival_clock: bool,
+    pub(super) competing_clock: bool,
     pub(super) least: &'a AtomicU8,
     pub(super) say: Say<'a>,
 }
 
 impl Supervisor<'_> {
     /// Keeps the books until `done`.
-    pub(super) fn keep(&mut self, news: &Taker, done: impl Fn() -> bool) {
+    pub(super) fn keep(&mut self, node_events: &Taker, done: impl Fn() -> bool) {
         let second = Duration::from_secs(1);
         let mut next = Until::after(Some(second));
         let (mut newest, mut reported) = (None, <[TopicCounts; NodeInput::COUNT]>::default());
         while !done() {
-            match news.take(Duration::from_millis(20)) {
+            match node_events.take(Duration::from_millis(20)) {
                 Ok(item) => {
-                    if let News::Output(output) = &item {
+                    if let NodeEvent::Output(output) = &item {
                         newest = Some(**output);
                     }
                     self.take(&item);
@@ -60,7 +60,7 @@ impl Supervisor<'_> {
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,
             }
-            self.catch_up(news);
+            self.catch_up(node_events);
             if next.comes_round(second) {
                 self.write(Journal::flush);
                 self.look_for_strangers();
@@ -139,7 +139,7 @@ impl Supervisor<'_> {
             if let Some((level, words)) = self.watch.look(self.clock, writers, monotonic_ns()) {
                 self.tell(level, &words);
             }
-        } else if self.settings.publish_clock && writers > 0 && !std::mem::replace(&mut self.rival_clock, true) {
+        } else if self.settings.publish_clock && writers > 0 && !std::mem::replace(&mut self.competing_clock, true) {
             self.tell(LogLevel::Error, "/clock: another node publishes it beside this one; whoever follows it jumps");
         }
     }
@@ -154,30 +154,30 @@ impl Supervisor<'_> {
     }
 
     /// Takes what is left once all threads have ended.
-    pub(super) fn drain(&mut self, news: &Taker) {
-        for item in news.rest() {
+    pub(super) fn drain(&mut self, node_events: &Taker) {
+        for item in node_events.rest() {
             self.take(&item);
         }
-        self.catch_up(news);
+        self.catch_up(node_events);
     }
 
     /// What found no room on the way here.
-    fn catch_up(&mut self, news: &Taker) {
-        if let Some(settings) = news.settings() {
+    fn catch_up(&mut self, node_events: &Taker) {
+        if let Some(settings) = node_events.settings() {
             self.settings = settings;
         }
-        let left_out = news.left_out();
+        let left_out = node_events.left_out();
         if left_out > 0 {
             let words = format!("the books stood still: {left_out} results or words are missing in log and bag");
             self.tell(LogLevel::Error, &words);
         }
     }
 
-    fn take(&mut self, item: &News) {
+    fn take(&mut self, item: &NodeEvent) {
         for (level, words) in words::of(item, &mut self.settings) {
             self.tell(level, &words);
         }
-        if let News::Output(output) = item {
+        if let NodeEvent::Output(output) = item {
             self.write(|journal| journal.write(&output.tick));
         }
     }

@@ -15,7 +15,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::super::tap::Undecoded;
-use super::{Aftermath, ServiceDesk};
+use super::{Aftermath, ServiceContext};
 use crate::bag::cdr;
 
 /// What names the layout of a sample, before its bytes.
@@ -68,7 +68,7 @@ impl Calls {
     /// Hands each call to `take`; what does not decode is none.
     pub fn attend<'a, 's: 'a, Request: DeserializeOwned + 'a>(
         &'s self,
-        desk: &'a ServiceDesk<'a>,
+        context: &'a ServiceContext<'a>,
         take: impl Fn(Request, Caller, &mut Aftermath) + 'a,
     ) -> LocalBoxStream<'a, Aftermath> {
         let answered = self.requests.as_async_stream().map(move |sample| {
@@ -77,8 +77,8 @@ impl Calls {
             let id = sample.writer_guid.to_bytes();
             let vendor = [id[0], id[1]];
             let layouts = [ServiceMapping::Enhanced, ServiceMapping::Cyclone];
-            let Some(layout) = layouts.into_iter().find(|&layout| desk.serves(layout, vendor)) else {
-                aftermath.words.extend(desk.turn_away(vendor));
+            let Some(layout) = layouts.into_iter().find(|&layout| context.serves(layout, vendor)) else {
+                aftermath.words.extend(context.turn_away(vendor));
                 return aftermath;
             };
             let own = SampleIdentity { writer_guid: sample.writer_guid, sequence_number: sample.sequence_number };

@@ -11,7 +11,7 @@ use super::super::bus::{Bus, BusError};
 use super::super::control::{Answer, Order, OrderOutcome, RunState};
 use super::super::integration::TimeSource;
 use super::replies::Replies;
-use super::{Aftermath, ServiceDesk, answer, attend};
+use super::{Aftermath, ServiceContext, answer, attend};
 use crate::msg::service::{Nothing, Trigger, TriggerResponse};
 use crate::msg::simulation::{
     FeaturesResponse, GetSimulationState, GetSimulatorFeatures, ResetRequest, ResetSimulation, ResultResponse,
@@ -58,29 +58,29 @@ impl SimulationServices {
     /// Answers calls as they come, some of them once the loop has done what they ask for.
     pub fn answers<'a, 's: 'a>(
         &'s self,
-        desk: &'a ServiceDesk<'a>,
+        context: &'a ServiceContext<'a>,
         replies: &'a Replies<'s>,
     ) -> Vec<LocalBoxStream<'a, Aftermath>> {
         let (mapping, time) = (self.mapping, self.time);
         vec![
-            answer(mapping, &self.features, desk, move |_, _, _| FeaturesResponse { features: features(time) }),
-            answer(mapping, &self.get, desk, |_, _, _| {
+            answer(mapping, &self.features, context, move |_, _, _| FeaturesResponse { features: features(time) }),
+            answer(mapping, &self.get, context, |_, _, _| {
                 let state = SimulationState { state: number(replies.state()) };
                 StateResponse { state, result: SimulationResult::ok() }
             }),
-            attend(mapping, &self.set, desk, move |request, _, aftermath, send| {
+            attend(mapping, &self.set, context, move |request, _, aftermath, send| {
                 let send = move |result| send(ResultResponse { result });
                 order(replies, aftermath, state_order(request.state, time), send);
             }),
-            attend(mapping, &self.step, desk, move |request, _, aftermath, send| {
+            attend(mapping, &self.step, context, move |request, _, aftermath, send| {
                 let send = move |result| send(ResultResponse { result });
                 order(replies, aftermath, step_order(request.steps, time), send);
             }),
-            attend(mapping, &self.reset, desk, move |request, _, aftermath, send| {
+            attend(mapping, &self.reset, context, move |request, _, aftermath, send| {
                 let send = move |result| send(ResultResponse { result });
                 order(replies, aftermath, reset_order(request.scope, time), send);
             }),
-            attend(mapping, &self.trigger, desk, move |_, _, aftermath, send| {
+            attend(mapping, &self.trigger, context, move |_, _, aftermath, send| {
                 let send = move |result: SimulationResult| {
                     let success = result.result == SimulationResult::OK;
                     let done = "the twin starts again from the steady state of its inputs";

@@ -14,7 +14,7 @@ use super::super::realtime::{monotonic_ns, wall_ns};
 use super::call::{Caller, Calls};
 use super::replies::Replies;
 use super::simulation::{result, step_order};
-use super::{Aftermath, ServiceDesk};
+use super::{Aftermath, ServiceContext};
 use crate::msg;
 use crate::msg::action::{
     CancelRequest, CancelResponse, GoalId, GoalInfo, GoalStatus, GoalStatusArray, ResultRequest, SendGoalResponse,
@@ -65,16 +65,16 @@ impl StepsAction {
     /// Answers calls as they come, that for a result once the goal has ended.
     pub fn answers<'a, 's: 'a>(
         &'s self,
-        desk: &'a ServiceDesk<'a>,
+        context: &'a ServiceContext<'a>,
         replies: &'a Replies<'s>,
     ) -> Vec<LocalBoxStream<'a, Aftermath>> {
         vec![
-            self.goal.attend(desk, move |request: SendStepsRequest, caller, aftermath| {
+            self.goal.attend(context, move |request: SendStepsRequest, caller, aftermath| {
                 let stamp = msg::Time::from_nanos(wall_ns());
                 let accepted = self.pursue(request, stamp, replies, aftermath);
                 self.goal.respond(&caller, &SendGoalResponse { accepted, stamp });
             }),
-            self.cancel.attend(desk, move |request: CancelRequest, caller, aftermath| {
+            self.cancel.attend(context, move |request: CancelRequest, caller, aftermath| {
                 let response = self.with(|goals| goals.cancel(&request.goal_info)).unwrap_or_default();
                 if !response.goals_canceling.is_empty() {
                     // To pause ends the steps, and nothing else: the simulation stands already.
@@ -85,7 +85,7 @@ impl StepsAction {
                 }
                 self.cancel.respond(&caller, &response);
             }),
-            self.result.attend(desk, move |request: ResultRequest, caller, _| {
+            self.result.attend(context, move |request: ResultRequest, caller, _| {
                 let known = self.with(|goals| goals.ask(request.goal_id, caller.clone())).unwrap_or_default();
                 if let Some(response) = known {
                     self.result.respond(&caller, &response);

@@ -4,7 +4,7 @@ use futures::stream::LocalBoxStream;
 use ros2_client::{Server, ServiceMapping};
 
 use super::super::bus::{Bus, BusError};
-use super::{Aftermath, MOST_ITEMS, ServiceDesk, answer};
+use super::{Aftermath, MOST_ITEMS, ServiceContext, answer};
 use crate::msg::definition::{Definition, closure_of, text_of};
 use crate::msg::type_hash::{field_type, hash_of};
 use crate::msg::upkeep::{
@@ -42,19 +42,19 @@ impl UpkeepServices {
     }
 
     /// Answers calls as they come.
-    pub fn answers<'a>(&'a self, desk: &'a ServiceDesk<'a>) -> Vec<LocalBoxStream<'a, Aftermath>> {
+    pub fn answers<'a>(&'a self, context: &'a ServiceContext<'a>) -> Vec<LocalBoxStream<'a, Aftermath>> {
         let logger = self.logger.as_str();
         vec![
-            answer(self.mapping, &self.get_levels, desk, move |request, desk, _| {
-                let level = |name: &String| if name == logger { u32::from(desk.least()) } else { 0 };
+            answer(self.mapping, &self.get_levels, context, move |request, context, _| {
+                let level = |name: &String| if name == logger { u32::from(context.least()) } else { 0 };
                 let names = request.names.iter().take(MOST_ITEMS);
                 Levels { levels: names.map(|name| LoggerLevel { name: name.clone(), level: level(name) }).collect() }
             }),
-            answer(self.mapping, &self.set_levels, desk, move |request, desk, aftermath| {
+            answer(self.mapping, &self.set_levels, context, move |request, context, aftermath| {
                 let items = request.levels.iter().take(MOST_ITEMS);
                 let set = |item: &LoggerLevel| match level(item, logger) {
                     Ok((least, word)) => {
-                        desk.set_least(least);
+                        context.set_least(least);
                         aftermath.words.push(format!("logger `{logger}` set to {word}"));
                         SetLoggerLevelsResult { successful: true, reason: String::new() }
                     }
@@ -62,7 +62,7 @@ impl UpkeepServices {
                 };
                 SetLevelsResponse { results: items.map(set).collect() }
             }),
-            answer(self.mapping, &self.describe, desk, |request, _, _| describe(&request)),
+            answer(self.mapping, &self.describe, context, |request, _, _| describe(&request)),
         ]
     }
 }

@@ -249,7 +249,10 @@ fn reach(diagnosis: &Diagnosis) -> Vec<String> {
 /// What a discrepancy term at the stage would explain, if it is worth a word.
 fn discrepancy(diagnosis: &Diagnosis) -> Option<String> {
     let stage = diagnosis.stage?;
-    let there = diagnosis.latents.iter().filter(|latent| latent.stage == stage && latent.explains >= TOLD);
+    let there = diagnosis
+        .discrepancy_terms
+        .iter()
+        .filter(|discrepancy_term| discrepancy_term.stage == stage && discrepancy_term.explains >= TOLD);
     let best = there.max_by(|a, b| a.explains.total_cmp(&b.explains))?;
     Some(format!(
         "A discrepancy term on the {} would explain {} of it; its shape stands below.",

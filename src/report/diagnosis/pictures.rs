@@ -1,7 +1,7 @@
 //! The pictures of a diagnosis but for its traces: shares, probabilities, recovered shapes.
 
 use super::words::{id_words, stage_title};
-use crate::diagnosis::result::{Breakdown, Diagnosis, Latent, SignalGap, Verdict};
+use crate::diagnosis::result::{Breakdown, Diagnosis, DiscrepancyTerm, SignalGap, Verdict};
 use crate::report::ink::Ink;
 use crate::report::picture::{Mark, MarkShape, Panel, Picture};
 use crate::signal::Signal;
@@ -102,21 +102,24 @@ pub fn probabilities(diagnosis: &Diagnosis) -> Picture {
 }
 
 /// The shape of a free term against what it depends on.
-pub fn shape(latent: &Latent) -> Picture {
+pub fn shape(discrepancy_term: &DiscrepancyTerm) -> Picture {
     let points = |points: &[(f64, f64)]| points.iter().map(|&(x, y)| [x, y]).collect::<Vec<_>>();
-    let largest = latent.curves.iter().flat_map(|curve| &curve.points).fold(0.0_f64, |most, (_, y)| most.max(y.abs()));
+    let largest =
+        discrepancy_term.curves.iter().flat_map(|curve| &curve.points).fold(0.0_f64, |most, (_, y)| most.max(y.abs()));
     // Axes write no exponents; terms in m³/s are far below one.
-    let (scale, unit) = match latent.unit {
+    let (scale, unit) = match discrepancy_term.unit {
         "pu" => (100.0, "%".to_owned()),
         "m³/s" => (1.0e6, "cm³/s".to_owned()),
         "N" if largest >= 1000.0 => (1.0e-3, "kN".to_owned()),
         unit => (1.0, unit.to_owned()),
     };
     // One vertical range for all, so that what matters more looks larger.
-    let all = || latent.curves.iter().flat_map(|curve| curve.points.iter().chain(&curve.named)).map(|(_, y)| scale * y);
+    let all = || {
+        discrepancy_term.curves.iter().flat_map(|curve| curve.points.iter().chain(&curve.named)).map(|(_, y)| scale * y)
+    };
     let (low, high) = all().fold((0.0_f64, 0.0_f64), |(low, high), y| (low.min(y), high.max(y)));
     let air = 0.06 * (high - low);
-    let panels = latent.curves.iter().map(|curve| {
+    let panels = discrepancy_term.curves.iter().map(|curve| {
         let scaled = |from: &[(f64, f64)]| points(&from.iter().map(|&(x, y)| (x, scale * y)).collect::<Vec<_>>());
         let mut panel = Panel::new(format!("against {}", curve.against))
             .x_name(curve.against)
@@ -128,5 +131,5 @@ pub fn shape(latent: &Latent) -> Picture {
         }
         panel
     });
-    Picture::grid(format!("Shape of a discrepancy term on the {}", latent.place), 2, panels.collect())
+    Picture::grid(format!("Shape of a discrepancy term on the {}", discrepancy_term.place), 2, panels.collect())
 }

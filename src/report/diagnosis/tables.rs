@@ -83,9 +83,9 @@ pub fn stage_tests(diagnosis: &Diagnosis) -> Table {
 }
 
 /// Places of free terms.
-pub fn latents(diagnosis: &Diagnosis) -> Table {
+pub fn discrepancy_terms(diagnosis: &Diagnosis) -> Table {
     let mut table = Table::new().words("discrepancy term on the").words("stage").numbers("would explain");
-    for one in &diagnosis.latents {
+    for one in &diagnosis.discrepancy_terms {
         table.row([one.place.to_owned(), super::words::stage_title(one.stage).to_owned(), percent(one.explains)]);
     }
     table

@@ -4,8 +4,8 @@ use super::{page, summary};
 use crate::diagnosis::hypotheses::table::EvidenceTable;
 use crate::diagnosis::model::discrepancy::Curve;
 use crate::diagnosis::result::{
-    Blame, Breakdown, BreakdownPart, ChannelReport, Diagnosis, Experiment, Fitted, Interval, Latent, Ranked, SignalGap,
-    StageTest, Trace, Tried, Verdict, Visible,
+    Blame, Breakdown, BreakdownPart, ChannelReport, Diagnosis, DiscrepancyTerm, Experiment, Fitted, Interval, Ranked,
+    SignalGap, StageTest, Trace, Tried, Verdict, Visible,
 };
 use crate::effects::Stage;
 use crate::parameters::Unit;
@@ -120,7 +120,7 @@ fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
             rmse: 2.0e-3,
             excess: 9.0,
         }],
-        latents: vec![Latent {
+        discrepancy_terms: vec![DiscrepancyTerm {
             place: "servomotor transducer",
             stage: Stage::Sensor,
             unit: "pu",
@@ -214,12 +214,12 @@ fn every_verdict_has_a_sentence_of_its_own() {
 fn something_unknown_is_looked_for_where_and_when_the_page_places_it() {
     let mut diagnosis = made_up(Verdict::Unknown, &[]);
     diagnosis.traces[0].name = "one".into();
-    diagnosis.latents[0].explains = 0.4;
+    diagnosis.discrepancy_terms[0].explains = 0.4;
     let text = summary(&diagnosis, usize::MAX);
     assert!(text.contains("look first at the transducers and clocks; one shows it most, at "), "{text}");
     assert!(text.contains("A discrepancy term on the servomotor transducer would explain 40 % of it"), "{text}");
     for (stage, explains) in [(Stage::Sensor, 0.01), (Stage::Spool, 0.4)] {
-        (diagnosis.stage, diagnosis.latents[0].explains) = (Some(stage), explains);
+        (diagnosis.stage, diagnosis.discrepancy_terms[0].explains) = (Some(stage), explains);
         assert!(!summary(&diagnosis, usize::MAX).contains("discrepancy term"));
     }
     // The nearest cause with what speaks against it, from the diagnosis's own note or from the ranking.

@@ -10,8 +10,8 @@ use crate::diagnosis::model::discrepancy::Curve;
 use crate::diagnosis::result::StageFigure;
 use crate::diagnosis::result::test_script::{CommandShape, TestScript};
 use crate::diagnosis::result::{
-    Blame, Breakdown, BreakdownPart, ChannelReport, Diagnosis, Experiment, Fitted, FreeRun, Latent, Ranked, SignalGap,
-    StageOnly, StageTest, Transfer, Tried, Verdict, Visible,
+    Blame, Breakdown, BreakdownPart, ChannelReport, Diagnosis, DiscrepancyTerm, Experiment, Fitted, FreeRun, Ranked,
+    SignalGap, StageOnly, StageTest, Transfer, Tried, Verdict, Visible,
 };
 use crate::effects::Stage;
 use crate::parameters::{ChannelReadings, Parameters, Sensors, Unit};
@@ -63,7 +63,7 @@ pub fn read(report: &Value) -> Result<Diagnosis, ReadError> {
             .collect(),
         breakdowns: rows(&evidence["ledgers"]).map(breakdown).collect::<Result<_, _>>()?,
         stage_tests: rows(&evidence["stage_tests"]).map(stage_test).collect::<Result<_, _>>()?,
-        latents: rows(&evidence["free_terms"]).map(latent).collect::<Result<_, _>>()?,
+        discrepancy_terms: rows(&evidence["free_terms"]).map(discrepancy_term).collect::<Result<_, _>>()?,
         tried: rows(&evidence["tried"]).map(tried).collect(),
         transfers: rows(&evidence["closure_without_recording"])
             .map(|one| Transfer { recording: text(&one["recording"]), closure: interval(&one["closure"]) })
@@ -206,14 +206,14 @@ fn stage_test(value: &Value) -> Result<StageTest, ReadError> {
     })
 }
 
-fn latent(value: &Value) -> Result<Latent, ReadError> {
+fn discrepancy_term(value: &Value) -> Result<DiscrepancyTerm, ReadError> {
     let points = |value: &Value| rows(value).map(|point| (number(&point[0]), number(&point[1]))).collect();
     let curve = |curve: &Value| Curve {
         against: lasting(&curve["against"]),
         points: points(&curve["points"]),
         named: points(&curve["named"]),
     };
-    Ok(Latent {
+    Ok(DiscrepancyTerm {
         place: lasting(&value["place"]),
         stage: stage(&value["stage"])?,
         unit: lasting(&value["unit"]),

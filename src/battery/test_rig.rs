@@ -10,7 +10,7 @@ use crate::battery::rig::{Hand, Rig};
 use crate::frame::{EsvState, Inputs, Signals};
 use crate::generate::governor::Governor;
 use crate::generate::machine::Machine;
-use crate::generate::noise::{Dice, Purpose, Transducer};
+use crate::generate::noise::{Purpose, RandomStreams, Transducer};
 use crate::generate::script::ProcessScript;
 use crate::generate::streams::GeneratedStreams;
 use crate::parameters::{Parameters, Sensor, Sensors};
@@ -31,7 +31,7 @@ const EPOCH_NS: i64 = 1_700_000_000_000_000_000;
 
 /// One plant, ready to go through its processes.
 #[derive(Clone, Debug)]
-pub struct Bench {
+pub struct TestRig {
     /// Parameters as they truly are.
     pub parameters: Parameters,
     /// Transducers.
@@ -69,14 +69,14 @@ struct Run {
     readings: Vec<Signals>,
 }
 
-impl Bench {
+impl TestRig {
     /// Records a process.
     #[must_use]
     pub fn record(&self, process: Process) -> (GeneratedStreams, Vec<Inputs>) {
-        let dice = Dice { seed: self.seed, process };
+        let random = RandomStreams { seed: self.seed, process };
         let script = self.script(process);
-        let governor = Governor::new(script, dice.of(Purpose::Command));
-        let machine = Machine::new(&self.parameters, &script, dice.of(Purpose::Grid));
+        let governor = Governor::new(script, random.of(Purpose::Command));
+        let machine = Machine::new(&self.parameters, &script, random.of(Purpose::Grid));
         let run = self.run(process, Source::Loop(Box::new((governor, machine))), &self.sensors);
         (run.streams, run.inputs)
     }
@@ -88,15 +88,15 @@ impl Bench {
     }
 
     fn script(&self, process: Process) -> ProcessScript {
-        ProcessScript::new(process, self.ticks as f64 * 1e-3, &Dice { seed: self.seed, process })
+        ProcessScript::new(process, self.ticks as f64 * 1e-3, &RandomStreams { seed: self.seed, process })
     }
 
     #[expect(clippy::too_many_lines, reason = "one timetable of a tick, in its order")]
     fn run(&self, process: Process, mut source: Source<'_>, sensors: &Sensors) -> Run {
-        let dice = Dice { seed: self.seed, process };
+        let random = RandomStreams { seed: self.seed, process };
         let place = 1 + process as u64;
         let start_pu = self.script(process).initial_opening_pu;
-        let transducer = |sensor: Sensor, purpose| Transducer::new(sensor, dice.of(purpose));
+        let transducer = |sensor: Sensor, purpose| Transducer::new(sensor, random.of(purpose));
         let mut spool = transducer(sensors.spool_position_pu, Purpose::Spool);
         let mut servomotor = transducer(sensors.servomotor_position_pu, Purpose::Servomotor);
         let mut pilot_valve = transducer(sensors.pilot_valve_position_pu, Purpose::PilotValve);
@@ -219,7 +219,7 @@ struct Controller {
 
 impl Controller {
     /// The current to the pilot valve in a tick, pu.
-    fn current_pu(&mut self, bench: &Bench, rig: &Rig, tick: i64, command_pu: f64) -> f64 {
+    fn current_pu(&mut self, bench: &TestRig, rig: &Rig, tick: i64, command_pu: f64) -> f64 {
         let (p, faults) = (&bench.parameters.regulator, &bench.faults);
         self.arrive(faults, tick, command_pu);
         let spool_pu = self.spool.read(rig.spool_reading_pu());
