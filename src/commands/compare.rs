@@ -19,7 +19,7 @@ use govtwin::estimation::calibration::parts;
 use govtwin::parameters::Unit;
 use govtwin::replay::summary::cut_id;
 use govtwin::report::comparison::{HYBRIDS, Shown, breakdown_table, models_table, page, spread_table};
-use govtwin::report::table::FeatureTable as Printed;
+use govtwin::report::table::Table as Printed;
 use govtwin::residual::booster::Hyperparameters;
 use govtwin::residual::model::Model;
 use govtwin::residual::row::Between;

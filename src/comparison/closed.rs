@@ -73,7 +73,7 @@ pub fn pull(unit: &Unit, recording: &Recording, pull_1_s: f64) -> Pulled {
 #[must_use]
 pub fn twin(unit: &Unit, forest: Forest, guard: Guard) -> Twin {
     let mut plant = plant(unit);
-    plant.terms.push(Arc::new(inloop::Learned { forest, guard, area_m2: plant.spool.control_area_m2 }));
+    plant.terms.push(Arc::new(inloop::LearnedSpoolRate { forest, guard, area_m2: plant.spool.control_area_m2 }));
     Twin::of_plant(plant, unit.parameters.oil.tank_pressure_pa, Method::default())
 }
 
