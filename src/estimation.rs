@@ -1,8 +1,7 @@
-//! Estimation: parameters and effects fitted to recordings by bounded, prior-weighted least squares.
+//! Estimation: bounded, prior-weighted least squares over whatever can be turned and judged; it knows no unit.
 
 pub mod annealing;
-pub mod calibration;
+pub mod coordinate;
 mod descent;
 pub mod fit;
-pub mod free_parameter;
 pub mod linear;

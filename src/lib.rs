@@ -124,6 +124,8 @@ pub mod fleet;
 #[doc(hidden)]
 pub mod generate;
 #[doc(hidden)]
+pub mod identification;
+#[doc(hidden)]
 pub mod likelihood;
 #[doc(hidden)]
 pub mod metrics;

@@ -1,11 +1,12 @@
 //! Fits: planted parameters come back within their intervals.
 
-use govtwin::estimation::calibration::{Calibration, calibrate};
-use govtwin::estimation::free_parameter::FreeParameter;
+use govtwin::estimation::coordinate::square;
 use govtwin::frame::Estimate;
 use govtwin::generate::{Scenario, recording, spread};
+use govtwin::identification::calibration::{Calibration, calibrate};
+use govtwin::identification::free_parameter::FreeParameter;
 use govtwin::likelihood::noise;
-use govtwin::likelihood::problem::{Problem, square};
+use govtwin::likelihood::problem::Problem;
 use govtwin::likelihood::trial::Trial;
 use govtwin::parameters::{ENTRIES, EffectSetting, Unit};
 use govtwin::params;

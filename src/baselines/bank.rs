@@ -6,7 +6,7 @@
 use crate::baselines::ground::Ground;
 use crate::baselines::{Found, said};
 use crate::blind::said::ReportVerdict;
-use crate::likelihood::problem::square;
+use crate::estimation::coordinate::square;
 
 /// The rule.
 #[must_use]

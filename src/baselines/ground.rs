@@ -4,10 +4,11 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::diagnosis::model::search::{Turned, nominal};
 use crate::effects::EffectSpec;
+use crate::estimation::coordinate::{Coordinate, Residuals, square};
 use crate::estimation::fit::Fit;
-use crate::estimation::free_parameter::{FreeParameter, unit_at};
+use crate::identification::free_parameter::{FreeParameter, unit_at};
 use crate::likelihood::noise::expected;
-use crate::likelihood::problem::{Problem, Residuals, square};
+use crate::likelihood::problem::Problem;
 use crate::likelihood::trial::Trial;
 use crate::parameters::{EffectSetting, Unit};
 use crate::recording::Recording;

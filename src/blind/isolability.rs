@@ -4,10 +4,10 @@ use nalgebra::DMatrix;
 
 use crate::blind::validation::laid_along;
 use crate::effects::find;
+use crate::estimation::coordinate::Residuals;
 use crate::estimation::fit::{beside, pictured};
-use crate::estimation::free_parameter::FreeParameter;
 use crate::estimation::linear::Projection;
-use crate::likelihood::problem::Residuals;
+use crate::identification::free_parameter::FreeParameter;
 use crate::parameters::{EffectSetting, Unit};
 use crate::recording::Recording;
 

@@ -15,7 +15,7 @@ use govtwin::comparison::summary::{
     Claims, ComparisonSummary, FreeRunFigures, Importance, ModelFigures, SCHEMA, UnseenProcess, claims, covered, spread,
 };
 use govtwin::comparison::{Contender, ModelStanding};
-use govtwin::estimation::calibration::parts;
+use govtwin::identification::calibration::parts;
 use govtwin::parameters::Unit;
 use govtwin::replay::summary::cut_id;
 use govtwin::report::comparison::{HYBRIDS, Shown, breakdown_table, models_table, page, spread_table};

@@ -10,8 +10,8 @@ use anyhow::{Context, bail};
 use govtwin::diagnosis::model::FittedModel;
 use govtwin::diagnosis::result::StageFigure;
 use govtwin::diagnosis::stage_only::told::told;
-use govtwin::estimation::calibration::{Calibration, calibrate, parts};
-use govtwin::estimation::free_parameter::FreeParameter;
+use govtwin::identification::calibration::{Calibration, calibrate, parts};
+use govtwin::identification::free_parameter::FreeParameter;
 use govtwin::likelihood::noise;
 use govtwin::likelihood::problem::Problem;
 use govtwin::likelihood::qualification::{QualifiedRecordings, qualify_all};
@@ -293,7 +293,7 @@ fn free_parameters(args: &Args, unit: &mut Unit) -> anyhow::Result<Vec<FreeParam
 
 /// The fitted unit as a parameter file.
 fn overlay(problem: &Problem, sheet: &Sheet, fitted: &Calibration, made: &Provenance) -> Overlay {
-    let comment = |row: &govtwin::estimation::calibration::CalibrationRow| {
+    let comment = |row: &govtwin::identification::calibration::CalibrationRow| {
         let [low, high] = row.ci90.map(number_text);
         let bound = if row.at_bound { ", at a bound" } else { "" };
         (row.key.clone(), format!("ci90 [{low}, {high}], sheet {}{bound}", number_text(row.sheet)))

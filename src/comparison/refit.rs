@@ -1,8 +1,8 @@
 //! A better parent for the hybrid: the twin refitted on the rows that teach, and on nothing behind them.
 
 use crate::effects::CATALOGUE;
-use crate::estimation::calibration::calibrate;
-use crate::estimation::free_parameter::{FreeParameter, unit_at};
+use crate::identification::calibration::calibrate;
+use crate::identification::free_parameter::{FreeParameter, unit_at};
 use crate::likelihood::noise;
 use crate::likelihood::trial::Trial;
 use crate::parameters::{EffectSetting, Unit};

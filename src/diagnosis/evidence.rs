@@ -17,8 +17,9 @@ use crate::diagnosis::model::FittedModel;
 use crate::diagnosis::model::discrepancy::{self, Columns};
 use crate::diagnosis::model::support::SIZE_PRIOR;
 use crate::effects::Stage;
-use crate::estimation::free_parameter::FreeParameter;
+use crate::estimation::coordinate::Coordinate;
 use crate::estimation::linear::crossed;
+use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::noise::log_sum;
 use crate::likelihood::problem::Problem;
 

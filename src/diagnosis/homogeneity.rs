@@ -3,7 +3,7 @@
 use crate::diagnosis::hypotheses::Explored;
 use crate::diagnosis::model::{FittedModel, covariance};
 use crate::estimation::fit::{Effort, Fit, fit};
-use crate::estimation::free_parameter::FreeParameter;
+use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::problem::Problem;
 use crate::parameters::Unit;
 

@@ -19,6 +19,7 @@ use crate::diagnosis::model::discrepancy::{Columns, columns};
 use crate::diagnosis::model::support::Placed;
 use crate::effects::EffectSpec;
 use crate::estimation::fit::{Effort, Start, fit_all};
+use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::problem::Problem;
 use crate::parameters::Unit;
 
@@ -101,11 +102,11 @@ impl Explored {
             let larger = self.hypotheses.iter().find(holds);
             places.extend(larger.map(|larger| (place, None, larger.model.keeping(claim))));
         }
-        let starts: Vec<Start<'_>> = places
+        let starts: Vec<Start<'_, FreeParameter>> = places
             .iter()
             .map(|(_, own, (base, free_parameters, positions))| match own {
                 Some(own) => own.model.onwards(Effort::FULL),
-                None => Start { base, free_parameters, positions, effort: Effort::FULL, known: None },
+                None => Start { base, coordinates: free_parameters, positions, effort: Effort::FULL, known: None },
             })
             .collect();
         let fits = fit_all(problem, &starts);

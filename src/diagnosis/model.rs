@@ -9,10 +9,11 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::diagnosis::model::support::{Placed, Variant, add};
 use crate::effects::EffectSpec;
+use crate::estimation::coordinate::{prior_square, square};
 use crate::estimation::fit::{Effort, Fit, Start, pictured};
-use crate::estimation::free_parameter::{FreeParameter, unit_at};
-use crate::estimation::linear::{normal, prior_square};
-use crate::likelihood::problem::{Problem, square};
+use crate::estimation::linear::normal;
+use crate::identification::free_parameter::{FreeParameter, unit_at};
+use crate::likelihood::problem::Problem;
 use crate::parameters::Unit;
 
 /// A model with all its free parameters fitted: the sheet's tolerances, then the parameters of its effects.
@@ -175,15 +176,9 @@ impl FittedModel {
 
     /// What a fit from here on begins with.
     #[must_use]
-    pub fn onwards(&self, effort: Effort) -> Start<'_> {
+    pub fn onwards(&self, effort: Effort) -> Start<'_, FreeParameter> {
         let known = (!self.fit.slopes.is_empty()).then_some(self.fit.slopes.as_slice());
-        Start {
-            base: &self.base,
-            free_parameters: &self.free_parameters,
-            positions: &self.fit.positions,
-            effort,
-            known,
-        }
+        Start { base: &self.base, coordinates: &self.free_parameters, positions: &self.fit.positions, effort, known }
     }
 }
 

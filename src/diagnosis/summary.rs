@@ -25,8 +25,9 @@ use crate::diagnosis::summary::explained_fraction::{
 };
 use crate::diagnosis::summary::traces::traces;
 use crate::effects::EffectSpec;
-use crate::estimation::free_parameter::FreeParameter;
-use crate::likelihood::problem::{Problem, Residuals};
+use crate::estimation::coordinate::{Coordinate, Residuals};
+use crate::identification::free_parameter::FreeParameter;
+use crate::likelihood::problem::Problem;
 use crate::parameters::Unit;
 
 /// Standard deviations to either side of a 90 % interval.

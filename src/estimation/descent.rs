@@ -2,9 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::estimation::free_parameter::FreeParameter;
-use crate::likelihood::problem::Residuals;
-use crate::parameters::Unit;
+use crate::estimation::coordinate::{Coordinate, Residuals};
 
 /// Corrects slopes by the change of the residuals that a step brought (Broyden 1965, equation 4.5).
 pub(super) fn correct(slopes: &mut [DMatrix<f64>], from: &[f64], to: &[f64], before: &Residuals, after: &Residuals) {
@@ -19,16 +17,16 @@ pub(super) fn correct(slopes: &mut [DMatrix<f64>], from: &[f64], to: &[f64], bef
     }
 }
 
-/// The damped step inside the bounds: free parameters that it would push through a bound stay on it.
-pub(super) fn step(
-    base: &Unit,
-    free_parameters: &[FreeParameter],
+/// The damped step inside the bounds: coordinates that it would push through a bound stay on it.
+pub(super) fn step<C: Coordinate>(
+    base: &C::Subject,
+    coordinates: &[C],
     positions: &[f64],
     hessian: &DMatrix<f64>,
     gradient: &DVector<f64>,
     damping: f64,
 ) -> Vec<f64> {
-    let n = free_parameters.len();
+    let n = coordinates.len();
     let mut free = vec![true; n];
     loop {
         let mut h = hessian.clone();
@@ -48,7 +46,7 @@ pub(super) fn step(
         let mut next: Vec<f64> = positions.iter().zip(change.iter()).map(|(p, c)| p - c).collect();
         let mut hit = false;
         for k in 0..n {
-            let (low, high) = free_parameters[k].range(base);
+            let (low, high) = coordinates[k].range(base);
             if free[k] && (next[k] <= low && positions[k] <= low || next[k] >= high && positions[k] >= high) {
                 free[k] = false;
                 hit = true;

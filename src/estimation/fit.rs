@@ -3,19 +3,17 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::iter::{IndexedParallelIterator, IntoParallelRefMutIterator, ParallelIterator};
 
+use crate::estimation::coordinate::{Coordinate, Judge, Residuals, prior_square, square, subject_at};
 use crate::estimation::descent::{correct, step};
-use crate::estimation::free_parameter::{FreeParameter, unit_at};
-use crate::estimation::linear::{normal, prior_square};
-use crate::likelihood::problem::{Problem, Residuals, square};
-use crate::parameters::Unit;
+use crate::estimation::linear::normal;
 
-/// Step of a forward difference, in units of a free parameter.
+/// Step of a forward difference, in units of a coordinate.
 pub const DIFFERENCE: f64 = 0.05;
 
-/// A fit: positions of the free parameters, what it cost, and the local picture around it.
+/// A fit: positions of the coordinates, what it cost, and the local picture around it.
 #[derive(Clone, Debug)]
 pub struct Fit {
-    /// Position of each free parameter.
+    /// Position of each coordinate.
     pub positions: Vec<f64>,
     /// Sum of squares of the residuals.
     pub square: f64,
@@ -23,7 +21,7 @@ pub struct Fit {
     pub prior: f64,
     /// Residuals at the positions.
     pub residuals: Residuals,
-    /// Change of the residuals per unit of each free parameter, by trial.
+    /// Change of the residuals per unit of each coordinate, by trial.
     pub slopes: Vec<DMatrix<f64>>,
 }
 
@@ -44,15 +42,20 @@ pub fn beside(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
     both
 }
 
-/// Units that stand a small step of one free parameter each away from a position, by every free parameter from the `first` on, and these steps.
-fn stepped(base: &Unit, free_parameters: &[FreeParameter], positions: &[f64], first: usize) -> (Vec<Unit>, Vec<f64>) {
+/// Subjects that stand a small step of one coordinate each away from a position, by every coordinate from the `first` on, and these steps.
+fn stepped<C: Coordinate>(
+    base: &C::Subject,
+    coordinates: &[C],
+    positions: &[f64],
+    first: usize,
+) -> (Vec<C::Subject>, Vec<f64>) {
     let of = |k: usize| {
         let mut moved = positions.to_vec();
-        let step = if positions[k] + DIFFERENCE > free_parameters[k].range(base).1 { -DIFFERENCE } else { DIFFERENCE };
+        let step = if positions[k] + DIFFERENCE > coordinates[k].range(base).1 { -DIFFERENCE } else { DIFFERENCE };
         moved[k] += step;
-        (unit_at(base, free_parameters, &moved), step)
+        (subject_at(base, coordinates, &moved), step)
     };
-    (first..free_parameters.len()).map(of).unzip()
+    (first..coordinates.len()).map(of).unzip()
 }
 
 /// Slopes by what small steps changed.
@@ -67,31 +70,31 @@ fn secants(moved: &[Residuals], steps: &[f64], at: &Residuals) -> Vec<DMatrix<f6
     (0..at.len()).map(of).collect()
 }
 
-/// Slopes of the residuals about a position, by every free parameter from the `first` on.
+/// Slopes of the residuals about a position, by every coordinate from the `first` on.
 #[must_use]
-pub fn slopes(
-    problem: &Problem,
-    base: &Unit,
-    free_parameters: &[FreeParameter],
+pub fn slopes<C: Coordinate>(
+    data: &impl Judge<C::Subject>,
+    base: &C::Subject,
+    coordinates: &[C],
     positions: &[f64],
     first: usize,
     at: &Residuals,
 ) -> Vec<DMatrix<f64>> {
-    let (units, steps) = stepped(base, free_parameters, positions, first);
-    secants(&problem.residuals_of(&units), &steps, at)
+    let (subjects, steps) = stepped(base, coordinates, positions, first);
+    secants(&data.residuals_of(&subjects), &steps, at)
 }
 
-/// Residuals at a position, and their slopes by every free parameter.
+/// Residuals at a position, and their slopes by every coordinate.
 #[must_use]
-pub fn pictured(
-    problem: &Problem,
-    base: &Unit,
-    free_parameters: &[FreeParameter],
+pub fn pictured<C: Coordinate>(
+    data: &impl Judge<C::Subject>,
+    base: &C::Subject,
+    coordinates: &[C],
     positions: &[f64],
 ) -> (Residuals, Vec<DMatrix<f64>>) {
-    let (mut units, steps) = stepped(base, free_parameters, positions, 0);
-    units.push(unit_at(base, free_parameters, positions));
-    let mut moved = problem.residuals_of(&units);
+    let (mut subjects, steps) = stepped(base, coordinates, positions, 0);
+    subjects.push(subject_at(base, coordinates, positions));
+    let mut moved = data.residuals_of(&subjects);
     let at = moved.pop().unwrap_or_default();
     let slopes = secants(&moved, &steps, &at);
     (at, slopes)
@@ -122,33 +125,33 @@ impl Effort {
 }
 
 /// What is to be fitted.
-#[derive(Clone, Copy, Debug)]
-pub struct Start<'a> {
-    /// The unit.
-    pub base: &'a Unit,
+#[derive(Debug)]
+pub struct Start<'a, C: Coordinate> {
+    /// What is turned.
+    pub base: &'a C::Subject,
     /// What may move.
-    pub free_parameters: &'a [FreeParameter],
+    pub coordinates: &'a [C],
     /// Where it begins.
     pub positions: &'a [f64],
     /// How much work it may be.
     pub effort: Effort,
-    /// Slopes of the leading free parameters, good enough to begin with, which saves most of the work.
+    /// Slopes of the leading coordinates, good enough to begin with, which saves most of the work.
     pub known: Option<&'a [DMatrix<f64>]>,
 }
 
-/// Fits the free parameters from a start; see [`fit_all`].
+/// Fits the coordinates from a start; see [`fit_all`].
 #[must_use]
-pub fn fit(
-    problem: &Problem,
-    base: &Unit,
-    free_parameters: &[FreeParameter],
+pub fn fit<C: Coordinate>(
+    data: &impl Judge<C::Subject>,
+    base: &C::Subject,
+    coordinates: &[C],
     start: &[f64],
     effort: Effort,
     known: Option<&[DMatrix<f64>]>,
 ) -> Fit {
-    let mut descent = Descent::new(&Start { base, free_parameters, positions: start, effort, known });
-    while !descent.units.is_empty() {
-        let answer = problem.residuals_of(&descent.units);
+    let mut descent = Descent::new(&Start { base, coordinates, positions: start, effort, known });
+    while !descent.subjects.is_empty() {
+        let answer = data.residuals_of(&descent.subjects);
         descent.hear(answer);
     }
     descent.done()
@@ -158,16 +161,16 @@ pub fn fit(
 ///
 /// Between measurements the slopes follow Broyden (1965): the least change that agrees with the step just made.
 #[must_use]
-pub fn fit_all(problem: &Problem, starts: &[Start<'_>]) -> Vec<Fit> {
-    let mut fits: Vec<Descent<'_>> = starts.iter().map(Descent::new).collect();
+pub fn fit_all<C: Coordinate>(data: &impl Judge<C::Subject>, starts: &[Start<'_, C>]) -> Vec<Fit> {
+    let mut fits: Vec<Descent<'_, C>> = starts.iter().map(Descent::new).collect();
     loop {
         // What each asks for next, all in one batch.
-        let counts: Vec<usize> = fits.iter().map(|fit| fit.units.len()).collect();
-        let units: Vec<Unit> = fits.iter().flat_map(|fit| fit.units.iter().cloned()).collect();
-        if units.is_empty() {
+        let counts: Vec<usize> = fits.iter().map(|fit| fit.subjects.len()).collect();
+        let subjects: Vec<C::Subject> = fits.iter().flat_map(|fit| fit.subjects.iter().cloned()).collect();
+        if subjects.is_empty() {
             return fits.into_iter().map(Descent::done).collect();
         }
-        let mut answers = problem.residuals_of(&units).into_iter();
+        let mut answers = data.residuals_of(&subjects).into_iter();
         let answers: Vec<Vec<Residuals>> = counts.iter().map(|&count| answers.by_ref().take(count).collect()).collect();
         fits.par_iter_mut().zip(answers).filter(|(_, answer)| !answer.is_empty()).for_each(|(fit, answer)| {
             fit.hear(answer);
@@ -175,23 +178,31 @@ pub fn fit_all(problem: &Problem, starts: &[Start<'_>]) -> Vec<Fit> {
     }
 }
 
+impl<C: Coordinate> Clone for Start<'_, C> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<C: Coordinate> Copy for Start<'_, C> {}
+
 /// What a descent waits for.
 #[derive(Clone, Debug)]
 enum Wanted {
-    /// The residuals where it starts, and slopes by the free parameters from a first on.
+    /// The residuals where it starts, and slopes by the coordinates from a first on.
     Start { steps: Vec<f64>, first: usize },
     /// The residuals at candidates for the next position.
     Candidates { positions: Vec<Vec<f64>>, dampings: [f64; DAMPINGS.len()] },
-    /// Slopes where it stands, by the free parameters from a first on.
+    /// Slopes where it stands, by the coordinates from a first on.
     Slopes { steps: Vec<f64>, first: usize },
     /// Nothing: it has arrived.
     Nothing,
 }
 
 /// A fit on its way.
-#[derive(Clone, Debug)]
-struct Descent<'a> {
-    start: Start<'a>,
+#[derive(Debug)]
+struct Descent<'a, C: Coordinate> {
+    start: Start<'a, C>,
     positions: Vec<f64>,
     residuals: Residuals,
     slopes: Vec<DMatrix<f64>>,
@@ -203,17 +214,17 @@ struct Descent<'a> {
     age: usize,
     /// Whether they were just now.
     fresh: bool,
-    /// The units whose residuals it wants to know next; none once it has arrived.
-    units: Vec<Unit>,
+    /// The subjects whose residuals it wants to know next; none once it has arrived.
+    subjects: Vec<C::Subject>,
     wanted: Wanted,
 }
 
-impl<'a> Descent<'a> {
-    fn new(start: &Start<'a>) -> Self {
+impl<'a, C: Coordinate> Descent<'a, C> {
+    fn new(start: &Start<'a, C>) -> Self {
         let first = start.known.and_then(<[_]>::first).map_or(0, DMatrix::ncols);
         let positions = start.positions.to_vec();
-        let (mut units, steps) = stepped(start.base, start.free_parameters, &positions, first);
-        units.push(unit_at(start.base, start.free_parameters, &positions));
+        let (mut subjects, steps) = stepped(start.base, start.coordinates, &positions, first);
+        subjects.push(subject_at(start.base, start.coordinates, &positions));
         Self {
             start: *start,
             positions,
@@ -224,7 +235,7 @@ impl<'a> Descent<'a> {
             round: 0,
             age: 0,
             fresh: start.known.is_none(),
-            units,
+            subjects,
             wanted: Wanted::Start { steps, first },
         }
     }
@@ -261,28 +272,27 @@ impl<'a> Descent<'a> {
     }
 
     fn total(&self, residuals: &Residuals, positions: &[f64]) -> f64 {
-        square(residuals) / self.start.effort.temperature + prior_square(self.start.free_parameters, positions)
+        square(residuals) / self.start.effort.temperature + prior_square(self.start.coordinates, positions)
     }
 
-    /// Asks for the next candidates, all dampings at once: units side by side cost little more than one.
+    /// Asks for the next candidates, all dampings at once: subjects side by side cost little more than one.
     fn step(&mut self) {
-        self.units.clear();
+        self.subjects.clear();
         if self.round >= self.start.effort.rounds {
             return;
         }
-        let Start { base, free_parameters, effort, .. } = self.start;
+        let Start { base, coordinates, effort, .. } = self.start;
         let (hessian, gradient) =
-            normal(free_parameters, &self.positions, &self.residuals, &self.slopes, effort.temperature);
+            normal(coordinates, &self.positions, &self.residuals, &self.slopes, effort.temperature);
         let dampings = DAMPINGS.map(|times| times * self.damping);
-        let candidates =
-            dampings.map(|damping| step(base, free_parameters, &self.positions, &hessian, &gradient, damping));
-        self.units = candidates.iter().map(|candidate| unit_at(base, free_parameters, candidate)).collect();
+        let candidates = dampings.map(|damping| step(base, coordinates, &self.positions, &hessian, &gradient, damping));
+        self.subjects = candidates.iter().map(|candidate| subject_at(base, coordinates, candidate)).collect();
         self.wanted = Wanted::Candidates { positions: candidates.to_vec(), dampings };
     }
 
     /// Takes the best candidate, learns of all of them, and asks for what it needs next.
     fn choose(&mut self, candidates: &[Vec<f64>], dampings: &[f64; DAMPINGS.len()], mut tried: Vec<Residuals>) {
-        self.units.clear();
+        self.subjects.clear();
         let totals: Vec<f64> =
             tried.iter().zip(candidates).map(|(residuals, candidate)| self.total(residuals, candidate)).collect();
         let best = (0..totals.len()).min_by(|&a, &b| totals[a].total_cmp(&totals[b])).unwrap_or(0);
@@ -301,7 +311,7 @@ impl<'a> Descent<'a> {
         }
         self.round += 1;
         self.age += 1;
-        let Start { base, free_parameters, effort, known, .. } = self.start;
+        let Start { base, coordinates, effort, known, .. } = self.start;
         let small = gain <= 1e-2 + 1e-6 * self.cost;
         if small && (self.fresh || effort.refresh > effort.rounds) {
             return;
@@ -314,18 +324,18 @@ impl<'a> Descent<'a> {
             // An effect's own slopes bend most and are few.
             kept
         } else {
-            free_parameters.len()
+            coordinates.len()
         };
-        let (units, steps) = stepped(base, free_parameters, &self.positions, first);
-        if units.is_empty() {
+        let (subjects, steps) = stepped(base, coordinates, &self.positions, first);
+        if subjects.is_empty() {
             return self.step();
         }
-        self.units = units;
+        self.subjects = subjects;
         self.wanted = Wanted::Slopes { steps, first };
     }
 
     fn done(self) -> Fit {
-        let prior = prior_square(self.start.free_parameters, &self.positions);
+        let prior = prior_square(self.start.coordinates, &self.positions);
         Fit {
             square: square(&self.residuals),
             prior,

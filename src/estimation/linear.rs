@@ -2,42 +2,29 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-use crate::estimation::free_parameter::FreeParameter;
-use crate::likelihood::problem::{Residuals, square};
-
-/// Sum of squares of the distances from what is likeliest beforehand, in standard deviations.
-#[must_use]
-pub fn prior_square(free_parameters: &[FreeParameter], positions: &[f64]) -> f64 {
-    let distance = |(free_parameter, position): (&FreeParameter, &f64)| Some(position - free_parameter.prior_centre()?);
-    free_parameters.iter().zip(positions).filter_map(distance).map(|distance| distance * distance).sum()
-}
+use crate::estimation::coordinate::{Coordinate, Residuals, prior_square, square};
 
 /// A parameter of whose mark less than this share is its own is taken for a mixture of others.
 const ALIKE: f64 = 1e-4;
 
 /// A position whose slopes tell, for residuals near it, the least cost that could be reached along them, to first order.
 #[derive(Debug)]
-pub struct Projection<'a> {
-    free_parameters: &'a [FreeParameter],
+pub struct Projection<'a, C> {
+    coordinates: &'a [C],
     positions: &'a [f64],
     slopes: &'a [DMatrix<f64>],
     temperature: f64,
     solver: Option<Cholesky<f64, Dyn>>,
 }
 
-impl<'a> Projection<'a> {
-    /// Slopes and free parameters may be of different number: free parameters without a slope stay where they are, slopes without a free parameter are free.
+impl<'a, C: Coordinate> Projection<'a, C> {
+    /// Slopes and coordinates may be of different number: coordinates without a slope stay where they are, slopes without a coordinate are free.
     #[must_use]
-    pub fn new(
-        free_parameters: &'a [FreeParameter],
-        positions: &'a [f64],
-        slopes: &'a [DMatrix<f64>],
-        temperature: f64,
-    ) -> Self {
+    pub fn new(coordinates: &'a [C], positions: &'a [f64], slopes: &'a [DMatrix<f64>], temperature: f64) -> Self {
         let n = slopes.first().map_or(0, DMatrix::ncols);
-        let free_parameters = &free_parameters[..n.min(free_parameters.len())];
-        let solver = (hessian(free_parameters, slopes, temperature) + DMatrix::identity(n, n) * 1e-9).cholesky();
-        Self { free_parameters, positions, slopes, temperature, solver }
+        let coordinates = &coordinates[..n.min(coordinates.len())];
+        let solver = (hessian(coordinates, slopes, temperature) + DMatrix::identity(n, n) * 1e-9).cholesky();
+        Self { coordinates, positions, slopes, temperature, solver }
     }
 
     /// The least cost from these residuals on.
@@ -47,11 +34,11 @@ impl<'a> Projection<'a> {
     }
 
     fn gradient(&self, residuals: &Residuals) -> DVector<f64> {
-        gradient(self.free_parameters, self.positions, residuals, self.slopes, self.temperature)
+        gradient(self.coordinates, self.positions, residuals, self.slopes, self.temperature)
     }
 
     fn least(&self, residuals: &Residuals, gradient: &DVector<f64>) -> f64 {
-        let cost = square(residuals) / self.temperature + prior_square(self.free_parameters, self.positions);
+        let cost = square(residuals) / self.temperature + prior_square(self.coordinates, self.positions);
         self.solver.as_ref().map_or(cost, |solver| cost - gradient.dot(&solver.solve(gradient)))
     }
 
@@ -63,7 +50,7 @@ impl<'a> Projection<'a> {
         let gradient_here = self.gradient(residuals);
         let cost = self.least(residuals, &gradient_here);
         let Some(solver) = &self.solver else { return cost };
-        let shared = gradient(&[], &[], along, self.slopes, self.temperature);
+        let shared = gradient::<C>(&[], &[], along, self.slopes, self.temperature);
         let follow = solver.solve(&shared);
         let own = |residuals: &Residuals| {
             along.iter().zip(residuals).map(|(along, residuals)| along.dot(residuals)).sum::<f64>() / self.temperature
@@ -93,47 +80,45 @@ pub fn crossed(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
     product
 }
 
-/// Normal matrix and gradient, priors included; slopes behind those of the free parameters have none.
+/// Normal matrix and gradient, priors included; slopes behind those of the coordinates have none.
 #[must_use]
-pub fn normal(
-    free_parameters: &[FreeParameter],
+pub fn normal<C: Coordinate>(
+    coordinates: &[C],
     positions: &[f64],
     residuals: &Residuals,
     slope: &[DMatrix<f64>],
     temperature: f64,
 ) -> (DMatrix<f64>, DVector<f64>) {
-    (hessian(free_parameters, slope, temperature), gradient(free_parameters, positions, residuals, slope, temperature))
+    (hessian(coordinates, slope, temperature), gradient(coordinates, positions, residuals, slope, temperature))
 }
 
-fn hessian(free_parameters: &[FreeParameter], slopes: &[DMatrix<f64>], temperature: f64) -> DMatrix<f64> {
-    let n = slopes.first().map_or(free_parameters.len(), DMatrix::ncols);
+fn hessian<C: Coordinate>(coordinates: &[C], slopes: &[DMatrix<f64>], temperature: f64) -> DMatrix<f64> {
+    let n = slopes.first().map_or(coordinates.len(), DMatrix::ncols);
     let mut hessian = DMatrix::zeros(n, n);
     for slopes in slopes {
         hessian += crossed(slopes, slopes);
     }
     hessian /= temperature;
-    for (k, _) in
-        free_parameters.iter().enumerate().filter(|(_, free_parameter)| free_parameter.prior_centre().is_some())
-    {
+    for (k, _) in coordinates.iter().enumerate().filter(|(_, coordinate)| coordinate.prior_centre().is_some()) {
         hessian[(k, k)] += 1.0;
     }
     hessian
 }
 
-fn gradient(
-    free_parameters: &[FreeParameter],
+fn gradient<C: Coordinate>(
+    coordinates: &[C],
     positions: &[f64],
     residuals: &Residuals,
     slopes: &[DMatrix<f64>],
     temperature: f64,
 ) -> DVector<f64> {
-    let mut gradient = DVector::zeros(slopes.first().map_or(free_parameters.len(), DMatrix::ncols));
+    let mut gradient = DVector::zeros(slopes.first().map_or(coordinates.len(), DMatrix::ncols));
     for (slopes, residuals) in slopes.iter().zip(residuals) {
         gradient += slopes.tr_mul(residuals);
     }
     gradient /= temperature;
     for (k, centre) in
-        free_parameters.iter().enumerate().filter_map(|(k, free_parameter)| Some((k, free_parameter.prior_centre()?)))
+        coordinates.iter().enumerate().filter_map(|(k, coordinate)| Some((k, coordinate.prior_centre()?)))
     {
         gradient[k] += positions[k] - centre;
     }
@@ -143,6 +128,7 @@ fn gradient(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::identification::free_parameter::FreeParameter;
     use crate::params;
 
     /// Something without pattern between -1 and 1.
@@ -179,7 +165,7 @@ mod tests {
         let residuals = vec![DVector::from_fn(40, |row, _| value(row, 0))];
         let slopes = vec![DMatrix::from_fn(40, 2, |row, column| value(row, column + 1))];
         let along = vec![slopes[0].column(0) - 2.0 * slopes[0].column(1)];
-        let projection = Projection::new(&[], &[], &slopes, 1.0);
+        let projection = Projection::<FreeParameter>::new(&[], &[], &slopes, 1.0);
         assert!((projection.cost_along(&residuals, &along, 3.0) - projection.cost(&residuals)).abs() < 1e-9);
     }
 }

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use nalgebra::DVector;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
+use crate::estimation::coordinate::{Judge, Residuals};
 use crate::frame::Estimate;
 use crate::likelihood::noise::Noise;
 use crate::likelihood::trial::{Traces, Trial};
@@ -45,8 +46,11 @@ pub struct Problem {
     simulations: Arc<AtomicUsize>,
 }
 
-/// Residuals of one unit: by trial, all signals one behind another, sample by sample, then their limit cycles; made independent and of unit size.
-pub type Residuals = Vec<DVector<f64>>;
+impl Judge<Unit> for Problem {
+    fn residuals_of(&self, units: &[Unit]) -> Vec<Residuals> {
+        Self::residuals_of(self, units)
+    }
+}
 
 impl Problem {
     /// Prepares trials; the noise is laid out along a reference unit's simulation.
@@ -356,10 +360,4 @@ fn with_moved_stops(unit: &Unit, times: f64) -> Unit {
     valve.stroke_min_m -= by_m;
     valve.stroke_max_m += by_m;
     moved
-}
-
-/// Sum of squares of residuals.
-#[must_use]
-pub fn square(residuals: &Residuals) -> f64 {
-    residuals.iter().map(DVector::norm_squared).sum()
 }

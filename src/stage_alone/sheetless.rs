@@ -4,7 +4,7 @@
 //! directions are alike until an effect makes them differ; what an effect's size means in a unit of unknown size is its ratio to this one.
 
 use crate::effects::{CATALOGUE, Stage};
-use crate::estimation::free_parameter::FreeParameter;
+use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::noise::{Noise, expected};
 use crate::likelihood::trial::{Trial, join_spool};
 use crate::parameters::{ChannelReading, ChannelReadings, ENTRIES, EffectSetting, Tolerance, Unit};

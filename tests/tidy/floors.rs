@@ -20,6 +20,7 @@ const FLOORS: &[(&str, &[&str])] = &[
             "estimation",
             "fleet",
             "generate",
+            "identification",
             "likelihood",
             "metrics",
             "replay",

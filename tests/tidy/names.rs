@@ -33,7 +33,11 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("src/trend.rs", "sizes are in the unit of their effect, distances in standard deviations"),
     ("src/watch/", "sizes are in the unit of their effect"),
     ("src/likelihood/", "residuals are in the unit of their signal, costs and positions of free parameters have none"),
-    ("src/estimation/", "residuals are in the unit of their signal, costs and positions of free parameters have none"),
+    ("src/estimation/", "residuals, costs and positions of coordinates have no unit"),
+    (
+        "src/identification/",
+        "residuals are in the unit of their signal, costs and positions of free parameters have none",
+    ),
     ("src/stage_alone/", "residuals are in the unit of their signal, costs and positions of free parameters have none"),
     ("src/replay/", "errors are in the unit of what is compared"),
     ("src/commands/", "fields are flags, whose help names the unit"),

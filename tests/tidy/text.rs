@@ -163,11 +163,12 @@ pub fn peeks(sources: &[Source]) -> Vec<String> {
         "src/diagnosis",
         "src/likelihood",
         "src/estimation",
+        "src/identification",
         "src/stage_alone",
         "src/baselines",
         "src/commands/diagnose",
     ];
-    let truth = ["battery::", "Label", "labels::", "Truth"];
+    let truth = ["battery::", "Label", "labels::", "TrueFault"];
     let mut breaches = Vec::new();
     for source in sources.iter().filter(|source| judges.iter().any(|judge| source.path.starts_with(judge))) {
         for (line, code) in source.code() {

@@ -1,7 +1,7 @@
 //! What a fit says: tables for a terminal, all figures as JSON.
 
 use govtwin::diagnosis::result::StageFigure;
-use govtwin::estimation::calibration::{Calibration, CalibrationRow};
+use govtwin::identification::calibration::{Calibration, CalibrationRow};
 use govtwin::likelihood::problem::Problem;
 use govtwin::parameters::Unit;
 use govtwin::params::{Sheet, quantity_text};

@@ -3,8 +3,9 @@
 use std::io::{BufRead, Write};
 
 use anyhow::Context;
-use govtwin::estimation::calibration::Calibration;
-use govtwin::estimation::free_parameter::unit_at;
+use govtwin::estimation::coordinate::Coordinate;
+use govtwin::identification::calibration::Calibration;
+use govtwin::identification::free_parameter::unit_at;
 use govtwin::likelihood::problem::Problem;
 use govtwin::parameters::Unit;
 use serde_json::json;

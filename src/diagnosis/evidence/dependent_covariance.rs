@@ -1,7 +1,8 @@
 //! Noise of its own: a model that chatters otherwise than the refitted sheet is judged by the chatter that it predicts.
 
 use crate::diagnosis::model::FittedModel;
-use crate::likelihood::problem::{Problem, square};
+use crate::estimation::coordinate::square;
+use crate::likelihood::problem::Problem;
 use crate::parameters::Unit;
 
 /// Share of the least cost by which a model must be likelier with the noise of its own: less is not worth a new search.

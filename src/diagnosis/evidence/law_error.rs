@@ -9,7 +9,7 @@
 use nalgebra::DMatrix;
 
 use crate::diagnosis::model::FittedModel;
-use crate::estimation::free_parameter::FreeParameter;
+use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::problem::Problem;
 use crate::likelihood::trial::Trial;
 use crate::recording::Process;

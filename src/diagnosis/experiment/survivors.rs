@@ -12,7 +12,7 @@ use crate::diagnosis::model::FittedModel;
 use crate::diagnosis::model::discrepancy;
 use crate::diagnosis::model::support::SIZE_PRIOR;
 use crate::effects::Stage;
-use crate::estimation::free_parameter::FreeParameter;
+use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::problem::twin_of;
 use crate::twin::Twin;
 

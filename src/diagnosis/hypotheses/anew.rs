@@ -11,7 +11,7 @@ use crate::diagnosis::model::support::{Placed, Variant};
 use crate::effects::EffectSpec;
 use crate::estimation::annealing::annealed;
 use crate::estimation::fit::{Effort, Fit, fit};
-use crate::estimation::free_parameter::FreeParameter;
+use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::problem::Problem;
 use crate::parameters::Unit;
 

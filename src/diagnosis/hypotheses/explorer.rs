@@ -14,7 +14,9 @@ use crate::diagnosis::model::FittedModel;
 use crate::diagnosis::model::discrepancy::Columns;
 use crate::diagnosis::model::support::{Placed, Variant, add};
 use crate::effects::EffectSpec;
+use crate::estimation::coordinate::Coordinate;
 use crate::estimation::fit::{Effort, Fit, Start, fit_all};
+use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::problem::Problem;
 use crate::twin::Cut;
 
@@ -150,13 +152,13 @@ impl<'a> Explorer<'a> {
         let several = places.iter().filter(|(effects, _)| effects.len() > 1).count().div_ceil(PURSUED);
         let mut found: Vec<Hypothesis> = Vec::new();
         for (jobs, places) in jobs.chunks(TOGETHER).zip(places.chunks(TOGETHER)) {
-            let starts: Vec<Start<'_>> = jobs
+            let starts: Vec<Start<'_, FreeParameter>> = jobs
                 .iter()
                 .zip(places)
                 .map(|((point, _), (_, (base, free_parameters, positions)))| {
                     let known = known.iter().find(|(other, _)| std::ptr::eq(*other, *point));
                     let known = known.map(|(_, slopes)| slopes.as_slice());
-                    Start { base, free_parameters, positions, effort: Effort::GLANCE, known }
+                    Start { base, coordinates: free_parameters, positions, effort: Effort::GLANCE, known }
                 })
                 .collect();
             let fits = fit_all(self.problem, &starts);
@@ -189,7 +191,7 @@ impl<'a> Explorer<'a> {
                 .map(|slopes| slopes.into_iter().map(|slopes| slopes.resize_horizontally(count, 0.0)).collect())
                 .collect();
             let starts = some.iter().zip(&known);
-            let starts: Vec<Start<'_>> =
+            let starts: Vec<Start<'_, FreeParameter>> =
                 starts.map(|(one, known)| Start { known: Some(known), ..one.model.onwards(FURTHER) }).collect();
             let fits = fit_all(self.problem, &starts);
             drop(starts);
@@ -269,7 +271,7 @@ impl<'a> Explorer<'a> {
 
     /// Fits hypotheses on with care.
     pub(super) fn refined(&self, chosen: &[Hypothesis]) -> Vec<Hypothesis> {
-        let starts: Vec<Start<'_>> = chosen.iter().map(|one| one.model.onwards(CAREFUL)).collect();
+        let starts: Vec<Start<'_, FreeParameter>> = chosen.iter().map(|one| one.model.onwards(CAREFUL)).collect();
         self.better(chosen, fit_all(self.problem, &starts), true)
     }
 

@@ -13,8 +13,9 @@ use crate::diagnosis::model::FittedModel;
 use crate::diagnosis::model::discrepancy::Columns;
 use crate::diagnosis::model::support::{SIZE_PRIOR, Variant};
 use crate::effects::EffectSpec;
-use crate::estimation::free_parameter::unit_at;
+use crate::estimation::coordinate::Coordinate;
 use crate::estimation::linear::crossed;
+use crate::identification::free_parameter::unit_at;
 use crate::likelihood::problem::Problem;
 
 /// Sizes at which an effect is simulated, in typical ones; those out of its range are left out.

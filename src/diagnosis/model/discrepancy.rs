@@ -10,7 +10,8 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::diagnosis::model::FittedModel;
 use crate::effects::{self, Stage};
-use crate::likelihood::problem::{METHOD, Problem, Residuals};
+use crate::estimation::coordinate::Residuals;
+use crate::likelihood::problem::{METHOD, Problem};
 use crate::parameters::Unit;
 use crate::plant::Plant;
 use crate::plant::term::{Point, Term, View};

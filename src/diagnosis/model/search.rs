@@ -3,7 +3,7 @@
 use crate::diagnosis::model::FittedModel;
 use crate::estimation::annealing::annealed;
 use crate::estimation::fit::{Effort, fit};
-use crate::estimation::free_parameter::{FreeParameter, unit_at};
+use crate::identification::free_parameter::{FreeParameter, unit_at};
 use crate::likelihood::event_time::placed;
 use crate::likelihood::loop_noise::heard;
 use crate::likelihood::noise::Noise;

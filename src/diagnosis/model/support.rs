@@ -1,7 +1,8 @@
 //! Fault sets: which effects are present at once, and the unit that has them.
 
 use crate::effects::EffectSpec;
-use crate::estimation::free_parameter::FreeParameter;
+use crate::estimation::coordinate::Coordinate;
+use crate::identification::free_parameter::FreeParameter;
 use crate::parameters::{EffectSetting, Unit};
 
 /// Sizes of effects beforehand: median and spread of the logarithm of the size over the typical one.

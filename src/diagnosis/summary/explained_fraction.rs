@@ -8,11 +8,12 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::diagnosis::model::FittedModel;
 use crate::diagnosis::result::Interval;
+use crate::estimation::coordinate::{Coordinate, square};
 use crate::estimation::fit::{Effort, fit};
-use crate::estimation::free_parameter::{FreeParameter, unit_at};
 use crate::estimation::linear::normal;
 use crate::frame::Estimate;
-use crate::likelihood::problem::{Problem, square};
+use crate::identification::free_parameter::{FreeParameter, unit_at};
+use crate::likelihood::problem::Problem;
 use crate::likelihood::trial::Trial;
 use crate::signal::Signal;
 

@@ -5,12 +5,13 @@ mod words;
 use nalgebra::{DMatrix, DVector};
 
 use crate::estimation::annealing::annealed;
+use crate::estimation::coordinate::{Coordinate, Residuals};
 use crate::estimation::fit::{Effort, Fit, fit};
-use crate::estimation::free_parameter::{FreeParameter, unit_at};
 use crate::estimation::linear::normal;
+use crate::identification::free_parameter::{FreeParameter, unit_at};
 use crate::likelihood::loop_noise::heard;
 use crate::likelihood::noise::Noise;
-use crate::likelihood::problem::{Problem, Residuals};
+use crate::likelihood::problem::Problem;
 use crate::likelihood::trial::Trial;
 use crate::likelihood::whitener::independent_share;
 use crate::parameters::Unit;

@@ -1,6 +1,7 @@
 //! Free parameters: what a fit may turn, in units of what is known of it beforehand.
 
 use crate::effects::EffectParameter;
+use crate::estimation::coordinate::{Coordinate, subject_at};
 use crate::parameters::{ENTRIES, ParameterEntry, Tolerance, Unit};
 
 /// Farthest that a fit may go from the sheet, in standard deviations.
@@ -63,19 +64,6 @@ impl FreeParameter {
         matches!(self, Self::Parameter { .. })
     }
 
-    /// The position that is likeliest beforehand, with a standard deviation of 1; none where nothing is known.
-    ///
-    /// Of an effect the first parameter is its size, of which a fit takes nothing for granted; further ones give it its shape, and stand near
-    /// their typical values unless the recordings say otherwise.
-    #[must_use]
-    pub fn prior_centre(&self) -> Option<f64> {
-        match self {
-            Self::Parameter { .. } => Some(0.0),
-            Self::Effect { parameter, .. } if *parameter > 0 => Some(1.0),
-            Self::Free { .. } | Self::Effect { .. } => None,
-        }
-    }
-
     /// The key in parameter files, and the unit.
     #[must_use]
     pub fn key(&self, unit: &Unit) -> (String, &'static str) {
@@ -114,9 +102,23 @@ impl FreeParameter {
         }
     }
 
-    /// The positions between which the value makes physical sense.
+    /// Where the free parameter stands in the unit that it belongs to.
     #[must_use]
-    pub fn range(&self, unit: &Unit) -> (f64, f64) {
+    pub fn position(&self, unit: &Unit) -> f64 {
+        match *self {
+            Self::Parameter { .. } | Self::Free { .. } => 0.0,
+            Self::Effect { effect, parameter, spec } => {
+                (unit.effects[effect].values[parameter] - spec.neutral) / (spec.typical - spec.neutral)
+            }
+        }
+    }
+}
+
+impl Coordinate for FreeParameter {
+    type Subject = Unit;
+
+    /// The positions between which the value makes physical sense.
+    fn range(&self, unit: &Unit) -> (f64, f64) {
         match *self {
             Self::Parameter { index, tolerance } | Self::Free { index, step: tolerance } => {
                 let entry = &ENTRIES[index];
@@ -138,19 +140,20 @@ impl FreeParameter {
         }
     }
 
-    /// Where the free parameter stands in the unit that it belongs to.
-    #[must_use]
-    pub fn position(&self, unit: &Unit) -> f64 {
-        match *self {
-            Self::Parameter { .. } | Self::Free { .. } => 0.0,
-            Self::Effect { effect, parameter, spec } => {
-                (unit.effects[effect].values[parameter] - spec.neutral) / (spec.typical - spec.neutral)
-            }
+    /// The position that is likeliest beforehand, with a standard deviation of 1; none where nothing is known.
+    ///
+    /// Of an effect the first parameter is its size, of which a fit takes nothing for granted; further ones give it its shape, and stand near
+    /// their typical values unless the recordings say otherwise.
+    fn prior_centre(&self) -> Option<f64> {
+        match self {
+            Self::Parameter { .. } => Some(0.0),
+            Self::Effect { parameter, .. } if *parameter > 0 => Some(1.0),
+            Self::Free { .. } | Self::Effect { .. } => None,
         }
     }
 
     /// Turns the unit's parameter to a position.
-    pub fn turn(&self, base: &Unit, unit: &mut Unit, position: f64) {
+    fn turn(&self, base: &Unit, unit: &mut Unit, position: f64) {
         let value = self.value(base, position);
         match *self {
             Self::Parameter { index, .. } | Self::Free { index, .. } => {
@@ -164,9 +167,5 @@ impl FreeParameter {
 /// The unit with all free parameters at their positions.
 #[must_use]
 pub fn unit_at(base: &Unit, free_parameters: &[FreeParameter], positions: &[f64]) -> Unit {
-    let mut unit = base.clone();
-    for (free_parameter, &position) in free_parameters.iter().zip(positions) {
-        free_parameter.turn(base, &mut unit, position);
-    }
-    unit
+    subject_at(base, free_parameters, positions)
 }
