@@ -59,12 +59,11 @@ impl PlanFile {
 
     /// One entry, counted from 0: by the offsets beside the plan, or, where there are none of this plan, by reading up to its line.
     pub fn nth(&self, index: usize) -> anyhow::Result<Entry> {
-        let line = match self.by_offset(index) {
-            Some(line) => Ok(line),
-            None => {
-                let text = self.text()?;
-                text.lines().nth(index).map(str::to_owned).ok_or_else(|| text.lines().count())
-            }
+        let line = if let Some(line) = self.by_offset(index) {
+            Ok(line)
+        } else {
+            let text = self.text()?;
+            text.lines().nth(index).map(str::to_owned).ok_or_else(|| text.lines().count())
         };
         match line {
             Ok(line) => Entry::read(&line, PROGRAM).with_context(|| format!("{}: line {}", self.shown(), index + 1)),
