@@ -151,6 +151,14 @@ impl Store {
         either!(self, store => store.get(path))
     }
 
+    /// Up to `len` bytes of an object from `at` on, and the size of the whole.
+    ///
+    /// # Errors
+    /// Where it is not there, the store refuses, or the part begins behind the end: then a store may refuse or give nothing.
+    pub fn part(&self, path: &str, at: u64, len: u64) -> Result<(Vec<u8>, u64), StoreError> {
+        either!(self, store => store.part(path, at, len))
+    }
+
     /// Copies an object into a file, piece by piece.
     ///
     /// # Errors

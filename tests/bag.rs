@@ -10,6 +10,8 @@ mod compressed;
 mod damage;
 #[path = "bag/errors.rs"]
 mod errors;
+#[path = "bag/growing.rs"]
+mod growing;
 #[cfg(feature = "cli")]
 #[path = "bag/info.rs"]
 mod info;

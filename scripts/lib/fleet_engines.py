@@ -3,7 +3,9 @@
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
+from pathlib import Path
 
 from fleet_made import CORES, ENVIRONMENT, PROGRAM, SECRET, TOP, govtwin, gather, lines, s3, say, xargs
 
@@ -50,6 +52,51 @@ def by_hyperqueue(folder, plan, store, environment):
     return True
 
 
+def by_hq(hand_over):
+    """By the command line of `hq`, as docs/fleet.md has it: a server, a worker and a submission; `hand_over` gives what tells tasks their lines."""
+
+    def do(folder, plan, store, environment):
+        if not shutil.which("hq"):
+            return False
+        with tempfile.TemporaryDirectory() as run:
+            environment = {**environment, "HQ_SERVER_DIR": run}
+            listed = f"{run}/entries.jsonl"
+            Path(listed).write_text("".join(line + "\n" for line in (govtwin_lines(plan, environment) if str(plan).startswith("s3://") else lines(plan))))
+            quiet = {"env": environment, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+            server = subprocess.Popen(["hq", "server", "start"], **quiet)
+            worker = subprocess.Popen(["hq", "worker", "start", "--cpus", str(CORES)], **quiet)
+            try:
+                for _ in range(100):
+                    if subprocess.run(["hq", "server", "info"], **quiet).returncode == 0:
+                        break
+                    time.sleep(0.1)
+                if worker.poll() is not None:
+                    worker = subprocess.Popen(["hq", "worker", "start", "--cpus", str(CORES)], **quiet)
+                task = ["--cpus", "1", "--env", "RAYON_NUM_THREADS=1", "--crash-limit", "5", "--stdout", "none", "--stderr", "none", "--", PROGRAM, "fleet", "run", str(plan), "--out", str(store)]
+                done = subprocess.run(["hq", "submit", "--wait", *hand_over(listed), *task], env=environment, capture_output=True, text=True)
+                if done.returncode:
+                    sys.exit(f"fleet_check: hq: {done.stdout}{done.stderr}")
+            finally:
+                subprocess.run(["hq", "server", "stop"], **quiet)
+                for process in (worker, server):
+                    process.terminate()
+                    process.wait()
+        return True
+
+    return do
+
+
+def each_line(listed):
+    return ["--each-line", listed]
+
+
+def from_json(listed):
+    # jq -s . entries.jsonl
+    array = Path(listed).with_suffix(".json")
+    array.write_text("[" + ",".join(Path(listed).read_text().splitlines()) + "]")
+    return ["--from-json", array]
+
+
 def govtwin_lines(plan, environment):
     """The lines of a plan in the server."""
     import boto3
@@ -70,7 +117,8 @@ def by_slurm(folder, plan, store, environment):
     return True
 
 
-ENGINES = {"xargs": by_xargs, "xargs-1": by_one_job_of_xargs, "parallel": by_parallel, "hyperqueue": by_hyperqueue, "slurm": by_slurm}
+ENGINES = {"xargs": by_xargs, "xargs-1": by_one_job_of_xargs, "parallel": by_parallel, "hyperqueue": by_hyperqueue, "hq": by_hq(each_line), "hq-json": by_hq(from_json),
+           "slurm": by_slurm}
 
 
 def whole(folder, entries):
@@ -114,7 +162,7 @@ def overhead(folder, entries):
     say(f"overhead: {1000 * (time.monotonic() - start) / count:.0f} ms an entry whose result is there, a process each")
 
 
-def in_s3(names, folder, expected, entries):
+def in_s3(names, folder, without, expected, entries):
     """Source, plan and stores in a server that speaks S3. No secret may be seen in any object or line."""
     server = s3()
     if server is None:
@@ -122,7 +170,7 @@ def in_s3(names, folder, expected, entries):
         return
     try:
         start = time.monotonic()
-        server.plan(folder)
+        server.plan(folder, without)
         say(f"s3: {entries} exports put there and planned in {time.monotonic() - start:.0f} s")
         for name in names:
             store = f"s3://plant/{name}"

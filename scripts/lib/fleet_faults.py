@@ -19,8 +19,8 @@ ROUNDS = 30
 class Fleet:
     """A plan, what its table must be, and where things stand."""
 
-    def __init__(self, folder, expected, entries, kills, pace_s):
-        self.folder, self.expected, self.entries, self.kills, self.pace_s = folder, expected, entries, kills, pace_s
+    def __init__(self, folder, without, expected, entries, kills, pace_s):
+        self.folder, self.without, self.expected, self.entries, self.kills, self.pace_s = folder, without, expected, entries, kills, pace_s
         self.plan = folder / "plan"
         self.names = [f"{entry['unit']}, {entry['period']}" for entry in map(json.loads, (self.plan / "entries.jsonl").read_text().splitlines())]
 
@@ -135,7 +135,7 @@ def through(fault, share, words):
             return
         proxy = Proxy(server.port, fault, share)
         try:
-            server.plan(fleet.folder)
+            server.plan(fleet.folder, fleet.without)
             environment, start = server.environment(proxy.port), time.monotonic()
             rounds = told = 0
             while len(server.keys("store/results/")) < fleet.entries:
@@ -155,20 +155,20 @@ def through(fault, share, words):
 
 
 def server(fleet):
-    """A server that is restarted while two workers are at each entry."""
+    """A server that is killed and started anew, again and again, while two workers are at each entry."""
     moto = s3()
     if moto is None:
         say("server: skipped, as moto is not installed or the program has no object stores")
         return
     proxy = Proxy(moto.port)
     try:
-        moto.plan(fleet.folder)
+        moto.plan(fleet.folder, fleet.without, proxy.port)
         environment = moto.environment(proxy.port)
         restarts, stopped = [], threading.Event()
 
         def restart():
             while not stopped.wait(2.0):
-                proxy.restart(1.0)
+                proxy.restart(moto)
                 restarts.append(1)
 
         thread = threading.Thread(target=restart)
@@ -178,7 +178,7 @@ def server(fleet):
         thread.join()
         told, left = fleet.told("server", done.stderr), len(moto.keys("store/results/"))
         xargs(fleet.entries, CORES, "s3://plant/plan", "s3://plant/store", environment)
-        fleet.compare("server", "s3://plant/store", f"restarted {len(restarts)} times, {left} results after the first run, {told} failures told with their units", "s3://plant/plan",
+        fleet.compare("server", "s3://plant/store", f"killed and started anew {len(restarts)} times, {left} results after the first run, {told} failures told with their units", "s3://plant/plan",
                       moto.environment())
         # One that does not come back: the failure names unit and object.
         line = (fleet.plan / "entries.jsonl").read_text().splitlines()[0]
@@ -223,7 +223,7 @@ FAULTS = {
 }
 
 
-def run(names, folder, expected, entries, kills, pace_s):
-    fleet = Fleet(folder, expected, entries, kills, pace_s)
+def run(names, folder, without, expected, entries, kills, pace_s):
+    fleet = Fleet(folder, without, expected, entries, kills, pace_s)
     for name in names:
         FAULTS[name](fleet)

@@ -58,16 +58,29 @@ def export(unit, period, grown):
     return "\n".join(rows) + "\n"
 
 
-def make(folder, units, periods):
+def all_but(effects):
+    """What leaves a plan these effects of the catalogue."""
+    if not effects:
+        return []
+    all_effects = [effect["id"] for effect in json.loads(govtwin("effects", "--json").stdout)["effects"]]
+    for one in effects:
+        if one not in all_effects:
+            sys.exit(f"fleet_check: --only {one}: there is no such effect")
+    return [word for one in all_effects if one not in effects for word in ("--without", one)]
+
+
+def make(folder, units, periods, without):
     """Exports of units over months and their table; from half-time on the dead band of every third unit is wider. Says how many entries the plan has."""
     for unit in range(units):
         for period in range(periods):
             path = folder / "source" / f"unit_{unit:03}" / f"{period:03}.csv"
+            if path.exists():
+                continue
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(export(unit, period, unit % 3 == 0 and period >= periods // 2))
     (folder / "stage.yaml").write_text(MAP)
     (folder / "units.csv").write_text("unit,map\n" + "".join(f"unit_{unit:03},stage.yaml\n" for unit in range(units)))
-    govtwin("fleet", "plan", folder / "source", "--units", folder / "units.csv", "--out", folder / "plan", check=(0, 3))
+    govtwin("fleet", "plan", folder / "source", "--units", folder / "units.csv", "--out", folder / "plan", *without, check=(0, 3))
     return len(lines(folder / "plan"))
 
 
@@ -104,7 +117,15 @@ class S3:
     """A local server that speaks S3, PyPI's moto, in a process of its own."""
 
     def __init__(self):
+        import boto3
+
         self.port = free_port()
+        self.connect = lambda port: boto3.client("s3", endpoint_url=self.endpoint(port), aws_access_key_id="key", aws_secret_access_key=SECRET, region_name="us-east-1")
+        self.client = self.connect(self.port)
+        self.start()
+
+    def start(self):
+        """A server with an empty bucket."""
         command = [sys.executable, "-m", "moto.server", "-H", "127.0.0.1", "-p", str(self.port)]
         self.process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         for _ in range(300):
@@ -113,10 +134,11 @@ class S3:
                 break
             except OSError:
                 time.sleep(0.1)
-        import boto3
-
-        self.client = boto3.client("s3", endpoint_url=self.endpoint(), aws_access_key_id="key", aws_secret_access_key=SECRET, region_name="us-east-1")
         self.client.create_bucket(Bucket="plant")
+
+    def kill(self):
+        self.process.kill()
+        self.process.wait()
 
     def endpoint(self, port=None):
         return f"http://127.0.0.1:{port or self.port}"
@@ -126,12 +148,13 @@ class S3:
         return {**ENVIRONMENT, "AWS_ENDPOINT": self.endpoint(port), "AWS_ALLOW_HTTP": "true", "AWS_ACCESS_KEY_ID": "key",
                 "AWS_SECRET_ACCESS_KEY": SECRET, "AWS_REGION": "us-east-1"}
 
-    def plan(self, folder):
-        """Recordings and plan into the server."""
+    def plan(self, folder, without, port=None):
+        """Recordings and plan into the server; through a proxy where a port is given."""
+        client = self.connect(port)
         for path in sorted((folder / "source").rglob("*")):
             if path.is_file():
-                self.client.upload_file(str(path), "plant", f"source/{path.relative_to(folder / 'source')}")
-        govtwin("fleet", "plan", "s3://plant/source", "--units", folder / "units.csv", "--out", "s3://plant/plan", check=(0, 3), environment=self.environment())
+                client.upload_file(str(path), "plant", f"source/{path.relative_to(folder / 'source')}")
+        govtwin("fleet", "plan", "s3://plant/source", "--units", folder / "units.csv", "--out", "s3://plant/plan", *without, check=(0, 3), environment=self.environment(port))
 
     def keys(self, prefix):
         pages = self.client.get_paginator("list_objects_v2").paginate(Bucket="plant", Prefix=prefix)

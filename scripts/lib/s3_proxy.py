@@ -17,6 +17,8 @@ class Proxy:
 
     def __init__(self, server_port, fault=None, share=0.0, seed=1, port=0):
         self.server_port = server_port
+        # What the server was told to write and said it had, in order; and requests that it is at.
+        self.written, self.at_work, self.changed = [], 0, threading.Condition()
         self.fault, self.share = fault, share
         self.draws, self.lock = random.Random(seed), threading.Lock()
         self.requests, self.hits = 0, 0
@@ -48,14 +50,29 @@ class Proxy:
         self.connections = set()
         threading.Thread(target=self.httpd.serve_forever, daemon=True).start()
 
-    def restart(self, away_s):
-        """The server is gone for a while, with every connection, and comes back at the same port with what it holds."""
+    def restart(self, server):
+        """The server is killed amid its requests, with every connection, and a new one comes at the same port, which has what the old one said that it had written."""
         self.httpd.shutdown()
         self.httpd.server_close()
+        server.kill()
         for connection in list(self.connections):
             tear(connection)
-        time.sleep(away_s)
+        with self.changed:
+            self.changed.wait_for(lambda: self.at_work == 0)
+        server.start()
+        for method, path, body, headers in self.written:
+            self.forward(method, path, body, headers)
         self.start(self.port)
+
+    def forward(self, method, path, body, headers):
+        """What the server answers, and its content."""
+        connection = http.client.HTTPConnection("127.0.0.1", self.server_port, timeout=60)
+        try:
+            connection.request(method, path, body, headers)
+            answer = connection.getresponse()
+            return answer, answer.read()
+        finally:
+            connection.close()
 
     def stop(self):
         self.httpd.shutdown()
@@ -82,11 +99,18 @@ class Proxy:
         if hit and self.fault == "torn" and draw < 0.33:
             # Before the server has seen the request.
             return tear(handler.connection)
-        connection = http.client.HTTPConnection("127.0.0.1", self.server_port, timeout=60)
-        connection.request(handler.command, handler.path, body, {name: value for name, value in handler.headers.items() if name.lower() != "connection"})
-        answer = connection.getresponse()
-        content = answer.read()
-        connection.close()
+        request = (handler.command, handler.path, body, {name: value for name, value in handler.headers.items() if name.lower() != "connection"})
+        with self.changed:
+            self.at_work += 1
+        try:
+            answer, content = self.forward(*request)
+            if handler.command in ("PUT", "DELETE", "POST") and answer.status < 300:
+                # Before anybody hears of it.
+                self.written.append(request)
+        finally:
+            with self.changed:
+                self.at_work -= 1
+                self.changed.notify_all()
         if hit and self.fault == "torn" and draw < 0.67:
             # The server has done what was asked, and nobody is told.
             return tear(handler.connection)

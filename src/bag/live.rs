@@ -5,7 +5,7 @@
 
 use std::collections::{BTreeSet, VecDeque};
 
-use super::align::FARTHEST_NS;
+use super::align::{FARTHEST_NS, Streams};
 use super::collect::{Collected, Collector};
 use super::edges::Edges;
 use super::evidence::{RowEvidence, StreamEvidence};
@@ -51,6 +51,8 @@ struct Track<V> {
     pace: Pace,
     kept: u64,
     conflict: Option<(i64, String)>,
+    /// Samples that came into force, where somebody wants them.
+    passed: Option<Vec<Sample<V>>>,
 }
 
 impl<V: Value> Track<V> {
@@ -64,6 +66,7 @@ impl<V: Value> Track<V> {
             pace: Pace::default(),
             kept: 0,
             conflict: None,
+            passed: None,
         }
     }
 
@@ -131,6 +134,9 @@ impl<V: Value> Track<V> {
         self.pace.push(sample.stamp_ns);
         evidence.sample(sample.stamp_ns, sample.log_time_ns, sample.value.number());
         self.current = Some(sample);
+        if let Some(passed) = &mut self.passed {
+            passed.push(sample);
+        }
         true
     }
 
@@ -182,6 +188,39 @@ impl Live {
             evidence: RowEvidence::new(),
             edges: Edges::default(),
         }
+    }
+
+    /// The same, and it keeps the samples for [`Live::passed`].
+    pub(super) fn keeping(options: &ReadOptions, topics: Option<&BTreeSet<String>>) -> Self {
+        let mut this = Self::new(options, topics);
+        this.command.passed = Some(vec![]);
+        this.esv.passed = Some(vec![]);
+        this.tank_pressure.passed = Some(vec![]);
+        this.servo_state.passed = Some(vec![]);
+        this
+    }
+
+    /// Adds the samples to `streams` before which none will come any more, and says up to which time they are complete.
+    pub(super) fn passed(&mut self, streams: &mut Streams) -> i64 {
+        fn add<V>(track: &mut Track<V>, samples: &mut Vec<Sample<V>>) {
+            samples.append(track.passed.as_mut().unwrap_or(&mut vec![]));
+        }
+        add(&mut self.command, &mut streams.command);
+        add(&mut self.esv, &mut streams.esv);
+        add(&mut self.tank_pressure, &mut streams.tank_pressure);
+        add(&mut self.servo_state, &mut streams.servo_state);
+        self.done_ns
+    }
+
+    /// Streams that were not heard, although the bag may hold them.
+    pub(super) fn unheard(&self) -> impl Iterator<Item = Stream> {
+        let silent = [
+            (Stream::Command, self.command.newest.is_none() && !self.command.absent),
+            (Stream::Esv, self.esv.newest.is_none() && !self.esv.absent),
+            (Stream::TankPressure, self.tank_pressure.newest.is_none() && !self.tank_pressure.absent),
+            (Stream::ServoState, self.servo_state.newest.is_none() && !self.servo_state.absent),
+        ];
+        silent.into_iter().filter(|(_, silent)| *silent).map(|(stream, _)| stream)
     }
 
     /// Takes a message; rows that are complete by it go to `on_row`.

@@ -1,8 +1,11 @@
 //! One MCAP file from start to end: every record that is whole, and an account of what is not.
 
+mod growing_file;
+mod loader;
+
 use std::collections::BTreeMap;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use mcap::records::op;
 
@@ -10,11 +13,14 @@ use super::channels::Channels;
 use super::chunk::HEAD_LEN;
 use super::chunk::{self, Records};
 use super::record::{Record, parse};
-use super::record_file::{RecordFile, Step, Tail};
+use super::record_file::{RECORD_LIMIT, RecordFile, Step, Tail};
 use super::segment::Segment;
 use super::structure::Structure;
 use super::topic::OnMessage;
 use super::{BagError, Damage, FileHealth, GOVTWIN, SIMULATOR, TWIN};
+
+pub(super) use growing_file::GrowingFile;
+pub(super) use loader::Loader;
 
 /// More entries of damage than this say nothing more.
 const DAMAGE_LIMIT: usize = 32;
@@ -48,7 +54,7 @@ pub(super) fn scan(path: &Path, on_message: &mut OnMessage<'_>) -> Result<Scanne
 fn scan_records(file: &mut RecordFile, path: &Path, on_message: &mut OnMessage<'_>) -> io::Result<ScannedFile> {
     let mut scan = Scan::new(file, path);
     scan.summary(file)?;
-    scan.data(file, on_message)?;
+    scan.data(file, false, on_message)?;
     let health = &mut scan.found.health;
     if health.damage.is_empty() {
         health.structure = scan.structure.finish(health.finished);
@@ -67,62 +73,7 @@ pub(super) fn topics(path: &Path) -> Option<Vec<String>> {
     Some(busy.map(|(_, topic)| topic.name.clone()).collect())
 }
 
-/// Loads segments of a scanned file again.
 #[derive(Debug)]
-pub(super) struct Loader {
-    path: PathBuf,
-    file: RecordFile,
-    channels: Channels,
-}
-
-impl Loader {
-    /// Opens a scanned file.
-    pub(super) fn open(path: &Path, channels: Channels) -> Result<Self, BagError> {
-        let file = RecordFile::open(path).map_err(BagError::io(path, "open"))?;
-        Ok(Self { path: path.to_owned(), file, channels })
-    }
-
-    /// Hands on the messages of a segment in file order; damage was told by the scan.
-    pub(super) fn load(&mut self, segment: &Segment, on_message: &mut OnMessage<'_>) -> Result<(), BagError> {
-        self.walk(segment, on_message).map_err(BagError::io(&self.path, "read"))
-    }
-
-    fn walk(&mut self, segment: &Segment, on_message: &mut OnMessage<'_>) -> io::Result<()> {
-        let mut body = vec![];
-        let mut records = Records::default();
-        self.file.seek(segment.at)?;
-        while self.file.at() < segment.end {
-            let (opcode, len) = match self.file.next(&mut body)? {
-                Step::Record(opcode) => (opcode, body.len() as u64),
-                Step::Cut { opcode, stated_len } => {
-                    self.file.rest(&mut body)?;
-                    (opcode, stated_len)
-                }
-                Step::Nonsense | Step::End { .. } => return Ok(()),
-            };
-            if opcode == op::CHUNK {
-                // What is whole is in `records` even where the chunk is damaged.
-                let _ = chunk::read(&body, len, u64::MAX, &mut records);
-                for (opcode, data) in records.iter() {
-                    self.hand_on(opcode, data, on_message);
-                }
-            } else {
-                self.hand_on(opcode, &body, on_message);
-            }
-            if body.len() as u64 != len {
-                return Ok(());
-            }
-        }
-        Ok(())
-    }
-
-    fn hand_on(&self, opcode: u8, body: &[u8], on_message: &mut OnMessage<'_>) {
-        if let Some(message) = parse(opcode, body).and_then(|record| self.channels.view(&record)) {
-            on_message(message);
-        }
-    }
-}
-
 struct Scan {
     /// Where the messages end at the latest.
     data_end: u64,
@@ -137,11 +88,16 @@ struct Scan {
 
 impl Scan {
     fn new(file: &RecordFile, path: &Path) -> Self {
-        let health = FileHealth { path: path.to_owned(), bytes: file.end(), storage: "mcap", ..FileHealth::default() };
+        Self::of(file.end(), path)
+    }
+
+    /// Of a file of this size.
+    fn of(bytes: u64, path: &Path) -> Self {
+        let health = FileHealth { path: path.to_owned(), bytes, storage: "mcap", ..FileHealth::default() };
         Self {
-            data_end: file.end(),
+            data_end: bytes,
             found: ScannedFile { health, channels: Channels::default(), segments: vec![] },
-            unpack_left: chunk::unpack_limit(file.end()),
+            unpack_left: chunk::unpack_limit(bytes),
             last_good_ns: None,
             counts: BTreeMap::new(),
             structure: Structure::default(),
@@ -187,7 +143,8 @@ impl Scan {
         file.seek(mcap::MAGIC.len() as u64)
     }
 
-    fn data(&mut self, file: &mut RecordFile, on_message: &mut OnMessage<'_>) -> io::Result<()> {
+    /// Reads records to the end; of a file that `grows` the place stays at the first that is not whole.
+    fn data(&mut self, file: &mut RecordFile, grows: bool, on_message: &mut OnMessage<'_>) -> io::Result<()> {
         let mut body = vec![];
         let mut records = Records::default();
         loop {
@@ -198,16 +155,22 @@ impl Scan {
                 Step::Record(op::FOOTER) => return Ok(()),
                 Step::Record(op::CHUNK) => self.chunk(at, &body, body.len() as u64, &mut records, on_message),
                 Step::Record(opcode) => self.bare(at, opcode, &body, on_message),
+                Step::End { .. } if grows => return file.seek(at),
                 Step::End { left } => {
                     if !self.found.health.finished {
                         self.damage(at, left, "the file ends without a footer: its writer did not finish", 0);
                     }
                     return Ok(());
                 }
+                // The rest of it is still to come, and nothing behind it can be there.
+                Step::Cut { stated_len, .. } if grows && stated_len <= RECORD_LIMIT as u64 => return file.seek(at),
                 Step::Cut { .. } | Step::Nonsense => {
                     if let Some(next) = file.find_chunk(at + 1)? {
                         self.damage(at, next - at, "not a record; reading went on at the next chunk", 0);
                         continue;
+                    }
+                    if grows {
+                        return file.seek(at);
                     }
                     match step {
                         Step::Cut { opcode: op::CHUNK, stated_len } => {

@@ -78,7 +78,6 @@ impl RecordFile {
     }
 
     /// Bytes looked at so far.
-    #[cfg(test)]
     pub(super) fn looked_at_bytes(&self) -> u64 {
         self.looked_at_bytes
     }

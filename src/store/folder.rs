@@ -1,6 +1,6 @@
 //! A folder as a store: objects are files, those of a hidden name are not seen.
 
-use std::io;
+use std::io::{self, Read as _, Seek as _};
 use std::path::{Path, PathBuf};
 use std::sync::Once;
 
@@ -103,6 +103,19 @@ impl Folder {
         check_regular(&file).and_then(|_| std::fs::read(&file)).map_err(self.refused(path, "read"))
     }
 
+    pub fn part(&self, path: &str, at: u64, len: u64) -> Result<(Vec<u8>, u64), StoreError> {
+        let file = self.path(path);
+        let read = || -> io::Result<_> {
+            let whole = check_regular(&file)?.len();
+            let mut opened = std::fs::File::open(&file)?;
+            opened.seek(io::SeekFrom::Start(at))?;
+            let mut bytes = Vec::new();
+            opened.take(len).read_to_end(&mut bytes)?;
+            Ok((bytes, whole))
+        };
+        read().map_err(self.refused(path, "read"))
+    }
+
     pub fn fetch(&self, path: &str, to: &Path) -> Result<(), StoreError> {
         let file = self.path(path);
         check_regular(&file).and_then(|_| std::fs::copy(&file, to)).map(drop).map_err(self.refused(path, "copy"))
@@ -145,6 +158,10 @@ mod tests {
         let listed: Vec<_> = store.list("results").unwrap().into_iter().map(|one| (one.path, one.bytes)).collect();
         assert_eq!(listed, [("results/a.json".to_owned(), 5), ("results/b.json".to_owned(), 3)]);
         assert!(store.has("results/a.json").unwrap() && !store.has("results/c.json").unwrap());
+        assert_eq!(store.part("results/a.json", 2, 2).unwrap(), (b"rs".to_vec(), 5));
+        assert_eq!(store.part("results/a.json", 4, 9).unwrap(), (b"t".to_vec(), 5));
+        assert_eq!(store.part("results/a.json", 5, 9).unwrap(), (vec![], 5));
+        assert!(matches!(store.part("results/c.json", 0, 1), Err(StoreError::Absent { .. })));
         assert!(matches!(store.get("results/c.json"), Err(StoreError::Absent { .. })));
         store.remove("results/a.json").unwrap();
         store.remove("results/a.json").unwrap();

@@ -13,7 +13,7 @@ use object_store::aws::AmazonS3Builder;
 use object_store::azure::MicrosoftAzureBuilder;
 use object_store::gcp::GoogleCloudStorageBuilder;
 use object_store::path::Path;
-use object_store::{ObjectStore, ObjectStoreExt as _, PutMode, PutPayload};
+use object_store::{GetOptions, ObjectStore, ObjectStoreExt as _, PutMode, PutPayload};
 use tokio::runtime::{Builder, Runtime};
 
 use super::{Object, StoreError};
@@ -96,6 +96,17 @@ impl Remote {
         let at = self.path(path);
         let bytes = self.run(path, "read", async { self.store.get(&at).await?.bytes().await })?;
         Ok(bytes.to_vec())
+    }
+
+    pub fn part(&self, path: &str, at: u64, len: u64) -> Result<(Vec<u8>, u64), StoreError> {
+        let place = self.path(path);
+        let options = GetOptions::new().with_range(Some(at..at.saturating_add(len)));
+        let read = async {
+            let part = self.store.get_opts(&place, options).await?;
+            let whole = part.meta.size;
+            Ok((part.bytes().await?.to_vec(), whole))
+        };
+        self.run(path, "read", read)
     }
 
     pub fn fetch(&self, path: &str, to: &FilePath) -> Result<(), StoreError> {

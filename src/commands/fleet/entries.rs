@@ -1,7 +1,5 @@
 //! Plans as files: where one is, its entries, and which entry the engine that started this process means.
 
-use std::io::{BufRead as _, BufReader};
-
 use anyhow::{Context, bail};
 use govtwin::fleet::entry::Entry;
 use govtwin::store::Store;
@@ -59,22 +57,10 @@ impl PlanFile {
         String::from_utf8(bytes).with_context(|| format!("{}: expected text", self.shown()))
     }
 
-    /// One entry, counted from 0. Of a plan in a folder nothing behind it is read.
+    /// One entry, counted from 0: by the offsets beside the plan, or, where there are none of this plan, by reading up to its line.
     pub fn nth(&self, index: usize) -> anyhow::Result<Entry> {
-        let reading = || format!("cannot read {}", self.shown());
-        let line = if let Some(path) = self.beside.local(&self.name).filter(|path| path.is_file()) {
-            let lines = BufReader::new(std::fs::File::open(path).with_context(reading)?).lines();
-            let mut seen = 0;
-            let mut wanted = None;
-            for line in lines {
-                let line = line.with_context(reading)?;
-                if seen == index {
-                    wanted = Some(line);
-                    break;
-                }
-                seen += 1;
-            }
-            wanted.ok_or(seen)
+        let line = if let Some(line) = self.by_offset(index) {
+            Ok(line)
         } else {
             let text = self.text()?;
             text.lines().nth(index).map(str::to_owned).ok_or_else(|| text.lines().count())
@@ -87,6 +73,54 @@ impl PlanFile {
             }
         }
     }
+
+    /// A line of a plan by its offsets, and nothing else of either file. Of offsets that are not those of the plan none comes: they must
+    /// state its size and point from line break to line break.
+    fn by_offset(&self, index: usize) -> Option<String> {
+        let place = u64::try_from(index).ok()?.checked_mul(OFFSET_BYTES)?;
+        let (records, _) = self.beside.part(&offsets_of(&self.name), place, 2 * OFFSET_BYTES).ok()?;
+        let (from, to) = records.split_at_checked(usize::try_from(OFFSET_BYTES).ok()?)?;
+        let ((begin, size), (end, same)) = (offset(from)?, offset(to)?);
+        // The line break before the line is read with it.
+        let before = begin.min(1);
+        let len = end.checked_sub(begin).filter(|len| (1..=LONGEST_LINE_BYTES).contains(len) && size == same)?;
+        let (line, whole) = self.beside.part(&self.name, begin - before, before + len).ok()?;
+        let text = String::from_utf8(line).ok().filter(|text| whole == size && text.len() as u64 == before + len)?;
+        let line = if before == 1 { text.strip_prefix('\n')? } else { &text }.strip_suffix('\n')?;
+        (!line.contains('\n')).then(|| line.to_owned())
+    }
+}
+
+/// A record of the offsets: where a line begins and the size of the plan, 15 digits each, so that the record of a line has a place that
+/// can be told.
+const OFFSET_BYTES: u64 = 32;
+
+/// An entry of ten thousand recordings has a tenth of it.
+const LONGEST_LINE_BYTES: u64 = 1 << 24;
+
+/// The offsets beside a plan.
+fn offsets_of(plan: &str) -> String {
+    format!("{}.offsets", plan.trim_end_matches(".jsonl"))
+}
+
+fn offset(record: &[u8]) -> Option<(u64, u64)> {
+    let (begin, size) = std::str::from_utf8(record).ok()?.strip_suffix('\n')?.split_once(' ')?;
+    Some((begin.parse().ok()?, size.parse().ok()?))
+}
+
+/// Writes a plan, and where its lines begin, so that a worker reads its own line and not the whole.
+pub fn write(store: &Store, entries: &[Entry]) -> anyhow::Result<()> {
+    let lines: Vec<String> = entries.iter().map(Entry::line).collect();
+    let size: usize = lines.iter().map(String::len).sum();
+    let mut offsets = String::with_capacity((lines.len() + 1) * 32);
+    let mut begin = 0;
+    for len in lines.iter().map(String::len).chain([0]) {
+        offsets += &format!("{begin:015} {size:015}\n");
+        begin += len;
+    }
+    // Old offsets beside a new plan are seen for what they are; new ones beside an old plan would be, too.
+    store.put(ENTRIES, lines.concat().as_bytes())?;
+    Ok(store.put(&offsets_of(ENTRIES), offsets.as_bytes())?)
 }
 
 /// Which entry is meant.
@@ -116,4 +150,47 @@ pub fn wanted(index: Option<usize>) -> anyhow::Result<Wanted> {
     index.map(Wanted::At).map_err(|_| {
         usage(format!("the variable {name}: expected the index of an entry, or an entry, found `{value}`"))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn entries(count: usize) -> Vec<Entry> {
+        let entry = |k: usize| Entry { unit: "x".repeat(k % 3 + 1), period: k.to_string(), ..Entry::default() };
+        (0..count).map(|k| entry(k).keyed(PROGRAM)).collect()
+    }
+
+    #[test]
+    fn a_line_is_read_by_its_offset_and_by_no_offset_of_another_plan() {
+        let dir = tempfile::tempdir().unwrap();
+        let address = dir.path().display().to_string();
+        let store = Store::open(&address).unwrap();
+        let all = entries(23);
+        write(&store, &all).unwrap();
+        let plan = PlanFile::open(&address).unwrap();
+        for (index, entry) in all.iter().enumerate() {
+            assert_eq!(plan.by_offset(index).map(|line| line + "\n"), Some(entry.line()), "{index}");
+        }
+        assert_eq!((plan.by_offset(23), plan.by_offset(usize::MAX)), (None, None));
+        let slip = plan.nth(23).unwrap_err().to_string();
+        assert!(slip.contains("has 23 entries; expected 0 to 22"), "{slip}");
+        // The plan without its second line, and one of the same size with its first two lines turned: what does not fit is not believed.
+        let text = String::from_utf8(store.get(ENTRIES).unwrap()).unwrap();
+        let lines: Vec<&str> = text.split_inclusive('\n').collect();
+        let shorter = [&lines[..1], &lines[2..]].concat().concat();
+        let turned = [&[lines[1], lines[0]], &lines[2..]].concat().concat();
+        for changed in [shorter, turned] {
+            store.put(ENTRIES, changed.as_bytes()).unwrap();
+            assert_eq!(plan.by_offset(0), None);
+            for index in [0, 1, 5] {
+                let line = changed.lines().nth(index).unwrap();
+                assert_eq!(plan.nth(index).unwrap(), Entry::read(line, PROGRAM).unwrap());
+            }
+        }
+        // A part of a plan has no offsets.
+        store.put("part.jsonl", lines[7..9].concat().as_bytes()).unwrap();
+        let part = PlanFile::open(&format!("{address}/part.jsonl")).unwrap();
+        assert_eq!(part.nth(1).unwrap(), all[8]);
+    }
 }

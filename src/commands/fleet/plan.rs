@@ -11,7 +11,7 @@ use govtwin::store::Store;
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 use serde_json::json;
 
-use super::entries::ENTRIES;
+use super::entries::{self, ENTRIES};
 use super::look::{Item, Reading, items, look, owner};
 use super::period::Period;
 use super::unit_sheets::{self, Units};
@@ -88,8 +88,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         out.put(path, bytes)?;
     }
     out.put(LEFT_OUT, left_out_csv(&plan.left_out).as_bytes())?;
-    let lines: String = plan.entries.iter().map(govtwin::fleet::entry::Entry::line).collect();
-    out.put(ENTRIES, lines.as_bytes())?;
+    entries::write(&out, &plan.entries)?;
     tell(args, &plan, &out, &units)
 }
 

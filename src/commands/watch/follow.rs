@@ -1,10 +1,10 @@
-//! Following bags: which have come, which have grown, and the processes in them.
+//! Following bags: which have come, which have grown, and the processes in what came since.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use govtwin::bag::{self, Interpolation, Positions, ReadOptions, Rows, Stream, Topics};
+use govtwin::bag::{self, BagError, Growing, Grown, Interpolation, Positions, ReadOptions, Rows, Stream, Topics};
 use govtwin::frame::Frame;
 use govtwin::parameters::Unit;
 use govtwin::watch::cut::{Cut, Cutter};
@@ -15,12 +15,43 @@ use crate::commands::bags::{self, is_bag_folder};
 const TICK_NS: i64 = 1_000_000;
 
 /// What is known of a bag.
-#[derive(Clone, Copy, Debug)]
+#[derive(Debug)]
 struct Seen {
     bytes: u64,
     since: Instant,
     /// Read at this size; and whether it counted as ended then.
     read: Option<(u64, bool)>,
+    /// How far it was read; none where it has to be read as a whole.
+    growing: Option<Growing>,
+    cutting: Cutting,
+}
+
+impl Seen {
+    fn new(bytes: u64, since: Instant, options: &ReadOptions) -> Self {
+        let growing = Some(Growing::new(options.clone()));
+        Self { bytes, since, read: None, growing, cutting: Cutting::default() }
+    }
+
+    /// The processes that have ended since the last look, with the last one of a bag that has ended.
+    fn more(&mut self, path: &Path, ended: bool, options: &ReadOptions) -> Result<Vec<Cut>, BagError> {
+        let grown = match &mut self.growing {
+            Some(growing) => growing.more(path, ended, &mut self.cutting).inspect_err(|_| {
+                // Where it stopped nobody knows.
+                *growing = Growing::new(options.clone());
+            })?,
+            None => Grown::NeedsAll,
+        };
+        if grown == Grown::NeedsAll {
+            (self.growing, self.cutting) = (None, Cutting::default());
+            bag::read_rows(path, options, &mut self.cutting)?;
+        } else if !self.growing.as_ref().is_some_and(Growing::is_measured) {
+            return Ok(vec![]);
+        }
+        if ended {
+            self.cutting.cuts.extend(self.cutting.cutter.end());
+        }
+        Ok(std::mem::take(&mut self.cutting.cuts))
+    }
 }
 
 /// Bags that come and grow.
@@ -32,7 +63,7 @@ pub struct Follower {
 }
 
 /// Cuts rows, as they come from a bag, into processes.
-#[derive(Default)]
+#[derive(Debug, Default)]
 struct Cutting {
     cutter: Cutter,
     cuts: Vec<Cut>,
@@ -90,7 +121,11 @@ impl Follower {
         let now = Instant::now();
         for path in self.bags(&mut troubles) {
             let bytes = bytes_of(&path);
-            let seen = self.seen.entry(path.clone()).or_insert(Seen { bytes, since: now, read: None });
+            if !self.seen.contains_key(&path) {
+                let seen = self.renamed(&path).unwrap_or_else(|| Seen::new(bytes, now, &self.options));
+                self.seen.insert(path.clone(), seen);
+            }
+            let Some(seen) = self.seen.get_mut(&path) else { continue };
             if seen.bytes != bytes {
                 (seen.bytes, seen.since) = (bytes, now);
             }
@@ -102,22 +137,24 @@ impl Follower {
             }
             seen.read = Some((bytes, ended));
             let name = shown(&path);
-            let mut cutting = Cutting::default();
-            match bag::read_rows(&path, &self.options, &mut cutting) {
-                Ok(_) => {
-                    if ended {
-                        cutting.cuts.extend(cutting.cutter.end());
-                    }
-                    for cut in cutting.cuts {
-                        take(&name, cut)?;
-                    }
-                }
+            match seen.more(&path, ended, &self.options) {
+                Ok(cuts) => cuts.into_iter().try_for_each(|cut| take(&name, cut))?,
                 // One that is being written may lack anything.
                 Err(_) if !ended => {}
                 Err(error) => troubles.push(format!("{error} (left out)")),
             }
         }
         Ok(troubles)
+    }
+
+    /// What is known of a bag that stood under another name, such as one that is whole by now.
+    fn renamed(&mut self, path: &Path) -> Option<Seen> {
+        let is_it = |(old, seen): (&PathBuf, &Seen)| {
+            let same = !old.exists() && seen.growing.as_ref().is_some_and(|growing| growing.is_at(path));
+            same.then(|| old.clone())
+        };
+        let old = self.seen.iter().find_map(is_it)?;
+        self.seen.remove(&old)
     }
 
     /// All bags that are there by now, in the order of their names; what is being recorded among them.

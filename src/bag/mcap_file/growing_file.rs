@@ -1,0 +1,53 @@
+//! One MCAP file that is still being written: read on from where it was left.
+
+use std::path::Path;
+
+use super::super::structure::Structure;
+use super::super::topic::{OnMessage, TopicInfo};
+use super::super::{BagError, chunk};
+use super::{RecordFile, Scan};
+
+/// A file that may still grow: each read goes on where the last one ended.
+#[derive(Debug)]
+pub(in crate::bag) struct GrowingFile {
+    scan: Scan,
+    at: u64,
+}
+
+impl GrowingFile {
+    /// Nothing of it was read yet.
+    pub(in crate::bag) fn new(path: &Path) -> Self {
+        Self { scan: Scan::of(0, path), at: mcap::MAGIC.len() as u64 }
+    }
+
+    /// Where the next read begins: behind the last record that was whole.
+    pub(in crate::bag) fn at(&self) -> u64 {
+        self.at
+    }
+
+    /// Its topics so far.
+    pub(in crate::bag) fn topics(&self) -> impl Iterator<Item = &TopicInfo> {
+        self.scan.found.channels.topics().map(|(_, topic)| &**topic)
+    }
+
+    /// Hands on the messages that came since, in file order, and gives the bytes that it read. A record that is not whole waits for the rest
+    /// of it; of a file that has ended what there is of it counts.
+    pub(in crate::bag) fn more(
+        &mut self,
+        path: &Path,
+        ended: bool,
+        on_message: &mut OnMessage<'_>,
+    ) -> Result<u64, BagError> {
+        let mut file = RecordFile::open(path).map_err(BagError::io(path, "open"))?;
+        let scan = &mut self.scan;
+        let more = file.end().saturating_sub(scan.data_end);
+        scan.unpack_left = scan.unpack_left.saturating_add(chunk::UNPACK_RATIO.saturating_mul(more));
+        scan.data_end = file.end();
+        // What a scan keeps of what it has read would grow without bound.
+        (scan.found.segments, scan.structure) = (vec![], Structure::default());
+        let read = file.seek(self.at).and_then(|()| scan.data(&mut file, !ended, on_message));
+        self.at = file.at();
+        read.map_err(BagError::io(path, "read"))?;
+        Ok(file.looked_at_bytes())
+    }
+}
