@@ -40,6 +40,12 @@ fn tree(folder: &Path) -> Tree {
     found
 }
 
+/// The same, as it can be compared with that of another run.
+fn seen(case: &Case, root: &Path) -> Tree {
+    let named = |(path, bytes)| Some((if case.drawn { cases::undrawn(&path, root)? } else { path }, bytes));
+    tree(root).into_iter().filter_map(named).collect()
+}
+
 /// Hidden files and folders of the program, and what is in them.
 fn is_hidden(path: &Path) -> bool {
     path.iter().any(|part| part.to_string_lossy().starts_with(".govtwin"))
@@ -75,12 +81,12 @@ impl<'a> Trial<'a> {
         fs::create_dir_all(root.join("tmp")).unwrap();
         let kept = tempfile::tempdir().unwrap();
         copy(root, kept.path());
-        let old = tree(root);
+        let old = seen(case, root);
         let mut trial = Self { case, root: root.to_owned(), old, new: Tree::new(), code: 0, kept };
         let first = trial.run(None);
         assert!(matches!(first.code, Some(0 | 3)), "{}: {}", case.name, first.stderr);
         trial.code = first.code.unwrap();
-        trial.new = tree(root);
+        trial.new = seen(case, root);
         assert!(trial.new != trial.old, "{}: nothing came of it", case.name);
         let strange: Vec<_> = trial.new.keys().filter(|path| is_hidden(path)).collect();
         assert!(strange.is_empty(), "{}: left {strange:?}", case.name);
@@ -104,7 +110,7 @@ impl<'a> Trial<'a> {
 
     /// What is other than in a tree, but for hidden files and times.
     fn differs(&self, from: &Tree) -> Vec<PathBuf> {
-        let now = tree(&self.root);
+        let now = seen(self.case, &self.root);
         let names = now.keys().chain(from.keys()).filter(|path| !is_hidden(path));
         let mut other: Vec<_> = names.filter(|path| !self.same(now.get(*path), from.get(*path))).cloned().collect();
         // The system's temporary folder is nobody's output.
@@ -295,7 +301,7 @@ macro_rules! tests {
 }
 
 tests! {
-    replay generate fit diagnose import fleet_plan fleet_gather recover report sheet
+    replay generate fit diagnose import fleet_plan fleet_run fleet_gather recover report sheet
     #[ignore = "a minute of diagnoses; scripts/faults runs it"]
     watch
     #[ignore = "a minute of diagnoses; scripts/faults runs it"]

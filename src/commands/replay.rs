@@ -346,7 +346,8 @@ fn replay(
     };
     let about = simulated::about(&bag.name, &health, &marked);
     let corrected = corrector.map(|corrector| residual::correct(corrector, &replayed));
-    let read = Read { path: bag.path.clone(), name: bag.name.clone(), health: Some(health), left_out: None };
+    let (path, name) = (bag.path.clone(), bag.name.clone());
+    let read = Read { path, name, health: Some(health), left_out: None, excerpt: None };
     Ok(Result { replayed, source, read, about, corrected })
 }
 
