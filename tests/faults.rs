@@ -42,7 +42,8 @@ fn tree(folder: &Path) -> Tree {
 
 /// The same, as it can be compared with that of another run.
 fn seen(case: &Case, root: &Path) -> Tree {
-    let named = |(path, bytes)| Some((if case.drawn { cases::undrawn(&path, root)? } else { path }, bytes));
+    let named =
+        |(path, bytes): (PathBuf, _)| Some((if case.drawn { cases::undrawn(&path, root)? } else { path }, bytes));
     tree(root).into_iter().filter_map(named).collect()
 }
 

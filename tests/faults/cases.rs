@@ -389,6 +389,6 @@ pub fn undrawn(path: &Path, root: &Path) -> Option<PathBuf> {
     if parts.len() < 3 || parts[0] != "reports" {
         return Some(path.to_owned());
     }
-    let below = parts[..2].iter().chain(std::iter::once(&std::ffi::OsStr::new("drawn"))).chain(&parts[3..]);
-    Some(root.join("store").join(below.collect::<PathBuf>()))
+    let below = parts[3..].iter().collect::<PathBuf>();
+    Some(root.join("store").join(parts[0]).join(parts[1]).join("drawn").join(below))
 }
