@@ -224,8 +224,12 @@ impl<'a> Trial<'a> {
             found.push(format!("the next run: code {:?}, {}", run.code, run.stderr));
         }
         let from_new = if self.case.tells_of_before { vec![] } else { self.differs(&self.new) };
-        if !from_new.is_empty() || !self.hidden().is_empty() {
-            found.push(format!("after the next run {from_new:?} is another, {:?} is left", self.hidden()));
+        // What a killed try left in a report's folder of a drawn name stays: nobody writes there again.
+        let reports = self.root.join("store/reports");
+        let mut hidden = self.hidden();
+        hidden.retain(|path| !(self.case.drawn && path.starts_with(&reports)));
+        if !from_new.is_empty() || !hidden.is_empty() {
+            found.push(format!("after the next run {from_new:?} is another, {hidden:?} is left"));
         }
     }
 }
@@ -302,7 +306,9 @@ macro_rules! tests {
 }
 
 tests! {
-    replay generate fit diagnose import fleet_plan fleet_run fleet_gather recover report sheet
+    replay generate fit diagnose import fleet_plan fleet_gather recover report sheet
+    #[ignore = "a minute of diagnoses; scripts/faults runs it"]
+    fleet_run
     #[ignore = "a minute of diagnoses; scripts/faults runs it"]
     watch
     #[ignore = "a minute of diagnoses; scripts/faults runs it"]

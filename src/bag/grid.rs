@@ -6,9 +6,12 @@
 use std::collections::VecDeque;
 
 use super::align::{Cursor, ROW_LIMIT};
-use super::live::Irregular;
 use super::streams::{Command, Pressure, Sample};
 use crate::frame::{Frame, Signals};
+
+/// All samples are needed at once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Irregular;
 
 /// Samples of the command on either side of a row, by which a sharp bend is known.
 const AROUND: usize = 3;

@@ -9,7 +9,7 @@ use super::align::FARTHEST_NS;
 use super::collect::{Collected, Collector};
 use super::edges::Edges;
 use super::evidence::{RowEvidence, StreamEvidence};
-use super::grid::Grid;
+use super::grid::{Grid, Irregular};
 use super::order;
 use super::pace::Pace;
 use super::read::Read;
@@ -33,10 +33,6 @@ const MOST_WAITING: usize = 200_000;
 
 /// Rows are looked for each time so many samples have come in.
 const TOGETHER: usize = 64;
-
-/// All samples are needed at once.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Irregular;
 
 /// One stream on its way into rows.
 #[derive(Debug)]

@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use super::batch::counted;
-use super::live::{Irregular, Live};
+use super::grid::Irregular;
+use super::live::Live;
 use super::read::{check, read};
 use super::source::{Scanned, Source};
 use super::topic::{OnMessage, RawMessage, RawView};

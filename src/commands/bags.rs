@@ -134,7 +134,7 @@ pub struct Recordings {
 }
 
 /// A bag that was to be read.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Read {
     /// Where it is.
     pub path: PathBuf,

@@ -346,8 +346,7 @@ fn replay(
     };
     let about = simulated::about(&bag.name, &health, &marked);
     let corrected = corrector.map(|corrector| residual::correct(corrector, &replayed));
-    let (path, name) = (bag.path.clone(), bag.name.clone());
-    let read = Read { path, name, health: Some(health), left_out: None, excerpt: None };
+    let read = Read { path: bag.path.clone(), name: bag.name.clone(), health: Some(health), ..Read::default() };
     Ok(Result { replayed, source, read, about, corrected })
 }
 
