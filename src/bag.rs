@@ -39,6 +39,7 @@ mod evidence;
 mod field;
 mod finding;
 mod findings;
+mod grid;
 mod growing;
 mod health;
 mod layout;

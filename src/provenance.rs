@@ -58,6 +58,9 @@ pub struct RecordingGiven {
     pub origin: Option<String>,
     /// Why it was left out, where it was.
     pub left_out: Option<String>,
+    /// What was taken of it, where it was too long to be taken whole.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub excerpt: Option<String>,
 }
 
 /// The data sheet that was used.
@@ -140,10 +143,11 @@ impl Provenance {
 }
 
 impl RecordingGiven {
-    /// One line: its files, whether it is synthetic, why it was left out.
+    /// One line: its files, whether it is synthetic, what was taken of it, why it was left out.
     fn text(&self) -> String {
         let mut parts: Vec<String> = self.files.iter().map(ToString::to_string).collect();
         parts.extend(self.synthetic.then(|| "synthetic".to_owned()));
+        parts.extend(self.excerpt.clone());
         parts.extend(self.left_out.iter().map(|reason| format!("left out: {reason}")));
         if parts.is_empty() { "no file".to_owned() } else { parts.join(", ") }
     }
@@ -174,7 +178,13 @@ mod tests {
 
     fn input(name: &str, synthetic: bool, origin: Option<&str>) -> RecordingGiven {
         let files = vec![FileUsed { path: format!("{name}.mcap"), bytes: 3, sha256: "ab".repeat(32) }];
-        RecordingGiven { name: name.into(), files, synthetic, origin: origin.map(str::to_owned), left_out: None }
+        RecordingGiven {
+            name: name.into(),
+            files,
+            synthetic,
+            origin: origin.map(str::to_owned),
+            ..RecordingGiven::default()
+        }
     }
 
     #[test]

@@ -40,6 +40,13 @@ fn tree(folder: &Path) -> Tree {
     found
 }
 
+/// The same, as it can be compared with that of another run.
+fn seen(case: &Case, root: &Path) -> Tree {
+    let named =
+        |(path, bytes): (PathBuf, _)| Some((if case.drawn { cases::undrawn(&path, root)? } else { path }, bytes));
+    tree(root).into_iter().filter_map(named).collect()
+}
+
 /// Hidden files and folders of the program, and what is in them.
 fn is_hidden(path: &Path) -> bool {
     path.iter().any(|part| part.to_string_lossy().starts_with(".govtwin"))
@@ -75,12 +82,12 @@ impl<'a> Trial<'a> {
         fs::create_dir_all(root.join("tmp")).unwrap();
         let kept = tempfile::tempdir().unwrap();
         copy(root, kept.path());
-        let old = tree(root);
+        let old = seen(case, root);
         let mut trial = Self { case, root: root.to_owned(), old, new: Tree::new(), code: 0, kept };
         let first = trial.run(None);
         assert!(matches!(first.code, Some(0 | 3)), "{}: {}", case.name, first.stderr);
         trial.code = first.code.unwrap();
-        trial.new = tree(root);
+        trial.new = seen(case, root);
         assert!(trial.new != trial.old, "{}: nothing came of it", case.name);
         let strange: Vec<_> = trial.new.keys().filter(|path| is_hidden(path)).collect();
         assert!(strange.is_empty(), "{}: left {strange:?}", case.name);
@@ -104,7 +111,7 @@ impl<'a> Trial<'a> {
 
     /// What is other than in a tree, but for hidden files and times.
     fn differs(&self, from: &Tree) -> Vec<PathBuf> {
-        let now = tree(&self.root);
+        let now = seen(self.case, &self.root);
         let names = now.keys().chain(from.keys()).filter(|path| !is_hidden(path));
         let mut other: Vec<_> = names.filter(|path| !self.same(now.get(*path), from.get(*path))).cloned().collect();
         // The system's temporary folder is nobody's output.
@@ -217,8 +224,12 @@ impl<'a> Trial<'a> {
             found.push(format!("the next run: code {:?}, {}", run.code, run.stderr));
         }
         let from_new = if self.case.tells_of_before { vec![] } else { self.differs(&self.new) };
-        if !from_new.is_empty() || !self.hidden().is_empty() {
-            found.push(format!("after the next run {from_new:?} is another, {:?} is left", self.hidden()));
+        // What a killed try left in a report's folder of a drawn name stays: nobody writes there again.
+        let reports = self.root.join("store/reports");
+        let mut hidden = self.hidden();
+        hidden.retain(|path| !(self.case.drawn && path.starts_with(&reports)));
+        if !from_new.is_empty() || !hidden.is_empty() {
+            found.push(format!("after the next run {from_new:?} is another, {hidden:?} is left"));
         }
     }
 }
@@ -296,6 +307,8 @@ macro_rules! tests {
 
 tests! {
     replay generate fit diagnose import fleet_plan fleet_gather recover report sheet
+    #[ignore = "a minute of diagnoses; scripts/faults runs it"]
+    fleet_run
     #[ignore = "a minute of diagnoses; scripts/faults runs it"]
     watch
     #[ignore = "a minute of diagnoses; scripts/faults runs it"]

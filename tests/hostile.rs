@@ -137,6 +137,10 @@ fn a_grid_is_counted_before_it_is_laid_and_ends_with_the_last_command_or_measure
     let BagError::TooManyRows { rows: 35_400_000, limit, .. } = error else { panic!("{error}") };
     assert!(error.to_string().contains("makes 35400000 rows, expected at most"), "{error}");
     assert!(limit < 20_000_000, "{limit}");
+    // A fit makes the rows one by one, and finds no process in them.
+    let output = Command::new(env!("CARGO_BIN_EXE_govtwin")).arg("fit").arg(&path).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.code() == Some(1) && said.contains("there is none: expected command or position"), "{said}");
     // Without a grid there are as many rows as stamps.
     assert_eq!(bag::read(&path, &ReadOptions::default()).unwrap().recording.frames.len(), 35_401);
 }

@@ -6,7 +6,7 @@ use crate::frame::{EsvState, Frame, Inputs, Signals};
 use crate::units::seconds_from_nanos;
 
 /// The most rows that resampling may make of a recording: 2.7 h at 1 ms, about 0.8 GB, and several times that in a fit.
-const ROW_LIMIT: i64 = 10_000_000;
+pub(super) const ROW_LIMIT: i64 = 10_000_000;
 
 /// Rows further apart than this are of two clocks, ns: a day.
 pub(super) const FARTHEST_NS: i64 = 86_400_000_000_000;
@@ -134,12 +134,12 @@ fn first<V>(samples: &[Sample<V>]) -> i64 {
 }
 
 /// Walks along a stream as time goes on.
-struct Cursor<'a, V> {
-    samples: &'a [Sample<V>],
+pub(super) struct Cursor<'a, V> {
+    pub(super) samples: &'a [Sample<V>],
     /// Samples at or before the time last asked for.
-    passed: usize,
+    pub(super) passed: usize,
     /// How far it looks ahead.
-    ahead_ns: i64,
+    pub(super) ahead_ns: i64,
 }
 
 impl<'a, V: Copy> Cursor<'a, V> {
@@ -152,7 +152,7 @@ impl<'a, V: Copy> Cursor<'a, V> {
     }
 
     /// The newest sample at or before a time, which must not fall from call to call.
-    fn at(&mut self, time_ns: i64) -> Option<Sample<V>> {
+    pub(super) fn at(&mut self, time_ns: i64) -> Option<Sample<V>> {
         while self.samples.get(self.passed).is_some_and(|sample| sample.stamp_ns <= time_ns) {
             self.passed += 1;
         }
@@ -160,7 +160,7 @@ impl<'a, V: Copy> Cursor<'a, V> {
     }
 
     /// The value on the straight line between the samples around the time; the last holds after the end.
-    fn between(&self, time_ns: i64, number: impl Fn(V) -> f64) -> f64 {
+    pub(super) fn between(&self, time_ns: i64, number: impl Fn(V) -> f64) -> f64 {
         let Some(before) = self.passed.checked_sub(1).and_then(|newest| self.samples.get(newest)) else {
             return f64::NAN;
         };
@@ -173,7 +173,7 @@ impl<'a, V: Copy> Cursor<'a, V> {
 
 impl<V: Copy> Cursor<'_, V> {
     /// As [`Cursor::between`], but round a sharp bend inside the interval along the lines of both sides.
-    fn bent(&self, time_ns: i64, number: impl Fn(V) -> f64 + Copy) -> f64 {
+    pub(super) fn bent(&self, time_ns: i64, number: impl Fn(V) -> f64 + Copy) -> f64 {
         let straight = self.between(time_ns, number);
         // Three samples on either side: two for the line, one more to see that the bend is no part of a curve.
         let Some(around) = self.passed.checked_sub(3).and_then(|from| self.samples.get(from..from + 6)) else {

@@ -11,7 +11,8 @@ use std::io::{self, Read as _, Seek as _, SeekFrom};
 use std::path::Path;
 
 use super::align::{self, Streams, Window, align_window};
-use super::live::{Irregular, Live};
+use super::grid::Irregular;
+use super::live::Live;
 use super::look::Rows;
 use super::mcap_file::GrowingFile;
 use super::source::{self, BagFile, Source, Storage};

@@ -9,12 +9,13 @@ use super::align::{FARTHEST_NS, Streams};
 use super::collect::{Collected, Collector};
 use super::edges::Edges;
 use super::evidence::{RowEvidence, StreamEvidence};
+use super::grid::{Grid, Irregular};
 use super::order;
 use super::pace::Pace;
 use super::read::Read;
 use super::streams::{Command, Pressure, Sample, Value, note};
 use super::topic::RawView;
-use super::{ReadOptions, Stream, StreamHealth};
+use super::{Interpolation, ReadOptions, Stream, StreamHealth};
 use crate::frame::{EsvState, Frame, Inputs, Signals};
 use crate::units::NANOS_PER_SECOND;
 
@@ -32,10 +33,6 @@ const MOST_WAITING: usize = 200_000;
 
 /// Rows are looked for each time so many samples have come in.
 const TOGETHER: usize = 64;
-
-/// All samples are needed at once.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Irregular;
 
 /// One stream on its way into rows.
 #[derive(Debug)]
@@ -163,7 +160,9 @@ pub(super) struct Live {
     /// Rows since the last command or servo state: they count once another one comes.
     pending: VecDeque<Frame>,
     previous_ns: Option<i64>,
-    /// Rows that were handed on.
+    /// The grid below the rows, where one is asked for.
+    grid: Option<Grid>,
+    /// Rows that were handed on, the grid's not counted.
     pub(super) count: usize,
     pub(super) evidence: RowEvidence,
     edges: Edges,
@@ -173,7 +172,9 @@ impl Live {
     /// Begins; `topics` are those of the bag, where its summary lists them.
     pub(super) fn new(options: &ReadOptions, topics: Option<&BTreeSet<String>>) -> Self {
         let absent = |stream| topics.is_some_and(|topics| !topics.contains(options.topics.of(stream)));
+        let sharp = matches!(options.interpolation, Interpolation::Sharp { .. });
         Self {
+            grid: options.interpolation.period_ns().filter(|_| sharp).map(Grid::new),
             collected: Collected::new(options),
             command: Track::new(absent(Stream::Command)),
             esv: Track::new(absent(Stream::Esv)),
@@ -190,9 +191,9 @@ impl Live {
         }
     }
 
-    /// The same, and it keeps the samples for [`Live::passed`].
+    /// The same, without a grid of its own; it keeps the samples for [`Live::passed`].
     pub(super) fn keeping(options: &ReadOptions, topics: Option<&BTreeSet<String>>) -> Self {
-        let mut this = Self::new(options, topics);
+        let mut this = Self { grid: None, ..Self::new(options, topics) };
         this.command.passed = Some(vec![]);
         this.esv.passed = Some(vec![]);
         this.tank_pressure.passed = Some(vec![]);
@@ -254,7 +255,8 @@ impl Live {
             + self.esv.waiting.len()
             + self.tank_pressure.waiting.len()
             + self.servo_state.waiting.len()
-            + self.pending.len();
+            + self.pending.len()
+            + self.grid.as_ref().map_or(0, Grid::waiting);
         if waiting > MOST_WAITING { Err(Irregular) } else { Ok(()) }
     }
 
@@ -275,8 +277,12 @@ impl Live {
         let Collected { command, esv, tank_pressure, servo_state, .. } = &mut self.collected;
         let commanded = self.command.advance(time_ns, &mut command.evidence);
         self.esv.advance(time_ns, &mut esv.evidence);
-        self.tank_pressure.advance(time_ns, &mut tank_pressure.evidence);
+        let pressed = self.tank_pressure.advance(time_ns, &mut tank_pressure.evidence);
         let measured = self.servo_state.advance(time_ns, &mut servo_state.evidence);
+        if let Some(grid) = &mut self.grid {
+            self.command.current.filter(|_| commanded).into_iter().for_each(|sample| grid.command(sample));
+            self.tank_pressure.current.filter(|_| pressed).into_iter().for_each(|sample| grid.pressure(sample));
+        }
         let in_force = [self.command.is_settled(), self.esv.is_settled(), self.tank_pressure.is_settled()];
         if self.edges.count(in_force) {
             return Ok(());
@@ -296,19 +302,30 @@ impl Live {
             measured: value(self.servo_state.current.filter(|_| measured)),
         });
         if commanded || measured {
-            self.hand_on(usize::MAX, on_row);
+            self.hand_on(usize::MAX, false, on_row)?;
         }
         Ok(())
     }
 
     /// Hands on so many of the rows that wait.
-    fn hand_on(&mut self, count: usize, on_row: &mut dyn FnMut(&Frame)) {
-        let count = count.min(self.pending.len());
-        for frame in self.pending.drain(..count) {
-            self.evidence.row(&frame);
-            self.count += 1;
-            on_row(&frame);
+    fn hand_on(&mut self, count: usize, ended: bool, on_row: &mut dyn FnMut(&Frame)) -> Result<(), Irregular> {
+        let Self { pending, grid, evidence, .. } = self;
+        let mut hand_on = |frame: &Frame| {
+            evidence.row(frame);
+            on_row(frame);
+        };
+        let count = count.min(pending.len());
+        self.count += count;
+        for frame in pending.drain(..count) {
+            match grid {
+                Some(grid) => grid.row(frame)?,
+                None => hand_on(&frame),
+            }
         }
+        if let Some(grid) = grid {
+            grid.lay(ended, &mut hand_on);
+        }
+        Ok(())
     }
 
     /// Makes the last rows, and gives health, evidence and edges.
@@ -321,8 +338,7 @@ impl Live {
         let nobody = self.command.current.is_none() && self.servo_state.current.is_none();
         // Inputs that begin after the last command or measurement make the one row in which they begin.
         let last = if nobody { usize::MAX } else { usize::from(self.count == 0) };
-        self.hand_on(last, on_row);
-        Ok(())
+        self.hand_on(last, true, on_row)
     }
 
     /// What was read, once it is finished.

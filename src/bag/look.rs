@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use super::batch::counted;
-use super::live::{Irregular, Live};
+use super::grid::Irregular;
+use super::live::Live;
 use super::read::{check, read};
 use super::source::{Scanned, Source};
 use super::topic::{OnMessage, RawMessage, RawView};
@@ -23,8 +24,8 @@ pub trait Rows {
 }
 
 /// Reads the rows of a bag one by one, in memory that does not grow with its length; the rows and the health are those of
-/// [`read`](super::read()). Only a bag that needs all of its samples at once is read as a whole. Under any interpolation but
-/// [`Interpolation::Hold`] every bag is.
+/// [`read`](super::read()). Only a bag that needs all of its samples at once is read as a whole; under [`Interpolation::Linear`] every bag is.
+/// Of a recording that is longer than `read` takes all rows are handed on, as long as it has a row a second.
 ///
 /// # Errors
 /// As [`read`](super::read()).
@@ -92,7 +93,8 @@ fn pass(
     rows: &mut dyn Rows,
 ) -> Result<(Scanned, Result<Health, BagError>), BagError> {
     let topics = source.topics();
-    let mut live = (options.interpolation == Interpolation::Hold).then(|| Live::new(options, topics.as_ref()));
+    let mut live =
+        (!matches!(options.interpolation, Interpolation::Linear { .. })).then(|| Live::new(options, topics.as_ref()));
     let scanned = source.scan(&mut |message| {
         on_message(message);
         if live.as_mut().is_some_and(|live| live.take(message, &mut |frame| rows.row(frame)).is_err()) {

@@ -1,20 +1,22 @@
 //! Which bags a command line names: files, bag folders, and folders that hold many bags; and all of them read for a fit.
 
+mod excerpts;
+
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use govtwin::bag::{self, BagError, Health, Interpolation, Loaded, Positions, ReadOptions, Stream, Topics, Warning};
+use govtwin::bag::{Health, Interpolation, Positions, ReadOptions, Stream, Topics, Warning};
 use govtwin::files::look_at;
 use govtwin::import::Map;
 use govtwin::parameters::Unit;
 use govtwin::params::quantity_text;
 use govtwin::recording::Recording;
-use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 use tempfile::TempDir;
 
-use super::output::Progress;
+use super::output::say;
 use super::{import, usage};
+use excerpts::Taken;
 
 /// Folders within folders deeper than this are a mistake.
 const DEEPEST: usize = 16;
@@ -132,7 +134,7 @@ pub struct Recordings {
 }
 
 /// A bag that was to be read.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct GivenBag {
     /// Where it is.
     pub path: PathBuf,
@@ -142,6 +144,8 @@ pub struct GivenBag {
     pub health: Option<Health>,
     /// Why it was left out, where it was.
     pub left_out: Option<String>,
+    /// What was taken of it, where it was too long to be taken whole.
+    pub excerpt: Option<String>,
 }
 
 /// Why the program's own simulations are no evidence beside measurements.
@@ -149,11 +153,13 @@ const OWN: &str = "simulated by govtwin's own twin, which says nothing of the un
 
 /// Reads all bags that the paths name; what cannot be read is left out with a warning, as long as something is left.
 ///
+/// Of a long recording each process is taken as a recording of its own (`govtwin::watch::excerpt`).
+///
 /// Command and pressure run from sample to sample, on a grid of the twin's own tick. A recording without a command is
 /// one of the servomotor stage, driven by its spool; that other inputs are missing is then no news. What is read is held against
 /// the sheet of the unit where it may have another unit of measure.
 pub fn read(paths: &[PathBuf], topics: &Topics, unit: &Unit) -> anyhow::Result<Recordings> {
-    read_as(paths, topics, unit, Positions::of(unit.recorded))
+    read_as(paths, topics, unit, Positions::of(unit.recorded)).inspect(tell)
 }
 
 /// Reads all bags where no sheet is given, and says whether there is nothing but servomotor stages in them, whose positions are then in any unit.
@@ -167,15 +173,28 @@ pub fn read_without_sheet(
 ) -> anyhow::Result<(Recordings, bool)> {
     let has_command = |found: &Recordings| found.recordings.iter().any(Recording::has_command);
     // Whole chains are what is nearly always given: they are read once.
-    let chains = (!stage_only).then(|| read(paths, topics, reference));
+    let positions = Positions::of(reference.recorded);
+    let chains = (!stage_only).then(|| read_as(paths, topics, reference, positions));
     let chains = match chains {
-        Some(Ok(found)) if has_command(&found) => return Ok((found, false)),
+        Some(Ok(found)) if has_command(&found) => {
+            tell(&found);
+            return Ok((found, false));
+        }
         others => others,
     };
     let found = read_as(paths, topics, reference, Positions::AnyUnit)?;
-    match chains {
-        Some(chains) if has_command(&found) => Ok((chains?, false)),
-        _ => Ok((found, true)),
+    let (found, stage_only) = match chains {
+        Some(chains) if has_command(&found) => (chains?, false),
+        _ => (found, true),
+    };
+    tell(&found);
+    Ok((found, stage_only))
+}
+
+/// Says what was taken of long recordings.
+fn tell(found: &Recordings) {
+    for GivenBag { name, excerpt, .. } in &found.read {
+        excerpt.iter().for_each(|excerpt| say(&format!("{name}: {excerpt}")));
     }
 }
 
@@ -187,40 +206,32 @@ fn read_as(paths: &[PathBuf], topics: &Topics, unit: &Unit, positions: Positions
         interpolation: Interpolation::Sharp { period_ns: TICK_NS },
         required: vec![Stream::ServoState],
     };
-    let progress = Progress::new(bags.len(), "recordings read");
-    let loaded: Vec<Result<Loaded, BagError>> = bags
-        .par_iter()
-        .map(|bag| {
-            let loaded = bag::read(&bag.path, &options);
-            progress.step();
-            loaded
-        })
-        .collect();
-    drop(progress);
+    let loaded = excerpts::read(&bags, &options)?;
     let (mut recordings, mut warnings, mut refused, mut read) = (vec![], vec![], vec![], vec![]);
-    let is_own = |loaded: &Loaded| loaded.health.files.iter().any(|file| file.from_the_twin);
-    let some_measured = loaded.iter().flatten().any(|loaded| !is_own(loaded));
-    for (bag, loaded) in bags.into_iter().zip(loaded) {
+    let is_own = |taken: &Taken| taken.health.files.iter().any(|file| file.from_the_twin);
+    let some_measured = loaded.iter().flatten().any(|taken| !is_own(taken));
+    for (bag, taken) in bags.into_iter().zip(loaded) {
         let Bag { path, name } = bag;
-        let (health, left_out) = match loaded {
-            Ok(loaded) if some_measured && is_own(&loaded) => {
+        let (health, left_out, excerpt) = match taken {
+            Ok(taken) if some_measured && is_own(&taken) => {
                 warnings.push(format!("{name}: {OWN} (left out)"));
-                (Some(loaded.health), Some(OWN.to_owned()))
+                (Some(taken.health), Some(OWN.to_owned()), None)
             }
-            Ok(Loaded { recording, health }) => {
-                let news = |warning: &&Warning| recording.has_command() || !matches!(warning, Warning::Filled { .. });
+            Ok(Taken { recordings: taken, health, excerpt }) => {
+                let has_command = taken.iter().any(Recording::has_command);
+                let news = |warning: &&Warning| has_command || !matches!(warning, Warning::Filled { .. });
                 warnings.extend(health.warnings.iter().filter(news).map(|warning| format!("{name}: {warning}")));
-                let doubt = doubt_of_pressure(&recording, topics, unit);
+                let doubt = taken.iter().find_map(|recording| doubt_of_pressure(recording, topics, unit));
                 warnings.extend(doubt.map(|doubt| format!("{name}: {doubt}")));
-                recordings.push(Recording { name: name.clone(), ..recording });
-                (Some(health), None)
+                recordings.extend(taken);
+                (Some(health), None, excerpt)
             }
             Err(error) => {
-                refused.push(error.to_string());
-                (None, Some(error.to_string()))
+                refused.push(error.clone());
+                (None, Some(error), None)
             }
         };
-        read.push(GivenBag { path, name, health, left_out });
+        read.push(GivenBag { path, name, health, left_out, excerpt });
     }
     if recordings.is_empty() {
         anyhow::bail!("no recording can be read:\n  {}", refused.join("\n  "));

@@ -120,7 +120,8 @@ pub fn inputs(read: &[GivenBag], mapped: &Mapped) -> anyhow::Result<Vec<Recordin
                 Ok(RecordingGiven { files, ..marked })
             });
             let input = if one.left_out.is_some() { input.unwrap_or_default() } else { input? };
-            Ok(RecordingGiven { name: one.name.clone(), left_out: one.left_out.clone(), ..input })
+            let (name, left_out, excerpt) = (one.name.clone(), one.left_out.clone(), one.excerpt.clone());
+            Ok(RecordingGiven { name, left_out, excerpt, ..input })
         })
         .collect()
 }

@@ -346,7 +346,7 @@ fn replay(
     };
     let about = simulated::about(&bag.name, &health, &marked);
     let corrected = corrector.map(|corrector| residual::correct(corrector, &replayed));
-    let read = GivenBag { path: bag.path.clone(), name: bag.name.clone(), health: Some(health), left_out: None };
+    let read = GivenBag { path: bag.path.clone(), name: bag.name.clone(), health: Some(health), ..GivenBag::default() };
     Ok(Result { replayed, source, read, about, corrected })
 }
 

@@ -79,24 +79,38 @@ impl Anchor {
         }
     }
 
-    fn is_left(&self, frame: &Frame, by_pu: f64) -> bool {
-        let apart = |a: f64, b: f64| a.is_finite() && b.is_finite() && (a - b).abs() > by_pu;
-        apart(frame.inputs.opening_command_pu, self.command_pu)
-            || apart(frame.measured.servomotor_position_pu, self.position_pu)
+    fn is_left(&self, frame: &Frame, by_pu: f64, stroke: f64) -> bool {
+        let apart = |a: f64, b: f64, by: f64| a.is_finite() && b.is_finite() && (a - b).abs() > by;
+        apart(frame.inputs.opening_command_pu, self.command_pu, by_pu)
+            || apart(frame.measured.servomotor_position_pu, self.position_pu, by_pu * stroke)
             || frame.inputs.esv != self.esv
     }
 }
 
 /// Cuts rows into processes.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Cutter {
     /// The rows of the process, or the last few at rest.
     rows: VecDeque<Frame>,
     anchor: Option<Anchor>,
     moving: bool,
+    /// The stroke in the numbers of recorded positions.
+    stroke: f64,
+}
+
+impl Default for Cutter {
+    fn default() -> Self {
+        Self::of_stroke(1.0)
+    }
 }
 
 impl Cutter {
+    /// Cuts rows whose positions are no pu, but cover so much of their own unit over the stroke.
+    #[must_use]
+    pub fn of_stroke(stroke: f64) -> Self {
+        Self { rows: VecDeque::new(), anchor: None, moving: false, stroke }
+    }
+
     /// Takes a row, which may end a process.
     pub fn row(&mut self, frame: &Frame) -> Option<Cut> {
         let jumped = self.rows.back().is_some_and(|last| {
@@ -109,7 +123,7 @@ impl Cutter {
         self.rows.push_back(*frame);
         let since_s = |time_ns: i64| seconds_from_nanos(frame.time_ns - time_ns);
         if self.moving {
-            if anchor.is_left(frame, GOES_ON_PU) {
+            if anchor.is_left(frame, GOES_ON_PU, self.stroke) {
                 *anchor = Anchor::at(frame);
                 anchor.complete(frame);
             }
@@ -119,7 +133,7 @@ impl Cutter {
             if rests || too_long {
                 return self.finish(if rests { Ended::AtRest } else { Ended::TooLong });
             }
-        } else if anchor.is_left(frame, BEGINS_PU) {
+        } else if anchor.is_left(frame, BEGINS_PU, self.stroke) {
             self.moving = true;
             *anchor = Anchor::at(frame);
         } else {

@@ -4,9 +4,10 @@ use std::collections::BTreeMap;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
-use govtwin::bag::{self, BagError, Loaded, ReadOptions, Rows, cdr};
+use govtwin::bag::{self, BagError, Interpolation, Loaded, ReadOptions, Rows, cdr};
 use govtwin::frame::Frame;
 use govtwin::msg::{EsvState, FluidPressure, GovernorCommand, Header, Interface, ServoState, definition};
+use govtwin::signal::Signal;
 use mcap::WriteOptions;
 use mcap::records::MessageHeader;
 
@@ -124,9 +125,36 @@ impl Rows for All {
     }
 }
 
-/// Reads a bag as a whole and row by row, and fails where the two differ in a row, a warning or a refusal.
+/// A row to the last bit.
+fn bits(frame: &Frame) -> impl PartialEq {
+    let measured = Signal::ALL.map(|signal| signal.of(&frame.measured).to_bits());
+    let inputs = &frame.inputs;
+    (frame.time_ns, inputs.opening_command_pu.to_bits(), inputs.esv, inputs.tank_pressure_pa.to_bits(), measured)
+}
+
+/// Reads a bag as a whole and row by row, on a grid of a millisecond as well, and fails where the two differ in a row, a warning or a refusal.
 #[track_caller]
 pub fn read_both_ways(path: &Path, options: &ReadOptions) -> Result<Loaded, BagError> {
+    let sharp = ReadOptions { interpolation: Interpolation::Sharp { period_ns: MS }, ..options.clone() };
+    let mut all = All::default();
+    match (bag::read(path, &sharp), bag::read_rows(path, &sharp, &mut all)) {
+        (Ok(whole), Ok(health)) => {
+            assert_eq!(format!("{:?}", whole.health), format!("{health:?}"));
+            let frames = &whole.recording.frames;
+            let other = (0..frames.len().min(all.frames.len())).find(|&k| bits(&frames[k]) != bits(&all.frames[k]));
+            let pair = other.map(|k| (k, frames[k], all.frames[k]));
+            assert!(
+                pair.is_none() && frames.len() == all.frames.len(),
+                "{pair:?}: {} {}",
+                frames.len(),
+                all.frames.len()
+            );
+        }
+        (Err(whole), Err(rows)) => assert_eq!(whole.to_string(), rows.to_string()),
+        // What is too long to be held passes by row by row.
+        (Err(BagError::TooManyRows { .. }), Ok(_)) => {}
+        (whole, rows) => panic!("{:?} {rows:?}", whole.map(|whole| whole.health)),
+    }
     let words = |error: BagError| error.to_string();
     let mut all = All::default();
     let rows = bag::read_rows(path, options, &mut all);

@@ -1,7 +1,7 @@
 //! The writers, and what each of them needs: an older output where one may be replaced, and inputs of its own.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// A fixed date, one thread so that steps come in one order, and no engine.
@@ -21,6 +21,8 @@ pub struct Case {
     pub tells_of_before: bool,
     /// Takes seconds a run: one step of it is tried in the ordinary tests.
     pub costly: bool,
+    /// Draws the names of its reports, and leaves a note of each try that failed: the one are compared whatever their names, the other not at all.
+    pub drawn: bool,
 }
 
 fn nothing(_: &Path) {}
@@ -38,6 +40,7 @@ pub fn replay() -> Case {
         before_next: nothing,
         tells_of_before: false,
         costly: false,
+        drawn: false,
     }
 }
 
@@ -51,6 +54,7 @@ pub fn generate() -> Case {
         before_next: |root| drop(fs::remove_dir_all(root.join("out"))),
         tells_of_before: false,
         costly: false,
+        drawn: false,
     }
 }
 
@@ -92,6 +96,7 @@ pub fn fit() -> Case {
         before_next: nothing,
         tells_of_before: false,
         costly: false,
+        drawn: false,
     }
 }
 
@@ -117,6 +122,7 @@ pub fn diagnose() -> Case {
         before_next: nothing,
         tells_of_before: false,
         costly: true,
+        drawn: false,
     }
 }
 
@@ -139,6 +145,7 @@ pub fn import() -> Case {
         before_next: nothing,
         tells_of_before: false,
         costly: false,
+        drawn: false,
     }
 }
 
@@ -172,6 +179,7 @@ pub fn watch() -> Case {
         before_next: nothing,
         tells_of_before: false,
         costly: true,
+        drawn: false,
     }
 }
 
@@ -184,6 +192,7 @@ pub fn fleet_plan() -> Case {
         before_next: nothing,
         tells_of_before: false,
         costly: false,
+        drawn: false,
     }
 }
 
@@ -201,6 +210,24 @@ pub fn fleet_gather() -> Case {
         before_next: nothing,
         tells_of_before: true,
         costly: false,
+        drawn: false,
+    }
+}
+
+pub fn fleet_run() -> Case {
+    Case {
+        name: "fleet run",
+        arguments: &["fleet", "run", "ROOT/store", "--out", "ROOT/store"],
+        prepare: |root| {
+            fleet(root);
+            planned(root);
+        },
+        // Report and result are objects of their own.
+        stepwise: true,
+        before_next: nothing,
+        tells_of_before: false,
+        costly: true,
+        drawn: true,
     }
 }
 
@@ -220,6 +247,7 @@ pub fn blind() -> Case {
         before_next: nothing,
         tells_of_before: false,
         costly: true,
+        drawn: false,
     }
 }
 
@@ -239,6 +267,7 @@ pub fn recover() -> Case {
         before_next: |root| drop(fs::remove_dir_all(root.join("out"))),
         tells_of_before: false,
         costly: false,
+        drawn: false,
     }
 }
 
@@ -255,6 +284,7 @@ pub fn report() -> Case {
         before_next: nothing,
         tells_of_before: false,
         costly: false,
+        drawn: false,
     }
 }
 
@@ -270,6 +300,7 @@ pub fn sheet() -> Case {
         before_next: nothing,
         tells_of_before: false,
         costly: false,
+        drawn: false,
     }
 }
 
@@ -327,16 +358,37 @@ fn planned(root: &Path) {
     govtwin(root, &["fleet", "plan", "units", "--units", "units.csv", "--out", "store"]);
 }
 
+/// What a run says of itself: times, memory, and the name that it drew.
+const OF_THE_RUN: [&str; 5] = ["seconds\":", "elapsed_s\":", "processor_s\":", "peak_memory_bytes\":", "\"report\":"];
+
 /// A file's bytes without what was measured of the run itself.
 pub fn timeless(bytes: &Option<Vec<u8>>) -> Option<Vec<u8>> {
     let text = String::from_utf8_lossy(bytes.as_ref()?).into_owned();
     let mut kept = String::new();
     let mut rest = text.as_str();
-    while let Some(at) = rest.find("seconds\":") {
-        let (before, after) = rest.split_at(at + "seconds\":".len());
+    let next = |rest: &str| OF_THE_RUN.iter().filter_map(|key| Some(rest.find(key)? + key.len())).min();
+    while let Some(at) = next(rest) {
+        let (before, after) = rest.split_at(at);
         kept += before;
-        rest = after.trim_start_matches(|c: char| c == ' ' || c == '.' || c == 'e' || c == '-' || c.is_ascii_digit());
+        rest = if before.ends_with("\"report\":") {
+            after.trim_start_matches(|c: char| !matches!(c, ',' | '}' | '\n'))
+        } else {
+            after.trim_start_matches(|c: char| c == ' ' || c == '.' || c == 'e' || c == '-' || c.is_ascii_digit())
+        };
     }
     kept += rest;
     Some(kept.into_bytes())
+}
+
+/// A path without the name that a fleet's report drew; nothing for a note of a try that failed.
+pub fn undrawn(path: &Path, root: &Path) -> Option<PathBuf> {
+    let parts: Vec<_> = path.strip_prefix(root.join("store")).into_iter().flatten().collect();
+    if parts.first().is_some_and(|part| *part == "notes") {
+        return None;
+    }
+    if parts.len() < 3 || parts[0] != "reports" {
+        return Some(path.to_owned());
+    }
+    let below = parts[3..].iter().collect::<PathBuf>();
+    Some(root.join("store").join(parts[0]).join(parts[1]).join("drawn").join(below))
 }
