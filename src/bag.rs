@@ -82,7 +82,7 @@ pub use growing::{Growing, Grown};
 pub use health::{Damage, FileHealth, Health, StreamHealth, Warning};
 pub use look::{NeedsAll, Overview, Rows, RowsOfMessages, look, read_rows};
 pub use memory::InMemory;
-pub use merge::{Messages, messages};
+pub use merge::{MergedMessages, messages};
 pub use newest::Newest;
 pub use read::read;
 pub use recover::{Recovered, broken_off, intended_place, recover};

@@ -32,7 +32,7 @@ pub const NORMAL_90: f64 = 1.644_853_6;
 
 /// One estimate of a size.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Estimate {
+pub struct SizeEstimate {
     /// The size, in its own unit.
     pub size: f64,
     /// Lower end of its interval of nine in ten, in its own unit.
@@ -45,7 +45,7 @@ pub struct Estimate {
 
 /// The chart after an estimate.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Point {
+pub struct ChartPoint {
     /// Rank of its distance from the group's mean among all of the group, as a standard normal number; 0 of the group's first.
     pub z: f64,
     /// Sums after it.
@@ -171,12 +171,12 @@ fn score(rank: f64, count: u32) -> f64 {
 
 /// The chart of estimates in their order, with so many of them between two false alarms where nothing moves.
 #[must_use]
-pub fn chart(estimates: &[Estimate], between_false_alarms: f64) -> Vec<Point> {
+pub fn chart(estimates: &[SizeEstimate], between_false_alarms: f64) -> Vec<ChartPoint> {
     let limit = limit(between_false_alarms);
     let mut groups: Vec<Group> = vec![];
     let mut sums = Sums::default();
     let (mut growth_since, mut shrinkage_since) = (None, None);
-    let mut points: Vec<Point> = Vec::with_capacity(estimates.len());
+    let mut points: Vec<ChartPoint> = Vec::with_capacity(estimates.len());
     for (i, one) in estimates.iter().enumerate() {
         if one.group >= groups.len() {
             groups.resize(one.group + 1, Group::default());
@@ -195,7 +195,7 @@ pub fn chart(estimates: &[Estimate], between_false_alarms: f64) -> Vec<Point> {
         }
         let alarm = sums.largest() >= limit;
         let since = if sums.is_growth() { growth_since } else { shrinkage_since };
-        points.push(Point { z, sums, mean, alarm, since: since.filter(|_| alarm) });
+        points.push(ChartPoint { z, sums, mean, alarm, since: since.filter(|_| alarm) });
     }
     points
 }
@@ -206,22 +206,22 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
     use rand_distr::{Distribution as _, Normal};
 
-    use super::{Estimate, Point, chart, limit};
+    use super::{ChartPoint, SizeEstimate, chart, limit};
 
     /// Estimates of a size that moves as told, with intervals that are `stated` times as wide as they should be.
-    fn estimates(seed: u64, count: usize, stated: f64, size: impl Fn(usize) -> f64) -> Vec<Estimate> {
+    fn estimates(seed: u64, count: usize, stated: f64, size: impl Fn(usize) -> f64) -> Vec<SizeEstimate> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let normal = Normal::new(0.0, 1.0).unwrap();
         let of = |i: usize| {
             let sd = 0.05 * rng.random_range(0.5..2.0);
             let size = size(i) + sd * normal.sample(&mut rng);
             let half = 1.645 * sd * stated;
-            Estimate { size, low: size - half, high: size + half, group: 0 }
+            SizeEstimate { size, low: size - half, high: size + half, group: 0 }
         };
         (0..count).map(of).collect()
     }
 
-    fn first_alarm(points: &[Point]) -> Option<usize> {
+    fn first_alarm(points: &[ChartPoint]) -> Option<usize> {
         points.iter().position(|point| point.alarm)
     }
 
@@ -252,7 +252,7 @@ mod tests {
                 // One in ten is ten times as far, and nothing lies below 1.
                 let far = if rng.random_bool(0.1) { 10.0 } else { 1.0 };
                 let size = 1.0 - far * rng.random_range(0.0_f64..1.0).max(1e-9).ln();
-                Estimate { size, low: size - 1.0, high: size + 1.0, group: 0 }
+                SizeEstimate { size, low: size - 1.0, high: size + 1.0, group: 0 }
             };
             (0..100).map(of).collect::<Vec<_>>()
         };
@@ -277,11 +277,11 @@ mod tests {
     }
 
     /// Estimates of a size whose four groups differ by more than their intervals, each with a scatter of its own.
-    fn grouped(seed: u64, count: usize, size: impl Fn(usize) -> f64) -> Vec<Estimate> {
-        let of = |(i, one): (usize, Estimate)| {
+    fn grouped(seed: u64, count: usize, size: impl Fn(usize) -> f64) -> Vec<SizeEstimate> {
+        let of = |(i, one): (usize, SizeEstimate)| {
             let group = i % 4;
             let moved = |value: f64| size(i) + 0.3 * group as f64 + (1.0 + group as f64) * (value - size(i));
-            Estimate { size: moved(one.size), low: moved(one.low), high: moved(one.high), group }
+            SizeEstimate { size: moved(one.size), low: moved(one.low), high: moved(one.high), group }
         };
         estimates(seed, count, 1.0, &size).into_iter().enumerate().map(of).collect()
     }
@@ -299,17 +299,21 @@ mod tests {
         let seen = first_alarm(&jump).unwrap();
         assert!((40..56).contains(&seen) && jump[seen].sums.is_growth(), "{seen}");
         // Were they one group, what they differ by would count as scatter, and hide it longer.
-        let mixed: Vec<Estimate> = estimates.iter().map(|one| Estimate { group: 0, ..*one }).collect();
+        let mixed: Vec<SizeEstimate> = estimates.iter().map(|one| SizeEstimate { group: 0, ..*one }).collect();
         assert!(first_alarm(&chart(&mixed, 1000.0)).is_none_or(|late| late > seen));
     }
 
     #[test]
     fn few_or_equal_estimates_raise_nothing() {
         assert!(chart(&[], 100.0).is_empty());
-        let same = vec![Estimate { size: 0.0, low: 0.0, high: 0.0, group: 0 }; 30];
+        let same = vec![SizeEstimate { size: 0.0, low: 0.0, high: 0.0, group: 0 }; 30];
         assert!(chart(&same, 100.0).iter().all(|point| !point.alarm));
-        let wild =
-            [1.0, 1.01, 0.99, 1.0, 50.0].map(|size| Estimate { size, low: size - 0.01, high: size + 0.01, group: 0 });
+        let wild = [1.0, 1.01, 0.99, 1.0, 50.0].map(|size| SizeEstimate {
+            size,
+            low: size - 0.01,
+            high: size + 0.01,
+            group: 0,
+        });
         assert!(first_alarm(&chart(&wild, 1000.0)).is_none(), "one wild estimate alone");
     }
 }

@@ -63,7 +63,7 @@ fn noise(step: i64, salt: i64) -> f64 {
 }
 
 /// Writes streams as a bag, each message at the time of its stamp.
-fn write_streams(folder: &Path, streams: &Streams) -> PathBuf {
+fn write_streams(folder: &Path, streams: &GeneratedStreams) -> PathBuf {
     let mut writer = Writer::create(folder, WriterOptions::default()).unwrap();
     let command = writer.topic::<GovernorCommand>("/governor/command", Qos::SENSOR).unwrap();
     let esv = writer.topic::<EsvState>("/governor/esv", Qos::DEFAULT).unwrap();
@@ -107,7 +107,7 @@ fn write_streams(folder: &Path, streams: &Streams) -> PathBuf {
 }
 
 /// The four processes of a unit with backlash, the shutdown last.
-fn processes(rate_hz: f64) -> [Streams; 4] {
+fn processes(rate_hz: f64) -> [GeneratedStreams; 4] {
     let mut unit = params::reference();
     unit.effects.push(EffectSetting { id: "backlash".to_owned(), values: vec![0.004] });
     [Process::Startup, Process::LoadIncrease, Process::LoadRejection, Process::Shutdown].map(|process| {
@@ -127,10 +127,10 @@ fn end_of(streams: &GeneratedStreams, first: bool) -> [f64; 3] {
 }
 
 /// Hours of operation: the processes parted evenly, and between them rest, in which the unit goes slowly to where the next one begins.
-fn operation(seconds: i64, rate_hz: f64, processes: &[Streams]) -> GeneratedStreams {
+fn operation(seconds: i64, rate_hz: f64, processes: &[GeneratedStreams]) -> GeneratedStreams {
     let mut all = GeneratedStreams::default();
     let step_ns = (1e9 / rate_hz) as i64;
-    let rest = |from_ns: i64, to_ns: i64, from: [f64; 3], to: [f64; 3], all: &mut Streams| {
+    let rest = |from_ns: i64, to_ns: i64, from: [f64; 3], to: [f64; 3], all: &mut GeneratedStreams| {
         let still_ns = 60_000_000_000;
         for (k, time_ns) in (from_ns..to_ns).step_by(step_ns as usize).enumerate() {
             let share = (time_ns - from_ns - still_ns) as f64 / (to_ns - from_ns - 2 * still_ns).max(1) as f64;

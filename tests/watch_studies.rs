@@ -10,10 +10,10 @@ use govtwin::frame::Frame;
 use govtwin::generate::{self, Scenario};
 use govtwin::parameters::EffectSetting;
 use govtwin::recording::Process;
-use govtwin::trend::{Estimate, chart};
+use govtwin::trend::{SizeEstimate, chart};
 use govtwin::units::nanos_from_seconds;
 use govtwin::watch::cut::Cutter;
-use govtwin::watch::history::{self, Entry};
+use govtwin::watch::history::{self, ProcessEntry};
 use rand::SeedableRng as _;
 use rand::seq::SliceRandom as _;
 
@@ -40,19 +40,19 @@ fn operation(seed: u64, count: u64, overlap_m: impl Fn(f64) -> f64) -> Vec<Frame
     all
 }
 
-fn hour(entry: &Entry) -> f64 {
+fn hour(entry: &ProcessEntry) -> f64 {
     entry.time_ns as f64 / 3.6e12
 }
 
 /// The history, process by process, as `govtwin watch` enters it.
-fn watched(frames: &[Frame]) -> Vec<Entry> {
+fn watched(frames: &[Frame]) -> Vec<ProcessEntry> {
     let mut cutter = Cutter::default();
     let mut cuts: Vec<_> = frames.iter().filter_map(|frame| cutter.row(frame)).collect();
     cuts.extend(cutter.end());
     // A few effects alone: what is studied is the course of a size, and each process is diagnosed in seconds.
     let mut settings = DiagnosisSettings::default();
     settings.catalogue.retain(|spec| ["port_overlap", "servo_friction", "supply_loss"].contains(&spec.id));
-    let mut entries: Vec<Entry> = vec![];
+    let mut entries: Vec<ProcessEntry> = vec![];
     for cut in cuts {
         let (time_ns, process) = (cut.recording.frames[0].time_ns, cut.recording.process);
         let followed = history::followed(&entries);
@@ -61,7 +61,7 @@ fn watched(frames: &[Frame]) -> Vec<Entry> {
             Ok(said) => (said.verdict.id(), history::sizes(said, &followed)),
             Err(_) => ("not_diagnosed", vec![]),
         };
-        entries.push(Entry {
+        entries.push(ProcessEntry {
             schema: history::SCHEMA.to_owned(),
             digest: cut.digest,
             bag: "day".to_owned(),
@@ -109,7 +109,7 @@ fn a_day_with_a_fault_that_grows() {
 }
 
 /// How often a chart of these estimates in random orders raises an alarm.
-fn false_months(estimates: &[Estimate], seed: u64) -> f64 {
+fn false_months(estimates: &[SizeEstimate], seed: u64) -> f64 {
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
     let mut estimates = estimates.to_vec();
     let orders = 1000;
@@ -128,7 +128,7 @@ fn a_month_without_growth() {
     let still = watched(&operation(8, MONTH as u64, |_| 2e-4));
     for course in history::courses(&still, BETWEEN) {
         let warned = course.points.iter().position(|point| point.alarm);
-        let one = course.estimates.iter().map(|one| Estimate { group: 0, ..*one }).collect::<Vec<_>>();
+        let one = course.estimates.iter().map(|one| SizeEstimate { group: 0, ..*one }).collect::<Vec<_>>();
         let once = chart(&one, BETWEEN).iter().position(|point| point.alarm);
         println!(
             "{} {}: {} estimates; warned at {warned:?}, by one chart for all kinds at {once:?}; random orders with a false warning: {:.1} %, by one chart {:.1} %",
@@ -157,7 +157,7 @@ enum Scatter {
 }
 
 /// Estimates of a size of 5 in four groups in turn, which differ in level and scatter, moved by `shift` of a deviation from `moved` on.
-fn scattered(scatter: Scatter, seed: u64, count: usize, moved: usize, shift: f64) -> Vec<Estimate> {
+fn scattered(scatter: Scatter, seed: u64, count: usize, moved: usize, shift: f64) -> Vec<SizeEstimate> {
     use rand::RngExt as _;
     use rand_distr::{Distribution as _, Exp1, StandardNormal, StudentT};
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
@@ -178,7 +178,7 @@ fn scattered(scatter: Scatter, seed: u64, count: usize, moved: usize, shift: f64
         };
         let shift = if i >= moved { shift } else { 0.0 };
         let size = 5.0 + group as f64 + sd * (number + shift);
-        Estimate { size, low: size - 1.645 * sd, high: size + 1.645 * sd, group }
+        SizeEstimate { size, low: size - 1.645 * sd, high: size + 1.645 * sd, group }
     };
     (0..count).map(of).collect()
 }

@@ -58,13 +58,13 @@ pub(super) fn scan(path: &Path, on_message: &mut OnMessage<'_>) -> Result<Scanne
 
 /// Loads segments of a scanned file again.
 #[derive(Debug)]
-pub(super) struct Loader {
+pub(super) struct Db3Loader {
     path: PathBuf,
     connection: Connection,
     topics: BTreeMap<u16, Arc<TopicInfo>>,
 }
 
-impl Loader {
+impl Db3Loader {
     /// Opens a scanned file.
     pub(super) fn open(path: &Path) -> Result<Self, BagError> {
         let refused = |error: rusqlite::Error| BagError::Database { path: path.to_owned(), problem: error.to_string() };

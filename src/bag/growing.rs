@@ -15,7 +15,7 @@ use super::grid::Irregular;
 use super::live::Live;
 use super::look::Rows;
 use super::mcap_file::GrowingFile;
-use super::source::{self, BagFile, Source, Storage};
+use super::source::{self, BagFile, BagSource, Storage};
 use super::streams::{Command, Pressure, Sample, Value as _};
 use super::topic::RawView;
 use super::{BagError, ReadOptions, Stream, unpack};
@@ -133,7 +133,7 @@ impl Growing {
     }
 
     /// Whether the files are those that were read, as far as they were read.
-    fn goes_on(&self, source: &Source) -> io::Result<bool> {
+    fn goes_on(&self, source: &BagSource) -> io::Result<bool> {
         if source.files.len() < self.files.len() {
             return Ok(false);
         }
@@ -146,7 +146,12 @@ impl Growing {
         Ok(true)
     }
 
-    fn read(&mut self, source: &Source, ended: bool, rows: &mut dyn Rows) -> Result<Result<(), Irregular>, BagError> {
+    fn read(
+        &mut self,
+        source: &BagSource,
+        ended: bool,
+        rows: &mut dyn Rows,
+    ) -> Result<Result<(), Irregular>, BagError> {
         let last = source.files.len().saturating_sub(1);
         for (place, file) in source.files.iter().enumerate() {
             let path = file.readable();

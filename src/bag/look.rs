@@ -6,7 +6,7 @@ use super::batch::counted;
 use super::grid::Irregular;
 use super::live::Live;
 use super::read::{check, read};
-use super::source::{Scanned, Source};
+use super::source::{BagSource, Scanned};
 use super::topic::{OnMessage, RawMessage, RawView};
 use super::{BagError, Health, Interpolation, Loaded, ReadOptions, Survey, source, survey};
 use crate::frame::Frame;
@@ -87,7 +87,7 @@ impl Rows for Glance {
 /// One pass over the files, and a second one where the rows need it.
 fn pass(
     path: &Path,
-    source: &Source,
+    source: &BagSource,
     options: &ReadOptions,
     on_message: &mut OnMessage<'_>,
     rows: &mut dyn Rows,

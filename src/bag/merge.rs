@@ -14,7 +14,7 @@ use super::{BagError, FileHealth, Warning, source, unpack};
 
 /// The messages of a bag in log-time order; messages of one time stay in file order.
 #[derive(Debug)]
-pub struct Messages {
+pub struct MergedMessages {
     files: Vec<FileHealth>,
     topics: Vec<Arc<TopicInfo>>,
     span_ns: Option<(i64, i64)>,
@@ -101,7 +101,7 @@ impl PartialEq for Entry {
 
 impl Eq for Entry {}
 
-impl Messages {
+impl MergedMessages {
     /// How the files are.
     #[must_use]
     pub fn files(&self) -> &[FileHealth] {
@@ -145,7 +145,7 @@ impl Messages {
     }
 }
 
-impl Iterator for Messages {
+impl Iterator for MergedMessages {
     type Item = Result<RawMessage, BagError>;
 
     fn next(&mut self) -> Option<Self::Item> {
@@ -167,7 +167,7 @@ impl Iterator for Messages {
 /// # Errors
 /// Where there is no bag at the path. Damage is no error. An item is an error where the operating
 /// system refuses later on.
-pub fn messages(path: &Path) -> Result<Messages, BagError> {
+pub fn messages(path: &Path) -> Result<MergedMessages, BagError> {
     let source = source::open(path)?;
     let mut span_ns = None;
     let scanned = source.scan(&mut |message| {
@@ -189,5 +189,5 @@ pub fn messages(path: &Path) -> Result<Messages, BagError> {
     }
     waiting.sort_by_key(|(number, segment)| (segment.first_ns, *number, segment.at));
     let (files, waiting) = (scanned.files, waiting.into());
-    Ok(Messages { files, topics, span_ns, warnings, loaders, waiting, loaded: BinaryHeap::new() })
+    Ok(MergedMessages { files, topics, span_ns, warnings, loaders, waiting, loaded: BinaryHeap::new() })
 }

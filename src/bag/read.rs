@@ -7,7 +7,7 @@ use super::align::{self, Streams};
 use super::collect::{AnyCollector, Collected};
 use super::edges::{self, Edges};
 use super::evidence::{RowEvidence, StreamEvidence};
-use super::source::{self, Scanned, Source};
+use super::source::{self, BagSource, Scanned};
 use super::streams::{Command, Pressure};
 use super::topic::{TopicInfo, shown};
 use super::{
@@ -67,7 +67,7 @@ impl Read {
     pub(super) fn judge(
         mut self,
         path: &Path,
-        source: &Source,
+        source: &BagSource,
         scanned: &Scanned,
         options: &ReadOptions,
     ) -> Result<Health, BagError> {

@@ -21,7 +21,7 @@ const SQLITE_MAGIC: &[u8] = b"SQLite format 3\0";
 
 /// A bag's files in order, and what is to be said of how they were found.
 #[derive(Debug)]
-pub(super) struct Source {
+pub(super) struct BagSource {
     /// What people call the bag.
     pub(super) name: String,
     /// The files, oldest first.
@@ -103,17 +103,17 @@ impl BagFile {
 ///
 /// # Errors
 /// Where there is nothing at the path, or something that is no bag.
-pub(super) fn open(path: &Path) -> Result<Source, BagError> {
+pub(super) fn open(path: &Path) -> Result<BagSource, BagError> {
     settle(path).map_err(BagError::io(path, "read"))?;
     open_as_it_is(path)
 }
 
 /// The same for who writes in the folder, and may be at work on its journal.
-pub(super) fn open_as_it_is(path: &Path) -> Result<Source, BagError> {
+pub(super) fn open_as_it_is(path: &Path) -> Result<BagSource, BagError> {
     let kind = fs::metadata(path).map_err(BagError::io(path, "open"))?;
     let name = path.file_stem().or_else(|| path.file_name()).unwrap_or(path.as_os_str());
     let mut source =
-        Source { name: name.to_string_lossy().into_owned(), files: vec![], metadata: None, warnings: vec![] };
+        BagSource { name: name.to_string_lossy().into_owned(), files: vec![], metadata: None, warnings: vec![] };
     let mut files = vec![];
     if kind.is_dir() {
         folder(path, &mut source, &mut files)?;
@@ -126,7 +126,7 @@ pub(super) fn open_as_it_is(path: &Path) -> Result<Source, BagError> {
 }
 
 /// Finds the files of a folder: those that `metadata.yaml` names, or else all that look like a bag's.
-fn folder(path: &Path, source: &mut Source, files: &mut Vec<PathBuf>) -> Result<(), BagError> {
+fn folder(path: &Path, source: &mut BagSource, files: &mut Vec<PathBuf>) -> Result<(), BagError> {
     // A dot in a folder's name is no suffix.
     if let Some(name) = path.file_name() {
         source.name = name.to_string_lossy().into_owned();
@@ -299,7 +299,7 @@ pub(super) struct Scanned {
     pub(super) parts: Vec<(Channels, Vec<Segment>)>,
 }
 
-impl Source {
+impl BagSource {
     /// The names of all topics with a message, where every file's summary counts them.
     pub(super) fn topics(&self) -> Option<BTreeSet<String>> {
         let mut names = BTreeSet::new();

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::source::{self, Scanned, Source};
+use super::source::{self, BagSource, Scanned};
 use super::tally::Tallies;
 use super::topic::shown;
 use super::topic_survey::TopicSurvey;
@@ -41,7 +41,7 @@ pub fn survey(path: &Path) -> Result<Survey, BagError> {
 }
 
 /// What is to be said once all messages are counted.
-pub(super) fn of(source: &Source, scanned: Scanned, mut tallies: Tallies) -> Survey {
+pub(super) fn of(source: &BagSource, scanned: Scanned, mut tallies: Tallies) -> Survey {
     let mut warnings = source.all_warnings(&scanned.files);
     let notes = source.notes(&scanned.files);
     for topic in &scanned.topics {

@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 
-use super::result::{Finding, Size};
+use super::result::{FoundCause, SizeInterval};
 use crate::trend::{Level, NORMAL_90, Sums, run_length};
 
 /// The limit is never lower than this: the usual one for a single series.
@@ -23,12 +23,12 @@ pub struct Trend {
     /// Its unit.
     pub unit: String,
     /// In the order of periods.
-    pub points: Vec<Point>,
+    pub points: Vec<PeriodSize>,
 }
 
 /// A size in a period.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Point {
+pub struct PeriodSize {
     /// The period.
     pub period: String,
     /// The value; in the trend's unit.
@@ -45,7 +45,7 @@ pub struct Point {
 
 /// The sizes of a unit that its recordings determine, each over the periods in which they do.
 #[must_use]
-pub fn trends<'a>(periods: impl Iterator<Item = (&'a str, &'a Finding)>) -> Vec<Trend> {
+pub fn trends<'a>(periods: impl Iterator<Item = (&'a str, &'a FoundCause)>) -> Vec<Trend> {
     let mut all: BTreeMap<String, Trend> = BTreeMap::new();
     for (period, found) in periods {
         let parameters = found.parameters.iter().map(|size| (size.name.clone(), size));
@@ -53,10 +53,10 @@ pub fn trends<'a>(periods: impl Iterator<Item = (&'a str, &'a Finding)>) -> Vec<
         let effects =
             named.flat_map(|cause| cause.sizes.iter().map(|size| (format!("{}.{}", cause.id, size.name), size)));
         for (name, size) in parameters.chain(effects).filter(|(_, size)| size.is_determined()) {
-            let Size { value: Some(value), low: Some(low), high: Some(high), .. } = *size else { continue };
+            let SizeInterval { value: Some(value), low: Some(low), high: Some(high), .. } = *size else { continue };
             let trend =
                 all.entry(name.clone()).or_insert_with(|| Trend { name, unit: size.unit.clone(), points: vec![] });
-            trend.points.push(Point { period: period.to_owned(), value, low, high, ..Point::default() });
+            trend.points.push(PeriodSize { period: period.to_owned(), value, low, high, ..PeriodSize::default() });
         }
     }
     all.into_values().collect()
@@ -73,7 +73,7 @@ pub fn sum_up<'a>(trends: impl Iterator<Item = &'a mut Trend>) -> f64 {
     limit
 }
 
-fn sum_up_one(points: &mut [Point], limit: f64) {
+fn sum_up_one(points: &mut [PeriodSize], limit: f64) {
     let (mut level, mut sums) = (Level::default(), Sums::default());
     for point in points {
         // The wider half of the interval stands for both.
@@ -107,7 +107,7 @@ mod tests {
 
     fn trend(values: impl IntoIterator<Item = f64>, sigma: f64) -> Trend {
         let half = NORMAL_90 * sigma;
-        let point = |value: f64| Point { value, low: value - half, high: value + half, ..Point::default() };
+        let point = |value: f64| PeriodSize { value, low: value - half, high: value + half, ..PeriodSize::default() };
         Trend { points: values.into_iter().map(point).collect(), ..Trend::default() }
     }
 
@@ -145,21 +145,21 @@ mod tests {
 
     #[test]
     fn what_the_recordings_do_not_determine_never_drifts() {
-        let size = |value: f64| Size {
+        let size = |value: f64| SizeInterval {
             name: "x_pu".into(),
             unit: "pu".into(),
             value: Some(value),
             low: Some(value - 0.01),
             high: Some(value + 0.01),
-            ..Size::default()
+            ..SizeInterval::default()
         };
-        let finding = |verdict: &str, value: f64, information: f64| Finding {
+        let finding = |verdict: &str, value: f64, information: f64| FoundCause {
             verdict: verdict.into(),
             causes: vec![Cause { id: "load".into(), sizes: vec![size(value)], ..Cause::default() }],
-            parameters: vec![Size { information_share: Some(information), ..size(value) }],
-            ..Finding::default()
+            parameters: vec![SizeInterval { information_share: Some(information), ..size(value) }],
+            ..FoundCause::default()
         };
-        let of = |all: &[(&str, Finding)]| {
+        let of = |all: &[(&str, FoundCause)]| {
             let mut trends = trends(all.iter().map(|(period, found)| (*period, found)));
             sum_up(trends.iter_mut());
             trends

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::gathered::{Gathered, Row};
-use super::result::Finding;
+use super::result::FoundCause;
 
 /// How the fleet stood, as far as changes are told by it.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -98,7 +98,7 @@ pub fn word(row: &Row) -> String {
 
 /// Verdict and causes.
 #[must_use]
-pub fn word_of(found: &Finding) -> String {
+pub fn word_of(found: &FoundCause) -> String {
     let causes: Vec<&str> = found.causes.iter().map(|cause| cause.id.as_str()).collect();
     if causes.is_empty() { found.verdict.clone() } else { format!("{} {}", found.verdict, causes.join(", ")) }
 }

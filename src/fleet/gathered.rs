@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::ageing::{self, Trend};
 use super::entry::Entry;
-use super::result::{Finding, Outcome, Work};
+use super::result::{EntryResult, FoundCause, Work};
 
 /// How an entry stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -31,7 +31,7 @@ pub struct Row {
     /// How many recordings it has.
     pub recordings: usize,
     /// What was found.
-    pub found: Option<Finding>,
+    pub found: Option<FoundCause>,
     /// Why it failed, or what was noted of a result that is missing, or the warnings.
     pub words: String,
     /// The folder of its report in the store.
@@ -60,11 +60,11 @@ pub struct Gathered {
 #[must_use]
 pub fn gather(
     plan: Option<&[Entry]>,
-    outcomes: Vec<Outcome>,
+    outcomes: Vec<EntryResult>,
     notes: &BTreeMap<String, Vec<String>>,
     program: &str,
 ) -> Gathered {
-    let mut by_key: BTreeMap<String, Outcome> = outcomes.into_iter().map(|one| (one.key.clone(), one)).collect();
+    let mut by_key: BTreeMap<String, EntryResult> = outcomes.into_iter().map(|one| (one.key.clone(), one)).collect();
     let mut rows: Vec<Row> = Vec::new();
     if let Some(entries) = plan {
         for entry in entries {
@@ -72,7 +72,7 @@ pub fn gather(
             rows.push(row(&entry.unit, &entry.period, &entry.key, entry.bags.len(), outcome, notes));
         }
     } else {
-        let mut best: BTreeMap<(String, String), Outcome> = BTreeMap::new();
+        let mut best: BTreeMap<(String, String), EntryResult> = BTreeMap::new();
         for outcome in by_key.values().filter(|one| one.program == program) {
             let place = (outcome.unit.clone(), outcome.period.clone());
             if best.get(&place).is_none_or(|there| there.recordings < outcome.recordings) {
@@ -101,7 +101,7 @@ fn row(
     period: &str,
     key: &str,
     recordings: usize,
-    outcome: Option<Outcome>,
+    outcome: Option<EntryResult>,
     notes: &BTreeMap<String, Vec<String>>,
 ) -> Row {
     let (unit, period, key) = (unit.to_owned(), period.to_owned(), key.to_owned());
@@ -123,7 +123,7 @@ fn row(
                 work: None,
             }
         }
-        Some(Outcome { error, warnings, report, found, work, .. }) => {
+        Some(EntryResult { error, warnings, report, found, work, .. }) => {
             let status = if error.is_some() || found.is_none() { Status::Failed } else { Status::Done };
             let words = error.unwrap_or_else(|| warnings.join("; "));
             Row { unit, period, key, status, recordings, found, words, report, origins, work: Some(work) }
@@ -170,14 +170,17 @@ mod tests {
         entry.keyed("p")
     }
 
-    fn done(entry: &Entry) -> Outcome {
-        Outcome { found: Some(Finding { verdict: "no_gap".into(), ..Finding::default() }), ..Outcome::of(entry, "p") }
+    fn done(entry: &Entry) -> EntryResult {
+        EntryResult {
+            found: Some(FoundCause { verdict: "no_gap".into(), ..FoundCause::default() }),
+            ..EntryResult::of(entry, "p")
+        }
     }
 
     #[test]
     fn every_entry_of_the_plan_is_a_row_whatever_became_of_it() {
         let plan = [entry("b", "1", 1), entry("a", "1", 2), entry("a", "2", 3)];
-        let failed = Outcome { error: Some("torn".into()), ..Outcome::of(&plan[1], "p") };
+        let failed = EntryResult { error: Some("torn".into()), ..EntryResult::of(&plan[1], "p") };
         let stray = done(&entry("c", "1", 9));
         let notes = [(plan[2].key.clone(), vec!["store refused".to_owned()])].into();
         let mut outcomes = vec![done(&plan[0]), failed, stray.clone()];
@@ -196,8 +199,8 @@ mod tests {
     #[test]
     fn without_a_plan_the_fullest_result_of_this_program_counts() {
         let (one, other, old) = (entry("a", "1", 1), entry("a", "1", 2), entry("a", "1", 3));
-        let fuller = Outcome { recordings: 4, ..done(&other) };
-        let older = Outcome { recordings: 9, program: "q".into(), ..done(&old) };
+        let fuller = EntryResult { recordings: 4, ..done(&other) };
+        let older = EntryResult { recordings: 9, program: "q".into(), ..done(&old) };
         let gathered = gather(None, vec![done(&one), fuller, older], &BTreeMap::new(), "p");
         assert_eq!(gathered.rows.iter().map(|row| row.key.as_str()).collect::<Vec<_>>(), [other.key.as_str()]);
         assert_eq!(gathered.superseded.len(), 2);

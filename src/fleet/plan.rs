@@ -55,7 +55,7 @@ pub struct LeftOut {
 
 /// A recording that was found and can be read.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Found {
+pub struct FoundRecording {
     /// Whose folder it lies in.
     pub unit: String,
     /// The period in which it begins.
@@ -90,10 +90,10 @@ pub struct Plan {
 
 /// Makes the plan of recordings that were found in a source.
 #[must_use]
-pub fn plan(source: &str, program: &str, units: &BTreeMap<String, How>, mut found: Vec<Found>) -> Plan {
+pub fn plan(source: &str, program: &str, units: &BTreeMap<String, How>, mut found: Vec<FoundRecording>) -> Plan {
     found.sort_by(|a, b| (&a.unit, &a.bag.path).cmp(&(&b.unit, &b.bag.path)));
     let mut left_out = Vec::new();
-    let mut out = |one: &Found, reason: Reason, words: String| {
+    let mut out = |one: &FoundRecording, reason: Reason, words: String| {
         left_out.push(LeftOut { path: one.bag.path.clone(), unit: one.unit.clone(), reason, words });
     };
     let mut of_content: BTreeMap<Vec<String>, Vec<(String, String)>> = BTreeMap::new();
@@ -134,7 +134,7 @@ pub fn plan(source: &str, program: &str, units: &BTreeMap<String, How>, mut foun
 }
 
 /// The digests of its files.
-fn content(one: &Found) -> Vec<String> {
+fn content(one: &FoundRecording) -> Vec<String> {
     let mut all: Vec<String> = one.bag.files.iter().map(|file| file.sha256.clone()).collect();
     all.sort();
     all
@@ -151,16 +151,16 @@ pub fn left_out_csv(left_out: &[LeftOut]) -> String {
 mod tests {
     use super::*;
 
-    fn found(unit: &str, path: &str, period: &str, sha256: &str) -> Found {
+    fn found(unit: &str, path: &str, period: &str, sha256: &str) -> FoundRecording {
         let file = FileUsed { path: path.to_owned(), bytes: 1, sha256: sha256.to_owned() };
         let bag = BagUsed { path: path.to_owned(), files: vec![file] };
-        Found { unit: unit.to_owned(), period: period.to_owned(), bag, states: None }
+        FoundRecording { unit: unit.to_owned(), period: period.to_owned(), bag, states: None }
     }
 
     #[test]
     fn everything_found_is_in_an_entry_or_left_out_with_a_reason() {
         let units = ["a", "b", "c"].map(|unit| (unit.to_owned(), How::default())).into();
-        let stray = Found { states: Some("b".into()), ..found("a", "a/6", "2024", "66") };
+        let stray = FoundRecording { states: Some("b".into()), ..found("a", "a/6", "2024", "66") };
         let all = vec![
             found("b", "b/1", "2024", "44"),
             found("a", "a/2", "2025", "22"),

@@ -14,7 +14,7 @@ pub const DETERMINED_SHARE: f64 = 0.5;
 
 /// The result of an entry.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Outcome {
+pub struct EntryResult {
     /// [`SCHEMA`].
     pub schema: String,
     /// The entry's key.
@@ -37,7 +37,7 @@ pub struct Outcome {
     /// The folder of its report in the store.
     pub report: Option<String>,
     /// What the diagnosis found.
-    pub found: Option<Finding>,
+    pub found: Option<FoundCause>,
     /// How the work went; of no weight for the table.
     pub work: Work,
 }
@@ -55,7 +55,7 @@ pub struct Work {
 
 /// What a diagnosis found.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Finding {
+pub struct FoundCause {
     /// The verdict's word.
     pub verdict: String,
     /// The stage of the gap.
@@ -71,7 +71,7 @@ pub struct Finding {
     /// The blamed effects.
     pub causes: Vec<Cause>,
     /// The sheet's parameters as fitted.
-    pub parameters: Vec<Size>,
+    pub parameters: Vec<SizeInterval>,
     /// The test that is expected to tell most, in words.
     pub next_test: Option<String>,
 }
@@ -86,12 +86,12 @@ pub struct Cause {
     /// Probability that it is present.
     pub probability: Option<f64>,
     /// Its parameters; the first is its size.
-    pub sizes: Vec<Size>,
+    pub sizes: Vec<SizeInterval>,
 }
 
 /// A value with its 90 % interval, in the unit that stands beside it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Size {
+pub struct SizeInterval {
     /// Its name.
     pub name: String,
     /// Its unit.
@@ -108,7 +108,7 @@ pub struct Size {
     pub information_share: Option<f64>,
 }
 
-impl Size {
+impl SizeInterval {
     /// Whether the recordings determine it: a value inside its bounds, a finite interval of some width, and not mostly the sheet's word.
     #[must_use]
     pub fn is_determined(&self) -> bool {
@@ -118,7 +118,7 @@ impl Size {
     }
 }
 
-impl Finding {
+impl FoundCause {
     /// What a report of a diagnosis holds of it.
     #[must_use]
     pub fn of(report: &Value) -> Self {
@@ -135,7 +135,7 @@ impl Finding {
             entropy_bits: report["evidence"]["entropy_bits"].as_f64(),
             causes: rows(&report["effects"]).map(cause).collect(),
             parameters: rows(&report["evidence"]["parameters"])
-                .map(|one| Size {
+                .map(|one| SizeInterval {
                     name: text(&one["key"]),
                     information_share: one["information"].as_f64(),
                     ..size(one)
@@ -157,12 +157,12 @@ fn cause(value: &Value) -> Cause {
         id: text(&value["id"]),
         stage: text(&value["stage"]),
         probability: value["probability"].as_f64(),
-        sizes: rows(&value["parameters"]).map(|one| Size { name: text(&one["name"]), ..size(one) }).collect(),
+        sizes: rows(&value["parameters"]).map(|one| SizeInterval { name: text(&one["name"]), ..size(one) }).collect(),
     }
 }
 
-fn size(value: &Value) -> Size {
-    Size {
+fn size(value: &Value) -> SizeInterval {
+    SizeInterval {
         name: String::new(),
         unit: text(&value["unit"]),
         value: value["value"].as_f64(),
@@ -200,7 +200,7 @@ pub enum OutcomeError {
     },
 }
 
-impl Outcome {
+impl EntryResult {
     /// The outcome of an entry, with nothing found yet.
     #[must_use]
     pub fn of(entry: &Entry, program: &str) -> Self {
@@ -260,7 +260,7 @@ mod tests {
                 {"key": "oil.bulk_modulus_pa", "unit": "Pa", "value": 1.0, "ci90": [0.5, 1.5], "information": 0.02, "at_bound": false},
                 {"key": "main_ports.width_m", "unit": "m", "value": 0.03, "ci90": [0.029, null], "information": 0.9, "at_bound": false}]},
         });
-        let found = Finding::of(&report);
+        let found = FoundCause::of(&report);
         assert!(found.names_causes() && found.causes[0].sizes[0].is_determined());
         assert_eq!((found.unknown_probability, found.none_probability), (Some(0.05), Some(0.01)));
         assert!(
@@ -268,17 +268,20 @@ mod tests {
             "one by its tolerance alone, one without an end"
         );
         assert_eq!(found.next_test.as_deref(), Some("step the command"));
-        let bound = Size { at_bound: true, ..found.causes[0].sizes[0].clone() };
+        let bound = SizeInterval { at_bound: true, ..found.causes[0].sizes[0].clone() };
         assert!(!bound.is_determined());
     }
 
     #[test]
     fn a_result_reads_back_and_stands_under_its_own_key() {
         let entry = Entry { unit: "a".into(), ..Entry::default() }.keyed("p");
-        let outcome = Outcome { error: Some("torn".into()), ..Outcome::of(&entry, "p") };
-        assert_eq!(Outcome::read(outcome.json().as_bytes(), &entry.key).unwrap(), outcome);
-        assert!(matches!(Outcome::read(outcome.json().as_bytes(), "other"), Err(OutcomeError::Key { .. })));
-        assert!(matches!(Outcome::read(b"{}", "other"), Err(OutcomeError::Malformed(_))));
-        assert!(matches!(Outcome::read(&outcome.json().as_bytes()[..40], &entry.key), Err(OutcomeError::Malformed(_))));
+        let outcome = EntryResult { error: Some("torn".into()), ..EntryResult::of(&entry, "p") };
+        assert_eq!(EntryResult::read(outcome.json().as_bytes(), &entry.key).unwrap(), outcome);
+        assert!(matches!(EntryResult::read(outcome.json().as_bytes(), "other"), Err(OutcomeError::Key { .. })));
+        assert!(matches!(EntryResult::read(b"{}", "other"), Err(OutcomeError::Malformed(_))));
+        assert!(matches!(
+            EntryResult::read(&outcome.json().as_bytes()[..40], &entry.key),
+            Err(OutcomeError::Malformed(_))
+        ));
     }
 }

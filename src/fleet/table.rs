@@ -2,7 +2,7 @@
 
 use super::ageing::Trend;
 use super::gathered::{Gathered, Row, Status};
-use super::result::Size;
+use super::result::SizeInterval;
 
 /// The columns.
 pub const COLUMNS: [&str; 19] = [
@@ -111,7 +111,7 @@ fn of_row(row: &Row, gathered: &Gathered) -> Vec<Line> {
     lines
 }
 
-fn fill(line: &mut Line, size: &Size, determined: bool, name: &str, period: &str, trends: &[Trend]) {
+fn fill(line: &mut Line, size: &SizeInterval, determined: bool, name: &str, period: &str, trends: &[Trend]) {
     line[7] = words(&size.unit);
     line[9] = number(size.value);
     line[10] = number(size.low);

@@ -89,7 +89,7 @@ mod tests {
     use super::*;
     use crate::fleet::entry::Entry;
     use crate::fleet::gathered::gather;
-    use crate::fleet::result::{Finding, Outcome, Size};
+    use crate::fleet::result::{EntryResult, FoundCause, SizeInterval};
 
     #[test]
     fn what_changes_comes_first_and_sound_units_do_not_come_at_all() {
@@ -99,23 +99,23 @@ mod tests {
             let mut entry = Entry { unit: unit.into(), period: period.into(), ..Entry::default() };
             entry.options.seed = plan.len() as u64;
             let entry = entry.keyed("p");
-            let size = Size {
+            let size = SizeInterval {
                 name: "x".into(),
                 unit: "1".into(),
                 value: Some(value),
                 low: Some(value - 0.1),
                 high: Some(value + 0.1),
                 information_share: Some(0.9),
-                ..Size::default()
+                ..SizeInterval::default()
             };
-            let found = Finding {
+            let found = FoundCause {
                 verdict: verdict.into(),
                 none_probability: Some(none),
                 parameters: vec![size],
-                ..Finding::default()
+                ..FoundCause::default()
             };
             if !verdict.is_empty() {
-                outcomes.push(Outcome { found: Some(found), ..Outcome::of(&entry, "p") });
+                outcomes.push(EntryResult { found: Some(found), ..EntryResult::of(&entry, "p") });
             }
             plan.push(entry);
         };

@@ -8,7 +8,7 @@ use super::map::{Map, SignalPlace};
 use super::row::ImportedRow;
 use super::source::channel::{ChannelValue, SourceChannel};
 use super::source::{Source, SourceNotes};
-use crate::bag::{FieldPath, FieldReader, FieldValue, Messages, TopicInfo, messages};
+use crate::bag::{FieldPath, FieldReader, FieldValue, MergedMessages, TopicInfo, messages};
 use crate::params::nearest;
 
 /// A signal, its field, and the reader of its topic.
@@ -23,7 +23,7 @@ struct Wanted {
 /// A bag as a source of rows.
 pub(super) struct BagRows {
     path: PathBuf,
-    messages: Messages,
+    messages: MergedMessages,
     readers: Vec<(Arc<TopicInfo>, FieldReader)>,
     wanted: Vec<Wanted>,
     by_log: bool,

@@ -313,7 +313,7 @@ mod tests {
     use crate::node::messages as wire;
     use crate::recording::Process;
     use crate::units::nanos_from_seconds;
-    use crate::watch::cut::{Cut, Cutter, Ended};
+    use crate::watch::cut::{CutProcess, Cutter, Ended};
 
     /// What is sent of a unit that begins at `from_s`, moves, and rests for a minute; the bag that holds all of it.
     fn sent(folder: &Path, from_s: f64, process: Process) -> (Vec<RawMessage>, std::path::PathBuf) {
@@ -369,10 +369,10 @@ mod tests {
         ProcessRecorder::new(folder, &options(), Box::new(name))
     }
 
-    fn cuts(bag: &Path) -> Vec<Cut> {
+    fn cuts(bag: &Path) -> Vec<CutProcess> {
         let mut cutter = Cutter::default();
         let frames = read(bag, &options()).unwrap().recording.frames;
-        let mut cuts: Vec<Cut> = frames.iter().filter_map(|frame| cutter.row(frame)).collect();
+        let mut cuts: Vec<CutProcess> = frames.iter().filter_map(|frame| cutter.row(frame)).collect();
         cuts.extend(cutter.end());
         cuts
     }
@@ -393,9 +393,9 @@ mod tests {
         }
         assert!(recorder.words().is_empty() && recorder.in_the_making().is_none());
         assert_eq!(recorder.listening().hearing, Hearing::Rest);
-        let found: Vec<Cut> = waiting(&queue).iter().flat_map(|bag| cuts(bag)).collect();
+        let found: Vec<CutProcess> = waiting(&queue).iter().flat_map(|bag| cuts(bag)).collect();
         assert!(found.iter().all(|cut| cut.ended == Ended::AtRest));
-        let ids = |cuts: &[Cut]| {
+        let ids = |cuts: &[CutProcess]| {
             cuts.iter().map(|cut| (cut.recording.process, cut.recording.frames.len())).collect::<Vec<_>>()
         };
         assert_eq!(ids(&found), ids(&expected));

@@ -8,7 +8,7 @@ use super::process_recorder::{Hearing, Listening};
 use super::realtime::wall_ns;
 use crate::msg::{FaultSize, Header, Interface, Time, UnitVerdict};
 use crate::report::table::quantity;
-use crate::watch::history::{Course, Entry, Size};
+use crate::watch::history::{Course, ProcessEntry, ProcessSize};
 
 /// Where the verdict is published.
 pub const TOPIC: &str = "~/verdict";
@@ -18,12 +18,12 @@ const SAMPLES: [&str; 4] = ["command samples", "esv samples", "tank_pressure sam
 
 /// What the history shows after the process that was entered last; none before the first.
 #[must_use]
-pub fn verdict(unit: &str, entries: &[Entry], courses: &[Course]) -> Option<UnitVerdict> {
+pub fn verdict(unit: &str, entries: &[ProcessEntry], courses: &[Course]) -> Option<UnitVerdict> {
     let newest = entries.last()?;
     let size = |course: &Course| -> Option<FaultSize> {
         let (last, point) = (course.estimates.last()?, course.points.last()?);
         let entry = entries.get(*course.entries.last()?)?;
-        let of_course = |size: &&Size| size.effect == course.effect && size.parameter == course.parameter;
+        let of_course = |size: &&ProcessSize| size.effect == course.effect && size.parameter == course.parameter;
         Some(FaultSize {
             stamp: Time::from_nanos(entry.time_ns),
             process: entry.process.clone(),
@@ -183,12 +183,12 @@ impl Herald {
 mod tests {
     use super::{Hearing, Listening, report, verdict};
     use crate::msg::Time;
-    use crate::watch::history::{Entry, SCHEMA, Size, courses};
+    use crate::watch::history::{ProcessEntry, ProcessSize, SCHEMA, courses};
 
-    fn entries(count: u32, play_pu: impl Fn(u32) -> f64) -> Vec<Entry> {
+    fn entries(count: u32, play_pu: impl Fn(u32) -> f64) -> Vec<ProcessEntry> {
         let entry = |i: u32| {
             let value = play_pu(i) + 2e-5 * (f64::from(i * 7 % 5) - 2.0);
-            let size = Size {
+            let size = ProcessSize {
                 effect: "backlash".into(),
                 parameter: "play_pu".into(),
                 unit: "pu".into(),
@@ -196,7 +196,7 @@ mod tests {
                 ci90: [value - 1e-4, value + 1e-4],
                 named: true,
             };
-            Entry {
+            ProcessEntry {
                 schema: SCHEMA.into(),
                 digest: i.to_string(),
                 bag: "a".into(),

@@ -105,7 +105,7 @@ pub enum TrainError {
 
 /// Trees and what they were made of.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Grown {
+pub struct GrownTrees {
     /// The trees.
     pub trees: Vec<Tree>,
     /// Gain of each feature.
@@ -122,11 +122,11 @@ pub fn grow(
     targets: &[f64],
     with: &Hyperparameters,
     seed: u64,
-) -> Result<Grown, TrainError> {
+) -> Result<GrownTrees, TrainError> {
     let booster = train(values, features, targets, with, seed)?;
     let importance = booster.feature_importance(ImportanceType::Gain).map_err(|error| library(&error))?;
     let text = booster.save_string().map_err(|error| library(&error))?;
-    Ok(Grown { trees: trees(&text)?, importance })
+    Ok(GrownTrees { trees: trees(&text)?, importance })
 }
 
 fn library(error: &lightgbm3::Error) -> TrainError {

@@ -28,7 +28,7 @@ const SHORTEST_S: f64 = 5.0;
 
 /// A process that has ended.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Cut {
+pub struct CutProcess {
     /// Its rows, named by nothing yet.
     pub recording: Recording,
     /// Digest of its rows: the same process read again, of a copy or of a bag that has grown meanwhile, has the same.
@@ -112,7 +112,7 @@ impl Cutter {
     }
 
     /// Takes a row, which may end a process.
-    pub fn row(&mut self, frame: &Frame) -> Option<Cut> {
+    pub fn row(&mut self, frame: &Frame) -> Option<CutProcess> {
         let jumped = self.rows.back().is_some_and(|last| {
             let step_s = seconds_from_nanos(frame.time_ns - last.time_ns);
             !(0.0..=GAP_S).contains(&step_s)
@@ -153,7 +153,7 @@ impl Cutter {
     }
 
     /// The process that the rows break off in, where they end.
-    pub fn end(&mut self) -> Option<Cut> {
+    pub fn end(&mut self) -> Option<CutProcess> {
         self.finish(Ended::OfRows)
     }
 
@@ -163,7 +163,7 @@ impl Cutter {
         self.moving
     }
 
-    fn finish(&mut self, ended: Ended) -> Option<Cut> {
+    fn finish(&mut self, ended: Ended) -> Option<CutProcess> {
         let moving = std::mem::take(&mut self.moving);
         self.anchor = None;
         let rows: Vec<Frame> = std::mem::take(&mut self.rows).into();
@@ -172,7 +172,7 @@ impl Cutter {
             return None;
         }
         let digest = digest(&recording.frames);
-        Some(Cut { recording, digest, ended })
+        Some(CutProcess { recording, digest, ended })
     }
 }
 
@@ -191,7 +191,7 @@ fn digest(frames: &[Frame]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{Cut, Cutter, Ended};
+    use super::{CutProcess, Cutter, Ended};
     use crate::frame::Frame;
     use crate::generate::{self, Scenario};
     use crate::params;
@@ -207,9 +207,9 @@ mod tests {
         frames
     }
 
-    fn cuts(frames: &[Frame]) -> Vec<Cut> {
+    fn cuts(frames: &[Frame]) -> Vec<CutProcess> {
         let mut cutter = Cutter::default();
-        let mut cuts: Vec<Cut> = frames.iter().filter_map(|frame| cutter.row(frame)).collect();
+        let mut cuts: Vec<CutProcess> = frames.iter().filter_map(|frame| cutter.row(frame)).collect();
         cuts.extend(cutter.end());
         cuts
     }

@@ -10,7 +10,7 @@ use crate::frame::Frame;
 use crate::recording::{Process, Recording};
 use crate::signal::Signal;
 use crate::units::seconds_from_nanos;
-use crate::watch::cut::{Cut, Cutter, Ended};
+use crate::watch::cut::{CutProcess, Cutter, Ended};
 
 /// A recording that lasts no longer is taken whole, s: twice the longest process that is cut out, some 700,000 rows at 100 Hz.
 pub const WHOLE_S: f64 = 600.0;
@@ -21,7 +21,7 @@ pub const MOST_ROWS: usize = 1_000_000;
 
 /// A process that was found, without its rows.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Found {
+pub struct FoundProcess {
     /// The process that its inputs show.
     pub process: Process,
     /// Whether its command, or else its position, ends higher than it began.
@@ -38,8 +38,8 @@ pub struct Found {
     pub moved: f64,
 }
 
-impl Found {
-    fn of(cut: &Cut, from_rest: bool) -> Self {
+impl FoundProcess {
+    fn of(cut: &CutProcess, from_rest: bool) -> Self {
         let frames = &cut.recording.frames;
         let commands = || frames.iter().map(|frame| frame.inputs.opening_command_pu).filter(|value| value.is_finite());
         let positions = || {
@@ -97,7 +97,7 @@ pub struct Excerpts {
     whole: Vec<Frame>,
     span_ns: Option<(i64, i64)>,
     positions: Option<(f64, f64)>,
-    found: Vec<Found>,
+    found: Vec<FoundProcess>,
     kept: Vec<(usize, Recording)>,
     /// Rows of these.
     kept_rows: usize,
@@ -200,7 +200,7 @@ impl Excerpts {
 
     /// All processes of a long recording.
     #[must_use]
-    pub fn found(&self) -> &[Found] {
+    pub fn found(&self) -> &[FoundProcess] {
         &self.found
     }
 
@@ -228,13 +228,13 @@ impl Excerpts {
         }
     }
 
-    fn take(&mut self, mut cut: Cut) {
+    fn take(&mut self, mut cut: CutProcess) {
         // A twin starts from what was measured: on a grid it may be rows later.
         let frames = &mut cut.recording.frames;
         let first = frames.iter().position(|frame| Signal::ServomotorPosition.of(&frame.measured).is_finite());
         frames.drain(..first.unwrap_or(0));
         let place = self.found.len();
-        self.found.push(Found::of(&cut, !self.goes_on));
+        self.found.push(FoundProcess::of(&cut, !self.goes_on));
         self.goes_on = cut.ended == Ended::TooLong;
         let is_kept = match &self.keep {
             Keep::All => true,
@@ -254,8 +254,8 @@ impl Excerpts {
 /// process of a kind adds less than the first of another. Of a kind the processes are parted evenly in the order of time, and of each part the one that moved most is
 /// kept: a long movement shows most, and what drifts shows over the whole time. The result depends on nothing but what was found.
 #[must_use]
-pub fn choose(found: &[Vec<Found>], room: usize) -> Vec<BTreeSet<usize>> {
-    let all: Vec<(usize, usize, &Found)> = found
+pub fn choose(found: &[Vec<FoundProcess>], room: usize) -> Vec<BTreeSet<usize>> {
+    let all: Vec<(usize, usize, &FoundProcess)> = found
         .iter()
         .enumerate()
         .flat_map(|(recording, found)| found.iter().enumerate().map(move |(place, one)| (recording, place, one)))
@@ -301,7 +301,7 @@ pub fn choose(found: &[Vec<Found>], room: usize) -> Vec<BTreeSet<usize>> {
 
 /// Processes of a kind, and which of them are kept.
 struct Group<'a> {
-    members: Vec<(usize, usize, &'a Found)>,
+    members: Vec<(usize, usize, &'a FoundProcess)>,
     kept: Vec<usize>,
     goes_on: bool,
 }
@@ -399,7 +399,7 @@ mod tests {
 
     #[test]
     fn each_kind_gets_its_share_of_the_room_and_the_largest_are_kept_over_all_the_time() {
-        let one = |process, k: usize, moved, from_rest| Found {
+        let one = |process, k: usize, moved, from_rest| FoundProcess {
             process,
             rises: true,
             from_rest,
@@ -408,7 +408,7 @@ mod tests {
             rows: 100,
             moved,
         };
-        let mut day: Vec<Found> =
+        let mut day: Vec<FoundProcess> =
             (0..20).map(|k| one(Process::LoadIncrease, k, if k % 5 == 3 { 0.5 } else { 0.1 }, true)).collect();
         day.push(one(Process::Shutdown, 20, 0.9, true));
         day.push(one(Process::LoadIncrease, 21, 0.9, false));

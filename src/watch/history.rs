@@ -5,14 +5,14 @@ use serde::{Deserialize, Serialize};
 use crate::diagnosis::result::{Diagnosis, Fitted, Verdict};
 use crate::parameters::ENTRIES;
 use crate::recording::Process;
-use crate::trend::{Estimate, Point, chart, limit};
+use crate::trend::{ChartPoint, SizeEstimate, chart, limit};
 
 /// The schema of a line.
 pub const SCHEMA: &str = "govtwin-watch/1";
 
 /// One parameter of one effect, as one process shows it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Size {
+pub struct ProcessSize {
     /// The effect.
     pub effect: String,
     /// Its parameter.
@@ -29,7 +29,7 @@ pub struct Size {
 
 /// What one process showed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Entry {
+pub struct ProcessEntry {
     /// [`SCHEMA`].
     pub schema: String,
     /// Digest of the process's rows: no process is entered twice.
@@ -47,7 +47,7 @@ pub struct Entry {
     /// Share of the gap that the effects close; null where there is none.
     pub closure: Option<f64>,
     /// Sizes of effects.
-    pub sizes: Vec<Size>,
+    pub sizes: Vec<ProcessSize>,
     /// What a reader must know, such as why there is no diagnosis.
     pub notes: Vec<String>,
     /// What was wrong with this process when it was entered, in sentences.
@@ -68,9 +68,9 @@ pub struct Course {
     /// Indices of the entries that have it.
     pub entries: Vec<usize>,
     /// The estimates there.
-    pub estimates: Vec<Estimate>,
+    pub estimates: Vec<SizeEstimate>,
     /// The chart over them.
-    pub points: Vec<Point>,
+    pub points: Vec<ChartPoint>,
     /// The limit of its sums, standard deviations.
     pub limit: f64,
 }
@@ -89,7 +89,7 @@ pub struct HistoryError {
 ///
 /// # Errors
 /// Where any other line is no entry of this schema.
-pub fn read(text: &str) -> Result<(Vec<Entry>, bool), HistoryError> {
+pub fn read(text: &str) -> Result<(Vec<ProcessEntry>, bool), HistoryError> {
     let (whole, torn) = match text.rsplit_once('\n') {
         Some((whole, rest)) => (whole, !rest.trim().is_empty()),
         None => ("", !text.trim().is_empty()),
@@ -97,7 +97,7 @@ pub fn read(text: &str) -> Result<(Vec<Entry>, bool), HistoryError> {
     let mut entries = vec![];
     for (i, line) in whole.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
         let wrong = |reason: String| HistoryError { line: i + 1, reason };
-        let entry: Entry = serde_json::from_str(line).map_err(|error| wrong(error.to_string()))?;
+        let entry: ProcessEntry = serde_json::from_str(line).map_err(|error| wrong(error.to_string()))?;
         if entry.schema != SCHEMA {
             return Err(wrong(format!("expected the schema {SCHEMA}, found `{}`", entry.schema)));
         }
@@ -110,14 +110,14 @@ pub fn read(text: &str) -> Result<(Vec<Entry>, bool), HistoryError> {
 ///
 /// # Errors
 /// Where a number has no place in JSON.
-pub fn write(entries: &[Entry]) -> Result<String, serde_json::Error> {
+pub fn write(entries: &[ProcessEntry]) -> Result<String, serde_json::Error> {
     entries.iter().map(|entry| Ok(serde_json::to_string(entry)? + "\n")).collect()
 }
 
 /// The sizes that a diagnosis shows: of what it names, and of effects in `followed`, whose history goes on where they were fitted alone.
 #[must_use]
-pub fn sizes(diagnosis: &Diagnosis, followed: &[String]) -> Vec<Size> {
-    let of = |effect: &str, fitted: &Fitted, named: bool| Size {
+pub fn sizes(diagnosis: &Diagnosis, followed: &[String]) -> Vec<ProcessSize> {
+    let of = |effect: &str, fitted: &Fitted, named: bool| ProcessSize {
         effect: effect.to_owned(),
         parameter: fitted.name.rsplit('.').next().unwrap_or_default().to_owned(),
         unit: fitted.unit.to_owned(),
@@ -126,7 +126,7 @@ pub fn sizes(diagnosis: &Diagnosis, followed: &[String]) -> Vec<Size> {
         named,
     };
     let is_named = diagnosis.verdict == Verdict::Named;
-    let mut sizes: Vec<Size> = vec![];
+    let mut sizes: Vec<ProcessSize> = vec![];
     for blame in &diagnosis.blamed {
         if is_named || followed.contains(&blame.id) {
             sizes.extend(blame.parameters.iter().map(|fitted| of(&blame.id, fitted, is_named)));
@@ -138,14 +138,14 @@ pub fn sizes(diagnosis: &Diagnosis, followed: &[String]) -> Vec<Size> {
         let own = alone.iter().flat_map(|tried| tried.parameters.iter().filter(effect));
         sizes.extend(own.map(|fitted| of(id, fitted, false)));
     }
-    let known = |size: &Size| size.value.is_finite() && size.ci90.iter().all(|end| end.is_finite());
+    let known = |size: &ProcessSize| size.value.is_finite() && size.ci90.iter().all(|end| end.is_finite());
     sizes.retain(known);
     sizes
 }
 
 /// Effects that any entry names.
 #[must_use]
-pub fn followed(entries: &[Entry]) -> Vec<String> {
+pub fn followed(entries: &[ProcessEntry]) -> Vec<String> {
     let mut ids: Vec<String> = vec![];
     for size in entries.iter().flat_map(|entry| &entry.sizes).filter(|size| size.named) {
         if !ids.contains(&size.effect) {
@@ -157,7 +157,7 @@ pub fn followed(entries: &[Entry]) -> Vec<String> {
 
 /// The course of every size, each process compared with those of its kind, with so many processes between two false alarms of each.
 #[must_use]
-pub fn courses(entries: &[Entry], between_false_alarms: f64) -> Vec<Course> {
+pub fn courses(entries: &[ProcessEntry], between_false_alarms: f64) -> Vec<Course> {
     let mut order: Vec<usize> = (0..entries.len()).collect();
     order.sort_by_key(|&i| entries[i].time_ns);
     let mut courses: Vec<Course> = vec![];
@@ -166,7 +166,7 @@ pub fn courses(entries: &[Entry], between_false_alarms: f64) -> Vec<Course> {
             let same = |course: &&mut Course| course.effect == size.effect && course.parameter == size.parameter;
             let place = courses.iter_mut().find(same);
             let group = group(&entries[i].process);
-            let estimate = Estimate { size: size.value, low: size.ci90[0], high: size.ci90[1], group };
+            let estimate = SizeEstimate { size: size.value, low: size.ci90[0], high: size.ci90[1], group };
             if let Some(course) = place {
                 course.entries.push(i);
                 course.estimates.push(estimate);
@@ -227,8 +227,8 @@ impl Course {
 mod tests {
     use super::*;
 
-    fn entry(i: i64, value: f64) -> Entry {
-        let size = Size {
+    fn entry(i: i64, value: f64) -> ProcessEntry {
+        let size = ProcessSize {
             effect: "backlash".into(),
             parameter: "play_pu".into(),
             unit: "pu".into(),
@@ -236,7 +236,7 @@ mod tests {
             ci90: [value - 1e-4, value + 1e-4],
             named: true,
         };
-        Entry {
+        ProcessEntry {
             schema: SCHEMA.into(),
             digest: format!("{i}"),
             bag: "a.mcap".into(),
@@ -254,7 +254,7 @@ mod tests {
 
     #[test]
     fn a_history_reads_back_and_a_torn_line_is_left_out() {
-        let entries: Vec<Entry> = (0..3).map(|i| entry(i, 2e-3)).collect();
+        let entries: Vec<ProcessEntry> = (0..3).map(|i| entry(i, 2e-3)).collect();
         let text = write(&entries).unwrap();
         assert_eq!(read(&text).unwrap(), (entries.clone(), false));
         let torn = &text[..text.len() - 20];
@@ -269,9 +269,10 @@ mod tests {
     #[test]
     fn a_size_that_grows_is_told_with_its_interval_and_one_that_stays_is_not() {
         let wiggle = |i: i64| 2e-5 * ((i * 7 % 5) as f64 - 2.0);
-        let still: Vec<Entry> = (0..30).map(|i| entry(i, 2e-3 + wiggle(i))).collect();
+        let still: Vec<ProcessEntry> = (0..30).map(|i| entry(i, 2e-3 + wiggle(i))).collect();
         assert!(courses(&still, 1000.0)[0].warning().is_none());
-        let grows: Vec<Entry> = (0..30).map(|i| entry(i, 2e-3 + wiggle(i) + 2e-5 * (i - 15).max(0) as f64)).collect();
+        let grows: Vec<ProcessEntry> =
+            (0..30).map(|i| entry(i, 2e-3 + wiggle(i) + 2e-5 * (i - 15).max(0) as f64)).collect();
         let said = courses(&grows, 1000.0)[0].warning().unwrap();
         assert!(said.starts_with("backlash has grown: play_pu is 0.2"), "{said}");
         assert_eq!(followed(&grows), ["backlash"]);

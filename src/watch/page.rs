@@ -1,6 +1,6 @@
 //! The page of a watched unit: what has moved, the course of every size, and every process.
 
-use super::history::{Course, Entry};
+use super::history::{Course, ProcessEntry};
 use crate::report::draw::{DrawError, svg};
 use crate::report::ink::Ink;
 use crate::report::page::{KeyFigure, Page, Tone};
@@ -16,7 +16,7 @@ pub struct Watched<'a> {
     /// What the unit is called.
     pub unit: &'a str,
     /// Its history.
-    pub entries: &'a [Entry],
+    pub entries: &'a [ProcessEntry],
     /// The courses of all sizes.
     pub courses: &'a [Course],
     /// Processes between two false alarms of one size.
@@ -97,7 +97,7 @@ pub fn page(watched: &Watched) -> Result<Page, DrawError> {
 }
 
 /// Sizes with their intervals over time, and the sums below.
-fn picture(course: &Course, entries: &[Entry]) -> Picture {
+fn picture(course: &Course, entries: &[ProcessEntry]) -> Picture {
     let first_ns = entries.iter().map(|entry| entry.time_ns).min().unwrap_or_default();
     let span_h = entries.iter().map(|entry| hours(entry.time_ns - first_ns)).fold(0.0, f64::max);
     let (scale_h, name) = if span_h > 72.0 { (24.0, "time, days") } else { (1.0, "time, h") };
@@ -132,7 +132,8 @@ fn picture(course: &Course, entries: &[Entry]) -> Picture {
     if !alarmed.is_empty() {
         sizes = sizes.mark(Mark { width_px: 4.5, ..Mark::new(MarkShape::Dots(alarmed), Ink::Alarm, "moved") });
     }
-    let of = |value: fn(&crate::trend::Point) -> f64| (0..count).map(|k| [x(k), value(&course.points[k])]).collect();
+    let of =
+        |value: fn(&crate::trend::ChartPoint) -> f64| (0..count).map(|k| [x(k), value(&course.points[k])]).collect();
     let sums = Panel::new("Cumulative sums, standard deviations")
         .height(90)
         .line(Ink::Extra1, "growth", of(|point| point.sums.growth))

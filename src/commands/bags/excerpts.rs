@@ -7,7 +7,7 @@ use anyhow::bail;
 use govtwin::bag::{self, BagError, Health, Positions, ReadOptions, Rows};
 use govtwin::frame::Frame;
 use govtwin::recording::Recording;
-use govtwin::watch::excerpt::{Excerpts, Found, MOST_ROWS, WHOLE_S, choose};
+use govtwin::watch::excerpt::{Excerpts, FoundProcess, MOST_ROWS, WHOLE_S, choose};
 use rayon::prelude::{IntoParallelIterator, IntoParallelRefIterator, ParallelIterator};
 
 use super::Bag;
@@ -62,7 +62,7 @@ pub fn read(bags: &[Bag], options: &ReadOptions) -> anyhow::Result<Vec<Result<Ta
     let found = |reading: &Result<Reading, BagError>| {
         reading.as_ref().map_or(vec![], |reading| reading.excerpts.found().to_vec())
     };
-    let found: Vec<Vec<Found>> = first.iter().map(found).collect();
+    let found: Vec<Vec<FoundProcess>> = first.iter().map(found).collect();
     let chosen = choose(&found, MOST_ROWS);
     let all: Vec<_> = bags.iter().zip(first).zip(found.into_iter().zip(chosen)).collect();
     Ok(all
@@ -118,7 +118,7 @@ impl Reading {
         self,
         bag: &Bag,
         options: &ReadOptions,
-        found: &[Found],
+        found: &[FoundProcess],
         chosen: &BTreeSet<usize>,
     ) -> Result<Taken, String> {
         let Self { excerpts, health, stroke } = self;
@@ -162,7 +162,7 @@ fn no_process(bag: &Bag, duration_s: f64, moved: Option<f64>, positions: Positio
 }
 
 /// What was taken of a long recording.
-fn told(duration_s: f64, found: &[Found], chosen: &BTreeSet<usize>) -> String {
+fn told(duration_s: f64, found: &[FoundProcess], chosen: &BTreeSet<usize>) -> String {
     let of = |kept: bool| {
         let all = found.iter().enumerate().filter(move |(place, _)| chosen.contains(place) == kept);
         all.map(|(place, one)| (place + 1, one.duration_s, one.process.title())).collect::<Vec<_>>()

@@ -9,7 +9,7 @@ use govtwin::fleet::changes::{Change, Standing};
 use govtwin::fleet::entry::Entry;
 use govtwin::fleet::gathered::{Gathered, Status, gather};
 use govtwin::fleet::page;
-use govtwin::fleet::result::Outcome as Kept;
+use govtwin::fleet::result::EntryResult as Kept;
 use govtwin::fleet::table;
 use govtwin::fleet::urgency::{Look, look_first};
 use govtwin::params;

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use govtwin::bag::{self, Positions, ReadOptions, Stream};
 use govtwin::fleet::entry::BagUsed;
-use govtwin::fleet::plan::{Found, LeftOut, Reason};
+use govtwin::fleet::plan::{FoundRecording, LeftOut, Reason};
 use govtwin::fleet::units::UnitRow;
 use govtwin::parameters::Unit;
 use govtwin::provenance::FileUsed;
@@ -81,7 +81,7 @@ pub struct Reading<'a> {
 }
 
 /// Looks at an item of a unit.
-pub fn look(item: &Item, source: &Store, reading: &Reading) -> anyhow::Result<Result<Found, LeftOut>> {
+pub fn look(item: &Item, source: &Store, reading: &Reading) -> anyhow::Result<Result<FoundRecording, LeftOut>> {
     let out = |reason: Reason, words: String| LeftOut {
         path: item.path.clone(),
         unit: reading.row.unit.clone(),
@@ -132,7 +132,7 @@ pub fn look(item: &Item, source: &Store, reading: &Reading) -> anyhow::Result<Re
     match recorded(&path, reading) {
         Ok((first_ns, states)) => {
             let period = reading.period.of(first_ns);
-            Ok(Ok(Found {
+            Ok(Ok(FoundRecording {
                 unit: reading.row.unit.clone(),
                 period,
                 bag: BagUsed { path: item.path.clone(), files },

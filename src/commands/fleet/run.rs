@@ -3,7 +3,7 @@
 use anyhow::{Context, bail};
 use govtwin::fleet::changes::word_of;
 use govtwin::fleet::entry::Entry;
-use govtwin::fleet::result::Outcome as Kept;
+use govtwin::fleet::result::EntryResult as Kept;
 use govtwin::store::Store;
 use serde_json::json;
 

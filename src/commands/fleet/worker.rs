@@ -7,7 +7,7 @@ use std::time::Instant;
 use anyhow::{Context, bail};
 use govtwin::digest::sha256;
 use govtwin::fleet::entry::Entry;
-use govtwin::fleet::result::{Finding, Outcome, Work};
+use govtwin::fleet::result::{EntryResult, FoundCause, Work};
 use govtwin::provenance::FileUsed;
 use govtwin::store::Store;
 
@@ -22,7 +22,7 @@ pub enum Done {
     /// Its result was there.
     There,
     /// Its result is written.
-    Written(Box<Outcome>),
+    Written(Box<EntryResult>),
     /// Another worker wrote it meanwhile.
     Beaten,
 }
@@ -30,10 +30,10 @@ pub enum Done {
 /// Does an entry whose result is not there. An error means that there is no result and that the entry is to be tried again; a note of it
 /// stands in the store, where that can be written.
 pub fn work(entry: &Entry, beside: &Store, store: &Store, again: bool) -> anyhow::Result<Done> {
-    let path = Outcome::path(&entry.key);
+    let path = EntryResult::path(&entry.key);
     if store.has(&path)? {
         let failed = || {
-            Outcome::read(&store.get(&path)?, &entry.key)
+            EntryResult::read(&store.get(&path)?, &entry.key)
                 .map(|there| there.error.is_some())
                 .map_err(anyhow::Error::from)
         };
@@ -55,7 +55,7 @@ fn note(entry: &Entry, store: &Store, error: &anyhow::Error) {
 }
 
 /// Diagnoses an entry. What fails for reasons of its data is an outcome; what may go well another time is an error.
-fn attempt(entry: &Entry, beside: &Store, store: &Store) -> anyhow::Result<Outcome> {
+fn attempt(entry: &Entry, beside: &Store, store: &Store) -> anyhow::Result<EntryResult> {
     let clock = Clock::start();
     let folder = tempfile::tempdir().context("no temporary folder")?;
     let inputs = Inputs::gather(entry, beside, folder.path())?;
@@ -70,7 +70,7 @@ fn attempt(entry: &Entry, beside: &Store, store: &Store) -> anyhow::Result<Outco
         out: out.clone(),
         stand_ins: inputs.stand_ins.clone(),
     };
-    let mut outcome = Outcome::of(entry, PROGRAM);
+    let mut outcome = EntryResult::of(entry, PROGRAM);
     match catch_unwind(AssertUnwindSafe(|| diagnose::unit(&request.into()))) {
         Ok(Ok(diagnosed)) => keep(&mut outcome, &diagnosed, &out, store)?,
         Ok(Err(error)) if may_pass(&error) => return Err(error),
@@ -86,7 +86,7 @@ fn attempt(entry: &Entry, beside: &Store, store: &Store) -> anyhow::Result<Outco
 }
 
 /// Puts the report into the store, and what a fleet is compared by into the outcome.
-fn keep(outcome: &mut Outcome, diagnosed: &Diagnosed, out: &Path, store: &Store) -> anyhow::Result<()> {
+fn keep(outcome: &mut EntryResult, diagnosed: &Diagnosed, out: &Path, store: &Store) -> anyhow::Result<()> {
     let report: serde_json::Value = serde_json::from_str(&diagnosed.json).context("a report that is no JSON")?;
     // Whoever works on the same entry has a folder of his own: reports differ by date and duration.
     let folder = format!("reports/{}/{}", outcome.key, &sha256(&diagnosed.json)[..16]);
@@ -99,7 +99,7 @@ fn keep(outcome: &mut Outcome, diagnosed: &Diagnosed, out: &Path, store: &Store)
             )?;
         }
     }
-    outcome.found = Some(Finding::of(&report));
+    outcome.found = Some(FoundCause::of(&report));
     outcome.warnings.clone_from(&diagnosed.made.warnings);
     outcome.origins = diagnosed.made.origins().into_iter().map(str::to_owned).collect();
     outcome.report = Some(folder);

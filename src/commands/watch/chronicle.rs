@@ -6,8 +6,8 @@ use anyhow::Context;
 use govtwin::diagnosis::{DiagnosisSettings, diagnose};
 use govtwin::parameters::Unit;
 use govtwin::report::table::quantity;
-use govtwin::watch::cut::{Cut, Ended};
-use govtwin::watch::history::{self, Course, Entry, SCHEMA};
+use govtwin::watch::cut::{CutProcess, Ended};
+use govtwin::watch::history::{self, Course, ProcessEntry, SCHEMA};
 use govtwin::watch::page::{Watched, page};
 
 use super::NAMES;
@@ -31,7 +31,7 @@ pub struct Chronicle {
     /// Lines of JSON instead of words.
     pub json: bool,
     /// The history.
-    pub entries: Vec<Entry>,
+    pub entries: Vec<ProcessEntry>,
     /// Something could not be read.
     pub warned: bool,
     /// Holds the folder as long as the watch lasts.
@@ -45,7 +45,7 @@ impl Chronicle {
     }
 
     /// Diagnoses a process that is not in the history yet, and enters it; false of one that is.
-    pub fn take(&mut self, bag: &str, cut: Cut) -> anyhow::Result<bool> {
+    pub fn take(&mut self, bag: &str, cut: CutProcess) -> anyhow::Result<bool> {
         if self.entries.iter().any(|entry| entry.digest == cut.digest) {
             return Ok(false);
         }
@@ -67,10 +67,10 @@ impl Chronicle {
         Ok(true)
     }
 
-    fn entry(&self, bag: &str, cut: Cut) -> Entry {
-        let Cut { mut recording, digest, ended } = cut;
+    fn entry(&self, bag: &str, cut: CutProcess) -> ProcessEntry {
+        let CutProcess { mut recording, digest, ended } = cut;
         bag.clone_into(&mut recording.name);
-        let mut entry = Entry {
+        let mut entry = ProcessEntry {
             schema: SCHEMA.to_owned(),
             digest,
             bag: bag.to_owned(),
@@ -158,7 +158,7 @@ fn state_of(course: &Course) -> serde_json::Value {
 }
 
 /// A process in a line.
-fn line(entry: &Entry) -> String {
+fn line(entry: &ProcessEntry) -> String {
     let named = entry.sizes.iter().filter(|size| size.named).map(|size| {
         let [low, high] = size.ci90.map(|end| quantity(end, &size.unit));
         format!(" {} {} ({low} to {high})", size.effect, quantity(size.value, &size.unit))

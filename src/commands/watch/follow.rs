@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use govtwin::bag::{self, BagError, Growing, Grown, Interpolation, Positions, ReadOptions, Rows, Stream, Topics};
 use govtwin::frame::Frame;
 use govtwin::parameters::Unit;
-use govtwin::watch::cut::{Cut, Cutter};
+use govtwin::watch::cut::{CutProcess, Cutter};
 
 use crate::commands::bags::{self, is_bag_folder};
 
@@ -33,7 +33,7 @@ impl Seen {
     }
 
     /// The processes that have ended since the last look, with the last one of a bag that has ended.
-    fn more(&mut self, path: &Path, ended: bool, options: &ReadOptions) -> Result<Vec<Cut>, BagError> {
+    fn more(&mut self, path: &Path, ended: bool, options: &ReadOptions) -> Result<Vec<CutProcess>, BagError> {
         let grown = match &mut self.growing {
             Some(growing) => growing.more(path, ended, &mut self.cutting).inspect_err(|_| {
                 // Where it stopped nobody knows.
@@ -66,7 +66,7 @@ pub struct Follower {
 #[derive(Debug, Default)]
 struct Cutting {
     cutter: Cutter,
-    cuts: Vec<Cut>,
+    cuts: Vec<CutProcess>,
 }
 
 impl Rows for Cutting {
@@ -115,7 +115,7 @@ impl Follower {
     pub fn look(
         &mut self,
         only_look: bool,
-        take: &mut dyn FnMut(&str, Cut) -> anyhow::Result<()>,
+        take: &mut dyn FnMut(&str, CutProcess) -> anyhow::Result<()>,
     ) -> anyhow::Result<Vec<String>> {
         let mut troubles = vec![];
         let now = Instant::now();
