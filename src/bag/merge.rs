@@ -38,7 +38,7 @@ struct Loader {
 enum Stored {
     Mcap(mcap_file::Loader),
     #[cfg(feature = "sqlite")]
-    Sqlite(super::db3::Loader),
+    Sqlite(super::db3::Db3Loader),
 }
 
 impl Loader {
@@ -48,7 +48,7 @@ impl Loader {
         let stored = match file.storage {
             Storage::Mcap => mcap_file::Loader::open(path, channels).map(Stored::Mcap),
             #[cfg(feature = "sqlite")]
-            Storage::Sqlite => super::db3::Loader::open(path).map(Stored::Sqlite),
+            Storage::Sqlite => super::db3::Db3Loader::open(path).map(Stored::Sqlite),
             #[cfg(not(feature = "sqlite"))]
             Storage::Sqlite => Err(BagError::Sqlite { path: path.to_owned() }),
         }?;

@@ -194,7 +194,9 @@ pub fn read_without_sheet(
 /// Says what was taken of long recordings.
 fn tell(found: &Recordings) {
     for GivenBag { name, excerpt, .. } in &found.read {
-        excerpt.iter().for_each(|excerpt| say(&format!("{name}: {excerpt}")));
+        if let Some(excerpt) = excerpt {
+            say(&format!("{name}: {excerpt}"));
+        }
     }
 }
 

@@ -31,7 +31,7 @@ use govtwin::twin::Cut;
 use super::learn::{self, CutAt, TrainingData, grid_ns};
 use super::output::{Output, Progress, print, table_text};
 use crate::commands::Outcome;
-use field::{Contenders, field};
+use field::{Competitors, field};
 
 /// Compare the twin, data-only models and hybrids as the paper does.
 ///
@@ -98,7 +98,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let standings_of = |contenders: &[Contender]| -> Vec<ModelStanding> {
         contenders.iter().map(|one| ModelStanding::of(&ready.table, &split.test, one)).collect()
     };
-    let (mut first, mut every, mut steps): (Option<Contenders>, Vec<Vec<ModelStanding>>, Vec<Vec<ModelStanding>>) =
+    let (mut first, mut every, mut steps): (Option<Competitors>, Vec<Vec<ModelStanding>>, Vec<Vec<ModelStanding>>) =
         (None, vec![], vec![]);
     for &seed in &seeds {
         let mut found = field(&args.learn, &parents, &split, seed, &ready.sheet.unit)?;
@@ -201,7 +201,7 @@ fn refitted(args: &Args, ready: &TrainingData, split: &RowSplit) -> anyhow::Resu
 }
 
 /// Where the paper's hybrid loses to data alone.
-fn broken(parents: &Parents<'_>, split: &RowSplit, field: &Contenders) -> anyhow::Result<ErrorBreakdown> {
+fn broken(parents: &Parents<'_>, split: &RowSplit, field: &Competitors) -> anyhow::Result<ErrorBreakdown> {
     let named = |id: &str| field.contenders.iter().find(|one| one.id == id).context("a model is missing");
     let models = [named("mdhm")?, named("ddm")?, named("mbm")?, named("gate")?];
     let tables: Vec<(&'static str, &FeatureTable)> = [("mbm", parents.plain), ("drawn", parents.drawn)]

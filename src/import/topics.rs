@@ -98,7 +98,7 @@ impl Source for BagRows {
                         wanted.channel.take(ChannelValue::Number(number), self.passed, &mut row);
                     }
                     Some(FieldValue::Text(text)) => {
-                        wanted.channel.take(ChannelValue::Text(&text), self.passed, &mut row)
+                        wanted.channel.take(ChannelValue::Text(&text), self.passed, &mut row);
                     }
                     None => wanted.absent += 1,
                 }

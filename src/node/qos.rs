@@ -124,17 +124,17 @@ pub fn overridden(
                 qos.reliability = Reliability::Reliable { when_full: WhenFull::Fail };
             }
             ("reliability", ParameterOverride::Text(text)) if text == "best_effort" => {
-                qos.reliability = Reliability::BestEffort
+                qos.reliability = Reliability::BestEffort;
             }
             ("durability", ParameterOverride::Text(text)) if text == "volatile" => {
-                qos.durability = Durability::Volatile
+                qos.durability = Durability::Volatile;
             }
             ("durability", ParameterOverride::Text(text)) if text == "transient_local" => {
                 qos.durability = Durability::TransientLocal;
             }
             ("history", ParameterOverride::Text(text)) if text == "keep_last" => {}
             ("liveliness", ParameterOverride::Text(text)) if text == "automatic" => {
-                qos.liveliness = Liveliness::Automatic
+                qos.liveliness = Liveliness::Automatic;
             }
             ("deadline", ParameterOverride::Number(span_ns)) if is_span(*span_ns) => qos.deadline = span(*span_ns),
             ("lifespan", ParameterOverride::Number(span_ns)) if is_span(*span_ns) => qos.lifespan = span(*span_ns),

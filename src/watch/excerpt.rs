@@ -47,11 +47,11 @@ impl FoundProcess {
             values.filter(|value| value.is_finite())
         };
         let rise = |first: Option<f64>, last: Option<f64>| first.zip(last).map(|(first, last)| last > first);
-        let by_command = rise(commands().next(), commands().last());
+        let by_command = rise(commands().next(), commands().next_back());
         let moved = span(positions()).or_else(|| span(commands())).unwrap_or(0.0);
         Self {
             process: cut.recording.process,
-            rises: by_command.or_else(|| rise(positions().next(), positions().last())).unwrap_or(false),
+            rises: by_command.or_else(|| rise(positions().next(), positions().next_back())).unwrap_or(false),
             from_rest,
             from_ns: frames.first().map_or(0, |frame| frame.time_ns),
             duration_s: cut.recording.duration_s(),

@@ -16,7 +16,7 @@ use crate::commands::learn::{self, SearchJob};
 use crate::commands::output::Progress;
 
 /// Who competes, and how their hyperparameters were found.
-pub struct Contenders {
+pub struct Competitors {
     /// What every model says of the rows that judge.
     pub contenders: Vec<Contender>,
     /// The searches.
@@ -51,7 +51,7 @@ pub fn field(
     split: &RowSplit,
     seed: u64,
     unit: &Unit,
-) -> anyhow::Result<Contenders> {
+) -> anyhow::Result<Competitors> {
     let (plain, best) = (parents.plain, parents.drawn);
     let data = data_only(plain);
     let mut searches = vec![];
@@ -97,5 +97,5 @@ pub fn field(
     let (_, estimates) = gated(best, split, &of_hybrid(&with), seed)?;
     contenders.push(Contender { id: "gate", title: "hybrid, better twin, gate", estimates });
     progress.step();
-    Ok(Contenders { contenders, searches, paper: model })
+    Ok(Competitors { contenders, searches, paper: model })
 }

@@ -20,25 +20,25 @@ struct Heard<Sender> {
     sender: Sender,
     said_bits: u64,
     since_ns: i64,
-    heard_ns: i64,
+    last_ns: i64,
 }
 
 impl<Sender: Copy + PartialEq> CompetingPublishers<Sender> {
     /// Takes a value; returns another sender with its value where that one spoke within 2 s, and since this one began, and said something else:
     /// once until all but one fall silent. One that takes over from one that ended is no rival.
     pub fn take(&mut self, sender: Sender, said: f64, now_ns: i64) -> Option<(Sender, f64)> {
-        self.lately.retain(|heard| now_ns - heard.heard_ns < GONE_NS);
+        self.lately.retain(|heard| now_ns - heard.last_ns < GONE_NS);
         let own = self.lately.iter().position(|heard| heard.sender == sender);
         let since_ns = own.map_or(now_ns, |at| self.lately.remove(at).since_ns);
         self.told &= !self.lately.is_empty();
-        let differs = |heard: &&Heard<Sender>| heard.heard_ns >= since_ns && heard.said_bits != said.to_bits();
+        let differs = |heard: &&Heard<Sender>| heard.last_ns >= since_ns && heard.said_bits != said.to_bits();
         let other = self.lately.iter().find(differs);
         let other = other.filter(|_| !self.told).map(|heard| (heard.sender, f64::from_bits(heard.said_bits)));
         self.told |= other.is_some();
         if self.lately.len() >= MOST_SENDERS {
             self.lately.remove(0);
         }
-        self.lately.push(Heard { sender, said_bits: said.to_bits(), since_ns, heard_ns: now_ns });
+        self.lately.push(Heard { sender, said_bits: said.to_bits(), since_ns, last_ns: now_ns });
         other
     }
 }
