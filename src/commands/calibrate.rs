@@ -42,8 +42,8 @@ const HELP: &str = "\
 The diagnosis weighs every fault set by its evidence; how far evidence can be trusted where no equation is exact, it has to learn. This
 command reads the evidence tables in DIR/UNIT/report.json and the answers in DIR/answers/labels.yaml, fits the few weights by log score, and
 says how they do on units that they have not seen: with several folders each is judged by the others, with one it is cut into five parts.
-Beside the learned weights it judges the same units with nothing learned (evidence as it is), and without the
-error of equations, without sets of several effects and without anything unknown, each learned anew: what a part is worth. Nothing is simulated.
+Beside the learned weights it judges the same units by the weights that the program ships with (which flatters where they were learned on these
+folders: they name theirs), with nothing learned (evidence as it is), and without the error of equations, without sets of several effects and without anything unknown, each learned anew: what a part is worth. Nothing is simulated.
 
 The program ships with the weights in params/diagnosis_weights.json; it takes others when it is built anew with that file replaced.
 
@@ -69,13 +69,25 @@ impl Judged {
     }
 }
 
-/// Variants that are scored on units not seen, by name: what is left out of the evidence, and whether weights are learned.
-const VARIANTS: [(&str, EvidenceLeftOut, bool); 5] = [
-    ("learned", EvidenceLeftOut::Nothing, true),
-    ("not learned", EvidenceLeftOut::Nothing, false),
-    ("no model error", EvidenceLeftOut::ModelError, true),
-    ("single effects", EvidenceLeftOut::SeveralEffects, true),
-    ("no unknown", EvidenceLeftOut::Unknown, true),
+/// Whose weights judge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum WeightsOf {
+    /// Those learned on the other parts.
+    Others,
+    /// Evidence as it is, by Bayes' theorem.
+    Bayes,
+    /// Those that the program ships with.
+    Shipped,
+}
+
+/// Variants that are scored on units not seen, by name: what is left out of the evidence, and whose weights judge.
+const VARIANTS: [(&str, EvidenceLeftOut, WeightsOf); 6] = [
+    ("learned", EvidenceLeftOut::Nothing, WeightsOf::Others),
+    ("as shipped", EvidenceLeftOut::Nothing, WeightsOf::Shipped),
+    ("not learned", EvidenceLeftOut::Nothing, WeightsOf::Bayes),
+    ("no model error", EvidenceLeftOut::ModelError, WeightsOf::Others),
+    ("single effects", EvidenceLeftOut::SeveralEffects, WeightsOf::Others),
+    ("no unknown", EvidenceLeftOut::Unknown, WeightsOf::Others),
 ];
 
 /// Runs the command.
@@ -91,18 +103,27 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let mut scores = Vec::new();
     let mut by_folder = Vec::new();
     let mut whole: Option<LearningResult> = None;
-    for (name, left_out, is_learned) in VARIANTS {
+    for (name, left_out, weights_of) in VARIANTS {
         let of = |units: &Vec<&Judged>| -> Vec<Example> {
             let table = |said: &ReportVerdict| left_out.of(&said.evidence.table);
             units.iter().flat_map(|unit| examples(&unit.label, &table(&unit.said))).collect()
         };
         let examples: Vec<Vec<Example>> = parts.iter().map(of).collect();
         let learned = learn(&examples);
-        let weights = |part: usize| if is_learned { learned.of_others[part].clone() } else { Weights::bayes() };
+        let weights = |part: usize| match weights_of {
+            WeightsOf::Others => learned.of_others[part].clone(),
+            WeightsOf::Bayes => Weights::bayes(),
+            WeightsOf::Shipped => Weights::shipped(),
+        };
         let mut cases = Vec::new();
         for (part, units) in parts.iter().enumerate() {
             let others = parts.iter().enumerate().filter(|(other, _)| *other != part).flat_map(|(_, units)| units);
-            let widening = closure_widening(&others.filter_map(|unit| unit.claim()).collect::<Vec<_>>());
+            let widening = match weights_of {
+                WeightsOf::Shipped => Weights::shipped().closure_widening,
+                WeightsOf::Others | WeightsOf::Bayes => {
+                    closure_widening(&others.filter_map(|unit| unit.claim()).collect::<Vec<_>>())
+                }
+            };
             let judged = units.iter().map(|unit| {
                 let mut said = rejudged(&unit.said, &left_out.of(&unit.said.evidence.table), &weights(part));
                 if let Some(claim) = unit.closure(&said) {
@@ -117,7 +138,11 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             }
             cases.extend(judged);
         }
-        let mean = if is_learned { learned.held_out } else { learned.bayes };
+        let mean = match weights_of {
+            WeightsOf::Others => learned.held_out,
+            WeightsOf::Bayes => learned.bayes,
+            WeightsOf::Shipped => log_score(&examples.concat(), &Weights::shipped()),
+        };
         scores.push((name.to_owned(), mean, score(&cases)));
         whole.get_or_insert(learned);
     }

@@ -346,12 +346,17 @@ mod tests {
         excerpts
     }
 
+    /// What was not measured is no number, and equals itself as text only.
+    fn text(rows: &impl std::fmt::Debug) -> String {
+        format!("{rows:?}")
+    }
+
     #[test]
     fn a_short_recording_is_whole_and_a_long_one_its_processes() {
         let frames = steps(4, 1.0);
         let short = taken(Excerpts::new(Some(1.0)), &frames[..6001]);
         assert!(!short.is_long() && short.found().is_empty());
-        assert_eq!(short.into_whole("a").frames, frames[..6001]);
+        assert!(text(&short.into_whole("a").frames) == text(&&frames[..6001]));
         let long = taken(Excerpts::new(Some(1.0)), &frames);
         assert!(long.is_long() && (long.duration_s() - 2699.9).abs() < 1e-9);
         // The first step is too small to begin a process.
@@ -365,7 +370,7 @@ mod tests {
         let again = taken(Excerpts::of(Some(1.0), chosen.clone()), &frames);
         assert_eq!((again.found(), rows > again.held()), (long.found(), true));
         let (of_all, of_chosen) = (long.into_chosen("a", &chosen).unwrap(), again.into_chosen("a", &chosen).unwrap());
-        assert_eq!(of_all, of_chosen);
+        assert!(text(&of_all) == text(&of_chosen));
         assert_eq!(of_all.iter().map(|one| one.name.as_str()).collect::<Vec<_>>(), ["a#1", "a#3"]);
     }
 
