@@ -14,6 +14,9 @@ use folder::Folder;
 #[cfg(feature = "cloud")]
 use remote::Remote;
 
+/// Folders below a prefix that are looked through for what killed writers left: reports stand two below theirs.
+const DEEPEST: usize = 4;
+
 /// An object in a list.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Object {
@@ -191,10 +194,11 @@ impl Store {
         either!(self, store => store.remove(path))
     }
 
-    /// Removes what killed writers left under temporary names beside the objects of a prefix, where that is a store's business.
+    /// Removes what killed writers left under temporary names among the objects of a prefix, where that is a store's business.
     pub fn tidy(&self, prefix: &str) {
         if let Some(folder) = self.local(prefix) {
             crate::files::remove_stale(&folder);
+            folder::tidy_below(&folder, DEEPEST);
         }
     }
 }

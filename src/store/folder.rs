@@ -139,6 +139,17 @@ impl Folder {
     }
 }
 
+/// Removes what killed writers left under temporary names in the folders below one, once it is old: workers may be at work there. Links are not followed.
+pub fn tidy_below(folder: &Path, deepest: usize) {
+    let Some(deepest) = deepest.checked_sub(1) else { return };
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
+            remove_abandoned(&entry.path());
+            tidy_below(&entry.path(), deepest);
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use crate::store::{Store, StoreError};
@@ -166,5 +177,23 @@ mod tests {
         store.remove("results/a.json").unwrap();
         store.remove("results/a.json").unwrap();
         assert!(store.list("results/b.json").unwrap_err().to_string().contains("found a file"));
+    }
+
+    #[test]
+    fn what_killed_writers_left_is_removed_below_a_prefix_once_it_is_old() {
+        let dir = tempfile::tempdir().unwrap();
+        let attempt = dir.path().join("reports/KEY/drawn");
+        std::fs::create_dir_all(&attempt).unwrap();
+        let [old, young, report] =
+            [".govtwin-old.tmp", ".govtwin-young.tmp", "report.json"].map(|name| attempt.join(name));
+        for path in [&old, &young, &report] {
+            std::fs::write(path, b"x").unwrap();
+        }
+        let an_hour_ago = std::time::SystemTime::now() - std::time::Duration::from_secs(3600);
+        for path in [&old, &report] {
+            std::fs::File::options().write(true).open(path).unwrap().set_modified(an_hour_ago).unwrap();
+        }
+        Store::open(dir.path().to_str().unwrap()).unwrap().tidy("reports");
+        assert_eq!([&old, &young, &report].map(|path| path.exists()), [false, true, true]);
     }
 }

@@ -68,6 +68,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let store = Store::open(&args.store).context("STORE")?;
     let target = Target::new(args, &store)?;
     store.tidy("results");
+    store.tidy("reports");
     let file = PlanFile::open(args.plan.as_ref().unwrap_or(&args.store))?;
     // One that is named must be there.
     let plan = if args.plan.is_some() || file.is_there()? { Some(file.all()?) } else { None };
