@@ -1,6 +1,7 @@
 //! Gathers what a report shows from what the search found.
 
 pub mod breakdown;
+pub mod discrepancy_terms;
 pub mod explained_fraction;
 pub mod stages;
 pub mod traces;
@@ -15,17 +16,15 @@ use crate::diagnosis::hypotheses::explorer::Hypothesis;
 use crate::diagnosis::hypotheses::table::EvidenceTable;
 use crate::diagnosis::model::FittedModel;
 use crate::diagnosis::model::consistency::consistency;
-use crate::diagnosis::model::discrepancy;
-use crate::diagnosis::result::{
-    Blame, ChannelReport, Diagnosis, DiscrepancyTerm, Fitted, Interval, Ranked, Transfer, Tried, Verdict,
-};
+use crate::diagnosis::result::{Blame, ChannelReport, Diagnosis, Fitted, Interval, Ranked, Transfer, Tried, Verdict};
 use crate::diagnosis::summary::breakdown::{breakdowns, gaps};
+use crate::diagnosis::summary::discrepancy_terms::discrepancy_terms;
 use crate::diagnosis::summary::explained_fraction::{
     HeldOutEstimates, Refitted, closure, closure_of, without_parts, without_recordings,
 };
 use crate::diagnosis::summary::traces::traces;
 use crate::effects::EffectSpec;
-use crate::estimation::coordinate::{Coordinate, Residuals};
+use crate::estimation::coordinate::Coordinate;
 use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::problem::Problem;
 use crate::parameters::Unit;
@@ -41,9 +40,6 @@ const EXCITED: f64 = 3.0;
 
 /// So many of the tried models are judged on left-out recordings.
 const LEADERS: usize = 3;
-
-/// Size of something unknown, in moderate discrepancy terms, and of the error of equations beside it, for its picture.
-const UNKNOWN: (f64, f64) = (4.0, 0.03);
 
 /// What was seen before the verdict.
 #[derive(Clone, Debug)]
@@ -159,35 +155,6 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &DiagnosisSettings, see
         simulations: problem.simulations(),
         table: judged.table,
     }
-}
-
-/// What something unknown would be like at each place, best first; beside it what it would be like if the unit were the improved twin.
-fn discrepancy_terms(problem: &Problem, explored: &Explored, chosen: &FittedModel) -> Vec<DiscrepancyTerm> {
-    let Some(empty) = explored.hypotheses.iter().find(|one| one.effects.is_empty()) else { return Vec::new() };
-    let gap = empty.model.fit.cost() - problem.expected_cost();
-    let goal = (!chosen.effects.is_empty()).then(|| -> Residuals {
-        let pairs = empty.model.fit.residuals.iter().zip(&chosen.fit.residuals);
-        pairs.map(|(refitted, improved)| refitted - improved).collect()
-    });
-    let mut all: Vec<DiscrepancyTerm> = discrepancy::PLACES
-        .iter()
-        .enumerate()
-        .map(|(index, place)| {
-            let (gain, sizes) = empty.normal.terms(index, UNKNOWN, None);
-            let mut curves = discrepancy::curves(place, &sizes);
-            if let Some(goal) = &goal {
-                let gradient = explored.discrepancy.along(goal);
-                let (_, sizes) = empty.normal.terms(index, UNKNOWN, Some(&gradient));
-                for (curve, named) in curves.iter_mut().zip(discrepancy::curves(place, &sizes)) {
-                    curve.named = named.points;
-                }
-            }
-            let explains = if gap > 0.0 { (gain / gap).clamp(0.0, 1.0) } else { 0.0 };
-            DiscrepancyTerm { place: place.words, stage: place.stage, unit: place.unit, explains, curves }
-        })
-        .collect();
-    all.sort_by(|a, b| b.explains.total_cmp(&a.explains));
-    all
 }
 
 /// The fitted values of those free parameters that are wanted.
