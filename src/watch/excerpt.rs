@@ -359,10 +359,10 @@ mod tests {
         assert!(text(&short.into_whole("a").frames) == text(&&frames[..6001]));
         let long = taken(Excerpts::new(Some(1.0)), &frames);
         assert!(long.is_long() && (long.duration_s() - 2699.9).abs() < 1e-9);
-        // The first step is too small to begin a process.
+        // The first step is too small to begin a process; the others begin 4 s before the last row at rest.
         assert_eq!(
             long.found().iter().map(|one| one.from_ns).collect::<Vec<_>>(),
-            [1196, 1796, 2396].map(|s| s * 1_000_000_000)
+            [11_959, 17_959, 23_959].map(|row| row * 100_000_000)
         );
         assert_eq!(long.held(), long.found().iter().map(|one| one.rows).sum::<usize>());
         let rows = long.held();
