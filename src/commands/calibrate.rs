@@ -100,6 +100,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             .collect(),
         several => several.iter().map(|units| units.iter().collect()).collect(),
     };
+    let shipped = Weights::shipped();
     let mut scores = Vec::new();
     let mut by_folder = Vec::new();
     let mut whole: Option<LearningResult> = None;
@@ -113,13 +114,13 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         let weights = |part: usize| match weights_of {
             WeightsOf::Others => learned.of_others[part].clone(),
             WeightsOf::Bayes => Weights::bayes(),
-            WeightsOf::Shipped => Weights::shipped(),
+            WeightsOf::Shipped => shipped.clone(),
         };
         let mut cases = Vec::new();
         for (part, units) in parts.iter().enumerate() {
             let others = parts.iter().enumerate().filter(|(other, _)| *other != part).flat_map(|(_, units)| units);
             let widening = match weights_of {
-                WeightsOf::Shipped => Weights::shipped().closure_widening,
+                WeightsOf::Shipped => shipped.closure_widening,
                 WeightsOf::Others | WeightsOf::Bayes => {
                     closure_widening(&others.filter_map(|unit| unit.claim()).collect::<Vec<_>>())
                 }
@@ -141,7 +142,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         let mean = match weights_of {
             WeightsOf::Others => learned.held_out,
             WeightsOf::Bayes => learned.bayes,
-            WeightsOf::Shipped => log_score(&examples.concat(), &Weights::shipped()),
+            WeightsOf::Shipped => log_score(&examples.concat(), &shipped),
         };
         scores.push((name.to_owned(), mean, score(&cases)));
         whole.get_or_insert(learned);
