@@ -289,13 +289,13 @@ pub fn columns(problem: &Problem, model: &FittedModel) -> Columns {
     }
 }
 
-/// A twin of a unit with a term of every shape at one place; `sizes` are those of all columns, in moderate terms.
+/// A twin of a unit with a term of every shape at one place, of these sizes in moderate terms.
 #[must_use]
 pub fn twin_with(unit: &Unit, place: &DiscrepancyPoint, sizes: &[f64]) -> Twin {
     let mut plant = Plant::new(&unit.parameters);
     effects::apply(unit, &mut plant);
     for shape in 0..place.shapes() {
-        place.put(&mut plant, shape, sizes.get(place.first() + shape).copied().unwrap_or(0.0));
+        place.put(&mut plant, shape, sizes.get(shape).copied().unwrap_or(0.0));
     }
     Twin::of_plant(plant, unit.parameters.oil.tank_pressure_pa, METHOD)
 }
