@@ -59,7 +59,7 @@ pub fn make(
     (seed, rates): (u64, BatteryRates),
     shard: Shard,
 ) -> anyhow::Result<Battery> {
-    let key = sha256(format!("seed {seed}, {rates:?}, {unit:?}"));
+    let key = sha256(format!("seed {seed}, {rates:?}, data sheet {}", params::unit_digest(unit)));
     // Where reports stand beside the bags, they are claimed with them.
     let mut claims = vec![(dir, dir.join("answers").join(DRAWN))];
     claims.extend((out != dir).then(|| (out, out.join(DRAWN))));

@@ -180,25 +180,32 @@ impl DiscrepancyPoint {
         PLACES.iter().take_while(|other| other.words != self.words).map(Self::shapes).sum()
     }
 
-    /// Puts a shape of so many moderate terms onto a plant.
-    fn put(&self, plant: &mut Plant, shape: usize, size: f64) {
+    fn shape(&self, shape: usize) -> Shape {
         let common = self.common();
-        let shape = common.get(shape).copied().unwrap_or_else(|| self.own[shape - common.len()]);
-        let size = size * self.scale;
-        match (self.at, shape) {
-            (_, Shape::Coefficient(change)) => change(plant, size),
-            (At::Point(point), shape) => plant.terms.push(Arc::new(Free { point, shape, size })),
-            (At::Coefficients, _) => {}
+        common.get(shape).copied().unwrap_or_else(|| self.own[shape - common.len()])
+    }
+
+    /// Puts shapes of so many moderate terms each onto a plant.
+    fn put(&self, plant: &mut Plant, sizes: &[f64]) {
+        let all = sizes.iter().enumerate().filter(|(_, size)| **size != 0.0);
+        let shapes: Vec<(Shape, f64)> = all.map(|(shape, size)| (self.shape(shape), size * self.scale)).collect();
+        for (shape, size) in &shapes {
+            if let Shape::Coefficient(change) = shape {
+                change(plant, *size);
+            }
+        }
+        if let (At::Point(point), false) = (self.at, shapes.is_empty()) {
+            plant.terms.push(Arc::new(Free { point, shapes }));
         }
     }
 }
 
-/// A term with one shape.
+/// A term of several shapes.
 #[derive(Debug)]
 struct Free {
     point: Point,
-    shape: Shape,
-    size: f64,
+    /// With their sizes.
+    shapes: Vec<(Shape, f64)>,
 }
 
 impl Term for Free {
@@ -207,35 +214,33 @@ impl Term for Free {
     }
 
     fn memory_len(&self) -> usize {
-        // Time since the trip, or the lagging signal.
-        usize::from(matches!(self.shape, Shape::Trip(_) | Shape::Lag(_)))
+        // Time since the trip, or the lagging signal; no place has two kinds of them.
+        usize::from(self.shapes.iter().any(|(shape, _)| matches!(shape, Shape::Trip(_) | Shape::Lag(_))))
     }
 
     fn reset(&self, signal: f64, memory: &mut [f64]) {
         if let Some(first) = memory.first_mut() {
-            *first = if matches!(self.shape, Shape::Lag(_)) { signal } else { 0.0 };
+            *first = if self.point == Point::EsvOpening { 0.0 } else { signal };
         }
     }
 
     fn apply(&self, signal: f64, view: &View<'_>, memory: &mut [f64]) -> f64 {
-        let shape = match (self.shape, memory.first_mut()) {
-            (Shape::State(of), _) => of(view),
-            (Shape::Signal(of), _) => of(signal),
-            (Shape::Lag(over), Some(lagging)) => {
-                *lagging += (signal - *lagging) * (view.tick_s / (LAG_S + view.tick_s));
-                (*lagging - signal) / over
-            }
-            (Shape::Trip(within_s), Some(since_s)) => {
-                if signal >= 1.0 {
-                    *since_s = 0.0;
-                    return signal;
-                }
-                *since_s += view.tick_s;
-                (-*since_s / within_s).exp()
-            }
-            _ => 0.0,
-        };
-        signal + self.size * shape
+        let remembered = memory.first_mut().map_or(0.0, |remembered| {
+            *remembered = match self.point {
+                Point::EsvOpening if signal >= 1.0 => 0.0,
+                Point::EsvOpening => *remembered + view.tick_s,
+                _ => *remembered + (signal - *remembered) * (view.tick_s / (LAG_S + view.tick_s)),
+            };
+            *remembered
+        });
+        let sized = self.shapes.iter().map(|(shape, size)| match shape {
+            Shape::State(of) => size * of(view),
+            Shape::Signal(of) => size * of(signal),
+            Shape::Lag(over) => size * (remembered - signal) / over,
+            Shape::Trip(within_s) if signal < 1.0 => size * (-remembered / within_s).exp(),
+            Shape::Trip(_) | Shape::Coefficient(_) => 0.0,
+        });
+        signal + sized.sum::<f64>()
     }
 }
 
@@ -279,7 +284,9 @@ pub fn columns(problem: &Problem, model: &FittedModel) -> Columns {
         .map(|(place, shape)| {
             let mut plant = Plant::new(&unit.parameters);
             effects::apply(&unit, &mut plant);
-            place.put(&mut plant, shape, STEP);
+            let mut sizes = vec![0.0; place.shapes()];
+            sizes[shape] = STEP;
+            place.put(&mut plant, &sizes);
             Twin::of_plant(plant, unit.parameters.oil.tank_pressure_pa, METHOD)
         })
         .collect();
@@ -294,9 +301,7 @@ pub fn columns(problem: &Problem, model: &FittedModel) -> Columns {
 pub fn twin_with(unit: &Unit, place: &DiscrepancyPoint, sizes: &[f64]) -> Twin {
     let mut plant = Plant::new(&unit.parameters);
     effects::apply(unit, &mut plant);
-    for shape in 0..place.shapes() {
-        place.put(&mut plant, shape, sizes.get(shape).copied().unwrap_or(0.0));
-    }
+    place.put(&mut plant, sizes);
     Twin::of_plant(plant, unit.parameters.oil.tank_pressure_pa, METHOD)
 }
 
@@ -378,7 +383,9 @@ mod tests {
         for place in &PLACES {
             for shape in 0..place.shapes() {
                 let mut plant = plain();
-                place.put(&mut plant, shape, 1.0);
+                let mut sizes = vec![0.0; place.shapes()];
+                sizes[shape] = 1.0;
+                place.put(&mut plant, &sizes);
                 let terms = Point::ALL.iter().any(|&point| !plant.terms.is_empty_at(point));
                 let readings = (plant.spool.reading_bias_pu, plant.spool.reading_gain);
                 assert!(
@@ -386,12 +393,11 @@ mod tests {
                     "{} {shape}",
                     place.words
                 );
-                if place.at == At::Coefficients {
-                    let mut plant = plain();
-                    place.put(&mut plant, shape, 0.0);
-                    assert!(Point::ALL.iter().all(|&point| plant.terms.is_empty_at(point)), "{}", place.words);
-                    assert_eq!(plant.spool.reading_gain, plain().spool.reading_gain);
-                }
+                sizes[shape] = 0.0;
+                let mut plant = plain();
+                place.put(&mut plant, &sizes);
+                assert!(Point::ALL.iter().all(|&point| plant.terms.is_empty_at(point)), "{}", place.words);
+                assert_eq!(plant.spool.reading_gain, plain().spool.reading_gain);
             }
         }
     }
@@ -401,7 +407,9 @@ mod tests {
     fn a_lag_takes_off_what_a_delay_would() {
         let command = &PLACES[0];
         let mut plant = Plant::new(&reference().parameters);
-        command.put(&mut plant, COMMON.len(), 1.0);
+        let mut sizes = vec![0.0; command.shapes()];
+        sizes[COMMON.len()] = 1.0;
+        command.put(&mut plant, &sizes);
         let state = State::default();
         let mut memory = vec![0.0; plant.terms.memory_len()];
         plant.terms.reset(Point::Command, 0.3, &mut memory);
