@@ -104,3 +104,18 @@ impl Signal {
         }
     }
 }
+
+/// The least and the greatest value so far, with one more; what is not finite is none.
+#[must_use]
+pub fn widened(ends: Option<(f64, f64)>, value: f64) -> Option<(f64, f64)> {
+    if !value.is_finite() {
+        return ends;
+    }
+    Some(ends.map_or((value, value), |(low, high)| (low.min(value), high.max(value))))
+}
+
+/// Greatest less least of the finite values; nothing where there is none.
+#[must_use]
+pub fn span(values: impl Iterator<Item = f64>) -> Option<f64> {
+    values.fold(None, widened).map(|(low, high)| high - low)
+}

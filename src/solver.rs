@@ -4,9 +4,8 @@ pub mod rk4;
 pub mod rosenbrock;
 pub mod split;
 
+use crate::plant::rates::{Rates, confine, piston_rates, rates};
 use crate::plant::{Drive, Plant};
-use crate::solver::rk4::Rk4;
-use crate::solver::rosenbrock::Rosenbrock;
 use crate::solver::split::Split;
 use crate::state::State;
 
@@ -42,21 +41,40 @@ impl Default for Method {
 pub enum Solver {
     /// See [`Method::Split`].
     Split(Split),
-    /// See [`Method::Rk4`].
-    Rk4(Rk4),
-    /// See [`Method::Rosenbrock`].
-    Rosenbrock(Rosenbrock),
+    /// [`Method::Rk4`] or [`Method::Rosenbrock`].
+    Stepwise(Stepwise),
+}
+
+/// A method that takes the whole plant at once, in whole steps.
+#[derive(Clone, Debug)]
+pub struct Stepwise {
+    step: fn(&Plant, &mut State, &Drive, f64, Rates),
+    count: u32,
+    step_s: f64,
+}
+
+impl Stepwise {
+    fn advance(&self, plant: &Plant, state: &mut State, drive: &Drive, rates: Rates) {
+        let mut drive = *drive;
+        for _ in 0..self.count {
+            (self.step)(plant, state, &drive, self.step_s, rates);
+            confine(plant, state);
+            drive.time_s += self.step_s;
+        }
+    }
 }
 
 impl Solver {
     /// Prepares a method for ticks of `tick_s`.
     #[must_use]
     pub fn new(method: Method, plant: &Plant, tick_s: f64) -> Self {
-        match method {
-            Method::Split { max_step_s } => Self::Split(Split::new(plant, tick_s, max_step_s)),
-            Method::Rk4 { max_step_s } => Self::Rk4(Rk4::new(tick_s, max_step_s)),
-            Method::Rosenbrock { max_step_s } => Self::Rosenbrock(Rosenbrock::new(tick_s, max_step_s)),
-        }
+        let (step, max_step_s): (fn(&Plant, &mut State, &Drive, f64, Rates), f64) = match method {
+            Method::Split { max_step_s } => return Self::Split(Split::new(plant, tick_s, max_step_s)),
+            Method::Rk4 { max_step_s } => (rk4::step, max_step_s),
+            Method::Rosenbrock { max_step_s } => (rosenbrock::step, max_step_s),
+        };
+        let (count, step_s) = steps(tick_s, max_step_s);
+        Self::Stepwise(Stepwise { step, count, step_s })
     }
 
     /// The split method's steps, where that is the method.
@@ -70,8 +88,7 @@ impl Solver {
     pub fn advance(&self, plant: &Plant, state: &mut State, drive: &Drive) {
         match self {
             Self::Split(split) => split.advance(&plant.blocks(), state, drive),
-            Self::Rk4(rk4) => rk4.advance(plant, state, drive),
-            Self::Rosenbrock(rosenbrock) => rosenbrock.advance(plant, state, drive),
+            Self::Stepwise(method) => method.advance(plant, state, drive, rates),
         }
     }
 
@@ -79,8 +96,7 @@ impl Solver {
     pub fn advance_piston(&self, plant: &Plant, state: &mut State, drive: &Drive) {
         match self {
             Self::Split(split) => split.advance_piston(&plant.blocks(), state, drive),
-            Self::Rk4(rk4) => rk4.advance_piston(plant, state, drive),
-            Self::Rosenbrock(rosenbrock) => rosenbrock.advance_piston(plant, state, drive),
+            Self::Stepwise(method) => method.advance(plant, state, drive, piston_rates),
         }
     }
 }

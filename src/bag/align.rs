@@ -29,25 +29,6 @@ pub(super) fn align(
     interpolation: Interpolation,
     path: &std::path::Path,
 ) -> Result<Vec<Frame>, BagError> {
-    align_window(streams, interpolation, Window { origin_ns: None, ahead_ns: i64::MAX }, path)
-}
-
-/// A part of longer streams, so that its rows are those of the whole.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Window {
-    /// Where the grid begins; at the first row where nothing is said.
-    pub(super) origin_ns: Option<i64>,
-    /// Samples that are later than a row by more play no part in it.
-    pub(super) ahead_ns: i64,
-}
-
-/// The same for a window of the streams.
-pub(super) fn align_window(
-    streams: &Streams,
-    interpolation: Interpolation,
-    window: Window,
-    path: &std::path::Path,
-) -> Result<Vec<Frame>, BagError> {
     let mut times_ns: Vec<i64> = stamps(&streams.command)
         .chain(stamps(&streams.esv))
         .chain(stamps(&streams.tank_pressure))
@@ -71,18 +52,15 @@ pub(super) fn align_window(
             let duration_s = seconds_from_nanos(end_ns.saturating_sub(begin_ns));
             return Err(BagError::TooManyRows { path: path.to_owned(), period_ns, duration_s, rows: count, limit });
         }
-        let origin_ns = window.origin_ns.unwrap_or(begin_ns);
-        let first = begin_ns.saturating_sub(origin_ns) / period_ns + 1;
-        times_ns
-            .extend((first..=first + count).map(|step| origin_ns + step * period_ns).filter(|at_ns| *at_ns <= end_ns));
+        times_ns.extend((1..=count).map(|step| begin_ns + step * period_ns));
         times_ns.sort_unstable();
     }
     times_ns.dedup();
 
-    let mut command = Cursor::new(&streams.command, window.ahead_ns);
-    let mut esv = Cursor::new(&streams.esv, window.ahead_ns);
-    let mut tank_pressure = Cursor::new(&streams.tank_pressure, window.ahead_ns);
-    let mut servo_state = Cursor::new(&streams.servo_state, window.ahead_ns);
+    let mut command = Cursor::new(&streams.command);
+    let mut esv = Cursor::new(&streams.esv);
+    let mut tank_pressure = Cursor::new(&streams.tank_pressure);
+    let mut servo_state = Cursor::new(&streams.servo_state);
     let mut frames = Vec::with_capacity(times_ns.len());
     for time_ns in times_ns {
         let (Some(opening), Some(state), Some(pressure)) =
@@ -138,17 +116,11 @@ pub(super) struct Cursor<'a, V> {
     pub(super) samples: &'a [Sample<V>],
     /// Samples at or before the time last asked for.
     pub(super) passed: usize,
-    /// How far it looks ahead.
-    pub(super) ahead_ns: i64,
 }
 
 impl<'a, V: Copy> Cursor<'a, V> {
-    fn new(samples: &'a [Sample<V>], ahead_ns: i64) -> Self {
-        Self { samples, passed: 0, ahead_ns }
-    }
-
-    fn is_near(&self, sample: &Sample<V>, time_ns: i64) -> bool {
-        sample.stamp_ns.saturating_sub(time_ns) <= self.ahead_ns
+    fn new(samples: &'a [Sample<V>]) -> Self {
+        Self { samples, passed: 0 }
     }
 
     /// The newest sample at or before a time, which must not fall from call to call.
@@ -164,8 +136,7 @@ impl<'a, V: Copy> Cursor<'a, V> {
         let Some(before) = self.passed.checked_sub(1).and_then(|newest| self.samples.get(newest)) else {
             return f64::NAN;
         };
-        let after = self.samples.get(self.passed).filter(|after| self.is_near(after, time_ns));
-        let Some(after) = after else { return number(before.value) };
+        let Some(after) = self.samples.get(self.passed) else { return number(before.value) };
         let share = share(time_ns - before.stamp_ns, after.stamp_ns.saturating_sub(before.stamp_ns));
         number(before.value) + share * (number(after.value) - number(before.value))
     }
@@ -179,9 +150,6 @@ impl<V: Copy> Cursor<'_, V> {
         let Some(around) = self.passed.checked_sub(3).and_then(|from| self.samples.get(from..from + 6)) else {
             return straight;
         };
-        if !self.is_near(&around[5], time_ns) {
-            return straight;
-        }
         let origin_ns = around[2].stamp_ns;
         let points: [(f64, f64); 6] =
             std::array::from_fn(|k| (seconds_from_nanos(around[k].stamp_ns - origin_ns), number(around[k].value)));
@@ -240,7 +208,7 @@ mod tests {
     #[test]
     fn a_ramp_that_begins_between_two_samples_begins_in_time() {
         let samples = ramp(1.87, -0.5);
-        let mut cursor = Cursor::new(&samples, i64::MAX);
+        let mut cursor = Cursor::new(&samples);
         let (mut sharp, mut straight) = (0.0_f64, 0.0_f64);
         for ms in (0..3800).step_by(3) {
             let time_ns = ms * 1_000_000;
@@ -263,7 +231,7 @@ mod tests {
                     Sample { stamp_ns, log_time_ns: stamp_ns, value: Command(shape(seconds_from_nanos(stamp_ns))) }
                 })
                 .collect();
-            let mut cursor = Cursor::new(&samples, i64::MAX);
+            let mut cursor = Cursor::new(&samples);
             for ms in (0..3800).step_by(7) {
                 cursor.at(ms * 1_000_000);
                 let (bent, straight) =

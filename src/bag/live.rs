@@ -5,7 +5,7 @@
 
 use std::collections::{BTreeSet, VecDeque};
 
-use super::align::{FARTHEST_NS, Streams};
+use super::align::FARTHEST_NS;
 use super::collect::{Collected, Collector};
 use super::edges::Edges;
 use super::evidence::{RowEvidence, StreamEvidence};
@@ -15,7 +15,7 @@ use super::pace::Pace;
 use super::read::Read;
 use super::streams::{Command, Pressure, Sample, Value, note};
 use super::topic::RawView;
-use super::{Interpolation, ReadOptions, Stream, StreamHealth};
+use super::{ReadOptions, Stream, StreamHealth};
 use crate::frame::{EsvState, Frame, Inputs, Signals};
 use crate::units::NANOS_PER_SECOND;
 
@@ -28,7 +28,7 @@ const LAG_NS: i64 = 10 * NANOS_PER_SECOND;
 /// Stamps and log times that part by more, or silences that last longer, may be a jump of time.
 const DOUBTFUL_NS: i64 = order::SET_FORWARD_NS / 4;
 
-/// Samples and rows that may wait.
+/// Samples and rows that may wait, those above a grid not counted.
 const MOST_WAITING: usize = 200_000;
 
 /// Rows are looked for each time so many samples have come in.
@@ -48,8 +48,6 @@ struct Track<V> {
     pace: Pace,
     kept: u64,
     conflict: Option<(i64, String)>,
-    /// Samples that came into force, where somebody wants them.
-    passed: Option<Vec<Sample<V>>>,
 }
 
 impl<V: Value> Track<V> {
@@ -63,7 +61,6 @@ impl<V: Value> Track<V> {
             pace: Pace::default(),
             kept: 0,
             conflict: None,
-            passed: None,
         }
     }
 
@@ -131,9 +128,6 @@ impl<V: Value> Track<V> {
         self.pace.push(sample.stamp_ns);
         evidence.sample(sample.stamp_ns, sample.log_time_ns, sample.value.number());
         self.current = Some(sample);
-        if let Some(passed) = &mut self.passed {
-            passed.push(sample);
-        }
         true
     }
 
@@ -172,9 +166,8 @@ impl Live {
     /// Begins; `topics` are those of the bag, where its summary lists them.
     pub(super) fn new(options: &ReadOptions, topics: Option<&BTreeSet<String>>) -> Self {
         let absent = |stream| topics.is_some_and(|topics| !topics.contains(options.topics.of(stream)));
-        let sharp = matches!(options.interpolation, Interpolation::Sharp { .. });
         Self {
-            grid: options.interpolation.period_ns().filter(|_| sharp).map(Grid::new),
+            grid: Grid::new(options.interpolation),
             collected: Collected::new(options),
             command: Track::new(absent(Stream::Command)),
             esv: Track::new(absent(Stream::Esv)),
@@ -191,26 +184,10 @@ impl Live {
         }
     }
 
-    /// The same, without a grid of its own; it keeps the samples for [`Live::passed`].
-    pub(super) fn keeping(options: &ReadOptions, topics: Option<&BTreeSet<String>>) -> Self {
-        let mut this = Self { grid: None, ..Self::new(options, topics) };
-        this.command.passed = Some(vec![]);
-        this.esv.passed = Some(vec![]);
-        this.tank_pressure.passed = Some(vec![]);
-        this.servo_state.passed = Some(vec![]);
-        this
-    }
-
-    /// Adds the samples to `streams` before which none will come any more, and says up to which time they are complete.
-    pub(super) fn passed(&mut self, streams: &mut Streams) -> i64 {
-        fn add<V>(track: &mut Track<V>, samples: &mut Vec<Sample<V>>) {
-            samples.append(track.passed.as_mut().unwrap_or(&mut vec![]));
-        }
-        add(&mut self.command, &mut streams.command);
-        add(&mut self.esv, &mut streams.esv);
-        add(&mut self.tank_pressure, &mut streams.tank_pressure);
-        add(&mut self.servo_state, &mut streams.servo_state);
-        self.done_ns
+    /// The same for a recording that is followed while it is made.
+    pub(super) fn following(options: &ReadOptions, topics: &BTreeSet<String>) -> Self {
+        let this = Self::new(options, Some(topics));
+        Self { grid: this.grid.map(Grid::following), ..this }
     }
 
     /// Streams that were not heard, although the bag may hold them.
@@ -255,8 +232,7 @@ impl Live {
             + self.esv.waiting.len()
             + self.tank_pressure.waiting.len()
             + self.servo_state.waiting.len()
-            + self.pending.len()
-            + self.grid.as_ref().map_or(0, Grid::waiting);
+            + self.pending.len();
         if waiting > MOST_WAITING { Err(Irregular) } else { Ok(()) }
     }
 

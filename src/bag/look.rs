@@ -8,7 +8,7 @@ use super::live::Live;
 use super::read::{check, read};
 use super::source::{BagSource, Scanned};
 use super::topic::{OnMessage, RawMessage, RawView};
-use super::{BagError, Health, Interpolation, Loaded, ReadOptions, Survey, source, survey};
+use super::{BagError, Health, Loaded, ReadOptions, Survey, source, survey};
 use crate::frame::Frame;
 use crate::recording::{Process, ProcessWatch};
 use crate::units::seconds_from_nanos;
@@ -24,7 +24,7 @@ pub trait Rows {
 }
 
 /// Reads the rows of a bag one by one, in memory that does not grow with its length; the rows and the health are those of
-/// [`read`](super::read()). Only a bag that needs all of its samples at once is read as a whole; under [`Interpolation::Linear`] every bag is.
+/// [`read`](super::read()). Only a bag that needs all of its samples at once is read as a whole.
 /// Of a recording that is longer than `read` takes all rows are handed on, as long as it has a row a second.
 ///
 /// # Errors
@@ -93,8 +93,7 @@ fn pass(
     rows: &mut dyn Rows,
 ) -> Result<(Scanned, Result<Health, BagError>), BagError> {
     let topics = source.topics();
-    let mut live =
-        (!matches!(options.interpolation, Interpolation::Linear { .. })).then(|| Live::new(options, topics.as_ref()));
+    let mut live = Some(Live::new(options, topics.as_ref()));
     let scanned = source.scan(&mut |message| {
         on_message(message);
         if live.as_mut().is_some_and(|live| live.take(message, &mut |frame| rows.row(frame)).is_err()) {

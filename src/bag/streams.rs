@@ -28,7 +28,9 @@ pub(super) trait Value: Copy + Sized {
     fn of(message: &Self::Message, positions: Positions, faults: &mut Vec<String>) -> Result<Self, String>;
 
     /// Equal to the last bit: a repeated message, not a new one.
-    fn same(self, other: Self) -> bool;
+    fn same(self, other: Self) -> bool {
+        self.number().to_bits() == other.number().to_bits()
+    }
 
     /// Who says of itself that it sent the message.
     fn frame_id(message: &Self::Message) -> &str;
@@ -55,10 +57,6 @@ impl Value for Command {
     fn number(self) -> f64 {
         self.0
     }
-
-    fn same(self, other: Self) -> bool {
-        self.0.to_bits() == other.0.to_bits()
-    }
 }
 
 /// Tank pressure, Pa.
@@ -78,10 +76,6 @@ impl Value for Pressure {
 
     fn number(self) -> f64 {
         self.0
-    }
-
-    fn same(self, other: Self) -> bool {
-        self.0.to_bits() == other.0.to_bits()
     }
 }
 

@@ -4,9 +4,9 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::diagnosis::model::search::{Turned, nominal};
 use crate::effects::EffectSpec;
-use crate::estimation::coordinate::{Coordinate, Residuals, square};
+use crate::estimation::coordinate::{Coordinate, Residuals, square, subject_at};
 use crate::estimation::fit::Fit;
-use crate::identification::free_parameter::{FreeParameter, unit_at};
+use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::noise::expected;
 use crate::likelihood::problem::Problem;
 use crate::likelihood::trial::Trial;
@@ -81,7 +81,7 @@ impl Ground {
             }
         }
         let units: Vec<Unit> =
-            tries.iter().map(|one| unit_at(&one.base, &one.free_parameters, &one.positions)).collect();
+            tries.iter().map(|one| subject_at(&one.base, &one.free_parameters, &one.positions)).collect();
         for (one, residuals) in tries.iter_mut().zip(problem.residuals_of(&units)) {
             one.residuals = residuals;
         }

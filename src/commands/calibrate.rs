@@ -80,14 +80,15 @@ Exit codes: 0 ok, 1 not possible, 2 wrong usage.";
 struct Judged {
     label: Label,
     said: ReportVerdict,
+    /// By how much the interval of the share explained was widened.
+    widened_by: f64,
     came_true: Option<f64>,
 }
 
 impl Judged {
     /// What it claims of the share explained, with the interval as it was before it was widened.
     fn closure(&self, said: &ReportVerdict) -> Option<Interval> {
-        let widened_by = self.said.evidence.closure_widened_by.unwrap_or(Weights::shipped().closure_widening);
-        Some(said.closure()?.widened(1.0 / widened_by))
+        Some(said.closure()?.widened(1.0 / self.widened_by))
     }
 
     /// The same of the report, beside what came true.
@@ -119,7 +120,8 @@ const VARIANTS: [(&str, EvidenceLeftOut, WeightsOf); 6] = [
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    let batteries = args.dirs.iter().map(|dir| read(dir)).collect::<anyhow::Result<Vec<_>>>()?;
+    let shipped = Weights::shipped();
+    let batteries = args.dirs.iter().map(|dir| read(dir, &shipped)).collect::<anyhow::Result<Vec<_>>>()?;
     let parts: Vec<Vec<&Judged>> = match batteries.as_slice() {
         [one] => (0..PARTS)
             .map(|part| one.iter().skip(part).step_by(PARTS).collect::<Vec<_>>())
@@ -127,7 +129,6 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             .collect(),
         several => several.iter().map(|units| units.iter().collect()).collect(),
     };
-    let shipped = Weights::shipped();
     let mut scores = Vec::new();
     let mut by_folder = Vec::new();
     let mut whole: Option<LearningResult> = None;
@@ -244,7 +245,7 @@ fn reliability(scores: &[(String, f64, Score)]) -> Vec<serde_json::Value> {
 }
 
 /// The units of a battery that have a report, with their answers.
-fn read(dir: &Path) -> anyhow::Result<Vec<Judged>> {
+fn read(dir: &Path, shipped: &Weights) -> anyhow::Result<Vec<Judged>> {
     let path = dir.join("answers/labels.yaml");
     let text = read_text(&path, LARGEST_BYTES)
         .with_context(|| format!("cannot read {}; was `govtwin blind --generate` run to the end?", path.display()))?;
@@ -266,7 +267,8 @@ fn read(dir: &Path) -> anyhow::Result<Vec<Judged>> {
         }
         let came_true = scored["closures"][label.name.as_str()].as_f64();
         let strength_ratio = strengths.get(&label.name).copied().unwrap_or(label.strength_ratio);
-        units.push(Judged { label: Label { strength_ratio, ..label }, said, came_true });
+        let widened_by = said.evidence.closure_widened_by.unwrap_or(shipped.closure_widening);
+        units.push(Judged { label: Label { strength_ratio, ..label }, said, widened_by, came_true });
     }
     if units.is_empty() {
         bail!("{}: expected reports beside the answers, found none", dir.display());

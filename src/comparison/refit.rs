@@ -1,8 +1,9 @@
 //! A better parent for the hybrid: the twin refitted on the rows that teach, and on nothing behind them.
 
 use crate::effects::CATALOGUE;
+use crate::estimation::coordinate::subject_at;
 use crate::identification::calibration::calibrate;
-use crate::identification::free_parameter::{FreeParameter, unit_at};
+use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::noise;
 use crate::likelihood::trial::Trial;
 use crate::parameters::{EffectSetting, Unit};
@@ -47,5 +48,5 @@ pub fn refit(recordings: &[Recording], unit: &Unit, effects: &[&str], period_ns:
     }
     let trials: Vec<Trial> = recordings.iter().map(|one| Trial::new(drawn(one, period_ns).0)).collect();
     let (_, found) = calibrate(trials, &base, free.clone(), &noise::expected(&base.sensors), 1, step);
-    unit_at(&base, &free, &found.fit.positions)
+    subject_at(&base, &free, &found.fit.positions)
 }

@@ -9,10 +9,10 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::diagnosis::model::support::{Placed, Variant, add};
 use crate::effects::EffectSpec;
-use crate::estimation::coordinate::{prior_square, square};
+use crate::estimation::coordinate::{prior_square, square, subject_at};
 use crate::estimation::fit::{Effort, Fit, Start, pictured};
 use crate::estimation::linear::normal;
-use crate::identification::free_parameter::{FreeParameter, unit_at};
+use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::problem::Problem;
 use crate::parameters::Unit;
 
@@ -146,7 +146,7 @@ impl FittedModel {
     /// The unit as fitted.
     #[must_use]
     pub fn unit(&self) -> Unit {
-        unit_at(&self.base, &self.free_parameters, &self.fit.positions)
+        subject_at(&self.base, &self.free_parameters, &self.fit.positions)
     }
 
     /// Whether it has this effect.

@@ -7,9 +7,9 @@ use crate::diagnosis::model::search::Turned;
 use crate::diagnosis::model::support::Variant;
 use crate::diagnosis::{DiagnosisError, DiagnosisSettings};
 use crate::effects::{EffectSpec, STAGE_ALONE};
-use crate::estimation::coordinate::square;
+use crate::estimation::coordinate::{square, subject_at};
 use crate::estimation::fit::Fit;
-use crate::identification::free_parameter::{FreeParameter, unit_at};
+use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::noise::{Noise, expected};
 use crate::likelihood::problem::Problem;
 use crate::likelihood::qualification::{QualifiedRecordings, qualify_all};
@@ -214,7 +214,7 @@ fn acting(trials: &[Trial], unit: &Unit, settings: &DiagnosisSettings, noise: &N
             return true;
         };
         problem
-            .residuals_of(&[unit_at(&base, &free_parameters, &positions)])
+            .residuals_of(&[subject_at(&base, &free_parameters, &positions)])
             .pop()
             .is_some_and(|residuals| residuals != model.fit.residuals)
     };

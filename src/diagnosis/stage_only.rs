@@ -9,9 +9,9 @@ use crate::diagnosis::preparation::{Alone, Preparation};
 use crate::diagnosis::result::{FreeRun, StageOnly, Verdict};
 use crate::diagnosis::stage_only::told::told;
 use crate::diagnosis::summary::explained_fraction::without_recordings;
+use crate::estimation::coordinate::subject_at;
 use crate::estimation::fit::{Effort, fit};
 use crate::frame::Estimate;
-use crate::identification::free_parameter::unit_at;
 use crate::likelihood::noise::Noise;
 use crate::likelihood::problem::Problem;
 use crate::likelihood::trial::Trial;
@@ -248,7 +248,7 @@ fn free_runs(ready: &Preparation, models: &[&FittedModel], length_s: f64) -> Vec
         both.map(|(half, fitted_on)| {
             let problem = Problem::new(halves[half].clone(), &model.unit(), &ready.noise);
             let found = fit(&problem, &model.base, &model.free_parameters, &model.fit.positions, Effort::FULL, None);
-            let unit = unit_at(&model.base, &model.free_parameters, &found.positions);
+            let unit = subject_at(&model.base, &model.free_parameters, &found.positions);
             let [seen, held_out] = [half, 1 - half].map(|half| error(&halves[half], &unit, &ready.noise));
             FreeRun { model: model.ids().join(" + "), fitted_on, seen, held_out }
         })

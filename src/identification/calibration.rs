@@ -5,10 +5,10 @@ mod words;
 use nalgebra::{DMatrix, DVector};
 
 use crate::estimation::annealing::annealed;
-use crate::estimation::coordinate::{Coordinate, Residuals};
+use crate::estimation::coordinate::{Coordinate, Residuals, subject_at};
 use crate::estimation::fit::{Effort, Fit, fit};
 use crate::estimation::linear::normal;
-use crate::identification::free_parameter::{FreeParameter, unit_at};
+use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::loop_noise::heard;
 use crate::likelihood::noise::Noise;
 use crate::likelihood::problem::Problem;
@@ -121,7 +121,7 @@ pub fn calibrate(
     let positions = rough.map(|(_, positions)| positions).unwrap_or_default();
     // Chatter depends on the parameters: the noise is laid out along the best start. A signal that leaves more than it
     // should then counts for less, so that neither fit nor intervals trust it beyond what it is worth.
-    let unit = unit_at(base, &free_parameters, &positions);
+    let unit = subject_at(base, &free_parameters, &positions);
     let problem = heard(first, &unit);
     let expected = fit(&problem, base, &free_parameters, &positions, ROUGH, None);
     let leftover = leftover(&problem, &expected.residuals);
@@ -197,7 +197,7 @@ impl Slopes {
             let units = places.map(|place| {
                 let mut moved = fit.positions.clone();
                 moved[k] = place;
-                unit_at(base, free_parameters, &moved)
+                subject_at(base, free_parameters, &moved)
             });
             let residuals = problem.residuals_of(&units);
             for (trial, at) in fit.residuals.iter().enumerate() {
@@ -275,7 +275,7 @@ fn judge(
         }
     }
     correlations.sort_by(|a, b| b.coefficient.abs().total_cmp(&a.coefficient.abs()));
-    let unit = unit_at(base, &free_parameters, &fit.positions);
+    let unit = subject_at(base, &free_parameters, &fit.positions);
     let deviations = covariance.diagonal().iter().map(|variance| variance.max(0.0).sqrt()).collect();
     Calibration { unit, free_parameters, fit, rows, deviations, correlations, starts, leftover }
 }

@@ -1,7 +1,7 @@
 //! Free parameters: what a fit may turn, in units of what is known of it beforehand.
 
 use crate::effects::EffectParameter;
-use crate::estimation::coordinate::{Coordinate, subject_at};
+use crate::estimation::coordinate::Coordinate;
 use crate::parameters::{ENTRIES, ParameterEntry, Tolerance, Unit};
 
 /// Farthest that a fit may go from the sheet, in standard deviations.
@@ -162,10 +162,4 @@ impl Coordinate for FreeParameter {
             Self::Effect { effect, parameter, .. } => unit.effects[effect].values[parameter] = value,
         }
     }
-}
-
-/// The unit with all free parameters at their positions.
-#[must_use]
-pub fn unit_at(base: &Unit, free_parameters: &[FreeParameter], positions: &[f64]) -> Unit {
-    subject_at(base, free_parameters, positions)
 }

@@ -2,7 +2,7 @@
 
 use crate::frame::{EsvState, Frame, Signals};
 use crate::recording::Recording;
-use crate::signal::Signal;
+use crate::signal::{Signal, span};
 use crate::twin::Cut;
 use crate::units::seconds_from_nanos;
 
@@ -188,15 +188,6 @@ fn saturated(values: &[f64]) -> Option<(f64, usize)> {
         let run = values.split(|value| *value != end).map(<[f64]>::len).max().unwrap_or(0);
         (run >= SATURATED_RUN && at_end as f64 > SATURATED_SHARE * count).then_some((end, at_end))
     })
-}
-
-/// Greatest less least of the finite values.
-fn span(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let finite = values.filter(|value| value.is_finite());
-    let ends = finite.fold(None, |ends: Option<(f64, f64)>, value| {
-        Some(ends.map_or((value, value), |(low, high)| (low.min(value), high.max(value))))
-    });
-    ends.map(|(low, high)| high - low)
 }
 
 fn forget(signal: Signal, measured: &mut Signals) {

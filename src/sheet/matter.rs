@@ -10,9 +10,9 @@ use nalgebra::{DMatrix, DVector};
 use super::Plate;
 use super::item::{ITEMS, PlateItem};
 use crate::effects::CATALOGUE;
-use crate::estimation::coordinate::Residuals;
+use crate::estimation::coordinate::{Residuals, subject_at};
 use crate::generate::{Scenario, recording};
-use crate::identification::free_parameter::{FreeParameter, unit_at};
+use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::noise::expected;
 use crate::likelihood::problem::Problem;
 use crate::likelihood::trial::Trial;
@@ -92,7 +92,7 @@ pub fn matter(unit: &Unit, plate: &Plate, seed: u64, on_progress: &dyn Fn()) -> 
     for place in 0..free_parameters.len() {
         let mut positions = vec![0.0; free_parameters.len()];
         positions[place] = STEP;
-        units.push(unit_at(unit, &free_parameters, &positions));
+        units.push(subject_at(unit, &free_parameters, &positions));
     }
     units.extend(faults.iter().map(|(_, unit)| unit.clone()));
     let mut columns: Vec<DVector<f64>> = vec![];

@@ -5,60 +5,28 @@
 
 use nalgebra::SMatrix;
 
-use crate::plant::rates::{Rates, confine, piston_rates, rates};
+use crate::plant::rates::Rates;
 use crate::plant::{Drive, Plant};
-use crate::solver::steps;
 use crate::state::{DIMENSION, State, Vector};
 
-/// Steps of one tick.
-#[derive(Clone, Debug)]
-pub struct Rosenbrock {
-    count: u32,
-    step_s: f64,
-}
-
-impl Rosenbrock {
-    /// Whole steps of at most `max_step_s` in a tick.
-    #[must_use]
-    pub fn new(tick_s: f64, max_step_s: f64) -> Self {
-        let (count, step_s) = steps(tick_s, max_step_s);
-        Self { count, step_s }
+/// One step of the length `h`, s.
+pub(super) fn step(plant: &Plant, state: &mut State, drive: &Drive, h: f64, rates: Rates) {
+    let gamma = 1.0 + std::f64::consts::FRAC_1_SQRT_2;
+    let y = state.to_vector();
+    let f = |y: &Vector| rates(plant, &State::from_vector(y), drive).to_vector();
+    let f_0 = f(&y);
+    let mut system = SMatrix::<f64, DIMENSION, DIMENSION>::identity();
+    for (j, delta) in deltas(plant, state).iter().enumerate() {
+        let mut moved = y;
+        moved[j] += delta;
+        let column = (f(&moved) - f_0) * (-gamma * h / delta);
+        system.set_column(j, &(system.column(j) + column));
     }
-
-    /// Advances by one tick.
-    pub fn advance(&self, plant: &Plant, state: &mut State, drive: &Drive) {
-        self.integrate(plant, state, drive, rates);
-    }
-
-    /// Advances the servomotor alone by one tick; the rest stays as it is.
-    pub fn advance_piston(&self, plant: &Plant, state: &mut State, drive: &Drive) {
-        self.integrate(plant, state, drive, piston_rates);
-    }
-
-    fn integrate(&self, plant: &Plant, state: &mut State, drive: &Drive, rates: Rates) {
-        let h = self.step_s;
-        let gamma = 1.0 + std::f64::consts::FRAC_1_SQRT_2;
-        let mut drive = *drive;
-        for _ in 0..self.count {
-            let y = state.to_vector();
-            let f = |y: &Vector| rates(plant, &State::from_vector(y), &drive).to_vector();
-            let f_0 = f(&y);
-            let mut system = SMatrix::<f64, DIMENSION, DIMENSION>::identity();
-            for (j, delta) in deltas(plant, state).iter().enumerate() {
-                let mut moved = y;
-                moved[j] += delta;
-                let column = (f(&moved) - f_0) * (-gamma * h / delta);
-                system.set_column(j, &(system.column(j) + column));
-            }
-            let lu = system.lu();
-            let Some(k_1) = lu.solve(&f_0) else { return };
-            let second = f(&(y + h * k_1)) - 2.0 * k_1;
-            let Some(k_2) = lu.solve(&second) else { return };
-            *state = State::from_vector(&(y + h * (1.5 * k_1 + 0.5 * k_2)));
-            confine(plant, state);
-            drive.time_s += h;
-        }
-    }
+    let lu = system.lu();
+    let Some(k_1) = lu.solve(&f_0) else { return };
+    let second = f(&(y + h * k_1)) - 2.0 * k_1;
+    let Some(k_2) = lu.solve(&second) else { return };
+    *state = State::from_vector(&(y + h * (1.5 * k_1 + 0.5 * k_2)));
 }
 
 /// Difference steps, a ten-millionth of each state's typical size.

@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 
 use crate::frame::Frame;
 use crate::recording::{Process, Recording};
-use crate::signal::Signal;
+use crate::signal::{Signal, span, widened};
 use crate::units::seconds_from_nanos;
 use crate::watch::cut::{CutProcess, Cutter, Ended};
 
@@ -65,14 +65,6 @@ impl FoundProcess {
     fn kind(&self) -> (bool, Process, bool) {
         (!self.from_rest, self.process, self.rises && self.process == Process::LoadIncrease)
     }
-}
-
-/// Greatest less least.
-fn span(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let ends = values.fold(None, |ends: Option<(f64, f64)>, value| {
-        Some(ends.map_or((value, value), |(low, high)| (low.min(value), high.max(value))))
-    });
-    ends.map(|(low, high)| high - low)
 }
 
 /// What is done with the processes of a long recording.
@@ -139,11 +131,7 @@ impl Excerpts {
     pub fn row(&mut self, frame: &Frame) {
         let from_ns = self.span_ns.map_or(frame.time_ns, |(from_ns, _)| from_ns);
         self.span_ns = Some((from_ns, frame.time_ns));
-        let position = Signal::ServomotorPosition.of(&frame.measured);
-        if position.is_finite() {
-            let (low, high) = self.positions.unwrap_or((position, position));
-            self.positions = Some((low.min(position), high.max(position)));
-        }
+        self.positions = widened(self.positions, Signal::ServomotorPosition.of(&frame.measured));
         if self.is_long {
             self.cut(frame);
         } else {

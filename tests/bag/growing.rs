@@ -59,9 +59,9 @@ fn untidy() -> Bag {
 }
 
 /// Reads a file in random steps; the rows, and the bytes that were read.
-fn in_steps(path: &Path, bytes: &[u8], most: usize, seed: u64) -> (All, u64, u64) {
+fn in_steps(path: &Path, bytes: &[u8], options: ReadOptions, most: usize, seed: u64) -> (All, u64, u64) {
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
-    let (mut growing, mut rows, mut len, mut looks) = (Growing::new(options()), All::default(), 0, 0);
+    let (mut growing, mut rows, mut len, mut looks) = (Growing::new(options), All::default(), 0, 0);
     while len < bytes.len() {
         len = (len + random.random_range(1..most)).min(bytes.len());
         append(path, &bytes[..len]);
@@ -100,7 +100,7 @@ fn the_rows_are_those_of_the_whole_whatever_the_steps() {
         assert!(whole.len() > 70_000, "{what}: {}", whole.len());
         for (seed, most) in [(1, bytes.len() / 40), (2, bytes.len() / 4), (3, 2 * bytes.len())] {
             let path = dir.path().join(format!("{seed}.mcap"));
-            let (rows, read_bytes, looks) = in_steps(&path, &bytes, most, seed);
+            let (rows, read_bytes, looks) = in_steps(&path, &bytes, options(), most, seed);
             // As text, in which NaN is NaN.
             assert!(format!("{:?}", rows.frames) == format!("{whole:?}"), "{what} in {looks} looks: rows differ");
             let once = bytes.len() as u64 + looks * AGAIN_BYTES;
@@ -112,11 +112,28 @@ fn the_rows_are_those_of_the_whole_whatever_the_steps() {
 }
 
 #[test]
+fn straight_inputs_and_such_that_hold_grow_as_well() {
+    for (what, made) in [("slow", slow(100, Some(1))), ("no pressure", slow(60, None))] {
+        let bytes = made.bytes(small_chunks());
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("whole.mcap");
+        fs::write(&path, &bytes).unwrap();
+        for (seed, interpolation) in [(1, Interpolation::Hold), (2, Interpolation::Linear { period_ns: MS })] {
+            let options = ReadOptions { interpolation, ..options() };
+            let whole = bag::read(&path, &options).unwrap().recording.frames;
+            let path = dir.path().join(format!("{seed}.mcap"));
+            let (rows, ..) = in_steps(&path, &bytes, options, bytes.len() / 9, seed);
+            assert!(format!("{:?}", rows.frames) == format!("{whole:?}"), "{what}, {interpolation:?}: rows differ");
+        }
+    }
+}
+
+#[test]
 fn a_row_waits_for_a_silent_stream_for_a_minute_and_no_longer() {
     let bytes = slow(200, Some(90)).bytes(small_chunks());
     let dir = tempfile::tempdir().unwrap();
     let rows = [bytes.len() / 50, 2 * bytes.len()]
-        .map(|most| in_steps(&dir.path().join(most.to_string()), &bytes, most, 4).0.frames);
+        .map(|most| in_steps(&dir.path().join(most.to_string()), &bytes, options(), most, 4).0.frames);
     assert!(format!("{:?}", rows[0]) == format!("{:?}", rows[1]), "the steps make no difference");
     let at = |time_s: i64| rows[0].iter().find(|row| row.time_ns == BEGIN_NS + time_s * 1000 * MS).unwrap().inputs;
     assert_eq!(at(20).tank_pressure_pa, 4.0e6, "held");
@@ -225,7 +242,7 @@ fn damage_amid_a_bag_that_grows_is_passed_over_as_in_one_that_is_whole() {
     let dir = tempfile::tempdir().unwrap();
     fs::write(dir.path().join("whole.mcap"), &bytes).unwrap();
     let whole = bag::read(&dir.path().join("whole.mcap"), &options()).unwrap().recording.frames;
-    let (rows, ..) = in_steps(&dir.path().join("grown.mcap"), &bytes, bytes.len() / 7, 9);
+    let (rows, ..) = in_steps(&dir.path().join("grown.mcap"), &bytes, options(), bytes.len() / 7, 9);
     assert!(format!("{:?}", rows.frames) == format!("{whole:?}"));
 }
 

@@ -135,9 +135,30 @@ fn bits(frame: &Frame) -> impl PartialEq {
 /// Reads a bag as a whole and row by row, on a grid of a millisecond as well, and fails where the two differ in a row, a warning or a refusal.
 #[track_caller]
 pub fn read_both_ways(path: &Path, options: &ReadOptions) -> Result<Loaded, BagError> {
-    let sharp = ReadOptions { interpolation: Interpolation::Sharp { period_ns: MS }, ..options.clone() };
+    for interpolation in [Interpolation::Sharp { period_ns: MS }, Interpolation::Linear { period_ns: MS }] {
+        same_on_a_grid(path, &ReadOptions { interpolation, ..options.clone() });
+    }
+    let words = |error: BagError| error.to_string();
     let mut all = All::default();
-    match (bag::read(path, &sharp), bag::read_rows(path, &sharp, &mut all)) {
+    let rows = bag::read_rows(path, options, &mut all);
+    let whole = bag::read(path, options);
+    match (&whole, rows.map_err(words)) {
+        // As text, in which NaN is NaN.
+        (Ok(whole), Ok(health)) => {
+            assert_eq!(format!("{:?}", whole.health), format!("{health:?}"));
+            assert!(format!("{:?}", whole.recording.frames) == format!("{:?}", all.frames), "rows differ");
+        }
+        (Err(whole), Err(rows)) => assert_eq!(whole.to_string(), rows),
+        (Ok(_), Err(rows)) => panic!("refused row by row: {rows}"),
+        (Err(whole), Ok(_)) => panic!("refused as a whole: {whole}"),
+    }
+    whole
+}
+
+#[track_caller]
+fn same_on_a_grid(path: &Path, options: &ReadOptions) {
+    let mut all = All::default();
+    match (bag::read(path, options), bag::read_rows(path, options, &mut all)) {
         (Ok(whole), Ok(health)) => {
             assert_eq!(format!("{:?}", whole.health), format!("{health:?}"));
             let frames = &whole.recording.frames;
@@ -155,21 +176,6 @@ pub fn read_both_ways(path: &Path, options: &ReadOptions) -> Result<Loaded, BagE
         (Err(BagError::TooManyRows { .. }), Ok(_)) => {}
         (whole, rows) => panic!("{:?} {rows:?}", whole.map(|whole| whole.health)),
     }
-    let words = |error: BagError| error.to_string();
-    let mut all = All::default();
-    let rows = bag::read_rows(path, options, &mut all);
-    let whole = bag::read(path, options);
-    match (&whole, rows.map_err(words)) {
-        // As text, in which NaN is NaN.
-        (Ok(whole), Ok(health)) => {
-            assert_eq!(format!("{:?}", whole.health), format!("{health:?}"));
-            assert!(format!("{:?}", whole.recording.frames) == format!("{:?}", all.frames), "rows differ");
-        }
-        (Err(whole), Err(rows)) => assert_eq!(whole.to_string(), rows),
-        (Ok(_), Err(rows)) => panic!("refused row by row: {rows}"),
-        (Err(whole), Ok(_)) => panic!("refused as a whole: {whole}"),
-    }
-    whole
 }
 
 /// Bytes in a file `bag.mcap` of a folder of its own.

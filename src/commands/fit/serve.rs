@@ -3,9 +3,8 @@
 use std::io::{BufRead, Write};
 
 use anyhow::Context;
-use govtwin::estimation::coordinate::Coordinate;
+use govtwin::estimation::coordinate::{Coordinate, subject_at};
 use govtwin::identification::calibration::Calibration;
-use govtwin::identification::free_parameter::unit_at;
 use govtwin::likelihood::problem::Problem;
 use govtwin::parameters::Unit;
 use serde_json::json;
@@ -28,7 +27,7 @@ pub fn serve(problem: &Problem, base: &Unit, fitted: &Calibration) -> anyhow::Re
         let positions: Vec<f64> =
             serde_json::from_str(&line?).context("expected a list of positions, one number for each free parameter")?;
         let residuals =
-            problem.residuals_of(&[unit_at(base, &fitted.free_parameters, &positions)]).pop().unwrap_or_default();
+            problem.residuals_of(&[subject_at(base, &fitted.free_parameters, &positions)]).pop().unwrap_or_default();
         let priors = fitted
             .free_parameters
             .iter()

@@ -13,9 +13,8 @@ use crate::diagnosis::model::FittedModel;
 use crate::diagnosis::model::discrepancy::Columns;
 use crate::diagnosis::model::support::{SIZE_PRIOR, Variant};
 use crate::effects::EffectSpec;
-use crate::estimation::coordinate::Coordinate;
+use crate::estimation::coordinate::{Coordinate, subject_at};
 use crate::estimation::linear::crossed;
-use crate::identification::free_parameter::unit_at;
 use crate::likelihood::problem::Problem;
 
 /// Sizes at which an effect is simulated, in typical ones; those out of its range are left out.
@@ -90,7 +89,7 @@ impl Linearisation {
             for variant in variants(spec) {
                 if let Some((base, free_parameters, positions)) = model.with_effect(spec, variant) {
                     atoms.push(Atom::Sized { effect, variant });
-                    units.push(unit_at(&base, &free_parameters, &positions));
+                    units.push(subject_at(&base, &free_parameters, &positions));
                 }
             }
         }

@@ -2,8 +2,9 @@
 
 use crate::diagnosis::model::FittedModel;
 use crate::estimation::annealing::annealed;
+use crate::estimation::coordinate::subject_at;
 use crate::estimation::fit::{Effort, fit};
-use crate::identification::free_parameter::{FreeParameter, unit_at};
+use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::event_time::placed;
 use crate::likelihood::loop_noise::heard;
 use crate::likelihood::noise::Noise;
@@ -53,12 +54,12 @@ pub fn nominal(trials: Vec<Trial>, unit: &Unit, turned: Turned, noise: &Noise) -
         .into_iter()
         .min_by(|a, b| a.cost().total_cmp(&b.cost()))
         .map_or_else(|| zeros.clone(), |fit| fit.positions);
-    let mut problem = heard(first, &unit_at(unit, &free_parameters, &start));
+    let mut problem = heard(first, &subject_at(unit, &free_parameters, &start));
     let mut fine = fit(&problem, unit, &free_parameters, &start, Effort::FULL, None);
     let mut settled = true;
     // The unit that explains the trips best and the trips that suit it best are found in turns.
     for _ in 0..TURNS {
-        let now = unit_at(unit, &free_parameters, &fine.positions);
+        let now = subject_at(unit, &free_parameters, &fine.positions);
         let Some(trials) = placed(&problem, &recorded, &now) else { break };
         problem = problem.anew(trials, &now);
         fine = fit(&problem, unit, &free_parameters, &fine.positions, TURN, Some(&fine.slopes));

@@ -8,9 +8,8 @@ use nalgebra::DVector;
 use crate::diagnosis::model::FittedModel;
 use crate::diagnosis::result::{Interval, StageFigure};
 use crate::effects;
-use crate::estimation::coordinate::Coordinate;
+use crate::estimation::coordinate::{Coordinate, subject_at};
 use crate::frame::{EsvState, Frame, Inputs, Signals};
-use crate::identification::free_parameter::unit_at;
 use crate::likelihood::problem::twin_of;
 use crate::likelihood::trial::Trial;
 use crate::parameters::Unit;
@@ -58,7 +57,7 @@ pub fn told(model: &FittedModel, law: &Plain, trials: &[Trial]) -> Vec<StageFigu
         let ends = places.map(|place| {
             let mut positions = model.fit.positions.clone();
             positions[k] = place;
-            of(&unit_at(&model.base, &model.free_parameters, &positions))
+            of(&subject_at(&model.base, &model.free_parameters, &positions))
         });
         for (figure, slopes) in slopes.iter_mut().enumerate() {
             let slope = (ends[1][figure] - ends[0][figure]) / (places[1] - places[0]);

@@ -8,11 +8,11 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::diagnosis::model::FittedModel;
 use crate::diagnosis::result::Interval;
-use crate::estimation::coordinate::{Coordinate, square};
+use crate::estimation::coordinate::{Coordinate, square, subject_at};
 use crate::estimation::fit::{Effort, fit};
 use crate::estimation::linear::normal;
 use crate::frame::Estimate;
-use crate::identification::free_parameter::{FreeParameter, unit_at};
+use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::problem::Problem;
 use crate::likelihood::trial::Trial;
 use crate::signal::Signal;
@@ -70,7 +70,7 @@ pub fn without_parts(problem: &Problem, model: &FittedModel) -> HeldOutEstimates
         }
         hessian += DMatrix::identity(model.free_parameters.len(), model.free_parameters.len()) * 1e-9;
         let Some(cholesky) = hessian.cholesky() else { continue };
-        let unit = unit_at(&model.base, &model.free_parameters, &moved(model, &cholesky.solve(&gradient)));
+        let unit = subject_at(&model.base, &model.free_parameters, &moved(model, &cholesky.solve(&gradient)));
         for trial in trials.clone() {
             let anew = problem.simulate(&unit, trial);
             for block in part_of(&problem.trials[trial], part) {
@@ -132,12 +132,12 @@ fn refitted_without(problem: &Problem, model: &FittedModel, left: usize) -> crat
         of.iter().map(|&k| (model.free_parameters[k], model.fit.positions[k])).unzip()
     };
     let (held_parameters, held_positions) = pick(&held);
-    let base = unit_at(&model.base, &held_parameters, &held_positions);
+    let base = subject_at(&model.base, &held_parameters, &held_positions);
     let (free_parameters, start) = pick(&free);
     let slopes: Vec<DMatrix<f64>> =
         (0..problem.trials.len()).filter(|&k| k != left).map(|k| model.fit.slopes[k].select_columns(&free)).collect();
     let found = fit(&problem.without(left), &base, &free_parameters, &start, REFIT, Some(&slopes));
-    unit_at(&base, &free_parameters, &found.positions)
+    subject_at(&base, &free_parameters, &found.positions)
 }
 
 /// Squared residuals over the noise at each sample, where one was measured: refitted, with effects.
