@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
+use govtwin::diagnosis::result::schema::SCHEMA;
 use govtwin::diagnosis::result::schema::read::read;
 use govtwin::provenance::Provenance;
 use govtwin::report::diagnosis as page;
@@ -39,6 +40,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         format!("{shown}: expected JSON as `govtwin diagnose` writes it to report.json, found something else")
     })?;
     let schema = report["schema"].as_str().unwrap_or_default();
+    if schema.is_empty() {
+        bail!("{shown}: expected a report of the schema {SCHEMA}, found JSON that states none");
+    }
     if schema == govtwin::replay::summary::SCHEMA {
         bail!(
             "{shown} holds the figures of a replay; its pictures come from the bags: `govtwin replay --out DIR BAG` makes them again"

@@ -267,7 +267,9 @@ fn next(body: &mut PageBody, diagnosis: &Diagnosis) {
             "Proposed tests: the best of the candidates, each simulated with every hypothesis that is left; parameters that nobody knows better and errors of equations count against them. The first stands in next_test.mcap where a governor can be sent it.",
         );
         let mut inner = PageBody::new();
-        inner.facts(diagnosis.experiments.iter().map(|one| (words::within(&one.test), next_test::how_to_run(one))));
+        for one in &diagnosis.experiments {
+            inner.paragraph(format!("{}: {}", words::capital(&words::within(&one.test)), next_test::how_to_run(one)));
+        }
         body.details("How to run them", inner);
     }
     let mut inner = PageBody::new();

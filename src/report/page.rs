@@ -242,7 +242,7 @@ fn block(block: &Block) -> Markup {
                 @if !caption.is_empty() { figcaption { (prose(caption)) } }
             },
             Block::Table { table, caption } => (table_markup(table, caption)),
-            Block::Facts(facts) => dl.facts { @for (name, value) in facts { dt { (spaced(name)) } dd { (prose(value)) } } },
+            Block::Facts(facts) => dl.facts { @for (name, value) in facts { dt { (name) } dd { (value) } } },
             Block::Note { tone, text } => p.note.(tone_class(*tone)) role="note" { (prose(text)) },
             Block::Details { summary, blocks: inner } => details { summary { (summary) } (blocks(inner)) },
         }
@@ -305,7 +305,7 @@ fn table_markup(table: &Table, caption: &str) -> Markup {
                                 td.(class(column.numbers)) data-label=(column.label()) {
                                     @match row.link.as_ref().filter(|_| place == 0) {
                                         Some(link) => a href=(link) { (cell) },
-                                        None => (prose(cell)),
+                                        None => (cell),
                                     }
                                 }
                             }

@@ -171,7 +171,7 @@ pub fn verdict_title(verdict: Verdict) -> &'static str {
         Verdict::Named => "cause found",
         Verdict::Class => "possible causes",
         Verdict::Unknown => "unknown cause",
-        Verdict::NoGap => "no fault",
+        Verdict::NoGap => "no fault found",
         Verdict::NotExcited => "cannot be told",
         Verdict::NoSuchUnit => "no such unit",
     }
