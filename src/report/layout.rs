@@ -113,7 +113,7 @@ pub fn label_rows(axis: &Axis, width: f64) -> usize {
 
 /// Width of one legend entry, px.
 pub fn legend_px(label: &str) -> f64 {
-    words_px(label, LEGEND_SIZE) + 34.0
+    words_px(label, LEGEND_SIZE) + 40.0
 }
 
 fn legend_rows(panel: &Panel, width: f64) -> usize {

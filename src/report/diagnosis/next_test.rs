@@ -3,7 +3,7 @@
 use crate::diagnosis::experiment::LEAST_BITS;
 use crate::diagnosis::result::{Diagnosis, Experiment};
 use crate::effects::Stage;
-use crate::report::diagnosis::words::{id_words, listed, percent, stage_title, within};
+use crate::report::diagnosis::words::{id_words, listed, probability, stage_title, within};
 use crate::report::table::significant;
 
 /// A hypothesis of a posterior in words: effects joined by `+`, `none`, or `unknown:STAGE`.
@@ -52,7 +52,7 @@ pub fn paragraphs(diagnosis: &Diagnosis) -> Vec<String> {
             within(&one.test),
             significant(one.length_s, 3),
             trips(one.trips),
-            percent(one.expected_drop_bits / one.entropy_bits),
+            probability(one.expected_drop_bits / one.entropy_bits),
             significant(one.expected_drop_bits, 2),
             significant(one.entropy_bits, 2),
         ),

@@ -212,9 +212,7 @@ pub fn parameters(diagnosis: &Diagnosis) -> Table {
     let mut table = Table::new()
         .words("parameter")
         .numbers("sheet")
-        .numbers("fitted")
-        .numbers("90 % from")
-        .numbers("to")
+        .numbers("fitted, with 90 % interval")
         .numbers("σ from sheet")
         .numbers("from recordings")
         .words("");
@@ -224,9 +222,7 @@ pub fn parameters(diagnosis: &Diagnosis) -> Table {
         table.row([
             one.name.clone(),
             quantity(one.sheet, one.unit),
-            quantity(one.value.value, one.unit),
-            quantity(one.value.low, one.unit),
-            quantity(one.value.high, one.unit),
+            value(one),
             fixed(one.position, 2),
             percent(one.information),
             if one.at_bound { "at its bound".to_owned() } else { String::new() },

@@ -10,7 +10,7 @@ pub fn percent(share: f64) -> String {
     if share.is_finite() { format!("{:.0} %", 100.0 * share).replace('-', "\u{2212}") } else { "–".into() }
 }
 
-/// A probability as a percentage; none is certain, and none is nothing.
+/// A probability, or a share that is expected, as a percentage; none is certain, and none is nothing.
 pub fn probability(share: f64) -> String {
     match share {
         share if share < 0.005 => "under 1 %".to_owned(),
