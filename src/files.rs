@@ -67,4 +67,17 @@ mod tests {
         assert!(write_atomically(&taken, b"x").is_err());
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
     }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_is_no_file_is_not_replaced_by_one() {
+        use std::os::unix::fs::FileTypeExt as _;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("socket");
+        let _open = std::os::unix::net::UnixListener::bind(&path).unwrap();
+        let error = write_atomically(&path, b"x").unwrap_err().to_string();
+        assert!(error.contains("expected a file or nothing there, found a socket"), "{error}");
+        assert!(std::fs::metadata(&path).unwrap().file_type().is_socket());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
 }

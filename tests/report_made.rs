@@ -165,7 +165,7 @@ fn what_is_no_report_of_a_diagnosis_is_named_for_what_it_is() {
             r#"{"schema": "govtwin-diagnosis/1", "verdict": "perhaps"}"#,
             "verdict: expected named, class, unknown, no_gap, not_excited or no_such_unit, found `perhaps`",
         ),
-        ("[]", "found ``"),
+        ("[]", "found JSON that states none"),
         ("{", "report.json"),
     ] {
         fs::write(dir.path().join("report.json"), content).unwrap();

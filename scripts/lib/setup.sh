@@ -128,7 +128,14 @@ need_rustup() {
     fi
     need_packages "to fetch Rust" curl ca-certificates
     say "setup: installing rustup with its official installer, into ~/.cargo and ~/.rustup"
-    curl --proto '=https' --tlsv1.2 -sSf https://sh.rustup.rs | sh -s -- -y --no-modify-path --default-toolchain none ||
+    local installer
+    installer=$(mktemp)
+    # The second is where the first leads to; some networks let only that one through.
+    curl --proto '=https' --tlsv1.2 -sSf -o "$installer" https://sh.rustup.rs ||
+        curl --proto '=https' --tlsv1.2 -sSf -o "$installer" https://static.rust-lang.org/rustup/rustup-init.sh ||
         fail "rustup could not be fetched; install Rust $MIN_RUST or newer by hand and run this again"
+    sh "$installer" -y --no-modify-path --default-toolchain none ||
+        fail "rustup could not be installed; install Rust $MIN_RUST or newer by hand and run this again"
+    rm -f "$installer"
     export PATH="$HOME/.cargo/bin:$PATH"
 }

@@ -1,8 +1,9 @@
 //! `govtwin report`: the page of a diagnosis again from its JSON.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
+use govtwin::diagnosis::result::schema::SCHEMA;
 use govtwin::diagnosis::result::schema::read::read;
 use govtwin::provenance::Provenance;
 use govtwin::report::diagnosis as page;
@@ -34,23 +35,36 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let shown = args.report.display();
     let text =
         govtwin::files::read_text(&args.report, LARGEST_BYTES).with_context(|| format!("cannot read {shown}"))?;
-    let report: serde_json::Value = serde_json::from_str(&text).with_context(|| {
+    // Editors of other systems put a mark of byte order before the text.
+    let report: serde_json::Value = serde_json::from_str(text.trim_start_matches('\u{feff}')).with_context(|| {
         format!("{shown}: expected JSON as `govtwin diagnose` writes it to report.json, found something else")
     })?;
     let schema = report["schema"].as_str().unwrap_or_default();
+    if schema.is_empty() {
+        bail!("{shown}: expected a report of the schema {SCHEMA}, found JSON that states none");
+    }
     if schema == govtwin::replay::summary::SCHEMA {
         bail!(
             "{shown} holds the figures of a replay; its pictures come from the bags: `govtwin replay --out DIR BAG` makes them again"
         );
     }
+    let out = args.out.clone().unwrap_or_else(|| args.report.with_extension("html"));
+    if same_file(&out, &args.report) {
+        bail!("--out: {}: the page would replace the report itself; name another file", out.display());
+    }
+    report_file::check(&report).with_context(|| shown.to_string())?;
     let diagnosis = read(&report).with_context(|| shown.to_string())?;
     let made = report_file::provenance(&args.report)?.unwrap_or_else(|| Provenance {
         warnings: vec!["the report does not say what it was made from".to_owned()],
         ..Provenance::default()
     });
-    let out = args.out.clone().unwrap_or_else(|| args.report.with_extension("html"));
     let html = page::page(&diagnosis, &made)?.to_html();
     write_atomically(&out, html.as_bytes())?;
     print(&format!("{}\npage: {}\n", page::summary(&diagnosis, width()), out.display()))?;
     Ok(Outcome::Ok)
+}
+
+/// Whether two paths lead to one file.
+fn same_file(one: &Path, other: &Path) -> bool {
+    matches!((one.canonicalize(), other.canonicalize()), (Ok(one), Ok(other)) if one == other)
 }

@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use govtwin::files::read_text;
 use govtwin::provenance::Provenance;
+use serde_json::Value;
 
 /// More than a report of one unit has with all its evidence.
 pub const LARGEST_BYTES: u64 = 1 << 24;
@@ -16,6 +17,83 @@ pub fn provenance(path: &Path) -> anyhow::Result<Option<Provenance>> {
         provenance: Option<Provenance>,
     }
     let text = read_text(path, LARGEST_BYTES).with_context(|| format!("cannot read {}", path.display()))?;
-    let made: Made = serde_json::from_str(&text).with_context(|| path.display().to_string())?;
+    let made: Made =
+        serde_json::from_str(text.trim_start_matches('\u{feff}')).with_context(|| path.display().to_string())?;
     Ok(made.provenance)
+}
+
+/// Refuses a report that was edited or made by something else, before its figures are shown as if they were ours.
+pub fn check(report: &Value) -> anyhow::Result<()> {
+    let verdict = report["verdict"].as_str().unwrap_or_default();
+    let faults = report["effects"].as_array().map_or(0, Vec::len);
+    if matches!(verdict, "named" | "class") && faults == 0 {
+        bail!("effects: expected the faults of the verdict `{verdict}`, found none");
+    }
+    sound("", report)
+}
+
+/// Every probability below a place lies in 0 to 1, and every interval in order.
+fn sound(place: &str, value: &Value) -> anyhow::Result<()> {
+    match value {
+        Value::Object(entries) => entries.iter().try_for_each(|(key, value)| {
+            let place = if place.is_empty() { key.clone() } else { format!("{place}.{key}") };
+            match (key.as_str(), value) {
+                ("probability", Value::Object(all)) => {
+                    all.iter().try_for_each(|(id, share)| probability(&format!("{place}.{id}"), share))
+                }
+                ("probability", share) => probability(&place, share),
+                ("ci90", Value::Array(ends)) => match ends.iter().filter_map(Value::as_f64).collect::<Vec<_>>()[..] {
+                    [low, high] if low > high => {
+                        bail!("{place}: expected an interval from low to high, found [{low}, {high}]")
+                    }
+                    _ => Ok(()),
+                },
+                (_, value) => sound(&place, value),
+            }
+        }),
+        Value::Array(rows) => {
+            rows.iter().enumerate().try_for_each(|(row, value)| sound(&format!("{place}[{row}]"), value))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn probability(place: &str, share: &Value) -> anyhow::Result<()> {
+    match share.as_f64() {
+        Some(share) if !(0.0..=1.0 + 1e-9).contains(&share) => bail!("{place}: expected 0 to 1, found {share}"),
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::check;
+
+    #[test]
+    fn figures_that_no_diagnosis_has_are_named_with_their_place() {
+        for (report, words) in [
+            (
+                json!({"verdict": "named", "effects": []}),
+                "effects: expected the faults of the verdict `named`, found none",
+            ),
+            (
+                json!({"ranking": [{"probability": 0.2}, {"probability": 97}]}),
+                "ranking[1].probability: expected 0 to 1, found 97",
+            ),
+            (
+                json!({"location": {"probability": {"esv": -0.5}}}),
+                "location.probability.esv: expected 0 to 1, found -0.5",
+            ),
+            (
+                json!({"gap": {"closure": {"ci90": [0.9, 0.1]}}}),
+                "gap.closure.ci90: expected an interval from low to high, found [0.9, 0.1]",
+            ),
+        ] {
+            assert_eq!(check(&report).unwrap_err().to_string(), words);
+        }
+        let sound = json!({"verdict": "no_gap", "effects": [], "ranking": [{"probability": null}, {"probability": 1.0}], "ci90": [null, 1.0]});
+        check(&sound).unwrap();
+    }
 }

@@ -20,7 +20,13 @@ pub fn number(text: &str) -> Result<f64, String> {
     text.trim().parse().map_err(|_| {
         let end = text.rfind(|c: char| c.is_ascii_digit()).map_or(0, |last| last + 1);
         match text.get(..end).filter(|number| number.parse::<f64>().is_ok()) {
-            Some(number) => format!("expected a number, without its unit: `{number}`"),
+            // What another unit is worth in that of the option is not guessed.
+            Some(number) => match text[end..].trim() {
+                unit if unit.eq_ignore_ascii_case("hz") || unit.eq_ignore_ascii_case("s") => {
+                    format!("expected a number, without its unit: `{number}`")
+                }
+                unit => format!("expected a number in the unit of the option, found `{unit}` behind it"),
+            },
             None => "expected a number, such as 100 or 0.5".to_owned(),
         }
     })

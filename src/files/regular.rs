@@ -42,8 +42,9 @@ fn found(result: io::Result<Metadata>) -> io::Result<Option<Metadata>> {
     }
 }
 
+/// What something is that is no regular file.
 #[cfg(unix)]
-fn describe(kind: &Metadata) -> Option<&'static str> {
+pub(super) fn describe(kind: &Metadata) -> Option<&'static str> {
     use std::os::unix::fs::FileTypeExt as _;
     let of = kind.file_type();
     let names = [
@@ -55,8 +56,9 @@ fn describe(kind: &Metadata) -> Option<&'static str> {
     names.into_iter().find_map(|(is, name)| is.then_some(name)).or((!of.is_file()).then_some("something else"))
 }
 
+/// The same where files have fewer kinds.
 #[cfg(not(unix))]
-fn describe(kind: &Metadata) -> Option<&'static str> {
+pub(super) fn describe(kind: &Metadata) -> Option<&'static str> {
     (!kind.is_file()).then_some(if kind.is_dir() { "a folder" } else { "something else" })
 }
 

@@ -8,7 +8,7 @@ use tempfile::{NamedTempFile, TempPath};
 use super::create::make_folder;
 use super::fault::step;
 use super::folder_of;
-use super::regular::{look_at, look_at_link};
+use super::regular::{describe, look_at, look_at_link};
 use super::rename::{exchange, move_new};
 use super::temporary::temporary_file;
 
@@ -27,11 +27,10 @@ impl Together {
         let folder = folder_of(path);
         step()?;
         make_folder(folder)?;
-        if look_at(path)?.is_some_and(|kind| kind.is_dir()) {
-            return Err(io::Error::new(
-                io::ErrorKind::IsADirectory,
-                "expected a file or nothing there, found a folder",
-            ));
+        // A device or a pipe would be replaced by the file where the folder may be written to.
+        if let Some(found) = look_at(path)?.and_then(|kind| describe(&kind)) {
+            let words = format!("expected a file or nothing there, found {found}");
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, words));
         }
         let mut file = temporary_file(folder)?;
         step()?;

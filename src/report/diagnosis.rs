@@ -79,7 +79,7 @@ fn opening(body: &mut PageBody, diagnosis: &Diagnosis, made: &Provenance) {
     if let Some(first) = diagnosis.ranking.first() {
         key.push(
             KeyFigure::new("most probable", words::id_words(&first.id), "")
-                .hint(format!("probability {}", words::percent(first.probability))),
+                .hint(format!("probability {}", words::probability(first.probability))),
         );
     }
     if let [one] = diagnosis.blamed.as_slice()
@@ -88,6 +88,15 @@ fn opening(body: &mut PageBody, diagnosis: &Diagnosis, made: &Provenance) {
         let (value, interval) = value.split_once(" [").unwrap_or((&value, ""));
         let hint = if interval.is_empty() { String::new() } else { format!("90 %: [{interval}") };
         key.push(KeyFigure::new(name, value, "").hint(hint));
+    }
+    let errors_left =
+        diagnosis.gap.iter().filter(|gap| gap.noise_floor > 0.0 && Signal::POSITIONS.contains(&gap.signal));
+    for gap in errors_left.filter(|_| diagnosis.blamed.is_empty()) {
+        let times = format!("{} × noise", significant(gap.refitted / gap.noise_floor, 2));
+        key.push(
+            KeyFigure::new(format!("error left, {}", gap.signal.title().to_lowercase()), times, "")
+                .hint("a right twin: 1"),
+        );
     }
     if !diagnosis.blamed.is_empty() {
         let closure = diagnosis.closure;
@@ -155,6 +164,7 @@ fn recordings(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Re
         let into = if rank == 0 { &mut *body } else { &mut inner };
         let what = match diagnosis.part {
             Some(_) => trace.name.clone(),
+            None if trace.name.replace('_', " ").contains(trace.process.title()) => trace.name.clone(),
             None => format!("{} ({})", trace.name, trace.process.title()),
         };
         let first = if rank == 0 && diagnosis.traces.len() > 1 { " The recording with most of the error." } else { "" };
@@ -256,6 +266,11 @@ fn next(body: &mut PageBody, diagnosis: &Diagnosis) {
             tables::experiments(diagnosis),
             "Proposed tests: the best of the candidates, each simulated with every hypothesis that is left; parameters that nobody knows better and errors of equations count against them. The first stands in next_test.mcap where a governor can be sent it.",
         );
+        let mut inner = PageBody::new();
+        for one in &diagnosis.experiments {
+            inner.paragraph(format!("{}: {}", words::capital(&words::within(&one.test)), next_test::how_to_run(one)));
+        }
+        body.details("How to run them", inner);
     }
     let mut inner = PageBody::new();
     inner.table(

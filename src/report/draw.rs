@@ -12,13 +12,19 @@ use plotters::style::{Color, FontDesc, FontFamily, FontStyle, RGBAColor, RGBColo
 
 use super::dress::dressed;
 use super::ink::Ink;
-use super::layout::{self, PanelPlace, ROW_PX, TITLE_PX, legend_px, words_px};
+use super::layout::{
+    self, LABEL_SIZE, LEGEND_SIZE, PanelPlace, RIGHT_PX, ROW_PX, TICKS_PX, TITLE_PX, TITLE_SIZE, label_lines,
+    label_rows, legend_px, words_px,
+};
 use super::picture::{Axis, Mark, MarkShape, Panel, Picture};
 use super::table::fixed;
 use super::thin::{clip, clip_segment, runs, thin};
 
 /// The plotting library places things on whole units; this many of them to a pixel keep curves smooth.
 const SCALE: f64 = 8.0;
+
+/// From one line of a label to the next, px.
+const LINE_PX: f64 = 14.0;
 
 /// A picture that could not be drawn.
 #[derive(Debug, thiserror::Error)]
@@ -82,10 +88,10 @@ fn draw(picture: &Picture) -> Result<String, Failure> {
             for (event, row) in picture.events.iter().zip(rows) {
                 #[expect(clippy::cast_precision_loss, reason = "a handful of rows")]
                 let y = first.plot[1] - ROW_PX * (row as f64 + 0.5);
-                let (x, width) = (to_px(first, event.x), words_px(&event.label, 11.5));
+                let (x, width) = (to_px(first, event.x), words_px(&event.label, LABEL_SIZE));
                 let beyond = x + width > first.plot[2] + 16.0;
                 let (x, side) = if beyond { (x - 4.0, HPos::Right) } else { (x + 4.0, HPos::Left) };
-                write(&canvas, &event.label, [x, y], 11.5, event.ink, side, VPos::Center)?;
+                write(&canvas, &event.label, [x, y], LABEL_SIZE, event.ink, side, VPos::Center)?;
             }
         }
         canvas.present()?;
@@ -93,6 +99,7 @@ fn draw(picture: &Picture) -> Result<String, Failure> {
     Ok(text)
 }
 
+#[expect(clippy::cast_precision_loss, reason = "a handful of lines")]
 fn draw_panel(canvas: &Canvas, picture: &Picture, panel: &Panel, place: &PanelPlace) -> Result<(), Failure> {
     let [left, top, right, bottom] = place.plot;
     let plot: Plot = canvas.clone().apply_coord_spec(Cartesian2d::new(
@@ -111,14 +118,21 @@ fn draw_panel(canvas: &Canvas, picture: &Picture, panel: &Panel, place: &PanelPl
         if panel.y.categories.is_empty() {
             plot.draw(&PathElement::new([(place.x[0], value), (place.x[1], value)], grid))?;
         }
-        write(canvas, &label, [left - 7.0, to_py(place, value)], 11.5, Ink::Muted, HPos::Right, VPos::Center)?;
+        let lines = label_lines(&label, right + RIGHT_PX - place.from);
+        for (line, words) in lines.iter().enumerate() {
+            let below = LINE_PX * (line as f64 - 0.5 * (lines.len() - 1) as f64);
+            let at = [left - 7.0, to_py(place, value) + below];
+            write(canvas, words, at, LABEL_SIZE, Ink::Muted, HPos::Right, VPos::Center)?;
+        }
     }
-    for (value, label) in ticks(&panel.x, place.x, right - left, 84.0) {
+    let rows = label_rows(&panel.x, right - left);
+    for (k, (value, label)) in ticks(&panel.x, place.x, right - left, 84.0).into_iter().enumerate() {
         if panel.x.categories.is_empty() {
             plot.draw(&PathElement::new([(value, place.y[0]), (value, place.y[1])], grid))?;
         }
         if place.labels_x {
-            write(canvas, &label, [to_px(place, value), bottom + 6.0], 11.5, Ink::Muted, HPos::Center, VPos::Top)?;
+            let at = [to_px(place, value), bottom + 6.0 + TICKS_PX * (k % rows) as f64];
+            write(canvas, &label, at, LABEL_SIZE, Ink::Muted, HPos::Center, VPos::Top)?;
         }
     }
     for mark in &panel.marks {
@@ -129,14 +143,17 @@ fn draw_panel(canvas: &Canvas, picture: &Picture, panel: &Panel, place: &PanelPl
         plot.draw(&PathElement::new(line, ink(event.ink, 0.9).stroke_width(9)))?;
     }
     if place.labels_x && !panel.x.name.is_empty() {
-        write(canvas, &panel.x.name, [right, bottom + 22.0], 11.5, Ink::Muted, HPos::Right, VPos::Top)?;
+        let at = [right, bottom + 4.0 + TICKS_PX * rows as f64];
+        write(canvas, &panel.x.name, at, LABEL_SIZE, Ink::Muted, HPos::Right, VPos::Top)?;
     }
     draw_title_and_legend(canvas, panel, place)
 }
 
 fn draw_title_and_legend(canvas: &Canvas, panel: &Panel, place: &PanelPlace) -> Result<(), Failure> {
     let middle = place.top + 0.5 * TITLE_PX;
-    write_bold(canvas, &panel.title, [place.left, middle])?;
+    // A title that is longer than its plot begins left of it.
+    let fits = (place.plot[2] - words_px(&panel.title, TITLE_SIZE)).min(place.left);
+    write_bold(canvas, &panel.title, [fits.max(place.from), middle])?;
     let named = || panel.marks.iter().filter(|mark| !mark.label.is_empty());
     let total: f64 = named().map(|mark| legend_px(&mark.label)).sum();
     let (start, mut y) = match place.legend_rows {
@@ -166,7 +183,7 @@ fn draw_title_and_legend(canvas: &Canvas, panel: &Panel, place: &PanelPlace) -> 
                 canvas.draw(&Rectangle::new(corners, ink(mark.ink, mark.opacity).filled()))?;
             }
         }
-        write(canvas, &mark.label, [x + 23.0, y], 12.0, Ink::Text, HPos::Left, VPos::Center)?;
+        write(canvas, &mark.label, [x + 23.0, y], LEGEND_SIZE, Ink::Text, HPos::Left, VPos::Center)?;
         x += width;
     }
     Ok(())
@@ -222,7 +239,7 @@ fn draw_mark(canvas: &Canvas, plot: &Plot, mark: &Mark, place: &PanelPlace) -> R
         MarkShape::Words(words) => {
             for (at, text) in words {
                 let at = [to_px(place, at[0]) + 5.0, to_py(place, at[1])];
-                write(canvas, text, at, 11.5, mark.ink, HPos::Left, VPos::Center)?;
+                write(canvas, text, at, LABEL_SIZE, mark.ink, HPos::Left, VPos::Center)?;
             }
         }
         MarkShape::Cells { rows, full, below, decimals } => {
@@ -248,7 +265,7 @@ fn draw_cells(
             plot.draw(&Rectangle::new([(x - 0.49, y + 0.48), (x + 0.49, y - 0.48)], colour.filled()))?;
             let words = if strength > 0.55 { Ink::Paper } else { Ink::Text };
             let at = [to_px(place, x), to_py(place, y)];
-            write(canvas, &fixed(value, decimals), at, 11.5, words, HPos::Center, VPos::Center)?;
+            write(canvas, &fixed(value, decimals), at, LABEL_SIZE, words, HPos::Center, VPos::Center)?;
         }
     }
     Ok(())
@@ -296,7 +313,7 @@ fn stroke(mark: &Mark) -> ShapeStyle {
 }
 
 fn write_bold(canvas: &Canvas, text: &str, [x, y]: [f64; 2]) -> Result<(), Failure> {
-    let font = FontDesc::new(FontFamily::SansSerif, 13.5 * SCALE, FontStyle::Bold);
+    let font = FontDesc::new(FontFamily::SansSerif, TITLE_SIZE * SCALE, FontStyle::Bold);
     let style = font.color(&ink(Ink::Text, 1.0)).pos(Pos::new(HPos::Left, VPos::Center));
     canvas.draw_text(text, &style, (units(x), units(y)))
 }

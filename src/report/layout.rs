@@ -1,24 +1,31 @@
 //! Where things go in a picture: ranges of the axes, rectangles of the panels, rows of words.
 
 use super::picture::{Axis, EventLine, MarkShape, Panel, Picture};
+use super::table::wrapped;
 
+/// Size of titles, px of the plotting library, which draws letters a fifth smaller.
+pub const TITLE_SIZE: f64 = 15.5;
+/// Size of the words in legends.
+pub const LEGEND_SIZE: f64 = 14.0;
+/// Size of the words along axes.
+pub const LABEL_SIZE: f64 = 13.5;
 /// Height of a panel's title row, px.
-pub const TITLE_PX: f64 = 24.0;
+pub const TITLE_PX: f64 = 26.0;
 /// Height of one row of legend or event names, px.
-pub const ROW_PX: f64 = 16.0;
-/// Height of the tick labels below a panel, px.
-const TICKS_PX: f64 = 20.0;
+pub const ROW_PX: f64 = 18.0;
+/// Height of one row of tick labels below a panel, px.
+pub const TICKS_PX: f64 = 20.0;
 /// Height of an axis name, px.
-const NAME_PX: f64 = 17.0;
+const NAME_PX: f64 = 19.0;
 /// Space between panels, px.
 const GAP_PX: f64 = 12.0;
 /// Space right of a plot, which half a tick label may fill, px.
-const RIGHT_PX: f64 = 20.0;
+pub const RIGHT_PX: f64 = 20.0;
 
-/// Estimated width of words, px: the average letter of a sans-serif face is a little over half its size wide.
+/// Estimated width of words, px: the average letter of a sans-serif face is about half the library's size wide.
 #[expect(clippy::cast_precision_loss, reason = "labels are short")]
 pub fn words_px(words: &str, size_px: f64) -> f64 {
-    words.chars().count() as f64 * size_px * 0.55
+    words.chars().count() as f64 * size_px * 0.5
 }
 
 /// One panel's place, px from the picture's top left, and its ranges.
@@ -30,6 +37,8 @@ pub struct PanelPlace {
     pub top: f64,
     /// Left end of the title.
     pub left: f64,
+    /// Left end of the panel, labels included.
+    pub from: f64,
     /// Rows that the legend fills below the title; 0 where it fits beside it.
     pub legend_rows: usize,
     /// Horizontal range.
@@ -52,43 +61,65 @@ pub fn places(picture: &Picture, event_rows: usize) -> (Vec<PanelPlace>, f64) {
     for (row, panels) in picture.panels.chunks(columns).enumerate() {
         let labels_x = !picture.shared_x || row + 1 == rows;
         let mut bottom = top;
+        // Panels side by side begin at one height.
+        let own = |column: usize, panel: &Panel| {
+            let labels = picture.panels.iter().skip(column).step_by(columns).map(|p| label_px(&p.y, width));
+            legend_rows(panel, width - RIGHT_PX - labels.fold(0.0, f64::max))
+        };
+        let most = panels.iter().enumerate().map(|(column, panel)| own(column, panel)).max().unwrap_or(0);
         for (column, panel) in panels.iter().enumerate() {
             let left = (width + GAP_PX) * column as f64;
-            let column_of = |i: usize| i % columns == column;
-            let labels = picture.panels.iter().enumerate().filter(|(i, _)| column_of(*i)).map(|(_, p)| label_px(&p.y));
+            let labels = picture.panels.iter().skip(column).step_by(columns).map(|p| label_px(&p.y, width));
             let plot_left = left + labels.fold(0.0, f64::max);
             let plot_right = left + width - RIGHT_PX;
-            let legend_rows = legend_rows(panel, plot_right - plot_left);
+            let legend_rows = most;
             let above = if row == 0 { event_rows } else { 0 };
             let plot_top = top + TITLE_PX + ROW_PX * (legend_rows + above) as f64;
             let plot_bottom = plot_top + f64::from(panel.height_px);
             let x = shared_x.unwrap_or_else(|| x_range(panel));
             let y = y_range(panel, x);
             let plot = [plot_left, plot_top, plot_right, plot_bottom];
-            places.push(PanelPlace { plot, top, left: plot_left, legend_rows, x, y, labels_x });
+            places.push(PanelPlace { plot, top, left: plot_left, from: left, legend_rows, x, y, labels_x });
             let name = if panel.x.name.is_empty() { 0.0 } else { NAME_PX };
-            bottom = f64::max(bottom, plot_bottom + if labels_x { TICKS_PX + name } else { 4.0 });
+            let ticks = TICKS_PX * label_rows(&panel.x, plot_right - plot_left) as f64;
+            bottom = f64::max(bottom, plot_bottom + if labels_x { ticks + name } else { 4.0 });
         }
         top = bottom + GAP_PX;
     }
     (places, (top - GAP_PX).max(1.0))
 }
 
-/// Width of the labels left of a plot, px.
-fn label_px(axis: &Axis) -> f64 {
-    let longest = axis.categories.iter().map(|name| words_px(name, 11.5)).fold(0.0, f64::max);
+/// Width of the labels left of a plot, px, in a panel of so many px.
+fn label_px(axis: &Axis, width: f64) -> f64 {
+    let lines = axis.categories.iter().flat_map(|name| label_lines(name, width));
+    let longest = lines.map(|line| words_px(&line, LABEL_SIZE)).fold(0.0, f64::max);
     if axis.categories.is_empty() { 56.0 } else { longest + 14.0 }
+}
+
+/// A label left of a plot, broken into lines that leave the plot its half of the panel.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a panel is a few hundred letters wide")]
+pub fn label_lines(label: &str, width: f64) -> Vec<String> {
+    wrapped(label, (0.45 * width / words_px("m", LABEL_SIZE)) as usize)
+}
+
+/// Rows that the names below a plot of so many px take so that none runs into its neighbour.
+#[expect(clippy::cast_precision_loss, reason = "a handful of categories")]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small and positive")]
+pub fn label_rows(axis: &Axis, width: f64) -> usize {
+    let longest = axis.categories.iter().map(|name| words_px(name, LABEL_SIZE) + 8.0).fold(0.0, f64::max);
+    let apart = width / axis.categories.len().max(1) as f64;
+    (longest / apart.max(1.0)).ceil().clamp(1.0, 4.0) as usize
 }
 
 /// Width of one legend entry, px.
 pub fn legend_px(label: &str) -> f64 {
-    words_px(label, 12.0) + 34.0
+    words_px(label, LEGEND_SIZE) + 40.0
 }
 
 fn legend_rows(panel: &Panel, width: f64) -> usize {
     let labels = || panel.marks.iter().map(|mark| mark.label.as_str()).filter(|label| !label.is_empty());
     let total: f64 = labels().map(legend_px).sum();
-    if total + words_px(&panel.title, 13.5) + 16.0 <= width {
+    if total + words_px(&panel.title, TITLE_SIZE) + 16.0 <= width {
         return 0;
     }
     let (mut rows, mut used) = (1, 0.0);
@@ -108,7 +139,7 @@ pub fn event_rows(events: &[EventLine], at: impl Fn(f64) -> f64) -> Vec<usize> {
     let mut ends: Vec<f64> = Vec::new();
     let row_of = |event: &EventLine| {
         let start = at(event.x);
-        let end = start + words_px(&event.label, 11.5) + 12.0;
+        let end = start + words_px(&event.label, LABEL_SIZE) + 12.0;
         let free = ends.iter().position(|&taken| taken <= start);
         let row = free.unwrap_or(ends.len());
         if free.is_none() {
@@ -206,7 +237,7 @@ fn span(shape: &MarkShape, axis: usize, x: [f64; 2]) -> [f64; 2] {
 
 #[cfg(test)]
 mod tests {
-    use super::{event_rows, places, x_range};
+    use super::{TICKS_PX, event_rows, label_lines, label_rows, places, x_range};
     use crate::report::ink::Ink;
     use crate::report::picture::{EventLine, Panel, Picture};
 
@@ -218,6 +249,20 @@ mod tests {
         assert!(places.iter().all(|place| place.x == [0.0, 9.0]));
         assert!(places.windows(2).all(|pair| pair[0].plot[3] < pair[1].top));
         assert!(places[2].plot[3] < height && places[2].labels_x && !places[0].labels_x);
+    }
+
+    #[test]
+    fn long_names_leave_the_plot_its_half_and_never_run_into_each_other() {
+        let names = ["named verdicts with an effect that is not there", "stage right"];
+        let panel =
+            Panel::new("a").y_categories(names).x_categories(["supply loss", "pilot filter", "port overlap", "none"]);
+        let narrow = Picture::stacked("", vec![panel]).narrow();
+        let (places, height) = places(&narrow, 0);
+        let [left, _, right, bottom] = places[0].plot;
+        assert!(left < 0.55 * f64::from(narrow.width_px), "{left}");
+        assert!(label_lines(names[0], f64::from(narrow.width_px)).len() > 1);
+        let rows = label_rows(&narrow.panels[0].x, right - left);
+        assert!(rows > 1 && height >= bottom + TICKS_PX * f64::from(u32::try_from(rows).unwrap()));
     }
 
     #[test]

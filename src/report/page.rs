@@ -6,6 +6,10 @@ use super::draw::Svg;
 use super::ink::Ink;
 use super::table::Table;
 
+/// Units that stay on the line of their number.
+const UNITS: [&str; 17] =
+    ["%", "s", "ms", "min", "mm", "mm²", "m", "N", "kN", "Pa", "kPa", "MPa", "GPa", "Hz", "L", "bits", "σ"];
+
 /// How a note sounds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tone {
@@ -144,6 +148,9 @@ impl Page {
     #[must_use]
     pub fn to_html(&self) -> String {
         let headings: Vec<&str> = self.body.0.iter().filter_map(heading_of).collect();
+        // Answers come first; where there are none, the contents do.
+        let answered = matches!(self.body.0.first(), Some(Block::Answers(_)));
+        let (opening, rest) = self.body.0.split_at(usize::from(answered));
         let light = Ink::declarations(false);
         let dark = Ink::declarations(true);
         let inks = format!(
@@ -163,17 +170,26 @@ impl Page {
                         header {
                             h1 { (self.title) }
                             @if !self.subtitle.is_empty() { p.subtitle { (self.subtitle) } }
-                            @if headings.len() > 2 {
-                                nav { @for heading in &headings { a href={ "#" (slug(heading)) } { (heading) } } }
-                            }
+                            @if !answered { (contents(&headings)) }
                         }
-                        (blocks(&self.body))
+                        (blocks(&PageBody(opening.to_vec())))
+                        @if answered { (contents(&headings)) }
+                        (blocks(&PageBody(rest.to_vec())))
                         footer { "govtwin " (env!("CARGO_PKG_VERSION")) }
                     }
                 }
             }
         };
         page.into_string()
+    }
+}
+
+/// What the page holds further down.
+fn contents(headings: &[&str]) -> Markup {
+    html! {
+        @if headings.len() > 2 {
+            nav { @for heading in headings { a href={ "#" (slug(heading)) } { (heading) } } }
+        }
     }
 }
 
@@ -197,7 +213,16 @@ fn block(block: &Block) -> Markup {
             Block::Answers(answers) => dl.answers {
                 @for (question, paragraphs) in answers {
                     dt { (question) }
-                    dd { @for text in paragraphs { p { (prose(text)) } } }
+                    dd {
+                        @if let [first, more @ ..] = paragraphs.as_slice() {
+                            p { (prose(first)) }
+                            @if !more.is_empty() {
+                                // A phone shows the rest when it is asked for.
+                                label.more { input type="checkbox"; " more" }
+                                @for text in more { p { (prose(text)) } }
+                            }
+                        }
+                    }
                 }
             },
             Block::Heading(text) => h2 id=(slug(text)) { (text) },
@@ -228,13 +253,28 @@ fn block(block: &Block) -> Markup {
 fn prose(text: &str) -> Markup {
     let parts: Vec<&str> = text.split('`').collect();
     if parts.len().is_multiple_of(2) {
-        return html! { (text) };
+        return html! { (spaced(text)) };
     }
     html! {
         @for (place, part) in parts.iter().enumerate() {
-            @if place % 2 == 1 { code { (part) } } @else { (part) }
+            @if place % 2 == 1 { code { (part) } } @else { (spaced(part)) }
         }
     }
+}
+
+/// Text in which no line ends between a number and its unit.
+fn spaced(text: &str) -> String {
+    let mut all = String::with_capacity(text.len());
+    let mut rest = text;
+    while let Some(at) = rest.find(' ') {
+        let (before, after) = (&rest[..at], &rest[at + 1..]);
+        let number = before.ends_with(|c: char| c.is_ascii_digit());
+        let unit = after.split(|c: char| !c.is_alphanumeric() && c != '%' && c != '²').next().unwrap_or_default();
+        all += before;
+        all.push(if number && UNITS.contains(&unit) { '\u{a0}' } else { ' ' });
+        rest = after;
+    }
+    all + rest
 }
 
 fn tone_class(tone: Tone) -> &'static str {
@@ -330,5 +370,6 @@ mod tests {
         assert_eq!(of("see `a <b>` and `c`."), "see <code>a &lt;b&gt;</code> and <code>c</code>.");
         assert_eq!(of("one ` alone"), "one ` alone");
         assert_eq!(of("none"), "none");
+        assert_eq!(of("2 % of 20 seconds, 3 s"), "2\u{a0}% of 20 seconds, 3\u{a0}s");
     }
 }

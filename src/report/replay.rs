@@ -114,13 +114,13 @@ fn opening(body: &mut PageBody, summary: &ReplaySummary) {
     if said.is_empty() {
         body.lead("Nothing to compare: no position was measured and simulated at once.");
     } else {
-        body.lead(format!("The twin misses {} (RMSE over all rows).", said.join(" and ")));
+        body.lead(format!("The twin misses {} (RMSE over all rows).{}", said.join(" and "), after(summary)));
     }
     let mut key = vec![];
     for (signal, name) in [(Signal::ServomotorPosition, "servomotor"), (Signal::SpoolPosition, "spool")] {
         if let Some(f) = figures(&summary.overall, signal) {
-            let largest = format!("MAE {}, largest {}", significant(f.mae, 2), significant(f.max_abs, 2));
-            key.push(KeyFigure::new(format!("RMSE, {name}"), significant(f.rmse, 3), "pu").hint(largest));
+            let largest = format!("MAE {} %, largest {} %", percent(f.mae, 2), percent(f.max_abs, 2));
+            key.push(KeyFigure::new(format!("RMSE, {name}"), percent(f.rmse, 3), "%").hint(largest));
             key.push(KeyFigure::new(format!("R², {name}"), r2_words(f.r2), ""));
         }
     }
@@ -139,13 +139,39 @@ fn opening(body: &mut PageBody, summary: &ReplaySummary) {
     for one in warned.iter().take(5) {
         body.note(Tone::Warning, format!("{}: {}", one.name, one.warnings.join("; ")));
     }
-    let noted: Vec<_> = summary.recordings.iter().filter(|one| !one.notes.is_empty()).collect();
-    for one in noted.iter().take(5) {
-        body.note(Tone::Plain, format!("{}: {}", one.name, one.notes.join("; ")));
+    // What is noted of several recordings is noted once.
+    let mut noted: Vec<(String, Vec<&str>)> = Vec::new();
+    for one in summary.recordings.iter().filter(|one| !one.notes.is_empty()) {
+        let words = one.notes.join("; ");
+        match noted.iter_mut().find(|(known, _)| *known == words) {
+            Some((_, names)) => names.push(&one.name),
+            None => noted.push((words, vec![&one.name])),
+        }
+    }
+    for (words, names) in noted.iter().take(5) {
+        let names = if names.len() > 6 { format!("{} recordings", names.len()) } else { names.join(", ") };
+        body.note(Tone::Plain, format!("{names}: {words}"));
     }
     if warned.len() > 5 {
         body.note(Tone::Warning, format!("{} more recordings have warnings; see the JSON.", warned.len() - 5));
     }
+}
+
+/// What the last unit of a ladder leaves, in a sentence.
+fn after(summary: &ReplaySummary) -> String {
+    let rungs = summary.ladder.iter().flat_map(|ladder| ladder.rungs.iter().skip(1));
+    let Some(last) = rungs.filter(|rung| rung.model.is_none()).last() else { return String::new() };
+    let of = |(signal, name)| {
+        let left = figures(&last.overall, signal).filter(|f| f.rmse.is_finite())?;
+        Some(format!("the {name} by {} %", percent(left.rmse, 2)))
+    };
+    let positions = [(Signal::ServomotorPosition, "servomotor"), (Signal::SpoolPosition, "spool")];
+    format!(" With {}: {}.", last.title, positions.into_iter().filter_map(of).collect::<Vec<_>>().join(", "))
+}
+
+/// A share of a stroke in percent.
+fn percent(share: f64, digits: u32) -> String {
+    significant(100.0 * share, digits)
 }
 
 fn show(body: &mut PageBody, name: &str, pictures: &Pictures) {

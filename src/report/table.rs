@@ -268,22 +268,43 @@ pub fn significant(value: f64, digits: u32) -> String {
 /// Prefixes of SI units with their powers of ten.
 const PREFIXES: [(&str, i32); 7] = [("G", 9), ("M", 6), ("k", 3), ("", 0), ("m", -3), ("µ", -6), ("n", -9)];
 
-/// A value with three digits in the unit that people use for it: shares in percent, other units with their SI prefix.
+/// The unit that people use for a value, and what the value is multiplied by: shares in percent, lengths in millimetres, others with their
+/// SI prefix; no unit where there is none.
 #[must_use]
-pub fn quantity(value: f64, unit: &str) -> String {
-    let (value, unit) = match unit {
-        "pu" => return format!("{} %", significant(100.0 * value, 3)),
-        "1" | "" => return significant(value, 3),
-        // Machines are drawn in millimetres.
-        "m" => (1000.0 * value, "mm".to_owned()),
-        "s" | "Pa" | "N" | "W" | "A" | "V" | "Hz" if value.is_finite() && value != 0.0 => {
+pub fn scaled_unit(value: f64, unit: &str) -> (f64, String) {
+    let first = unit.split([' ', '/']).next().unwrap_or_default();
+    match unit {
+        "pu" => (100.0, "%".to_owned()),
+        "1" | "" => (1.0, String::new()),
+        // Machines are drawn in millimetres, and small openings are drilled in them.
+        "m" => (1.0e3, "mm".to_owned()),
+        "m2" if value.abs() < 0.01 => (1.0e6, "mm²".to_owned()),
+        "m3/s" if value.abs() < 1.0 => (1.0e3, "L/s".to_owned()),
+        _ if matches!(first, "s" | "Pa" | "N" | "W" | "A" | "V" | "Hz") && value.is_finite() && value != 0.0 => {
             let thousands = |power: i32| value.abs() * (1.0 + 1e-9) >= 10.0_f64.powi(power);
             let (prefix, power) = PREFIXES.into_iter().find(|(_, power)| thousands(*power)).unwrap_or(("", 0));
-            (value / 10.0_f64.powi(power), format!("{prefix}{unit}"))
+            (10.0_f64.powi(-power), format!("{prefix}{}", raised(unit)))
         }
-        unit => (value, unit.to_owned()),
+        unit => (1.0, raised(unit)),
+    }
+}
+
+/// A unit with its powers raised: `m³/s` of `m3/s`.
+fn raised(unit: &str) -> String {
+    let mut after_letter = false;
+    let raise = |c: char| {
+        let power = after_letter.then(|| "0123456789".find(c)).flatten();
+        after_letter = c.is_ascii_alphabetic();
+        power.and_then(|digit| "⁰¹²³⁴⁵⁶⁷⁸⁹".chars().nth(digit)).unwrap_or(c)
     };
-    format!("{} {unit}", significant(value, 3))
+    unit.chars().map(raise).collect()
+}
+
+/// A value with three digits in the unit that people use for it.
+#[must_use]
+pub fn quantity(value: f64, unit: &str) -> String {
+    let (factor, unit) = scaled_unit(value, unit);
+    format!("{} {unit}", significant(factor * value, 3)).trim_end().to_owned()
 }
 
 /// A value with a fixed number of digits after the point and a true minus sign; a dash for NaN.
@@ -330,7 +351,11 @@ mod tests {
             (0.012, "s", "12.0 ms"),
             (85.0, "kg", "85.0 kg"),
             (1.2, "1", "1.20"),
-            (2.0e-4, "m3/s", "0.000200 m3/s"),
+            (6.67e-4, "m3/s", "0.667 L/s"),
+            (1.77e-5, "m2", "17.7 mm²"),
+            (0.0314, "m2", "0.0314 m²"),
+            (2.87e9, "Pa s2/m6", "2.87 GPa s²/m⁶"),
+            (850.0, "kg/m3", "850 kg/m³"),
             (f64::NAN, "Pa", "– Pa"),
         ] {
             assert_eq!(quantity(value, unit), expected);

@@ -24,3 +24,16 @@ printf 'time,y\n0,1\n1,2\n' >table.csv; printf '' >void.csv; printf 'time;y\n0;1
 printf '\211MCAP0\r\nabc' >stub.mcap; printf '#ROSBAG V2.0\n' >ros1.bag; printf '\0\1\2\3' >bin.dat
 ln -s nowhere dangling; mkfifo pipe
 mkdir circle; cp -r run circle/; ln -s . circle/again
+# Reports from strangers: edited, cut, of another version, or of another editor.
+made='"schema":"govtwin-diagnosis/1"'
+printf '{"schema":"govtwin-diagnosis/2"}' >later.json; printf '[]' >list.json; printf '%0200d' 0 | tr 0 '[' >nested.json
+printf '{%s,"verdict":"named","effects":[]}' "$made" >faultless.json
+printf '{%s,"verdict":"no_gap","ranking":[{"id":"none","probability":97}]}' "$made" >odds.json
+printf '{%s,"verdict":"no_gap","gap":{"closure":{"value":0.5,"ci90":[0.9,0.1]}}}' "$made" >crossed.json
+printf '{%s,"verdict":"unknown","location":{"stage":"turbine"}}' "$made" >turbine.json
+printf '{%s,"verdict":"all is well"}' "$made" >well.json
+printf '\357\273\277{%s,"verdict":"no_gap"}' "$made" >bom.json
+printf 'main_ports:\n  overlap_m: {value: 0.2, unit: inch}\n' >inch.yaml
+printf 'oil:\n  density_kg_m3: 870 kg/m3\n' >suffix.yaml
+printf 'effects:\n  backlash: {play_pu: 0.3 %%}\n' >percent.yaml
+printf 'oil:\n  bulk_modulus_pa: {value: 1.1, unit: gpa}\n' >gpa.yaml

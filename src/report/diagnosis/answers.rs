@@ -4,8 +4,8 @@ use crate::diagnosis::decision::posterior::Weights;
 use crate::diagnosis::result::{Diagnosis, Fitted, Verdict};
 use crate::report::diagnosis::stage::fitted_stage;
 use crate::report::diagnosis::words::{
-    besides, capital, cause, closing, errors, id_words, listed, of_several, parameter_title, percent, stage_title,
-    symptom, values,
+    besides, capital, cause, closing, errors, id_words, listed, of_several, over_noise, parameter_title, percent,
+    probability, stage_title, symptom, values,
 };
 use crate::report::diagnosis::{next_test, traces};
 use crate::report::table::{fixed, quantity};
@@ -97,7 +97,10 @@ pub fn moved(diagnosis: &Diagnosis, beyond: f64) -> Vec<&Fitted> {
 fn no_gap(diagnosis: &Diagnosis) -> String {
     let moved = moved(diagnosis, MOVED);
     if moved.is_empty() {
-        return "No fault, and the data sheet holds: no value had to move by more than one tolerance.".to_owned();
+        return format!(
+            "No fault found, and the data sheet holds: no value had to move by more than one tolerance.{}",
+            left(diagnosis)
+        );
     }
     let found: Vec<String> = moved.iter().take(NAMED_VALUES).map(|one| found(one)).collect();
     let more = match moved.len().saturating_sub(NAMED_VALUES) {
@@ -105,7 +108,13 @@ fn no_gap(diagnosis: &Diagnosis) -> String {
         1 => "; one more value by more than a tolerance".to_owned(),
         more => format!("; {more} more values by more than a tolerance"),
     };
-    format!("No fault; the data sheet is off: {}{more}.", found.join(", "))
+    format!("No fault found; the data sheet is off: {}{more}.{}", found.join(", "), left(diagnosis))
+}
+
+/// What recalibration leaves, which may be far from nothing though no fault of the catalogue explains it.
+fn left(diagnosis: &Diagnosis) -> String {
+    let left = over_noise(diagnosis);
+    if left.is_empty() { left } else { format!(" {left}") }
 }
 
 /// What was found of a value: `port overlap 0.168 mm instead of 0.200 mm (−2.0 σ)`.
@@ -159,7 +168,7 @@ fn nearest(diagnosis: &Diagnosis) -> String {
     format!(
         "{NEAREST}{}{size}. What speaks against it: its probability is {}, as it leaves more of the error than a right equation would.",
         id_words(&one.id),
-        percent(one.probability)
+        probability(one.probability)
     )
 }
 
@@ -167,11 +176,14 @@ fn sureness(diagnosis: &Diagnosis) -> Vec<String> {
     let of = |id: &str| diagnosis.ranking.iter().find(|one| one.id == id).map(|one| one.probability);
     let at_stage = diagnosis.stage.and_then(|stage| {
         let share = diagnosis.stages.iter().find(|(at, _)| *at == stage)?.1;
-        Some(format!("that it sits in the {}: {}", stage_title(stage), percent(share)))
+        Some(format!("that it sits in the {}: {}", stage_title(stage), probability(share)))
     });
     let faults = |joint: &str| {
-        let each: Vec<String> =
-            diagnosis.blamed.iter().map(|one| format!("{} {}", id_words(&one.id), percent(one.probability))).collect();
+        let each: Vec<String> = diagnosis
+            .blamed
+            .iter()
+            .map(|one| format!("{} {}", id_words(&one.id), probability(one.probability)))
+            .collect();
         listed(&each, joint)
     };
     let (claimed, mut parts) = match diagnosis.verdict {
@@ -182,14 +194,17 @@ fn sureness(diagnosis: &Diagnosis) -> Vec<String> {
         Verdict::Class => (None, vec![format!("Probability of {}", faults("or"))]),
         Verdict::Unknown => {
             let share = of("unknown").unwrap_or(f64::NAN);
-            (Some(share), vec![format!("Probability that something outside the catalogue acts: {}", percent(share))])
+            (
+                Some(share),
+                vec![format!("Probability that something outside the catalogue acts: {}", probability(share))],
+            )
         }
         Verdict::NoSuchUnit => {
             (None, vec!["Which law predicts best on pieces left out decides this; it has no probability".to_owned()])
         }
         Verdict::NoGap | Verdict::NotExcited => {
             let share = of("none").unwrap_or(f64::NAN);
-            (Some(share), vec![format!("Probability that no fault of the catalogue acts: {}", percent(share))])
+            (Some(share), vec![format!("Probability that no fault of the catalogue acts: {}", probability(share))])
         }
     };
     if matches!(diagnosis.verdict, Verdict::Named | Verdict::Class | Verdict::Unknown) {
@@ -236,6 +251,9 @@ fn reach(diagnosis: &Diagnosis) -> Vec<String> {
     }
     if diagnosis.verdict == Verdict::Unknown {
         all.extend(discrepancy(diagnosis));
+    }
+    if diagnosis.verdict != Verdict::NoGap {
+        all.push(over_noise(diagnosis));
     }
     all.push(errors(diagnosis));
     let far = moved(diagnosis, FAR);

@@ -2,20 +2,27 @@
 
 use crate::diagnosis::experiment::LEAST_BITS;
 use crate::diagnosis::result::{Diagnosis, Experiment};
-use crate::report::diagnosis::words::{id_words, listed};
+use crate::effects::Stage;
+use crate::report::diagnosis::words::{id_words, listed, probability, stage_title, within};
 use crate::report::table::significant;
 
 /// A hypothesis of a posterior in words: effects joined by `+`, `none`, or `unknown:STAGE`.
 pub fn hypothesis_words(name: &str) -> String {
     match name.split_once(':') {
-        Some(("unknown", stage)) => format!("something unknown ({})", stage.replace('_', " ")),
+        Some(("unknown", id)) => {
+            let title = Stage::ALL
+                .into_iter()
+                .find(|stage| stage.id() == id)
+                .map_or_else(|| id.to_owned(), |stage| stage_title(stage).to_owned());
+            format!("something unknown in the {title}")
+        }
         _ => name.split('+').map(id_words).collect::<Vec<_>>().join(" with "),
     }
 }
 
 /// How an operator runs a test.
 pub fn how_to_run(one: &Experiment) -> String {
-    let signals = one.records.iter().map(|signal| signal.title().to_owned()).collect::<Vec<_>>();
+    let signals = one.records.iter().map(|signal| signal.title().to_lowercase()).collect::<Vec<_>>();
     let commanded = if one.script.is_some() { "opening command, ESV state, tank pressure, " } else { "" };
     format!("{}. Record {commanded}{} at {} Hz.", one.unit_state, listed(&signals, "and"), significant(one.rate_hz, 3))
 }
@@ -40,11 +47,12 @@ pub fn paragraphs(diagnosis: &Diagnosis) -> Vec<String> {
     let sent = if one.script.is_some() { " `govtwin play next_test.mcap` sends it." } else { "" };
     let mut all = vec![
         format!(
-            "To tell {} apart: {}. In {} s, with {}, this is expected to take {} of {} bits off what is open.{sent}",
+            "To tell {} apart: {}. It takes {} s, with {}, and is expected to settle {} of what is open ({} of {} bits).{sent}",
             listed(&names, "and"),
-            one.test,
+            within(&one.test),
             significant(one.length_s, 3),
             trips(one.trips),
+            probability(one.expected_drop_bits / one.entropy_bits),
             significant(one.expected_drop_bits, 2),
             significant(one.entropy_bits, 2),
         ),
@@ -52,7 +60,7 @@ pub fn paragraphs(diagnosis: &Diagnosis) -> Vec<String> {
     ];
     if let Some(other) = diagnosis.experiments.iter().find(|other| one.trips == 0 && other.trips > 0) {
         let bits = significant(other.bits_per_minute, 2);
-        all.push(format!("With a trip more can be had: {}, {bits} bits a minute.", other.test));
+        all.push(format!("With a trip more can be had: {}, {bits} bits a minute.", within(&other.test)));
     }
     all
 }
@@ -63,7 +71,7 @@ pub fn lines(diagnosis: &Diagnosis) -> Vec<(&'static str, String)> {
     let names: Vec<String> = one.separates.iter().map(|name| hypothesis_words(name)).collect();
     let bits = significant(one.expected_drop_bits, 2);
     vec![
-        ("next test", format!("{} (tells {} apart; {bits} bits)", one.test, listed(&names, "and"))),
-        ("how to run it", how_to_run(one)),
+        ("next test", format!("{} (tells {} apart; {bits} bits)", within(&one.test), listed(&names, "and"))),
+        ("how to run", how_to_run(one)),
     ]
 }

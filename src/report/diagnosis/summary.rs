@@ -1,7 +1,7 @@
 //! A diagnosis in plain text, for a terminal.
 
 use super::stage::told_text;
-use super::words::{id_words, percent, place, values};
+use super::words::{id_words, place, probability, values};
 use super::{answers, next_test};
 use crate::diagnosis::result::{Diagnosis, Verdict};
 use crate::report::table::{significant, wrapped};
@@ -21,7 +21,7 @@ pub fn summary(diagnosis: &Diagnosis, width: usize) -> String {
     }
     for blame in &diagnosis.blamed {
         let values = values(&blame.parameters);
-        line("effect", format!("{}: {values}; probability {}", blame.id, percent(blame.probability)));
+        line("effect", format!("{}: {values}; probability {}", blame.id, probability(blame.probability)));
     }
     let [(_, causes), (_, sure), (_, far), _] = answers::answers(diagnosis);
     let nearest: Vec<String> = causes.into_iter().skip(1).filter(|_| diagnosis.verdict == Verdict::Unknown).collect();

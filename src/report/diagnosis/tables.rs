@@ -155,18 +155,16 @@ pub fn experiments(diagnosis: &Diagnosis) -> Table {
         .numbers("entropy falls by, bits")
         .numbers("bits a minute")
         .numbers("length, s")
-        .numbers("trips")
-        .words("how to run it");
+        .numbers("trips");
     for one in &diagnosis.experiments {
         let names: Vec<String> = one.separates.iter().map(|name| super::next_test::hypothesis_words(name)).collect();
         table.row([
-            one.test.clone(),
+            super::words::within(&one.test),
             super::words::listed(&names, "and"),
             format!("{} to {}", significant(one.expected_drop_bits, 2), significant(one.at_most_bits, 2)),
             significant(one.bits_per_minute, 2),
             significant(one.length_s, 3),
             one.trips.to_string(),
-            super::next_test::how_to_run(one),
         ]);
     }
     table
@@ -188,7 +186,6 @@ pub fn visible(diagnosis: &Diagnosis) -> Table {
         .words("parameter")
         .numbers("smallest that shows")
         .numbers("moderate fault")
-        .words("unit")
         .words("here");
     for one in &diagnosis.visible {
         let seen = if one.smallest <= one.typical.abs() {
@@ -198,21 +195,16 @@ pub fn visible(diagnosis: &Diagnosis) -> Table {
         } else {
             "hidden"
         };
-        let smallest = if one.smallest.is_finite() { significant(one.smallest, 2) } else { "none".to_owned() };
+        let smallest = if one.smallest.is_finite() { quantity(one.smallest, one.unit) } else { "none".to_owned() };
         table.row([
             id_words(one.id),
             one.parameter.to_owned(),
             smallest,
-            significant(one.typical, 2),
-            plain(one.unit),
+            quantity(one.typical, one.unit),
             seen.to_owned(),
         ]);
     }
     table
-}
-
-fn plain(unit: &str) -> String {
-    if unit == "1" { String::new() } else { unit.to_owned() }
 }
 
 /// The sheet's parameters as fitted, those most moved first.
@@ -220,10 +212,7 @@ pub fn parameters(diagnosis: &Diagnosis) -> Table {
     let mut table = Table::new()
         .words("parameter")
         .numbers("sheet")
-        .numbers("fitted")
-        .numbers("90 % from")
-        .numbers("to")
-        .words("unit")
+        .numbers("fitted, with 90 % interval")
         .numbers("σ from sheet")
         .numbers("from recordings")
         .words("");
@@ -232,11 +221,8 @@ pub fn parameters(diagnosis: &Diagnosis) -> Table {
     for one in all {
         table.row([
             one.name.clone(),
-            significant(one.sheet, 4),
-            significant(one.value.value, 4),
-            significant(one.value.low, 4),
-            significant(one.value.high, 4),
-            plain(one.unit),
+            quantity(one.sheet, one.unit),
+            value(one),
             fixed(one.position, 2),
             percent(one.information),
             if one.at_bound { "at its bound".to_owned() } else { String::new() },

@@ -166,7 +166,7 @@ fn synthetic() -> Provenance {
 
 #[test]
 fn the_page_says_the_verdict_and_holds_all_it_needs() {
-    let html = page(&made_up(Verdict::Named, &["backlash"]), &synthetic()).unwrap().to_html();
+    let html = page(&made_up(Verdict::Named, &["backlash"]), &synthetic()).unwrap().to_html().replace('\u{a0}', " ");
     assert!(
         html.contains("Play between the servomotor&#39;s piston")
             || html.contains("Play between the servomotor's piston")
@@ -194,7 +194,7 @@ fn every_verdict_has_a_sentence_of_its_own() {
         (Verdict::Named, &["backlash", "load"], "Two faults act at once: backlash and load"),
         (Verdict::Class, &["backlash", "load"], "Backlash or load; these recordings cannot tell which."),
         (Verdict::Unknown, &[], "nothing in the catalogue explains: look first at the transducers and clocks; "),
-        (Verdict::NoGap, &[], "No fault; the data sheet is off: position gain"),
+        (Verdict::NoGap, &[], "No fault found; the data sheet is off: position gain"),
         (Verdict::NotExcited, &[], "do not move the unit enough to tell"),
         (Verdict::NoSuchUnit, &[], "of no servomotor stage behind this spool"),
     ];
@@ -203,7 +203,7 @@ fn every_verdict_has_a_sentence_of_its_own() {
         let text = summary(&diagnosis, usize::MAX);
         assert!(text.contains(expected), "{text}");
         assert!(text.contains(&format!("verdict      {}\n", verdict.id())), "{text}");
-        let html = page(&diagnosis, &Provenance::default()).unwrap().to_html();
+        let html = page(&diagnosis, &Provenance::default()).unwrap().to_html().replace('\u{a0}', " ");
         assert!(html.contains(expected), "{verdict:?}");
         // How well a twin fits is said in figures.
         assert!(!text.contains("they fit"), "{text}");
@@ -223,7 +223,8 @@ fn something_unknown_is_looked_for_where_and_when_the_page_places_it() {
         assert!(!summary(&diagnosis, usize::MAX).contains("discrepancy term"));
     }
     // The nearest cause with what speaks against it, from the diagnosis's own note or from the ranking.
-    let page_of = |diagnosis: &Diagnosis| page(diagnosis, &Provenance::default()).unwrap().to_html();
+    let page_of =
+        |diagnosis: &Diagnosis| page(diagnosis, &Provenance::default()).unwrap().to_html().replace('\u{a0}', " ");
     assert!(
         page_of(&diagnosis)
             .contains("Nearest in the catalogue: backlash, fitted play 0.42 % [0.40, 0.44]. What speaks against it")
@@ -242,17 +243,20 @@ fn a_sound_unit_is_told_what_recalibration_found_and_no_place() {
     diagnosis.parameters = vec![Fitted { value, ..overlap.clone() }];
     let text = summary(&diagnosis, usize::MAX);
     assert!(
-        text.starts_with("No fault; the data sheet is off: overlap 0.168 mm instead of 0.200 mm (\u{2212}2.0 σ)."),
+        text.starts_with(
+            "No fault found; the data sheet is off: overlap 0.168 mm instead of 0.200 mm (\u{2212}2.0 σ). \
+             The error that is left is 6.7 times noise alone in the servomotor position."
+        ),
         "{text}"
     );
-    let html = page(&diagnosis, &Provenance::default()).unwrap().to_html();
+    let html = page(&diagnosis, &Provenance::default()).unwrap().to_html().replace('\u{a0}', " ");
     assert!(!html.contains("error sits there, %"), "no stage of an error that is not there");
     assert!(!html.contains("by more than three standard deviations"));
     diagnosis.parameters[0].position = -3.4;
-    let html = page(&diagnosis, &Provenance::default()).unwrap().to_html();
+    let html = page(&diagnosis, &Provenance::default()).unwrap().to_html().replace('\u{a0}', " ");
     assert!(html.contains("by more than three standard deviations") && html.contains("main_ports.overlap_m"));
     diagnosis.parameters[0].position = 0.3;
-    assert!(summary(&diagnosis, usize::MAX).starts_with("No fault, and the data sheet holds"));
+    assert!(summary(&diagnosis, usize::MAX).starts_with("No fault found, and the data sheet holds"));
 }
 
 #[test]
@@ -260,7 +264,7 @@ fn one_recording_alone_confirms_nothing() {
     let mut diagnosis = made_up(Verdict::Named, &["backlash"]);
     let text = summary(&diagnosis, usize::MAX);
     assert!(text.contains("(not confirmed: one recording alone says so)"), "{text}");
-    let html = page(&diagnosis, &Provenance::default()).unwrap().to_html();
+    let html = page(&diagnosis, &Provenance::default()).unwrap().to_html().replace('\u{a0}', " ");
     assert!(html.contains("not confirmed</dd>") && html.contains("that confirms the cause, or refutes it"));
     let second = diagnosis.traces[0].clone();
     diagnosis.traces.push(second);
@@ -275,11 +279,11 @@ fn a_closure_that_says_nothing_is_not_given_as_a_figure() {
     let text = summary(&diagnosis, usize::MAX);
     assert!(text.contains("Explains a share of the error that recalibration leaves that cannot be told"), "{text}");
     assert!(!text.contains("100 %"), "{text}");
-    let html = page(&diagnosis, &Provenance::default()).unwrap().to_html();
+    let html = page(&diagnosis, &Provenance::default()).unwrap().to_html().replace('\u{a0}', " ");
     assert!(html.contains("cannot be told<") && !html.contains("[0, 100]"));
     let mut several = made_up(Verdict::Named, &["backlash", "lvdt_bias"]);
     several.blamed[1].closure = diagnosis.closure;
-    let html = page(&several, &Provenance::default()).unwrap().to_html();
+    let html = page(&several, &Provenance::default()).unwrap().to_html().replace('\u{a0}', " ");
     assert!(html.contains("Alone it explains a share that cannot be told. ") && !html.contains("[0, 100]"));
 }
 
@@ -304,6 +308,9 @@ fn a_named_effect_that_leaves_something_unknown_says_so() {
         let mut diagnosis = made_up(Verdict::Named, &["backlash", "load"]);
         diagnosis.ranking[1].probability = probability;
         assert_eq!(summary(&diagnosis, usize::MAX).contains(words), said);
-        assert_eq!(page(&diagnosis, &Provenance::default()).unwrap().to_html().contains(words), said);
+        assert_eq!(
+            page(&diagnosis, &Provenance::default()).unwrap().to_html().replace('\u{a0}', " ").contains(words),
+            said
+        );
     }
 }

@@ -118,13 +118,13 @@ pub fn picture(trace: &Trace, window_s: Option<[f64; 2]>, explained: bool) -> Pi
         if !Signal::POSITIONS.contains(signal) {
             continue;
         }
-        let curve = |values: &[f64]| curve(&trace.time_s, values.iter().copied(), window_s);
+        let curve = |values: &[f64]| curve(&trace.time_s, values.iter().map(|value| 100.0 * value), window_s);
         let off = |values: &[f64]| {
             let misses = values.iter().zip(measured).map(|(twin, real)| 100.0 * (twin - real));
             self::curve(&trace.time_s, misses, window_s)
         };
         let title = signal.title();
-        let mut above = Panel::new(format!("{title}, pu"))
+        let mut above = Panel::new(format!("{title}, %"))
             .height(150)
             .thick_line(Ink::Measured, "measured", curve(measured))
             .line(Ink::Difference, "recalibrated", curve(refitted));

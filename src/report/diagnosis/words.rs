@@ -2,12 +2,21 @@
 
 use crate::diagnosis::result::{Blame, Diagnosis, Fitted, Interval, SignalGap, Verdict};
 use crate::effects::{self, Stage};
-use crate::report::table::significant;
+use crate::report::table::{scaled_unit, significant};
 use crate::signal::Signal;
 
 /// A share as a percentage.
 pub fn percent(share: f64) -> String {
     if share.is_finite() { format!("{:.0} %", 100.0 * share).replace('-', "\u{2212}") } else { "–".into() }
+}
+
+/// A probability, or a share that is expected, as a percentage; none is certain, and none is nothing.
+pub fn probability(share: f64) -> String {
+    match share {
+        share if share < 0.005 => "under 1 %".to_owned(),
+        share if share > 0.995 => "over 99 %".to_owned(),
+        share => percent(share),
+    }
 }
 
 /// A share with its interval, as percentages; what leaves everything open is no figure.
@@ -53,7 +62,7 @@ pub fn place(diagnosis: &Diagnosis) -> Option<(String, String)> {
     }
     let stage = diagnosis.stage?;
     let share = diagnosis.stages.iter().find(|(at, _)| *at == stage).map_or(f64::NAN, |(_, share)| *share);
-    Some((id(stage), format!("{}, probability {}", stage_title(stage), percent(share))))
+    Some((id(stage), format!("{}, probability {}", stage_title(stage), probability(share))))
 }
 
 /// An id as words: of an effect, `unknown` or `none`.
@@ -61,7 +70,17 @@ pub fn id_words(id: &str) -> String {
     match id {
         "unknown" => "something outside the catalogue".to_owned(),
         "none" => "no effect".to_owned(),
-        id => id.replace('_', " "),
+        id => id.split('_').map(word).collect::<Vec<_>>().join(" "),
+    }
+}
+
+/// A part of an id as it is said.
+fn word(part: &str) -> &str {
+    match part {
+        "pv" => "pilot-valve",
+        "esv" => "ESV",
+        "lvdt" => "LVDT",
+        part => part,
     }
 }
 
@@ -111,14 +130,11 @@ pub fn parameter_title(parameter: &Fitted) -> String {
 
 /// A value with its interval in the unit that people use for it.
 pub fn value(parameter: &Fitted) -> String {
-    let (scale, unit) = match parameter.unit {
-        "pu" => (100.0, " %"),
-        "s" if parameter.value.high.abs() < 1.0 => (1000.0, " ms"),
-        "m" => (1000.0, " mm"),
-        "Pa" => (1.0e-6, " MPa"),
-        "N" if parameter.value.value.abs() >= 1000.0 => (1.0e-3, " kN"),
-        _ => (1.0, ""),
-    };
+    // One unit for the value and its interval.
+    let largest = [parameter.value.low, parameter.value.high]
+        .into_iter()
+        .fold(parameter.value.value.abs(), |most, end| most.max(end.abs()));
+    let (scale, unit) = scaled_unit(largest, parameter.unit);
     let spread = 0.5 * (parameter.value.high - parameter.value.low).abs() * scale;
     let decimals = if spread > 0.0 && spread.is_finite() { (-spread.log10().floor()).clamp(0.0, 6.0) } else { 3.0 };
     let size = (parameter.value.value * scale).abs();
@@ -129,9 +145,9 @@ pub fn value(parameter: &Fitted) -> String {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped before")]
         crate::report::table::fixed(value * scale, decimals as usize)
     };
-    let plain = if unit.is_empty() && parameter.unit != "1" { format!(" {}", parameter.unit) } else { unit.to_owned() };
     let Interval { value, low, high } = parameter.value;
-    format!("{}{plain} [{}, {}]", number(value), number(low), number(high))
+    let space = if unit.is_empty() { "" } else { " " };
+    format!("{}{space}{unit} [{}, {}]", number(value), number(low), number(high))
 }
 
 /// All parameters of an effect in a line.
@@ -155,7 +171,7 @@ pub fn verdict_title(verdict: Verdict) -> &'static str {
         Verdict::Named => "cause found",
         Verdict::Class => "possible causes",
         Verdict::Unknown => "unknown cause",
-        Verdict::NoGap => "no fault",
+        Verdict::NoGap => "no fault found",
         Verdict::NotExcited => "cannot be told",
         Verdict::NoSuchUnit => "no such unit",
     }
@@ -190,10 +206,39 @@ pub fn errors(diagnosis: &Diagnosis) -> String {
     if said.is_empty() { String::new() } else { format!("RMS error: {}.", said.join("; ")) }
 }
 
+/// How far what is left lies above the noise, signal by signal: 1 is a right twin.
+pub fn over_noise(diagnosis: &Diagnosis) -> String {
+    let known = |gap: &&SignalGap| gap.noise_floor > 0.0 && gap.signal != Signal::ControlPressure;
+    let left = |gap: &SignalGap| if diagnosis.blamed.is_empty() { gap.refitted } else { gap.with_effects };
+    let of = |(place, gap): (usize, &SignalGap)| {
+        let noise = if place == 0 { " noise alone" } else { "" };
+        let times = significant(left(gap) / gap.noise_floor, 2);
+        format!("{times} times{noise} in the {}", gap.signal.title().to_lowercase())
+    };
+    let all: Vec<String> = diagnosis.gap.iter().filter(known).enumerate().map(of).collect();
+    if all.is_empty() { String::new() } else { format!("The error that is left is {}.", listed(&all, "and")) }
+}
+
+/// Titles of signals within a sentence.
+pub fn within(sentence: &str) -> String {
+    Signal::ALL
+        .into_iter()
+        .fold(sentence.to_owned(), |text, signal| text.replace(signal.title(), &signal.title().to_lowercase()))
+}
+
 /// The same with a capital letter.
 pub fn capital(text: &str) -> String {
     let mut chars = text.chars();
     chars.next().map_or_else(String::new, |first| first.to_uppercase().chain(chars).collect())
+}
+
+/// A sentence within another: its first letter small, unless it begins with an abbreviation.
+fn lower(text: &str) -> String {
+    let mut chars = text.chars();
+    match (chars.next(), text.chars().nth(1)) {
+        (Some(first), Some(second)) if !second.is_uppercase() => first.to_lowercase().chain(chars).collect(),
+        _ => text.to_owned(),
+    }
 }
 
 /// One of several faults, in a paragraph.
@@ -202,8 +247,8 @@ pub fn of_several(diagnosis: &Diagnosis, blame: &Blame) -> String {
     format!(
         "{} ({}, probability {}): {}. Alone it explains {open}{}. {}",
         capital(&id_words(&blame.id)),
-        cause(diagnosis, &blame.id),
-        percent(blame.probability),
+        lower(&cause(diagnosis, &blame.id)),
+        probability(blame.probability),
         values(&blame.parameters),
         percents(blame.closure),
         symptom(&blame.id)
@@ -218,7 +263,7 @@ pub fn besides(diagnosis: &Diagnosis) -> Option<String> {
         format!(
             "something outside the catalogue acts besides, probability {}: what is named leaves more than noise and the error of its \
              equations.",
-            percent(unknown.probability)
+            probability(unknown.probability)
         )
     })
 }
