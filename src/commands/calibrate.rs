@@ -42,7 +42,7 @@ pub struct Args {
     json: bool,
 }
 
-/// A question that the posterior answers by weights of its own.
+/// A question that is answered by weights of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum Question {
     /// Which fault set, where nothing is unknown.
@@ -51,6 +51,8 @@ enum Question {
     Unknown,
     /// At which stage it is.
     Stages,
+    /// How wide the intervals of sizes and of the explained share are.
+    Intervals,
 }
 
 /// Weights with those of the questions that are kept.
@@ -60,6 +62,10 @@ fn with_kept(mut weights: Weights, shipped: &Weights, kept: &[Question]) -> Weig
             Question::Sets => weights.sets.clone_from(&shipped.sets),
             Question::Unknown => weights.unknown.clone_from(&shipped.unknown),
             Question::Stages => weights.stages.clone_from(&shipped.stages),
+            Question::Intervals => {
+                weights.size_spread = shipped.size_spread;
+                weights.closure_widening = shipped.closure_widening;
+            }
         }
     }
     weights
@@ -180,7 +186,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let pairs: Vec<(&Label, &EvidenceTable)> =
         all.iter().map(|unit| (&unit.label, &unit.said.evidence.table)).collect();
     let claims: Vec<(Interval, f64)> = all.iter().filter_map(|unit| unit.claim()).collect();
-    let weights = Weights {
+    let learned_weights = Weights {
         size_spread: size_spread(&pairs),
         closure_widening: closure_widening(&claims),
         provenance: serde_json::json!({
@@ -195,6 +201,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         }),
         ..learned.weights.clone()
     };
+    let weights = with_kept(learned_weights, &shipped, &args.keep);
     let mut text = serde_json::to_string_pretty(&weights)?;
     text.push('\n');
     write_atomically(&args.out, text.as_bytes())?;

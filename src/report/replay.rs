@@ -160,7 +160,7 @@ fn opening(body: &mut PageBody, summary: &ReplaySummary) {
 /// What the last unit of a ladder leaves, in a sentence.
 fn after(summary: &ReplaySummary) -> String {
     let rungs = summary.ladder.iter().flat_map(|ladder| ladder.rungs.iter().skip(1));
-    let Some(last) = rungs.filter(|rung| rung.model.is_none()).last() else { return String::new() };
+    let Some(last) = rungs.rev().find(|rung| rung.model.is_none()) else { return String::new() };
     let of = |(signal, name)| {
         let left = figures(&last.overall, signal).filter(|f| f.rmse.is_finite())?;
         Some(format!("the {name} by {} %", percent(left.rmse, 2)))

@@ -123,6 +123,14 @@ struct Found {
     evidence: [Vec<f64>; 2],
 }
 
+/// Where a fit of a place begins.
+struct Begin<'a> {
+    place: usize,
+    positions: Vec<f64>,
+    /// Slopes of the leading directions that are good enough there.
+    known: Option<&'a [DMatrix<f64>]>,
+}
+
 /// What all such fits share.
 struct Fitting<'a> {
     problem: &'a Problem,
@@ -150,13 +158,14 @@ impl Fitting<'_> {
         let from = |point: &FittedModel, place: usize| -> Vec<f64> {
             point.fit.positions.iter().copied().chain(std::iter::repeat_n(0.0, PLACES[place].shapes())).collect()
         };
-        let starts = places.iter().zip(&known).flat_map(|(&place, known)| {
-            [
-                (place, from(self.refitted, place), Some(known.as_slice())),
-                (place, from(self.sheet, place), Some(&self.sheet.fit.slopes)),
-            ]
+        let begins = places.iter().zip(&known).flat_map(|(&place, known)| {
+            [(self.refitted, known), (self.sheet, &self.sheet.fit.slopes)].map(|(point, known)| Begin {
+                place,
+                positions: from(point, place),
+                known: Some(known),
+            })
         });
-        let mut fits = self.fitted(starts.collect(), Effort::SCOUT).into_iter();
+        let mut fits = self.fitted(&begins.collect::<Vec<_>>(), Effort::SCOUT).into_iter();
         let pairs = std::iter::from_fn(|| Some((fits.next()?, fits.next()?)));
         let better = pairs.map(|(a, b)| if b.cost() < a.cost() { b } else { a }).collect();
         self.weighed(places, better)
@@ -164,26 +173,19 @@ impl Fitting<'_> {
 
     /// Fits places on with care; all slopes are measured anew, since those by the terms bend most.
     fn refined(&self, places: &[usize], found: &[Found]) -> Vec<Found> {
-        let starts = places.iter().map(|&place| (place, found[place].positions.clone(), None));
-        self.weighed(places, self.fitted(starts.collect(), CAREFUL))
+        let begins =
+            places.iter().map(|&place| Begin { place, positions: found[place].positions.clone(), known: None });
+        self.weighed(places, self.fitted(&begins.collect::<Vec<_>>(), CAREFUL))
     }
 
-    /// Fits of places from where they start, with slopes that are known there.
-    fn fitted(&self, starts: Vec<(usize, Vec<f64>, Option<&[DMatrix<f64>]>)>, effort: Effort) -> Vec<Fit> {
+    fn fitted(&self, begins: &[Begin<'_>], effort: Effort) -> Vec<Fit> {
         let bases: Vec<(WithTerms, Vec<Direction>)> =
-            starts.iter().map(|(place, ..)| (self.base(*place), self.directions(*place))).collect();
-        let starts: Vec<Start<'_, Direction>> = starts
-            .iter()
-            .zip(&bases)
-            .map(|((_, positions, known), (base, coordinates))| Start {
-                base,
-                coordinates,
-                positions,
-                effort,
-                known: *known,
-            })
-            .collect();
-        fit_all(&Recordings(self.problem), &starts)
+            begins.iter().map(|begin| (self.base(begin.place), self.directions(begin.place))).collect();
+        let starts = begins.iter().zip(&bases).map(|(begin, (base, coordinates))| {
+            let Begin { positions, known, .. } = begin;
+            Start { base, coordinates, positions, effort, known: *known }
+        });
+        fit_all(&Recordings(self.problem), &starts.collect::<Vec<_>>())
     }
 
     fn weighed(&self, places: &[usize], fits: Vec<Fit>) -> Vec<Found> {
