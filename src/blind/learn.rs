@@ -290,9 +290,9 @@ pub struct LearningResult {
     pub of_others: Vec<Weights>,
 }
 
-/// Learns from all parts, and judges each by the others; `settled` puts weights in place that are not to be learned.
+/// Learns from all parts, and judges each by the others.
 #[must_use]
-pub fn learn(parts: &[Vec<Example>], settled: &dyn Fn(Weights) -> Weights) -> LearningResult {
+pub fn learn(parts: &[Vec<Example>]) -> LearningResult {
     let bayes = Weights::bayes();
     let all: Vec<Example> = parts.iter().flatten().cloned().collect();
     let (mut held_out, mut right, mut count) = (0.0, 0.0, 0.0_f64);
@@ -300,14 +300,14 @@ pub fn learn(parts: &[Vec<Example>], settled: &dyn Fn(Weights) -> Weights) -> Le
     for (left, part) in parts.iter().enumerate() {
         let others: Vec<Example> =
             parts.iter().enumerate().filter(|(k, _)| *k != left).flat_map(|(_, part)| part.iter().cloned()).collect();
-        let weights = settled(fit(&others));
+        let weights = fit(&others);
         let own: Vec<&Example> = part.iter().filter(|example| example.struck.is_empty()).collect();
         held_out += log_score(part, &weights) * own.len() as f64;
         right += own.iter().filter(|example| first_is_right(example, &weights)).count() as f64;
         count += own.len() as f64;
         of_others.push(weights);
     }
-    let weights = settled(fit(&all));
+    let weights = fit(&all);
     let seen = log_score(&all, &weights);
     LearningResult {
         weights,

@@ -7,22 +7,21 @@
 
 pub mod dependent_covariance;
 pub mod law_error;
-pub mod unknown;
 
-use std::ops::Range;
 use std::sync::Arc;
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use crate::diagnosis::evidence::law_error::{LAW_ERRORS, Modulations, limits};
 use crate::diagnosis::model::FittedModel;
-use crate::diagnosis::model::discrepancy::{self, Columns, PLACES};
+use crate::diagnosis::model::discrepancy::{self, Columns};
 use crate::diagnosis::model::support::SIZE_PRIOR;
+use crate::effects::Stage;
 use crate::estimation::coordinate::Coordinate;
 use crate::estimation::linear::crossed;
 use crate::identification::free_parameter::FreeParameter;
+use crate::likelihood::noise::log_sum;
 use crate::likelihood::problem::Problem;
-use crate::parameters::Unit;
 
 /// Sizes of the error of equations at which evidence is tabulated, in moderate discrepancy terms.
 pub const KAPPAS: [f64; 4] = [1e-3, 0.03, 0.1, 0.3];
@@ -35,8 +34,6 @@ pub const UNKNOWN_SIZES: [f64; 3] = [1.0, 4.0, 16.0];
 pub struct NormalEquations {
     cost: f64,
     slopes: usize,
-    /// Leading free parameters whose own gain is not counted, since a fit went where it could.
-    settled: usize,
     terms: usize,
     /// Over free parameters, discrepancy terms and errors of laws, without priors of the latter two.
     hessian: DMatrix<f64>,
@@ -111,41 +108,18 @@ impl Shared {
             parts.push(Part { cost: residuals.norm_squared(), hessian: part, gradient: along });
         }
         hessian.fill_lower_triangle_with_upper_triangle();
-        let mut normal = NormalEquations {
-            cost: model.fit.cost(),
-            slopes: n,
-            settled: n,
-            terms: b,
-            hessian,
-            gradient,
-            sizes: 0.0,
-            log_precision: 0.0,
-            parts,
-        };
-        normal.add_priors(&model.base, &model.free_parameters, &model.fit.positions);
-        normal
-    }
-}
-
-/// Logarithm of the determinant from a Cholesky factor.
-fn log_determinant(cholesky: &Cholesky<f64, nalgebra::Dyn>) -> f64 {
-    2.0 * cholesky.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>()
-}
-
-impl NormalEquations {
-    /// Adds what is known beforehand of the free parameters, where they stand.
-    fn add_priors(&mut self, base: &Unit, free_parameters: &[FreeParameter], positions: &[f64]) {
         let (median, spread) = SIZE_PRIOR;
-        for (k, free_parameter) in free_parameters.iter().enumerate() {
-            let position = positions[k];
-            self.gradient[k] += free_parameter.prior_centre().map_or(0.0, |centre| position - centre);
-            let (low, high) = free_parameter.range(base);
+        let (mut sizes, mut log_precision) = (0.0, 0.0);
+        for (k, free_parameter) in model.free_parameters.iter().enumerate() {
+            let position = model.fit.positions[k];
+            gradient[k] += free_parameter.prior_centre().map_or(0.0, |centre| position - centre);
+            let (low, high) = free_parameter.range(&model.base);
             // A parameter on its bound does not follow.
             if free_parameter.prior_centre().is_some() && (position <= low || position >= high) && low < high {
-                self.hessian.row_mut(k).fill(0.0);
-                self.hessian.column_mut(k).fill(0.0);
-                self.gradient[k] = 0.0;
-                for part in &mut self.parts {
+                hessian.row_mut(k).fill(0.0);
+                hessian.column_mut(k).fill(0.0);
+                gradient[k] = 0.0;
+                for part in &mut parts {
                     part.hessian.row_mut(k).fill(0.0);
                     part.hessian.column_mut(k).fill(0.0);
                     part.gradient[k] = 0.0;
@@ -156,24 +130,27 @@ impl NormalEquations {
                     let size = position.abs().max(1e-3);
                     let off = (size / median).ln() / spread;
                     // The density of the size itself; that of a Gaussian with its precision is counted by |P|.
-                    self.sizes -= 0.5 * off * off;
+                    sizes -= 0.5 * off * off;
                     1.0 / (spread * size).powi(2)
                 }
                 FreeParameter::Free { .. } => 1e-6,
                 _ => 1.0,
             };
-            self.hessian[(k, k)] += precision;
-            self.log_precision += precision.ln();
+            hessian[(k, k)] += precision;
+            log_precision += precision.ln();
         }
+        NormalEquations { cost: model.fit.cost(), slopes: n, terms: b, hessian, gradient, sizes, log_precision, parts }
     }
+}
 
+/// Logarithm of the determinant from a Cholesky factor.
+fn log_determinant(cholesky: &Cholesky<f64, nalgebra::Dyn>) -> f64 {
+    2.0 * cholesky.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>()
+}
+
+impl NormalEquations {
     /// Logarithm of the evidence where the terms are of these sizes, and errors of laws of this one.
     fn with_terms(&self, size: impl Fn(usize) -> f64, law_error: f64) -> f64 {
-        self.gain_and_rest(size, law_error).map_or(-0.5 * self.cost, |(gain, rest)| 0.5 * gain + rest)
-    }
-
-    /// The same as what the terms lower the cost by, and all else.
-    fn gain_and_rest(&self, size: impl Fn(usize) -> f64, law_error: f64) -> Option<(f64, f64)> {
         let n = self.slopes;
         let mut h = self.hessian.clone();
         let mut log_precision = self.log_precision;
@@ -182,9 +159,9 @@ impl NormalEquations {
             h[(n + k, n + k)] += precision;
             log_precision += precision.ln();
         }
-        let cholesky = Cholesky::new(h)?;
+        let Some(cholesky) = Cholesky::new(h) else { return -0.5 * self.cost };
         let gain = self.gain_of_terms(&cholesky, &self.gradient);
-        Some((gain, 0.5 * (log_precision - self.cost - log_determinant(&cholesky)) + self.sizes))
+        0.5 * (gain - self.cost - log_determinant(&cholesky) + log_precision) + self.sizes
     }
 
     /// What the terms lower the cost by, the free parameters following.
@@ -194,7 +171,7 @@ impl NormalEquations {
         if !cholesky.l_dirty().solve_lower_triangular_mut(&mut solved) {
             return 0.0;
         }
-        solved.rows_range(self.settled..).norm_squared()
+        solved.rows_range(self.slopes..).norm_squared()
     }
 
     /// Logarithm of the evidence at each size of the error of equations (rows of [`KAPPAS`]) and of laws ([`LAW_ERRORS`]).
@@ -209,51 +186,24 @@ impl NormalEquations {
         self.with_terms(|_| kappa, law_error)
     }
 
-    /// The same with something unknown at a place, whatever its size: each single shape, and any sum of the place's shapes. What all terms together
-    /// lower the cost by counts up to `most`, or to what the error of equations does alone.
-    fn unknown_at(&self, place: usize, most: f64) -> [Vec<f64>; 2] {
-        let shapes = PLACES[place].first()..PLACES[place].first() + PLACES[place].shapes();
-        let (mut single, mut whole) = (Vec::new(), Vec::new());
-        for kappa in KAPPAS.into_iter().skip(1) {
-            let Some((usual, rest)) = self.gain_and_rest(|_| kappa, LAW_ERRORS[0]) else { continue };
-            let room = (most - usual).max(0.0);
-            single.extend(
-                self.with_one_grown(shapes.clone(), kappa, room).into_iter().map(|more| 0.5 * usual + rest + more),
-            );
-            let any = |size| self.gain_and_rest(|k| if shapes.contains(&k) { size } else { kappa }, LAW_ERRORS[0]);
-            whole.extend(
-                UNKNOWN_SIZES.into_iter().filter_map(any).map(|(gain, rest)| 0.5 * gain.min(usual + room) + rest),
-            );
+    /// The same with something unknown at a stage, whatever its size.
+    #[must_use]
+    pub fn unknown_at(&self, stage: Stage) -> f64 {
+        let at: Vec<bool> = discrepancy::places().map(|place| place.stage == stage).collect();
+        if !at.contains(&true) {
+            return f64::NEG_INFINITY;
         }
-        [single, whole]
-    }
-
-    /// By how much the logarithm of the evidence grows where one of these terms at a time has each of [`UNKNOWN_SIZES`], and all others have the size
-    /// `kappa`: of one factor, since a single precision changes (Sherman & Morrison 1950).
-    fn with_one_grown(&self, terms: Range<usize>, kappa: f64, most: f64) -> Vec<f64> {
-        let n = self.slopes;
-        let mut h = self.hessian.clone();
-        for k in 0..self.gradient.len() - n {
-            h[(n + k, n + k)] += 1.0 / if k < self.terms { kappa } else { LAW_ERRORS[0] }.powi(2);
-        }
-        let Some(cholesky) = Cholesky::new(h) else { return Vec::new() };
-        let (means, covariance) = (cholesky.solve(&self.gradient), cholesky.inverse());
-        let of = |term: usize| {
-            let k = n + term;
-            UNKNOWN_SIZES.map(|size: f64| {
-                let less = 1.0 / kappa.powi(2) - 1.0 / size.powi(2);
-                let left = (1.0 - less * covariance[(k, k)]).max(f64::MIN_POSITIVE);
-                0.5 * ((less * means[k] * means[k] / left).min(most) - left.ln()) - (size / kappa).ln()
-            })
-        };
-        terms.flat_map(of).collect()
+        let all = KAPPAS[1..].iter().flat_map(|&kappa| UNKNOWN_SIZES.map(|size| (kappa, size)));
+        let count = ((KAPPAS.len() - 1) * UNKNOWN_SIZES.len()) as f64;
+        log_sum(all.map(|(kappa, size)| self.with_terms(|k| if at[k] { size } else { kappa }, LAW_ERRORS[0])))
+            - count.ln()
     }
 
     /// By how much something unknown at one place lowers the cost, and the most probable sizes of all terms, in moderate terms; `sizes` are those of
     /// the unknown and of the error of equations beforehand. What is to be explained may be given by its products with the terms' marks.
     #[must_use]
     pub fn terms(&self, place: usize, sizes: (f64, f64), goal: Option<&DVector<f64>>) -> (f64, Vec<f64>) {
-        let at = PLACES.get(place).map(|place| place.words);
+        let at = discrepancy::PLACES.get(place).map(|place| place.words);
         let here: Vec<bool> = discrepancy::places().map(|place| Some(place.words) == at).collect();
         let (n, b) = (self.slopes, self.terms);
         let mut h = self.hessian.clone();
@@ -304,62 +254,5 @@ impl NormalEquations {
     #[must_use]
     pub fn costs(&self) -> Vec<f64> {
         self.parts.iter().map(|part| part.cost).collect()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Normal equations of four free parameters and all terms, over numbers without any order.
-    fn some() -> NormalEquations {
-        let (n, b) = (4, discrepancy::count());
-        let at = |row: usize, column: usize| ((row * 37 + column * 101) as f64 * 0.618_033_988_75).fract() - 0.5;
-        let slopes = DMatrix::from_fn(3 * (n + b), n + b, at);
-        let residuals = DVector::from_fn(3 * (n + b), |row, _| at(row, 977));
-        let mut hessian = crossed(&slopes, &slopes);
-        (0..n).for_each(|k| hessian[(k, k)] += 1.0);
-        NormalEquations {
-            cost: residuals.norm_squared(),
-            slopes: n,
-            settled: n,
-            terms: b,
-            hessian,
-            gradient: slopes.tr_mul(&residuals),
-            sizes: 0.0,
-            log_precision: 0.0,
-            parts: Vec::new(),
-        }
-    }
-
-    #[test]
-    fn one_term_grown_is_the_same_by_a_factor_of_its_own() {
-        let normal = some();
-        let (place, kappas) = (3, &KAPPAS[1..]);
-        let [single, whole] = normal.unknown_at(place, f64::INFINITY);
-        let shapes = PLACES[place].first()..PLACES[place].first() + PLACES[place].shapes();
-        let mut expected = Vec::new();
-        for &kappa in kappas {
-            for term in shapes.clone() {
-                let of = |size| normal.with_terms(|k| if k == term { size } else { kappa }, LAW_ERRORS[0]);
-                expected.extend(UNKNOWN_SIZES.map(of));
-            }
-        }
-        assert_eq!((single.len(), whole.len()), (expected.len(), kappas.len() * UNKNOWN_SIZES.len()));
-        for (found, expected) in single.iter().zip(&expected) {
-            assert!((found - expected).abs() < 1e-8, "{found} {expected}");
-        }
-    }
-
-    #[test]
-    fn terms_gain_no_more_than_a_fit_with_them_did() {
-        let normal = some();
-        let usual = |kappa: f64| normal.gain_and_rest(|_| kappa, LAW_ERRORS[0]).unwrap().0;
-        let free = normal.unknown_at(3, f64::INFINITY);
-        let held = normal.unknown_at(3, usual(KAPPAS[1]));
-        for kind in [0, 1] {
-            assert!(free[kind].iter().zip(&held[kind]).all(|(free, held)| held <= free));
-            assert!(free[kind].iter().zip(&held[kind]).any(|(free, held)| held + 0.01 < *free));
-        }
     }
 }

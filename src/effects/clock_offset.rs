@@ -34,7 +34,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
     apply: &EffectLaw(apply),
 });
 
-pub(crate) fn apply([offset_s]: [f64; 1], plant: &mut Plant) {
+fn apply([offset_s]: [f64; 1], plant: &mut Plant) {
     if offset_s == 0.0 {
         return;
     }

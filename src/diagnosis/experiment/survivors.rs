@@ -95,7 +95,7 @@ fn with_unknown(found: &Explored, stage: Stage) -> Option<Twin> {
     };
     let all = discrepancy::PLACES.iter().enumerate().filter(at).map(terms);
     let (place, _, sizes) = all.max_by(|a, b| a.1.total_cmp(&b.1))?;
-    Some(discrepancy::twin_with(&found.refitted().unit(), place, &sizes[place.first()..place.first() + place.shapes()]))
+    Some(discrepancy::twin_with(&found.refitted().unit(), place, &sizes))
 }
 
 /// A root of the covariance of a model's free parameters, sizes of effects with their prior: one deviation a column.

@@ -5,11 +5,12 @@ use std::collections::BTreeMap;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use serde::{Deserialize, Serialize};
 
+use crate::diagnosis::evidence::KAPPAS;
+use crate::diagnosis::evidence::dependent_covariance;
 use crate::diagnosis::evidence::law_error::LAW_ERRORS;
-use crate::diagnosis::evidence::{KAPPAS, Shared, dependent_covariance, unknown};
 use crate::diagnosis::hypotheses::Explored;
 use crate::diagnosis::hypotheses::explorer::{Hypothesis, is_stage_alone};
-use crate::effects::EffectSpec;
+use crate::effects::{EffectSpec, Stage};
 use crate::likelihood::noise::log_sum;
 use crate::likelihood::problem::Problem;
 
@@ -123,11 +124,11 @@ impl EvidenceTable {
                 sizes: sizes.collect(),
             }
         };
-        let refitted = explored.hypotheses.iter().find(|one| one.effects.is_empty()).filter(|_| !alone);
-        let unknown = refitted.map(|one| {
-            let shared = Shared::new(problem, &explored.discrepancy, one.model.cost());
-            unknown::evidence(problem, &one.model, &shared)
-        });
+        let unknown = |hypothesis: Option<&Hypothesis>| {
+            let hypothesis = hypothesis.filter(|_| !alone);
+            let of = |stage: Stage| Some((stage.id().to_owned(), hypothesis?.normal.unknown_at(stage)));
+            Stage::ALL.into_iter().filter_map(of).filter(|(_, evidence)| evidence.is_finite()).collect()
+        };
         let samples = problem.independent_samples();
         let slow: f64 = (0..problem.trials.len())
             .filter(|&trial| problem.trials[trial].is_slow())
@@ -139,7 +140,7 @@ impl EvidenceTable {
             slow_share: slow / samples.max(1e-9),
             pilot: problem.trials.iter().any(|trial| trial.has[pilot as usize]),
             rows: explored.hypotheses.par_iter().map(row).collect(),
-            unknown: unknown.unwrap_or_default(),
+            unknown: unknown(explored.hypotheses.iter().find(|one| one.effects.is_empty())),
         }
     }
 }
