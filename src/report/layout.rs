@@ -96,6 +96,28 @@ fn label_px(axis: &Axis, width: f64) -> f64 {
     if axis.categories.is_empty() { 56.0 } else { longest + 14.0 }
 }
 
+/// Width of a picture for a narrow screen, px.
+const NARROW_PX: u32 = 380;
+
+/// Least height of a category whose name may take two lines there, px.
+const NARROW_ROW_PX: u32 = 32;
+
+impl Picture {
+    /// The same panels one below the other, as wide as a phone.
+    #[must_use]
+    pub fn narrow(&self) -> Self {
+        let mut narrow = Self { width_px: NARROW_PX, columns: 1, ..self.clone() };
+        for panel in &mut narrow.panels {
+            let names = || panel.y.categories.iter();
+            if names().any(|name| label_lines(name, f64::from(NARROW_PX)).len() > 1) {
+                let least = NARROW_ROW_PX * u32::try_from(names().count()).unwrap_or(1);
+                panel.height_px = panel.height_px.max(least);
+            }
+        }
+        narrow
+    }
+}
+
 /// A label left of a plot, broken into lines that leave the plot its half of the panel.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a panel is a few hundred letters wide")]
 pub fn label_lines(label: &str, width: f64) -> Vec<String> {

@@ -1,13 +1,6 @@
 //! A picture as data: panels in a grid, marks in a panel, events across panels.
 
 use super::ink::Ink;
-use super::layout::label_lines;
-
-/// Width of a picture for a narrow screen, px.
-const NARROW_PX: u32 = 380;
-
-/// Least height of a category whose name may take two lines there, px.
-const NARROW_ROW_PX: u32 = 32;
 
 /// One axis of a panel.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -276,20 +269,6 @@ impl Picture {
     #[must_use]
     pub fn stacked(description: impl Into<String>, panels: Vec<Panel>) -> Self {
         Self { shared_x: true, ..Self::grid(description, 1, panels) }
-    }
-
-    /// The same panels one below the other, as wide as a phone.
-    #[must_use]
-    pub fn narrow(&self) -> Self {
-        let mut narrow = Self { width_px: NARROW_PX, columns: 1, ..self.clone() };
-        for panel in &mut narrow.panels {
-            let names = || panel.y.categories.iter();
-            if names().any(|name| label_lines(name, f64::from(NARROW_PX)).len() > 1) {
-                let least = NARROW_ROW_PX * u32::try_from(names().count()).unwrap_or(1);
-                panel.height_px = panel.height_px.max(least);
-            }
-        }
-        narrow
     }
 
     /// Panels in a grid, each with its own axes.

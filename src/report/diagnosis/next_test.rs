@@ -71,7 +71,7 @@ pub fn lines(diagnosis: &Diagnosis) -> Vec<(&'static str, String)> {
     let names: Vec<String> = one.separates.iter().map(|name| hypothesis_words(name)).collect();
     let bits = significant(one.expected_drop_bits, 2);
     vec![
-        ("next test", format!("{} (tells {} apart; {bits} bits)", within(&one.test), listed(&names, "and"))),
+        ("next test", format!("{} (tells {} apart; {bits} bits)", one.test, listed(&names, "and"))),
         ("how to run", how_to_run(one)),
     ]
 }
