@@ -70,6 +70,12 @@ impl Stage {
     pub const ALL: [Self; 7] =
         [Self::Regulator, Self::PilotValve, Self::Esv, Self::Spool, Self::Servomotor, Self::Supply, Self::Sensor];
 
+    /// The stage with an id of reports and labels.
+    #[must_use]
+    pub fn with_id(id: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|stage| stage.id() == id)
+    }
+
     /// The id in reports and labels.
     #[must_use]
     pub fn id(self) -> &'static str {

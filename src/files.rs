@@ -40,6 +40,12 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
     files.place()
 }
 
+/// Whether two names lead to one file or folder.
+#[must_use]
+pub fn is_same(one: &Path, other: &Path) -> bool {
+    one == other || one.canonicalize().is_ok_and(|one| other.canonicalize().is_ok_and(|other| one == other))
+}
+
 /// The folder that a path lies in.
 fn folder_of(path: &Path) -> &Path {
     match path.parent() {

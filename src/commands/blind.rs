@@ -7,10 +7,11 @@ mod method;
 mod scoring;
 mod shard;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::ValueEnum;
 use govtwin::battery::plan::BatteryRates;
+use govtwin::files::is_same;
 use govtwin::params;
 use rayon::prelude::{ParallelBridge, ParallelIterator};
 
@@ -193,11 +194,6 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     warn_of(&unscored);
     failed.extend(unscored);
     Ok(outcome(&failed))
-}
-
-/// Whether two names lead to one folder.
-fn is_same(one: &Path, other: &Path) -> bool {
-    one == other || one.canonicalize().is_ok_and(|one| other.canonicalize().is_ok_and(|other| one == other))
 }
 
 fn warn_of(failed: &[String]) {

@@ -1,15 +1,16 @@
 //! `govtwin report`: the page of a diagnosis again from its JSON.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use govtwin::diagnosis::result::schema::SCHEMA;
 use govtwin::diagnosis::result::schema::read::read;
+use govtwin::files::is_same;
 use govtwin::provenance::Provenance;
 use govtwin::report::diagnosis as page;
 
 use super::output::{print, width, write_atomically};
-use super::report_file::{self, LARGEST_BYTES};
+use super::report_file;
 use crate::commands::Outcome;
 
 /// Arguments of `govtwin report`.
@@ -33,10 +34,7 @@ Exit codes: 0 ok, 1 not possible, 2 wrong usage.";
 /// Prints the summary and writes the page.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let shown = args.report.display();
-    let text =
-        govtwin::files::read_text(&args.report, LARGEST_BYTES).with_context(|| format!("cannot read {shown}"))?;
-    // Editors of other systems put a mark of byte order before the text.
-    let report: serde_json::Value = serde_json::from_str(text.trim_start_matches('\u{feff}')).with_context(|| {
+    let report: serde_json::Value = serde_json::from_str(&report_file::text(&args.report)?).with_context(|| {
         format!("{shown}: expected JSON as `govtwin diagnose` writes it to report.json, found something else")
     })?;
     let schema = report["schema"].as_str().unwrap_or_default();
@@ -49,7 +47,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         );
     }
     let out = args.out.clone().unwrap_or_else(|| args.report.with_extension("html"));
-    if same_file(&out, &args.report) {
+    if is_same(&out, &args.report) {
         bail!("--out: {}: the page would replace the report itself; name another file", out.display());
     }
     report_file::check(&report).with_context(|| shown.to_string())?;
@@ -62,9 +60,4 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     write_atomically(&out, html.as_bytes())?;
     print(&format!("{}\npage: {}\n", page::summary(&diagnosis, width()), out.display()))?;
     Ok(Outcome::Ok)
-}
-
-/// Whether two paths lead to one file.
-fn same_file(one: &Path, other: &Path) -> bool {
-    matches!((one.canonicalize(), other.canonicalize()), (Ok(one), Ok(other)) if one == other)
 }

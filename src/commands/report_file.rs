@@ -10,15 +10,19 @@ use serde_json::Value;
 /// More than a report of one unit has with all its evidence.
 pub const LARGEST_BYTES: u64 = 1 << 24;
 
+/// The text of a report, without the mark of byte order that editors of other systems put before it.
+pub fn text(path: &Path) -> anyhow::Result<String> {
+    let text = read_text(path, LARGEST_BYTES).with_context(|| format!("cannot read {}", path.display()))?;
+    Ok(text.trim_start_matches('\u{feff}').to_owned())
+}
+
 /// What a report was made from; none where it does not say.
 pub fn provenance(path: &Path) -> anyhow::Result<Option<Provenance>> {
     #[derive(serde::Deserialize)]
     struct Made {
         provenance: Option<Provenance>,
     }
-    let text = read_text(path, LARGEST_BYTES).with_context(|| format!("cannot read {}", path.display()))?;
-    let made: Made =
-        serde_json::from_str(text.trim_start_matches('\u{feff}')).with_context(|| path.display().to_string())?;
+    let made: Made = serde_json::from_str(&text(path)?).with_context(|| path.display().to_string())?;
     Ok(made.provenance)
 }
 

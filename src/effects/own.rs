@@ -124,10 +124,7 @@ fn law(own: &OwnEffect) -> Result<(Stage, OwnLaw), OwnError> {
         .ok_or_else(|| unknown("at", &own.at, Point::ALL.map(Point::id).to_vec()))?;
     let stage = match own.stage.as_str() {
         "" => usual_stage(point),
-        id => Stage::ALL
-            .into_iter()
-            .find(|stage| stage.id() == id)
-            .ok_or_else(|| unknown("stage", id, Stage::ALL.map(Stage::id).to_vec()))?,
+        id => Stage::with_id(id).ok_or_else(|| unknown("stage", id, Stage::ALL.map(Stage::id).to_vec()))?,
     };
     if !(1..=MOST_PARAMETERS).contains(&own.parameters.len()) {
         let message = format!(

@@ -72,7 +72,7 @@ fn truth(name: &str, node: &Node) -> Result<TrueFault, LabelsError> {
         other => Err(wrong(&format!("{name}: {key}"), "text", other)),
     };
     let stage = text("stage")?;
-    let Some(stage) = Stage::ALL.into_iter().find(|known| known.id() == stage) else {
+    let Some(stage) = Stage::with_id(&stage) else {
         return Err(wrong(&format!("{name}: stage"), "a stage of the chain", get(node, "stage")));
     };
     let size = match get(node, "size") {

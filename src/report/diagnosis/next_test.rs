@@ -10,11 +10,7 @@ use crate::report::table::significant;
 pub fn hypothesis_words(name: &str) -> String {
     match name.split_once(':') {
         Some(("unknown", id)) => {
-            let title = Stage::ALL
-                .into_iter()
-                .find(|stage| stage.id() == id)
-                .map_or_else(|| id.to_owned(), |stage| stage_title(stage).to_owned());
-            format!("something unknown in the {title}")
+            format!("something unknown in the {}", Stage::with_id(id).map_or(id, |stage| stage_title(stage)))
         }
         _ => name.split('+').map(id_words).collect::<Vec<_>>().join(" with "),
     }

@@ -164,9 +164,14 @@ fn synthetic() -> Provenance {
     }
 }
 
+/// The page as text, in which units may stand on another line than their numbers.
+fn html_of(diagnosis: &Diagnosis, made: &Provenance) -> String {
+    page(diagnosis, made).unwrap().to_html().replace('\u{a0}', " ")
+}
+
 #[test]
 fn the_page_says_the_verdict_and_holds_all_it_needs() {
-    let html = page(&made_up(Verdict::Named, &["backlash"]), &synthetic()).unwrap().to_html().replace('\u{a0}', " ");
+    let html = html_of(&made_up(Verdict::Named, &["backlash"]), &synthetic());
     assert!(
         html.contains("Play between the servomotor&#39;s piston")
             || html.contains("Play between the servomotor's piston")
@@ -203,7 +208,7 @@ fn every_verdict_has_a_sentence_of_its_own() {
         let text = summary(&diagnosis, usize::MAX);
         assert!(text.contains(expected), "{text}");
         assert!(text.contains(&format!("verdict      {}\n", verdict.id())), "{text}");
-        let html = page(&diagnosis, &Provenance::default()).unwrap().to_html().replace('\u{a0}', " ");
+        let html = html_of(&diagnosis, &Provenance::default());
         assert!(html.contains(expected), "{verdict:?}");
         // How well a twin fits is said in figures.
         assert!(!text.contains("they fit"), "{text}");
@@ -223,8 +228,7 @@ fn something_unknown_is_looked_for_where_and_when_the_page_places_it() {
         assert!(!summary(&diagnosis, usize::MAX).contains("discrepancy term"));
     }
     // The nearest cause with what speaks against it, from the diagnosis's own note or from the ranking.
-    let page_of =
-        |diagnosis: &Diagnosis| page(diagnosis, &Provenance::default()).unwrap().to_html().replace('\u{a0}', " ");
+    let page_of = |diagnosis: &Diagnosis| html_of(diagnosis, &Provenance::default());
     assert!(
         page_of(&diagnosis)
             .contains("Nearest in the catalogue: backlash, fitted play 0.42 % [0.40, 0.44]. What speaks against it")
@@ -249,11 +253,11 @@ fn a_sound_unit_is_told_what_recalibration_found_and_no_place() {
         ),
         "{text}"
     );
-    let html = page(&diagnosis, &Provenance::default()).unwrap().to_html().replace('\u{a0}', " ");
+    let html = html_of(&diagnosis, &Provenance::default());
     assert!(!html.contains("error sits there, %"), "no stage of an error that is not there");
     assert!(!html.contains("by more than three standard deviations"));
     diagnosis.parameters[0].position = -3.4;
-    let html = page(&diagnosis, &Provenance::default()).unwrap().to_html().replace('\u{a0}', " ");
+    let html = html_of(&diagnosis, &Provenance::default());
     assert!(html.contains("by more than three standard deviations") && html.contains("main_ports.overlap_m"));
     diagnosis.parameters[0].position = 0.3;
     assert!(summary(&diagnosis, usize::MAX).starts_with("No fault found, and the data sheet holds"));
@@ -264,7 +268,7 @@ fn one_recording_alone_confirms_nothing() {
     let mut diagnosis = made_up(Verdict::Named, &["backlash"]);
     let text = summary(&diagnosis, usize::MAX);
     assert!(text.contains("(not confirmed: one recording alone says so)"), "{text}");
-    let html = page(&diagnosis, &Provenance::default()).unwrap().to_html().replace('\u{a0}', " ");
+    let html = html_of(&diagnosis, &Provenance::default());
     assert!(html.contains("not confirmed</dd>") && html.contains("that confirms the cause, or refutes it"));
     let second = diagnosis.traces[0].clone();
     diagnosis.traces.push(second);
@@ -279,11 +283,11 @@ fn a_closure_that_says_nothing_is_not_given_as_a_figure() {
     let text = summary(&diagnosis, usize::MAX);
     assert!(text.contains("Explains a share of the error that recalibration leaves that cannot be told"), "{text}");
     assert!(!text.contains("100 %"), "{text}");
-    let html = page(&diagnosis, &Provenance::default()).unwrap().to_html().replace('\u{a0}', " ");
+    let html = html_of(&diagnosis, &Provenance::default());
     assert!(html.contains("cannot be told<") && !html.contains("[0, 100]"));
     let mut several = made_up(Verdict::Named, &["backlash", "lvdt_bias"]);
     several.blamed[1].closure = diagnosis.closure;
-    let html = page(&several, &Provenance::default()).unwrap().to_html().replace('\u{a0}', " ");
+    let html = html_of(&several, &Provenance::default());
     assert!(html.contains("Alone it explains a share that cannot be told. ") && !html.contains("[0, 100]"));
 }
 
@@ -308,9 +312,6 @@ fn a_named_effect_that_leaves_something_unknown_says_so() {
         let mut diagnosis = made_up(Verdict::Named, &["backlash", "load"]);
         diagnosis.ranking[1].probability = probability;
         assert_eq!(summary(&diagnosis, usize::MAX).contains(words), said);
-        assert_eq!(
-            page(&diagnosis, &Provenance::default()).unwrap().to_html().replace('\u{a0}', " ").contains(words),
-            said
-        );
+        assert_eq!(html_of(&diagnosis, &Provenance::default()).contains(words), said);
     }
 }

@@ -89,8 +89,7 @@ fn verdict(value: &Value) -> Result<Verdict, ReadError> {
 
 fn stage(value: &Value) -> Result<Stage, ReadError> {
     let found = text(value);
-    let known = Stage::ALL.into_iter().find(|stage| stage.id() == found);
-    known.ok_or(ReadError::Word { place: "stage", expected: "a stage of the chain".into(), found })
+    Stage::with_id(&found).ok_or(ReadError::Word { place: "stage", expected: "a stage of the chain".into(), found })
 }
 
 fn parameter(value: &Value) -> Fitted {
