@@ -73,9 +73,9 @@ pub fn examples(label: &Label, table: &EvidenceTable) -> Vec<Example> {
 }
 
 impl Example {
-    fn hypotheses(&self) -> Option<Hypotheses> {
+    fn hypotheses(&self, set_weights: &[f64]) -> Option<Hypotheses> {
         let struck: Vec<&str> = self.struck.iter().map(String::as_str).collect();
-        Hypotheses::new(&self.table, &struck)
+        Hypotheses::new(&self.table, &struck, set_weights)
     }
 
     /// Whether a fault set, by its row of the table, is what is in the unit.
@@ -130,28 +130,35 @@ impl Choice {
     }
 }
 
-/// The questions that examples answer: which set, whether it is unknown, at which stage.
-fn choices(examples: &[Example]) -> [Vec<Choice>; 3] {
+/// What examples answer to one question; `ask` sees an example's hypotheses, by these weights of sets.
+fn choices(examples: &[Example], set_weights: &[f64], ask: impl Fn(&Example, Hypotheses) -> Option<Choice>) -> Vec<Choice> {
     let more = sound_weight(examples);
-    let mut all = [Vec::new(), Vec::new(), Vec::new()];
-    for example in examples {
-        let Some(of) = example.hypotheses() else { continue };
-        let weight = example.weight * if example.is_sound() { more } else { 1.0 };
-        let known = vec![0.0; of.unknown.len()];
-        let is_unknown = matches!(example.truth, Truth::Unknown(_));
-        all[1].push(Choice { answers: vec![of.unknown, known], right: vec![is_unknown, !is_unknown], weight });
-        match &example.truth {
-            Truth::Effects(_) => {
-                let right = of.sets.iter().map(|(row, _)| example.is_truth(*row)).collect();
-                all[0].push(Choice { answers: of.sets.into_iter().map(|(_, of)| of).collect(), right, weight });
-            }
-            Truth::Unknown(stages) => {
-                let right = of.stages.iter().map(|(id, _)| stages.contains(id)).collect();
-                all[2].push(Choice { answers: of.stages.into_iter().map(|(_, of)| of).collect(), right, weight });
-            }
-        }
-    }
-    all
+    let one = |example: &Example| {
+        let choice = ask(example, example.hypotheses(set_weights)?)?;
+        Some(Choice { weight: example.weight * if example.is_sound() { more } else { 1.0 }, ..choice })
+    };
+    examples.iter().filter_map(one).collect()
+}
+
+/// Which set is it, where nothing is unknown?
+fn of_sets(example: &Example, of: Hypotheses) -> Option<Choice> {
+    let Truth::Effects(_) = example.truth else { return None };
+    let right = of.sets.iter().map(|(row, _)| example.is_truth(*row)).collect();
+    Some(Choice { answers: of.sets.into_iter().map(|(_, of)| of).collect(), right, weight: 1.0 })
+}
+
+/// Is something unknown?
+fn of_unknown(example: &Example, of: Hypotheses) -> Option<Choice> {
+    let known = vec![0.0; of.unknown.len()];
+    let is_unknown = matches!(example.truth, Truth::Unknown(_));
+    Some(Choice { answers: vec![of.unknown, known], right: vec![is_unknown, !is_unknown], weight: 1.0 })
+}
+
+/// At which stage is it?
+fn of_stages(example: &Example, of: Hypotheses) -> Option<Choice> {
+    let Truth::Unknown(stages) = &example.truth else { return None };
+    let right = of.stages.iter().map(|(id, _)| stages.contains(id)).collect();
+    Some(Choice { answers: of.stages.into_iter().map(|(_, of)| of).collect(), right, weight: 1.0 })
 }
 
 /// Mean log score of examples as they are, none struck, natural logarithms; what was not fitted counts as excluded.
@@ -176,16 +183,15 @@ fn sound_weight(examples: &[Example]) -> f64 {
     weight_of_sound(as_they_are().filter(|example| example.is_sound()).count(), as_they_are().count())
 }
 
-/// The weights that score best on these examples.
-#[must_use]
-pub fn fit(examples: &[Example]) -> Weights {
-    let [sets, unknown, stages] = choices(examples);
-    Weights {
-        sets: best(&sets, &OF_SETS),
-        unknown: best(&unknown, &OF_UNKNOWN),
-        stages: best(&stages, &OF_STAGES),
-        ..Weights::bayes()
-    }
+/// The weights that score best on these examples; `settled` puts weights in place that are not to be learned. Those of sets come first: what speaks for
+/// something unknown is a mean over sets.
+fn fit(examples: &[Example], settled: &dyn Fn(Weights) -> Weights) -> Weights {
+    let bayes = Weights::bayes();
+    let sets = best(&choices(examples, &bayes.sets, of_sets), &OF_SETS);
+    let sets = settled(Weights { sets, ..bayes }).sets;
+    let unknown = best(&choices(examples, &sets, of_unknown), &OF_UNKNOWN);
+    let stages = best(&choices(examples, &sets, of_stages), &OF_STAGES);
+    settled(Weights { sets, unknown, stages, ..Weights::bayes() })
 }
 
 /// The weights of one question: Newton's method on the log score with a Gaussian prior about what they are with nothing learned.
@@ -290,9 +296,9 @@ pub struct LearningResult {
     pub of_others: Vec<Weights>,
 }
 
-/// Learns from all parts, and judges each by the others.
+/// Learns from all parts, and judges each by the others; `settled` puts weights in place that are not to be learned.
 #[must_use]
-pub fn learn(parts: &[Vec<Example>]) -> LearningResult {
+pub fn learn(parts: &[Vec<Example>], settled: &dyn Fn(Weights) -> Weights) -> LearningResult {
     let bayes = Weights::bayes();
     let all: Vec<Example> = parts.iter().flatten().cloned().collect();
     let (mut held_out, mut right, mut count) = (0.0, 0.0, 0.0_f64);
@@ -300,14 +306,14 @@ pub fn learn(parts: &[Vec<Example>]) -> LearningResult {
     for (left, part) in parts.iter().enumerate() {
         let others: Vec<Example> =
             parts.iter().enumerate().filter(|(k, _)| *k != left).flat_map(|(_, part)| part.iter().cloned()).collect();
-        let weights = fit(&others);
+        let weights = fit(&others, settled);
         let own: Vec<&Example> = part.iter().filter(|example| example.struck.is_empty()).collect();
         held_out += log_score(part, &weights) * own.len() as f64;
         right += own.iter().filter(|example| first_is_right(example, &weights)).count() as f64;
         count += own.len() as f64;
         of_others.push(weights);
     }
-    let weights = fit(&all);
+    let weights = fit(&all, settled);
     let seen = log_score(&all, &weights);
     LearningResult {
         weights,

@@ -30,12 +30,45 @@ pub struct Args {
     /// Folders that `govtwin blind --generate` made and judged to the end.
     #[arg(value_name = "DIR", required = true)]
     dirs: Vec<PathBuf>,
+    /// Keep the weights that the program ships with for a question whose evidence is what it was: they were learned on units that may not be at hand
+    /// any more; may be repeated.
+    #[arg(long, value_name = "QUESTION")]
+    keep: Vec<Question>,
     /// File to write the weights to.
     #[arg(long, value_name = "FILE", default_value = "diagnosis_weights.json")]
     out: PathBuf,
     /// Print JSON instead of tables: the weights, as in FILE.
     #[arg(long)]
     json: bool,
+}
+
+/// A question that is answered by weights of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Question {
+    /// Which fault set, where nothing is unknown.
+    Sets,
+    /// Whether something is unknown.
+    Unknown,
+    /// At which stage it is.
+    Stages,
+    /// How wide the intervals of sizes and of the explained share are.
+    Intervals,
+}
+
+/// Weights with those of the questions that are kept.
+fn with_kept(mut weights: Weights, shipped: &Weights, kept: &[Question]) -> Weights {
+    for question in kept {
+        match question {
+            Question::Sets => weights.sets.clone_from(&shipped.sets),
+            Question::Unknown => weights.unknown.clone_from(&shipped.unknown),
+            Question::Stages => weights.stages.clone_from(&shipped.stages),
+            Question::Intervals => {
+                weights.size_spread = shipped.size_spread;
+                weights.closure_widening = shipped.closure_widening;
+            }
+        }
+    }
+    weights
 }
 
 const HELP: &str = "\
@@ -111,7 +144,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             units.iter().flat_map(|unit| examples(&unit.label, &table(&unit.said))).collect()
         };
         let examples: Vec<Vec<Example>> = parts.iter().map(of).collect();
-        let learned = learn(&examples);
+        let learned = learn(&examples, &|weights| with_kept(weights, &shipped, &args.keep));
         let weights = |part: usize| match weights_of {
             WeightsOf::Others => learned.of_others[part].clone(),
             WeightsOf::Bayes => Weights::bayes(),
@@ -153,7 +186,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let pairs: Vec<(&Label, &EvidenceTable)> =
         all.iter().map(|unit| (&unit.label, &unit.said.evidence.table)).collect();
     let claims: Vec<(Interval, f64)> = all.iter().filter_map(|unit| unit.claim()).collect();
-    let weights = Weights {
+    let learned_weights = Weights {
         size_spread: size_spread(&pairs),
         closure_widening: closure_widening(&claims),
         provenance: serde_json::json!({
@@ -164,9 +197,11 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             "log_score": {"not_learned": learned.bayes, "held_out": learned.held_out, "seen": learned.seen},
             "first_word_right_held_out": learned.held_out_right,
             "reliability": reliability(&scores),
+            "kept": kept(&args.keep, &shipped),
         }),
         ..learned.weights.clone()
     };
+    let weights = with_kept(learned_weights, &shipped, &args.keep);
     let mut text = serde_json::to_string_pretty(&weights)?;
     text.push('\n');
     write_atomically(&args.out, text.as_bytes())?;
@@ -191,6 +226,17 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     lines += &told("The same, folder by folder, each by weights of the others", &by_folder);
     print(if args.json { &text } else { &lines })?;
     Ok(Outcome::Ok)
+}
+
+/// Questions whose weights were kept, and where these were learned.
+fn kept(questions: &[Question], shipped: &Weights) -> serde_json::Value {
+    let names = questions.iter().filter_map(clap::ValueEnum::to_possible_value).map(|name| name.get_name().to_owned());
+    let names: Vec<String> = names.collect();
+    let of = |key: &str| shipped.provenance[key].clone();
+    if names.is_empty() {
+        return serde_json::Value::Null;
+    }
+    serde_json::json!({"questions": names, "learned_on": {"folders": of("folders"), "units": of("units")}})
 }
 
 /// The name of a folder.

@@ -7,6 +7,7 @@
 
 pub mod dependent_covariance;
 pub mod law_error;
+pub mod parts;
 
 use std::sync::Arc;
 

@@ -121,11 +121,11 @@ impl Problem {
         (0..self.trials.len()).map(|trial| self.simulate(unit, trial)).collect()
     }
 
-    /// A twin with the cut of a trial; the mean over noise inside the loop, where there is a loop.
+    /// A twin with the cut of a trial; the mean over the noise that the regulator hears, where there is a regulator.
     fn prepared(&self, twin: Twin, trial: usize) -> Twin {
         match self.trials[trial].cut {
-            Cut::None => twin.with_dither(self.dither_pu(trial)),
-            cut => twin.with_cut(cut),
+            Cut::Spool => twin.with_cut(Cut::Spool),
+            cut => twin.with_dither(self.dither_pu(trial)).with_cut(cut),
         }
     }
 

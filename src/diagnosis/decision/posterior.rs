@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::diagnosis::hypotheses::table::{EvidenceRow, EvidenceTable};
 use crate::diagnosis::model::support::SIZE_PRIOR;
-use crate::effects::find;
+use crate::effects::{Stage, find};
 use crate::likelihood::noise::log_sum;
 use crate::likelihood::problem::SOUND_MEAN_SQUARE;
 
@@ -42,11 +42,11 @@ pub const OF_SETS: [PosteriorFeature; 6] = [
     feature("squares of the sizes' distances from the typical one", [0.0; 2]),
 ];
 
-/// Features of something unknown against all that is known, of the set that is best by Bayes' theorem.
+/// Features of something unknown against all that is known: means over the fault sets, by their probabilities if nothing is unknown.
 pub const OF_UNKNOWN: [PosteriorFeature; 7] = [
     feature("any unit", [-3.0; 2]),
     feature("inverse hyperbolic sine of the deviations by which ln χ² is off that of sound units", [1.5, 0.5]),
-    feature("these deviations, where the best set is nothing and χ² is too large", [0.5; 2]),
+    feature("these deviations, of nothing at work where χ² is too large", [0.5; 2]),
     feature("strain of the sheet", [0.0; 2]),
     feature("squares of the sizes' distances from the typical one", [0.0; 2]),
     feature("number of effects", [0.0; 2]),
@@ -56,11 +56,17 @@ pub const OF_UNKNOWN: [PosteriorFeature; 7] = [
     ),
 ];
 
-/// Features of a stage, where something is unknown.
-pub const OF_STAGES: [PosteriorFeature; 3] = [
-    feature("nats lost against the best stage, over χ² of the best set", [-0.5; 2]),
-    feature("logarithm of 1 and the nats lost", [0.0; 2]),
-    feature("logarithm of the share that effects there have of all that is known, by Bayes' theorem", [0.5; 2]),
+/// Features of a stage, where something is unknown. What discrepancy terms there gain in parts of the chain on their own is weighed stage by stage: those
+/// of the supply reach every signal and explain a little of everything, those of the regulator and the sensors only what has their few shapes.
+pub const OF_STAGES: [PosteriorFeature; 8] = [
+    feature("logarithm of the share that effects there have of all that is known", [0.5; 2]),
+    feature("logarithm of 1 and the nats gained in parts on their own over their χ², of the regulator", [0.5; 2]),
+    feature("the same of the pilot valve", [0.5; 2]),
+    feature("the same of the ESV", [0.5; 2]),
+    feature("the same of the spool", [0.5; 2]),
+    feature("the same of the servomotor", [0.5; 2]),
+    feature("the same of the supply", [0.5; 2]),
+    feature("the same of the sensors", [0.5; 2]),
 ];
 
 /// Names of the rates, in the order of the weights: each feature counts for both, by their share of the samples.
@@ -122,7 +128,7 @@ impl Weights {
     /// Share with which a further nat of evidence counts between two sets, given a unit's table.
     #[must_use]
     pub fn counted_share(&self, table: &EvidenceTable) -> f64 {
-        let scale = Hypotheses::new(table, &[]).map_or(1.0, |all| all.scale);
+        let scale = Hypotheses::new(table, &[], &self.sets).map_or(1.0, |all| all.scale);
         let of = |first: usize| -(self.sets[first] + self.sets[first + 1] / scale);
         let shares = [1.0 - table.slow_share, table.slow_share];
         (shares[0] * of(0) + shares[1] * of(OF_SETS.len())).clamp(0.0, 1.0)
@@ -164,23 +170,23 @@ fn oddness(row: &EvidenceRow) -> f64 {
 }
 
 impl Hypotheses {
-    /// Those of a table, without sets of struck effects; none of an empty table.
+    /// Those of a table, without sets of struck effects; none of an empty table. What speaks for something unknown is a mean over the sets by these weights
+    /// of [`OF_SETS`].
     #[must_use]
-    pub fn new(table: &EvidenceTable, struck: &[&str]) -> Option<Self> {
+    pub fn new(table: &EvidenceTable, struck: &[&str], set_weights: &[f64]) -> Option<Self> {
         let allowed = |row: &&EvidenceRow| !row.effects.iter().any(|id| struck.contains(&id.as_str()));
+        let rows: Vec<(usize, &EvidenceRow)> =
+            table.rows.iter().enumerate().filter(|(_, row)| allowed(row)).collect();
         let odds = |row: &EvidenceRow| row.evidence() - ODDS * row.effects.len() as f64;
-        let leader = table.rows.iter().filter(allowed).max_by(|a, b| odds(a).total_cmp(&odds(b)))?;
-        let top = table.rows.iter().filter(allowed).map(EvidenceRow::evidence).fold(f64::NEG_INFINITY, f64::max);
+        let leader = rows.iter().map(|(_, row)| *row).max_by(|a, b| odds(a).total_cmp(&odds(b)))?;
+        let top = rows.iter().map(|(_, row)| row.evidence()).fold(f64::NEG_INFINITY, f64::max);
         let shares = [1.0 - table.slow_share, table.slow_share];
         let by_rate = |features: &[f64]| -> Vec<f64> {
             shares.iter().flat_map(|share| features.iter().map(move |feature| share * feature)).collect()
         };
         let expected = (SOUND_MEAN_SQUARE * table.samples).max(1.0);
-        let excess = (leader.cost / expected).max(1e-3).ln();
-        let deviations = excess / (SCATTER.powi(2) + 2.0 / table.samples.max(1.0)).sqrt();
-        let chi = excess.exp().max(1.0);
         let scale = 1.0 + (leader.cost - expected).max(0.0) / FREEDOM;
-        let set = |(k, row): (usize, &EvidenceRow)| {
+        let set = |&(k, row): &(usize, &EvidenceRow)| {
             let lost = (top - row.evidence()).min(FARTHEST);
             let features = by_rate(&[
                 lost,
@@ -192,34 +198,53 @@ impl Hypotheses {
             ]);
             (k, features)
         };
-        let rows = table.rows.iter().enumerate().filter(|(_, row)| allowed(row));
-        let best_stage = table.unknown.values().copied().fold(f64::NEG_INFINITY, f64::max);
-        let gained = (best_stage - top).max(-FARTHEST);
+        let sets: Vec<(usize, Vec<f64>)> = rows.iter().map(set).collect();
+        let scores: Vec<f64> = sets.iter().map(|(_, features)| score(features, set_weights)).collect();
+        let total = log_sum(scores.iter().copied());
+        let probabilities: Vec<f64> = scores.into_iter().map(|score| (score - total).exp()).collect();
+        let mean = |of: &dyn Fn(&EvidenceRow) -> f64| -> f64 {
+            rows.iter().zip(&probabilities).map(|((_, row), probability)| probability * of(row)).sum()
+        };
+        let scatter = (SCATTER.powi(2) + 2.0 / table.samples.max(1.0)).sqrt();
+        let deviations = |row: &EvidenceRow| (row.cost / expected).max(1e-3).ln() / scatter;
+        let of_nothing =
+            |row: &EvidenceRow| if row.effects.is_empty() { deviations(row).clamp(0.0, 20.0) } else { 0.0 };
+        let gained = (table.unknown.values().copied().fold(f64::NEG_INFINITY, f64::max) - top).max(-FARTHEST);
         let unknown = by_rate(&[
             1.0,
-            deviations.asinh(),
-            if leader.effects.is_empty() { deviations.clamp(0.0, 20.0) } else { 0.0 },
-            leader.strain.min(20.0),
-            oddness(leader),
-            leader.effects.len() as f64,
-            (gained.abs() / chi).ln_1p().copysign(gained),
+            mean(&|row| deviations(row).asinh()),
+            mean(&of_nothing),
+            mean(&|row| row.strain.min(20.0)),
+            mean(&oddness),
+            mean(&|row| row.effects.len() as f64),
+            signed_log(gained / (leader.cost / expected).max(1.0)),
         ]);
         // What comes nearest to something unknown mostly acts at its stage.
         let mut known: BTreeMap<&str, f64> = BTreeMap::new();
-        for row in table.rows.iter().filter(allowed).filter(|row| !row.effects.is_empty()) {
-            let each = (odds(row) - odds(leader)).exp() / row.effects.len() as f64;
+        for ((_, row), probability) in rows.iter().zip(&probabilities) {
             for spec in row.effects.iter().filter_map(|id| find(id)) {
-                *known.entry(spec.stage.id()).or_default() += each;
+                *known.entry(spec.stage.id()).or_default() += probability / row.effects.len() as f64;
             }
         }
         let all = known.values().sum::<f64>().max(f64::MIN_POSITIVE);
-        let stage = |(id, evidence): (&String, &f64)| {
-            let lost = (best_stage - evidence).clamp(0.0, FARTHEST);
+        let worst = table.parts.iter().map(|part| part.cost / (SOUND_MEAN_SQUARE * part.samples)).fold(1.0, f64::max);
+        let stage = |id: &String| {
             let share = known.get(id.as_str()).map_or(0.0, |known| known / all);
-            (id.clone(), by_rate(&[lost / chi, lost.ln_1p(), (share + LEAST_SHARE).ln()]))
+            let gained: f64 = table.parts.iter().map(|part| part.gained_at(id)).sum();
+            let mut features = [0.0; OF_STAGES.len()];
+            features[0] = (share + LEAST_SHARE).ln();
+            if let Some(place) = Stage::ALL.iter().position(|stage| stage.id() == id) {
+                features[1 + place] = signed_log(gained / worst);
+            }
+            (id.clone(), by_rate(&features))
         };
-        Some(Self { sets: rows.map(set).collect(), unknown, stages: table.unknown.iter().map(stage).collect(), scale })
+        Some(Self { unknown, stages: table.unknown.keys().map(stage).collect(), sets, scale })
     }
+}
+
+/// Logarithm of 1 and the size, with the sign.
+fn signed_log(value: f64) -> f64 {
+    value.abs().ln_1p().copysign(value)
 }
 
 /// Probabilities of the hypotheses of a table.
@@ -235,7 +260,7 @@ impl Posterior {
     /// By these weights; sets of struck effects are left out.
     #[must_use]
     pub fn new(table: &EvidenceTable, weights: &Weights, struck: &[&str]) -> Self {
-        let Some(all) = Hypotheses::new(table, struck) else { return Self { sets: Vec::new(), unknown: Vec::new() } };
+        let Some(all) = Hypotheses::new(table, struck, &weights.sets) else { return Self { sets: Vec::new(), unknown: Vec::new() } };
         let unknown = if all.stages.is_empty() { 0.0 } else { logistic(score(&all.unknown, &weights.unknown)) };
         let share_out = |scores: Vec<f64>, whole: f64| -> Vec<f64> {
             let total = log_sum(scores.iter().copied());

@@ -10,6 +10,7 @@ use crate::diagnosis::evidence::dependent_covariance;
 use crate::diagnosis::evidence::law_error::LAW_ERRORS;
 use crate::diagnosis::hypotheses::Explored;
 use crate::diagnosis::hypotheses::explorer::{Hypothesis, is_stage_alone};
+use crate::diagnosis::evidence::parts::{PartFit, parts};
 use crate::effects::{EffectSpec, Stage};
 use crate::likelihood::noise::log_sum;
 use crate::likelihood::problem::Problem;
@@ -50,6 +51,9 @@ pub struct EvidenceTable {
     pub rows: Vec<EvidenceRow>,
     /// Logarithm of the evidence of something unknown at each stage, on the sheet alone.
     pub unknown: BTreeMap<String, f64>,
+    /// Parts of the chain on their own, where recordings show them.
+    #[serde(default)]
+    pub parts: Vec<PartFit>,
 }
 
 impl EvidenceRow {
@@ -141,6 +145,7 @@ impl EvidenceTable {
             pilot: problem.trials.iter().any(|trial| trial.has[pilot as usize]),
             rows: explored.hypotheses.par_iter().map(row).collect(),
             unknown: unknown(explored.hypotheses.iter().find(|one| one.effects.is_empty())),
+            parts: if alone { Vec::new() } else { parts(problem, explored.refitted()) },
         }
     }
 }

@@ -1,0 +1,185 @@
+//! Parts of the chain on their own: each driven by what was recorded at its input, refitted within the sheet's tolerances, and judged by its own outputs.
+//!
+//! A part that follows its recorded input is not where an unknown effect acts; a part that does not may be. The closed loop spreads an effect over all
+//! signals, a cut keeps it where it is (Isermann 2006, *Fault-Diagnosis Systems*, section 9.2, calls such residuals structured).
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use crate::diagnosis::evidence::law_error::LAW_ERRORS;
+use crate::diagnosis::evidence::{KAPPAS, Shared};
+use crate::diagnosis::model::FittedModel;
+use crate::diagnosis::model::discrepancy::columns;
+use crate::diagnosis::model::support::{Placed, Variant, add};
+use crate::effects::{Stage, find};
+use crate::estimation::fit::{Effort, Start, fit_all};
+use crate::identification::free_parameter::FreeParameter;
+use crate::likelihood::noise::log_sum;
+use crate::likelihood::problem::Problem;
+use crate::likelihood::trial::Trial;
+use crate::signal::Signal;
+use crate::stage_alone::sheetless::acts_behind_the_spool;
+use crate::twin::Cut;
+
+/// The effect that takes up the zero error of a fed spool, which a servomotor sums up over a whole recording.
+const SPOOL_ZERO: &str = "lvdt_bias";
+
+/// A part of the chain.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Part {
+    /// Regulator, pilot valve and spool, fed the recorded servomotor.
+    Controls,
+    /// Main ports and servomotor, fed the recorded spool.
+    Servomotor,
+}
+
+/// What a part leaves that was refitted on its own.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PartFit {
+    /// The part.
+    pub part: Part,
+    /// Squares of residuals and priors.
+    pub cost: f64,
+    /// Independent samples of its outputs.
+    pub samples: f64,
+    /// Logarithm of the evidence of the part as the sheet has it.
+    pub evidence: f64,
+    /// The same of something unknown in it, by stage.
+    pub unknown: BTreeMap<String, f64>,
+}
+
+impl Part {
+    const ALL: [Self; 2] = [Self::Controls, Self::Servomotor];
+
+    /// Where the chain is cut for it, and the signal that is fed there.
+    fn fed(self) -> (Cut, Signal) {
+        match self {
+            Self::Controls => (Cut::Servomotor, Signal::ServomotorPosition),
+            Self::Servomotor => (Cut::Spool, Signal::SpoolPosition),
+        }
+    }
+
+    /// Whether a signal is an output of the part.
+    fn gives(self, signal: Signal) -> bool {
+        (signal == Signal::ServomotorPosition) == (self == Self::Servomotor)
+    }
+
+    /// A trial of the part alone; none where its input or all its outputs were not recorded, or too rarely to show what it does between samples.
+    fn of(self, trial: &Trial) -> Option<Trial> {
+        let (cut, fed) = self.fed();
+        let mut part = Trial { cut, ..trial.clone() };
+        for signal in Signal::ALL {
+            part.has[signal as usize] &= self.gives(signal);
+        }
+        if self == Self::Controls {
+            smooth(&mut part);
+        }
+        (trial.cut == Cut::None && !trial.is_slow() && trial.has[fed as usize] && part.has.contains(&true))
+            .then_some(part)
+    }
+
+    /// Unit and free parameters of the part, at the refitted sheet and at the sheet itself.
+    fn starts(self, refitted: &FittedModel) -> [Placed; 2] {
+        [true, false].map(|at_refitted| {
+            let acts = |one: &FreeParameter| self == Self::Controls || acts_behind_the_spool(one);
+            let placed = refitted.free_parameters.iter().zip(&refitted.fit.positions);
+            let of = |(one, position): (&FreeParameter, &f64)| {
+                (*one, if at_refitted { *position } else { one.start(&refitted.base) })
+            };
+            let (free_parameters, positions) = placed.filter(|(one, _)| acts(one)).map(of).unzip();
+            let mut placed = (refitted.base.clone(), free_parameters, positions);
+            if let Some(zero) = find(SPOOL_ZERO).filter(|_| self == Self::Servomotor) {
+                add(&mut placed, zero, Variant { size: 0.0, further: 0.0 });
+            }
+            placed
+        })
+    }
+}
+
+/// Nats lost beyond which it does not matter how many.
+const MOST_LOST: f64 = 50.0;
+
+impl PartFit {
+    /// Nats that something unknown at a stage gains over the part as the sheet has it; 0 where it has no say.
+    #[must_use]
+    pub fn gained_at(&self, stage: &str) -> f64 {
+        self.unknown.get(stage).map_or(0.0, |evidence| (evidence - self.evidence).max(-MOST_LOST))
+    }
+}
+
+/// The parts that the recordings show on their own, each with what it leaves.
+#[must_use]
+pub fn parts(problem: &Problem, refitted: &FittedModel) -> Vec<PartFit> {
+    let fit = |part: Part| {
+        let trials: Vec<Trial> = problem.trials.iter().filter_map(|trial| part.of(trial)).collect();
+        if trials.is_empty() {
+            return None;
+        }
+        let problem = problem.anew(trials, &refitted.unit());
+        let places = part.starts(refitted);
+        let starts: [Start<'_, FreeParameter>; 2] = places.each_ref().map(|(base, coordinates, positions)| Start {
+            base,
+            coordinates,
+            positions,
+            effort: Effort::FULL,
+            known: None,
+        });
+        let fits = fit_all(&problem, &starts);
+        let (place, fit) = places.iter().zip(fits).min_by(|a, b| a.1.cost().total_cmp(&b.1.cost()))?;
+        let model = FittedModel::new(Vec::new(), place.0.clone(), place.1.clone(), fit);
+        let normal = Shared::new(&problem, &Arc::new(columns(&problem, &model)), model.cost()).normal(&model);
+        let of = |stage: Stage| (stage.id().to_owned(), normal.unknown_at(stage));
+        Some(PartFit {
+            part,
+            cost: model.cost(),
+            samples: problem.independent_samples(),
+            evidence: log_sum(KAPPAS.map(|kappa| normal.at(kappa, LAW_ERRORS[0]))) - (KAPPAS.len() as f64).ln(),
+            unknown: Stage::ALL.into_iter().map(of).filter(|(_, evidence)| evidence.is_finite()).collect(),
+        })
+    };
+    Part::ALL.into_iter().filter_map(fit).collect()
+}
+
+/// Weights of the quadratic through eleven samples, at the middle one (Savitzky & Golay 1964), over [`WEIGHT`].
+const WEIGHTS: [f64; 11] = [-36.0, 9.0, 44.0, 69.0, 84.0, 89.0, 84.0, 69.0, 44.0, 9.0, -36.0];
+/// Their sum.
+const WEIGHT: f64 = 429.0;
+
+/// Takes noise off the recorded servomotor: the regulator heard another draw of it, over which the twin is a mean already.
+fn smooth(trial: &mut Trial) {
+    let measured = trial.measured(Signal::ServomotorPosition);
+    for (k, around) in measured.windows(WEIGHTS.len()).enumerate() {
+        let mean = around.iter().zip(WEIGHTS).map(|(value, weight)| value * weight).sum::<f64>() / WEIGHT;
+        if mean.is_finite() {
+            trial.frames[trial.samples[k + WEIGHTS.len() / 2]].measured.servomotor_position_pu = mean;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::Frame;
+    use crate::recording::{Process, Recording};
+
+    /// A quadratic stays what it is; noise of one sample is spread.
+    #[test]
+    fn smoothing_keeps_a_quadratic() {
+        let position = |k: i32| 0.2 + 0.01 * f64::from(k) + 1e-4 * f64::from(k * k);
+        let frame = |k: i32| {
+            let mut frame = Frame { time_ns: i64::from(k) * 10_000_000, ..Frame::default() };
+            frame.measured.servomotor_position_pu = position(k) + if k == 20 { 1e-3 } else { 0.0 };
+            frame
+        };
+        let frames = (0..40).map(frame).collect();
+        let mut trial = Trial::new(Recording { name: String::new(), process: Process::Startup, frames });
+        smooth(&mut trial);
+        let off: Vec<f64> =
+            (0..40).map(|k| trial.frames[k as usize].measured.servomotor_position_pu - position(k)).collect();
+        assert!(off[..15].iter().chain(&off[26..]).all(|off| off.abs() < 1e-12));
+        assert!((off[20] - 1e-3 * 89.0 / WEIGHT).abs() < 1e-12);
+    }
+}
