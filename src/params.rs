@@ -136,8 +136,13 @@ fn load_over(path: &Path, open: &mut Vec<PathBuf>) -> Result<Sheet, ParamsError>
             let at_base = |message| {
                 invalid(vec![FileProblem { line: document.line(&["base"]), key: "base".to_owned(), message }])
             };
-            let known =
-                base.canonicalize().map_err(|error| at_base(format!("cannot read {}: {error}", base.display())))?;
+            let known = base.canonicalize().map_err(|error| {
+                at_base(format!(
+                    "cannot read {}: {error}; expected the path of another parameter file, from this one's folder; without `base` a file differs from \
+                     the shipped reference unit",
+                    base.display()
+                ))
+            })?;
             if open.contains(&known) {
                 return Err(at_base(format!(
                     "{} rests on itself; one file of the circle must drop `base`",

@@ -103,7 +103,8 @@ fn bases_that_are_missing_circular_or_wrong_are_told() {
     let folder = tempfile::tempdir().unwrap();
     let text = |name: &str| params::load(&folder.path().join(name)).unwrap_err().to_string();
     write(folder.path(), "lost.yaml", "name: x\nbase: nowhere.yaml\n");
-    assert!(text("lost.yaml").contains("lost.yaml:2: base: cannot read"), "{}", text("lost.yaml"));
+    let lost = text("lost.yaml");
+    assert!(lost.contains("lost.yaml:2: base: cannot read") && lost.contains("without `base`"), "{lost}");
     write(folder.path(), "a.yaml", "base: b.yaml\n");
     write(folder.path(), "b.yaml", "base: ./a.yaml\n");
     assert!(text("a.yaml").contains("rests on itself"), "{}", text("a.yaml"));

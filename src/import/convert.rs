@@ -110,13 +110,14 @@ const PRESSURES: &[(&str, f64)] = &[
 const ABSOLUTE: [&str; 3] = ["ata", "bara", "psia"];
 
 /// Units of a share of a stroke, with what they are divided by.
-const SHARES: [(&str, f64); 9] = [
+const SHARES: [(&str, f64); 10] = [
     ("pu", 1.0),
     ("p.u.", 1.0),
     ("1", 1.0),
     ("-", 1.0),
     ("%", 100.0),
     ("percent", 100.0),
+    ("pct", 100.0),
     ("prozent", 100.0),
     ("‰", 1000.0),
     ("permille", 1000.0),

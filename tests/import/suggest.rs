@@ -99,6 +99,32 @@ fn units_without_a_word_are_guessed_by_size_and_left_open() {
 }
 
 #[test]
+fn names_may_hold_the_unit_and_a_command_may_be_one_step() {
+    let mut text = "time_s,command_pct,esv,tank_pressure_bar,spool_pct,servo_pct\n".to_owned();
+    for k in 0..1500 {
+        let since_s = f64::from(k) * 0.02 - 5.0;
+        let command = if since_s > 0.0 { 50.0 } else { 20.0 };
+        let (spool, servo) =
+            if since_s > 0.0 { (30.0 * (-since_s / 3.0).exp(), 50.0 - 30.0 * (-since_s / 3.0).exp()) } else { (0.0, 20.0) };
+        text.push_str(&format!("{:.2},{command},1,{},{spool},{servo}\n", since_s + 5.0, 160.0 + 0.1 * since_s.sin()));
+    }
+    let (_folder, path) = file("named.csv", &text);
+    let found = of(&path);
+    let unit = |target: Target| {
+        found.map.signals.iter().find(|signal| signal.target == target).map(|signal| signal.unit.clone())
+    };
+    for (target, expected) in [
+        (Target::OpeningCommand, "%"),
+        (Target::TankPressure, "bar"),
+        (Target::SpoolPosition, "%"),
+        (Target::ServomotorPosition, "%"),
+    ] {
+        assert_eq!(unit(target).as_deref(), Some(expected), "{target:?}: {:?}", found.open);
+    }
+    assert!(!found.open.join("\n").contains("states no unit"), "{:?}", found.open);
+}
+
+#[test]
 fn two_columns_that_would_both_do_are_named() {
     let mut text = "t,u,force,d\n".to_owned();
     let mut d = 0.0;

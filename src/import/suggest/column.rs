@@ -1,5 +1,6 @@
 //! One column of a file that nobody has mapped: what it holds, in memory that does not grow with the file.
 
+use super::names;
 use crate::import::findings::Range;
 use crate::import::source::channel::ChannelValue;
 
@@ -129,7 +130,7 @@ impl Envelope {
 pub struct SuggestedColumn {
     /// Its name; of a bag the path of the field.
     pub name: String,
-    /// The unit that the file states; empty where it does not.
+    /// The unit that the file states, in a place of its own or at the end of the name; empty where it does not.
     pub unit: String,
     /// Its numbers.
     pub range: Range,
@@ -150,7 +151,7 @@ impl SuggestedColumn {
     pub(super) fn new(name: &str, unit: &str) -> Self {
         Self {
             name: name.to_owned(),
-            unit: unit.to_owned(),
+            unit: if unit.is_empty() { names::unit(name) } else { unit }.to_owned(),
             range: Range::default(),
             texts: 0,
             words: vec![],
@@ -188,6 +189,12 @@ impl SuggestedColumn {
     pub fn is_binary(&self) -> bool {
         let words = self.range.count == 0 && (1..=3).contains(&self.words.len()) && self.texts > 0;
         words || (self.texts == 0 && (1..=2).contains(&self.distinct.len()))
+    }
+
+    /// The states of a switch: words, or the numbers 0 and 1. Other two numbers may be a step.
+    #[must_use]
+    pub fn is_switch(&self) -> bool {
+        self.is_binary() && self.distinct.iter().all(|value| [0.0, 1.0].contains(value))
     }
 
     /// Holds numbers that are not all the same.

@@ -210,6 +210,31 @@ fn score_of(target: Target, has: &dyn Fn(&str) -> bool) -> f64 {
     words.filter(|(word, _)| has(word)).map(|(_, weight)| *weight).fold(0.0, f64::max)
 }
 
+/// Units that names of columns end with, in lower case and as people write them.
+const UNITS: [(&str, &str); 14] = [
+    ("pct", "%"),
+    ("percent", "%"),
+    ("prozent", "%"),
+    ("pu", "pu"),
+    ("bar", "bar"),
+    ("barg", "barg"),
+    ("bara", "bara"),
+    ("mpa", "MPa"),
+    ("kpa", "kPa"),
+    ("pa", "Pa"),
+    ("psi", "psi"),
+    ("mm", "mm"),
+    ("cm", "cm"),
+    ("ma", "mA"),
+];
+
+/// The unit that a name ends with, as `spool_pct` does; empty where it does not.
+pub(super) fn unit(name: &str) -> &'static str {
+    let words = words(name);
+    let last = words.last().filter(|_| words.len() > 1);
+    UNITS.iter().find(|(word, _)| last.is_some_and(|last| last == word)).map_or("", |(_, unit)| unit)
+}
+
 /// The words of a name in lower case: parted at signs, at capitals after small letters, and digits from letters.
 fn words(name: &str) -> Vec<String> {
     let mut words = vec![String::new()];
@@ -238,6 +263,15 @@ mod tests {
     fn best(name: &str) -> Option<Target> {
         let of = |target: &Target| score(name, *target).0;
         Target::ALL.into_iter().max_by(|a, b| of(a).total_cmp(&of(b))).filter(|target| of(target) >= 2.0)
+    }
+
+    #[test]
+    fn a_name_may_end_with_its_unit() {
+        for (name, expected) in
+            [("spool_pct", "%"), ("tankPressureMPa", "MPa"), ("stroke mm", "mm"), ("p tank bar", "bar"), ("pa", ""), ("servo", "")]
+        {
+            assert_eq!(unit(name), expected, "{name}");
+        }
     }
 
     #[test]

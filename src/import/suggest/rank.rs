@@ -52,8 +52,11 @@ pub(super) fn rank(mut map: Map, columns: Vec<SuggestedColumn>, fields: bool) ->
     let mut chosen: Vec<Choice> = vec![None; Target::ALL.len()];
     let trio = [Target::ServomotorPosition, Target::SpoolPosition, Target::OpeningCommand];
     let most = |column: &usize| trio.iter().map(|target| score(*column, *target)).fold(f64::NEG_INFINITY, f64::max);
-    let mut related: Vec<usize> =
-        (0..columns.len()).filter(|column| columns[*column].moves() && !columns[*column].is_binary()).collect();
+    // A command may be one step.
+    let steps = |column: usize| !columns[column].is_switch() && score(column, Target::OpeningCommand) >= ENOUGH;
+    let mut related: Vec<usize> = (0..columns.len())
+        .filter(|&column| columns[column].moves() && (!columns[column].is_binary() || steps(column)))
+        .collect();
     related.sort_by(|a, b| most(b).total_cmp(&most(a)));
     related.truncate(MOST_RELATED);
     let relations = relations(&columns, &related);
@@ -174,7 +177,9 @@ fn evidence(column: &SuggestedColumn, target: Target) -> (f64, Vec<String>) {
         } else {
             sum -= 6.0;
         }
-    } else if column.range.count == 0 || (column.is_binary() && column.moves()) {
+    } else if column.range.count == 0
+        || (column.moves() && if target == Target::OpeningCommand { column.is_switch() } else { column.is_binary() })
+    {
         sum -= 6.0;
     } else if target == Target::TankPressure {
         let [least, most] = column.range.ends();
