@@ -131,7 +131,11 @@ impl Choice {
 }
 
 /// What examples answer to one question; `ask` sees an example's hypotheses, by these weights of sets.
-fn choices(examples: &[Example], set_weights: &[f64], ask: impl Fn(&Example, Hypotheses) -> Option<Choice>) -> Vec<Choice> {
+fn choices(
+    examples: &[Example],
+    set_weights: &[f64],
+    ask: impl Fn(&Example, Hypotheses) -> Option<Choice>,
+) -> Vec<Choice> {
     let more = sound_weight(examples);
     let one = |example: &Example| {
         let choice = ask(example, example.hypotheses(set_weights)?)?;

@@ -104,8 +104,11 @@ fn names_may_hold_the_unit_and_a_command_may_be_one_step() {
     for k in 0..1500 {
         let since_s = f64::from(k) * 0.02 - 5.0;
         let command = if since_s > 0.0 { 50.0 } else { 20.0 };
-        let (spool, servo) =
-            if since_s > 0.0 { (30.0 * (-since_s / 3.0).exp(), 50.0 - 30.0 * (-since_s / 3.0).exp()) } else { (0.0, 20.0) };
+        let (spool, servo) = if since_s > 0.0 {
+            (30.0 * (-since_s / 3.0).exp(), 50.0 - 30.0 * (-since_s / 3.0).exp())
+        } else {
+            (0.0, 20.0)
+        };
         text.push_str(&format!("{:.2},{command},1,{},{spool},{servo}\n", since_s + 5.0, 160.0 + 0.1 * since_s.sin()));
     }
     let (_folder, path) = file("named.csv", &text);

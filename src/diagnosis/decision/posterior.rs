@@ -175,8 +175,7 @@ impl Hypotheses {
     #[must_use]
     pub fn new(table: &EvidenceTable, struck: &[&str], set_weights: &[f64]) -> Option<Self> {
         let allowed = |row: &&EvidenceRow| !row.effects.iter().any(|id| struck.contains(&id.as_str()));
-        let rows: Vec<(usize, &EvidenceRow)> =
-            table.rows.iter().enumerate().filter(|(_, row)| allowed(row)).collect();
+        let rows: Vec<(usize, &EvidenceRow)> = table.rows.iter().enumerate().filter(|(_, row)| allowed(row)).collect();
         let odds = |row: &EvidenceRow| row.evidence() - ODDS * row.effects.len() as f64;
         let leader = rows.iter().map(|(_, row)| *row).max_by(|a, b| odds(a).total_cmp(&odds(b)))?;
         let top = rows.iter().map(|(_, row)| row.evidence()).fold(f64::NEG_INFINITY, f64::max);
@@ -260,7 +259,9 @@ impl Posterior {
     /// By these weights; sets of struck effects are left out.
     #[must_use]
     pub fn new(table: &EvidenceTable, weights: &Weights, struck: &[&str]) -> Self {
-        let Some(all) = Hypotheses::new(table, struck, &weights.sets) else { return Self { sets: Vec::new(), unknown: Vec::new() } };
+        let Some(all) = Hypotheses::new(table, struck, &weights.sets) else {
+            return Self { sets: Vec::new(), unknown: Vec::new() };
+        };
         let unknown = if all.stages.is_empty() { 0.0 } else { logistic(score(&all.unknown, &weights.unknown)) };
         let share_out = |scores: Vec<f64>, whole: f64| -> Vec<f64> {
             let total = log_sum(scores.iter().copied());
@@ -312,6 +313,7 @@ pub fn logistic(log_odds: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::diagnosis::evidence::parts::{Part, PartFit};
 
     #[test]
     fn the_shipped_weights_are_of_these_features() {
@@ -337,6 +339,22 @@ mod tests {
         }
     }
 
+    /// Where every set leaves far more than a right model would and the best one hardly less than nothing does, it is not said that there is nothing.
+    #[test]
+    fn nothing_that_leaves_much_is_something_unknown() {
+        let of = |cost: f64| {
+            let rows = vec![row(&["feedback_lag"], -0.5 * cost + 20.0, cost - 45.0), row(&[], -0.5 * cost, cost)];
+            let unknown = [("spool".to_owned(), -0.5 * cost - 30.0)].into();
+            Posterior::new(
+                &EvidenceTable { samples: 1e3, rows, unknown, ..EvidenceTable::default() },
+                &Weights::shipped(),
+                &[],
+            )
+        };
+        assert!(of(4600.0).unknown() > 0.9, "{}", of(4600.0).unknown());
+        assert!(of(900.0).unknown() < 0.1, "{}", of(900.0).unknown());
+    }
+
     /// With nothing learned the odds of two sets are those of Bayes' theorem.
     #[test]
     fn evidence_alone_gives_the_odds_of_bayes() {
@@ -357,21 +375,30 @@ mod tests {
         assert_eq!(Posterior::new(&table, &Weights::bayes(), &["load"]).sets.len(), 2);
     }
 
-    /// What the best set leaves speaks for something unknown, and its stage is where discrepancy terms explain most.
+    /// What the best set leaves speaks for something unknown, and its stage is where discrepancy terms explain most of a part on its own.
     #[test]
     fn what_is_left_is_something_unknown() {
         let of = |left: f64| {
             let rows = vec![row(&["load"], -200.0 - left, 640.0 + 2.0 * left), row(&[], -800.0, 1840.0)];
-            let unknown = [("spool".to_owned(), -500.0), ("esv".to_owned(), -790.0)].into();
+            let unknown: BTreeMap<String, f64> = [("spool".to_owned(), -500.0), ("esv".to_owned(), -490.0)].into();
+            let part = |part: Part, gained: f64| PartFit {
+                part,
+                cost: 920.0,
+                samples: 1e3,
+                evidence: -500.0,
+                unknown: [("spool".to_owned(), -500.0 + gained), ("esv".to_owned(), -501.0)].into(),
+            };
+            let parts = vec![part(Part::Controls, 400.0), part(Part::Servomotor, 0.0)];
             Posterior::new(
-                &EvidenceTable { samples: 1e3, rows, unknown, ..EvidenceTable::default() },
+                &EvidenceTable { samples: 1e3, rows, unknown, parts, ..EvidenceTable::default() },
                 &Weights::bayes(),
                 &[],
             )
         };
         let (right, wrong) = (of(0.0), of(400.0));
         assert!(right.unknown() < 0.1 && wrong.unknown() > 0.9, "{} {}", right.unknown(), wrong.unknown());
-        assert!(wrong.unknown[1].0 == "spool" && wrong.unknown[1].1 > 0.99 * wrong.unknown());
+        let spool = wrong.unknown.iter().find(|(id, _)| id == "spool").unwrap().1;
+        assert!(spool > 0.9 * wrong.unknown(), "{spool} of {}", wrong.unknown());
         let sum: f64 = wrong.sets.iter().map(|(_, p)| p).sum::<f64>() + wrong.unknown();
         assert!((sum - 1.0).abs() < 1e-12);
     }

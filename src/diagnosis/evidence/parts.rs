@@ -162,24 +162,26 @@ fn smooth(trial: &mut Trial) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::Frame;
-    use crate::recording::{Process, Recording};
+    use crate::frame::{EsvState, Frame, Inputs, Signals};
+    use crate::recording::Recording;
 
-    /// A quadratic stays what it is; noise of one sample is spread.
+    /// A quadratic stays what it is; the noise of one sample is spread.
     #[test]
     fn smoothing_keeps_a_quadratic() {
-        let position = |k: i32| 0.2 + 0.01 * f64::from(k) + 1e-4 * f64::from(k * k);
-        let frame = |k: i32| {
-            let mut frame = Frame { time_ns: i64::from(k) * 10_000_000, ..Frame::default() };
-            frame.measured.servomotor_position_pu = position(k) + if k == 20 { 1e-3 } else { 0.0 };
-            frame
+        let position_pu = |k: i64| 0.2 + 0.01 * k as f64 + 1e-4 * (k * k) as f64;
+        let frame = |k: i64| Frame {
+            time_ns: k * 10_000_000,
+            inputs: Inputs { opening_command_pu: 0.5, esv: EsvState::Normal, tank_pressure_pa: 6.3e6 },
+            measured: Signals {
+                servomotor_position_pu: position_pu(k) + if k == 20 { 1e-3 } else { 0.0 },
+                ..Signals::NONE
+            },
         };
-        let frames = (0..40).map(frame).collect();
-        let mut trial = Trial::new(Recording { name: String::new(), process: Process::Startup, frames });
+        let mut trial = Trial::new(Recording::new("smoothed", (0..40).map(frame).collect()));
         smooth(&mut trial);
-        let off: Vec<f64> =
-            (0..40).map(|k| trial.frames[k as usize].measured.servomotor_position_pu - position(k)).collect();
-        assert!(off[..15].iter().chain(&off[26..]).all(|off| off.abs() < 1e-12));
+        let smoothed = trial.measured(Signal::ServomotorPosition);
+        let off: Vec<f64> = smoothed.iter().zip(0..).map(|(value, k)| value - position_pu(k)).collect();
+        assert!(off[..15].iter().chain(&off[26..]).all(|off| off.abs() < 1e-12), "{off:?}");
         assert!((off[20] - 1e-3 * 89.0 / WEIGHT).abs() < 1e-12);
     }
 }

@@ -267,9 +267,14 @@ mod tests {
 
     #[test]
     fn a_name_may_end_with_its_unit() {
-        for (name, expected) in
-            [("spool_pct", "%"), ("tankPressureMPa", "MPa"), ("stroke mm", "mm"), ("p tank bar", "bar"), ("pa", ""), ("servo", "")]
-        {
+        for (name, expected) in [
+            ("spool_pct", "%"),
+            ("tankPressureMPa", "MPa"),
+            ("stroke mm", "mm"),
+            ("p tank bar", "bar"),
+            ("pa", ""),
+            ("servo", ""),
+        ] {
             assert_eq!(unit(name), expected, "{name}");
         }
     }
