@@ -187,8 +187,8 @@ fn sound_weight(examples: &[Example]) -> f64 {
     weight_of_sound(as_they_are().filter(|example| example.is_sound()).count(), as_they_are().count())
 }
 
-/// The weights that score best on these examples; `settled` puts weights in place that are not to be learned. Those of sets come first: what speaks for
-/// something unknown is a mean over sets.
+/// The weights that score best on these examples; `settled` puts weights in place that are not to be learned. Those of sets come first: how
+/// probable nothing is among them enters the others.
 fn fit(examples: &[Example], settled: &dyn Fn(Weights) -> Weights) -> Weights {
     let bayes = Weights::bayes();
     let sets = best(&choices(examples, &bayes.sets, of_sets), &OF_SETS);

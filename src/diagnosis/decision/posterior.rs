@@ -42,11 +42,14 @@ pub const OF_SETS: [PosteriorFeature; 6] = [
     feature("squares of the sizes' distances from the typical one", [0.0; 2]),
 ];
 
-/// Features of something unknown against all that is known: means over the fault sets, by their probabilities if nothing is unknown.
+/// Features of something unknown against all that is known, of the set that is best by Bayes' theorem.
 pub const OF_UNKNOWN: [PosteriorFeature; 7] = [
     feature("any unit", [-3.0; 2]),
     feature("inverse hyperbolic sine of the deviations by which ln χ² is off that of sound units", [1.5, 0.5]),
-    feature("these deviations, of nothing at work where χ² is too large", [0.5; 2]),
+    feature(
+        "these deviations of nothing at work where χ² is too large, by its probability if nothing is unknown",
+        [0.5; 2],
+    ),
     feature("strain of the sheet", [0.0; 2]),
     feature("squares of the sizes' distances from the typical one", [0.0; 2]),
     feature("number of effects", [0.0; 2]),
@@ -170,8 +173,7 @@ fn oddness(row: &EvidenceRow) -> f64 {
 }
 
 impl Hypotheses {
-    /// Those of a table, without sets of struck effects; none of an empty table. What speaks for something unknown is a mean over the sets by these weights
-    /// of [`OF_SETS`].
+    /// Those of a table, without sets of struck effects; none of an empty table. How probable sets are if nothing is unknown is by these weights of [`OF_SETS`].
     #[must_use]
     pub fn new(table: &EvidenceTable, struck: &[&str], set_weights: &[f64]) -> Option<Self> {
         let allowed = |row: &&EvidenceRow| !row.effects.iter().any(|id| struck.contains(&id.as_str()));
@@ -201,21 +203,23 @@ impl Hypotheses {
         let scores: Vec<f64> = sets.iter().map(|(_, features)| score(features, set_weights)).collect();
         let total = log_sum(scores.iter().copied());
         let probabilities: Vec<f64> = scores.into_iter().map(|score| (score - total).exp()).collect();
-        let mean = |of: &dyn Fn(&EvidenceRow) -> f64| -> f64 {
-            rows.iter().zip(&probabilities).map(|((_, row), probability)| probability * of(row)).sum()
-        };
         let scatter = (SCATTER.powi(2) + 2.0 / table.samples.max(1.0)).sqrt();
         let deviations = |row: &EvidenceRow| (row.cost / expected).max(1e-3).ln() / scatter;
-        let of_nothing =
-            |row: &EvidenceRow| if row.effects.is_empty() { deviations(row).clamp(0.0, 20.0) } else { 0.0 };
+        let is_nothing = |((_, row), _): &(&(usize, &EvidenceRow), &f64)| row.effects.is_empty();
+        let nothing: f64 = rows
+            .iter()
+            .zip(&probabilities)
+            .filter(is_nothing)
+            .map(|((_, row), probability)| probability * deviations(row).clamp(0.0, 20.0))
+            .sum();
         let gained = (table.unknown.values().copied().fold(f64::NEG_INFINITY, f64::max) - top).max(-FARTHEST);
         let unknown = by_rate(&[
             1.0,
-            mean(&|row| deviations(row).asinh()),
-            mean(&of_nothing),
-            mean(&|row| row.strain.min(20.0)),
-            mean(&oddness),
-            mean(&|row| row.effects.len() as f64),
+            deviations(leader).asinh(),
+            nothing,
+            leader.strain.min(20.0),
+            oddness(leader),
+            leader.effects.len() as f64,
             signed_log(gained / (leader.cost / expected).max(1.0)),
         ]);
         // What comes nearest to something unknown mostly acts at its stage.
