@@ -4,7 +4,7 @@
 //!
 //! ```yaml
 //! name: unit 2 after the overhaul
-//! base: station.yaml                  # optional, beside this file
+//! base: station.yaml                  # optional, beside this file; `reference_unit` is the shipped one, as without `base`
 //! source: overhaul protocol           # optional, for every value of the file
 //! oil:
 //!   bulk_modulus_pa: 1.1e9            # a bare number keeps the tolerance
@@ -44,6 +44,9 @@ pub use plate::{load_plate, plate_template, plate_value};
 pub use sheet::{Origin, SENSOR_ENTRIES, SensorEntry, Sheet, unit_digest};
 pub use suggest::nearest;
 pub use write::{Overlay, WholeSheet, overlay_text, whole_text, write};
+
+/// What a `base` may be called that is the shipped unit, where no file has that name.
+const SHIPPED_NAME: &str = "reference_unit";
 
 /// Text of the shipped sheet.
 const REFERENCE: &str = include_str!("../params/reference_unit.yaml");
@@ -129,17 +132,19 @@ fn load_over(path: &Path, open: &mut Vec<PathBuf>) -> Result<Sheet, ParamsError>
     let invalid = |problems| ParamsError::Invalid { what: PARAMETER, path: path.to_path_buf(), problems };
     let document = parse(&text).map_err(invalid)?;
     open.push(identity);
+    let folder = path.parent().unwrap_or(Path::new(""));
     let mut sheet = match document.text("base") {
         None => reference_sheet(),
+        Some(SHIPPED_NAME) if !folder.join(SHIPPED_NAME).exists() => reference_sheet(),
         Some(base) => {
-            let base = path.parent().unwrap_or(Path::new("")).join(base);
+            let base = folder.join(base);
             let at_base = |message| {
                 invalid(vec![FileProblem { line: document.line(&["base"]), key: "base".to_owned(), message }])
             };
             let known = base.canonicalize().map_err(|error| {
                 at_base(format!(
                     "cannot read {}: {error}; expected the path of another parameter file, from this one's folder; without `base` a file differs from \
-                     the shipped reference unit",
+                     the shipped unit",
                     base.display()
                 ))
             })?;

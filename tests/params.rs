@@ -105,6 +105,9 @@ fn bases_that_are_missing_circular_or_wrong_are_told() {
     write(folder.path(), "lost.yaml", "name: x\nbase: nowhere.yaml\n");
     let lost = text("lost.yaml");
     assert!(lost.contains("lost.yaml:2: base: cannot read") && lost.contains("without `base`"), "{lost}");
+    // The shipped unit may be named.
+    write(folder.path(), "shipped.yaml", "base: reference_unit\noil:\n  density_kg_m3: 870.0\n");
+    assert_eq!(params::load(&folder.path().join("shipped.yaml")).unwrap().parameters.oil.density_kg_m3, 870.0);
     write(folder.path(), "a.yaml", "base: b.yaml\n");
     write(folder.path(), "b.yaml", "base: ./a.yaml\n");
     assert!(text("a.yaml").contains("rests on itself"), "{}", text("a.yaml"));

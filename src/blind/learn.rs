@@ -152,10 +152,10 @@ fn of_sets(example: &Example, of: Hypotheses) -> Option<Choice> {
 }
 
 /// Is something unknown?
-fn of_unknown(example: &Example, of: Hypotheses) -> Option<Choice> {
+fn of_unknown(example: &Example, of: Hypotheses) -> Choice {
     let known = vec![0.0; of.unknown.len()];
     let is_unknown = matches!(example.truth, Truth::Unknown(_));
-    Some(Choice { answers: vec![of.unknown, known], right: vec![is_unknown, !is_unknown], weight: 1.0 })
+    Choice { answers: vec![of.unknown, known], right: vec![is_unknown, !is_unknown], weight: 1.0 }
 }
 
 /// At which stage is it?
@@ -193,7 +193,7 @@ fn fit(examples: &[Example], settled: &dyn Fn(Weights) -> Weights) -> Weights {
     let bayes = Weights::bayes();
     let sets = best(&choices(examples, &bayes.sets, of_sets), &OF_SETS);
     let sets = settled(Weights { sets, ..bayes }).sets;
-    let unknown = best(&choices(examples, &sets, of_unknown), &OF_UNKNOWN);
+    let unknown = best(&choices(examples, &sets, |example, of| Some(of_unknown(example, of))), &OF_UNKNOWN);
     let stages = best(&choices(examples, &sets, of_stages), &OF_STAGES);
     settled(Weights { sets, unknown, stages, ..Weights::bayes() })
 }

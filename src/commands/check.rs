@@ -26,7 +26,7 @@ const HELP: &str = "\
 A parameter file holds only what differs from the shipped unit:
 
   name: unit 2 after the overhaul
-  base: station.yaml               # optional: differs from that file instead
+  base: station.yaml               # optional: differs from that file instead; reference_unit is the shipped unit
   source: overhaul protocol        # optional: where all values come from
   oil:
     bulk_modulus_pa: 1.1e9         # a bare number keeps the tolerance

@@ -202,6 +202,12 @@ fn location(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Resu
             "Stages of the recalibrated twin, driven by recorded signals. Over noise: 1 where only noise is left.",
         );
     }
+    if !diagnosis.table.parts.is_empty() {
+        body.table(
+            tables::parts(diagnosis),
+            "Parts of the chain, each refitted on its own within the tolerances. One that leaves 1 to 2 times what a right model would is not where an unknown effect acts; terms of the supply explain a little of everything.",
+        );
+    }
     if let Some(best) = diagnosis.discrepancy_terms.first() {
         body.figure(
             svg(&pictures::shape(best))?,

@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use crate::diagnosis::evidence::parts::PartFit;
 use crate::diagnosis::hypotheses::table::{EvidenceRow, EvidenceTable};
 use crate::diagnosis::model::support::SIZE_PRIOR;
 use crate::effects::{Stage, find};
@@ -230,7 +231,7 @@ impl Hypotheses {
             }
         }
         let all = known.values().sum::<f64>().max(f64::MIN_POSITIVE);
-        let worst = table.parts.iter().map(|part| part.cost / (SOUND_MEAN_SQUARE * part.samples)).fold(1.0, f64::max);
+        let worst = table.parts.iter().map(PartFit::excess).fold(1.0, f64::max);
         let stage = |id: &String| {
             let share = known.get(id.as_str()).map_or(0.0, |known| known / all);
             let gained: f64 = table.parts.iter().map(|part| part.gained_at(id)).sum();
@@ -317,7 +318,7 @@ pub fn logistic(log_odds: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnosis::evidence::parts::{Part, PartFit};
+    use crate::diagnosis::evidence::parts::Part;
 
     #[test]
     fn the_shipped_weights_are_of_these_features() {

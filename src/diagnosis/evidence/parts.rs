@@ -17,7 +17,7 @@ use crate::effects::{Stage, find};
 use crate::estimation::fit::{Effort, Start, fit_all};
 use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::noise::log_sum;
-use crate::likelihood::problem::Problem;
+use crate::likelihood::problem::{Problem, SOUND_MEAN_SQUARE};
 use crate::likelihood::trial::Trial;
 use crate::signal::Signal;
 use crate::stage_alone::sheetless::acts_behind_the_spool;
@@ -53,6 +53,15 @@ pub struct PartFit {
 
 impl Part {
     const ALL: [Self; 2] = [Self::Controls, Self::Servomotor];
+
+    /// The part with what it is fed, in words.
+    #[must_use]
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Controls => "regulator, pilot valve and spool, fed the recorded servomotor position",
+            Self::Servomotor => "main ports and servomotor, fed the recorded spool position",
+        }
+    }
 
     /// Where the chain is cut for it, and the signal that is fed there.
     fn fed(self) -> (Cut, Signal) {
@@ -103,6 +112,19 @@ impl Part {
 const MOST_LOST: f64 = 50.0;
 
 impl PartFit {
+    /// What it leaves over what a right model would, as a ratio of squares.
+    #[must_use]
+    pub fn excess(&self) -> f64 {
+        self.cost / (SOUND_MEAN_SQUARE * self.samples)
+    }
+
+    /// The stage at which something unknown would gain most, and by how many nats; none where nothing would.
+    #[must_use]
+    pub fn likeliest(&self) -> Option<(Stage, f64)> {
+        let all = Stage::ALL.into_iter().map(|stage| (stage, self.gained_at(stage.id())));
+        all.max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, gained)| *gained > 0.0)
+    }
+
     /// Nats that something unknown at a stage gains over the part as the sheet has it; 0 where it has no say.
     #[must_use]
     pub fn gained_at(&self, stage: &str) -> f64 {

@@ -1,6 +1,7 @@
 //! A made-up diagnosis on paper, with names that would break a careless page.
 
 use super::{page, summary};
+use crate::diagnosis::evidence::parts::{Part, PartFit};
 use crate::diagnosis::hypotheses::table::EvidenceTable;
 use crate::diagnosis::model::discrepancy::Curve;
 use crate::diagnosis::result::{
@@ -261,6 +262,24 @@ fn a_sound_unit_is_told_what_recalibration_found_and_no_place() {
     assert!(html.contains("by more than three standard deviations") && html.contains("main_ports.overlap_m"));
     diagnosis.parameters[0].position = 0.3;
     assert!(summary(&diagnosis, usize::MAX).starts_with("No fault found, and the data sheet holds"));
+}
+
+#[test]
+fn the_page_shows_what_parts_of_the_chain_leave_on_their_own() {
+    let mut diagnosis = made_up(Verdict::Unknown, &[]);
+    let part = |part: Part, cost: f64, gained: f64| PartFit {
+        part,
+        cost,
+        samples: 800.0,
+        evidence: -400.0,
+        unknown: [("servomotor".to_owned(), -400.0 + gained), ("esv".to_owned(), -401.0)].into(),
+    };
+    diagnosis.table.parts = vec![part(Part::Controls, 736.0, -2.0), part(Part::Servomotor, 9_568.0, 185.0)];
+    let html = html_of(&diagnosis, &Provenance::default());
+    for words in ["fed the recorded servomotor position", "main ports and servomotor (185 nats)", ">13<"] {
+        assert!(html.contains(words), "{words}");
+    }
+    assert!(!html.contains("emergency shutdown valve ("), "nothing is gained there");
 }
 
 #[test]
