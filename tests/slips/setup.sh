@@ -9,7 +9,7 @@ printf 'base: reference_unit\noil:\n  densty_kg_m3: 870\n' >typo.yaml
 printf 'base: reference_unit\noil:\n  density_kg_m3: -870\n' >sign.yaml
 printf 'base: reference_unit\noil:\n  density_kg_m3: heavy\n' >word.yaml
 printf 'base: reference_unit\noil:\n\tdensity_kg_m3: 870\n' >tab.yaml
-printf 'base: reference_unit\nsupply:\n  tank_pressure_pa: {value: 63, unit: bar}\n' >bar.yaml
+printf 'base: reference_unit\noil:\n  tank_pressure_pa: {value: 63, unit: bar}\n' >bar.yaml
 printf 'base: reference_unit\noil:\n  density_kg_m3: {value: 870, unit: g}\n' >gram.yaml
 printf 'base: reference_unit\noil:\n  density_kg_m3: 870\n  density_kg_m3: 880\n' >twice.yaml
 printf 'base: nowhere.yaml\n' >orphan.yaml
