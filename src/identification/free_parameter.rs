@@ -126,7 +126,8 @@ impl Coordinate for FreeParameter {
                 let position = |value: f64| match tolerance {
                     Tolerance::Relative(share) => (value / nominal - 1.0) / share,
                     Tolerance::Absolute(size) => (value - nominal) / size,
-                    Tolerance::LogNormal(share) => (value.max(f64::MIN_POSITIVE) / nominal).ln() / share,
+                    // A value of the other sign is as far as any.
+                    Tolerance::LogNormal(share) => (value / nominal).max(f64::MIN_POSITIVE).ln() / share,
                 };
                 let (a, b) = (position(entry.min), position(entry.max));
                 let farthest = if self.has_prior() { FARTHEST } else { FARTHEST_FREE };
@@ -161,5 +162,33 @@ impl Coordinate for FreeParameter {
             }
             Self::Effect { effect, parameter, .. } => unit.effects[effect].values[parameter] = value,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::params::reference;
+
+    /// A value may be negative and have a tolerance by its logarithm, as the lower end of a dead band in a sheet from a name plate.
+    #[test]
+    fn a_range_holds_the_sheet_for_any_tolerance() {
+        let mut unit = reference();
+        for tolerance in [Tolerance::Relative(0.3), Tolerance::Absolute(1e-4), Tolerance::LogNormal(0.5)] {
+            unit.tolerances = vec![Some(tolerance); ENTRIES.len()];
+            for one in FreeParameter::nuisances(&unit) {
+                let (low, high) = one.range(&unit);
+                assert!(
+                    low <= 0.0 && high >= 0.0 && high - low <= 2.0 * FARTHEST,
+                    "{:?}: {low} to {high}",
+                    one.key(&unit)
+                );
+                let middle = one.value(&unit, 0.5 * (low + high));
+                assert!(middle.is_finite(), "{:?}: {middle}", one.key(&unit));
+            }
+        }
+        let lower = ENTRIES.iter().position(|entry| entry.key == "regulator.deadband_lower_pu").unwrap();
+        let (low, high) = FreeParameter::Parameter { index: lower, tolerance: Tolerance::LogNormal(0.5) }.range(&unit);
+        assert!(low < -1.0 && high > 1.0, "{low} to {high}");
     }
 }
