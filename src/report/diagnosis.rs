@@ -196,16 +196,16 @@ fn location(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Resu
             body.figure(svg(&pictures::breakdown(&breakdowns, signal, explained))?, caption);
         }
     }
-    if !diagnosis.stage_tests.is_empty() {
-        body.table(
-            tables::stage_tests(diagnosis),
-            "Stages of the recalibrated twin, driven by recorded signals. Over noise: 1 where only noise is left.",
-        );
-    }
     if !diagnosis.table.parts.is_empty() {
         body.table(
             tables::parts(diagnosis),
-            "Parts of the chain, each refitted on its own within the tolerances. One that leaves 1 to 2 times what a right model would is not where an unknown effect acts; terms of the supply explain a little of everything.",
+            "Parts of the chain, each refitted on its own within the tolerances. One that leaves 1 to 2 times what a right model would is not where an \
+             unknown effect acts; terms of the supply explain a little of everything.",
+        );
+    } else if !diagnosis.stage_tests.is_empty() {
+        body.table(
+            tables::stage_tests(diagnosis),
+            "Stages of the recalibrated twin, driven by recorded signals. Over noise: 1 where only noise is left.",
         );
     }
     if let Some(best) = diagnosis.discrepancy_terms.first() {
