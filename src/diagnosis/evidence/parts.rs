@@ -20,11 +20,8 @@ use crate::likelihood::noise::log_sum;
 use crate::likelihood::problem::{Problem, SOUND_MEAN_SQUARE};
 use crate::likelihood::trial::Trial;
 use crate::signal::Signal;
-use crate::stage_alone::sheetless::acts_behind_the_spool;
+use crate::stage_alone::sheetless::{SPOOL_ZERO, acts_behind_the_spool};
 use crate::twin::Cut;
-
-/// The effect that takes up the zero error of a fed spool, which a servomotor sums up over a whole recording.
-const SPOOL_ZERO: &str = "lvdt_bias";
 
 /// A part of the chain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -100,6 +97,7 @@ impl Part {
             };
             let (free_parameters, positions) = placed.filter(|(one, _)| acts(one)).map(of).unzip();
             let mut placed = (refitted.base.clone(), free_parameters, positions);
+            // A servomotor sums the zero error of the fed spool up over a whole recording.
             if let Some(zero) = find(SPOOL_ZERO).filter(|_| self == Self::Servomotor) {
                 add(&mut placed, zero, Variant { size: 0.0, further: 0.0 });
             }
