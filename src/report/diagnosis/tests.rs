@@ -239,7 +239,8 @@ fn something_unknown_is_looked_for_where_and_when_the_page_places_it() {
     let unknown = [("servomotor".to_owned(), 185.0)].into();
     diagnosis.table.parts = vec![PartFit { part: Part::Servomotor, cost: 9e3, samples: 8e2, evidence: 0.0, unknown }];
     let page = page_of(&diagnosis);
-    assert!(page.contains("main ports and servomotor (185 nats)") && page.contains("catalogue: load. It leaves"));
+    assert!(page.contains("<p>Nearest in the catalogue: load. It leaves"));
+    assert!(page.contains("main ports and servomotor (185 nats)"));
 }
 
 #[test]
