@@ -5,6 +5,7 @@ use std::path::Path;
 
 use govtwin::bag::{self, Interpolation, ReadOptions, Stream};
 use govtwin::battery::{self, Case, CaseKind};
+use govtwin::diagnosis::hypotheses::table::EvidenceRow;
 use govtwin::diagnosis::result::{Diagnosis, Verdict};
 use govtwin::diagnosis::{DiagnosisSettings, diagnose};
 use govtwin::frame::{Frame, Signals};
@@ -13,8 +14,13 @@ use govtwin::recording::Recording;
 
 fn judged(recordings: Vec<Recording>) -> Diagnosis {
     let catalogue = govtwin::effects::of_the_chain().collect();
-    diagnose(recordings, &reference(), &DiagnosisSettings { catalogue, ..DiagnosisSettings::default() }, &|_, _| ())
-        .unwrap()
+    let settings = DiagnosisSettings { catalogue, ..DiagnosisSettings::default() };
+    let said = diagnose(recordings, &reference(), &settings, &|_, _| ()).unwrap();
+    // The verdict rests on evidence of fits that ended.
+    let odds = |row: &EvidenceRow| row.grid[1][1] - 5.0 * row.effects.len() as f64;
+    let leader = said.table.rows.iter().max_by(|a, b| odds(a).total_cmp(&odds(b))).unwrap();
+    assert!(leader.refined, "{leader:?}");
+    said
 }
 
 fn generated(kind: CaseKind, seed: u64) -> Diagnosis {

@@ -212,9 +212,9 @@ mod tests {
             "gap": {"signals": [], "closure": {"value": 0.91, "ci90": [0.87, 0.94]}}, "seconds": 41.0,
             "evidence": {"table": {"samples": 1000.0, "slow_share": 0.0, "pilot": false, "unknown": {}, "rows": [
                 {"effects": ["port_overlap"], "refined": true, "cost": 950.0, "prior": 0.0, "strain": 0.0, "grid": [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]],
-                 "own_noise": 0.0, "without_each": [], "sizes": [1.0]},
+                 "without_each": [], "sizes": [1.0]},
                 {"effects": [], "refined": true, "cost": 1420.0, "prior": 0.0, "strain": 0.0, "grid": [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]],
-                 "own_noise": 0.0, "without_each": [], "sizes": []}]}}}"#;
+                 "without_each": [], "sizes": []}]}}}"#;
         let said = ReportVerdict::read(report).unwrap();
         assert!(said.detects() && said.first() == "port_overlap" && said.word() == "port_overlap");
         assert_eq!(said.effects[0].parameters[0].ci90, Some([Some(2.8e-4), None]));

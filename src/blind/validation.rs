@@ -1,6 +1,5 @@
 //! Closure as it came true: the refitted and the improved twin on recordings that the diagnosis never saw.
 
-use crate::diagnosis::evidence::dependent_covariance;
 use crate::diagnosis::summary::explained_fraction::share;
 use crate::likelihood::event_time::placed;
 use crate::likelihood::loop_noise::heard;
@@ -13,7 +12,7 @@ use crate::recording::Recording;
 /// The share of the gap of the refitted twin that the improved one closes, counted as the claim is, noise and all; none where there is no gap.
 #[must_use]
 pub fn closure(recordings: Vec<Recording>, refitted: &Unit, improved: &Unit) -> Option<f64> {
-    let problem = dependent_covariance::laid_for(laid_along(recordings, refitted), refitted, improved);
+    let problem = laid_along(recordings, refitted);
     share(&problem, &problem.simulate_all(refitted), &problem.simulate_all(improved))
 }
 

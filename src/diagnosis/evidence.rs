@@ -5,7 +5,6 @@
 //! terms gain is counted with the free parameters following; what these could gain alone is not, since a fit went where it could. A discrepancy term of which every point of the chain has a
 //! little is the error of equations; much of it at one point is something unknown there.
 
-pub mod dependent_covariance;
 pub mod law_error;
 pub mod parts;
 

@@ -2,7 +2,7 @@
 //!
 //! Every hypothesis that is left is put through each candidate once. Its outcome is a Gaussian: the mean is its simulation, the covariance noise and
 //! what the free parameters leave open, `S = I + J Σ Jᵀ`, with the leader's slopes J of the sheet's parameters for all and each set's own slopes of its
-//! effects. What that is worth stands in [`crate::diagnosis::experiment::information`]; nats count as the posterior counts them ([`Weights::counted_share`]).
+//! effects. What that is worth stands in [`crate::diagnosis::experiment::information`]; nats count as the posterior counts them ([`Weights::counted_nats`]).
 
 pub mod candidate_test;
 pub mod information;
@@ -13,7 +13,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 use crate::diagnosis::decision::Decision;
-use crate::diagnosis::decision::posterior::{Posterior, Weights};
+use crate::diagnosis::decision::posterior::{CountedNats, Posterior, Weights};
 use crate::diagnosis::experiment::candidate_test::{Candidate, candidates};
 use crate::diagnosis::experiment::information::{Drop, Predicted, entropy_bits, expected_drop};
 use crate::diagnosis::experiment::survivors::{Survivor, deviations, survivors};
@@ -75,7 +75,7 @@ pub fn next(
         leader.model,
         &found.refitted().unit(),
         candidates,
-        (weights.counted_share(table), recorded),
+        (weights.counted_nats(table), recorded),
     );
     Next { entropy_bits, experiments: chosen(weighed, entropy_bits) }
 }
@@ -106,7 +106,7 @@ impl Weighed {
 }
 
 /// Puts the survivors through the candidates and weighs what each would tell, with the signals of the recordings and, where pilot signals
-/// were not among them, with those too. `known` is the share with which a nat counts and which signals were recorded.
+/// were not among them, with those too. `known` is what nats count for and which signals were recorded.
 #[must_use]
 pub fn weigh(
     problem: &Problem,
@@ -114,7 +114,7 @@ pub fn weigh(
     leader: &FittedModel,
     refitted: &Unit,
     candidates: Vec<Candidate>,
-    known: (f64, [bool; Signal::ALL.len()]),
+    known: (CountedNats, [bool; Signal::ALL.len()]),
 ) -> Vec<Weighed> {
     let tests = problem.anew(candidates.iter().map(|one| one.trial.clone()).collect(), &leader.unit());
     let mut twins: Vec<Twin> = left.iter().map(|one| one.twin.clone()).collect();
@@ -135,7 +135,7 @@ struct Weighing<'a> {
     left: &'a [Survivor<'a>],
     leader: &'a FittedModel,
     candidates: Vec<Candidate>,
-    known: (f64, [bool; Signal::ALL.len()]),
+    known: (CountedNats, [bool; Signal::ALL.len()]),
     /// The candidates with noise, the leader's answer being what is measured.
     tests: Problem,
     outcomes: Vec<Residuals>,

@@ -33,13 +33,14 @@ const fn feature(name: &'static str, bayes: [f64; 2]) -> PosteriorFeature {
 }
 
 /// Features of a fault set. Where the best set leaves more than a right model would, its equations or its noise are wrong in some way, and so are nats:
-/// what it leaves beyond that is spread over some thirty numbers, by any of which a further effect may gain as much.
+/// what it leaves beyond that is spread over some thirty numbers, by any of which a further effect may gain as much. Such errors are correlated from
+/// sample to sample, so that the first nats count most: their logarithm is a feature beside them.
 pub const OF_SETS: [PosteriorFeature; 6] = [
-    feature("nats of evidence lost against the best set", [0.0; 2]),
-    feature("nats lost, over what the best set leaves beyond a right model", [-1.0; 2]),
+    feature("nats of evidence lost against the best set, over what that leaves beyond a right model", [-1.0; 2]),
+    feature("logarithm of 1 and these", [0.0; 2]),
     feature("number of effects", [-5.0; 2]),
+    feature("nothing at work", [0.0; 2]),
     feature("strain of the sheet", [0.0; 2]),
-    feature("tens of nats that the noise costs which the set predicts itself", [0.0; 2]),
     feature("squares of the sizes' distances from the typical one", [0.0; 2]),
 ];
 
@@ -129,13 +130,35 @@ impl Weights {
         }
     }
 
-    /// Share with which a further nat of evidence counts between two sets, given a unit's table.
+    /// What nats of evidence count for between two sets, given a unit's table.
     #[must_use]
-    pub fn counted_share(&self, table: &EvidenceTable) -> f64 {
+    pub fn counted_nats(&self, table: &EvidenceTable) -> CountedNats {
         let scale = Hypotheses::new(table, &[], &self.sets).map_or(1.0, |all| all.scale);
-        let of = |first: usize| -(self.sets[first] + self.sets[first + 1] / scale);
-        let shares = [1.0 - table.slow_share, table.slow_share];
-        (shares[0] * of(0) + shares[1] * of(OF_SETS.len())).clamp(0.0, 1.0)
+        let of = |feature: usize| {
+            let slow = self.sets[feature + OF_SETS.len()];
+            -((1.0 - table.slow_share) * self.sets[feature] + table.slow_share * slow)
+        };
+        CountedNats { scale, scaled: of(0), logarithm: of(1) }
+    }
+}
+
+/// What nats of evidence count for between two sets: in the logarithm of their odds, by the first two of [`OF_SETS`].
+#[derive(Clone, Copy, Debug)]
+pub struct CountedNats {
+    scale: f64,
+    scaled: f64,
+    logarithm: f64,
+}
+
+impl CountedNats {
+    /// Each nat as one.
+    pub const FULL: Self = Self { scale: 1.0, scaled: 1.0, logarithm: 0.0 };
+
+    /// What so many nats count for: nothing at least, and no more than they are.
+    #[must_use]
+    pub fn of(self, nats: f64) -> f64 {
+        let scaled = nats.max(0.0) / self.scale;
+        (self.scaled * scaled + self.logarithm * scaled.ln_1p()).clamp(0.0, nats.max(0.0))
     }
 }
 
@@ -189,13 +212,13 @@ impl Hypotheses {
         let expected = (SOUND_MEAN_SQUARE * table.samples).max(1.0);
         let scale = 1.0 + (leader.cost - expected).max(0.0) / FREEDOM;
         let set = |&(k, row): &(usize, &EvidenceRow)| {
-            let lost = (top - row.evidence()).min(FARTHEST);
+            let lost = (top - row.evidence()).min(FARTHEST) / scale;
             let features = by_rate(&[
                 lost,
-                lost / scale,
+                lost.ln_1p(),
                 row.effects.len() as f64,
+                f64::from(u8::from(row.effects.is_empty())),
                 row.strain.min(20.0),
-                0.1 * row.own_noise.clamp(-100.0, 100.0),
                 oddness(row),
             ]);
             (k, features)
@@ -378,6 +401,20 @@ mod tests {
         let sum: f64 = posterior.sets.iter().map(|(_, p)| p).sum();
         assert!((sum - 1.0).abs() < 1e-12 && (posterior.inclusion(&table, "load") - p(0) - p(2)).abs() < 1e-12);
         assert_eq!(Posterior::new(&table, &Weights::bayes(), &["load"]).sets.len(), 2);
+    }
+
+    /// Where the best set leaves much, the errors of its equations are correlated: nats count for less, and the first for most.
+    #[test]
+    fn nats_count_for_less_where_much_is_left() {
+        let table = |cost: f64| EvidenceTable {
+            samples: 1e3,
+            rows: vec![row(&["load"], -0.5 * cost, cost)],
+            ..EvidenceTable::default()
+        };
+        let counted = |cost: f64, nats: f64| Weights::shipped().counted_nats(&table(cost)).of(nats);
+        assert!(counted(920.0, 10.0) > counted(4000.0, 10.0) && counted(4000.0, 10.0) > 0.0);
+        assert!(counted(920.0, 20.0) < 2.0 * counted(920.0, 10.0) && counted(920.0, 20.0) > counted(920.0, 10.0));
+        assert!((Weights::bayes().counted_nats(&table(900.0)).of(7.0) - 7.0).abs() < 1e-12);
     }
 
     /// What the best set leaves speaks for something unknown, and its stage is where discrepancy terms explain most of a part on its own.

@@ -7,6 +7,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::diagnosis::decision::posterior::CountedNats;
+
 /// What one hypothesis predicts, in coefficients of columns that all hypotheses share.
 #[derive(Clone, Debug)]
 pub struct Predicted {
@@ -52,9 +54,9 @@ fn solved(k: DMatrix<f64>, x: &DMatrix<f64>) -> Option<(f64, DMatrix<f64>)> {
     Some((log_determinant, cholesky.solve(x)))
 }
 
-/// The bounds, where the hypotheses predict so and the columns have this Gram matrix; the logarithm of each likelihood ratio counts with `share`.
+/// The bounds, where the hypotheses predict so and the columns have this Gram matrix; `counted` is what the logarithm of a likelihood ratio counts for.
 #[must_use]
-pub fn expected_drop(gram: &DMatrix<f64>, all: &[Predicted], share: f64) -> Drop {
+pub fn expected_drop(gram: &DMatrix<f64>, all: &[Predicted], counted: CountedNats) -> Drop {
     let sides: Option<Vec<Side<'_>>> = all
         .iter()
         .map(|of| {
@@ -73,10 +75,10 @@ pub fn expected_drop(gram: &DMatrix<f64>, all: &[Predicted], share: f64) -> Drop
             if i == j {
                 continue;
             }
-            far[(i, j)] = share * divergence(gram, &sides[i], &sides[j]);
+            far[(i, j)] = counted.of(divergence(gram, &sides[i], &sides[j]));
             if i < j {
                 let (bhattacharyya, square) = distance(gram, &sides[i], &sides[j]);
-                near[(i, j)] = share * bhattacharyya;
+                near[(i, j)] = counted.of(bhattacharyya);
                 near[(j, i)] = near[(i, j)];
                 let told = all[i].probability * all[j].probability * (1.0 - (-near[(i, j)]).exp());
                 if separates.is_none_or(|(.., most)| told > most) {
@@ -147,6 +149,8 @@ fn divergence(gram: &DMatrix<f64>, from: &Side<'_>, to: &Side<'_>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::diagnosis::decision::posterior::Weights;
+    use crate::diagnosis::hypotheses::table::{EvidenceRow, EvidenceTable};
 
     /// Two hypotheses of one number: means `apart`, standard deviations of what is not noise.
     fn of_two(apart: f64, deviations: [f64; 2], probability: f64) -> (DMatrix<f64>, [Predicted; 2]) {
@@ -183,7 +187,7 @@ mod tests {
             for deviations in [[0.0, 0.0], [1.0, 1.0], [0.0, 3.0]] {
                 for probability in [0.5, 0.1] {
                     let (gram, predicted) = of_two(apart, deviations, probability);
-                    let drop = expected_drop(&gram, &predicted, 1.0);
+                    let drop = expected_drop(&gram, &predicted, CountedNats::FULL);
                     let truth = integrated(apart, deviations, probability);
                     let entropy = entropy_bits([probability, 1.0 - probability]);
                     let all = format!("{apart} {deviations:?} {probability}: {drop:?}, truly {truth}");
@@ -197,13 +201,17 @@ mod tests {
 
     #[test]
     fn what_parameters_may_hide_tells_less() {
-        let told = |deviation: f64, share: f64| {
+        let told = |deviation: f64, counted: CountedNats| {
             let (gram, predicted) = of_two(3.0, [deviation; 2], 0.5);
-            expected_drop(&gram, &predicted, share).least_bits
+            expected_drop(&gram, &predicted, counted).least_bits
         };
-        assert!(told(0.0, 1.0) > 0.3 && told(3.0, 1.0) < 0.2 * told(0.0, 1.0), "{} {}", told(0.0, 1.0), told(3.0, 1.0));
-        assert!(told(0.0, 0.1) < 0.5 * told(0.0, 1.0));
+        let full = |deviation: f64| told(deviation, CountedNats::FULL);
+        assert!(full(0.0) > 0.3 && full(3.0) < 0.2 * full(0.0), "{} {}", full(0.0), full(3.0));
+        // What the best set leaves beyond a right model makes nats count for less.
+        let left = EvidenceRow { cost: 1e4, ..EvidenceRow::default() };
+        let table = EvidenceTable { samples: 1e3, rows: vec![left], ..EvidenceTable::default() };
+        assert!(told(0.0, Weights::shipped().counted_nats(&table)) < 0.5 * full(0.0));
         let (gram, predicted) = of_two(3.0, [0.0; 2], 1.0);
-        assert!(expected_drop(&gram, &predicted, 1.0).most_bits.abs() < 1e-12, "nothing is open");
+        assert!(expected_drop(&gram, &predicted, CountedNats::FULL).most_bits.abs() < 1e-12, "nothing is open");
     }
 }

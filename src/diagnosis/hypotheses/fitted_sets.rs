@@ -18,6 +18,11 @@ impl KnownSets {
         }
     }
 
+    /// Keeps what was fitted with care in place of what it began from, also where that brought nothing: its fit has ended.
+    fn settle(&mut self, refined: Vec<Hypothesis>) {
+        self.fitted.extend(refined.into_iter().map(|one| (one.effects.clone(), one)));
+    }
+
     pub(super) fn ordered(&self) -> Vec<&Hypothesis> {
         let mut all: Vec<&Hypothesis> = self.fitted.values().collect();
         all.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
@@ -41,9 +46,7 @@ impl KnownSets {
             .filter(|leader| !leader.refined)
             .cloned()
             .collect();
-        for hypothesis in explorer.refined(&chosen) {
-            self.take(hypothesis);
-        }
+        self.settle(explorer.refined(&chosen));
         // What leads is compared with what it holds: each effect of it must be worth its odds.
         let Some(leader) = self.ordered().first().map(|one| one.effects.clone()) else { return };
         let is_within = |one: &&Hypothesis| {
@@ -51,9 +54,7 @@ impl KnownSets {
         };
         let within: Vec<Hypothesis> =
             self.fitted.values().filter(is_within).filter(|one| !one.refined).cloned().collect();
-        for hypothesis in explorer.refined(&within) {
-            self.take(hypothesis);
-        }
+        self.settle(explorer.refined(&within));
         // Slopes and residuals are nearly all of the memory.
         let mut order: Vec<(f64, Vec<usize>)> =
             self.fitted.values().map(|known| (known.log_evidence, known.effects.clone())).collect();

@@ -6,7 +6,6 @@ use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use serde::{Deserialize, Serialize};
 
 use crate::diagnosis::evidence::KAPPAS;
-use crate::diagnosis::evidence::dependent_covariance;
 use crate::diagnosis::evidence::law_error::LAW_ERRORS;
 use crate::diagnosis::evidence::parts::{PartFit, parts};
 use crate::diagnosis::hypotheses::Explored;
@@ -30,8 +29,6 @@ pub struct EvidenceRow {
     pub strain: f64,
     /// Logarithm of the evidence at each size of the error of equations ([`KAPPAS`]) and of laws ([`LAW_ERRORS`]).
     pub grid: [[f64; LAW_ERRORS.len()]; KAPPAS.len()],
-    /// What the noise that it predicts itself changes in the cost; 0 where that was not asked.
-    pub own_noise: f64,
     /// Logarithm of the evidence without each recording.
     pub without_each: Vec<f64>,
     /// Size of each effect, in typical ones.
@@ -70,9 +67,6 @@ impl EvidenceRow {
     }
 }
 
-/// Sets whose own noise is asked for at most.
-const OWN_NOISE: usize = 8;
-
 impl EvidenceTable {
     /// The same as one recording less would have it; errors of equations are then counted with their usual size.
     #[must_use]
@@ -94,13 +88,6 @@ impl EvidenceTable {
     /// The table of what was explored.
     #[must_use]
     pub fn new(problem: &Problem, explored: &Explored, catalogue: &[&'static EffectSpec]) -> Self {
-        let kept = |hypothesis: &&Hypothesis| !hypothesis.model.fit.slopes.is_empty();
-        let asked: Vec<&Hypothesis> =
-            explored.hypotheses.iter().filter(kept).filter(|one| one.refined).take(OWN_NOISE).collect();
-        let charges: Vec<f64> = asked.par_iter().map(|one| dependent_covariance::charge(problem, &one.model)).collect();
-        let charge = |hypothesis: &Hypothesis| {
-            asked.iter().position(|one| one.effects == hypothesis.effects).map_or(0.0, |place| charges[place])
-        };
         // Of a stage alone the discrepancy terms know too much; nothing unknown is weighed there.
         let alone = is_stage_alone(problem);
         let grid = |hypothesis: &Hypothesis| {
@@ -123,7 +110,6 @@ impl EvidenceTable {
                 prior: model.fit.prior,
                 strain: model.strain(),
                 grid: grid(hypothesis),
-                own_noise: charge(hypothesis),
                 without_each: hypothesis.normal.without_each(),
                 sizes: sizes.collect(),
             }
