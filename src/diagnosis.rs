@@ -116,7 +116,7 @@ pub fn diagnose(
     progress("refitting the sheet's parameters within their tolerances", 0.02);
     let settings = &DiagnosisSettings { catalogue: ready.catalogue.clone(), ..settings.clone() };
     let (mut problem, refitted, sheet) =
-        model::search::nominal(ready.trials.clone(), &ready.unit, ready.turned.clone(), &ready.noise);
+        model::search::nominal(ready.recordings.clone(), &ready.unit, ready.turned.clone(), &ready.noise);
     let catalogue = &settings.catalogue;
     let explore = |problem, refitted, sheet| Exploration::begin(problem, refitted, sheet, catalogue, progress);
     let exploration = explore(&problem, &refitted, &sheet);
@@ -162,7 +162,7 @@ pub fn diagnose(
         &table,
         &weights,
         &decision,
-        &problem.trials.iter().map(|trial| trial.name.clone()).collect::<Vec<_>>(),
+        &problem.recordings.iter().map(|recording| recording.name.clone()).collect::<Vec<_>>(),
     ));
     notes.extend(stretched(&explored, &decision));
     explored.complete(&problem, &decision.blamed, decision.verdict == Verdict::Named, &settings.catalogue);

@@ -6,7 +6,7 @@ pub mod kick;
 pub mod limit_cycle;
 pub mod loop_noise;
 pub mod noise;
+pub mod prepared;
 pub mod problem;
 pub mod qualification;
-pub mod trial;
 pub mod whitener;

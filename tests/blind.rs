@@ -316,7 +316,7 @@ fn a_trip_that_a_slow_recorder_stamped_late_is_placed_as_in_the_diagnosis() {
     let exam = laid_along(vec![recording.clone()], &unit);
     let ground = Ground::new(vec![recording], &unit, &[find("backlash").unwrap()]);
     for (what, bench) in [("exam and limits", exam), ("baselines", ground.problem)] {
-        let found = trip(&bench.trials[0].frames);
+        let found = trip(&bench.recordings[0].frames);
         assert!(found.abs_diff(tripped) < 120, "{what}: {found}, not {tripped}");
     }
 }

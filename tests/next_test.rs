@@ -21,8 +21,8 @@ use govtwin::generate::noise::{Purpose, READINGS, RandomStreams, Transducer, in_
 use govtwin::generate::{Scenario, recording, spread};
 use govtwin::identification::free_parameter::FreeParameter;
 use govtwin::likelihood::noise::expected;
+use govtwin::likelihood::prepared::PreparedRecording;
 use govtwin::likelihood::problem::Problem;
-use govtwin::likelihood::trial::Trial;
 use govtwin::msg;
 use govtwin::parameters::{EffectSetting, Unit};
 use govtwin::params::reference;
@@ -113,8 +113,8 @@ struct Held {
 }
 
 fn held() -> Held {
-    let trials = vec![Trial::new(load_increase(&unit()))];
-    let problem = Problem::new(trials, &reference(), &expected(&reference().sensors));
+    let recordings = vec![PreparedRecording::new(load_increase(&unit()))];
+    let problem = Problem::new(recordings, &reference(), &expected(&reference().sensors));
     let sheet = FittedModel::sheet(&problem, &reference(), &FreeParameter::nuisances(&reference()));
     let found = explore(&problem, &sheet, &sheet, &catalogue(), &|_, _| ());
     let table = EvidenceTable::new(&problem, &found, &catalogue());

@@ -5,8 +5,8 @@ use crate::diagnosis::summary::explained_fraction::share;
 use crate::likelihood::event_time::placed;
 use crate::likelihood::loop_noise::heard;
 use crate::likelihood::noise::expected;
+use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::Problem;
-use crate::likelihood::trial::Trial;
 use crate::parameters::Unit;
 use crate::recording::Recording;
 
@@ -21,9 +21,10 @@ pub fn closure(recordings: Vec<Recording>, refitted: &Unit, improved: &Unit) -> 
 #[must_use]
 pub fn laid_along(recordings: Vec<Recording>, refitted: &Unit) -> Problem {
     let noise = expected(&refitted.sensors);
-    let problem = heard(Problem::new(recordings.into_iter().map(Trial::new).collect(), refitted, &noise), refitted);
-    match placed(&problem, &problem.trials, refitted) {
-        Some(trials) => problem.anew(trials, refitted),
+    let problem =
+        heard(Problem::new(recordings.into_iter().map(PreparedRecording::new).collect(), refitted, &noise), refitted);
+    match placed(&problem, &problem.recordings, refitted) {
+        Some(recordings) => problem.anew(recordings, refitted),
         None => problem,
     }
 }

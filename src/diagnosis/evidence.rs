@@ -85,9 +85,9 @@ impl Shared {
         let mut gradient = DVector::zeros(n + b + laws);
         let mut parts = Vec::new();
         hessian.view_mut((n, n), (b, b)).copy_from(&self.gram);
-        for (trial, residuals) in model.fit.residuals.iter().enumerate() {
-            let (slopes, marks) = (&model.fit.slopes[trial], &self.columns.marks[trial]);
-            let errors = self.modulations.marks(model, trial, &limits);
+        for (recording, residuals) in model.fit.residuals.iter().enumerate() {
+            let (slopes, marks) = (&model.fit.slopes[recording], &self.columns.marks[recording]);
+            let errors = self.modulations.marks(model, recording, &limits);
             let part = crossed(slopes, slopes);
             let along = slopes.tr_mul(residuals);
             let mut add = |at: (usize, usize), block: &DMatrix<f64>| {

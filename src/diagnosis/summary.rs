@@ -145,7 +145,7 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &DiagnosisSettings, see
         discrepancy_terms: discrepancy_terms(problem, explored, chosen),
         transfers: transfers(problem, [&refitted_without, &chosen_without], chosen, settings.seed),
         tried: tried(explored, (&refitted_without, chosen, &chosen_without), problem, spread),
-        samples: problem.trials.iter().map(|t| t.samples.len() * t.has.iter().filter(|&&has| has).count()).sum(),
+        samples: problem.recordings.iter().map(|t| t.samples.len() * t.has.iter().filter(|&&has| has).count()).sum(),
         consistency: [refitted_model, explored.leader()].map(|model| consistency(problem, model)),
         sets: decision.sets.clone(),
         traces: traces(problem, [&delivered, &refitted, &with_effects]),
@@ -269,15 +269,15 @@ fn transfers(
     chosen: &FittedModel,
     seed: u64,
 ) -> Vec<Transfer> {
-    if chosen.effects.is_empty() || problem.trials.len() < 2 {
+    if chosen.effects.is_empty() || problem.recordings.len() < 2 {
         return Vec::new();
     }
     problem
-        .trials
+        .recordings
         .iter()
         .enumerate()
-        .map(|(index, trial)| Transfer {
-            recording: trial.name.clone(),
+        .map(|(index, recording)| Transfer {
+            recording: recording.name.clone(),
             closure: closure_of(problem, &refitted.estimates, &with_effects.estimates, index..index + 1, seed),
         })
         .collect()

@@ -21,7 +21,7 @@ pub struct Fit {
     pub prior: f64,
     /// Residuals at the positions.
     pub residuals: Residuals,
-    /// Change of the residuals per unit of each coordinate, by trial.
+    /// Change of the residuals per unit of each coordinate, by recording.
     pub slopes: Vec<DMatrix<f64>>,
 }
 
@@ -33,7 +33,7 @@ impl Fit {
     }
 }
 
-/// Two sets of slopes of one trial as one.
+/// Two sets of slopes of one recording as one.
 #[must_use]
 pub fn beside(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
     let mut both = DMatrix::zeros(a.nrows(), a.ncols() + b.ncols());
@@ -60,10 +60,10 @@ fn stepped<C: Coordinate>(
 
 /// Slopes by what small steps changed.
 fn secants(moved: &[Residuals], steps: &[f64], at: &Residuals) -> Vec<DMatrix<f64>> {
-    let of = |trial: usize| {
-        let mut slope = DMatrix::zeros(at[trial].len(), steps.len());
+    let of = |recording: usize| {
+        let mut slope = DMatrix::zeros(at[recording].len(), steps.len());
         for (k, step) in steps.iter().enumerate() {
-            slope.set_column(k, &((&moved[k][trial] - &at[trial]) / *step));
+            slope.set_column(k, &((&moved[k][recording] - &at[recording]) / *step));
         }
         slope
     };

@@ -5,7 +5,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::likelihood::trial::Trial;
+use crate::likelihood::prepared::PreparedRecording;
 use crate::signal::Signal;
 use crate::units::seconds_from_nanos;
 
@@ -61,13 +61,13 @@ pub struct Run {
 }
 
 impl Run {
-    /// The samples of a trial that hold both positions; none where there are fewer than three.
+    /// The samples of a recording that hold both positions; none where there are fewer than three.
     #[must_use]
-    pub fn of(trial: &Trial) -> Option<Self> {
+    pub fn of(recording: &PreparedRecording) -> Option<Self> {
         let mut run = Self { time_s: Vec::new(), spool: Vec::new(), opening: Vec::new() };
         let mut begins_ns = None;
-        for &row in &trial.samples {
-            let frame = &trial.frames[row];
+        for &row in &recording.samples {
+            let frame = &recording.frames[row];
             let [spool, opening] =
                 [Signal::SpoolPosition, Signal::ServomotorPosition].map(|signal| signal.of(&frame.measured));
             if spool.is_finite() && opening.is_finite() {
@@ -79,10 +79,10 @@ impl Run {
         (run.time_s.len() > 2).then_some(run)
     }
 
-    /// Those of several trials.
+    /// Those of several recordings.
     #[must_use]
-    pub fn all(trials: &[Trial]) -> Vec<Self> {
-        trials.iter().filter_map(Self::of).collect()
+    pub fn all(recordings: &[PreparedRecording]) -> Vec<Self> {
+        recordings.iter().filter_map(Self::of).collect()
     }
 
     /// Its length, s.

@@ -75,16 +75,16 @@ struct Miss {
 
 fn all_misses(problem: &Problem, base: &Unit, fitted: &Calibration) -> Vec<Miss> {
     let mut all = vec![];
-    for (index, trial) in problem.trials.iter().enumerate() {
+    for (index, recording) in problem.recordings.iter().enumerate() {
         let [before, after] = [base, &fitted.unit].map(|unit| problem.simulate(unit, index));
-        for signal in trial.signals() {
+        for signal in recording.signals() {
             let squares = |estimates: &[govtwin::frame::Estimate]| {
                 let squares = problem.squares(index, signal, estimates).unwrap_or_default();
                 let finite: Vec<f64> = squares.into_iter().filter(|square| square.is_finite()).collect();
                 (finite.len(), (finite.iter().sum::<f64>() / finite.len().max(1) as f64).sqrt())
             };
             let ((samples, sheet), (_, fitted)) = (squares(&before), squares(&after));
-            all.push(Miss { recording: trial.name.clone(), signal, samples, sheet, fitted });
+            all.push(Miss { recording: recording.name.clone(), signal, samples, sheet, fitted });
         }
     }
     all
@@ -114,10 +114,10 @@ pub fn json(
     warnings: &[String],
 ) -> Value {
     let recordings: Vec<Value> = problem
-        .trials
+        .recordings
         .iter()
-        .map(|trial| {
-            json!({"name": trial.name, "process": trial.process.id(), "samples": trial.samples.len(), "period_s": trial.period_s})
+        .map(|recording| {
+            json!({"name": recording.name, "process": recording.process.id(), "samples": recording.samples.len(), "period_s": recording.period_s})
         })
         .collect();
     let residuals: Vec<Value> = all_misses(problem, &sheet.unit, fitted)

@@ -2,7 +2,7 @@
 
 use crate::diagnosis::experiment::candidate_test::Candidate;
 use crate::frame::{EsvState, Frame, Inputs, Signals};
-use crate::likelihood::trial::Trial;
+use crate::likelihood::prepared::PreparedRecording;
 use crate::parameters::Unit;
 use crate::recording::Recording;
 use crate::twin::{Cut, Twin};
@@ -114,7 +114,7 @@ pub fn candidates(unit: &Unit) -> Vec<Candidate> {
         Candidate {
             test: test.words.to_owned(),
             unit_state: format!("Bring the servomotor to {:.0} % of its stroke first", 100.0 * test.start_pu),
-            trial: Trial::servomotor_stage(Recording::new(test.words, (0..rows).map(row).collect())),
+            recording: PreparedRecording::servomotor_stage(Recording::new(test.words, (0..rows).map(row).collect())),
             script: None,
             rate_hz: (1.0 / period_s).round(),
             faster: false,

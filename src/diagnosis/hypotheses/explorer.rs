@@ -88,7 +88,7 @@ pub(super) fn leaders(problem: &Problem) -> usize {
 /// Whether recorded spools drive all that is judged.
 #[must_use]
 pub fn is_stage_alone(problem: &Problem) -> bool {
-    problem.trials.iter().all(|trial| trial.cut == Cut::Spool)
+    problem.recordings.iter().all(|recording| recording.cut == Cut::Spool)
 }
 
 /// What all fits share.

@@ -99,16 +99,16 @@ impl Linearisation {
         }
         let moved = problem.residuals_of(&units);
         let slopes = model.free_parameters.len();
-        let grams: Vec<DMatrix<f64>> = (0..problem.trials.len())
+        let grams: Vec<DMatrix<f64>> = (0..problem.recordings.len())
             .into_par_iter()
-            .map(|trial| {
-                let at = &model.fit.residuals[trial];
-                let b = &discrepancy.marks[trial];
+            .map(|recording| {
+                let at = &model.fit.residuals[recording];
+                let b = &discrepancy.marks[recording];
                 let mut all = DMatrix::zeros(at.len(), slopes + b.ncols() + atoms.len() + 1);
-                all.columns_mut(0, slopes).copy_from(&model.fit.slopes[trial]);
+                all.columns_mut(0, slopes).copy_from(&model.fit.slopes[recording]);
                 all.columns_mut(slopes, b.ncols()).copy_from(b);
                 for (k, moved) in moved.iter().enumerate() {
-                    all.set_column(slopes + b.ncols() + k, &(&moved[trial] - at));
+                    all.set_column(slopes + b.ncols() + k, &(&moved[recording] - at));
                 }
                 all.set_column(all.ncols() - 1, at);
                 crossed(&all, &all)

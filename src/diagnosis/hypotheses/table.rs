@@ -134,15 +134,15 @@ impl EvidenceTable {
             Stage::ALL.into_iter().filter_map(of).filter(|(_, evidence)| evidence.is_finite()).collect()
         };
         let samples = problem.independent_samples();
-        let slow: f64 = (0..problem.trials.len())
-            .filter(|&trial| problem.trials[trial].is_slow())
-            .map(|trial| problem.only(trial).independent_samples())
+        let slow: f64 = (0..problem.recordings.len())
+            .filter(|&recording| problem.recordings[recording].is_slow())
+            .map(|recording| problem.only(recording).independent_samples())
             .sum();
         let pilot = crate::signal::Signal::PilotValvePosition;
         Self {
             samples,
             slow_share: slow / samples.max(1e-9),
-            pilot: problem.trials.iter().any(|trial| trial.has[pilot as usize]),
+            pilot: problem.recordings.iter().any(|recording| recording.has[pilot as usize]),
             rows: explored.hypotheses.par_iter().map(row).collect(),
             unknown: unknown(explored.hypotheses.iter().find(|one| one.effects.is_empty())),
             parts: if alone { Vec::new() } else { parts(problem, explored.refitted()) },

@@ -10,8 +10,8 @@ use crate::diagnosis::result::{Interval, StageFigure};
 use crate::effects;
 use crate::estimation::coordinate::{Coordinate, subject_at};
 use crate::frame::{EsvState, Frame, Inputs, Signals};
+use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::twin_of;
-use crate::likelihood::trial::Trial;
 use crate::parameters::Unit;
 use crate::plant::Plant;
 use crate::signal::Signal;
@@ -42,10 +42,11 @@ const FIGURES: [(&str, &str, &str); 7] = [
     ("lag_s", "lag behind the spool", "s"),
 ];
 
-/// The figures of a model; `trials` tell how far the spool went.
+/// The figures of a model; `recordings` tell how far the spool went.
 #[must_use]
-pub fn told(model: &FittedModel, law: &Plain, trials: &[Trial]) -> Vec<StageFigure> {
-    let spools = trials.iter().flat_map(|trial| trial.measured(Signal::SpoolPosition)).filter(|pu| pu.is_finite());
+pub fn told(model: &FittedModel, law: &Plain, recordings: &[PreparedRecording]) -> Vec<StageFigure> {
+    let spools =
+        recordings.iter().flat_map(|recording| recording.measured(Signal::SpoolPosition)).filter(|pu| pu.is_finite());
     let (closing_pu, opening_pu) = spools.fold((0.0_f64, 0.0_f64), |(low, high), pu| (low.min(pu), high.max(pu)));
     let of = |unit: &Unit| figures(unit, law, [opening_pu, closing_pu]);
     let best = of(&model.unit());

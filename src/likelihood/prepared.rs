@@ -1,4 +1,4 @@
-//! A trial: one recording made ready to be simulated many times and compared at its samples.
+//! A prepared recording: one made ready to be simulated many times and compared at its samples.
 
 use std::ops::Range;
 
@@ -22,7 +22,7 @@ pub type Traces = [Vec<f64>; Signal::ALL.len()];
 
 /// One recording, its rows at which something was measured, and which signals it has.
 #[derive(Clone, Debug)]
-pub struct Trial {
+pub struct PreparedRecording {
     /// What people call it.
     pub name: String,
     /// The process that it shows.
@@ -45,7 +45,7 @@ pub struct Trial {
     pub cut: Cut,
 }
 
-impl Trial {
+impl PreparedRecording {
     /// Prepares a recording; of a long rest it keeps beginning and end.
     #[must_use]
     pub fn new(mut recording: Recording) -> Self {
@@ -93,14 +93,14 @@ impl Trial {
     #[must_use]
     pub fn servomotor_stage(mut recording: Recording) -> Self {
         join_spool(&mut recording.frames);
-        let mut trial = Self::with_seams(recording, Vec::new());
+        let mut recording = Self::with_seams(recording, Vec::new());
         for signal in Signal::ALL {
-            trial.has[signal as usize] &= signal == Signal::ServomotorPosition;
+            recording.has[signal as usize] &= signal == Signal::ServomotorPosition;
         }
-        trial.command_doubt_pu.fill(0.0);
-        trial.command_jitter_pu = 0.0;
-        trial.cut = Cut::Spool;
-        trial
+        recording.command_doubt_pu.fill(0.0);
+        recording.command_jitter_pu = 0.0;
+        recording.cut = Cut::Spool;
+        recording
     }
 
     /// Whether its samples are so far apart that nobody knows what drives the unit between them.
@@ -153,7 +153,7 @@ impl Trial {
         usize::try_from((nanos_from_seconds(time_s) + period_ns / 2) / period_ns).unwrap_or(1).max(1)
     }
 
-    /// Simulates the trial; one estimate for each sample.
+    /// Simulates the recording; one estimate for each sample.
     #[must_use]
     pub fn run(&self, twin: &mut Twin) -> Vec<Estimate> {
         twin.reset();
@@ -168,7 +168,7 @@ impl Trial {
         estimates
     }
 
-    /// Simulates the trial by several twins, side by side where they fit; for each the same as by itself.
+    /// Simulates it by several twins, side by side where they fit; for each the same as by itself.
     #[must_use]
     pub fn run_batch(&self, twins: &mut [Twin]) -> Vec<Vec<Estimate>> {
         in_batches(twins, |width, twins| self.run_batch_of(width, twins), |twin| self.run(twin))
