@@ -32,7 +32,8 @@ pub mod closed;
 #[cfg(feature = "residual")]
 pub mod contenders;
 pub mod coverage;
-pub mod gate;
+#[cfg(feature = "residual")]
+pub(crate) mod gate;
 pub mod limit;
 #[cfg(feature = "residual")]
 pub mod refit;

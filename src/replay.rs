@@ -1,7 +1,7 @@
 //! Replay: a recording through a twin, and how far apart the two are.
 
 pub mod between;
-pub mod figures;
+pub(crate) mod figures;
 pub mod ladder;
 pub mod rows;
 pub mod summary;

@@ -1,7 +1,7 @@
 //! Methods that advance the continuous plant by one tick.
 
-pub mod rk4;
-pub mod rosenbrock;
+pub(crate) mod rk4;
+pub(crate) mod rosenbrock;
 pub mod split;
 
 use crate::plant::rates::{Rates, confine, piston_rates, rates};

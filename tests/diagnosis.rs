@@ -47,7 +47,7 @@ fn a_planted_bias_is_named_with_its_size_and_closes_the_gap() {
     assert_eq!(said.blamed[0].id, "lvdt_bias");
     let bias = &said.blamed[0].parameters[0];
     assert!((bias.value.value - 0.03).abs() < 3.0e-3, "{bias:?}");
-    assert!(said.closure.value > 0.8, "{:?}", said.closure);
+    assert!(said.explained_fraction.value > 0.8, "{:?}", said.explained_fraction);
     assert_eq!(said.fitted.effects.len(), 1);
     // What could not explain a hundredth of it is ranked, far behind.
     assert!(said.ranking.iter().any(|ranked| ranked.id == "feedback_lag" && ranked.probability < 0.1));
@@ -130,7 +130,7 @@ fn a_unit_that_swings_of_itself_is_named_by_its_loudness() {
     assert_eq!(said.blamed[0].id, "pv_bandwidth");
     let ratio = said.blamed[0].parameters[0].value.value;
     assert!((ratio - 0.1).abs() < 0.02, "{ratio}");
-    assert!(said.closure.value > 0.7, "{:?}", said.closure);
+    assert!(said.explained_fraction.value > 0.7, "{:?}", said.explained_fraction);
     assert!(said.notes.iter().any(|note| note.contains("swing of themselves")), "{:?}", said.notes);
 }
 

@@ -144,8 +144,8 @@ fn a_swing_is_compared_by_its_loudness() {
         let squares = problem.squares(0, Signal::SpoolPosition, &problem.simulate(unit, 0)).unwrap();
         squares.iter().sum::<f64>()
     };
-    let closure = 1.0 - gap(&slow(0.102)) / gap(&unit);
-    assert!(closure > 0.7, "{closure}");
+    let explained_fraction = 1.0 - gap(&slow(0.102)) / gap(&unit);
+    assert!(explained_fraction > 0.7, "{explained_fraction}");
 }
 
 /// No recording tells when a slowed loop runs: the twin is the mean over that, and the noise that it expects is part of what it says.

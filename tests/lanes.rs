@@ -1,6 +1,6 @@
 //! Twins side by side in lanes give what each gives by itself, to the last bit: every effect, cut and process, at every width.
 
-#[path = "lanes/misses.rs"]
+#[path = "lanes/residuals.rs"]
 mod residuals;
 #[path = "support/rows.rs"]
 mod rows;

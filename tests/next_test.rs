@@ -124,7 +124,7 @@ fn held() -> Held {
 #[test]
 fn a_test_tells_more_than_standing_idle_and_nothing_is_asked_where_one_hypothesis_is_left() {
     let Held { problem, found, table } = held();
-    // Two rivals, as likely as each other.
+    // Two competing hypotheses, as likely as each other.
     let row = |id: &str| table.rows.iter().position(|row| row.effects == [id]).unwrap();
     let [one, other] = ["supply_loss", "load"].map(row);
     let of = |sets: Vec<(usize, f64)>| Posterior { sets, unknown: Vec::new() };

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use anyhow::{Context, bail};
 use govtwin::diagnosis::model::FittedModel;
 use govtwin::diagnosis::result::StageFigure;
-use govtwin::diagnosis::stage_only::told::told;
+use govtwin::diagnosis::stage_only::stage_figures::stage_figures;
 use govtwin::identification::calibration::{Calibration, calibrate, parts};
 use govtwin::identification::free_parameter::FreeParameter;
 use govtwin::likelihood::noise;
@@ -74,7 +74,7 @@ pub struct Args {
 
 const HELP: &str = "\
 `learned` is how much the recordings said beyond the sheet: 1 − variance after over variance before the fit. Intervals
-hold 90 % or more, are local, and count twenty misses as one, as what a model lacks shows in many samples alike.
+hold 90 % or more, are local, and count twenty residuals as one, as what a model lacks shows in many samples alike.
 
 DIR/fitted.yaml is a parameter file that every command takes, with the intervals as comments. Signals that a recording lacks
 are passed over; recordings of several rates go together.
@@ -129,7 +129,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let (problem, fitted) = calibrate(recordings, &sheet.unit, turned, &expected, starts, &|| progress.step());
     drop(progress);
     if !fitted.fit.square.is_finite() {
-        bail!("the misses are not finite; do the recordings belong to this parameter file?");
+        bail!("the residuals are not finite; do the recordings belong to this parameter file?");
     }
     if args.serve {
         serve::serve(&problem, &sheet.unit, &fitted)?;
@@ -226,7 +226,7 @@ fn stage(problem: &Problem, base: &Unit, fitted: &Calibration) -> Vec<StageFigur
         return vec![];
     }
     let Some(law) = plain(&Run::all(&problem.recordings)) else { return vec![] };
-    told(
+    stage_figures(
         &FittedModel::new(vec![], base.clone(), fitted.free_parameters.clone(), fitted.fit.clone()),
         &law,
         &problem.recordings,

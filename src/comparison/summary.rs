@@ -271,7 +271,7 @@ pub struct Claims<'a> {
     pub hybrid: &'a ModelStanding,
 }
 
-/// The paper's claims for its hybrid, beside the figures here; the rivals are the twin alone and the model of data alone.
+/// The paper's claims for its hybrid, beside the figures here; the models beside it are the twin alone and the model of data alone.
 #[must_use]
 pub fn claims(ours: &Claims<'_>, [mechanism, data]: [&ModelStanding; 2]) -> Vec<PaperClaim> {
     let Claims { of, hybrid } = ours;

@@ -5,8 +5,8 @@
 //! effects. What that is worth stands in [`crate::diagnosis::experiment::information`]; nats count as the posterior counts them ([`Weights::counted_share`]).
 
 pub mod candidate_test;
-pub mod information;
-pub mod stage_experiment;
+pub(crate) mod information;
+pub(crate) mod stage_experiment;
 pub mod survivors;
 
 use nalgebra::{DMatrix, DVector};
@@ -50,7 +50,7 @@ pub struct Next {
 
 /// The best tests: of those that ask for nothing further, and with a trip, pilot signals or a faster recorder where these tell more per minute.
 #[must_use]
-pub fn next(
+pub fn design(
     problem: &Problem,
     found: &Explored,
     judged: (&EvidenceTable, &Posterior, &Weights),

@@ -19,7 +19,7 @@ const STRANGE_SHARES: (f64, f64) = (0.5, 0.15);
 const EXPLAINED: f64 = 0.3;
 
 /// One recording fitted alone.
-struct Alone {
+struct FittedAlone {
     gain: f64,
     fit: Fit,
     variances: Vec<f64>,
@@ -40,14 +40,14 @@ pub fn disagreement(problem: &Problem, found: &Explored) -> Option<String> {
     if model.cost() - floor < EXPLAINED * (found.refitted().cost() - floor) {
         return None;
     }
-    let alone: Vec<Alone> = (0..problem.recordings.len())
+    let alone: Vec<FittedAlone> = (0..problem.recordings.len())
         .map(|recording| {
             let own = problem.only(recording);
             let known = [model.fit.slopes[recording].clone()];
             let fit = fit(&own, &model.base, &model.free_parameters, &model.fit.positions, ALONE, Some(&known));
             let together = model.fit.residuals[recording].norm_squared() + model.fit.prior;
             let variances = covariance(&model.free_parameters, &fit).diagonal().iter().copied().collect();
-            Alone { gain: (together - fit.cost()).max(0.0), fit, variances }
+            FittedAlone { gain: (together - fit.cost()).max(0.0), fit, variances }
         })
         .collect();
     let gain: f64 = alone.iter().map(|one| one.gain).sum();
@@ -67,7 +67,7 @@ pub fn disagreement(problem: &Problem, found: &Explored) -> Option<String> {
 }
 
 /// The parameter that two recordings see farthest apart, in its deviations.
-fn apart(problem: &Problem, model: &FittedModel, alone: &[Alone]) -> Option<String> {
+fn apart(problem: &Problem, model: &FittedModel, alone: &[FittedAlone]) -> Option<String> {
     let mut farthest: Option<(f64, usize, usize, usize)> = None;
     for (k, _) in model.free_parameters.iter().enumerate() {
         for a in 0..alone.len() {

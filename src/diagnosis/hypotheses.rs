@@ -1,9 +1,9 @@
 //! Which fault sets are worth a joint fit, and those fits: proposals of the linear picture at several points, until the leader stands.
 
-pub mod anew;
-pub mod explorer;
+pub(crate) mod anew;
+pub(crate) mod explorer;
 mod fitted_sets;
-pub mod linearisation;
+pub(crate) mod linearisation;
 pub mod table;
 
 use std::sync::Arc;

@@ -1,9 +1,9 @@
 //! A model: a unit with effects, its parameters fitted, and what the fit says of them.
 
-pub mod consistency;
-pub mod discrepancy;
-pub mod search;
-pub mod support;
+pub(crate) mod consistency;
+pub(crate) mod discrepancy;
+pub(crate) mod search;
+pub(crate) mod support;
 
 use nalgebra::{DMatrix, DVector};
 
@@ -104,7 +104,7 @@ impl FittedModel {
     /// How far the sheet is stretched: squares of the parameters' deviations in tolerances, over what the recordings say of them, which
     /// counts as three parameters at least, since one or two may lie far out by chance. About 1 where tolerances mean what they say.
     #[must_use]
-    pub fn strain(&self) -> f64 {
+    pub fn prior_per_parameter(&self) -> f64 {
         let told: f64 = (0..self.free_parameters.len())
             .filter(|&k| self.free_parameters[k].has_prior())
             .map(|k| self.information(k))

@@ -1,6 +1,6 @@
 //! Recordings made ready for a diagnosis: of the whole chain where they hold the command, else of the servomotor stage behind the spool.
 
-pub mod channels;
+pub(crate) mod channels;
 
 use crate::diagnosis::model::FittedModel;
 use crate::diagnosis::model::search::Turned;
@@ -73,7 +73,7 @@ pub struct Alone {
 ///
 /// # Errors
 /// Where nothing is left that a diagnosis could go by; each recording's reason is told.
-pub fn ready(
+pub fn prepare(
     mut recordings: Vec<Recording>,
     sheet: &Unit,
     settings: &DiagnosisSettings,
@@ -93,16 +93,16 @@ pub fn ready(
     notes.extend(copies);
     notes.extend(refused.into_iter().map(|reason| format!("Left out: {reason}.")));
     if stage_only {
-        let mut ready = servomotor_stage(qualified, sheet, settings, notes)?;
-        if let Some(alone) = ready.alone.as_mut().filter(|_| is_deviation) {
+        let mut prepared = servomotor_stage(qualified, sheet, settings, notes)?;
+        if let Some(alone) = prepared.alone.as_mut().filter(|_| is_deviation) {
             // What drives it holds the position: that it settles is known.
             alone.follows = Follows::Sum;
         }
-        return Ok(ready);
+        return Ok(prepared);
     }
     if let [only] = qualified.as_slice() {
         notes.push(format!(
-            "One recording only ({}, {}): nothing could be left out of the fit, so closures are not tested on anything new.",
+            "One recording only ({}, {}): nothing could be left out of the fit, so explained fractions are not tested on anything new.",
             only.name,
             only.process.title()
         ));
@@ -163,10 +163,10 @@ fn servomotor_stage(
     );
     let (recordings, unit, noise, turned);
     if settings.free {
-        let ready = sheetless(whole, sheet).ok_or_else(still)?;
-        notes.extend(ready.notes);
-        (whole, recordings, unit, noise) = (ready.whole, ready.pieces, ready.unit, ready.noise);
-        turned = Turned { free_parameters: ready.free_parameters, starts: STARTS };
+        let prepared = sheetless(whole, sheet).ok_or_else(still)?;
+        notes.extend(prepared.notes);
+        (whole, recordings, unit, noise) = (prepared.whole, prepared.pieces, prepared.unit, prepared.noise);
+        turned = Turned { free_parameters: prepared.free_parameters, starts: STARTS };
     } else {
         for recording in &mut whole {
             join_spool(&mut recording.frames);

@@ -1,13 +1,13 @@
 //! A part of the chain: how well its models predict free runs, and how much of the verdict they bear.
 
-pub mod told;
+pub mod stage_figures;
 
 use crate::diagnosis::decision::Decision;
 use crate::diagnosis::hypotheses::Explored;
 use crate::diagnosis::model::FittedModel;
 use crate::diagnosis::preparation::{Alone, Preparation};
 use crate::diagnosis::result::{FreeRun, StageOnly, Verdict};
-use crate::diagnosis::stage_only::told::told;
+use crate::diagnosis::stage_only::stage_figures::stage_figures;
 use crate::diagnosis::summary::explained_fraction::without_recordings;
 use crate::estimation::coordinate::subject_at;
 use crate::estimation::fit::{Effort, fit};
@@ -35,7 +35,7 @@ const CALM_ENOUGH: f64 = 3.0;
 /// Gain in cost that may be chance.
 const LEAST_GAIN: f64 = 8.0;
 /// What the free runs of the plain law are called.
-pub const PLAIN: &str = "plain law";
+const PLAIN: &str = "plain law";
 
 /// The decision as far as a stage on its own bears it; what was taken back is said.
 ///
@@ -163,10 +163,10 @@ fn careful(problem: &Problem, found: &Explored, ready: &Preparation, decision: D
     }
     let names = matches!(decision.verdict, Verdict::Named | Verdict::Class);
     if !ready.sheet && names && decision.blamed.len() == 1 {
-        let rivals = near(found);
-        if rivals.len() > 1 {
+        let competing = near(found);
+        if competing.len() > 1 {
             decision.verdict = Verdict::Class;
-            decision.blamed = rivals;
+            decision.blamed = competing;
         }
     }
     if decision.verdict == Verdict::Class {
@@ -305,7 +305,7 @@ pub fn describe(ready: &Preparation, found: &Explored, decision: &Decision) -> O
         sheet: ready.sheet,
         pieces: ready.recordings.len(),
         piece_s: seconds_from_nanos(length_ns),
-        told: told(claimed.unwrap_or_else(|| found.refitted()), &alone.law, &ready.recordings),
+        figures: stage_figures(claimed.unwrap_or_else(|| found.refitted()), &alone.law, &ready.recordings),
         transducers_pu: alone.seen.transducers,
         foreign: foreign(alone),
         free_run_s,

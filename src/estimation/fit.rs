@@ -8,7 +8,7 @@ use crate::estimation::descent::{correct, step};
 use crate::estimation::linear::normal;
 
 /// Step of a forward difference, in units of a coordinate.
-pub const DIFFERENCE: f64 = 0.05;
+const DIFFERENCE: f64 = 0.05;
 
 /// A fit: positions of the coordinates, what it cost, and the local picture around it.
 #[derive(Clone, Debug)]
@@ -188,7 +188,7 @@ impl<C: Coordinate> Copy for Start<'_, C> {}
 
 /// What a descent waits for.
 #[derive(Clone, Debug)]
-enum Wanted {
+enum Request {
     /// The residuals where it starts, and slopes by the coordinates from a first on.
     Start { steps: Vec<f64>, first: usize },
     /// The residuals at candidates for the next position.
@@ -216,7 +216,7 @@ struct Descent<'a, C: Coordinate> {
     fresh: bool,
     /// The subjects whose residuals it wants to know next; none once it has arrived.
     subjects: Vec<C::Subject>,
-    wanted: Wanted,
+    wanted: Request,
 }
 
 impl<'a, C: Coordinate> Descent<'a, C> {
@@ -236,14 +236,14 @@ impl<'a, C: Coordinate> Descent<'a, C> {
             age: 0,
             fresh: start.known.is_none(),
             subjects,
-            wanted: Wanted::Start { steps, first },
+            wanted: Request::Start { steps, first },
         }
     }
 
     /// Goes on with the residuals of what it asked for.
     fn hear(&mut self, mut answer: Vec<Residuals>) {
-        match std::mem::replace(&mut self.wanted, Wanted::Nothing) {
-            Wanted::Start { steps, first } => {
+        match std::mem::replace(&mut self.wanted, Request::Nothing) {
+            Request::Start { steps, first } => {
                 self.residuals = answer.pop().unwrap_or_default();
                 let fits = |(known, residuals): (&DMatrix<f64>, &DVector<f64>)| known.nrows() == residuals.len();
                 if !self.start.known.is_none_or(|known| known.iter().zip(&self.residuals).all(fits)) {
@@ -259,15 +259,15 @@ impl<'a, C: Coordinate> Descent<'a, C> {
                 self.cost = self.total(&self.residuals, &self.positions);
                 self.step();
             }
-            Wanted::Candidates { positions, dampings } => self.choose(&positions, &dampings, answer),
-            Wanted::Slopes { steps, first } => {
+            Request::Candidates { positions, dampings } => self.choose(&positions, &dampings, answer),
+            Request::Slopes { steps, first } => {
                 let fresh = secants(&answer, &steps, &self.residuals);
                 for (slope, fresh) in self.slopes.iter_mut().zip(&fresh) {
                     slope.columns_mut(first, fresh.ncols()).copy_from(fresh);
                 }
                 self.step();
             }
-            Wanted::Nothing => {}
+            Request::Nothing => {}
         }
     }
 
@@ -287,7 +287,7 @@ impl<'a, C: Coordinate> Descent<'a, C> {
         let dampings = DAMPINGS.map(|times| times * self.damping);
         let candidates = dampings.map(|damping| step(base, coordinates, &self.positions, &hessian, &gradient, damping));
         self.subjects = candidates.iter().map(|candidate| subject_at(base, coordinates, candidate)).collect();
-        self.wanted = Wanted::Candidates { positions: candidates.to_vec(), dampings };
+        self.wanted = Request::Candidates { positions: candidates.to_vec(), dampings };
     }
 
     /// Takes the best candidate, learns of all of them, and asks for what it needs next.
@@ -331,7 +331,7 @@ impl<'a, C: Coordinate> Descent<'a, C> {
             return self.step();
         }
         self.subjects = subjects;
-        self.wanted = Wanted::Slopes { steps, first };
+        self.wanted = Request::Slopes { steps, first };
     }
 
     fn done(self) -> Fit {

@@ -13,7 +13,7 @@ use crate::trend::{Level, NORMAL_90, Sums, run_length};
 const LEAST_LIMIT: f64 = 5.0;
 
 /// False alarms that are expected in a fleet in which nothing changes.
-pub const FALSE_ALARMS: f64 = 0.1;
+const FALSE_ALARMS: f64 = 0.1;
 
 /// One size of a unit over its periods.
 #[derive(Clone, Debug, Default, PartialEq)]

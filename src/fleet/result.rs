@@ -10,7 +10,7 @@ use crate::diagnosis::result::Verdict;
 pub const SCHEMA: &str = "govtwin-fleet-result/1";
 
 /// At least so much of what is known of a parameter must have come from the recordings, a share; less is the sheet's tolerance speaking.
-pub const DETERMINED_SHARE: f64 = 0.5;
+const DETERMINED_SHARE: f64 = 0.5;
 
 /// The result of an entry.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

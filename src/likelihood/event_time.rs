@@ -34,7 +34,7 @@ pub fn placed(problem: &Problem, recorded: &[PreparedRecording], unit: &Unit) ->
                     let (cost, early_ns) = cheapest(doubt_ns, price);
                     (cost, trip_at(recording, row, early_ns, command))
                 };
-                let [runs, steps] = [Command::Runs, Command::Steps].map(of);
+                let [runs, steps] = [CommandCourse::Runs, CommandCourse::Steps].map(of);
                 if steps.0 < runs.0 { steps.1 } else { runs.1 }
             }
             None => recording.clone(),
@@ -53,7 +53,7 @@ fn doubt(recording: &PreparedRecording) -> Option<(usize, i64)> {
 
 /// What the command does between the two samples about a trip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Command {
+enum CommandCourse {
     /// It runs from one to the other, as elsewhere.
     Runs,
     /// It steps with the trip, as where the governor takes it back then.
@@ -61,10 +61,10 @@ enum Command {
 }
 
 /// The recording with its trip so much earlier.
-fn trip_at(recording: &PreparedRecording, row: usize, early_ns: i64, command: Command) -> PreparedRecording {
+fn trip_at(recording: &PreparedRecording, row: usize, early_ns: i64, command: CommandCourse) -> PreparedRecording {
     let mut moved = recording.clone();
     let from_ns = recording.frames[row].time_ns - early_ns;
-    if command == Command::Steps {
+    if command == CommandCourse::Steps {
         let before = recording.samples.iter().rev().copied().find(|&sample| sample < row).unwrap_or(0);
         let [first_pu, last_pu] = [before, row].map(|row| recording.frames[row].inputs.opening_command_pu);
         for frame in &mut moved.frames[before..row] {
@@ -138,7 +138,7 @@ mod tests {
             let moved = trip_at(&recording, row, 100_000_000, command);
             moved.frames[14..22].iter().map(|frame| (frame.inputs.opening_command_pu, frame.inputs.esv)).collect()
         };
-        let (runs, steps) = (of(Command::Runs), of(Command::Steps));
+        let (runs, steps) = (of(CommandCourse::Runs), of(CommandCourse::Steps));
         let tripped = |rows: &[(f64, EsvState)]| rows.iter().position(|(_, esv)| *esv == EsvState::Shutdown);
         assert_eq!((tripped(&runs), tripped(&steps)), (Some(4), Some(4)));
         let commands = |rows: &[(f64, EsvState)]| rows.iter().map(|(command_pu, _)| *command_pu).collect::<Vec<_>>();

@@ -1,4 +1,4 @@
-//! LimitCycles: how loud and how fast a signal swings of itself, where no twin can keep step with it sample by sample.
+//! Limit cycles: how loud and how fast a signal swings of itself, where no twin can keep step with it sample by sample.
 //!
 //! A loop that has gone unstable ends in a limit cycle, and a regulator whose cycle jitters hunts: two runs of the very same unit then
 //! differ by as much as either swings. There the power of a signal is compared octave by octave: its wavelet variance (Percival & Walden
@@ -71,7 +71,7 @@ pub fn limit_cycles(looks: &[SignalSamples], period_s: f64) -> Vec<LimitCycles> 
     let blocks: Vec<Range<usize>> = (0..count / length)
         .map(|k| k * length..if (k + 2) * length > count { count } else { (k + 1) * length })
         .collect();
-    let compared: Vec<Vec<Compared>> =
+    let compared: Vec<Vec<ComparedBlock>> =
         looks.iter().map(|look| blocks.iter().map(|block| look.at(block)).collect()).collect();
     let loud: Vec<bool> = (0..blocks.len()).map(|k| compared.iter().any(|signal| signal[k].is_loud(octaves))).collect();
     let window = |k: usize| {
@@ -80,7 +80,7 @@ pub fn limit_cycles(looks: &[SignalSamples], period_s: f64) -> Vec<LimitCycles> 
     };
     let lasting = |k: &usize| loud[window(*k)].iter().filter(|loud| **loud).count() >= LASTING.0;
     let swinging: Vec<usize> = (0..blocks.len()).filter(lasting).collect();
-    let of = |signal: &Vec<Compared>| {
+    let of = |signal: &Vec<ComparedBlock>| {
         let excesses: Vec<f64> = signal.iter().map(|block| block.excess(octaves)).collect();
         let mut ignored_squares = vec![0.0; count];
         for &k in &swinging {
@@ -98,21 +98,21 @@ pub fn limit_cycles(looks: &[SignalSamples], period_s: f64) -> Vec<LimitCycles> 
 }
 
 /// A block and the powers of its reference.
-struct Compared {
+struct ComparedBlock {
     block: Block,
     reference: Powers,
 }
 
 impl SignalSamples {
-    fn at(&self, samples: &Range<usize>) -> Compared {
+    fn at(&self, samples: &Range<usize>) -> ComparedBlock {
         let samples = samples.clone();
         let noise_square = self.noise_squares[samples.clone()].iter().sum::<f64>() / samples.len() as f64;
         let [measured, reference] = [&self.measured, &self.reference].map(|signal| powers(&signal[samples.clone()]));
-        Compared { block: Block { samples, measured, noise_square }, reference }
+        ComparedBlock { block: Block { samples, measured, noise_square }, reference }
     }
 }
 
-impl Compared {
+impl ComparedBlock {
     /// Whether the recording is louder than it should; not where it has gaps.
     fn is_loud(&self, octaves: usize) -> bool {
         (0..octaves).any(|k| self.block.measured[k] > LOUD * (self.reference[k] + self.block.noise_square))

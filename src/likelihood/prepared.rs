@@ -27,7 +27,7 @@ pub struct PreparedRecording {
     pub name: String,
     /// The process that it shows.
     pub process: Process,
-    /// All rows but those of long idle_segments.
+    /// All rows but those of long idle segments.
     pub frames: Vec<Frame>,
     /// Where a rest was left out: the row behind it, and for how long it lasted, ns.
     pub seams: Vec<(usize, i64)>,
@@ -196,7 +196,7 @@ impl PreparedRecording {
     /// Rows as a twin sees them.
     ///
     /// A plant whose inputs have a clock of their own reads commands and ESV ahead of their rows. The twin's clock stands
-    /// still over the idle_segments that are left out.
+    /// still over the idle segments that are left out.
     fn rows(&self, twin: &Twin) -> impl Iterator<Item = BatchRow> + use<'_> {
         let lookahead_ns = nanos_from_seconds(twin.plant().lookahead_s);
         let mut samples = self.samples.iter().peekable();

@@ -206,13 +206,6 @@ impl Problem {
         self.recordings.iter().any(PreparedRecording::is_slow)
     }
 
-    /// By sample whether a signal swings of itself in a recording, where it is judged by its loudness; none where it was never measured.
-    #[must_use]
-    pub fn limit_cycle_samples(&self, recording: usize, signal: Signal) -> Option<Vec<bool>> {
-        let place = self.recordings[recording].place(signal)?;
-        Some(self.whiteners[recording][place].limit_cycles.ignored_squares.iter().map(|square| *square > 0.0).collect())
-    }
-
     /// Independent samples, all recordings and signals together; one that may hold a kick counts as it costs a right model.
     #[must_use]
     pub fn independent_samples(&self) -> f64 {
@@ -242,7 +235,7 @@ impl Problem {
 
     /// Where recordings swing of themselves and for how long, in a sentence.
     #[must_use]
-    pub fn swinging(&self) -> Option<String> {
+    pub fn limit_cycle_note(&self) -> Option<String> {
         let times =
             self.recordings.iter().enumerate().map(|(index, recording)| (&recording.name, self.limit_cycles_s(index)));
         let said: Vec<String> = times
@@ -261,13 +254,7 @@ impl Problem {
     /// Residuals of a unit in one recording.
     #[must_use]
     pub fn residuals(&self, unit: &Unit, recording: usize) -> DVector<f64> {
-        self.residuals_by(twin_of(unit), recording)
-    }
-
-    /// Residuals of a twin in one recording, which sets its cut.
-    #[must_use]
-    pub fn residuals_by(&self, twin: Twin, recording: usize) -> DVector<f64> {
-        self.residuals_in(&self.recordings[recording], twin, recording)
+        self.residuals_in(&self.recordings[recording], twin_of(unit), recording)
     }
 
     /// The same in another version of a recording, with other inputs but the same samples.

@@ -3,8 +3,8 @@
 //! A term stands at one point of the chain, sees the signal there and the state of the last tick, and
 //! returns the signal that goes on. Its memory lives in the twin's state and advances once a tick.
 
-pub mod delay;
-pub mod play;
+pub(crate) mod delay;
+pub(crate) mod play;
 
 use std::fmt;
 use std::sync::Arc;

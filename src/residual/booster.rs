@@ -28,7 +28,7 @@ pub enum Objective {
 }
 
 /// Where Huber's loss turns from squares to straight, in the target's unit; the coefficient's unit is the signal's.
-pub const HUBER_PU: f64 = 0.01;
+const HUBER_PU: f64 = 0.01;
 
 impl Objective {
     /// All, the paper's first.

@@ -7,7 +7,7 @@
 //! | doubled recording: the same rows again | left out, or one of them would be tested on what the other taught |
 //! | implausible input: outside what a governor can show | the last plausible value stands in, as in the live node |
 //! | implausible target | neither taught nor judged on |
-//! | outlier of the target: one sample far off both neighbours while the servomotor idle_segments | neither taught nor judged on |
+//! | outlier of the target: one sample far off both neighbours while the servomotor rests | neither taught nor judged on |
 
 use std::ops::RangeInclusive;
 

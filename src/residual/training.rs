@@ -17,7 +17,7 @@ use crate::parameters::Unit;
 use crate::recording::Process;
 
 /// Share of rows that a model's band is to cover.
-pub const COVERAGE_SHARE: f64 = 0.9;
+const COVERAGE_SHARE: f64 = 0.9;
 
 const fn dimension(
     name: &'static str,

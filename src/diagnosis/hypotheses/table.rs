@@ -27,11 +27,13 @@ pub struct EvidenceRow {
     /// Squares of the priors in it, in tolerances.
     pub prior: f64,
     /// Prior χ² per parameter that the recordings determine.
-    pub strain: f64,
+    #[serde(rename = "strain")]
+    pub prior_per_parameter: f64,
     /// Logarithm of the evidence at each size of the error of equations ([`KAPPAS`]) and of laws ([`LAW_ERRORS`]).
     pub grid: [[f64; LAW_ERRORS.len()]; KAPPAS.len()],
     /// What the noise that it predicts itself changes in the cost; 0 where that was not asked.
-    pub own_noise: f64,
+    #[serde(rename = "own_noise")]
+    pub dependent_covariance: f64,
     /// Logarithm of the evidence without each recording.
     pub without_each: Vec<f64>,
     /// Size of each effect, in typical ones.
@@ -121,9 +123,9 @@ impl EvidenceTable {
                 refined: hypothesis.refined,
                 cost: model.fit.cost(),
                 prior: model.fit.prior,
-                strain: model.strain(),
+                prior_per_parameter: model.prior_per_parameter(),
                 grid: grid(hypothesis),
-                own_noise: charge(hypothesis),
+                dependent_covariance: charge(hypothesis),
                 without_each: hypothesis.normal.without_each(),
                 sizes: sizes.collect(),
             }

@@ -129,12 +129,6 @@ impl Columns {
 /// Share of a moderate term that is simulated for its mark.
 const STEP: f64 = 0.2;
 
-/// Number of columns.
-#[must_use]
-pub fn count() -> usize {
-    PLACES.iter().map(DiscrepancyPoint::shapes).sum()
-}
-
 /// The place of each column.
 pub fn places() -> impl Iterator<Item = &'static DiscrepancyPoint> {
     PLACES.iter().flat_map(|place| std::iter::repeat_n(place, place.shapes()))

@@ -10,16 +10,16 @@ use crate::signal::Signal;
 const STANDING_PU_S: f64 = 2.0e-3;
 
 /// One row as the breakdown sees it.
-struct Row<'a> {
+struct SampleRow<'a> {
     recording: &'a PreparedRecording,
     frame: &'a Frame,
     speed_pu_s: f64,
 }
 
 /// A cut: its name, its parts, and the part of a row.
-type Cut = (&'static str, &'static [&'static str], fn(&Row<'_>) -> usize);
+type Division = (&'static str, &'static [&'static str], fn(&SampleRow<'_>) -> usize);
 
-const CUTS: [Cut; 6] = [
+const DIVISIONS: [Division; 6] = [
     ("process", &["start-up", "load increase", "shutdown", "load rejection"], |row| row.recording.process as usize),
     ("phase", &["servomotor stands", "servomotor moves"], |row| usize::from(row.speed_pu_s.abs() > STANDING_PU_S)),
     ("direction", &["closing", "standing", "opening"], |row| {
@@ -43,7 +43,7 @@ pub fn breakdowns(problem: &Problem, refitted: &[Vec<Estimate>], with_effects: &
     let mut all = Vec::new();
     let stage_only = problem.recordings.iter().all(|recording| recording.cut == crate::twin::Cut::Spool);
     for signal in Signal::POSITIONS {
-        for (by, names, part_of) in CUTS {
+        for (by, names, part_of) in DIVISIONS {
             // Without command and ESV these say nothing.
             if stage_only && ["process", "ESV"].contains(&by) {
                 continue;
@@ -60,7 +60,7 @@ pub fn breakdowns(problem: &Problem, refitted: &[Vec<Estimate>], with_effects: &
                         continue;
                     }
                     let frame = &recording.frames[recording.samples[k]];
-                    let part = &mut parts[part_of(&Row { recording, frame, speed_pu_s: slope(recording, k) })];
+                    let part = &mut parts[part_of(&SampleRow { recording, frame, speed_pu_s: slope(recording, k) })];
                     part.samples += 1;
                     part.refitted += before;
                     part.with_effects += after;

@@ -1,4 +1,4 @@
-//! How far: the share of the gap that closes on data left out of the fit, with an interval from resampled blocks.
+//! Explained fraction: the share of the excess squared error that disappears on data left out of the fit, with an interval from resampled blocks.
 
 use std::ops::Range;
 
@@ -30,7 +30,7 @@ const RESAMPLINGS: usize = 400;
 /// So many parts are left out in turn; every block of a recording belongs to the one after that of the block before it.
 const PARTS: usize = 5;
 
-/// Farthest that a fit may move when a part is left out, in units of a free_parameter: one linear step is good for no more.
+/// Farthest that a fit may move when a part is left out, in units of a free parameter: one linear step is good for no more.
 const FARTHEST: f64 = 2.0;
 
 /// Share of what all recordings say of an effect that the others must say to fit it without one.
@@ -199,20 +199,25 @@ fn ratio(sums: [f64; 3]) -> f64 {
     if gap <= 0.0 { 0.0 } else { ((sums[0] - sums[1]) / gap).clamp(-1.0, 1.0) }
 }
 
-/// Closure `(MSE_refitted − MSE_effects) / (MSE_refitted − noise²)` with the interval that holds that of another day of the same processes
+/// Explained fraction `(MSE_refitted − MSE_effects) / (MSE_refitted − noise²)` with the interval that holds that of another day of the same processes
 /// nine times in ten.
 ///
 /// Blocks are drawn with replacement within each recording, so that every process keeps its weight; and drawn again from those, since the other
 /// day is a draw as this one was (Efron & Tibshirani 1993, *An Introduction to the Bootstrap*, chapter 25). The noise is drawn too: no floor is
 /// known better than to what a right model may leave.
 #[must_use]
-pub fn closure(problem: &Problem, refitted: &HeldOutEstimates, with_effects: &HeldOutEstimates, seed: u64) -> Interval {
-    closure_of(problem, refitted, with_effects, 0..problem.recordings.len(), seed)
+pub fn explained_fraction(
+    problem: &Problem,
+    refitted: &HeldOutEstimates,
+    with_effects: &HeldOutEstimates,
+    seed: u64,
+) -> Interval {
+    explained_fraction_of(problem, refitted, with_effects, 0..problem.recordings.len(), seed)
 }
 
 /// The same of some of the recordings.
 #[must_use]
-pub fn closure_of(
+pub fn explained_fraction_of(
     problem: &Problem,
     refitted: &HeldOutEstimates,
     with_effects: &HeldOutEstimates,
@@ -223,9 +228,9 @@ pub fn closure_of(
     interval(&blocks(problem, refitted, with_effects)[recordings], allowance, seed)
 }
 
-/// Closure as it came true, of twins that were fitted to other recordings; none where there is no gap.
+/// Explained fraction as it came true, of twins that were fitted to other recordings; none where there is no gap.
 #[must_use]
-pub fn share(problem: &Problem, refitted: &HeldOutEstimates, with_effects: &HeldOutEstimates) -> Option<f64> {
+pub fn realised_fraction(problem: &Problem, refitted: &HeldOutEstimates, with_effects: &HeldOutEstimates) -> Option<f64> {
     let all = sum(blocks(problem, refitted, with_effects).iter().flatten());
     (all[0] > all[2]).then(|| ratio(all))
 }
@@ -234,7 +239,7 @@ fn sum<'a>(blocks: impl Iterator<Item = &'a [f64; 3]>) -> [f64; 3] {
     blocks.fold([0.0; 3], |sums, block| std::array::from_fn(|k| sums[k] + block[k]))
 }
 
-/// Closure of blocks by recording, each with the sums of [`blocks`].
+/// Explained fraction of blocks by recording, each with the sums of [`blocks`].
 fn interval(blocks: &[Vec<[f64; 3]>], allowance: f64, seed: u64) -> Interval {
     let mut dice = ChaCha8Rng::seed_from_u64(seed);
     let mut day = || {

@@ -44,7 +44,7 @@ const FIGURES: [(&str, &str, &str); 7] = [
 
 /// The figures of a model; `recordings` tell how far the spool went.
 #[must_use]
-pub fn told(model: &FittedModel, law: &Plain, recordings: &[PreparedRecording]) -> Vec<StageFigure> {
+pub fn stage_figures(model: &FittedModel, law: &Plain, recordings: &[PreparedRecording]) -> Vec<StageFigure> {
     let spools =
         recordings.iter().flat_map(|recording| recording.measured(Signal::SpoolPosition)).filter(|pu| pu.is_finite());
     let (closing_pu, opening_pu) = spools.fold((0.0_f64, 0.0_f64), |(low, high), pu| (low.min(pu), high.max(pu)));

@@ -25,7 +25,7 @@ fn problem() -> Problem {
 }
 
 #[test]
-fn misses_do_not_depend_on_who_else_is_simulated() {
+fn residuals_do_not_depend_on_who_else_is_simulated() {
     let problem = problem();
     let units: Vec<Unit> = units().into_iter().step_by(4).collect();
     let before = problem.simulations();

@@ -1,0 +1,45 @@
+//! Explained fraction as it came true: the refitted and the improved twin on recordings that the diagnosis never saw.
+
+use crate::diagnosis::evidence::dependent_covariance::own;
+use crate::diagnosis::summary::explained_fraction::realised_fraction;
+use crate::estimation::coordinate::square;
+use crate::likelihood::event_time::placed;
+use crate::likelihood::loop_noise::heard;
+use crate::likelihood::noise::expected;
+use crate::likelihood::prepared::PreparedRecording;
+use crate::likelihood::problem::Problem;
+use crate::parameters::Unit;
+use crate::recording::Recording;
+
+/// Share of the least cost by which the improved unit must be likelier with the noise of its own: less is not worth a new search.
+const NOTABLE: f64 = 0.1;
+
+/// The same in cost: less may be chance.
+const LEAST_GAIN: f64 = 20.0;
+
+/// The share of the gap of the refitted twin that the improved one closes, counted as the claim is, noise and all; none where there is no gap.
+#[must_use]
+pub fn explained_fraction(recordings: Vec<Recording>, refitted: &Unit, improved: &Unit) -> Option<f64> {
+    let problem = laid_for(laid_along(recordings, refitted), refitted, improved);
+    realised_fraction(&problem, &problem.simulate_all(refitted), &problem.simulate_all(improved))
+}
+
+/// Recordings with the noise along a refitted unit, and with their trips where it explains them best, as the diagnosis has them.
+#[must_use]
+pub fn laid_along(recordings: Vec<Recording>, refitted: &Unit) -> Problem {
+    let noise = expected(&refitted.sensors);
+    let problem =
+        heard(Problem::new(recordings.into_iter().map(PreparedRecording::new).collect(), refitted, &noise), refitted);
+    match placed(&problem, &problem.recordings, refitted) {
+        Some(recordings) => problem.anew(recordings, refitted),
+        None => problem,
+    }
+}
+
+/// The problem with the noise that a diagnosis would count with: along the improved unit where that is notably likelier so.
+fn laid_for(problem: Problem, refitted: &Unit, improved: &Unit) -> Problem {
+    let least =
+        problem.residuals_of(&[refitted.clone(), improved.clone()]).iter().map(square).fold(f64::INFINITY, f64::min);
+    let (own, cost) = own(&problem, improved);
+    if cost < (1.0 - NOTABLE) * least - LEAST_GAIN { own } else { problem }
+}
