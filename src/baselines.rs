@@ -13,6 +13,7 @@ use crate::baselines::ground::Ground;
 use crate::benchmark::report_verdict::{Blamed, Location, Rank, ReportVerdict, ReportedSize};
 use crate::diagnosis::result::Verdict;
 use crate::effects::EffectSpec;
+use crate::units::NORMAL_90;
 
 /// A baseline: a name and a rule.
 #[derive(Clone, Copy, Debug)]
@@ -69,7 +70,7 @@ fn blame(found: &EffectFound) -> Blamed {
     let first = found.spec.parameters.first();
     let size = first.zip(found.size).map(|(parameter, (position, deviation))| {
         let at = |position: f64| parameter.neutral + (parameter.typical - parameter.neutral) * position;
-        let (a, b) = (at(position - 1.645 * deviation), at(position + 1.645 * deviation));
+        let (a, b) = (at(position - NORMAL_90 * deviation), at(position + NORMAL_90 * deviation));
         ReportedSize { value: Some(at(position)), ci90: Some([Some(a.min(b)), Some(a.max(b))]) }
     });
     Blamed { id: found.spec.id.to_owned(), parameters: size.into_iter().collect() }

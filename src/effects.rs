@@ -276,7 +276,7 @@ pub const CATALOGUE: &[EffectSpec] = &[
 /// Effects that are tried only where the servomotor stage stands alone: no unit of a planned battery has them, so that nobody knows yet what
 /// they would take from others in the whole chain. There the regulator makes up for worn ports: in units of the battery that have them the
 /// strongest signal moves by 0.9 to 2.3 times its noise floor. Lag and saturation behind a recorded valve signal are no part of a simulated spool.
-pub const STAGE_ALONE: &[&str] = &["valve_lag", "flow_saturation", "port_wear", "port_asymmetry"];
+pub(crate) const STAGE_ALONE: &[&str] = &["valve_lag", "flow_saturation", "port_wear", "port_asymmetry"];
 
 /// The effects that are tried in the whole chain.
 pub fn of_the_chain() -> impl Iterator<Item = &'static EffectSpec> {

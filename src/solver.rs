@@ -96,7 +96,7 @@ impl Solver {
     }
 
     /// Advances the servomotor alone by one tick; the spool is wherever the caller put it.
-    pub fn advance_piston(&self, plant: &Plant, state: &mut State, drive: &Drive) {
+    pub(crate) fn advance_piston(&self, plant: &Plant, state: &mut State, drive: &Drive) {
         match self {
             Self::Split(split) => split.advance_piston(&plant.blocks(), state, drive),
             Self::Stepwise(method) => method.advance(plant, state, drive, piston_rates),

@@ -102,7 +102,7 @@ impl Ground {
 
     /// For each effect the try whose residuals are smallest.
     #[must_use]
-    pub fn best_tries(&self) -> Vec<&Try> {
+    pub(crate) fn best_tries(&self) -> Vec<&Try> {
         let mut best: Vec<&Try> = Vec::new();
         for one in &self.tries {
             match best.last_mut() {

@@ -15,6 +15,7 @@ use crate::diagnosis::decision::posterior::{
 use crate::diagnosis::hypotheses::table::{EvidenceRow, EvidenceTable};
 use crate::diagnosis::result::Interval;
 use crate::effects::find;
+use crate::units::NORMAL_90;
 
 /// Weight of a unit with an effect struck beside one as it is.
 const STRUCK: f64 = 0.3;
@@ -238,7 +239,7 @@ fn best(choices: &[Answered], features: &[PosteriorFeature]) -> Vec<f64> {
     weights.iter().copied().collect()
 }
 
-/// Spread of the relative error of sizes, one standard deviation: a tenth of them lie outside 1.645 of it.
+/// Spread of the relative error of sizes, one standard deviation: a tenth of them lie outside [`NORMAL_90`] of it.
 #[must_use]
 pub fn size_spread(units: &[(&Label, &EvidenceTable)]) -> f64 {
     let mut errors: Vec<f64> = units
@@ -253,7 +254,7 @@ pub fn size_spread(units: &[(&Label, &EvidenceTable)]) -> f64 {
         .collect();
     errors.sort_by(f64::total_cmp);
     let place = errors.len().saturating_sub(1) * 9 / 10;
-    errors.get(place).map_or(0.1, |error| error / 1.645)
+    errors.get(place).map_or(0.1, |error| error / NORMAL_90)
 }
 
 /// Factor by which intervals of the explained share are to be widened so that nine tenths of what came true lies inside; 1 at least, since a few

@@ -105,7 +105,7 @@ impl ScoredUnit {
 
     /// Whether the verdict names an effect that is not there; a class only says that one of several is.
     #[must_use]
-    pub fn makes_up(&self) -> bool {
+    pub(crate) fn makes_up(&self) -> bool {
         let there = |id: &str| self.label.effects.iter().any(|truth| truth.id == id);
         self.names() && self.report.effects.iter().any(|blamed| !there(&blamed.id))
     }

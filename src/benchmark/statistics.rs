@@ -61,7 +61,7 @@ impl Measured {
 
     /// A mean of probabilities, whose interval stays between 0 and 1.
     #[must_use]
-    pub fn mean_probability(values: &[f64]) -> Self {
+    pub(crate) fn mean_probability(values: &[f64]) -> Self {
         let mean = Self::mean(values);
         Self { low: mean.low.max(0.0), high: mean.high.min(1.0), ..mean }
     }

@@ -99,6 +99,17 @@ impl JudgedUnit {
         Some(report.explained_fraction()?.widened(1.0 / self.widened_by))
     }
 
+    /// What it would have been judged to be by other weights, with a part of the evidence left out and the interval of the share widened.
+    fn rejudged(&self, left_out: EvidenceLeftOut, weights: &Weights, widening: f64) -> ScoredUnit {
+        let mut report = rejudged(&self.report, &left_out.of(&self.report.evidence.table), weights);
+        if let Some(claim) = self.explained_fraction(&report) {
+            let Interval { low, high, .. } = claim.widened(widening);
+            report.gap.explained_fraction.ci90 = Some([Some(low), Some(high)]);
+        }
+        let (label, realised_fraction) = (self.label.clone(), self.came_true);
+        ScoredUnit { report, label, realised_fraction, expected_log_bayes_factor: None }
+    }
+
     /// The same of the report, beside what came true.
     fn claim(&self) -> Option<(Interval, f64)> {
         Some((self.explained_fraction(&self.report)?, self.came_true?))
@@ -161,22 +172,11 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
                     explained_fraction_widening(&others.filter_map(|unit| unit.claim()).collect::<Vec<_>>())
                 }
             };
-            let judged = units.iter().map(|unit| {
-                let mut report = rejudged(&unit.report, &left_out.of(&unit.report.evidence.table), &weights(part));
-                if let Some(claim) = unit.explained_fraction(&report) {
-                    let Interval { low, high, .. } = claim.widened(widening);
-                    report.gap.explained_fraction.ci90 = Some([Some(low), Some(high)]);
-                }
-                ScoredUnit {
-                    report,
-                    label: unit.label.clone(),
-                    realised_fraction: unit.came_true,
-                    expected_log_bayes_factor: None,
-                }
-            });
-            let judged: Vec<ScoredUnit> = judged.collect();
+            let weights = weights(part);
+            let judged: Vec<ScoredUnit> =
+                units.iter().map(|unit| unit.rejudged(left_out, &weights, widening)).collect();
             if whole.is_none() && batteries.len() > 1 {
-                by_folder.push((folder(&args.dirs[part]), log_score(&examples[part], &weights(part)), score(&judged)));
+                by_folder.push((folder(&args.dirs[part]), log_score(&examples[part], &weights), score(&judged)));
             }
             cases.extend(judged);
         }

@@ -22,7 +22,7 @@ const MOTION: f64 = 0.03;
 const WORST: usize = 8;
 
 /// Rows before and behind the worst one that a picture shows.
-pub const AROUND: usize = 8;
+pub(crate) const AROUND: usize = 8;
 
 /// What goes on at a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

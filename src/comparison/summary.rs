@@ -202,7 +202,7 @@ impl Searched {
 
     /// The smallest loss after each trial.
     #[must_use]
-    pub fn best_so_far(&self) -> Vec<f64> {
+    pub(crate) fn best_so_far(&self) -> Vec<f64> {
         let lower = |low: &mut f64, loss: &f64| {
             *low = low.min(*loss);
             Some(*low)

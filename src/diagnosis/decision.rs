@@ -81,7 +81,7 @@ impl Decision {
 
     /// The same with another verdict that blames nothing, which is then the probable one.
     #[must_use]
-    pub fn forced(mut self, verdict: Verdict) -> Self {
+    pub(crate) fn forced(mut self, verdict: Verdict) -> Self {
         let to_unknown = matches!(verdict, Verdict::Unknown | Verdict::NoSuchUnit);
         let room = if to_unknown { 1.0 - self.unknown } else { 1.0 - self.none };
         // What there is least doubt of keeps nine tenths.

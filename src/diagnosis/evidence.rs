@@ -189,7 +189,7 @@ impl NormalEquations {
 
     /// The same with something unknown at a stage, whatever its size.
     #[must_use]
-    pub fn unknown_at(&self, stage: Stage) -> f64 {
+    pub(crate) fn unknown_at(&self, stage: Stage) -> f64 {
         let at: Vec<bool> = discrepancy::places().map(|place| place.stage == stage).collect();
         if !at.contains(&true) {
             return f64::NEG_INFINITY;

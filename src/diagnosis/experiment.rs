@@ -31,7 +31,7 @@ use crate::signal::Signal;
 use crate::twin::{Cut, Twin};
 
 /// A test that is expected to tell less settles nothing, bits.
-pub const LEAST_BITS: f64 = 0.01;
+pub(crate) const LEAST_BITS: f64 = 0.01;
 
 /// Simulated time that all candidates together may take, s: three hundred recordings of 40 s, a twentieth of a diagnosis.
 const SIMULATED_S: f64 = 12_000.0;

@@ -24,7 +24,7 @@ use crate::likelihood::problem::Problem;
 use crate::parameters::Unit;
 
 /// Most effects at once.
-pub const MOST: usize = 3;
+pub(crate) const MOST: usize = 3;
 
 /// Proposals of each point that are fitted, by number of effects from one.
 const TAKEN: [usize; MOST] = [5, 6, 3];
@@ -175,7 +175,7 @@ impl<'a> Exploration<'a> {
 
     /// The unit of the likeliest set so far.
     #[must_use]
-    pub fn leading_unit(&self) -> Option<Unit> {
+    pub(crate) fn leading_unit(&self) -> Option<Unit> {
         self.known.ordered().first().map(|leader| leader.model.unit())
     }
 

@@ -50,13 +50,13 @@ impl FittedModel {
     }
 
     /// Gives up residuals and slopes, which are nearly all of its memory.
-    pub fn lighten(&mut self) {
+    pub(crate) fn lighten(&mut self) {
         (self.fit.residuals, self.fit.slopes) = (Vec::new(), Vec::new());
     }
 
     /// The same effects and free parameters, fitted otherwise, if that is better.
     #[must_use]
-    pub fn or_better(&self, fit: Fit) -> Self {
+    pub(crate) fn or_better(&self, fit: Fit) -> Self {
         if fit.cost() <= self.fit.cost() || self.fit.slopes.is_empty() {
             Self::new(self.effects.clone(), self.base.clone(), self.free_parameters.clone(), fit)
         } else {
@@ -114,7 +114,7 @@ impl FittedModel {
 
     /// The parameters that stand at least so many tolerances off the sheet, the farthest two, in words.
     #[must_use]
-    pub fn stretched(&self, least: f64) -> Vec<String> {
+    pub(crate) fn stretched(&self, least: f64) -> Vec<String> {
         let positions = self
             .free_parameters
             .iter()
@@ -176,7 +176,7 @@ impl FittedModel {
 
     /// What a fit from here on begins with.
     #[must_use]
-    pub fn onwards(&self, effort: Effort) -> Start<'_, FreeParameter> {
+    pub(crate) fn onwards(&self, effort: Effort) -> Start<'_, FreeParameter> {
         let known = (!self.fit.slopes.is_empty()).then_some(self.fit.slopes.as_slice());
         Start { base: &self.base, coordinates: &self.free_parameters, positions: &self.fit.positions, effort, known }
     }

@@ -42,7 +42,12 @@ const PLAIN: &str = "plain law";
 /// Without a sheet everything is fitted freely, and a piece of a recording starts in a state that nobody measured: a second effect, or the
 /// better of two alike, is then easily had. That there is no gap is said only where the transducers account for what is missed on pieces left out.
 #[must_use]
-pub fn modest(problem: &Problem, found: &Explored, ready: &Preparation, decision: Decision) -> (Decision, Vec<String>) {
+pub(crate) fn modest(
+    problem: &Problem,
+    found: &Explored,
+    ready: &Preparation,
+    decision: Decision,
+) -> (Decision, Vec<String>) {
     let Some(alone) = &ready.alone else { return (decision, Vec::new()) };
     if let Some(foreign) = foreign(alone) {
         return (decision.forced(Verdict::NoSuchUnit), vec![foreign]);

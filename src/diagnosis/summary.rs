@@ -28,9 +28,7 @@ use crate::estimation::coordinate::Coordinate;
 use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::problem::Problem;
 use crate::parameters::Unit;
-
-/// Standard deviations to either side of a 90 % interval.
-const NINETY: f64 = 1.645;
+use crate::units::NORMAL_90;
 
 /// Nearer to an end of its range than this share of it, a parameter stands there.
 const AT_BOUND_SHARE: f64 = 1e-3;
@@ -178,7 +176,7 @@ fn fitted(model: &FittedModel, size_spread: f64, wanted: impl Fn(&FreeParameter)
                 if matches!(free_parameter, FreeParameter::Effect { .. }) { size_spread * position } else { 0.0 };
             let deviation = variance.sqrt().hypot(equation);
             let at = |offset: f64| free_parameter.value(&model.base, (position + offset * deviation).clamp(low, high));
-            let (a, b) = (at(-NINETY), at(NINETY));
+            let (a, b) = (at(-NORMAL_90), at(NORMAL_90));
             let (name, unit) = free_parameter.key(&model.base);
             Fitted {
                 name: match free_parameter {

@@ -16,9 +16,8 @@ use crate::likelihood::problem::Problem;
 use crate::likelihood::whitener::independent_share;
 use crate::parameters::Unit;
 use crate::signal::Signal;
+use crate::units::NORMAL_90;
 
-/// Half width of a 90 % interval, in standard deviations.
-const NINETY: f64 = 1.645;
 /// Work of each start, before the noise is laid out anew.
 const ROUGH: Effort = Effort { rounds: 5, refresh: 2, temperature: 1.0 };
 /// Work of a round of the polish, whose slopes are given.
@@ -251,7 +250,7 @@ fn judge(
         let sd = covariance[(k, k)].max(0.0).sqrt();
         let (key, unit) = free_parameter.key(base);
         let value = |position: f64| free_parameter.value(base, position.clamp(low, high));
-        let ends = [value(position - NINETY * sd), value(position + NINETY * sd)];
+        let ends = [value(position - NORMAL_90 * sd), value(position + NORMAL_90 * sd)];
         let prior_variance = if free_parameter.has_prior() { 1.0 } else { (high - low).powi(2) / 12.0 };
         CalibrationRow {
             key,

@@ -11,7 +11,7 @@ const HIDDEN: f64 = 1.25;
 
 /// Logarithm of the sum of exponentials.
 #[must_use]
-pub fn log_sum(values: impl IntoIterator<Item = f64>) -> f64 {
+pub(crate) fn log_sum(values: impl IntoIterator<Item = f64>) -> f64 {
     let values: Vec<f64> = values.into_iter().collect();
     let most = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     if most == f64::NEG_INFINITY {

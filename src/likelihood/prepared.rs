@@ -105,13 +105,13 @@ impl PreparedRecording {
 
     /// Whether its samples are so far apart that nobody knows what drives the unit between them.
     #[must_use]
-    pub fn is_slow(&self) -> bool {
+    pub(crate) fn is_slow(&self) -> bool {
         self.period_s > SLOW_S
     }
 
     /// Whether its recorded spool drives all that is judged.
     #[must_use]
-    pub fn is_driven(&self) -> bool {
+    pub(crate) fn is_driven(&self) -> bool {
         self.cut == Cut::Spool
     }
 
@@ -148,7 +148,7 @@ impl PreparedRecording {
 
     /// How many samples a time holds, one at least.
     #[must_use]
-    pub fn samples_in(&self, time_s: f64) -> usize {
+    pub(crate) fn samples_in(&self, time_s: f64) -> usize {
         let period_ns = nanos_from_seconds(self.period_s).max(1);
         usize::try_from((nanos_from_seconds(time_s) + period_ns / 2) / period_ns).unwrap_or(1).max(1)
     }
@@ -242,7 +242,7 @@ fn period_s(frames: &[Frame]) -> f64 {
 
 /// Leaves the rows that hold spool or servomotor, with a straight line where the spool has no sample of its own; rows before its first and behind
 /// its last are of no use.
-pub fn join_spool(frames: &mut Vec<Frame>) {
+pub(crate) fn join_spool(frames: &mut Vec<Frame>) {
     frames.retain(|frame| {
         frame.measured.spool_position_pu.is_finite() || frame.measured.servomotor_position_pu.is_finite()
     });

@@ -19,10 +19,10 @@ use crate::solver::Method;
 use crate::twin::{Cut, Twin};
 
 /// Cost per independent sample of sound generated units at 100 Hz.
-pub const SOUND_MEAN_SQUARE: f64 = 0.92;
+pub(crate) const SOUND_MEAN_SQUARE: f64 = 0.92;
 
 /// Noise inside the loop over that of one reading, as it is most often: the mean of six readings.
-pub const USUAL_LOOP_NOISE: f64 = 0.41;
+pub(crate) const USUAL_LOOP_NOISE: f64 = 0.41;
 
 /// How units are simulated when they are compared with recordings: spool steps of 1 ms, of which the error, 5e-5 pu of the spool, is a tenth of
 /// its transducer's noise; half of the default's work there.
@@ -117,7 +117,7 @@ impl Problem {
 
     /// All recordings through the mean twin of a unit, one after another.
     #[must_use]
-    pub fn simulate_all(&self, unit: &Unit) -> Vec<Vec<Estimate>> {
+    pub(crate) fn simulate_all(&self, unit: &Unit) -> Vec<Vec<Estimate>> {
         (0..self.recordings.len()).map(|recording| self.simulate(unit, recording)).collect()
     }
 
@@ -158,13 +158,13 @@ impl Problem {
 
     /// The same problem, its noise not laid out, with other noise to expect of the signals.
     #[must_use]
-    pub fn with_noise(&self, noise: Noise) -> Self {
+    pub(crate) fn with_noise(&self, noise: Noise) -> Self {
         Self { noise, ..self.of(self.recordings.clone(), Vec::new()) }
     }
 
     /// Noise inside the loop over that of one reading.
     #[must_use]
-    pub fn loop_noise_ratio(&self) -> f64 {
+    pub(crate) fn loop_noise_ratio(&self) -> f64 {
         self.loop_noise_ratio
     }
 
@@ -182,7 +182,7 @@ impl Problem {
 
     /// Mean square that a right model would leave of a signal in a recording, in its unit squared; 0 where it was not measured.
     #[must_use]
-    pub fn floor_square(&self, recording: usize, signal: Signal) -> f64 {
+    pub(crate) fn floor_square(&self, recording: usize, signal: Signal) -> f64 {
         self.recordings[recording].place(signal).map_or(0.0, |place| self.whiteners[recording][place].floor_square)
     }
 
@@ -202,20 +202,20 @@ impl Problem {
 
     /// Whether any recording has samples so far apart that nobody knows what drives the unit between them.
     #[must_use]
-    pub fn is_slow(&self) -> bool {
+    pub(crate) fn is_slow(&self) -> bool {
         self.recordings.iter().any(PreparedRecording::is_slow)
     }
 
     /// Independent samples, all recordings and signals together; one that may hold a kick counts as it costs a right model.
     #[must_use]
-    pub fn independent_samples(&self) -> f64 {
+    pub(crate) fn independent_samples(&self) -> f64 {
         let whiteners = self.whiteners.iter().flatten();
         whiteners.map(|whitener| whitener.expected_square() * whitener.share).sum()
     }
 
     /// Sum of squares that innovations of a signal in a recording have where the model is right; see [`Self::innovations`].
     #[must_use]
-    pub fn expected_square(&self, recording: usize, signal: Signal) -> f64 {
+    pub(crate) fn expected_square(&self, recording: usize, signal: Signal) -> f64 {
         self.recordings[recording].place(signal).map_or(0.0, |place| self.whiteners[recording][place].expected_square())
     }
 
@@ -259,7 +259,7 @@ impl Problem {
 
     /// The same in another version of a recording, with other inputs but the same samples.
     #[must_use]
-    pub fn residuals_in(&self, data: &PreparedRecording, twin: Twin, index: usize) -> DVector<f64> {
+    pub(crate) fn residuals_in(&self, data: &PreparedRecording, twin: Twin, index: usize) -> DVector<f64> {
         self.simulations.fetch_add(1, Ordering::Relaxed);
         let traces = data.traces(&mut [self.prepared(twin, index)]).pop().unwrap_or_default();
         self.whitened(data, index, traces)

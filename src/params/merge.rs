@@ -15,7 +15,7 @@ use super::error::FileProblem;
 use super::number::{number_text, quantity_text};
 use super::sheet::{Origin, Sheet};
 use super::suggest::nearest;
-use super::yaml::{Document, Node};
+use super::yaml::{Document, Node, get};
 
 /// Keys at the top of a file beside the sections of parameters.
 const TOP_KEYS: [&str; 6] = ["name", "base", "source", "sensors", "effects", "recorded"];
@@ -192,10 +192,6 @@ impl Merge<'_> {
 }
 
 type Mapping = [(String, Node)];
-
-fn get<'n>(map: &'n Mapping, key: &str) -> Option<&'n Node> {
-    map.iter().find(|(known, _)| known == key).map(|(_, node)| node)
-}
 
 pub(super) fn section_of(entry: &ParameterEntry) -> &'static str {
     entry.key.split_once('.').map_or("", |(section, _)| section)

@@ -35,11 +35,6 @@ pub struct Ladder {
     pub findings: Vec<String>,
 }
 
-/// The figures of a signal in a group.
-fn figures(group: &RecordingGroup, signal: Signal) -> Option<&SignalFigures> {
-    group.signals.iter().find(|figures| figures.name == signal.id())
-}
-
 impl Rung {
     /// Mean absolute error of a process, or overall; the coefficient's unit is the signal's.
     #[must_use]
@@ -48,7 +43,7 @@ impl Rung {
             Some(process) => self.processes.iter().find(|group| group.process == Some(process.id()))?,
             None => &self.overall,
         };
-        figures(group, signal).map(|figures| figures.mae).filter(|mae| mae.is_finite())
+        group.of(signal).map(|figures| figures.mae).filter(|mae| mae.is_finite())
     }
 
     fn has_not_seen(&self, process: Process) -> bool {

@@ -13,7 +13,7 @@ use super::forest::Tree;
 pub const NAME: &str = "LightGBM 4 through lightgbm3 1.0";
 
 /// Fewer rows than this teach nothing that a guard could vouch for.
-pub const FEWEST_ROWS: usize = 200;
+pub(crate) const FEWEST_ROWS: usize = 200;
 
 /// What trees make least.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

@@ -226,7 +226,7 @@ fn count_missing(frames: &[Frame], sampled: &[usize], cleaning: &mut Cleaning) {
 
 /// The usual time between two samples, ns; 0 where there are fewer than two.
 #[must_use]
-pub fn median_spacing_ns(frames: &[Frame], sampled: &[usize]) -> i64 {
+pub(crate) fn median_spacing_ns(frames: &[Frame], sampled: &[usize]) -> i64 {
     let mut spacings: Vec<i64> =
         sampled.windows(2).map(|pair| frames[pair[1]].time_ns - frames[pair[0]].time_ns).collect();
     spacings.sort_unstable();

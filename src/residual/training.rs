@@ -96,7 +96,7 @@ pub fn fit(
 ///
 /// # Errors
 /// As [`grow`], and where every fold has too few rows.
-pub fn out_of_fold(
+pub(crate) fn out_of_fold(
     table: &FeatureTable,
     folds: &[RowSplit],
     learned: Learned,

@@ -41,7 +41,7 @@ impl Lag {
 
     /// The same kind with another time, not below 0, s.
     #[must_use]
-    pub fn with_time(self, time_s: f64) -> Self {
+    pub(crate) fn with_time(self, time_s: f64) -> Self {
         match self {
             Self::Dead(_) => Self::Dead(time_s.max(0.0)),
             Self::Settling(_) => Self::Settling(time_s.max(0.0)),
@@ -93,7 +93,7 @@ impl Run {
 
     /// The spool as it acts at each sample, behind a lag; straight between samples, and as at the beginning before it.
     #[must_use]
-    pub fn lagged(&self, lag: Lag) -> Vec<f64> {
+    pub(crate) fn lagged(&self, lag: Lag) -> Vec<f64> {
         match lag {
             Lag::Dead(time_s) if time_s > 0.0 => self.earlier(time_s),
             Lag::Settling(time_s) if time_s > 0.0 => self.settled(time_s),
@@ -164,7 +164,7 @@ impl Run {
 
 /// Typical length of runs, s.
 #[must_use]
-pub fn typical_s(runs: &[Run]) -> f64 {
+pub(crate) fn typical_s(runs: &[Run]) -> f64 {
     let mut lengths: Vec<f64> = runs.iter().map(Run::length_s).collect();
     lengths.sort_by(f64::total_cmp);
     lengths.get(lengths.len() / 2).copied().unwrap_or(0.0)
@@ -219,7 +219,7 @@ impl SpoolLaw<'_> {
 
     /// Its normal equations in each run.
     #[must_use]
-    pub fn normals(&self, runs: &[Run]) -> Vec<RunEquations> {
+    pub(crate) fn normals(&self, runs: &[Run]) -> Vec<RunEquations> {
         let width = (self.shapes)(0.0, 0.0).len();
         let of = |run: &Run| {
             let mut normal = RunEquations {

@@ -42,7 +42,7 @@ const WIDE: [(&str, f64); 5] = [
     ("servomotor.moving_mass_kg", 1.0),
 ];
 /// The effect that takes up where the spool's zero lies, which nobody knows without a sheet.
-pub const SPOOL_ZERO: &str = "lvdt_bias";
+pub(crate) const SPOOL_ZERO: &str = "lvdt_bias";
 /// Effects that only say in which units a signal was recorded.
 const UNITS_ONLY: [&str; 3] = ["lvdt_bias", "lvdt_gain", "feedback_bias"];
 
@@ -156,13 +156,13 @@ fn free_parameters(unit: &Unit) -> Vec<FreeParameter> {
 
 /// True for an effect that means something in a unit of unknown size.
 #[must_use]
-pub fn means_something(id: &str) -> bool {
+pub(crate) fn means_something(id: &str) -> bool {
     !UNITS_ONLY.contains(&id)
 }
 
 /// True for a parameter that acts behind the spool.
 #[must_use]
-pub fn acts_behind_the_spool(free_parameter: &FreeParameter) -> bool {
+pub(crate) fn acts_behind_the_spool(free_parameter: &FreeParameter) -> bool {
     let FreeParameter::Parameter { index, .. } = free_parameter else { return true };
     let key = ENTRIES[*index].key;
     let sections = ["oil.", "main_ports.", Stage::Servomotor.id()];

@@ -2,7 +2,7 @@
 
 pub mod curves;
 pub mod read;
-mod values;
+pub(crate) mod values;
 
 use serde_json::{Value, json};
 

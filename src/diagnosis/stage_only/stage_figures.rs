@@ -17,10 +17,8 @@ use crate::plant::Plant;
 use crate::signal::Signal;
 use crate::stage_alone::plain::Plain;
 use crate::twin::Cut;
-use crate::units::nanos_from_seconds;
+use crate::units::{NORMAL_90, nanos_from_seconds};
 
-/// Standard deviations to either side of a 90 % interval.
-const NINETY: f64 = 1.645;
 /// How far free parameters are turned for slopes, in standard deviations of the fit, at most in units of the free parameter.
 const TURN: (f64, f64) = (0.5, 0.5);
 /// Travel of the servomotor that a step is followed over, pu, and rows for it at the speed of the plain law.
@@ -67,7 +65,7 @@ pub fn stage_figures(model: &FittedModel, law: &Plain, recordings: &[PreparedRec
     }
     let each = FIGURES.iter().zip(&best).zip(&slopes).filter(|((_, value), _)| value.is_finite());
     each.map(|((&(id, title, unit), &value), slopes)| {
-        let deviation = NINETY * slopes.dot(&(&model.spread * slopes)).max(0.0).sqrt();
+        let deviation = NORMAL_90 * slopes.dot(&(&model.spread * slopes)).max(0.0).sqrt();
         StageFigure { id, title, unit, value: Interval { value, low: value - deviation, high: value + deviation } }
     })
     .collect()

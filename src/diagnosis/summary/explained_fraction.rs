@@ -47,7 +47,7 @@ pub type HeldOutEstimates = Vec<Vec<Estimate>>;
 /// A process may be over in seconds, so that a longer piece would be all that there is of it. With four fifths of every process at hand the fit
 /// hardly moves, so that one Gauss–Newton step refits it.
 #[must_use]
-pub fn without_parts(problem: &Problem, model: &FittedModel) -> HeldOutEstimates {
+pub(crate) fn without_parts(problem: &Problem, model: &FittedModel) -> HeldOutEstimates {
     let recordings = 0..problem.recordings.len();
     let mut estimates: HeldOutEstimates = problem.simulate_all(&model.unit());
     if model.fit.slopes.is_empty() {
@@ -111,7 +111,7 @@ pub struct Refitted {
 
 /// Leaves out each recording in turn and refits on the others; a single recording is judged by its own fit.
 #[must_use]
-pub fn without_recordings(problem: &Problem, model: &FittedModel) -> Refitted {
+pub(crate) fn without_recordings(problem: &Problem, model: &FittedModel) -> Refitted {
     let count = problem.recordings.len();
     let mut all = Refitted { estimates: Vec::with_capacity(count), costs: Vec::with_capacity(count) };
     for left in 0..count {
@@ -217,7 +217,7 @@ pub fn explained_fraction(
 
 /// The same of some of the recordings.
 #[must_use]
-pub fn explained_fraction_of(
+pub(crate) fn explained_fraction_of(
     problem: &Problem,
     refitted: &HeldOutEstimates,
     with_effects: &HeldOutEstimates,
@@ -230,7 +230,11 @@ pub fn explained_fraction_of(
 
 /// Explained fraction as it came true, of twins that were fitted to other recordings; none where there is no gap.
 #[must_use]
-pub fn realised_fraction(problem: &Problem, refitted: &HeldOutEstimates, with_effects: &HeldOutEstimates) -> Option<f64> {
+pub fn realised_fraction(
+    problem: &Problem,
+    refitted: &HeldOutEstimates,
+    with_effects: &HeldOutEstimates,
+) -> Option<f64> {
     let all = sum(blocks(problem, refitted, with_effects).iter().flatten());
     (all[0] > all[2]).then(|| ratio(all))
 }
