@@ -5,7 +5,7 @@
 
 use serde::Serialize;
 
-use super::figures::{RecordingGroup, SignalFigures};
+use super::figures::RecordingGroup;
 use crate::recording::Process;
 use crate::signal::Signal;
 
@@ -117,7 +117,8 @@ fn capitalised(words: &str) -> String {
 mod tests {
     use super::{Ladder, Rung};
     use crate::recording::Process;
-    use crate::replay::figures::{RecordingGroup, SignalFigures};
+    use crate::replay::figures::RecordingGroup;
+    use crate::replay::figures::SignalFigures;
     use crate::signal::Signal;
 
     fn group(process: Option<&'static str>, mae: f64) -> RecordingGroup {

@@ -13,7 +13,7 @@ use crate::recording::Process;
 use crate::replay::Replayed;
 use crate::replay::summary::ReplaySummary;
 use crate::signal::Signal;
-use tables::{errors, figures, r2_words, recording_table, thousands};
+use tables::{errors, r2_words, recording_table, thousands};
 
 pub use curves::Pictures;
 pub use ladder::{ladder_picture, ladder_table, reason_for_stars};

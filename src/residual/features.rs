@@ -147,13 +147,13 @@ impl Feature {
 
     /// Whether it is a channel as it stands now.
     #[must_use]
-    pub(crate) fn is_now(&self) -> bool {
+    pub fn is_now(&self) -> bool {
         self.kind == Kind::Now
     }
 
     /// Whether it is the rate or the bend of an input, which the paper's list lacks.
     #[must_use]
-    pub(crate) fn is_rate_of_input(&self) -> bool {
+    pub fn is_rate_of_input(&self) -> bool {
         !self.channel.is_model() && matches!(self.kind, Kind::Rate | Kind::Bend)
     }
 

@@ -52,7 +52,7 @@ pub fn folds(table: &FeatureTable, train: &[usize]) -> Vec<RowSplit> {
 
 /// All rows of other processes teach, those of one judge: how far learning carries to what was never seen.
 #[must_use]
-pub(crate) fn without_process(table: &FeatureTable, process: Process) -> RowSplit {
+pub fn without_process(table: &FeatureTable, process: Process) -> RowSplit {
     without(table, &(0..table.marks.len()).collect::<Vec<_>>(), process)
 }
 

@@ -159,7 +159,7 @@ impl Cutter {
 
     /// Whether a process has begun and not ended.
     #[must_use]
-    pub(crate) fn is_moving(&self) -> bool {
+    pub fn is_moving(&self) -> bool {
         self.moving
     }
 

@@ -4,7 +4,7 @@ use super::curves::spread;
 use crate::parameters::Sensors;
 use crate::recording::Process;
 use crate::replay::Replayed;
-use crate::replay::figures::{RecordingGroup, SignalFigures};
+use crate::replay::figures::SignalFigures;
 use crate::replay::summary::ReplaySummary;
 use crate::report::ink::Ink;
 use crate::report::picture::{Panel, Picture};
