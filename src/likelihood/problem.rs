@@ -186,7 +186,7 @@ impl Problem {
         self.recordings[recording].place(signal).map_or(0.0, |place| self.whiteners[recording][place].floor_square)
     }
 
-    /// Squared residuals of a signal in a recording at each sample, in its unit squared; where it swings, those of the limit cycle's loudness.
+    /// Squared residuals of a signal in a recording at each sample, in its unit squared; in a limit cycle, those of its loudness.
     ///
     /// Not a number where it was not measured; none where it never was.
     #[must_use]
@@ -225,7 +225,7 @@ impl Problem {
         SOUND_MEAN_SQUARE * self.independent_samples()
     }
 
-    /// For how long a recording swings of itself, s.
+    /// For how long a recording is in a limit cycle, s.
     #[must_use]
     pub fn limit_cycles_s(&self, recording: usize) -> f64 {
         let samples =
@@ -233,7 +233,7 @@ impl Problem {
         samples as f64 * self.recordings[recording].period_s
     }
 
-    /// Where recordings swing of themselves and for how long, in a sentence.
+    /// Which recordings are in a limit cycle and for how long, in a sentence.
     #[must_use]
     pub fn limit_cycle_note(&self) -> Option<String> {
         let times =

@@ -46,7 +46,7 @@ pub struct Whitener {
     kicked: Vec<Contaminated>,
     /// Independent samples per sample.
     pub share: f64,
-    /// Where the recording swings.
+    /// Where the recording is in a limit cycle.
     pub limit_cycles: LimitCycles,
     /// Mean square that a right model would leave besides sudden events, in the signal's unit squared.
     pub floor_square: f64,
@@ -69,7 +69,7 @@ pub fn whiteners(
         (SignalSamples { measured, reference, noise_squares: variances.sums() }, variances)
     };
     let (looks, variances): (Vec<SignalSamples>, Vec<Variances>) = recording.signals().map(of).unzip();
-    // A servomotor behind a recorded spool cannot swing of itself.
+    // A servomotor behind a recorded spool has no loop that could cycle.
     let limit_cycles = match recording.cut {
         Cut::Spool => looks.iter().map(LimitCycles::none).collect(),
         _ => limit_cycles(&looks, recording.period_s),
@@ -138,7 +138,7 @@ impl Whitener {
         self.scale.iter().copied().filter(|scale| *scale > 0.0).collect()
     }
 
-    /// By how much a simulated signal swings otherwise than the recorded one, where that swings of itself.
+    /// By how much a simulated limit cycle differs from the recorded one, where there is one.
     pub fn limit_cycles<'a>(&'a self, simulated: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
         self.limit_cycles.residuals(simulated).map(|residual| tamed(residual, LIMIT_CYCLE_SHARE))
     }

@@ -64,7 +64,7 @@ pub fn leftover(fitted: &Calibration) -> String {
     words.collect::<Vec<_>>().join(", ")
 }
 
-/// Root mean square residuals of the mean twin, per recording and signal, before and after; of a swing those of its loudness.
+/// Root mean square residuals of the mean twin, per recording and signal, before and after; of a limit cycle those of its loudness.
 struct SignalResidual {
     recording: String,
     signal: Signal,
