@@ -16,8 +16,8 @@ use std::path::Path;
 
 use govtwin::bag::{self, ReadOptions};
 use govtwin::likelihood::noise;
+use govtwin::likelihood::prepared::PreparedRecording;
 use govtwin::likelihood::problem::Problem;
-use govtwin::likelihood::trial::Trial;
 use govtwin::parameters::{ENTRIES, Unit};
 use govtwin::params;
 use govtwin::plant::lanes::Width;
@@ -39,7 +39,7 @@ const DITHER_PU: f64 = 1.5e-4;
 
 fn main() {
     let units = units();
-    let trials: Vec<Trial> = Process::ALL.into_iter().map(trial).collect();
+    let recordings: Vec<PreparedRecording> = Process::ALL.into_iter().map(recording).collect();
     let twins: Vec<Twin> = units.iter().map(|unit| Twin::new(unit).with_dither(DITHER_PU)).collect();
     let mut out = std::io::stdout().lock();
     let mut say = |text: String| {
@@ -51,17 +51,17 @@ fn main() {
     let mut least_s = vec![f64::INFINITY; widths.len() + 1];
     for _ in 0..ROUNDS {
         least_s[0] = least_s[0].min(time_s(|| {
-            for trial in &trials {
+            for recording in &recordings {
                 for twin in &twins[..SIDE_BY_SIDE] {
-                    black_box(trial.run(&mut twin.clone()));
+                    black_box(recording.run(&mut twin.clone()));
                 }
             }
         }));
         for (least_s, width) in least_s[1..].iter_mut().zip(&widths) {
             *least_s = least_s.min(time_s(|| {
-                for trial in &trials {
+                for recording in &recordings {
                     for batch in twins[..SIDE_BY_SIDE].chunks(width.lanes()) {
-                        black_box(trial.run_batch_of(*width, &mut batch.to_vec()));
+                        black_box(recording.run_batch_of(*width, &mut batch.to_vec()));
                     }
                 }
             }));
@@ -71,19 +71,19 @@ fn main() {
         std::iter::once("one by one".to_owned()).chain(widths.iter().map(|width| format!("lanes: {}", width.lanes())));
     say(format!("{:<34}{:>20}{:>10}\n", "", "simulations/s", "ratio"));
     for (name, seconds_s) in names.zip(&least_s) {
-        let per_s = SIDE_BY_SIDE as f64 * trials.len() as f64 / seconds_s;
+        let per_s = SIDE_BY_SIDE as f64 * recordings.len() as f64 / seconds_s;
         say(format!("{name:<34}{per_s:>20.1}{:>10.2}\n", least_s[0] / seconds_s));
     }
 
     let reference = params::reference();
-    let problem = Problem::new(trials, &reference, &noise::expected(&reference.sensors));
+    let problem = Problem::new(recordings, &reference, &noise::expected(&reference.sensors));
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
     let (mut apart_s, mut together_s) = (f64::INFINITY, f64::INFINITY);
     for _ in 0..ROUNDS {
         apart_s = apart_s.min(time_s(|| {
             for unit in &units {
-                for trial in 0..problem.trials.len() {
-                    black_box(problem.residuals(unit, trial));
+                for recording in 0..problem.recordings.len() {
+                    black_box(problem.residuals(unit, recording));
                 }
             }
         }));
@@ -91,7 +91,7 @@ fn main() {
     }
     say(format!("\nmisses of {UNITS} units, one thread\n"));
     for (name, seconds_s) in [("one by one", apart_s), ("at once", together_s)] {
-        let per_s = (UNITS * problem.trials.len()) as f64 / seconds_s;
+        let per_s = (UNITS * problem.recordings.len()) as f64 / seconds_s;
         say(format!("{name:<34}{per_s:>20.1}{:>10.2}\n", apart_s / seconds_s));
     }
 }
@@ -107,10 +107,10 @@ fn time_s(work: impl FnOnce()) -> f64 {
     now_s() - start_s
 }
 
-fn trial(process: Process) -> Trial {
+fn recording(process: Process) -> PreparedRecording {
     let bags = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/practice/case_01");
     let path = bags.join(process.id()).with_extension("mcap");
-    Trial::new(bag::read(&path, &ReadOptions::default()).expect("a shipped recording").recording)
+    PreparedRecording::new(bag::read(&path, &ReadOptions::default()).expect("a shipped recording").recording)
 }
 
 /// The shipped unit with each of its first parameters moved a little.

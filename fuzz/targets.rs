@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use govtwin::bag::{self, ReadOptions, Rows, cdr};
-use govtwin::blind::said::ReportVerdict;
+use govtwin::benchmark::report_verdict::ReportVerdict;
 use govtwin::digest::sha256;
 use govtwin::effects::own::expression::Expression;
 use govtwin::effects::own::names;

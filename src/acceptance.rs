@@ -8,15 +8,15 @@
 //! temperature is no part of it.
 
 pub mod counterfactual;
-pub mod deadband;
-pub mod frequency;
+pub(crate) mod deadband;
+pub(crate) mod frequency;
 pub mod limits;
-pub mod movements;
+pub(crate) mod movements;
 pub mod page;
 pub mod series;
-pub mod standard_tests;
-pub mod statistics;
-pub mod strokes;
+pub(crate) mod standard_tests;
+pub(crate) mod statistics;
+pub(crate) mod strokes;
 pub mod summary;
 
 use crate::diagnosis::result::Interval;

@@ -3,16 +3,17 @@
 //! All get what the diagnosis gets: simulator, tolerances, noise model, the nominal model refitted. They differ in the rule that
 //! turns residuals into a verdict. None can say `unknown` but by finding nothing.
 
-pub mod bank;
-pub mod free;
+pub(crate) mod bank;
+pub(crate) mod free;
 pub mod ground;
-pub mod least_squares;
-pub mod sparse;
+pub(crate) mod least_squares;
+pub(crate) mod sparse;
 
 use crate::baselines::ground::Ground;
-use crate::blind::said::{Blamed, Location, Rank, ReportVerdict, ReportedSize};
+use crate::benchmark::report_verdict::{Blamed, Location, Rank, ReportVerdict, ReportedSize};
 use crate::diagnosis::result::Verdict;
 use crate::effects::EffectSpec;
+use crate::units::NORMAL_90;
 
 /// A baseline: a name and a rule.
 #[derive(Clone, Copy, Debug)]
@@ -35,7 +36,7 @@ pub const BASELINES: &[Baseline] = &[
 
 /// What a rule found of one effect.
 #[derive(Clone, Debug)]
-struct Found {
+struct EffectFound {
     spec: &'static EffectSpec,
     /// Logarithm of how much better the effect explains the residuals than nothing does, whatever the rule counts, 1.
     evidence: f64,
@@ -45,7 +46,7 @@ struct Found {
 }
 
 /// A verdict: probabilities in proportion to `exp(evidence)`, with nothing at evidence 0.
-fn said(found: &[Found]) -> ReportVerdict {
+fn report(found: &[EffectFound]) -> ReportVerdict {
     let highest = found.iter().map(|one| one.evidence).fold(0.0, f64::max);
     let weight = |evidence: f64| (evidence - highest).exp();
     let sum: f64 = weight(0.0) + found.iter().map(|one| weight(one.evidence)).sum::<f64>();
@@ -53,7 +54,7 @@ fn said(found: &[Found]) -> ReportVerdict {
     let mut ranking: Vec<Rank> = found.iter().map(|one| rank(one.spec.id, one.evidence)).collect();
     ranking.push(rank("none", 0.0));
     ranking.sort_by(|a, b| b.probability.unwrap_or(0.0).total_cmp(&a.probability.unwrap_or(0.0)));
-    let mut blamed: Vec<&Found> = found.iter().filter(|one| one.blamed).collect();
+    let mut blamed: Vec<&EffectFound> = found.iter().filter(|one| one.blamed).collect();
     blamed.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
     let verdict = if blamed.is_empty() { Verdict::NoGap } else { Verdict::Named };
     ReportVerdict {
@@ -65,11 +66,11 @@ fn said(found: &[Found]) -> ReportVerdict {
     }
 }
 
-fn blame(found: &Found) -> Blamed {
+fn blame(found: &EffectFound) -> Blamed {
     let first = found.spec.parameters.first();
     let size = first.zip(found.size).map(|(parameter, (position, deviation))| {
         let at = |position: f64| parameter.neutral + (parameter.typical - parameter.neutral) * position;
-        let (a, b) = (at(position - 1.645 * deviation), at(position + 1.645 * deviation));
+        let (a, b) = (at(position - NORMAL_90 * deviation), at(position + NORMAL_90 * deviation));
         ReportedSize { value: Some(at(position)), ci90: Some([Some(a.min(b)), Some(a.max(b))]) }
     });
     Blamed { id: found.spec.id.to_owned(), parameters: size.into_iter().collect() }
@@ -82,14 +83,18 @@ mod tests {
 
     #[test]
     fn evidence_becomes_probabilities_and_a_verdict() {
-        let found =
-            |id: &str, evidence, blamed| Found { spec: find(id).unwrap(), evidence, size: Some((2.0, 0.1)), blamed };
-        let verdict = said(&[found("backlash", 2.0_f64.ln(), true), found("pv_bandwidth", 0.0, false)]);
+        let found = |id: &str, evidence, blamed| EffectFound {
+            spec: find(id).unwrap(),
+            evidence,
+            size: Some((2.0, 0.1)),
+            blamed,
+        };
+        let verdict = report(&[found("backlash", 2.0_f64.ln(), true), found("pv_bandwidth", 0.0, false)]);
         assert!(verdict.word() == "backlash" && verdict.location.stage.as_deref() == Some("servomotor"));
         assert!((verdict.probability("backlash") - 0.5).abs() < 1e-12);
         assert!((verdict.probability("none") - 0.25).abs() < 1e-12);
         let [low, high] = verdict.effects[0].parameters[0].ci90.unwrap();
         assert!(low.unwrap() < 4.0e-3 && high.unwrap() > 4.0e-3);
-        assert_eq!(said(&[found("backlash", -1.0, false)]).word(), "none");
+        assert_eq!(report(&[found("backlash", -1.0, false)]).word(), "none");
     }
 }

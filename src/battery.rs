@@ -3,14 +3,14 @@
 //! A diagnosis that is tried on the twin's own effects proves little. The plants here ([`rig`]) share the sheet and the chain with the
 //! twin and nothing else. Everything follows from seeds.
 
-pub mod draws;
-pub mod faults;
-pub mod laws;
-pub mod mismatch;
+pub(crate) mod draws;
+pub(crate) mod faults;
+pub(crate) mod laws;
+pub(crate) mod mismatch;
 mod moment;
 pub mod plan;
-pub mod rig;
-pub mod test_rig;
+pub(crate) mod rig;
+pub(crate) mod test_rig;
 
 use rayon::prelude::{IntoParallelIterator, ParallelIterator};
 
@@ -176,7 +176,7 @@ fn unmeasured(case: &Case, effects: Vec<TrueFault>) -> Label {
 
 /// Streams of the same plant on another day, by the same recorder: what no diagnosis has seen.
 #[must_use]
-pub fn exam(unit: &Unit, case: &Case) -> Vec<(Process, GeneratedStreams)> {
+pub fn fresh_recordings(unit: &Unit, case: &Case) -> Vec<(Process, GeneratedStreams)> {
     let (bench, _) = bench(unit, case);
     let another = TestRig { seed: case.seed.wrapping_add(ANOTHER_DAY), ..bench };
     Process::ALL.into_iter().map(|process| (process, another.record(process).0)).collect()
@@ -269,7 +269,7 @@ mod tests {
     use rayon::prelude::IntoParallelRefIterator;
 
     use super::*;
-    use crate::likelihood::trial::Trial;
+    use crate::likelihood::prepared::PreparedRecording;
     use crate::parameters::EffectSetting;
     use crate::twin::Twin;
 
@@ -301,20 +301,20 @@ mod tests {
             let kind = CaseKind::Single(id.to_owned());
             let case = Case { name: String::new(), kind, rate_hz: 100.0, rich: false, seed: 21 };
             let (bench, effects) = bench(&unit, &case);
-            let trial = Trial::new(Recording::new(id, bench.record(process).0.rows()));
-            let miss = |effects: Vec<EffectSetting>| {
+            let recording = PreparedRecording::new(Recording::new(id, bench.record(process).0.rows()));
+            let residual = |effects: Vec<EffectSetting>| {
                 let unit = Unit { parameters: bench.parameters, effects, ..unit.clone() };
-                let estimates = trial.run(&mut Twin::new(&unit));
-                let square = estimates.iter().zip(&trial.samples).map(|(estimate, &row)| {
-                    (trial.frames[row].measured.servomotor_position_pu - estimate.signals.servomotor_position_pu)
+                let estimates = recording.run(&mut Twin::new(&unit));
+                let square = estimates.iter().zip(&recording.samples).map(|(estimate, &row)| {
+                    (recording.frames[row].measured.servomotor_position_pu - estimate.signals.servomotor_position_pu)
                         .powi(2)
                 });
                 (square.sum::<f64>() / estimates.len() as f64).sqrt()
             };
-            let without = miss(vec![]);
+            let without = residual(vec![]);
             let mut values: Vec<f64> = find(id).unwrap().parameters.iter().map(|p| p.typical).collect();
             values[0] = effects[0].size;
-            let with = miss(vec![EffectSetting { id: id.to_owned(), values }]);
+            let with = residual(vec![EffectSetting { id: id.to_owned(), values }]);
             assert!(with < 0.55 * without, "{id}: {with} with, {without} without");
         });
     }

@@ -31,6 +31,7 @@ enum Command {
     /// Measure a unit against the limits of an acceptance test, as it is and without each of its faults.
     Accept(commands::accept::Args),
     /// Diagnose every unit of a folder, and score it where the truth is known.
+    #[command(visible_alias = "benchmark")]
     Blind(commands::blind::Args),
     /// Learn how far the diagnosis can trust its evidence, from judged units whose faults are known.
     Calibrate(commands::calibrate::Args),
@@ -60,10 +61,10 @@ enum Command {
     Sheet(commands::sheet::Args),
     /// Make the page of a diagnosis again from its JSON.
     Report(commands::report::Args),
-    /// Train a model of what the twin misses.
+    /// Train a model of the twin's residual.
     #[cfg(feature = "residual")]
     Train(commands::train::Args),
-    /// Train a model of what the twin misses (not in this build).
+    /// Train a model of the twin's residual (not in this build).
     #[cfg(not(feature = "residual"))]
     Train(Absent),
     /// Compare the twin, data-only models and hybrids as the paper does.

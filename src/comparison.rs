@@ -32,7 +32,8 @@ pub mod closed;
 #[cfg(feature = "residual")]
 pub mod contenders;
 pub mod coverage;
-pub mod gate;
+#[cfg(feature = "residual")]
+pub(crate) mod gate;
 pub mod limit;
 #[cfg(feature = "residual")]
 pub mod refit;
@@ -96,14 +97,14 @@ impl ModelStanding {
     /// Mean of R² over processes, as the paper averages it.
     #[must_use]
     #[expect(clippy::cast_precision_loss, reason = "four processes")]
-    pub fn mean_r2(&self) -> f64 {
+    pub(crate) fn mean_r2(&self) -> f64 {
         self.processes.iter().map(|(_, figures)| figures.r2).sum::<f64>() / self.processes.len() as f64
     }
 }
 
 /// By how much `ours` is below `theirs`, percent: lowest and highest over processes.
 #[must_use]
-pub fn reduction(ours: &ModelStanding, theirs: &ModelStanding, figure: fn(&Figures) -> f64) -> [f64; 2] {
+pub(crate) fn reduction(ours: &ModelStanding, theirs: &ModelStanding, figure: fn(&Figures) -> f64) -> [f64; 2] {
     let of = |(process, own): &(Process, Figures)| {
         theirs.process(*process).map(|other| 100.0 * (1.0 - figure(own) / figure(other)))
     };

@@ -7,13 +7,13 @@
 //! types of [`result`]. No room uses one that uses it.
 
 pub mod decision;
-pub mod detectability;
+pub(crate) mod detectability;
 pub mod evidence;
 pub mod experiment;
-pub mod homogeneity;
+pub(crate) mod homogeneity;
 pub mod hypotheses;
 pub mod model;
-pub mod preparation;
+pub(crate) mod preparation;
 pub mod result;
 pub mod stage_only;
 pub mod summary;
@@ -42,7 +42,7 @@ use crate::signal::Signal;
 pub struct DiagnosisSettings {
     /// The effects to try, in the order of reports.
     pub catalogue: Vec<&'static EffectSpec>,
-    /// Seed of the resampling behind intervals of closures.
+    /// Seed of the resampling behind intervals of explained fractions.
     pub seed: u64,
     /// No data sheet is known: the servomotor stage alone is judged, and fitted freely.
     pub free: bool,
@@ -85,7 +85,7 @@ pub enum DiagnosisError {
 /// let diagnosis = diagnose(recordings, &reference_unit(), &DiagnosisSettings::default(), &|_, _| ())?;
 /// if diagnosis.verdict == Verdict::Named {
 ///     let ids: Vec<&str> = diagnosis.blamed.iter().map(|effect| effect.id.as_str()).collect();
-///     println!("{} explains {:.0} % of the gap", ids.join(" and "), 100.0 * diagnosis.closure.value);
+///     println!("{} explains {:.0} % of the gap", ids.join(" and "), 100.0 * diagnosis.explained_fraction.value);
 /// }
 /// println!("{}", diagnosis_text(&diagnosis, 100));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -111,12 +111,12 @@ pub fn diagnose(
     }
     progress("reading the channels", 0.0);
     let channels = preparation::channels::survey(&recordings);
-    let ready = preparation::ready(recordings, unit, settings)?;
+    let ready = preparation::prepare(recordings, unit, settings)?;
     let stage_only = !ready.whole.is_empty();
     progress("refitting the sheet's parameters within their tolerances", 0.02);
     let settings = &DiagnosisSettings { catalogue: ready.catalogue.clone(), ..settings.clone() };
     let (mut problem, refitted, sheet) =
-        model::search::nominal(ready.trials.clone(), &ready.unit, ready.turned.clone(), &ready.noise);
+        model::search::nominal(ready.recordings.clone(), &ready.unit, ready.turned.clone(), &ready.noise);
     let catalogue = &settings.catalogue;
     let explore = |problem, refitted, sheet| Exploration::begin(problem, refitted, sheet, catalogue, progress);
     let exploration = explore(&problem, &refitted, &sheet);
@@ -143,7 +143,7 @@ pub fn diagnose(
     if stage_only {
         weights = Weights {
             size_spread: weights.size_spread,
-            closure_widening: weights.closure_widening,
+            explained_fraction_widening: weights.explained_fraction_widening,
             ..Weights::bayes()
         };
     }
@@ -162,7 +162,7 @@ pub fn diagnose(
         &table,
         &weights,
         &decision,
-        &problem.trials.iter().map(|trial| trial.name.clone()).collect::<Vec<_>>(),
+        &problem.recordings.iter().map(|recording| recording.name.clone()).collect::<Vec<_>>(),
     ));
     notes.extend(stretched(&explored, &decision));
     explored.complete(&problem, &decision.blamed, decision.verdict == Verdict::Named, &settings.catalogue);
@@ -207,7 +207,7 @@ fn stretched(explored: &Explored, decision: &Decision) -> Option<String> {
     ))
 }
 
-/// Which recording a name idle_segments on: without it the posterior would name something else, or nothing.
+/// Which recording a name rests on: without it the posterior would name something else, or nothing.
 fn rests_on(table: &EvidenceTable, weights: &Weights, decision: &Decision, recordings: &[String]) -> Option<String> {
     if decision.verdict != Verdict::Named {
         return None;

@@ -3,42 +3,42 @@
 //! An effect is one file and one line of [`CATALOGUE`]. Applied with its neutral values it leaves the
 //! plant as it is, to the last bit.
 
-pub mod backlash;
-pub mod chamber_leak;
-pub mod clock_offset;
-pub mod command_delay;
-pub mod command_gain;
-pub mod current_limit;
-pub mod cushion;
-pub mod entrained_air;
-pub mod esv_delay;
-pub mod esv_slow;
-pub mod feedback_bias;
-pub mod feedback_lag;
-pub mod flow_force;
-pub mod flow_saturation;
-pub mod load;
-pub mod lvdt_bias;
-pub mod lvdt_gain;
-pub mod on_unit;
+pub(crate) mod backlash;
+pub(crate) mod chamber_leak;
+pub(crate) mod clock_offset;
+pub(crate) mod command_delay;
+pub(crate) mod command_gain;
+pub(crate) mod current_limit;
+pub(crate) mod cushion;
+pub(crate) mod entrained_air;
+pub(crate) mod esv_delay;
+pub(crate) mod esv_slow;
+pub(crate) mod feedback_bias;
+pub(crate) mod feedback_lag;
+pub(crate) mod flow_force;
+pub(crate) mod flow_saturation;
+pub(crate) mod load;
+pub(crate) mod lvdt_bias;
+pub(crate) mod lvdt_gain;
+pub(crate) mod on_unit;
 pub mod own;
-pub mod pilot_filter;
-pub mod port_asymmetry;
-pub mod port_overlap;
-pub mod port_wear;
-pub mod pv_bandwidth;
-pub mod pv_hysteresis;
-pub mod pv_null_shift;
-pub mod pv_overlap;
-pub mod regulator_cycle;
-pub mod return_loss;
-pub mod servo_friction;
-pub mod servo_leak;
-pub mod spool_friction;
-pub mod spring;
-pub mod supply_loss;
-pub mod valve_lag;
-pub mod viscosity;
+pub(crate) mod pilot_filter;
+pub(crate) mod port_asymmetry;
+pub(crate) mod port_overlap;
+pub(crate) mod port_wear;
+pub(crate) mod pv_bandwidth;
+pub(crate) mod pv_hysteresis;
+pub(crate) mod pv_null_shift;
+pub(crate) mod pv_overlap;
+pub(crate) mod regulator_cycle;
+pub(crate) mod return_loss;
+pub(crate) mod servo_friction;
+pub(crate) mod servo_leak;
+pub(crate) mod spool_friction;
+pub(crate) mod spring;
+pub(crate) mod supply_loss;
+pub(crate) mod valve_lag;
+pub(crate) mod viscosity;
 
 use std::fmt;
 
@@ -276,7 +276,7 @@ pub const CATALOGUE: &[EffectSpec] = &[
 /// Effects that are tried only where the servomotor stage stands alone: no unit of a planned battery has them, so that nobody knows yet what
 /// they would take from others in the whole chain. There the regulator makes up for worn ports: in units of the battery that have them the
 /// strongest signal moves by 0.9 to 2.3 times its noise floor. Lag and saturation behind a recorded valve signal are no part of a simulated spool.
-pub const STAGE_ALONE: &[&str] = &["valve_lag", "flow_saturation", "port_wear", "port_asymmetry"];
+pub(crate) const STAGE_ALONE: &[&str] = &["valve_lag", "flow_saturation", "port_wear", "port_asymmetry"];
 
 /// The effects that are tried in the whole chain.
 pub fn of_the_chain() -> impl Iterator<Item = &'static EffectSpec> {

@@ -4,7 +4,7 @@
 //! of a diagnosis, [`gathered`] the fleet as a whole, and [`ageing`] which sizes changed over time. All of it is pure: what reads
 //! recordings, stores and clocks stands in the command.
 
-pub mod ageing;
+pub(crate) mod ageing;
 pub mod changes;
 pub mod entry;
 pub mod gathered;

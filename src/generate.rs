@@ -3,10 +3,10 @@
 //! For trying a bench or a diagnosis. What comes out is synthetic, and made with the very equations of the twin and of
 //! its effects: a diagnosis that does well on it has proved little about real units.
 
-pub mod governor;
-pub mod machine;
+pub(crate) mod governor;
+pub(crate) mod machine;
 pub mod noise;
-pub mod script;
+pub(crate) mod script;
 pub mod streams;
 
 use crate::effects;
@@ -67,8 +67,7 @@ pub fn streams(scenario: &Scenario) -> GeneratedStreams {
 }
 
 /// The same of a plant with other equations than the unit's; of the unit only tank and transducers count then.
-#[must_use]
-pub fn streams_of(mut plant: Plant, scenario: &Scenario) -> GeneratedStreams {
+fn streams_of(mut plant: Plant, scenario: &Scenario) -> GeneratedStreams {
     let Scenario { unit, process, .. } = scenario;
     let random = RandomStreams { seed: scenario.seed, process: *process };
     let sensors = &unit.sensors;

@@ -5,8 +5,8 @@
 //! what passes: gaps, frozen and saturated channels, units that cannot be meant. [`suggest`] proposes a map of a file that nobody has
 //! mapped yet. What comes out is written as a bag, which everything else reads as any other.
 
-pub mod clock;
-pub mod convert;
+pub(crate) mod clock;
+pub(crate) mod convert;
 mod csv_file;
 mod dialect;
 mod error;

@@ -111,7 +111,7 @@ pub mod baselines;
 pub mod battery;
 #[cfg(feature = "lab")]
 #[doc(hidden)]
-pub mod blind;
+pub mod benchmark;
 #[cfg(feature = "lab")]
 #[doc(hidden)]
 pub mod comparison;

@@ -18,7 +18,7 @@
 //! `log: true` of the natural logarithm; `tol: ~` takes it away.
 
 mod consistency;
-mod error;
+pub(crate) mod error;
 #[cfg(feature = "lab")]
 pub mod labels;
 mod limits;

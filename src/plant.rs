@@ -1,21 +1,21 @@
 //! The plant: one block per file, each an immutable law with its parameters; memory lives in the state.
 
-pub mod esv;
+pub(crate) mod esv;
 #[cfg(test)]
-pub mod fixture;
+pub(crate) mod fixture;
 pub mod friction;
-pub mod lag;
+pub(crate) mod lag;
 pub mod lanes;
-pub mod main_ports;
-pub mod orifice;
-pub mod proportional_valve;
+pub(crate) mod main_ports;
+pub(crate) mod orifice;
+pub(crate) mod proportional_valve;
 pub mod rates;
-pub mod real;
-pub mod regulator;
-pub mod servomotor;
-pub mod spool;
+pub(crate) mod real;
+pub(crate) mod regulator;
+pub(crate) mod servomotor;
+pub(crate) mod spool;
 pub mod steady;
-pub mod supply;
+pub(crate) mod supply;
 pub mod term;
 
 use crate::parameters::Parameters;

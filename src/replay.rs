@@ -1,7 +1,7 @@
 //! Replay: a recording through a twin, and how far apart the two are.
 
 pub mod between;
-pub mod figures;
+pub(crate) mod figures;
 pub mod ladder;
 pub mod rows;
 pub mod summary;
@@ -55,7 +55,7 @@ pub fn is_measured(frame: &Frame) -> bool {
 
 /// The signal that a cut takes from the recording, and that therefore says nothing about the twin.
 #[must_use]
-pub fn stands_in(cut: Cut) -> Option<Signal> {
+pub(crate) fn stands_in(cut: Cut) -> Option<Signal> {
     match cut {
         Cut::None => None,
         Cut::Servomotor => Some(Signal::ServomotorPosition),

@@ -23,13 +23,13 @@
 #[cfg(feature = "lab")]
 pub mod comparison;
 pub mod diagnosis;
-pub mod draw;
+pub(crate) mod draw;
 mod dress;
 pub mod import;
-pub mod ink;
+pub(crate) mod ink;
 mod layout;
 pub mod page;
-pub mod picture;
+pub(crate) mod picture;
 pub mod replay;
 pub mod table;
 mod thin;

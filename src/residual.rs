@@ -19,7 +19,7 @@ pub mod history;
 pub mod inloop;
 pub mod model;
 pub mod prepare;
-pub mod reach;
+pub(crate) mod reach;
 pub mod row;
 #[cfg(feature = "residual")]
 pub mod search;

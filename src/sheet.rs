@@ -8,7 +8,7 @@ mod derive;
 pub mod item;
 pub mod matter;
 mod ports;
-pub mod quantity;
+pub(crate) mod quantity;
 
 use std::collections::BTreeMap;
 

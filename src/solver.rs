@@ -1,7 +1,7 @@
 //! Methods that advance the continuous plant by one tick.
 
-pub mod rk4;
-pub mod rosenbrock;
+pub(crate) mod rk4;
+pub(crate) mod rosenbrock;
 pub mod split;
 
 use crate::plant::rates::{Rates, confine, piston_rates, rates};
@@ -96,7 +96,7 @@ impl Solver {
     }
 
     /// Advances the servomotor alone by one tick; the spool is wherever the caller put it.
-    pub fn advance_piston(&self, plant: &Plant, state: &mut State, drive: &Drive) {
+    pub(crate) fn advance_piston(&self, plant: &Plant, state: &mut State, drive: &Drive) {
         match self {
             Self::Split(split) => split.advance_piston(&plant.blocks(), state, drive),
             Self::Stepwise(method) => method.advance(plant, state, drive, piston_rates),

@@ -27,8 +27,8 @@ use statrs::distribution::{ContinuousCDF, Normal};
 const ALLOWANCE: f64 = 0.5;
 /// What a sum goes beyond its limit on average (Siegmund's correction), standard deviations.
 const BEYOND: f64 = 1.166;
-/// Half-width of an interval of nine in ten, standard deviations.
-pub const NORMAL_90: f64 = 1.644_853_6;
+/// Half-width of an interval of nine in ten, standard deviations, to the digits of the limits that it is compared with.
+pub(crate) const NORMAL_90_EXACT: f64 = 1.644_853_6;
 
 /// One estimate of a size.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -106,14 +106,14 @@ impl Sums {
 
     /// Whether it is rather growth.
     #[must_use]
-    pub fn is_growth(&self) -> bool {
+    pub(crate) fn is_growth(&self) -> bool {
         self.growth >= self.shrinkage
     }
 }
 
 /// Estimates until both sums together first give a false alarm at this limit, on average.
 #[must_use]
-pub fn run_length(limit: f64) -> f64 {
+pub(crate) fn run_length(limit: f64) -> f64 {
     let exponent = 2.0 * ALLOWANCE * (limit + BEYOND);
     0.5 * (exponent.exp() - exponent - 1.0) / (2.0 * ALLOWANCE * ALLOWANCE)
 }
@@ -182,7 +182,7 @@ pub fn chart(estimates: &[SizeEstimate], between_false_alarms: f64) -> Vec<Chart
             groups.resize(one.group + 1, Group::default());
         }
         let group = &mut groups[one.group];
-        let sd = ((one.high - one.low) / (2.0 * NORMAL_90)).max(1e-6 * one.size.abs()).max(1e-15);
+        let sd = ((one.high - one.low) / (2.0 * NORMAL_90_EXACT)).max(1e-6 * one.size.abs()).max(1e-15);
         let moved = points.last().is_some_and(|point| point.alarm);
         let mean = if group.estimates.is_empty() { one.size } else { group.level.mean };
         let z = group.score(one.size, sd);

@@ -1,8 +1,8 @@
 //! The battery: its plants are the twin's kind, not the twin; its faults show; its seeds decide everything.
 #![cfg(feature = "lab")]
 
-use govtwin::battery::{Case, CaseKind, exam, make, strength};
-use govtwin::blind::validation::closure;
+use govtwin::battery::{Case, CaseKind, fresh_recordings, make, strength};
+use govtwin::benchmark::validation::explained_fraction;
 use govtwin::generate::spread;
 use govtwin::parameters::{EffectSetting, Unit};
 use govtwin::params;
@@ -19,9 +19,9 @@ fn rms(twin: &mut Twin, recording: &Recording, signal: Signal) -> f64 {
     twin.reset();
     let (mut sum, mut count) = (0.0, 0);
     for frame in &recording.frames {
-        let miss = signal.of(&frame.measured) - signal.of(&twin.step(frame).signals);
-        if miss.is_finite() {
-            sum += miss * miss;
+        let residual = signal.of(&frame.measured) - signal.of(&twin.step(frame).signals);
+        if residual.is_finite() {
+            sum += residual * residual;
             count += 1;
         }
     }
@@ -30,7 +30,7 @@ fn rms(twin: &mut Twin, recording: &Recording, signal: Signal) -> f64 {
 
 /// Recordings of the same plant that no diagnosis has seen.
 fn another_day(unit: &Unit, case: &Case) -> Vec<Recording> {
-    let streams = exam(unit, case).into_iter();
+    let streams = fresh_recordings(unit, case).into_iter();
     streams.map(|(process, streams)| Recording::new(process.id(), streams.rows())).collect()
 }
 
@@ -41,9 +41,9 @@ fn a_sound_plant_is_the_twins_kind_but_not_the_twin() {
         let made = make(&unit, &case(CaseKind::Sound, seed));
         let mut twin = Twin::new(&spread(&unit, seed));
         for recording in made.recordings() {
-            let miss = rms(&mut twin, &recording, Signal::ServomotorPosition);
+            let residual = rms(&mut twin, &recording, Signal::ServomotorPosition);
             // The transducer's noise alone is 1.5e-4.
-            assert!((1.5e-4..3e-4).contains(&miss), "{}: {miss}", recording.name);
+            assert!((1.5e-4..3e-4).contains(&residual), "{}: {residual}", recording.name);
             assert!(rms(&mut twin, &recording, Signal::SpoolPosition) < 8e-3);
         }
     }
@@ -75,9 +75,9 @@ fn a_seed_decides_everything_and_a_fault_shows() {
     let another = another_day(&unit, &backlash);
     assert!(another.len() == 4 && another[1].frames != recording.frames);
     let sound = Unit { effects: vec![], ..spread_unit.clone() };
-    let closed = closure(another.clone(), &sound, &spread_unit).unwrap();
+    let closed = explained_fraction(another.clone(), &sound, &spread_unit).unwrap();
     assert!((0.6..1.2).contains(&closed), "{closed}");
-    assert_eq!(closure(another, &sound, &sound), Some(0.0));
+    assert_eq!(explained_fraction(another, &sound, &sound), Some(0.0));
 }
 
 #[test]
@@ -89,6 +89,6 @@ fn what_chatters_louder_is_examined_with_the_noise_of_its_own() {
     let sound = spread(&unit, 5);
     let setting = EffectSetting { id: "regulator_cycle".into(), values: vec![truth.size] };
     let slowed = Unit { effects: vec![setting], ..sound.clone() };
-    let closed = closure(another_day(&unit, &slow), &sound, &slowed).unwrap();
+    let closed = explained_fraction(another_day(&unit, &slow), &sound, &slowed).unwrap();
     assert!((0.8..1.2).contains(&closed), "{closed}");
 }

@@ -8,9 +8,9 @@ use std::process::Command;
 use govtwin::bag::{self, Interpolation, ReadOptions};
 use govtwin::baselines::BASELINES;
 use govtwin::baselines::ground::Ground;
-use govtwin::blind::isolability;
-use govtwin::blind::scored::SEEN;
-use govtwin::blind::validation::laid_along;
+use govtwin::benchmark::isolability;
+use govtwin::benchmark::scored::SEEN;
+use govtwin::benchmark::validation::laid_along;
 use govtwin::digest::sha256;
 use govtwin::effects::find;
 use govtwin::frame::{EsvState, Frame};
@@ -113,7 +113,7 @@ fn recordings_tell_of_what_is_large_enough_and_unlike_the_answer() {
     let unit = params::reference();
     let of = |size: f64, answer: &[(&str, f64)]| {
         let answer: Vec<_> = answer.iter().map(|(id, size)| (*id, vec![*size])).collect();
-        isolability::told(recordings(), &unit, &[("esv_delay", vec![size])], &answer).unwrap()
+        isolability::expected_log_bayes_factor(recordings(), &unit, &[("esv_delay", vec![size])], &answer).unwrap()
     };
     let large = of(0.5, &[]);
     assert!(large > 10.0 * SEEN, "{large}");
@@ -125,7 +125,7 @@ fn recordings_tell_of_what_is_large_enough_and_unlike_the_answer() {
     let other = of(0.5, &[("backlash", 0.002)]);
     assert!(other > 0.5 * large, "{other}");
     // No equation, no figure.
-    assert!(isolability::told(recordings(), &unit, &[("surge", vec![1.0])], &[]).is_none());
+    assert!(isolability::expected_log_bayes_factor(recordings(), &unit, &[("surge", vec![1.0])], &[]).is_none());
 }
 
 /// All bag files below a folder.
@@ -313,10 +313,10 @@ fn trip(frames: &[Frame]) -> usize {
 fn a_trip_that_a_slow_recorder_stamped_late_is_placed_as_in_the_diagnosis() {
     let unit = params::reference();
     let (recording, tripped) = trip_stamped_late(150);
-    let exam = laid_along(vec![recording.clone()], &unit);
+    let fresh = laid_along(vec![recording.clone()], &unit);
     let ground = Ground::new(vec![recording], &unit, &[find("backlash").unwrap()]);
-    for (what, bench) in [("exam and limits", exam), ("baselines", ground.problem)] {
-        let found = trip(&bench.trials[0].frames);
+    for (what, bench) in [("validation and isolability", fresh), ("baselines", ground.problem)] {
+        let found = trip(&bench.recordings[0].frames);
         assert!(found.abs_diff(tripped) < 120, "{what}: {found}, not {tripped}");
     }
 }

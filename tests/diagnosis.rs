@@ -9,8 +9,8 @@ use govtwin::effects::find;
 use govtwin::generate::{Scenario, recording, spread};
 use govtwin::identification::free_parameter::FreeParameter;
 use govtwin::likelihood::noise::expected;
+use govtwin::likelihood::prepared::PreparedRecording;
 use govtwin::likelihood::problem::Problem;
-use govtwin::likelihood::trial::Trial;
 use govtwin::parameters::{EffectSetting, Unit};
 use govtwin::params::reference;
 use govtwin::recording::{Process, Recording};
@@ -47,7 +47,7 @@ fn a_planted_bias_is_named_with_its_size_and_closes_the_gap() {
     assert_eq!(said.blamed[0].id, "lvdt_bias");
     let bias = &said.blamed[0].parameters[0];
     assert!((bias.value.value - 0.03).abs() < 3.0e-3, "{bias:?}");
-    assert!(said.closure.value > 0.8, "{:?}", said.closure);
+    assert!(said.explained_fraction.value > 0.8, "{:?}", said.explained_fraction);
     assert_eq!(said.fitted.effects.len(), 1);
     // What could not explain a hundredth of it is ranked, far behind.
     assert!(said.ranking.iter().any(|ranked| ranked.id == "feedback_lag" && ranked.probability < 0.1));
@@ -88,8 +88,8 @@ fn what_is_claimed_has_the_named_effects_and_no_others() {
     let setting = |(id, value): (&str, f64)| EffectSetting { id: id.to_owned(), values: vec![value] };
     true_unit.effects.extend(planted.map(setting));
     let processes = [Process::LoadIncrease, Process::LoadRejection];
-    let trials = recordings(&true_unit, &processes, 3).into_iter().map(Trial::new).collect();
-    let problem = Problem::new(trials, &reference(), &expected(&reference().sensors));
+    let recordings = recordings(&true_unit, &processes, 3).into_iter().map(PreparedRecording::new).collect();
+    let problem = Problem::new(recordings, &reference(), &expected(&reference().sensors));
     let problem = problem.with_loop_noise(1.0).laid_along(&reference());
     let sheet = FittedModel::sheet(&problem, &reference(), &FreeParameter::nuisances(&reference()));
     let catalogue: Vec<_> = planted.iter().filter_map(|(id, _)| find(id)).collect();
@@ -130,7 +130,7 @@ fn a_unit_that_swings_of_itself_is_named_by_its_loudness() {
     assert_eq!(said.blamed[0].id, "pv_bandwidth");
     let ratio = said.blamed[0].parameters[0].value.value;
     assert!((ratio - 0.1).abs() < 0.02, "{ratio}");
-    assert!(said.closure.value > 0.7, "{:?}", said.closure);
+    assert!(said.explained_fraction.value > 0.7, "{:?}", said.explained_fraction);
     assert!(said.notes.iter().any(|note| note.contains("swing of themselves")), "{:?}", said.notes);
 }
 

@@ -76,7 +76,7 @@ fn named(said: &Diagnosis, ids: &[&str]) {
 /// The same, and it explains most of the gap on data left out.
 fn named_and_explained(said: &Diagnosis, ids: &[&str]) {
     named(said, ids);
-    assert!(said.closure.value > 0.5, "{:?}", said.closure);
+    assert!(said.explained_fraction.value > 0.5, "{:?}", said.explained_fraction);
 }
 
 #[test]

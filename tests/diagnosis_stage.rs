@@ -48,7 +48,9 @@ fn a_stage_that_is_alike_both_ways_shows_no_gap_whatever_the_sheet_says() {
     assert!(matches!(said.verdict, Verdict::NoGap | Verdict::NotExcited), "{}", shown(&said));
     assert!(said.notes[0].contains("Servomotor stage only"), "{:?}", said.notes);
     assert!(said.notes.iter().any(|note| note.contains("No data sheet")), "{:?}", said.notes);
-    assert!(said.visible.iter().all(|effect| !["command_delay", "pv_overlap", "lvdt_gain"].contains(&effect.id)));
+    assert!(
+        said.detectable_sizes.iter().all(|effect| !["command_delay", "pv_overlap", "lvdt_gain"].contains(&effect.id))
+    );
 }
 
 #[test]

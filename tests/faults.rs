@@ -63,7 +63,7 @@ struct Outcomes {
     killed_old: usize,
 }
 
-struct Trial<'a> {
+struct FaultRun<'a> {
     case: &'a Case,
     /// Where everything is.
     root: PathBuf,
@@ -75,7 +75,7 @@ struct Trial<'a> {
     kept: tempfile::TempDir,
 }
 
-impl<'a> Trial<'a> {
+impl<'a> FaultRun<'a> {
     /// Makes what the writer needs, and sees what it does without a fault; gives the steps as well.
     fn new(case: &'a Case, root: &Path) -> (Self, Vec<Step>) {
         (case.prepare)(root);
@@ -83,15 +83,15 @@ impl<'a> Trial<'a> {
         let kept = tempfile::tempdir().unwrap();
         copy(root, kept.path());
         let old = seen(case, root);
-        let mut trial = Self { case, root: root.to_owned(), old, new: Tree::new(), code: 0, kept };
-        let first = trial.run(None);
+        let mut run = Self { case, root: root.to_owned(), old, new: Tree::new(), code: 0, kept };
+        let first = run.run(None);
         assert!(matches!(first.code, Some(0 | 3)), "{}: {}", case.name, first.stderr);
-        trial.code = first.code.unwrap();
-        trial.new = seen(case, root);
-        assert!(trial.new != trial.old, "{}: nothing came of it", case.name);
-        let strange: Vec<_> = trial.new.keys().filter(|path| is_hidden(path)).collect();
+        run.code = first.code.unwrap();
+        run.new = seen(case, root);
+        assert!(run.new != run.old, "{}: nothing came of it", case.name);
+        let strange: Vec<_> = run.new.keys().filter(|path| is_hidden(path)).collect();
         assert!(strange.is_empty(), "{}: left {strange:?}", case.name);
-        (trial, first.steps)
+        (run, first.steps)
     }
 
     fn run(&self, fault: Option<(usize, Fault)>) -> trace::Traced {
@@ -265,7 +265,7 @@ fn try_case(case: &Case) {
     let dir = tempfile::tempdir().unwrap();
     let root = dir.path().canonicalize().unwrap().join("root");
     fs::create_dir(&root).unwrap();
-    let (trial, steps) = Trial::new(case, &root);
+    let (run, steps) = FaultRun::new(case, &root);
     let mut outcomes = Outcomes::default();
     let mut wrong = vec![];
     let mut note =
@@ -275,7 +275,7 @@ fn try_case(case: &Case) {
     let first = case.name.len() % stride;
     for (at, step) in steps.iter().enumerate().skip(first).step_by(stride) {
         note(
-            trial.refuse(at, step, &mut outcomes),
+            run.refuse(at, step, &mut outcomes),
             format!("step {at}, {:?} of {} refused", step.kind, step.path.display()),
         );
     }
@@ -283,7 +283,7 @@ fn try_case(case: &Case) {
     let stride = changing.len().div_ceil(sampled(case));
     for (at, step) in changing.into_iter().rev().step_by(stride) {
         note(
-            trial.kill(at, &mut outcomes),
+            run.kill(at, &mut outcomes),
             format!("killed before step {at}, {:?} of {}", step.kind, step.path.display()),
         );
     }

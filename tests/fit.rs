@@ -6,8 +6,8 @@ use govtwin::generate::{Scenario, recording, spread};
 use govtwin::identification::calibration::{Calibration, calibrate};
 use govtwin::identification::free_parameter::FreeParameter;
 use govtwin::likelihood::noise;
+use govtwin::likelihood::prepared::PreparedRecording;
 use govtwin::likelihood::problem::Problem;
-use govtwin::likelihood::trial::Trial;
 use govtwin::parameters::{ENTRIES, EffectSetting, Unit};
 use govtwin::params;
 use govtwin::recording::Process;
@@ -22,30 +22,30 @@ fn with_effect(unit: &Unit, id: &str, value: f64) -> Unit {
 }
 
 /// A unit within tolerance with one effect, and its recordings.
-fn plant(effect: &str, value: f64, seed: u64) -> (Unit, Vec<Trial>) {
+fn plant(effect: &str, value: f64, seed: u64) -> (Unit, Vec<PreparedRecording>) {
     let unit = with_effect(&spread(&params::reference(), seed), effect, value);
     let record = |process| {
         recording(&Scenario { unit: unit.clone(), process, rate_hz: 100.0, duration_s: 30.0, rich: false, seed })
     };
-    let trials = Process::ALL.into_iter().map(|process| Trial::new(record(process))).collect();
-    (unit, trials)
+    let recordings = Process::ALL.into_iter().map(|process| PreparedRecording::new(record(process))).collect();
+    (unit, recordings)
 }
 
 /// The shipped sheet with the effect fitted to recordings.
-fn fitted(effect: &str, trials: Vec<Trial>) -> Calibration {
+fn fitted(effect: &str, recordings: Vec<PreparedRecording>) -> Calibration {
     let spec = govtwin::effects::find(effect).unwrap();
     let base = with_effect(&params::reference(), effect, spec.parameters[0].neutral);
     let mut free_parameters = FreeParameter::nuisances(&base);
     free_parameters.push(FreeParameter::Effect { effect: 0, parameter: 0, spec: &spec.parameters[0] });
     let noise = noise::expected(&base.sensors);
-    calibrate(trials, &base, free_parameters, &noise, 1, &|| {}).1
+    calibrate(recordings, &base, free_parameters, &noise, 1, &|| {}).1
 }
 
 #[test]
 fn a_simulation_without_numbers_is_the_worst_of_all() {
-    let (unit, mut trials) = plant("backlash", 0.0, 7);
-    trials.truncate(1);
-    let problem = Problem::new(trials, &unit, &noise::expected(&unit.sensors));
+    let (unit, mut recordings) = plant("backlash", 0.0, 7);
+    recordings.truncate(1);
+    let problem = Problem::new(recordings, &unit, &noise::expected(&unit.sensors));
     let costs: Vec<f64> =
         problem.residuals_of(&[unit.clone(), with_effect(&unit, "load", f64::NAN)]).iter().map(square).collect();
     assert!(costs[1].is_finite() && costs[1] > 1e6 * costs[0], "{costs:?}");
@@ -56,8 +56,8 @@ fn planted_parameters_come_back_within_their_intervals() {
     let planted = [("backlash", 0.005, 21), ("feedback_lag", 0.04, 22), ("chamber_leak", 6e-12, 23)];
     let (mut inside, mut all) = (0, 0);
     for (effect, value, seed) in planted {
-        let (truth, trials) = plant(effect, value, seed);
-        let fit = fitted(effect, trials);
+        let (truth, recordings) = plant(effect, value, seed);
+        let fit = fitted(effect, recordings);
         for (row, free_parameter) in fit.rows.iter().zip(&fit.free_parameters) {
             let [low, high] = row.ci90;
             let planted = match *free_parameter {
@@ -93,8 +93,8 @@ fn a_free_parameter_moves_as_far_as_the_recordings_say() {
     let base = params::reference();
     let index = ENTRIES.iter().position(|entry| entry.key == "servomotor.load_closed_n").unwrap();
     let noise = noise::expected(&base.sensors);
-    let trials = vec![Trial::new(recording(&scenario))];
-    let (_, fit) = calibrate(trials, &base, vec![FreeParameter::free(&base, index)], &noise, 2, &|| {});
+    let recordings = vec![PreparedRecording::new(recording(&scenario))];
+    let (_, fit) = calibrate(recordings, &base, vec![FreeParameter::free(&base, index)], &noise, 2, &|| {});
     let row = &fit.rows[0];
     assert_eq!((row.deviation, row.at_bound), (None, false));
     assert!((row.fitted / 3.0e5 - 1.0).abs() < 0.05, "{row:?}");
@@ -111,8 +111,8 @@ fn a_stop_off_by_less_than_the_transducer_sees_costs_little() {
     valve.stroke_min_m -= 0.5 * unit.sensors.spool_position_pu.noise * valve.reference_stroke_m;
     let process = Process::LoadRejection;
     let scenario = Scenario { unit: truth, process, rate_hz: 100.0, duration_s: 20.0, rich: true, seed: 7 };
-    let trial = Trial::new(recording(&scenario));
-    let problem = Problem::new(vec![trial], &unit, &noise::expected(&unit.sensors));
+    let recording = PreparedRecording::new(recording(&scenario));
+    let problem = Problem::new(vec![recording], &unit, &noise::expected(&unit.sensors));
     let costs: Vec<f64> = problem.residuals_of(&[unit.clone(), scenario.unit.clone()]).iter().map(square).collect();
     let pressures = [&unit, &scenario.unit].map(|unit| {
         let pressure_pa = |estimate: &Estimate| estimate.signals.control_pressure_pa;
@@ -135,7 +135,8 @@ fn a_swing_is_compared_by_its_loudness() {
         rich: false,
         seed: 11,
     };
-    let problem = Problem::new(vec![Trial::new(recording(&scenario))], &unit, &noise::expected(&unit.sensors));
+    let problem =
+        Problem::new(vec![PreparedRecording::new(recording(&scenario))], &unit, &noise::expected(&unit.sensors));
     assert!(problem.limit_cycles_s(0) > 10.0, "{} s", problem.limit_cycles_s(0));
     let costs: Vec<f64> = problem.residuals_of(&[unit.clone(), slow(0.1), slow(0.102)]).iter().map(square).collect();
     assert!(costs[1] < 0.5 * costs[0] && costs[2] < 0.5 * costs[0], "{costs:?}");
@@ -143,8 +144,8 @@ fn a_swing_is_compared_by_its_loudness() {
         let squares = problem.squares(0, Signal::SpoolPosition, &problem.simulate(unit, 0)).unwrap();
         squares.iter().sum::<f64>()
     };
-    let closure = 1.0 - gap(&slow(0.102)) / gap(&unit);
-    assert!(closure > 0.7, "{closure}");
+    let explained_fraction = 1.0 - gap(&slow(0.102)) / gap(&unit);
+    assert!(explained_fraction > 0.7, "{explained_fraction}");
 }
 
 /// No recording tells when a slowed loop runs: the twin is the mean over that, and the noise that it expects is part of what it says.
@@ -152,11 +153,11 @@ fn a_swing_is_compared_by_its_loudness() {
 fn a_slowed_loop_is_likeliest_at_its_period() {
     let sheet = params::reference();
     let slow = |extra_s: f64| with_effect(&sheet, "regulator_cycle", extra_s);
-    let trials = [Process::Startup, Process::LoadRejection].map(|process| {
+    let recordings = [Process::Startup, Process::LoadRejection].map(|process| {
         let scenario = Scenario { unit: slow(0.03), process, rate_hz: 100.0, duration_s: 30.0, rich: false, seed: 13 };
-        Trial::new(recording(&scenario))
+        PreparedRecording::new(recording(&scenario))
     });
-    let problem = Problem::new(trials.to_vec(), &sheet, &noise::expected(&sheet.sensors));
+    let problem = Problem::new(recordings.to_vec(), &sheet, &noise::expected(&sheet.sensors));
     let sizes_s = [0.0, 0.01, 0.02, 0.03, 0.04, 0.05];
     let costs = sizes_s.map(|extra_s| {
         let own = problem.laid_along(&slow(extra_s));
@@ -180,14 +181,14 @@ fn a_long_rest_left_out_changes_only_the_time_it_takes() {
         seed: 5,
     };
     let whole = recording(&scenario);
-    let trial = Trial::new(whole.clone());
-    assert!(!trial.seams.is_empty() && 2 * trial.frames.len() < whole.frames.len(), "{:?}", trial.seams);
+    let recording = PreparedRecording::new(whole.clone());
+    assert!(!recording.seams.is_empty() && 2 * recording.frames.len() < whole.frames.len(), "{:?}", recording.seams);
     let mut twin = Twin::new(&scenario.unit);
     let estimates: Vec<(i64, Estimate)> = whole.frames.iter().map(|frame| (frame.time_ns, twin.step(frame))).collect();
-    let short = trial.run(&mut Twin::new(&scenario.unit));
+    let short = recording.run(&mut Twin::new(&scenario.unit));
     let mut worst_pu = 0.0_f64;
-    for (&row, estimate) in trial.samples.iter().zip(&short) {
-        let (_, same) = estimates.iter().find(|(time_ns, _)| *time_ns == trial.frames[row].time_ns).unwrap();
+    for (&row, estimate) in recording.samples.iter().zip(&short) {
+        let (_, same) = estimates.iter().find(|(time_ns, _)| *time_ns == recording.frames[row].time_ns).unwrap();
         let apart = same.signals.servomotor_position_pu - estimate.signals.servomotor_position_pu;
         worst_pu = worst_pu.max(apart.abs());
     }

@@ -1,6 +1,6 @@
 //! Twins side by side in lanes give what each gives by itself, to the last bit: every effect, cut and process, at every width.
 
-#[path = "lanes/misses.rs"]
+#[path = "lanes/residuals.rs"]
 mod residuals;
 #[path = "support/rows.rs"]
 mod rows;
@@ -10,7 +10,7 @@ use std::sync::Arc;
 use govtwin::effects::{self, CATALOGUE};
 use govtwin::frame::{Estimate, Frame, Signals};
 use govtwin::generate::spread;
-use govtwin::likelihood::trial::Trial;
+use govtwin::likelihood::prepared::PreparedRecording;
 use govtwin::parameters::{EffectSetting, OwnEffect, OwnParameter, Unit};
 use govtwin::params;
 use govtwin::plant::Plant;
@@ -110,7 +110,7 @@ fn twins() -> Vec<Twin> {
 }
 
 /// A process whose rows lie on and between ticks, some without a command; what it has measured is another unit's.
-fn trial(process: Process) -> Trial {
+fn recording(process: Process) -> PreparedRecording {
     let mut frames: Vec<Frame> = rows::rows(9.0, 3_700_000, |time_s| rows::process(process, time_s));
     let mut twin = Twin::new(&spread(&params::reference(), 5));
     for (k, frame) in frames.iter_mut().enumerate() {
@@ -122,7 +122,7 @@ fn trial(process: Process) -> Trial {
             frame.measured = Signals { servomotor_position_pu: signals.servomotor_position_pu, ..Signals::NONE };
         }
     }
-    Trial::new(Recording::new(process.id(), frames))
+    PreparedRecording::new(Recording::new(process.id(), frames))
 }
 
 fn bits(estimates: &[Estimate]) -> Vec<[u64; 11]> {
@@ -147,23 +147,23 @@ fn bits(estimates: &[Estimate]) -> Vec<[u64; 11]> {
 }
 
 /// The estimates of all twins in lanes of a width.
-fn in_lanes(width: Width, trial: &Trial, twins: &[Twin]) -> Vec<Vec<Estimate>> {
+fn in_lanes(width: Width, recording: &PreparedRecording, twins: &[Twin]) -> Vec<Vec<Estimate>> {
     let mut all = Vec::new();
     for chunk in twins.chunks(width.lanes()) {
         let mut chunk = chunk.to_vec();
         assert!(batch::fit(&chunk));
-        all.extend(trial.run_batch_of(width, &mut chunk));
+        all.extend(recording.run_batch_of(width, &mut chunk));
     }
     all
 }
 
 fn assert_equal(process: Process, prepare: impl Fn(Twin) -> Twin) {
-    let trial = trial(process);
+    let recording = recording(process);
     let twins: Vec<Twin> = twins().into_iter().map(prepare).collect();
-    let alone: Vec<Vec<Estimate>> = twins.iter().map(|twin| trial.run(&mut twin.clone())).collect();
-    assert!(alone.iter().all(|estimates| estimates.len() == trial.samples.len()));
+    let alone: Vec<Vec<Estimate>> = twins.iter().map(|twin| recording.run(&mut twin.clone())).collect();
+    assert!(alone.iter().all(|estimates| estimates.len() == recording.samples.len()));
     for width in Width::all() {
-        for (k, (one, other)) in in_lanes(width, &trial, &twins).iter().zip(&alone).enumerate() {
+        for (k, (one, other)) in in_lanes(width, &recording, &twins).iter().zip(&alone).enumerate() {
             assert!(other.iter().all(|e| e.signals.spool_position_pu.is_finite()), "{process:?} twin {k}");
             let apart = bits(one).iter().zip(&bits(other)).position(|(one, other)| one != other);
             if let Some(at) = apart {
@@ -220,10 +220,10 @@ fn twins_of_other_methods_or_cuts_do_not_fit() {
     other.parameters.regulator.small_loop_period_s = 2e-3;
     assert!(!batch::fit(&[twin.clone(), Twin::new(&other)]));
     // They are simulated one by one.
-    let trial = trial(Process::LoadIncrease);
+    let recording = recording(Process::LoadIncrease);
     let mut mixed = [twin, Twin::new(&other), rk4];
-    let alone: Vec<_> = mixed.iter().map(|twin| trial.run(&mut twin.clone())).collect();
-    assert_eq!(trial.run_batch(&mut mixed), alone);
+    let alone: Vec<_> = mixed.iter().map(|twin| recording.run(&mut twin.clone())).collect();
+    assert_eq!(recording.run_batch(&mut mixed), alone);
 }
 
 #[test]

@@ -21,8 +21,8 @@ use govtwin::generate::noise::{Purpose, READINGS, RandomStreams, Transducer, in_
 use govtwin::generate::{Scenario, recording, spread};
 use govtwin::identification::free_parameter::FreeParameter;
 use govtwin::likelihood::noise::expected;
+use govtwin::likelihood::prepared::PreparedRecording;
 use govtwin::likelihood::problem::Problem;
-use govtwin::likelihood::trial::Trial;
 use govtwin::msg;
 use govtwin::parameters::{EffectSetting, Unit};
 use govtwin::params::reference;
@@ -113,8 +113,8 @@ struct Held {
 }
 
 fn held() -> Held {
-    let trials = vec![Trial::new(load_increase(&unit()))];
-    let problem = Problem::new(trials, &reference(), &expected(&reference().sensors));
+    let recordings = vec![PreparedRecording::new(load_increase(&unit()))];
+    let problem = Problem::new(recordings, &reference(), &expected(&reference().sensors));
     let sheet = FittedModel::sheet(&problem, &reference(), &FreeParameter::nuisances(&reference()));
     let found = explore(&problem, &sheet, &sheet, &catalogue(), &|_, _| ());
     let table = EvidenceTable::new(&problem, &found, &catalogue());
@@ -124,7 +124,7 @@ fn held() -> Held {
 #[test]
 fn a_test_tells_more_than_standing_idle_and_nothing_is_asked_where_one_hypothesis_is_left() {
     let Held { problem, found, table } = held();
-    // Two rivals, as likely as each other.
+    // Two competing hypotheses, as likely as each other.
     let row = |id: &str| table.rows.iter().position(|row| row.effects == [id]).unwrap();
     let [one, other] = ["supply_loss", "load"].map(row);
     let of = |sets: Vec<(usize, f64)>| Posterior { sets, unknown: Vec::new() };

@@ -20,19 +20,19 @@ fn silent(unit: &Unit) -> Model {
     model.trees[0].leaf = vec![0.0, 0.0];
     model.guard.range = [-0.15, 0.15];
     let mut twin = Twin::new(unit);
-    let mut misses = vec![];
+    let mut residuals = vec![];
     for (visit, process) in (100..).zip(Process::ALL) {
         twin.reset();
         let mut said = vec![];
         for frame in &recording(unit, process, visit, "lvdt_bias", 0.0).frames {
             said.push(twin.step(frame).signals.spool_position_pu);
-            let miss = frame.measured.spool_position_pu - said[said.len() - 1];
-            if miss.is_finite() {
-                misses.push((motion(said.iter().rev().take(5).copied()), miss));
+            let residual_pu = frame.measured.spool_position_pu - said[said.len() - 1];
+            if residual_pu.is_finite() {
+                residuals.push((motion(said.iter().rev().take(5).copied()), residual_pu));
             }
         }
     }
-    model.band = Band::of(&misses, 0.9);
+    model.band = Band::of(&residuals, 0.9);
     model
 }
 

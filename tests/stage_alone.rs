@@ -50,7 +50,7 @@ fn shown(said: &Diagnosis) -> String {
 
 /// The told figure with this id.
 fn told(said: &Diagnosis, id: &str) -> f64 {
-    said.part.as_ref().unwrap().told.iter().find(|one| one.id == id).unwrap().value.value
+    said.part.as_ref().unwrap().figures.iter().find(|one| one.id == id).unwrap().value.value
 }
 
 fn near(found: f64, wanted: f64, share: f64) -> bool {

@@ -69,7 +69,7 @@ fn watched(frames: &[Frame]) -> Vec<ProcessEntry> {
             duration_s: 0.0,
             process: process.id().to_owned(),
             verdict: verdict.to_owned(),
-            closure: None,
+            explained_fraction: None,
             sizes,
             notes: vec![],
             warnings: vec![],

@@ -70,7 +70,7 @@ pub struct Compared {
 }
 
 /// One twin to simulate.
-struct Variant {
+struct TwinVariant {
     unit: Unit,
     /// Index of the case, 0 being the twin as found.
     case: usize,
@@ -171,7 +171,7 @@ fn cases(faults: &[String]) -> Vec<Vec<String>> {
     cases
 }
 
-fn variants(found: &Unit, cases: &[Vec<String>], sizes: &[SizeKnowledge]) -> Vec<Variant> {
+fn variants(found: &Unit, cases: &[Vec<String>], sizes: &[SizeKnowledge]) -> Vec<TwinVariant> {
     let mut all = vec![];
     for (case, removed) in cases.iter().enumerate() {
         let unit = without(found, removed);
@@ -183,10 +183,10 @@ fn variants(found: &Unit, cases: &[Vec<String>], sizes: &[SizeKnowledge]) -> Vec
             for (end, value) in size.ends.into_iter().enumerate() {
                 let mut unit = unit.clone();
                 unit.effects[place].values[size.parameter] = value;
-                all.push(Variant { unit, case, moved: Some((k, end)) });
+                all.push(TwinVariant { unit, case, moved: Some((k, end)) });
             }
         }
-        all.push(Variant { unit, case, moved: None });
+        all.push(TwinVariant { unit, case, moved: None });
     }
     all
 }

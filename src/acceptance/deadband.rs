@@ -96,13 +96,13 @@ fn slow_of(series: &Series, blocks: &mut usize) -> Slow {
 
 /// Sums over the residuals of one stretch.
 #[derive(Clone, Copy, Debug, Default)]
-struct Sums {
+struct ResidualSums {
     count: f64,
     sum: f64,
     square: f64,
 }
 
-impl Sums {
+impl ResidualSums {
     fn add(&mut self, residual: f64) {
         self.count += 1.0;
         self.sum += residual;
@@ -139,7 +139,7 @@ fn delayed(slow: &Slow, delay_s: f64) -> Vec<f64> {
 }
 
 /// Residuals of a width, stretch by stretch, and how often the play turned there.
-fn residuals(slow: &Slow, command_pu: &[f64], width_pu: f64, sums: &mut [Sums]) -> usize {
+fn residuals(slow: &Slow, command_pu: &[f64], width_pu: f64, sums: &mut [ResidualSums]) -> usize {
     let half_pu = 0.5 * width_pu;
     let mut play_pu = slow.position_pu[0].clamp(command_pu[0] - half_pu, command_pu[0] + half_pu);
     let (mut turns, mut direction) = (0, 0.0);
@@ -190,7 +190,7 @@ pub fn dead_band(all: &[Series]) -> MeasureFound {
     let mut turns = vec![0_usize; widths.len()];
     for k in 0..DELAYS {
         let delay_s = LONGEST_S * k as f64 / (DELAYS - 1) as f64;
-        let mut table = vec![vec![Sums::default(); blocks]; widths.len()];
+        let mut table = vec![vec![ResidualSums::default(); blocks]; widths.len()];
         for slow in &slow {
             let command_pu = delayed(slow, delay_s);
             for (w, width_pu) in widths.iter().enumerate() {
@@ -200,10 +200,10 @@ pub fn dead_band(all: &[Series]) -> MeasureFound {
         }
         tables.push(table);
     }
-    let whole: Vec<Vec<Sums>> = tables
+    let whole: Vec<Vec<ResidualSums>> = tables
         .iter()
         .map(|table| {
-            table.iter().map(|row| row.iter().fold(Sums::default(), |all, one| all.merged(one, 1.0))).collect()
+            table.iter().map(|row| row.iter().fold(ResidualSums::default(), |all, one| all.merged(one, 1.0))).collect()
         })
         .collect();
     let profile = |left: Option<usize>| -> Vec<f64> {

@@ -7,9 +7,10 @@
 use serde::Serialize;
 
 use super::series::{FULL_RATE_ERROR_PU, Series};
-use super::statistics::{NORMAL_90, missing};
+use super::statistics::missing;
 use super::{Measure, MeasureFound};
 use crate::diagnosis::result::Interval;
+use crate::units::NORMAL_90;
 
 /// Length of a segment, s.
 const SEGMENT_S: f64 = 10.0;

@@ -1,9 +1,10 @@
 //! Movements of the command from rest to rest: dead time, overshoot and settling time; and how far the position is behind on the way.
 
 use super::series::{FULL_RATE_ERROR_PU, Series, smooth};
-use super::statistics::{MeasuredEvent, NORMAL_90, found, mean_and_sd, missing, student_90};
+use super::statistics::{MeasuredEvent, found, mean_and_sd, missing, student_90};
 use super::{Measure, MeasureFound};
 use crate::diagnosis::result::Interval;
+use crate::units::NORMAL_90;
 
 /// Movement that counts as a departure, pu.
 const DEPARTED_PU: f64 = 0.001;

@@ -107,8 +107,7 @@ fn lead(summary: &AcceptanceSummary) -> String {
 }
 
 /// The words of a limit.
-#[must_use]
-pub fn limit_text(limit: Option<&Limit>, measure: Measure) -> String {
+fn limit_text(limit: Option<&Limit>, measure: Measure) -> String {
     match limit {
         Some(Limit { min: Some(min), max: Some(max), .. }) => {
             format!("{} to {}", text(*min, measure), text(*max, measure))

@@ -9,7 +9,7 @@ use crate::units::seconds_from_nanos;
 const FEWEST: usize = 20;
 
 /// What is ahead of the position by more than this drives the unit at its full rate, pu.
-pub const FULL_RATE_ERROR_PU: f64 = 0.05;
+pub(crate) const FULL_RATE_ERROR_PU: f64 = 0.05;
 
 /// Command and position at the instants at which the position was measured.
 #[derive(Clone, Debug, PartialEq)]
@@ -118,13 +118,13 @@ impl Series {
 
     /// The position's mean over a window about each sample, pu.
     #[must_use]
-    pub fn smooth_pu(&self, window_s: f64) -> Vec<f64> {
+    pub(crate) fn smooth_pu(&self, window_s: f64) -> Vec<f64> {
         smooth(&self.time_s, &self.position_pu, window_s)
     }
 
     /// Number of samples that a window of this length holds.
     #[must_use]
-    pub fn samples_in(&self, window_s: f64) -> f64 {
+    pub(crate) fn samples_in(&self, window_s: f64) -> f64 {
         (window_s / self.period_s.max(1e-9)).floor().max(1.0)
     }
 }

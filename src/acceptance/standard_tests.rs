@@ -26,12 +26,12 @@ const SINES_HZ: [f64; 12] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4
 const SINE_PU: f64 = 0.004;
 
 /// Command and ESV over time, s.
-type Test = dyn Fn(f64) -> (f64, EsvState);
+type InputCourse = dyn Fn(f64) -> (f64, EsvState);
 
 /// Runs all tests; a series for each.
 #[must_use]
 pub fn run(unit: &Unit) -> Vec<Series> {
-    let tests: [(&str, f64, f64, &Test); 5] = [
+    let tests: [(&str, f64, f64, &InputCourse); 5] = [
         ("strokes", 0.0, 2.0 * STROKE_S + 2.0, &strokes),
         ("steps", 0.5, STEP_S * STEPS_PU.len() as f64, &steps),
         ("slow triangle", 0.5, 4.5 * TRIANGLE.1, &triangle),
@@ -75,7 +75,7 @@ fn trip(time_s: f64) -> (f64, EsvState) {
 }
 
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few thousand samples")]
-fn series(unit: &Unit, name: &str, (start_pu, length_s): (f64, f64), test: &Test) -> Option<Series> {
+fn series(unit: &Unit, name: &str, (start_pu, length_s): (f64, f64), test: &InputCourse) -> Option<Series> {
     let mut twin = Twin::new(unit);
     let count = (length_s / PERIOD_S) as usize;
     let time_s: Vec<f64> = (0..count).map(|i| i as f64 * PERIOD_S).collect();

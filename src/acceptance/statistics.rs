@@ -4,9 +4,7 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::{Measure, MeasureFound};
 use crate::diagnosis::result::Interval;
-
-/// Half-width of a normal interval that holds nine in ten, standard deviations.
-pub const NORMAL_90: f64 = 1.645;
+use crate::units::NORMAL_90;
 
 /// One event: what it shows, and the standard deviation with which it shows it.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -140,7 +140,7 @@ impl MeasuredEvidence {
         ];
         let normal = frame.inputs.esv == EsvState::Normal;
         match &mut self.still {
-            // A servo system that has been shut down idle_segments, whatever its command.
+            // A servo system that has been shut down rests, whatever its command.
             Some(still) if still.value.to_bits() == value.to_bits() && normal => {
                 still.to_ns = frame.time_ns;
                 still.samples += 1;

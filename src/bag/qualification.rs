@@ -102,7 +102,7 @@ const FROZEN_S: f64 = 2.0;
 const FROZEN_SAMPLES: u64 = 20;
 
 /// Samples at one end of the range, at least, and their share, where hardly another sample repeats the one before it, and how often the
-/// signal comes there: noise is cut off. A signal without noise idle_segments at one end, comes there once or twice, and is not accused.
+/// signal comes there: noise is cut off. A signal without noise rests at one end, comes there once or twice, and is not accused.
 const SATURATED: u64 = 10;
 const SATURATED_SHARE: f64 = 0.01;
 const REPEATS_SHARE: f64 = 0.05;

@@ -4,8 +4,8 @@
 //! Automatica 12(6)). Models stand at fixed sizes; nothing is refitted.
 
 use crate::baselines::ground::Ground;
-use crate::baselines::{Found, said};
-use crate::blind::said::ReportVerdict;
+use crate::baselines::{EffectFound, report};
+use crate::benchmark::report_verdict::ReportVerdict;
 use crate::estimation::coordinate::square;
 
 /// The rule.
@@ -15,11 +15,11 @@ pub fn judge(ground: &Ground) -> ReportVerdict {
     let best = ground.best_tries();
     let least = best.iter().map(|one| square(&one.residuals)).fold(nominal, f64::min);
     let variance = (least / ground.count()).max(1e-9);
-    let found: Vec<Found> = best
+    let found: Vec<EffectFound> = best
         .into_iter()
         .map(|one| {
             let residual = square(&one.residuals);
-            Found {
+            EffectFound {
                 spec: one.spec,
                 evidence: 0.5 * (nominal - residual) / variance,
                 size: None,
@@ -27,5 +27,5 @@ pub fn judge(ground: &Ground) -> ReportVerdict {
             }
         })
         .collect();
-    said(&found)
+    report(&found)
 }

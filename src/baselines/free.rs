@@ -3,8 +3,8 @@
 use nalgebra::DMatrix;
 
 use crate::baselines::ground::Ground;
-use crate::baselines::{Found, said};
-use crate::blind::said::ReportVerdict;
+use crate::baselines::{EffectFound, report};
+use crate::benchmark::report_verdict::ReportVerdict;
 
 /// Standard deviations from nothing at which an effect is blamed.
 const SIGNIFICANT: f64 = 3.0;
@@ -16,15 +16,15 @@ pub fn judge(ground: &Ground) -> ReportVerdict {
     let (gram, product) = ground.projected(&tries);
     let variance = ground.variance();
     let pulled = gram / variance + DMatrix::identity(tries.len(), tries.len());
-    let Some(spread) = pulled.try_inverse() else { return said(&[]) };
+    let Some(spread) = pulled.try_inverse() else { return report(&[]) };
     let sizes = -(&spread * product) / variance;
-    let found: Vec<Found> = tries
+    let found: Vec<EffectFound> = tries
         .iter()
         .enumerate()
         .map(|(k, one)| {
             let deviation = spread[(k, k)].max(1e-18).sqrt();
             let z = sizes[k] / deviation;
-            Found {
+            EffectFound {
                 spec: one.spec,
                 evidence: 0.5 * (z * z - SIGNIFICANT * SIGNIFICANT),
                 size: Some((sizes[k], deviation)),
@@ -32,5 +32,5 @@ pub fn judge(ground: &Ground) -> ReportVerdict {
             }
         })
         .collect();
-    said(&found)
+    report(&found)
 }

@@ -8,8 +8,8 @@ use crate::estimation::coordinate::{Coordinate, Residuals, square, subject_at};
 use crate::estimation::fit::Fit;
 use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::noise::expected;
+use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::Problem;
-use crate::likelihood::trial::Trial;
 use crate::parameters::{EffectSetting, Unit};
 use crate::recording::Recording;
 
@@ -51,8 +51,8 @@ impl Ground {
     #[must_use]
     pub fn new(recordings: Vec<Recording>, unit: &Unit, catalogue: &[&'static EffectSpec]) -> Self {
         let turned = Turned { free_parameters: FreeParameter::nuisances(unit), starts: 1 };
-        let trials = recordings.into_iter().map(Trial::new).collect();
-        let (problem, refitted, _) = nominal(trials, unit, turned, &expected(&unit.sensors));
+        let recordings = recordings.into_iter().map(PreparedRecording::new).collect();
+        let (problem, refitted, _) = nominal(recordings, unit, turned, &expected(&unit.sensors));
         let (free_parameters, fit) = (refitted.free_parameters, refitted.fit);
         let mut tries = Vec::new();
         for &spec in catalogue {
@@ -102,7 +102,7 @@ impl Ground {
 
     /// For each effect the try whose residuals are smallest.
     #[must_use]
-    pub fn best_tries(&self) -> Vec<&Try> {
+    pub(crate) fn best_tries(&self) -> Vec<&Try> {
         let mut best: Vec<&Try> = Vec::new();
         for one in &self.tries {
             match best.last_mut() {
@@ -124,11 +124,11 @@ impl Ground {
         let (n, m) = (self.free_parameters.len(), tries.len());
         let mut gram = DMatrix::zeros(n + m, n + m);
         let mut product = DVector::zeros(n + m);
-        for (trial, residuals) in self.fit.residuals.iter().enumerate() {
+        for (recording, residuals) in self.fit.residuals.iter().enumerate() {
             let columns: Vec<DVector<f64>> =
-                tries.iter().map(|one| (&one.residuals[trial] - residuals) / one.positions[n]).collect();
+                tries.iter().map(|one| (&one.residuals[recording] - residuals) / one.positions[n]).collect();
             let mut all = DMatrix::zeros(residuals.len(), n + m);
-            all.columns_mut(0, n).copy_from(&self.fit.slopes[trial]);
+            all.columns_mut(0, n).copy_from(&self.fit.slopes[recording]);
             for (k, column) in columns.iter().enumerate() {
                 all.set_column(n + k, column);
             }

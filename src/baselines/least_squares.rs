@@ -3,8 +3,8 @@
 //! `BIC = n ln(S/n) + k ln n` (Schwarz 1978, Annals of Statistics 6(2)).
 
 use crate::baselines::ground::Ground;
-use crate::baselines::{Found, said};
-use crate::blind::said::ReportVerdict;
+use crate::baselines::{EffectFound, report};
+use crate::benchmark::report_verdict::ReportVerdict;
 use crate::estimation::fit::{Effort, fit};
 use crate::estimation::linear::normal;
 
@@ -18,7 +18,7 @@ pub fn judge(ground: &Ground) -> ReportVerdict {
     let criterion = |cost: f64, extra: usize| n * (cost / n).ln() + extra as f64 * n.ln();
     let nominal = criterion(ground.fit.cost(), 0);
     let variance = ground.variance();
-    let mut found: Vec<Found> = ground
+    let mut found: Vec<EffectFound> = ground
         .best_tries()
         .into_iter()
         .map(|one| {
@@ -34,7 +34,7 @@ pub fn judge(ground: &Ground) -> ReportVerdict {
             let (hessian, _) = normal(&one.free_parameters, &fitted.positions, &fitted.residuals, &fitted.slopes, 1.0);
             let place = ground.free_parameters.len();
             let deviation = hessian.try_inverse().map(|spread| (variance * spread[(place, place)].max(0.0)).sqrt());
-            Found {
+            EffectFound {
                 spec: one.spec,
                 evidence: 0.5 * (nominal - criterion(fitted.cost(), extra)),
                 size: deviation.map(|deviation| (fitted.positions[place], deviation)),
@@ -46,5 +46,5 @@ pub fn judge(ground: &Ground) -> ReportVerdict {
     if let Some(best) = best.filter(|&k| found[k].evidence > 0.0) {
         found[best].blamed = true;
     }
-    said(&found)
+    report(&found)
 }

@@ -6,8 +6,8 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::baselines::ground::Ground;
-use crate::baselines::{Found, said};
-use crate::blind::said::ReportVerdict;
+use crate::baselines::{EffectFound, report};
+use crate::benchmark::report_verdict::ReportVerdict;
 
 /// Most effects at once.
 const MOST: usize = 3;
@@ -31,17 +31,17 @@ pub fn judge(ground: &Ground) -> ReportVerdict {
         gained = with(next);
         chosen.push(next);
     }
-    let found: Vec<Found> = tries
+    let found: Vec<EffectFound> = tries
         .iter()
         .enumerate()
         .map(|(k, one)| {
             let alone = (explained(&gram, &product, &[k]) / variance - price) / 2.0;
             let size = -product[k] / gram[(k, k)].max(1e-12);
             let deviation = (variance / gram[(k, k)].max(1e-12)).sqrt();
-            Found { spec: one.spec, evidence: alone, size: Some((size, deviation)), blamed: chosen.contains(&k) }
+            EffectFound { spec: one.spec, evidence: alone, size: Some((size, deviation)), blamed: chosen.contains(&k) }
         })
         .collect();
-    said(&found)
+    report(&found)
 }
 
 /// By how much the sum of squares falls with these effects.

@@ -53,7 +53,7 @@ pub struct TestRig {
 }
 
 /// Where a run gets its inputs.
-enum Source<'a> {
+enum RigInputs<'a> {
     /// From governor and machine, as in a recording.
     Loop(Box<(Governor, Machine)>),
     /// From an earlier run, by command period.
@@ -61,7 +61,7 @@ enum Source<'a> {
 }
 
 /// What a run leaves behind.
-struct Run {
+struct RigRun {
     streams: GeneratedStreams,
     /// Inputs by command period.
     inputs: Vec<Inputs>,
@@ -77,14 +77,14 @@ impl TestRig {
         let script = self.script(process);
         let governor = Governor::new(script, random.of(Purpose::Command));
         let machine = Machine::new(&self.parameters, &script, random.of(Purpose::Grid));
-        let run = self.run(process, Source::Loop(Box::new((governor, machine))), &self.sensors);
+        let run = self.run(process, RigInputs::Loop(Box::new((governor, machine))), &self.sensors);
         (run.streams, run.inputs)
     }
 
     /// What the transducers would show without noise under given inputs, every 10 ms.
     #[must_use]
     pub fn readings(&self, process: Process, inputs: &[Inputs]) -> Vec<Signals> {
-        self.run(process, Source::Given(inputs), &Sensors::default()).readings
+        self.run(process, RigInputs::Given(inputs), &Sensors::default()).readings
     }
 
     fn script(&self, process: Process) -> ProcessScript {
@@ -92,7 +92,7 @@ impl TestRig {
     }
 
     #[expect(clippy::too_many_lines, reason = "one timetable of a tick, in its order")]
-    fn run(&self, process: Process, mut source: Source<'_>, sensors: &Sensors) -> Run {
+    fn run(&self, process: Process, mut source: RigInputs<'_>, sensors: &Sensors) -> RigRun {
         let random = RandomStreams { seed: self.seed, process };
         let place = 1 + process as u64;
         let start_pu = self.script(process).initial_opening_pu;
@@ -122,7 +122,7 @@ impl TestRig {
         };
         let begin_ns = EPOCH_NS + 3_600_000_000_000 * (1 + process as i64);
         let offset_s = self.faults.clock_offset_s;
-        let mut run = Run { streams: GeneratedStreams::default(), inputs: vec![], readings: vec![] };
+        let mut run = RigRun { streams: GeneratedStreams::default(), inputs: vec![], readings: vec![] };
         let (mut tripped_at, mut esv_due) = (None, 0);
         for tick in -SETTLING_TICKS..=self.ticks {
             let time_s = tick as f64 * 1e-3;
@@ -133,7 +133,7 @@ impl TestRig {
                 if tick % CONTROL_TICKS == 0 {
                     let before = inputs.esv;
                     match &mut source {
-                        Source::Loop(around) => {
+                        RigInputs::Loop(around) => {
                             let (governor, machine) = &mut **around;
                             machine.advance(rig.opening_pu(), rig.piston_m_s(), governor.is_on_grid());
                             let command = governor.command(time_s, machine.speed_pu);
@@ -143,7 +143,7 @@ impl TestRig {
                                 tank_pressure_pa: machine.tank_pressure_pa,
                             };
                         }
-                        Source::Given(given) => {
+                        RigInputs::Given(given) => {
                             let last = given.len().saturating_sub(1);
                             let at = usize::try_from(tick / CONTROL_TICKS).map_or(0, |at| at.min(last));
                             inputs = given.get(at).copied().unwrap_or(inputs);

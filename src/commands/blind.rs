@@ -77,7 +77,7 @@ digests, so that a check that was broken off goes on where it stopped; others ar
 --generate makes the units with a simulator of its own, which shares the data sheet with the twin but not its equations: bristle
 friction, contact gaps, rounded edges, polytropic gas, inertia in lines. It makes sound units, single effects, two or three at once,
 faults that no catalogue lists, and effects that the catalogue is then made to lack. DIR/answers/keys.sha256 commits to the answers before
-the first diagnosis; DIR/answers/labels.yaml, with strengths.yaml beside it, is written after the last one, and closure is checked on recordings
+the first diagnosis; DIR/answers/labels.yaml, with strengths.yaml beside it, is written after the last one, and the explained fraction is checked on recordings
 made after that. Where reports are missing, answers and scores of an earlier run are removed first, so that no diagnosis finds them, and
 written again at the end. A DIR or OUT of another seed, rate or data sheet is refused.
 
@@ -131,7 +131,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let methods = methods(args.baselines, args.baselines_only);
     if let Some(made) = &made {
-        let unjudged = |case: &UnitFolder| methods.iter().any(|method| !method.report(out, &case.name).is_file());
+        let unjudged = |case: &UnitFolder| methods.iter().any(|method| !method.report_path(out, &case.name).is_file());
         if cases.iter().any(unjudged) {
             made.close(out)?;
         }
@@ -171,11 +171,11 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         }
         return Ok(outcome(&failed));
     };
-    let exams = made.as_ref().map(|made| {
-        let (closures, unexamined) = made.exams(out, unit);
+    let validations = made.as_ref().map(|made| {
+        let (realised, unexamined) = made.validations(out, unit);
         warn_of(&unexamined);
         failed.extend(unexamined);
-        closures
+        realised
     });
     let origin = if made.is_some() { Some(battery::ORIGIN.to_owned()) } else { origin::of(&args.dir) };
     let mut made_from = provenance::new("blind", &sheet, made.is_some().then_some(args.seed))?;
@@ -184,7 +184,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     made_from.warnings.clone_from(&failed);
     let unscored = scoring::score_all(
         &labels,
-        exams.as_ref(),
+        validations.as_ref(),
         &methods,
         (&cases, &expected),
         &made_from,

@@ -4,11 +4,13 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use govtwin::battery::Label;
-use govtwin::blind::learn::{Example, LearningResult, closure_widening, examples, learn, log_score, size_spread};
-use govtwin::blind::rejudge::{EvidenceLeftOut, rejudged};
-use govtwin::blind::said::ReportVerdict;
-use govtwin::blind::score::{Score, score};
-use govtwin::blind::scored::ScoredUnit;
+use govtwin::benchmark::learn::{
+    Example, LearningResult, examples, explained_fraction_widening, learn, log_score, size_spread,
+};
+use govtwin::benchmark::rejudge::{EvidenceLeftOut, rejudged};
+use govtwin::benchmark::report_verdict::ReportVerdict;
+use govtwin::benchmark::score::{Score, score};
+use govtwin::benchmark::scored::ScoredUnit;
 use govtwin::diagnosis::decision::posterior::Weights;
 use govtwin::diagnosis::hypotheses::table::EvidenceTable;
 use govtwin::diagnosis::result::Interval;
@@ -33,7 +35,7 @@ pub struct Args {
     /// Keep the weights that the program ships with for a question whose evidence is what it was: they were learned on units that may not be at hand
     /// any more; may be repeated.
     #[arg(long, value_name = "QUESTION")]
-    keep: Vec<Question>,
+    keep: Vec<LearnedQuestion>,
     /// File to write the weights to.
     #[arg(long, value_name = "FILE", default_value = "diagnosis_weights.json")]
     out: PathBuf,
@@ -44,7 +46,7 @@ pub struct Args {
 
 /// A question that is answered by weights of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-enum Question {
+enum LearnedQuestion {
     /// Which fault set, where nothing is unknown.
     Sets,
     /// Whether something is unknown.
@@ -56,15 +58,15 @@ enum Question {
 }
 
 /// Weights with those of the questions that are kept.
-fn with_kept(mut weights: Weights, shipped: &Weights, kept: &[Question]) -> Weights {
+fn with_kept(mut weights: Weights, shipped: &Weights, kept: &[LearnedQuestion]) -> Weights {
     for question in kept {
         match question {
-            Question::Sets => weights.sets.clone_from(&shipped.sets),
-            Question::Unknown => weights.unknown.clone_from(&shipped.unknown),
-            Question::Stages => weights.stages.clone_from(&shipped.stages),
-            Question::Intervals => {
+            LearnedQuestion::Sets => weights.sets.clone_from(&shipped.sets),
+            LearnedQuestion::Unknown => weights.unknown.clone_from(&shipped.unknown),
+            LearnedQuestion::Stages => weights.stages.clone_from(&shipped.stages),
+            LearnedQuestion::Intervals => {
                 weights.size_spread = shipped.size_spread;
-                weights.closure_widening = shipped.closure_widening;
+                weights.explained_fraction_widening = shipped.explained_fraction_widening;
             }
         }
     }
@@ -83,23 +85,34 @@ The program ships with the weights in params/diagnosis_weights.json; it takes ot
 Exit codes: 0 ok, 1 not possible, 2 wrong usage.";
 
 /// A unit: its answer, what was said of it, and which share of the gap was closed on recordings made afterwards.
-struct Judged {
+struct JudgedUnit {
     label: Label,
-    said: ReportVerdict,
+    report: ReportVerdict,
     /// By how much the interval of the share explained was widened.
     widened_by: f64,
     came_true: Option<f64>,
 }
 
-impl Judged {
+impl JudgedUnit {
     /// What it claims of the share explained, with the interval as it was before it was widened.
-    fn closure(&self, said: &ReportVerdict) -> Option<Interval> {
-        Some(said.closure()?.widened(1.0 / self.widened_by))
+    fn explained_fraction(&self, report: &ReportVerdict) -> Option<Interval> {
+        Some(report.explained_fraction()?.widened(1.0 / self.widened_by))
+    }
+
+    /// What it would have been judged to be by other weights, with a part of the evidence left out and the interval of the share widened.
+    fn rejudged(&self, left_out: EvidenceLeftOut, weights: &Weights, widening: f64) -> ScoredUnit {
+        let mut report = rejudged(&self.report, &left_out.of(&self.report.evidence.table), weights);
+        if let Some(claim) = self.explained_fraction(&report) {
+            let Interval { low, high, .. } = claim.widened(widening);
+            report.gap.explained_fraction.ci90 = Some([Some(low), Some(high)]);
+        }
+        let (label, realised_fraction) = (self.label.clone(), self.came_true);
+        ScoredUnit { report, label, realised_fraction, expected_log_bayes_factor: None }
     }
 
     /// The same of the report, beside what came true.
     fn claim(&self) -> Option<(Interval, f64)> {
-        Some((self.closure(&self.said)?, self.came_true?))
+        Some((self.explained_fraction(&self.report)?, self.came_true?))
     }
 }
 
@@ -128,7 +141,7 @@ const VARIANTS: [(&str, EvidenceLeftOut, WeightsOf); 6] = [
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let shipped = Weights::shipped();
     let batteries = args.dirs.iter().map(|dir| read(dir, &shipped)).collect::<anyhow::Result<Vec<_>>>()?;
-    let parts: Vec<Vec<&Judged>> = match batteries.as_slice() {
+    let parts: Vec<Vec<&JudgedUnit>> = match batteries.as_slice() {
         [one] => (0..PARTS)
             .map(|part| one.iter().skip(part).step_by(PARTS).collect::<Vec<_>>())
             .filter(|part| !part.is_empty())
@@ -139,9 +152,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let mut by_folder = Vec::new();
     let mut whole: Option<LearningResult> = None;
     for (name, left_out, weights_of) in VARIANTS {
-        let of = |units: &Vec<&Judged>| -> Vec<Example> {
-            let table = |said: &ReportVerdict| left_out.of(&said.evidence.table);
-            units.iter().flat_map(|unit| examples(&unit.label, &table(&unit.said))).collect()
+        let of = |units: &Vec<&JudgedUnit>| -> Vec<Example> {
+            let table = |report: &ReportVerdict| left_out.of(&report.evidence.table);
+            units.iter().flat_map(|unit| examples(&unit.label, &table(&unit.report))).collect()
         };
         let examples: Vec<Vec<Example>> = parts.iter().map(of).collect();
         let learned = learn(&examples, &|weights| with_kept(weights, &shipped, &args.keep));
@@ -154,22 +167,16 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         for (part, units) in parts.iter().enumerate() {
             let others = parts.iter().enumerate().filter(|(other, _)| *other != part).flat_map(|(_, units)| units);
             let widening = match weights_of {
-                WeightsOf::Shipped => shipped.closure_widening,
+                WeightsOf::Shipped => shipped.explained_fraction_widening,
                 WeightsOf::Others | WeightsOf::Bayes => {
-                    closure_widening(&others.filter_map(|unit| unit.claim()).collect::<Vec<_>>())
+                    explained_fraction_widening(&others.filter_map(|unit| unit.claim()).collect::<Vec<_>>())
                 }
             };
-            let judged = units.iter().map(|unit| {
-                let mut said = rejudged(&unit.said, &left_out.of(&unit.said.evidence.table), &weights(part));
-                if let Some(claim) = unit.closure(&said) {
-                    let Interval { low, high, .. } = claim.widened(widening);
-                    said.gap.closure.ci90 = Some([Some(low), Some(high)]);
-                }
-                ScoredUnit { said, label: unit.label.clone(), realised_closure: unit.came_true, told: None }
-            });
-            let judged: Vec<ScoredUnit> = judged.collect();
+            let weights = weights(part);
+            let judged: Vec<ScoredUnit> =
+                units.iter().map(|unit| unit.rejudged(left_out, &weights, widening)).collect();
             if whole.is_none() && batteries.len() > 1 {
-                by_folder.push((folder(&args.dirs[part]), log_score(&examples[part], &weights(part)), score(&judged)));
+                by_folder.push((folder(&args.dirs[part]), log_score(&examples[part], &weights), score(&judged)));
             }
             cases.extend(judged);
         }
@@ -182,13 +189,13 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         whole.get_or_insert(learned);
     }
     let Some(learned) = whole else { bail!("there is nothing to learn from") };
-    let all: Vec<&Judged> = batteries.iter().flatten().collect();
+    let all: Vec<&JudgedUnit> = batteries.iter().flatten().collect();
     let pairs: Vec<(&Label, &EvidenceTable)> =
-        all.iter().map(|unit| (&unit.label, &unit.said.evidence.table)).collect();
+        all.iter().map(|unit| (&unit.label, &unit.report.evidence.table)).collect();
     let claims: Vec<(Interval, f64)> = all.iter().filter_map(|unit| unit.claim()).collect();
     let learned_weights = Weights {
         size_spread: size_spread(&pairs),
-        closure_widening: closure_widening(&claims),
+        explained_fraction_widening: explained_fraction_widening(&claims),
         provenance: serde_json::json!({
             "program": env!("CARGO_PKG_VERSION"),
             "folders": args.dirs.iter().map(|dir| folder(dir)).collect::<Vec<_>>(),
@@ -229,7 +236,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 }
 
 /// Questions whose weights were kept, and where these were learned.
-fn kept(questions: &[Question], shipped: &Weights) -> serde_json::Value {
+fn kept(questions: &[LearnedQuestion], shipped: &Weights) -> serde_json::Value {
     let names = questions.iter().filter_map(clap::ValueEnum::to_possible_value).map(|name| name.get_name().to_owned());
     let names: Vec<String> = names.collect();
     let of = |key: &str| shipped.provenance[key].clone();
@@ -247,12 +254,12 @@ fn folder(dir: &Path) -> String {
 /// How often what was said with a probability was so, on units not seen: pages set it beside such claims.
 fn reliability(scores: &[(String, f64, Score)]) -> Vec<serde_json::Value> {
     let bins = scores.first().into_iter().flat_map(|(_, _, learned)| &learned.reliability);
-    bins.map(|bin| serde_json::json!({"said": bin.said_probability, "was": bin.was.value, "units": bin.was.cases}))
+    bins.map(|bin| serde_json::json!({"said": bin.stated_probability, "was": bin.was.value, "units": bin.was.cases}))
         .collect()
 }
 
 /// The units of a battery that have a report, with their answers.
-fn read(dir: &Path, shipped: &Weights) -> anyhow::Result<Vec<Judged>> {
+fn read(dir: &Path, shipped: &Weights) -> anyhow::Result<Vec<JudgedUnit>> {
     let path = dir.join("answers/labels.yaml");
     let text = read_text(&path, LARGEST_BYTES)
         .with_context(|| format!("cannot read {}; was `govtwin blind --generate` run to the end?", path.display()))?;
@@ -268,14 +275,14 @@ fn read(dir: &Path, shipped: &Weights) -> anyhow::Result<Vec<Judged>> {
         if !path.is_file() {
             continue;
         }
-        let said = scored_report::read(&path)?;
-        if said.evidence.table.rows.is_empty() {
+        let report = scored_report::read(&path)?;
+        if report.evidence.table.rows.is_empty() {
             bail!("{}: expected an evidence table, found none; is it a report of an older program?", path.display());
         }
         let came_true = scored["closures"][label.name.as_str()].as_f64();
         let strength_ratio = strengths.get(&label.name).copied().unwrap_or(label.strength_ratio);
-        let widened_by = said.evidence.closure_widened_by.unwrap_or(shipped.closure_widening);
-        units.push(Judged { label: Label { strength_ratio, ..label }, said, widened_by, came_true });
+        let widened_by = report.evidence.explained_fraction_widened_by.unwrap_or(shipped.explained_fraction_widening);
+        units.push(JudgedUnit { label: Label { strength_ratio, ..label }, report, widened_by, came_true });
     }
     if units.is_empty() {
         bail!("{}: expected reports beside the answers, found none", dir.display());
@@ -314,7 +321,7 @@ fn bins(scores: &[(String, f64, Score)]) -> String {
         let was = bin.was;
         text += &format!(
             "{:6.2}   {:.2} [{:.2}, {:.2}] of {}\n",
-            bin.said_probability, was.value, was.low, was.high, was.cases
+            bin.stated_probability, was.value, was.low, was.high, was.cases
         );
     }
     text

@@ -69,7 +69,7 @@ fn is_bag(path: &Path) -> bool {
 }
 
 /// One number of the merged unit beside the shipped one.
-struct Row<'a> {
+struct ParameterRow<'a> {
     key: String,
     value: f64,
     shipped: f64,
@@ -79,7 +79,7 @@ struct Row<'a> {
     origin: Option<&'a Origin>,
 }
 
-impl Row<'_> {
+impl ParameterRow<'_> {
     fn differs(&self) -> bool {
         self.value.to_bits() != self.shipped.to_bits() || self.tolerance != self.shipped_tolerance
     }
@@ -96,10 +96,10 @@ impl Row<'_> {
     }
 }
 
-fn rows(sheet: &Sheet) -> Vec<Row<'_>> {
+fn rows(sheet: &Sheet) -> Vec<ParameterRow<'_>> {
     let shipped = params::reference();
     let tolerances = sheet.unit.tolerances.iter().zip(&shipped.tolerances);
-    let parameters = ENTRIES.iter().zip(tolerances).map(|(entry, (tolerance, shipped_tolerance))| Row {
+    let parameters = ENTRIES.iter().zip(tolerances).map(|(entry, (tolerance, shipped_tolerance))| ParameterRow {
         key: entry.key.to_owned(),
         value: (entry.get)(&sheet.unit.parameters),
         shipped: (entry.get)(&shipped.parameters),
@@ -112,7 +112,7 @@ fn rows(sheet: &Sheet) -> Vec<Row<'_>> {
         let (sensor, shipped) = ((entry.get)(&sheet.unit.sensors), (entry.get)(&shipped.sensors));
         let key = format!("sensors.{}", entry.name);
         [("noise", sensor.noise, shipped.noise), ("step", sensor.step, shipped.step)].map(|(what, value, shipped)| {
-            Row {
+            ParameterRow {
                 key: format!("{key}.{what}"),
                 value,
                 shipped,
@@ -126,7 +126,7 @@ fn rows(sheet: &Sheet) -> Vec<Row<'_>> {
     parameters.chain(sensors).collect()
 }
 
-fn table(file: &Path, sheet: &Sheet, rows: &[Row]) -> String {
+fn table(file: &Path, sheet: &Sheet, rows: &[ParameterRow]) -> String {
     let name = if sheet.name.is_empty() { "unnamed unit" } else { &sheet.name };
     let layers: Vec<String> = sheet.files.iter().rev().map(|file| file.display().to_string()).collect();
     let differing = rows.iter().filter(|row| row.differs()).count();
@@ -197,7 +197,7 @@ fn effect_values<'a>(
     known.iter().zip(values).map(|(parameter, value)| (parameter.name, parameter.unit, *value))
 }
 
-fn to_json(sheet: &Sheet, rows: &[Row]) -> Value {
+fn to_json(sheet: &Sheet, rows: &[ParameterRow]) -> Value {
     let values: serde_json::Map<String, Value> = rows
         .iter()
         .map(|row| {

@@ -28,7 +28,7 @@ use govtwin::residual::table::FeatureTable;
 use govtwin::signal::Signal;
 use govtwin::twin::Cut;
 
-use super::learn::{self, CutAt, TrainingData, grid_ns};
+use super::learn::{self, OpeningFrom, TrainingData, grid_ns};
 use super::output::{Output, Progress, print, table_text};
 use crate::commands::Outcome;
 use field::{Competitors, field};
@@ -47,8 +47,8 @@ pub struct Args {
     #[command(flatten)]
     learn: learn::Args,
     /// Where the guide-vane opening comes from; the paper's mode is `servomotor`.
-    #[arg(long, value_enum, default_value_t = CutAt::Servomotor)]
-    cut: CutAt,
+    #[arg(long, value_enum, default_value_t = OpeningFrom::Servomotor)]
+    cut: OpeningFrom,
     /// From so many seeds, each with its own searches; the spread is shown.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=100))]
     seeds: u64,
@@ -75,7 +75,7 @@ impl Args {
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let output = Output::claim(&args.learn.out, &["compare.html", "compare.json"])?;
-    let ready = args.learn.ready(args.cut, Between::Hold)?;
+    let ready = args.learn.prepare(args.cut, Between::Hold)?;
     let split = seven_to_three(&ready.table);
     if split.test.is_empty() {
         bail!(
@@ -137,7 +137,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         band: one.band.clone(),
     };
     let of_hybrid = field.contenders.iter().find(|one| one.id == "mdhm").map(|one| &one.estimates[..]);
-    let rivals = [named("mbm")?, named("ddm")?];
+    let alone = [named("mbm")?, named("ddm")?];
     let summary = ComparisonSummary {
         schema: SCHEMA,
         program: concat!("govtwin ", env!("CARGO_PKG_VERSION")),
@@ -156,7 +156,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             Claims { of: "the gated hybrid", hybrid: named("gate")? },
         ]
         .iter()
-        .flat_map(|one| claims(one, rivals))
+        .flat_map(|one| claims(one, alone))
         .collect(),
         models: standings.iter().map(ModelFigures::from).collect(),
         seeds,
@@ -216,7 +216,7 @@ fn free_run(args: &Args, ready: &TrainingData) -> anyhow::Result<Option<FreeRunF
     if ready.table.layout.signal != Signal::SpoolPosition {
         return Ok(None);
     }
-    let ready = &args.learn.ready(CutAt::None, Between::Linear)?;
+    let ready = &args.learn.prepare(OpeningFrom::None, Between::Linear)?;
     let progress = Progress::new(3, "steps towards a residual inside the loop");
     let split = seven_to_three(&ready.table);
     let (unit, seed) = (&ready.sheet.unit, args.learn.seed);
@@ -226,7 +226,7 @@ fn free_run(args: &Args, ready: &TrainingData) -> anyhow::Result<Option<FreeRunF
 }
 
 fn settings(args: &Args, ready: &TrainingData, hybrid: &Model) -> BTreeMap<&'static str, String> {
-    let cut = if args.cut == CutAt::None { Cut::None } else { Cut::Servomotor };
+    let cut = if args.cut == OpeningFrom::None { Cut::None } else { Cut::Servomotor };
     #[cfg(feature = "deep")]
     let networks = format!("{}, on every fourth row of the folds", args.network_budget());
     #[cfg(not(feature = "deep"))]

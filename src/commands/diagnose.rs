@@ -55,7 +55,7 @@ pub struct Args {
     /// in any unit. Taken for granted where no recording holds a command and no sheet is given.
     #[arg(long = "no-sheet", alias = "free", conflicts_with = "params")]
     free: bool,
-    /// Seed of the resampling behind the intervals of closures.
+    /// Seed of the resampling behind the intervals of explained fractions.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
     /// Print JSON instead of a summary: the report that DIR/report.json holds.

@@ -9,13 +9,13 @@ use std::path::PathBuf;
 use anyhow::{Context, bail};
 use govtwin::diagnosis::model::FittedModel;
 use govtwin::diagnosis::result::StageFigure;
-use govtwin::diagnosis::stage_only::told::told;
+use govtwin::diagnosis::stage_only::stage_figures::stage_figures;
 use govtwin::identification::calibration::{Calibration, calibrate, parts};
 use govtwin::identification::free_parameter::FreeParameter;
 use govtwin::likelihood::noise;
+use govtwin::likelihood::prepared::PreparedRecording;
 use govtwin::likelihood::problem::Problem;
 use govtwin::likelihood::qualification::{QualifiedRecordings, qualify_all};
-use govtwin::likelihood::trial::Trial;
 use govtwin::parameters::{ENTRIES, Unit};
 use govtwin::params::{self, Overlay, Sheet, nearest, number_text};
 use govtwin::provenance::Provenance;
@@ -74,7 +74,7 @@ pub struct Args {
 
 const HELP: &str = "\
 `learned` is how much the recordings said beyond the sheet: 1 − variance after over variance before the fit. Intervals
-hold 90 % or more, are local, and count twenty misses as one, as what a model lacks shows in many samples alike.
+hold 90 % or more, are local, and count twenty residuals as one, as what a model lacks shows in many samples alike.
 
 DIR/fitted.yaml is a parameter file that every command takes, with the intervals as comments. Signals that a recording lacks
 are passed over; recordings of several rates go together.
@@ -99,7 +99,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let (recordings, found) = taken(read, &mut made)?;
     let mut warnings = [mapped.warnings, found].concat();
     let mut expected = noise::expected(&sheet.unit.sensors);
-    let trials = if args.params.is_none() && recordings.iter().all(|(_, cut)| *cut == Cut::Spool) {
+    let recordings = if args.params.is_none() && recordings.iter().all(|(_, cut)| *cut == Cut::Spool) {
         let whole = recordings.into_iter().map(|(recording, _)| recording).collect();
         let ready = sheetless(whole, &sheet.unit)
             .context("spool or servomotor stand still, so that neither says what drives what")?;
@@ -126,10 +126,10 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     };
     let starts = usize::from(args.starts);
     let progress = Progress::new(parts(starts), "parts of the fit");
-    let (problem, fitted) = calibrate(trials, &sheet.unit, turned, &expected, starts, &|| progress.step());
+    let (problem, fitted) = calibrate(recordings, &sheet.unit, turned, &expected, starts, &|| progress.step());
     drop(progress);
     if !fitted.fit.square.is_finite() {
-        bail!("the misses are not finite; do the recordings belong to this parameter file?");
+        bail!("the residuals are not finite; do the recordings belong to this parameter file?");
     }
     if args.serve {
         serve::serve(&problem, &sheet.unit, &fitted)?;
@@ -208,13 +208,13 @@ fn taken(read: Recordings, made: &mut Provenance) -> anyhow::Result<(Vec<Taken>,
 }
 
 /// Recordings as they are fitted to with a sheet.
-fn prepared(recordings: Vec<Taken>, warnings: &mut Vec<String>) -> Vec<Trial> {
+fn prepared(recordings: Vec<Taken>, warnings: &mut Vec<String>) -> Vec<PreparedRecording> {
     let each = recordings.into_iter().map(|(recording, cut)| {
         if cut == Cut::Spool {
             warnings.push(format!("{}: no command: only the servomotor stage, driven by its spool", recording.name));
-            Trial::servomotor_stage(recording)
+            PreparedRecording::servomotor_stage(recording)
         } else {
-            Trial::new(recording)
+            PreparedRecording::new(recording)
         }
     });
     each.collect()
@@ -222,14 +222,14 @@ fn prepared(recordings: Vec<Taken>, warnings: &mut Vec<String>) -> Vec<Trial> {
 
 /// What was fitted of a servomotor stage alone, in the numbers of its recordings; nothing where whole chains were.
 fn stage(problem: &Problem, base: &Unit, fitted: &Calibration) -> Vec<StageFigure> {
-    if problem.trials.iter().any(|trial| trial.cut != Cut::Spool) {
+    if problem.recordings.iter().any(|recording| recording.cut != Cut::Spool) {
         return vec![];
     }
-    let Some(law) = plain(&Run::all(&problem.trials)) else { return vec![] };
-    told(
+    let Some(law) = plain(&Run::all(&problem.recordings)) else { return vec![] };
+    stage_figures(
         &FittedModel::new(vec![], base.clone(), fitted.free_parameters.clone(), fitted.fit.clone()),
         &law,
-        &problem.trials,
+        &problem.recordings,
     )
 }
 
@@ -298,7 +298,7 @@ fn overlay(problem: &Problem, sheet: &Sheet, fitted: &Calibration, made: &Proven
         let bound = if row.at_bound { ", at a bound" } else { "" };
         (row.key.clone(), format!("ci90 [{low}, {high}], sheet {}{bound}", number_text(row.sheet)))
     };
-    let names: Vec<&str> = problem.trials.iter().map(|trial| trial.name.as_str()).collect();
+    let names: Vec<&str> = problem.recordings.iter().map(|recording| recording.name.as_str()).collect();
     Overlay {
         unit: fitted.unit.clone(),
         name: sheet.name.clone(),

@@ -34,7 +34,7 @@ const COMMAND: &str = "generate";
 pub struct Args {
     /// What the unit goes through.
     #[arg(long, value_enum, value_name = "PROCESS", value_delimiter = ',', default_value = "all")]
-    process: Vec<Which>,
+    process: Vec<ProcessesMade>,
     /// An effect beyond the nominal model: `ID=VALUE[,VALUE…]` in the order of its parameters, or `ID.parameter=VALUE`.
     #[arg(long = "effect", value_name = "ID=VALUE")]
     effects: Vec<String>,
@@ -84,7 +84,7 @@ Exit codes: 0 ok, 1 not possible, 2 wrong usage.";
 /// Processes to record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 #[value(rename_all = "snake_case")]
-enum Which {
+enum ProcessesMade {
     /// All four.
     All,
     /// From closed to speed-no-load.
@@ -97,7 +97,7 @@ enum Which {
     LoadRejection,
 }
 
-impl Which {
+impl ProcessesMade {
     fn includes(self, process: Process) -> bool {
         match self {
             Self::All => true,
@@ -206,7 +206,7 @@ fn record(scenario: &Scenario, start: Option<Timestamp>, dir: &Path) -> anyhow::
 }
 
 /// One message on its way to the bag.
-enum Message {
+enum BagMessage {
     Command(msg::GovernorCommand),
     Esv(msg::EsvState),
     TankPressure(msg::FluidPressure),
@@ -245,38 +245,38 @@ fn put(by: &str, process: Process, seed: u64, streams: &GeneratedStreams, dir: &
     )?;
     for (log_time_ns, message) in messages(process, seed, streams) {
         match &message {
-            Message::Command(message) => bag.write(command, log_time_ns, message)?,
-            Message::Esv(message) => bag.write(esv, log_time_ns, message)?,
-            Message::TankPressure(message) => bag.write(tank_pressure, log_time_ns, message)?,
-            Message::ServoState(message) => bag.write(servo_state, log_time_ns, message)?,
+            BagMessage::Command(message) => bag.write(command, log_time_ns, message)?,
+            BagMessage::Esv(message) => bag.write(esv, log_time_ns, message)?,
+            BagMessage::TankPressure(message) => bag.write(tank_pressure, log_time_ns, message)?,
+            BagMessage::ServoState(message) => bag.write(servo_state, log_time_ns, message)?,
         }
     }
     Ok(bag.seal()?)
 }
 
 /// All messages in the order in which a recorder would have got them.
-fn messages(process: Process, seed: u64, streams: &GeneratedStreams) -> Vec<(i64, Message)> {
+fn messages(process: Process, seed: u64, streams: &GeneratedStreams) -> Vec<(i64, BagMessage)> {
     let mut draws = RandomStreams { seed, process }.of(Purpose::LogTime);
-    let mut all: Vec<(i64, Message)> = vec![];
+    let mut all: Vec<(i64, BagMessage)> = vec![];
     let mut put = |stamp_ns: i64, message| {
         all.push((stamp_ns + units::nanos_from_seconds(draws.between(1.5e-4, 9.0e-4)), message));
     };
     for (stamp_ns, opening) in &streams.command {
         let header = msg::Header::at(*stamp_ns);
-        put(*stamp_ns, Message::Command(msg::GovernorCommand { header, opening: *opening }));
+        put(*stamp_ns, BagMessage::Command(msg::GovernorCommand { header, opening: *opening }));
     }
     for (stamp_ns, state) in &streams.esv {
         let state = match state {
             EsvState::Shutdown => msg::EsvState::SHUTDOWN,
             EsvState::Normal => msg::EsvState::NORMAL,
         };
-        put(*stamp_ns, Message::Esv(msg::EsvState { header: msg::Header::at(*stamp_ns), state }));
+        put(*stamp_ns, BagMessage::Esv(msg::EsvState { header: msg::Header::at(*stamp_ns), state }));
     }
     for (stamp_ns, pressure_pa) in &streams.tank_pressure {
         let header = msg::Header::at(*stamp_ns);
         put(
             *stamp_ns,
-            Message::TankPressure(msg::FluidPressure { header, fluid_pressure: *pressure_pa, variance: 0.0 }),
+            BagMessage::TankPressure(msg::FluidPressure { header, fluid_pressure: *pressure_pa, variance: 0.0 }),
         );
     }
     for (stamp_ns, signals) in &streams.servo_state {
@@ -287,7 +287,7 @@ fn messages(process: Process, seed: u64, streams: &GeneratedStreams) -> Vec<(i64
             pilot_valve_position: signals.pilot_valve_position_pu,
             control_pressure: signals.control_pressure_pa,
         };
-        put(*stamp_ns, Message::ServoState(message));
+        put(*stamp_ns, BagMessage::ServoState(message));
     }
     all.sort_by_key(|(log_time_ns, _)| *log_time_ns);
     all

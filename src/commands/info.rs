@@ -60,7 +60,7 @@ Exit codes: 0 sound, 1 not readable as a bag, 2 wrong usage, 3 read, with warnin
 
 /// What is said of one bag.
 #[derive(Debug, Serialize)]
-struct Entry {
+struct BagEntry {
     name: String,
     path: PathBuf,
     #[serde(flatten)]
@@ -109,7 +109,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     Ok(if sound { Outcome::Ok } else { Outcome::Warnings })
 }
 
-fn look(name: String, path: &Path, options: &ReadOptions) -> Result<Entry, BagError> {
+fn look(name: String, path: &Path, options: &ReadOptions) -> Result<BagEntry, BagError> {
     let (mut survey, overview) = bag::look(path, options)?;
     // A bag of something else is not judged as a recording.
     let related = survey.topics.iter().any(|topic| topic.type_name.starts_with("governor_msgs/"));
@@ -134,7 +134,15 @@ fn look(name: String, path: &Path, options: &ReadOptions) -> Result<Entry, BagEr
     let mut said: Vec<String> = survey.warnings.iter().map(Warning::to_string).collect();
     said.extend(topics_in_doubt(&survey));
     let notes_in_words = survey.notes.iter().map(ToString::to_string).collect();
-    Ok(Entry { name, path: path.to_owned(), survey, recording, no_recording, warnings_in_words: said, notes_in_words })
+    Ok(BagEntry {
+        name,
+        path: path.to_owned(),
+        survey,
+        recording,
+        no_recording,
+        warnings_in_words: said,
+        notes_in_words,
+    })
 }
 
 /// Topics whose messages or hash are not those of the schema beside them.

@@ -78,7 +78,7 @@ enum Corrected {
 
 /// Where the guide-vane opening comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum CutAt {
+pub enum OpeningFrom {
     /// Everything is simulated: what the node does.
     None,
     /// The measured servomotor position feeds the regulator (the paper's mode).
@@ -157,12 +157,17 @@ impl Args {
     }
 
     /// Reads, prepares and simulates the recordings, and makes the rows.
-    pub fn ready(&self, cut: CutAt, between: Between) -> anyhow::Result<TrainingData> {
-        self.ready_without(cut, between, &[])
+    pub fn prepare(&self, cut: OpeningFrom, between: Between) -> anyhow::Result<TrainingData> {
+        self.prepare_without(cut, between, &[])
     }
 
     /// The same without some processes.
-    pub fn ready_without(&self, cut: CutAt, between: Between, left_out: &[Process]) -> anyhow::Result<TrainingData> {
+    pub fn prepare_without(
+        &self,
+        cut: OpeningFrom,
+        between: Between,
+        left_out: &[Process],
+    ) -> anyhow::Result<TrainingData> {
         let sheet = match &self.params {
             Some(path) => params::load_sheet(path)?,
             None => params::reference_sheet(),
@@ -172,8 +177,8 @@ impl Args {
             Corrected::Servomotor => Signal::ServomotorPosition,
         };
         let (cut, opening) = match cut {
-            CutAt::None => (Cut::None, Opening::Simulated),
-            CutAt::Servomotor => (Cut::Servomotor, Opening::Measured),
+            OpeningFrom::None => (Cut::None, Opening::Simulated),
+            OpeningFrom::Servomotor => (Cut::Servomotor, Opening::Measured),
         };
         if signal == Signal::ServomotorPosition && cut == Cut::Servomotor {
             bail!(

@@ -52,7 +52,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     report_file::check(&report).with_context(|| shown.to_string())?;
     let diagnosis = read(&report).with_context(|| shown.to_string())?;
-    let made = report_file::provenance(&args.report)?.unwrap_or_else(|| Provenance {
+    let made = report_file::made_from(&report).with_context(|| shown.to_string())?.unwrap_or_else(|| Provenance {
         warnings: vec!["the report does not say what it was made from".to_owned()],
         ..Provenance::default()
     });

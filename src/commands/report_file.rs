@@ -5,6 +5,7 @@ use std::path::Path;
 use anyhow::{Context, bail};
 use govtwin::files::read_text;
 use govtwin::provenance::Provenance;
+use serde::Deserialize;
 use serde_json::Value;
 
 /// More than a report of one unit has with all its evidence.
@@ -16,14 +17,19 @@ pub fn text(path: &Path) -> anyhow::Result<String> {
     Ok(text.trim_start_matches('\u{feff}').to_owned())
 }
 
-/// What a report was made from; none where it does not say.
+/// A report as JSON.
+pub fn read(path: &Path) -> anyhow::Result<Value> {
+    serde_json::from_str(&text(path)?).with_context(|| path.display().to_string())
+}
+
+/// What the report in a file was made from; none where it does not say.
 pub fn provenance(path: &Path) -> anyhow::Result<Option<Provenance>> {
-    #[derive(serde::Deserialize)]
-    struct Made {
-        provenance: Option<Provenance>,
-    }
-    let made: Made = serde_json::from_str(&text(path)?).with_context(|| path.display().to_string())?;
-    Ok(made.provenance)
+    made_from(&read(path)?).with_context(|| path.display().to_string())
+}
+
+/// What a report was made from; none where it does not say.
+pub fn made_from(report: &Value) -> serde_json::Result<Option<Provenance>> {
+    report.get("provenance").map_or(Ok(None), Option::deserialize)
 }
 
 /// Refuses a report that was edited or made by something else, before its figures are shown as if they were ours.

@@ -3,16 +3,14 @@
 use std::path::Path;
 
 use anyhow::{Context, bail};
-use govtwin::blind::said::ReportVerdict;
+use govtwin::benchmark::report_verdict::ReportVerdict;
 use govtwin::diagnosis::result::schema::SCHEMA;
-use govtwin::files::read_text;
 
-use super::report_file::LARGEST_BYTES;
+use super::report_file;
 
 /// Reads a report.
 pub fn read(path: &Path) -> anyhow::Result<ReportVerdict> {
-    let text = read_text(path, LARGEST_BYTES).with_context(|| format!("cannot read {}", path.display()))?;
-    check(&text).with_context(|| path.display().to_string())
+    check(&report_file::text(path)?).with_context(|| path.display().to_string())
 }
 
 /// What the text of a report says. One without a schema is a baseline's, which `govtwin blind` writes itself.
@@ -21,12 +19,12 @@ fn check(text: &str) -> anyhow::Result<ReportVerdict> {
     struct Head {
         schema: Option<String>,
     }
-    let said = ReportVerdict::read(text)?;
+    let report = ReportVerdict::read(text)?;
     let head: Head = serde_json::from_str(text)?;
     if let Some(found) = head.schema.filter(|found| found != SCHEMA) {
         bail!("expected a report of the schema {SCHEMA}, found `{found}`; was it made by another version?");
     }
-    Ok(said)
+    Ok(report)
 }
 
 #[cfg(test)]

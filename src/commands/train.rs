@@ -1,4 +1,4 @@
-//! `govtwin train`: a model of what the twin misses, found by Bayesian optimisation, judged on rows that it never saw.
+//! `govtwin train`: a model of the twin's residual, found by Bayesian optimisation, judged on rows that it never saw.
 
 use anyhow::{Context, bail};
 use govtwin::comparison::contenders::{self, mechanism, trained};
@@ -15,11 +15,11 @@ use govtwin::residual::split::seven_to_three;
 use govtwin::residual::training::{self, GuardKind};
 use serde::Serialize;
 
-use super::learn::{self, CutAt, RateOfInputs, SearchJob};
+use super::learn::{self, OpeningFrom, RateOfInputs, SearchJob};
 use super::output::{Output, print, table_text};
 use crate::commands::Outcome;
 
-/// Train a model of what the twin misses.
+/// Train a model of the twin's residual.
 ///
 /// Learns measured − simulated from the inputs and from the twin's own output (Liu et al. 2025): the first 70 % of each
 /// process teach, the last 30 % judge. Hyperparameters come from Bayesian optimisation on five folds by time inside the
@@ -30,15 +30,15 @@ pub struct Args {
     #[command(flatten)]
     learn: learn::Args,
     /// Where the guide-vane opening comes from; a model runs only where it comes from there again.
-    #[arg(long, value_enum, default_value_t = CutAt::None)]
-    cut: CutAt,
+    #[arg(long, value_enum, default_value_t = OpeningFrom::None)]
+    cut: OpeningFrom,
     /// What drives the twin between two recorded rows; a model runs only on a twin that is driven so again. A live node holds what it heard
     /// last: where its commands come far faster than the rows here, that is `linear`.
     #[arg(long, value_enum, default_value_t = RateOfInputs::Linear)]
     rate_of_inputs: RateOfInputs,
     /// Processes that neither teach nor judge, so that `replay --then` can show how far the model carries.
     #[arg(long, value_name = "PROCESS", value_enum, value_delimiter = ',')]
-    leave_out: Vec<Which>,
+    leave_out: Vec<NamedProcess>,
     /// What bounds corrections. `processes` never makes a process worse that no row taught, as far as those that taught can tell, and
     /// corrects less where they did; `range` is for a unit that does what it did in the recordings.
     #[arg(long, value_enum, default_value_t = GuardBy::Range)]
@@ -68,7 +68,7 @@ impl GuardBy {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 #[value(rename_all = "snake_case")]
-enum Which {
+enum NamedProcess {
     /// From closed to speed-no-load.
     Startup,
     /// On load, towards a larger opening.
@@ -79,7 +79,7 @@ enum Which {
     LoadRejection,
 }
 
-impl Which {
+impl NamedProcess {
     fn is(self, process: Process) -> bool {
         process
             == match self {
@@ -109,7 +109,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let left_out: Vec<Process> =
         Process::ALL.into_iter().filter(|own| args.leave_out.iter().any(|which| which.is(*own))).collect();
     let mut output = Output::claim(&args.learn.out, &["model.residual", "train.html", "train.json"])?;
-    let ready = args.learn.ready_without(args.cut, args.rate_of_inputs.between(), &left_out)?;
+    let ready = args.learn.prepare_without(args.cut, args.rate_of_inputs.between(), &left_out)?;
     let table = &ready.table;
     let split = seven_to_three(table);
     if split.test.is_empty() {

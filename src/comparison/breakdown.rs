@@ -19,10 +19,10 @@ const JUMP: f64 = 0.1;
 const MOTION: f64 = 0.03;
 
 /// Rows that are told for each process.
-pub const WORST: usize = 8;
+const WORST: usize = 8;
 
 /// Rows before and behind the worst one that a picture shows.
-pub const AROUND: usize = 8;
+pub(crate) const AROUND: usize = 8;
 
 /// What goes on at a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -146,16 +146,17 @@ pub fn breakdown(
 ) -> ErrorBreakdown {
     let Some((_, table)) = parents.first() else { return ErrorBreakdown { models: vec![], processes: vec![] } };
     let phases: Vec<Phase> = rows.iter().map(|&row| phase(table, row)).collect();
-    let miss = |model: usize, at: usize| models[model].estimates[at] - table.marks[rows[at]].measured;
+    let residual_of = |model: usize, at: usize| models[model].estimates[at] - table.marks[rows[at]].measured;
     let of = |process: Process| {
         let own: Vec<usize> = (0..rows.len()).filter(|&at| table.marks[rows[at]].process == process).collect();
         if own.is_empty() {
             return None;
         }
-        let squares = |model: usize, at: &[usize]| at.iter().map(|&at| miss(model, at).powi(2)).sum::<f64>();
+        let squares = |model: usize, at: &[usize]| at.iter().map(|&at| residual_of(model, at).powi(2)).sum::<f64>();
         let part = |phase: Phase| {
             let here: Vec<usize> = own.iter().copied().filter(|&at| phases[at] == phase).collect();
-            let mae = |model: usize| here.iter().map(|&at| miss(model, at).abs()).sum::<f64>() / here.len() as f64;
+            let mae =
+                |model: usize| here.iter().map(|&at| residual_of(model, at).abs()).sum::<f64>() / here.len() as f64;
             let share = |model: usize| squares(model, &here) / squares(model, &own).max(f64::MIN_POSITIVE);
             (!here.is_empty()).then(|| PhaseErrors {
                 phase,
@@ -164,7 +165,8 @@ pub fn breakdown(
                 square_shares: (0..models.len()).map(share).collect(),
             })
         };
-        let lost = |at: usize| if models.len() > 1 { miss(0, at).powi(2) - miss(1, at).powi(2) } else { 0.0 };
+        let lost =
+            |at: usize| if models.len() > 1 { residual_of(0, at).powi(2) - residual_of(1, at).powi(2) } else { 0.0 };
         let mut order = own.clone();
         order.sort_by(|a, b| lost(*b).total_cmp(&lost(*a)));
         order.truncate(WORST);
@@ -210,7 +212,7 @@ fn shift_s(table: &FeatureTable, rows: &[usize]) -> f64 {
         row.and_then(|row| table.marks.get(row)).filter(|mark| mark.recording == recording).map(|mark| mark.model)
     };
     let loss = |share: f64| -> f64 {
-        let miss = |&row: &usize| {
+        let residual_of = |&row: &usize| {
             let mark = &table.marks[row];
             // A trace that comes too late is read from the row behind.
             let other = if share > 0.0 { row.checked_add(1) } else { row.checked_sub(1) };
@@ -218,7 +220,7 @@ fn shift_s(table: &FeatureTable, rows: &[usize]) -> f64 {
                 .map_or(mark.model, |other| mark.model + share.abs() * (other - mark.model));
             (mark.measured - moved).abs()
         };
-        rows.iter().map(miss).sum()
+        rows.iter().map(residual_of).sum()
     };
     let shares = (-20..=20).map(|step| f64::from(step) / 20.0);
     let best = shares.map(|share| (share, loss(share))).min_by(|a, b| a.1.total_cmp(&b.1));

@@ -5,7 +5,7 @@ use crate::estimation::coordinate::subject_at;
 use crate::identification::calibration::calibrate;
 use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::noise;
-use crate::likelihood::trial::Trial;
+use crate::likelihood::prepared::PreparedRecording;
 use crate::parameters::{EffectSetting, Unit};
 use crate::recording::Recording;
 use crate::replay::between::drawn;
@@ -46,7 +46,8 @@ pub fn refit(recordings: &[Recording], unit: &Unit, effects: &[&str], period_ns:
     if free.is_empty() {
         return base;
     }
-    let trials: Vec<Trial> = recordings.iter().map(|one| Trial::new(drawn(one, period_ns).0)).collect();
-    let (_, found) = calibrate(trials, &base, free.clone(), &noise::expected(&base.sensors), 1, step);
+    let recordings: Vec<PreparedRecording> =
+        recordings.iter().map(|one| PreparedRecording::new(drawn(one, period_ns).0)).collect();
+    let (_, found) = calibrate(recordings, &base, free.clone(), &noise::expected(&base.sensors), 1, step);
     subject_at(&base, &free, &found.fit.positions)
 }

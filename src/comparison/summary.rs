@@ -202,7 +202,7 @@ impl Searched {
 
     /// The smallest loss after each trial.
     #[must_use]
-    pub fn best_so_far(&self) -> Vec<f64> {
+    pub(crate) fn best_so_far(&self) -> Vec<f64> {
         let lower = |low: &mut f64, loss: &f64| {
             *low = low.min(*loss);
             Some(*low)
@@ -271,7 +271,7 @@ pub struct Claims<'a> {
     pub hybrid: &'a ModelStanding,
 }
 
-/// The paper's claims for its hybrid, beside the figures here; the rivals are the twin alone and the model of data alone.
+/// The paper's claims for its hybrid, beside the figures here; the models beside it are the twin alone and the model of data alone.
 #[must_use]
 pub fn claims(ours: &Claims<'_>, [mechanism, data]: [&ModelStanding; 2]) -> Vec<PaperClaim> {
     let Claims { of, hybrid } = ours;

@@ -66,7 +66,7 @@ impl Decision {
         } else if unknown > known {
             (Verdict::Unknown, Vec::new())
         } else {
-            told(&sets, &effects, known)
+            verdict_on(&sets, &effects, known)
         };
         Self {
             verdict,
@@ -81,7 +81,7 @@ impl Decision {
 
     /// The same with another verdict that blames nothing, which is then the probable one.
     #[must_use]
-    pub fn forced(mut self, verdict: Verdict) -> Self {
+    pub(crate) fn forced(mut self, verdict: Verdict) -> Self {
         let to_unknown = matches!(verdict, Verdict::Unknown | Verdict::NoSuchUnit);
         let room = if to_unknown { 1.0 - self.unknown } else { 1.0 - self.none };
         // What there is least doubt of keeps nine tenths.
@@ -117,7 +117,7 @@ impl Decision {
 }
 
 /// What is said of the known: named with the shared and the likely, or the class.
-fn told(
+fn verdict_on(
     sets: &[(Vec<String>, f64)],
     effects: &[(&'static EffectSpec, f64)],
     known: f64,
@@ -130,8 +130,8 @@ fn told(
         return (Verdict::Named, named.collect());
     }
     let mut held = 0.0;
-    let rivals = order.into_iter().filter(|(id, _)| sets.iter().any(|(set, _)| set.iter().any(|one| one == id)));
-    let class = rivals.take_while(|(_, p)| {
+    let competing = order.into_iter().filter(|(id, _)| sets.iter().any(|(set, _)| set.iter().any(|one| one == id)));
+    let class = competing.take_while(|(_, p)| {
         let wanted = held < CREDIBLE * known;
         held += p;
         wanted
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn one_set_names_and_rivals_make_a_class() {
+    fn one_set_names_and_competing_ones_make_a_class() {
         let one = decided(&[(&["backlash"], 0.95), (&[], 0.02)]);
         assert_eq!((one.verdict, one.blamed.as_slice()), (Verdict::Named, ["backlash"].as_slice()));
         let two = decided(&[(&["backlash"], 0.6), (&["load"], 0.3), (&[], 0.05)]);

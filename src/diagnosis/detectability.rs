@@ -1,7 +1,7 @@
 //! What the recordings could show: the smallest size of each effect that would stand out, and effects that leave the same mark.
 
 use crate::diagnosis::hypotheses::Explored;
-use crate::diagnosis::result::Visible;
+use crate::diagnosis::result::DetectableSize;
 use crate::effects::EffectSpec;
 
 /// Gain in cost from which an effect stands out: a log Bayes factor of 10, of which the odds against any effect take half.
@@ -12,19 +12,19 @@ const ALIKE: f64 = 0.97;
 
 /// The smallest size of each effect that would stand out.
 #[must_use]
-pub fn visible(explored: &Explored, catalogue: &[&'static EffectSpec]) -> Vec<Visible> {
+pub fn detectable_sizes(explored: &Explored, catalogue: &[&'static EffectSpec]) -> Vec<DetectableSize> {
     let of = |(effect, spec): (usize, &&'static EffectSpec)| {
         let parameter = &spec.parameters[0];
         let typical = (parameter.typical - parameter.neutral).abs();
-        let smallest = typical * explored.linearisation.smallest_visible(effect, STANDS_OUT);
-        Visible { id: spec.id, parameter: parameter.name, unit: parameter.unit, smallest, typical }
+        let smallest = typical * explored.linearisation.minimum_detectable_size(effect, STANDS_OUT);
+        DetectableSize { id: spec.id, parameter: parameter.name, unit: parameter.unit, smallest, typical }
     };
     catalogue.iter().enumerate().map(of).collect()
 }
 
 /// Pairs whose marks are alike, most alike first.
 #[must_use]
-pub fn alike(explored: &Explored, catalogue: &[&'static EffectSpec]) -> Vec<(String, String, f64)> {
+pub fn ambiguous_pairs(explored: &Explored, catalogue: &[&'static EffectSpec]) -> Vec<(String, String, f64)> {
     let mut pairs = Vec::new();
     for (a, one) in catalogue.iter().enumerate() {
         for (b, other) in catalogue.iter().enumerate().skip(a + 1) {

@@ -5,8 +5,8 @@
 //! terms gain is counted with the free parameters following; what these could gain alone is not, since a fit went where it could. A discrepancy term of which every point of the chain has a
 //! little is the error of equations; much of it at one point is something unknown there.
 
-pub mod law_error;
-pub mod parts;
+pub(crate) mod law_error;
+pub(crate) mod parts;
 
 use std::sync::Arc;
 
@@ -44,12 +44,12 @@ pub struct NormalEquations {
     /// Logarithm of the precision of the free parameters' priors, all together.
     log_precision: f64,
     /// What each recording has to say.
-    parts: Vec<Part>,
+    parts: Vec<RecordingNormal>,
 }
 
 /// One recording's part in the normal equations of the free parameters.
 #[derive(Clone, Debug)]
-struct Part {
+struct RecordingNormal {
     cost: f64,
     hessian: DMatrix<f64>,
     gradient: DVector<f64>,
@@ -84,9 +84,9 @@ impl Shared {
         let mut gradient = DVector::zeros(n + b + laws);
         let mut parts = Vec::new();
         hessian.view_mut((n, n), (b, b)).copy_from(&self.gram);
-        for (trial, residuals) in model.fit.residuals.iter().enumerate() {
-            let (slopes, marks) = (&model.fit.slopes[trial], &self.columns.marks[trial]);
-            let errors = self.modulations.marks(model, trial, &limits);
+        for (recording, residuals) in model.fit.residuals.iter().enumerate() {
+            let (slopes, marks) = (&model.fit.slopes[recording], &self.columns.marks[recording]);
+            let errors = self.modulations.marks(model, recording, &limits);
             let part = crossed(slopes, slopes);
             let along = slopes.tr_mul(residuals);
             let mut add = |at: (usize, usize), block: &DMatrix<f64>| {
@@ -105,7 +105,7 @@ impl Shared {
                 let mut view = gradient.rows_mut(first, along.len());
                 view += along;
             }
-            parts.push(Part { cost: residuals.norm_squared(), hessian: part, gradient: along });
+            parts.push(RecordingNormal { cost: residuals.norm_squared(), hessian: part, gradient: along });
         }
         hessian.fill_lower_triangle_with_upper_triangle();
         let (median, spread) = SIZE_PRIOR;
@@ -188,7 +188,7 @@ impl NormalEquations {
 
     /// The same with something unknown at a stage, whatever its size.
     #[must_use]
-    pub fn unknown_at(&self, stage: Stage) -> f64 {
+    pub(crate) fn unknown_at(&self, stage: Stage) -> f64 {
         let at: Vec<bool> = discrepancy::places().map(|place| place.stage == stage).collect();
         if !at.contains(&true) {
             return f64::NEG_INFINITY;
@@ -241,7 +241,7 @@ impl NormalEquations {
     pub fn without_each(&self) -> Vec<f64> {
         let n = self.slopes;
         let all = self.hessian.view((0, 0), (n, n)).into_owned();
-        let of = |part: &Part| {
+        let of = |part: &RecordingNormal| {
             let cost = self.cost - part.cost;
             let Some(cholesky) = Cholesky::new(&all - &part.hessian) else { return -0.5 * cost };
             let gain = part.gradient.dot(&cholesky.solve(&part.gradient));

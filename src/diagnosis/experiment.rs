@@ -5,8 +5,8 @@
 //! effects. What that is worth stands in [`crate::diagnosis::experiment::information`]; nats count as the posterior counts them ([`Weights::counted_nats`]).
 
 pub mod candidate_test;
-pub mod information;
-pub mod stage_experiment;
+pub(crate) mod information;
+pub(crate) mod stage_experiment;
 pub mod survivors;
 
 use nalgebra::{DMatrix, DVector};
@@ -24,14 +24,14 @@ use crate::diagnosis::result::Experiment;
 use crate::diagnosis::result::test_script::CANDIDATES;
 use crate::estimation::coordinate::Residuals;
 use crate::estimation::fit::slopes;
+use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::{Problem, twin_of};
-use crate::likelihood::trial::Trial;
 use crate::parameters::Unit;
 use crate::signal::Signal;
 use crate::twin::{Cut, Twin};
 
 /// A test that is expected to tell less settles nothing, bits.
-pub const LEAST_BITS: f64 = 0.01;
+pub(crate) const LEAST_BITS: f64 = 0.01;
 
 /// Simulated time that all candidates together may take, s: three hundred recordings of 40 s, a twentieth of a diagnosis.
 const SIMULATED_S: f64 = 12_000.0;
@@ -50,7 +50,7 @@ pub struct Next {
 
 /// The best tests: of those that ask for nothing further, and with a trip, pilot signals or a faster recorder where these tell more per minute.
 #[must_use]
-pub fn next(
+pub fn design(
     problem: &Problem,
     found: &Explored,
     judged: (&EvidenceTable, &Posterior, &Weights),
@@ -63,12 +63,12 @@ pub fn next(
         return Next { entropy_bits, experiments: Vec::new() };
     }
     let Some(leader) = left.iter().find(|one| !one.unknown).or(left.first()) else { return Next::default() };
-    let candidates = if problem.trials.first().is_some_and(|trial| trial.cut == Cut::Spool) {
+    let candidates = if problem.recordings.first().is_some_and(|recording| recording.cut == Cut::Spool) {
         stage_experiment::candidates(&leader.model.unit())
     } else {
         candidates(problem, &leader.model.unit(), &CANDIDATES)
     };
-    let recorded = Signal::ALL.map(|signal| problem.trials.iter().any(|trial| trial.has[signal as usize]));
+    let recorded = Signal::ALL.map(|signal| problem.recordings.iter().any(|recording| recording.has[signal as usize]));
     let weighed = weigh(
         problem,
         &left,
@@ -116,7 +116,7 @@ pub fn weigh(
     candidates: Vec<Candidate>,
     known: (CountedNats, [bool; Signal::ALL.len()]),
 ) -> Vec<Weighed> {
-    let tests = problem.anew(candidates.iter().map(|one| one.trial.clone()).collect(), &leader.unit());
+    let tests = problem.anew(candidates.iter().map(|one| one.recording.clone()).collect(), &leader.unit());
     let mut twins: Vec<Twin> = left.iter().map(|one| one.twin.clone()).collect();
     twins.push(twin_of(refitted));
     let outcomes = tests.residuals_of_twins(&twins);
@@ -225,7 +225,7 @@ impl Weighing<'_> {
         let predicted: Vec<Predicted> =
             (0..self.left.len()).map(|k| self.predicted(k, (first, places[k]), all)).collect();
         let weighed = |(records, further): (Vec<Signal>, bool)| {
-            let gram = gram(&columns, &self.candidates[index].trial, &records);
+            let gram = gram(&columns, &self.candidates[index].recording, &records);
             let drop = expected_drop(&gram, &predicted, self.known.0);
             let name = |k: usize| self.left[k].name.clone();
             let separates = drop.separates.map(|(i, j, apart)| ([name(i), name(j)], apart));
@@ -270,7 +270,7 @@ fn beside(left: DMatrix<f64>, right: &DMatrix<f64>) -> DMatrix<f64> {
 
 /// Signals to record in a candidate: those that were recorded, and these with the pilot signals where they were not.
 fn variants(candidate: &Candidate, recorded: [bool; Signal::ALL.len()]) -> Vec<(Vec<Signal>, bool)> {
-    let has: Vec<Signal> = candidate.trial.signals().collect();
+    let has: Vec<Signal> = candidate.recording.signals().collect();
     let usual: Vec<Signal> = has.iter().copied().filter(|&signal| recorded[signal as usize]).collect();
     let more = has.iter().any(|&signal| PILOT.contains(&signal) && !recorded[signal as usize]);
     let with_pilot =
@@ -283,11 +283,11 @@ fn variants(candidate: &Candidate, recorded: [bool; Signal::ALL.len()]) -> Vec<(
 }
 
 /// Products of columns over the samples of some signals.
-fn gram(columns: &DMatrix<f64>, trial: &Trial, signals: &[Signal]) -> DMatrix<f64> {
+fn gram(columns: &DMatrix<f64>, recording: &PreparedRecording, signals: &[Signal]) -> DMatrix<f64> {
     let n = columns.ncols();
-    let count = trial.samples.len();
-    signals.iter().filter_map(|&signal| trial.place(signal)).fold(DMatrix::zeros(n, n), |sum, place| {
-        let rows = columns.rows(trial.residual(place, 0), count);
+    let count = recording.samples.len();
+    signals.iter().filter_map(|&signal| recording.place(signal)).fold(DMatrix::zeros(n, n), |sum, place| {
+        let rows = columns.rows(recording.residual(place, 0), count);
         sum + rows.transpose() * rows
     })
 }

@@ -19,7 +19,7 @@ const STRANGE_SHARES: (f64, f64) = (0.5, 0.15);
 const EXPLAINED: f64 = 0.3;
 
 /// One recording fitted alone.
-struct Alone {
+struct FittedAlone {
     gain: f64,
     fit: Fit,
     variances: Vec<f64>,
@@ -30,21 +30,24 @@ struct Alone {
 pub fn disagreement(problem: &Problem, found: &Explored) -> Option<String> {
     let model = found.leader();
     let floor = problem.expected_cost();
-    if problem.trials.len() < 2 || model.fit.slopes.len() < problem.trials.len() || model.cost() - floor < STRANGE {
+    if problem.recordings.len() < 2
+        || model.fit.slopes.len() < problem.recordings.len()
+        || model.cost() - floor < STRANGE
+    {
         return None;
     }
     // A model that explains the gap of all of them speaks for one unit, however much each gains by parameters of its own.
     if model.cost() - floor < EXPLAINED * (found.refitted().cost() - floor) {
         return None;
     }
-    let alone: Vec<Alone> = (0..problem.trials.len())
-        .map(|trial| {
-            let own = problem.only(trial);
-            let known = [model.fit.slopes[trial].clone()];
+    let alone: Vec<FittedAlone> = (0..problem.recordings.len())
+        .map(|recording| {
+            let own = problem.only(recording);
+            let known = [model.fit.slopes[recording].clone()];
             let fit = fit(&own, &model.base, &model.free_parameters, &model.fit.positions, ALONE, Some(&known));
-            let together = model.fit.residuals[trial].norm_squared() + model.fit.prior;
+            let together = model.fit.residuals[recording].norm_squared() + model.fit.prior;
             let variances = covariance(&model.free_parameters, &fit).diagonal().iter().copied().collect();
-            Alone { gain: (together - fit.cost()).max(0.0), fit, variances }
+            FittedAlone { gain: (together - fit.cost()).max(0.0), fit, variances }
         })
         .collect();
     let gain: f64 = alone.iter().map(|one| one.gain).sum();
@@ -55,7 +58,7 @@ pub fn disagreement(problem: &Problem, found: &Explored) -> Option<String> {
     let mut order: Vec<usize> = (0..alone.len()).collect();
     order.sort_by(|&a, &b| alone[b].gain.total_cmp(&alone[a].gain));
     let telling = order.iter().filter(|&&k| alone[k].gain > 0.25 * gain);
-    let names: Vec<&str> = telling.map(|&k| problem.trials[k].name.as_str()).collect();
+    let names: Vec<&str> = telling.map(|&k| problem.recordings[k].name.as_str()).collect();
     Some(format!(
         "The recordings do not fit one set of parameters, though each fits one of its own: {apart}. Are they of different units? Farthest from \
          the rest: {}. No effect is named on such ground.",
@@ -64,7 +67,7 @@ pub fn disagreement(problem: &Problem, found: &Explored) -> Option<String> {
 }
 
 /// The parameter that two recordings see farthest apart, in its deviations.
-fn apart(problem: &Problem, model: &FittedModel, alone: &[Alone]) -> Option<String> {
+fn apart(problem: &Problem, model: &FittedModel, alone: &[FittedAlone]) -> Option<String> {
     let mut farthest: Option<(f64, usize, usize, usize)> = None;
     for (k, _) in model.free_parameters.iter().enumerate() {
         for a in 0..alone.len() {
@@ -88,9 +91,9 @@ fn apart(problem: &Problem, model: &FittedModel, alone: &[Alone]) -> Option<Stri
         format!(
             "{key} would be {:.4e}{unit} in {} and {:.4e}{unit} in {}",
             value(free_parameter, &model.base, a),
-            problem.trials[a].name,
+            problem.recordings[a].name,
             value(free_parameter, &model.base, b),
-            problem.trials[b].name
+            problem.recordings[b].name
         )
     })
 }

@@ -1,9 +1,9 @@
 //! Which fault sets are worth a joint fit, and those fits: proposals of the linear picture at several points, until the leader stands.
 
-pub mod anew;
-pub mod explorer;
+pub(crate) mod anew;
+pub(crate) mod explorer;
 mod fitted_sets;
-pub mod linearisation;
+pub(crate) mod linearisation;
 pub mod table;
 
 use std::sync::Arc;
@@ -24,7 +24,7 @@ use crate::likelihood::problem::Problem;
 use crate::parameters::Unit;
 
 /// Most effects at once.
-pub const MOST: usize = 3;
+pub(crate) const MOST: usize = 3;
 
 /// Proposals of each point that are fitted, by number of effects from one.
 const TAKEN: [usize; MOST] = [5, 6, 3];
@@ -175,7 +175,7 @@ impl<'a> Exploration<'a> {
 
     /// The unit of the likeliest set so far.
     #[must_use]
-    pub fn leading_unit(&self) -> Option<Unit> {
+    pub(crate) fn leading_unit(&self) -> Option<Unit> {
         self.known.ordered().first().map(|leader| leader.model.unit())
     }
 

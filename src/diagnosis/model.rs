@@ -1,9 +1,9 @@
 //! A model: a unit with effects, its parameters fitted, and what the fit says of them.
 
-pub mod consistency;
-pub mod discrepancy;
-pub mod search;
-pub mod support;
+pub(crate) mod consistency;
+pub(crate) mod discrepancy;
+pub(crate) mod search;
+pub(crate) mod support;
 
 use nalgebra::{DMatrix, DVector};
 
@@ -50,13 +50,13 @@ impl FittedModel {
     }
 
     /// Gives up residuals and slopes, which are nearly all of its memory.
-    pub fn lighten(&mut self) {
+    pub(crate) fn lighten(&mut self) {
         (self.fit.residuals, self.fit.slopes) = (Vec::new(), Vec::new());
     }
 
     /// The same effects and free parameters, fitted otherwise, if that is better.
     #[must_use]
-    pub fn or_better(&self, fit: Fit) -> Self {
+    pub(crate) fn or_better(&self, fit: Fit) -> Self {
         if fit.cost() <= self.fit.cost() || self.fit.slopes.is_empty() {
             Self::new(self.effects.clone(), self.base.clone(), self.free_parameters.clone(), fit)
         } else {
@@ -104,7 +104,7 @@ impl FittedModel {
     /// How far the sheet is stretched: squares of the parameters' deviations in tolerances, over what the recordings say of them, which
     /// counts as three parameters at least, since one or two may lie far out by chance. About 1 where tolerances mean what they say.
     #[must_use]
-    pub fn strain(&self) -> f64 {
+    pub fn prior_per_parameter(&self) -> f64 {
         let told: f64 = (0..self.free_parameters.len())
             .filter(|&k| self.free_parameters[k].has_prior())
             .map(|k| self.information(k))
@@ -114,7 +114,7 @@ impl FittedModel {
 
     /// The parameters that stand at least so many tolerances off the sheet, the farthest two, in words.
     #[must_use]
-    pub fn stretched(&self, least: f64) -> Vec<String> {
+    pub(crate) fn stretched(&self, least: f64) -> Vec<String> {
         let positions = self
             .free_parameters
             .iter()
@@ -176,7 +176,7 @@ impl FittedModel {
 
     /// What a fit from here on begins with.
     #[must_use]
-    pub fn onwards(&self, effort: Effort) -> Start<'_, FreeParameter> {
+    pub(crate) fn onwards(&self, effort: Effort) -> Start<'_, FreeParameter> {
         let known = (!self.fit.slopes.is_empty()).then_some(self.fit.slopes.as_slice());
         Start { base: &self.base, coordinates: &self.free_parameters, positions: &self.fit.positions, effort, known }
     }

@@ -1,6 +1,6 @@
 //! Recordings made ready for a diagnosis: of the whole chain where they hold the command, else of the servomotor stage behind the spool.
 
-pub mod channels;
+pub(crate) mod channels;
 
 use crate::diagnosis::model::FittedModel;
 use crate::diagnosis::model::search::Turned;
@@ -11,9 +11,9 @@ use crate::estimation::coordinate::{square, subject_at};
 use crate::estimation::fit::Fit;
 use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::noise::{Noise, expected};
+use crate::likelihood::prepared::{PreparedRecording, join_spool};
 use crate::likelihood::problem::Problem;
 use crate::likelihood::qualification::{QualifiedRecordings, qualify_all};
-use crate::likelihood::trial::{Trial, join_spool};
 use crate::parameters::Unit;
 use crate::recording::Recording;
 use crate::signal::Signal;
@@ -37,7 +37,7 @@ const STARTS: usize = 4;
 #[derive(Clone, Debug)]
 pub struct Preparation {
     /// What is fitted to; of a stage alone pieces of the recordings, each to be left out in turn.
-    pub trials: Vec<Trial>,
+    pub recordings: Vec<PreparedRecording>,
     /// Of a stage alone the recordings as a whole, in pu; else empty.
     pub whole: Vec<Recording>,
     /// The unit to begin from.
@@ -73,7 +73,7 @@ pub struct Alone {
 ///
 /// # Errors
 /// Where nothing is left that a diagnosis could go by; each recording's reason is told.
-pub fn ready(
+pub fn prepare(
     mut recordings: Vec<Recording>,
     sheet: &Unit,
     settings: &DiagnosisSettings,
@@ -93,22 +93,22 @@ pub fn ready(
     notes.extend(copies);
     notes.extend(refused.into_iter().map(|reason| format!("Left out: {reason}.")));
     if stage_only {
-        let mut ready = servomotor_stage(qualified, sheet, settings, notes)?;
-        if let Some(alone) = ready.alone.as_mut().filter(|_| is_deviation) {
+        let mut prepared = servomotor_stage(qualified, sheet, settings, notes)?;
+        if let Some(alone) = prepared.alone.as_mut().filter(|_| is_deviation) {
             // What drives it holds the position: that it settles is known.
             alone.follows = Follows::Sum;
         }
-        return Ok(ready);
+        return Ok(prepared);
     }
     if let [only] = qualified.as_slice() {
         notes.push(format!(
-            "One recording only ({}, {}): nothing could be left out of the fit, so closures are not tested on anything new.",
+            "One recording only ({}, {}): nothing could be left out of the fit, so explained fractions are not tested on anything new.",
             only.name,
             only.process.title()
         ));
     }
     Ok(Preparation {
-        trials: qualified.into_iter().map(Trial::new).collect(),
+        recordings: qualified.into_iter().map(PreparedRecording::new).collect(),
         whole: Vec::new(),
         unit: sheet.clone(),
         turned: Turned { free_parameters: FreeParameter::nuisances(sheet), starts: 1 },
@@ -161,36 +161,37 @@ fn servomotor_stage(
         0,
         "Servomotor stage only, driven by the recorded spool; the chain before it was not recorded.".to_owned(),
     );
-    let (trials, unit, noise, turned);
+    let (recordings, unit, noise, turned);
     if settings.free {
-        let ready = sheetless(whole, sheet).ok_or_else(still)?;
-        notes.extend(ready.notes);
-        (whole, trials, unit, noise) = (ready.whole, ready.pieces, ready.unit, ready.noise);
-        turned = Turned { free_parameters: ready.free_parameters, starts: STARTS };
+        let prepared = sheetless(whole, sheet).ok_or_else(still)?;
+        notes.extend(prepared.notes);
+        (whole, recordings, unit, noise) = (prepared.whole, prepared.pieces, prepared.unit, prepared.noise);
+        turned = Turned { free_parameters: prepared.free_parameters, starts: STARTS };
     } else {
         for recording in &mut whole {
             join_spool(&mut recording.frames);
         }
-        trials = pieces(&whole, PIECES).into_iter().map(Trial::servomotor_stage).collect::<Vec<_>>();
+        recordings = pieces(&whole, PIECES).into_iter().map(PreparedRecording::servomotor_stage).collect::<Vec<_>>();
         (unit, noise) = (sheet.clone(), expected(&sheet.sensors));
         let mut free_parameters = FreeParameter::nuisances(&unit);
         free_parameters.retain(sheetless::acts_behind_the_spool);
         turned = Turned { free_parameters, starts: 1 };
     }
-    let runs = Run::all(&trials);
+    let runs = Run::all(&recordings);
     let law = plain(&runs).ok_or_else(still)?;
     let seen = flexible(&runs, &law).ok_or_else(still)?;
     // Laws are told apart on pieces left out, of which two would be too few.
-    let many: Vec<Trial> = pieces(&whole, LAW_PIECES).into_iter().map(Trial::servomotor_stage).collect();
+    let many: Vec<PreparedRecording> =
+        pieces(&whole, LAW_PIECES).into_iter().map(PreparedRecording::servomotor_stage).collect();
     let (follows, left) = follows(&Run::all(&many), &law).ok_or_else(still)?;
     if !settings.free && law.above_1_s + law.below_1_s < 0.0 {
         notes.push(
             "The servomotor moves against the spool's sign; is the spool position recorded the other way round?".into(),
         );
     }
-    let catalogue = acting(&trials, &unit, settings, &noise);
+    let catalogue = acting(&recordings, &unit, settings, &noise);
     Ok(Preparation {
-        trials,
+        recordings,
         whole,
         unit,
         turned,
@@ -203,8 +204,13 @@ fn servomotor_stage(
 }
 
 /// The effects that change the servomotor's position when the spool is given.
-fn acting(trials: &[Trial], unit: &Unit, settings: &DiagnosisSettings, noise: &Noise) -> Vec<&'static EffectSpec> {
-    let problem = Problem::new(trials.to_vec(), unit, noise);
+fn acting(
+    recordings: &[PreparedRecording],
+    unit: &Unit,
+    settings: &DiagnosisSettings,
+    noise: &Noise,
+) -> Vec<&'static EffectSpec> {
+    let problem = Problem::new(recordings.to_vec(), unit, noise);
     let residuals = problem.residuals_of(std::slice::from_ref(unit)).pop().unwrap_or_default();
     let fit = Fit { positions: Vec::new(), square: square(&residuals), prior: 0.0, residuals, slopes: Vec::new() };
     let model = FittedModel::new(Vec::new(), unit.clone(), Vec::new(), fit);

@@ -100,7 +100,7 @@ pub struct Blame {
     /// Its fitted parameters.
     pub parameters: Vec<Fitted>,
     /// Share of the gap that it closes on its own, on data left out of the fit.
-    pub closure: Interval,
+    pub explained_fraction: Interval,
     /// What it closes on top of the other of two effects; none where it is not one of two.
     pub last_in: Option<f64>,
     /// Its Shapley share of what both explain together: the mean over the orders in which they may come (Shapley 1953).
@@ -188,7 +188,7 @@ pub struct ChannelReport {
 /// How well an effect could be seen at all.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
-pub struct Visible {
+pub struct DetectableSize {
     /// Effect.
     pub id: &'static str,
     /// Name of the parameter that sizes it.
@@ -279,8 +279,8 @@ pub struct Tried {
 pub struct Transfer {
     /// Recording.
     pub recording: String,
-    /// Closure on it.
-    pub closure: Interval,
+    /// Explained fraction on it.
+    pub explained_fraction: Interval,
 }
 
 /// One recording as it was and as the twins have it, at the rows where something was measured.
@@ -345,7 +345,7 @@ pub struct StageOnly {
     /// Length of a piece, s.
     pub piece_s: f64,
     /// What was fitted, in the numbers of the recordings.
-    pub told: Vec<StageFigure>,
+    pub figures: Vec<StageFigure>,
     /// RMS that the transducers alone make a right model residual over a piece, pu of stroke.
     pub transducers_pu: f64,
     /// Why the recordings are of no such stage; none where they are.
@@ -373,7 +373,7 @@ pub struct Diagnosis {
     /// The gap in each signal.
     pub gap: Vec<SignalGap>,
     /// Share of the gap that the blamed effects close together, on data left out of the fit.
-    pub closure: Interval,
+    pub explained_fraction: Interval,
     /// Tests that would tell more, best first; none where nothing is to be settled.
     pub experiments: Vec<Experiment>,
     /// Entropy of the posterior over the hypotheses that are left, bits.
@@ -390,14 +390,14 @@ pub struct Diagnosis {
     pub channels: Vec<ChannelReport>,
     /// What could be seen at all.
     #[doc(hidden)]
-    pub visible: Vec<Visible>,
+    pub detectable_sizes: Vec<DetectableSize>,
     /// Pairs of effects that these recordings cannot tell apart, with how alike they look, 0 to 1.
     #[doc(hidden)]
-    pub alike: Vec<(String, String, f64)>,
+    pub ambiguous_pairs: Vec<(String, String, f64)>,
     /// The squared gap in parts.
     #[doc(hidden)]
     pub breakdowns: Vec<Breakdown>,
-    /// Stages driven by recorded signals.
+    /// Stages driven by recorded signals; empty where parts of the chain are judged on their own.
     #[doc(hidden)]
     pub stage_tests: Vec<StageTest>,
     /// Free terms.
@@ -407,8 +407,8 @@ pub struct Diagnosis {
     #[doc(hidden)]
     pub tried: Vec<Tried>,
     /// By how much intervals of the explained share are widened, as a factor of their half-widths.
-    pub closure_widened_by: f64,
-    /// Closure on each recording by fits to the others; empty where there is nothing to transfer.
+    pub explained_fraction_widened_by: f64,
+    /// Explained fraction on each recording by fits to the others; empty where there is nothing to transfer.
     #[doc(hidden)]
     pub transfers: Vec<Transfer>,
     /// Fault sets that hold nine tenths of the probability of something known, likeliest first.

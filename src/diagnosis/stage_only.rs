@@ -1,20 +1,20 @@
 //! A part of the chain: how well its models predict free runs, and how much of the verdict they bear.
 
-pub mod told;
+pub mod stage_figures;
 
 use crate::diagnosis::decision::Decision;
 use crate::diagnosis::hypotheses::Explored;
 use crate::diagnosis::model::FittedModel;
 use crate::diagnosis::preparation::{Alone, Preparation};
 use crate::diagnosis::result::{FreeRun, StageOnly, Verdict};
-use crate::diagnosis::stage_only::told::told;
+use crate::diagnosis::stage_only::stage_figures::stage_figures;
 use crate::diagnosis::summary::explained_fraction::without_recordings;
 use crate::estimation::coordinate::subject_at;
 use crate::estimation::fit::{Effort, fit};
 use crate::frame::Estimate;
 use crate::likelihood::noise::Noise;
+use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::Problem;
-use crate::likelihood::trial::Trial;
 use crate::parameters::Unit;
 use crate::recording::Recording;
 use crate::signal::Signal;
@@ -35,14 +35,19 @@ const CALM_ENOUGH: f64 = 3.0;
 /// Gain in cost that may be chance.
 const LEAST_GAIN: f64 = 8.0;
 /// What the free runs of the plain law are called.
-pub const PLAIN: &str = "plain law";
+const PLAIN: &str = "plain law";
 
 /// The decision as far as a stage on its own bears it; what was taken back is said.
 ///
 /// Without a sheet everything is fitted freely, and a piece of a recording starts in a state that nobody measured: a second effect, or the
 /// better of two alike, is then easily had. That there is no gap is said only where the transducers account for what is missed on pieces left out.
 #[must_use]
-pub fn modest(problem: &Problem, found: &Explored, ready: &Preparation, decision: Decision) -> (Decision, Vec<String>) {
+pub(crate) fn modest(
+    problem: &Problem,
+    found: &Explored,
+    ready: &Preparation,
+    decision: Decision,
+) -> (Decision, Vec<String>) {
     let Some(alone) = &ready.alone else { return (decision, Vec::new()) };
     if let Some(foreign) = foreign(alone) {
         return (decision.forced(Verdict::NoSuchUnit), vec![foreign]);
@@ -80,8 +85,8 @@ fn floor_square(problem: &Problem, ready: &Preparation, alone: &Alone) -> f64 {
     if !ready.sheet {
         return seen;
     }
-    let of = |trial| problem.floor_square(trial, Signal::ServomotorPosition);
-    let sheet = (0..problem.trials.len()).map(of).sum::<f64>() / problem.trials.len().max(1) as f64;
+    let of = |recording| problem.floor_square(recording, Signal::ServomotorPosition);
+    let sheet = (0..problem.recordings.len()).map(of).sum::<f64>() / problem.recordings.len().max(1) as f64;
     sheet.max(seen)
 }
 
@@ -103,13 +108,13 @@ fn beyond_transducers(problem: &Problem, model: &FittedModel, floor_square: f64)
 /// The residuals of a piece are one draw, as they go together over the whole of it. That they have the transducers' variance is held against a variance of
 /// their own by the Bayesian information criterion (Schwarz 1978): with r the ratio of the two, `n (r − 1 − ln r) > ln n`.
 fn is_beyond(problem: &Problem, ratio: f64) -> bool {
-    let count = problem.trials.len() as f64;
+    let count = problem.recordings.len() as f64;
     ratio > 1.0 && count * (ratio - 1.0 - ratio.ln()) > count.ln()
 }
 
 /// Whether so many further effects bring a mean square on pieces left out down by more than the same criterion charges for them.
 fn is_better(problem: &Problem, before: f64, after: f64, further: usize) -> bool {
-    let count = problem.trials.len() as f64;
+    let count = problem.recordings.len() as f64;
     count * (before / after).ln() > further as f64 * count.ln()
 }
 
@@ -163,10 +168,10 @@ fn careful(problem: &Problem, found: &Explored, ready: &Preparation, decision: D
     }
     let names = matches!(decision.verdict, Verdict::Named | Verdict::Class);
     if !ready.sheet && names && decision.blamed.len() == 1 {
-        let rivals = near(found);
-        if rivals.len() > 1 {
+        let competing = near(found);
+        if competing.len() > 1 {
             decision.verdict = Verdict::Class;
-            decision.blamed = rivals;
+            decision.blamed = competing;
         }
     }
     if decision.verdict == Verdict::Class {
@@ -226,9 +231,10 @@ fn near(found: &Explored) -> Vec<&'static str> {
 
 /// Errors of free runs: each half fitted, the other predicted; by the models, then by the plain law.
 fn free_runs(ready: &Preparation, models: &[&FittedModel], length_s: f64) -> Vec<FreeRun> {
-    let of = |half: &[Recording]| -> Vec<Trial> {
-        let runs = half.iter().flat_map(|recording| windows(recording, length_s)).map(Trial::servomotor_stage);
-        runs.filter(|trial| trial.samples.len() > 2).collect()
+    let of = |half: &[Recording]| -> Vec<PreparedRecording> {
+        let runs =
+            half.iter().flat_map(|recording| windows(recording, length_s)).map(PreparedRecording::servomotor_stage);
+        runs.filter(|recording| recording.samples.len() > 2).collect()
     };
     let halves = match ready.whole.as_slice() {
         one @ [_] => match pieces(one, 2).as_slice() {
@@ -263,12 +269,13 @@ fn free_runs(ready: &Preparation, models: &[&FittedModel], length_s: f64) -> Vec
 }
 
 /// RMS error of the servomotor position, pu.
-fn error(trials: &[Trial], unit: &Unit, noise: &Noise) -> f64 {
-    let problem = Problem::new(trials.to_vec(), unit, noise);
+fn error(recordings: &[PreparedRecording], unit: &Unit, noise: &Noise) -> f64 {
+    let problem = Problem::new(recordings.to_vec(), unit, noise);
     let (mut sum, mut count) = (0.0, 0_usize);
-    for (index, trial) in problem.trials.iter().enumerate() {
-        for (&row, estimate) in trial.samples.iter().zip(problem.simulate(unit, index)) {
-            let residual = trial.frames[row].measured.servomotor_position_pu - estimate.signals.servomotor_position_pu;
+    for (index, recording) in problem.recordings.iter().enumerate() {
+        for (&row, estimate) in recording.samples.iter().zip(problem.simulate(unit, index)) {
+            let residual =
+                recording.frames[row].measured.servomotor_position_pu - estimate.signals.servomotor_position_pu;
             if residual.is_finite() {
                 sum += residual * residual;
                 count += 1;
@@ -292,17 +299,18 @@ pub fn describe(ready: &Preparation, found: &Explored, decision: &Decision) -> O
         (Verdict::Class, [first, ..]) => found.with(&[first]),
         _ => None,
     };
-    let length_ns = ready.trials.first().map_or(0, |trial| match (trial.frames.first(), trial.frames.last()) {
-        (Some(first), Some(last)) => last.time_ns - first.time_ns,
-        _ => 0,
-    });
+    let length_ns =
+        ready.recordings.first().map_or(0, |recording| match (recording.frames.first(), recording.frames.last()) {
+            (Some(first), Some(last)) => last.time_ns - first.time_ns,
+            _ => 0,
+        });
     let whole_s: f64 = ready.whole.iter().map(length_s_of).sum();
     let free_run_s = FREE_RUN_S.min(0.25 * whole_s);
     Some(StageOnly {
         sheet: ready.sheet,
-        pieces: ready.trials.len(),
+        pieces: ready.recordings.len(),
         piece_s: seconds_from_nanos(length_ns),
-        told: told(claimed.unwrap_or_else(|| found.refitted()), &alone.law, &ready.trials),
+        figures: stage_figures(claimed.unwrap_or_else(|| found.refitted()), &alone.law, &ready.recordings),
         transducers_pu: alone.seen.transducers,
         foreign: foreign(alone),
         free_run_s,

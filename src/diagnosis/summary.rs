@@ -1,16 +1,16 @@
 //! Gathers what a report shows from what the search found.
 
-pub mod breakdown;
-pub mod discrepancy_terms;
+pub(crate) mod breakdown;
+pub(crate) mod discrepancy_terms;
 pub mod explained_fraction;
-pub mod stages;
-pub mod traces;
+pub(crate) mod stages;
+pub(crate) mod traces;
 
 use crate::diagnosis::DiagnosisSettings;
 use crate::diagnosis::decision::Decision;
 use crate::diagnosis::decision::posterior::{Posterior, Weights};
-use crate::diagnosis::detectability::{alike, visible};
-use crate::diagnosis::experiment::next;
+use crate::diagnosis::detectability::{ambiguous_pairs, detectable_sizes};
+use crate::diagnosis::experiment::design;
 use crate::diagnosis::hypotheses::Explored;
 use crate::diagnosis::hypotheses::explorer::Hypothesis;
 use crate::diagnosis::hypotheses::table::EvidenceTable;
@@ -20,7 +20,7 @@ use crate::diagnosis::result::{Blame, ChannelReport, Diagnosis, Fitted, Interval
 use crate::diagnosis::summary::breakdown::{breakdowns, gaps};
 use crate::diagnosis::summary::discrepancy_terms::discrepancy_terms;
 use crate::diagnosis::summary::explained_fraction::{
-    HeldOutEstimates, Refitted, closure, closure_of, without_parts, without_recordings,
+    HeldOutEstimates, Refitted, explained_fraction, explained_fraction_of, without_parts, without_recordings,
 };
 use crate::diagnosis::summary::traces::traces;
 use crate::effects::EffectSpec;
@@ -28,9 +28,7 @@ use crate::estimation::coordinate::Coordinate;
 use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::problem::Problem;
 use crate::parameters::Unit;
-
-/// Standard deviations to either side of a 90 % interval.
-const NINETY: f64 = 1.645;
+use crate::units::NORMAL_90;
 
 /// Nearer to an end of its range than this share of it, a parameter stands there.
 const AT_BOUND_SHARE: f64 = 1e-3;
@@ -68,7 +66,7 @@ pub struct Judged<'a> {
 }
 
 impl Judged<'_> {
-    /// The model of what is named: of several effects all at once, of rivals the first; the refitted sheet where nothing is.
+    /// The model of what is named: of several effects all at once, of competing ones the first; the refitted sheet where nothing is.
     fn chosen(&self) -> &FittedModel {
         let blamed = self.decision.blamed.as_slice();
         let claim = if self.decision.verdict == Verdict::Class { &blamed[..1] } else { blamed };
@@ -81,14 +79,14 @@ impl Judged<'_> {
 pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &DiagnosisSettings, seen: BeforeVerdict) -> Diagnosis {
     let Judged { problem, explored, decision, .. } = judged;
     let BeforeVerdict { channels, mut notes } = seen;
-    let visible = visible(explored, &settings.catalogue);
-    let shown = visible.iter().filter(|effect| effect.smallest <= EXCITED * effect.typical).count();
+    let detectable_sizes = detectable_sizes(explored, &settings.catalogue);
+    let shown = detectable_sizes.iter().filter(|effect| effect.smallest <= EXCITED * effect.typical).count();
     let mut verdict = decision.verdict;
-    if verdict == Verdict::NoGap && shown * 2 < visible.len() {
+    if verdict == Verdict::NoGap && shown * 2 < detectable_sizes.len() {
         verdict = Verdict::NotExcited;
         notes.push(format!(
             "Only {shown} of {} effects could show in these recordings; nothing speaks for any of them.",
-            visible.len()
+            detectable_sizes.len()
         ));
     }
     // What the verdict claims, and nothing else, goes into the improved twin.
@@ -99,8 +97,8 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &DiagnosisSettings, see
     let stage = stage_shares.iter().copied().reduce(|a, b| if b.1 > a.1 { b } else { a }).map(|(stage, _)| stage);
 
     let refitted_parts = without_parts(problem, refitted_model);
-    let widened = |interval: Interval| interval.widened(judged.weights.closure_widening);
-    let whole = widened(closure(problem, &refitted_parts, &without_parts(problem, chosen), settings.seed));
+    let widened = |interval: Interval| interval.widened(judged.weights.explained_fraction_widening);
+    let whole = widened(explained_fraction(problem, &refitted_parts, &without_parts(problem, chosen), settings.seed));
     let mut blamed = blames(&judged, chosen, verdict, &refitted_parts, settings.seed);
     if verdict == Verdict::Named {
         share_out(whole.value, &mut blamed);
@@ -117,35 +115,39 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &DiagnosisSettings, see
     for parameter in parameters.iter().filter(|parameter| parameter.at_bound) {
         notes.push(format!("{} was fitted onto the end of its range.", parameter.name));
     }
-    notes.extend(problem.swinging());
+    notes.extend(problem.limit_cycle_note());
     for channel in &channels {
         for trouble in &channel.troubles {
             notes.push(format!("{}, {}: {trouble}.", channel.recording, channel.signal.title()));
         }
     }
-    let next = next(problem, explored, (&judged.table, judged.posterior, judged.weights), decision);
+    let next = design(problem, explored, (&judged.table, judged.posterior, judged.weights), decision);
     Diagnosis {
         verdict,
         stage: stage.filter(|_| has_gap),
         stages: stage_shares,
         ranking: ranking(decision),
         gap: gaps(problem, &delivered, &refitted, &with_effects),
-        closure: whole,
-        closure_widened_by: judged.weights.closure_widening,
+        explained_fraction: whole,
+        explained_fraction_widened_by: judged.weights.explained_fraction_widening,
         experiments: next.experiments,
         entropy_bits: next.entropy_bits,
         refitted: refitted_model.unit(),
         fitted: chosen.unit(),
         parameters,
         channels,
-        alike: alike(explored, &settings.catalogue),
-        visible,
+        ambiguous_pairs: ambiguous_pairs(explored, &settings.catalogue),
+        detectable_sizes,
         breakdowns: breakdowns(problem, &refitted, &with_effects),
-        stage_tests: stages::tests(problem, &refitted_model.unit()),
+        stage_tests: if judged.table.parts.is_empty() {
+            stages::tests(problem, &refitted_model.unit())
+        } else {
+            Vec::new()
+        },
         discrepancy_terms: discrepancy_terms(problem, explored, chosen),
         transfers: transfers(problem, [&refitted_without, &chosen_without], chosen, settings.seed),
         tried: tried(explored, (&refitted_without, chosen, &chosen_without), problem, spread),
-        samples: problem.trials.iter().map(|t| t.samples.len() * t.has.iter().filter(|&&has| has).count()).sum(),
+        samples: problem.recordings.iter().map(|t| t.samples.len() * t.has.iter().filter(|&&has| has).count()).sum(),
         consistency: [refitted_model, explored.leader()].map(|model| consistency(problem, model)),
         sets: decision.sets.clone(),
         traces: traces(problem, [&delivered, &refitted, &with_effects]),
@@ -174,7 +176,7 @@ fn fitted(model: &FittedModel, size_spread: f64, wanted: impl Fn(&FreeParameter)
                 if matches!(free_parameter, FreeParameter::Effect { .. }) { size_spread * position } else { 0.0 };
             let deviation = variance.sqrt().hypot(equation);
             let at = |offset: f64| free_parameter.value(&model.base, (position + offset * deviation).clamp(low, high));
-            let (a, b) = (at(-NINETY), at(NINETY));
+            let (a, b) = (at(-NORMAL_90), at(NORMAL_90));
             let (name, unit) = free_parameter.key(&model.base);
             Fitted {
                 name: match free_parameter {
@@ -220,15 +222,15 @@ fn blames(
         .filter_map(|id| {
             let alone = judged.explored.with(&[id]).unwrap_or(chosen);
             let spec = decision.effects.iter().find(|(spec, _)| spec.id == *id)?.0;
-            // Parameters come from the model that is claimed, closure from the effect on its own.
+            // Parameters come from the model that is claimed, explained fraction from the effect on its own.
             let model = if chosen.has(id) { chosen } else { alone };
-            let share = closure(judged.problem, refitted, &without_parts(judged.problem, alone), seed);
+            let share = explained_fraction(judged.problem, refitted, &without_parts(judged.problem, alone), seed);
             Some(Blame {
                 id: spec.id.to_owned(),
                 stage: spec.stage,
                 probability: probability(id),
                 parameters: fitted_effect(model, judged.weights.size_spread, spec),
-                closure: share.widened(judged.weights.closure_widening),
+                explained_fraction: share.widened(judged.weights.explained_fraction_widening),
                 last_in: None,
                 shapley: None,
             })
@@ -241,7 +243,7 @@ fn blames(
 /// What each of two effects explains on top of the other, and its Shapley share of the whole (Shapley 1953).
 fn share_out(whole: f64, blamed: &mut [Blame]) {
     if let [one, other] = blamed {
-        let alone = [one.closure.value, other.closure.value];
+        let alone = [one.explained_fraction.value, other.explained_fraction.value];
         for (this, [alone, rest]) in [(one, alone), (other, [alone[1], alone[0]])] {
             let last_in = whole - rest;
             this.last_in = Some(last_in);
@@ -262,23 +264,29 @@ fn ranking(decision: &Decision) -> Vec<Ranked> {
     all
 }
 
-/// Closure on each recording by fits to the others.
+/// Explained fraction on each recording by fits to the others.
 fn transfers(
     problem: &Problem,
     [refitted, with_effects]: [&Refitted; 2],
     chosen: &FittedModel,
     seed: u64,
 ) -> Vec<Transfer> {
-    if chosen.effects.is_empty() || problem.trials.len() < 2 {
+    if chosen.effects.is_empty() || problem.recordings.len() < 2 {
         return Vec::new();
     }
     problem
-        .trials
+        .recordings
         .iter()
         .enumerate()
-        .map(|(index, trial)| Transfer {
-            recording: trial.name.clone(),
-            closure: closure_of(problem, &refitted.estimates, &with_effects.estimates, index..index + 1, seed),
+        .map(|(index, recording)| Transfer {
+            recording: recording.name.clone(),
+            explained_fraction: explained_fraction_of(
+                problem,
+                &refitted.estimates,
+                &with_effects.estimates,
+                index..index + 1,
+                seed,
+            ),
         })
         .collect()
 }

@@ -19,7 +19,7 @@ use crate::plant::term::{Point, Term, View};
 /// States at which a definition is tried.
 const SAMPLES: usize = 256;
 /// More parameters than any recording can tell apart.
-pub const MOST_PARAMETERS: usize = 6;
+const MOST_PARAMETERS: usize = 6;
 
 /// What can be wrong with a definition.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

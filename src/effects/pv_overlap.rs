@@ -7,7 +7,7 @@
 //! | h | half width of the dead zone `overlap_pu` | pu of valve stroke |
 //! | x_p, s | valve position, hydraulic opening | pu |
 //!
-//! Without it the real spool idle_segments longer before it follows a small demand, overshoots and hunts slowly about its place with
+//! Without it the real spool rests longer before it follows a small demand, overshoots and hunts slowly about its place with
 //! the pilot valve swinging across the zone. Limits: both edges alike and sharp; where leakage
 //! or a null shift hides, it looks like one.
 

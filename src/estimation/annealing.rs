@@ -4,9 +4,9 @@ use crate::estimation::coordinate::{Coordinate, Judge};
 use crate::estimation::fit::{Effort, Fit, Start, fit_all};
 
 /// Temperatures through which fits far from the sheet cool.
-pub const COOLING: [f64; 3] = [50.0, 5.0, 1.0];
+const TEMPERATURES: [f64; 3] = [50.0, 5.0, 1.0];
 
-/// Fits from several starts through the temperatures of [`COOLING`], so many rounds at each.
+/// Fits from several starts through the temperatures of [`TEMPERATURES`], so many rounds at each.
 #[must_use]
 pub fn annealed<C: Coordinate>(
     data: &impl Judge<C::Subject>,
@@ -18,10 +18,10 @@ pub fn annealed<C: Coordinate>(
     let effort = |temperature| Effort { rounds, refresh: 2, temperature };
     let mut hot = Vec::new();
     for positions in starts {
-        hot.push(Start { base, coordinates, positions, effort: effort(COOLING[0]), known: None });
+        hot.push(Start { base, coordinates, positions, effort: effort(TEMPERATURES[0]), known: None });
     }
     let mut fits = fit_all(data, &hot);
-    for temperature in &COOLING[1..] {
+    for temperature in &TEMPERATURES[1..] {
         let mut cooler = Vec::new();
         for Fit { positions, slopes, .. } in &fits {
             cooler.push(Start { base, coordinates, positions, effort: effort(*temperature), known: Some(slopes) });

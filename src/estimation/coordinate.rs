@@ -38,7 +38,7 @@ pub fn subject_at<C: Coordinate>(base: &C::Subject, coordinates: &[C], positions
 
 /// Sum of squares of the distances from what is likeliest beforehand, in standard deviations.
 #[must_use]
-pub fn prior_square<C: Coordinate>(coordinates: &[C], positions: &[f64]) -> f64 {
+pub(crate) fn prior_square<C: Coordinate>(coordinates: &[C], positions: &[f64]) -> f64 {
     let distance = |(coordinate, position): (&C, &f64)| Some(position - coordinate.prior_centre()?);
     coordinates.iter().zip(positions).filter_map(distance).map(|distance| distance * distance).sum()
 }

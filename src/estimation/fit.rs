@@ -8,7 +8,7 @@ use crate::estimation::descent::{correct, step};
 use crate::estimation::linear::normal;
 
 /// Step of a forward difference, in units of a coordinate.
-pub const DIFFERENCE: f64 = 0.05;
+const DIFFERENCE: f64 = 0.05;
 
 /// A fit: positions of the coordinates, what it cost, and the local picture around it.
 #[derive(Clone, Debug)]
@@ -21,7 +21,7 @@ pub struct Fit {
     pub prior: f64,
     /// Residuals at the positions.
     pub residuals: Residuals,
-    /// Change of the residuals per unit of each coordinate, by trial.
+    /// Change of the residuals per unit of each coordinate, by recording.
     pub slopes: Vec<DMatrix<f64>>,
 }
 
@@ -33,7 +33,7 @@ impl Fit {
     }
 }
 
-/// Two sets of slopes of one trial as one.
+/// Two sets of slopes of one recording as one.
 #[must_use]
 pub fn beside(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
     let mut both = DMatrix::zeros(a.nrows(), a.ncols() + b.ncols());
@@ -60,10 +60,10 @@ fn stepped<C: Coordinate>(
 
 /// Slopes by what small steps changed.
 fn secants(moved: &[Residuals], steps: &[f64], at: &Residuals) -> Vec<DMatrix<f64>> {
-    let of = |trial: usize| {
-        let mut slope = DMatrix::zeros(at[trial].len(), steps.len());
+    let of = |recording: usize| {
+        let mut slope = DMatrix::zeros(at[recording].len(), steps.len());
         for (k, step) in steps.iter().enumerate() {
-            slope.set_column(k, &((&moved[k][trial] - &at[trial]) / *step));
+            slope.set_column(k, &((&moved[k][recording] - &at[recording]) / *step));
         }
         slope
     };
@@ -86,7 +86,7 @@ pub fn slopes<C: Coordinate>(
 
 /// Residuals at a position, and their slopes by every coordinate.
 #[must_use]
-pub fn pictured<C: Coordinate>(
+pub(crate) fn pictured<C: Coordinate>(
     data: &impl Judge<C::Subject>,
     base: &C::Subject,
     coordinates: &[C],
@@ -117,11 +117,11 @@ pub struct Effort {
 
 impl Effort {
     /// Enough to tell whether a model is worth more.
-    pub const SCOUT: Self = Self { rounds: 3, refresh: 100, temperature: 1.0 };
+    pub(crate) const SCOUT: Self = Self { rounds: 3, refresh: 100, temperature: 1.0 };
     /// A first look, which a scout goes on from.
-    pub const GLANCE: Self = Self { rounds: 1, ..Self::SCOUT };
+    pub(crate) const GLANCE: Self = Self { rounds: 1, ..Self::SCOUT };
     /// Enough for the figures of a report.
-    pub const FULL: Self = Self { rounds: 9, refresh: 3, temperature: 1.0 };
+    pub(crate) const FULL: Self = Self { rounds: 9, refresh: 3, temperature: 1.0 };
 }
 
 /// What is to be fitted.
@@ -161,7 +161,7 @@ pub fn fit<C: Coordinate>(
 ///
 /// Between measurements the slopes follow Broyden (1965): the least change that agrees with the step just made.
 #[must_use]
-pub fn fit_all<C: Coordinate>(data: &impl Judge<C::Subject>, starts: &[Start<'_, C>]) -> Vec<Fit> {
+pub(crate) fn fit_all<C: Coordinate>(data: &impl Judge<C::Subject>, starts: &[Start<'_, C>]) -> Vec<Fit> {
     let mut fits: Vec<Descent<'_, C>> = starts.iter().map(Descent::new).collect();
     loop {
         // What each asks for next, all in one batch.
@@ -188,7 +188,7 @@ impl<C: Coordinate> Copy for Start<'_, C> {}
 
 /// What a descent waits for.
 #[derive(Clone, Debug)]
-enum Wanted {
+enum Awaited {
     /// The residuals where it starts, and slopes by the coordinates from a first on.
     Start { steps: Vec<f64>, first: usize },
     /// The residuals at candidates for the next position.
@@ -216,7 +216,7 @@ struct Descent<'a, C: Coordinate> {
     fresh: bool,
     /// The subjects whose residuals it wants to know next; none once it has arrived.
     subjects: Vec<C::Subject>,
-    wanted: Wanted,
+    wanted: Awaited,
 }
 
 impl<'a, C: Coordinate> Descent<'a, C> {
@@ -236,14 +236,14 @@ impl<'a, C: Coordinate> Descent<'a, C> {
             age: 0,
             fresh: start.known.is_none(),
             subjects,
-            wanted: Wanted::Start { steps, first },
+            wanted: Awaited::Start { steps, first },
         }
     }
 
     /// Goes on with the residuals of what it asked for.
     fn hear(&mut self, mut answer: Vec<Residuals>) {
-        match std::mem::replace(&mut self.wanted, Wanted::Nothing) {
-            Wanted::Start { steps, first } => {
+        match std::mem::replace(&mut self.wanted, Awaited::Nothing) {
+            Awaited::Start { steps, first } => {
                 self.residuals = answer.pop().unwrap_or_default();
                 let fits = |(known, residuals): (&DMatrix<f64>, &DVector<f64>)| known.nrows() == residuals.len();
                 if !self.start.known.is_none_or(|known| known.iter().zip(&self.residuals).all(fits)) {
@@ -259,15 +259,15 @@ impl<'a, C: Coordinate> Descent<'a, C> {
                 self.cost = self.total(&self.residuals, &self.positions);
                 self.step();
             }
-            Wanted::Candidates { positions, dampings } => self.choose(&positions, &dampings, answer),
-            Wanted::Slopes { steps, first } => {
+            Awaited::Candidates { positions, dampings } => self.choose(&positions, &dampings, answer),
+            Awaited::Slopes { steps, first } => {
                 let fresh = secants(&answer, &steps, &self.residuals);
                 for (slope, fresh) in self.slopes.iter_mut().zip(&fresh) {
                     slope.columns_mut(first, fresh.ncols()).copy_from(fresh);
                 }
                 self.step();
             }
-            Wanted::Nothing => {}
+            Awaited::Nothing => {}
         }
     }
 
@@ -287,7 +287,7 @@ impl<'a, C: Coordinate> Descent<'a, C> {
         let dampings = DAMPINGS.map(|times| times * self.damping);
         let candidates = dampings.map(|damping| step(base, coordinates, &self.positions, &hessian, &gradient, damping));
         self.subjects = candidates.iter().map(|candidate| subject_at(base, coordinates, candidate)).collect();
-        self.wanted = Wanted::Candidates { positions: candidates.to_vec(), dampings };
+        self.wanted = Awaited::Candidates { positions: candidates.to_vec(), dampings };
     }
 
     /// Takes the best candidate, learns of all of them, and asks for what it needs next.
@@ -331,7 +331,7 @@ impl<'a, C: Coordinate> Descent<'a, C> {
             return self.step();
         }
         self.subjects = subjects;
-        self.wanted = Wanted::Slopes { steps, first };
+        self.wanted = Awaited::Slopes { steps, first };
     }
 
     fn done(self) -> Fit {

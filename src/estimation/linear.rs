@@ -4,9 +4,6 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use crate::estimation::coordinate::{Coordinate, Residuals, prior_square, square};
 
-/// A parameter of whose mark less than this share is its own is taken for a mixture of others.
-const ALIKE: f64 = 1e-4;
-
 /// A position whose slopes tell, for residuals near it, the least cost that could be reached along them, to first order.
 #[derive(Debug)]
 pub struct Projection<'a, C> {
@@ -30,39 +27,9 @@ impl<'a, C: Coordinate> Projection<'a, C> {
     /// The least cost from these residuals on.
     #[must_use]
     pub fn cost(&self, residuals: &Residuals) -> f64 {
-        self.least(residuals, &self.gradient(residuals))
-    }
-
-    fn gradient(&self, residuals: &Residuals) -> DVector<f64> {
-        gradient(self.coordinates, self.positions, residuals, self.slopes, self.temperature)
-    }
-
-    fn least(&self, residuals: &Residuals, gradient: &DVector<f64>) -> f64 {
         let cost = square(residuals) / self.temperature + prior_square(self.coordinates, self.positions);
-        self.solver.as_ref().map_or(cost, |solver| cost - gradient.dot(&solver.solve(gradient)))
-    }
-
-    /// The least cost from these residuals on, where a parameter besides may go from nothing to `most`; `along` are the residuals' changes per unit of it.
-    ///
-    /// This is the score test of a parameter at nothing with all others fitted along (Rao 1948), its step held inside the range.
-    #[must_use]
-    pub fn cost_along(&self, residuals: &Residuals, along: &Residuals, most: f64) -> f64 {
-        let gradient_here = self.gradient(residuals);
-        let cost = self.least(residuals, &gradient_here);
-        let Some(solver) = &self.solver else { return cost };
-        let shared = gradient::<C>(&[], &[], along, self.slopes, self.temperature);
-        let follow = solver.solve(&shared);
-        let own = |residuals: &Residuals| {
-            along.iter().zip(residuals).map(|(along, residuals)| along.dot(residuals)).sum::<f64>() / self.temperature
-        };
-        let score = own(residuals) - follow.dot(&gradient_here);
-        let curvature = own(along) - follow.dot(&shared);
-        // What the others can do as well has no step of its own.
-        if curvature <= ALIKE * own(along) {
-            return cost;
-        }
-        let step = (-score / curvature / most).clamp(0.0, 1.0) * most;
-        cost + 2.0 * score * step + curvature * step * step
+        let gradient = gradient(self.coordinates, self.positions, residuals, self.slopes, self.temperature);
+        self.solver.as_ref().map_or(cost, |solver| cost - gradient.dot(&solver.solve(&gradient)))
     }
 }
 
@@ -136,36 +103,22 @@ mod tests {
         2.0 * (row as f64 * 0.618_033_988_75 + column as f64 * 0.414_213_562_37 * (row + 1) as f64).fract() - 1.0
     }
 
-    /// The score of one parameter more promises what solving for all of them together gives.
+    /// It is the cost at the solution of the normal equations, residuals and priors together.
     #[test]
-    fn a_parameter_more_promises_what_the_joint_solution_gives() {
+    fn the_least_cost_is_that_of_the_joint_solution() {
         let free_parameters: Vec<FreeParameter> =
             FreeParameter::nuisances(&params::reference()).into_iter().take(3).collect();
         let positions = vec![0.4, -0.2, 0.1];
         let residuals = vec![DVector::from_fn(40, |row, _| 3.0 * value(row, 0))];
         let slopes = vec![DMatrix::from_fn(40, 3, |row, column| value(row, column + 1))];
-        for sign in [1.0, -1.0] {
-            let along = vec![DVector::from_fn(40, |row, _| sign * (value(row, 7) - value(row, 0)))];
-            let joint = vec![DMatrix::from_fn(40, 4, |row, k| if k < 3 { slopes[0][(row, k)] } else { along[0][row] })];
-            let solved = Projection::new(&free_parameters, &positions, &joint, 2.0).cost(&residuals);
-            let alone = Projection::new(&free_parameters, &positions, &slopes, 2.0);
-            let (nothing, far) = (alone.cost(&residuals), 100.0 * sign);
-            assert!(solved < 0.9 * nothing, "{solved} of {nothing}");
-            assert!((alone.cost_along(&residuals, &along, far) - solved).abs() < 1e-6 * solved);
-            // The wrong way nothing is to be had; half of the way less.
-            assert!((alone.cost_along(&residuals, &along, -far) - nothing).abs() < 1e-9 * nothing);
-            let near = alone.cost_along(&residuals, &along, 0.2 * sign);
-            assert!(solved < near && near < nothing, "{near}");
-        }
-    }
-
-    /// What the others can do as well promises nothing more.
-    #[test]
-    fn a_mixture_of_the_others_promises_nothing() {
-        let residuals = vec![DVector::from_fn(40, |row, _| value(row, 0))];
-        let slopes = vec![DMatrix::from_fn(40, 2, |row, column| value(row, column + 1))];
-        let along = vec![slopes[0].column(0) - 2.0 * slopes[0].column(1)];
-        let projection = Projection::<FreeParameter>::new(&[], &[], &slopes, 1.0);
-        assert!((projection.cost_along(&residuals, &along, 3.0) - projection.cost(&residuals)).abs() < 1e-9);
+        let (hessian, gradient) = normal(&free_parameters, &positions, &residuals, &slopes, 2.0);
+        let step = hessian.cholesky().unwrap().solve(&gradient);
+        let there: Vec<f64> = positions.iter().zip(&step).map(|(position, step)| position - step).collect();
+        let left = vec![&residuals[0] - &slopes[0] * &step];
+        let solved = square(&left) / 2.0 + prior_square(&free_parameters, &there);
+        let nothing = square(&residuals) / 2.0 + prior_square(&free_parameters, &positions);
+        assert!(solved < 0.95 * nothing, "{solved} of {nothing}");
+        let projected = Projection::new(&free_parameters, &positions, &slopes, 2.0).cost(&residuals);
+        assert!((projected - solved).abs() < 1e-6 * solved, "{projected} for {solved}");
     }
 }

@@ -7,13 +7,13 @@
 use std::collections::BTreeMap;
 
 use super::result::{FoundCause, SizeInterval};
-use crate::trend::{Level, NORMAL_90, Sums, run_length};
+use crate::trend::{Level, NORMAL_90_EXACT, Sums, run_length};
 
 /// The limit is never lower than this: the usual one for a single series.
 const LEAST_LIMIT: f64 = 5.0;
 
 /// False alarms that are expected in a fleet in which nothing changes.
-pub const FALSE_ALARMS: f64 = 0.1;
+const FALSE_ALARMS: f64 = 0.1;
 
 /// One size of a unit over its periods.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -77,7 +77,7 @@ fn sum_up_one(points: &mut [PeriodSize], limit: f64) {
     let (mut level, mut sums) = (Level::default(), Sums::default());
     for point in points {
         // The wider half of the interval stands for both.
-        let sd = (point.high - point.value).max(point.value - point.low) / NORMAL_90;
+        let sd = (point.high - point.value).max(point.value - point.low) / NORMAL_90_EXACT;
         if let Some(residual) = level.residual(point.value, sd) {
             sums.take(residual);
         }
@@ -106,7 +106,7 @@ mod tests {
     use crate::fleet::result::Cause;
 
     fn trend(values: impl IntoIterator<Item = f64>, sigma: f64) -> Trend {
-        let half = NORMAL_90 * sigma;
+        let half = NORMAL_90_EXACT * sigma;
         let point = |value: f64| PeriodSize { value, low: value - half, high: value + half, ..PeriodSize::default() };
         Trend { points: values.into_iter().map(point).collect(), ..Trend::default() }
     }

@@ -140,13 +140,13 @@ impl Gathered {
 
     /// The last period of a unit that was diagnosed.
     #[must_use]
-    pub fn last_found(&self, unit: &str) -> Option<&Row> {
+    pub(crate) fn last_found(&self, unit: &str) -> Option<&Row> {
         let first = self.rows.partition_point(|row| row.unit.as_str() < unit);
         self.rows[first..].iter().take_while(|row| row.unit == unit).filter(|row| row.found.is_some()).last()
     }
 
     /// The rows of a unit, by period.
-    pub fn of_unit<'a>(&'a self, unit: &'a str) -> impl Iterator<Item = &'a Row> {
+    pub(crate) fn of_unit<'a>(&'a self, unit: &'a str) -> impl Iterator<Item = &'a Row> {
         let first = self.rows.partition_point(|row| row.unit.as_str() < unit);
         self.rows[first..].iter().take_while(move |row| row.unit == unit)
     }

@@ -5,12 +5,13 @@ use serde_json::Value;
 
 use super::entry::Entry;
 use crate::diagnosis::result::Verdict;
+use crate::diagnosis::result::schema::values::{rows, text};
 
 /// The schema of a result.
 pub const SCHEMA: &str = "govtwin-fleet-result/1";
 
 /// At least so much of what is known of a parameter must have come from the recordings, a share; less is the sheet's tolerance speaking.
-pub const DETERMINED_SHARE: f64 = 0.5;
+const DETERMINED_SHARE: f64 = 0.5;
 
 /// The result of an entry.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -111,7 +112,7 @@ pub struct SizeInterval {
 impl SizeInterval {
     /// Whether the recordings determine it: a value inside its bounds, a finite interval of some width, and not mostly the sheet's word.
     #[must_use]
-    pub fn is_determined(&self) -> bool {
+    pub(crate) fn is_determined(&self) -> bool {
         let (Some(value), Some(low), Some(high)) = (self.value, self.low, self.high) else { return false };
         let inside = low < high && low <= value && value <= high && (high - low).is_finite();
         inside && !self.at_bound && self.information_share.is_none_or(|share| share >= DETERMINED_SHARE)
@@ -147,7 +148,7 @@ impl FoundCause {
 
     /// Whether the causes are named and not alternatives: only then has a cause a size that the recordings determine.
     #[must_use]
-    pub fn names_causes(&self) -> bool {
+    pub(crate) fn names_causes(&self) -> bool {
         self.verdict == Verdict::Named.id()
     }
 }
@@ -171,14 +172,6 @@ fn size(value: &Value) -> SizeInterval {
         at_bound: value["at_bound"].as_bool().unwrap_or_default(),
         information_share: None,
     }
-}
-
-fn rows(value: &Value) -> impl Iterator<Item = &Value> {
-    value.as_array().into_iter().flatten()
-}
-
-fn text(value: &Value) -> String {
-    value.as_str().unwrap_or_default().to_owned()
 }
 
 /// A result that cannot be taken.

@@ -141,7 +141,7 @@ pub fn csv(lines: &[Line]) -> String {
 
 /// Rows below a head as CSV, as RFC 4180 has it but for line ends.
 #[must_use]
-pub fn csv_text(head: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
+pub(crate) fn csv_text(head: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
     let mut writer = csv::Writer::from_writer(Vec::new());
     // To a vector of bytes nothing is refused, and all rows are as long as the head.
     let _ = writer.write_record(head);

@@ -31,7 +31,7 @@ impl GeneratedStreams {
     }
 
     /// Lets command and ESV hold from the start where their stamps lag behind the plant's.
-    pub fn fill_start(&mut self, begin_ns: i64) {
+    pub(crate) fn fill_start(&mut self, begin_ns: i64) {
         if let Some(&(_, value)) = self.command.first().filter(|(stamp_ns, _)| *stamp_ns > begin_ns) {
             self.command.insert(0, (begin_ns, value));
         }

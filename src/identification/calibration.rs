@@ -11,14 +11,13 @@ use crate::estimation::linear::normal;
 use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::loop_noise::heard;
 use crate::likelihood::noise::Noise;
+use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::Problem;
-use crate::likelihood::trial::Trial;
 use crate::likelihood::whitener::independent_share;
 use crate::parameters::Unit;
 use crate::signal::Signal;
+use crate::units::NORMAL_90;
 
-/// Half width of a 90 % interval, in standard deviations.
-const NINETY: f64 = 1.645;
 /// Work of each start, before the noise is laid out anew.
 const ROUGH: Effort = Effort { rounds: 5, refresh: 2, temperature: 1.0 };
 /// Work of a round of the polish, whose slopes are given.
@@ -97,14 +96,14 @@ pub struct Calibration {
 /// Fits the free parameters from several starts; `step` is called as each part of the work ends, [`parts`] times in all.
 #[must_use]
 pub fn calibrate(
-    trials: Vec<Trial>,
+    recordings: Vec<PreparedRecording>,
     base: &Unit,
     free_parameters: Vec<FreeParameter>,
     noise: &Noise,
     starts: usize,
     step: &dyn Fn(),
 ) -> (Problem, Calibration) {
-    let first = Problem::new(trials, base, noise);
+    let first = Problem::new(recordings, base, noise);
     step();
     let mut rough: Option<(f64, Vec<f64>)> = None;
     let mut costs = Vec::new();
@@ -140,12 +139,12 @@ pub fn calibrate(
 /// Root mean square of the residuals of each signal, over the noise to be expected.
 fn leftover(problem: &Problem, residuals: &Residuals) -> [Option<f64>; Signal::ALL.len()] {
     let mut sums = [(0.0, 0.0); Signal::ALL.len()];
-    for (trial, residuals) in problem.trials.iter().zip(residuals) {
-        for (place, signal) in trial.signals().enumerate() {
-            let of_signal = residuals.rows(trial.residual(place, 0), trial.samples.len());
+    for (recording, residuals) in problem.recordings.iter().zip(residuals) {
+        for (place, signal) in recording.signals().enumerate() {
+            let of_signal = residuals.rows(recording.residual(place, 0), recording.samples.len());
             for residual in of_signal.iter().filter(|residual| **residual != 0.0) {
                 sums[signal as usize].0 += residual * residual;
-                sums[signal as usize].1 += independent_share(trial.period_s);
+                sums[signal as usize].1 += independent_share(recording.period_s);
             }
         }
     }
@@ -171,9 +170,9 @@ fn polish(problem: &Problem, base: &Unit, free_parameters: &[FreeParameter], mut
 
 /// Slopes of the residuals by every free parameter, and how far they may be wrong.
 struct Slopes {
-    /// By trial.
+    /// By recording.
     slopes: Vec<DMatrix<f64>>,
-    /// Sum of squares of each column's error, over all trials.
+    /// Sum of squares of each column's error, over all recordings.
     errors: DVector<f64>,
 }
 
@@ -184,7 +183,7 @@ impl Slopes {
     /// the recordings cannot tell apart, such as the factors of a product.
     fn about(problem: &Problem, base: &Unit, free_parameters: &[FreeParameter], fit: &Fit, wide: f64) -> Self {
         let mut errors = DVector::zeros(free_parameters.len());
-        let mut columns = vec![Vec::with_capacity(free_parameters.len()); problem.trials.len()];
+        let mut columns = vec![Vec::with_capacity(free_parameters.len()); problem.recordings.len()];
         for (k, free_parameter) in free_parameters.iter().enumerate() {
             let (low, high) = free_parameter.range(base);
             let mut places = [-wide, wide].map(|step| (fit.positions[k] + step).clamp(low, high));
@@ -200,11 +199,11 @@ impl Slopes {
                 subject_at(base, free_parameters, &moved)
             });
             let residuals = problem.residuals_of(&units);
-            for (trial, at) in fit.residuals.iter().enumerate() {
-                let side = |end: usize| (&residuals[end][trial] - at) / (places[end] - fit.positions[k]);
+            for (recording, at) in fit.residuals.iter().enumerate() {
+                let side = |end: usize| (&residuals[end][recording] - at) / (places[end] - fit.positions[k]);
                 let (one, other) = (side(0), side(1));
                 errors[k] += 0.25 * (&one - &other).norm_squared();
-                columns[trial].push(0.5 * (one + other));
+                columns[recording].push(0.5 * (one + other));
             }
         }
         Self { slopes: columns.iter().map(|columns| DMatrix::from_columns(columns)).collect(), errors }
@@ -251,7 +250,7 @@ fn judge(
         let sd = covariance[(k, k)].max(0.0).sqrt();
         let (key, unit) = free_parameter.key(base);
         let value = |position: f64| free_parameter.value(base, position.clamp(low, high));
-        let ends = [value(position - NINETY * sd), value(position + NINETY * sd)];
+        let ends = [value(position - NORMAL_90 * sd), value(position + NORMAL_90 * sd)];
         let prior_variance = if free_parameter.has_prior() { 1.0 } else { (high - low).powi(2) / 12.0 };
         CalibrationRow {
             key,
@@ -290,14 +289,14 @@ fn covariance(problem: &Problem, free_parameters: &[FreeParameter], fit: &Fit, s
     let (hessian, _) = normal(free_parameters, &fit.positions, &fit.residuals, &slopes.slopes, 1.0);
     let prior = DVector::from_fn(n, |k, _| f64::from(u8::from(free_parameters[k].has_prior())));
     let mut scores = DMatrix::from_diagonal(&prior);
-    for ((trial, slopes), residuals) in problem.trials.iter().zip(&slopes.slopes).zip(&fit.residuals) {
-        let count = trial.samples.len();
+    for ((recording, slopes), residuals) in problem.recordings.iter().zip(&slopes.slopes).zip(&fit.residuals) {
+        let count = recording.samples.len();
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small count")]
-        let block = ((BLOCK_S / trial.period_s.max(1e-3)) as usize).max(1);
+        let block = ((BLOCK_S / recording.period_s.max(1e-3)) as usize).max(1);
         for from in (0..count).step_by(block) {
             let length = block.min(count - from);
             let mut score = DVector::zeros(n);
-            for first in (0..trial.signals().count()).map(|place| trial.residual(place, from)) {
+            for first in (0..recording.signals().count()).map(|place| recording.residual(place, from)) {
                 score += slopes.rows(first, length).tr_mul(&residuals.rows(first, length));
             }
             scores += &score * score.transpose();

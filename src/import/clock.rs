@@ -11,7 +11,6 @@ use super::map::TimeMap;
 use super::number::{Numbers, decimal_ns};
 use crate::params::nearest;
 
-pub use detect::Detected;
 pub(super) use detect::detect;
 
 /// A second, ns.

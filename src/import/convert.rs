@@ -1,6 +1,7 @@
 //! From what a file holds to SI units: scale, offset, range, unit and sign, in this order.
 
 use super::row::Target;
+use UnitOf::{Absolute, Gauge, Share, Travel};
 
 /// Pressure of the standard atmosphere, Pa (ISO 2533), by which absolute pressures exceed gauge pressures.
 pub const ATMOSPHERE_PA: f64 = 101_325.0;
@@ -86,46 +87,71 @@ impl UnitConversion {
     }
 }
 
-/// Units of pressure as people write them, in lower case.
-const PRESSURES: &[(&str, f64)] = &[
-    ("pa", 1.0),
-    ("hpa", 1e2),
-    ("mbar", 1e2),
-    ("kpa", 1e3),
-    ("bar", 1e5),
-    ("barg", 1e5),
-    ("mpa", 1e6),
-    ("psi", 6_894.757_293_168),
-    ("psig", 6_894.757_293_168),
-    ("kgf/cm2", 98_066.5),
-    ("kg/cm2", 98_066.5),
-    ("at", 98_066.5),
-    ("atm", ATMOSPHERE_PA),
-    ("ata", 98_066.5),
-    ("bara", 1e5),
-    ("psia", 6_894.757_293_168),
+/// What a unit measures, with what its values are multiplied or divided by.
+#[derive(Clone, Copy)]
+enum UnitOf {
+    Gauge(f64),
+    Absolute(f64),
+    Share(f64),
+    /// What a position transducer gives, for which a range says what is closed and open.
+    Travel,
+}
+
+/// Units in the plain form, and as people write them where names of columns end with them.
+const UNITS: [(&str, UnitOf, &str); 41] = [
+    ("pa", Gauge(1.0), "Pa"),
+    ("hpa", Gauge(1e2), ""),
+    ("mbar", Gauge(1e2), ""),
+    ("kpa", Gauge(1e3), "kPa"),
+    ("bar", Gauge(1e5), "bar"),
+    ("barg", Gauge(1e5), "barg"),
+    ("mpa", Gauge(1e6), "MPa"),
+    ("psi", Gauge(6_894.757_293_168), "psi"),
+    ("psig", Gauge(6_894.757_293_168), ""),
+    ("kgf/cm2", Gauge(98_066.5), ""),
+    ("kg/cm2", Gauge(98_066.5), ""),
+    ("at", Gauge(98_066.5), ""),
+    ("atm", Gauge(ATMOSPHERE_PA), ""),
+    ("ata", Absolute(98_066.5), ""),
+    ("bara", Absolute(1e5), "bara"),
+    ("psia", Absolute(6_894.757_293_168), ""),
+    ("pu", Share(1.0), "pu"),
+    ("p.u.", Share(1.0), ""),
+    ("1", Share(1.0), ""),
+    ("-", Share(1.0), ""),
+    ("%", Share(100.0), ""),
+    ("percent", Share(100.0), "%"),
+    ("pct", Share(100.0), "%"),
+    ("prozent", Share(100.0), "%"),
+    ("‰", Share(1000.0), ""),
+    ("permille", Share(1000.0), ""),
+    ("m", Travel, ""),
+    ("mm", Travel, "mm"),
+    ("cm", Travel, "cm"),
+    ("um", Travel, ""),
+    ("µm", Travel, ""),
+    ("in", Travel, ""),
+    ("deg", Travel, ""),
+    ("°", Travel, ""),
+    ("rad", Travel, ""),
+    ("v", Travel, ""),
+    ("mv", Travel, ""),
+    ("ma", Travel, "mA"),
+    ("a", Travel, ""),
+    ("counts", Travel, ""),
+    ("digits", Travel, ""),
 ];
 
-/// Units that name absolute pressures.
-const ABSOLUTE: [&str; 3] = ["ata", "bara", "psia"];
+/// A unit of the table by its plain form.
+fn known(name: &str) -> Option<UnitOf> {
+    UNITS.iter().find(|(plain, ..)| *plain == name).map(|(_, measures, _)| *measures)
+}
 
-/// Units of a share of a stroke, with what they are divided by.
-const SHARES: [(&str, f64); 10] = [
-    ("pu", 1.0),
-    ("p.u.", 1.0),
-    ("1", 1.0),
-    ("-", 1.0),
-    ("%", 100.0),
-    ("percent", 100.0),
-    ("pct", 100.0),
-    ("prozent", 100.0),
-    ("‰", 1000.0),
-    ("permille", 1000.0),
-];
-
-/// Units of what a position transducer gives, for which a range says what is closed and open.
-pub const OF_TRANSDUCERS: [&str; 15] =
-    ["m", "mm", "cm", "um", "µm", "in", "deg", "°", "rad", "v", "mv", "ma", "a", "counts", "digits"];
+/// The unit that a word at the end of a name states, as people write it; empty where it states none.
+#[must_use]
+pub fn at_end_of_name(word: &str) -> &'static str {
+    UNITS.iter().find(|(plain, ..)| *plain == word).map_or("", |(.., written)| written)
+}
 
 /// A unit in a plain form: lower case, brackets and blanks off, `(a)` and `abs` as `a`.
 #[must_use]
@@ -143,9 +169,12 @@ pub fn plain(text: &str) -> String {
 pub fn pressure(text: &str) -> Option<UnitConversion> {
     let name = plain(text);
     // `MPa` and `mPa` differ only in case, and nobody measures oil in the latter.
-    let find = |name: &str| PRESSURES.iter().find(|(known, _)| *known == name).map(|(_, in_pa)| *in_pa);
+    let find = |name: &str| match known(name) {
+        Some(Gauge(in_pa) | Absolute(in_pa)) => Some(in_pa),
+        _ => None,
+    };
     if let Some(in_pa) = find(&name) {
-        let plus = if ABSOLUTE.contains(&name.as_str()) { -ATMOSPHERE_PA } else { 0.0 };
+        let plus = if matches!(known(&name), Some(Absolute(_))) { -ATMOSPHERE_PA } else { 0.0 };
         return Some(UnitConversion { plus, ..UnitConversion::times(in_pa) });
     }
     if let Some(in_pa) = name.strip_suffix('a').and_then(find) {
@@ -157,8 +186,16 @@ pub fn pressure(text: &str) -> Option<UnitConversion> {
 /// A unit of a share of a stroke.
 #[must_use]
 pub fn share(text: &str) -> Option<UnitConversion> {
-    let name = plain(text);
-    SHARES.iter().find(|(known, _)| *known == name).map(|(_, by)| UnitConversion::by(*by))
+    match known(&plain(text)) {
+        Some(Share(by)) => Some(UnitConversion::by(by)),
+        _ => None,
+    }
+}
+
+/// Whether a text is a unit of what a position transducer gives.
+#[must_use]
+pub fn is_travel(text: &str) -> bool {
+    matches!(known(&plain(text)), Some(Travel))
 }
 
 /// Whether a text is a unit that a header may state for any signal.
@@ -167,7 +204,7 @@ pub fn is_unit(text: &str) -> bool {
     let name = plain(text);
     pressure(text).is_some()
         || share(text).is_some_and(|_| name != "1")
-        || OF_TRANSDUCERS.contains(&name.as_str())
+        || is_travel(text)
         || ["s", "ms", "us", "µs", "ns", "min", "h", "hz", "rpm", "kw", "mw", "bool", "m3/s", "°c", "l/min"]
             .contains(&name.as_str())
 }

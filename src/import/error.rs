@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::bag::BagError;
 use crate::params::FileProblem;
+use crate::params::error::list;
 
 /// Why something cannot be imported.
 #[derive(Debug, thiserror::Error)]
@@ -19,7 +20,7 @@ pub enum ImportError {
         reason: std::io::Error,
     },
     /// The map is wrong; all its problems at once.
-    #[error("{}", list(path, problems))]
+    #[error("{}", list("map", path, problems))]
     Map {
         /// The map.
         path: PathBuf,
@@ -64,15 +65,4 @@ impl ImportError {
     pub(super) fn line(path: &Path, line: u64, problem: impl Into<String>) -> Self {
         Self::Line { path: path.to_owned(), line, problem: problem.into() }
     }
-}
-
-/// One line a problem, each beginning with `file:line:` as compilers do.
-fn list(path: &Path, problems: &[FileProblem]) -> String {
-    let noun = if problems.len() == 1 { "problem" } else { "problems" };
-    let path = path.display();
-    let lines = problems.iter().map(|problem| match problem.line {
-        Some(line) => format!("\n  {path}:{line}: {problem}"),
-        None => format!("\n  {path}: {problem}"),
-    });
-    format!("{} {noun} in the map {path}{}", problems.len(), lines.collect::<String>())
 }

@@ -47,14 +47,14 @@ pub struct SignalFindings {
 
 /// Equal samples one after another.
 #[derive(Clone, Copy, Debug)]
-struct Run {
+struct EqualSamples {
     value: f64,
     count: u64,
     begin_ns: i64,
     end_ns: i64,
 }
 
-impl Run {
+impl EqualSamples {
     fn length_s(&self) -> f64 {
         seconds_from_nanos(self.end_ns - self.begin_ns)
     }
@@ -79,8 +79,8 @@ struct Watch {
     range: Range,
     pace: IntervalBins,
     changes: u64,
-    run: Option<Run>,
-    longest: Option<Run>,
+    run: Option<EqualSamples>,
+    longest: Option<EqualSamples>,
     at_end: [AtEnd; 2],
 }
 
@@ -109,7 +109,7 @@ impl Watch {
             }
             run => {
                 self.changes += u64::from(run.is_some());
-                *run = Some(Run { value, count: 1, begin_ns: time_ns, end_ns: time_ns });
+                *run = Some(EqualSamples { value, count: 1, begin_ns: time_ns, end_ns: time_ns });
             }
         }
         if let Some(run) = self.run
@@ -120,7 +120,7 @@ impl Watch {
     }
 
     /// Where it stood still although it is lively elsewhere.
-    fn frozen(&self) -> Option<Run> {
+    fn frozen(&self) -> Option<EqualSamples> {
         let run = self.longest.filter(|run| run.count >= FROZEN.0 && run.length_s() >= FROZEN.1)?;
         let others = self.range.count.saturating_sub(run.count);
         (others > 0 && self.changes as f64 >= LIVELY_SHARE * others as f64).then_some(run)

@@ -20,11 +20,11 @@ const ROWS_PER_CALL: u64 = 4096;
 /// Files opened by a map.
 pub struct Import {
     map: Map,
-    sources: Vec<Part>,
+    sources: Vec<OpenSource>,
 }
 
 /// A source and its next row.
-struct Part {
+struct OpenSource {
     path: PathBuf,
     bytes: u64,
     source: Box<dyn Source>,
@@ -54,7 +54,7 @@ impl Import {
         for path in paths {
             let source = open(path, map)?;
             let bytes = std::fs::metadata(path).map_or(1, |meta| meta.len().max(1));
-            sources.push(Part { path: path.clone(), bytes, source, next: None });
+            sources.push(OpenSource { path: path.clone(), bytes, source, next: None });
         }
         let import = Self { map: map.clone(), sources };
         import.check()?;
@@ -111,7 +111,7 @@ impl Import {
     ) -> Result<ImportOutcome, E> {
         let mut findings = Findings::new(&self.map);
         let mut rows = 0_u64;
-        let mut esv = Esv::default();
+        let mut esv = EsvThinning::default();
         let mut resampler = self.map.resample_hz.map(Resampler::new);
         let constants = self.constants();
         let mut held: Option<ImportedRow> = None;
@@ -190,7 +190,7 @@ impl Import {
 
     /// The earliest row of all sources, of one time that of the file named first.
     fn earliest(&mut self) -> Result<Option<ImportedRow>, ImportError> {
-        let next = |part: &Part| part.next.as_ref().map(|row| row.time_ns);
+        let next = |part: &OpenSource| part.next.as_ref().map(|row| row.time_ns);
         let with_row = self.sources.iter().enumerate().filter_map(|(k, part)| Some((next(part)?, k)));
         let Some((_, k)) = with_row.min() else { return Ok(None) };
         let part = &mut self.sources[k];
@@ -245,11 +245,11 @@ pub(super) fn no_parquet(path: &Path) -> ImportError {
 
 /// Gives the state of the ESV on change and once a second, as a governor does.
 #[derive(Debug, Default)]
-struct Esv {
+struct EsvThinning {
     last: Option<(i64, f64)>,
 }
 
-impl Esv {
+impl EsvThinning {
     fn thin(&mut self, row: &mut ImportedRow) {
         let Some(state) = row.value(Target::Esv) else { return };
         match self.last {

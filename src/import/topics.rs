@@ -12,7 +12,7 @@ use crate::bag::{FieldPath, FieldReader, FieldValue, MergedMessages, TopicInfo, 
 use crate::params::nearest;
 
 /// A signal, its field, and the reader of its topic.
-struct Wanted {
+struct MappedSignal {
     path: FieldPath,
     reader: usize,
     channel: SourceChannel,
@@ -25,7 +25,7 @@ pub(super) struct BagRows {
     path: PathBuf,
     messages: MergedMessages,
     readers: Vec<(Arc<TopicInfo>, FieldReader)>,
-    wanted: Vec<Wanted>,
+    wanted: Vec<MappedSignal>,
     by_log: bool,
     total: u64,
     passed: u64,
@@ -55,7 +55,7 @@ impl BagRows {
                 readers.len() - 1
             };
             readers[reader].1.check(&field).map_err(|problem| wrong(format!("{id}: {problem}")))?;
-            wanted.push(Wanted { path: field, reader, channel: SourceChannel::new(signal, one), absent: 0 });
+            wanted.push(MappedSignal { path: field, reader, channel: SourceChannel::new(signal, one), absent: 0 });
         }
         let notes =
             readers.iter().map(|(topic, _)| format!("topic {} of type {}", topic.name, topic.type_name)).collect();

@@ -1,8 +1,8 @@
 //! Trips between slow samples: when the ESV really tripped, found from what the unit did.
 
 use crate::frame::EsvState;
+use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::{Problem, twin_of};
-use crate::likelihood::trial::Trial;
 use crate::parameters::Unit;
 use crate::units::nanos_from_seconds;
 
@@ -12,60 +12,61 @@ const PLACES: i64 = 20;
 /// Where the search ends: the twin's tick, ns.
 const TICK_NS: i64 = 1_000_000;
 
-/// A problem's trials as recorded, with their trips where this unit explains them best; none if no trial has a trip whose time is in doubt.
+/// A problem's recordings as recorded, with their trips where this unit explains them best; none if no recording has a trip whose time is in doubt.
 ///
 /// A trip that a slow recorder writes down with the next sample came up to one sample earlier. A servomotor at full speed makes a
-/// hundredth of its stroke in that time: taken at its stamp, the trip would pass for a fault. `recorded` are the trials before any trip was moved, so that
+/// hundredth of its stroke in that time: taken at its stamp, the trip would pass for a fault. `recorded` are the recordings before any trip was moved, so that
 /// a trip that was moved too far comes back.
 #[must_use]
-pub fn placed(problem: &Problem, recorded: &[Trial], unit: &Unit) -> Option<Vec<Trial>> {
+pub fn placed(problem: &Problem, recorded: &[PreparedRecording], unit: &Unit) -> Option<Vec<PreparedRecording>> {
     let mut any = false;
-    let trials = recorded
+    let recordings = recorded
         .iter()
         .enumerate()
-        .map(|(index, trial)| match doubt(trial) {
+        .map(|(index, recording)| match doubt(recording) {
             Some((row, doubt_ns)) => {
                 any = true;
                 let of = |command| {
                     let price = |early_ns: i64| {
-                        let moved = trip_at(trial, row, early_ns, command);
+                        let moved = trip_at(recording, row, early_ns, command);
                         problem.residuals_in(&moved, twin_of(unit), index).norm_squared()
                     };
                     let (cost, early_ns) = cheapest(doubt_ns, price);
-                    (cost, trip_at(trial, row, early_ns, command))
+                    (cost, trip_at(recording, row, early_ns, command))
                 };
-                let [runs, steps] = [Command::Runs, Command::Steps].map(of);
+                let [runs, steps] = [CommandCourse::Runs, CommandCourse::Steps].map(of);
                 if steps.0 < runs.0 { steps.1 } else { runs.1 }
             }
-            None => trial.clone(),
+            None => recording.clone(),
         })
         .collect();
-    any.then_some(trials)
+    any.then_some(recordings)
 }
 
 /// The row of the first trip, and by how much it may be late, ns.
-fn doubt(trial: &Trial) -> Option<(usize, i64)> {
-    let state = |row: usize| trial.frames[row].inputs.esv;
-    let row = (1..trial.frames.len()).find(|&row| state(row) == EsvState::Shutdown && state(row - 1) != state(row))?;
-    trial.is_slow().then(|| (row, nanos_from_seconds(trial.period_s)))
+fn doubt(recording: &PreparedRecording) -> Option<(usize, i64)> {
+    let state = |row: usize| recording.frames[row].inputs.esv;
+    let row =
+        (1..recording.frames.len()).find(|&row| state(row) == EsvState::Shutdown && state(row - 1) != state(row))?;
+    recording.is_slow().then(|| (row, nanos_from_seconds(recording.period_s)))
 }
 
 /// What the command does between the two samples about a trip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Command {
+enum CommandCourse {
     /// It runs from one to the other, as elsewhere.
     Runs,
     /// It steps with the trip, as where the governor takes it back then.
     Steps,
 }
 
-/// The trial with its trip so much earlier.
-fn trip_at(trial: &Trial, row: usize, early_ns: i64, command: Command) -> Trial {
-    let mut moved = trial.clone();
-    let from_ns = trial.frames[row].time_ns - early_ns;
-    if command == Command::Steps {
-        let before = trial.samples.iter().rev().copied().find(|&sample| sample < row).unwrap_or(0);
-        let [first_pu, last_pu] = [before, row].map(|row| trial.frames[row].inputs.opening_command_pu);
+/// The recording with its trip so much earlier.
+fn trip_at(recording: &PreparedRecording, row: usize, early_ns: i64, command: CommandCourse) -> PreparedRecording {
+    let mut moved = recording.clone();
+    let from_ns = recording.frames[row].time_ns - early_ns;
+    if command == CommandCourse::Steps {
+        let before = recording.samples.iter().rev().copied().find(|&sample| sample < row).unwrap_or(0);
+        let [first_pu, last_pu] = [before, row].map(|row| recording.frames[row].inputs.opening_command_pu);
         for frame in &mut moved.frames[before..row] {
             frame.inputs.opening_command_pu = if frame.time_ns < from_ns { first_pu } else { last_pu };
         }
@@ -115,7 +116,7 @@ mod tests {
     }
 
     /// Rows every 50 ms, of which every fourth was measured; the trip stands at 1 s, and the command is taken back with it.
-    fn slow() -> Trial {
+    fn slow() -> PreparedRecording {
         let row = |k: i64| Frame {
             time_ns: k * 50_000_000,
             inputs: Inputs {
@@ -125,19 +126,19 @@ mod tests {
             },
             measured: if k % 4 == 0 { Signals { spool_position_pu: 0.0, ..Signals::NONE } } else { Signals::NONE },
         };
-        Trial::new(Recording::new("slow", (0..40).map(row).collect()))
+        PreparedRecording::new(Recording::new("slow", (0..40).map(row).collect()))
     }
 
     #[test]
     fn a_command_that_steps_does_so_with_the_trip_and_nowhere_else() {
-        let trial = slow();
-        let (row, doubt_ns) = doubt(&trial).unwrap();
-        assert_eq!((trial.frames[row].time_ns, doubt_ns), (1_000_000_000, 200_000_000));
+        let recording = slow();
+        let (row, doubt_ns) = doubt(&recording).unwrap();
+        assert_eq!((recording.frames[row].time_ns, doubt_ns), (1_000_000_000, 200_000_000));
         let of = |command| -> Vec<(f64, EsvState)> {
-            let moved = trip_at(&trial, row, 100_000_000, command);
+            let moved = trip_at(&recording, row, 100_000_000, command);
             moved.frames[14..22].iter().map(|frame| (frame.inputs.opening_command_pu, frame.inputs.esv)).collect()
         };
-        let (runs, steps) = (of(Command::Runs), of(Command::Steps));
+        let (runs, steps) = (of(CommandCourse::Runs), of(CommandCourse::Steps));
         let tripped = |rows: &[(f64, EsvState)]| rows.iter().position(|(_, esv)| *esv == EsvState::Shutdown);
         assert_eq!((tripped(&runs), tripped(&steps)), (Some(4), Some(4)));
         let commands = |rows: &[(f64, EsvState)]| rows.iter().map(|(command_pu, _)| *command_pu).collect::<Vec<_>>();
@@ -168,18 +169,19 @@ mod tests {
             let measured = if k % 200 == 0 { estimates[usize::try_from(k).unwrap()].signals } else { Signals::NONE };
             Frame { measured, ..row(k, straight(k), 1_200) }
         });
-        let trial = Trial::new(Recording::new("slow", rows.collect()));
-        let problem = Problem::new(vec![trial], &unit, &crate::likelihood::noise::expected(&unit.sensors));
-        let moved = placed(&problem, &problem.trials, &unit).unwrap();
+        let recording = PreparedRecording::new(Recording::new("slow", rows.collect()));
+        let problem = Problem::new(vec![recording], &unit, &crate::likelihood::noise::expected(&unit.sensors));
+        let moved = placed(&problem, &problem.recordings, &unit).unwrap();
         // From a problem whose trip was moved, the same is found: what is moved is the recording.
         let again = problem.anew(moved.clone(), &unit);
-        let inputs = |trial: &Trial| trial.frames.iter().map(|frame| frame.inputs).collect::<Vec<_>>();
-        assert_eq!(inputs(&placed(&again, &problem.trials, &unit).unwrap()[0]), inputs(&moved[0]));
+        let inputs =
+            |recording: &PreparedRecording| recording.frames.iter().map(|frame| frame.inputs).collect::<Vec<_>>();
+        assert_eq!(inputs(&placed(&again, &problem.recordings, &unit).unwrap()[0]), inputs(&moved[0]));
         let tripped = moved[0].frames.iter().find(|frame| frame.inputs.esv == EsvState::Shutdown).unwrap();
         assert!((tripped.time_ns / 1_000_000 - TRIP_MS).abs() <= 10, "{} ns", tripped.time_ns);
         let commands: Vec<f64> = moved[0].frames.iter().map(|frame| frame.inputs.opening_command_pu).collect();
         assert_eq!(commands.windows(2).filter(|two| two[0] != two[1]).count(), 1);
-        let cost = |trial: &Trial| problem.residuals_in(trial, twin_of(&unit), 0).norm_squared();
-        assert!(cost(&moved[0]) < 0.1 * cost(&problem.trials[0]));
+        let cost = |recording: &PreparedRecording| problem.residuals_in(recording, twin_of(&unit), 0).norm_squared();
+        assert!(cost(&moved[0]) < 0.1 * cost(&problem.recordings[0]));
     }
 }

@@ -1,7 +1,7 @@
-//! LimitCycles: how loud and how fast a signal swings of itself, where no twin can keep step with it sample by sample.
+//! Limit cycles: how loud and how fast they are, where no twin can keep step with it sample by sample.
 //!
 //! A loop that has gone unstable ends in a limit cycle, and a regulator whose cycle jitters hunts: two runs of the very same unit then
-//! differ by as much as either swings. There the power of a signal is compared octave by octave: its wavelet variance (Percival & Walden
+//! differ by as much as either amplitude. There the power of a signal is compared octave by octave: its wavelet variance (Percival & Walden
 //! 2000, *Wavelet Methods for Time Series Analysis*, chapter 8; Haar filters, maximal overlap), which knows no phase.
 
 use std::ops::Range;
@@ -12,10 +12,10 @@ const OCTAVES: usize = 6;
 /// Length of a block, s, and in samples at least: a few periods of what is looked for.
 const BLOCK: (f64, usize) = (2.0, 16);
 
-/// A recording swings where its power in an octave is so many times what reference and noise have together.
+/// A recording is in a limit cycle where its power in an octave is so many times what reference and noise have together.
 const LOUD: f64 = 4.0;
 
-/// A block swings with so many of so many blocks about it: an event that comes at another time is soon over.
+/// A block is in a limit cycle with so many of so many blocks about it: an event that comes at another time is soon over.
 const LASTING: (usize, usize) = (3, 5);
 
 /// So many times the variance of the limit cycle counts as noise where samples are compared: one for the recording's, one for the twin's, and
@@ -42,7 +42,7 @@ pub struct SignalSamples {
     pub noise_squares: Vec<f64>,
 }
 
-/// One block of samples in which a recording swings.
+/// One block of samples in a limit cycle.
 #[derive(Clone, Debug)]
 struct Block {
     samples: Range<usize>,
@@ -50,7 +50,7 @@ struct Block {
     noise_square: f64,
 }
 
-/// Where a recording swings, and how one of its signals does.
+/// Where a recording is in a limit cycle, and how one of its signals moves there.
 #[derive(Clone, Debug)]
 pub struct LimitCycles {
     blocks: Vec<Block>,
@@ -59,7 +59,7 @@ pub struct LimitCycles {
     pub ignored_squares: Vec<f64>,
 }
 
-/// Looks for stretches in which any signal of a recording swings and the reference does not; then all of them do. One for each signal.
+/// Looks for stretches in which any signal of a recording is in a limit cycle and the reference is not; then all of them are. One for each signal.
 #[must_use]
 pub fn limit_cycles(looks: &[SignalSamples], period_s: f64) -> Vec<LimitCycles> {
     let count = looks.first().map_or(0, |look| look.measured.len());
@@ -71,7 +71,7 @@ pub fn limit_cycles(looks: &[SignalSamples], period_s: f64) -> Vec<LimitCycles> 
     let blocks: Vec<Range<usize>> = (0..count / length)
         .map(|k| k * length..if (k + 2) * length > count { count } else { (k + 1) * length })
         .collect();
-    let compared: Vec<Vec<Compared>> =
+    let compared: Vec<Vec<ComparedBlock>> =
         looks.iter().map(|look| blocks.iter().map(|block| look.at(block)).collect()).collect();
     let loud: Vec<bool> = (0..blocks.len()).map(|k| compared.iter().any(|signal| signal[k].is_loud(octaves))).collect();
     let window = |k: usize| {
@@ -80,7 +80,7 @@ pub fn limit_cycles(looks: &[SignalSamples], period_s: f64) -> Vec<LimitCycles> 
     };
     let lasting = |k: &usize| loud[window(*k)].iter().filter(|loud| **loud).count() >= LASTING.0;
     let swinging: Vec<usize> = (0..blocks.len()).filter(lasting).collect();
-    let of = |signal: &Vec<Compared>| {
+    let of = |signal: &Vec<ComparedBlock>| {
         let excesses: Vec<f64> = signal.iter().map(|block| block.excess(octaves)).collect();
         let mut ignored_squares = vec![0.0; count];
         for &k in &swinging {
@@ -98,21 +98,21 @@ pub fn limit_cycles(looks: &[SignalSamples], period_s: f64) -> Vec<LimitCycles> 
 }
 
 /// A block and the powers of its reference.
-struct Compared {
+struct ComparedBlock {
     block: Block,
     reference: Powers,
 }
 
 impl SignalSamples {
-    fn at(&self, samples: &Range<usize>) -> Compared {
+    fn at(&self, samples: &Range<usize>) -> ComparedBlock {
         let samples = samples.clone();
         let noise_square = self.noise_squares[samples.clone()].iter().sum::<f64>() / samples.len() as f64;
         let [measured, reference] = [&self.measured, &self.reference].map(|signal| powers(&signal[samples.clone()]));
-        Compared { block: Block { samples, measured, noise_square }, reference }
+        ComparedBlock { block: Block { samples, measured, noise_square }, reference }
     }
 }
 
-impl Compared {
+impl ComparedBlock {
     /// Whether the recording is louder than it should; not where it has gaps.
     fn is_loud(&self, octaves: usize) -> bool {
         (0..octaves).any(|k| self.block.measured[k] > LOUD * (self.reference[k] + self.block.noise_square))
@@ -125,13 +125,13 @@ impl Compared {
 }
 
 impl LimitCycles {
-    /// Of a signal that nothing lets swing of itself.
+    /// Of a signal without a loop that could cycle.
     #[must_use]
     pub fn none(look: &SignalSamples) -> Self {
         Self { blocks: Vec::new(), octaves: 0, ignored_squares: vec![0.0; look.measured.len()] }
     }
 
-    /// By how much a simulated signal swings otherwise: residuals of unit size where the model is right, block by block, octave by octave.
+    /// By how much a simulated limit cycle differs: residuals of unit size where the model is right, block by block, octave by octave.
     pub fn residuals<'a>(&'a self, simulated: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
         self.blocks.iter().flat_map(move |block| {
             let powers = powers(&simulated[block.samples.clone()]);

@@ -40,7 +40,11 @@ pub fn quieter(problem: &Problem, unit: &Unit) -> Option<Problem> {
 }
 
 fn likeliest(problem: &Problem, unit: &Unit) -> Option<Problem> {
-    if problem.trials.iter().all(|trial| trial.place(Signal::SpoolPosition).is_none() || trial.is_driven()) {
+    if problem
+        .recordings
+        .iter()
+        .all(|recording| recording.place(Signal::SpoolPosition).is_none() || recording.is_driven())
+    {
         return None;
     }
     let scored = TRIED.into_par_iter().map(|ratio| {
@@ -53,14 +57,17 @@ fn likeliest(problem: &Problem, unit: &Unit) -> Option<Problem> {
 /// Logarithm of the probability of a ratio, but for a constant.
 fn log_posterior(problem: &Problem, unit: &Unit, ratio: f64) -> f64 {
     let residuals = problem.residuals_of(std::slice::from_ref(unit)).pop().unwrap_or_default();
-    let of_trial = |(trial, residuals)| {
-        let innovations = problem.innovations(trial, Signal::SpoolPosition, residuals);
-        let scales = problem.scales(trial, Signal::SpoolPosition);
-        let samples = problem.trials[trial].samples_in(STRETCH.0).max(STRETCH.1);
+    let of_recording = |(recording, residuals)| {
+        let innovations = problem.innovations(recording, Signal::SpoolPosition, residuals);
+        let scales = problem.scales(recording, Signal::SpoolPosition);
+        let samples = problem.recordings[recording].samples_in(STRETCH.0).max(STRETCH.1);
         let stretches = innovations.chunks(samples).zip(scales.chunks(samples));
-        stretches.map(|(innovations, scales)| log_likelihood(innovations, scales, problem.share(trial))).sum::<f64>()
+        stretches
+            .map(|(innovations, scales)| log_likelihood(innovations, scales, problem.share(recording)))
+            .sum::<f64>()
     };
-    residuals.iter().enumerate().map(of_trial).sum::<f64>() - 0.5 * ((ratio / USUAL_LOOP_NOISE).ln() / SPREAD).powi(2)
+    residuals.iter().enumerate().map(of_recording).sum::<f64>()
+        - 0.5 * ((ratio / USUAL_LOOP_NOISE).ln() / SPREAD).powi(2)
 }
 
 /// Logarithm of the likelihood of a stretch, of whose samples a share is independent.
@@ -78,7 +85,7 @@ mod tests {
     use super::*;
     use crate::battery::{self, Case, CaseKind};
     use crate::likelihood::noise::expected;
-    use crate::likelihood::trial::Trial;
+    use crate::likelihood::prepared::PreparedRecording;
     use crate::params;
 
     /// Sound plants with other equations than the twin's, that differ in the mean their regulators take, each at its true parameters' sheet.
@@ -88,8 +95,8 @@ mod tests {
         let ratio_of = |seed: u64| {
             let kind = CaseKind::Sound;
             let case = Case { name: "sound".into(), kind, rate_hz: 100.0, rich: false, seed };
-            let trials = battery::make(&unit, &case).recordings().into_iter().map(Trial::new).collect();
-            let problem = Problem::new(trials, &unit, &expected(&unit.sensors));
+            let recordings = battery::make(&unit, &case).recordings().into_iter().map(PreparedRecording::new).collect();
+            let problem = Problem::new(recordings, &unit, &expected(&unit.sensors));
             heard(problem, &unit).loop_noise_ratio()
         };
         let told = |seed: u64| battery::readings(seed);

@@ -2,7 +2,7 @@
 
 use crate::frame::Estimate;
 use crate::likelihood::kick::{Kick, probability};
-use crate::likelihood::trial::Trial;
+use crate::likelihood::prepared::PreparedRecording;
 use crate::parameters::Sensors;
 use crate::signal::Signal;
 
@@ -11,7 +11,7 @@ const HIDDEN: f64 = 1.25;
 
 /// Logarithm of the sum of exponentials.
 #[must_use]
-pub fn log_sum(values: impl IntoIterator<Item = f64>) -> f64 {
+pub(crate) fn log_sum(values: impl IntoIterator<Item = f64>) -> f64 {
     let values: Vec<f64> = values.into_iter().collect();
     let most = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     if most == f64::NEG_INFINITY {
@@ -34,8 +34,8 @@ const SHARP_TIME_S: f64 = 0.01;
 ///
 /// Without it a pressure that rises by 1 MPa in 50 ms costs more for a millisecond than most effects for all that they do, and the
 /// cost jumps to and fro between parameters that nothing else tells apart.
-fn sharpness(trial: &Trial, signal: Signal, reference: &[Estimate]) -> Vec<f64> {
-    let share = SHARP * (SHARP_TIME_S / trial.period_s.max(1e-6)).min(1.0);
+fn sharpness(recording: &PreparedRecording, signal: Signal, reference: &[Estimate]) -> Vec<f64> {
+    let share = SHARP * (SHARP_TIME_S / recording.period_s.max(1e-6)).min(1.0);
     let mut bends = vec![0.0_f64; reference.len()];
     for (k, three) in reference.windows(3).enumerate() {
         let [before, here, after] = [0, 1, 2].map(|i| signal.of(&three[i].signals));
@@ -50,10 +50,10 @@ fn sharpness(trial: &Trial, signal: Signal, reference: &[Estimate]) -> Vec<f64> 
 ///
 /// On a stop the regulator pushes by the little that the stop is off the demand, so that less than the transducer's noise
 /// decides whether the control pressure falls by nothing or by megapascals.
-fn sway(trial: &Trial, signal: Signal, reference: &[Estimate], moved: &[Vec<Estimate>]) -> Vec<f64> {
+fn sway(recording: &PreparedRecording, signal: Signal, reference: &[Estimate], moved: &[Vec<Estimate>]) -> Vec<f64> {
     let of = |estimate: &Estimate| signal.of(&estimate.signals);
     let off = |k: usize| moved.iter().map(|other| (of(&other[k]) - of(&reference[k])).abs()).fold(0.0, f64::max);
-    (0..trial.samples.len()).map(off).collect()
+    (0..recording.samples.len()).map(off).collect()
 }
 
 /// How a signal's residual behaves when the model is right: white noise, chatter, and a slow wandering.
@@ -144,22 +144,28 @@ impl Variances {
     /// regulator's dead band.
     #[must_use]
     pub fn new(
-        trial: &Trial,
+        recording: &PreparedRecording,
         signal: Signal,
         noise: &SignalNoise,
         reference: &[Estimate],
         moved: &[Vec<Estimate>],
         step_pu: f64,
     ) -> Self {
-        let sway = sway(trial, signal, reference, moved);
+        let sway = sway(recording, signal, reference, moved);
         // A servomotor sums kicks up; of the others they are over before the next slow sample.
-        let (white, drift, kicks) = if trial.is_slow() && signal != Signal::ServomotorPosition {
+        let (white, drift, kicks) = if recording.is_slow() && signal != Signal::ServomotorPosition {
             rare(noise, reference, &sway, step_pu)
         } else {
-            let (white, drift) = ringing(trial, noise, reference, &sway);
+            let (white, drift) = ringing(recording, noise, reference, &sway);
             (white, drift, Vec::new())
         };
-        Self { white, drift, sharp: sharpness(trial, signal, reference), wander: noise.wander * noise.wander, kicks }
+        Self {
+            white,
+            drift,
+            sharp: sharpness(recording, signal, reference),
+            wander: noise.wander * noise.wander,
+            kicks,
+        }
     }
 
     /// All together, but for sudden events.
@@ -172,14 +178,19 @@ impl Variances {
 }
 
 /// White and drifting variances where samples are close together: chatter outlives the demand that set it off by the spool's settling time.
-fn ringing(trial: &Trial, noise: &SignalNoise, reference: &[Estimate], sway: &[f64]) -> (Vec<f64>, Vec<f64>) {
+fn ringing(
+    recording: &PreparedRecording,
+    noise: &SignalNoise,
+    reference: &[Estimate],
+    sway: &[f64],
+) -> (Vec<f64>, Vec<f64>) {
     let mut ringing: f64 = 0.0;
     let of = |((estimate, step_s), sway): ((&Estimate, &f64), &f64)| {
         ringing = (ringing * (-step_s / 0.03).exp()).max(estimate.spool_command_sd_pu);
         let (chatter, drift) = (noise.chatter * ringing, noise.chatter_wander * ringing);
         (noise.white * noise.white + chatter * chatter, drift * drift + sway * sway)
     };
-    reference.iter().zip(&trial.steps_s()).zip(sway).map(of).unzip()
+    reference.iter().zip(&recording.steps_s()).zip(sway).map(of).unzip()
 }
 
 /// White and drifting variances and kicks where samples are far apart: chatter lasts only where kicks follow each other closely.

@@ -9,7 +9,7 @@ use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use crate::estimation::coordinate::{Judge, Residuals};
 use crate::frame::Estimate;
 use crate::likelihood::noise::Noise;
-use crate::likelihood::trial::{Traces, Trial};
+use crate::likelihood::prepared::{PreparedRecording, Traces};
 use crate::likelihood::whitener::{Whitener, independent_share, whiteners};
 use crate::parameters::Unit;
 use crate::plant::lanes::Width;
@@ -19,10 +19,10 @@ use crate::solver::Method;
 use crate::twin::{Cut, Twin};
 
 /// Cost per independent sample of sound generated units at 100 Hz.
-pub const SOUND_MEAN_SQUARE: f64 = 0.92;
+pub(crate) const SOUND_MEAN_SQUARE: f64 = 0.92;
 
 /// Noise inside the loop over that of one reading, as it is most often: the mean of six readings.
-pub const USUAL_LOOP_NOISE: f64 = 0.41;
+pub(crate) const USUAL_LOOP_NOISE: f64 = 0.41;
 
 /// How units are simulated when they are compared with recordings: spool steps of 1 ms, of which the error, 5e-5 pu of the spool, is a tenth of
 /// its transducer's noise; half of the default's work there.
@@ -31,12 +31,12 @@ pub const METHOD: Method = Method::Split { max_step_s: 1.0e-3 };
 /// What stands for a simulated value that is no number, in any signal's unit: far from everything, so that no fit ends there.
 const ASTRAY: f64 = 1.0e12;
 
-/// A set of trials with the noise to expect of them, against which units are judged.
+/// A set of recordings with the noise to expect of them, against which units are judged.
 #[derive(Debug)]
 pub struct Problem {
     /// The recordings.
-    pub trials: Vec<Trial>,
-    /// Filters, by trial and by signal.
+    pub recordings: Vec<PreparedRecording>,
+    /// Filters, by recording and by signal.
     whiteners: Vec<Vec<Whitener>>,
     noise: Noise,
     /// Noise of one reading of the regulator's transducer, pu.
@@ -53,11 +53,11 @@ impl Judge<Unit> for Problem {
 }
 
 impl Problem {
-    /// Prepares trials; the noise is laid out along a reference unit's simulation.
+    /// Prepares recordings; the noise is laid out along a reference unit's simulation.
     #[must_use]
-    pub fn new(trials: Vec<Trial>, reference: &Unit, noise: &Noise) -> Self {
+    pub fn new(recordings: Vec<PreparedRecording>, reference: &Unit, noise: &Noise) -> Self {
         let problem = Self {
-            trials,
+            recordings,
             whiteners: Vec::new(),
             noise: *noise,
             reading_noise_pu: reference.sensors.servomotor_position_pu.noise,
@@ -67,75 +67,75 @@ impl Problem {
         problem.laid_along(reference)
     }
 
-    /// The same trials, their noise laid out along another unit's simulation.
+    /// The same recordings, their noise laid out along another unit's simulation.
     #[must_use]
     pub fn laid_along(&self, reference: &Unit) -> Self {
         let [less, more] = [-1.0, 1.0].map(|times| twin_of(&with_moved_stops(reference, times)));
         let twins = [twin_of(reference), less, more];
         let step_pu = Regulator::new(&reference.parameters.regulator).deadband_step_pu();
-        let whiteners = (0..self.trials.len())
+        let whiteners = (0..self.recordings.len())
             .into_par_iter()
             .map(|index| {
-                let trial = &self.trials[index];
+                let recording = &self.recordings[index];
                 // A spool that is recorded stands where it stands.
-                let loose = if trial.cut == Cut::Spool { 1 } else { twins.len() };
+                let loose = if recording.cut == Cut::Spool { 1 } else { twins.len() };
                 let mut twins: Vec<Twin> =
                     twins[..loose].iter().map(|twin| self.prepared(twin.clone(), index)).collect();
                 self.simulations.fetch_add(twins.len(), Ordering::Relaxed);
-                let mut estimates = trial.run_batch(&mut twins);
+                let mut estimates = recording.run_batch(&mut twins);
                 let moved = estimates.split_off(1);
-                whiteners(trial, &self.noise, &estimates[0], &moved, step_pu)
+                whiteners(recording, &self.noise, &estimates[0], &moved, step_pu)
             })
             .collect();
-        self.of(self.trials.clone(), whiteners)
+        self.of(self.recordings.clone(), whiteners)
     }
 
-    /// Other versions of the trials, their noise laid out along a unit's simulation; what it simulates counts with this problem's.
+    /// Other versions of the recordings, their noise laid out along a unit's simulation; what it simulates counts with this problem's.
     #[must_use]
-    pub fn anew(&self, trials: Vec<Trial>, reference: &Unit) -> Self {
-        self.of(trials, Vec::new()).laid_along(reference)
+    pub fn anew(&self, recordings: Vec<PreparedRecording>, reference: &Unit) -> Self {
+        self.of(recordings, Vec::new()).laid_along(reference)
     }
 
-    /// A problem with one of the trials alone, its noise as laid out here.
+    /// A problem with one of the recordings alone, its noise as laid out here.
     #[must_use]
-    pub fn only(&self, trial: usize) -> Self {
-        self.of(vec![self.trials[trial].clone()], vec![self.whiteners[trial].clone()])
+    pub fn only(&self, recording: usize) -> Self {
+        self.of(vec![self.recordings[recording].clone()], vec![self.whiteners[recording].clone()])
     }
 
-    /// One trial through the mean twin of a unit.
+    /// One recording through the mean twin of a unit.
     #[must_use]
-    pub fn simulate(&self, unit: &Unit, trial: usize) -> Vec<Estimate> {
+    pub fn simulate(&self, unit: &Unit, recording: usize) -> Vec<Estimate> {
         self.simulations.fetch_add(1, Ordering::Relaxed);
-        self.trials[trial].run(&mut self.prepared(twin_of(unit), trial))
+        self.recordings[recording].run(&mut self.prepared(twin_of(unit), recording))
     }
 
-    /// All trials through the mean twin of a unit, one after another.
+    /// All recordings through the mean twin of a unit, one after another.
     #[must_use]
-    pub fn simulate_all(&self, unit: &Unit) -> Vec<Vec<Estimate>> {
-        (0..self.trials.len()).map(|trial| self.simulate(unit, trial)).collect()
+    pub(crate) fn simulate_all(&self, unit: &Unit) -> Vec<Vec<Estimate>> {
+        (0..self.recordings.len()).map(|recording| self.simulate(unit, recording)).collect()
     }
 
-    /// A twin with the cut of a trial; the mean over the noise that the regulator hears, where there is a regulator.
-    fn prepared(&self, twin: Twin, trial: usize) -> Twin {
-        match self.trials[trial].cut {
+    /// A twin with the cut of a recording; the mean over the noise that the regulator hears, where there is a regulator.
+    fn prepared(&self, twin: Twin, recording: usize) -> Twin {
+        match self.recordings[recording].cut {
             Cut::Spool => twin.with_cut(Cut::Spool),
-            cut => twin.with_dither(self.dither_pu(trial)).with_cut(cut),
+            cut => twin.with_dither(self.dither_pu(recording)).with_cut(cut),
         }
     }
 
-    /// The same problem without one trial; what it simulates counts with the whole.
+    /// The same problem without one recording; what it simulates counts with the whole.
     #[must_use]
     pub fn without(&self, left: usize) -> Self {
         fn others<T: Clone>(all: &[T], left: usize) -> Vec<T> {
             all.iter().enumerate().filter(|&(k, _)| k != left).map(|(_, one)| one.clone()).collect()
         }
-        self.of(others(&self.trials, left), others(&self.whiteners, left))
+        self.of(others(&self.recordings, left), others(&self.whiteners, left))
     }
 
-    /// A problem with other trials; what it simulates counts with this one's.
-    fn of(&self, trials: Vec<Trial>, whiteners: Vec<Vec<Whitener>>) -> Self {
+    /// A problem with other recordings; what it simulates counts with this one's.
+    fn of(&self, recordings: Vec<PreparedRecording>, whiteners: Vec<Vec<Whitener>>) -> Self {
         Self {
-            trials,
+            recordings,
             whiteners,
             noise: self.noise,
             reading_noise_pu: self.reading_noise_pu,
@@ -152,68 +152,65 @@ impl Problem {
 
     /// The same problem, its noise not laid out, with other noise to expect of the signals.
     #[must_use]
-    pub fn with_noise(&self, noise: Noise) -> Self {
-        Self { noise, ..self.of(self.trials.clone(), Vec::new()) }
+    pub(crate) fn with_noise(&self, noise: Noise) -> Self {
+        Self { noise, ..self.of(self.recordings.clone(), Vec::new()) }
     }
 
     /// Noise inside the loop over that of one reading.
     #[must_use]
-    pub fn loop_noise_ratio(&self) -> f64 {
+    pub(crate) fn loop_noise_ratio(&self) -> f64 {
         self.loop_noise_ratio
     }
 
     /// The same problem, its noise not laid out, with so much noise inside the loop over that of one reading of the regulator's transducer.
     #[must_use]
     pub fn with_loop_noise(&self, ratio: f64) -> Self {
-        Self { loop_noise_ratio: ratio, ..self.of(self.trials.clone(), Vec::new()) }
+        Self { loop_noise_ratio: ratio, ..self.of(self.recordings.clone(), Vec::new()) }
     }
 
     /// Noise inside the loop over which the twin is a mean, pu: what the regulator hears of its transducer's, and what a slow recorder does not show of the command.
     #[must_use]
-    pub fn dither_pu(&self, trial: usize) -> f64 {
-        (self.loop_noise_ratio * self.reading_noise_pu).hypot(self.trials[trial].command_jitter_pu)
+    pub fn dither_pu(&self, recording: usize) -> f64 {
+        (self.loop_noise_ratio * self.reading_noise_pu).hypot(self.recordings[recording].command_jitter_pu)
     }
 
-    /// Mean square that a right model would leave of a signal in a trial, in its unit squared; 0 where it was not measured.
+    /// Mean square that a right model would leave of a signal in a recording, in its unit squared; 0 where it was not measured.
     #[must_use]
-    pub fn floor_square(&self, trial: usize, signal: Signal) -> f64 {
-        self.trials[trial].place(signal).map_or(0.0, |place| self.whiteners[trial][place].floor_square)
+    pub(crate) fn floor_square(&self, recording: usize, signal: Signal) -> f64 {
+        self.recordings[recording].place(signal).map_or(0.0, |place| self.whiteners[recording][place].floor_square)
     }
 
-    /// Squared residuals of a signal in a trial at each sample, in its unit squared; where it swings, those of the limit cycle's loudness.
+    /// Squared residuals of a signal in a recording at each sample, in its unit squared; in a limit cycle, those of its loudness.
     ///
     /// Not a number where it was not measured; none where it never was.
     #[must_use]
-    pub fn squares(&self, trial: usize, signal: Signal, estimates: &[Estimate]) -> Option<Vec<f64>> {
-        let place = self.trials[trial].place(signal)?;
+    pub fn squares(&self, recording: usize, signal: Signal, estimates: &[Estimate]) -> Option<Vec<f64>> {
+        let place = self.recordings[recording].place(signal)?;
         let simulated = signal.of_estimates(estimates);
-        Some(self.whiteners[trial][place].limit_cycles.squares(&self.trials[trial].measured(signal), &simulated))
+        Some(
+            self.whiteners[recording][place]
+                .limit_cycles
+                .squares(&self.recordings[recording].measured(signal), &simulated),
+        )
     }
 
-    /// Whether any trial has samples so far apart that nobody knows what drives the unit between them.
+    /// Whether any recording has samples so far apart that nobody knows what drives the unit between them.
     #[must_use]
-    pub fn is_slow(&self) -> bool {
-        self.trials.iter().any(Trial::is_slow)
+    pub(crate) fn is_slow(&self) -> bool {
+        self.recordings.iter().any(PreparedRecording::is_slow)
     }
 
-    /// By sample whether a signal swings of itself in a trial, where it is judged by its loudness; none where it was never measured.
+    /// Independent samples, all recordings and signals together; one that may hold a kick counts as it costs a right model.
     #[must_use]
-    pub fn limit_cycle_samples(&self, trial: usize, signal: Signal) -> Option<Vec<bool>> {
-        let place = self.trials[trial].place(signal)?;
-        Some(self.whiteners[trial][place].limit_cycles.ignored_squares.iter().map(|square| *square > 0.0).collect())
-    }
-
-    /// Independent samples, all trials and signals together; one that may hold a kick counts as it costs a right model.
-    #[must_use]
-    pub fn independent_samples(&self) -> f64 {
+    pub(crate) fn independent_samples(&self) -> f64 {
         let whiteners = self.whiteners.iter().flatten();
         whiteners.map(|whitener| whitener.expected_square() * whitener.share).sum()
     }
 
-    /// Sum of squares that innovations of a signal in a trial have where the model is right; see [`Self::innovations`].
+    /// Sum of squares that innovations of a signal in a recording have where the model is right; see [`Self::innovations`].
     #[must_use]
-    pub fn expected_square(&self, trial: usize, signal: Signal) -> f64 {
-        self.trials[trial].place(signal).map_or(0.0, |place| self.whiteners[trial][place].expected_square())
+    pub(crate) fn expected_square(&self, recording: usize, signal: Signal) -> f64 {
+        self.recordings[recording].place(signal).map_or(0.0, |place| self.whiteners[recording][place].expected_square())
     }
 
     /// The cost that a right model has: one for each independent sample, the noise being a little generous.
@@ -222,17 +219,19 @@ impl Problem {
         SOUND_MEAN_SQUARE * self.independent_samples()
     }
 
-    /// For how long a trial swings of itself, s.
+    /// For how long a recording is in a limit cycle, s.
     #[must_use]
-    pub fn limit_cycles_s(&self, trial: usize) -> f64 {
-        let samples = self.whiteners[trial].iter().map(|whitener| whitener.limit_cycles.samples()).max().unwrap_or(0);
-        samples as f64 * self.trials[trial].period_s
+    pub fn limit_cycles_s(&self, recording: usize) -> f64 {
+        let samples =
+            self.whiteners[recording].iter().map(|whitener| whitener.limit_cycles.samples()).max().unwrap_or(0);
+        samples as f64 * self.recordings[recording].period_s
     }
 
-    /// Where recordings swing of themselves and for how long, in a sentence.
+    /// Which recordings are in a limit cycle and for how long, in a sentence.
     #[must_use]
-    pub fn swinging(&self) -> Option<String> {
-        let times = self.trials.iter().enumerate().map(|(index, trial)| (&trial.name, self.limit_cycles_s(index)));
+    pub fn limit_cycle_note(&self) -> Option<String> {
+        let times =
+            self.recordings.iter().enumerate().map(|(index, recording)| (&recording.name, self.limit_cycles_s(index)));
         let said: Vec<String> = times
             .filter(|(_, time_s)| *time_s > 0.0)
             .map(|(name, time_s)| format!("{name} for {time_s:.0} s"))
@@ -246,28 +245,22 @@ impl Problem {
         })
     }
 
-    /// Residuals of a unit in one trial.
+    /// Residuals of a unit in one recording.
     #[must_use]
-    pub fn residuals(&self, unit: &Unit, trial: usize) -> DVector<f64> {
-        self.residuals_by(twin_of(unit), trial)
+    pub fn residuals(&self, unit: &Unit, recording: usize) -> DVector<f64> {
+        self.residuals_in(&self.recordings[recording], twin_of(unit), recording)
     }
 
-    /// Residuals of a twin in one trial, which sets its cut.
+    /// The same in another version of a recording, with other inputs but the same samples.
     #[must_use]
-    pub fn residuals_by(&self, twin: Twin, trial: usize) -> DVector<f64> {
-        self.residuals_in(&self.trials[trial], twin, trial)
-    }
-
-    /// The same in another version of a trial, with other inputs but the same samples.
-    #[must_use]
-    pub fn residuals_in(&self, data: &Trial, twin: Twin, index: usize) -> DVector<f64> {
+    pub(crate) fn residuals_in(&self, data: &PreparedRecording, twin: Twin, index: usize) -> DVector<f64> {
         self.simulations.fetch_add(1, Ordering::Relaxed);
         let traces = data.traces(&mut [self.prepared(twin, index)]).pop().unwrap_or_default();
         self.whitened(data, index, traces)
     }
 
-    /// Residuals of simulated signals in a version of a trial.
-    fn whitened(&self, data: &Trial, index: usize, mut traces: Traces) -> DVector<f64> {
+    /// Residuals of simulated signals in a version of a recording.
+    fn whitened(&self, data: &PreparedRecording, index: usize, mut traces: Traces) -> DVector<f64> {
         let count = data.samples.len();
         let mut all = Vec::with_capacity(count * self.whiteners[index].len());
         let mut limit_cycles = Vec::new();
@@ -284,54 +277,56 @@ impl Problem {
         DVector::from_vec(all)
     }
 
-    /// Normalised innovations of a signal in a trial, of its residuals there: each sample over what it may leave, outliers by their size.
+    /// Normalised innovations of a signal in a recording, of its residuals there: each sample over what it may leave, outliers by their size.
     #[must_use]
-    pub fn innovations(&self, trial: usize, signal: Signal, residuals: &DVector<f64>) -> Vec<f64> {
-        let data = &self.trials[trial];
+    pub fn innovations(&self, recording: usize, signal: Signal, residuals: &DVector<f64>) -> Vec<f64> {
+        let data = &self.recordings[recording];
         let Some(place) = data.place(signal) else { return Vec::new() };
-        let root = self.whiteners[trial][place].share.sqrt();
+        let root = self.whiteners[recording][place].share.sqrt();
         let own = residuals.iter().skip(place * data.samples.len());
         let measured = data.measured(signal).into_iter().zip(own).filter(|(measured, _)| measured.is_finite());
         measured.map(|(_, residual)| residual / root).collect()
     }
 
-    /// One over the standard deviation that each innovation of a signal in a trial is divided by.
+    /// One over the standard deviation that each innovation of a signal in a recording is divided by.
     #[must_use]
-    pub fn scales(&self, trial: usize, signal: Signal) -> Vec<f64> {
-        self.trials[trial].place(signal).map_or_else(Vec::new, |place| self.whiteners[trial][place].scales())
+    pub fn scales(&self, recording: usize, signal: Signal) -> Vec<f64> {
+        self.recordings[recording]
+            .place(signal)
+            .map_or_else(Vec::new, |place| self.whiteners[recording][place].scales())
     }
 
-    /// Independent samples per sample of a trial.
+    /// Independent samples per sample of a recording.
     #[must_use]
-    pub fn share(&self, trial: usize) -> f64 {
-        independent_share(self.trials[trial].period_s)
+    pub fn share(&self, recording: usize) -> f64 {
+        independent_share(self.recordings[recording].period_s)
     }
 
-    /// Residuals of several units in all trials, in parallel, in order.
+    /// Residuals of several units in all recordings, in parallel, in order.
     #[must_use]
     pub fn residuals_of(&self, units: &[Unit]) -> Vec<Residuals> {
         let twins: Vec<Twin> = units.iter().map(twin_of).collect();
         self.residuals_of_twins(&twins)
     }
 
-    /// The same of twins that no unit describes, such as those with terms of their own; each trial sets their cut.
+    /// The same of twins that no unit describes, such as those with terms of their own; each recording sets their cut.
     #[must_use]
     pub fn residuals_of_twins(&self, twins: &[Twin]) -> Vec<Residuals> {
         let lanes = Width::most_lanes();
         let batches: Vec<&[Twin]> = twins.chunks(lanes).collect();
-        let jobs: Vec<Vec<DVector<f64>>> = (0..batches.len() * self.trials.len())
+        let jobs: Vec<Vec<DVector<f64>>> = (0..batches.len() * self.recordings.len())
             .into_par_iter()
             .map(|job| {
-                let (batch, index) = (batches[job / self.trials.len()], job % self.trials.len());
+                let (batch, index) = (batches[job / self.recordings.len()], job % self.recordings.len());
                 self.simulations.fetch_add(batch.len(), Ordering::Relaxed);
                 let mut prepared: Vec<Twin> = batch.iter().map(|twin| self.prepared(twin.clone(), index)).collect();
-                let data = &self.trials[index];
+                let data = &self.recordings[index];
                 data.traces(&mut prepared).into_iter().map(|traces| self.whitened(data, index, traces)).collect()
             })
             .collect();
-        let mut residuals: Vec<Residuals> = vec![Vec::with_capacity(self.trials.len()); twins.len()];
+        let mut residuals: Vec<Residuals> = vec![Vec::with_capacity(self.recordings.len()); twins.len()];
         for (job, of_batch) in jobs.into_iter().enumerate() {
-            let first = job / self.trials.len() * lanes;
+            let first = job / self.recordings.len() * lanes;
             for (all, one) in residuals[first..].iter_mut().zip(of_batch) {
                 all.push(one);
             }

@@ -1,4 +1,4 @@
-//! Admission: what of a recording a fit may use, and what it must not believe.
+//! Data qualification: what of a recording a fit may use, and what it must not believe.
 
 use crate::frame::{EsvState, Frame, Signals};
 use crate::recording::Recording;

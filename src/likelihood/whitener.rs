@@ -4,7 +4,7 @@ use crate::frame::Estimate;
 use crate::likelihood::kick::Contaminated;
 use crate::likelihood::limit_cycle::{LimitCycles, SignalSamples, limit_cycles};
 use crate::likelihood::noise::{Noise, SignalNoise, Variances};
-use crate::likelihood::trial::Trial;
+use crate::likelihood::prepared::PreparedRecording;
 use crate::signal::Signal;
 use crate::twin::Cut;
 
@@ -36,7 +36,7 @@ fn tamed(residual: f64, share: f64) -> f64 {
     (cost * share).sqrt().copysign(residual)
 }
 
-/// The filter of one signal in one trial: gains and scales, fixed so that it is linear in the residuals.
+/// The filter of one signal in one recording: gains and scales, fixed so that it is linear in the residuals.
 #[derive(Clone, Debug)]
 pub struct Whitener {
     decay: Vec<f64>,
@@ -46,37 +46,37 @@ pub struct Whitener {
     kicked: Vec<Contaminated>,
     /// Independent samples per sample.
     pub share: f64,
-    /// Where the recording swings.
+    /// Where the recording is in a limit cycle.
     pub limit_cycles: LimitCycles,
     /// Mean square that a right model would leave besides sudden events, in the signal's unit squared.
     pub floor_square: f64,
 }
 
-/// The filters of all signals that a trial has, in their order; the noise is laid out along a reference's estimates, `moved` are those with
+/// The filters of all signals that a recording has, in their order; the noise is laid out along a reference's estimates, `moved` are those with
 /// the spool's stops a little off, and `step_pu` is the demand at the edge of the regulator's dead band.
 #[must_use]
 pub fn whiteners(
-    trial: &Trial,
+    recording: &PreparedRecording,
     noise: &Noise,
     reference: &[Estimate],
     moved: &[Vec<Estimate>],
     step_pu: f64,
 ) -> Vec<Whitener> {
     let of = |signal: Signal| {
-        let variances = Variances::new(trial, signal, &noise[signal as usize], reference, moved, step_pu);
-        let measured = trial.measured(signal);
+        let variances = Variances::new(recording, signal, &noise[signal as usize], reference, moved, step_pu);
+        let measured = recording.measured(signal);
         let reference = signal.of_estimates(reference);
         (SignalSamples { measured, reference, noise_squares: variances.sums() }, variances)
     };
-    let (looks, variances): (Vec<SignalSamples>, Vec<Variances>) = trial.signals().map(of).unzip();
-    // A servomotor behind a recorded spool cannot swing of itself.
-    let limit_cycles = match trial.cut {
+    let (looks, variances): (Vec<SignalSamples>, Vec<Variances>) = recording.signals().map(of).unzip();
+    // A servomotor behind a recorded spool has no loop that could cycle.
+    let limit_cycles = match recording.cut {
         Cut::Spool => looks.iter().map(LimitCycles::none).collect(),
-        _ => limit_cycles(&looks, trial.period_s),
+        _ => limit_cycles(&looks, recording.period_s),
     };
-    let each = trial.signals().zip(looks).zip(variances).zip(limit_cycles);
+    let each = recording.signals().zip(looks).zip(variances).zip(limit_cycles);
     each.map(|(((signal, look), variances), limit_cycles)| {
-        Whitener::new(trial, &noise[signal as usize], &look, &variances, limit_cycles)
+        Whitener::new(recording, &noise[signal as usize], &look, &variances, limit_cycles)
     })
     .collect()
 }
@@ -87,20 +87,20 @@ impl Whitener {
     /// `d ← a d + w`, `residual = d + n`: the scalar Kalman filter (Anderson & Moore 1979, section 3.1), whose innovations over
     /// their standard deviation are independent and of unit size when the model is right.
     fn new(
-        trial: &Trial,
+        recording: &PreparedRecording,
         noise: &SignalNoise,
         look: &SignalSamples,
         variances: &Variances,
         limit_cycles: LimitCycles,
     ) -> Self {
-        let count = trial.samples.len();
+        let count = recording.samples.len();
         let (mut decay, mut gain, mut scale) =
             (Vec::with_capacity(count), Vec::with_capacity(count), Vec::with_capacity(count));
         let mut kicked = Vec::with_capacity(variances.kicks.len());
         let mut spread = variances.wander;
-        for (k, step_s) in trial.steps_s().into_iter().enumerate() {
+        for (k, step_s) in recording.steps_s().into_iter().enumerate() {
             let a = (-step_s / noise.wander_time_s).exp();
-            let doubt = noise.doubt * trial.command_doubt_pu[k];
+            let doubt = noise.doubt * recording.command_doubt_pu[k];
             spread = a * a * spread + (1.0 - a * a) * (variances.wander + variances.drift[k] + doubt * doubt);
             decay.push(a);
             if look.measured[k].is_finite() {
@@ -123,7 +123,7 @@ impl Whitener {
         let seen = look.noise_squares.iter().zip(&look.measured).filter(|(_, measured)| measured.is_finite());
         let seen: Vec<f64> = seen.map(|(square, _)| *square).collect();
         let floor_square = seen.iter().sum::<f64>() / seen.len().max(1) as f64;
-        Self { decay, gain, scale, kicked, share: independent_share(trial.period_s), limit_cycles, floor_square }
+        Self { decay, gain, scale, kicked, share: independent_share(recording.period_s), limit_cycles, floor_square }
     }
 
     /// One over the standard deviation of each innovation, where there was a sample.
@@ -132,7 +132,7 @@ impl Whitener {
         self.scale.iter().copied().filter(|scale| *scale > 0.0).collect()
     }
 
-    /// By how much a simulated signal swings otherwise than the recorded one, where that swings of itself.
+    /// By how much a simulated limit cycle differs from the recorded one, where there is one.
     pub fn limit_cycles<'a>(&'a self, simulated: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
         self.limit_cycles.residuals(simulated).map(|residual| tamed(residual, LIMIT_CYCLE_SHARE))
     }

@@ -47,7 +47,7 @@ pub enum ParamsError {
         reason: std::io::Error,
     },
     /// The content is wrong; all problems of the file at once.
-    #[error("{}", list(what, path, problems))]
+    #[error("{}", list(&format!("{what} file"), path, problems))]
     Invalid {
         /// Which kind of file it should be: parameter, limits, plate.
         what: &'static str,
@@ -70,12 +70,12 @@ impl ParamsError {
 }
 
 /// One line a problem, each beginning with `file:line:` as compilers do, so that editors can jump to it.
-fn list(what: &str, path: &std::path::Path, problems: &[FileProblem]) -> String {
+pub(crate) fn list(what: &str, path: &std::path::Path, problems: &[FileProblem]) -> String {
     let noun = if problems.len() == 1 { "problem" } else { "problems" };
     let path = path.display();
     let lines = problems.iter().map(|problem| match problem.line {
         Some(line) => format!("\n  {path}:{line}: {problem}"),
         None => format!("\n  {path}: {problem}"),
     });
-    format!("{} {noun} in the {what} file {path}{}", problems.len(), lines.collect::<String>())
+    format!("{} {noun} in the {what} {path}{}", problems.len(), lines.collect::<String>())
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::battery::{Label, TrueFault};
 use crate::effects::Stage;
-use crate::params::yaml::{Node, parse};
+use crate::params::yaml::{self, Node, parse};
 
 /// A label file that cannot be read.
 #[derive(Debug, thiserror::Error)]
@@ -86,7 +86,7 @@ fn truth(name: &str, node: &Node) -> Result<TrueFault, LabelsError> {
 
 fn get<'a>(node: &'a Node, key: &str) -> Option<&'a Node> {
     let Node::Map(map) = node else { return None };
-    map.iter().find(|(known, _)| known == key).map(|(_, node)| node)
+    yaml::get(map, key)
 }
 
 /// Labels as a file of the same format.

@@ -15,7 +15,7 @@ use super::error::FileProblem;
 use super::number::{number_text, quantity_text};
 use super::sheet::{Origin, Sheet};
 use super::suggest::nearest;
-use super::yaml::{Document, Node};
+use super::yaml::{Document, Node, get};
 
 /// Keys at the top of a file beside the sections of parameters.
 const TOP_KEYS: [&str; 6] = ["name", "base", "source", "sensors", "effects", "recorded"];
@@ -133,7 +133,7 @@ impl Merge<'_> {
     }
 
     /// Refuses a unit that is not the expected one.
-    fn unit(&mut self, path: &[&str], map: &Map, expected: &str) {
+    fn unit(&mut self, path: &[&str], map: &Mapping, expected: &str) {
         let found = match get(map, "unit") {
             None => return,
             Some(Node::Text(text)) if text == expected => return,
@@ -144,7 +144,7 @@ impl Merge<'_> {
         self.problem(path, format!("expected the unit \"{expected}\", found {found}; {hint}"));
     }
 
-    fn flag(&mut self, path: &[&str; 2], map: &Map, key: &str) -> bool {
+    fn flag(&mut self, path: &[&str; 2], map: &Mapping, key: &str) -> bool {
         match get(map, key) {
             None => false,
             Some(Node::Bool(value)) => *value,
@@ -156,7 +156,7 @@ impl Merge<'_> {
         }
     }
 
-    fn source<'n>(&mut self, path: &[&str; 2], map: &'n Map) -> Option<&'n str> {
+    fn source<'n>(&mut self, path: &[&str; 2], map: &'n Mapping) -> Option<&'n str> {
         match get(map, "source")? {
             Node::Text(text) => Some(text),
             other => {
@@ -168,7 +168,7 @@ impl Merge<'_> {
     }
 
     /// Refuses attributes that are not known.
-    fn attributes(&mut self, path: &[&str; 2], map: &Map, known: &[&str]) {
+    fn attributes(&mut self, path: &[&str; 2], map: &Mapping, known: &[&str]) {
         for (key, _) in map.iter().filter(|(key, _)| !known.contains(&key.as_str())) {
             self.unknown(&[path[0], path[1], key], known.iter().copied());
         }
@@ -191,11 +191,7 @@ impl Merge<'_> {
     }
 }
 
-type Map = [(String, Node)];
-
-fn get<'n>(map: &'n Map, key: &str) -> Option<&'n Node> {
-    map.iter().find(|(known, _)| known == key).map(|(_, node)| node)
-}
+type Mapping = [(String, Node)];
 
 pub(super) fn section_of(entry: &ParameterEntry) -> &'static str {
     entry.key.split_once('.').map_or("", |(section, _)| section)

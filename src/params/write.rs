@@ -9,6 +9,7 @@ use std::path::Path;
 use crate::effects::find_in;
 use crate::files::write_atomically;
 use crate::parameters::{ChannelReading, ChannelReadings, ENTRIES, Tolerance, Unit};
+use crate::params::yaml::quoted;
 
 use super::error::{FileProblem, ParamsError};
 use super::merge::{name_of, section_of};
@@ -139,11 +140,6 @@ fn tolerance_yaml(tolerance: Option<Tolerance>) -> String {
         Some(Tolerance::Absolute(spread)) => format!("{}, abs: true", number_text(spread)),
         Some(Tolerance::LogNormal(spread)) => format!("{}, log: true", number_text(spread)),
     }
-}
-
-/// Text in quotes: YAML's double-quoted text is a superset of JSON's.
-fn quoted(text: &str) -> String {
-    serde_json::Value::from(text).to_string()
 }
 
 /// One line: indentation, key, value, comment, each where it is there.

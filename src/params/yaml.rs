@@ -35,6 +35,16 @@ impl Node {
     }
 }
 
+/// The value of a key in a mapping.
+pub(crate) fn get<'n>(map: &'n [(String, Node)], key: &str) -> Option<&'n Node> {
+    map.iter().find(|(known, _)| known == key).map(|(_, node)| node)
+}
+
+/// Text in quotes: YAML's double-quoted text is a superset of JSON's.
+pub(crate) fn quoted(text: &str) -> String {
+    serde_json::Value::from(text).to_string()
+}
+
 fn shorten(text: &str) -> String {
     const LONGEST: usize = 40;
     let mut short: String = text.chars().take(LONGEST).flat_map(char::escape_debug).collect();

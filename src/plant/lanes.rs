@@ -14,7 +14,7 @@ use crate::plant::real::{Real, Truth};
 use pair::Pair;
 
 /// Most lanes of any width.
-pub const MOST_LANES: usize = 16;
+pub(crate) const MOST_LANES: usize = 16;
 
 /// The bit of a number that is its sign, and those that are its size. `pulp`'s own `neg_f64s`, `abs_f64s` and `select_f64s` may be calls out
 /// of the function that is compiled for wide registers.
@@ -69,7 +69,7 @@ impl Width {
 
     /// The most lanes that a batch may have.
     #[must_use]
-    pub fn most_lanes() -> usize {
+    pub(crate) fn most_lanes() -> usize {
         Self::all().last().map_or(1, |widest| widest.lanes())
     }
 

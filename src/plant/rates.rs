@@ -77,7 +77,7 @@ pub type Rates = fn(&Plant, &State, &Drive) -> State;
 
 /// The same of the servomotor alone, while pilot valve and spool stand where somebody else put them.
 #[must_use]
-pub fn piston_rates(plant: &Plant, state: &State, drive: &Drive) -> State {
+pub(crate) fn piston_rates(plant: &Plant, state: &State, drive: &Drive) -> State {
     State {
         pilot_position_pu: 0.0,
         pilot_rate_pu_s: 0.0,

@@ -180,7 +180,7 @@ impl Regulator {
         self.small_loop().valve_current_pu(spool_command_pu, spool_reading_pu)
     }
 
-    /// The spool reading at which the small loop idle_segments with this current, pu.
+    /// The spool reading at which the small loop rests with this current, pu.
     #[must_use]
     pub fn resting_reading_pu(&self, spool_command_pu: f64, valve_current_pu: f64) -> f64 {
         spool_command_pu - self.p.spool_reference_pu

@@ -133,8 +133,7 @@ impl<T: Real> Spool<T> {
 
     /// Force of the centring spring towards closing, N.
     #[inline(always)]
-    #[must_use]
-    pub fn spring_force_n(&self, position_m: T) -> T {
+    fn spring_force_n(&self, position_m: T) -> T {
         self.spring_stiffness_n_m * (self.spring_precompression_m + position_m).max(position_m.like(0.0))
     }
 

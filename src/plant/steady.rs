@@ -6,7 +6,7 @@ use crate::state::State;
 
 /// The state at rest at a servomotor position and, for a plant on its way, at a spool position.
 ///
-/// Without `spool_position_m` the spool idle_segments where the small loop holds it for a demand of zero. The pilot
+/// Without `spool_position_m` the spool rests where the small loop holds it for a demand of zero. The pilot
 /// valve then passes exactly what leaks; the chambers balance the load, the closing one at half the
 /// supply pressure: with the ports closed the sum of the two pressures is free, and this is the value that
 /// equal leakage past both edges leaves. With the spool off neutral the piston moves at the speed at

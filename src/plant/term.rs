@@ -3,8 +3,8 @@
 //! A term stands at one point of the chain, sees the signal there and the state of the last tick, and
 //! returns the signal that goes on. Its memory lives in the twin's state and advances once a tick.
 
-pub mod delay;
-pub mod play;
+pub(crate) mod delay;
+pub(crate) mod play;
 
 use std::fmt;
 use std::sync::Arc;
@@ -43,7 +43,7 @@ pub enum Point {
 }
 
 /// Number of points.
-pub const POINTS: usize = Point::ALL.len();
+pub(crate) const POINTS: usize = Point::ALL.len();
 
 impl Point {
     /// All points, along the chain as the variants stand.
@@ -152,7 +152,7 @@ impl Terms {
 
     /// Whether terms at the same points have the same places in both memories.
     #[must_use]
-    pub fn remember_like(&self, other: &Self) -> bool {
+    pub(crate) fn remember_like(&self, other: &Self) -> bool {
         let place = |(term, start): &(Arc<dyn Term>, usize)| (term.point(), *start);
         self.memory_len == other.memory_len && self.list.iter().map(place).eq(other.list.iter().map(place))
     }
@@ -160,7 +160,7 @@ impl Terms {
     /// True when nothing stands at the point.
     #[inline]
     #[must_use]
-    pub fn is_empty_at(&self, point: Point) -> bool {
+    pub(crate) fn is_empty_at(&self, point: Point) -> bool {
         self.occupied & (1 << point as u16) == 0
     }
 

@@ -139,11 +139,11 @@ mod tests {
         let (fast, slow) = (recording(10), recording(200));
         let truth: Vec<f64> =
             simulate(&mut twin, &fast).iter().step_by(20).map(|one| one.signals.spool_position_pu).collect();
-        let miss = |estimates: &[crate::frame::Estimate]| -> f64 {
+        let rms_error = |estimates: &[crate::frame::Estimate]| -> f64 {
             estimates.iter().zip(&truth).map(|(one, truth)| (one.signals.spool_position_pu - truth).abs()).sum()
         };
         let (held, drawn) = (simulate(&mut twin, &slow), simulate_between(&mut twin, &slow, 10 * MS));
-        assert!(miss(&drawn) < 0.5 * miss(&held), "{} against {}", miss(&drawn), miss(&held));
+        assert!(rms_error(&drawn) < 0.5 * rms_error(&held), "{} against {}", rms_error(&drawn), rms_error(&held));
     }
 
     #[test]

@@ -2,6 +2,8 @@
 
 use serde::Serialize;
 
+use crate::signal::Signal;
+
 /// Figures over all rows of several recordings.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RecordingGroup {
@@ -12,6 +14,14 @@ pub struct RecordingGroup {
     pub recordings: usize,
     /// Figures, signal by signal.
     pub signals: Vec<SignalFigures>,
+}
+
+impl RecordingGroup {
+    /// The figures of a signal.
+    #[must_use]
+    pub fn of(&self, signal: Signal) -> Option<&SignalFigures> {
+        self.signals.iter().find(|figures| figures.name == signal.id())
+    }
 }
 
 /// Figures of one signal.

@@ -5,7 +5,7 @@
 
 use serde::Serialize;
 
-use super::figures::{RecordingGroup, SignalFigures};
+use super::figures::RecordingGroup;
 use crate::recording::Process;
 use crate::signal::Signal;
 
@@ -35,11 +35,6 @@ pub struct Ladder {
     pub findings: Vec<String>,
 }
 
-/// The figures of a signal in a group.
-fn figures(group: &RecordingGroup, signal: Signal) -> Option<&SignalFigures> {
-    group.signals.iter().find(|figures| figures.name == signal.id())
-}
-
 impl Rung {
     /// Mean absolute error of a process, or overall; the coefficient's unit is the signal's.
     #[must_use]
@@ -48,7 +43,7 @@ impl Rung {
             Some(process) => self.processes.iter().find(|group| group.process == Some(process.id()))?,
             None => &self.overall,
         };
-        figures(group, signal).map(|figures| figures.mae).filter(|mae| mae.is_finite())
+        group.of(signal).map(|figures| figures.mae).filter(|mae| mae.is_finite())
     }
 
     fn has_not_seen(&self, process: Process) -> bool {
@@ -122,7 +117,8 @@ fn capitalised(words: &str) -> String {
 mod tests {
     use super::{Ladder, Rung};
     use crate::recording::Process;
-    use crate::replay::figures::{RecordingGroup, SignalFigures};
+    use crate::replay::figures::RecordingGroup;
+    use crate::replay::figures::SignalFigures;
     use crate::signal::Signal;
 
     fn group(process: Option<&'static str>, mae: f64) -> RecordingGroup {

@@ -93,11 +93,11 @@ impl<'a> Simulator<'a> {
 #[derive(Debug)]
 pub struct Replaying<'a> {
     simulator: Simulator<'a>,
-    gathered: Gathered,
+    gathered: GatheredFigures,
 }
 
 #[derive(Debug, Default)]
-struct Gathered {
+struct GatheredFigures {
     scores: Scores,
     process: ProcessWatch,
     rows: usize,
@@ -120,13 +120,13 @@ struct Kept {
 impl<'a> Replaying<'a> {
     /// Begins with the twin at rest.
     pub fn new(twin: &'a mut Twin) -> Self {
-        Self { simulator: Simulator::new(twin), gathered: Gathered::new() }
+        Self { simulator: Simulator::new(twin), gathered: GatheredFigures::new() }
     }
 
     /// Forgets all rows.
     pub fn restart(&mut self) {
         self.simulator.restart();
-        self.gathered = Gathered::new();
+        self.gathered = GatheredFigures::new();
     }
 
     /// Takes a row.
@@ -144,7 +144,7 @@ impl<'a> Replaying<'a> {
     }
 }
 
-impl Gathered {
+impl GatheredFigures {
     fn new() -> Self {
         Self { every: 1, ..Self::default() }
     }

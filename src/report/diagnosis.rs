@@ -16,7 +16,7 @@ use crate::provenance::Provenance;
 use crate::report::table::significant;
 use crate::signal::Signal;
 
-pub use stage::told_text;
+pub use stage::figure_text;
 pub use summary::summary;
 pub use traces::kept as kept_traces;
 
@@ -44,7 +44,7 @@ pub fn page(diagnosis: &Diagnosis, made: &Provenance) -> Result<Page, DrawError>
     let explained = !diagnosis.blamed.is_empty();
     let body = &mut page.body;
     opening(body, diagnosis, made);
-    misses(body, diagnosis, explained)?;
+    residuals(body, diagnosis, explained)?;
     if diagnosis.traces.iter().any(|trace| !trace.time_s.is_empty()) {
         recordings(body, diagnosis, explained)?;
     }
@@ -99,10 +99,17 @@ fn opening(body: &mut PageBody, diagnosis: &Diagnosis, made: &Provenance) {
         );
     }
     if !diagnosis.blamed.is_empty() {
-        let closure = diagnosis.closure;
-        let hint =
-            format!("on data held out; 90 %: {} to {}", words::percent(closure.low), words::percent(closure.high));
-        let value = if closure.leaves_all_open() { "cannot be told".to_owned() } else { words::percent(closure.value) };
+        let explained_fraction = diagnosis.explained_fraction;
+        let hint = format!(
+            "on data held out; 90 %: {} to {}",
+            words::percent(explained_fraction.low),
+            words::percent(explained_fraction.high)
+        );
+        let value = if explained_fraction.leaves_all_open() {
+            "cannot be told".to_owned()
+        } else {
+            words::percent(explained_fraction.value)
+        };
         key.push(KeyFigure::new("error explained", value, "").hint(hint));
     }
     body.key_figures(key);
@@ -121,7 +128,7 @@ fn opening(body: &mut PageBody, diagnosis: &Diagnosis, made: &Provenance) {
     }
 }
 
-fn misses(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Result<(), DrawError> {
+fn residuals(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Result<(), DrawError> {
     body.heading("How far off the twin is");
     if !diagnosis.gap.is_empty() {
         let caption = if diagnosis.part.as_ref().is_some_and(|part| !part.sheet) {
@@ -131,7 +138,7 @@ fn misses(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Result
             "Data sheet: its values as they are. Recalibrated: the same values moved within their tolerances. The line is the error of a \
              right twin, from noise and steps of the transducers."
         };
-        body.figure(svg(&pictures::misses(diagnosis, explained))?, caption);
+        body.figure(svg(&pictures::residuals(diagnosis, explained))?, caption);
     }
     body.table(tables::gap(diagnosis, explained), "RMS error over all recordings; positions in % of their stroke.");
     if let Some(part) = diagnosis.part.as_ref().filter(|part| !part.free_runs.is_empty()) {
@@ -142,9 +149,9 @@ fn misses(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Result
         );
         body.table(tables::free_runs(part), caption);
     }
-    if let Some(part) = diagnosis.part.as_ref().filter(|part| !part.told.is_empty()) {
+    if let Some(part) = diagnosis.part.as_ref().filter(|part| !part.figures.is_empty()) {
         body.table(
-            tables::told(part),
+            tables::stage_figures(part),
             "What was fitted, in the numbers of the recordings; intervals hold the truth nine times in ten.",
         );
     }
@@ -262,10 +269,13 @@ fn causes(body: &mut PageBody, diagnosis: &Diagnosis) -> Result<(), DrawError> {
 
 fn next(body: &mut PageBody, diagnosis: &Diagnosis) {
     body.heading("What these recordings cannot say");
-    if diagnosis.alike.is_empty() {
+    if diagnosis.ambiguous_pairs.is_empty() {
         body.paragraph("No two effects of those that were tried leave the same mark here.");
     } else {
-        body.table(tables::alike(diagnosis), "Pairs that leave the same mark here; 1 is the same to the last bit.");
+        body.table(
+            tables::ambiguous_pairs(diagnosis),
+            "Pairs that leave the same mark here; 1 is the same to the last bit.",
+        );
     }
     if !diagnosis.experiments.is_empty() {
         body.table(
@@ -274,18 +284,21 @@ fn next(body: &mut PageBody, diagnosis: &Diagnosis) {
         );
         let mut inner = PageBody::new();
         for one in &diagnosis.experiments {
-            inner.paragraph(format!("{}: {}", words::capital(&words::within(&one.test)), next_test::how_to_run(one)));
+            inner.paragraph(format!("{}: {}", words::capital(&one.test), next_test::how_to_run(one)));
         }
         body.details("How to run them", inner);
     }
     let mut inner = PageBody::new();
     inner.table(
-        tables::visible(diagnosis),
+        tables::detectable_sizes(diagnosis),
         "Smallest deviation from a sound unit that would stand out, beside a moderate fault.",
     );
     let none = matches!(diagnosis.verdict, Verdict::NoGap | Verdict::NotExcited);
     if none {
-        body.table(tables::visible(diagnosis), "What could be seen: the smallest deviation that would stand out.");
+        body.table(
+            tables::detectable_sizes(diagnosis),
+            "What could be seen: the smallest deviation that would stand out.",
+        );
     } else {
         body.details("What could be seen at all", inner);
     }

@@ -85,7 +85,7 @@ impl PageBody {
     }
 
     /// A heading; the page's contents list it.
-    pub fn heading(&mut self, text: impl Into<String>) {
+    pub(crate) fn heading(&mut self, text: impl Into<String>) {
         self.0.push(Block::Heading(text.into()));
     }
 
@@ -95,7 +95,7 @@ impl PageBody {
     }
 
     /// The numbers that the reader came for, side by side.
-    pub fn key_figures(&mut self, figures: impl IntoIterator<Item = KeyFigure>) {
+    pub(crate) fn key_figures(&mut self, figures: impl IntoIterator<Item = KeyFigure>) {
         self.0.push(Block::KeyFigures(figures.into_iter().collect()));
     }
 

@@ -187,17 +187,6 @@ impl Panel {
         self.mark(Mark::new(MarkShape::Blocks(blocks.collect()), ink, label))
     }
 
-    /// Adds intervals as whiskers on lying bars: `low` to `high` at category `i` of the vertical axis.
-    #[must_use]
-    #[expect(clippy::cast_precision_loss, reason = "a handful of bars")]
-    pub fn lying_whiskers(self, ink: Ink, label: &str, intervals: &[[f64; 2]]) -> Self {
-        let segments = intervals.iter().enumerate().flat_map(|(i, &[low, high])| {
-            let y = i as f64;
-            [[low, y, high, y], [low, y - 0.16, low, y + 0.16], [high, y - 0.16, high, y + 0.16]]
-        });
-        self.mark(Mark::new(MarkShape::Segments(segments.collect()), ink, label))
-    }
-
     /// Adds a histogram: share of the finite values per bin, the outer bins taking what lies beyond.
     #[must_use]
     #[expect(clippy::cast_precision_loss, reason = "counts of rows lie far below 2^53")]

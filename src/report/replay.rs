@@ -13,7 +13,7 @@ use crate::recording::Process;
 use crate::replay::Replayed;
 use crate::replay::summary::ReplaySummary;
 use crate::signal::Signal;
-use tables::{errors, figures, r2_words, recording_table, thousands};
+use tables::{errors, r2_words, recording_table, thousands};
 
 pub use curves::Pictures;
 pub use ladder::{ladder_picture, ladder_table, reason_for_stars};
@@ -102,7 +102,7 @@ pub fn page(
 }
 
 fn opening(body: &mut PageBody, summary: &ReplaySummary) {
-    let judged = |signal: Signal| figures(&summary.overall, signal).filter(|figures| figures.rmse.is_finite());
+    let judged = |signal: Signal| summary.overall.of(signal).filter(|figures| figures.rmse.is_finite());
     let said: Vec<String> = [
         (Signal::ServomotorPosition, "the servomotor", "its stroke"),
         (Signal::SpoolPosition, "the spool", "its reference stroke"),
@@ -118,7 +118,7 @@ fn opening(body: &mut PageBody, summary: &ReplaySummary) {
     }
     let mut key = vec![];
     for (signal, name) in [(Signal::ServomotorPosition, "servomotor"), (Signal::SpoolPosition, "spool")] {
-        if let Some(f) = figures(&summary.overall, signal) {
+        if let Some(f) = summary.overall.of(signal) {
             let largest = format!("MAE {} %, largest {} %", percent(f.mae, 2), percent(f.max_abs, 2));
             key.push(KeyFigure::new(format!("RMSE, {name}"), percent(f.rmse, 3), "%").hint(largest));
             key.push(KeyFigure::new(format!("R², {name}"), r2_words(f.r2), ""));
@@ -162,7 +162,7 @@ fn after(summary: &ReplaySummary) -> String {
     let rungs = summary.ladder.iter().flat_map(|ladder| ladder.rungs.iter().skip(1));
     let Some(last) = rungs.rev().find(|rung| rung.model.is_none()) else { return String::new() };
     let of = |(signal, name)| {
-        let left = figures(&last.overall, signal).filter(|f| f.rmse.is_finite())?;
+        let left = last.overall.of(signal).filter(|f| f.rmse.is_finite())?;
         Some(format!("the {name} by {} %", percent(left.rmse, 2)))
     };
     let positions = [(Signal::ServomotorPosition, "servomotor"), (Signal::SpoolPosition, "spool")];

@@ -65,7 +65,7 @@ impl Table {
     }
 
     /// Adds a row whose first cell leads to a page beside this one.
-    pub fn linked_row(&mut self, cells: impl IntoIterator<Item = impl Into<String>>, link: impl Into<String>) {
+    pub(crate) fn linked_row(&mut self, cells: impl IntoIterator<Item = impl Into<String>>, link: impl Into<String>) {
         self.row(cells);
         if let Some(row) = self.rows.last_mut() {
             row.link = Some(link.into());
@@ -73,7 +73,7 @@ impl Table {
     }
 
     /// Adds a row that stands out, such as a total.
-    pub fn strong_row(&mut self, cells: impl IntoIterator<Item = impl Into<String>>) {
+    pub(crate) fn strong_row(&mut self, cells: impl IntoIterator<Item = impl Into<String>>) {
         self.push(cells.into_iter().map(Into::into).collect(), true);
     }
 
@@ -271,7 +271,7 @@ const PREFIXES: [(&str, i32); 7] = [("G", 9), ("M", 6), ("k", 3), ("", 0), ("m",
 /// The unit that people use for a value, and what the value is multiplied by: shares in percent, lengths in millimetres, others with their
 /// SI prefix; no unit where there is none.
 #[must_use]
-pub fn scaled_unit(value: f64, unit: &str) -> (f64, String) {
+pub(crate) fn scaled_unit(value: f64, unit: &str) -> (f64, String) {
     let first = unit.split([' ', '/']).next().unwrap_or_default();
     match unit {
         "pu" => (100.0, "%".to_owned()),

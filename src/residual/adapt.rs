@@ -3,7 +3,7 @@
 //! The innovation is `e = measured − corrected`, at most one each training period. A two-sided CUSUM (Page 1954, "Continuous
 //! inspection schemes", *Biometrika* 41; the test of Page and Hinkley with a known mean) watches `z = e/σ`, σ from the model's band:
 //! `S± = max(0, S± ± z − k)`, an alarm where one passes `h`. Beside it recursive least squares with exponential forgetting (Ljung 1999,
-//! *System Identification*, section 11.2), each innovation cut to σ since misses have heavy tails, learns `e ≈ b + g·y`, y the twin's own value. Before the first alarm nothing is added, to the bit.
+//! *System Identification*, section 11.2), each innovation cut to σ since residuals have heavy tails, learns `e ≈ b + g·y`, y the twin's own value. Before the first alarm nothing is added, to the bit.
 //! After it `b + g·y` is added, clamped to stated bounds, for as long as it has proved itself: its forgetting mean of |e| lies below that
 //! without it by a margin. What is added at a sample was learned before that sample.
 
@@ -30,7 +30,7 @@ const TRIAL_S: f64 = 60.0;
 /// What is learned must lessen the mean |e| to this share before it is added, and is added until it no longer lessens it.
 const CONVINCING_SHARE: f64 = 0.8;
 
-/// Of the band's half width in motion: misses below this share are no drift worth following, however quiet the unit is at rest.
+/// Of the band's half width in motion: residuals below this share are no drift worth following, however quiet the unit is at rest.
 const LEAST_SHARE: f64 = 0.0625;
 
 /// Half widths of the band in motion, the most that is added.
@@ -91,7 +91,7 @@ pub struct Adapter {
     /// Their covariance over σ²: first, mixed, second.
     spread: [f64; 3],
     /// Forgetting means of |e| without and with what is learned.
-    misses: [f64; 2],
+    innovations: [f64; 2],
     trusted: bool,
     counts: Adaptation,
 }
@@ -115,7 +115,7 @@ impl Adapter {
             sums: [0.0; 2],
             learned: [0.0; 2],
             spread: [WIDEST, 0.0, WIDEST],
-            misses: [0.0; 2],
+            innovations: [0.0; 2],
             trusted: false,
             counts: Adaptation::default(),
         })
@@ -174,11 +174,11 @@ impl Adapter {
     /// Compares what was learned so far with nothing, on a sample that it has not seen.
     fn weigh(&mut self, without: f64, with: f64, since_s: f64) {
         let keep = (-since_s / TRIAL_S).exp();
-        for (mean, miss) in self.misses.iter_mut().zip([without, with]) {
-            *mean = keep * *mean + (1.0 - keep) * miss;
+        for (mean, innovation_left) in self.innovations.iter_mut().zip([without, with]) {
+            *mean = keep * *mean + (1.0 - keep) * innovation_left;
         }
         let share = if self.trusted { 1.0 } else { CONVINCING_SHARE };
-        self.trusted = self.misses[1] < share * self.misses[0];
+        self.trusted = self.innovations[1] < share * self.innovations[0];
     }
 
     fn watch(&mut self, standardised: f64, time_ns: i64) {
@@ -204,9 +204,9 @@ impl Adapter {
         if weight <= 0.0 {
             return;
         }
-        let miss = (innovation - self.raw(value)).clamp(-sigma, sigma);
-        self.learned[0] = (self.learned[0] + toward_bias / weight * miss).clamp(-self.limit, self.limit);
-        self.learned[1] = (self.learned[1] + toward_gain / weight * miss).clamp(-GAIN_LIMIT, GAIN_LIMIT);
+        let innovation_left = (innovation - self.raw(value)).clamp(-sigma, sigma);
+        self.learned[0] = (self.learned[0] + toward_bias / weight * innovation_left).clamp(-self.limit, self.limit);
+        self.learned[1] = (self.learned[1] + toward_gain / weight * innovation_left).clamp(-GAIN_LIMIT, GAIN_LIMIT);
         let narrowed = [
             (first - toward_bias * toward_bias / weight) / forget,
             (mixed - toward_bias * toward_gain / weight) / forget,

@@ -1,6 +1,6 @@
 //! A band around a corrected estimate: split conformal prediction (Vovk et al. 2005; Lei et al. 2018), by the state of motion.
 //!
-//! The half width is the ⌈(n + 1)·c⌉-th smallest miss on rows that the trees were not trained on, apart for rows at rest
+//! The half width is the ⌈(n + 1)·c⌉-th smallest residual on rows that the trees were not trained on, apart for rows at rest
 //! and rows in motion. Coverage is guaranteed where new rows are exchangeable with those; rows of one recording follow each
 //! other, so it is measured on the test part and stated beside the band.
 
@@ -20,19 +20,20 @@ pub struct Band {
     pub in_motion: f64,
 }
 
-/// Fewer misses than this give no band of their own.
+/// Fewer residuals than this give no band of their own.
 const FEWEST: usize = 30;
 
 impl Band {
-    /// The band of misses, each with how far its twin moved. `None` where there are too few.
+    /// The band of residuals, each with how far its twin moved. `None` where there are too few.
     #[must_use]
-    pub fn of(misses: &[(f64, f64)], coverage_share: f64) -> Option<Self> {
-        let mut motions: Vec<f64> = misses.iter().map(|(motion, _)| *motion).collect();
+    pub fn of(residuals: &[(f64, f64)], coverage_share: f64) -> Option<Self> {
+        let mut motions: Vec<f64> = residuals.iter().map(|(motion, _)| *motion).collect();
         motions.sort_by(f64::total_cmp);
         // The livelier third, so that both states have rows.
         let moving_above = *motions.get(motions.len() * 2 / 3)?;
         let of = |keep: &dyn Fn(f64) -> bool| {
-            let kept = misses.iter().filter(|(motion, _)| keep(*motion)).map(|(_, miss)| miss.abs()).collect();
+            let kept =
+                residuals.iter().filter(|(motion, _)| keep(*motion)).map(|(_, residual)| residual.abs()).collect();
             quantile(kept, coverage_share)
         };
         let whole = of(&|_| true)?;
@@ -51,21 +52,21 @@ impl Band {
     }
 }
 
-/// The conformal quantile of misses that are not negative.
+/// The conformal quantile of residuals that are not negative.
 #[expect(
     clippy::cast_precision_loss,
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     reason = "counts of rows, and a share of them that lies between 0 and the count plus one"
 )]
-fn quantile(mut misses: Vec<f64>, coverage_share: f64) -> Option<f64> {
-    misses.retain(|miss| miss.is_finite());
-    if misses.len() < FEWEST {
+fn quantile(mut residuals: Vec<f64>, coverage_share: f64) -> Option<f64> {
+    residuals.retain(|residual| residual.is_finite());
+    if residuals.len() < FEWEST {
         return None;
     }
-    misses.sort_by(f64::total_cmp);
-    let rank = ((misses.len() + 1) as f64 * coverage_share).ceil() as usize;
-    misses.get(rank.clamp(1, misses.len()) - 1).copied()
+    residuals.sort_by(f64::total_cmp);
+    let rank = ((residuals.len() + 1) as f64 * coverage_share).ceil() as usize;
+    residuals.get(rank.clamp(1, residuals.len()) - 1).copied()
 }
 
 #[cfg(test)]
@@ -75,24 +76,25 @@ mod tests {
 
     use super::Band;
 
-    fn misses(count: usize, seed: u64) -> Vec<(f64, f64)> {
+    fn residuals(count: usize, seed: u64) -> Vec<(f64, f64)> {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let mut draw = || {
             let motion: f64 = random.random();
-            let miss = random.random_range(-1.0..1.0_f64) * if motion > 0.7 { 5.0 } else { 0.1 };
-            (motion, miss)
+            let residual = random.random_range(-1.0..1.0_f64) * if motion > 0.7 { 5.0 } else { 0.1 };
+            (motion, residual)
         };
         (0..count).map(|_| draw()).collect()
     }
 
     #[test]
     fn new_rows_are_covered_as_stated_in_both_states() {
-        let band = Band::of(&misses(3000, 1), 0.9).unwrap();
+        let band = Band::of(&residuals(3000, 1), 0.9).unwrap();
         assert!(band.in_motion > 10.0 * band.at_rest);
         for state in [true, false] {
-            let fresh = misses(30_000, 2);
+            let fresh = residuals(30_000, 2);
             let of_state: Vec<_> = fresh.iter().filter(|(motion, _)| (*motion > band.moving_above) == state).collect();
-            let covered = of_state.iter().filter(|(motion, miss)| miss.abs() <= band.half_width(*motion)).count();
+            let covered =
+                of_state.iter().filter(|(motion, residual)| residual.abs() <= band.half_width(*motion)).count();
             let share = covered as f64 / of_state.len() as f64;
             assert!((share - 0.9).abs() < 0.02, "{share}");
         }
@@ -100,7 +102,7 @@ mod tests {
 
     #[test]
     fn too_few_rows_give_no_band() {
-        assert_eq!(Band::of(&misses(20, 3), 0.9), None);
+        assert_eq!(Band::of(&residuals(20, 3), 0.9), None);
         assert_eq!(Band::of(&[], 0.9), None);
     }
 }

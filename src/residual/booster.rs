@@ -13,7 +13,7 @@ use super::forest::Tree;
 pub const NAME: &str = "LightGBM 4 through lightgbm3 1.0";
 
 /// Fewer rows than this teach nothing that a guard could vouch for.
-pub const FEWEST_ROWS: usize = 200;
+pub(crate) const FEWEST_ROWS: usize = 200;
 
 /// What trees make least.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -28,7 +28,7 @@ pub enum Objective {
 }
 
 /// Where Huber's loss turns from squares to straight, in the target's unit; the coefficient's unit is the signal's.
-pub const HUBER_PU: f64 = 0.01;
+const HUBER_PU: f64 = 0.01;
 
 impl Objective {
     /// All, the paper's first.

@@ -69,7 +69,7 @@ impl Corrector {
     /// The same with adaptation to drift, fed by what frames hold as measured.
     ///
     /// # Errors
-    /// Where the model has no band to tell drift from its usual misses.
+    /// Where the model has no band to tell drift from its usual residuals.
     pub fn adapting(mut self, model: &Model) -> Result<Self, ModelError> {
         let missing = || ModelError::Mismatch {
             what: "band, against which drift is judged,",

@@ -1,4 +1,4 @@
-//! The paper's rivals with memory, LSTM and TCN, on the same rows and features: the only file that knows candle.
+//! The paper's models with memory, LSTM and TCN, on the same rows and features: the only file that knows candle.
 //!
 //! Both read the last few rows of features, scaled by the training rows, and say the residual; loss and target are the trees':
 //! mean absolute error of measured − twin. A sequence never leaves its recording, nor the part of the split that its last row is in.

@@ -126,12 +126,6 @@ pub fn all() -> Vec<Feature> {
     list
 }
 
-/// The features without the twin's words: what a model of data alone may know.
-#[must_use]
-pub fn without_model() -> Vec<Feature> {
-    all().into_iter().filter(|feature| !feature.channel.is_model()).collect()
-}
-
 /// The feature with this name.
 #[must_use]
 pub fn named(name: &str) -> Option<Feature> {
@@ -249,7 +243,7 @@ mod tests {
     use proptest::prelude::{Strategy, prop};
     use proptest::{prop_assert_eq, proptest};
 
-    use super::{all, fill, named, without_model};
+    use super::{all, fill, named};
     use crate::residual::history::History;
     use crate::residual::row::{ChannelRow, RowChannel};
 
@@ -278,7 +272,6 @@ mod tests {
         assert_eq!(names.len(), all().len());
         assert!(all().iter().all(|feature| named(&feature.name()) == Some(*feature)));
         assert_eq!(named("tomorrow_pu"), None);
-        assert!(without_model().iter().all(|feature| !feature.name().contains("model")));
     }
 
     #[test]

@@ -8,7 +8,7 @@
 use super::row::{ChannelRow, RowChannel};
 
 /// Taps of the past besides the present one.
-pub const PAST: usize = 10;
+pub(crate) const PAST: usize = 10;
 
 /// Rows nearer than this to the last kept one are not kept: the twin itself steps every millisecond, ns.
 const NEAREST_NS: i64 = 900_000;

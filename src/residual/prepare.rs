@@ -7,7 +7,7 @@
 //! | doubled recording: the same rows again | left out, or one of them would be tested on what the other taught |
 //! | implausible input: outside what a governor can show | the last plausible value stands in, as in the live node |
 //! | implausible target | neither taught nor judged on |
-//! | outlier of the target: one sample far off both neighbours while the servomotor idle_segments | neither taught nor judged on |
+//! | outlier of the target: one sample far off both neighbours while the servomotor rests | neither taught nor judged on |
 
 use std::ops::RangeInclusive;
 
@@ -226,7 +226,7 @@ fn count_missing(frames: &[Frame], sampled: &[usize], cleaning: &mut Cleaning) {
 
 /// The usual time between two samples, ns; 0 where there are fewer than two.
 #[must_use]
-pub fn median_spacing_ns(frames: &[Frame], sampled: &[usize]) -> i64 {
+pub(crate) fn median_spacing_ns(frames: &[Frame], sampled: &[usize]) -> i64 {
     let mut spacings: Vec<i64> =
         sampled.windows(2).map(|pair| frames[pair[1]].time_ns - frames[pair[0]].time_ns).collect();
     spacings.sort_unstable();

@@ -115,7 +115,7 @@ impl RowChannel {
 
     /// Whether it is the twin's word and not an input.
     #[must_use]
-    pub fn is_model(self) -> bool {
+    pub(crate) fn is_model(self) -> bool {
         self >= Self::Model
     }
 }

@@ -20,7 +20,7 @@ use statrs::distribution::{Continuous, ContinuousCDF, Normal};
 const ANYWHERE: usize = 1500;
 const NEARBY: usize = 500;
 
-type Process = GaussianProcess<f64, ConstantMean, Matern52Corr>;
+type Surrogate = GaussianProcess<f64, ConstantMean, Matern52Corr>;
 
 /// One hyperparameter.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -165,7 +165,7 @@ fn places(space: &[Hyperparameter], points: &[Vec<f64>]) -> Array2<f64> {
     Array2::from_shape_fn((points.len(), space.len()), place)
 }
 
-fn fit(space: &[Hyperparameter], trials: &[Evaluation]) -> Option<Process> {
+fn fit(space: &[Hyperparameter], trials: &[Evaluation]) -> Option<Surrogate> {
     let known: Vec<&Evaluation> = trials.iter().filter(|trial| trial.loss > 0.0 && trial.loss.is_finite()).collect();
     let points: Vec<Vec<f64>> = known.iter().map(|trial| trial.values.clone()).collect();
     let losses: Array1<f64> = known.iter().map(|trial| trial.loss.ln()).collect();
@@ -180,7 +180,7 @@ fn fit(space: &[Hyperparameter], trials: &[Evaluation]) -> Option<Process> {
     process.fit(&data).ok()
 }
 
-fn predict(process: &Process, space: &[Hyperparameter], points: &[Vec<f64>]) -> Option<(Vec<f64>, Vec<f64>)> {
+fn predict(process: &Surrogate, space: &[Hyperparameter], points: &[Vec<f64>]) -> Option<(Vec<f64>, Vec<f64>)> {
     let places = places(space, points);
     let means = process.predict(&places).ok()?;
     let variances = process.predict_var(&places).ok()?;

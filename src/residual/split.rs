@@ -9,10 +9,10 @@ use super::table::FeatureTable;
 use crate::recording::Process;
 
 /// Share of each process's rows that teach.
-pub const TRAINING_SHARE: f64 = 0.7;
+const TRAINING_SHARE: f64 = 0.7;
 
 /// Folds of the cross-validation.
-pub const FOLDS: usize = 5;
+const FOLDS: usize = 5;
 
 /// Rows by their index in the table.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

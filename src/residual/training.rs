@@ -17,7 +17,7 @@ use crate::parameters::Unit;
 use crate::recording::Process;
 
 /// Share of rows that a model's band is to cover.
-pub const COVERAGE_SHARE: f64 = 0.9;
+const COVERAGE_SHARE: f64 = 0.9;
 
 const fn dimension(
     name: &'static str,
@@ -96,7 +96,7 @@ pub fn fit(
 ///
 /// # Errors
 /// As [`grow`], and where every fold has too few rows.
-pub fn out_of_fold(
+pub(crate) fn out_of_fold(
     table: &FeatureTable,
     folds: &[RowSplit],
     learned: Learned,

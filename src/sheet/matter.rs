@@ -14,8 +14,8 @@ use crate::estimation::coordinate::{Residuals, subject_at};
 use crate::generate::{Scenario, recording};
 use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::noise::expected;
+use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::Problem;
-use crate::likelihood::trial::Trial;
 use crate::likelihood::whitener::independent_share;
 use crate::parameters::{ENTRIES, EffectSetting, Unit};
 use crate::recording::Process;
@@ -80,11 +80,11 @@ pub fn matter(unit: &Unit, plate: &Plate, seed: u64, on_progress: &dyn Fn()) -> 
     let of = |process: Process| {
         let scenario =
             Scenario { unit: unit.clone(), process, rate_hz: RATE_HZ, duration_s: DURATION_S, rich: false, seed };
-        Trial::new(recording(&scenario))
+        PreparedRecording::new(recording(&scenario))
     };
-    let trials: Vec<Trial> = Process::ALL.into_iter().map(of).collect();
+    let recordings: Vec<PreparedRecording> = Process::ALL.into_iter().map(of).collect();
     let period_s = 1.0 / RATE_HZ;
-    let problem = Problem::new(trials, unit, &expected(&unit.sensors));
+    let problem = Problem::new(recordings, unit, &expected(&unit.sensors));
     on_progress();
     let free_parameters = FreeParameter::nuisances(unit);
     let faults: Vec<(&'static str, Unit)> = CATALOGUE.iter().map(|spec| (spec.id, with(unit, spec))).collect();
@@ -174,6 +174,6 @@ fn with(unit: &Unit, spec: &crate::effects::EffectSpec) -> Unit {
 fn flat(residuals: &Residuals) -> DVector<f64> {
     let all = residuals
         .iter()
-        .flat_map(|trial| trial.iter().map(|residual| if residual.is_finite() { *residual } else { 0.0 }));
+        .flat_map(|recording| recording.iter().map(|residual| if residual.is_finite() { *residual } else { 0.0 }));
     DVector::from_iterator(residuals.iter().map(DVector::len).sum(), all)
 }

@@ -81,7 +81,7 @@ impl Split {
 impl Split {
     /// Whether the steps of another plant are as long as these.
     #[must_use]
-    pub fn is_as_long_as(&self, other: &Self) -> bool {
+    pub(crate) fn is_as_long_as(&self, other: &Self) -> bool {
         self.count == other.count && self.step_s == other.step_s && self.tick_s == other.tick_s
     }
 }
@@ -89,7 +89,7 @@ impl Split {
 impl<T: Wide> Split<T> {
     /// The steps of several plants in as many lanes as `zero` has; the last fills what lanes are left. `None` where they differ in length.
     #[must_use]
-    pub fn abreast(splits: &[&Split], zero: T) -> Option<Self> {
+    pub(crate) fn abreast(splits: &[&Split], zero: T) -> Option<Self> {
         let first = splits.first()?;
         if !splits.iter().all(|other| other.is_as_long_as(first)) {
             return None;
@@ -136,7 +136,7 @@ impl<T: Real> Split<T> {
 
     /// Advances the servomotor alone by one tick; the spool is where the caller put it.
     #[inline(always)]
-    pub fn advance_piston(&self, plant: &Blocks<'_, T>, state: &mut State<T>, drive: &Drive<T>) {
+    pub(crate) fn advance_piston(&self, plant: &Blocks<'_, T>, state: &mut State<T>, drive: &Drive<T>) {
         let travel_m = plant.main_ports.travel_m(state.spool_position_m);
         self.piston_step(plant, state, drive, Oil::at(plant, drive.time_s), travel_m);
     }

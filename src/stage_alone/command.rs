@@ -1,6 +1,6 @@
 //! Command and position without a spool: what the command is to the servomotor, and what stands in for the spool.
 
-use crate::likelihood::trial::Trial;
+use crate::likelihood::prepared::PreparedRecording;
 use crate::recording::Recording;
 use crate::stage_alone::competing_laws::{Follows, follows};
 use crate::stage_alone::pieces::pieces;
@@ -34,8 +34,9 @@ pub fn command_for_spool(recordings: &mut [Recording]) -> Option<StandIn> {
     for frame in measured.filter(|frame| frame.measured.servomotor_position_pu.is_finite()) {
         frame.measured.spool_position_pu = frame.inputs.opening_command_pu;
     }
-    let trials: Vec<Trial> = pieces(&sampled(recordings), PIECES).into_iter().map(Trial::servomotor_stage).collect();
-    let runs = Run::all(&trials);
+    let prepared: Vec<PreparedRecording> =
+        pieces(&sampled(recordings), PIECES).into_iter().map(PreparedRecording::servomotor_stage).collect();
+    let runs = Run::all(&prepared);
     let (what, _) = follows(&runs, &plain(&runs)?)?;
     let Follows::Spool { settles_s } = what else {
         let note = "No spool position was recorded: the command stands in for it, as that of the valve.".to_owned();

@@ -5,7 +5,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::likelihood::trial::Trial;
+use crate::likelihood::prepared::PreparedRecording;
 use crate::signal::Signal;
 use crate::units::seconds_from_nanos;
 
@@ -41,7 +41,7 @@ impl Lag {
 
     /// The same kind with another time, not below 0, s.
     #[must_use]
-    pub fn with_time(self, time_s: f64) -> Self {
+    pub(crate) fn with_time(self, time_s: f64) -> Self {
         match self {
             Self::Dead(_) => Self::Dead(time_s.max(0.0)),
             Self::Settling(_) => Self::Settling(time_s.max(0.0)),
@@ -61,13 +61,13 @@ pub struct Run {
 }
 
 impl Run {
-    /// The samples of a trial that hold both positions; none where there are fewer than three.
+    /// The samples of a recording that hold both positions; none where there are fewer than three.
     #[must_use]
-    pub fn of(trial: &Trial) -> Option<Self> {
+    pub fn of(recording: &PreparedRecording) -> Option<Self> {
         let mut run = Self { time_s: Vec::new(), spool: Vec::new(), opening: Vec::new() };
         let mut begins_ns = None;
-        for &row in &trial.samples {
-            let frame = &trial.frames[row];
+        for &row in &recording.samples {
+            let frame = &recording.frames[row];
             let [spool, opening] =
                 [Signal::SpoolPosition, Signal::ServomotorPosition].map(|signal| signal.of(&frame.measured));
             if spool.is_finite() && opening.is_finite() {
@@ -79,10 +79,10 @@ impl Run {
         (run.time_s.len() > 2).then_some(run)
     }
 
-    /// Those of several trials.
+    /// Those of several recordings.
     #[must_use]
-    pub fn all(trials: &[Trial]) -> Vec<Self> {
-        trials.iter().filter_map(Self::of).collect()
+    pub fn all(recordings: &[PreparedRecording]) -> Vec<Self> {
+        recordings.iter().filter_map(Self::of).collect()
     }
 
     /// Its length, s.
@@ -93,7 +93,7 @@ impl Run {
 
     /// The spool as it acts at each sample, behind a lag; straight between samples, and as at the beginning before it.
     #[must_use]
-    pub fn lagged(&self, lag: Lag) -> Vec<f64> {
+    pub(crate) fn lagged(&self, lag: Lag) -> Vec<f64> {
         match lag {
             Lag::Dead(time_s) if time_s > 0.0 => self.earlier(time_s),
             Lag::Settling(time_s) if time_s > 0.0 => self.settled(time_s),
@@ -164,7 +164,7 @@ impl Run {
 
 /// Typical length of runs, s.
 #[must_use]
-pub fn typical_s(runs: &[Run]) -> f64 {
+pub(crate) fn typical_s(runs: &[Run]) -> f64 {
     let mut lengths: Vec<f64> = runs.iter().map(Run::length_s).collect();
     lengths.sort_by(f64::total_cmp);
     lengths.get(lengths.len() / 2).copied().unwrap_or(0.0)
@@ -219,7 +219,7 @@ impl SpoolLaw<'_> {
 
     /// Its normal equations in each run.
     #[must_use]
-    pub fn normals(&self, runs: &[Run]) -> Vec<RunEquations> {
+    pub(crate) fn normals(&self, runs: &[Run]) -> Vec<RunEquations> {
         let width = (self.shapes)(0.0, 0.0).len();
         let of = |run: &Run| {
             let mut normal = RunEquations {

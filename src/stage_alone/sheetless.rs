@@ -6,7 +6,7 @@
 use crate::effects::{CATALOGUE, Stage};
 use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::noise::{Noise, expected};
-use crate::likelihood::trial::{Trial, join_spool};
+use crate::likelihood::prepared::{PreparedRecording, join_spool};
 use crate::parameters::{ChannelReading, ChannelReadings, ENTRIES, EffectSetting, Tolerance, Unit};
 use crate::recording::Recording;
 use crate::signal::Signal;
@@ -42,7 +42,7 @@ const WIDE: [(&str, f64); 5] = [
     ("servomotor.moving_mass_kg", 1.0),
 ];
 /// The effect that takes up where the spool's zero lies, which nobody knows without a sheet.
-pub const SPOOL_ZERO: &str = "lvdt_bias";
+pub(crate) const SPOOL_ZERO: &str = "lvdt_bias";
 /// Effects that only say in which units a signal was recorded.
 const UNITS_ONLY: [&str; 3] = ["lvdt_bias", "lvdt_gain", "feedback_bias"];
 
@@ -52,7 +52,7 @@ pub struct Sheetless {
     /// The recordings, in pu of what was travelled.
     pub whole: Vec<Recording>,
     /// The same in pieces, each to be left out in turn.
-    pub pieces: Vec<Trial>,
+    pub pieces: Vec<PreparedRecording>,
     /// The unit to begin from, which knows how its channels are recorded.
     pub unit: Unit,
     /// What is fitted of it.
@@ -72,16 +72,16 @@ pub fn sheetless(mut whole: Vec<Recording>, reference: &Unit) -> Option<Sheetles
     for recording in &mut whole {
         join_spool(&mut recording.frames);
     }
-    let trials = |whole: &[Recording]| -> Vec<Trial> {
-        pieces(whole, PIECES).into_iter().map(Trial::servomotor_stage).collect()
+    let recordings = |whole: &[Recording]| -> Vec<PreparedRecording> {
+        pieces(whole, PIECES).into_iter().map(PreparedRecording::servomotor_stage).collect()
     };
-    let as_recorded = trials(&whole);
+    let as_recorded = recordings(&whole);
     let (channels, mut notes) = into_pu(&mut whole, &plain(&Run::all(&as_recorded))?)?;
-    let pieces = trials(&whole);
+    let pieces = recordings(&whole);
     let runs = Run::all(&pieces);
     let law = plain(&runs)?;
     let seen = flexible(&runs, &law)?;
-    let mut unit = unit(reference, &law, pieces.first().map_or(0.1, |trial| trial.period_s));
+    let mut unit = unit(reference, &law, pieces.first().map_or(0.1, |recording| recording.period_s));
     unit.recorded = channels;
     let mut noise = expected(&reference.sensors);
     noise[Signal::ServomotorPosition as usize] = seen.noise;
@@ -156,13 +156,13 @@ fn free_parameters(unit: &Unit) -> Vec<FreeParameter> {
 
 /// True for an effect that means something in a unit of unknown size.
 #[must_use]
-pub fn means_something(id: &str) -> bool {
+pub(crate) fn means_something(id: &str) -> bool {
     !UNITS_ONLY.contains(&id)
 }
 
 /// True for a parameter that acts behind the spool.
 #[must_use]
-pub fn acts_behind_the_spool(free_parameter: &FreeParameter) -> bool {
+pub(crate) fn acts_behind_the_spool(free_parameter: &FreeParameter) -> bool {
     let FreeParameter::Parameter { index, .. } = free_parameter else { return true };
     let key = ENTRIES[*index].key;
     let sections = ["oil.", "main_ports.", Stage::Servomotor.id()];

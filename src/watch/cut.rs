@@ -16,13 +16,13 @@ const BEGINS_PU: f64 = 0.03;
 /// A movement that keeps it going, pu.
 const GOES_ON_PU: f64 = 0.015;
 /// Kept before the movement, s.
-pub const LEAD_S: f64 = 4.0;
+pub(crate) const LEAD_S: f64 = 4.0;
 /// Nothing has moved for so long at its end, s: a starting unit holds its opening while it runs up.
 const REST_S: f64 = 25.0;
 /// A process that lasts longer is cut here, s.
 const LONGEST_S: f64 = 300.0;
 /// A gap in time that ends a process, s.
-pub const GAP_S: f64 = 5.0;
+pub(crate) const GAP_S: f64 = 5.0;
 /// A shorter process says nothing, s.
 const SHORTEST_S: f64 = 5.0;
 
@@ -107,7 +107,7 @@ impl Default for Cutter {
 impl Cutter {
     /// Cuts rows whose positions are no pu, but cover so much of their own unit over the stroke.
     #[must_use]
-    pub fn of_stroke(stroke: f64) -> Self {
+    pub(crate) fn of_stroke(stroke: f64) -> Self {
         Self { rows: VecDeque::new(), anchor: None, moving: false, stroke }
     }
 

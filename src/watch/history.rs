@@ -45,7 +45,8 @@ pub struct ProcessEntry {
     /// The verdict's word, or `not_diagnosed`.
     pub verdict: String,
     /// Share of the gap that the effects close; null where there is none.
-    pub closure: Option<f64>,
+    #[serde(rename = "closure")]
+    pub explained_fraction: Option<f64>,
     /// Sizes of effects.
     pub sizes: Vec<ProcessSize>,
     /// What a reader must know, such as why there is no diagnosis.
@@ -244,7 +245,7 @@ mod tests {
             duration_s: 30.0,
             process: "startup".into(),
             verdict: "named".into(),
-            closure: Some(0.9),
+            explained_fraction: Some(0.9),
             sizes: vec![size],
             notes: vec![],
             warnings: vec![],

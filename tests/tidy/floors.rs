@@ -14,7 +14,7 @@ const FLOORS: &[(&str, &[&str])] = &[
             "acceptance",
             "baselines",
             "battery",
-            "blind",
+            "benchmark",
             "comparison",
             "diagnosis",
             "estimation",

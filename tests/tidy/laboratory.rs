@@ -3,7 +3,7 @@
 use crate::source::Source;
 
 /// Its modules of the library; all of them stand behind the cargo feature `lab`.
-const ROOMS: [&str; 6] = ["baselines", "battery", "blind", "comparison", "params::labels", "report::comparison"];
+const ROOMS: [&str; 6] = ["baselines", "battery", "benchmark", "comparison", "params::labels", "report::comparison"];
 
 /// Its commands, with what they share.
 const COMMANDS: [&str; 6] = ["blind", "calibrate", "compare", "learn", "scored_report", "train"];
@@ -51,16 +51,16 @@ mod tests {
         let of = |path: &str, code: &str| leaks(&[Source::new(path, code)]).len();
         for code in [
             "use crate::battery::Label;",
-            "use crate::{blind, frame};",
+            "use crate::{benchmark, frame};",
             "use crate::params::{self, labels};",
             "let x = crate::report::comparison::page(y);",
         ] {
             assert_eq!(of("src/diagnosis/model/search.rs", code), 1, "{code}");
-            assert_eq!(of("src/blind/score.rs", code), 0, "{code}");
+            assert_eq!(of("src/benchmark/score.rs", code), 0, "{code}");
         }
-        assert_eq!(of("src/commands/diagnose.rs", "use govtwin::blind::said::Said;"), 1);
-        assert_eq!(of("src/commands/blind/cases.rs", "use govtwin::blind::said::Said;"), 0);
-        for code in ["use crate::report::comparison_table;", "use crate::blinds;", "/// [`crate::battery`]"] {
+        assert_eq!(of("src/commands/diagnose.rs", "use govtwin::benchmark::report_verdict::ReportVerdict;"), 1);
+        assert_eq!(of("src/commands/blind/cases.rs", "use govtwin::benchmark::report_verdict::ReportVerdict;"), 0);
+        for code in ["use crate::report::comparison_table;", "use crate::benchmarks;", "/// [`crate::battery`]"] {
             assert_eq!(of("src/estimation/fit.rs", code), 0, "{code}");
         }
         let in_tests =

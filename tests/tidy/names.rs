@@ -27,7 +27,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("src/metrics.rs", "errors are in the unit of what is compared"),
     ("src/residual/", "corrections, ranges and bands are in the unit of the signal that is corrected"),
     ("src/comparison/", "errors are in the unit of what is compared"),
-    ("src/blind/", "shares and means of what is counted; sizes in the unit of their effect"),
+    ("src/benchmark/", "shares and means of what is counted; sizes in the unit of their effect"),
     ("src/fleet/", "sizes are in the unit that stands beside them, probabilities and sums have none"),
     ("src/diagnosis/", "residuals are in the unit of their signal, costs and likelihoods have none"),
     ("src/trend.rs", "sizes are in the unit of their effect, distances in standard deviations"),

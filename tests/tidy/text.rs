@@ -317,7 +317,7 @@ mod tests {
     fn a_peek_at_the_answers_is_seen() {
         assert_eq!(peeks(&at("src/diagnosis/model/search.rs", "use crate::battery::Label;")).len(), 1);
         assert_eq!(peeks(&at("src/baselines/bank.rs", "let x = labels::read(t);")).len(), 1);
-        assert!(peeks(&at("src/blind/score.rs", "use crate::battery::Label;")).is_empty());
+        assert!(peeks(&at("src/benchmark/score.rs", "use crate::battery::Label;")).is_empty());
     }
 
     #[test]

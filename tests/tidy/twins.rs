@@ -41,10 +41,10 @@ mod tests {
     #[test]
     fn two_types_of_one_name_are_seen() {
         let of = |texts: [(&str, &str); 2]| twins(&texts.map(|(path, text)| Source::new(path, text))).len();
-        assert_eq!(of([("src/a.rs", "pub struct Trial {"), ("src/b/c.rs", "    pub(super) enum Trial<T> {")]), 1);
-        assert_eq!(of([("src/a.rs", "pub struct Trial {"), ("src/b.rs", "struct Trial {")]), 0);
+        assert_eq!(of([("src/a.rs", "pub struct Sample {"), ("src/b/c.rs", "    pub(super) enum Sample<T> {")]), 1);
+        assert_eq!(of([("src/a.rs", "pub struct Sample {"), ("src/b.rs", "struct Sample {")]), 0);
         assert_eq!(of([("src/a.rs", "pub struct Args {"), ("src/b.rs", "pub struct Args {")]), 0);
         assert_eq!(of([("src/frame.rs", "pub enum EsvState {"), ("src/msg.rs", "pub struct EsvState {")]), 0);
-        assert_eq!(of([("tests/a.rs", "pub struct Trial;"), ("src/b.rs", "pub struct Trial;")]), 0);
+        assert_eq!(of([("tests/a.rs", "pub struct Sample;"), ("src/b.rs", "pub struct Sample;")]), 0);
     }
 }

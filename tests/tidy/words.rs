@@ -3,7 +3,7 @@
 use crate::source::Source;
 
 /// A word that is gone, and what the field says.
-const GONE: [(&str, &str); 23] = [
+const GONE: [(&str, &str); 37] = [
     ("knob", "free parameter"),
     ("knobs", "free parameters"),
     ("Knob", "FreeParameter"),
@@ -27,6 +27,20 @@ const GONE: [(&str, &str); 23] = [
     ("leeway", "allowance"),
     ("Dice", "RandomStreams"),
     ("swings_s", "limit_cycles_s"),
+    ("Trial", "PreparedRecording"),
+    ("Closure", "Explained fraction"),
+    ("realised_closure", "realised_fraction"),
+    ("Miss", "SignalResidual"),
+    ("exam", "fresh recordings"),
+    ("exams", "validations"),
+    ("SaidError", "ReportVerdictError"),
+    ("rivals", "competing hypotheses"),
+    ("Visible", "DetectableSize"),
+    ("Admission", "Data qualification"),
+    ("admission", "data qualification"),
+    ("cooling", "annealing"),
+    ("COOLING", "TEMPERATURES"),
+    ("told_text", "figure_text"),
 ];
 
 /// Uses of such words in sources and documents; what changed is told in the words of its day.

@@ -8,14 +8,13 @@ use govtwin::diagnosis::result::schema;
 use govtwin::diagnosis::result::{Blame, Verdict};
 use govtwin::diagnosis::{DiagnosisSettings, diagnose};
 use govtwin::effects::find_in;
-use govtwin::files::read_text;
 use govtwin::parameters::Unit;
 use govtwin::params;
 use govtwin::provenance::Provenance;
 use govtwin::recording::Recording;
 
 use crate::commands::output::Progress;
-use crate::commands::report_file::{self, LARGEST_BYTES};
+use crate::commands::report_file;
 
 /// The machine-readable report of a diagnosis.
 pub const REPORT: &str = "report.json";
@@ -50,11 +49,10 @@ impl FoundFaults {
             );
         }
         let shown = report.display();
-        let text = read_text(&report, LARGEST_BYTES).with_context(|| format!("cannot read {shown}"))?;
-        let value: serde_json::Value = serde_json::from_str(&text).with_context(|| shown.to_string())?;
+        let value = report_file::read(&report)?;
         let diagnosis = schema::read::read(&value).with_context(|| shown.to_string())?;
         let unit = params::load(&folder.join(FITTED))?;
-        let made = report_file::provenance(&report)?;
+        let made = report_file::made_from(&value).with_context(|| shown.to_string())?;
         Ok(Self::of(diagnosis.verdict, &diagnosis.blamed, unit, vec![], made))
     }
 

@@ -32,7 +32,7 @@ pub struct Taken {
 pub fn read(bags: &[Bag], options: &ReadOptions) -> anyhow::Result<Vec<Result<Taken, String>>> {
     let progress = Progress::new(bags.len(), "recordings read");
     let (whole_rows, held_rows) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let first: Vec<Result<Reading, BagError>> = bags
+    let first: Vec<Result<LookedThrough, BagError>> = bags
         .par_iter()
         .map(|bag| {
             let mut reading = looked_through(bag, options)?;
@@ -59,7 +59,7 @@ pub fn read(bags: &[Bag], options: &ReadOptions) -> anyhow::Result<Vec<Result<Ta
             "the recordings make {rows} rows together at 1 ms, expected at most {MOST_WHOLE_ROWS}; name fewer of them, those that move the unit most"
         );
     }
-    let found = |reading: &Result<Reading, BagError>| {
+    let found = |reading: &Result<LookedThrough, BagError>| {
         reading.as_ref().map_or(vec![], |reading| reading.excerpts.found().to_vec())
     };
     let found: Vec<Vec<FoundProcess>> = first.iter().map(found).collect();
@@ -75,14 +75,14 @@ pub fn read(bags: &[Bag], options: &ReadOptions) -> anyhow::Result<Vec<Result<Ta
 }
 
 /// A bag that was looked through.
-struct Reading {
+struct LookedThrough {
     excerpts: Excerpts,
     health: Health,
     stroke: Option<f64>,
 }
 
 /// Looks through a bag, and again where the unit of its positions shows only then.
-fn looked_through(bag: &Bag, options: &ReadOptions) -> Result<Reading, BagError> {
+fn looked_through(bag: &Bag, options: &ReadOptions) -> Result<LookedThrough, BagError> {
     let stroke = (options.positions != Positions::AnyUnit).then_some(1.0);
     let mut taking = Taking(Excerpts::new(stroke));
     let mut health = bag::read_rows(&bag.path, options, &mut taking)?;
@@ -93,7 +93,7 @@ fn looked_through(bag: &Bag, options: &ReadOptions) -> Result<Reading, BagError>
         health = bag::read_rows(&bag.path, options, &mut taking)?;
         taking.0.end();
     }
-    Ok(Reading { excerpts: taking.0, health, stroke })
+    Ok(LookedThrough { excerpts: taking.0, health, stroke })
 }
 
 /// Takes rows as they come; of a recording with very many processes only a list.
@@ -112,7 +112,7 @@ impl Rows for Taking {
     }
 }
 
-impl Reading {
+impl LookedThrough {
     /// What is taken of the bag; what was let go is read again.
     fn taken(
         self,

@@ -7,7 +7,7 @@ use anyhow::{Context, bail};
 use govtwin::bag::Topics;
 use govtwin::battery::plan::{BatteryRates, plan};
 use govtwin::battery::{self, Case as Plan, CaseKind, Label};
-use govtwin::blind::validation;
+use govtwin::benchmark::validation;
 use govtwin::digest::sha256;
 use govtwin::files::{Claim, read_text, write_new};
 use govtwin::parameters::Unit;
@@ -180,31 +180,31 @@ impl Battery {
         Ok(self.labels.iter().map(|label| Label { strength_ratio: of(label), ..label.clone() }).collect())
     }
 
-    /// Closure that came true, for every unit whose reports say what to try; and why others have none.
-    pub fn exams(&self, out: &Path, sheet: &Unit) -> (BTreeMap<String, f64>, Vec<String>) {
-        let progress = Progress::new(self.plans.len(), "exams");
+    /// Explained fraction that came true, for every unit whose reports say what to try; and why others have none.
+    pub fn validations(&self, out: &Path, sheet: &Unit) -> (BTreeMap<String, f64>, Vec<String>) {
+        let progress = Progress::new(self.plans.len(), "validations");
         let realised: Vec<anyhow::Result<Option<f64>>> = self
             .plans
             .par_iter()
             .map(|plan| {
-                let closure = realised(out, sheet, plan);
+                let fraction = realised(out, sheet, plan);
                 progress.step();
-                closure
+                fraction
             })
             .collect();
         drop(progress);
-        let (mut closures, mut failed) = (BTreeMap::new(), Vec::new());
-        for (plan, closure) in self.plans.iter().zip(realised) {
-            match closure {
-                Ok(closure) => closures.extend(closure.map(|closure| (plan.name.clone(), closure))),
-                Err(error) => failed.push(format!("{}: closure not examined: {error:#}", plan.name)),
+        let (mut fractions, mut failed) = (BTreeMap::new(), Vec::new());
+        for (plan, fraction) in self.plans.iter().zip(realised) {
+            match fraction {
+                Ok(fraction) => fractions.extend(fraction.map(|fraction| (plan.name.clone(), fraction))),
+                Err(error) => failed.push(format!("{}: explained fraction not examined: {error:#}", plan.name)),
             }
         }
-        (closures, failed)
+        (fractions, failed)
     }
 }
 
-/// Closure on recordings that are made now and read as any others; none where the reports name nothing.
+/// Explained fraction on recordings that are made now and read as any others; none where the reports name nothing.
 fn realised(out: &Path, sheet: &Unit, plan: &Plan) -> anyhow::Result<Option<f64>> {
     let at = |file: &str| -> anyhow::Result<Option<Unit>> {
         let path = out.join(&plan.name).join(file);
@@ -215,11 +215,11 @@ fn realised(out: &Path, sheet: &Unit, plan: &Plan) -> anyhow::Result<Option<f64>
         return Ok(None);
     }
     let bags = tempfile::tempdir().context("no temporary folder for its recordings")?;
-    for (process, streams) in battery::exam(sheet, plan) {
+    for (process, streams) in battery::fresh_recordings(sheet, plan) {
         generate::write(GENERATOR, process, plan.seed, &streams, &bags.path().join(process.id()))?.place()?;
     }
     let fresh = bags::read(&[bags.path().to_owned()], &Topics::default(), sheet)?;
-    Ok(validation::closure(fresh.recordings, &refitted, &improved))
+    Ok(validation::explained_fraction(fresh.recordings, &refitted, &improved))
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 use anyhow::{Context, bail};
 use govtwin::baselines::ground::Ground;
 use govtwin::baselines::{BASELINES, Baseline};
-use govtwin::blind::said::ReportVerdict;
+use govtwin::benchmark::report_verdict::ReportVerdict;
 use govtwin::params::Sheet;
 
 use super::cases::UnitFolder;
@@ -34,7 +34,7 @@ impl JudgingMethod {
     }
 
     /// Where it leaves what it said of a unit.
-    pub fn report(self, out: &Path, case: &str) -> PathBuf {
+    pub fn report_path(self, out: &Path, case: &str) -> PathBuf {
         match self {
             Self::Diagnosis => out.join(case).join("report.json"),
             Self::Baseline(baseline) => out.join(case).join(format!("baseline_{}.json", baseline.id)),
@@ -42,8 +42,12 @@ impl JudgingMethod {
     }
 
     /// What it said of a unit; none where it has not spoken, or of something else.
-    pub fn said(self, (out, expected): (&Path, &ExpectedDigests), case: &str) -> anyhow::Result<Option<ReportVerdict>> {
-        let path = self.report(out, case);
+    pub fn report(
+        self,
+        (out, expected): (&Path, &ExpectedDigests),
+        case: &str,
+    ) -> anyhow::Result<Option<ReportVerdict>> {
+        let path = self.report_path(out, case);
         if !path.is_file() || expected.check(&path, case).is_err() {
             return Ok(None);
         }
@@ -68,7 +72,7 @@ pub fn judge(
 ) -> anyhow::Result<()> {
     let ground: OnceCell<Ground> = OnceCell::new();
     for method in methods {
-        let path = method.report(out, &case.name);
+        let path = method.report_path(out, &case.name);
         if path.is_file() {
             expected.check(&path, &case.name)?;
             continue;

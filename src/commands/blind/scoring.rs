@@ -5,12 +5,12 @@ use std::path::Path;
 
 use anyhow::Context;
 use govtwin::battery::Label;
-use govtwin::blind::isolability::{self, Sized};
-use govtwin::blind::page::{self, measures_table};
-use govtwin::blind::said::{Blamed, ReportVerdict};
-use govtwin::blind::score::{Misses, Score, ScoredMeasure, score};
-use govtwin::blind::scored::{MissedBy, ScoredUnit};
-use govtwin::blind::statistics::Measured;
+use govtwin::benchmark::isolability::{self, Sized};
+use govtwin::benchmark::page::{self, measures_table};
+use govtwin::benchmark::report_verdict::{Blamed, ReportVerdict};
+use govtwin::benchmark::score::{Misses, Score, ScoredMeasure, score};
+use govtwin::benchmark::scored::{MissedBy, ScoredUnit};
+use govtwin::benchmark::statistics::Measured;
 use govtwin::params::{self, labels};
 use govtwin::provenance::Provenance;
 use govtwin::report::page::PageBody;
@@ -44,8 +44,8 @@ pub fn verdicts(
     let mut all = Vec::new();
     for case in cases {
         for method in methods {
-            let said = method.said(reports, &case.name)?;
-            all.extend(said.map(|said| (case.name.clone(), method.name(), said)));
+            let report = method.report(reports, &case.name)?;
+            all.extend(report.map(|report| (case.name.clone(), method.name(), report)));
         }
     }
     Ok(all)
@@ -55,15 +55,15 @@ pub fn verdicts(
 pub fn verdicts_table(verdicts: &[MethodVerdict]) -> Table {
     let mut table =
         Table::new().words("unit").words("method").words("verdict").words("blamed").words("stage").numbers("p");
-    for (unit, method, said) in verdicts {
-        let blamed: Vec<&str> = said.effects.iter().map(|effect| effect.id.as_str()).collect();
+    for (unit, method, report) in verdicts {
+        let blamed: Vec<&str> = report.effects.iter().map(|effect| effect.id.as_str()).collect();
         table.row([
             unit.clone(),
             (*method).to_owned(),
-            said.verdict.clone(),
+            report.verdict.clone(),
             blamed.join(", "),
-            said.location.stage.clone().unwrap_or_default(),
-            significant(said.probability(said.word()), 2),
+            report.location.stage.clone().unwrap_or_default(),
+            significant(report.probability(report.word()), 2),
         ]);
     }
     table
@@ -71,10 +71,10 @@ pub fn verdicts_table(verdicts: &[MethodVerdict]) -> Table {
 
 /// The same for machines.
 pub fn verdicts_json(verdicts: &[MethodVerdict]) -> Value {
-    let one = |(unit, method, said): &MethodVerdict| {
+    let one = |(unit, method, report): &MethodVerdict| {
         json!({
-            "unit": unit, "method": method, "verdict": said.verdict, "stage": said.location.stage,
-            "effects": said.effects.iter().map(|effect| &effect.id).collect::<Vec<_>>(), "probability": said.probability(said.word()),
+            "unit": unit, "method": method, "verdict": report.verdict, "stage": report.location.stage,
+            "effects": report.effects.iter().map(|effect| &effect.id).collect::<Vec<_>>(), "probability": report.probability(report.word()),
         })
     };
     json!({"schema": "govtwin-verdicts/1", "verdicts": verdicts.iter().map(one).collect::<Vec<_>>()})
@@ -83,7 +83,7 @@ pub fn verdicts_json(verdicts: &[MethodVerdict]) -> Value {
 /// Scores all methods, prints the table, writes `score.json` and `score.html`; hands out what could not be scored, each with its reason.
 pub fn score_all(
     labels: &[Label],
-    exams: Option<&BTreeMap<String, f64>>,
+    validations: Option<&BTreeMap<String, f64>>,
     methods: &[JudgingMethod],
     (units, expected): (&[UnitFolder], &ExpectedDigests),
     made: &Provenance,
@@ -100,13 +100,14 @@ pub fn score_all(
     for (place, method) in methods.iter().enumerate() {
         let mut cases = Vec::new();
         for label in labels {
-            let Some(said) = method.said((out, expected), &label.name)? else {
+            let Some(report) = method.report((out, expected), &label.name)? else {
                 unscored.push(format!("{}: {} said nothing of it; not counted", label.name, method.name()));
                 continue;
             };
             // The improved twins are the diagnosis's own.
-            let realised_closure = exams.filter(|_| place == 0).and_then(|exams| exams.get(&label.name)).copied();
-            cases.push(ScoredUnit { said, label: label.clone(), realised_closure, told: None });
+            let realised_fraction =
+                validations.filter(|_| place == 0).and_then(|validations| validations.get(&label.name)).copied();
+            cases.push(ScoredUnit { report, label: label.clone(), realised_fraction, expected_log_bayes_factor: None });
         }
         if matches!(method, JudgingMethod::Diagnosis) {
             tell(&mut cases, units, out);
@@ -138,7 +139,7 @@ pub fn score_all(
         .map(|case| {
             (
                 case.label.name.clone(),
-                json!({"told": case.told, "left": case.said.leaves(), "by": case.missed_by().map(MissedBy::id)}),
+                json!({"told": case.expected_log_bayes_factor, "left": case.report.leaves(), "by": case.missed_by().map(MissedBy::id)}),
             )
         })
         .collect();
@@ -151,7 +152,7 @@ pub fn score_all(
         "scored": first.len(),
         "methods": all,
         "by_rate": rates,
-        "closures": exams,
+        "closures": validations,
         "strengths": strengths,
         "misses": misses,
         "provenance": made,
@@ -177,23 +178,23 @@ fn tell(cases: &mut [ScoredUnit], units: &[UnitFolder], out: &Path) {
     let missed: Vec<&mut ScoredUnit> = cases.iter_mut().filter(|case| case.missed()).collect();
     let progress = Progress::new(missed.len(), "misses looked into");
     missed.into_par_iter().for_each(|case| {
-        case.told = told(case, units, out);
+        case.expected_log_bayes_factor = expected_log_bayes_factor(case, units, out);
         progress.step();
     });
 }
 
-fn told(case: &ScoredUnit, units: &[UnitFolder], out: &Path) -> Option<f64> {
+fn expected_log_bayes_factor(case: &ScoredUnit, units: &[UnitFolder], out: &Path) -> Option<f64> {
     let unit = units.iter().find(|unit| unit.name == case.label.name)?;
     let refitted = params::load(&out.join(&unit.name).join("refitted.yaml")).ok()?;
     let hidden: Vec<Sized> = case.hidden().map(|truth| (truth.id.as_str(), vec![truth.size])).collect();
     let values = |blamed: &Blamed| blamed.parameters.iter().map_while(|parameter| parameter.value).collect();
     // Of a class what is taken for left out is no part of the answer.
-    let answers = case.said.effects.iter().filter(|blamed| hidden.iter().all(|(id, _)| *id != blamed.id));
+    let answers = case.report.effects.iter().filter(|blamed| hidden.iter().all(|(id, _)| *id != blamed.id));
     let answer: Vec<Sized> = answers.map(|blamed| (blamed.id.as_str(), values(blamed))).collect();
     if hidden.is_empty() {
         return None;
     }
-    isolability::told(unit.recordings(&refitted).ok()?, &refitted, &hidden, &answer)
+    isolability::expected_log_bayes_factor(unit.recordings(&refitted).ok()?, &refitted, &hidden, &answer)
 }
 
 fn misses_json(misses: Misses) -> Value {
@@ -213,8 +214,11 @@ fn score_json(score: &Score) -> Value {
         value["misses"] = m.misses.map(misses_json).into();
         (m.id.to_owned(), value)
     };
-    let bins: Vec<Value> =
-        score.reliability.iter().map(|bin| json!({"said": bin.said_probability, "was": measured(&bin.was)})).collect();
+    let bins: Vec<Value> = score
+        .reliability
+        .iter()
+        .map(|bin| json!({"said": bin.stated_probability, "was": measured(&bin.was)}))
+        .collect();
     let confusion = &score.confusion;
     json!({
         "scored": score.units,

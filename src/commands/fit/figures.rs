@@ -5,7 +5,7 @@ use govtwin::identification::calibration::{Calibration, CalibrationRow};
 use govtwin::likelihood::problem::Problem;
 use govtwin::parameters::Unit;
 use govtwin::params::{Sheet, quantity_text};
-use govtwin::report::diagnosis::told_text;
+use govtwin::report::diagnosis::figure_text;
 use govtwin::report::table::{Table, fixed, significant};
 use govtwin::signal::Signal;
 use serde_json::{Value, json};
@@ -38,7 +38,7 @@ pub fn text(problem: &Problem, base: &Unit, fitted: &Calibration, told: &[StageF
         leftover(fitted),
         costs.join(", ")
     );
-    if let Some(sentence) = problem.swinging() {
+    if let Some(sentence) = problem.limit_cycle_note() {
         text += &format!("{sentence}\n");
     }
     for pair in fitted.correlations.iter().take(SHOWN) {
@@ -48,7 +48,7 @@ pub fn text(problem: &Problem, base: &Unit, fitted: &Calibration, told: &[StageF
         text += "\nIn the numbers of the recordings:\n";
     }
     for one in told {
-        text += &format!("  {}: {}\n", one.title, told_text(one));
+        text += &format!("  {}: {}\n", one.title, figure_text(one));
     }
     text += "\n";
     for sentence in fitted.identifiability() {
@@ -64,8 +64,8 @@ pub fn leftover(fitted: &Calibration) -> String {
     words.collect::<Vec<_>>().join(", ")
 }
 
-/// Root mean square residuals of the mean twin, per recording and signal, before and after; of a swing those of its loudness.
-struct Miss {
+/// Root mean square residuals of the mean twin, per recording and signal, before and after; of a limit cycle those of its loudness.
+struct SignalResidual {
     recording: String,
     signal: Signal,
     samples: usize,
@@ -73,18 +73,18 @@ struct Miss {
     fitted: f64,
 }
 
-fn all_misses(problem: &Problem, base: &Unit, fitted: &Calibration) -> Vec<Miss> {
+fn all_residuals(problem: &Problem, base: &Unit, fitted: &Calibration) -> Vec<SignalResidual> {
     let mut all = vec![];
-    for (index, trial) in problem.trials.iter().enumerate() {
+    for (index, recording) in problem.recordings.iter().enumerate() {
         let [before, after] = [base, &fitted.unit].map(|unit| problem.simulate(unit, index));
-        for signal in trial.signals() {
+        for signal in recording.signals() {
             let squares = |estimates: &[govtwin::frame::Estimate]| {
                 let squares = problem.squares(index, signal, estimates).unwrap_or_default();
                 let finite: Vec<f64> = squares.into_iter().filter(|square| square.is_finite()).collect();
                 (finite.len(), (finite.iter().sum::<f64>() / finite.len().max(1) as f64).sqrt())
             };
             let ((samples, sheet), (_, fitted)) = (squares(&before), squares(&after));
-            all.push(Miss { recording: trial.name.clone(), signal, samples, sheet, fitted });
+            all.push(SignalResidual { recording: recording.name.clone(), signal, samples, sheet, fitted });
         }
     }
     all
@@ -93,7 +93,7 @@ fn all_misses(problem: &Problem, base: &Unit, fitted: &Calibration) -> Vec<Miss>
 fn residuals(problem: &Problem, base: &Unit, fitted: &Calibration) -> Table {
     let mut table = Table::new().words("recording").words("signal").numbers("samples");
     table = table.numbers_of("RMSE", "sheet").numbers_of("RMSE", "fitted");
-    for residual in all_misses(problem, base, fitted) {
+    for residual in all_residuals(problem, base, fitted) {
         let figures = [residual.sheet, residual.fitted].map(|rmse| quantity_text_short(rmse, residual.signal.unit()));
         let words = [residual.recording, residual.signal.id().to_owned(), residual.samples.to_string()];
         table.row(words.into_iter().chain(figures));
@@ -114,13 +114,13 @@ pub fn json(
     warnings: &[String],
 ) -> Value {
     let recordings: Vec<Value> = problem
-        .trials
+        .recordings
         .iter()
-        .map(|trial| {
-            json!({"name": trial.name, "process": trial.process.id(), "samples": trial.samples.len(), "period_s": trial.period_s})
+        .map(|recording| {
+            json!({"name": recording.name, "process": recording.process.id(), "samples": recording.samples.len(), "period_s": recording.period_s})
         })
         .collect();
-    let residuals: Vec<Value> = all_misses(problem, &sheet.unit, fitted)
+    let residuals: Vec<Value> = all_residuals(problem, &sheet.unit, fitted)
         .into_iter()
         .map(|residual| {
             json!({

@@ -124,7 +124,7 @@ pub fn write(store: &Store, entries: &[Entry]) -> anyhow::Result<()> {
 }
 
 /// Which entry is meant.
-pub enum Wanted {
+pub enum EntryChoice {
     /// The one at an index.
     At(usize),
     /// The one that the engine handed over whole.
@@ -134,20 +134,20 @@ pub enum Wanted {
 }
 
 /// The entry that option or engine names; all where neither does.
-pub fn wanted(index: Option<usize>) -> anyhow::Result<Wanted> {
+pub fn wanted(index: Option<usize>) -> anyhow::Result<EntryChoice> {
     if let Some(index) = index {
-        return Ok(Wanted::At(index));
+        return Ok(EntryChoice::At(index));
     }
     let set = VARIABLES
         .into_iter()
         .find_map(|name| Some((name, std::env::var(name).ok().filter(|value| !value.trim().is_empty())?)));
-    let Some((name, value)) = set else { return Ok(Wanted::All) };
+    let Some((name, value)) = set else { return Ok(EntryChoice::All) };
     if value.trim_start().starts_with('{') {
         let entry = Entry::read(&value, PROGRAM).with_context(|| format!("the variable {name}"))?;
-        return Ok(Wanted::This(Box::new(entry)));
+        return Ok(EntryChoice::This(Box::new(entry)));
     }
     let index = value.trim().trim_matches('"').parse();
-    index.map(Wanted::At).map_err(|_| {
+    index.map(EntryChoice::At).map_err(|_| {
         usage(format!("the variable {name}: expected the index of an entry, or an entry, found `{value}`"))
     })
 }

@@ -66,7 +66,7 @@ Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 some entries failed or are mi
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let store = Store::open(&args.store).context("STORE")?;
-    let target = Target::new(args, &store)?;
+    let target = PageTarget::new(args, &store)?;
     store.tidy("results");
     store.tidy("reports");
     let file = PlanFile::open(args.plan.as_ref().unwrap_or(&args.store))?;
@@ -132,7 +132,7 @@ fn notes(store: &Store) -> anyhow::Result<BTreeMap<String, Vec<String>>> {
 }
 
 /// Where the fleet is written to.
-struct Target<'a> {
+struct PageTarget<'a> {
     /// A folder on this machine, claimed.
     folder: Option<Output>,
     /// Otherwise the store itself.
@@ -145,7 +145,7 @@ struct Target<'a> {
     before: Option<Standing>,
 }
 
-impl<'a> Target<'a> {
+impl<'a> PageTarget<'a> {
     fn new(args: &Args, store: &'a Store) -> anyhow::Result<Self> {
         let inside = store.local(FOLDER);
         let to_store = match (&args.out, &inside) {
@@ -200,7 +200,7 @@ impl<'a> All<'a> {
         gathered: &'a Gathered,
         damaged: Vec<String>,
         plan: Option<&[Entry]>,
-        target: &Target,
+        target: &PageTarget,
     ) -> anyhow::Result<Self> {
         let made = provenance::new("fleet gather", &params::reference_sheet(), None)?;
         let standing = Standing::of(gathered, &made.date);
@@ -257,7 +257,7 @@ impl<'a> All<'a> {
         Ok(serde_json::to_string_pretty(&whole).context("cannot write the figures as JSON")? + "\n")
     }
 
-    fn write(&self, target: Target, json: &str) -> anyhow::Result<()> {
+    fn write(&self, target: PageTarget, json: &str) -> anyhow::Result<()> {
         let lines = table::lines(self.gathered);
         let csv = table::csv(&lines);
         // The file by which changes are told comes last: what is broken off is told again.

@@ -41,7 +41,7 @@ pub struct Args {
     /// Leaves an effect out of the catalogue of every unit; may be repeated.
     #[arg(long, value_name = "ID")]
     without: Vec<String>,
-    /// Seed of the resampling behind the intervals of closures.
+    /// Seed of the resampling behind the intervals of explained fractions.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
     /// Print JSON instead of a summary.

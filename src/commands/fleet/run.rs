@@ -7,7 +7,7 @@ use govtwin::fleet::result::EntryResult as Kept;
 use govtwin::store::Store;
 use serde_json::json;
 
-use super::entries::{PlanFile, Wanted, wanted};
+use super::entries::{EntryChoice, PlanFile, wanted};
 use super::worker::{Done, work};
 use crate::commands::Outcome;
 use crate::commands::output::{print, warn};
@@ -49,9 +49,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let plan = PlanFile::open(&args.plan).context("UNITS")?;
     let store = Store::open(&args.out).context("--out")?;
     let entries = match wanted(args.index)? {
-        Wanted::At(index) => vec![plan.nth(index)?],
-        Wanted::This(entry) => vec![*entry],
-        Wanted::All => plan.all()?,
+        EntryChoice::At(index) => vec![plan.nth(index)?],
+        EntryChoice::This(entry) => vec![*entry],
+        EntryChoice::All => plan.all()?,
     };
     let mut lacking = Vec::new();
     for entry in &entries {

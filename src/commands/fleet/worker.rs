@@ -58,7 +58,7 @@ fn note(entry: &Entry, store: &Store, error: &anyhow::Error) {
 fn attempt(entry: &Entry, beside: &Store, store: &Store) -> anyhow::Result<EntryResult> {
     let clock = Clock::start();
     let folder = tempfile::tempdir().context("no temporary folder")?;
-    let inputs = Inputs::gather(entry, beside, folder.path())?;
+    let inputs = EntryFiles::gather(entry, beside, folder.path())?;
     let out = folder.path().join("out");
     let request = Request {
         unit: entry.unit.clone(),
@@ -118,7 +118,7 @@ fn shown(text: String, stand_ins: &[(String, String)]) -> String {
 }
 
 /// Files of an entry on this machine.
-struct Inputs {
+struct EntryFiles {
     bags: Vec<PathBuf>,
     sheet: Option<PathBuf>,
     map: Option<PathBuf>,
@@ -126,7 +126,7 @@ struct Inputs {
     stand_ins: Vec<(String, String)>,
 }
 
-impl Inputs {
+impl EntryFiles {
     /// Has all files at hand, each with the digest of the plan.
     fn gather(entry: &Entry, beside: &Store, folder: &Path) -> anyhow::Result<Self> {
         let source = Store::open(&entry.source).context("the source of the entry")?;

@@ -4,11 +4,11 @@ use govtwin::bag::{FileHealth, TopicSurvey};
 use govtwin::report::table::{Table, fixed, significant};
 use govtwin::units::{NANOS_PER_SECOND, seconds_from_nanos};
 
-use super::Entry;
+use super::BagEntry;
 use crate::commands::output::{one_line, table_text};
 
 /// All that is said of one bag.
-pub(super) fn entry(entry: &Entry) -> String {
+pub(super) fn entry(entry: &BagEntry) -> String {
     let mut lines = vec![entry.path.display().to_string()];
     lines.extend(entry.survey.files.iter().map(|file| format!("  file       {}", self::file(file, entry))));
     lines.push(format!("  time       {}", time(entry)));
@@ -27,7 +27,7 @@ pub(super) fn entry(entry: &Entry) -> String {
     format!("{}\n\n{}", lines.join("\n"), table_text(&topics(&entry.survey.topics)))
 }
 
-fn file(file: &FileHealth, entry: &Entry) -> String {
+fn file(file: &FileHealth, entry: &BagEntry) -> String {
     let mut parts = vec![size(file.bytes)];
     if !file.library.is_empty() {
         parts.push(format!("written by {}", file.library));
@@ -58,7 +58,7 @@ fn file(file: &FileHealth, entry: &Entry) -> String {
     format!("{name}{}, {}", file.storage, parts.join(", "))
 }
 
-fn time(entry: &Entry) -> String {
+fn time(entry: &BagEntry) -> String {
     match (entry.survey.first_ns, entry.survey.last_ns) {
         (Some(first_ns), Some(last_ns)) => {
             let duration_s = seconds_from_nanos(last_ns.saturating_sub(first_ns));

@@ -23,13 +23,13 @@ pub fn compete(
     (table, split, seed): (&FeatureTable, &RowSplit, u64),
     (contenders, searches): (&mut Vec<Contender>, &mut Vec<Searched>),
 ) -> anyhow::Result<()> {
-    let rivals = [
+    let networks = [
         (NetworkKind::Lstm, "lstm", "BO-LSTM hybrid", "evaluations, LSTM"),
         (NetworkKind::Tcn, "tcn", "BO-TCN hybrid", "evaluations, TCN"),
     ];
     let folds = folds(table, &split.train);
     let initial = Args::initial(budget);
-    for (kind, id, title, noun) in rivals {
+    for (kind, id, title, noun) in networks {
         let key = format!("{kind:?}, every {EVERY}");
         let mut journal = EvaluationJournal::open(&args.out.join("search.json"), table, &split.train, key, seed);
         let progress = Progress::new(budget, noun);

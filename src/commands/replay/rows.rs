@@ -34,7 +34,7 @@ pub fn replay(path: &Path, name: &str, options: &ReadOptions, twin: &mut Twin) -
 }
 
 /// Estimates and messages on their way into a bag, each where its log time belongs.
-struct Merge {
+struct ResultBag {
     writer: Writer,
     topic: bag::Topic<govtwin::msg::ServoState>,
     /// How much later than its stamp a message is logged, once one told it, ns.
@@ -46,7 +46,7 @@ struct Merge {
     done_ns: i64,
 }
 
-impl Merge {
+impl ResultBag {
     /// Writes what has its place by now; all of it at the end.
     fn write(&mut self, all: bool) -> anyhow::Result<()> {
         let lag_ns = self.lag_ns.unwrap_or_default();
@@ -87,7 +87,7 @@ pub fn write(
     let (writer, topic) = begin(dir, about)?;
     let mut rows = RowsOfMessages::new(source, options)?;
     let mut simulator = Simulator::new(twin);
-    let mut merge = Merge {
+    let mut merge = ResultBag {
         writer,
         topic,
         lag_ns: None,
@@ -99,7 +99,7 @@ pub fn write(
     for message in bag::messages(source)? {
         let message = message?;
         merge.lag_ns = merge.lag_ns.or_else(|| lag_of(&message, topics));
-        let Merge { estimates, done_ns, .. } = &mut merge;
+        let ResultBag { estimates, done_ns, .. } = &mut merge;
         let mut on_estimate = |frame: &Frame, estimate: Estimate| {
             *done_ns = estimate.time_ns;
             if !measured || is_measured(frame) {
@@ -115,7 +115,7 @@ pub fn write(
         }
         merge.write(false)?;
     }
-    let Merge { estimates, .. } = &mut merge;
+    let ResultBag { estimates, .. } = &mut merge;
     let mut on_estimate = |frame: &Frame, estimate: Estimate| {
         if !measured || is_measured(frame) {
             estimates.push_back(estimate);

@@ -78,7 +78,7 @@ impl Chronicle {
             duration_s: recording.duration_s(),
             process: recording.process.id().to_owned(),
             verdict: "not_diagnosed".to_owned(),
-            closure: None,
+            explained_fraction: None,
             sizes: vec![],
             notes: vec![],
             warnings: vec![],
@@ -96,7 +96,7 @@ impl Chronicle {
         match diagnose(vec![recording], &self.unit, &self.settings, &|what, share| progress.at(share, what)) {
             Ok(diagnosis) => {
                 diagnosis.verdict.id().clone_into(&mut entry.verdict);
-                entry.closure = Some(diagnosis.closure.value).filter(|share| share.is_finite());
+                entry.explained_fraction = Some(diagnosis.explained_fraction.value).filter(|share| share.is_finite());
                 entry.sizes = history::sizes(&diagnosis, &followed);
                 entry.notes.extend(diagnosis.notes);
             }

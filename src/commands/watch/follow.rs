@@ -16,7 +16,7 @@ const TICK_NS: i64 = 1_000_000;
 
 /// What is known of a bag.
 #[derive(Debug)]
-struct Seen {
+struct KnownBag {
     bytes: u64,
     since: Instant,
     /// Read at this size; and whether it counted as ended then.
@@ -26,7 +26,7 @@ struct Seen {
     cutting: Cutting,
 }
 
-impl Seen {
+impl KnownBag {
     fn new(bytes: u64, since: Instant, options: &ReadOptions) -> Self {
         let growing = Some(Growing::new(options.clone()));
         Self { bytes, since, read: None, growing, cutting: Cutting::default() }
@@ -59,7 +59,7 @@ pub struct Follower {
     paths: Vec<PathBuf>,
     options: ReadOptions,
     settled: Duration,
-    seen: BTreeMap<PathBuf, Seen>,
+    seen: BTreeMap<PathBuf, KnownBag>,
 }
 
 /// Cuts rows, as they come from a bag, into processes.
@@ -122,7 +122,7 @@ impl Follower {
         for path in self.bags(&mut troubles) {
             let bytes = bytes_of(&path);
             if !self.seen.contains_key(&path) {
-                let seen = self.renamed(&path).unwrap_or_else(|| Seen::new(bytes, now, &self.options));
+                let seen = self.renamed(&path).unwrap_or_else(|| KnownBag::new(bytes, now, &self.options));
                 self.seen.insert(path.clone(), seen);
             }
             let Some(seen) = self.seen.get_mut(&path) else { continue };
@@ -148,8 +148,8 @@ impl Follower {
     }
 
     /// What is known of a bag that stood under another name, such as one that is whole by now.
-    fn renamed(&mut self, path: &Path) -> Option<Seen> {
-        let is_it = |(old, seen): (&PathBuf, &Seen)| {
+    fn renamed(&mut self, path: &Path) -> Option<KnownBag> {
+        let is_it = |(old, seen): (&PathBuf, &KnownBag)| {
             let same = !old.exists() && seen.growing.as_ref().is_some_and(|growing| growing.is_at(path));
             same.then(|| old.clone())
         };

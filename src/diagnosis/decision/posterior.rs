@@ -40,7 +40,7 @@ pub const OF_SETS: [PosteriorFeature; 6] = [
     feature("logarithm of 1 and these", [0.0; 2]),
     feature("number of effects", [-5.0; 2]),
     feature("nothing at work", [0.0; 2]),
-    feature("strain of the sheet", [0.0; 2]),
+    feature("prior χ² per parameter", [0.0; 2]),
     feature("squares of the sizes' distances from the typical one", [0.0; 2]),
 ];
 
@@ -52,7 +52,7 @@ pub const OF_UNKNOWN: [PosteriorFeature; 7] = [
         "these deviations of nothing at work where χ² is too large, by its probability if nothing is unknown",
         [0.5; 2],
     ),
-    feature("strain of the sheet", [0.0; 2]),
+    feature("prior χ² per parameter", [0.0; 2]),
     feature("squares of the sizes' distances from the typical one", [0.0; 2]),
     feature("number of effects", [0.0; 2]),
     feature(
@@ -104,7 +104,8 @@ pub struct Weights {
     /// Expected logarithm of the equation error of a size: one standard deviation of the logarithm of fitted over true size.
     pub size_spread: f64,
     /// By how much the interval of the explained share is widened, as a factor of its half-widths.
-    pub closure_widening: f64,
+    #[serde(rename = "closure_widening")]
+    pub explained_fraction_widening: f64,
     /// Where they were learned: seeds, number of units, program version, scores.
     pub provenance: serde_json::Value,
 }
@@ -125,7 +126,7 @@ impl Weights {
             stages: beforehand(&OF_STAGES),
             features: [names(&OF_SETS), names(&OF_UNKNOWN), names(&OF_STAGES)],
             size_spread: 0.1,
-            closure_widening: 1.0,
+            explained_fraction_widening: 1.0,
             provenance: serde_json::Value::Null,
         }
     }
@@ -182,6 +183,8 @@ const FARTHEST: f64 = 1e3;
 pub struct Hypotheses {
     /// Fault sets by their row of the table.
     pub sets: Vec<(usize, Vec<f64>)>,
+    /// Probability of each of them if nothing is unknown.
+    of_sets: Vec<f64>,
     /// Something unknown, against all sets together.
     pub unknown: Vec<f64>,
     /// Stages by id, where something unknown may be; none where nothing unknown is weighed.
@@ -218,15 +221,13 @@ impl Hypotheses {
                 lost.ln_1p(),
                 row.effects.len() as f64,
                 f64::from(u8::from(row.effects.is_empty())),
-                row.strain.min(20.0),
+                row.prior_per_parameter.min(20.0),
                 oddness(row),
             ]);
             (k, features)
         };
         let sets: Vec<(usize, Vec<f64>)> = rows.iter().map(set).collect();
-        let scores: Vec<f64> = sets.iter().map(|(_, features)| score(features, set_weights)).collect();
-        let total = log_sum(scores.iter().copied());
-        let probabilities: Vec<f64> = scores.into_iter().map(|score| (score - total).exp()).collect();
+        let probabilities = softmax(sets.iter().map(|(_, features)| score(features, set_weights)).collect());
         let scatter = (SCATTER.powi(2) + 2.0 / table.samples.max(1.0)).sqrt();
         let deviations = |row: &EvidenceRow| (row.cost / expected).max(1e-3).ln() / scatter;
         let is_nothing = |((_, row), _): &(&(usize, &EvidenceRow), &f64)| row.effects.is_empty();
@@ -241,7 +242,7 @@ impl Hypotheses {
             1.0,
             deviations(leader).asinh(),
             nothing,
-            leader.strain.min(20.0),
+            leader.prior_per_parameter.min(20.0),
             oddness(leader),
             leader.effects.len() as f64,
             signed_log(gained / (leader.cost / expected).max(1.0)),
@@ -265,8 +266,15 @@ impl Hypotheses {
             }
             (id.clone(), by_rate(&features))
         };
-        Some(Self { unknown, stages: table.unknown.keys().map(stage).collect(), sets, scale })
+        let stages = table.unknown.keys().map(stage).collect();
+        Some(Self { unknown, stages, sets, of_sets: probabilities, scale })
     }
+}
+
+/// Probabilities of hypotheses of which one is true, by their scores.
+fn softmax(scores: Vec<f64>) -> Vec<f64> {
+    let total = log_sum(scores.iter().copied());
+    scores.into_iter().map(|score| (score - total).exp()).collect()
 }
 
 /// Logarithm of 1 and the size, with the sign.
@@ -291,15 +299,14 @@ impl Posterior {
             return Self { sets: Vec::new(), unknown: Vec::new() };
         };
         let unknown = if all.stages.is_empty() { 0.0 } else { logistic(score(&all.unknown, &weights.unknown)) };
-        let share_out = |scores: Vec<f64>, whole: f64| -> Vec<f64> {
-            let total = log_sum(scores.iter().copied());
-            scores.into_iter().map(|score| whole * (score - total).exp()).collect()
-        };
-        let of_sets = share_out(all.sets.iter().map(|(_, of)| score(of, &weights.sets)).collect(), 1.0 - unknown);
-        let of_stages = share_out(all.stages.iter().map(|(_, of)| score(of, &weights.stages)).collect(), unknown);
-        let mut sets: Vec<(usize, f64)> = all.sets.iter().map(|(row, _)| *row).zip(of_sets).collect();
+        let of_stages = softmax(all.stages.iter().map(|(_, of)| score(of, &weights.stages)).collect());
+        let rows = all.sets.iter().map(|(row, _)| *row);
+        let mut sets: Vec<(usize, f64)> = rows.zip(all.of_sets.iter().map(|share| (1.0 - unknown) * share)).collect();
         sets.sort_by(|a, b| b.1.total_cmp(&a.1));
-        Self { sets, unknown: all.stages.into_iter().map(|(id, _)| id).zip(of_stages).collect() }
+        Self {
+            sets,
+            unknown: all.stages.into_iter().zip(of_stages).map(|((id, _), share)| (id, unknown * share)).collect(),
+        }
     }
 
     /// Probability that an effect is present: the sum over the sets that hold it.
@@ -333,8 +340,7 @@ pub fn score(features: &[f64], weights: &[f64]) -> f64 {
 }
 
 /// Probability with these log odds.
-#[must_use]
-pub fn logistic(log_odds: f64) -> f64 {
+fn logistic(log_odds: f64) -> f64 {
     1.0 / (1.0 + (-log_odds).exp())
 }
 
@@ -353,7 +359,7 @@ mod tests {
             assert_eq!(weights.len(), 2 * features.len());
             assert!(weights.iter().all(|weight| weight.is_finite()));
         }
-        assert!(weights.size_spread > 0.0 && weights.closure_widening > 0.0);
+        assert!(weights.size_spread > 0.0 && weights.explained_fraction_widening > 0.0);
     }
 
     fn row(effects: &[&str], evidence: f64, cost: f64) -> EvidenceRow {

@@ -10,8 +10,8 @@ use nalgebra::DMatrix;
 
 use crate::diagnosis::model::FittedModel;
 use crate::identification::free_parameter::FreeParameter;
+use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::Problem;
-use crate::likelihood::trial::Trial;
 use crate::recording::Process;
 use crate::signal::Signal;
 use crate::units::seconds_from_nanos;
@@ -34,7 +34,7 @@ const SHAPES: usize = 3;
 /// Modulations of each recording, one row for each residual.
 #[derive(Clone, Debug)]
 pub struct Modulations {
-    by_trial: Vec<DMatrix<f64>>,
+    by_recording: Vec<DMatrix<f64>>,
 }
 
 impl Modulations {
@@ -43,38 +43,38 @@ impl Modulations {
     pub fn new(problem: &Problem, rows: &[usize]) -> Self {
         let processes: Vec<Process> = Process::ALL
             .into_iter()
-            .filter(|process| problem.trials.iter().any(|trial| trial.process == *process))
+            .filter(|process| problem.recordings.iter().any(|recording| recording.process == *process))
             .collect();
-        let of = |(trial, &rows): (&Trial, &usize)| {
-            let shapes = shapes(trial);
+        let of = |(recording, &rows): (&PreparedRecording, &usize)| {
+            let shapes = shapes(recording);
             let mut all = DMatrix::zeros(rows, processes.len() + SHAPES);
             for row in 0..rows {
-                if let Some(process) = processes.iter().position(|process| *process == trial.process) {
+                if let Some(process) = processes.iter().position(|process| *process == recording.process) {
                     all[(row, process)] = 1.0;
                 }
                 // Rows beyond the samples compare limit cycles, whose time is a block's.
-                if row < trial.samples.len() * trial.signals().count() {
-                    for (k, value) in shapes[row % trial.samples.len()].iter().enumerate() {
+                if row < recording.samples.len() * recording.signals().count() {
+                    for (k, value) in shapes[row % recording.samples.len()].iter().enumerate() {
                         all[(row, processes.len() + k)] = *value;
                     }
                 }
             }
             all
         };
-        Self { by_trial: problem.trials.iter().zip(rows).map(of).collect() }
+        Self { by_recording: problem.recordings.iter().zip(rows).map(of).collect() }
     }
 
     /// How many columns the law errors of a model have.
     #[must_use]
     pub fn count(&self, model: &FittedModel) -> usize {
-        sizes(model).len() * self.by_trial.first().map_or(0, DMatrix::ncols)
+        sizes(model).len() * self.by_recording.first().map_or(0, DMatrix::ncols)
     }
 
     /// Marks of the law errors of a model's effects in one recording, a column for each effect and modulation; `limits` are those of [`limits`].
     #[must_use]
-    pub fn marks(&self, model: &FittedModel, trial: usize, limits: &[f64]) -> DMatrix<f64> {
-        let modulations = &self.by_trial[trial];
-        let slopes = &model.fit.slopes[trial];
+    pub fn marks(&self, model: &FittedModel, recording: usize, limits: &[f64]) -> DMatrix<f64> {
+        let modulations = &self.by_recording[recording];
+        let slopes = &model.fit.slopes[recording];
         let sizes = sizes(model);
         let mut marks = DMatrix::zeros(modulations.nrows(), sizes.len() * modulations.ncols());
         for (effect, (&free_parameter, limit)) in sizes.iter().zip(limits).enumerate() {
@@ -108,12 +108,13 @@ pub fn limits(model: &FittedModel, without_effects: f64) -> Vec<f64> {
 }
 
 /// Position, speed and time at each sample, each about from −1 to 1.
-fn shapes(trial: &Trial) -> Vec<[f64; SHAPES]> {
-    let measured = trial.measured(Signal::ServomotorPosition);
-    let time_s =
-        |sample: usize| seconds_from_nanos(trial.frames[trial.samples[sample]].time_ns - trial.frames[0].time_ns);
+fn shapes(recording: &PreparedRecording) -> Vec<[f64; SHAPES]> {
+    let measured = recording.measured(Signal::ServomotorPosition);
+    let time_s = |sample: usize| {
+        seconds_from_nanos(recording.frames[recording.samples[sample]].time_ns - recording.frames[0].time_ns)
+    };
     // Speed over a second or so: transducer noise is no speed.
-    let reach = trial.samples_in(0.25);
+    let reach = recording.samples_in(0.25);
     let last = measured.len().saturating_sub(1);
     let of = |sample: usize| {
         let (before, after) = (sample.saturating_sub(reach), (sample + reach).min(last));

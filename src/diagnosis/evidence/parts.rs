@@ -17,8 +17,8 @@ use crate::effects::{Stage, find};
 use crate::estimation::fit::{Effort, Start, fit_all};
 use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::noise::log_sum;
+use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::{Problem, SOUND_MEAN_SQUARE};
-use crate::likelihood::trial::Trial;
 use crate::signal::Signal;
 use crate::stage_alone::sheetless::{SPOOL_ZERO, acts_behind_the_spool};
 use crate::twin::Cut;
@@ -73,17 +73,17 @@ impl Part {
         (signal == Signal::ServomotorPosition) == (self == Self::Servomotor)
     }
 
-    /// A trial of the part alone; none where its input or all its outputs were not recorded, or too rarely to show what it does between samples.
-    fn of(self, trial: &Trial) -> Option<Trial> {
+    /// A recording of the part alone; none where its input or all its outputs were not recorded, or too rarely to show what it does between samples.
+    fn of(self, recording: &PreparedRecording) -> Option<PreparedRecording> {
         let (cut, fed) = self.fed();
-        let mut part = Trial { cut, ..trial.clone() };
+        let mut part = PreparedRecording { cut, ..recording.clone() };
         for signal in Signal::ALL {
             part.has[signal as usize] &= self.gives(signal);
         }
         if self == Self::Controls {
             smooth(&mut part);
         }
-        (trial.cut == Cut::None && !trial.is_slow() && trial.has[fed as usize] && part.has.contains(&true))
+        (recording.cut == Cut::None && !recording.is_slow() && recording.has[fed as usize] && part.has.contains(&true))
             .then_some(part)
     }
 
@@ -134,11 +134,12 @@ impl PartFit {
 #[must_use]
 pub fn parts(problem: &Problem, refitted: &FittedModel) -> Vec<PartFit> {
     let fit = |part: Part| {
-        let trials: Vec<Trial> = problem.trials.iter().filter_map(|trial| part.of(trial)).collect();
-        if trials.is_empty() {
+        let recordings: Vec<PreparedRecording> =
+            problem.recordings.iter().filter_map(|recording| part.of(recording)).collect();
+        if recordings.is_empty() {
             return None;
         }
-        let problem = problem.anew(trials, &refitted.unit());
+        let problem = problem.anew(recordings, &refitted.unit());
         let places = part.starts(refitted);
         let starts: [Start<'_, FreeParameter>; 2] = places.each_ref().map(|(base, coordinates, positions)| Start {
             base,
@@ -169,12 +170,12 @@ const WEIGHTS: [f64; 11] = [-36.0, 9.0, 44.0, 69.0, 84.0, 89.0, 84.0, 69.0, 44.0
 const WEIGHT: f64 = 429.0;
 
 /// Takes noise off the recorded servomotor: the regulator heard another draw of it, over which the twin is a mean already.
-fn smooth(trial: &mut Trial) {
-    let measured = trial.measured(Signal::ServomotorPosition);
+fn smooth(recording: &mut PreparedRecording) {
+    let measured = recording.measured(Signal::ServomotorPosition);
     for (k, around) in measured.windows(WEIGHTS.len()).enumerate() {
         let mean = around.iter().zip(WEIGHTS).map(|(value, weight)| value * weight).sum::<f64>() / WEIGHT;
         if mean.is_finite() {
-            trial.frames[trial.samples[k + WEIGHTS.len() / 2]].measured.servomotor_position_pu = mean;
+            recording.frames[recording.samples[k + WEIGHTS.len() / 2]].measured.servomotor_position_pu = mean;
         }
     }
 }
@@ -197,9 +198,9 @@ mod tests {
                 ..Signals::NONE
             },
         };
-        let mut trial = Trial::new(Recording::new("smoothed", (0..40).map(frame).collect()));
-        smooth(&mut trial);
-        let smoothed = trial.measured(Signal::ServomotorPosition);
+        let mut recording = PreparedRecording::new(Recording::new("smoothed", (0..40).map(frame).collect()));
+        smooth(&mut recording);
+        let smoothed = recording.measured(Signal::ServomotorPosition);
         let off: Vec<f64> = smoothed.iter().zip(0..).map(|(value, k)| value - position_pu(k)).collect();
         assert!(off[..15].iter().chain(&off[26..]).all(|off| off.abs() < 1e-12), "{off:?}");
         assert!((off[20] - 1e-3 * 89.0 / WEIGHT).abs() < 1e-12);

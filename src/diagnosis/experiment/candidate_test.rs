@@ -2,8 +2,8 @@
 
 use crate::diagnosis::result::test_script::{PERIOD_S, TestScript};
 use crate::frame::{Frame, Signals};
+use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::Problem;
-use crate::likelihood::trial::Trial;
 use crate::parameters::Unit;
 use crate::recording::Recording;
 use crate::twin::Twin;
@@ -17,7 +17,7 @@ pub struct Candidate {
     /// The state of the unit.
     pub unit_state: String,
     /// As the leader would answer it.
-    pub trial: Trial,
+    pub recording: PreparedRecording,
     /// The script, where one can be sent to a governor.
     pub script: Option<TestScript>,
     /// Samples a second.
@@ -30,7 +30,7 @@ impl Candidate {
     /// Length, s.
     #[must_use]
     pub fn length_s(&self) -> f64 {
-        match (self.trial.frames.first(), self.trial.frames.last()) {
+        match (self.recording.frames.first(), self.recording.frames.last()) {
             (Some(first), Some(last)) => seconds_from_nanos(last.time_ns - first.time_ns),
             _ => 0.0,
         }
@@ -46,7 +46,7 @@ impl Candidate {
 /// Scripts as a unit would answer them, at the rate of the recordings and, where that is slow, at the scripts' own.
 #[must_use]
 pub fn candidates(problem: &Problem, unit: &Unit, scripts: &[TestScript]) -> Vec<Candidate> {
-    let period_s = problem.trials.iter().map(|trial| trial.period_s).fold(PERIOD_S, f64::max);
+    let period_s = problem.recordings.iter().map(|recording| recording.period_s).fold(PERIOD_S, f64::max);
     let mut periods_s = vec![PERIOD_S];
     if problem.is_slow() {
         periods_s.push(period_s);
@@ -56,7 +56,7 @@ pub fn candidates(problem: &Problem, unit: &Unit, scripts: &[TestScript]) -> Vec
         let candidate = |&period_s: &f64| Candidate {
             test: script.words(),
             unit_state: script.unit_state(),
-            trial: Trial::new(Recording::new(script.words(), sampled(&answer, period_s))),
+            recording: PreparedRecording::new(Recording::new(script.words(), sampled(&answer, period_s))),
             script: Some(script),
             rate_hz: (1.0 / period_s).round(),
             faster: problem.is_slow() && period_s <= PERIOD_S,

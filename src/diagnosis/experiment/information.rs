@@ -100,14 +100,6 @@ pub fn expected_drop(gram: &DMatrix<f64>, all: &[Predicted], counted: CountedNat
     }
 }
 
-/// Square of the distance of two hypotheses' means, in standard deviations of their mean covariance.
-#[must_use]
-pub fn square(gram: &DMatrix<f64>, one: &Predicted, other: &Predicted) -> f64 {
-    // The determinants play no part in it.
-    let side = |of| Side { of, along: of.deviations.tr_mul(gram), log_determinant: 0.0 };
-    distance(gram, &side(one), &side(other)).1
-}
-
 /// Bhattacharyya distance of two Gaussians, and the square of the distance of their means in their mean covariance.
 fn distance(gram: &DMatrix<f64>, one: &Side<'_>, other: &Side<'_>) -> (f64, f64) {
     let change = DMatrix::from_column_slice(gram.nrows(), 1, (&one.of.mean - &other.of.mean).as_slice());

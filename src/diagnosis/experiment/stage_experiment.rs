@@ -2,34 +2,34 @@
 
 use crate::diagnosis::experiment::candidate_test::Candidate;
 use crate::frame::{EsvState, Frame, Inputs, Signals};
-use crate::likelihood::trial::Trial;
+use crate::likelihood::prepared::PreparedRecording;
 use crate::parameters::Unit;
 use crate::recording::Recording;
 use crate::twin::{Cut, Twin};
 use crate::units::nanos_from_seconds;
 
 /// A test: words, length in stroke times, spool position in pu at a time in stroke times, first opening.
-struct Test {
+struct SpoolCourse {
     words: &'static str,
     length: f64,
     spool_pu: fn(f64) -> f64,
     start_pu: f64,
 }
 
-const TESTS: [Test; 4] = [
-    Test {
+const TESTS: [SpoolCourse; 4] = [
+    SpoolCourse {
         words: "hold the spool at 10 %, 25 %, 50 % and 100 % of its stroke in turn, each as long one way as the other, from half opening",
         length: 4.0,
         spool_pu: |t| [0.1, -0.1, 0.25, -0.25, 0.5, -0.5, 1.0, -1.0][index(t, 0.5, 8)] * hold(t),
         start_pu: 0.5,
     },
-    Test {
+    SpoolCourse {
         words: "move the spool in a small triangle of 5 % through neutral, three times, at half opening",
         length: 6.0,
         spool_pu: |t| 0.05 * (1.0 - 4.0 * ((t / 2.0 + 0.25).fract() - 0.5).abs()),
         start_pu: 0.5,
     },
-    Test {
+    SpoolCourse {
         words: "centre the spool at half opening and watch the servomotor creep, then drive it both ways at half spool stroke",
         length: 10.0,
         spool_pu: |t| {
@@ -43,7 +43,7 @@ const TESTS: [Test; 4] = [
         },
         start_pu: 0.5,
     },
-    Test {
+    SpoolCourse {
         words: "drive the servomotor over its whole stroke and back with the spool fully open",
         length: 3.0,
         spool_pu: |t| if t < 1.5 { 1.0 } else { -1.0 },
@@ -101,7 +101,7 @@ fn stroke_s(unit: &Unit) -> f64 {
 pub fn candidates(unit: &Unit) -> Vec<Candidate> {
     let stroke_s = stroke_s(unit);
     let period_s = stroke_s / ROWS;
-    let of = |test: &Test| {
+    let of = |test: &SpoolCourse| {
         let mut twin = Twin::new(unit).with_cut(Cut::Spool);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few thousand rows")]
         let rows = (test.length * ROWS) as u32;
@@ -114,7 +114,7 @@ pub fn candidates(unit: &Unit) -> Vec<Candidate> {
         Candidate {
             test: test.words.to_owned(),
             unit_state: format!("Bring the servomotor to {:.0} % of its stroke first", 100.0 * test.start_pu),
-            trial: Trial::servomotor_stage(Recording::new(test.words, (0..rows).map(row).collect())),
+            recording: PreparedRecording::servomotor_stage(Recording::new(test.words, (0..rows).map(row).collect())),
             script: None,
             rate_hz: (1.0 / period_s).round(),
             faster: false,

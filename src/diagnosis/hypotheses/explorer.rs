@@ -24,7 +24,7 @@ use crate::twin::Cut;
 pub const KAPPA: f64 = 0.03;
 
 /// Error of laws that rankings count with, as a share of what an effect does.
-pub const LAW_ERROR: f64 = 0.05;
+const LAW_ERROR: f64 = 0.05;
 
 /// Logarithm of the odds against each further effect that the exploration counts with; the posterior has learned odds of its own.
 pub(super) const RARITY: f64 = 5.0;
@@ -88,7 +88,7 @@ pub(super) fn leaders(problem: &Problem) -> usize {
 /// Whether recorded spools drive all that is judged.
 #[must_use]
 pub fn is_stage_alone(problem: &Problem) -> bool {
-    problem.trials.iter().all(|trial| trial.cut == Cut::Spool)
+    problem.recordings.iter().all(|recording| recording.cut == Cut::Spool)
 }
 
 /// What all fits share.

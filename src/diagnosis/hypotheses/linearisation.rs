@@ -99,16 +99,16 @@ impl Linearisation {
         }
         let moved = problem.residuals_of(&units);
         let slopes = model.free_parameters.len();
-        let grams: Vec<DMatrix<f64>> = (0..problem.trials.len())
+        let grams: Vec<DMatrix<f64>> = (0..problem.recordings.len())
             .into_par_iter()
-            .map(|trial| {
-                let at = &model.fit.residuals[trial];
-                let b = &discrepancy.marks[trial];
+            .map(|recording| {
+                let at = &model.fit.residuals[recording];
+                let b = &discrepancy.marks[recording];
                 let mut all = DMatrix::zeros(at.len(), slopes + b.ncols() + atoms.len() + 1);
-                all.columns_mut(0, slopes).copy_from(&model.fit.slopes[trial]);
+                all.columns_mut(0, slopes).copy_from(&model.fit.slopes[recording]);
                 all.columns_mut(slopes, b.ncols()).copy_from(b);
                 for (k, moved) in moved.iter().enumerate() {
-                    all.set_column(slopes + b.ncols() + k, &(&moved[trial] - at));
+                    all.set_column(slopes + b.ncols() + k, &(&moved[recording] - at));
                 }
                 all.set_column(all.ncols() - 1, at);
                 crossed(&all, &all)
@@ -151,7 +151,7 @@ impl Linearisation {
 
     /// Smallest size of each effect that would stand out by this gain in cost, in typical sizes; infinite where none would.
     #[must_use]
-    pub fn smallest_visible(&self, effect: usize, gain: f64) -> f64 {
+    pub fn minimum_detectable_size(&self, effect: usize, gain: f64) -> f64 {
         let visible = |(k, atom): (usize, &Atom)| match atom {
             Atom::Sized { effect: other, variant } if *other == effect && variant.size > 0.0 => {
                 let strength = self.gram[(k, k)];
@@ -203,7 +203,7 @@ impl Linearisation {
                 .enumerate()
                 .flat_map(|(k, &one)| removed[k + 1..].iter().map(move |&other| vec![one, other])),
         );
-        let mut all: Vec<Weighed> = Vec::new();
+        let mut all: Vec<WeighedAtoms> = Vec::new();
         for start in starts {
             let most = (most + start.len()).min(LARGEST - start.len());
             if !start.is_empty() {
@@ -228,7 +228,7 @@ impl Linearisation {
     }
 
     /// All sets with one atom more, of another effect and behind in order, so that each set comes once.
-    fn grown(&self, start: &[usize], sized: &[usize]) -> Vec<Weighed> {
+    fn grown(&self, start: &[usize], sized: &[usize]) -> Vec<WeighedAtoms> {
         let last = start.iter().rev().find(|k| matches!(self.atoms[**k], Atom::Sized { .. })).copied();
         let others = |k: usize| start.iter().all(|&other| !same_effect(&self.atoms[k], &self.atoms[other]));
         let behind = |k: usize| last.is_none_or(|last| k > last) || start.len() > 1;
@@ -237,7 +237,7 @@ impl Linearisation {
     }
 
     /// The evidence of a few marks, each scaled within its reach.
-    fn weighed(&self, atoms: &[usize]) -> Option<Weighed> {
+    fn weighed(&self, atoms: &[usize]) -> Option<WeighedAtoms> {
         let n = atoms.len();
         let reach = |k: usize| match self.atoms[atoms[k]] {
             Atom::Sized { .. } => REACH,
@@ -276,10 +276,10 @@ impl Linearisation {
             }
         }
         let log_evidence = 0.5 * (gain - prior - occam.determinant().max(1.0).ln());
-        Some(Weighed { atoms: atoms.to_vec(), scales, log_evidence })
+        Some(WeighedAtoms { atoms: atoms.to_vec(), scales, log_evidence })
     }
 
-    fn proposal(&self, weighed: &Weighed) -> Proposal {
+    fn proposal(&self, weighed: &WeighedAtoms) -> Proposal {
         let mut change = -&self.rest;
         let (mut effects, mut removed) = (Vec::new(), Vec::new());
         for (&k, &scale) in weighed.atoms.iter().zip(&weighed.scales) {
@@ -298,7 +298,7 @@ impl Linearisation {
 
 /// A few atoms with their scales and the evidence.
 #[derive(Clone, Debug)]
-struct Weighed {
+struct WeighedAtoms {
     atoms: Vec<usize>,
     scales: [f64; LARGEST],
     log_evidence: f64,
@@ -309,8 +309,8 @@ fn same_effect(a: &Atom, b: &Atom) -> bool {
 }
 
 /// The best sizes of every set of effects, likeliest first.
-fn best_of_each(mut all: Vec<Weighed>, of: &Linearisation) -> Vec<Weighed> {
-    let key = |weighed: &Weighed| -> Vec<usize> {
+fn best_of_each(mut all: Vec<WeighedAtoms>, of: &Linearisation) -> Vec<WeighedAtoms> {
+    let key = |weighed: &WeighedAtoms| -> Vec<usize> {
         let mut effects: Vec<usize> = weighed
             .atoms
             .iter()

@@ -26,7 +26,8 @@ pub struct EvidenceRow {
     /// Squares of the priors in it, in tolerances.
     pub prior: f64,
     /// Prior χ² per parameter that the recordings determine.
-    pub strain: f64,
+    #[serde(rename = "strain")]
+    pub prior_per_parameter: f64,
     /// Logarithm of the evidence at each size of the error of equations ([`KAPPAS`]) and of laws ([`LAW_ERRORS`]).
     pub grid: [[f64; LAW_ERRORS.len()]; KAPPAS.len()],
     /// Logarithm of the evidence without each recording.
@@ -108,7 +109,7 @@ impl EvidenceTable {
                 refined: hypothesis.refined,
                 cost: model.fit.cost(),
                 prior: model.fit.prior,
-                strain: model.strain(),
+                prior_per_parameter: model.prior_per_parameter(),
                 grid: grid(hypothesis),
                 without_each: hypothesis.normal.without_each(),
                 sizes: sizes.collect(),
@@ -120,15 +121,15 @@ impl EvidenceTable {
             Stage::ALL.into_iter().filter_map(of).filter(|(_, evidence)| evidence.is_finite()).collect()
         };
         let samples = problem.independent_samples();
-        let slow: f64 = (0..problem.trials.len())
-            .filter(|&trial| problem.trials[trial].is_slow())
-            .map(|trial| problem.only(trial).independent_samples())
+        let slow: f64 = (0..problem.recordings.len())
+            .filter(|&recording| problem.recordings[recording].is_slow())
+            .map(|recording| problem.only(recording).independent_samples())
             .sum();
         let pilot = crate::signal::Signal::PilotValvePosition;
         Self {
             samples,
             slow_share: slow / samples.max(1e-9),
-            pilot: problem.trials.iter().any(|trial| trial.has[pilot as usize]),
+            pilot: problem.recordings.iter().any(|recording| recording.has[pilot as usize]),
             rows: explored.hypotheses.par_iter().map(row).collect(),
             unknown: unknown(explored.hypotheses.iter().find(|one| one.effects.is_empty())),
             parts: if alone { Vec::new() } else { parts(problem, explored.refitted()) },

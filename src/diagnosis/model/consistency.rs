@@ -24,13 +24,14 @@ pub struct Consistency {
 pub fn consistency(problem: &Problem, model: &FittedModel) -> Vec<Consistency> {
     let of = |signal: Signal| {
         let innovations: Vec<Vec<f64>> = (model.fit.residuals.iter().enumerate())
-            .map(|(trial, residuals)| problem.innovations(trial, signal, residuals))
+            .map(|(recording, residuals)| problem.innovations(recording, signal, residuals))
             .filter(|innovations| !innovations.is_empty())
             .collect();
         let samples: usize = innovations.iter().map(Vec::len).sum();
         let square: f64 = innovations.iter().flatten().map(|one| one * one).sum();
         let product: f64 = innovations.iter().flat_map(|all| all.windows(2)).map(|two| two[0] * two[1]).sum();
-        let expected: f64 = (0..problem.trials.len()).map(|trial| problem.expected_square(trial, signal)).sum();
+        let expected: f64 =
+            (0..problem.recordings.len()).map(|recording| problem.expected_square(recording, signal)).sum();
         (samples > 0).then(|| Consistency {
             signal,
             samples,

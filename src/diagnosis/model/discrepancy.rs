@@ -129,12 +129,6 @@ impl Columns {
 /// Share of a moderate term that is simulated for its mark.
 const STEP: f64 = 0.2;
 
-/// Number of columns.
-#[must_use]
-pub fn count() -> usize {
-    PLACES.iter().map(DiscrepancyPoint::shapes).sum()
-}
-
 /// The place of each column.
 pub fn places() -> impl Iterator<Item = &'static DiscrepancyPoint> {
     PLACES.iter().flat_map(|place| std::iter::repeat_n(place, place.shapes()))
@@ -156,7 +150,9 @@ pub fn columns(problem: &Problem, model: &FittedModel) -> Columns {
         .collect();
     let moved = problem.residuals_of_twins(&twins);
     Columns {
-        marks: (0..problem.trials.len()).map(|trial| changes(&moved, &model.fit.residuals, trial, STEP)).collect(),
+        marks: (0..problem.recordings.len())
+            .map(|recording| changes(&moved, &model.fit.residuals, recording, STEP))
+            .collect(),
     }
 }
 
@@ -174,10 +170,10 @@ pub fn twin_with(unit: &Unit, place: &DiscrepancyPoint, sizes: &[f64]) -> Twin {
 }
 
 /// Changes of the residuals of one recording over a step, as columns.
-fn changes(moved: &[Residuals], at: &Residuals, trial: usize, step: f64) -> DMatrix<f64> {
-    let mut marks = DMatrix::zeros(at[trial].len(), moved.len());
+fn changes(moved: &[Residuals], at: &Residuals, recording: usize, step: f64) -> DMatrix<f64> {
+    let mut marks = DMatrix::zeros(at[recording].len(), moved.len());
     for (k, moved) in moved.iter().enumerate() {
-        marks.set_column(k, &((&moved[trial] - &at[trial]) / step));
+        marks.set_column(k, &((&moved[recording] - &at[recording]) / step));
     }
     marks
 }

@@ -8,8 +8,8 @@ use crate::identification::free_parameter::FreeParameter;
 use crate::likelihood::event_time::placed;
 use crate::likelihood::loop_noise::heard;
 use crate::likelihood::noise::Noise;
+use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::Problem;
-use crate::likelihood::trial::Trial;
 use crate::parameters::Unit;
 
 /// What a nominal fit turns, and from how many starts.
@@ -34,14 +34,19 @@ const SCATTER: f64 = 1.0;
 ///
 /// Returns the problem, the refitted model, and the same model unfitted.
 #[must_use]
-pub fn nominal(trials: Vec<Trial>, unit: &Unit, turned: Turned, noise: &Noise) -> (Problem, FittedModel, FittedModel) {
+pub fn nominal(
+    recordings: Vec<PreparedRecording>,
+    unit: &Unit,
+    turned: Turned,
+    noise: &Noise,
+) -> (Problem, FittedModel, FittedModel) {
     let Turned { free_parameters, starts } = turned;
     let zeros: Vec<f64> = free_parameters.iter().map(|free_parameter| free_parameter.start(unit)).collect();
-    let recorded = trials.clone();
-    let first = Problem::new(trials, unit, noise);
+    let recorded = recordings.clone();
+    let first = Problem::new(recordings, unit, noise);
     // A fit that begins with a trip far off makes up for it by parameters, and then stays there.
     let first = match placed(&first, &recorded, unit) {
-        Some(trials) => first.anew(trials, unit),
+        Some(recordings) => first.anew(recordings, unit),
         None => first,
     };
     let scattered = |number: usize| -> Vec<f64> {
@@ -60,8 +65,8 @@ pub fn nominal(trials: Vec<Trial>, unit: &Unit, turned: Turned, noise: &Noise) -
     // The unit that explains the trips best and the trips that suit it best are found in turns.
     for _ in 0..TURNS {
         let now = subject_at(unit, &free_parameters, &fine.positions);
-        let Some(trials) = placed(&problem, &recorded, &now) else { break };
-        problem = problem.anew(trials, &now);
+        let Some(recordings) = placed(&problem, &recorded, &now) else { break };
+        problem = problem.anew(recordings, &now);
         fine = fit(&problem, unit, &free_parameters, &fine.positions, TURN, Some(&fine.slopes));
         settled = false;
     }

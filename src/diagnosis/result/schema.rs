@@ -2,7 +2,7 @@
 
 pub mod curves;
 pub mod read;
-mod values;
+pub(crate) mod values;
 
 use serde_json::{Value, json};
 
@@ -46,7 +46,7 @@ pub fn report(diagnosis: &Diagnosis, seconds: f64) -> Value {
                 "stage": blame.stage.id(),
                 "probability": blame.probability,
                 "parameters": blame.parameters.iter().map(parameter).collect::<Vec<_>>(),
-                "closure": interval(blame.closure),
+                "closure": interval(blame.explained_fraction),
                 "closure_last_in": blame.last_in,
                 "closure_shapley": blame.shapley,
             })
@@ -91,8 +91,8 @@ pub fn report(diagnosis: &Diagnosis, seconds: f64) -> Value {
         "location": {"stage": diagnosis.stage.map(Stage::id), "probability": stages},
         "effects": effects,
         "ranking": ranking,
-        "gap": {"signals": signals, "closure": interval(diagnosis.closure)},
-        "fitted_stage": diagnosis.part.as_ref().map(|part| part.told.iter().map(StageFigure::json).collect::<Vec<_>>()),
+        "gap": {"signals": signals, "closure": interval(diagnosis.explained_fraction)},
+        "fitted_stage": diagnosis.part.as_ref().map(|part| part.figures.iter().map(StageFigure::json).collect::<Vec<_>>()),
         "next_experiment": experiments,
         "seconds": seconds,
         "notes": diagnosis.notes,
@@ -100,7 +100,7 @@ pub fn report(diagnosis: &Diagnosis, seconds: f64) -> Value {
     })
 }
 
-/// What the verdict idle_segments on.
+/// What the verdict rests on.
 fn evidence(diagnosis: &Diagnosis) -> Value {
     let parameters: Vec<Value> = diagnosis
         .parameters
@@ -133,8 +133,8 @@ fn evidence(diagnosis: &Diagnosis) -> Value {
             })
         })
         .collect();
-    let visible: Vec<Value> = diagnosis
-        .visible
+    let detectable_sizes: Vec<Value> = diagnosis
+        .detectable_sizes
         .iter()
         .map(|one| {
             json!({
@@ -180,21 +180,24 @@ fn evidence(diagnosis: &Diagnosis) -> Value {
             })
         })
         .collect();
-    let alike: Vec<Value> =
-        diagnosis.alike.iter().map(|(a, b, likeness)| json!({"a": a, "b": b, "likeness": likeness})).collect();
+    let ambiguous_pairs: Vec<Value> = diagnosis
+        .ambiguous_pairs
+        .iter()
+        .map(|(a, b, likeness)| json!({"a": a, "b": b, "likeness": likeness}))
+        .collect();
     let transfers: Vec<Value> = diagnosis
         .transfers
         .iter()
-        .map(|one| json!({"recording": one.recording, "closure": interval(one.closure)}))
+        .map(|one| json!({"recording": one.recording, "closure": interval(one.explained_fraction)}))
         .collect();
     let sets: Vec<Value> =
         diagnosis.sets.iter().map(|(effects, p)| json!({"effects": effects, "probability": p})).collect();
     json!({
         "innovations": innovations(diagnosis),
         "values": diagnosis.samples, "entropy_bits": diagnosis.entropy_bits, "fault_sets": sets, "table": diagnosis.table, "closure_without_recording": transfers,
-        "closure_widened_by": diagnosis.closure_widened_by,
-        "parameters": parameters, "tried": tried, "channels": channels, "smallest_visible": visible,
-        "alike": alike, "ledgers": breakdowns, "stage_tests": tests, "free_terms": discrepancy_terms,
+        "closure_widened_by": diagnosis.explained_fraction_widened_by,
+        "parameters": parameters, "tried": tried, "channels": channels, "smallest_visible": detectable_sizes,
+        "alike": ambiguous_pairs, "ledgers": breakdowns, "stage_tests": tests, "free_terms": discrepancy_terms,
         "simulations": diagnosis.simulations,
         "servomotor_stage_only": diagnosis.part.as_ref().map(stage_only),
     })

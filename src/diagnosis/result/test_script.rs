@@ -60,7 +60,7 @@ pub struct TestScript {
 const ON_LOAD_PU: f64 = 0.1;
 
 /// The candidates: usual tests at several openings and sizes.
-pub const CANDIDATES: [TestScript; 13] = [
+pub(crate) const CANDIDATES: [TestScript; 13] = [
     script(0.4, CommandShape::Step { by_pu: 0.02 }, 20.0),
     script(0.6, CommandShape::Step { by_pu: 0.1 }, 20.0),
     script(0.4, CommandShape::Triangle { by_pu: 0.015, period_s: 16.0 }, 36.0),

@@ -2,25 +2,25 @@
 
 use crate::diagnosis::result::{Breakdown, BreakdownPart, SignalGap};
 use crate::frame::{Estimate, EsvState, Frame};
+use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::Problem;
-use crate::likelihood::trial::Trial;
 use crate::signal::Signal;
 
 /// Slower than this the servomotor stands, pu/s.
 const STANDING_PU_S: f64 = 2.0e-3;
 
 /// One row as the breakdown sees it.
-struct Row<'a> {
-    trial: &'a Trial,
+struct SampleRow<'a> {
+    recording: &'a PreparedRecording,
     frame: &'a Frame,
     speed_pu_s: f64,
 }
 
 /// A cut: its name, its parts, and the part of a row.
-type Cut = (&'static str, &'static [&'static str], fn(&Row<'_>) -> usize);
+type Division = (&'static str, &'static [&'static str], fn(&SampleRow<'_>) -> usize);
 
-const CUTS: [Cut; 6] = [
-    ("process", &["start-up", "load increase", "shutdown", "load rejection"], |row| row.trial.process as usize),
+const DIVISIONS: [Division; 6] = [
+    ("process", &["start-up", "load increase", "shutdown", "load rejection"], |row| row.recording.process as usize),
     ("phase", &["servomotor stands", "servomotor moves"], |row| usize::from(row.speed_pu_s.abs() > STANDING_PU_S)),
     ("direction", &["closing", "standing", "opening"], |row| {
         if row.speed_pu_s.abs() <= STANDING_PU_S { 1 } else { 2 * usize::from(row.speed_pu_s > 0.0) }
@@ -37,13 +37,13 @@ const CUTS: [Cut; 6] = [
     ("ESV", &["normal", "shutdown"], |row| usize::from(row.frame.inputs.esv == EsvState::Shutdown)),
 ];
 
-/// The breakdowns of both positions; estimates by trial of the refitted twin and of the twin with the effects.
+/// The breakdowns of both positions; estimates by recording of the refitted twin and of the twin with the effects.
 #[must_use]
 pub fn breakdowns(problem: &Problem, refitted: &[Vec<Estimate>], with_effects: &[Vec<Estimate>]) -> Vec<Breakdown> {
     let mut all = Vec::new();
-    let stage_only = problem.trials.iter().all(|trial| trial.cut == crate::twin::Cut::Spool);
+    let stage_only = problem.recordings.iter().all(|recording| recording.cut == crate::twin::Cut::Spool);
     for signal in Signal::POSITIONS {
-        for (by, names, part_of) in CUTS {
+        for (by, names, part_of) in DIVISIONS {
             // Without command and ESV these say nothing.
             if stage_only && ["process", "ESV"].contains(&by) {
                 continue;
@@ -52,15 +52,15 @@ pub fn breakdowns(problem: &Problem, refitted: &[Vec<Estimate>], with_effects: &
                 .iter()
                 .map(|name| BreakdownPart { name: (*name).to_owned(), samples: 0, refitted: 0.0, with_effects: 0.0 })
                 .collect();
-            for (index, trial) in problem.trials.iter().enumerate() {
+            for (index, recording) in problem.recordings.iter().enumerate() {
                 let twins = [refitted, with_effects].map(|twin| problem.squares(index, signal, &twin[index]));
                 let [Some(before), Some(after)] = twins else { continue };
                 for (k, (before, after)) in before.into_iter().zip(after).enumerate() {
                     if !before.is_finite() {
                         continue;
                     }
-                    let frame = &trial.frames[trial.samples[k]];
-                    let part = &mut parts[part_of(&Row { trial, frame, speed_pu_s: slope(trial, k) })];
+                    let frame = &recording.frames[recording.samples[k]];
+                    let part = &mut parts[part_of(&SampleRow { recording, frame, speed_pu_s: slope(recording, k) })];
                     part.samples += 1;
                     part.refitted += before;
                     part.with_effects += after;
@@ -80,10 +80,10 @@ pub fn breakdowns(problem: &Problem, refitted: &[Vec<Estimate>], with_effects: &
 }
 
 /// Speed of the measured servomotor about a sample, over a tenth of a second or the next samples, pu/s.
-fn slope(trial: &Trial, k: usize) -> f64 {
-    let reach = trial.samples_in(0.05);
-    let (a, b) = (k.saturating_sub(reach), (k + reach).min(trial.samples.len() - 1));
-    let (one, two) = (&trial.frames[trial.samples[a]], &trial.frames[trial.samples[b]]);
+fn slope(recording: &PreparedRecording, k: usize) -> f64 {
+    let reach = recording.samples_in(0.05);
+    let (a, b) = (k.saturating_sub(reach), (k + reach).min(recording.samples.len() - 1));
+    let (one, two) = (&recording.frames[recording.samples[a]], &recording.frames[recording.samples[b]]);
     let time_s = crate::units::seconds_from_nanos(two.time_ns - one.time_ns);
     let change = two.measured.servomotor_position_pu - one.measured.servomotor_position_pu;
     if time_s > 0.0 && change.is_finite() { change / time_s } else { 0.0 }
@@ -101,13 +101,13 @@ pub fn gaps(
         .into_iter()
         .filter_map(|signal| {
             let (mut sums, mut floor, mut count) = ([0.0; 3], 0.0, 0_usize);
-            for index in 0..problem.trials.len() {
+            for index in 0..problem.recordings.len() {
                 for (sum, twin) in sums.iter_mut().zip([delivered, refitted, with_effects]) {
                     let squares = problem.squares(index, signal, &twin[index]).unwrap_or_default();
                     *sum += squares.into_iter().filter(|square| square.is_finite()).sum::<f64>();
                 }
                 let samples =
-                    problem.trials[index].measured(signal).into_iter().filter(|value| value.is_finite()).count();
+                    problem.recordings[index].measured(signal).into_iter().filter(|value| value.is_finite()).count();
                 floor += problem.floor_square(index, signal) * samples as f64;
                 count += samples;
             }

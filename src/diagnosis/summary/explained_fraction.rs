@@ -1,4 +1,4 @@
-//! How far: the share of the gap that closes on data left out of the fit, with an interval from resampled blocks.
+//! Explained fraction: the share of the excess squared error that disappears on data left out of the fit, with an interval from resampled blocks.
 
 use std::ops::Range;
 
@@ -13,8 +13,8 @@ use crate::estimation::fit::{Effort, fit};
 use crate::estimation::linear::normal;
 use crate::frame::Estimate;
 use crate::identification::free_parameter::FreeParameter;
+use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::Problem;
-use crate::likelihood::trial::Trial;
 use crate::signal::Signal;
 
 /// By how much a right model may leave more than the noise, as a share of it, at fast and at slow rates: no equation is exact, and between
@@ -30,7 +30,7 @@ const RESAMPLINGS: usize = 400;
 /// So many parts are left out in turn; every block of a recording belongs to the one after that of the block before it.
 const PARTS: usize = 5;
 
-/// Farthest that a fit may move when a part is left out, in units of a free_parameter: one linear step is good for no more.
+/// Farthest that a fit may move when a part is left out, in units of a free parameter: one linear step is good for no more.
 const FARTHEST: f64 = 2.0;
 
 /// Share of what all recordings say of an effect that the others must say to fit it without one.
@@ -39,7 +39,7 @@ const TELLING: f64 = 0.2;
 /// Steps of a fit without a recording, from the fit to all, which is near.
 const REFIT: Effort = Effort { rounds: 2, refresh: 100, temperature: 1.0 };
 
-/// Estimates by trial, each made by a fit that did not see it.
+/// Estimates by recording, each made by a fit that did not see it.
 pub type HeldOutEstimates = Vec<Vec<Estimate>>;
 
 /// Leaves out every fifth block of every recording at a time: what to expect of new recordings of the same processes.
@@ -47,8 +47,8 @@ pub type HeldOutEstimates = Vec<Vec<Estimate>>;
 /// A process may be over in seconds, so that a longer piece would be all that there is of it. With four fifths of every process at hand the fit
 /// hardly moves, so that one Gauss–Newton step refits it.
 #[must_use]
-pub fn without_parts(problem: &Problem, model: &FittedModel) -> HeldOutEstimates {
-    let trials = 0..problem.trials.len();
+pub(crate) fn without_parts(problem: &Problem, model: &FittedModel) -> HeldOutEstimates {
+    let recordings = 0..problem.recordings.len();
     let mut estimates: HeldOutEstimates = problem.simulate_all(&model.unit());
     if model.fit.slopes.is_empty() {
         return estimates;
@@ -57,11 +57,12 @@ pub fn without_parts(problem: &Problem, model: &FittedModel) -> HeldOutEstimates
         normal(&model.free_parameters, &model.fit.positions, &model.fit.residuals, &model.fit.slopes, 1.0);
     for part in 0..PARTS {
         let (mut hessian, mut gradient) = (hessian.clone(), gradient.clone());
-        for (trial, (slope, residuals)) in problem.trials.iter().zip(model.fit.slopes.iter().zip(&model.fit.residuals))
+        for (recording, (slope, residuals)) in
+            problem.recordings.iter().zip(model.fit.slopes.iter().zip(&model.fit.residuals))
         {
-            for place in 0..trial.signals().count() {
-                for block in part_of(trial, part) {
-                    let (first, count) = (trial.residual(place, block.start), block.len());
+            for place in 0..recording.signals().count() {
+                for block in part_of(recording, part) {
+                    let (first, count) = (recording.residual(place, block.start), block.len());
                     let rows = slope.rows(first, count);
                     hessian -= rows.tr_mul(&rows);
                     gradient -= rows.tr_mul(&residuals.rows(first, count));
@@ -71,10 +72,10 @@ pub fn without_parts(problem: &Problem, model: &FittedModel) -> HeldOutEstimates
         hessian += DMatrix::identity(model.free_parameters.len(), model.free_parameters.len()) * 1e-9;
         let Some(cholesky) = hessian.cholesky() else { continue };
         let unit = subject_at(&model.base, &model.free_parameters, &moved(model, &cholesky.solve(&gradient)));
-        for trial in trials.clone() {
-            let anew = problem.simulate(&unit, trial);
-            for block in part_of(&problem.trials[trial], part) {
-                estimates[trial][block.clone()].clone_from_slice(&anew[block]);
+        for recording in recordings.clone() {
+            let anew = problem.simulate(&unit, recording);
+            for block in part_of(&problem.recordings[recording], part) {
+                estimates[recording][block.clone()].clone_from_slice(&anew[block]);
             }
         }
     }
@@ -82,8 +83,8 @@ pub fn without_parts(problem: &Problem, model: &FittedModel) -> HeldOutEstimates
 }
 
 /// The samples of a part, block by block.
-fn part_of(trial: &Trial, part: usize) -> impl Iterator<Item = Range<usize>> {
-    let (samples, size) = (trial.samples.len(), trial.samples_in(BLOCK_S));
+fn part_of(recording: &PreparedRecording, part: usize) -> impl Iterator<Item = Range<usize>> {
+    let (samples, size) = (recording.samples.len(), recording.samples_in(BLOCK_S));
     (0..samples).step_by(size).map(move |start| start..(start + size).min(samples)).skip(part).step_by(PARTS)
 }
 
@@ -102,16 +103,16 @@ fn moved(model: &FittedModel, step: &DVector<f64>) -> Vec<f64> {
 /// A model judged on each recording by a fit without it.
 #[derive(Clone, Debug)]
 pub struct Refitted {
-    /// Estimates by trial.
+    /// Estimates by recording.
     pub estimates: HeldOutEstimates,
-    /// Cost of the residuals by trial.
+    /// Cost of the residuals by recording.
     pub costs: Vec<f64>,
 }
 
 /// Leaves out each recording in turn and refits on the others; a single recording is judged by its own fit.
 #[must_use]
-pub fn without_recordings(problem: &Problem, model: &FittedModel) -> Refitted {
-    let count = problem.trials.len();
+pub(crate) fn without_recordings(problem: &Problem, model: &FittedModel) -> Refitted {
+    let count = problem.recordings.len();
     let mut all = Refitted { estimates: Vec::with_capacity(count), costs: Vec::with_capacity(count) };
     for left in 0..count {
         let unit = if count == 1 { model.unit() } else { refitted_without(problem, model, left) };
@@ -123,9 +124,10 @@ pub fn without_recordings(problem: &Problem, model: &FittedModel) -> Refitted {
 
 fn refitted_without(problem: &Problem, model: &FittedModel, left: usize) -> crate::parameters::Unit {
     // An effect of which the other recordings say next to nothing stays where the fit to all has it.
-    let says = |trial: usize, free_parameter: usize| model.fit.slopes[trial].column(free_parameter).norm_squared();
+    let says =
+        |recording: usize, free_parameter: usize| model.fit.slopes[recording].column(free_parameter).norm_squared();
     let (free, held): (Vec<usize>, Vec<usize>) = (0..model.free_parameters.len()).partition(|&k| {
-        let all: f64 = (0..problem.trials.len()).map(|trial| says(trial, k)).sum();
+        let all: f64 = (0..problem.recordings.len()).map(|recording| says(recording, k)).sum();
         model.free_parameters[k].has_prior() || all - says(left, k) > TELLING * all
     });
     let pick = |of: &[usize]| -> (Vec<FreeParameter>, Vec<f64>) {
@@ -134,8 +136,10 @@ fn refitted_without(problem: &Problem, model: &FittedModel, left: usize) -> crat
     let (held_parameters, held_positions) = pick(&held);
     let base = subject_at(&model.base, &held_parameters, &held_positions);
     let (free_parameters, start) = pick(&free);
-    let slopes: Vec<DMatrix<f64>> =
-        (0..problem.trials.len()).filter(|&k| k != left).map(|k| model.fit.slopes[k].select_columns(&free)).collect();
+    let slopes: Vec<DMatrix<f64>> = (0..problem.recordings.len())
+        .filter(|&k| k != left)
+        .map(|k| model.fit.slopes[k].select_columns(&free))
+        .collect();
     let found = fit(&problem.without(left), &base, &free_parameters, &start, REFIT, Some(&slopes));
     subject_at(&base, &free_parameters, &found.positions)
 }
@@ -143,7 +147,7 @@ fn refitted_without(problem: &Problem, model: &FittedModel, left: usize) -> crat
 /// Squared residuals over the noise at each sample, where one was measured: refitted, with effects.
 type Squares = Vec<Option<[f64; 2]>>;
 
-/// Those of a signal in a trial.
+/// Those of a signal in a recording.
 fn squares(problem: &Problem, index: usize, signal: Signal, twins: [&HeldOutEstimates; 2]) -> Squares {
     let floor = problem.floor_square(index, signal);
     let [Some(before), Some(after)] = twins.map(|twin| problem.squares(index, signal, &twin[index])) else {
@@ -153,9 +157,9 @@ fn squares(problem: &Problem, index: usize, signal: Signal, twins: [&HeldOutEsti
     over.map(|over| over.iter().all(|square| square.is_finite()).then_some(over)).collect()
 }
 
-/// [`squares`] of a signal by trial, and their means.
+/// [`squares`] of a signal by recording, and their means.
 fn squares_and_means(problem: &Problem, signal: Signal, twins: [&HeldOutEstimates; 2]) -> (Vec<Squares>, [f64; 2]) {
-    let all: Vec<_> = (0..problem.trials.len()).map(|index| squares(problem, index, signal, twins)).collect();
+    let all: Vec<_> = (0..problem.recordings.len()).map(|index| squares(problem, index, signal, twins)).collect();
     let there = || all.iter().flatten().flatten();
     let count = there().count().max(1) as f64;
     let means = [0, 1].map(|twin| there().map(|over| over[twin]).sum::<f64>() / count);
@@ -168,15 +172,15 @@ fn squares_and_means(problem: &Problem, signal: Signal, twins: [&HeldOutEstimate
 /// twin does leave if that is less.
 fn blocks(problem: &Problem, refitted: &HeldOutEstimates, with_effects: &HeldOutEstimates) -> Vec<Vec<[f64; 3]>> {
     let mut blocks: Vec<Vec<[f64; 3]>> = problem
-        .trials
+        .recordings
         .iter()
-        .map(|trial| vec![[0.0; 3]; trial.samples.len().div_ceil(trial.samples_in(BLOCK_S))])
+        .map(|recording| vec![[0.0; 3]; recording.samples.len().div_ceil(recording.samples_in(BLOCK_S))])
         .collect();
     for signal in Signal::ALL {
         let (all, [before, after]) = squares_and_means(problem, signal, [refitted, with_effects]);
         let noise = before.min(after).min(1.0);
         for (index, samples) in all.iter().enumerate() {
-            let size = problem.trials[index].samples_in(BLOCK_S);
+            let size = problem.recordings[index].samples_in(BLOCK_S);
             for (k, over) in samples.iter().enumerate() {
                 if let Some([before, after]) = over {
                     let block = &mut blocks[index][k / size];
@@ -195,33 +199,42 @@ fn ratio(sums: [f64; 3]) -> f64 {
     if gap <= 0.0 { 0.0 } else { ((sums[0] - sums[1]) / gap).clamp(-1.0, 1.0) }
 }
 
-/// Closure `(MSE_refitted − MSE_effects) / (MSE_refitted − noise²)` with the interval that holds that of another day of the same processes
+/// Explained fraction `(MSE_refitted − MSE_effects) / (MSE_refitted − noise²)` with the interval that holds that of another day of the same processes
 /// nine times in ten.
 ///
-/// Blocks are drawn with replacement within each trial, so that every process keeps its weight; and drawn again from those, since the other
+/// Blocks are drawn with replacement within each recording, so that every process keeps its weight; and drawn again from those, since the other
 /// day is a draw as this one was (Efron & Tibshirani 1993, *An Introduction to the Bootstrap*, chapter 25). The noise is drawn too: no floor is
 /// known better than to what a right model may leave.
 #[must_use]
-pub fn closure(problem: &Problem, refitted: &HeldOutEstimates, with_effects: &HeldOutEstimates, seed: u64) -> Interval {
-    closure_of(problem, refitted, with_effects, 0..problem.trials.len(), seed)
-}
-
-/// The same of some of the trials.
-#[must_use]
-pub fn closure_of(
+pub fn explained_fraction(
     problem: &Problem,
     refitted: &HeldOutEstimates,
     with_effects: &HeldOutEstimates,
-    trials: Range<usize>,
+    seed: u64,
+) -> Interval {
+    explained_fraction_of(problem, refitted, with_effects, 0..problem.recordings.len(), seed)
+}
+
+/// The same of some of the recordings.
+#[must_use]
+pub(crate) fn explained_fraction_of(
+    problem: &Problem,
+    refitted: &HeldOutEstimates,
+    with_effects: &HeldOutEstimates,
+    recordings: Range<usize>,
     seed: u64,
 ) -> Interval {
     let allowance = if problem.is_slow() { ALLOWANCE.1 } else { ALLOWANCE.0 };
-    interval(&blocks(problem, refitted, with_effects)[trials], allowance, seed)
+    interval(&blocks(problem, refitted, with_effects)[recordings], allowance, seed)
 }
 
-/// Closure as it came true, of twins that were fitted to other recordings; none where there is no gap.
+/// Explained fraction as it came true, of twins that were fitted to other recordings; none where there is no gap.
 #[must_use]
-pub fn share(problem: &Problem, refitted: &HeldOutEstimates, with_effects: &HeldOutEstimates) -> Option<f64> {
+pub fn realised_fraction(
+    problem: &Problem,
+    refitted: &HeldOutEstimates,
+    with_effects: &HeldOutEstimates,
+) -> Option<f64> {
     let all = sum(blocks(problem, refitted, with_effects).iter().flatten());
     (all[0] > all[2]).then(|| ratio(all))
 }
@@ -230,16 +243,16 @@ fn sum<'a>(blocks: impl Iterator<Item = &'a [f64; 3]>) -> [f64; 3] {
     blocks.fold([0.0; 3], |sums, block| std::array::from_fn(|k| sums[k] + block[k]))
 }
 
-/// Closure of blocks by trial, each with the sums of [`blocks`].
+/// Explained fraction of blocks by recording, each with the sums of [`blocks`].
 fn interval(blocks: &[Vec<[f64; 3]>], allowance: f64, seed: u64) -> Interval {
     let mut dice = ChaCha8Rng::seed_from_u64(seed);
     let mut day = || {
         let mut all = [0.0; 3];
-        for trial in blocks {
+        for recording in blocks {
             let mut drawn = |from: &[[f64; 3]]| -> Vec<[f64; 3]> {
                 (0..from.len()).map(|_| from[dice.random_range(0..from.len())]).collect()
             };
-            let plant = drawn(trial);
+            let plant = drawn(recording);
             all = sum([all].iter().chain(&drawn(&plant)));
         }
         let noise = all[2] * (1.0 + allowance).powf(dice.random_range(-1.0..1.0));
@@ -258,7 +271,7 @@ fn interval(blocks: &[Vec<[f64; 3]>], allowance: f64, seed: u64) -> Interval {
 mod tests {
     use super::*;
 
-    /// Four trials of twenty blocks; what a block leaves varies by a factor of several, as in recordings.
+    /// Four recordings of twenty blocks; what a block leaves varies by a factor of several, as in recordings.
     fn day(seed: u64) -> Vec<Vec<[f64; 3]>> {
         let mut dice = ChaCha8Rng::seed_from_u64(seed);
         let mut block = || {

@@ -1,8 +1,8 @@
 //! Where: each stage driven by the recorded signals at its input, judged by its own output.
 
 use crate::diagnosis::result::StageTest;
+use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::{Problem, twin_of};
-use crate::likelihood::trial::Trial;
 use crate::parameters::Unit;
 use crate::signal::Signal;
 use crate::twin::Cut;
@@ -31,20 +31,21 @@ pub fn tests(problem: &Problem, refitted: &Unit) -> Vec<StageTest> {
         .into_iter()
         .filter_map(|(stage, cut, signal)| {
             let fed = crate::replay::stands_in(cut);
-            let fit = |trial: &Trial| {
-                let fed = trial.cut == cut || fed.is_none_or(|fed| trial.has[fed as usize]);
-                (trial.cut == Cut::None || trial.cut == cut) && trial.has[signal as usize] && fed
+            let fit = |recording: &PreparedRecording| {
+                let fed = recording.cut == cut || fed.is_none_or(|fed| recording.has[fed as usize]);
+                (recording.cut == Cut::None || recording.cut == cut) && recording.has[signal as usize] && fed
             };
-            let trials: Vec<usize> = (0..problem.trials.len()).filter(|&index| fit(&problem.trials[index])).collect();
+            let recordings: Vec<usize> =
+                (0..problem.recordings.len()).filter(|&index| fit(&problem.recordings[index])).collect();
             let residuals = |zero_pu: f64| -> Vec<Vec<f64>> {
-                trials.iter().map(|&index| residual(problem, refitted, index, (cut, signal), zero_pu)).collect()
+                recordings.iter().map(|&index| residual(problem, refitted, index, (cut, signal), zero_pu)).collect()
             };
             let zero_error_pu =
                 if cut == Cut::Spool { zero_error_pu(|zero_pu| residuals(zero_pu).concat()) } else { 0.0 };
             let residuals = residuals(zero_error_pu);
             let count: usize = residuals.iter().map(Vec::len).sum();
             let square: f64 = residuals.iter().flatten().map(|residual| residual * residual).sum();
-            let floors = trials
+            let floors = recordings
                 .iter()
                 .zip(&residuals)
                 .map(|(&k, residuals)| problem.floor_square(k, signal) * residuals.len() as f64);
@@ -62,14 +63,14 @@ pub fn tests(problem: &Problem, refitted: &Unit) -> Vec<StageTest> {
 
 /// Residuals of a signal at a cut, the fed spool less a zero error.
 fn residual(problem: &Problem, unit: &Unit, index: usize, (cut, signal): (Cut, Signal), zero_pu: f64) -> Vec<f64> {
-    let mut trial = problem.trials[index].clone();
+    let mut recording = problem.recordings[index].clone();
     if zero_pu != 0.0 {
-        trial.frames.iter_mut().for_each(|frame| frame.measured.spool_position_pu -= zero_pu);
+        recording.frames.iter_mut().for_each(|frame| frame.measured.spool_position_pu -= zero_pu);
     }
-    let estimates = trial.run(&mut twin_of(unit).with_dither(problem.dither_pu(index)).with_cut(cut));
-    let pairs = trial.samples.iter().zip(&estimates);
+    let estimates = recording.run(&mut twin_of(unit).with_dither(problem.dither_pu(index)).with_cut(cut));
+    let pairs = recording.samples.iter().zip(&estimates);
     pairs
-        .map(|(&row, estimate)| signal.of(&trial.frames[row].measured) - signal.of(&estimate.signals))
+        .map(|(&row, estimate)| signal.of(&recording.frames[row].measured) - signal.of(&estimate.signals))
         .filter(|residual| residual.is_finite())
         .collect()
 }

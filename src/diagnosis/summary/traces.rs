@@ -9,21 +9,24 @@ use crate::units::seconds_from_nanos;
 #[must_use]
 pub fn traces(problem: &Problem, twins: [&[Vec<Estimate>]; 3]) -> Vec<Trace> {
     problem
-        .trials
+        .recordings
         .iter()
         .enumerate()
-        .map(|(index, trial)| {
-            let start_ns = trial.frames.first().map_or(0, |frame| frame.time_ns);
-            let time_s =
-                trial.samples.iter().map(|&row| seconds_from_nanos(trial.frames[row].time_ns - start_ns)).collect();
-            let signals = trial
+        .map(|(index, recording)| {
+            let start_ns = recording.frames.first().map_or(0, |frame| frame.time_ns);
+            let time_s = recording
+                .samples
+                .iter()
+                .map(|&row| seconds_from_nanos(recording.frames[row].time_ns - start_ns))
+                .collect();
+            let signals = recording
                 .signals()
                 .map(|signal| {
                     let [a, b, c] = twins.map(|twin| signal.of_estimates(&twin[index]));
-                    (signal, [trial.measured(signal), a, b, c])
+                    (signal, [recording.measured(signal), a, b, c])
                 })
                 .collect();
-            Trace { name: trial.name.clone(), process: trial.process, time_s, signals }
+            Trace { name: recording.name.clone(), process: recording.process, time_s, signals }
         })
         .collect()
 }

@@ -26,7 +26,7 @@ impl Calibration {
             ("Narrowed down", 0.3, 0.9, None),
             ("Not seen by these recordings, so left where the sheet has them", -1.0, 0.3, Some(false)),
             (
-                "Moved off the sheet, though these recordings do not determine them: they stand for something else, or the misses of a model that lacks \
+                "Moved off the sheet, though these recordings do not determine them: they stand for something else, or the error of a model that lacks \
                  something",
                 -1.0,
                 0.3,

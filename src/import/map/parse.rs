@@ -1,11 +1,11 @@
 //! Reads a map, and says everything that is wrong in it at once.
 
-use super::reader::{Pairs, Reader, get, with};
+use super::reader::{Pairs, Reader, with};
 use super::{Map, Repeated, SignalMap, SignalPlace, TripRule};
 use crate::import::convert::{UnitConversion, plain, pressure, share, units_of};
 use crate::import::row::Target;
 use crate::params::FileProblem;
-use crate::params::yaml::{Node, parse as parse_yaml};
+use crate::params::yaml::{Node, get, parse as parse_yaml};
 
 const TOP: &[&str] = &["name", "source", "file", "time", "signals", "resample"];
 const FILE: &[&str] = &[

@@ -1,6 +1,6 @@
 //! Values of a map by their kinds: texts, numbers, pairs, letters; what is none of them is gathered with its line.
 
-use crate::params::yaml::{Document, Node};
+use crate::params::yaml::{Document, Node, get};
 use crate::params::{FileProblem, nearest};
 
 pub(super) type Pairs = [(String, Node)];
@@ -134,10 +134,6 @@ impl<'a> Reader<'a> {
         }
         found.unwrap_or_default()
     }
-}
-
-pub(super) fn get<'a>(pairs: &'a Pairs, key: &str) -> Option<&'a Node> {
-    pairs.iter().find(|(known, _)| known == key).map(|(_, node)| node)
 }
 
 pub(super) fn with<'a>(path: &[&'a str], key: &'a str) -> Vec<&'a str> {

@@ -2,6 +2,7 @@
 
 use super::{Map, Repeated, SignalMap, SignalPlace, TripRule};
 use crate::params::number_text;
+use crate::params::yaml::quoted;
 
 /// The text of a map; `reason` gives each signal a comment, empty for none.
 #[must_use]
@@ -121,11 +122,6 @@ fn event(event: &TripRule) -> String {
 fn list(texts: &[String]) -> String {
     let texts: Vec<String> = texts.iter().map(|text| quoted(text)).collect();
     format!("[{}]", texts.join(", "))
-}
-
-/// Text in quotes: YAML's double-quoted text is a superset of JSON's.
-fn quoted(text: &str) -> String {
-    serde_json::Value::from(text).to_string()
 }
 
 #[cfg(test)]

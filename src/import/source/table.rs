@@ -14,7 +14,7 @@ use crate::import::row::ImportedRow;
 use crate::units::nanos_from_seconds;
 
 /// A signal and its column.
-struct Column {
+struct SignalColumn {
     index: usize,
     channel: SourceChannel,
 }
@@ -29,7 +29,7 @@ struct Long {
 pub(in crate::import) struct TableSource<R> {
     head: TableHead,
     records: R,
-    columns: Vec<Column>,
+    columns: Vec<SignalColumn>,
     long: Option<Long>,
     time: Vec<usize>,
     clock: TimeReader,
@@ -69,11 +69,11 @@ impl<R: TableRecords> TableSource<R> {
         for (signal, one) in map.signals.iter().enumerate() {
             let SignalPlace::Column(name) = &one.from else { continue };
             if long.is_some() {
-                columns.push(Column { index: usize::MAX, channel: SourceChannel::new(signal, one) });
+                columns.push(SignalColumn { index: usize::MAX, channel: SourceChannel::new(signal, one) });
             } else if let Some(index) = head.find(name).map_err(wrong)? {
                 let stated = head.units.get(index).map_or("", String::as_str);
                 let one = with_header_unit(one, stated, &mut head.notes, &mut warnings);
-                columns.push(Column { index, channel: SourceChannel::new(signal, &one) });
+                columns.push(SignalColumn { index, channel: SourceChannel::new(signal, &one) });
             }
         }
         if !timing.note.is_empty() {

@@ -1,5 +1,6 @@
 //! What the names of columns say of the signals behind them, in the languages of plants and manufacturers.
 
+use crate::import::convert::at_end_of_name;
 use crate::import::row::Target;
 
 /// Words of names with what they speak for, and how much. Those of up to three letters count only as whole words.
@@ -210,29 +211,10 @@ fn score_of(target: Target, has: &dyn Fn(&str) -> bool) -> f64 {
     words.filter(|(word, _)| has(word)).map(|(_, weight)| *weight).fold(0.0, f64::max)
 }
 
-/// Units that names of columns end with, in lower case and as people write them.
-const UNITS: [(&str, &str); 14] = [
-    ("pct", "%"),
-    ("percent", "%"),
-    ("prozent", "%"),
-    ("pu", "pu"),
-    ("bar", "bar"),
-    ("barg", "barg"),
-    ("bara", "bara"),
-    ("mpa", "MPa"),
-    ("kpa", "kPa"),
-    ("pa", "Pa"),
-    ("psi", "psi"),
-    ("mm", "mm"),
-    ("cm", "cm"),
-    ("ma", "mA"),
-];
-
 /// The unit that a name ends with, as `spool_pct` does; empty where it does not.
 pub(super) fn unit(name: &str) -> &'static str {
     let words = words(name);
-    let last = words.last().filter(|_| words.len() > 1);
-    UNITS.iter().find(|(word, _)| last.is_some_and(|last| last == word)).map_or("", |(_, unit)| unit)
+    words.last().filter(|_| words.len() > 1).map_or("", |last| at_end_of_name(last))
 }
 
 /// The words of a name in lower case: parted at signs, at capitals after small letters, and digits from letters.

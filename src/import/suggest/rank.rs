@@ -5,7 +5,7 @@ use super::column::SuggestedColumn;
 use super::names::score;
 use super::propose::{guessed_pressure, rounded, signal};
 use crate::import::clock::Format;
-use crate::import::convert::{OF_TRANSDUCERS, plain, pressure, share};
+use crate::import::convert::{is_travel, pressure, share};
 use crate::import::findings::CorrelationSums;
 use crate::import::map::{Map, SignalMap, SignalPlace};
 use crate::import::row::Target;
@@ -94,7 +94,7 @@ pub(super) fn rank(mut map: Map, columns: Vec<SuggestedColumn>, fields: bool) ->
             None => absent(target, &chosen, &mut map, &mut reasons, &mut open),
         }
     }
-    open.extend(rivals(&columns, &related, &relations, &chosen));
+    open.extend(competing(&columns, &related, &relations, &chosen));
     let local =
         map.time.format.as_deref().and_then(|name| Format::of(name).ok()).is_some_and(|format| format.is_local());
     if local && map.time.zone.is_none() {
@@ -106,7 +106,12 @@ pub(super) fn rank(mut map: Map, columns: Vec<SuggestedColumn>, fields: bool) ->
 }
 
 /// Columns that move with the spool as the chosen servomotor does: which of them is the piston only its reader knows.
-fn rivals(columns: &[SuggestedColumn], related: &[usize], relations: &Relations, chosen: &[Choice]) -> Option<String> {
+fn competing(
+    columns: &[SuggestedColumn],
+    related: &[usize],
+    relations: &Relations,
+    chosen: &[Choice],
+) -> Option<String> {
     let of = |target: Target| chosen[target.place()].as_ref().map(|(column, ..)| *column);
     let (servomotor, spool) = (of(Target::ServomotorPosition)?, of(Target::SpoolPosition)?);
     let at = |wanted: usize| related.iter().position(|column| *column == wanted);
@@ -168,7 +173,7 @@ fn evidence(column: &SuggestedColumn, target: Target) -> (f64, Vec<String>) {
     } else if share(&column.unit).is_some() && !target.is_pressure() && target != Target::Esv {
         sum += 1.0;
         why.push(format!("its unit {}", column.unit));
-    } else if OF_TRANSDUCERS.contains(&plain(&column.unit).as_str()) && !target.is_pressure() {
+    } else if is_travel(&column.unit) && !target.is_pressure() {
         sum += 0.5;
     }
     if target == Target::Esv {

@@ -5,7 +5,7 @@ use crate::parameters::{EffectSetting, OwnEffect, OwnParameter};
 use crate::params::suggest::nearest;
 use crate::params::yaml::Node;
 
-use super::{Map, Merge, get};
+use super::{Mapping, Merge, get};
 
 /// Attributes of a definition.
 const KEYS: [&str; 5] = ["at", "stage", "doc", "expression", "parameters"];
@@ -15,7 +15,7 @@ const PARAMETER_KEYS: [&str; 7] = ["unit", "neutral", "min", "max", "typical", "
 const ANY: (f64, f64) = (f64::MIN, f64::MAX);
 
 impl Merge<'_> {
-    pub(super) fn own_effect(&mut self, section: &str, id: &str, map: &Map) {
+    pub(super) fn own_effect(&mut self, section: &str, id: &str, map: &Mapping) {
         let path = [section, id];
         let before = self.problems.len();
         self.attributes(&path, map, &KEYS);
@@ -93,7 +93,7 @@ impl Merge<'_> {
     }
 
     /// The text under the last key of a path.
-    fn words(&mut self, path: &[&str], map: &Map) -> Option<String> {
+    fn words(&mut self, path: &[&str], map: &Mapping) -> Option<String> {
         match get(map, path.last()?)? {
             Node::Text(text) => Some(text.split_whitespace().collect::<Vec<_>>().join(" ")),
             Node::Number(number) => Some(number.to_string()),

@@ -4,7 +4,7 @@ use crate::parameters::{ENTRIES, ParameterEntry, Tolerance};
 use crate::params::suggest::nearest;
 use crate::params::yaml::Node;
 
-use super::{Map, Merge, get, name_of, section_of, unit_words};
+use super::{Mapping, Merge, get, name_of, section_of, unit_words};
 
 /// Attributes of one parameter.
 const KEYS: [&str; 6] = ["value", "tol", "abs", "log", "unit", "source"];
@@ -50,7 +50,7 @@ impl Merge<'_> {
     fn tolerance(
         &mut self,
         path: &[&str; 2],
-        map: &Map,
+        map: &Mapping,
         entry: &ParameterEntry,
         old: Option<Tolerance>,
     ) -> Option<Tolerance> {

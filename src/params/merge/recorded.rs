@@ -3,7 +3,7 @@
 use crate::parameters::ChannelReading;
 use crate::params::yaml::Node;
 
-use super::{Map, Merge, get};
+use super::{Mapping, Merge, get};
 
 /// Channels that may be recorded in other units.
 const CHANNELS: [&str; 2] = ["spool_position", "servomotor_position"];
@@ -41,7 +41,7 @@ impl Merge<'_> {
         }
     }
 
-    fn recorded_value(&mut self, path: [&str; 3], map: &Map) -> Option<f64> {
+    fn recorded_value(&mut self, path: [&str; 3], map: &Mapping) -> Option<f64> {
         let node = get(map, path[2])?;
         self.number(&path, node, "1", (-MOST, MOST))
     }

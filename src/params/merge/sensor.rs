@@ -4,7 +4,7 @@ use crate::parameters::Sensor;
 use crate::params::sheet::{SENSOR_ENTRIES, SensorEntry};
 use crate::params::yaml::Node;
 
-use super::{Map, Merge, get};
+use super::{Mapping, Merge, get};
 
 /// Attributes of one transducer.
 const KEYS: [&str; 4] = ["noise", "step", "unit", "source"];
@@ -32,7 +32,7 @@ impl Merge<'_> {
         }
     }
 
-    fn sensor_value(&mut self, entry: &SensorEntry, path: [&str; 3], map: &Map) -> Option<f64> {
+    fn sensor_value(&mut self, entry: &SensorEntry, path: [&str; 3], map: &Mapping) -> Option<f64> {
         let node = get(map, path[2])?;
         self.number(&path, node, entry.unit, (0.0, entry.max))
     }

@@ -96,9 +96,9 @@ fn processes(shown: &Shown) -> Vec<Process> {
     Process::ALL.into_iter().filter(has).collect()
 }
 
-type Figure = fn(&OfProcess) -> f64;
+type FigureOf = fn(&OfProcess) -> f64;
 
-const FIGURES: [(&str, Figure); 3] =
+const FIGURES: [(&str, FigureOf); 3] =
     [("MAE", |one| one.score.mae), ("RMSE", |one| one.score.rmse), ("R²", |one| one.score.r2)];
 
 /// The name of a figure with its unit; R² has none.
@@ -132,7 +132,7 @@ fn titles(models: &[ModelFigures]) -> Vec<&str> {
 
 pub fn bars(summary: &ComparisonSummary, unit: &str) -> Picture {
     let models: Vec<&ModelFigures> = barred(summary).collect();
-    let panel = |(name, figure): &(&str, Figure)| {
+    let panel = |(name, figure): &(&str, FigureOf)| {
         let mut panel = Panel::new(with_unit(name, unit)).x_categories(titles(&summary.models));
         if *name == "R²" {
             panel = panel.y_range(0.0, 1.0);
@@ -147,7 +147,7 @@ pub fn bars(summary: &ComparisonSummary, unit: &str) -> Picture {
 }
 
 /// Estimated − measured of one process.
-fn misses(shown: &Shown, contender: &Contender, process: Process) -> Vec<f64> {
+fn residuals_of(shown: &Shown, contender: &Contender, process: Process) -> Vec<f64> {
     let rows = shown.judging.iter().map(|&row| &shown.rows.marks[row]).zip(&contender.estimates);
     rows.filter(|(mark, _)| mark.process == process).map(|(mark, estimate)| estimate - mark.measured).collect()
 }
@@ -157,7 +157,7 @@ pub fn residuals(shown: &Shown) -> Picture {
     let panel = |process: Process| {
         let mut panel = Panel::new(format!("{}: residual, {}", process.title(), shown.rows.layout.signal.unit()));
         for contender in shown.of(&HYBRIDS).into_iter().rev() {
-            let values = misses(shown, contender, process);
+            let values = residuals_of(shown, contender, process);
             let line = values.iter().enumerate().map(|(k, value)| [k as f64, *value]).collect();
             panel = panel.line(ink(contender.id), contender.title, line);
         }
@@ -168,8 +168,11 @@ pub fn residuals(shown: &Shown) -> Picture {
 
 pub fn spreads(shown: &Shown) -> Picture {
     let panel = |process: Process| {
-        let all: Vec<(&Contender, Vec<f64>)> =
-            shown.of(&HYBRIDS).into_iter().map(|contender| (contender, misses(shown, contender, process))).collect();
+        let all: Vec<(&Contender, Vec<f64>)> = shown
+            .of(&HYBRIDS)
+            .into_iter()
+            .map(|contender| (contender, residuals_of(shown, contender, process)))
+            .collect();
         let mut sizes: Vec<f64> = all.iter().flat_map(|(_, values)| values).map(|value| value.abs()).collect();
         sizes.sort_by(f64::total_cmp);
         // 97 % of the rows; the outermost bars hold the rest.
@@ -216,7 +219,7 @@ fn density(values: &[f64], [from, to]: [f64; 2], bar: f64) -> Vec<[f64; 2]> {
 pub fn heatmap(summary: &ComparisonSummary, unit: &str) -> Picture {
     let hybrids: Vec<&ModelFigures> =
         HYBRIDS.iter().rev().filter_map(|id| summary.models.iter().find(|model| model.id == *id)).collect();
-    let panel = |(name, figure): &(&str, Figure)| {
+    let panel = |(name, figure): &(&str, FigureOf)| {
         let rows: Vec<Vec<f64>> = hybrids.iter().map(|model| model.processes.iter().map(figure).collect()).collect();
         let full = rows.iter().flatten().fold(1e-12_f64, |most, value| most.max(value.abs()));
         let decimals = if *name == "R²" { 3 } else { 4 };

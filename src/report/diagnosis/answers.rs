@@ -56,8 +56,8 @@ pub fn lead(diagnosis: &Diagnosis) -> String {
             let names: Vec<String> = several.iter().map(|one| id_words(&one.id)).collect();
             format!("{} act at once: {}{}.", count(several.len()), listed(&names, "and"), confirmed(diagnosis))
         }
-        (Verdict::Class, rivals) => {
-            let names: Vec<String> = rivals.iter().map(|one| id_words(&one.id)).collect();
+        (Verdict::Class, competing) => {
+            let names: Vec<String> = competing.iter().map(|one| id_words(&one.id)).collect();
             format!("{}; these recordings cannot tell which.", capital(&listed(&names, "or")))
         }
         (Verdict::Unknown, _) => unknown(diagnosis),
@@ -247,7 +247,7 @@ fn reach(diagnosis: &Diagnosis) -> Vec<String> {
     let mut all = Vec::new();
     if !diagnosis.blamed.is_empty() {
         let most = if diagnosis.verdict == Verdict::Class { "The most probable one explains" } else { "Explains" };
-        all.push(format!("{most} {}.", closing(diagnosis.closure, "the error that recalibration leaves")));
+        all.push(format!("{most} {}.", closing(diagnosis.explained_fraction, "the error that recalibration leaves")));
     }
     if diagnosis.verdict == Verdict::Unknown {
         all.extend(discrepancy(diagnosis));

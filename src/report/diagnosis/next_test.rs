@@ -3,7 +3,7 @@
 use crate::diagnosis::experiment::LEAST_BITS;
 use crate::diagnosis::result::{Diagnosis, Experiment};
 use crate::effects::Stage;
-use crate::report::diagnosis::words::{id_words, listed, probability, stage_title, within};
+use crate::report::diagnosis::words::{id_words, listed, probability, stage_title};
 use crate::report::table::significant;
 
 /// A hypothesis of a posterior in words: effects joined by `+`, `none`, or `unknown:STAGE`.
@@ -45,7 +45,7 @@ pub fn paragraphs(diagnosis: &Diagnosis) -> Vec<String> {
         format!(
             "To tell {} apart: {}. It takes {} s, with {}, and is expected to settle {} of what is open ({} of {} bits).{sent}",
             listed(&names, "and"),
-            within(&one.test),
+            one.test,
             significant(one.length_s, 3),
             trips(one.trips),
             probability(one.expected_drop_bits / one.entropy_bits),
@@ -56,7 +56,7 @@ pub fn paragraphs(diagnosis: &Diagnosis) -> Vec<String> {
     ];
     if let Some(other) = diagnosis.experiments.iter().find(|other| one.trips == 0 && other.trips > 0) {
         let bits = significant(other.bits_per_minute, 2);
-        all.push(format!("With a trip more can be had: {}, {bits} bits a minute.", within(&other.test)));
+        all.push(format!("With a trip more can be had: {}, {bits} bits a minute.", other.test));
     }
     all
 }

@@ -17,7 +17,7 @@ fn height(bars: usize) -> u32 {
 }
 
 /// RMS errors of the twins, a panel for each signal.
-pub fn misses(diagnosis: &Diagnosis, explained: bool) -> Picture {
+pub fn residuals(diagnosis: &Diagnosis, explained: bool) -> Picture {
     let panel = |gap: &SignalGap| {
         let (scale, unit) = if gap.signal == Signal::ControlPressure { (1e-3, "kPa") } else { (100.0, "%") };
         let mut steps = vec![("data sheet", gap.delivered), ("recalibrated", gap.refitted)];

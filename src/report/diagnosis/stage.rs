@@ -6,14 +6,14 @@ use crate::report::table::significant;
 
 /// What was fitted of a stage alone, in a sentence.
 pub fn fitted_stage(diagnosis: &Diagnosis) -> Option<String> {
-    let told = &diagnosis.part.as_ref()?.told;
-    let said: Vec<String> = told.iter().map(|one| format!("{} {}", one.title, told_text(one))).collect();
+    let figures = &diagnosis.part.as_ref()?.figures;
+    let said: Vec<String> = figures.iter().map(|one| format!("{} {}", one.title, figure_text(one))).collect();
     (!said.is_empty()).then(|| format!("As fitted, in the numbers of the recordings: {}.", said.join("; ")))
 }
 
 /// Value, interval and unit of a figure of a fitted stage.
 #[must_use]
-pub fn told_text(one: &StageFigure) -> String {
+pub fn figure_text(one: &StageFigure) -> String {
     let Interval { value, low, high } = one.value;
     let [value, low, high] = [value, low, high].map(|number| significant(number, 4));
     format!("{value} [{low}, {high}] {}", one.unit)

@@ -1,6 +1,6 @@
 //! A diagnosis in plain text, for a terminal.
 
-use super::stage::told_text;
+use super::stage::figure_text;
 use super::words::{id_words, place, probability, values};
 use super::{answers, next_test};
 use crate::diagnosis::result::{Diagnosis, Verdict};
@@ -30,8 +30,8 @@ pub fn summary(diagnosis: &Diagnosis, width: usize) -> String {
             line(if i == 0 { question } else { "" }, words);
         }
     }
-    for one in diagnosis.part.iter().flat_map(|part| &part.told) {
-        line("fitted", format!("{}: {}", one.title, told_text(one)));
+    for one in diagnosis.part.iter().flat_map(|part| &part.figures) {
+        line("fitted", format!("{}: {}", one.title, figure_text(one)));
     }
     for run in diagnosis.part.iter().flat_map(|part| &part.free_runs) {
         let model = if run.model.is_empty() { "no effect".to_owned() } else { id_words(&run.model) };

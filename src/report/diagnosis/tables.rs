@@ -53,9 +53,9 @@ pub fn free_runs(part: &StageOnly) -> Table {
 }
 
 /// What was fitted of a stage alone, in the numbers of its recordings.
-pub fn told(part: &StageOnly) -> Table {
+pub fn stage_figures(part: &StageOnly) -> Table {
     let mut table = Table::new().words("fitted").numbers("value").numbers("90 % from").numbers("to").words("unit");
-    for one in &part.told {
+    for one in &part.figures {
         let [value, low, high] = [one.value.value, one.value.low, one.value.high].map(|value| significant(value, 4));
         table.row([one.title.to_owned(), value, low, high, one.unit.to_owned()]);
     }
@@ -125,11 +125,11 @@ pub fn tried(diagnosis: &Diagnosis) -> Table {
     table
 }
 
-/// Closure on recordings that were left out.
+/// Explained fraction on recordings that were left out.
 pub fn transfers(diagnosis: &Diagnosis) -> Table {
     let mut table = Table::new().words("recording left out").numbers("error explained, with 90 % interval");
     for one in &diagnosis.transfers {
-        table.row([one.recording.clone(), percents(one.closure)]);
+        table.row([one.recording.clone(), percents(one.explained_fraction)]);
     }
     table
 }
@@ -152,7 +152,7 @@ pub fn blamed(diagnosis: &Diagnosis) -> Table {
             super::words::stage_title(one.stage).to_owned(),
             percent(one.probability),
             values(&one.parameters),
-            percents(one.closure),
+            percents(one.explained_fraction),
         ];
         if two {
             row.extend([one.last_in, one.shapley].map(|share| share.map_or_else(String::new, percent)));
@@ -174,7 +174,7 @@ pub fn experiments(diagnosis: &Diagnosis) -> Table {
     for one in &diagnosis.experiments {
         let names: Vec<String> = one.separates.iter().map(|name| super::next_test::hypothesis_words(name)).collect();
         table.row([
-            super::words::within(&one.test),
+            one.test.clone(),
             super::words::listed(&names, "and"),
             format!("{} to {}", significant(one.expected_drop_bits, 2), significant(one.at_most_bits, 2)),
             significant(one.bits_per_minute, 2),
@@ -186,23 +186,23 @@ pub fn experiments(diagnosis: &Diagnosis) -> Table {
 }
 
 /// Pairs that look alike here.
-pub fn alike(diagnosis: &Diagnosis) -> Table {
+pub fn ambiguous_pairs(diagnosis: &Diagnosis) -> Table {
     let mut table = Table::new().words("effect").words("looks like").numbers("likeness");
-    for (one, other, likeness) in &diagnosis.alike {
+    for (one, other, likeness) in &diagnosis.ambiguous_pairs {
         table.row([id_words(one), id_words(other), fixed(*likeness, 3)]);
     }
     table
 }
 
 /// Smallest visible effects.
-pub fn visible(diagnosis: &Diagnosis) -> Table {
+pub fn detectable_sizes(diagnosis: &Diagnosis) -> Table {
     let mut table = Table::new()
         .words("effect")
         .words("parameter")
         .numbers("smallest that shows")
         .numbers("moderate fault")
         .words("here");
-    for one in &diagnosis.visible {
+    for one in &diagnosis.detectable_sizes {
         let seen = if one.smallest <= one.typical.abs() {
             "shows"
         } else if one.smallest <= 10.0 * one.typical.abs() {

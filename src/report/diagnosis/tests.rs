@@ -5,8 +5,8 @@ use crate::diagnosis::evidence::parts::{Part, PartFit};
 use crate::diagnosis::hypotheses::table::EvidenceTable;
 use crate::diagnosis::model::discrepancy::Curve;
 use crate::diagnosis::result::{
-    Blame, Breakdown, BreakdownPart, ChannelReport, Diagnosis, DiscrepancyTerm, Experiment, Fitted, Interval, Ranked,
-    SignalGap, StageTest, Trace, Tried, Verdict, Visible,
+    Blame, Breakdown, BreakdownPart, ChannelReport, DetectableSize, Diagnosis, DiscrepancyTerm, Experiment, Fitted,
+    Interval, Ranked, SignalGap, StageTest, Trace, Tried, Verdict,
 };
 use crate::effects::Stage;
 use crate::parameters::Unit;
@@ -35,7 +35,7 @@ fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
         own_effects: vec![],
         recorded: crate::parameters::ChannelReadings::default(),
     };
-    let closure = Interval { value: 0.88, low: 0.84, high: 0.91 };
+    let explained_fraction = Interval { value: 0.88, low: 0.84, high: 0.91 };
     let blame = |id: &&str| Blame {
         last_in: None,
         shapley: None,
@@ -43,7 +43,7 @@ fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
         stage: Stage::Servomotor,
         probability: 0.97,
         parameters: vec![play()],
-        closure,
+        explained_fraction,
     };
     let time_s: Vec<f64> = (0..200).map(|k| 0.1 * f64::from(k)).collect();
     let level = |value: f64| vec![value; time_s.len()];
@@ -71,8 +71,8 @@ fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
             refitted: 2.0e-3,
             with_effects: 7.0e-4,
         }],
-        closure,
-        closure_widened_by: 1.0,
+        explained_fraction,
+        explained_fraction_widened_by: 1.0,
         experiments: vec![Experiment {
             separates: vec!["backlash".into(), "load".into()],
             test: "a full stroke".into(),
@@ -101,14 +101,14 @@ fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
             noise: f64::NAN,
             troubles: vec![],
         }],
-        visible: vec![Visible {
+        detectable_sizes: vec![DetectableSize {
             id: "load",
             parameter: "extra_ratio",
             unit: "1",
             smallest: f64::INFINITY,
             typical: 0.2,
         }],
-        alike: vec![("backlash".into(), "load".into(), 0.98)],
+        ambiguous_pairs: vec![("backlash".into(), "load".into(), 0.98)],
         breakdowns: vec![Breakdown {
             signal: Signal::ServomotorPosition,
             by: "phase",
@@ -280,25 +280,25 @@ fn one_recording_alone_confirms_nothing() {
 }
 
 #[test]
-fn a_closure_that_says_nothing_is_not_given_as_a_figure() {
+fn an_explained_fraction_that_says_nothing_is_not_given_as_a_figure() {
     let mut diagnosis = made_up(Verdict::Named, &["backlash"]);
-    diagnosis.closure = Interval { value: 1.0, low: 0.0, high: 1.0 };
-    diagnosis.blamed[0].closure = diagnosis.closure;
+    diagnosis.explained_fraction = Interval { value: 1.0, low: 0.0, high: 1.0 };
+    diagnosis.blamed[0].explained_fraction = diagnosis.explained_fraction;
     let text = summary(&diagnosis, usize::MAX);
     assert!(text.contains("Explains a share of the error that recalibration leaves that cannot be told"), "{text}");
     assert!(!text.contains("100 %"), "{text}");
     let html = html_of(&diagnosis, &Provenance::default());
     assert!(html.contains("cannot be told<") && !html.contains("[0, 100]"));
     let mut several = made_up(Verdict::Named, &["backlash", "lvdt_bias"]);
-    several.blamed[1].closure = diagnosis.closure;
+    several.blamed[1].explained_fraction = diagnosis.explained_fraction;
     let html = html_of(&several, &Provenance::default());
     assert!(html.contains("Alone it explains a share that cannot be told. ") && !html.contains("[0, 100]"));
 }
 
 #[test]
-fn a_closure_below_nothing_is_none() {
+fn an_explained_fraction_below_nothing_is_none() {
     let mut diagnosis = made_up(Verdict::Named, &["backlash"]);
-    diagnosis.closure = Interval { value: -0.12, low: -0.77, high: 0.09 };
+    diagnosis.explained_fraction = Interval { value: -0.12, low: -0.77, high: 0.09 };
     let text = summary(&diagnosis, usize::MAX);
     assert!(text.contains("Explains nothing of the error that recalibration leaves, on data held out"), "{text}");
 }

@@ -1,4 +1,4 @@
-//! The traces of a diagnosis: measured, refitted, with the effects, and what each misses over time.
+//! The traces of a diagnosis: measured, refitted, with the effects, and the residual of each over time.
 
 use std::collections::BTreeSet;
 
@@ -26,20 +26,20 @@ const KEPT_COLUMNS: usize = 120;
 /// Most rows of the worst stretch that a report keeps.
 const MOST_ROWS: usize = 400;
 
-/// Squared misses of the refitted twin in the positions, sample by sample, pu².
+/// Squared residuals of the refitted twin in the positions, sample by sample, pu².
 fn squares(trace: &Trace) -> Vec<f64> {
     let mut all = vec![0.0; trace.time_s.len()];
     for (_, [measured, _, refitted, _]) in trace.signals.iter().filter(|(signal, _)| Signal::POSITIONS.contains(signal))
     {
         for ((sum, one), other) in all.iter_mut().zip(measured).zip(refitted) {
-            let miss = one - other;
-            *sum += if miss.is_finite() { miss * miss } else { 0.0 };
+            let residual = one - other;
+            *sum += if residual.is_finite() { residual * residual } else { 0.0 };
         }
     }
     all
 }
 
-/// Sum of the squared misses of the refitted twin, pu².
+/// Sum of the squared residuals of the refitted twin, pu².
 pub fn gap(trace: &Trace) -> f64 {
     squares(trace).iter().sum()
 }
@@ -120,8 +120,8 @@ pub fn picture(trace: &Trace, window_s: Option<[f64; 2]>, explained: bool) -> Pi
         }
         let curve = |values: &[f64]| curve(&trace.time_s, values.iter().map(|value| 100.0 * value), window_s);
         let off = |values: &[f64]| {
-            let misses = values.iter().zip(measured).map(|(twin, real)| 100.0 * (twin - real));
-            self::curve(&trace.time_s, misses, window_s)
+            let residuals = values.iter().zip(measured).map(|(twin, real)| 100.0 * (twin - real));
+            self::curve(&trace.time_s, residuals, window_s)
         };
         let title = signal.title();
         let mut above = Panel::new(format!("{title}, %"))

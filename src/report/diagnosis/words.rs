@@ -28,14 +28,14 @@ pub fn percents(interval: Interval) -> String {
     format!("{} [{}, {}]", percent(interval.value), plain(interval.low), plain(interval.high))
 }
 
-/// A closure with what it is a share of.
-pub fn closing(closure: Interval, of: &str) -> String {
-    if closure.leaves_all_open() {
+/// An explained fraction with what it is a share of.
+pub fn closing(explained_fraction: Interval, of: &str) -> String {
+    if explained_fraction.leaves_all_open() {
         return format!(
             "a share of {of} that cannot be told: it stands in too few places, or too little above the noise"
         );
     }
-    let share = if closure.value > 0.0 { percents(closure) } else { "nothing".to_owned() };
+    let share = if explained_fraction.value > 0.0 { percents(explained_fraction) } else { "nothing".to_owned() };
     format!("{share} of {of}, on data held out of the fit")
 }
 
@@ -219,14 +219,7 @@ pub fn over_noise(diagnosis: &Diagnosis) -> String {
     if all.is_empty() { String::new() } else { format!("The error that is left is {}.", listed(&all, "and")) }
 }
 
-/// Titles of signals within a sentence.
-pub fn within(sentence: &str) -> String {
-    Signal::ALL
-        .into_iter()
-        .fold(sentence.to_owned(), |text, signal| text.replace(signal.title(), &signal.title().to_lowercase()))
-}
-
-/// The same with a capital letter.
+/// A text with a capital letter.
 pub fn capital(text: &str) -> String {
     let mut chars = text.chars();
     chars.next().map_or_else(String::new, |first| first.to_uppercase().chain(chars).collect())
@@ -243,14 +236,14 @@ fn lower(text: &str) -> String {
 
 /// One of several faults, in a paragraph.
 pub fn of_several(diagnosis: &Diagnosis, blame: &Blame) -> String {
-    let open = if blame.closure.leaves_all_open() { "a share that " } else { "" };
+    let open = if blame.explained_fraction.leaves_all_open() { "a share that " } else { "" };
     format!(
         "{} ({}, probability {}): {}. Alone it explains {open}{}. {}",
         capital(&id_words(&blame.id)),
         lower(&cause(diagnosis, &blame.id)),
         probability(blame.probability),
         values(&blame.parameters),
-        percents(blame.closure),
+        percents(blame.explained_fraction),
         symptom(&blame.id)
     )
 }

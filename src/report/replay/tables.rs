@@ -4,17 +4,12 @@ use super::curves::spread;
 use crate::parameters::Sensors;
 use crate::recording::Process;
 use crate::replay::Replayed;
-use crate::replay::figures::{RecordingGroup, SignalFigures};
+use crate::replay::figures::SignalFigures;
 use crate::replay::summary::ReplaySummary;
 use crate::report::ink::Ink;
 use crate::report::picture::{Panel, Picture};
 use crate::report::table::{Table, fixed};
 use crate::signal::Signal;
-
-/// What the table says of a group.
-pub fn figures(group: &RecordingGroup, signal: Signal) -> Option<&SignalFigures> {
-    group.signals.iter().find(|figures| figures.name == signal.id())
-}
 
 /// Why a signal has dashes for figures, where a cut takes it from the recording.
 #[must_use]
@@ -41,7 +36,7 @@ pub fn process_table(summary: &ReplaySummary) -> Table {
         let mut cells = vec![process.map_or("overall", Process::title).to_owned(), group.recordings.to_string()];
         cells.push(thousands(rows));
         for signal in Signal::POSITIONS {
-            cells.extend(figures(group, signal).map(figure_cells).unwrap_or_default());
+            cells.extend(group.of(signal).map(figure_cells).unwrap_or_default());
         }
         match process {
             Some(_) => table.row(cells),
@@ -108,9 +103,8 @@ pub fn errors(summary: &ReplaySummary, replayed: &[&Replayed], sensors: &Sensors
     let titles = summary.processes.iter().filter_map(|group| group.process.and_then(process_of).map(Process::title));
     let titles: Vec<&str> = titles.collect();
     for (signal, name) in [(Signal::ServomotorPosition, "servomotor"), (Signal::SpoolPosition, "spool")] {
-        let Some(overall) = figures(&summary.overall, signal).filter(|f| f.rmse.is_finite()) else { continue };
-        let rmse: Vec<f64> =
-            summary.processes.iter().filter_map(|group| figures(group, signal)).map(|f| f.rmse).collect();
+        let Some(overall) = summary.overall.of(signal).filter(|f| f.rmse.is_finite()) else { continue };
+        let rmse: Vec<f64> = summary.processes.iter().filter_map(|group| group.of(signal)).map(|f| f.rmse).collect();
         panels.push(
             Panel::new(format!("RMSE of the {name}, pu"))
                 .x_categories(titles.clone())

@@ -10,8 +10,8 @@ use crate::diagnosis::model::discrepancy::Curve;
 use crate::diagnosis::result::StageFigure;
 use crate::diagnosis::result::test_script::{CommandShape, TestScript};
 use crate::diagnosis::result::{
-    Blame, Breakdown, BreakdownPart, ChannelReport, Diagnosis, DiscrepancyTerm, Experiment, Fitted, FreeRun, Ranked,
-    SignalGap, StageOnly, StageTest, Transfer, Tried, Verdict, Visible,
+    Blame, Breakdown, BreakdownPart, ChannelReport, DetectableSize, Diagnosis, DiscrepancyTerm, Experiment, Fitted,
+    FreeRun, Ranked, SignalGap, StageOnly, StageTest, Transfer, Tried, Verdict,
 };
 use crate::effects::Stage;
 use crate::parameters::{ChannelReadings, Parameters, Sensors, Unit};
@@ -49,16 +49,16 @@ pub fn read(report: &Value) -> Result<Diagnosis, ReadError> {
             .map(|one| Ranked { id: text(&one["id"]), probability: number(&one["probability"]) })
             .collect(),
         gap: rows(&report["gap"]["signals"]).map(gap).collect::<Result<_, _>>()?,
-        closure: interval(&report["gap"]["closure"]),
-        closure_widened_by: number(&evidence["closure_widened_by"]),
+        explained_fraction: interval(&report["gap"]["closure"]),
+        explained_fraction_widened_by: number(&evidence["closure_widened_by"]),
         experiments: rows(&report["next_experiment"]).map(experiment).collect::<Result<_, _>>()?,
         entropy_bits: number(&evidence["entropy_bits"]),
         refitted: empty.clone(),
         fitted: empty,
         parameters: rows(&evidence["parameters"]).map(of_sheet).collect(),
         channels: rows(&evidence["channels"]).map(channel).collect::<Result<_, _>>()?,
-        visible: rows(&evidence["smallest_visible"]).map(visible).collect(),
-        alike: rows(&evidence["alike"])
+        detectable_sizes: rows(&evidence["smallest_visible"]).map(detectable_sizes).collect(),
+        ambiguous_pairs: rows(&evidence["alike"])
             .map(|one| (text(&one["a"]), text(&one["b"]), number(&one["likeness"])))
             .collect(),
         breakdowns: rows(&evidence["ledgers"]).map(breakdown).collect::<Result<_, _>>()?,
@@ -66,7 +66,7 @@ pub fn read(report: &Value) -> Result<Diagnosis, ReadError> {
         discrepancy_terms: rows(&evidence["free_terms"]).map(discrepancy_term).collect::<Result<_, _>>()?,
         tried: rows(&evidence["tried"]).map(tried).collect(),
         transfers: rows(&evidence["closure_without_recording"])
-            .map(|one| Transfer { recording: text(&one["recording"]), closure: interval(&one["closure"]) })
+            .map(|one| Transfer { recording: text(&one["recording"]), explained_fraction: interval(&one["closure"]) })
             .collect(),
         sets: rows(&evidence["fault_sets"]).map(|one| (texts(&one["effects"]), number(&one["probability"]))).collect(),
         table: serde_json::from_value::<EvidenceTable>(evidence["table"].clone()).unwrap_or_default(),
@@ -120,7 +120,7 @@ fn blame(value: &Value) -> Result<Blame, ReadError> {
         stage: stage(&value["stage"])?,
         probability: number(&value["probability"]),
         parameters: rows(&value["parameters"]).map(parameter).collect(),
-        closure: interval(&value["closure"]),
+        explained_fraction: interval(&value["closure"]),
         last_in: value["closure_last_in"].as_f64(),
         shapley: value["closure_shapley"].as_f64(),
     })
@@ -173,8 +173,8 @@ fn channel(value: &Value) -> Result<ChannelReport, ReadError> {
     })
 }
 
-fn visible(value: &Value) -> Visible {
-    Visible {
+fn detectable_sizes(value: &Value) -> DetectableSize {
+    DetectableSize {
         id: lasting(&value["id"]),
         parameter: lasting(&value["parameter"]),
         unit: lasting(&value["unit"]),
@@ -230,7 +230,7 @@ fn tried(value: &Value) -> Tried {
     }
 }
 
-fn told(value: &Value) -> StageFigure {
+fn stage_figure(value: &Value) -> StageFigure {
     StageFigure {
         id: lasting(&value["id"]),
         title: lasting(&value["words"]),
@@ -250,7 +250,7 @@ fn stage_only(value: &Value, fitted: &Value) -> StageOnly {
         sheet: value["data_sheet"].as_bool().unwrap_or_default(),
         pieces: count(&value["pieces"]),
         piece_s: number(&value["piece_s"]),
-        told: rows(fitted).map(told).collect(),
+        figures: rows(fitted).map(stage_figure).collect(),
         transducers_pu: number(&value["transducers_rmse_pu"]),
         foreign: value["of_no_such_stage"].as_str().map(str::to_owned),
         free_run_s: number(&value["free_run_s"]),

@@ -2,7 +2,7 @@
 
 use nalgebra::DMatrix;
 
-use crate::blind::validation::laid_along;
+use crate::benchmark::validation::laid_along;
 use crate::effects::find;
 use crate::estimation::coordinate::Residuals;
 use crate::estimation::fit::{beside, pictured};
@@ -19,9 +19,14 @@ pub type Sized<'a> = (&'a str, Vec<f64>);
 /// The effects are simulated at their size on top of the refitted unit. From what they change in the residuals is taken off what the sheet's
 /// tolerances could do instead, and what the effects could that the answer names, at the sizes that it gives them (projection: the gain in
 /// likelihood that a perfect observer with the same equations could expect). Below
-/// [`SEEN`](crate::blind::scored::SEEN) nobody could have told from these recordings.
+/// [`SEEN`](crate::benchmark::scored::SEEN) nobody could have told from these recordings.
 #[must_use]
-pub fn told(recordings: Vec<Recording>, refitted: &Unit, hidden: &[Sized], answer: &[Sized]) -> Option<f64> {
+pub fn expected_log_bayes_factor(
+    recordings: Vec<Recording>,
+    refitted: &Unit,
+    hidden: &[Sized],
+    answer: &[Sized],
+) -> Option<f64> {
     let with = |effects: &[Sized]| {
         effects.iter().try_fold(refitted.clone(), |mut unit, (id, known)| {
             let spec = find(id)?;

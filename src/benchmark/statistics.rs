@@ -61,7 +61,7 @@ impl Measured {
 
     /// A mean of probabilities, whose interval stays between 0 and 1.
     #[must_use]
-    pub fn mean_probability(values: &[f64]) -> Self {
+    pub(crate) fn mean_probability(values: &[f64]) -> Self {
         let mean = Self::mean(values);
         Self { low: mean.low.max(0.0), high: mean.high.min(1.0), ..mean }
     }
@@ -84,7 +84,7 @@ impl Measured {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bin {
     /// Mean of the probabilities said.
-    pub said_probability: f64,
+    pub stated_probability: f64,
     /// How often it was so.
     pub was: Measured,
 }
@@ -93,7 +93,7 @@ pub struct Bin {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StatedProbability {
     /// The probability said.
-    pub said_probability: f64,
+    pub stated_probability: f64,
     /// Whether it was so.
     pub was: bool,
     /// How much it counts beside others.
@@ -107,10 +107,10 @@ pub fn reliability(claims: &[StatedProbability]) -> Vec<Bin> {
         .filter_map(|bin| {
             let (from, to) = (f64::from(bin) / 10.0, f64::from(bin + 1) / 10.0);
             let is_inside = |p: f64| p >= from && (p < to || (bin == 9 && p <= 1.0));
-            let inside = || claims.iter().filter(|claim| is_inside(claim.said_probability));
+            let inside = || claims.iter().filter(|claim| is_inside(claim.stated_probability));
             let weight: f64 = inside().map(|claim| claim.weight).sum();
             (weight > 0.0).then(|| Bin {
-                said_probability: inside().map(|claim| claim.weight * claim.said_probability).sum::<f64>() / weight,
+                stated_probability: inside().map(|claim| claim.weight * claim.stated_probability).sum::<f64>() / weight,
                 was: Measured::weighted(&inside().map(|claim| (claim.was, claim.weight)).collect::<Vec<_>>()),
             })
         })
@@ -152,10 +152,10 @@ mod tests {
     fn means_and_bins_are_those_of_the_cases() {
         let mean = Measured::mean(&[0.2, 0.4, 0.9]);
         assert!((mean.value - 0.5).abs() < 1e-12 && (mean.high - 0.5 - Z * (0.13_f64 / 3.0).sqrt()).abs() < 1e-12);
-        let claim = |(said_probability, was)| StatedProbability { said_probability, was, weight: 1.0 };
+        let claim = |(stated_probability, was)| StatedProbability { stated_probability, was, weight: 1.0 };
         let bins = reliability(&[(0.05, false), (0.07, true), (1.0, true), (0.95, true)].map(claim));
         assert_eq!(bins.len(), 2);
-        assert!((bins[0].said_probability - 0.06).abs() < 1e-12 && bins[0].was == Measured::share(1, 2));
+        assert!((bins[0].stated_probability - 0.06).abs() < 1e-12 && bins[0].was == Measured::share(1, 2));
         assert_eq!(bins[1].was, Measured::share(2, 2));
     }
 

@@ -8,13 +8,14 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::battery::Label;
-use crate::blind::statistics::weight_of_sound;
+use crate::benchmark::statistics::weight_of_sound;
 use crate::diagnosis::decision::posterior::{
     Hypotheses, OF_SETS, OF_STAGES, OF_UNKNOWN, Posterior, PosteriorFeature, Weights, beforehand, score,
 };
 use crate::diagnosis::hypotheses::table::{EvidenceRow, EvidenceTable};
 use crate::diagnosis::result::Interval;
 use crate::effects::find;
+use crate::units::NORMAL_90;
 
 /// Weight of a unit with an effect struck beside one as it is.
 const STRUCK: f64 = 0.3;
@@ -32,14 +33,14 @@ const LEAST: f64 = 1e-3;
 #[derive(Clone, Debug)]
 pub struct Example {
     table: EvidenceTable,
-    truth: Truth,
+    truth: TrueAnswer,
     struck: Vec<String>,
     weight: f64,
 }
 
 /// What is truly in a unit, as a hypothesis.
 #[derive(Clone, Debug, PartialEq)]
-enum Truth {
+enum TrueAnswer {
     Effects(Vec<String>),
     Unknown(Vec<String>),
 }
@@ -51,7 +52,7 @@ pub fn examples(label: &Label, table: &EvidenceTable) -> Vec<Example> {
     let stages = || label.effects.iter().map(|truth| truth.stage.id().to_owned()).collect::<Vec<_>>();
     let as_is = |truth| Example { table: table.clone(), truth, struck: Vec::new(), weight: 1.0 };
     if !label.listed {
-        return vec![as_is(Truth::Unknown(stages()))];
+        return vec![as_is(TrueAnswer::Unknown(stages()))];
     }
     let mut all = Vec::new();
     let best = |with: bool| {
@@ -62,13 +63,13 @@ pub fn examples(label: &Label, table: &EvidenceTable) -> Vec<Example> {
     if ids.len() == 1 && best(true) - empty > VISIBLE {
         all.push(Example {
             table: table.clone(),
-            truth: Truth::Unknown(stages()),
+            truth: TrueAnswer::Unknown(stages()),
             struck: ids.clone(),
             weight: STRUCK,
         });
     }
     ids.sort();
-    all.push(as_is(Truth::Effects(ids)));
+    all.push(as_is(TrueAnswer::Effects(ids)));
     all
 }
 
@@ -80,25 +81,25 @@ impl Example {
 
     /// Whether a fault set, by its row of the table, is what is in the unit.
     fn is_truth(&self, row: usize) -> bool {
-        let Truth::Effects(ids) = &self.truth else { return false };
+        let TrueAnswer::Effects(ids) = &self.truth else { return false };
         let mut effects = self.table.rows[row].effects.clone();
         effects.sort();
         effects == *ids
     }
 
     fn is_sound(&self) -> bool {
-        self.truth == Truth::Effects(Vec::new())
+        self.truth == TrueAnswer::Effects(Vec::new())
     }
 }
 
 /// One question that was asked of a unit: the features of every answer, and which are right.
-struct Choice {
+struct Answered {
     answers: Vec<Vec<f64>>,
     right: Vec<bool>,
     weight: f64,
 }
 
-impl Choice {
+impl Answered {
     /// Log probability of the right answers, its gradient, and the information matrix; none where no answer is right.
     fn of(&self, weights: &[f64]) -> Option<(f64, DVector<f64>, DMatrix<f64>)> {
         if !self.right.contains(&true) {
@@ -134,35 +135,35 @@ impl Choice {
 fn choices(
     examples: &[Example],
     set_weights: &[f64],
-    ask: impl Fn(&Example, Hypotheses) -> Option<Choice>,
-) -> Vec<Choice> {
+    ask: impl Fn(&Example, Hypotheses) -> Option<Answered>,
+) -> Vec<Answered> {
     let more = sound_weight(examples);
     let one = |example: &Example| {
         let choice = ask(example, example.hypotheses(set_weights)?)?;
-        Some(Choice { weight: example.weight * if example.is_sound() { more } else { 1.0 }, ..choice })
+        Some(Answered { weight: example.weight * if example.is_sound() { more } else { 1.0 }, ..choice })
     };
     examples.iter().filter_map(one).collect()
 }
 
 /// Which set is it, where nothing is unknown?
-fn of_sets(example: &Example, of: Hypotheses) -> Option<Choice> {
-    let Truth::Effects(_) = example.truth else { return None };
+fn of_sets(example: &Example, of: Hypotheses) -> Option<Answered> {
+    let TrueAnswer::Effects(_) = example.truth else { return None };
     let right = of.sets.iter().map(|(row, _)| example.is_truth(*row)).collect();
-    Some(Choice { answers: of.sets.into_iter().map(|(_, of)| of).collect(), right, weight: 1.0 })
+    Some(Answered { answers: of.sets.into_iter().map(|(_, of)| of).collect(), right, weight: 1.0 })
 }
 
 /// Is something unknown?
-fn of_unknown(example: &Example, of: Hypotheses) -> Choice {
+fn of_unknown(example: &Example, of: Hypotheses) -> Answered {
     let known = vec![0.0; of.unknown.len()];
-    let is_unknown = matches!(example.truth, Truth::Unknown(_));
-    Choice { answers: vec![of.unknown, known], right: vec![is_unknown, !is_unknown], weight: 1.0 }
+    let is_unknown = matches!(example.truth, TrueAnswer::Unknown(_));
+    Answered { answers: vec![of.unknown, known], right: vec![is_unknown, !is_unknown], weight: 1.0 }
 }
 
 /// At which stage is it?
-fn of_stages(example: &Example, of: Hypotheses) -> Option<Choice> {
-    let Truth::Unknown(stages) = &example.truth else { return None };
+fn of_stages(example: &Example, of: Hypotheses) -> Option<Answered> {
+    let TrueAnswer::Unknown(stages) = &example.truth else { return None };
     let right = of.stages.iter().map(|(id, _)| stages.contains(id)).collect();
-    Some(Choice { answers: of.stages.into_iter().map(|(_, of)| of).collect(), right, weight: 1.0 })
+    Some(Answered { answers: of.stages.into_iter().map(|(_, of)| of).collect(), right, weight: 1.0 })
 }
 
 /// Mean log score of examples as they are, none struck, natural logarithms; what was not fitted counts as excluded.
@@ -172,8 +173,10 @@ pub fn log_score(examples: &[Example], weights: &Weights) -> f64 {
     for example in examples.iter().filter(|example| example.struck.is_empty()) {
         let posterior = Posterior::new(&example.table, weights, &[]);
         let probability: f64 = match example.truth {
-            Truth::Unknown(_) => posterior.unknown(),
-            Truth::Effects(_) => posterior.sets.iter().filter(|(row, _)| example.is_truth(*row)).map(|(_, p)| p).sum(),
+            TrueAnswer::Unknown(_) => posterior.unknown(),
+            TrueAnswer::Effects(_) => {
+                posterior.sets.iter().filter(|(row, _)| example.is_truth(*row)).map(|(_, p)| p).sum()
+            }
         };
         sum += probability.max(LEAST).ln();
         count += 1.0;
@@ -199,12 +202,12 @@ fn fit(examples: &[Example], settled: &dyn Fn(Weights) -> Weights) -> Weights {
 }
 
 /// The weights of one question: Newton's method on the log score with a Gaussian prior about what they are with nothing learned.
-fn best(choices: &[Choice], features: &[PosteriorFeature]) -> Vec<f64> {
+fn best(choices: &[Answered], features: &[PosteriorFeature]) -> Vec<f64> {
     let centre = DVector::from_vec(beforehand(features));
     let count = centre.len();
     let mut weights = centre.clone();
     let value = |weights: &DVector<f64>| {
-        let log = |one: &Choice| one.of(weights.as_slice()).map_or(0.0, |(log, ..)| (log.exp() + LEAST).ln());
+        let log = |one: &Answered| one.of(weights.as_slice()).map_or(0.0, |(log, ..)| (log.exp() + LEAST).ln());
         let prior = -0.5 * RIDGE * (weights - &centre).norm_squared();
         prior + choices.iter().map(|one| one.weight * log(one)).sum::<f64>()
     };
@@ -236,7 +239,7 @@ fn best(choices: &[Choice], features: &[PosteriorFeature]) -> Vec<f64> {
     weights.iter().copied().collect()
 }
 
-/// Spread of the relative error of sizes, one standard deviation: a tenth of them lie outside 1.645 of it.
+/// Spread of the relative error of sizes, one standard deviation: a tenth of them lie outside [`NORMAL_90`] of it.
 #[must_use]
 pub fn size_spread(units: &[(&Label, &EvidenceTable)]) -> f64 {
     let mut errors: Vec<f64> = units
@@ -251,13 +254,13 @@ pub fn size_spread(units: &[(&Label, &EvidenceTable)]) -> f64 {
         .collect();
     errors.sort_by(f64::total_cmp);
     let place = errors.len().saturating_sub(1) * 9 / 10;
-    errors.get(place).map_or(0.1, |error| error / 1.645)
+    errors.get(place).map_or(0.1, |error| error / NORMAL_90)
 }
 
 /// Factor by which intervals of the explained share are to be widened so that nine tenths of what came true lies inside; 1 at least, since a few
 /// claims that all came true say little of how much too wide they were.
 #[must_use]
-pub fn closure_widening(claims: &[(Interval, f64)]) -> f64 {
+pub fn explained_fraction_widening(claims: &[(Interval, f64)]) -> f64 {
     let mut short: Vec<f64> = claims.iter().map(|(claim, came_true)| claim.falls_short(*came_true)).collect();
     short.sort_by(f64::total_cmp);
     // The rank of conformal prediction: one claim more than there are must lie inside as often (Vovk, Gammerman & Shafer 2005).
@@ -266,16 +269,15 @@ pub fn closure_widening(claims: &[(Interval, f64)]) -> f64 {
 }
 
 /// Whether the likeliest single word of a posterior is right: an effect that is there, unknown, or nothing.
-#[must_use]
-pub fn first_is_right(example: &Example, weights: &Weights) -> bool {
+fn first_is_right(example: &Example, weights: &Weights) -> bool {
     let table = &example.table;
     let posterior = Posterior::new(table, weights, &[]);
     let (unknown, none) = (posterior.unknown(), posterior.nothing(table));
     let known = 1.0 - unknown - none;
     match &example.truth {
-        Truth::Unknown(_) => unknown > known.max(none),
-        Truth::Effects(ids) if ids.is_empty() => none >= known.max(unknown),
-        Truth::Effects(ids) => {
+        TrueAnswer::Unknown(_) => unknown > known.max(none),
+        TrueAnswer::Effects(ids) if ids.is_empty() => none >= known.max(unknown),
+        TrueAnswer::Effects(ids) => {
             let first = posterior.sets.iter().find(|(row, _)| !table.rows[*row].effects.is_empty());
             known > none.max(unknown)
                 && first.is_some_and(|(row, _)| table.rows[*row].effects.iter().all(|id| ids.contains(id)))

@@ -1,4 +1,4 @@
-//! A trial: one recording made ready to be simulated many times and compared at its samples.
+//! A prepared recording: one made ready to be simulated many times and compared at its samples.
 
 use std::ops::Range;
 
@@ -22,12 +22,12 @@ pub type Traces = [Vec<f64>; Signal::ALL.len()];
 
 /// One recording, its rows at which something was measured, and which signals it has.
 #[derive(Clone, Debug)]
-pub struct Trial {
+pub struct PreparedRecording {
     /// What people call it.
     pub name: String,
     /// The process that it shows.
     pub process: Process,
-    /// All rows but those of long idle_segments.
+    /// All rows but those of long idle segments.
     pub frames: Vec<Frame>,
     /// Where a rest was left out: the row behind it, and for how long it lasted, ns.
     pub seams: Vec<(usize, i64)>,
@@ -45,7 +45,7 @@ pub struct Trial {
     pub cut: Cut,
 }
 
-impl Trial {
+impl PreparedRecording {
     /// Prepares a recording; of a long rest it keeps beginning and end.
     #[must_use]
     pub fn new(mut recording: Recording) -> Self {
@@ -93,25 +93,25 @@ impl Trial {
     #[must_use]
     pub fn servomotor_stage(mut recording: Recording) -> Self {
         join_spool(&mut recording.frames);
-        let mut trial = Self::with_seams(recording, Vec::new());
+        let mut recording = Self::with_seams(recording, Vec::new());
         for signal in Signal::ALL {
-            trial.has[signal as usize] &= signal == Signal::ServomotorPosition;
+            recording.has[signal as usize] &= signal == Signal::ServomotorPosition;
         }
-        trial.command_doubt_pu.fill(0.0);
-        trial.command_jitter_pu = 0.0;
-        trial.cut = Cut::Spool;
-        trial
+        recording.command_doubt_pu.fill(0.0);
+        recording.command_jitter_pu = 0.0;
+        recording.cut = Cut::Spool;
+        recording
     }
 
     /// Whether its samples are so far apart that nobody knows what drives the unit between them.
     #[must_use]
-    pub fn is_slow(&self) -> bool {
+    pub(crate) fn is_slow(&self) -> bool {
         self.period_s > SLOW_S
     }
 
     /// Whether its recorded spool drives all that is judged.
     #[must_use]
-    pub fn is_driven(&self) -> bool {
+    pub(crate) fn is_driven(&self) -> bool {
         self.cut == Cut::Spool
     }
 
@@ -148,12 +148,12 @@ impl Trial {
 
     /// How many samples a time holds, one at least.
     #[must_use]
-    pub fn samples_in(&self, time_s: f64) -> usize {
+    pub(crate) fn samples_in(&self, time_s: f64) -> usize {
         let period_ns = nanos_from_seconds(self.period_s).max(1);
         usize::try_from((nanos_from_seconds(time_s) + period_ns / 2) / period_ns).unwrap_or(1).max(1)
     }
 
-    /// Simulates the trial; one estimate for each sample.
+    /// Simulates the recording; one estimate for each sample.
     #[must_use]
     pub fn run(&self, twin: &mut Twin) -> Vec<Estimate> {
         twin.reset();
@@ -168,7 +168,7 @@ impl Trial {
         estimates
     }
 
-    /// Simulates the trial by several twins, side by side where they fit; for each the same as by itself.
+    /// Simulates it by several twins, side by side where they fit; for each the same as by itself.
     #[must_use]
     pub fn run_batch(&self, twins: &mut [Twin]) -> Vec<Vec<Estimate>> {
         in_batches(twins, |width, twins| self.run_batch_of(width, twins), |twin| self.run(twin))
@@ -196,7 +196,7 @@ impl Trial {
     /// Rows as a twin sees them.
     ///
     /// A plant whose inputs have a clock of their own reads commands and ESV ahead of their rows. The twin's clock stands
-    /// still over the idle_segments that are left out.
+    /// still over the idle segments that are left out.
     fn rows(&self, twin: &Twin) -> impl Iterator<Item = BatchRow> + use<'_> {
         let lookahead_ns = nanos_from_seconds(twin.plant().lookahead_s);
         let mut samples = self.samples.iter().peekable();
@@ -242,7 +242,7 @@ fn period_s(frames: &[Frame]) -> f64 {
 
 /// Leaves the rows that hold spool or servomotor, with a straight line where the spool has no sample of its own; rows before its first and behind
 /// its last are of no use.
-pub fn join_spool(frames: &mut Vec<Frame>) {
+pub(crate) fn join_spool(frames: &mut Vec<Frame>) {
     frames.retain(|frame| {
         frame.measured.spool_position_pu.is_finite() || frame.measured.servomotor_position_pu.is_finite()
     });

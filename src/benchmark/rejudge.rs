@@ -1,6 +1,6 @@
 //! What would have been said of a judged unit by other weights: read off its evidence table, without a simulation.
 
-use crate::blind::said::{Blamed, Gap, Location, Rank, ReportVerdict};
+use crate::benchmark::report_verdict::{Blamed, Gap, Location, Rank, ReportVerdict};
 use crate::diagnosis::decision::Decision;
 use crate::diagnosis::decision::posterior::{Posterior, Weights};
 use crate::diagnosis::evidence::KAPPAS;
@@ -41,9 +41,9 @@ impl EvidenceLeftOut {
     }
 }
 
-/// The verdict on a unit by these weights and this table; sizes and closure stay those of the report where it blames the same.
+/// The verdict on a unit by these weights and this table; sizes and explained fraction stay those of the report where it blames the same.
 #[must_use]
-pub fn rejudged(said: &ReportVerdict, table: &EvidenceTable, weights: &Weights) -> ReportVerdict {
+pub fn rejudged(report: &ReportVerdict, table: &EvidenceTable, weights: &Weights) -> ReportVerdict {
     let mut ids: Vec<&str> = table.rows.iter().flat_map(|row| &row.effects).map(String::as_str).collect();
     ids.sort_unstable();
     ids.dedup();
@@ -56,24 +56,24 @@ pub fn rejudged(said: &ReportVerdict, table: &EvidenceTable, weights: &Weights) 
     let likeliest = stages.into_iter().reduce(|a, b| if b.1 > a.1 { b } else { a });
     let has_gap = decision.verdict != Verdict::NoGap;
     let blamed = decision.blamed.iter().map(|id| {
-        let known = said.effects.iter().find(|effect| effect.id == *id);
+        let known = report.effects.iter().find(|effect| effect.id == *id);
         known.cloned().unwrap_or_else(|| Blamed { id: (*id).to_owned(), parameters: Vec::new() })
     });
     let effects: Vec<Blamed> = blamed.collect();
-    let same = said.effects.len() == effects.len() && effects.iter().all(|effect| said.blames(&effect.id));
+    let same = report.effects.len() == effects.len() && effects.iter().all(|effect| report.blames(&effect.id));
     ReportVerdict {
         // What moves too little to tell is told by the recordings, not by the weights.
-        verdict: if decision.verdict == Verdict::NoGap && said.verdict() == Some(Verdict::NotExcited) {
-            said.verdict.clone()
+        verdict: if decision.verdict == Verdict::NoGap && report.verdict() == Some(Verdict::NotExcited) {
+            report.verdict.clone()
         } else {
             decision.verdict.id().to_owned()
         },
         location: Location { stage: likeliest.filter(|_| has_gap).map(|(stage, _)| stage.id().to_owned()) },
         effects,
         ranking,
-        gap: if same { said.gap.clone() } else { Gap::default() },
-        seconds: said.seconds,
-        evidence: said.evidence.clone(),
+        gap: if same { report.gap.clone() } else { Gap::default() },
+        seconds: report.seconds,
+        evidence: report.evidence.clone(),
     }
 }
 
@@ -102,8 +102,8 @@ mod tests {
 
     #[test]
     fn what_is_left_out_is_gone_and_the_rest_is_judged() {
-        let said = ReportVerdict { verdict: "unknown".into(), ..ReportVerdict::default() };
-        let judged = |left_out: EvidenceLeftOut| rejudged(&said, &left_out.of(&table()), &Weights::bayes());
+        let report = ReportVerdict { verdict: "unknown".into(), ..ReportVerdict::default() };
+        let judged = |left_out: EvidenceLeftOut| rejudged(&report, &left_out.of(&table()), &Weights::bayes());
         let whole = judged(EvidenceLeftOut::Nothing);
         assert_eq!(whole.verdict, "named");
         assert!(whole.blames("backlash") && whole.blames("load"));

@@ -10,17 +10,15 @@ use crate::diagnosis::result::{Interval, StageFigure};
 use crate::effects;
 use crate::estimation::coordinate::{Coordinate, subject_at};
 use crate::frame::{EsvState, Frame, Inputs, Signals};
+use crate::likelihood::prepared::PreparedRecording;
 use crate::likelihood::problem::twin_of;
-use crate::likelihood::trial::Trial;
 use crate::parameters::Unit;
 use crate::plant::Plant;
 use crate::signal::Signal;
 use crate::stage_alone::plain::Plain;
 use crate::twin::Cut;
-use crate::units::nanos_from_seconds;
+use crate::units::{NORMAL_90, nanos_from_seconds};
 
-/// Standard deviations to either side of a 90 % interval.
-const NINETY: f64 = 1.645;
 /// How far free parameters are turned for slopes, in standard deviations of the fit, at most in units of the free parameter.
 const TURN: (f64, f64) = (0.5, 0.5);
 /// Travel of the servomotor that a step is followed over, pu, and rows for it at the speed of the plain law.
@@ -42,10 +40,11 @@ const FIGURES: [(&str, &str, &str); 7] = [
     ("lag_s", "lag behind the spool", "s"),
 ];
 
-/// The figures of a model; `trials` tell how far the spool went.
+/// The figures of a model; `recordings` tell how far the spool went.
 #[must_use]
-pub fn told(model: &FittedModel, law: &Plain, trials: &[Trial]) -> Vec<StageFigure> {
-    let spools = trials.iter().flat_map(|trial| trial.measured(Signal::SpoolPosition)).filter(|pu| pu.is_finite());
+pub fn stage_figures(model: &FittedModel, law: &Plain, recordings: &[PreparedRecording]) -> Vec<StageFigure> {
+    let spools =
+        recordings.iter().flat_map(|recording| recording.measured(Signal::SpoolPosition)).filter(|pu| pu.is_finite());
     let (closing_pu, opening_pu) = spools.fold((0.0_f64, 0.0_f64), |(low, high), pu| (low.min(pu), high.max(pu)));
     let of = |unit: &Unit| figures(unit, law, [opening_pu, closing_pu]);
     let best = of(&model.unit());
@@ -66,7 +65,7 @@ pub fn told(model: &FittedModel, law: &Plain, trials: &[Trial]) -> Vec<StageFigu
     }
     let each = FIGURES.iter().zip(&best).zip(&slopes).filter(|((_, value), _)| value.is_finite());
     each.map(|((&(id, title, unit), &value), slopes)| {
-        let deviation = NINETY * slopes.dot(&(&model.spread * slopes)).max(0.0).sqrt();
+        let deviation = NORMAL_90 * slopes.dot(&(&model.spread * slopes)).max(0.0).sqrt();
         StageFigure { id, title, unit, value: Interval { value, low: value - deviation, high: value + deviation } }
     })
     .collect()

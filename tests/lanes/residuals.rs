@@ -1,40 +1,41 @@
 //! Residuals of many units at once: those of each by itself, whoever else is asked for.
 
 use govtwin::likelihood::noise;
+use govtwin::likelihood::prepared::PreparedRecording;
 use govtwin::likelihood::problem::{Problem, twin_of};
-use govtwin::likelihood::trial::Trial;
 use govtwin::parameters::Unit;
 use govtwin::params;
 use govtwin::recording::Process;
 use govtwin::signal::Signal;
 use govtwin::twin::Twin;
 
-use super::{trial, units};
+use super::{recording, units};
 
 fn problem() -> Problem {
-    let mut trials: Vec<Trial> = [Process::Startup, Process::Shutdown].into_iter().map(trial).collect();
-    let mut stage = trials[0].clone();
+    let mut recordings: Vec<PreparedRecording> =
+        [Process::Startup, Process::Shutdown].into_iter().map(recording).collect();
+    let mut stage = recordings[0].clone();
     stage.cut = govtwin::twin::Cut::Spool;
     for signal in Signal::ALL {
         stage.has[signal as usize] = signal == Signal::ServomotorPosition;
     }
-    trials.push(stage);
+    recordings.push(stage);
     let unit = params::reference();
-    Problem::new(trials, &unit, &noise::expected(&unit.sensors))
+    Problem::new(recordings, &unit, &noise::expected(&unit.sensors))
 }
 
 #[test]
-fn misses_do_not_depend_on_who_else_is_simulated() {
+fn residuals_do_not_depend_on_who_else_is_simulated() {
     let problem = problem();
     let units: Vec<Unit> = units().into_iter().step_by(4).collect();
     let before = problem.simulations();
     let all = problem.residuals_of(&units);
-    assert_eq!(problem.simulations() - before, units.len() * problem.trials.len());
+    assert_eq!(problem.simulations() - before, units.len() * problem.recordings.len());
     for (unit, residuals) in units.iter().zip(&all) {
-        assert_eq!(residuals.len(), problem.trials.len());
+        assert_eq!(residuals.len(), problem.recordings.len());
         assert_eq!(problem.residuals_of(std::slice::from_ref(unit))[0], *residuals);
-        for (trial, residuals) in residuals.iter().enumerate() {
-            assert_eq!(problem.residuals(unit, trial), *residuals);
+        for (recording, residuals) in residuals.iter().enumerate() {
+            assert_eq!(problem.residuals(unit, recording), *residuals);
         }
     }
     let twins: Vec<Twin> = units.iter().rev().map(twin_of).collect();

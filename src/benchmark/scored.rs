@@ -1,7 +1,7 @@
-//! One unit before the scorer: what was said of it beside what is so.
+//! One unit before the scorer: what verdict beside what is in it.
 
 use crate::battery::{Label, TrueFault};
-use crate::blind::said::ReportVerdict;
+use crate::benchmark::report_verdict::ReportVerdict;
 use crate::diagnosis::result::Verdict;
 
 /// Gain in likelihood, as −2 ln, from which something can be told: a log Bayes factor of 10, of which the odds against any effect take half.
@@ -16,7 +16,7 @@ const LARGEST_CLASS: usize = 3;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MissedBy {
     /// What was left out gains less than an effect must ([`SEEN`]) once sheet and answer are fitted against it
-    /// ([`told`](crate::blind::isolability::told)).
+    /// ([`expected_log_bayes_factor`](crate::benchmark::isolability::expected_log_bayes_factor)).
     Recordings,
     /// It gains more, or nobody knows how much; but the answer leaves no more than the method lets a right model leave ([`ReportVerdict::leaves`]).
     Tolerance,
@@ -43,13 +43,13 @@ impl MissedBy {
 #[derive(Clone, Debug)]
 pub struct ScoredUnit {
     /// What was said.
-    pub said: ReportVerdict,
+    pub report: ReportVerdict,
     /// What is so.
     pub label: Label,
-    /// Closure on recordings that the diagnosis never saw; none where nobody tried.
-    pub realised_closure: Option<f64>,
-    /// Of a missed answer, what the recordings say of what it left out ([`crate::blind::isolability::told`]); none where nobody asked.
-    pub told: Option<f64>,
+    /// Explained fraction on recordings that the diagnosis never saw; none where nobody tried.
+    pub realised_fraction: Option<f64>,
+    /// Of a missed answer, what the recordings say of what it left out ([`crate::benchmark::isolability::expected_log_bayes_factor`]); none where nobody asked.
+    pub expected_log_bayes_factor: Option<f64>,
 }
 
 impl ScoredUnit {
@@ -76,11 +76,11 @@ impl ScoredUnit {
     }
 
     pub(super) fn says(&self, verdict: Verdict) -> bool {
-        self.said.verdict() == Some(verdict)
+        self.report.verdict() == Some(verdict)
     }
 
     pub(super) fn stage_is_right(&self) -> bool {
-        let stage = self.said.location.stage.as_deref();
+        let stage = self.report.location.stage.as_deref();
         self.label.effects.iter().any(|truth| Some(truth.stage.id()) == stage)
     }
 
@@ -89,25 +89,25 @@ impl ScoredUnit {
     pub fn missed(&self) -> bool {
         match self.label.listed {
             false => !self.says(Verdict::Unknown),
-            true if self.sound() => self.said.detects(),
+            true if self.sound() => self.report.detects(),
             true => self.says(Verdict::Unknown) || self.makes_up() || self.hidden().next().is_some(),
         }
     }
 
     /// What is in the unit and was not said to be: of a class one effect at most is.
     pub fn hidden(&self) -> impl Iterator<Item = &TrueFault> {
-        let blamed = |truth: &&TrueFault| self.said.blames(&truth.id);
+        let blamed = |truth: &&TrueFault| self.report.blames(&truth.id);
         let most = if self.says(Verdict::Class) { 1 } else { usize::MAX };
-        let said: Vec<&str> =
+        let report: Vec<&str> =
             self.label.effects.iter().filter(blamed).take(most).map(|truth| truth.id.as_str()).collect();
-        self.label.effects.iter().filter(move |truth| !said.contains(&truth.id.as_str()))
+        self.label.effects.iter().filter(move |truth| !report.contains(&truth.id.as_str()))
     }
 
     /// Whether the verdict names an effect that is not there; a class only says that one of several is.
     #[must_use]
-    pub fn makes_up(&self) -> bool {
+    pub(crate) fn makes_up(&self) -> bool {
         let there = |id: &str| self.label.effects.iter().any(|truth| truth.id == id);
-        self.names() && self.said.effects.iter().any(|blamed| !there(&blamed.id))
+        self.names() && self.report.effects.iter().any(|blamed| !there(&blamed.id))
     }
 
     /// Whether the verdict names effects, all of them at once.
@@ -119,7 +119,7 @@ impl ScoredUnit {
     #[must_use]
     pub fn missed_by(&self) -> Option<MissedBy> {
         let below = |figure: Option<f64>| figure.map(|figure| figure < SEEN);
-        match (below(self.told), below(self.said.leaves())) {
+        match (below(self.expected_log_bayes_factor), below(self.report.leaves())) {
             _ if !self.missed() => None,
             // Whatever the answer leaves, nothing asked for what it makes up.
             _ if self.hidden().next().is_none() => Some(MissedBy::Method),
@@ -135,11 +135,11 @@ impl ScoredUnit {
     }
 
     pub(super) fn is_first(&self) -> bool {
-        self.said.word() == self.first_truth()
+        self.report.word() == self.first_truth()
     }
 
     pub(super) fn blamed_in_small_class(&self) -> bool {
-        self.said.blames(self.first_truth()) && self.said.effects.len() <= LARGEST_CLASS
+        self.report.blames(self.first_truth()) && self.report.effects.len() <= LARGEST_CLASS
     }
 
     /// Whether an id of the ranking is true of the unit.
@@ -154,14 +154,14 @@ impl ScoredUnit {
     /// Whether the claimed interval of the size holds the truth; none where the right effect is not blamed with one.
     pub(super) fn size_is_covered(&self) -> Option<bool> {
         let truth = self.label.effects.first().filter(|_| self.single())?;
-        let blamed = self.said.effects.iter().find(|effect| effect.id == truth.id)?;
+        let blamed = self.report.effects.iter().find(|effect| effect.id == truth.id)?;
         let [low, high] = blamed.parameters.first()?.ci90?;
         Some((low?..=high?).contains(&truth.size))
     }
 
-    pub(super) fn closure_is_covered(&self) -> Option<bool> {
+    pub(super) fn explained_fraction_is_covered(&self) -> Option<bool> {
         // A class claims what its most probable effect closes.
-        let (claim, realised) = (self.said.closure()?, self.realised_closure?);
+        let (claim, realised) = (self.report.explained_fraction()?, self.realised_fraction?);
         Some((claim.low..=claim.high).contains(&realised))
     }
 }

@@ -1,8 +1,8 @@
 //! The page of a score: the measures beside their targets, the confusion matrix, how far probabilities can be trusted.
 
-use crate::blind::score::{Confusion, Score, ScoredMeasure};
-use crate::blind::scored::{MissedBy, SEEN, ScoredUnit};
-use crate::blind::statistics::{Bin, Measured};
+use crate::benchmark::score::{Confusion, Score, ScoredMeasure};
+use crate::benchmark::scored::{MissedBy, SEEN, ScoredUnit};
+use crate::benchmark::statistics::{Bin, Measured};
 use crate::report::draw::{DrawError, svg};
 use crate::report::ink::Ink;
 use crate::report::page::{KeyFigure, Page, Tone};
@@ -30,7 +30,7 @@ pub fn page(
     subtitle: &str,
     origin: Option<&str>,
 ) -> Result<Page, DrawError> {
-    let mut page = Page::new("Blind check: what was said against what is so", subtitle);
+    let mut page = Page::new("Benchmark: verdicts against what is in the units", subtitle);
     let body = &mut page.body;
     let Some(first) = methods.first() else {
         body.note(Tone::Warning, "Nothing was scored.");
@@ -79,9 +79,9 @@ pub fn page(
     body.table(
         cases_table(cases),
         format!(
-            "Strength: RMS by which the faults move the strongest recorded signal, over its noise floor. Told: gain in likelihood that what was \
+            "Strength: RMS by which the faults move the strongest recorded signal, over its noise floor. Expected: gain in likelihood (twice the expected log Bayes factor) that what was \
              left out could bring by the catalogue's equation, when sheet and answer are fitted against it. Left: what the answer's model leaves \
-             above what the method lets a right model leave. A miss lies with the recordings where told is below {SEEN}; else with the method's \
+             above what the method lets a right model leave. A miss lies with the recordings where the expected gain is below {SEEN}; else with the method's \
              tolerance where left is; else, or where nothing was left out, with the method."
         ),
     );
@@ -191,22 +191,22 @@ fn confusion_picture(confusion: &Confusion) -> Picture {
     let legend = side.collect::<Vec<_>>().join(", ");
     let panel = Panel::new("units")
         .height(24 * u32::try_from(rows.len().max(4)).unwrap_or(10))
-        .x_name(if confusion.words.len() > 8 { legend } else { "said".to_owned() })
+        .x_name(if confusion.words.len() > 8 { legend } else { "verdict".to_owned() })
         .x_categories(if confusion.words.len() > 8 { numbered } else { confusion.words.clone() })
         .y_categories(confusion.truths.iter().rev().cloned())
         .mark(Mark::new(MarkShape::Cells { rows, full, below: Ink::Alarm, decimals: 0 }, Ink::Simulated, ""));
-    Picture::grid("What is in a unit against what was said of it", 1, vec![panel])
+    Picture::grid("Confusion matrix: what is in a unit against its verdict", 1, vec![panel])
 }
 
 fn reliability_picture(methods: &[MethodScore]) -> Picture {
     let mut panel = Panel::new("how often it was so")
         .height(300)
-        .x_name("probability said")
+        .x_name("stated probability")
         .x_range(0.0, 1.0)
         .y_range(0.0, 1.0)
         .mark(Mark::new(MarkShape::Segments(vec![[0.0, 0.0, 1.0, 1.0]]), Ink::Muted, "what it should be"));
     for (place, (method, ink)) in methods.iter().zip(Ink::SERIES).enumerate() {
-        let point = |bin: &Bin| [bin.said_probability, bin.was.value];
+        let point = |bin: &Bin| [bin.stated_probability, bin.was.value];
         let points: Vec<[f64; 2]> = method.score.reliability.iter().map(point).collect();
         panel = panel.line(ink, &method.name, points.clone());
         if place == 0 {
@@ -214,7 +214,7 @@ fn reliability_picture(methods: &[MethodScore]) -> Picture {
                 .score
                 .reliability
                 .iter()
-                .map(|b| [b.said_probability, b.was.low, b.said_probability, b.was.high]);
+                .map(|b| [b.stated_probability, b.was.low, b.stated_probability, b.was.high]);
             panel = panel.dots(ink, "", points).mark(Mark::new(MarkShape::Segments(whiskers.collect()), ink, ""));
         }
     }
@@ -254,7 +254,7 @@ pub fn cases_table(cases: &[ScoredUnit]) -> Table {
         .words("stage")
         .numbers("p(truth)")
         .words("")
-        .numbers("told")
+        .numbers("expected")
         .numbers("left")
         .words("missed by");
     for case in cases {
@@ -263,31 +263,31 @@ pub fn cases_table(cases: &[ScoredUnit]) -> Table {
         if !case.label.listed {
             truth += " (not in the catalogue)";
         }
-        let blamed: Vec<&str> = case.said.effects.iter().map(|effect| effect.id.as_str()).collect();
+        let blamed: Vec<&str> = case.report.effects.iter().map(|effect| effect.id.as_str()).collect();
         let true_word = match truths.first() {
             _ if !case.label.listed => "unknown",
             None => "none",
             Some(first) => first,
         };
-        let right = case.said.word() == true_word
-            || (case.label.listed && truths.iter().any(|truth| case.said.word() == *truth));
+        let right = case.report.word() == true_word
+            || (case.label.listed && truths.iter().any(|truth| case.report.word() == *truth));
         let figure = |of: Option<f64>| of.filter(|_| case.missed()).map_or_else(String::new, |of| significant(of, 2));
         table.row([
             case.label.name.clone(),
             truth,
             significant(case.label.strength_ratio, 2),
-            case.said.verdict.clone(),
+            case.report.verdict.clone(),
             blamed.join(", "),
-            case.said.location.stage.clone().unwrap_or_default(),
-            significant(case.said.probability(true_word), 2),
+            case.report.location.stage.clone().unwrap_or_default(),
+            significant(case.report.probability(true_word), 2),
             match right {
                 false => "wrong",
                 true if case.makes_up() => "and made up",
                 true => "",
             }
             .to_owned(),
-            figure(case.told),
-            figure(case.said.leaves()),
+            figure(case.expected_log_bayes_factor),
+            figure(case.report.leaves()),
             case.missed_by().map_or("", MissedBy::id).to_owned(),
         ]);
     }

@@ -26,20 +26,20 @@ pub struct ReportVerdict {
     /// Time that it took, s.
     #[serde(default)]
     pub seconds: Option<f64>,
-    /// What it idle_segments on.
+    /// What it rests on.
     #[serde(default)]
     pub evidence: Evidence,
 }
 
-/// What a diagnosis idle_segments on, as far as it is scored.
+/// What a diagnosis rests on, as far as it is scored.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Evidence {
     /// The evidence of all fault sets.
     #[serde(default)]
     pub table: EvidenceTable,
     /// By how much intervals of the explained share were widened; none of an older program.
-    #[serde(default)]
-    pub closure_widened_by: Option<f64>,
+    #[serde(default, rename = "closure_widened_by")]
+    pub explained_fraction_widened_by: Option<f64>,
 }
 
 /// Where the gap lies.
@@ -85,14 +85,14 @@ pub struct Rank {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Gap {
     /// What the blamed effects close of it.
-    #[serde(default)]
-    pub closure: ReportedSize,
+    #[serde(default, rename = "closure")]
+    pub explained_fraction: ReportedSize,
 }
 
 /// A report that cannot be scored.
 #[derive(Debug, thiserror::Error)]
-pub enum SaidError {
-    /// Not JSON, or not of the contract.
+pub enum ReportVerdictError {
+    /// Not JSON, or not of the schema.
     #[error("expected a report of the schema govtwin-diagnosis/1: {0}")]
     Malformed(#[from] serde_json::Error),
     /// A verdict that nobody knows.
@@ -104,16 +104,16 @@ impl ReportVerdict {
     /// Reads a report.
     ///
     /// # Errors
-    /// When it is not of the contract.
-    pub fn read(json: &str) -> Result<Self, SaidError> {
-        let said: Self = serde_json::from_str(json)?;
-        if said.verdict().is_none() {
-            return Err(SaidError::Verdict(said.verdict));
+    /// When it is not of the schema.
+    pub fn read(json: &str) -> Result<Self, ReportVerdictError> {
+        let report: Self = serde_json::from_str(json)?;
+        if report.verdict().is_none() {
+            return Err(ReportVerdictError::Verdict(report.verdict));
         }
-        Ok(said)
+        Ok(report)
     }
 
-    /// As JSON of the contract.
+    /// As JSON of the schema.
     #[must_use]
     pub fn to_json(&self) -> String {
         serde_json::to_string_pretty(self).unwrap_or_default() + "\n"
@@ -180,10 +180,12 @@ impl ReportVerdict {
         Some(table.rows.iter().find(is_it)?.cost - SOUND_MEAN_SQUARE * table.samples)
     }
 
-    /// The claimed closure; none where nothing is claimed, or an interval leaves everything open.
+    /// The claimed explained fraction; none where nothing is claimed, or an interval leaves everything open.
     #[must_use]
-    pub fn closure(&self) -> Option<Interval> {
-        let ReportedSize { value, ci90: Some([Some(low), Some(high)]) } = self.gap.closure else { return None };
+    pub fn explained_fraction(&self) -> Option<Interval> {
+        let ReportedSize { value, ci90: Some([Some(low), Some(high)]) } = self.gap.explained_fraction else {
+            return None;
+        };
         // What leaves everything open is not given as a figure.
         let claim = Interval { value: value.unwrap_or(f64::NAN), low, high };
         let claims = matches!(self.verdict(), Some(Verdict::Named | Verdict::Class));
@@ -202,7 +204,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_report_of_the_contract_is_read() {
+    fn a_report_of_the_schema_is_read() {
         let report = r#"{"schema": "govtwin-diagnosis/1", "verdict": "named",
             "location": {"stage": "servomotor", "probability": {"servomotor": 0.97}},
             "effects": [{"id": "port_overlap", "stage": "servomotor", "probability": 0.93,
@@ -215,15 +217,15 @@ mod tests {
                  "without_each": [], "sizes": [1.0]},
                 {"effects": [], "refined": true, "cost": 1420.0, "prior": 0.0, "strain": 0.0, "grid": [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]],
                  "without_each": [], "sizes": []}]}}}"#;
-        let said = ReportVerdict::read(report).unwrap();
-        assert!(said.detects() && said.first() == "port_overlap" && said.word() == "port_overlap");
-        assert_eq!(said.effects[0].parameters[0].ci90, Some([Some(2.8e-4), None]));
-        assert_eq!(said.probability("backlash"), 0.0);
-        assert_eq!(said.leaves(), Some(30.0));
-        assert_eq!(ReportVerdict { verdict: "unknown".into(), ..said.clone() }.leaves(), Some(500.0));
-        assert_eq!(ReportVerdict::read(&said.to_json()).unwrap(), said);
-        assert!(matches!(ReportVerdict::read(r#"{"verdict": "perhaps"}"#), Err(SaidError::Verdict(_))));
-        assert!(matches!(ReportVerdict::read("{"), Err(SaidError::Malformed(_))));
+        let report = ReportVerdict::read(report).unwrap();
+        assert!(report.detects() && report.first() == "port_overlap" && report.word() == "port_overlap");
+        assert_eq!(report.effects[0].parameters[0].ci90, Some([Some(2.8e-4), None]));
+        assert_eq!(report.probability("backlash"), 0.0);
+        assert_eq!(report.leaves(), Some(30.0));
+        assert_eq!(ReportVerdict { verdict: "unknown".into(), ..report.clone() }.leaves(), Some(500.0));
+        assert_eq!(ReportVerdict::read(&report.to_json()).unwrap(), report);
+        assert!(matches!(ReportVerdict::read(r#"{"verdict": "perhaps"}"#), Err(ReportVerdictError::Verdict(_))));
+        assert!(matches!(ReportVerdict::read("{"), Err(ReportVerdictError::Malformed(_))));
         let silent = ReportVerdict::read(r#"{"verdict": "no_gap", "location": {"stage": null}}"#).unwrap();
         assert!(silent.word() == "none" && !silent.detects() && silent.first() == "none" && silent.leaves().is_none());
     }

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::blind::scored::{MissedBy, ScoredUnit};
-use crate::blind::statistics::{Bin, Measured, StatedProbability, reliability, weight_of_sound};
+use crate::benchmark::scored::{MissedBy, ScoredUnit};
+use crate::benchmark::statistics::{Bin, Measured, StatedProbability, reliability, weight_of_sound};
 use crate::diagnosis::result::Verdict;
 
 /// A measure without a target; of others the words, and from what to what the value may lie.
@@ -65,8 +65,8 @@ pub fn score(cases: &[ScoredUnit]) -> Score {
     let mut claims = Vec::new();
     for case in cases {
         let weight = if case.sound() { sound } else { 1.0 };
-        claims.extend(case.said.ranking.iter().map(|rank| StatedProbability {
-            said_probability: rank.probability.unwrap_or(0.0),
+        claims.extend(case.report.ranking.iter().map(|rank| StatedProbability {
+            stated_probability: rank.probability.unwrap_or(0.0),
             was: case.holds(&rank.id),
             weight,
         }));
@@ -98,16 +98,16 @@ fn measures(cases: &[ScoredUnit]) -> Vec<ScoredMeasure> {
     let pairs = || all().filter(|case| case.pair());
     let triples = || all().filter(|case| case.triple());
     let outside = || all().filter(|case| !case.label.listed);
-    let shares = |named: &ScoredUnit| named.label.effects.iter().filter(|truth| named.said.blames(&truth.id)).count();
+    let shares = |named: &ScoredUnit| named.label.effects.iter().filter(|truth| named.report.blames(&truth.id)).count();
     // A class says that one of them is there.
     let every = |case: &ScoredUnit| case.names() && shares(case) == case.label.effects.len();
     let named = || all().filter(|case| case.label.listed && case.names());
-    let detects = |case: &ScoredUnit| case.said.detects();
+    let detects = |case: &ScoredUnit| case.report.detects();
     let unknown = |case: &ScoredUnit| case.says(Verdict::Unknown);
-    let probabilities: Vec<f64> = singles().map(|case| case.said.probability(case.first_truth())).collect();
-    let seconds: Vec<f64> = all().filter_map(|case| case.said.seconds).collect();
+    let probabilities: Vec<f64> = singles().map(|case| case.report.probability(case.first_truth())).collect();
+    let seconds: Vec<f64> = all().filter_map(|case| case.report.seconds).collect();
     let only = |measured| (measured, None);
-    let closure = only(Measured::of(all().filter_map(ScoredUnit::closure_is_covered)));
+    let explained_fraction = only(Measured::of(all().filter_map(ScoredUnit::explained_fraction_is_covered)));
     let size = only(Measured::of(all().filter_map(ScoredUnit::size_is_covered)));
     let probability = only(Measured::mean_probability(&probabilities));
     let time = only(Measured::mean(&seconds));
@@ -163,9 +163,9 @@ fn measures(cases: &[ScoredUnit]) -> Vec<ScoredMeasure> {
         row("false_unknown", "false unknown", ("≤ 5 %", 0.0, 0.05), false_unknown),
         row(
             "closure_coverage",
-            "closure on fresh recordings inside the 90 % interval",
+            "explained fraction on fresh recordings inside the 90 % interval",
             ("85–95 %", 0.85, 0.95),
-            closure,
+            explained_fraction,
         ),
         row("size_coverage", "true size inside the 90 % interval", OPEN, size),
         row("seconds", "time for one unit, s", ("≤ 60 s", 0.0, 60.0), time),
@@ -185,7 +185,7 @@ fn confusion(cases: &[ScoredUnit]) -> Confusion {
     };
     for case in cases.iter().filter(|case| !case.pair() && !case.triple()) {
         let truth = if case.label.listed { case.first_truth() } else { "outside" };
-        *counts.entry(place(truth)).or_default().entry(place(case.said.word())).or_default() += 1;
+        *counts.entry(place(truth)).or_default().entry(place(case.report.word())).or_default() += 1;
     }
     let mut words: Vec<(usize, String)> = counts.values().flat_map(|row| row.keys().cloned()).collect();
     words.sort();
@@ -204,7 +204,7 @@ fn confusion(cases: &[ScoredUnit]) -> Confusion {
 mod tests {
     use super::*;
     use crate::battery::{Label, TrueFault};
-    use crate::blind::said::{Blamed, Evidence, Gap, Location, Rank, ReportVerdict, ReportedSize};
+    use crate::benchmark::report_verdict::{Blamed, Evidence, Gap, Location, Rank, ReportVerdict, ReportedSize};
     use crate::diagnosis::hypotheses::table::{EvidenceRow, EvidenceTable};
     use crate::effects::Stage;
 
@@ -228,12 +228,12 @@ mod tests {
         ranking.push(Rank { id: "none".into(), probability: Some(if verdict == "no_gap" { 0.95 } else { 0.01 }) });
         let effects = blamed.iter().map(|(id, _)| Blamed { id: (*id).into(), parameters: vec![size(0.9, 1.2)] });
         ScoredUnit {
-            said: ReportVerdict {
+            report: ReportVerdict {
                 verdict: verdict.into(),
                 location: Location { stage: (!stage.is_empty()).then(|| stage.into()) },
                 effects: effects.collect(),
                 ranking,
-                gap: Gap { closure: size(0.8, 0.95) },
+                gap: Gap { explained_fraction: size(0.8, 0.95) },
                 seconds: Some(10.0),
                 evidence: Evidence::default(),
             },
@@ -244,8 +244,8 @@ mod tests {
                 strength_ratio: strength,
                 rate_hz: 100.0,
             },
-            realised_closure: Some(0.9),
-            told: None,
+            realised_fraction: Some(0.9),
+            expected_log_bayes_factor: None,
         }
     }
 
@@ -289,9 +289,9 @@ mod tests {
         }
         assert!((of("probability").measured.value - (0.9 + 0.4 + 0.0) / 3.0).abs() < 1e-12);
         let mut open = case(&["backlash"], true, 9.0, "named", "servomotor", &[("backlash", 0.9)]);
-        assert_eq!(open.closure_is_covered(), Some(true));
-        open.said.gap.closure.ci90 = Some([Some(0.0), Some(1.0)]);
-        assert_eq!(open.closure_is_covered(), None, "what says nothing is no claim");
+        assert_eq!(open.explained_fraction_is_covered(), Some(true));
+        open.report.gap.explained_fraction.ci90 = Some([Some(0.0), Some(1.0)]);
+        assert_eq!(open.explained_fraction_is_covered(), None, "what says nothing is no claim");
         assert_eq!(of("seconds").measured.value, 10.0);
         assert_eq!(of("false_alarm").reached, Some(false));
         assert_eq!(of("detection").reached, Some(true));
@@ -329,9 +329,9 @@ mod tests {
             rows: vec![row(&["load"], 640.0 + left), row(&["load", "backlash"], 640.0 + left), row(&[], 1640.0)],
             ..EvidenceTable::default()
         };
-        let named = |told, left| {
+        let named = |expected_log_bayes_factor, left| {
             let mut case = case(&["backlash"], true, 9.0, "named", "servomotor", &[("load", 0.9)]);
-            (case.told, case.said.evidence.table) = (told, table(left));
+            (case.expected_log_bayes_factor, case.report.evidence.table) = (expected_log_bayes_factor, table(left));
             case
         };
         assert_eq!(named(Some(500.0), 300.0).missed_by(), Some(MissedBy::Method));
@@ -343,7 +343,7 @@ mod tests {
         assert_eq!(named(None, 3.0).missed_by(), Some(MissedBy::Tolerance));
         let more = &[("load", 0.9), ("backlash", 0.9)];
         let mut made_up = case(&["backlash"], true, 9.0, "named", "servomotor", more);
-        made_up.said.evidence.table = table(3.0);
+        made_up.report.evidence.table = table(3.0);
         assert_eq!(made_up.missed_by(), Some(MissedBy::Method));
         let right = case(&["backlash"], true, 9.0, "named", "servomotor", &[("backlash", 0.9)]);
         let score = score(&[named(Some(500.0), 300.0), named(Some(5.0), 300.0), named(None, 3.0), right]);
@@ -401,7 +401,7 @@ mod tests {
         let last = bins.last().unwrap();
         let so = [(true, 3.5), (false, 1.0), (true, 1.0), (true, 1.0), (true, 1.0), (true, 1.0)];
         assert_eq!(last.was, Measured::weighted(&so));
-        assert!((last.said_probability - (5.5 * 0.95 + 3.0 * 0.9) / 8.5).abs() < 1e-12);
+        assert!((last.stated_probability - (5.5 * 0.95 + 3.0 * 0.9) / 8.5).abs() < 1e-12);
     }
 
     #[test]
