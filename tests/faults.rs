@@ -313,4 +313,6 @@ tests! {
     watch
     #[ignore = "a minute of diagnoses; scripts/faults runs it"]
     blind
+    #[cfg(feature = "residual")]
+    train
 }
