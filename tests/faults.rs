@@ -7,6 +7,9 @@
 
 #[path = "faults/cases.rs"]
 mod cases;
+#[cfg(feature = "node")]
+#[path = "faults/record.rs"]
+mod record;
 #[path = "support/tight_sheet.rs"]
 mod tight_sheet;
 #[path = "faults/trace.rs"]
