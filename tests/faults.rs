@@ -7,6 +7,9 @@
 
 #[path = "faults/cases.rs"]
 mod cases;
+#[cfg(feature = "node")]
+#[path = "faults/record.rs"]
+mod record;
 #[path = "support/tight_sheet.rs"]
 mod tight_sheet;
 #[path = "faults/trace.rs"]
@@ -313,4 +316,6 @@ tests! {
     watch
     #[ignore = "a minute of diagnoses; scripts/faults runs it"]
     blind
+    #[cfg(feature = "residual")]
+    train
 }

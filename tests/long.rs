@@ -2,8 +2,11 @@
 #![cfg(feature = "cli")]
 
 use std::fs;
+#[cfg(target_os = "linux")]
+use std::io::{Read as _, Seek as _};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+#[cfg(target_os = "linux")]
+use std::process::Command;
 
 use govtwin::bag::{self, Qos, ReadOptions, Writer, WriterOptions};
 use govtwin::frame;
@@ -199,24 +202,33 @@ fn run(arguments: &[&str]) -> (String, u64) {
 /// Runs the program: exit code, output, errors, and the most memory that it held, MB.
 #[cfg(target_os = "linux")]
 fn ended(arguments: &[&str]) -> (i32, String, String, u64) {
+    // Into files: a pipe that nobody reads would hold the program up once it is full.
+    let files = [tempfile::tempfile().unwrap(), tempfile::tempfile().unwrap()];
     let mut child = Command::new(env!("CARGO_BIN_EXE_govtwin"))
         .args(arguments)
         .env("RAYON_NUM_THREADS", "1")
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
+        .stdout(files[0].try_clone().unwrap())
+        .stderr(files[1].try_clone().unwrap())
         .spawn()
         .unwrap();
     let status = PathBuf::from(format!("/proc/{}/status", child.id()));
     let mut peak_kb = 0;
-    while child.try_wait().unwrap().is_none() {
+    let ended = loop {
+        if let Some(ended) = child.try_wait().unwrap() {
+            break ended;
+        }
         let text = fs::read_to_string(&status).unwrap_or_default();
         let peak = text.lines().find_map(|line| line.strip_prefix("VmHWM:")?.trim().strip_suffix(" kB")?.parse().ok());
         peak_kb = peak.unwrap_or(0).max(peak_kb);
         std::thread::sleep(std::time::Duration::from_millis(1));
-    }
-    let output = child.wait_with_output().unwrap();
-    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    (output.status.code().unwrap(), text(&output.stdout), text(&output.stderr), peak_kb / 1000)
+    };
+    let [said, errors] = files.map(|mut file| {
+        file.rewind().unwrap();
+        let mut bytes = vec![];
+        file.read_to_end(&mut bytes).unwrap();
+        String::from_utf8_lossy(&bytes).into_owned()
+    });
+    (ended.code().unwrap(), said, errors, peak_kb / 1000)
 }
 
 /// A folder with a sheet without tolerances, an hour of operation, and its four processes as bags of their own.

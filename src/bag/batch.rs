@@ -45,10 +45,12 @@ impl Batch {
 
     fn count(&self, tallies: &mut Tallies) {
         let mut begin = 0;
+        let numbers: Vec<usize> = self.topics.iter().map(|topic| tallies.number(topic)).collect();
         for message in &self.messages {
             let Message { topic, log_time_ns, publish_time_ns, sequence, end } = *message;
-            if let (Some(topic), Some(data)) = (self.topics.get(topic), self.bytes.get(begin..end)) {
-                tallies.take(RawView { topic, log_time_ns, publish_time_ns, sequence, data });
+            let of = self.topics.get(topic).zip(numbers.get(topic));
+            if let (Some((topic, number)), Some(data)) = (of, self.bytes.get(begin..end)) {
+                tallies.take_as(*number, RawView { topic, log_time_ns, publish_time_ns, sequence, data });
             }
             begin = end;
         }

@@ -108,6 +108,23 @@ impl Records {
         })
     }
 
+    /// Puts a record behind the others.
+    pub(super) fn push(&mut self, opcode: u8, body: &[u8]) {
+        self.bytes.push(opcode);
+        self.bytes.extend_from_slice(&(body.len() as u64).to_le_bytes());
+        self.bytes.extend_from_slice(body);
+    }
+
+    /// Leaves none.
+    pub(super) fn clear(&mut self) {
+        self.bytes.clear();
+    }
+
+    /// Bytes that are in memory for them.
+    pub(super) fn held_bytes(&self) -> usize {
+        self.bytes.capacity()
+    }
+
     /// Bytes of the records, their heads included.
     pub(super) fn len(&self) -> usize {
         self.bytes.len()

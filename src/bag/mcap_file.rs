@@ -2,18 +2,16 @@
 
 mod growing_file;
 mod loader;
+mod walk;
 
 use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
 
-use mcap::records::op;
-
 use super::channels::Channels;
-use super::chunk::HEAD_LEN;
-use super::chunk::{self, Records};
+use super::chunk::{self, HEAD_LEN};
 use super::record::{Record, parse};
-use super::record_file::{RECORD_LIMIT, RecordFile, Step, Tail};
+use super::record_file::{RecordFile, Step, Tail};
 use super::segment::Segment;
 use super::structure::Structure;
 use super::topic::OnMessage;
@@ -21,6 +19,10 @@ use super::{BagError, Damage, FileHealth, GOVTWIN, SIMULATOR, TWIN};
 
 pub(super) use growing_file::GrowingFile;
 pub(super) use loader::Loader;
+use walk::{Kind, Part, Walk};
+
+/// Of a file of so many bytes it pays to unpack in a thread of its own.
+const LONG_BYTES: u64 = 1 << 20;
 
 /// More entries of damage than this say nothing more.
 const DAMAGE_LIMIT: usize = 32;
@@ -48,13 +50,27 @@ pub(super) struct ScannedFile {
 /// Where the operating system refuses. Damage is no error.
 pub(super) fn scan(path: &Path, on_message: &mut OnMessage<'_>) -> Result<ScannedFile, BagError> {
     let mut file = RecordFile::open(path).map_err(BagError::io(path, "open"))?;
-    scan_records(&mut file, path, on_message).map_err(BagError::io(path, "read"))
+    let apart = file.end() >= LONG_BYTES && std::thread::available_parallelism().is_ok_and(|cores| cores.get() > 1);
+    scan_records(&mut file, path, apart, on_message).map_err(BagError::io(path, "read"))
 }
 
-fn scan_records(file: &mut RecordFile, path: &Path, on_message: &mut OnMessage<'_>) -> io::Result<ScannedFile> {
+/// The same, unpacked in a thread of its own or not.
+fn scan_records(
+    file: &mut RecordFile,
+    path: &Path,
+    apart: bool,
+    on_message: &mut OnMessage<'_>,
+) -> io::Result<ScannedFile> {
     let mut scan = Scan::new(file, path);
     scan.summary(file)?;
-    scan.data(file, false, on_message)?;
+    let (finished, unpack_left) = (scan.found.health.finished, chunk::unpack_limit(file.end()));
+    let mut walk = Walk { finished, grows: false, data_end: scan.data_end, unpack_left };
+    let take = &mut |part: &Part| scan.take(part, on_message);
+    if apart {
+        walk.apart(file, take)?;
+    } else {
+        walk.here(file, take)?;
+    }
     let health = &mut scan.found.health;
     if health.damage.is_empty() {
         health.structure = scan.structure.finish(health.finished);
@@ -78,8 +94,6 @@ struct Scan {
     /// Where the messages end at the latest.
     data_end: u64,
     found: ScannedFile,
-    /// How much more chunks may unpack to, bytes.
-    unpack_left: u64,
     last_good_ns: Option<i64>,
     /// Messages of each channel by the file's summary.
     counts: BTreeMap<u16, u64>,
@@ -97,7 +111,6 @@ impl Scan {
         Self {
             data_end: bytes,
             found: ScannedFile { health, channels: Channels::default(), segments: vec![] },
-            unpack_left: chunk::unpack_limit(bytes),
             last_good_ns: None,
             counts: BTreeMap::new(),
             structure: Structure::default(),
@@ -143,63 +156,25 @@ impl Scan {
         file.seek(mcap::MAGIC.len() as u64)
     }
 
-    /// Reads records to the end; of a file that `grows` the place stays at the first that is not whole.
-    fn data(&mut self, file: &mut RecordFile, grows: bool, on_message: &mut OnMessage<'_>) -> io::Result<()> {
-        let mut body = vec![];
-        let mut records = Records::default();
-        loop {
-            let at = file.at();
-            let step = file.next(&mut body)?;
-            match step {
-                Step::Record(op::DATA_END) if self.found.health.finished => return Ok(()),
-                Step::Record(op::FOOTER) => return Ok(()),
-                Step::Record(op::CHUNK) => self.chunk(at, &body, body.len() as u64, &mut records, on_message),
-                Step::Record(opcode) => self.bare(at, opcode, &body, on_message),
-                Step::End { .. } if grows => return file.seek(at),
-                Step::End { left } => {
-                    if !self.found.health.finished {
-                        self.damage(at, left, "the file ends without a footer: its writer did not finish", 0);
-                    }
-                    return Ok(());
-                }
-                // The rest of it is still to come, and nothing behind it can be there.
-                Step::Cut { stated_len, .. } if grows && stated_len <= RECORD_LIMIT as u64 => return file.seek(at),
-                Step::Cut { .. } | Step::Nonsense => {
-                    if let Some(next) = file.find_chunk(at + 1)? {
-                        self.damage(at, next - at, "not a record; reading went on at the next chunk", 0);
-                        continue;
-                    }
-                    if grows {
-                        return file.seek(at);
-                    }
-                    match step {
-                        Step::Cut { opcode: op::CHUNK, stated_len } => {
-                            file.seek(at + HEAD_LEN as u64)?;
-                            file.rest(&mut body)?;
-                            self.chunk(at, &body, stated_len, &mut records, on_message);
-                        }
-                        Step::Cut { opcode, .. } => {
-                            let problem = match opcode {
-                                op::MESSAGE => "the file ends inside a message",
-                                op::MESSAGE_INDEX..=op::CHUNK_INDEX | op::STATISTICS..=op::SUMMARY_OFFSET => {
-                                    "the file ends inside an index, which holds no message"
-                                }
-                                _ => "the file ends inside a record",
-                            };
-                            self.damage(at, self.data_end.saturating_sub(at), problem, 0);
-                        }
-                        _ => self.damage(at, self.data_end.saturating_sub(at), "not a record", 0),
-                    }
-                    return Ok(());
+    /// Takes a part of the file, in its order.
+    fn take(&mut self, part: &Part, on_message: &mut OnMessage<'_>) {
+        match &part.kind {
+            Kind::Records => {
+                let mut at = part.at;
+                for (opcode, body) in part.records.iter() {
+                    self.bare(at, opcode, body, on_message);
+                    at += (HEAD_LEN + body.len()) as u64;
                 }
             }
+            Kind::Chunk { stated_len, result } => self.chunk(part, *stated_len, result, on_message),
+            Kind::Damage { lost_bytes, problem } => self.damage(part.at, *lost_bytes, problem, 0),
         }
     }
 
-    fn chunk(&mut self, at: u64, body: &[u8], len: u64, records: &mut Records, on_message: &mut OnMessage<'_>) {
-        let result = chunk::read(body, len, self.unpack_left, records);
+    fn chunk(&mut self, part: &Part, len: u64, result: &Result<(), String>, on_message: &mut OnMessage<'_>) {
+        let Part { at, body, records, .. } = part;
+        let at = *at;
         self.structure.next_chunk(true);
-        self.unpack_left = self.unpack_left.saturating_sub(records.unpacked_bytes());
         let mut segment = Segment::new(at, len);
         let last_good_ns = self.last_good_ns;
         for (opcode, data) in records.iter() {
@@ -222,7 +197,7 @@ impl Scan {
         }
         if let Err(problem) = result {
             self.last_good_ns = last_good_ns.or(self.last_good_ns);
-            self.damage(at, (HEAD_LEN + body.len()) as u64, &problem, recovered);
+            self.damage(at, (HEAD_LEN + body.len()) as u64, problem, recovered);
         }
     }
 
@@ -313,6 +288,8 @@ fn is_from_the_twin(name: &str, texts: &BTreeMap<&str, &str>) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use mcap::records::op;
+
     use super::*;
 
     /// Scans bytes behind the magic; what was found, and how often each byte was looked at on average.
@@ -321,7 +298,10 @@ mod tests {
         let path = dir.path().join("a.mcap");
         std::fs::write(&path, [mcap::MAGIC, bytes].concat()).unwrap();
         let mut file = RecordFile::open(&path).unwrap();
-        let found = scan_records(&mut file, &path, &mut |_| {}).unwrap();
+        let found = scan_records(&mut file, &path, false, &mut |_| {}).unwrap();
+        let mut again = RecordFile::open(&path).unwrap();
+        let apart = scan_records(&mut again, &path, true, &mut |_| {}).unwrap();
+        assert_eq!((&found.health, &found.segments), (&apart.health, &apart.segments), "in a thread of its own");
         (found, file.looked_at_bytes() as f64 / bytes.len() as f64)
     }
 

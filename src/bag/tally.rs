@@ -28,12 +28,22 @@ pub(super) struct Tallies {
 
 impl Tallies {
     pub(super) fn take(&mut self, message: RawView<'_>) {
-        let index = match self.by_address.get(&address(message.topic)) {
-            Some((_, index)) => *index,
-            None => self.of(message.topic),
-        };
-        if let Some(tally) = self.all.get_mut(index) {
+        let number = self.number(message.topic);
+        self.take_as(number, message);
+    }
+
+    /// Takes a message of the topic with this number.
+    pub(super) fn take_as(&mut self, number: usize, message: RawView<'_>) {
+        if let Some(tally) = self.all.get_mut(number) {
             tally.take(message);
+        }
+    }
+
+    /// The number of a topic, looked up by what its messages share.
+    pub(super) fn number(&mut self, topic: &Arc<TopicInfo>) -> usize {
+        match self.by_address.get(&address(topic)) {
+            Some((_, number)) => *number,
+            None => self.of(topic),
         }
     }
 

@@ -251,6 +251,24 @@ pub fn blind() -> Case {
     }
 }
 
+#[cfg(feature = "residual")]
+pub fn train() -> Case {
+    Case {
+        name: "train",
+        arguments: &["train", "ROOT/new/run", "--manual", "--out", "ROOT/out"],
+        prepare: |root| {
+            recordings(root);
+            govtwin(root, &["train", "old/run", "--manual", "--out", "out"]);
+            fs::write(root.join("out/diary"), "mine").unwrap();
+        },
+        stepwise: false,
+        before_next: nothing,
+        tells_of_before: false,
+        costly: false,
+        drawn: false,
+    }
+}
+
 pub fn recover() -> Case {
     Case {
         name: "recover",

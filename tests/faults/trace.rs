@@ -1,8 +1,9 @@
 //! Runs a program under ptrace, counts what it does to the files below a folder, and refuses one of these steps or kills it there.
 //!
-//! It sees every system call of every thread, whichever library makes it, and needs no change of the program.
+//! It sees every system call of every thread and every child, whichever library makes it, and needs no change of the program. A kill is that of a
+//! machine that goes down: the children end with the program.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::fs::File;
 use std::io::{Read as _, Seek as _, Write as _};
 use std::os::unix::fs::FileExt as _;
@@ -97,7 +98,8 @@ pub fn run(command: &[&str], environment: &[(&str, &str)], below: &Path, fault: 
         .spawn()
         .unwrap();
     let leader = Pid::from_raw(child.id().cast_signed());
-    let mut tracer = Tracer { leader, below, fault, steps: vec![], inside: HashMap::new(), begun: false };
+    let mut tracer =
+        Tracer { leader, below, fault, steps: vec![], inside: HashMap::new(), seen: BTreeSet::new(), begun: false };
     let options = Options::PTRACE_O_TRACESYSGOOD
         | Options::PTRACE_O_TRACECLONE
         | Options::PTRACE_O_TRACEFORK
@@ -125,6 +127,10 @@ pub fn run(command: &[&str], environment: &[(&str, &str)], below: &Path, fault: 
                 (pid, None)
             }
             WaitStatus::Stopped(pid, signal) => (pid, Some(signal)),
+            WaitStatus::Exited(pid, _) | WaitStatus::Signaled(pid, ..) => {
+                tracer.seen.remove(&pid);
+                continue;
+            }
             _ => continue,
         };
         // One that was killed meanwhile cannot go on.
@@ -133,6 +139,7 @@ pub fn run(command: &[&str], environment: &[(&str, &str)], below: &Path, fault: 
             stdin.write_all(b"go\n").unwrap();
         }
     }
+    tracer.end_all();
     let mut stderr = String::new();
     said.rewind().unwrap();
     said.read_to_string(&mut stderr).unwrap();
@@ -146,11 +153,26 @@ struct Tracer<'a> {
     steps: Vec<Step>,
     /// Threads inside a system call, and the error that it is to end with.
     inside: HashMap<Pid, Option<Errno>>,
+    /// Threads of the program and of its children.
+    seen: BTreeSet<Pid>,
     begun: bool,
 }
 
 impl Tracer<'_> {
+    /// Ends children that are left.
+    fn end_all(&self) {
+        let end = |pid: Pid| nix::sys::signal::kill(pid, Signal::SIGKILL).unwrap_or_default();
+        self.seen.iter().filter(|pid| **pid != self.leader).for_each(|pid| end(*pid));
+        // Only what this thread traces, until nothing of it is left; one that has just been born stops once.
+        while let Ok(status) = waitpid(Pid::from_raw(-1), Some(WaitPidFlag::__WALL | WaitPidFlag::__WNOTHREAD)) {
+            if !matches!(status, WaitStatus::Exited(..) | WaitStatus::Signaled(..)) {
+                status.pid().into_iter().for_each(end);
+            }
+        }
+    }
+
     fn stopped(&mut self, pid: Pid) {
+        self.seen.insert(pid);
         let Ok(mut registers) = ptrace::getregs(pid) else { return };
         if let Some(error) = self.inside.remove(&pid) {
             if let Some(error) = error {
@@ -165,7 +187,7 @@ impl Tracer<'_> {
         }
         let mut error = None;
         if self.begun
-            && let Some(step) = self.step(&registers)
+            && let Some(step) = self.step(pid, &registers)
         {
             let number = self.steps.len();
             match self.fault.filter(|(at, _)| *at == number) {
@@ -175,7 +197,11 @@ impl Tracer<'_> {
                     registers.orig_rax = u64::MAX;
                     ptrace::setregs(pid, registers).unwrap();
                 }
-                Some((_, Fault::Killed)) => nix::sys::signal::kill(self.leader, Signal::SIGKILL).unwrap(),
+                // Of a child first, so that it does not take the step.
+                Some((_, Fault::Killed)) => {
+                    let _ = nix::sys::signal::kill(pid, Signal::SIGKILL);
+                    let _ = nix::sys::signal::kill(self.leader, Signal::SIGKILL);
+                }
                 None => {}
             }
             self.steps.push(step);
@@ -183,60 +209,60 @@ impl Tracer<'_> {
         self.inside.insert(pid, error);
     }
 
-    /// What a system call does to a file below the folder.
-    fn step(&self, registers: &libc::user_regs_struct) -> Option<Step> {
+    /// What a system call of a thread does to a file below the folder.
+    fn step(&self, pid: Pid, registers: &libc::user_regs_struct) -> Option<Step> {
         let [first, second, third] = [registers.rdi, registers.rsi, registers.rdx];
         let (kind, path) = match registers.orig_rax.cast_signed() {
-            libc::SYS_open => (opened(second), self.named(None, first)),
-            libc::SYS_openat => (opened(third), self.named(Some(first), second)),
-            libc::SYS_stat | libc::SYS_lstat => (Kind::Look, self.named(None, first)),
-            libc::SYS_newfstatat | libc::SYS_statx => (Kind::Look, self.named(Some(first), second)),
-            libc::SYS_read | libc::SYS_pread64 | libc::SYS_readv => (Kind::Read, self.opened(first)),
-            libc::SYS_getdents64 => (Kind::List, self.opened(first)),
-            libc::SYS_flock => (Kind::Lock, self.opened(first)),
-            libc::SYS_write | libc::SYS_pwrite64 | libc::SYS_writev => (Kind::Write, self.opened(first)),
-            libc::SYS_copy_file_range => (Kind::Write, self.opened(third)),
-            libc::SYS_sendfile => (Kind::Write, self.opened(first)),
-            libc::SYS_ftruncate => (Kind::Size, self.opened(first)),
-            libc::SYS_fsync | libc::SYS_fdatasync => (Kind::Sync, self.opened(first)),
-            libc::SYS_fchmod => (Kind::Rights, self.opened(first)),
-            libc::SYS_chmod => (Kind::Rights, self.named(None, first)),
-            libc::SYS_mkdir => (Kind::Folder, self.named(None, first)),
-            libc::SYS_mkdirat => (Kind::Folder, self.named(Some(first), second)),
-            libc::SYS_rename | libc::SYS_link => (Kind::Rename, self.named(None, second)),
+            libc::SYS_open => (opened(second), named(pid, None, first)),
+            libc::SYS_openat => (opened(third), named(pid, Some(first), second)),
+            libc::SYS_stat | libc::SYS_lstat => (Kind::Look, named(pid, None, first)),
+            libc::SYS_newfstatat | libc::SYS_statx => (Kind::Look, named(pid, Some(first), second)),
+            libc::SYS_read | libc::SYS_pread64 | libc::SYS_readv => (Kind::Read, open_file(pid, first)),
+            libc::SYS_getdents64 => (Kind::List, open_file(pid, first)),
+            libc::SYS_flock => (Kind::Lock, open_file(pid, first)),
+            libc::SYS_write | libc::SYS_pwrite64 | libc::SYS_writev => (Kind::Write, open_file(pid, first)),
+            libc::SYS_copy_file_range => (Kind::Write, open_file(pid, third)),
+            libc::SYS_sendfile => (Kind::Write, open_file(pid, first)),
+            libc::SYS_ftruncate => (Kind::Size, open_file(pid, first)),
+            libc::SYS_fsync | libc::SYS_fdatasync => (Kind::Sync, open_file(pid, first)),
+            libc::SYS_fchmod => (Kind::Rights, open_file(pid, first)),
+            libc::SYS_chmod => (Kind::Rights, named(pid, None, first)),
+            libc::SYS_mkdir => (Kind::Folder, named(pid, None, first)),
+            libc::SYS_mkdirat => (Kind::Folder, named(pid, Some(first), second)),
+            libc::SYS_rename | libc::SYS_link => (Kind::Rename, named(pid, None, second)),
             libc::SYS_renameat | libc::SYS_renameat2 | libc::SYS_linkat => {
-                (Kind::Rename, self.named(Some(third), registers.r10))
+                (Kind::Rename, named(pid, Some(third), registers.r10))
             }
-            libc::SYS_unlink | libc::SYS_rmdir => (Kind::Remove, self.named(None, first)),
-            libc::SYS_unlinkat => (Kind::Remove, self.named(Some(first), second)),
+            libc::SYS_unlink | libc::SYS_rmdir => (Kind::Remove, named(pid, None, first)),
+            libc::SYS_unlinkat => (Kind::Remove, named(pid, Some(first), second)),
             _ => return None,
         };
         let path = path.filter(|path| path.starts_with(self.below))?;
         Some(Step { kind, path })
     }
+}
 
-    /// A path in the program's memory, below an open folder where it is relative.
-    fn named(&self, folder: Option<u64>, address: u64) -> Option<PathBuf> {
-        let memory = File::open(format!("/proc/{}/mem", self.leader)).ok()?;
-        let mut bytes = vec![0; 4096];
-        let read = memory.read_at(&mut bytes, address).ok()?;
-        let end = bytes[..read].iter().position(|byte| *byte == 0)?;
-        let name = String::from_utf8_lossy(&bytes[..end]).into_owned();
-        if name.starts_with('/') {
-            return Some(PathBuf::from(name));
-        }
-        let here = folder.filter(|folder| *folder as i32 != libc::AT_FDCWD);
-        let folder = match here {
-            Some(folder) => self.opened(folder)?,
-            None => std::fs::read_link(format!("/proc/{}/cwd", self.leader)).ok()?,
-        };
-        Some(if name.is_empty() { folder } else { folder.join(name) })
+/// A path in a thread's memory, below an open folder where it is relative.
+fn named(pid: Pid, folder: Option<u64>, address: u64) -> Option<PathBuf> {
+    let memory = File::open(format!("/proc/{pid}/mem")).ok()?;
+    let mut bytes = vec![0; 4096];
+    let read = memory.read_at(&mut bytes, address).ok()?;
+    let end = bytes[..read].iter().position(|byte| *byte == 0)?;
+    let name = String::from_utf8_lossy(&bytes[..end]).into_owned();
+    if name.starts_with('/') {
+        return Some(PathBuf::from(name));
     }
+    let here = folder.filter(|folder| *folder as i32 != libc::AT_FDCWD);
+    let folder = match here {
+        Some(folder) => open_file(pid, folder)?,
+        None => std::fs::read_link(format!("/proc/{pid}/cwd")).ok()?,
+    };
+    Some(if name.is_empty() { folder } else { folder.join(name) })
+}
 
-    /// The path of an open file.
-    fn opened(&self, descriptor: u64) -> Option<PathBuf> {
-        std::fs::read_link(format!("/proc/{}/fd/{}", self.leader, descriptor as i32)).ok()
-    }
+/// The path of a file that a thread has open.
+fn open_file(pid: Pid, descriptor: u64) -> Option<PathBuf> {
+    std::fs::read_link(format!("/proc/{pid}/fd/{}", descriptor as i32)).ok()
 }
 
 /// Whether a file is made or only opened.

@@ -5,6 +5,7 @@ use std::path::Path;
 use super::super::structure::Structure;
 use super::super::topic::{OnMessage, TopicInfo};
 use super::super::{BagError, chunk};
+use super::walk::{Part, Walk};
 use super::{RecordFile, Scan};
 
 /// A file that may still grow: each read goes on where the last one ended.
@@ -12,12 +13,14 @@ use super::{RecordFile, Scan};
 pub(in crate::bag) struct GrowingFile {
     scan: Scan,
     at: u64,
+    /// How much more chunks may unpack to, bytes.
+    unpack_left: u64,
 }
 
 impl GrowingFile {
     /// Nothing of it was read yet.
     pub(in crate::bag) fn new(path: &Path) -> Self {
-        Self { scan: Scan::of(0, path), at: mcap::MAGIC.len() as u64 }
+        Self { scan: Scan::of(0, path), at: mcap::MAGIC.len() as u64, unpack_left: chunk::unpack_limit(0) }
     }
 
     /// Where the next read begins: behind the last record that was whole.
@@ -41,11 +44,15 @@ impl GrowingFile {
         let mut file = RecordFile::open(path).map_err(BagError::io(path, "open"))?;
         let scan = &mut self.scan;
         let more = file.end().saturating_sub(scan.data_end);
-        scan.unpack_left = scan.unpack_left.saturating_add(chunk::UNPACK_RATIO.saturating_mul(more));
+        let unpack_left = self.unpack_left.saturating_add(chunk::UNPACK_RATIO.saturating_mul(more));
         scan.data_end = file.end();
+        let mut walk =
+            Walk { finished: scan.found.health.finished, grows: !ended, data_end: scan.data_end, unpack_left };
         // What a scan keeps of what it has read would grow without bound.
         (scan.found.segments, scan.structure) = (vec![], Structure::default());
-        let read = file.seek(self.at).and_then(|()| scan.data(&mut file, !ended, on_message));
+        let read =
+            file.seek(self.at).and_then(|()| walk.here(&mut file, &mut |part: &Part| scan.take(part, on_message)));
+        self.unpack_left = walk.unpack_left;
         self.at = file.at();
         read.map_err(BagError::io(path, "read"))?;
         Ok(file.looked_at_bytes())

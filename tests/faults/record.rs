@@ -1,0 +1,153 @@
+//! `govtwin record`: what it hears differs from run to run, so that each trial is judged by itself and not by a run without a fault.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+
+use govtwin::bag;
+
+use crate::trace::{self, Fault, Kind, Traced};
+use crate::{is_hidden, tree};
+
+/// A domain of its own, on this machine alone.
+fn environment(temporary: &str) -> [(&'static str, String); 3] {
+    let domain = 100 + std::process::id() % 100;
+    [("ROS_DOMAIN_ID", domain.to_string()), ("ROS_LOCALHOST_ONLY", "1".into()), ("TMPDIR", temporary.into())]
+}
+
+/// Somebody who publishes, until dropped.
+struct Playing(Child);
+
+impl Playing {
+    fn new(temporary: &str) -> Self {
+        let bag = format!("{}/bags/reference/startup_01.mcap", env!("CARGO_MANIFEST_DIR"));
+        let mut command = Command::new(env!("CARGO_BIN_EXE_govtwin"));
+        command.args(["play", &bag, "--loop", "--wait", "0"]).envs(environment(temporary));
+        Self(command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap())
+    }
+}
+
+impl Drop for Playing {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Records for some seconds; a step has a fault.
+fn run(root: &Path, fault: Option<(usize, Fault)>) -> Traced {
+    let temporary = root.join("tmp");
+    let _ = fs::remove_dir_all(&temporary);
+    fs::create_dir(&temporary).unwrap();
+    let out = root.join("run");
+    let command = [env!("CARGO_BIN_EXE_govtwin"), "record", "--out", out.to_str().unwrap(), "--duration", "4"];
+    let environment = environment(temporary.to_str().unwrap());
+    let environment: Vec<(&str, &str)> = environment.iter().map(|(key, value)| (*key, value.as_str())).collect();
+    let traced = trace::run(&command, &environment, root, fault);
+    let _ = fs::remove_dir_all(&temporary);
+    traced
+}
+
+/// What is wrong with the bag, where there is one.
+fn wrong(root: &Path) -> Option<String> {
+    let survey = match bag::survey(&root.join("run")) {
+        Ok(survey) => survey,
+        Err(error) => return Some(error.to_string()),
+    };
+    (!survey.warnings.is_empty() || survey.messages == 0).then(|| format!("{survey:?}"))
+}
+
+/// Judges what a run left, saves what was kept of it, and lets another one follow.
+fn judge(root: &Path, told: Option<(&Traced, Kind)>) -> Vec<String> {
+    let mut found = vec![];
+    let out = root.join("run");
+    if let Some((traced, kind)) = told {
+        let cause = std::io::Error::from_raw_os_error(kind.error() as i32).to_string();
+        let named = traced.stderr.contains(&cause) && traced.stderr.contains(root.to_str().unwrap());
+        match traced.code {
+            Some(1) if !named => found.push(format!("no cause or no place in {}", traced.stderr)),
+            Some(1) => {}
+            Some(0 | 3) if out.is_dir() => {}
+            code => found.push(format!("code {code:?} and no bag: {}", traced.stderr)),
+        }
+        if traced.stderr.contains("panicked") {
+            found.push(format!("panicked: {}", traced.stderr));
+        }
+    }
+    let kept = root.join(".run.unfinished");
+    if !out.exists() && kept.exists() {
+        let mut recover = Command::new(env!("CARGO_BIN_EXE_govtwin"));
+        let recovered = recover.arg("recover").arg(&out).output().unwrap();
+        let nothing = fs::read_dir(&kept).is_ok_and(|mut entries| {
+            entries.all(|entry| entry.unwrap().path().metadata().is_ok_and(|file| file.len() < 4096))
+        });
+        if !out.exists() && !nothing {
+            found.push(format!("what was kept is not saved: {}", String::from_utf8_lossy(&recovered.stderr)));
+        }
+    }
+    if out.exists() {
+        found.extend(wrong(root));
+        fs::remove_dir_all(&out).unwrap();
+    }
+    let again = run(root, None);
+    if !matches!(again.code, Some(0 | 3)) || !out.exists() {
+        found.push(format!("the next run: code {:?}, {}", again.code, again.stderr));
+    } else {
+        found.extend(wrong(root));
+        fs::remove_dir_all(&out).unwrap();
+    }
+    let strange = |path: &PathBuf| is_hidden(path) || path.to_string_lossy().contains("unfinished");
+    let left: Vec<_> = tree(root).into_keys().filter(strange).collect();
+    if !left.is_empty() {
+        found.push(format!("left {left:?}"));
+        for path in left {
+            let _ = fs::remove_dir_all(&path).or_else(|_| fs::remove_file(&path));
+        }
+    }
+    if fs::read_to_string(root.join("diary")).ok().as_deref() != Some("mine") {
+        found.push("another's file was touched".to_owned());
+    }
+    found
+}
+
+#[test]
+#[ignore = "records for minutes; scripts/faults runs it"]
+fn record() {
+    if !trace::is_allowed() {
+        println!("record: skipped, ptrace is refused here");
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let root = dir.path().canonicalize().unwrap().join("root");
+    fs::create_dir(&root).unwrap();
+    fs::write(root.join("diary"), "mine").unwrap();
+    let _playing = Playing::new(dir.path().to_str().unwrap());
+    let first = run(&root, None);
+    assert!(matches!(first.code, Some(0 | 3)), "{}", first.stderr);
+    assert_eq!(wrong(&root), None);
+    fs::remove_dir_all(root.join("run")).unwrap();
+    let sampled = match std::env::var("FAULTS").as_deref() {
+        Ok("all") => usize::MAX,
+        Ok(count) => count.parse().unwrap(),
+        Err(_) => 4,
+    };
+    let (mut refused, mut killed, mut told, mut faults) = (0, 0, 0, vec![]);
+    for at in (0..first.steps.len()).step_by(first.steps.len().div_ceil(sampled)) {
+        let traced = run(&root, Some((at, Fault::Refused)));
+        // It may have ended before, where it heard less.
+        let Some(step) = traced.steps.get(at).cloned() else { continue };
+        refused += 1;
+        told += usize::from(traced.code == Some(1));
+        let found = judge(&root, Some((&traced, step.kind)));
+        faults.extend(found.into_iter().map(|found| format!("step {at}, {step:?} refused: {found}")));
+    }
+    let changing: Vec<_> = first.steps.iter().enumerate().filter(|(_, step)| step.kind.changes()).collect();
+    for (at, step) in changing.iter().rev().step_by(changing.len().div_ceil(sampled)) {
+        let traced = run(&root, Some((*at, Fault::Killed)));
+        killed += usize::from(traced.code.is_none());
+        let found = judge(&root, None);
+        faults.extend(found.into_iter().map(|found| format!("killed before step {at}, {step:?}: {found}")));
+    }
+    println!("record: {} steps, {refused} refused, {told} told, {killed} killed", first.steps.len());
+    assert!(faults.is_empty(), "{} faults\n{}", faults.len(), faults.join("\n"));
+}
