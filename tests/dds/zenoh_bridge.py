@@ -137,6 +137,10 @@ def across(binary, folder, scheme):
         check("an outage beyond the limits fails safe", trips >= 1, f"({trips} times)")
 
 
+def stamp_ns_of(clock):
+    return clock.clock.sec * 10**9 + clock.clock.nanosec
+
+
 def drive(driver, seconds, opening):
     """Commands at 100 Hz; the states that came back."""
     states, _ = Bench.drive(driver, seconds, opening)
@@ -162,8 +166,13 @@ def peer(what):
     check("~/reset is answered", reply is not None and reply.success, f"({reply})")
     if what == "few":
         return
-    clocks = whole(driver.clock_in.take(10000))
-    check("/clock comes across", len(clocks) > 100, f"({len(clocks)})")
+    clocks = []
+    for _ in range(10):
+        drive(driver, 0.1, 0.5)
+        clocks += whole(driver.clock_in.take(1000))
+    rises = all(stamp_ns_of(b) > stamp_ns_of(a) for a, b in zip(clocks, clocks[1:]))
+    # Its reader keeps ten.
+    check("/clock comes across", len(clocks) > 60 and rises, f"({len(clocks)} in a second)")
     joints = whole(driver.joints.take(1000))
     check("joint states come across", joints and joints[-1].name == ["spool", "servomotor"])
     request = ros.GetParametersRequest(0x0102030405060708, 11, ["hold", "unit.servomotor.stroke_m", "no"])
