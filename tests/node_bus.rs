@@ -119,3 +119,66 @@ fn a_recording_loses_nothing_while_it_waits_and_names_what_stayed_silent() {
     assert!((900..=1000).contains(&recorded.messages["/tape/command"]), "{recorded:?}");
     assert_eq!(recorded.messages["/tape/esv"], 0);
 }
+
+#[test]
+fn units_of_one_process_are_nodes_of_their_own() {
+    let environment = environment();
+    let unit = |name: &str, more: &[&str]| {
+        let words = ["-r", &format!("__ns:=/{name}")].iter().chain(more).map(|&word| word.to_owned()).collect::<Vec<_>>();
+        RunOptions {
+            arguments: Arguments::parse(&words, "govtwin").unwrap(),
+            environment: environment.clone(),
+            unit: params::reference(),
+            residual: None,
+            adapt: false,
+            settings: NodeSettings { wishes: Wishes::default(), ..NodeSettings::default() },
+            duration: None,
+            bag: None,
+        }
+    };
+    let typo = ["-r", "/left/governor/comand:=/y", "-r", "/right/governor/esv:=/right/esv"];
+    let options = [unit("left", &typo), unit("right", &typo)];
+    let mut peer = Bus::open(&environment, Arguments::parse(&[], "bench").unwrap()).unwrap();
+    let mut ends = Vec::new();
+    for (name, esv) in [("left", "/left/governor/esv"), ("right", "/right/esv")] {
+        ends.push((
+            peer.publish(&format!("/{name}/governor/command"), GovernorCommand::TYPE_NAME).unwrap(),
+            peer.publish(esv, EsvState::TYPE_NAME).unwrap(),
+            peer.publish(&format!("/{name}/governor/tank_pressure"), FluidPressure::TYPE_NAME).unwrap(),
+            peer.subscribe::<ServoState>(&format!("/{name}/sim/servo_state")).unwrap(),
+        ));
+    }
+    let stop = AtomicBool::new(false);
+    let (ended, said) = std::thread::scope(|scope| {
+        let node = scope.spawn(|| {
+            let mut said = Vec::new();
+            let ended = live::run_together(&options, 2, &stop, &mut |_, words| said.push(words.to_owned()));
+            (ended, said)
+        });
+        let openings = [0.3, 0.6];
+        let mut last = [f64::NAN; 2];
+        wait_for("each unit follows its own command", || {
+            for (index, (command, esv, pressure, states)) in ends.iter().enumerate() {
+                let header = Header::at(wall_ns());
+                command.publish(GovernorCommand { header: header.clone(), opening: openings[index] }).unwrap();
+                esv.publish(EsvState { header: header.clone(), state: EsvState::NORMAL }).unwrap();
+                pressure.publish(FluidPressure { header, fluid_pressure: 6.3e6, variance: 0.0 }).unwrap();
+                while let Ok(Some((state, _))) = states.take() {
+                    last[index] = state.servomotor_position;
+                }
+            }
+            last.iter().zip(openings).all(|(position_pu, opening_pu)| (position_pu - opening_pu).abs() < 2e-3)
+        });
+        stop.store(true, Ordering::Relaxed);
+        node.join().unwrap()
+    });
+    let ended = ended.unwrap();
+    assert_eq!(ended.len(), 2);
+    for one in &ended {
+        assert!(one.summary.ticks > 100 && one.counts[NodeInput::Command as usize].used > 10, "{:?}", one.counts);
+    }
+    let told = |what: &str| said.iter().filter(|words| words.contains(what)).count();
+    assert_eq!((told("/left/governor/comand"), told("/right/governor/esv:=")), (1, 0), "{said:?}");
+    assert!(told("/left/govtwin: ") > 0 && told("/right/govtwin: ") > 0, "{said:?}");
+    wait_for("both go", || !peer.writers().values().any(|(topic, _)| topic.ends_with("/sim/servo_state")));
+}

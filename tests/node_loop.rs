@@ -1,10 +1,13 @@
 //! The node's loop without its bus: pace, clocks, orders, exchanges of the twin.
 #![cfg(feature = "node")]
 
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
 use govtwin::frame::EsvState;
 use govtwin::node::control::{Answer, Order, OrderOutcome, RunState};
 use govtwin::node::core::{Core, InputEvent, NodeInput, Notices, OnStale, Policy};
-use govtwin::node::integration::{Ends, Integrator, LoopPace, TickOutput, TimeSource, TimedEvent};
+use govtwin::node::integration::{Ends, Integrator, LoopPace, TickOutput, TimeSource, TimedEvent, pool};
 use govtwin::node::refit::Refit;
 use govtwin::parameters::EffectSetting;
 use govtwin::params;
@@ -279,4 +282,36 @@ fn a_load_force_moves_the_piston_and_falls_away_with_its_source() {
     assert!(last.fail_safe && last.load_n.abs() < 1e-9, "{last:?}");
     assert_eq!(last.frame.inputs.esv, EsvState::Shutdown);
     assert!(last.ages_ns[NodeInput::Load as usize].is_some());
+}
+
+#[test]
+fn units_of_one_thread_keep_their_own_rates_and_one_that_ends_ends_all() {
+    let (one, mut one_ends) = own_time(false);
+    let policy = Policy { stale_after_ns: 10_000 * MS, hold_ns: 1000 * MS, on_stale: OnStale::Trip };
+    let core = Core::of_refit(Refit::new(&params::reference()), policy);
+    let pace = LoopPace { period_ns: 5 * MS, publish_period_ns: 10 * MS, time: TimeSource::Own, paused: false };
+    let (slow, mut slow_ends) = Integrator::new(core, pace, 0);
+    let (standing, mut standing_ends) = own_time(true);
+    for ends in [&mut one_ends, &mut slow_ends, &mut standing_ends] {
+        hear(ends, &INPUTS);
+    }
+    let stop = AtomicBool::new(false);
+    let stats = std::thread::scope(|scope| {
+        let listener = std::thread::current();
+        let thread = scope.spawn(move || pool::run(vec![one, slow, standing], &stop, &listener));
+        std::thread::sleep(Duration::from_millis(300));
+        let steps = InputEvent::Order(Order::Step { ticks: 7 }, 1);
+        standing_ends.events.push(TimedEvent { arrived_ns: 0, heard: steps }).unwrap();
+        std::thread::sleep(Duration::from_millis(100));
+        assert!(!thread.is_finished());
+        slow_ends.events.push(TimedEvent { arrived_ns: 0, heard: InputEvent::Order(Order::Quit, 2) }).unwrap();
+        thread.join().unwrap()
+    });
+    let [one, slow, standing] = &stats[..] else { panic!("{} of 3", stats.len()) };
+    // A busy machine may take the thread away; ticks left out are told.
+    let fast = one.ticks + one.skipped;
+    assert!(fast > 300 && fast.abs_diff(5 * (slow.ticks + slow.skipped)) < 50, "{fast}, {}", slow.ticks);
+    assert!(slow.ended_by_caller && !one.ended_by_caller);
+    assert_eq!(standing.ticks, 7);
+    assert!(outputs(&mut one_ends).len() > 20 && outputs(&mut slow_ends).len() > 20);
 }

@@ -1,6 +1,6 @@
 //! `govtwin run`: runs the twin as a ROS 2 node.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
@@ -12,6 +12,7 @@ use govtwin::node::environment::Environment;
 use govtwin::node::live::{self, RunEnd, RunOptions};
 use govtwin::node::realtime::Wishes;
 use govtwin::node::settings::{InputSettings, NodeSettings};
+use govtwin::parameters::Unit;
 use govtwin::params;
 use govtwin::twin::Twin;
 use serde_json::json;
@@ -26,6 +27,12 @@ pub struct Args {
     /// Parameter file of the unit; the shipped unit by default.
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
+    /// Run several units in this process, each as a node in the namespace NAME: from its parameter file, or as the shipped unit.
+    #[arg(long = "unit", value_name = "NAME[=FILE]", conflicts_with_all = ["params", "residual", "publish_clock"])]
+    units: Vec<String>,
+    /// Threads that integrate, among which the units are shared out.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=64), requires = "units")]
+    threads: u8,
     /// Correct the twin by this model of `govtwin train` and publish `sim/corrected/servo_state` and its band beside `sim/servo_state`.
     #[arg(long, value_name = "MODEL")]
     residual: Option<PathBuf>,
@@ -38,7 +45,7 @@ pub struct Args {
     /// Published states per second.
     #[arg(long = "publish-rate", value_name = "HZ", default_value_t = 100.0, value_parser = number)]
     publish_rate_hz: f64,
-    /// Keep the integration thread on this core.
+    /// Keep the integration thread on this core, further ones on those after it.
     #[arg(long, value_name = "CORE")]
     cpu: Option<usize>,
     /// `SCHED_FIFO` priority of the integration thread, 1 to 99; 0 for an ordinary thread.
@@ -108,36 +115,90 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         wishes: Wishes { cpu: args.cpu, priority: args.priority },
         ..NodeSettings::default()
     };
-    let mut unit = args.params.as_deref().map_or_else(|| Ok(params::reference()), params::load)?;
+    let whole = Arguments::parse(&args.ros, "govtwin")?;
+    let of_one = |arguments: Arguments, params: Option<&Path>, bag: Option<PathBuf>| {
+        anyhow::Ok(RunOptions {
+            environment: environment(args.lease_s)?,
+            arguments,
+            unit: unit(params)?,
+            residual: args.residual.as_deref().map(model::load).transpose()?,
+            adapt: args.adapt,
+            settings,
+            duration: duration(args.duration_s, "--duration")?,
+            bag,
+        })
+    };
+    let options = if args.units.is_empty() {
+        vec![of_one(whole, args.params.as_deref(), args.bag.clone())?]
+    } else {
+        let units = named_units(&args.units)?;
+        if let Some(folder) = &args.bag {
+            std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
+        }
+        let of_unit = |(name, params): (&str, Option<&Path>)| {
+            let namespace = format!("__ns:={}/{name}", whole.namespace.trim_end_matches('/'));
+            let words = [&args.ros[..], &["-r".to_owned(), namespace]].concat();
+            let arguments = Arguments::parse(&words, "govtwin").with_context(|| format!("--unit {name}"))?;
+            of_one(arguments, params, args.bag.as_ref().map(|folder| folder.join(name)))
+        };
+        units.into_iter().map(of_unit).collect::<anyhow::Result<Vec<_>>>()?
+    };
+    let stop = stop_on_signals()?;
+    let ended = live::run_together(&options, usize::from(args.threads), &stop, &mut |level, words| {
+        output::say(&format!("{level:?}: {words}"));
+    })?;
+    let names = options.iter().map(|one| one.arguments.full_name());
+    let (figures, text) = if let ([one], true) = (&ended[..], args.units.is_empty()) {
+        (figures(one), text(one))
+    } else {
+        let named: Vec<_> = names.zip(&ended).collect();
+        let rows = named.iter().map(|(name, one)| (name.clone(), figures(one)));
+        let texts = named.iter().map(|(name, one)| format!("{name}\n{}", text(one)));
+        (json!({"units": rows.collect::<serde_json::Map<_, _>>()}), texts.collect())
+    };
+    let figures = serde_json::to_string_pretty(&figures)? + "\n";
+    if let Some(path) = &args.out {
+        output::write_atomically(path, figures.as_bytes())?;
+    }
+    output::print(&if args.json { figures } else { text })?;
+    for words in ended.iter().filter_map(|one| one.bag_ended.as_ref()) {
+        output::warn(words);
+    }
+    let has_ended_early = |one: &RunEnd| one.by_fail_safe || one.bag_ended.is_some();
+    Ok(if ended.iter().any(has_ended_early) { Outcome::Warnings } else { Outcome::Ok })
+}
+
+/// Reads a unit, the shipped one by default.
+fn unit(params: Option<&Path>) -> anyhow::Result<Unit> {
+    let mut unit = params.map_or_else(|| Ok(params::reference()), params::load)?;
     if Twin::new(&unit).plant().lookahead_s > 0.0 {
         unit.effects.retain(|setting| setting.id != "clock_offset");
         output::warn(
             "the effect clock_offset asks for inputs from the future, which has no meaning live; it is left out",
         );
     }
-    let options = RunOptions {
-        environment: environment(args.lease_s)?,
-        arguments: Arguments::parse(&args.ros, "govtwin")?,
-        unit,
-        residual: args.residual.as_deref().map(model::load).transpose()?,
-        adapt: args.adapt,
-        settings,
-        duration: duration(args.duration_s, "--duration")?,
-        bag: args.bag.clone(),
-    };
-    let stop = stop_on_signals()?;
-    let ended = live::run(&options, &stop, &mut |level, words| {
-        output::say(&format!("{level:?}: {words}"));
-    })?;
-    let figures = serde_json::to_string_pretty(&figures(&ended))? + "\n";
-    if let Some(path) = &args.out {
-        output::write_atomically(path, figures.as_bytes())?;
+    Ok(unit)
+}
+
+/// Names and parameter files of several units.
+fn named_units(units: &[String]) -> anyhow::Result<Vec<(&str, Option<&Path>)>> {
+    let named = units.iter().map(|unit| match unit.split_once('=') {
+        Some((name, file)) => (name, Some(Path::new(file))),
+        None => (unit.as_str(), None),
+    });
+    let named: Vec<_> = named.collect();
+    for (index, (name, file)) in named.iter().enumerate() {
+        expect(!name.is_empty() && !name.contains('/'), || {
+            format!("--unit {}: expected NAME or NAME=FILE, where NAME is one part of a namespace, such as unit1", units[index])
+        })?;
+        expect(file.is_none_or(|file| !file.as_os_str().is_empty()), || {
+            format!("--unit {}: expected a parameter file after `=`", units[index])
+        })?;
+        expect(named[..index].iter().all(|(other, _)| other != name), || {
+            format!("--unit {name} is given twice: each unit needs a name of its own")
+        })?;
     }
-    output::print(&if args.json { figures } else { text(&ended) })?;
-    if let Some(words) = &ended.bag_ended {
-        output::warn(words);
-    }
-    Ok(if ended.by_fail_safe || ended.bag_ended.is_some() { Outcome::Warnings } else { Outcome::Ok })
+    Ok(named)
 }
 
 /// A flag that SIGINT and SIGTERM set.
@@ -196,4 +257,33 @@ fn text(ended: &RunEnd) -> String {
         text.push_str(&format!("bag: {}\n", bag.display()));
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::named_units;
+
+    fn named(units: &[&str]) -> Result<Vec<(String, Option<String>)>, String> {
+        let units: Vec<String> = units.iter().map(|&unit| unit.to_owned()).collect();
+        let own = |file: &Path| file.to_string_lossy().into_owned();
+        let named = named_units(&units).map_err(|error| error.to_string())?;
+        Ok(named.into_iter().map(|(name, file)| (name.to_owned(), file.map(own))).collect())
+    }
+
+    #[test]
+    fn units_have_names_of_their_own_and_files_where_given() {
+        let expected = vec![("a".to_owned(), None), ("b".to_owned(), Some("b.yaml".to_owned()))];
+        assert_eq!(named(&["a", "b=b.yaml"]), Ok(expected));
+        for (units, words) in [
+            (&["a", "a=x.yaml"][..], "--unit a is given twice"),
+            (&["=x.yaml"], "expected NAME or NAME=FILE"),
+            (&["a/b"], "one part of a namespace"),
+            (&["a="], "expected a parameter file"),
+        ] {
+            let said = named(units).unwrap_err();
+            assert!(said.contains(words), "{said}");
+        }
+    }
 }

@@ -96,10 +96,24 @@ impl Bus {
         let participant = builder.build().map_err(|error| join(error.to_string()))?;
         announce_hash(&participant, "rt/rosout", "rcl_interfaces/msg/Log", None);
         let context = Context::from_domain_participant(participant).map_err(|error| join(error.to_string()))?;
+        Self::of(context, arguments, environment.domain)
+    }
+
+    /// Announces another node of the same process: both share the participant.
+    ///
+    /// # Errors
+    /// When the node's name is none.
+    pub fn beside(&self, arguments: Arguments) -> Result<Self, BusError> {
+        Self::of(self.context.clone(), arguments, self.context.domain_id())
+    }
+
+    fn of(context: Context, arguments: Arguments, domain: u16) -> Result<Self, BusError> {
         let name = NodeName::new(&arguments.namespace, &arguments.name)
             .map_err(|error| BusError::Name { name: arguments.full_name(), reason: error.to_string() })?;
         let options = NodeOptions::new().enable_rosout(arguments.rosout);
-        let node = context.new_node(name, options).map_err(|error| join(error.to_string()))?;
+        let node = context
+            .new_node(name, options)
+            .map_err(|error| BusError::Join { domain, reason: error.to_string() })?;
         Ok(Self { node, context, arguments, endpoints: Vec::new(), opened: BTreeSet::new() })
     }
 
@@ -216,18 +230,23 @@ impl Bus {
         let full_name = self.arguments.resolve(service)?;
         self.opened.insert(self.arguments.expand(service)?);
         let (participant, qos) = (self.context.domain_participant(), QosPolicies::from(&reliable()));
+        let topic = |name: String, half: &str| {
+            participant.create_topic(name, dds_type(&format!("{type_name}_{half}")), &qos, TopicKind::NoKey)
+        };
+        let refused = |source: rustdds::dds::CreateError| BusError::open(&full_name, source);
+        let requests = topic(format!("rq{full_name}Request"), "Request").map_err(refused)?;
+        let responses = topic(format!("rr{full_name}Reply"), "Response").map_err(refused)?;
         let open = || {
-            let topic = |name: String, half: &str| {
-                participant.create_topic(name, dds_type(&format!("{type_name}_{half}")), &qos, TopicKind::NoKey)
-            };
-            let requests = topic(format!("rq{full_name}Request"), "Request")?;
-            let responses = topic(format!("rr{full_name}Reply"), "Response")?;
             let (subscriber, publisher) = (participant.create_subscriber(&qos)?, participant.create_publisher(&qos)?);
             let reader = subscriber.create_simple_datareader_no_key(&requests, None)?;
             let writer = publisher.create_datawriter_no_key(&responses, None)?;
             Ok(Calls::new((subscriber, reader), (publisher, writer)))
         };
-        open().map_err(|source| BusError::open(&full_name, source))
+        let calls = open().map_err(refused)?;
+        let refused = |source| BusError::Open { topic: full_name.clone(), source };
+        let listed = self.node.create_subscription::<()>(&requests, None).map_err(refused)?;
+        let listed = (listed, self.node.create_publisher::<()>(&responses, None).map_err(refused)?);
+        Ok(calls.listed(listed))
     }
 
     /// Opens a service of another node, by its full name, to call it.
@@ -252,13 +271,23 @@ impl Bus {
 
     /// Remappings and `qos_overrides` that nothing of this node is behind, in words; asked once all endpoints are open.
     #[must_use]
-    pub fn idle_arguments(&self) -> Vec<String> {
-        let mut idle = self.arguments.idle_remappings(&self.opened);
+    pub fn idle_arguments(&self) -> BTreeSet<String> {
+        Self::idle_arguments_of(&[self])
+    }
+
+    /// The same of several nodes that were given the same arguments.
+    #[must_use]
+    pub fn idle_arguments_of(buses: &[&Self]) -> BTreeSet<String> {
         let role = |writes: bool| if writes { "publisher" } else { "subscription" };
-        let places: Vec<String> =
-            self.endpoints.iter().map(|endpoint| format!("{}.{}", endpoint.topic, role(endpoint.writes))).collect();
-        idle.extend(qos::idle(&self.arguments.parameters, &places));
-        idle
+        let place = |endpoint: &Endpoint| format!("{}.{}", endpoint.topic, role(endpoint.writes));
+        let opened = buses.iter().flat_map(|bus| bus.opened.iter().cloned()).collect();
+        let places: Vec<String> = buses.iter().flat_map(|bus| bus.endpoints.iter().map(place)).collect();
+        let idle = |bus: &&Self| {
+            let mut idle = bus.arguments.idle_remappings(&opened);
+            idle.extend(qos::idle(&bus.arguments.parameters, &places));
+            idle
+        };
+        buses.iter().flat_map(idle).collect()
     }
 
     /// Opens `/parameter_events`.

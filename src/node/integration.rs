@@ -1,21 +1,14 @@
 //! The thread that integrates: absolute deadlines, no lock, no wait, no allocation, no DDS.
 
 mod orders;
-
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::Thread;
-use std::time::Duration;
+pub mod pool;
 
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use super::control::{AgeClock, Answer, RunState, Steps};
 use super::core::{Core, InputEvent, Notices, Tick};
-use super::realtime::{monotonic_ns, sleep_until, wall_ns};
 use super::refit::Refit;
 use super::stats::Stats;
-
-/// Behind by more than this, the loop leaves ticks out instead of catching up, ns.
-const LARGEST_CATCH_UP_NS: i64 = 100_000_000;
 
 /// A simulated clock that leaps ahead by more than this is another time, as one that jumps back is, ns.
 const LARGEST_CLOCK_STEP_NS: i64 = 10_000_000_000;
@@ -37,12 +30,6 @@ const ROOM_TO_STEP: usize = 256;
 
 /// Steps that a caller ordered run no farther ahead of what is published than so many results: who ends them early is answered behind these.
 const MOST_AHEAD: usize = 512;
-
-/// How long a loop without a deadline sleeps where nobody wakes it.
-const IDLE: Duration = Duration::from_millis(50);
-
-/// How long it waits for room.
-const BLOCKED: Duration = Duration::from_micros(200);
 
 /// Something heard, and when, on the monotonic clock.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -127,6 +114,8 @@ pub struct Integrator {
     time_ns: i64,
     next_publish_ns: i64,
     clock_ns: Option<i64>,
+    /// The next wake-up, while it runs with the machine's clock.
+    deadline_ns: Option<i64>,
     node_events: bool,
 }
 
@@ -160,6 +149,7 @@ impl Integrator {
             time_ns,
             next_publish_ns: time_ns,
             clock_ns: None,
+            deadline_ns: None,
             node_events: false,
         };
         let ends =
@@ -212,53 +202,6 @@ impl Integrator {
         }
         self.time_ns += ticks * self.pace.period_ns;
         self.stats.skipped += u64::try_from(ticks).unwrap_or(0);
-    }
-
-    /// Runs until `stop`, or until the fail-safe or a caller ends the node; wakes `listener` when there are results.
-    ///
-    /// With the machine's clock it wakes at each deadline; while it follows `/clock` or stands it sleeps until whoever pushes an
-    /// event unparks its thread.
-    #[must_use]
-    pub fn run(mut self, stop: &AtomicBool, listener: &Thread) -> Stats {
-        let period_ns = self.pace.period_ns;
-        let mut deadline = None;
-        if self.pace.time == TimeSource::Wall {
-            self.restart_at(wall_ns());
-        }
-        while !stop.load(Ordering::Relaxed) && !self.stats.ended_by_fail_safe && !self.stats.ended_by_caller {
-            if self.follows() || self.state != RunState::Playing {
-                deadline = None;
-                let waits = if self.has_work() { BLOCKED } else { IDLE };
-                if !self.has_work() || !self.has_room() {
-                    std::thread::park_timeout(waits);
-                }
-                if self.turn(monotonic_ns()) {
-                    listener.unpark();
-                }
-                continue;
-            }
-            // Deadlines lie on whole periods of the monotonic clock, so that loops on one machine can keep clear of each other.
-            let mut deadline_ns = deadline.unwrap_or_else(|| (monotonic_ns() / period_ns + 2) * period_ns);
-            if self.stats.ticks == 0 && deadline.is_none() && self.pace.time == TimeSource::Wall {
-                self.restart_at(wall_ns() + (deadline_ns - monotonic_ns()));
-            }
-            sleep_until(deadline_ns);
-            let woke_ns = monotonic_ns();
-            let behind_ns = woke_ns - deadline_ns;
-            if behind_ns > LARGEST_CATCH_UP_NS {
-                let ticks = behind_ns / period_ns;
-                self.skip(ticks);
-                deadline_ns += ticks * period_ns;
-            }
-            if self.turn(woke_ns) {
-                listener.unpark();
-            }
-            self.stats.woke(deadline_ns, woke_ns, monotonic_ns(), period_ns);
-            deadline = Some(deadline_ns + period_ns);
-        }
-        listener.unpark();
-        self.stats.residual = self.core.corrector().map(|corrector| (*corrector.counts(), corrector.adaptation()));
-        self.stats
     }
 
     fn follows(&self) -> bool {

@@ -126,10 +126,12 @@ pub struct Listener<'a> {
     full: Cell<bool>,
 }
 
-/// What one arrival asks for once it was looked at.
-enum Arrival {
-    Done,
-    Answered(Aftermath),
+/// What arrives through one endpoint, dealt with as it comes.
+pub type Arrivals<'a> = LocalBoxStream<'a, ()>;
+
+/// Hears until told to stop.
+pub fn hear(arrivals: Vec<Arrivals<'_>>, stop: oneshot::Receiver<()>) {
+    futures::executor::block_on(select_all(arrivals).take_until(stop).for_each(|()| std::future::ready(())));
 }
 
 impl<'a> Listener<'a> {
@@ -157,31 +159,23 @@ impl<'a> Listener<'a> {
         }
     }
 
-    /// Hears until told to stop.
-    pub fn run<'s>(
-        &self,
-        subscriptions: &'s Subscriptions,
-        services: &ServiceContext<'_>,
-        replies: &Replies<'s>,
-        stop: oneshot::Receiver<()>,
-    ) {
+    /// All that arrives, dealt with as it comes.
+    #[must_use]
+    pub fn arrivals<'s, 'p: 's>(
+        &'s self,
+        subscriptions: &'p Subscriptions,
+        services: &'s ServiceContext<'s>,
+        replies: &'s Replies<'p>,
+    ) -> Vec<Arrivals<'s>> {
         self.stroke_m.set(services.store.borrow().unit().parameters.servomotor.stroke_m);
-        let mut streams: Vec<LocalBoxStream<'_, Arrival>> = vec![
+        let mut streams = vec![
             self.input(&subscriptions.command),
             self.input(&subscriptions.esv),
             self.input(&subscriptions.tank_pressure),
+            subscriptions.joint_commands.async_stream().map(|sample| self.asked(sample)).boxed_local(),
         ];
-        let asked = subscriptions.joint_commands.async_stream().map(|sample| {
-            self.asked(sample);
-            Arrival::Done
-        });
-        streams.push(asked.boxed_local());
         if let Some(measured) = &subscriptions.measured {
-            let samples = measured.async_stream().map(|sample| {
-                self.measured(sample);
-                Arrival::Done
-            });
-            streams.push(samples.boxed_local());
+            streams.push(measured.async_stream().map(|sample| self.measured(sample)).boxed_local());
         }
         if let Some(clock) = &subscriptions.clock {
             let ticks = clock.async_stream().map(|sample| {
@@ -189,37 +183,26 @@ impl<'a> Listener<'a> {
                     self.clock.note(time_ns, monotonic_ns());
                     self.tell(InputEvent::Clock(time_ns));
                 }
-                Arrival::Done
             });
             streams.push(ticks.boxed_local());
         }
+        let mut answers = subscriptions.action.answers(services, replies);
         for (parameters, upkeep, simulation) in &subscriptions.services {
-            let answers = parameters.answers(services).into_iter().chain(upkeep.answers(services));
-            let answers = answers.chain(simulation.answers(services, replies));
-            streams.extend(answers.map(|answers| answers.map(Arrival::Answered).boxed_local()));
+            answers.extend(parameters.answers(services));
+            answers.extend(upkeep.answers(services));
+            answers.extend(simulation.answers(services, replies));
         }
-        let answers = subscriptions.action.answers(services, replies).into_iter();
-        streams.extend(answers.map(|answers| answers.map(Arrival::Answered).boxed_local()));
-        let mut arrivals = select_all(streams).take_until(stop);
-        futures::executor::block_on(async {
-            while let Some(arrival) = arrivals.next().await {
-                if let Arrival::Answered(aftermath) = arrival {
-                    self.follow_up(aftermath, services, &subscriptions.parameter_events);
-                }
-            }
-        });
+        let events = &subscriptions.parameter_events;
+        let follow_up = |stream: LocalBoxStream<'s, Aftermath>| {
+            stream.map(move |aftermath| self.follow_up(aftermath, services, events)).boxed_local()
+        };
+        streams.extend(answers.into_iter().map(follow_up));
+        streams
     }
 
     /// The stream of one input.
-    fn input<'s, M: Interface + Intake + 'static>(
-        &'s self,
-        subscription: &'s Subscription<M>,
-    ) -> LocalBoxStream<'s, Arrival> {
-        let samples = subscription.async_stream().map(|sample| {
-            self.sample(sample);
-            Arrival::Done
-        });
-        samples.boxed_local()
+    fn input<'s, M: Interface + Intake + 'static>(&'s self, subscription: &'s Subscription<M>) -> Arrivals<'s> {
+        subscription.async_stream().map(|sample| self.sample(sample)).boxed_local()
     }
 
     fn tell(&self, heard: InputEvent) {

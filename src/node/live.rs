@@ -1,48 +1,44 @@
-//! The running node: opens the bus, starts the threads, keeps the books, and leaves in the right order.
+//! The running node, or several in one process: opens the bus, starts the threads, keeps the books, and leaves in the right order.
 
+mod station;
 mod supervisor;
 
+use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::Thread;
 use std::time::Duration;
 
 use futures::channel::oneshot;
+use ros2_client::ServiceMapping;
 use ros2_client::log::LogLevel;
+use rtrb::{Consumer, Producer};
 
-use supervisor::Supervisor;
+use station::{Parts, Station};
+use supervisor::{SECOND, Supervisor};
 
 use super::arguments::Arguments;
 use super::bus::{Bus, BusError};
-use super::clock::{self, Watch};
-use super::control::RunState;
-use super::core::{Core, NodeInput};
-use super::diagnostics;
+use super::clock::Watch;
+use super::core::NodeInput;
 use super::environment::Environment;
 use super::intake::TopicCounts;
-use super::integration::{Ends, Integrator};
-use super::journal::{Journal, Names};
-use super::listener::event::{NodeEvent, way};
-use super::listener::{Listener, Loop, Subscriptions};
+use super::integration::{Ends, TimedEvent, pool};
+use super::listener::event::{NodeEvent, Teller, way};
+use super::listener::{Arrivals, Listener, Loop, hear};
 use super::parameters::ParameterStore;
-use super::publishers::Publishers;
-use super::realtime::{Until, claim, claim_as_carrier, monotonic_ns, resident_bytes};
+use super::publishers::{Outlet, publish};
+use super::realtime::{Until, Wishes, claim, claim_as_carrier, monotonic_ns, pause, resident_bytes};
 use super::refit::Refit;
 use super::services::ServiceContext;
 use super::services::replies::Replies;
 use super::settings::NodeSettings;
-use super::stats::RunSummary;
-use super::{qos, startup};
+use super::startup;
+use super::stats::{RunSummary, Stats};
 use crate::bag::BagError;
 use crate::parameters::Unit;
-use crate::residual::corrector::Corrector;
 use crate::residual::model::{Model, ModelError};
-use crate::residual::row::Opening;
-
-/// Why a unit with a learned residual cannot be changed while the node runs.
-const FIXED_UNIT: &str =
-    "a learned residual is of the unit as it was at start: start anew with the changed unit, or without --residual";
 
 /// Where words go.
 pub type Say<'a> = &'a mut dyn FnMut(LogLevel, &str);
@@ -105,198 +101,192 @@ pub enum NodeError {
     Thread(#[from] std::io::Error),
 }
 
+/// How often the books are kept.
+const BOOKS: Duration = Duration::from_millis(20);
+
 /// Runs the node until `stop`, its duration or the fail-safe ends it.
 ///
 /// # Errors
 /// When the bus cannot be joined, a parameter is wrong or the bag cannot be written.
 pub fn run(options: &RunOptions, stop: &AtomicBool, say: Say<'_>) -> Result<RunEnd, NodeError> {
-    let store = parameters(options, say)?;
-    let (settings, unit) = (store.settings(), store.unit().clone());
-    let corrector = corrector(options, &unit)?;
-    for remark in options.environment.remarks.iter().chain(&options.arguments.remarks) {
-        say(LogLevel::Warn, remark);
-    }
-    let mut bus = Bus::open(&options.environment, options.arguments.clone())?;
-    for (level, words) in startup::words(&bus, &options.environment, &settings) {
-        say(level, &words);
-    }
-    // All endpoints are made before anything runs: announcements in a burst later may be lost.
-    let subscriptions = Subscriptions::open(&mut bus, &options.environment, &settings, options.adapt)?;
-    let publishers = Publishers::open(&mut bus, corrector.as_ref().map(Corrector::signal), settings.publish_clock)?;
-    let health = bus.publish("/diagnostics", diagnostics::TYPE_NAME)?;
-    for words in bus.idle_arguments() {
-        say(LogLevel::Warn, &words);
-    }
-    let journal = options.bag.as_ref().map(|folder| Journal::create(folder, &names(&bus)?).map_err(NodeError::from));
-    let journal = journal.transpose()?;
-    for (level, words) in startup::claim(settings.wishes.priority) {
-        say(level, &words);
-    }
-    let fixed_unit = corrector.is_some().then_some(FIXED_UNIT);
-    let core = Core::of_refit(Refit::new(&unit), settings.policies()).with_corrector(corrector);
-    let (integrator, ends) = Integrator::new(core, settings.pace(), 0);
-    let Ends { events, refits, retired, outputs, answers } = ends;
-    let replies = Replies::new(if settings.pace().paused { RunState::Paused } else { RunState::Playing });
-    let clock = clock::ClockHeard::default();
-    let least = AtomicU8::new(log_level(options.arguments.log_level) as u8);
-    let counts = Mutex::new(<[TopicCounts; NodeInput::COUNT]>::default());
-    let (node_events, heard) = way();
-    let (stop_listening, listening) = oneshot::channel();
-    let ending = AtomicBool::new(false);
-    let (bus_ref, subscriptions_ref, publishers_ref, counts_ref, ending_ref) =
-        (&bus, &subscriptions, &publishers, &counts, &ending);
-    let (replies_ref, clock_ref, least_ref) = (&replies, &clock, &least);
-    let state = || replies_ref.state();
-    let mut supervisor = Supervisor {
-        bus: bus_ref,
-        health,
-        counts: counts_ref,
-        settings,
-        journal,
-        ended: None,
-        strangers: BTreeSet::new(),
-        clock: clock_ref,
-        watch: Watch::new(monotonic_ns()),
-        state: &state,
-        competing_clock: false,
-        least: least_ref,
-        say,
-    };
+    run_together(std::slice::from_ref(options), 1, stop, say).map(|mut ended| ended.swap_remove(0))
+}
 
-    let (stats, lost_publications) = std::thread::scope(|scope| {
-        let environment = &options.environment;
-        let telling = node_events.clone();
+/// Runs several units, each a node, on one participant and with so many threads that integrate, until `stop`, the first one's duration, or the
+/// fail-safe or a caller of one of them ends all. Returns how each ended, in their order.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_together(
+    options: &[RunOptions],
+    threads: usize,
+    stop: &AtomicBool,
+    say: Say<'_>,
+) -> Result<Vec<RunEnd>, NodeError> {
+    let Some(first) = options.first() else { return Ok(Vec::new()) };
+    let mut told = BTreeSet::new();
+    // What is the same for all units is said once.
+    let mut say_once = |level, words: &str| {
+        if told.insert(words.to_owned()) {
+            say(level, words);
+        }
+    };
+    let (mut stations, mut parts) = (Vec::<Station>::new(), Vec::new());
+    for options in options {
+        let (station, of_threads) = Station::open(options, stations.first().map(|first| &first.bus), &mut say_once)?;
+        stations.push(station);
+        parts.push(of_threads);
+    }
+    for words in Bus::idle_arguments_of(&stations.iter().map(|station| &station.bus).collect::<Vec<_>>()) {
+        say_once(LogLevel::Warn, &words);
+    }
+    let mut journals = Vec::new();
+    for (station, options) in stations.iter().zip(options) {
+        journals.push(options.bag.as_ref().map(|folder| station.journal(folder)).transpose()?);
+    }
+    let wishes = stations.first().map(|first| first.settings.wishes).unwrap_or_default();
+    for (level, words) in startup::claim(wishes.priority) {
+        say_once(level, &words);
+    }
+    let replies: Vec<Replies<'_>> = stations.iter().map(|station| Replies::new(station.begins())).collect();
+    let say = RefCell::new(say);
+    let tell = |level, words: &str| (say.borrow_mut())(level, words);
+    let (mut outlets, mut loops, mut hearers, mut supervisors) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    for (((station, parts), journal), replies) in stations.iter().zip(parts).zip(journals).zip(&replies) {
+        let Parts { health, store, fixed_unit, integrator, ends } = parts;
+        let Ends { events, refits, retired, outputs, answers } = ends;
+        let (node_events, heard) = way();
+        let action = station.subscriptions.action();
+        outlets.push(Outlet::new(&station.publishers, (outputs, answers), (replies, action), node_events.clone()));
+        loops.push(integrator);
+        let name = station.bus.arguments().full_name();
+        supervisors.push(Supervisor {
+            bus: &station.bus,
+            health,
+            counts: &station.counts,
+            settings: station.settings,
+            journal,
+            ended: None,
+            strangers: BTreeSet::new(),
+            clock: &station.clock,
+            watch: Watch::new(monotonic_ns()),
+            state: Box::new(|| replies.state()),
+            competing_clock: false,
+            least: &station.least,
+            heard,
+            second: Until::after(Some(SECOND)),
+            newest: None,
+            reported: Default::default(),
+            prefix: if options.len() > 1 { format!("{name}: ") } else { String::new() },
+            say: &tell,
+        });
+        hearers.push(Hearer { station, replies, store, fixed_unit, node_events, ways: (events, refits, retired) });
+    }
+
+    let share = loops.len().div_ceil(threads.max(1));
+    let ending = AtomicBool::new(false);
+    let ending_ref = &ending;
+    let (stop_listening, listening) = oneshot::channel();
+    let (stats, lost) = std::thread::scope(|scope| {
         let publishing = std::thread::Builder::new().name("publish".to_owned()).spawn_scoped(scope, move || {
-            claim_as_carrier(settings.wishes.priority);
-            publishers_ref.publish(outputs, answers, replies_ref, subscriptions_ref.action(), &telling)
+            claim_as_carrier(wishes.priority);
+            publish(outlets)
         })?;
-        let (publisher, stepper_events) = (publishing.thread().clone(), node_events.clone());
-        let stepping = std::thread::Builder::new().name("step".to_owned()).spawn_scoped(scope, move || {
-            for said in claim(settings.wishes) {
-                let (level, words) = match said {
-                    Ok(words) => (LogLevel::Info, words),
-                    Err(words) => (LogLevel::Warn, words),
-                };
-                stepper_events.tell(NodeEvent::Said(level, words));
-            }
-            // From here on this thread touches nothing that can wait.
-            drop(stepper_events);
-            integrator.run(ending_ref, &publisher)
-        })?;
-        let integrator = Loop { events, refits, retired, thread: stepping.thread().clone() };
-        let stepper = stepping.thread().clone();
+        let (mut stepping, mut loops) = (Vec::new(), loops.into_iter());
+        for (thread, hearers) in hearers.chunks(share).enumerate() {
+            let loops: Vec<_> = loops.by_ref().take(share).collect();
+            let (publisher, node_events) = (publishing.thread().clone(), hearers[0].node_events.clone());
+            let wishes = Wishes { cpu: wishes.cpu.map(|cpu| cpu + thread), ..wishes };
+            stepping.push(std::thread::Builder::new().name("step".to_owned()).spawn_scoped(scope, move || {
+                // From here on this thread touches nothing that can wait.
+                tell_claims(wishes, node_events);
+                pool::run(loops, ending_ref, &publisher)
+            })?);
+        }
+        let steppers: Vec<_> = stepping.iter().map(|stepping| stepping.thread().clone()).collect();
+        let (threads, mappings) = (steppers.clone(), &first.environment.service_mappings);
         let hearing = std::thread::Builder::new().name("hear".to_owned()).spawn_scoped(scope, move || {
-            claim_as_carrier(settings.wishes.priority);
-            let listener = Listener::new(bus_ref, integrator, node_events, counts_ref, clock_ref);
-            let mut context = ServiceContext::new(store, &environment.service_mappings, least_ref);
-            context.fixed_unit = fixed_unit;
-            listener.run(subscriptions_ref, &context, replies_ref, listening);
+            claim_as_carrier(wishes.priority);
+            let ears: Vec<_> =
+                hearers.into_iter().enumerate().map(|(n, one)| one.ears(&threads[n / share], mappings)).collect();
+            hear(ears.iter().flat_map(Ears::arrivals).collect(), listening);
         })?;
-        let until = Until::after(options.duration);
-        let done = || stop.load(Ordering::Relaxed) || until.is_past() || stepping.is_finished();
-        supervisor.keep(&heard, done);
+        let until = Until::after(first.duration);
+        while !stop.load(Ordering::Relaxed) && !until.is_past() && !stepping.iter().any(|one| one.is_finished()) {
+            supervisors.iter_mut().for_each(Supervisor::turn);
+            pause(BOOKS);
+        }
         ending.store(true, Ordering::Relaxed);
-        stepper.unpark();
+        steppers.iter().for_each(std::thread::Thread::unpark);
         let _ = stop_listening.send(());
-        let stats = stepping.join().unwrap_or_default();
-        let lost_publications = publishing.join().unwrap_or(0);
+        let counted = stepping.into_iter().map(|one| one.join().unwrap_or_else(|_| vec![Stats::default(); share]));
+        let stats: Vec<Stats> = counted.flatten().collect();
+        let lost = publishing.join().unwrap_or_else(|_| vec![0; options.len()]);
         let _ = hearing.join();
-        supervisor.drain(&heard);
-        Ok::<_, std::io::Error>((stats, lost_publications))
+        supervisors.iter_mut().for_each(Supervisor::drain);
+        Ok::<_, std::io::Error>((stats, lost))
     })?;
     let resident = resident_bytes();
-    let (bags, bag_ended) = supervisor.close()?;
-    drop(supervisor);
-    // Endpoints first, then the node, then the participant: peers see each of them go.
+    let bags: Vec<_> = supervisors.iter_mut().map(Supervisor::close).collect();
+    drop(supervisors);
     drop(replies);
-    drop((subscriptions, publishers));
-    drop(bus);
-    let counts = counts.into_inner().unwrap_or_default();
-    let by_fail_safe = !stop.load(Ordering::Relaxed) && stats.ended_by_fail_safe;
-    Ok(RunEnd { summary: stats.summary(resident), counts, by_fail_safe, bags, bag_ended, lost_publications })
-}
-
-/// The learned residual, where there is one and it is of this unit.
-fn corrector(options: &RunOptions, unit: &Unit) -> Result<Option<Corrector>, ModelError> {
-    let corrector = options.residual.as_ref().map(|model| {
-        model.check(unit, Opening::Simulated)?;
-        let corrector = Corrector::new(model)?;
-        if options.adapt { corrector.adapting(model) } else { Ok(corrector) }
+    let counts: Vec<_> =
+        stations.iter().map(|station| station.counts.lock().map(|counts| *counts).unwrap_or_default()).collect();
+    drop(stations);
+    let is_stopped = stop.load(Ordering::Relaxed);
+    let ends = stats.iter().zip(lost).zip(bags).zip(counts).map(|(((stats, lost_publications), bags), counts)| {
+        let (bags, bag_ended) = bags?;
+        let by_fail_safe = !is_stopped && stats.ended_by_fail_safe;
+        Ok(RunEnd { summary: stats.summary(resident), counts, by_fail_safe, bags, bag_ended, lost_publications })
     });
-    corrector.transpose()
+    ends.collect()
 }
 
-/// The node's parameters with what was given at start.
-fn parameters(options: &RunOptions, say: Say<'_>) -> Result<ParameterStore, NodeError> {
-    let mut store = ParameterStore::new(&options.settings, &options.unit);
-    for (name, given) in &options.arguments.parameters {
-        if name.starts_with(qos::PREFIX) {
-            // The bus knows what to do with them.
-        } else if store.value(name) == ros2_client::ParameterValue::NotSet {
-            let reason = store.preset(name, given).err().unwrap_or_default();
-            say(LogLevel::Warn, &format!("--ros-args -p {name}: {reason}"));
-        } else {
-            store.preset(name, given).map_err(NodeError::Parameter)?;
-        }
-    }
-    store.check_unit().map_err(NodeError::Parameter)?;
-    if store.settings().use_sim_time && store.settings().paused {
-        say(
-            LogLevel::Warn,
-            "start_paused does nothing: a node that follows /clock (use_sim_time) stands until the clock goes",
-        );
-    }
-    if store.settings().use_sim_time && store.settings().publish_clock {
-        let words =
-            "publish_clock:=true: a node that follows /clock (use_sim_time) cannot publish it too; give one of them";
-        return Err(NodeError::Parameter(words.to_owned()));
-    }
-    Ok(store)
-}
-
-fn names(bus: &Bus) -> Result<Names, BusError> {
-    let resolve = |topic: &str| bus.arguments().resolve(topic);
-    let [command, esv, tank_pressure, load] = NodeInput::ALL.map(NodeInput::topic);
-    Ok(Names {
-        inputs: [resolve(command)?, resolve(esv)?, resolve(tank_pressure)?, resolve(load)?],
-        servo_state: resolve("sim/servo_state")?,
-        joint_states: resolve("sim/joint_states")?,
-    })
-}
-
-fn log_level(level: ros2args::LogLevel) -> LogLevel {
-    match level {
-        ros2args::LogLevel::Debug => LogLevel::Debug,
-        ros2args::LogLevel::Info => LogLevel::Info,
-        ros2args::LogLevel::Warn => LogLevel::Warn,
-        ros2args::LogLevel::Error => LogLevel::Error,
-        ros2args::LogLevel::Fatal => LogLevel::Fatal,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use std::sync::atomic::AtomicBool;
-
-    use super::{Arguments, Environment, NodeError, NodeSettings, RunOptions, run};
-
-    #[test]
-    fn a_unit_that_a_file_may_not_describe_does_not_run_either() {
-        let words = ["-p", "unit.distributing_valve.control_volume_m3:=1e-6"].map(str::to_owned);
-        let options = RunOptions {
-            environment: Environment::read(|_| None).unwrap(),
-            arguments: Arguments::parse(&words, "govtwin").unwrap(),
-            unit: crate::params::reference(),
-            residual: None,
-            adapt: false,
-            settings: NodeSettings::default(),
-            duration: None,
-            bag: None,
+/// Asks for what a thread that integrates wishes and tells what was granted.
+fn tell_claims(wishes: Wishes, node_events: Teller) {
+    for said in claim(wishes) {
+        let (level, words) = match said {
+            Ok(words) => (LogLevel::Info, words),
+            Err(words) => (LogLevel::Warn, words),
         };
-        let stop = AtomicBool::new(true);
-        match run(&options, &stop, &mut |_, _| {}) {
-            Err(NodeError::Parameter(reason)) => assert!(reason.contains("the control chamber would hold"), "{reason}"),
-            other => panic!("{other:?}"),
-        }
+        node_events.tell(NodeEvent::Said(level, words));
+    }
+}
+
+/// What the thread that hears takes of a unit.
+struct Hearer<'a, 'p> {
+    station: &'p Station,
+    replies: &'a Replies<'p>,
+    store: ParameterStore,
+    fixed_unit: Option<&'static str>,
+    node_events: Teller,
+    ways: Ways,
+}
+
+/// The ways to the loop and back.
+type Ways = (Producer<TimedEvent>, Producer<Box<Refit>>, Consumer<Box<Refit>>);
+
+/// A unit as it hears.
+struct Ears<'a, 'p> {
+    station: &'p Station,
+    replies: &'a Replies<'p>,
+    listener: Listener<'p>,
+    services: ServiceContext<'p>,
+}
+
+impl<'a, 'p> Hearer<'a, 'p> {
+    fn ears(self, stepper: &Thread, mappings: &[ServiceMapping]) -> Ears<'a, 'p> {
+        let Self { station, replies, store, fixed_unit, node_events, ways: (events, refits, retired) } = self;
+        let integrator = Loop { events, refits, retired, thread: stepper.clone() };
+        let listener = Listener::new(&station.bus, integrator, node_events, &station.counts, &station.clock);
+        let mut services = ServiceContext::new(store, mappings, &station.least);
+        services.fixed_unit = fixed_unit;
+        Ears { station, replies, listener, services }
+    }
+}
+
+impl Ears<'_, '_> {
+    fn arrivals(&self) -> Vec<Arrivals<'_>> {
+        self.listener.arrivals(&self.station.subscriptions, &self.services, self.replies)
     }
 }

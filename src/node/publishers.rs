@@ -49,60 +49,92 @@ impl Publishers {
         })
     }
 
-    /// Publishes results until the loop has gone, and hands them on to the supervisor; callers are answered once what they ordered
-    /// is published. Returns how many messages DDS did not take.
-    pub fn publish(
-        &self,
-        mut outputs: Consumer<TickOutput>,
-        mut answers: Consumer<Answer>,
-        replies: &Replies<'_>,
-        action: &StepsAction,
-        node_events: &Teller,
-    ) -> u64 {
-        let mut lost = 0;
-        let (mut time_ns, mut told_ns) = (0, 0);
-        loop {
-            let last = outputs.is_abandoned();
-            // Taken before the results: all that led to these answers is among them.
-            let done: Vec<Answer> = std::iter::from_fn(|| answers.pop().ok()).collect();
-            while let Ok(output) = outputs.pop() {
-                time_ns = output.tick.frame.time_ns;
-                if output.publish || output.tick.estimate.is_none() {
-                    told_ns = monotonic_ns();
-                    lost += self.tell_clock(time_ns);
-                    lost += send(&self.status, messages::status(&output.tick), output.patient);
-                }
-                if let (true, Some(estimate)) = (output.publish, &output.tick.estimate) {
-                    let joints = messages::joint_state(estimate, output.tick.strokes_m);
-                    lost += send(&self.servo_state, messages::servo_state(estimate), output.patient);
-                    lost += send(&self.joint_states, joints, output.patient);
-                    if let Some((voice, correction)) = self.corrected.as_ref().zip(output.tick.correction.as_ref()) {
-                        lost += voice.say(estimate, correction);
-                    }
-                }
-                if output.patient {
-                    action.progress(output.steps_left);
-                }
-                node_events.tell(NodeEvent::Output(Box::new(output)));
-            }
-            for answer in done {
-                replies.answer(answer);
-            }
-            if last {
-                return lost;
-            }
-            if monotonic_ns() - told_ns > CLOCK_AGAIN_NS {
-                // While the simulation stands, for those who come late.
-                told_ns = monotonic_ns();
-                lost += self.tell_clock(time_ns);
-            }
-            std::thread::park_timeout(Duration::from_millis(100));
-        }
-    }
-
     fn tell_clock(&self, time_ns: i64) -> u64 {
         let lost = |clock: &Publisher<Clock>| clock.publish(Clock { clock: Time::from_nanos(time_ns) }).is_err();
         self.clock.as_ref().map_or(0, |clock| u64::from(lost(clock)))
+    }
+}
+
+/// The way of one unit's results out.
+pub struct Outlet<'a, 's> {
+    publishers: &'a Publishers,
+    outputs: Consumer<TickOutput>,
+    answers: Consumer<Answer>,
+    replies: &'a Replies<'s>,
+    action: &'a StepsAction,
+    node_events: Teller,
+    time_ns: i64,
+    told_ns: i64,
+    lost: u64,
+}
+
+impl<'a, 's> Outlet<'a, 's> {
+    /// Results and answers of one loop, for those who subscribe, who called, and the supervisor.
+    #[must_use]
+    pub fn new(
+        publishers: &'a Publishers,
+        (outputs, answers): (Consumer<TickOutput>, Consumer<Answer>),
+        (replies, action): (&'a Replies<'s>, &'a StepsAction),
+        node_events: Teller,
+    ) -> Self {
+        Self { publishers, outputs, answers, replies, action, node_events, time_ns: 0, told_ns: 0, lost: 0 }
+    }
+
+    /// Publishes what is there and hands it on to the supervisor; callers are answered once what they ordered is published.
+    /// Returns whether the loop has gone and nothing is left.
+    fn turn(&mut self) -> bool {
+        let is_last = self.outputs.is_abandoned();
+        // Taken before the results: all that led to these answers is among them.
+        let done: Vec<Answer> = std::iter::from_fn(|| self.answers.pop().ok()).collect();
+        while let Ok(output) = self.outputs.pop() {
+            self.pass(output);
+        }
+        for answer in done {
+            self.replies.answer(answer);
+        }
+        if !is_last && monotonic_ns() - self.told_ns > CLOCK_AGAIN_NS {
+            // While the simulation stands, for those who come late.
+            self.told_ns = monotonic_ns();
+            self.lost += self.publishers.tell_clock(self.time_ns);
+        }
+        is_last
+    }
+
+    fn pass(&mut self, output: TickOutput) {
+        let Publishers { servo_state, joint_states, status, corrected, .. } = self.publishers;
+        self.time_ns = output.tick.frame.time_ns;
+        if output.publish || output.tick.estimate.is_none() {
+            self.told_ns = monotonic_ns();
+            self.lost += self.publishers.tell_clock(self.time_ns);
+            self.lost += send(status, messages::status(&output.tick), output.patient);
+        }
+        if let (true, Some(estimate)) = (output.publish, &output.tick.estimate) {
+            let joints = messages::joint_state(estimate, output.tick.strokes_m);
+            self.lost += send(servo_state, messages::servo_state(estimate), output.patient);
+            self.lost += send(joint_states, joints, output.patient);
+            if let Some((voice, correction)) = corrected.as_ref().zip(output.tick.correction.as_ref()) {
+                self.lost += voice.say(estimate, correction);
+            }
+        }
+        if output.patient {
+            self.action.progress(output.steps_left);
+        }
+        self.node_events.tell(NodeEvent::Output(Box::new(output)));
+    }
+}
+
+/// Publishes the results of all units until their loops have gone. Returns how many messages of each DDS did not take.
+#[must_use]
+pub fn publish(mut outlets: Vec<Outlet<'_, '_>>) -> Vec<u64> {
+    loop {
+        let mut are_last = true;
+        for outlet in &mut outlets {
+            are_last &= outlet.turn();
+        }
+        if are_last {
+            return outlets.iter().map(|outlet| outlet.lost).collect();
+        }
+        std::thread::park_timeout(Duration::from_millis(100));
     }
 }
 

@@ -21,8 +21,8 @@ from bench import DOMAIN, Bench, DataReader, Policy, Qos, Topic, check, duration
 import types_ros as ros
 
 LEASE_S = 3.0
-# A peer's lease is 2 s in this test; the node looks for expired leases every 2 s.
-PAUSE_S = float(os.environ.get("PAUSE_S", "9"))
+# Seconds of each pause. A peer's lease is 2 s in this test; the node looks for expired leases every 2 s.
+PAUSES_S = [float(seconds) for seconds in os.environ.get("PAUSES", "1 9").split()]
 MOST_MEGABYTES = 150
 
 
@@ -110,21 +110,23 @@ class Watch:
             self.process.wait()
 
 
-def pauses(binary, folder, command, leases):
-    """A peer that stops past its lease and comes back, and a node that does."""
+def pauses(binary, folder, command, leases, seconds):
+    """A peer that stops, past its lease or not, and comes back, and a node that does."""
+    is_long = seconds > 2.5
     figures = os.path.join(folder, "pauses.json")
     node = Node(binary, os.path.join(folder, "pauses.txt"), "--out", figures, *leases)
     watch = Watch(command)
     try:
         check("a peer's command is followed", watch.until(lambda n, x: n > 0 and abs(x - 0.3) < 2e-3, 25) is not None)
-        # At each return the peer commands the other opening, so that both ways are seen to work.
+        # After a silence of 2 s the peer commands the other opening, so that both ways are seen to work.
         for who, pid, opening in (("peer", watch.process.pid, 0.5), ("node", node.process.pid, 0.3)):
+            opening = opening if is_long else 0.3
             os.kill(pid, signal.SIGSTOP)
-            time.sleep(PAUSE_S)
+            time.sleep(seconds)
             watch.lines()
             os.kill(pid, signal.SIGCONT)
             back = watch.until(lambda n, x: n > 10 and abs(x - opening) < 2e-3, 30)
-            check(f"both ways work again after the {who} paused {PAUSE_S:.0f} s", back is not None,
+            check(f"both ways work again after the {who} paused {seconds:.0f} s", back is not None,
                   f"({back:.1f} s after its return)" if back else "(not within 30 s)")
     finally:
         watch.end()
@@ -132,7 +134,12 @@ def pauses(binary, folder, command, leases):
     with open(figures) as text:
         inputs = json.load(text)["inputs"]
     lost = inputs["governor/command"].get("lost", 0)
-    check("commands that its pause cost are counted", lost > 100, f"({lost} lost)")
+    trips = open(node.log_path).read().count("fail-safe: inputs are missing")
+    if is_long:
+        check("commands that its pause cost are counted", lost > 100, f"({lost} lost)")
+        check("a pause beyond the limits fails safe", trips >= 1, f"({trips} times)")
+    else:
+        check("a pause within the limits trips nothing", trips == 0, f"({trips} times; {lost} commands lost)")
 
 
 def optional_inputs(binary, folder):
@@ -282,7 +289,8 @@ def main():
     command = sys.argv[4:] if sys.argv[3:4] == ["--watch"] else [sys.executable, os.path.join(here, "watch.py")]
     wanted = os.environ.get("FAULTS", "replies pauses optional hostile").split()
     if "pauses" in wanted:
-        pauses(binary, folder, command, os.environ.get("LEASE", f"--lease {LEASE_S}").split())
+        for seconds in PAUSES_S:
+            pauses(binary, folder, command, os.environ.get("LEASE", f"--lease {LEASE_S}").split(), seconds)
     if "replies" in wanted:
         large_replies(binary, folder)
     if "optional" in wanted:

@@ -47,12 +47,18 @@ class Side:
         subprocess.run(["ip", "netns", "del", self.name], capture_output=True)
 
 
+def is_tcp(packet):
+    """Whether this is TCP over IP version 4."""
+    return packet[0] >> 4 == 4 and packet[9] == 6
+
+
 class Network:
-    """Two sides and what lies between them; conditions may change at any time."""
+    """Two sides and what lies between them; conditions may change at any time. With `tcp_only` DDS does not get across."""
 
     def __init__(self, prefix, seed=1):
         self.loss, self.delay_s, self.jitter_s, self.is_up = 0.0, 0.0, 0.0, True
         self.passed = self.lost = 0
+        self.tcp_only = False
         self.sides = [Side(f"{prefix}{index}", f"10.99.7.{index + 1}") for index in range(2)]
         self.random = random.Random(seed)
         self.ended = threading.Event()
@@ -70,7 +76,8 @@ class Network:
             patience = min(max(waiting[0][0] - time.monotonic(), 0.0), 0.05) if waiting else 0.05
             for tun in select.select(list(ends), [], [], patience)[0]:
                 packet = os.read(tun, 65536)
-                if not self.is_up or self.random.random() < self.loss:
+                is_stopped = self.tcp_only and not is_tcp(packet)
+                if is_stopped or not self.is_up or self.random.random() < self.loss:
                     self.lost += 1
                     continue
                 due = time.monotonic() + self.delay_s + self.random.random() * self.jitter_s

@@ -338,18 +338,22 @@ def typos(binary, folder):
     check("security that must be kept is refused", done.returncode == 1 and "ROS_SECURITY_STRATEGY=Permissive" in done.stderr)
 
 
-def action(binary, folder):
-    """The action SimulateSteps: feedback, result, an early end, and what is refused."""
-    node = Node(binary, os.path.join(folder, "action.txt"), "--paused", "--publish-clock")
-    driver = Driver()
+def add_action(driver):
+    """Lets a driver call the action's services; readers of its feedback and its statuses."""
     at = "govtwin/simulate_steps/_action/"
     for name, request, response in (("send_goal", ros.SendGoalRequest, ros.SendGoalResponse), ("cancel_goal", ros.CancelRequest, ros.CancelResponse),
                                     ("get_result", ros.GetResultRequest, ros.GetResultResponse)):
         call = DataWriter(driver.participant, Topic(driver.participant, f"rq/{at}{name}Request", request), qos=RELIABLE)
         driver.SERVICES = {**driver.SERVICES, name: (request, response)}
         driver.calls[name] = (call, driver.reader(f"rr/{at}{name}Reply", response, RELIABLE))
-    feedback = driver.reader(f"rt/{at}feedback", ros.Feedback, RELIABLE)
-    status = driver.reader(f"rt/{at}status", ros.GoalStatusArray, LATCHED)
+    return (driver.reader(f"rt/{at}feedback", ros.Feedback, RELIABLE), driver.reader(f"rt/{at}status", ros.GoalStatusArray, LATCHED))
+
+
+def action(binary, folder):
+    """The action SimulateSteps: feedback, result, an early end, and what is refused."""
+    node = Node(binary, os.path.join(folder, "action.txt"), "--paused", "--publish-clock")
+    driver = Driver()
+    feedback, status = add_action(driver)
     one, two, never = [1] * 16, [2] * 16, [9] * 16
     ever = ros.Time(0, 0)
     try:
@@ -397,7 +401,7 @@ def action(binary, folder):
         check("and fails with the reason", reply is not None and reply.status == 6 and "pause" in reply.result.error_message, f"({reply})")
         reply = driver.call("send_goal", [4] * 16, 2**63)
         check("more steps than there can be are refused", reply is not None and not reply.accepted)
-        late = driver.reader(f"rt/{at}status", ros.GoalStatusArray, LATCHED)
+        late = driver.reader("rt/govtwin/simulate_steps/_action/status", ros.GoalStatusArray, LATCHED)
         seen = []
         wait_for(lambda: seen.extend(whole(late.take(10))) or seen, 5)
         check("who comes late has the statuses", bool(seen) and [one.status for one in seen[-1].status_list] == [4, 5, 6])

@@ -5,8 +5,8 @@ use rtrb::PushError;
 use super::super::control::{Answer, Order, OrderOutcome, RunState, Steps, Ticket};
 use super::{Integrator, TimeSource};
 
-/// Most steps between two looks at what was heard.
-const MOST_STEPS: usize = 256;
+/// Most steps between two looks at what was heard, and at the other units of the thread.
+const MOST_STEPS: usize = 64;
 
 impl Integrator {
     /// Does what a caller asks for, or says why not; steps are answered once they are done.

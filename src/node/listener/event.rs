@@ -4,9 +4,8 @@
 //! Where it stands still, what happens meanwhile is left out and counted; hearing and publishing go on.
 
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
 
 use ros2_client::log::LogLevel;
 
@@ -80,17 +79,10 @@ impl Teller {
 }
 
 impl Taker {
-    /// The next events, for which it waits so long at most.
-    ///
-    /// # Errors
-    /// When nothing came, or nobody is left who tells.
-    pub fn take(&self, patience: Duration) -> Result<NodeEvent, RecvTimeoutError> {
-        self.queue.recv_timeout(patience)
-    }
-
-    /// All that is there.
-    pub fn rest(&self) -> impl Iterator<Item = NodeEvent> {
-        self.queue.try_iter()
+    /// The next event, where there is one.
+    #[must_use]
+    pub fn next(&self) -> Option<NodeEvent> {
+        self.queue.try_recv().ok()
     }
 
     /// Settings that found no room, once.
@@ -121,7 +113,7 @@ mod tests {
         for rate_hz in [10.0, 20.0] {
             teller.tell(NodeEvent::Settings(Box::new(NodeSettings { rate_hz, ..NodeSettings::default() })));
         }
-        let words = taker.rest().map(|item| match item {
+        let words = std::iter::from_fn(|| taker.next()).map(|item| match item {
             NodeEvent::Said(_, words) => words,
             other => format!("{other:?}"),
         });
@@ -130,6 +122,6 @@ mod tests {
         assert_eq!(taker.settings().map(|settings| settings.rate_hz), Some(20.0));
         assert!(taker.settings().is_none());
         teller.tell(NodeEvent::Said(LogLevel::Info, "again".to_owned()));
-        assert_eq!(taker.rest().count(), 1);
+        assert!(taker.next().is_some() && taker.next().is_none());
     }
 }

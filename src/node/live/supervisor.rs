@@ -4,7 +4,6 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU8, Ordering};
-use std::sync::mpsc::RecvTimeoutError;
 use std::time::Duration;
 
 use ros2_client::log::LogLevel;
@@ -17,15 +16,21 @@ use super::super::core::NodeInput;
 use super::super::diagnostics::{self, DiagnosticArray, TimeKeeping};
 use super::super::intake::TopicCounts;
 use super::super::journal::Journal;
+use super::super::integration::TickOutput;
 use super::super::listener::event::{NodeEvent, Taker};
 use super::super::realtime::{Until, monotonic_ns, wall_ns};
 use super::super::settings::NodeSettings;
 use super::super::words;
-use super::Say;
 use crate::bag::BagError;
 use crate::msg::{EsvState, FluidPressure, GovernorCommand, Interface, JointState};
 
-/// The books: words, bag, diagnostics.
+/// How often it looks around.
+pub(super) const SECOND: Duration = Duration::from_secs(1);
+
+/// Most events that are taken in at a go.
+const MOST_EVENTS: usize = 4096;
+
+/// The books of one unit: words, bag, diagnostics.
 pub(super) struct Supervisor<'a> {
     pub(super) bus: &'a Bus,
     pub(super) health: Publisher<DiagnosticArray>,
@@ -37,58 +42,56 @@ pub(super) struct Supervisor<'a> {
     pub(super) strangers: BTreeSet<Gid>,
     pub(super) clock: &'a clock::ClockHeard,
     pub(super) watch: Watch,
-    pub(super) state: &'a dyn Fn() -> RunState,
+    pub(super) state: Box<dyn Fn() -> RunState + 'a>,
     pub(super) competing_clock: bool,
     pub(super) least: &'a AtomicU8,
-    pub(super) say: Say<'a>,
+    pub(super) heard: Taker,
+    pub(super) second: Until,
+    pub(super) newest: Option<TickOutput>,
+    pub(super) reported: [TopicCounts; NodeInput::COUNT],
+    /// Stands before each word, where there are several units.
+    pub(super) prefix: String,
+    pub(super) say: &'a dyn Fn(LogLevel, &str),
 }
 
 impl Supervisor<'_> {
-    /// Keeps the books until `done`.
-    pub(super) fn keep(&mut self, node_events: &Taker, done: impl Fn() -> bool) {
-        let second = Duration::from_secs(1);
-        let mut next = Until::after(Some(second));
-        let (mut newest, mut reported) = (None, <[TopicCounts; NodeInput::COUNT]>::default());
-        while !done() {
-            match node_events.take(Duration::from_millis(20)) {
-                Ok(item) => {
-                    if let NodeEvent::Output(output) = &item {
-                        newest = Some(**output);
-                    }
-                    self.take(&item);
-                }
-                Err(RecvTimeoutError::Timeout) => {}
-                Err(RecvTimeoutError::Disconnected) => break,
-            }
-            self.catch_up(node_events);
-            if next.comes_round(second) {
-                self.write(Journal::flush);
-                self.look_for_strangers();
-                self.look_for_mismatches();
-                self.look_at_the_clock();
-                let counts = self.counts.lock().map(|counts| *counts).unwrap_or_default();
-                let name = self.bus.arguments().full_name();
-                let array = diagnostics::compile(
-                    &name,
-                    wall_ns(),
-                    newest.as_ref(),
-                    &self.settings.policies(),
-                    &counts,
-                    &std::mem::replace(&mut reported, counts),
-                    TimeKeeping {
-                        state: (self.state)(),
-                        clock: self.settings.use_sim_time.then(|| self.watch.state()),
-                        bag: match (&self.journal, &self.ended) {
-                            (Some(_), _) => Some((0, "written")),
-                            (None, Some(_)) => Some((2, "ended; what comes now is not recorded")),
-                            (None, None) => None,
-                        },
-                    },
-                );
-                // Nobody may be listening; the next second brings the next one.
-                let _ = self.health.publish(array);
+    /// Takes in what was told; once a second flushes the bag, looks around and reports.
+    pub(super) fn turn(&mut self) {
+        for _ in 0..MOST_EVENTS {
+            let Some(item) = self.heard.next() else { break };
+            self.take(&item);
+            if let NodeEvent::Output(output) = item {
+                self.newest = Some(*output);
             }
         }
+        self.catch_up();
+        if !self.second.comes_round(SECOND) {
+            return;
+        }
+        self.write(Journal::flush);
+        self.look_for_strangers();
+        self.look_for_mismatches();
+        self.look_at_the_clock();
+        let counts = self.counts.lock().map(|counts| *counts).unwrap_or_default();
+        let array = diagnostics::compile(
+            &self.bus.arguments().full_name(),
+            wall_ns(),
+            self.newest.as_ref(),
+            &self.settings.policies(),
+            &counts,
+            &std::mem::replace(&mut self.reported, counts),
+            TimeKeeping {
+                state: (self.state)(),
+                clock: self.settings.use_sim_time.then(|| self.watch.state()),
+                bag: match (&self.journal, &self.ended) {
+                    (Some(_), _) => Some((0, "written")),
+                    (None, Some(_)) => Some((2, "ended; what comes now is not recorded")),
+                    (None, None) => None,
+                },
+            },
+        );
+        // Nobody may be listening; the next second brings the next one.
+        let _ = self.health.publish(array);
     }
 
     /// Writes to the bag. Where the disk is full, or the system refuses, the bag ends, which is told, and the node goes on without it.
@@ -154,19 +157,19 @@ impl Supervisor<'_> {
     }
 
     /// Takes what is left once all threads have ended.
-    pub(super) fn drain(&mut self, node_events: &Taker) {
-        for item in node_events.rest() {
+    pub(super) fn drain(&mut self) {
+        while let Some(item) = self.heard.next() {
             self.take(&item);
         }
-        self.catch_up(node_events);
+        self.catch_up();
     }
 
     /// What found no room on the way here.
-    fn catch_up(&mut self, node_events: &Taker) {
-        if let Some(settings) = node_events.settings() {
+    fn catch_up(&mut self) {
+        if let Some(settings) = self.heard.settings() {
             self.settings = settings;
         }
-        let left_out = node_events.left_out();
+        let left_out = self.heard.left_out();
         if left_out > 0 {
             let words = format!("the books stood still: {left_out} results or words are missing in log and bag");
             self.tell(LogLevel::Error, &words);
@@ -186,7 +189,7 @@ impl Supervisor<'_> {
         if (level as u8) < self.least.load(Ordering::Relaxed) {
             return;
         }
-        (self.say)(level, words);
+        (self.say)(level, &format!("{}{words}", self.prefix));
         let stamp = ros2_client::builtin_interfaces::Time::from_nanos(wall_ns());
         self.bus.node().rosout_raw(stamp, level, &self.bus.arguments().name, words, file!(), "", line!());
     }

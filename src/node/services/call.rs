@@ -53,7 +53,12 @@ pub struct Calls {
     responses: DataWriter<Bytes, Body>,
     _subscriber: Subscriber,
     _publisher: Publisher,
+    _listed: Option<Listed>,
 }
+
+/// A second pair of endpoints, which nobody reads and nobody writes: ros2-client lists in the graph of ROS what it opened itself, and
+/// `ros2 node info` and bridges go by that list.
+type Listed = (ros2_client::Subscription<()>, ros2_client::Publisher<()>);
 
 impl Calls {
     /// A server of these endpoints.
@@ -62,7 +67,13 @@ impl Calls {
         (subscriber, requests): (Subscriber, SimpleDataReader<Vec<u8>, Undecoded>),
         (publisher, responses): (Publisher, DataWriter<Bytes, Body>),
     ) -> Self {
-        Self { requests, responses, _subscriber: subscriber, _publisher: publisher }
+        Self { requests, responses, _subscriber: subscriber, _publisher: publisher, _listed: None }
+    }
+
+    /// The same, with endpoints that stand for these in the graph.
+    #[must_use]
+    pub fn listed(self, listed: Listed) -> Self {
+        Self { _listed: Some(listed), ..self }
     }
 
     /// Hands each call to `take`; what does not decode is none.

@@ -1,0 +1,195 @@
+//! One unit's node before it runs: its bus, its endpoints, its loop.
+
+use std::path::Path;
+use std::sync::Mutex;
+use std::sync::atomic::AtomicU8;
+
+use ros2_client::Publisher;
+use ros2_client::log::LogLevel;
+
+use super::super::bus::{Bus, BusError};
+use super::super::clock::ClockHeard;
+use super::super::control::RunState;
+use super::super::core::{Core, NodeInput};
+use super::super::diagnostics::{self, DiagnosticArray};
+use super::super::intake::TopicCounts;
+use super::super::integration::{Ends, Integrator};
+use super::super::journal::{Journal, Names};
+use super::super::listener::Subscriptions;
+use super::super::parameters::ParameterStore;
+use super::super::publishers::Publishers;
+use super::super::refit::Refit;
+use super::super::settings::NodeSettings;
+use super::super::{qos, startup};
+use super::{NodeError, RunOptions};
+use crate::parameters::Unit;
+use crate::residual::corrector::Corrector;
+use crate::residual::model::ModelError;
+use crate::residual::row::Opening;
+
+/// Why a unit with a learned residual cannot be changed while the node runs.
+const FIXED_UNIT: &str =
+    "a learned residual is of the unit as it was at start: start anew with the changed unit, or without --residual";
+
+/// Where words go at start.
+type Say<'a> = &'a mut dyn FnMut(LogLevel, &str);
+
+/// What the threads share of a unit.
+pub(super) struct Station {
+    // Dropped in this order: endpoints first, then the node, then, with the last one, the participant. Peers see each of them go.
+    pub(super) subscriptions: Subscriptions,
+    pub(super) publishers: Publishers,
+    pub(super) bus: Bus,
+    pub(super) settings: NodeSettings,
+    pub(super) clock: ClockHeard,
+    pub(super) least: AtomicU8,
+    pub(super) counts: Mutex<[TopicCounts; NodeInput::COUNT]>,
+}
+
+/// What each thread takes for itself.
+pub(super) struct Parts {
+    pub(super) health: Publisher<DiagnosticArray>,
+    pub(super) store: ParameterStore,
+    pub(super) fixed_unit: Option<&'static str>,
+    pub(super) integrator: Integrator,
+    pub(super) ends: Ends,
+}
+
+impl Station {
+    /// Opens a unit's node, beside another one of this process where there is one.
+    pub(super) fn open(
+        options: &RunOptions,
+        beside: Option<&Bus>,
+        say: Say<'_>,
+    ) -> Result<(Self, Parts), NodeError> {
+        let store = parameters(options, say)?;
+        let (settings, unit) = (store.settings(), store.unit().clone());
+        let corrector = corrector(options, &unit)?;
+        for remark in options.environment.remarks.iter().chain(&options.arguments.remarks) {
+            say(LogLevel::Warn, remark);
+        }
+        let arguments = options.arguments.clone();
+        let mut bus = match beside {
+            Some(bus) => bus.beside(arguments)?,
+            None => Bus::open(&options.environment, arguments)?,
+        };
+        for (level, words) in startup::words(&bus, &options.environment, &settings) {
+            say(level, &words);
+        }
+        // All endpoints are made before anything runs: announcements in a burst later may be lost.
+        let subscriptions = Subscriptions::open(&mut bus, &options.environment, &settings, options.adapt)?;
+        let publishers = Publishers::open(&mut bus, corrector.as_ref().map(Corrector::signal), settings.publish_clock)?;
+        let health = bus.publish("/diagnostics", diagnostics::TYPE_NAME)?;
+        let fixed_unit = corrector.is_some().then_some(FIXED_UNIT);
+        let core = Core::of_refit(Refit::new(&unit), settings.policies()).with_corrector(corrector);
+        let (integrator, ends) = Integrator::new(core, settings.pace(), 0);
+        let station = Self {
+            subscriptions,
+            publishers,
+            bus,
+            settings,
+            clock: ClockHeard::default(),
+            least: AtomicU8::new(log_level(options.arguments.log_level) as u8),
+            counts: Mutex::default(),
+        };
+        Ok((station, Parts { health, store, fixed_unit, integrator, ends }))
+    }
+
+    /// The state in which its simulation begins.
+    pub(super) fn begins(&self) -> RunState {
+        if self.settings.pace().paused { RunState::Paused } else { RunState::Playing }
+    }
+
+    /// Begins a bag.
+    pub(super) fn journal(&self, folder: &Path) -> Result<Journal, NodeError> {
+        Ok(Journal::create(folder, &names(&self.bus)?)?)
+    }
+}
+
+/// The learned residual, where there is one and it is of this unit.
+fn corrector(options: &RunOptions, unit: &Unit) -> Result<Option<Corrector>, ModelError> {
+    let corrector = options.residual.as_ref().map(|model| {
+        model.check(unit, Opening::Simulated)?;
+        let corrector = Corrector::new(model)?;
+        if options.adapt { corrector.adapting(model) } else { Ok(corrector) }
+    });
+    corrector.transpose()
+}
+
+/// The node's parameters with what was given at start.
+fn parameters(options: &RunOptions, say: Say<'_>) -> Result<ParameterStore, NodeError> {
+    let mut store = ParameterStore::new(&options.settings, &options.unit);
+    for (name, given) in &options.arguments.parameters {
+        if name.starts_with(qos::PREFIX) {
+            // The bus knows what to do with them.
+        } else if store.value(name) == ros2_client::ParameterValue::NotSet {
+            let reason = store.preset(name, given).err().unwrap_or_default();
+            say(LogLevel::Warn, &format!("--ros-args -p {name}: {reason}"));
+        } else {
+            store.preset(name, given).map_err(NodeError::Parameter)?;
+        }
+    }
+    store.check_unit().map_err(NodeError::Parameter)?;
+    if store.settings().use_sim_time && store.settings().paused {
+        say(
+            LogLevel::Warn,
+            "start_paused does nothing: a node that follows /clock (use_sim_time) stands until the clock goes",
+        );
+    }
+    if store.settings().use_sim_time && store.settings().publish_clock {
+        let words =
+            "publish_clock:=true: a node that follows /clock (use_sim_time) cannot publish it too; give one of them";
+        return Err(NodeError::Parameter(words.to_owned()));
+    }
+    Ok(store)
+}
+
+fn names(bus: &Bus) -> Result<Names, BusError> {
+    let resolve = |topic: &str| bus.arguments().resolve(topic);
+    let [command, esv, tank_pressure, load] = NodeInput::ALL.map(NodeInput::topic);
+    Ok(Names {
+        inputs: [resolve(command)?, resolve(esv)?, resolve(tank_pressure)?, resolve(load)?],
+        servo_state: resolve("sim/servo_state")?,
+        joint_states: resolve("sim/joint_states")?,
+    })
+}
+
+fn log_level(level: ros2args::LogLevel) -> LogLevel {
+    match level {
+        ros2args::LogLevel::Debug => LogLevel::Debug,
+        ros2args::LogLevel::Info => LogLevel::Info,
+        ros2args::LogLevel::Warn => LogLevel::Warn,
+        ros2args::LogLevel::Error => LogLevel::Error,
+        ros2args::LogLevel::Fatal => LogLevel::Fatal,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::AtomicBool;
+
+    use super::super::super::arguments::Arguments;
+    use super::super::super::environment::Environment;
+    use super::super::run;
+    use super::{NodeError, NodeSettings, RunOptions};
+
+    #[test]
+    fn a_unit_that_a_file_may_not_describe_does_not_run_either() {
+        let words = ["-p", "unit.distributing_valve.control_volume_m3:=1e-6"].map(str::to_owned);
+        let options = RunOptions {
+            environment: Environment::read(|_| None).unwrap(),
+            arguments: Arguments::parse(&words, "govtwin").unwrap(),
+            unit: crate::params::reference(),
+            residual: None,
+            adapt: false,
+            settings: NodeSettings::default(),
+            duration: None,
+            bag: None,
+        };
+        let stop = AtomicBool::new(true);
+        match run(&options, &stop, &mut |_, _| {}) {
+            Err(NodeError::Parameter(reason)) => assert!(reason.contains("the control chamber would hold"), "{reason}"),
+            other => panic!("{other:?}"),
+        }
+    }
+}
