@@ -3,17 +3,19 @@
 /// The most different values, or buckets, that are kept.
 const MOST_BUCKETS: usize = 4096;
 
+/// Values are sorted into the buckets so many at a time.
+const TOGETHER: usize = 8192;
+
 /// Bits behind the leading one that a bucket keeps at first where values no longer stand each for itself: 1 part in 16,384.
 const FINEST_BITS: u32 = 14;
 
 /// Values in ns by size. Up to 4096 different ones are kept as they are; beyond, values within a bucket count as their mean.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Distribution {
-    /// Each of its own key; in rising order once it is asked for one.
+    /// In rising order, each of its own key.
     buckets: Vec<Bucket>,
-    /// Where the buckets are: behind the place that the hash of a key names, the number of its bucket and one more, or 0. A power of two, and
-    /// at least twice as many as there are buckets.
-    places: Vec<u16>,
+    /// Not in a bucket yet.
+    waiting: Vec<i64>,
     /// Bits that a bucket keeps; `None` where each value stands for itself.
     bits: Option<u32>,
 }
@@ -41,46 +43,9 @@ impl Bucket {
 impl Distribution {
     /// Takes a value.
     pub(super) fn push(&mut self, value_ns: i64) {
-        let one = Bucket { least_ns: key(value_ns, self.bits), count: 1, sum_ns: i128::from(value_ns) };
-        if self.places.is_empty() {
-            self.lay();
-        }
-        let place = self.place(one.least_ns);
-        let Some(number) = self.places.get_mut(place) else { return };
-        if let Some(bucket) = self.buckets.get_mut(usize::from(*number).wrapping_sub(1)) {
-            bucket.add(&one);
-            return;
-        }
-        self.buckets.push(one);
-        *number = numbered(self.buckets.len());
-        if self.buckets.len() > MOST_BUCKETS {
-            self.merge();
-        }
-        if 2 * self.buckets.len() > self.places.len() {
-            self.lay();
-        }
-    }
-
-    /// The place of a key, or the empty one where it would be.
-    fn place(&self, key: i64) -> usize {
-        let last = self.places.len().saturating_sub(1);
-        let hash = key.cast_unsigned().wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        let mut place = usize::try_from(hash >> 40).unwrap_or_default() & last;
-        while let Some(number @ 1..) = self.places.get(place)
-            && self.buckets.get(usize::from(*number) - 1).is_some_and(|bucket| bucket.least_ns != key)
-        {
-            place = (place + 1) & last;
-        }
-        place
-    }
-
-    /// Gives each bucket its place anew.
-    fn lay(&mut self) {
-        self.places.clear();
-        self.places.resize((4 * self.buckets.len()).next_power_of_two().max(16), 0);
-        for number in 0..self.buckets.len() {
-            let place = self.place(self.buckets[number].least_ns);
-            self.places[place] = numbered(number + 1);
+        self.waiting.push(value_ns);
+        if self.waiting.len() == TOGETHER {
+            self.settle();
         }
     }
 
@@ -130,37 +95,70 @@ impl Distribution {
         at.map_or(0, |(distance_ns, _)| *distance_ns)
     }
 
-    /// Puts the buckets into rising order.
+    /// Puts what waits into the buckets.
     fn settle(&mut self) {
-        if !self.buckets.is_sorted_by_key(|bucket| bucket.least_ns) {
-            self.buckets.sort_unstable_by_key(|bucket| bucket.least_ns);
-            self.lay();
+        if self.waiting.is_empty() {
+            return;
+        }
+        let mut waiting = std::mem::take(&mut self.waiting);
+        waiting.sort_unstable();
+        let before = std::mem::take(&mut self.buckets);
+        self.buckets = in_order(before, runs(&waiting, self.bits));
+        waiting.clear();
+        self.waiting = waiting;
+        while self.buckets.len() > MOST_BUCKETS {
+            self.bits = Some(self.bits.map_or(FINEST_BITS, |bits| bits.saturating_sub(1)));
+            self.merge();
         }
     }
 
-    /// Makes one bucket of those with one key by fewer bits, until they are few.
+    /// Makes one bucket of those with one key by the bits that count now, which lie side by side.
     fn merge(&mut self) {
-        while self.buckets.len() > MOST_BUCKETS {
-            self.bits = Some(self.bits.map_or(FINEST_BITS, |bits| bits.saturating_sub(1)));
-            for bucket in &mut self.buckets {
-                bucket.least_ns = key(bucket.least_ns, self.bits);
-            }
-            self.buckets.sort_unstable_by_key(|bucket| bucket.least_ns);
-            self.buckets.dedup_by(|next, first| {
-                let same = next.least_ns == first.least_ns;
-                if same {
-                    first.add(next);
-                }
-                same
-            });
+        let bits = self.bits;
+        for bucket in &mut self.buckets {
+            bucket.least_ns = key(bucket.least_ns, bits);
         }
-        self.lay();
+        self.buckets.dedup_by(|next, first| {
+            let same = next.least_ns == first.least_ns;
+            if same {
+                first.add(next);
+            }
+            same
+        });
     }
 }
 
-/// The number of a bucket, counted from 1; there are never more than fit.
-fn numbered(count: usize) -> u16 {
-    u16::try_from(count).unwrap_or(u16::MAX)
+/// The buckets of values in rising order.
+fn runs(values: &[i64], bits: Option<u32>) -> Vec<Bucket> {
+    let mut found: Vec<Bucket> = vec![];
+    for value_ns in values {
+        let one = Bucket { least_ns: key(*value_ns, bits), count: 1, sum_ns: i128::from(*value_ns) };
+        match found.last_mut() {
+            Some(last) if last.least_ns == one.least_ns => last.add(&one),
+            _ => found.push(one),
+        }
+    }
+    found
+}
+
+/// Two lists in rising order as one; what is in both becomes one bucket.
+fn in_order(some: Vec<Bucket>, others: Vec<Bucket>) -> Vec<Bucket> {
+    let mut merged = Vec::with_capacity(some.len() + others.len());
+    let mut left = some.into_iter().peekable();
+    for other in others {
+        while let Some(bucket) = left.next_if(|bucket| bucket.least_ns < other.least_ns) {
+            merged.push(bucket);
+        }
+        match left.next_if(|bucket| bucket.least_ns == other.least_ns) {
+            Some(mut bucket) => {
+                bucket.add(&other);
+                merged.push(bucket);
+            }
+            None => merged.push(other),
+        }
+    }
+    merged.extend(left);
+    merged
 }
 
 /// The bucket of a value: its leading bits, and its sign.
@@ -208,7 +206,6 @@ mod tests {
             wide.push(value.cast_signed() >> (value % 63));
         }
         assert!(wide.count() == 200_000 && wide.buckets.len() <= MOST_BUCKETS);
-        wide.settle();
         assert!(wide.buckets.windows(2).all(|pair| pair[0].least_ns < pair[1].least_ns));
         assert!(wide.at_rank(20_000) < wide.at_rank(100_000) && wide.at_rank(100_000) < wide.at_rank(180_000));
     }

@@ -2,7 +2,9 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
+use std::sync::mpsc::{Sender, channel};
+use std::thread::JoinHandle;
 
 use govtwin::bag;
 
@@ -15,22 +17,32 @@ fn environment(temporary: &str) -> [(&'static str, String); 3] {
     [("ROS_DOMAIN_ID", domain.to_string()), ("ROS_LOCALHOST_ONLY", "1".into()), ("TMPDIR", temporary.into())]
 }
 
-/// Somebody who publishes, until dropped.
-struct Playing(Child);
+/// Somebody who publishes, until dropped: a child of a thread of its own, since the tracer waits for all children of the thread that it is in.
+struct Playing(Option<(Sender<()>, JoinHandle<()>)>);
 
 impl Playing {
     fn new(temporary: &str) -> Self {
         let bag = format!("{}/bags/reference/startup_01.mcap", env!("CARGO_MANIFEST_DIR"));
         let mut command = Command::new(env!("CARGO_BIN_EXE_govtwin"));
         command.args(["play", &bag, "--loop", "--wait", "0"]).envs(environment(temporary));
-        Self(command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap())
+        command.stdout(Stdio::null()).stderr(Stdio::null());
+        let (end, ended) = channel();
+        let playing = std::thread::spawn(move || {
+            let mut child = command.spawn().unwrap();
+            let _ = ended.recv();
+            child.kill().unwrap();
+            child.wait().unwrap();
+        });
+        Self(Some((end, playing)))
     }
 }
 
 impl Drop for Playing {
     fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
+        if let Some((end, playing)) = self.0.take() {
+            drop(end);
+            let _ = playing.join();
+        }
     }
 }
 
