@@ -124,7 +124,8 @@ fn a_recording_loses_nothing_while_it_waits_and_names_what_stayed_silent() {
 fn units_of_one_process_are_nodes_of_their_own() {
     let environment = environment();
     let unit = |name: &str, more: &[&str]| {
-        let words = ["-r", &format!("__ns:=/{name}")].iter().chain(more).map(|&word| word.to_owned()).collect::<Vec<_>>();
+        let words =
+            ["-r", &format!("__ns:=/{name}")].iter().chain(more).map(|&word| word.to_owned()).collect::<Vec<_>>();
         RunOptions {
             arguments: Arguments::parse(&words, "govtwin").unwrap(),
             environment: environment.clone(),

@@ -189,7 +189,10 @@ fn named_units(units: &[String]) -> anyhow::Result<Vec<(&str, Option<&Path>)>> {
     let named: Vec<_> = named.collect();
     for (index, (name, file)) in named.iter().enumerate() {
         expect(!name.is_empty() && !name.contains('/'), || {
-            format!("--unit {}: expected NAME or NAME=FILE, where NAME is one part of a namespace, such as unit1", units[index])
+            format!(
+                "--unit {}: expected NAME or NAME=FILE, where NAME is one part of a namespace, such as unit1",
+                units[index]
+            )
         })?;
         expect(file.is_none_or(|file| !file.as_os_str().is_empty()), || {
             format!("--unit {}: expected a parameter file after `=`", units[index])

@@ -111,9 +111,8 @@ impl Bus {
         let name = NodeName::new(&arguments.namespace, &arguments.name)
             .map_err(|error| BusError::Name { name: arguments.full_name(), reason: error.to_string() })?;
         let options = NodeOptions::new().enable_rosout(arguments.rosout);
-        let node = context
-            .new_node(name, options)
-            .map_err(|error| BusError::Join { domain, reason: error.to_string() })?;
+        let node =
+            context.new_node(name, options).map_err(|error| BusError::Join { domain, reason: error.to_string() })?;
         Ok(Self { node, context, arguments, endpoints: Vec::new(), opened: BTreeSet::new() })
     }
 

@@ -57,11 +57,7 @@ pub(super) struct Parts {
 
 impl Station {
     /// Opens a unit's node, beside another one of this process where there is one.
-    pub(super) fn open(
-        options: &RunOptions,
-        beside: Option<&Bus>,
-        say: Say<'_>,
-    ) -> Result<(Self, Parts), NodeError> {
+    pub(super) fn open(options: &RunOptions, beside: Option<&Bus>, say: Say<'_>) -> Result<(Self, Parts), NodeError> {
         let store = parameters(options, say)?;
         let (settings, unit) = (store.settings(), store.unit().clone());
         let corrector = corrector(options, &unit)?;
