@@ -19,7 +19,8 @@ pub mod stage_only;
 pub mod summary;
 
 use crate::diagnosis::decision::Decision;
-use crate::diagnosis::decision::posterior::{Posterior, Weights};
+use crate::diagnosis::decision::posterior::Posterior;
+use crate::diagnosis::decision::weights::Weights;
 use crate::diagnosis::hypotheses::table::EvidenceTable;
 use crate::diagnosis::hypotheses::{Exploration, Explored};
 use crate::diagnosis::result::{Diagnosis, Verdict};

@@ -5,7 +5,8 @@ use std::process::Command;
 
 use govtwin::bag::{self, Topics};
 use govtwin::diagnosis::decision::Decision;
-use govtwin::diagnosis::decision::posterior::{Posterior, Weights};
+use govtwin::diagnosis::decision::posterior::Posterior;
+use govtwin::diagnosis::decision::weights::Weights;
 use govtwin::diagnosis::experiment::candidate_test::candidates;
 use govtwin::diagnosis::experiment::survivors::survivors;
 use govtwin::diagnosis::experiment::{next, weigh};

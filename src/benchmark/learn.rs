@@ -9,9 +9,8 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::battery::Label;
 use crate::benchmark::statistics::weight_of_sound;
-use crate::diagnosis::decision::posterior::{
-    Hypotheses, OF_SETS, OF_STAGES, OF_UNKNOWN, Posterior, PosteriorFeature, Weights, beforehand, score,
-};
+use crate::diagnosis::decision::posterior::{Hypotheses, Posterior, score};
+use crate::diagnosis::decision::weights::{OF_SETS, OF_STAGES, OF_UNKNOWN, PosteriorFeature, Weights, beforehand};
 use crate::diagnosis::hypotheses::table::{EvidenceRow, EvidenceTable};
 use crate::diagnosis::result::Interval;
 use crate::effects::find;

@@ -2,7 +2,8 @@
 
 use crate::benchmark::report_verdict::{Blamed, Gap, Location, Rank, ReportVerdict};
 use crate::diagnosis::decision::Decision;
-use crate::diagnosis::decision::posterior::{Posterior, Weights};
+use crate::diagnosis::decision::posterior::Posterior;
+use crate::diagnosis::decision::weights::Weights;
 use crate::diagnosis::evidence::KAPPAS;
 use crate::diagnosis::evidence::law_error::LAW_ERRORS;
 use crate::diagnosis::hypotheses::table::EvidenceTable;

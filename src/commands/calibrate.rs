@@ -11,7 +11,7 @@ use govtwin::benchmark::rejudge::{EvidenceLeftOut, rejudged};
 use govtwin::benchmark::report_verdict::ReportVerdict;
 use govtwin::benchmark::score::{Score, score};
 use govtwin::benchmark::scored::ScoredUnit;
-use govtwin::diagnosis::decision::posterior::Weights;
+use govtwin::diagnosis::decision::weights::Weights;
 use govtwin::diagnosis::hypotheses::table::EvidenceTable;
 use govtwin::diagnosis::result::Interval;
 use govtwin::files::read_text;

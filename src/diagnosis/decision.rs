@@ -5,6 +5,7 @@
 //! share none, the verdict is the class of them.
 
 pub mod posterior;
+pub mod weights;
 
 use crate::diagnosis::decision::posterior::Posterior;
 use crate::diagnosis::hypotheses::table::EvidenceTable;

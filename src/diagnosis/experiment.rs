@@ -2,7 +2,7 @@
 //!
 //! Every hypothesis that is left is put through each candidate once. Its outcome is a Gaussian: the mean is its simulation, the covariance noise and
 //! what the free parameters leave open, `S = I + J Σ Jᵀ`, with the leader's slopes J of the sheet's parameters for all and each set's own slopes of its
-//! effects. What that is worth stands in [`crate::diagnosis::experiment::information`]; nats count as the posterior counts them ([`Weights::counted_nats`]).
+//! effects. What that is worth stands in [`crate::diagnosis::experiment::information`]; nats count as the posterior counts them ([`CountedNats`]).
 
 pub mod candidate_test;
 pub(crate) mod information;
@@ -13,7 +13,8 @@ use nalgebra::{DMatrix, DVector};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 use crate::diagnosis::decision::Decision;
-use crate::diagnosis::decision::posterior::{CountedNats, Posterior, Weights};
+use crate::diagnosis::decision::posterior::{CountedNats, Posterior};
+use crate::diagnosis::decision::weights::Weights;
 use crate::diagnosis::experiment::candidate_test::{Candidate, candidates};
 use crate::diagnosis::experiment::information::{Drop, Predicted, entropy_bits, expected_drop};
 use crate::diagnosis::experiment::survivors::{Survivor, deviations, survivors};
@@ -75,7 +76,7 @@ pub fn design(
         leader.model,
         &found.refitted().unit(),
         candidates,
-        (weights.counted_nats(table), recorded),
+        (CountedNats::new(table, weights), recorded),
     );
     Next { entropy_bits, experiments: chosen(weighed, entropy_bits) }
 }

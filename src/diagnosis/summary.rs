@@ -8,7 +8,8 @@ pub(crate) mod traces;
 
 use crate::diagnosis::DiagnosisSettings;
 use crate::diagnosis::decision::Decision;
-use crate::diagnosis::decision::posterior::{Posterior, Weights};
+use crate::diagnosis::decision::posterior::Posterior;
+use crate::diagnosis::decision::weights::Weights;
 use crate::diagnosis::detectability::{ambiguous_pairs, detectable_sizes};
 use crate::diagnosis::experiment::design;
 use crate::diagnosis::hypotheses::Explored;

@@ -2,166 +2,18 @@
 //!
 //! Three questions, each with learned weights. Is something unknown at work: does the best fault set leave more than a right model would (a logistic
 //! regression)? If not, which set (a conditional logit over the evidence of all fitted sets, the sheet alone among them; McFadden 1974)? If so, at which
-//! stage (a conditional logit over the evidence of discrepancy terms there)? [`Weights::bayes`] is Bayes' theorem with nothing learned; `govtwin
-//! calibrate` learns the weights by log score on generated units.
+//! stage (a conditional logit over the evidence of discrepancy terms there)? The weights and what they
+//! multiply stand in [`super::weights`].
 
 use std::collections::BTreeMap;
 
-use serde::{Deserialize, Serialize};
-
+use crate::diagnosis::decision::weights::{OF_SETS, OF_STAGES, Weights};
 use crate::diagnosis::evidence::parts::PartFit;
 use crate::diagnosis::hypotheses::table::{EvidenceRow, EvidenceTable};
 use crate::diagnosis::model::support::SIZE_PRIOR;
 use crate::effects::{Stage, find};
 use crate::likelihood::noise::log_sum;
 use crate::likelihood::problem::SOUND_MEAN_SQUARE;
-
-/// The weights as shipped; `govtwin calibrate` writes such a file.
-const SHIPPED: &str = include_str!("../../../params/diagnosis_weights.json");
-
-/// What a weight multiplies, and its value beforehand.
-#[derive(Clone, Copy, Debug)]
-pub struct PosteriorFeature {
-    /// What the weight multiplies.
-    pub name: &'static str,
-    /// The weight with nothing learned, at fast and at slow rates.
-    pub bayes: [f64; 2],
-}
-
-const fn feature(name: &'static str, bayes: [f64; 2]) -> PosteriorFeature {
-    PosteriorFeature { name, bayes }
-}
-
-/// Features of a fault set. Where the best set leaves more than a right model would, its equations or its noise are wrong in some way, and so are nats:
-/// what it leaves beyond that is spread over some thirty numbers, by any of which a further effect may gain as much. Such errors are correlated from
-/// sample to sample, so that the first nats count most: their logarithm is a feature beside them.
-pub const OF_SETS: [PosteriorFeature; 6] = [
-    feature("nats of evidence lost against the best set, over what that leaves beyond a right model", [-1.0; 2]),
-    feature("logarithm of 1 and these", [0.0; 2]),
-    feature("number of effects", [-5.0; 2]),
-    feature("nothing at work", [0.0; 2]),
-    feature("prior χ² per parameter", [0.0; 2]),
-    feature("squares of the sizes' distances from the typical one", [0.0; 2]),
-];
-
-/// Features of something unknown against all that is known, of the set that is best by Bayes' theorem.
-pub const OF_UNKNOWN: [PosteriorFeature; 7] = [
-    feature("any unit", [-3.0; 2]),
-    feature("inverse hyperbolic sine of the deviations by which ln χ² is off that of sound units", [1.5, 0.5]),
-    feature(
-        "these deviations of nothing at work where χ² is too large, by its probability if nothing is unknown",
-        [0.5; 2],
-    ),
-    feature("prior χ² per parameter", [0.0; 2]),
-    feature("squares of the sizes' distances from the typical one", [0.0; 2]),
-    feature("number of effects", [0.0; 2]),
-    feature(
-        "logarithm of the nats that discrepancy terms at a stage gain beyond the set, negative where they lose",
-        [0.5; 2],
-    ),
-];
-
-/// Features of a stage, where something is unknown. What discrepancy terms there gain in parts of the chain on their own is weighed stage by stage: those
-/// of the supply reach every signal and explain a little of everything, those of the regulator and the sensors only what has their few shapes.
-pub const OF_STAGES: [PosteriorFeature; 8] = [
-    feature("logarithm of the share that effects there have of all that is known", [0.5; 2]),
-    feature("logarithm of 1 and the nats gained in parts on their own over their χ², of the regulator", [0.5; 2]),
-    feature("the same of the pilot valve", [0.5; 2]),
-    feature("the same of the ESV", [0.5; 2]),
-    feature("the same of the spool", [0.5; 2]),
-    feature("the same of the servomotor", [0.5; 2]),
-    feature("the same of the supply", [0.5; 2]),
-    feature("the same of the sensors", [0.5; 2]),
-];
-
-/// Names of the rates, in the order of the weights: each feature counts for both, by their share of the samples.
-const RATES: [&str; 2] = ["at fast rates", "at slow rates"];
-
-/// What the weights multiply, in their order.
-#[must_use]
-pub fn names(features: &[PosteriorFeature]) -> Vec<String> {
-    let of = |rate: &&str| features.iter().map(|feature| format!("{}, {rate}", feature.name)).collect::<Vec<_>>();
-    RATES.iter().flat_map(of).collect()
-}
-
-/// The weights with nothing learned.
-#[must_use]
-pub fn beforehand(features: &[PosteriorFeature]) -> Vec<f64> {
-    (0..RATES.len()).flat_map(|rate| features.iter().map(move |feature| feature.bayes[rate])).collect()
-}
-
-/// The learned numbers, with where they come from.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Weights {
-    /// One for each of [`OF_SETS`].
-    pub sets: Vec<f64>,
-    /// One for each of [`OF_UNKNOWN`].
-    pub unknown: Vec<f64>,
-    /// One for each of [`OF_STAGES`].
-    pub stages: Vec<f64>,
-    /// What the weights multiply, group by group, as a reader of the file needs it.
-    pub features: [Vec<String>; 3],
-    /// Expected logarithm of the equation error of a size: one standard deviation of the logarithm of fitted over true size.
-    pub size_spread: f64,
-    /// By how much the interval of the explained share is widened, as a factor of its half-widths.
-    #[serde(rename = "closure_widening")]
-    pub explained_fraction_widening: f64,
-    /// Where they were learned: seeds, number of units, program version, scores.
-    pub provenance: serde_json::Value,
-}
-
-impl Weights {
-    /// The weights that come with the program.
-    #[must_use]
-    pub fn shipped() -> Self {
-        serde_json::from_str(SHIPPED).unwrap_or_else(|_| Self::bayes())
-    }
-
-    /// Bayes' theorem with odds of e⁵ against each effect, nothing learned.
-    #[must_use]
-    pub fn bayes() -> Self {
-        Self {
-            sets: beforehand(&OF_SETS),
-            unknown: beforehand(&OF_UNKNOWN),
-            stages: beforehand(&OF_STAGES),
-            features: [names(&OF_SETS), names(&OF_UNKNOWN), names(&OF_STAGES)],
-            size_spread: 0.1,
-            explained_fraction_widening: 1.0,
-            provenance: serde_json::Value::Null,
-        }
-    }
-
-    /// What nats of evidence count for between two sets, given a unit's table.
-    #[must_use]
-    pub fn counted_nats(&self, table: &EvidenceTable) -> CountedNats {
-        let scale = Hypotheses::new(table, &[], &self.sets).map_or(1.0, |all| all.scale);
-        let of = |feature: usize| {
-            let slow = self.sets[feature + OF_SETS.len()];
-            -((1.0 - table.slow_share) * self.sets[feature] + table.slow_share * slow)
-        };
-        CountedNats { scale, scaled: of(0), logarithm: of(1) }
-    }
-}
-
-/// What nats of evidence count for between two sets: in the logarithm of their odds, by the first two of [`OF_SETS`].
-#[derive(Clone, Copy, Debug)]
-pub struct CountedNats {
-    scale: f64,
-    scaled: f64,
-    logarithm: f64,
-}
-
-impl CountedNats {
-    /// Each nat as one.
-    pub const FULL: Self = Self { scale: 1.0, scaled: 1.0, logarithm: 0.0 };
-
-    /// What so many nats count for: nothing at least, and no more than they are.
-    #[must_use]
-    pub fn of(self, nats: f64) -> f64 {
-        let scaled = nats.max(0.0) / self.scale;
-        (self.scaled * scaled + self.logarithm * scaled.ln_1p()).clamp(0.0, nats.max(0.0))
-    }
-}
 
 /// Logarithm of the odds against each effect by which the best set is chosen whose remainder is looked at.
 const ODDS: f64 = 5.0;
@@ -277,6 +129,37 @@ fn softmax(scores: Vec<f64>) -> Vec<f64> {
     scores.into_iter().map(|score| (score - total).exp()).collect()
 }
 
+/// What nats of evidence count for between two sets: in the logarithm of their odds, by the first two of [`OF_SETS`].
+#[derive(Clone, Copy, Debug)]
+pub struct CountedNats {
+    scale: f64,
+    scaled: f64,
+    logarithm: f64,
+}
+
+impl CountedNats {
+    /// Those of a unit's table by these weights.
+    #[must_use]
+    pub fn new(table: &EvidenceTable, weights: &Weights) -> Self {
+        let scale = Hypotheses::new(table, &[], &weights.sets).map_or(1.0, |all| all.scale);
+        let of = |feature: usize| {
+            let slow = weights.sets[feature + OF_SETS.len()];
+            -((1.0 - table.slow_share) * weights.sets[feature] + table.slow_share * slow)
+        };
+        Self { scale, scaled: of(0), logarithm: of(1) }
+    }
+
+    /// Each nat as one.
+    pub const FULL: Self = Self { scale: 1.0, scaled: 1.0, logarithm: 0.0 };
+
+    /// What so many nats count for: nothing at least, and no more than they are.
+    #[must_use]
+    pub fn of(self, nats: f64) -> f64 {
+        let scaled = nats.max(0.0) / self.scale;
+        (self.scaled * scaled + self.logarithm * scaled.ln_1p()).clamp(0.0, nats.max(0.0))
+    }
+}
+
 /// Logarithm of 1 and the size, with the sign.
 fn signed_log(value: f64) -> f64 {
     value.abs().ln_1p().copysign(value)
@@ -349,19 +232,6 @@ mod tests {
     use super::*;
     use crate::diagnosis::evidence::parts::Part;
 
-    #[test]
-    fn the_shipped_weights_are_of_these_features() {
-        let weights: Weights = serde_json::from_str(SHIPPED).unwrap();
-        assert_eq!(weights.features, Weights::bayes().features);
-        for (weights, features) in
-            [(&weights.sets, &OF_SETS[..]), (&weights.unknown, &OF_UNKNOWN[..]), (&weights.stages, &OF_STAGES[..])]
-        {
-            assert_eq!(weights.len(), 2 * features.len());
-            assert!(weights.iter().all(|weight| weight.is_finite()));
-        }
-        assert!(weights.size_spread > 0.0 && weights.explained_fraction_widening > 0.0);
-    }
-
     fn row(effects: &[&str], evidence: f64, cost: f64) -> EvidenceRow {
         EvidenceRow {
             effects: effects.iter().map(|id| (*id).to_owned()).collect(),
@@ -417,10 +287,10 @@ mod tests {
             rows: vec![row(&["load"], -0.5 * cost, cost)],
             ..EvidenceTable::default()
         };
-        let counted = |cost: f64, nats: f64| Weights::shipped().counted_nats(&table(cost)).of(nats);
+        let counted = |cost: f64, nats: f64| CountedNats::new(&table(cost), &Weights::shipped()).of(nats);
         assert!(counted(920.0, 10.0) > counted(4000.0, 10.0) && counted(4000.0, 10.0) > 0.0);
         assert!(counted(920.0, 20.0) < 2.0 * counted(920.0, 10.0) && counted(920.0, 20.0) > counted(920.0, 10.0));
-        assert!((Weights::bayes().counted_nats(&table(900.0)).of(7.0) - 7.0).abs() < 1e-12);
+        assert!((CountedNats::new(&table(900.0), &Weights::bayes()).of(7.0) - 7.0).abs() < 1e-12);
     }
 
     /// What the best set leaves speaks for something unknown, and its stage is where discrepancy terms explain most of a part on its own.

@@ -1,6 +1,6 @@
 //! The four answers at the head of a diagnosis, in this order: what the cause is, how sure, how far it explains the error, what to do next.
 
-use crate::diagnosis::decision::posterior::Weights;
+use crate::diagnosis::decision::weights::Weights;
 use crate::diagnosis::result::{Diagnosis, Fitted, Verdict};
 use crate::report::diagnosis::stage::fitted_stage;
 use crate::report::diagnosis::words::{
