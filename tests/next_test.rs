@@ -5,11 +5,11 @@ use std::process::Command;
 
 use govtwin::bag::{self, Topics};
 use govtwin::diagnosis::decision::Decision;
-use govtwin::diagnosis::decision::posterior::Posterior;
+use govtwin::diagnosis::decision::posterior::{CountedNats, Posterior};
 use govtwin::diagnosis::decision::weights::Weights;
 use govtwin::diagnosis::experiment::candidate_test::candidates;
 use govtwin::diagnosis::experiment::survivors::survivors;
-use govtwin::diagnosis::experiment::{next, weigh};
+use govtwin::diagnosis::experiment::{design, weigh};
 use govtwin::diagnosis::hypotheses::table::EvidenceTable;
 use govtwin::diagnosis::hypotheses::{Explored, explore};
 use govtwin::diagnosis::model::FittedModel;
@@ -134,7 +134,7 @@ fn a_test_tells_more_than_standing_idle_and_nothing_is_asked_where_one_hypothesi
     let left = survivors(&found, &table, &open, &decision);
     assert_eq!(left.iter().map(|one| one.probability).collect::<Vec<_>>(), [0.5, 0.5]);
     let before = problem.simulations();
-    let proposed = next(&problem, &found, (&table, &open, &Weights::bayes()), &decision);
+    let proposed = design(&problem, &found, (&table, &open, &Weights::bayes()), &decision);
     let spent = problem.simulations() - before;
     assert!(spent < 600, "{spent} short simulations");
     assert!((proposed.entropy_bits - 1.0).abs() < 1e-9);
@@ -144,13 +144,13 @@ fn a_test_tells_more_than_standing_idle_and_nothing_is_asked_where_one_hypothesi
     let recorded = Signal::ALL.map(|signal| Signal::POSITIONS.contains(&signal));
     let leader = left[0].model;
     let idle = candidates(&problem, &leader.unit(), &[idle]);
-    let idle = weigh(&problem, &left, leader, &found.refitted().unit(), idle, (1.0, recorded));
+    let idle = weigh(&problem, &left, leader, &found.refitted().unit(), idle, (CountedNats::FULL, recorded));
     let most = idle.iter().map(|one| one.drop.least_bits).fold(0.0, f64::max);
     assert!(best.expected_drop_bits > 2.0 * most, "{} and idle {most}", best.expected_drop_bits);
 
     let settled = of(vec![(one, 0.9999), (other, 0.0001)]);
     let decision = Decision::new(&table, &settled, &catalogue());
-    let proposed = next(&problem, &found, (&table, &settled, &Weights::bayes()), &decision);
+    let proposed = design(&problem, &found, (&table, &settled, &Weights::bayes()), &decision);
     assert!(proposed.experiments.is_empty() && proposed.entropy_bits == 0.0, "{proposed:?}");
 }
 
