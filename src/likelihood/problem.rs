@@ -96,6 +96,12 @@ impl Problem {
         self.of(recordings, Vec::new()).laid_along(reference)
     }
 
+    /// Twice the logarithm of how wide the noise is, over all samples: what a likelihood charges for a noise that excuses more.
+    #[must_use]
+    pub fn width(&self) -> f64 {
+        self.whiteners.iter().flatten().map(Whitener::width).sum()
+    }
+
     /// A problem with one of the recordings alone, its noise as laid out here.
     #[must_use]
     pub fn only(&self, recording: usize) -> Self {

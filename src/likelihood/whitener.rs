@@ -126,6 +126,12 @@ impl Whitener {
         Self { decay, gain, scale, kicked, share: independent_share(recording.period_s), limit_cycles, floor_square }
     }
 
+    /// Twice the logarithm of the standard deviation, over all samples, raised as the likelihood is.
+    #[must_use]
+    pub fn width(&self) -> f64 {
+        self.scale.iter().filter(|scale| **scale > 0.0).map(|scale| -2.0 * scale.ln() * self.share).sum()
+    }
+
     /// One over the standard deviation of each innovation, where there was a sample.
     #[must_use]
     pub fn scales(&self) -> Vec<f64> {
