@@ -12,6 +12,8 @@
 //! DDS, a lock or the allocator. `hear`, `publish` and the transport's event loop run below it in real time, discovery below them. The model's time is the count of its steps, or `/clock` where
 //! `use_sim_time` is set; what arrives takes effect at the next step.
 //!
+//! Several units of one process are nodes of their own on one participant; these threads serve all of them, and more than one may integrate.
+//!
 //! What it does not do: REP-2016 type hashes of services are not announced, those of topics are; a
 //! publisher's lease, deadline and lifespan are not judged, silence is, by arrival; `ROS_STATIC_PEERS` and DDS
 //! security cannot be followed. RustDDS is the repaired copy below `vendor/`, see `transport`.

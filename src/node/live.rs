@@ -16,20 +16,20 @@ use ros2_client::log::LogLevel;
 use rtrb::{Consumer, Producer};
 
 use station::{Parts, Station};
-use supervisor::{SECOND, Supervisor};
+use supervisor::Supervisor;
 
 use super::arguments::Arguments;
 use super::bus::{Bus, BusError};
-use super::clock::Watch;
 use super::core::NodeInput;
 use super::environment::Environment;
 use super::intake::TopicCounts;
 use super::integration::{Ends, TimedEvent, pool};
+use super::journal::Journal;
 use super::listener::event::{NodeEvent, Teller, way};
 use super::listener::{Arrivals, Listener, Loop, hear};
 use super::parameters::ParameterStore;
 use super::publishers::{Outlet, publish};
-use super::realtime::{Until, Wishes, claim, claim_as_carrier, monotonic_ns, pause, resident_bytes};
+use super::realtime::{Until, Wishes, claim, claim_as_carrier, pause, resident_bytes};
 use super::refit::Refit;
 use super::services::ServiceContext;
 use super::services::replies::Replies;
@@ -124,29 +124,10 @@ pub fn run_together(
     say: Say<'_>,
 ) -> Result<Vec<RunEnd>, NodeError> {
     let Some(first) = options.first() else { return Ok(Vec::new()) };
-    let mut told = BTreeSet::new();
-    // What is the same for all units is said once.
-    let mut say_once = |level, words: &str| {
-        if told.insert(words.to_owned()) {
-            say(level, words);
-        }
-    };
-    let (mut stations, mut parts) = (Vec::<Station>::new(), Vec::new());
-    for options in options {
-        let (station, of_threads) = Station::open(options, stations.first().map(|first| &first.bus), &mut say_once)?;
-        stations.push(station);
-        parts.push(of_threads);
-    }
-    for words in Bus::idle_arguments_of(&stations.iter().map(|station| &station.bus).collect::<Vec<_>>()) {
-        say_once(LogLevel::Warn, &words);
-    }
-    let mut journals = Vec::new();
-    for (station, options) in stations.iter().zip(options) {
-        journals.push(options.bag.as_ref().map(|folder| station.journal(folder)).transpose()?);
-    }
+    let (stations, parts, journals) = open(options, say)?;
     let wishes = stations.first().map(|first| first.settings.wishes).unwrap_or_default();
     for (level, words) in startup::claim(wishes.priority) {
-        say_once(level, &words);
+        say(level, &words);
     }
     let replies: Vec<Replies<'_>> = stations.iter().map(|station| Replies::new(station.begins())).collect();
     let say = RefCell::new(say);
@@ -160,26 +141,9 @@ pub fn run_together(
         outlets.push(Outlet::new(&station.publishers, (outputs, answers), (replies, action), node_events.clone()));
         loops.push(integrator);
         let name = station.bus.arguments().full_name();
-        supervisors.push(Supervisor {
-            bus: &station.bus,
-            health,
-            counts: &station.counts,
-            settings: station.settings,
-            journal,
-            ended: None,
-            strangers: BTreeSet::new(),
-            clock: &station.clock,
-            watch: Watch::new(monotonic_ns()),
-            state: Box::new(|| replies.state()),
-            competing_clock: false,
-            least: &station.least,
-            heard,
-            second: Until::after(Some(SECOND)),
-            newest: None,
-            reported: Default::default(),
-            prefix: if options.len() > 1 { format!("{name}: ") } else { String::new() },
-            say: &tell,
-        });
+        let prefix = if options.len() > 1 { format!("{name}: ") } else { String::new() };
+        let state = Box::new(|| replies.state());
+        supervisors.push(Supervisor::new(station, (health, journal, heard), state, prefix, &tell));
         hearers.push(Hearer { station, replies, store, fixed_unit, node_events, ways: (events, refits, retired) });
     }
 
@@ -198,8 +162,9 @@ pub fn run_together(
             let (publisher, node_events) = (publishing.thread().clone(), hearers[0].node_events.clone());
             let wishes = Wishes { cpu: wishes.cpu.map(|cpu| cpu + thread), ..wishes };
             stepping.push(std::thread::Builder::new().name("step".to_owned()).spawn_scoped(scope, move || {
+                tell_claims(wishes, &node_events);
                 // From here on this thread touches nothing that can wait.
-                tell_claims(wishes, node_events);
+                drop(node_events);
                 pool::run(loops, ending_ref, &publisher)
             })?);
         }
@@ -242,8 +207,35 @@ pub fn run_together(
     ends.collect()
 }
 
+/// What is open of each unit: what its threads share, what each of them takes, and its bag.
+type Opened = (Vec<Station>, Vec<Parts>, Vec<Option<Journal>>);
+
+/// Opens the nodes of all units, then begins their bags.
+fn open(options: &[RunOptions], say: Say<'_>) -> Result<Opened, NodeError> {
+    let mut told = BTreeSet::new();
+    // What is the same for all units is said once.
+    let mut say_once = |level, words: &str| {
+        if told.insert(words.to_owned()) {
+            say(level, words);
+        }
+    };
+    let (mut stations, mut parts, mut journals) = (Vec::<Station>::new(), Vec::new(), Vec::new());
+    for options in options {
+        let (station, of_threads) = Station::open(options, stations.first().map(|first| &first.bus), &mut say_once)?;
+        stations.push(station);
+        parts.push(of_threads);
+    }
+    for words in Bus::idle_arguments_of(&stations.iter().map(|station| &station.bus).collect::<Vec<_>>()) {
+        say_once(LogLevel::Warn, &words);
+    }
+    for (station, options) in stations.iter().zip(options) {
+        journals.push(options.bag.as_ref().map(|folder| station.journal(folder)).transpose()?);
+    }
+    Ok((stations, parts, journals))
+}
+
 /// Asks for what a thread that integrates wishes and tells what was granted.
-fn tell_claims(wishes: Wishes, node_events: Teller) {
+fn tell_claims(wishes: Wishes, node_events: &Teller) {
     for said in claim(wishes) {
         let (level, words) = match said {
             Ok(words) => (LogLevel::Info, words),

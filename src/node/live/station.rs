@@ -61,6 +61,10 @@ impl Station {
         let store = parameters(options, say)?;
         let (settings, unit) = (store.settings(), store.unit().clone());
         let corrector = corrector(options, &unit)?;
+        if beside.is_some() && settings.publish_clock {
+            let words = "publish_clock:=true: several units of one process would tell several clocks; leave it out";
+            return Err(NodeError::Parameter(words.to_owned()));
+        }
         for remark in options.environment.remarks.iter().chain(&options.arguments.remarks) {
             say(LogLevel::Warn, remark);
         }

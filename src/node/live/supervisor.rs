@@ -21,40 +21,71 @@ use super::super::listener::event::{NodeEvent, Taker};
 use super::super::realtime::{Until, monotonic_ns, wall_ns};
 use super::super::settings::NodeSettings;
 use super::super::words;
+use super::station::Station;
 use crate::bag::BagError;
 use crate::msg::{EsvState, FluidPressure, GovernorCommand, Interface, JointState};
 
 /// How often it looks around.
-pub(super) const SECOND: Duration = Duration::from_secs(1);
+const SECOND: Duration = Duration::from_secs(1);
 
 /// Most events that are taken in at a go.
 const MOST_EVENTS: usize = 4096;
 
 /// The books of one unit: words, bag, diagnostics.
 pub(super) struct Supervisor<'a> {
-    pub(super) bus: &'a Bus,
-    pub(super) health: Publisher<DiagnosticArray>,
-    pub(super) counts: &'a Mutex<[TopicCounts; NodeInput::COUNT]>,
-    pub(super) settings: NodeSettings,
-    pub(super) journal: Option<Journal>,
+    bus: &'a Bus,
+    health: Publisher<DiagnosticArray>,
+    counts: &'a Mutex<[TopicCounts; NodeInput::COUNT]>,
+    settings: NodeSettings,
+    journal: Option<Journal>,
     /// The bags of a journal that ended before the node, and why it did.
-    pub(super) ended: Option<(Vec<PathBuf>, String)>,
-    pub(super) strangers: BTreeSet<Gid>,
-    pub(super) clock: &'a clock::ClockHeard,
-    pub(super) watch: Watch,
-    pub(super) state: Box<dyn Fn() -> RunState + 'a>,
-    pub(super) competing_clock: bool,
-    pub(super) least: &'a AtomicU8,
-    pub(super) heard: Taker,
-    pub(super) second: Until,
-    pub(super) newest: Option<TickOutput>,
-    pub(super) reported: [TopicCounts; NodeInput::COUNT],
+    ended: Option<(Vec<PathBuf>, String)>,
+    strangers: BTreeSet<Gid>,
+    clock: &'a clock::ClockHeard,
+    watch: Watch,
+    state: Box<dyn Fn() -> RunState + 'a>,
+    competing_clock: bool,
+    least: &'a AtomicU8,
+    heard: Taker,
+    second: Until,
+    newest: Option<TickOutput>,
+    reported: [TopicCounts; NodeInput::COUNT],
     /// Stands before each word, where there are several units.
-    pub(super) prefix: String,
-    pub(super) say: &'a dyn Fn(LogLevel, &str),
+    prefix: String,
+    say: &'a dyn Fn(LogLevel, &str),
 }
 
-impl Supervisor<'_> {
+impl<'a> Supervisor<'a> {
+    /// The books of a unit that begins; `state` says whether its simulation runs.
+    pub(super) fn new(
+        station: &'a Station,
+        (health, journal, heard): (Publisher<DiagnosticArray>, Option<Journal>, Taker),
+        state: Box<dyn Fn() -> RunState + 'a>,
+        prefix: String,
+        say: &'a dyn Fn(LogLevel, &str),
+    ) -> Self {
+        Self {
+            bus: &station.bus,
+            health,
+            counts: &station.counts,
+            settings: station.settings,
+            journal,
+            ended: None,
+            strangers: BTreeSet::new(),
+            clock: &station.clock,
+            watch: Watch::new(monotonic_ns()),
+            state,
+            competing_clock: false,
+            least: &station.least,
+            heard,
+            second: Until::after(Some(SECOND)),
+            newest: None,
+            reported: <[TopicCounts; NodeInput::COUNT]>::default(),
+            prefix,
+            say,
+        }
+    }
+
     /// Takes in what was told; once a second flushes the bag, looks around and reports.
     pub(super) fn turn(&mut self) {
         for _ in 0..MOST_EVENTS {
