@@ -87,7 +87,7 @@ impl<'a, 's> Outlet<'a, 's> {
         // Taken before the results: all that led to these answers is among them.
         let done: Vec<Answer> = std::iter::from_fn(|| self.answers.pop().ok()).collect();
         while let Ok(output) = self.outputs.pop() {
-            self.pass(output);
+            self.pass(Box::new(output));
         }
         for answer in done {
             self.replies.answer(answer);
@@ -100,7 +100,7 @@ impl<'a, 's> Outlet<'a, 's> {
         is_last
     }
 
-    fn pass(&mut self, output: TickOutput) {
+    fn pass(&mut self, output: Box<TickOutput>) {
         let Publishers { servo_state, joint_states, status, corrected, .. } = self.publishers;
         self.time_ns = output.tick.frame.time_ns;
         if output.publish || output.tick.estimate.is_none() {
@@ -119,7 +119,7 @@ impl<'a, 's> Outlet<'a, 's> {
         if output.patient {
             self.action.progress(output.steps_left);
         }
-        self.node_events.tell(NodeEvent::Output(Box::new(output)));
+        self.node_events.tell(NodeEvent::Output(output));
     }
 }
 
