@@ -109,7 +109,7 @@ mod tests {
         let free_parameters: Vec<FreeParameter> =
             FreeParameter::nuisances(&params::reference()).into_iter().take(3).collect();
         let positions = vec![0.4, -0.2, 0.1];
-        let residuals = vec![DVector::from_fn(40, |row, _| 3.0 * value(row, 0))];
+        let residuals = vec![DVector::from_fn(40, |row, _| 3.0 * value(row, 0) + 2.0 * value(row, 1))];
         let slopes = vec![DMatrix::from_fn(40, 3, |row, column| value(row, column + 1))];
         let (hessian, gradient) = normal(&free_parameters, &positions, &residuals, &slopes, 2.0);
         let step = hessian.cholesky().unwrap().solve(&gradient);
