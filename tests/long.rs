@@ -293,7 +293,7 @@ fn an_hour_of_operation_is_diagnosed_as_its_four_processes_are() {
     let (of_hour, of_four) = (diagnose(&hour, "one"), diagnose(&four, "other"));
     assert_eq!((&of_hour["verdict"], &of_four["verdict"]), (&"named".into(), &"named".into()));
     let blamed = |report: &serde_json::Value| {
-        report["blamed"].as_array().unwrap().iter().map(|one| one["id"].clone()).collect::<Vec<_>>()
+        report["effects"].as_array().unwrap().iter().map(|one| one["id"].clone()).collect::<Vec<_>>()
     };
     assert_eq!((blamed(&of_hour), blamed(&of_four)), (vec!["backlash".into()], vec!["backlash".into()]));
 }

@@ -19,7 +19,7 @@ use super::{BagError, Damage, FileHealth, GOVTWIN, SIMULATOR, TWIN};
 
 pub(super) use growing_file::GrowingFile;
 pub(super) use loader::Loader;
-use walk::{Kind, Part, Walk};
+use walk::{FilePart, FileWalk, PartKind};
 
 /// Of a file of so many bytes it pays to unpack in a thread of its own.
 const LONG_BYTES: u64 = 1 << 20;
@@ -64,8 +64,8 @@ fn scan_records(
     let mut scan = Scan::new(file, path);
     scan.summary(file)?;
     let (finished, unpack_left) = (scan.found.health.finished, chunk::unpack_limit(file.end()));
-    let mut walk = Walk { finished, grows: false, data_end: scan.data_end, unpack_left };
-    let take = &mut |part: &Part| scan.take(part, on_message);
+    let mut walk = FileWalk { finished, grows: false, data_end: scan.data_end, unpack_left };
+    let take = &mut |part: &FilePart| scan.take(part, on_message);
     if apart {
         walk.apart(file, take)?;
     } else {
@@ -157,22 +157,22 @@ impl Scan {
     }
 
     /// Takes a part of the file, in its order.
-    fn take(&mut self, part: &Part, on_message: &mut OnMessage<'_>) {
+    fn take(&mut self, part: &FilePart, on_message: &mut OnMessage<'_>) {
         match &part.kind {
-            Kind::Records => {
+            PartKind::Records => {
                 let mut at = part.at;
                 for (opcode, body) in part.records.iter() {
                     self.bare(at, opcode, body, on_message);
                     at += (HEAD_LEN + body.len()) as u64;
                 }
             }
-            Kind::Chunk { stated_len, result } => self.chunk(part, *stated_len, result, on_message),
-            Kind::Damage { lost_bytes, problem } => self.damage(part.at, *lost_bytes, problem, 0),
+            PartKind::Chunk { stated_len, result } => self.chunk(part, *stated_len, result, on_message),
+            PartKind::Damage { lost_bytes, problem } => self.damage(part.at, *lost_bytes, problem, 0),
         }
     }
 
-    fn chunk(&mut self, part: &Part, len: u64, result: &Result<(), String>, on_message: &mut OnMessage<'_>) {
-        let Part { at, body, records, .. } = part;
+    fn chunk(&mut self, part: &FilePart, len: u64, result: &Result<(), String>, on_message: &mut OnMessage<'_>) {
+        let FilePart { at, body, records, .. } = part;
         let at = *at;
         self.structure.next_chunk(true);
         let mut segment = Segment::new(at, len);

@@ -96,6 +96,8 @@ fn judge(root: &Path, told: Option<(&Traced, Kind)>) -> Vec<String> {
         if !out.exists() && !nothing {
             found.push(format!("what was kept is not saved: {}", String::from_utf8_lossy(&recovered.stderr)));
         }
+        // Saving it leaves it where it is, for the user to throw away.
+        fs::remove_dir_all(&kept).unwrap();
     }
     if out.exists() {
         found.extend(wrong(root));

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::super::structure::Structure;
 use super::super::topic::{OnMessage, TopicInfo};
 use super::super::{BagError, chunk};
-use super::walk::{Part, Walk};
+use super::walk::{FilePart, FileWalk};
 use super::{RecordFile, Scan};
 
 /// A file that may still grow: each read goes on where the last one ended.
@@ -47,11 +47,11 @@ impl GrowingFile {
         let unpack_left = self.unpack_left.saturating_add(chunk::UNPACK_RATIO.saturating_mul(more));
         scan.data_end = file.end();
         let mut walk =
-            Walk { finished: scan.found.health.finished, grows: !ended, data_end: scan.data_end, unpack_left };
+            FileWalk { finished: scan.found.health.finished, grows: !ended, data_end: scan.data_end, unpack_left };
         // What a scan keeps of what it has read would grow without bound.
         (scan.found.segments, scan.structure) = (vec![], Structure::default());
         let read =
-            file.seek(self.at).and_then(|()| walk.here(&mut file, &mut |part: &Part| scan.take(part, on_message)));
+            file.seek(self.at).and_then(|()| walk.here(&mut file, &mut |part: &FilePart| scan.take(part, on_message)));
         self.unpack_left = walk.unpack_left;
         self.at = file.at();
         read.map_err(BagError::io(path, "read"))?;

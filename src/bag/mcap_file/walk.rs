@@ -16,10 +16,10 @@ const LARGE_BYTES: usize = 1 << 21;
 
 /// A part of a file.
 #[derive(Debug, Default)]
-pub(super) struct Part {
+pub(super) struct FilePart {
     /// Where it begins, bytes from the start of the file.
     pub(super) at: u64,
-    pub(super) kind: Kind,
+    pub(super) kind: PartKind,
     /// The body of a chunk, as far as it is there.
     pub(super) body: Vec<u8>,
     pub(super) records: Records,
@@ -27,7 +27,7 @@ pub(super) struct Part {
 
 /// What a part is.
 #[derive(Debug, Default)]
-pub(super) enum Kind {
+pub(super) enum PartKind {
     /// Records outside of any chunk, one right behind the other.
     #[default]
     Records,
@@ -42,7 +42,7 @@ pub(super) enum Kind {
     Damage { lost_bytes: u64, problem: &'static str },
 }
 
-impl Part {
+impl FilePart {
     fn held_bytes(&self) -> usize {
         self.body.capacity() + self.records.held_bytes()
     }
@@ -50,7 +50,7 @@ impl Part {
 
 /// A walk over a file.
 #[derive(Debug)]
-pub(super) struct Walk {
+pub(super) struct FileWalk {
     /// The file has a footer.
     pub(super) finished: bool,
     /// It is still being written: the place stays at the first record that is not whole.
@@ -63,15 +63,15 @@ pub(super) struct Walk {
 
 /// Where parts go, each for an empty one; records outside of chunks are gathered before.
 struct Hand<'a> {
-    part: Part,
-    to: &'a mut dyn FnMut(Part) -> Part,
+    part: FilePart,
+    to: &'a mut dyn FnMut(FilePart) -> FilePart,
 }
 
 impl Hand<'_> {
     fn send(&mut self) {
         let part = std::mem::take(&mut self.part);
         self.part = (self.to)(part);
-        self.part.kind = Kind::Records;
+        self.part.kind = PartKind::Records;
         self.part.records.clear();
     }
 
@@ -94,7 +94,7 @@ impl Hand<'_> {
 
     fn damage(&mut self, at: u64, lost_bytes: u64, problem: &'static str) {
         self.flush();
-        (self.part.at, self.part.kind) = (at, Kind::Damage { lost_bytes, problem });
+        (self.part.at, self.part.kind) = (at, PartKind::Damage { lost_bytes, problem });
         self.send();
     }
 
@@ -104,15 +104,15 @@ impl Hand<'_> {
         let result = chunk::read(body, stated_len, most_bytes, &mut self.part.records);
         let unpacked_bytes = self.part.records.unpacked_bytes();
         std::mem::swap(&mut self.part.body, body);
-        (self.part.at, self.part.kind) = (at, Kind::Chunk { stated_len, result });
+        (self.part.at, self.part.kind) = (at, PartKind::Chunk { stated_len, result });
         self.send();
         unpacked_bytes
     }
 }
 
-impl Walk {
+impl FileWalk {
     /// Hands each part to who takes it.
-    pub(super) fn here(&mut self, file: &mut RecordFile, take: &mut dyn FnMut(&Part)) -> io::Result<()> {
+    pub(super) fn here(&mut self, file: &mut RecordFile, take: &mut dyn FnMut(&FilePart)) -> io::Result<()> {
         self.over(file, &mut |part| {
             take(&part);
             part
@@ -120,10 +120,10 @@ impl Walk {
     }
 
     /// The same, but a thread of its own reads and unpacks while parts are taken: at most three are in memory, or one where it is large.
-    pub(super) fn apart(&mut self, file: &mut RecordFile, take: &mut dyn FnMut(&Part)) -> io::Result<()> {
+    pub(super) fn apart(&mut self, file: &mut RecordFile, take: &mut dyn FnMut(&FilePart)) -> io::Result<()> {
         std::thread::scope(|scope| {
-            let (to, from) = sync_channel::<Part>(1);
-            let (give_back, back) = channel::<Part>();
+            let (to, from) = sync_channel::<FilePart>(1);
+            let (give_back, back) = channel::<FilePart>();
             let reading = scope.spawn(move || {
                 let mut out = 0;
                 self.over(file, &mut |part| {
@@ -149,8 +149,8 @@ impl Walk {
         })
     }
 
-    fn over(&mut self, file: &mut RecordFile, to: &mut dyn FnMut(Part) -> Part) -> io::Result<()> {
-        let mut hand = Hand { part: Part::default(), to };
+    fn over(&mut self, file: &mut RecordFile, to: &mut dyn FnMut(FilePart) -> FilePart) -> io::Result<()> {
+        let mut hand = Hand { part: FilePart::default(), to };
         let result = self.parts(file, &mut hand);
         hand.flush();
         result
