@@ -177,7 +177,10 @@ pub fn run_together(
             hear(ears.iter().flat_map(Ears::arrivals).collect(), listening);
         })?;
         let until = Until::after(first.duration);
-        while !stop.load(Ordering::Relaxed) && !until.is_past() && !stepping.iter().any(std::thread::ScopedJoinHandle::is_finished) {
+        while !stop.load(Ordering::Relaxed)
+            && !until.is_past()
+            && !stepping.iter().any(std::thread::ScopedJoinHandle::is_finished)
+        {
             supervisors.iter_mut().for_each(Supervisor::turn);
             pause(BOOKS);
         }
