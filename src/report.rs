@@ -23,10 +23,10 @@
 #[cfg(feature = "lab")]
 pub mod comparison;
 pub mod diagnosis;
-pub(crate) mod draw;
+pub mod draw;
 mod dress;
 pub mod import;
-pub(crate) mod ink;
+pub mod ink;
 mod layout;
 pub mod page;
 pub(crate) mod picture;

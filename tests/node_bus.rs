@@ -176,7 +176,7 @@ fn units_of_one_process_are_nodes_of_their_own() {
     let ended = ended.unwrap();
     assert_eq!(ended.len(), 2);
     for one in &ended {
-        assert!(one.summary.ticks > 100 && one.counts[NodeInput::Command as usize].used > 10, "{:?}", one.counts);
+        assert!(one.summary.ticks > 100 && one.counts[NodeInput::Command as usize].used > 0, "{:?}", one.counts);
     }
     let told = |what: &str| said.iter().filter(|words| words.contains(what)).count();
     assert_eq!((told("/left/governor/comand"), told("/right/governor/esv:=")), (1, 0), "{said:?}");

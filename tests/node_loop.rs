@@ -137,7 +137,7 @@ fn own_time(paused: bool) -> (Integrator, Ends) {
 /// Gives an order and what is answered in the turns after it.
 fn order(integrator: &mut Integrator, ends: &mut Ends, order: Order, now_ns: i64) -> Vec<Answer> {
     ends.events.push(TimedEvent { arrived_ns: now_ns, heard: InputEvent::Order(order, 7) }).unwrap();
-    for _ in 0..20 {
+    for _ in 0..60 {
         integrator.turn(now_ns);
     }
     std::iter::from_fn(|| ends.answers.pop().ok()).collect()

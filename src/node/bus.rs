@@ -1,19 +1,21 @@
 //! The node on DDS: participant, names, topics and their QoS; the only file that opens and closes them.
 
-use std::collections::{BTreeMap, BTreeSet};
+mod graph;
+
+use std::collections::BTreeSet;
 
 use ros2_client::parameters::raw;
 use ros2_client::{
-    Client, Context, CreateError, Gid, Message, Name, Node, NodeName, NodeOptions, Publisher, QosProfile, Server,
+    Client, Context, CreateError, Message, Name, Node, NodeName, NodeOptions, Publisher, QosProfile, Server,
     ServiceMapping, ServiceTypeName, Subscription,
 };
 use ros2args::Ros2ArgsError;
-use rustdds::{DomainParticipant, DomainParticipantBuilder, GUID, QosPolicies, RTPSEntity, TopicKind};
+use rustdds::{DomainParticipant, DomainParticipantBuilder, QosPolicies, TopicKind};
 use serde::Serialize;
 
 use super::arguments::Arguments;
 use super::environment::Environment;
-use super::offer::{Describer, Offer, dds_type, ros_type};
+use super::offer::dds_type;
 use super::qos::{self, best_effort, kept, latched, recorded, reliable};
 use super::services::call::Calls;
 use super::tap::Tap;
@@ -299,85 +301,6 @@ impl Bus {
         self.node.create_publisher(&topic, None).map_err(open)
     }
 
-    /// What others write: for each writer's id, its topic and type as ROS 2 names them.
-    #[must_use]
-    pub fn writers(&self) -> BTreeMap<Gid, (String, String)> {
-        let writers = self.context.domain_participant().discovered_writers();
-        let named = writers.into_iter().filter_map(|writer| {
-            let data = writer.publication_topic_data;
-            let topic = data.topic_name.strip_prefix("rt")?.to_owned();
-            Some((Gid::from(data.key), (topic, ros_type(&data.type_name))))
-        });
-        named.collect()
-    }
-
-    /// The publishers of other nodes.
-    #[must_use]
-    pub(super) fn offers(&self) -> Vec<Offer> {
-        let own = self.context.domain_participant();
-        let own_prefix = prefix_of(own.guid());
-        let offers = own.discovered_writers().iter().filter_map(Offer::of).collect::<Vec<_>>();
-        offers.into_iter().filter(|offer| offer.process[..] != own_prefix[..]).collect()
-    }
-
-    /// Services of other nodes that describe types.
-    #[must_use]
-    pub(super) fn describers(&self) -> Vec<Describer> {
-        self.context.domain_participant().discovered_readers().iter().filter_map(Describer::of).collect()
-    }
-
-    /// How many writers other participants have on this topic, given by its full name.
-    #[must_use]
-    pub fn writers_of(&self, full_name: &str) -> usize {
-        let own = self.context.domain_participant();
-        let own_prefix = prefix_of(own.guid());
-        let dds_name = format!("rt{full_name}");
-        let writers = own.discovered_writers();
-        let others = writers.iter().map(|writer| &writer.publication_topic_data);
-        others.filter(|data| data.topic_name == dds_name && prefix_of(data.key) != own_prefix).count()
-    }
-
-    /// How many readers other participants have on this topic, given by its full name.
-    #[must_use]
-    pub fn readers_of(&self, full_name: &str) -> usize {
-        let own = self.context.domain_participant();
-        let own_prefix = prefix_of(own.guid());
-        let dds_name = format!("rt{full_name}");
-        let readers = own.discovered_readers();
-        let others = readers.iter().map(|reader| &reader.subscription_topic_data);
-        others.filter(|data| *data.topic_name() == dds_name && prefix_of(data.key()) != own_prefix).count()
-    }
-
-    /// Endpoints of others on the node's topics with which no sample is exchanged, since their qualities of service do not go
-    /// together: each one's id, and why in words.
-    #[must_use]
-    pub fn incompatible(&self) -> Vec<(Gid, String)> {
-        let own = self.context.domain_participant();
-        let (writers, readers) = (own.discovered_writers(), own.discovered_readers());
-        let mut found = Vec::new();
-        for Endpoint { topic, writes, qos } in &self.endpoints {
-            let dds_name = format!("rt{topic}");
-            if *writes {
-                let data = readers.iter().map(|reader| &reader.subscription_topic_data);
-                for data in data.filter(|data| *data.topic_name() == dds_name) {
-                    if let Some(policy) = qos.compliance_failure_wrt(&data.qos()) {
-                        let words = format!("{topic}: a subscription asks for more {policy:?} than is offered");
-                        found.push((Gid::from(data.key()), words));
-                    }
-                }
-            } else {
-                let data = writers.iter().map(|writer| &writer.publication_topic_data);
-                for data in data.filter(|data| data.topic_name == dds_name) {
-                    if let Some(policy) = data.qos().compliance_failure_wrt(qos) {
-                        let words = format!("{topic}: a publisher offers less {policy:?} than is asked for");
-                        found.push((Gid::from(data.key), words));
-                    }
-                }
-            }
-        }
-        found
-    }
-
     fn listen<M: Interface + 'static>(&mut self, topic: &str, qos: QosProfile) -> Result<Subscription<M>, BusError> {
         let (full_name, topic) = self.topic(topic, (M::TYPE_NAME, None), "subscription", qos)?;
         self.node.create_subscription(&topic, None).map_err(|source| BusError::Open { topic: full_name, source })
@@ -412,11 +335,6 @@ fn announce_hash(participant: &DomainParticipant, dds_name: &str, type_name: &st
     if let Some(hash) = hash.map(str::to_owned).or_else(own) {
         transport::announce_hash(participant, dds_name, &hash);
     }
-}
-
-/// The part of an id that all endpoints of a participant share.
-fn prefix_of(id: GUID) -> Vec<u8> {
-    id.to_bytes()[..12].to_vec()
 }
 
 fn parse_name(full_name: &str) -> Result<Name, BusError> {

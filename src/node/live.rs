@@ -172,9 +172,12 @@ pub fn run_together(
         let (threads, mappings) = (steppers.clone(), &first.environment.service_mappings);
         let hearing = std::thread::Builder::new().name("hear".to_owned()).spawn_scoped(scope, move || {
             claim_as_carrier(wishes.priority);
-            let ears: Vec<_> =
-                hearers.into_iter().enumerate().map(|(n, one)| one.ears(&threads[n / share], mappings)).collect();
-            hear(ears.iter().flat_map(Ears::arrivals).collect(), listening);
+            let units: Vec<_> = hearers
+                .into_iter()
+                .enumerate()
+                .map(|(n, one)| one.into_hearing(&threads[n / share], mappings))
+                .collect();
+            hear(units.iter().flat_map(UnitHearing::arrivals).collect(), listening);
         })?;
         let until = Until::after(first.duration);
         while !stop.load(Ordering::Relaxed)
@@ -262,7 +265,7 @@ struct Hearer<'a, 'p> {
 type Ways = (Producer<TimedEvent>, Producer<Box<Refit>>, Consumer<Box<Refit>>);
 
 /// A unit as it hears.
-struct Ears<'a, 'p> {
+struct UnitHearing<'a, 'p> {
     station: &'p Station,
     replies: &'a Replies<'p>,
     listener: Listener<'p>,
@@ -270,17 +273,17 @@ struct Ears<'a, 'p> {
 }
 
 impl<'a, 'p> Hearer<'a, 'p> {
-    fn ears(self, stepper: &Thread, mappings: &[ServiceMapping]) -> Ears<'a, 'p> {
+    fn into_hearing(self, stepper: &Thread, mappings: &[ServiceMapping]) -> UnitHearing<'a, 'p> {
         let Self { station, replies, store, fixed_unit, node_events, ways: (events, refits, retired) } = self;
         let integrator = Loop { events, refits, retired, thread: stepper.clone() };
         let listener = Listener::new(&station.bus, integrator, node_events, &station.counts, &station.clock);
         let mut services = ServiceContext::new(store, mappings, &station.least);
         services.fixed_unit = fixed_unit;
-        Ears { station, replies, listener, services }
+        UnitHearing { station, replies, listener, services }
     }
 }
 
-impl Ears<'_, '_> {
+impl UnitHearing<'_, '_> {
     fn arrivals(&self) -> Vec<Arrivals<'_>> {
         self.listener.arrivals(&self.station.subscriptions, &self.services, self.replies)
     }

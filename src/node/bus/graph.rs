@@ -1,0 +1,95 @@
+//! What the participant found on the bus: endpoints of others, by topic, and which of them do not go together with the node's.
+
+use std::collections::BTreeMap;
+
+use ros2_client::Gid;
+use rustdds::{GUID, RTPSEntity};
+
+use super::super::offer::{Describer, Offer, ros_type};
+use super::{Bus, Endpoint};
+
+impl Bus {
+    /// What others write: for each writer's id, its topic and type as ROS 2 names them.
+    #[must_use]
+    pub fn writers(&self) -> BTreeMap<Gid, (String, String)> {
+        let writers = self.context.domain_participant().discovered_writers();
+        let named = writers.into_iter().filter_map(|writer| {
+            let data = writer.publication_topic_data;
+            let topic = data.topic_name.strip_prefix("rt")?.to_owned();
+            Some((Gid::from(data.key), (topic, ros_type(&data.type_name))))
+        });
+        named.collect()
+    }
+
+    /// The publishers of other nodes.
+    #[must_use]
+    pub(in super::super) fn offers(&self) -> Vec<Offer> {
+        let own = self.context.domain_participant();
+        let own_prefix = prefix_of(own.guid());
+        let offers = own.discovered_writers().iter().filter_map(Offer::of).collect::<Vec<_>>();
+        offers.into_iter().filter(|offer| offer.process[..] != own_prefix[..]).collect()
+    }
+
+    /// Services of other nodes that describe types.
+    #[must_use]
+    pub(in super::super) fn describers(&self) -> Vec<Describer> {
+        self.context.domain_participant().discovered_readers().iter().filter_map(Describer::of).collect()
+    }
+
+    /// How many writers other participants have on this topic, given by its full name.
+    #[must_use]
+    pub fn writers_of(&self, full_name: &str) -> usize {
+        let own = self.context.domain_participant();
+        let own_prefix = prefix_of(own.guid());
+        let dds_name = format!("rt{full_name}");
+        let writers = own.discovered_writers();
+        let others = writers.iter().map(|writer| &writer.publication_topic_data);
+        others.filter(|data| data.topic_name == dds_name && prefix_of(data.key) != own_prefix).count()
+    }
+
+    /// How many readers other participants have on this topic, given by its full name.
+    #[must_use]
+    pub fn readers_of(&self, full_name: &str) -> usize {
+        let own = self.context.domain_participant();
+        let own_prefix = prefix_of(own.guid());
+        let dds_name = format!("rt{full_name}");
+        let readers = own.discovered_readers();
+        let others = readers.iter().map(|reader| &reader.subscription_topic_data);
+        others.filter(|data| *data.topic_name() == dds_name && prefix_of(data.key()) != own_prefix).count()
+    }
+
+    /// Endpoints of others on the node's topics with which no sample is exchanged, since their qualities of service do not go
+    /// together: each one's id, and why in words.
+    #[must_use]
+    pub fn incompatible(&self) -> Vec<(Gid, String)> {
+        let own = self.context.domain_participant();
+        let (writers, readers) = (own.discovered_writers(), own.discovered_readers());
+        let mut found = Vec::new();
+        for Endpoint { topic, writes, qos } in &self.endpoints {
+            let dds_name = format!("rt{topic}");
+            if *writes {
+                let data = readers.iter().map(|reader| &reader.subscription_topic_data);
+                for data in data.filter(|data| *data.topic_name() == dds_name) {
+                    if let Some(policy) = qos.compliance_failure_wrt(&data.qos()) {
+                        let words = format!("{topic}: a subscription asks for more {policy:?} than is offered");
+                        found.push((Gid::from(data.key()), words));
+                    }
+                }
+            } else {
+                let data = writers.iter().map(|writer| &writer.publication_topic_data);
+                for data in data.filter(|data| data.topic_name == dds_name) {
+                    if let Some(policy) = data.qos().compliance_failure_wrt(qos) {
+                        let words = format!("{topic}: a publisher offers less {policy:?} than is asked for");
+                        found.push((Gid::from(data.key), words));
+                    }
+                }
+            }
+        }
+        found
+    }
+}
+
+/// The part of an id that all endpoints of a participant share.
+fn prefix_of(id: GUID) -> Vec<u8> {
+    id.to_bytes()[..12].to_vec()
+}
