@@ -29,7 +29,7 @@ pub mod import;
 pub mod ink;
 mod layout;
 pub mod page;
-pub(crate) mod picture;
+pub mod picture;
 pub mod replay;
 pub mod table;
 mod thin;
