@@ -114,7 +114,9 @@ def pauses(binary, folder, command, leases, seconds):
     """A peer that stops, past its lease or not, and comes back, and a node that does."""
     is_long = seconds > 2.5
     figures = os.path.join(folder, "pauses.json")
-    node = Node(binary, os.path.join(folder, "pauses.txt"), "--out", figures, *leases)
+    # A busy machine needs a while after a pause until the first command is heard again.
+    limits = () if is_long else ("--hold", "3")
+    node = Node(binary, os.path.join(folder, "pauses.txt"), "--out", figures, *limits, *leases)
     watch = Watch(command)
     try:
         check("a peer's command is followed", watch.until(lambda n, x: n > 0 and abs(x - 0.3) < 2e-3, 25) is not None)
