@@ -1,6 +1,6 @@
 //! A battery of synthetic units whose faults are known: made apart from the twin, with other equations for every effect.
 //!
-//! A diagnosis that is tried on the twin's own effects proves little. The plants here ([`rig`]) share the sheet and the chain with the
+//! A diagnosis that is tried on the twin's own effects proves little. The plants here (`rig`) share the sheet and the chain with the
 //! twin and nothing else. Everything follows from seeds.
 
 pub(crate) mod draws;

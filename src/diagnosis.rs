@@ -1,7 +1,7 @@
 //! The sim-to-real diagnosis: where the gap lies, which effect causes it, how far it shrinks.
 //!
 //! The verdict is the most probable set of faults given all recordings, with model error and tolerances integrated out. [`diagnose`] is the whole
-//! of it, a pure function of recordings and the sheet: [`preparation`] makes recordings ready; [`model`] refits the sheet and puts effects and discrepancy
+//! of it, a pure function of recordings and the sheet: `preparation` makes recordings ready; [`model`] refits the sheet and puts effects and discrepancy
 //! terms onto a unit; [`evidence`] weighs one fitted set; [`hypotheses`] finds and fits the sets that are worth it and tabulates their evidence; [`decision`] makes
 //! that a posterior and reads the verdict off it; [`experiment`] proposes the next test; [`summary`] gathers what a reader needs to believe it, in the
 //! types of [`result`]. No room uses one that uses it.

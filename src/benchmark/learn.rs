@@ -238,7 +238,7 @@ fn best(choices: &[Answered], features: &[PosteriorFeature]) -> Vec<f64> {
     weights.iter().copied().collect()
 }
 
-/// Spread of the relative error of sizes, one standard deviation: a tenth of them lie outside [`NORMAL_90`] of it.
+/// Spread of the relative error of sizes, one standard deviation: a tenth of them lie outside `NORMAL_90` of it.
 #[must_use]
 pub fn size_spread(units: &[(&Label, &EvidenceTable)]) -> f64 {
     let mut errors: Vec<f64> = units

@@ -2,7 +2,7 @@
 //!
 //! Every hypothesis that is left is put through each candidate once. Its outcome is a Gaussian: the mean is its simulation, the covariance noise and
 //! what the free parameters leave open, `S = I + J Σ Jᵀ`, with the leader's slopes J of the sheet's parameters for all and each set's own slopes of its
-//! effects. What that is worth stands in [`crate::diagnosis::experiment::information`]; nats count as the posterior counts them ([`CountedNats`]).
+//! effects. What that is worth stands in `diagnosis::experiment::information`; nats count as the posterior counts them ([`CountedNats`]).
 
 pub mod candidate_test;
 pub(crate) mod information;

@@ -139,7 +139,7 @@ pub struct Start<'a, C: Coordinate> {
     pub known: Option<&'a [DMatrix<f64>]>,
 }
 
-/// Fits the coordinates from a start; see [`fit_all`].
+/// Fits the coordinates from a start; see `fit_all`.
 #[must_use]
 pub fn fit<C: Coordinate>(
     data: &impl Judge<C::Subject>,

@@ -8,8 +8,8 @@
 //! |---|---|---|
 //! | F_c | Coulomb friction | N |
 //! | r | friction at rest over Coulomb friction | 1 |
-//! | v_0 | end of the viscous core, [`FRICTION_CORE_M_S`] | m/s |
-//! | v_s | Stribeck speed, [`STRIBECK_SPEED_M_S`] | m/s |
+//! | v_0 | end of the viscous core, `FRICTION_CORE_M_S` | m/s |
+//! | v_s | Stribeck speed, `STRIBECK_SPEED_M_S` | m/s |
 
 use crate::plant::lanes::abreast;
 use crate::plant::real::{Real, either};

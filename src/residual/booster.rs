@@ -21,7 +21,7 @@ pub(crate) const FEWEST_ROWS: usize = 200;
 pub enum Objective {
     /// Mean absolute error, the paper's: few rows far off do not count for more than others.
     L1,
-    /// Squares up to [`HUBER_PU`], straight beyond.
+    /// Squares up to `HUBER_PU`, straight beyond.
     Huber,
     /// Mean squared error.
     L2,

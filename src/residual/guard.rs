@@ -2,7 +2,7 @@
 //!
 //! A tree gives its outermost leaf for anything far away. The support is the box of the training rows' features; a row
 //! outside by the share `d` of a side is corrected by the weight `1 − (d − 0.05)/0.25` between 5 % and 30 %, and not at all beyond.
-//! Inside the box there are holes: [`Reach`] knows how far a correction carries there.
+//! Inside the box there are holes: `Reach` knows how far a correction carries there.
 
 use serde::{Deserialize, Serialize};
 

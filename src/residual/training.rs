@@ -193,7 +193,7 @@ fn walkable(trees: &[Tree], table: &FeatureTable) -> Result<Forest, TrainError> 
 /// Mean absolute error over the validation rows of all folds: the search's objective (MAE, as the paper's step 5).
 ///
 /// # Errors
-/// As [`out_of_fold`].
+/// As `out_of_fold`.
 pub fn loss(
     table: &FeatureTable,
     folds: &[RowSplit],

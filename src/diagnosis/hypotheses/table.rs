@@ -28,7 +28,7 @@ pub struct EvidenceRow {
     /// Prior χ² per parameter that the recordings determine.
     #[serde(rename = "strain")]
     pub prior_per_parameter: f64,
-    /// Logarithm of the evidence at each size of the error of equations ([`KAPPAS`]) and of laws ([`LAW_ERRORS`]).
+    /// Logarithm of the evidence at each size of the error of equations ([`KAPPAS`]) and of laws (`LAW_ERRORS`).
     pub grid: [[f64; LAW_ERRORS.len()]; KAPPAS.len()],
     /// Logarithm of the evidence without each recording.
     pub without_each: Vec<f64>,
