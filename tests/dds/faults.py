@@ -32,7 +32,8 @@ class Node:
     def __init__(self, binary, log, *more):
         self.log_path = log
         self.log = open(log, "w")
-        arguments = [binary, "run", "--stale-after", "1.5", "--hold", "0.5", *more]
+        hold = () if "--hold" in more else ("--hold", "0.5")
+        arguments = [binary, "run", "--stale-after", "1.5", *hold, *more]
         self.process = subprocess.Popen(arguments, stderr=self.log, stdout=self.log)
 
     def megabytes(self):
