@@ -27,6 +27,21 @@ fn environment() -> Environment {
     .unwrap()
 }
 
+/// The shipped unit as a node, without a bag and until it is stopped.
+fn options(environment: &Environment, words: &[&str]) -> RunOptions {
+    let words: Vec<String> = words.iter().map(|&word| word.to_owned()).collect();
+    RunOptions {
+        arguments: Arguments::parse(&words, "govtwin").unwrap(),
+        environment: environment.clone(),
+        unit: params::reference(),
+        residual: None,
+        adapt: false,
+        settings: NodeSettings { wishes: Wishes::default(), ..NodeSettings::default() },
+        duration: None,
+        bag: None,
+    }
+}
+
 fn wait_for(what: &str, mut condition: impl FnMut() -> bool) {
     let until = Instant::now() + Duration::from_secs(30);
     while !condition() {
@@ -38,17 +53,7 @@ fn wait_for(what: &str, mut condition: impl FnMut() -> bool) {
 #[test]
 fn the_node_hears_its_peers_tells_strangers_apart_and_leaves() {
     let environment = environment();
-    let words: Vec<String> = ["-r", "__ns:=/unit7", "-r", "governor/command:=/bench/y"].map(str::to_owned).to_vec();
-    let options = RunOptions {
-        arguments: Arguments::parse(&words, "govtwin").unwrap(),
-        environment: environment.clone(),
-        unit: params::reference(),
-        residual: None,
-        adapt: false,
-        settings: NodeSettings { wishes: Wishes::default(), ..NodeSettings::default() },
-        duration: None,
-        bag: None,
-    };
+    let options = options(&environment, &["-r", "__ns:=/unit7", "-r", "governor/command:=/bench/y"]);
     let mut peer = Bus::open(&environment, Arguments::parse(&[], "bench").unwrap()).unwrap();
     let command = peer.publish("/bench/y", GovernorCommand::TYPE_NAME).unwrap();
     let esv = peer.publish("/unit7/governor/esv", EsvState::TYPE_NAME).unwrap();
@@ -123,22 +128,9 @@ fn a_recording_loses_nothing_while_it_waits_and_names_what_stayed_silent() {
 #[test]
 fn units_of_one_process_are_nodes_of_their_own() {
     let environment = environment();
-    let unit = |name: &str, more: &[&str]| {
-        let words =
-            ["-r", &format!("__ns:=/{name}")].iter().chain(more).map(|&word| word.to_owned()).collect::<Vec<_>>();
-        RunOptions {
-            arguments: Arguments::parse(&words, "govtwin").unwrap(),
-            environment: environment.clone(),
-            unit: params::reference(),
-            residual: None,
-            adapt: false,
-            settings: NodeSettings { wishes: Wishes::default(), ..NodeSettings::default() },
-            duration: None,
-            bag: None,
-        }
-    };
     let typo = ["-r", "/left/governor/comand:=/y", "-r", "/right/governor/esv:=/right/esv"];
-    let options = [unit("left", &typo), unit("right", &typo)];
+    let unit = |namespace| options(&environment, &[&["-r", namespace][..], &typo].concat());
+    let options = [unit("__ns:=/left"), unit("__ns:=/right")];
     let mut peer = Bus::open(&environment, Arguments::parse(&[], "bench").unwrap()).unwrap();
     let mut ends = Vec::new();
     for (name, esv) in [("left", "/left/governor/esv"), ("right", "/right/esv")] {

@@ -32,6 +32,16 @@ RELIABLE = Qos(Policy.Reliability.Reliable(duration(milliseconds=100)), Policy.H
 BEST_EFFORT = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(10))
 
 
+def end_process(process):
+    """Asks a process to end, and kills it where it does not within 5 s."""
+    process.terminate()
+    try:
+        process.wait(5)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
 def now():
     ns = time.time_ns()
     return ros.Header(ros.Time(ns // 10**9, ns % 10**9), "bench")

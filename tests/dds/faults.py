@@ -17,7 +17,7 @@ import subprocess
 import sys
 import time
 
-from bench import DOMAIN, Bench, DataReader, Policy, Qos, Topic, check, duration, now, wait_for, whole, FAILED
+from bench import DOMAIN, Bench, DataReader, Policy, Qos, Topic, check, duration, end_process, now, wait_for, whole, FAILED
 import types_ros as ros
 
 LEASE_S = 3.0
@@ -103,12 +103,7 @@ class Watch:
 
     def end(self):
         self.process.send_signal(signal.SIGCONT)
-        self.process.terminate()
-        try:
-            self.process.wait(5)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.wait()
+        end_process(self.process)
 
 
 def pauses(binary, folder, command, leases, seconds):

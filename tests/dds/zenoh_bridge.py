@@ -14,7 +14,7 @@ import subprocess
 import sys
 import time
 
-from bench import DOMAIN, Bench, check, now, stamp_ns, wait_for, whole, FAILED
+from bench import DOMAIN, Bench, check, end_process, now, stamp_ns, wait_for, whole, FAILED
 import types_ros as ros
 from network import Remote
 from graph import announce
@@ -53,12 +53,7 @@ class Bridge:
         self.process = subprocess.Popen(side.command(program(), "-c", path), stdout=self.log, stderr=self.log)
 
     def end(self):
-        self.process.terminate()
-        try:
-            self.process.wait(5)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.wait()
+        end_process(self.process)
         self.log.close()
 
 

@@ -27,6 +27,18 @@ pub struct Case {
 
 fn nothing(_: &Path) {}
 
+/// What most of them are like.
+const PLAIN: Case = Case {
+    name: "",
+    arguments: &[],
+    prepare: nothing,
+    stepwise: false,
+    before_next: nothing,
+    tells_of_before: false,
+    costly: false,
+    drawn: false,
+};
+
 pub fn replay() -> Case {
     Case {
         name: "replay",
@@ -36,11 +48,7 @@ pub fn replay() -> Case {
             govtwin(root, &["replay", "old/run", "--out", "out"]);
             fs::write(root.join("out/diary"), "mine").unwrap();
         },
-        stepwise: false,
-        before_next: nothing,
-        tells_of_before: false,
-        costly: false,
-        drawn: false,
+        ..PLAIN
     }
 }
 
@@ -52,9 +60,7 @@ pub fn generate() -> Case {
         stepwise: true,
         // Broken off between two names, it is refused as a folder of others would be.
         before_next: |root| drop(fs::remove_dir_all(root.join("out"))),
-        tells_of_before: false,
-        costly: false,
-        drawn: false,
+        ..PLAIN
     }
 }
 
@@ -92,11 +98,7 @@ pub fn fit() -> Case {
             );
             fs::write(root.join("out/diary"), "mine").unwrap();
         },
-        stepwise: false,
-        before_next: nothing,
-        tells_of_before: false,
-        costly: false,
-        drawn: false,
+        ..PLAIN
     }
 }
 
@@ -118,11 +120,8 @@ pub fn diagnose() -> Case {
             diagnosis(root);
             fs::write(root.join("out/diary"), "mine").unwrap();
         },
-        stepwise: false,
-        before_next: nothing,
-        tells_of_before: false,
         costly: true,
-        drawn: false,
+        ..PLAIN
     }
 }
 
@@ -141,11 +140,7 @@ pub fn import() -> Case {
             fs::write(root.join("table.csv"), table).unwrap();
             fs::write(root.join("diary"), "mine").unwrap();
         },
-        stepwise: false,
-        before_next: nothing,
-        tells_of_before: false,
-        costly: false,
-        drawn: false,
+        ..PLAIN
     }
 }
 
@@ -176,10 +171,8 @@ pub fn watch() -> Case {
         },
         // The history grows line by line; the page follows.
         stepwise: true,
-        before_next: nothing,
-        tells_of_before: false,
         costly: true,
-        drawn: false,
+        ..PLAIN
     }
 }
 
@@ -189,10 +182,7 @@ pub fn fleet_plan() -> Case {
         arguments: &["fleet", "plan", "ROOT/units", "--units", "ROOT/units.csv", "--out", "ROOT/store"],
         prepare: fleet,
         stepwise: true,
-        before_next: nothing,
-        tells_of_before: false,
-        costly: false,
-        drawn: false,
+        ..PLAIN
     }
 }
 
@@ -206,11 +196,8 @@ pub fn fleet_gather() -> Case {
             govtwin(root, &["fleet", "gather", "store"]);
             govtwin(root, &["fleet", "run", "store", "--out", "store"]);
         },
-        stepwise: false,
-        before_next: nothing,
         tells_of_before: true,
-        costly: false,
-        drawn: false,
+        ..PLAIN
     }
 }
 
@@ -224,10 +211,9 @@ pub fn fleet_run() -> Case {
         },
         // Report and result are objects of their own.
         stepwise: true,
-        before_next: nothing,
-        tells_of_before: false,
         costly: true,
         drawn: true,
+        ..PLAIN
     }
 }
 
@@ -244,10 +230,8 @@ pub fn blind() -> Case {
             fs::write(root.join("out/diary"), "mine").unwrap();
         },
         stepwise: true,
-        before_next: nothing,
-        tells_of_before: false,
         costly: true,
-        drawn: false,
+        ..PLAIN
     }
 }
 
@@ -261,11 +245,7 @@ pub fn train() -> Case {
             govtwin(root, &["train", "old/run", "--manual", "--out", "out"]);
             fs::write(root.join("out/diary"), "mine").unwrap();
         },
-        stepwise: false,
-        before_next: nothing,
-        tells_of_before: false,
-        costly: false,
-        drawn: false,
+        ..PLAIN
     }
 }
 
@@ -280,12 +260,9 @@ pub fn recover() -> Case {
             bytes.truncate(bytes.len() / 2);
             fs::write(file, bytes).unwrap();
         },
-        stepwise: false,
         // It replaces nothing.
         before_next: |root| drop(fs::remove_dir_all(root.join("out"))),
-        tells_of_before: false,
-        costly: false,
-        drawn: false,
+        ..PLAIN
     }
 }
 
@@ -298,11 +275,7 @@ pub fn report() -> Case {
             diagnosis(root);
             fs::write(root.join("out/report.html"), "older").unwrap();
         },
-        stepwise: false,
-        before_next: nothing,
-        tells_of_before: false,
-        costly: false,
-        drawn: false,
+        ..PLAIN
     }
 }
 
@@ -314,11 +287,7 @@ pub fn sheet() -> Case {
             let plate = "name: ours\ntank_pressure: 63 bar\nservomotor_stroke: 600 mm\nservomotor_volume: 120 L\n";
             fs::write(root.join("plate.yaml"), plate).unwrap();
         },
-        stepwise: false,
-        before_next: nothing,
-        tells_of_before: false,
-        costly: false,
-        drawn: false,
+        ..PLAIN
     }
 }
 

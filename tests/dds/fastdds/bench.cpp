@@ -22,19 +22,13 @@
 #include <fastrtps/rtps/common/WriteParams.h>
 
 #include "benchPubSubTypes.h"
+#include "check.hpp"
 
 using namespace eprosima::fastdds::dds;
 using eprosima::fastrtps::types::ReturnCode_t;
 using std::chrono::duration;
 using std::chrono::milliseconds;
 using std::chrono::steady_clock;
-
-static int failed = 0;
-
-static void check(const char* what, bool right, const std::string& detail = "") {
-    std::printf("%s %s %s\n", right ? "ok  " : "FAIL", what, detail.c_str());
-    failed += right ? 0 : 1;
-}
 
 static std_msgs::msg::dds_::Header_ now() {
     const auto ns = std::chrono::system_clock::now().time_since_epoch() / std::chrono::nanoseconds(1);

@@ -19,18 +19,12 @@
 #include <fastrtps/rtps/common/WriteParams.h>
 
 #include "benchPubSubTypes.h"
+#include "check.hpp"
 
 using namespace eprosima::fastdds::dds;
 using eprosima::fastrtps::types::ReturnCode_t;
 using std::chrono::milliseconds;
 using std::chrono::steady_clock;
-
-static int failed = 0;
-
-static void check(const char* what, bool right, const std::string& detail = "") {
-    std::printf("%s %s %s\n", right ? "ok  " : "FAIL", what, detail.c_str());
-    failed += right ? 0 : 1;
-}
 
 struct Peer {
     DomainParticipant* participant;
