@@ -115,10 +115,11 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         wishes: Wishes { cpu: args.cpu, priority: args.priority },
         ..NodeSettings::default()
     };
+    let environment = environment(args.lease_s)?;
     let whole = Arguments::parse(&args.ros, "govtwin")?;
     let of_one = |arguments: Arguments, params: Option<&Path>, bag: Option<PathBuf>| {
         anyhow::Ok(RunOptions {
-            environment: environment(args.lease_s)?,
+            environment: environment.clone(),
             arguments,
             unit: unit(params)?,
             residual: args.residual.as_deref().map(model::load).transpose()?,

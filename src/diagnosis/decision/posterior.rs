@@ -2,8 +2,7 @@
 //!
 //! Three questions, each with learned weights. Is something unknown at work: does the best fault set leave more than a right model would (a logistic
 //! regression)? If not, which set (a conditional logit over the evidence of all fitted sets, the sheet alone among them; McFadden 1974)? If so, at which
-//! stage (a conditional logit over the evidence of discrepancy terms there)? The weights and what they
-//! multiply stand in [`super::weights`].
+//! stage (a conditional logit over the evidence of discrepancy terms there)? The weights and what they multiply stand in [`super::weights`].
 
 use std::collections::BTreeMap;
 
