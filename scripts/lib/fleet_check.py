@@ -7,7 +7,7 @@ from pathlib import Path
 
 import fleet_engines
 import fleet_faults
-from fleet_made import CORES, all_but, make, say
+from fleet_made import CORES, SERVERS, all_but, make, say
 
 
 def main():
@@ -18,7 +18,7 @@ def main():
     parser.add_argument("--kills", type=int, default=100)
     parser.add_argument("--only", action="append", metavar="EFFECT", help="tries these effects alone, which is faster")
     parser.add_argument("--keep", type=Path, help="folder for recordings and stores; kept")
-    choices = [*fleet_engines.ENGINES, *(f"s3-{name}" for name in fleet_engines.ENGINES), "engines", *faults, "faults"]
+    choices = [*fleet_engines.ENGINES, *(f"{kind}-{name}" for kind in SERVERS for name in fleet_engines.ENGINES), "engines", *faults, "faults"]
     parser.add_argument("what", nargs="*", metavar="WHAT", help=", ".join(choices))
     arguments = parser.parse_args()
     for one in arguments.what:
@@ -26,7 +26,7 @@ def main():
             parser.error(f"{one}: expected one of {', '.join(choices)}")
     what = arguments.what or ["engines", "faults"]
     if "engines" in what:
-        what += ["xargs-1", "xargs", "parallel", "hyperqueue", "hq", "hq-json", "slurm", "s3-xargs", "s3-hyperqueue", "s3-slurm"]
+        what += ["xargs-1", "xargs", "parallel", "hyperqueue", "hq", "hq-json", "slurm", "s3-xargs", "s3-hyperqueue", "s3-slurm", "az-xargs", "az-hyperqueue"]
     if "faults" in what:
         what += faults
     folder = (arguments.keep or Path(tempfile.mkdtemp())).resolve()
@@ -40,9 +40,10 @@ def main():
     for name in fleet_engines.ENGINES:
         if name in what:
             fleet_engines.in_folder(name, folder, expected, entries)
-    stored = [name for name in fleet_engines.ENGINES if f"s3-{name}" in what]
-    if stored:
-        fleet_engines.in_s3(stored, folder, without, expected, entries)
+    for kind in SERVERS:
+        stored = [name for name in fleet_engines.ENGINES if f"{kind}-{name}" in what]
+        if stored:
+            fleet_engines.in_server(kind, stored, folder, without, expected, entries)
     chosen = [name for name in faults if name in what]
     if chosen:
         fleet_faults.run(chosen, folder, without, expected, entries, arguments.kills, pace_s)

@@ -1,4 +1,4 @@
-"""One plan on several engines, in folders and in an S3 server: the tables must be those of a single process, byte for byte."""
+"""One plan on several engines, in folders and in servers of objects: the tables must be those of a single process, byte for byte."""
 
 import shutil
 import subprocess
@@ -7,7 +7,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from fleet_made import CORES, ENVIRONMENT, PROGRAM, SECRET, TOP, govtwin, gather, lines, s3, say, xargs
+from fleet_made import CORES, ENVIRONMENT, PROGRAM, SERVERS, TOP, govtwin, gather, lines, say, xargs
 
 
 # Entries of which the cost of an engine alone is measured: their results are there already.
@@ -39,12 +39,10 @@ def by_hyperqueue(folder, plan, store, environment):
     except ImportError:
         return False
     listed = lines(folder / "plan")
-    if str(plan).startswith("s3://"):
-        listed = govtwin_lines(plan, environment)
     job = Job()
     for line in listed:
         # What `hq submit --each-line entries.jsonl` does: a task for each line, which is told it by HQ_ENTRY.
-        handed = {name: value for name, value in environment.items() if name.startswith(("AWS_", "RAYON_", "SOURCE_"))}
+        handed = {name: value for name, value in environment.items() if name.startswith(("AWS_", "AZUR", "RAYON_", "SOURCE_"))}
         job.program([PROGRAM, "fleet", "run", str(plan), "--out", str(store)], env={**handed, "HQ_ENTRY": line}, stdout=None, stderr=None)
     with LocalCluster(worker_config=WorkerConfig(cores=CORES)) as cluster:
         client = cluster.client()
@@ -61,7 +59,7 @@ def by_hq(hand_over):
         with tempfile.TemporaryDirectory() as run:
             environment = {**environment, "HQ_SERVER_DIR": run}
             listed = f"{run}/entries.jsonl"
-            Path(listed).write_text("".join(line + "\n" for line in (govtwin_lines(plan, environment) if str(plan).startswith("s3://") else lines(plan))))
+            Path(listed).write_text("".join(line + "\n" for line in lines(folder / "plan")))
             quiet = {"env": environment, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
             server = subprocess.Popen(["hq", "server", "start"], **quiet)
             worker = subprocess.Popen(["hq", "worker", "start", "--cpus", str(CORES)], **quiet)
@@ -95,15 +93,6 @@ def from_json(listed):
     array = Path(listed).with_suffix(".json")
     array.write_text("[" + ",".join(Path(listed).read_text().splitlines()) + "]")
     return ["--from-json", array]
-
-
-def govtwin_lines(plan, environment):
-    """The lines of a plan in the server."""
-    import boto3
-
-    client = boto3.client("s3", endpoint_url=environment["AWS_ENDPOINT"], aws_access_key_id="key", aws_secret_access_key=SECRET, region_name="us-east-1")
-    bucket, _, prefix = str(plan).removeprefix("s3://").partition("/")
-    return client.get_object(Bucket=bucket, Key=f"{prefix}/entries.jsonl")["Body"].read().decode().splitlines()
 
 
 def by_slurm(folder, plan, store, environment):
@@ -162,34 +151,36 @@ def overhead(folder, entries):
     say(f"overhead: {1000 * (time.monotonic() - start) / count:.0f} ms an entry whose result is there, a process each")
 
 
-def in_s3(names, folder, without, expected, entries):
-    """Source, plan and stores in a server that speaks S3. No secret may be seen in any object or line."""
-    server = s3()
+def in_server(kind, names, folder, without, expected, entries):
+    """Source, plan and stores in a server of objects. No secret may be seen in any object or line."""
+    server = SERVERS[kind]()
     if server is None:
-        say("s3: skipped, as moto is not installed or the program has no object stores")
+        say(f"{kind}: skipped, as its server is not installed or the program has no object stores")
         return
     try:
         start = time.monotonic()
         server.plan(folder, without)
-        say(f"s3: {entries} exports put there and planned in {time.monotonic() - start:.0f} s")
+        say(f"{kind}: {entries} exports put there and planned in {time.monotonic() - start:.0f} s")
+        if sorted(server.content("plan/entries.jsonl").splitlines()) != sorted(line.encode() for line in lines(folder / "plan")):
+            sys.exit(f"fleet_check: {kind}: the plan is not that of a folder")
         for name in names:
-            store = f"s3://plant/{name}"
+            store = f"{server.address}/{name}"
             start = time.monotonic()
-            if not ENGINES[name](folder, "s3://plant/plan", store, server.environment()):
-                say(f"s3, {name}: skipped, as it is not installed")
+            if not ENGINES[name](folder, f"{server.address}/plan", store, server.environment()):
+                say(f"{kind}, {name}: skipped, as it is not installed")
                 continue
             seconds = time.monotonic() - start
-            got = gather(store, "s3://plant/plan", folder / f"gathered/s3_{name}", server.environment())
-            compare(f"s3, {name}", expected, got, entries, seconds)
+            got = gather(store, f"{server.address}/plan", folder / f"gathered/{kind}_{name}", server.environment())
+            compare(f"{kind}, {name}", expected, got, entries, seconds)
             results = server.keys(f"{name}/results/")
             if len(results) != entries:
-                sys.exit(f"fleet_check: s3, {name}: {len(results)} results of {entries} entries")
+                sys.exit(f"fleet_check: {kind}, {name}: {len(results)} results of {entries} entries")
             for key in server.keys(f"{name}/"):
-                if key.endswith((".json", ".txt")) and SECRET.encode() in server.text(key):
-                    sys.exit(f"fleet_check: s3: a secret is in {key}")
+                if key.endswith((".json", ".txt")) and server.secret.encode() in server.content(key):
+                    sys.exit(f"fleet_check: {kind}: a secret is in {key}")
     finally:
         server.stop()
-    refused = govtwin("fleet", "run", "s3://plant/plan", "--index", 0, "--out", "s3://plant/gone", check=(1,), environment=server.environment(), timeout=900).stderr
-    if SECRET in refused:
-        sys.exit("fleet_check: s3: a secret is in an error")
-    say(f"s3: a server that is gone: {refused.strip()[:200]}")
+    refused = govtwin("fleet", "run", f"{server.address}/plan", "--index", 0, "--out", f"{server.address}/gone", check=(1,), environment=server.environment(), timeout=900).stderr
+    if server.secret in refused:
+        sys.exit(f"fleet_check: {kind}: a secret is in an error")
+    say(f"{kind}: a server that is gone: {refused.strip()[:200]}")

@@ -1,13 +1,15 @@
-"""What the fleet's checks share: a fleet of synthetic exports, the program, tables, and an S3 server."""
+"""What the fleet's checks share: a fleet of synthetic exports, the program, tables, and servers of objects."""
 
 import datetime
 import json
 import math
 import os
 import random
+import shutil
 import socket
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -113,8 +115,46 @@ def free_port():
         return one.getsockname()[1]
 
 
-class S3:
-    """A local server that speaks S3, PyPI's moto, in a process of its own."""
+def wait_for(port):
+    """Until something listens there."""
+    for _ in range(300):
+        try:
+            return socket.create_connection(("127.0.0.1", port), 1).close()
+        except OSError:
+            time.sleep(0.1)
+    sys.exit("fleet_check: a server does not listen")
+
+
+class Server:
+    """A local server of objects in a process of its own, with the bucket `plant`."""
+
+    def put_recordings(self, folder, port=None):
+        for path in sorted((folder / "source").rglob("*")):
+            if path.is_file():
+                self.put(f"source/{path.relative_to(folder / 'source')}", path, port)
+
+    def plan(self, folder, without, port=None):
+        """Recordings and plan into the server; through a proxy where a port is given."""
+        self.put_recordings(folder, port)
+        govtwin("fleet", "plan", f"{self.address}/source", "--units", folder / "units.csv", "--out", f"{self.address}/plan", *without, check=(0, 3), environment=self.environment(port))
+
+    def endpoint(self, port=None):
+        return f"http://127.0.0.1:{port or self.port}"
+
+    def kill(self):
+        self.process.kill()
+        self.process.wait()
+
+    def stop(self):
+        self.process.terminate()
+        self.process.wait()
+
+
+class S3(Server):
+    """PyPI's moto, which speaks S3."""
+
+    address = "s3://plant"
+    secret = SECRET
 
     def __init__(self):
         import boto3
@@ -128,44 +168,64 @@ class S3:
         """A server with an empty bucket."""
         command = [sys.executable, "-m", "moto.server", "-H", "127.0.0.1", "-p", str(self.port)]
         self.process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        for _ in range(300):
-            try:
-                socket.create_connection(("127.0.0.1", self.port), 1).close()
-                break
-            except OSError:
-                time.sleep(0.1)
+        wait_for(self.port)
         self.client.create_bucket(Bucket="plant")
-
-    def kill(self):
-        self.process.kill()
-        self.process.wait()
-
-    def endpoint(self, port=None):
-        return f"http://127.0.0.1:{port or self.port}"
 
     def environment(self, port=None):
         """What a worker needs to know of it; through a proxy where a port is given."""
         return {**ENVIRONMENT, "AWS_ENDPOINT": self.endpoint(port), "AWS_ALLOW_HTTP": "true", "AWS_ACCESS_KEY_ID": "key",
                 "AWS_SECRET_ACCESS_KEY": SECRET, "AWS_REGION": "us-east-1"}
 
-    def plan(self, folder, without, port=None):
-        """Recordings and plan into the server; through a proxy where a port is given."""
-        client = self.connect(port)
-        for path in sorted((folder / "source").rglob("*")):
-            if path.is_file():
-                client.upload_file(str(path), "plant", f"source/{path.relative_to(folder / 'source')}")
-        govtwin("fleet", "plan", "s3://plant/source", "--units", folder / "units.csv", "--out", "s3://plant/plan", *without, check=(0, 3), environment=self.environment(port))
+    def put(self, key, path, port=None):
+        self.connect(port).upload_file(str(path), "plant", key)
 
     def keys(self, prefix):
         pages = self.client.get_paginator("list_objects_v2").paginate(Bucket="plant", Prefix=prefix)
         return [one["Key"] for page in pages for one in page.get("Contents", [])]
 
-    def text(self, key):
+    def content(self, key):
         return self.client.get_object(Bucket="plant", Key=key)["Body"].read()
 
+
+class Azure(Server):
+    """Microsoft's own server for tests, npm's azurite, which speaks Azure Blob Storage."""
+
+    address = "az://plant"
+    account = "devstoreaccount1"
+    # The account and key of every azurite.
+    secret = "Eby8vdM02xNOcqFlqUwJPLlmEtlCDXJ1OUzFT50uSRZ6IFsuFq2UVErCz4I6tq/K1SZFPTOtr/KBHBeksoGMGw=="
+
+    def __init__(self):
+        from azure.storage.blob import ContainerClient
+
+        self.port = free_port()
+        self.folder = tempfile.mkdtemp()
+        command = ["azurite-blob", "--silent", "--skipApiVersionCheck", "--location", self.folder, "--blobPort", str(self.port)]
+        self.process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        wait_for(self.port)
+        account_url = f"{self.endpoint()}/{self.account}"
+        self.client = ContainerClient(account_url, "plant", {"account_name": self.account, "account_key": self.secret})
+        self.client.create_container()
+
+    def environment(self, port=None):
+        return {**ENVIRONMENT, "AZURE_STORAGE_USE_EMULATOR": "true", "AZURITE_BLOB_STORAGE_URL": self.endpoint(port)}
+
+    def put(self, key, path, port=None):
+        self.client.upload_blob(key, path.read_bytes())
+
+    def keys(self, prefix):
+        return [one.name for one in self.client.list_blobs(prefix)]
+
+    def content(self, key):
+        return self.client.download_blob(key).readall()
+
     def stop(self):
-        self.process.terminate()
-        self.process.wait()
+        super().stop()
+        shutil.rmtree(self.folder)
+
+
+def has_object_stores():
+    return "not in this build" not in govtwin("fleet", "gather", "s3://x/y", check=None).stderr
 
 
 def s3():
@@ -175,4 +235,17 @@ def s3():
         import moto.server  # noqa: F401
     except ImportError:
         return None
-    return None if "not in this build" in govtwin("fleet", "gather", "s3://x/y", check=None).stderr else S3()
+    return S3() if has_object_stores() else None
+
+
+def azure():
+    """The same of Azure; none where azurite or PyPI's azure-storage-blob is not installed."""
+    try:
+        import azure.storage.blob  # noqa: F401
+    except ImportError:
+        return None
+    return Azure() if shutil.which("azurite-blob") and has_object_stores() else None
+
+
+# Servers by what stands before an engine's name.
+SERVERS = {"s3": s3, "az": azure}
