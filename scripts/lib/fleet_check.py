@@ -26,7 +26,7 @@ def main():
             parser.error(f"{one}: expected one of {', '.join(choices)}")
     what = arguments.what or ["engines", "faults"]
     if "engines" in what:
-        what += ["xargs-1", "xargs", "parallel", "hyperqueue", "hq", "hq-json", "slurm", "s3-xargs", "s3-hyperqueue", "s3-slurm", "az-xargs", "az-hyperqueue"]
+        what += ["xargs-1", "xargs", "parallel", "hyperqueue", "hq", "hq-json", "slurm", "kubernetes", "s3-xargs", "s3-hyperqueue", "s3-slurm", "az-xargs", "az-xargs-twice", "az-hyperqueue"]
     if "faults" in what:
         what += faults
     folder = (arguments.keep or Path(tempfile.mkdtemp())).resolve()

@@ -24,6 +24,12 @@ def by_one_job_of_xargs(folder, plan, store, environment):
     return True
 
 
+def by_two_at_each(folder, plan, store, environment):
+    """Two workers at each entry at once: one result of each may stand."""
+    xargs(len(lines(folder / "plan")), 2 * CORES, plan, store, environment, twice=True)
+    return True
+
+
 def by_parallel(folder, plan, store, environment):
     if not shutil.which("parallel"):
         return False
@@ -95,6 +101,27 @@ def from_json(listed):
     return ["--from-json", array]
 
 
+def by_manifest(folder, plan, store, environment):
+    """What pods of packaging/fleet-job.yaml would do: its command, by its variables, once for each index. No cluster is asked; the manifest is held against its schema."""
+    try:
+        import kubernetes_validate
+        import yaml
+    except ImportError:
+        return False
+    manifest = yaml.safe_load((TOP / "packaging/fleet-job.yaml").read_text())
+    kubernetes_validate.validate(manifest, kubernetes_validate.latest_version(), strict=True)
+    container = manifest["spec"]["template"]["spec"]["containers"][0]
+    *head, planned, out, stored = container["args"]
+    if (head, out) != (["fleet", "run"], "--out") or planned != stored:
+        sys.exit(f"fleet_check: packaging/fleet-job.yaml: {container['args']}")
+    variables = {one["name"]: one["value"] for one in container["env"]}
+    command = f"seq 0 {len(lines(folder / 'plan')) - 1} | xargs -P {CORES} -I I env JOB_COMPLETION_INDEX=I '{PROGRAM}' {' '.join(head)} '{plan}' {out} '{store}'"
+    done = subprocess.run(["bash", "-c", command], env={**environment, **variables}, capture_output=True, text=True)
+    if done.returncode:
+        sys.exit(f"fleet_check: kubernetes: {done.stderr[-2000:]}")
+    return True
+
+
 def by_slurm(folder, plan, store, environment):
     environment = {**environment, "GOVTWIN": PROGRAM}
     command = [TOP / "scripts/fleet_slurm", plan, store, str(len(lines(folder / "plan")))]
@@ -106,8 +133,8 @@ def by_slurm(folder, plan, store, environment):
     return True
 
 
-ENGINES = {"xargs": by_xargs, "xargs-1": by_one_job_of_xargs, "parallel": by_parallel, "hyperqueue": by_hyperqueue, "hq": by_hq(each_line), "hq-json": by_hq(from_json),
-           "slurm": by_slurm}
+ENGINES = {"xargs": by_xargs, "xargs-1": by_one_job_of_xargs, "xargs-twice": by_two_at_each, "parallel": by_parallel, "hyperqueue": by_hyperqueue, "hq": by_hq(each_line), "hq-json": by_hq(from_json),
+           "slurm": by_slurm, "kubernetes": by_manifest}
 
 
 def whole(folder, entries):
@@ -161,12 +188,14 @@ def in_server(kind, names, folder, without, expected, entries):
         start = time.monotonic()
         server.plan(folder, without)
         say(f"{kind}: {entries} exports put there and planned in {time.monotonic() - start:.0f} s")
-        if sorted(server.content("plan/entries.jsonl").splitlines()) != sorted(line.encode() for line in lines(folder / "plan")):
-            sys.exit(f"fleet_check: {kind}: the plan is not that of a folder")
+        # What engines read of the plan: its lines.
+        copy = folder / kind
+        (copy / "plan").mkdir(parents=True, exist_ok=True)
+        (copy / "plan/entries.jsonl").write_bytes(server.content("plan/entries.jsonl"))
         for name in names:
             store = f"{server.address}/{name}"
             start = time.monotonic()
-            if not ENGINES[name](folder, f"{server.address}/plan", store, server.environment()):
+            if not ENGINES[name](copy, f"{server.address}/plan", store, server.environment()):
                 say(f"{kind}, {name}: skipped, as it is not installed")
                 continue
             seconds = time.monotonic() - start
