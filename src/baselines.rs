@@ -13,6 +13,7 @@ use crate::baselines::ground::Ground;
 use crate::benchmark::report_verdict::{Blamed, Location, Rank, ReportVerdict, ReportedSize};
 use crate::diagnosis::result::Verdict;
 use crate::effects::EffectSpec;
+use crate::parameters::Unit;
 use crate::units::NORMAL_90;
 
 /// A baseline: a name and a rule.
@@ -45,8 +46,8 @@ struct EffectFound {
     blamed: bool,
 }
 
-/// A verdict: probabilities in proportion to `exp(evidence)`, with nothing at evidence 0.
-fn report(found: &[EffectFound]) -> ReportVerdict {
+/// A verdict on a unit: probabilities in proportion to `exp(evidence)`, with nothing at evidence 0.
+fn report(found: &[EffectFound], unit: &Unit) -> ReportVerdict {
     let highest = found.iter().map(|one| one.evidence).fold(0.0, f64::max);
     let weight = |evidence: f64| (evidence - highest).exp();
     let sum: f64 = weight(0.0) + found.iter().map(|one| weight(one.evidence)).sum::<f64>();
@@ -60,14 +61,14 @@ fn report(found: &[EffectFound]) -> ReportVerdict {
     ReportVerdict {
         verdict: verdict.id().to_owned(),
         location: Location { stage: blamed.first().map(|one| one.spec.stage.id().to_owned()) },
-        effects: blamed.iter().map(|one| blame(one)).collect(),
+        effects: blamed.iter().map(|one| blame(one, unit)).collect(),
         ranking,
         ..ReportVerdict::default()
     }
 }
 
-fn blame(found: &EffectFound) -> Blamed {
-    let first = found.spec.parameters.first();
+fn blame(found: &EffectFound, unit: &Unit) -> Blamed {
+    let first = found.spec.parameters.first().map(|parameter| parameter.on(&unit.parameters));
     let size = first.zip(found.size).map(|(parameter, (position, deviation))| {
         let at = |position: f64| parameter.neutral + (parameter.typical - parameter.neutral) * position;
         let (a, b) = (at(position - NORMAL_90 * deviation), at(position + NORMAL_90 * deviation));
@@ -83,18 +84,19 @@ mod tests {
 
     #[test]
     fn evidence_becomes_probabilities_and_a_verdict() {
+        let unit = crate::params::reference();
         let found = |id: &str, evidence, blamed| EffectFound {
             spec: find(id).unwrap(),
             evidence,
             size: Some((2.0, 0.1)),
             blamed,
         };
-        let verdict = report(&[found("backlash", 2.0_f64.ln(), true), found("pv_bandwidth", 0.0, false)]);
+        let verdict = report(&[found("backlash", 2.0_f64.ln(), true), found("pv_bandwidth", 0.0, false)], &unit);
         assert!(verdict.word() == "backlash" && verdict.location.stage.as_deref() == Some("servomotor"));
         assert!((verdict.probability("backlash") - 0.5).abs() < 1e-12);
         assert!((verdict.probability("none") - 0.25).abs() < 1e-12);
         let [low, high] = verdict.effects[0].parameters[0].ci90.unwrap();
         assert!(low.unwrap() < 4.0e-3 && high.unwrap() > 4.0e-3);
-        assert_eq!(report(&[found("backlash", -1.0, false)]).word(), "none");
+        assert_eq!(report(&[found("backlash", -1.0, false)], &unit).word(), "none");
     }
 }

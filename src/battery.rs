@@ -18,11 +18,12 @@ use crate::battery::draws::{Draw, Question};
 use crate::battery::faults::{Faults, STRANGERS};
 use crate::battery::mismatch::Mismatch;
 use crate::battery::test_rig::TestRig;
+use crate::effects::scaling::UnitSize;
 use crate::effects::{Stage, find};
 use crate::frame::{Inputs, Signals};
 use crate::generate::spread;
 use crate::generate::streams::GeneratedStreams;
-use crate::parameters::Unit;
+use crate::parameters::{Parameters, Unit};
 use crate::recording::{Process, Recording};
 use crate::signal::Signal;
 
@@ -191,7 +192,7 @@ fn bench(unit: &Unit, case: &Case) -> (TestRig, Vec<TrueFault>) {
     let mut faults = Faults::default();
     let mut effects = Vec::new();
     for id in case.kind.ids() {
-        let truth = truth(id, &mut sizes);
+        let truth = truth(id, &mut sizes, &sound.parameters);
         if let Some(truth) = truth.filter(|truth| faults.add(id, truth.size)) {
             effects.push(truth);
         }
@@ -202,7 +203,11 @@ fn bench(unit: &Unit, case: &Case) -> (TestRig, Vec<TrueFault>) {
         parameters,
         sensors: unit.sensors,
         faults,
-        odd: Mismatch::draw(&parameters, &mut Draw::new(case.seed, Question::Mismatch, 0)),
+        odd: Mismatch::draw(
+            &parameters,
+            &UnitSize::new(&sound.parameters),
+            &mut Draw::new(case.seed, Question::Mismatch, 0),
+        ),
         readings: readings(case.seed),
         row_ticks,
         rich: case.rich,
@@ -219,18 +224,19 @@ pub fn readings(seed: u64) -> u32 {
     Draw::new(seed, Question::Regulator, 0).log_between(READINGS.0, READINGS.1).round() as u32
 }
 
-/// Draws how much of an effect or a stranger there is.
-fn truth(id: &str, draw: &mut Draw) -> Option<TrueFault> {
+/// Draws how much of an effect or a stranger there is on a unit of the sheet's size.
+fn truth(id: &str, draw: &mut Draw, sheet: &Parameters) -> Option<TrueFault> {
     let factor = draw.log_between(SIZES.0, SIZES.1);
     let negative = draw.chance(0.5);
     let of = |stage, size, unit: &str, meaning: &str| {
         Some(TrueFault { id: id.to_owned(), stage, size, unit: unit.to_owned(), meaning: meaning.to_owned() })
     };
     if let Some(stranger) = STRANGERS.iter().find(|stranger| stranger.id == id) {
-        return of(stranger.stage, stranger.typical * factor, stranger.unit, stranger.meaning);
+        let typical = stranger.typical * stranger.scaling.factor(&UnitSize::new(sheet));
+        return of(stranger.stage, typical * factor, stranger.unit, stranger.meaning);
     }
     let spec = find(id)?;
-    let first = spec.parameters.first()?;
+    let first = spec.parameters.first()?.on(sheet);
     // A ratio below 1 goes on by powers, so that it never reaches 0.
     let size = if first.neutral > 0.0 && first.typical < first.neutral {
         first.neutral * (first.typical / first.neutral).powf(factor)
@@ -272,6 +278,22 @@ mod tests {
     use crate::likelihood::prepared::PreparedRecording;
     use crate::parameters::EffectSetting;
     use crate::twin::Twin;
+
+    /// On a unit of another size faults are as many times as large as the unit is, and the plant runs as on the reference unit.
+    #[test]
+    fn faults_grow_with_the_unit() {
+        let sheet = crate::params::reference();
+        let mut large = sheet.clone();
+        large.parameters.oil.tank_pressure_pa = 1.6e7;
+        large.parameters.servomotor.opening_area_m2 *= 4.0;
+        let drawn =
+            |id: &str, unit: &Unit| truth(id, &mut Draw::new(3, Question::Size, 0), &unit.parameters).unwrap().size;
+        let ratio = 4.0 * 1.6e7 / 6.3e6;
+        for id in ["servo_friction", "surge"] {
+            assert!((drawn(id, &large) / drawn(id, &sheet) / ratio - 1.0).abs() < 1e-12, "{id}");
+        }
+        assert_eq!(drawn("backlash", &large).to_bits(), drawn("backlash", &sheet).to_bits());
+    }
 
     /// Each fault is the catalogue's effect in kind and size, though not in its equation: the twin with the effect comes
     /// near to what its transducer's noise allows, and not all the way in every case.

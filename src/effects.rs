@@ -32,6 +32,7 @@ pub(crate) mod pv_null_shift;
 pub(crate) mod pv_overlap;
 pub(crate) mod regulator_cycle;
 pub(crate) mod return_loss;
+pub mod scaling;
 pub(crate) mod servo_friction;
 pub(crate) mod servo_leak;
 pub(crate) mod spool_friction;
@@ -42,7 +43,9 @@ pub(crate) mod viscosity;
 
 use std::fmt;
 
-use crate::parameters::Unit;
+pub use crate::effects::scaling::Scaling;
+use crate::effects::scaling::UnitSize;
+use crate::parameters::{Parameters, Unit};
 use crate::plant::Plant;
 
 /// The stage of the chain in which an effect sits.
@@ -107,8 +110,23 @@ pub struct EffectParameter {
     pub max: f64,
     /// Value of a moderate fault: where searches start, and the scale of their steps.
     pub typical: f64,
+    /// What range and typical value are proportional to; as they stand here they are those of the reference unit.
+    pub scaling: Scaling,
     /// What it is.
     pub doc: &'static str,
+}
+
+impl EffectParameter {
+    /// The same on a unit of another size: range and typical value as they are there.
+    #[must_use]
+    pub fn on(&self, parameters: &Parameters) -> Self {
+        if self.scaling == Scaling::Fixed {
+            return *self;
+        }
+        let factor = self.scaling.factor(&UnitSize::new(parameters));
+        let scaled = |value: f64| self.neutral + factor * (value - self.neutral);
+        Self { min: scaled(self.min), max: scaled(self.max), typical: scaled(self.typical), ..*self }
+    }
 }
 
 /// An effect: what it is called, what it needs, and how it enters the plant.

@@ -44,7 +44,7 @@ fn number(value: &Value) -> String {
 
 fn effects() -> String {
     let catalogue: Value = serde_json::from_str(&printed(&["effects", "--json"])).unwrap();
-    let mut page = "# Effects\nWhat a real unit may do beyond the nominal model, from the catalogue in `src/effects` (`govtwin effects --json`). Written by `tests/reference_pages.rs`.\n"
+    let mut page = "# Effects\nWhat a real unit may do beyond the nominal model, from the catalogue in `src/effects` (`govtwin effects --json`). Sizes and ranges are those of the reference unit. Written by `tests/reference_pages.rs`.\n"
         .to_owned();
     for effect in catalogue["effects"].as_array().unwrap() {
         let text = |key: &str| effect[key].as_str().unwrap_or_default().to_owned();
@@ -60,7 +60,10 @@ fn effects() -> String {
         for parameter in effect["parameters"].as_array().into_iter().flatten() {
             let [name, unit, doc] = ["name", "unit", "doc"].map(|key| parameter[key].as_str().unwrap_or_default());
             let [neutral, typical, min, max] = ["neutral", "typical", "min", "max"].map(|key| number(&parameter[key]));
-            page += &format!("| `{name}` | {unit} | {neutral} | {typical} | {min} | {max} | {doc} |\n");
+            let scaling = parameter["proportional_to"]
+                .as_str()
+                .map_or(String::new(), |words| format!("; sizes on other units in proportion to {words}"));
+            page += &format!("| `{name}` | {unit} | {neutral} | {typical} | {min} | {max} | {doc}{scaling} |\n");
         }
     }
     page

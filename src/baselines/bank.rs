@@ -27,5 +27,5 @@ pub fn judge(ground: &Ground) -> ReportVerdict {
             }
         })
         .collect();
-    report(&found)
+    report(&found, &ground.base)
 }

@@ -16,7 +16,7 @@ pub fn judge(ground: &Ground) -> ReportVerdict {
     let (gram, product) = ground.projected(&tries);
     let variance = ground.variance();
     let pulled = gram / variance + DMatrix::identity(tries.len(), tries.len());
-    let Some(spread) = pulled.try_inverse() else { return report(&[]) };
+    let Some(spread) = pulled.try_inverse() else { return report(&[], &ground.base) };
     let sizes = -(&spread * product) / variance;
     let found: Vec<EffectFound> = tries
         .iter()
@@ -32,5 +32,5 @@ pub fn judge(ground: &Ground) -> ReportVerdict {
             }
         })
         .collect();
-    report(&found)
+    report(&found, &ground.base)
 }

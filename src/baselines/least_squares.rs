@@ -46,5 +46,5 @@ pub fn judge(ground: &Ground) -> ReportVerdict {
     if let Some(best) = best.filter(|&k| found[k].evidence > 0.0) {
         found[best].blamed = true;
     }
-    report(&found)
+    report(&found, &ground.base)
 }

@@ -41,7 +41,7 @@ pub fn judge(ground: &Ground) -> ReportVerdict {
             EffectFound { spec: one.spec, evidence: alone, size: Some((size, deviation)), blamed: chosen.contains(&k) }
         })
         .collect();
-    report(&found)
+    report(&found, &ground.base)
 }
 
 /// By how much the sum of squares falls with these effects.

@@ -1,6 +1,6 @@
 //! What may be wrong with a plant of the battery, by id and size: the catalogue's effects and some that it lacks.
 
-use crate::effects::{Stage, find};
+use crate::effects::{Scaling, Stage, find};
 
 /// How much of each effect is in a plant; all zero in a sound one. Sizes are deviations from neutral.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -57,8 +57,10 @@ pub struct Stranger {
     pub id: &'static str,
     /// Where it sits.
     pub stage: Stage,
-    /// Moderate size.
+    /// Moderate size on the reference unit.
     pub typical: f64,
+    /// What it is proportional to.
+    pub scaling: Scaling,
     /// Unit of the size.
     pub unit: &'static str,
     /// What it is.
@@ -71,6 +73,7 @@ pub const STRANGERS: &[Stranger] = &[
         id: "lvdt_cubic",
         stage: Stage::Sensor,
         typical: 0.04,
+        scaling: Scaling::Fixed,
         unit: "pu",
         meaning: "cubic error of the spool transducer at full stroke",
     },
@@ -78,6 +81,7 @@ pub const STRANGERS: &[Stranger] = &[
         id: "pump_ripple",
         stage: Stage::Supply,
         typical: 8.0e5,
+        scaling: Scaling::Pressure,
         unit: "Pa",
         meaning: "oscillation of the supply pressure at 2 Hz behind the tank, amplitude",
     },
@@ -85,6 +89,7 @@ pub const STRANGERS: &[Stranger] = &[
         id: "sticky_spot",
         stage: Stage::Servomotor,
         typical: 3.0e5,
+        scaling: Scaling::ServomotorForce,
         unit: "N",
         meaning: "friction in a narrow band of the servomotor's stroke",
     },
@@ -92,6 +97,7 @@ pub const STRANGERS: &[Stranger] = &[
         id: "gain_drift",
         stage: Stage::PilotValve,
         typical: 0.35,
+        scaling: Scaling::Fixed,
         unit: "1",
         meaning: "share of the pilot valve's flow gain lost while it warms",
     },
@@ -99,6 +105,7 @@ pub const STRANGERS: &[Stranger] = &[
         id: "surge",
         stage: Stage::Servomotor,
         typical: 2.5e5,
+        scaling: Scaling::ServomotorForce,
         unit: "N",
         meaning: "oscillating guide-vane load at 0.7 Hz, amplitude",
     },
@@ -106,6 +113,7 @@ pub const STRANGERS: &[Stranger] = &[
         id: "command_dropout",
         stage: Stage::Regulator,
         typical: 0.1,
+        scaling: Scaling::Fixed,
         unit: "s",
         meaning: "length of gaps in which the command is not renewed",
     },
@@ -113,6 +121,7 @@ pub const STRANGERS: &[Stranger] = &[
         id: "esv_hang",
         stage: Stage::Esv,
         typical: 0.5,
+        scaling: Scaling::Fixed,
         unit: "s",
         meaning: "time for which the ESV hangs half-way",
     },
@@ -120,6 +129,7 @@ pub const STRANGERS: &[Stranger] = &[
         id: "relief",
         stage: Stage::Spool,
         typical: 1.0e-9,
+        scaling: Scaling::PilotLeak,
         unit: "m3/(s Pa)",
         meaning: "leakage of the control chamber above 3.35 MPa only",
     },

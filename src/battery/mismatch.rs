@@ -1,6 +1,7 @@
 //! What is odd about every plant of the battery, faults or not: small, within what a sheet never says.
 
 use crate::battery::draws::Draw;
+use crate::effects::scaling::{Scaling, UnitSize};
 use crate::parameters::Parameters;
 
 /// Small deviations from the nominal model's structure.
@@ -26,18 +27,23 @@ pub struct Mismatch {
     pub(super) piston_stop_n_m: f64,
     pub(super) lvdt_lag_s: f64,
     pub(super) feedback_lag_s: f64,
+    /// Tank pressure of the sheet over the reference unit's.
+    pub(super) pressure_ratio: f64,
 }
 
 impl Mismatch {
-    /// Draws them; the stops yield as the unit's parameters say.
+    /// Draws them for a unit of this size; the stops yield as the unit's parameters say.
     #[must_use]
-    pub fn draw(p: &Parameters, draw: &mut Draw) -> Self {
-        let line_inertance = draw.between(5e4, 1.2e5);
-        let node_volume_m3 = draw.between(0.04, 0.08);
+    pub fn draw(p: &Parameters, size: &UnitSize, draw: &mut Draw) -> Self {
+        // Lines of the same length in time: what they hold back goes with pressure over flow, what they hold with the inverse.
+        let line_inertance = draw.between(5e4, 1.2e5) / Scaling::MainLeak.factor(size);
+        let node_volume_m3 = draw.between(0.04, 0.08) * Scaling::MainLeak.factor(size);
+        let spool_stop_m_n = 1e-9 * size.spool_stroke / size.spool_force;
+        let piston_stop_m_n = 3e-11 / size.servomotor_force;
         let wave = (line_inertance * p.oil.bulk_modulus_pa / node_volume_m3).sqrt();
         Self {
             overlap_shares: std::array::from_fn(|_| 1.0 + 0.02 * draw.normal()),
-            edge_radius_m: draw.between(4e-6, 1e-5),
+            edge_radius_m: draw.between(4e-6, 1e-5) * size.spool_stroke,
             line_inertance,
             node_volume_m3,
             node_resistance_pa_s_m3: draw.between(0.6, 1.0) * wave,
@@ -45,14 +51,15 @@ impl Mismatch {
             filling_gain: 1.0 + 0.005 * draw.normal(),
             draining_gain: 1.0 + 0.005 * draw.normal(),
             esv_travel_s: draw.between(1.5e-3, 3e-3),
-            spool_friction_n: draw.between(3.0, 15.0),
+            spool_friction_n: draw.between(3.0, 15.0) * size.spool_force,
             piston_bend_m: draw.between(3e-5, 8e-5),
             flow_force_ratio: draw.between(0.0, 0.05),
             load_ripple_ratio: 0.01 * draw.normal(),
-            spool_stop_n_m: 1.0 / p.distributing_valve.stop_compliance_m_n.max(1e-9),
-            piston_stop_n_m: 1.0 / p.servomotor.stop_compliance_m_n.max(3e-11),
+            spool_stop_n_m: 1.0 / p.distributing_valve.stop_compliance_m_n.max(spool_stop_m_n),
+            piston_stop_n_m: 1.0 / p.servomotor.stop_compliance_m_n.max(piston_stop_m_n),
             lvdt_lag_s: draw.between(1e-4, 3e-4),
             feedback_lag_s: draw.between(1e-4, 3e-4),
+            pressure_ratio: size.pressure,
         }
     }
 }

@@ -275,9 +275,9 @@ impl Rig {
         let dv = &p.distributing_valve;
         let share = x / dv.reference_stroke_m;
         let leaks_m3_s = (dv.leakage_m3_s_pa * (y[NODE] - control_pa)
-            - f.chamber_leak_m3_s_pa * (1.0 + 0.3 * share) * gap(control_pa - return_pa, 3.2e6))
+            - f.chamber_leak_m3_s_pa * (1.0 + 0.3 * share) * gap(control_pa - return_pa, 3.2e6 * odd.pressure_ratio))
             / viscosity
-            - f.relief_m3_s_pa * (control_pa - 3.35e6).max(0.0);
+            - f.relief_m3_s_pa * (control_pa - 3.35e6 * odd.pressure_ratio).max(0.0);
         let soft_1_pa = compressibility_1_pa + gas_compressibility_1_pa(f.air_share, control_pa);
         d[CONTROL] = (passed_m3_s + leaks_m3_s - dv.control_area_m2 * y[SPOOL_SPEED])
             / ((dv.control_volume_m3 + dv.control_area_m2 * x) * soft_1_pa);
@@ -365,6 +365,7 @@ mod tests {
     use super::*;
     use crate::battery::draws::{Draw, Question};
     use crate::effects::of_the_chain;
+    use crate::effects::scaling::UnitSize;
 
     /// Steps of 200 µs are as good as steps of 25 µs: they agree within a thirtieth of the transducers' noise, whatever is wrong.
     #[test]
@@ -375,7 +376,7 @@ mod tests {
         ids.extend(of_the_chain().map(|spec| (spec.id, spec.parameters[0].typical)));
         let cases = ids.into_iter().map(|(id, size)| (id, size, 5)).chain((10..20).map(|seed| ("", 0.0, seed)));
         for (id, size, seed) in cases {
-            let odd = Mismatch::draw(p, &mut Draw::new(seed, Question::Mismatch, 0));
+            let odd = Mismatch::draw(p, &UnitSize::new(p), &mut Draw::new(seed, Question::Mismatch, 0));
             let mut faults = Faults::default();
             faults.add(id, size);
             let mut rigs = [STEPS, 8 * STEPS].map(|steps| (steps, Rig::new(p, &faults, &odd, 0.3)));

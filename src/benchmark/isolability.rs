@@ -31,7 +31,12 @@ pub fn expected_log_bayes_factor(
         effects.iter().try_fold(refitted.clone(), |mut unit, (id, known)| {
             let spec = find(id)?;
             let known = known.iter().copied().map(Some).chain(std::iter::repeat(None));
-            let values = spec.parameters.iter().zip(known).map(|(spec, known)| known.unwrap_or(spec.typical)).collect();
+            let values = spec
+                .parameters
+                .iter()
+                .zip(known)
+                .map(|(spec, known)| known.unwrap_or(spec.on(&refitted.parameters).typical))
+                .collect();
             unit.effects.push(EffectSetting { id: spec.id.to_owned(), values });
             Some(unit)
         })

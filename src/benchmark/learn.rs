@@ -8,6 +8,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::battery::Label;
+use crate::benchmark::report_verdict::ReportVerdict;
 use crate::benchmark::statistics::weight_of_sound;
 use crate::diagnosis::decision::posterior::{Hypotheses, Posterior, score};
 use crate::diagnosis::decision::weights::{OF_SETS, OF_STAGES, OF_UNKNOWN, PosteriorFeature, Weights, beforehand};
@@ -238,17 +239,17 @@ fn best(choices: &[Answered], features: &[PosteriorFeature]) -> Vec<f64> {
     weights.iter().copied().collect()
 }
 
-/// Spread of the relative error of sizes, one standard deviation: a tenth of them lie outside `NORMAL_90` of it.
+/// Spread of the relative error of sizes where a single effect was named rightly, one standard deviation: a tenth of them lie outside `NORMAL_90` of
+/// it.
 #[must_use]
-pub fn size_spread(units: &[(&Label, &EvidenceTable)]) -> f64 {
+pub fn size_spread(units: &[(&Label, &ReportVerdict)]) -> f64 {
     let mut errors: Vec<f64> = units
         .iter()
-        .filter_map(|(label, table)| {
-            let [truth] = label.effects.as_slice() else { return None };
-            let row = table.rows.first().filter(|row| row.effects == [truth.id.clone()])?;
-            let parameter = find(&truth.id)?.parameters.first()?;
-            let fitted = row.sizes.first()? * (parameter.typical - parameter.neutral);
-            Some((fitted / (truth.size - parameter.neutral) - 1.0).abs())
+        .filter_map(|(label, report)| {
+            let ([truth], [named]) = (label.effects.as_slice(), report.effects.as_slice()) else { return None };
+            let neutral = find(&truth.id)?.parameters.first()?.neutral;
+            let fitted = named.parameters.first().filter(|_| named.id == truth.id)?.value?;
+            Some(((fitted - neutral) / (truth.size - neutral) - 1.0).abs())
         })
         .collect();
     errors.sort_by(f64::total_cmp);

@@ -190,8 +190,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let Some(learned) = whole else { bail!("there is nothing to learn from") };
     let all: Vec<&JudgedUnit> = batteries.iter().flatten().collect();
-    let pairs: Vec<(&Label, &EvidenceTable)> =
-        all.iter().map(|unit| (&unit.label, &unit.report.evidence.table)).collect();
+    let pairs: Vec<(&Label, &ReportVerdict)> = all.iter().map(|unit| (&unit.label, &unit.report)).collect();
     let claims: Vec<(Interval, f64)> = all.iter().filter_map(|unit| unit.claim()).collect();
     let learned_weights = Weights {
         size_spread: size_spread(&pairs),

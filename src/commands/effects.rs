@@ -101,8 +101,11 @@ fn snippet(spec: &EffectSpec) -> String {
 }
 
 fn range(parameter: &EffectParameter) -> String {
+    let scaling = parameter.scaling.words().map_or(String::new(), |words| {
+        format!("; on another unit range and typical value are in proportion to {words}")
+    });
     format!(
-        "neutral {}, range {} to {}, typical {}",
+        "neutral {}, range {} to {}, typical {}{scaling}",
         number_text(parameter.neutral),
         number_text(parameter.min),
         quantity_text(parameter.max, parameter.unit),
@@ -123,6 +126,7 @@ fn entry(spec: &EffectSpec) -> Value {
             json!({
                 "name": p.name, "unit": p.unit, "doc": p.doc,
                 "neutral": p.neutral, "min": p.min, "max": p.max, "typical": p.typical,
+                "proportional_to": p.scaling.words(),
             })
         })
         .collect();

@@ -13,8 +13,9 @@ const ALIKE: f64 = 0.97;
 /// The smallest size of each effect that would stand out.
 #[must_use]
 pub fn detectable_sizes(explored: &Explored, catalogue: &[&'static EffectSpec]) -> Vec<DetectableSize> {
+    let unit = &explored.refitted().base.parameters;
     let of = |(effect, spec): (usize, &&'static EffectSpec)| {
-        let parameter = &spec.parameters[0];
+        let parameter = spec.parameters[0].on(unit);
         let typical = (parameter.typical - parameter.neutral).abs();
         let smallest = typical * explored.linearisation.minimum_detectable_size(effect, STANDS_OUT);
         DetectableSize { id: spec.id, parameter: parameter.name, unit: parameter.unit, smallest, typical }

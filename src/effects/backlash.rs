@@ -14,7 +14,7 @@
 
 use std::sync::Arc;
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
 use crate::plant::Plant;
 use crate::plant::term::Point;
 use crate::plant::term::play::Play;
@@ -31,6 +31,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
         min: 0.0,
         max: 0.03,
         typical: 2.0e-3,
+        scaling: Scaling::Fixed,
         doc: "play between piston and transducer, pu of stroke",
     }],
     apply: &EffectLaw(apply),

@@ -9,7 +9,7 @@
 //! Without it the real pilot valve stands open at rest and the spool off its demand towards closing; it opens slower and closes faster.
 //! Limits: laminar, independent of the spool's place; the positions confuse it with a null shift of the pilot valve.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
 use crate::plant::Plant;
 
 /// The effect.
@@ -24,6 +24,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
         min: 0.0,
         max: 2.0e-10,
         typical: 5.0e-12,
+        scaling: Scaling::PilotLeak,
         doc: "leakage coefficient from the control chamber to return",
     }],
     apply: &EffectLaw(apply),

@@ -12,7 +12,7 @@
 
 use std::sync::Arc;
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
 use crate::plant::Plant;
 use crate::plant::term::Point;
 use crate::plant::term::delay::Delay;
@@ -29,6 +29,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
         min: -0.5,
         max: 0.5,
         typical: 0.03,
+        scaling: Scaling::Fixed,
         doc: "stamps of command and ESV less those of the plant's signals",
     }],
     apply: &EffectLaw(apply),

@@ -12,7 +12,7 @@
 
 use std::sync::Arc;
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
 use crate::plant::Plant;
 use crate::plant::term::Point;
 use crate::plant::term::delay::Delay;
@@ -29,6 +29,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
         min: 0.0,
         max: 1.0,
         typical: 0.05,
+        scaling: Scaling::Fixed,
         doc: "delay between the issue of the command and its use by the regulator",
     }],
     apply: &EffectLaw(apply),

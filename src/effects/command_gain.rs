@@ -9,7 +9,7 @@
 //! Without it the real servomotor comes to rest at g times the opening commanded, farther off the simulated one the wider it stands open;
 //! its speed and all that follows the ESV agree. Limits: linear through zero, the same over all recordings.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
 use crate::plant::Plant;
 
 /// The effect.
@@ -24,6 +24,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
         min: 0.5,
         max: 2.0,
         typical: 1.02,
+        scaling: Scaling::Fixed,
         doc: "what the regulator reads over the command issued",
     }],
     apply: &EffectLaw(apply),

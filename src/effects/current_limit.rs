@@ -11,7 +11,7 @@
 //! Without it the real spool is slower than simulated in large movements, alike when opening and when closing, and as fast in small ones; an
 //! ESV that trips drains past the pilot valve and is on time. Limits: sharp, the same for both signs, constant over the recording.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
 use crate::plant::Plant;
 
 /// The effect.
@@ -26,6 +26,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
         min: 0.02,
         max: 1.0,
         typical: 0.5,
+        scaling: Scaling::Fixed,
         doc: "greatest current that reaches the pilot valve, over the rated one",
     }],
     apply: &EffectLaw(apply),

@@ -12,7 +12,7 @@
 //! Without it the simulated servomotor runs into its closed end at full speed while the real one slows down over the last part of
 //! the stroke, in shutdowns and rejections only. Limits: closing only; no cushion at the open end.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
 use crate::plant::Plant;
 
 /// The effect.
@@ -28,6 +28,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
             min: 0.0,
             max: 5.0e9,
             typical: 1.0e8,
+            scaling: Scaling::Cushion,
             doc: "cushion force per speed squared at the very end",
         },
         EffectParameter {
@@ -37,6 +38,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
             min: 0.005,
             max: 0.5,
             typical: 0.06,
+            scaling: Scaling::Fixed,
             doc: "length of the cushion from the closed end, pu of stroke",
         },
     ],

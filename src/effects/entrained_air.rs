@@ -12,7 +12,7 @@
 //! the pressure is low. The positions show little. Limits: in the control chamber only, a dead end where air stays (the servomotor's
 //! chambers are flushed by each stroke, and 2 % there would move it by less than its sensor's noise); no solution of air in oil.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
 use crate::plant::Plant;
 
 /// The effect.
@@ -27,6 +27,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
         min: 0.0,
         max: 0.2,
         typical: 0.03,
+        scaling: Scaling::Fixed,
         doc: "volume share of free air at atmospheric pressure",
     }],
     apply: &EffectLaw(apply),

@@ -12,7 +12,7 @@
 
 use std::sync::Arc;
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
 use crate::plant::Plant;
 use crate::plant::term::Point;
 use crate::plant::term::delay::Delay;
@@ -29,6 +29,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
         min: 0.0,
         max: 3.0,
         typical: 0.3,
+        scaling: Scaling::Fixed,
         doc: "time from the ESV's signal to its switching",
     }],
     apply: &EffectLaw(apply),

@@ -13,7 +13,7 @@
 
 use std::sync::Arc;
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
 use crate::plant::Plant;
 use crate::plant::term::{Point, Term, View};
 
@@ -29,6 +29,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
         min: 0.0,
         max: 3.0,
         typical: 0.3,
+        scaling: Scaling::Fixed,
         doc: "time that the ESV needs from one end of its travel to the other",
     }],
     apply: &EffectLaw(apply),

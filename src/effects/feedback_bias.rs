@@ -11,7 +11,7 @@
 //! it; away from the ends readings agree. Limits: constant over all recordings; where no recording reaches an end of the stroke it
 //! looks like a load off the sheet, or like nothing.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
 use crate::plant::Plant;
 
 /// The effect.
@@ -26,6 +26,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
         min: -0.1,
         max: 0.1,
         typical: 5.0e-3,
+        scaling: Scaling::Fixed,
         doc: "offset of the servomotor's transducer, pu of stroke",
     }],
     apply: &EffectLaw(apply),

@@ -11,7 +11,7 @@
 //! Without it the real reading trails the simulated one by τ in every ramp and the loop overshoots at its end. Limits: one
 //! linear lag.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
 use crate::plant::Plant;
 use crate::plant::lag::lag;
 use crate::plant::term::Point;
@@ -28,6 +28,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
         min: 0.0,
         max: 1.0,
         typical: 0.05,
+        scaling: Scaling::Fixed,
         doc: "time constant of the servomotor's transducer",
     }],
     apply: &EffectLaw(apply),

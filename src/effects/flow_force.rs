@@ -10,7 +10,7 @@
 //! Without it the real control pressure is higher than simulated while the servomotor opens and lower while it closes, in
 //! proportion to the spool's travel. The positions show little. Limits: steady part only; no force of accelerating oil.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
 use crate::plant::Plant;
 
 /// The effect.
@@ -25,6 +25,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
         min: 0.0,
         max: 5.0,
         typical: 1.0,
+        scaling: Scaling::Fixed,
         doc: "flow force over the theoretical one of sharp-edged ports",
     }],
     apply: &EffectLaw(apply),

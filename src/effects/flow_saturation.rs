@@ -13,7 +13,7 @@
 
 use std::sync::Arc;
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
 use crate::plant::Plant;
 use crate::plant::term::{Point, Term, View};
 
@@ -29,6 +29,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
         min: 0.0,
         max: 0.95,
         typical: 0.3,
+        scaling: Scaling::Fixed,
         doc: "part of the spool's reference stroke over which the flow grows no more",
     }],
     apply: &EffectLaw(apply),

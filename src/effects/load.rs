@@ -10,7 +10,7 @@
 //! Without it the real servomotor opens slower and closes faster than simulated at the same spool position. Limits: linear in the
 //! opening, the same shape as on the sheet, without the flow's dynamics.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
 use crate::plant::Plant;
 
 /// The effect.
@@ -25,6 +25,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
         min: -0.95,
         max: 3.0,
         typical: 0.4,
+        scaling: Scaling::Fixed,
         doc: "guide-vane load above the sheet's, relative",
     }],
     apply: &EffectLaw(apply),

@@ -10,7 +10,7 @@
 //! Without it the real spool reads b at its stops beyond what the nuts allow, and the servomotor drifts to one side of its dead
 //! band. Limits: constant over all recordings.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
 use crate::plant::Plant;
 
 /// The effect.
@@ -25,6 +25,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
         min: -0.3,
         max: 0.3,
         typical: 0.03,
+        scaling: Scaling::Fixed,
         doc: "offset of the spool's transducer",
     }],
     apply: &EffectLaw(apply),

@@ -10,7 +10,7 @@
 //! Without it the real spool reading has another value at the stops, and the servomotor moves at 1/g of the speed that the reading
 //! promises in slow movements. Limits: linear.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
 use crate::plant::Plant;
 
 /// The effect.
@@ -25,6 +25,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
         min: 0.5,
         max: 2.0,
         typical: 1.08,
+        scaling: Scaling::Fixed,
         doc: "reading of the spool's transducer over the true position",
     }],
     apply: &EffectLaw(apply),

@@ -73,7 +73,7 @@ impl Unit {
                 let known = spec.parameters.iter().map(|parameter| parameter.name).collect();
                 return Err(EffectError::Parameter { effect: id.to_owned(), found: (*name).to_owned(), known });
             };
-            let parameter = &spec.parameters[at];
+            let parameter = spec.parameters[at].on(&self.parameters);
             if !(parameter.min..=parameter.max).contains(value) {
                 return Err(EffectError::Range {
                     effect: id.to_owned(),

@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::effects::own::expression::{Expression, Fault, functions};
 use crate::effects::own::names::{VARIABLES, sample};
-use crate::effects::{Build, EffectParameter, EffectSpec, Stage, find};
+use crate::effects::{Build, EffectParameter, EffectSpec, Scaling, Stage, find};
 use crate::parameters::{OwnEffect, OwnParameter};
 use crate::plant::Plant;
 use crate::plant::term::{Point, Term, View};
@@ -170,6 +170,7 @@ fn lasting(own: &OwnParameter) -> EffectParameter {
         min: own.min,
         max: own.max,
         typical: own.typical,
+        scaling: Scaling::Fixed,
         doc: leaked(if own.doc.is_empty() { &own.name } else { &own.doc }),
     }
 }

@@ -10,7 +10,7 @@
 //! Without it the real spool opens slower than the simulated one and closes as fast; small movements hardly differ. Limits: turbulent,
 //! constant over the recording, on the filling side only.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
 use crate::plant::Plant;
 
 /// The effect.
@@ -25,6 +25,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
         min: 0.0,
         max: 50.0,
         typical: 3.0,
+        scaling: Scaling::Fixed,
         doc: "the filter's conductance is 1/value of the fully open filling edge's",
     }],
     apply: &EffectLaw(apply),

@@ -12,7 +12,7 @@
 //! position and opening. Limits: both edges of a direction alike, the same along the port; a diagnosis tries it where the servomotor stage
 //! stands alone.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
 use crate::plant::Plant;
 
 /// The effect.
@@ -27,6 +27,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
         min: -0.9,
         max: 0.9,
         typical: 0.1,
+        scaling: Scaling::Fixed,
         doc: "gain of the opening ports above the mean of both directions, relative",
     }],
     apply: &EffectLaw(apply),

@@ -9,7 +9,7 @@
 //! Without it the simulated servomotor starts earlier than the real one after each rest or reversal, and
 //! the real spool wanders further before the servomotor follows. Limits: both sides alike, sharp edges.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
 use crate::plant::Plant;
 
 /// The effect.
@@ -24,6 +24,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
         min: -2.0e-4,
         max: 2.0e-3,
         typical: 2.0e-4,
+        scaling: Scaling::SpoolStroke,
         doc: "extra overlap of the main ports, each side of neutral",
     }],
     apply: &EffectLaw(apply),

@@ -13,7 +13,7 @@
 //! Without it the real servomotor creeps while the spool stands within the overlap, and answers small demands more strongly than the
 //! simulated one; at large travel both agree. Limits: all four edges alike; what flows from supply past both edges to return is left out.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
 use crate::plant::Plant;
 
 /// The effect.
@@ -28,6 +28,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
         min: 0.0,
         max: 2.0e-3,
         typical: 2.0e-4,
+        scaling: Scaling::SpoolStroke,
         doc: "radius of the worn metering edges of the main ports",
     }],
     apply: &EffectLaw(apply),

@@ -10,7 +10,7 @@
 //! Without it the real spool starts a few milliseconds later than the simulated one and rings about its demand, in all manoeuvres
 //! alike. Limits: linear; the damping ratio stays.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
 use crate::plant::Plant;
 
 /// The effect.
@@ -25,6 +25,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
         min: 0.03,
         max: 3.0,
         typical: 0.4,
+        scaling: Scaling::Fixed,
         doc: "natural frequency of the pilot valve over the sheet's",
     }],
     apply: &EffectLaw(apply),

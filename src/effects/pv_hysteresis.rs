@@ -14,7 +14,7 @@
 
 use std::sync::Arc;
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
 use crate::plant::Plant;
 use crate::plant::term::Point;
 use crate::plant::term::play::Play;
@@ -31,6 +31,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
         min: 0.0,
         max: 0.5,
         typical: 0.05,
+        scaling: Scaling::Fixed,
         doc: "total width of the hysteresis loop on the valve current",
     }],
     apply: &EffectLaw(apply),

@@ -11,7 +11,7 @@
 //! offset of the servomotor inside the dead band. Limits: in the positions it equals an error of the regulator's current
 //! reference, which the sheet lets vary; the pilot valve's own signal tells them apart.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
 use crate::plant::Plant;
 
 /// The effect.
@@ -26,6 +26,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
         min: -0.3,
         max: 0.3,
         typical: 0.03,
+        scaling: Scaling::Fixed,
         doc: "valve position at which no oil passes",
     }],
     apply: &EffectLaw(apply),

@@ -11,7 +11,7 @@
 //! the pilot valve swinging across the zone. Limits: both edges alike and sharp; where leakage
 //! or a null shift hides, it looks like one.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
 use crate::plant::Plant;
 
 /// The effect.
@@ -26,6 +26,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
         min: 0.0,
         max: 0.4,
         typical: 0.05,
+        scaling: Scaling::Fixed,
         doc: "half width of the dead zone around the pilot valve's null",
     }],
     apply: &EffectLaw(apply),

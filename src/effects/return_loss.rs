@@ -13,7 +13,7 @@
 //! larger chamber: a loss in the pressure line does it the other way round. Limits: no inertia of the oil; pilot valve and ESV
 //! drain by a line of their own.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
 use crate::plant::Plant;
 
 /// The effect.
@@ -28,6 +28,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
         min: 0.0,
         max: 5.0e10,
         typical: 2.0e9,
+        scaling: Scaling::LineLoss,
         doc: "quadratic loss of the return line behind the main ports",
     }],
     apply: &EffectLaw(apply),

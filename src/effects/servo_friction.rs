@@ -12,7 +12,7 @@
 //! Without it the real servomotor starts later after each rest and runs slower both ways; at rest it stays where it was left. Limits: the
 //! same along the stroke and both ways.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
 use crate::plant::Plant;
 
 /// The effect.
@@ -28,6 +28,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
             min: 0.0,
             max: 5.0e5,
             typical: 6.0e4,
+            scaling: Scaling::ServomotorForce,
             doc: "Coulomb friction of the servomotor above the sheet's",
         },
         EffectParameter {
@@ -37,6 +38,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
             min: 1.0,
             max: 4.0,
             typical: 1.4,
+            scaling: Scaling::Fixed,
             doc: "friction at rest over Coulomb friction",
         },
     ],

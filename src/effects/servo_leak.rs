@@ -10,7 +10,7 @@
 //! Without it the real piston creeps under load while the ports are shut, so that the regulator corrects again and again, and it runs
 //! slower against the load. Limits: laminar, the same along the stroke.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
 use crate::plant::Plant;
 
 /// The effect.
@@ -25,6 +25,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
         min: 0.0,
         max: 2.0e-8,
         typical: 5.0e-10,
+        scaling: Scaling::MainLeak,
         doc: "leakage coefficient across the piston",
     }],
     apply: &EffectLaw(apply),

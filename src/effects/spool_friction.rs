@@ -12,7 +12,7 @@
 //! Without it the control pressure of the real unit swings wider about the balance, and the spool waits before each
 //! small movement. The positions show little: the small loop has force to spare. Limits: no presliding, no memory beyond the speed.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
 use crate::plant::Plant;
 
 /// The effect.
@@ -28,6 +28,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
             min: 0.0,
             max: 8000.0,
             typical: 400.0,
+            scaling: Scaling::SpoolForce,
             doc: "Coulomb friction of the spool",
         },
         EffectParameter {
@@ -37,6 +38,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
             min: 1.0,
             max: 3.0,
             typical: 1.3,
+            scaling: Scaling::Fixed,
             doc: "friction at rest over Coulomb friction",
         },
     ],

@@ -10,7 +10,7 @@
 //! Without it the simulated control pressure is higher than the real one at every place of the spool, by k d/A and
 //! more the further it opens; the positions show it only where the pressure reaches its limits, in trips above all. Limits: linear coils.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
 use crate::plant::Plant;
 
 /// The effect.
@@ -26,6 +26,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
             min: 0.0,
             max: 0.95,
             typical: 0.3,
+            scaling: Scaling::Fixed,
             doc: "share of the spring's stiffness lost",
         },
         EffectParameter {
@@ -35,6 +36,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
             min: 0.0,
             max: 0.1,
             typical: 0.01,
+            scaling: Scaling::SpringPreload,
             doc: "pre-compression lost",
         },
     ],

@@ -11,7 +11,7 @@
 //! Without it the simulated servomotor is too fast in large movements and right in small ones, most at the spool's stops. Limits: no inertia of
 //! the oil in the line, no accumulator behind the loss.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
 use crate::plant::Plant;
 
 /// The effect.
@@ -26,6 +26,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
         min: 0.0,
         max: 5.0e10,
         typical: 2.0e9,
+        scaling: Scaling::LineLoss,
         doc: "quadratic loss of the line between tank and valve",
     }],
     apply: &EffectLaw(apply),

@@ -11,7 +11,7 @@
 //! Without it the real servomotor sets off later than simulated after every movement of the spool, and stops later. Limits: one linear lag; acts
 //! only where the recorded spool drives the servomotor stage.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
 use crate::plant::Plant;
 use crate::plant::lag::lag;
 use crate::plant::term::Point;
@@ -28,6 +28,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
         min: 0.0,
         max: 5.0,
         typical: 0.1,
+        scaling: Scaling::Fixed,
         doc: "time constant of the valve behind its recorded signal",
     }],
     apply: &EffectLaw(apply),

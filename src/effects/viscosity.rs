@@ -11,7 +11,7 @@
 //! Without it the real servomotor and spool are slower than simulated at the start of a recording and agree at its end. Limits:
 //! orifices are taken as turbulent, hence independent of it; every recording starts equally cold.
 
-use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Stage};
+use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, EffectSpec, Scaling, Stage};
 use crate::plant::Plant;
 
 /// The effect.
@@ -27,6 +27,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
             min: 0.0,
             max: 30.0,
             typical: 3.0,
+            scaling: Scaling::Fixed,
             doc: "viscosity at the start of a recording over the sheet's, less 1",
         },
         EffectParameter {
@@ -36,6 +37,7 @@ pub const SPEC: EffectSpec = EffectSpec::new(EffectDefinition {
             min: 1.0,
             max: 3600.0,
             typical: 120.0,
+            scaling: Scaling::Fixed,
             doc: "time constant with which the oil warms",
         },
     ],

@@ -26,13 +26,13 @@ pub enum FreeParameter {
         /// What 1 is.
         step: Tolerance,
     },
-    /// A parameter of an effect; 1 is its typical size.
+    /// A parameter of an effect; 1 is its typical size on the unit.
     Effect {
         /// Place in the unit's list of effects.
         effect: usize,
         /// Place in the effect's list of parameters.
         parameter: usize,
-        /// Its specification.
+        /// Its specification, for the reference unit.
         spec: &'static EffectParameter,
     },
 }
@@ -98,7 +98,7 @@ impl FreeParameter {
                 };
                 value.clamp(entry.min, entry.max)
             }
-            Self::Effect { spec, .. } => spec.neutral + (spec.typical - spec.neutral) * position,
+            Self::Effect { spec, .. } => spec.neutral + (spec.on(&unit.parameters).typical - spec.neutral) * position,
         }
     }
 
@@ -108,7 +108,8 @@ impl FreeParameter {
         match *self {
             Self::Parameter { .. } | Self::Free { .. } => 0.0,
             Self::Effect { effect, parameter, spec } => {
-                (unit.effects[effect].values[parameter] - spec.neutral) / (spec.typical - spec.neutral)
+                (unit.effects[effect].values[parameter] - spec.neutral)
+                    / (spec.on(&unit.parameters).typical - spec.neutral)
             }
         }
     }
@@ -134,6 +135,7 @@ impl Coordinate for FreeParameter {
                 (a.min(b).clamp(-farthest, 0.0), a.max(b).clamp(0.0, farthest))
             }
             Self::Effect { spec, .. } => {
+                let spec = spec.on(&unit.parameters);
                 let scale = spec.typical - spec.neutral;
                 let (a, b) = ((spec.min - spec.neutral) / scale, (spec.max - spec.neutral) / scale);
                 (a.min(b), a.max(b))

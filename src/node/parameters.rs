@@ -119,7 +119,7 @@ impl ParameterStore {
         }
         for spec in live_effects(unit) {
             let setting = unit.effects.iter().find(|setting| setting.id == spec.id);
-            for (index, parameter) in spec.parameters.iter().enumerate() {
+            for (index, parameter) in spec.parameters.iter().map(|one| one.on(&unit.parameters)).enumerate() {
                 let value = setting.and_then(|setting| setting.values.get(index)).copied();
                 let description =
                     format!("{}; {} is without it [{}]", parameter.doc, parameter.neutral, parameter.unit);

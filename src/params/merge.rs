@@ -73,7 +73,9 @@ impl Merge<'_> {
                 return self.problem(&[], format!("a parameter file holds sections such as `oil:`; this is {found}"));
             }
         };
-        for (key, node) in map {
+        // Ranges of effects go with the unit's size.
+        let (effects, unit): (Vec<_>, Vec<_>) = map.iter().partition(|(key, _)| key.as_str() == "effects");
+        for (key, node) in unit.into_iter().chain(effects) {
             match (key.as_str(), node) {
                 ("name", Node::Text(name)) => self.sheet.name.clone_from(name),
                 ("base" | "source", Node::Text(_)) => {}

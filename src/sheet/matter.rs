@@ -166,7 +166,7 @@ pub const PARTS: usize = 7;
 /// The unit with an effect of typical size.
 fn with(unit: &Unit, spec: &crate::effects::EffectSpec) -> Unit {
     let mut unit = unit.clone();
-    let values = spec.parameters.iter().map(|parameter| parameter.typical).collect();
+    let values = spec.parameters.iter().map(|parameter| parameter.on(&unit.parameters).typical).collect();
     unit.effects.push(EffectSetting { id: spec.id.to_owned(), values });
     unit
 }

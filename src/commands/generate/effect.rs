@@ -21,6 +21,7 @@ fn add_one(argument: &str, unit: &mut Unit) -> anyhow::Result<()> {
     };
     let (id, name) = place.split_once('.').map_or((place, None), |(id, name)| (id, Some(name)));
     let spec = known(unit, id)?;
+    let parameters = unit.parameters;
     let effects = &mut unit.effects;
     let values: Vec<&str> = values.split(',').map(str::trim).collect();
     let first = match name {
@@ -39,7 +40,7 @@ fn add_one(argument: &str, unit: &mut Unit) -> anyhow::Result<()> {
         effects.len() - 1
     });
     for (k, text) in values.iter().enumerate() {
-        effects[at].values[first + k] = value(text, &spec.parameters[first + k])?;
+        effects[at].values[first + k] = value(text, &spec.parameters[first + k].on(&parameters))?;
     }
     Ok(())
 }

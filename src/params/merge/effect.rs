@@ -34,6 +34,7 @@ impl Merge<'_> {
         self.attributes(&path, map, &known);
         let mut values = Vec::with_capacity(known.len());
         for parameter in spec.parameters {
+            let parameter = parameter.on(&self.sheet.unit.parameters);
             let path = [section, id, parameter.name];
             values.extend(match get(map, parameter.name) {
                 Some(node) => self.number(&path, node, parameter.unit, (parameter.min, parameter.max)),
@@ -71,7 +72,7 @@ impl Merge<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, Stage};
+    use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, Scaling, Stage};
     use crate::params::sheet::Sheet;
     use crate::params::yaml;
 
@@ -80,8 +81,26 @@ mod tests {
         stage: Stage::Servomotor,
         source: "",
         parameters: &[
-            EffectParameter { name: "width_pu", unit: "pu", neutral: 0.0, min: 0.0, max: 0.1, typical: 0.01, doc: "" },
-            EffectParameter { name: "delay_s", unit: "s", neutral: 0.0, min: 0.0, max: 1.0, typical: 0.1, doc: "" },
+            EffectParameter {
+                name: "width_pu",
+                unit: "pu",
+                neutral: 0.0,
+                min: 0.0,
+                max: 0.1,
+                typical: 0.01,
+                scaling: Scaling::Fixed,
+                doc: "",
+            },
+            EffectParameter {
+                name: "delay_s",
+                unit: "s",
+                neutral: 0.0,
+                min: 0.0,
+                max: 1.0,
+                typical: 0.1,
+                scaling: Scaling::Fixed,
+                doc: "",
+            },
         ],
         apply: &EffectLaw(|_, _| {}),
     })];
