@@ -295,6 +295,32 @@ mod tests {
         assert_eq!(drawn("backlash", &large).to_bits(), drawn("backlash", &sheet).to_bits());
     }
 
+    /// A unit of 4 m³ at 160 bar: its plant stays within its ends and pressures, and its noise is that of the reference unit.
+    #[test]
+    fn a_large_unit_runs_through_all_processes() {
+        let given = [
+            "tank_pressure=160 bar",
+            "servomotor_stroke=1200 mm",
+            "servomotor_volume=4 m3",
+            "opening_time=12 s",
+            "closing_time=9 s",
+        ];
+        let values = given.iter().map(|text| crate::params::plate_value(text).unwrap()).collect();
+        let plate = crate::sheet::Plate { name: String::new(), values };
+        let mut unit = crate::sheet::derive(&plate, &crate::params::reference()).unwrap().unit;
+        // Wide tolerances of a plate are no spread of units.
+        unit.tolerances.iter_mut().for_each(|tolerance| *tolerance = None);
+        for case in plan::plan(6, 4, plan::BatteryRates::TestRig) {
+            for (process, streams) in make(&unit, &case).streams {
+                let rows = &streams.servo_state;
+                assert!(rows.len() > 1000, "{}, {process:?}: {} rows", case.name, rows.len());
+                let position = |signals: &Signals| Signal::ServomotorPosition.of(signals);
+                let out = rows.iter().find(|(_, signals)| !(-0.05..=1.05).contains(&position(signals)));
+                assert!(out.is_none(), "{}, {process:?}: {out:?} of {} rows", case.name, rows.len());
+            }
+        }
+    }
+
     /// Each fault is the catalogue's effect in kind and size, though not in its equation: the twin with the effect comes
     /// near to what its transducer's noise allows, and not all the way in every case.
     #[test]

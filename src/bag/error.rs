@@ -76,7 +76,7 @@ pub enum BagError {
     },
     /// A topic carries another type.
     #[error(
-        "{path}: topic `{topic}`: expected type `{expected}`, found {found}; name another with `--topic {stream}=NAME`"
+        "{path}: topic `{topic}`: expected type `{expected}`, found {found}; name another with `--topic {stream}=NAME`, or read this type by a map (`govtwin import --suggest {path}`)"
     )]
     Type {
         /// The bag.

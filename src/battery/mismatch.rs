@@ -27,8 +27,8 @@ pub struct Mismatch {
     pub(super) piston_stop_n_m: f64,
     pub(super) lvdt_lag_s: f64,
     pub(super) feedback_lag_s: f64,
-    /// Tank pressure of the sheet over the reference unit's.
-    pub(super) pressure_ratio: f64,
+    /// How large the unit is.
+    pub(super) size: UnitSize,
 }
 
 impl Mismatch {
@@ -59,7 +59,7 @@ impl Mismatch {
             piston_stop_n_m: 1.0 / p.servomotor.stop_compliance_m_n.max(piston_stop_m_n),
             lvdt_lag_s: draw.between(1e-4, 3e-4),
             feedback_lag_s: draw.between(1e-4, 3e-4),
-            pressure_ratio: size.pressure,
+            size: *size,
         }
     }
 }

@@ -83,6 +83,8 @@ pub struct UnitSize {
     pub servomotor_speed: f64,
     /// Of tank pressure times control area.
     pub spool_force: f64,
+    /// Of the spool's speeds at the pilot valve's full flow.
+    pub spool_speed: f64,
     /// Of the spool's strokes.
     pub spool_stroke: f64,
     /// Of precompressions of the spool's spring.
@@ -147,6 +149,7 @@ impl UnitSize {
             servomotor_force: ratio(|q| q.pressure_pa * q.opening_area_m2),
             servomotor_speed: ratio(|q| q.flow() / q.opening_area_m2),
             spool_force: ratio(|q| q.pressure_pa * q.control_area_m2),
+            spool_speed: ratio(|q| q.pilot_flow() / q.control_area_m2),
             spool_stroke: ratio(|q| q.stroke_m),
             spring_preload: ratio(|q| q.precompression_m),
         }

@@ -155,6 +155,32 @@ fn bags_with_other_topics_and_types_are_read_by_field_paths() {
     assert!(!states.is_empty() && states.iter().all(|state| *state == 1.0));
 }
 
+/// ros2_control's states, and a type of the plant's own that has the fields of ours under another name.
+#[test]
+fn names_within_names_and_types_of_a_plant_are_read_by_field_paths() {
+    let path = |joint: &str| format!("/dynamic_joint_states.interface_values[{joint}].values[position]");
+    let (spool, servomotor) = (path("spool"), path("servomotor"));
+    let dynamic = format!(
+        "signals:\n  spool_position: {{field: '{spool}', range: [0, 0.015]}}\n  servomotor_position: {{field: '{servomotor}', range: [0, 0.6]}}\n"
+    );
+    let own = "signals:\n  spool_position: {field: /gate.spool_position}\n  servomotor_position: {field: /gate.servomotor_position}\n";
+    for (name, text) in [("control_msgs", dynamic.as_str()), ("a plant's own type", own)] {
+        let (found, outcome) = rows(&[fixture("control.mcap")], text).unwrap();
+        assert!(found.len() > 100, "{name}: {} rows", found.len());
+        assert_true(name, &found, 1e-15, 0, &STAGE);
+        assert!(outcome.warnings.iter().all(|warning| !warning.contains("gate")), "{name}: {:?}", outcome.warnings);
+    }
+    let (_, outcome) = rows(&[fixture("control.mcap")], &dynamic.replace("[spool]", "[spindle]")).unwrap();
+    assert!(outcome.warnings.iter().any(|warning| warning.contains("[spindle]") && warning.contains("do not hold it")));
+    // Read as a recording of ours it is refused, with the way out.
+    let reading = ReadOptions {
+        topics: bag::Topics { servo_state: "/gate".to_owned(), ..Default::default() },
+        ..Default::default()
+    };
+    let refused = bag::read(&fixture("control.mcap"), &reading).unwrap_err().to_string();
+    assert!(refused.contains("plant_msgs/msg/GateState") && refused.contains("govtwin import --suggest"), "{refused}");
+}
+
 #[test]
 fn several_files_of_one_recording_become_one() {
     // The spool from one tool, the servomotor from another, in parts.
