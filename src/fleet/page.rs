@@ -12,6 +12,8 @@ use crate::report::page::{KeyFigure, Page, PageBody, Tone};
 use crate::report::picture::{Mark, MarkShape, Panel, Picture};
 use crate::report::table::{Table, quantity};
 
+/// Rows that stand open; of more the pictures would come too far down.
+const MOST_OPEN_ROWS: usize = 60;
 /// Rows of a table on the page; all of them are in the CSV file.
 const MOST_ROWS: usize = 2000;
 /// Units in the picture of causes.
@@ -154,8 +156,16 @@ fn rows_table(body: &mut PageBody, gathered: &Gathered, context: &Context) {
             None => table.row(cells),
         }
     }
-    body.table(table, "Every unit in every period, each with its report; all parameters are in fleet.csv.");
-    cut(body, gathered.rows.len());
+    let rows = gathered.rows.len();
+    let caption = "Every unit in every period, each with its report; all parameters are in fleet.csv.";
+    if rows <= MOST_OPEN_ROWS {
+        body.table(table, caption);
+        return;
+    }
+    let mut inner = PageBody::new();
+    inner.table(table, caption);
+    cut(&mut inner, rows);
+    body.details(format!("Every unit in every period ({rows})"), inner);
 }
 
 fn cells(row: &Row) -> [String; 8] {
@@ -250,7 +260,7 @@ fn trends(body: &mut PageBody, gathered: &Gathered) -> Result<(), DrawError> {
     let panels = shown.iter().map(|(unit, trend)| panel(unit, trend)).collect();
     let caption = if changed {
         format!(
-            "Sizes that changed beyond their intervals, {} of {total}, with 90 % intervals; red from where the cumulative sum of the change over \
+            "Sizes that changed beyond their intervals, {} of {total}, with 90 % intervals; filled dots from where the cumulative sum of the change over \
              its standard deviation is above {:.1}. At that limit a fleet in which nothing changes gives one false alarm in ten pages.",
             shown.len(),
             gathered.limit
@@ -288,7 +298,7 @@ fn panel(unit: &str, trend: &Trend) -> Panel {
         .x_categories(names)
         .x_range(-0.5, at(trend.points.len()) - 0.5)
         .mark(Mark::new(MarkShape::Segments(whiskers), Ink::Measured, ""))
-        .dots(Ink::Measured, "", dots(false))
+        .mark(Mark::new(MarkShape::Dots(dots(false)), Ink::Measured, "").dashed(1))
         .mark(Mark { width_px: 4.0, ..Mark::new(MarkShape::Dots(dots(true)), Ink::Alarm, "") })
 }
 
