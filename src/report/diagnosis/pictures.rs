@@ -127,7 +127,7 @@ pub fn shape(discrepancy_term: &DiscrepancyTerm) -> Picture {
             .level(Ink::Band, "", 0.0)
             .line(Ink::Simulated, &format!("discrepancy term, {unit}"), scaled(&curve.points));
         if !curve.named.is_empty() {
-            panel = panel.line(Ink::Good, "of the twin with faults", scaled(&curve.named));
+            panel = panel.dashed_line(Ink::Good, "of the twin with faults", scaled(&curve.named));
         }
         panel
     });

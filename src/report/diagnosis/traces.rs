@@ -123,18 +123,16 @@ pub fn picture(trace: &Trace, window_s: Option<[f64; 2]>, explained: bool) -> Pi
             let residuals = values.iter().zip(measured).map(|(twin, real)| 100.0 * (twin - real));
             self::curve(&trace.time_s, residuals, window_s)
         };
-        // Beside the twin with faults its line is one of dashes: the two colours are close for some readers.
-        let recalibrated = |mark: Mark| mark.dashed(u8::from(explained));
         let title = signal.title();
         let mut above = Panel::new(format!("{title}, %"))
             .height(150)
             .thick_line(Ink::Measured, "measured", curve(measured))
-            .mark(recalibrated(Mark::new(MarkShape::Line(curve(refitted)), Ink::Difference, "recalibrated")));
+            .dashed_line(Ink::Difference, "recalibrated", curve(refitted));
         let mut below = Panel::new(format!("{title}, twin − measured, %"))
             .height(110)
             .level(Ink::Band, "", 0.0)
             .mark(thin_line(Ink::Command, "data sheet", off(delivered)))
-            .mark(recalibrated(thin_line(Ink::Difference, "recalibrated", off(refitted))));
+            .mark(thin_line(Ink::Difference, "recalibrated", off(refitted)).dashed(1));
         if explained {
             above = above.line(Ink::Simulated, "with faults", curve(with_effects));
             below = below.mark(thin_line(Ink::Simulated, "with faults", off(with_effects)));
