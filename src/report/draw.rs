@@ -126,7 +126,8 @@ fn draw_panel(canvas: &Canvas, picture: &Picture, panel: &Panel, place: &PanelPl
         }
     }
     let rows = label_rows(&panel.x, right - left);
-    for (k, (value, label)) in ticks(&panel.x, place.x, right - left, 84.0).into_iter().enumerate() {
+    let ticks_x = ticks(&panel.x, place.x, right - left, 84.0);
+    for (k, (value, label)) in ticks_x.into_iter().filter(|(_, label)| !label.is_empty()).enumerate() {
         if panel.x.categories.is_empty() {
             plot.draw(&PathElement::new([(value, place.y[0]), (value, place.y[1])], grid))?;
         }
