@@ -10,7 +10,7 @@ use crate::report::draw::{DrawError, svg};
 use crate::report::ink::Ink;
 use crate::report::page::{KeyFigure, Page, PageBody, Tone};
 use crate::report::picture::{Mark, MarkShape, Panel, Picture};
-use crate::report::table::{Table, quantity};
+use crate::report::table::{Table, quantity, scaled_unit};
 
 /// Rows that stand open; of more the pictures would come too far down.
 const MOST_OPEN_ROWS: usize = 60;
@@ -174,7 +174,9 @@ fn cells(row: &Row) -> [String; 8] {
         let empty = String::new;
         return [unit, period, row.status.id().to_owned(), row.words.clone(), empty(), empty(), empty(), empty()];
     };
-    let percent = |probability: Option<f64>| probability.map_or_else(String::new, |p| format!("{:.0} %", 100.0 * p));
+    let percent = |probability: Option<f64>| {
+        probability.map_or_else(String::new, |p| format!("{:.0} %", (100.0 * p).max(0.0) + 0.0))
+    };
     let joined =
         |each: &dyn Fn(&super::result::Cause) -> String| found.causes.iter().map(each).collect::<Vec<_>>().join(", ");
     let size = |cause: &super::result::Cause| {
@@ -286,14 +288,17 @@ fn sum(trend: &Trend) -> f64 {
 fn panel(unit: &str, trend: &Trend) -> Panel {
     let at = |place: usize| place as f64;
     let points = || trend.points.iter().enumerate();
+    let largest = points().fold(0.0, |most: f64, (_, point)| most.max(point.value.abs()));
+    let (scale, scaled) = scaled_unit(largest, &trend.unit);
     let dots = |changed: bool| {
-        points().filter(|(_, point)| point.changed == changed).map(|(k, point)| [at(k), point.value]).collect()
+        points().filter(|(_, point)| point.changed == changed).map(|(k, point)| [at(k), scale * point.value]).collect()
     };
-    let whiskers = points().map(|(k, point)| [at(k), point.low, at(k), point.high]).collect();
+    let whiskers = points().map(|(k, point)| [at(k), scale * point.low, at(k), scale * point.high]).collect();
     // So many names fit side by side; the others stay without.
     let every = trend.points.len().div_ceil(6).max(1);
     let names = points().map(|(k, point)| if k % every == 0 { point.period.clone() } else { String::new() });
-    Panel::new(format!("{unit}: {}, {}", trend.name, trend.unit))
+    let name = trend.name.strip_suffix(&format!("_{}", trend.unit)).unwrap_or(&trend.name).replace('_', " ");
+    Panel::new(format!("{unit}: {name}, {scaled}"))
         .height(120)
         .x_categories(names)
         .x_range(-0.5, at(trend.points.len()) - 0.5)
