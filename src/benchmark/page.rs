@@ -56,7 +56,7 @@ pub fn page(
     body.heading("Measures");
     body.figure(
         svg(&measures_picture(first))?,
-        "Shares with Wilson's 95 % intervals. Filled dots: the target is reached; hollow ones: it is missed; small ones: there is no target.",
+        "Shares with Wilson's 95 % intervals. Filled dots: the target is reached; hollow ones: it is missed; thin lines: there is no target.",
     );
     // The baselines stand in a table of their own: one with all would be wider than a page.
     body.table(
@@ -203,13 +203,14 @@ fn measures_picture(method: &MethodScore) -> Picture {
     for (ink, wanted, label, width_px, dash) in kinds {
         let own = || shares.iter().enumerate().filter(|(_, measure)| measure.reached == wanted);
         let lines = own().map(|(k, m)| [m.measured.low.max(0.0), height(k), m.measured.high.min(1.0), height(k)]);
+        let (line_px, of_lines, of_dots) = if wanted.is_none() { (1.2, label, "") } else { (3.0, "", label) };
         let dots: Vec<[f64; 2]> = own().map(|(k, m)| [m.measured.value, height(k)]).collect();
         if dots.is_empty() {
             continue;
         }
         panel = panel
-            .mark(Mark { width_px: 3.0, ..Mark::new(MarkShape::Segments(lines.collect()), ink, "") })
-            .mark(Mark { width_px, opacity: 1.0, dash, ..Mark::new(MarkShape::Dots(dots), ink, label) });
+            .mark(Mark { width_px: line_px, ..Mark::new(MarkShape::Segments(lines.collect()), ink, of_lines) })
+            .mark(Mark { width_px, opacity: 1.0, dash, ..Mark::new(MarkShape::Dots(dots), ink, of_dots) });
     }
     Picture::grid("Measures with their intervals", 1, vec![panel])
 }
