@@ -44,7 +44,9 @@ pub fn page(summary: &AcceptanceSummary, drawn: &[Drawn]) -> Result<Page, DrawEr
     body.key_figures(limited.take(6).map(|(asked, standing)| {
         let figure = asked.as_found.as_ref();
         let value = figure.and_then(|figure| figure.value).map_or("–".to_owned(), |value| text(value, kind(asked)));
-        KeyFigure::new(asked.title, value, "").hint(standing.word())
+        let interval = figure.map(|figure| value_text(figure, kind(asked)).1).unwrap_or_default();
+        let hint = if interval.is_empty() { String::new() } else { format!("{interval}: ") };
+        KeyFigure::new(asked.title, value, "").hint(hint + standing.word())
     }));
     for origin in made.origins() {
         body.note(Tone::Plain, origin);
@@ -232,18 +234,18 @@ fn without(body: &mut PageBody, summary: &AcceptanceSummary) {
 fn closing(body: &mut PageBody, summary: &AcceptanceSummary, made: &Provenance) {
     body.heading("How it was measured");
     let events = summary.subjects.first().map(|subject| &subject.figures);
-    let mut table = Table::new().words("measure").words("definition").numbers("from");
+    let mut table = Table::new().words("measure").words("definition").words("from");
     for (i, asked) in summary.measures.iter().enumerate() {
         let figure = events.and_then(|figures| figures.get(i));
         let from = figure.map_or(0, |figure| figure.events);
         let what = if from == 0 {
             figure.map(|figure| figure.note.clone()).unwrap_or_default()
         } else {
-            format!("{from} events or stretches")
+            format!("{from} {}", if from == 1 { "event or stretch" } else { "events or stretches" })
         };
         table.row([asked.title.to_owned(), asked.definition.to_owned(), what]);
     }
-    body.table(table, "IEC 60308, IEEE 125 and ASME PTC 29 name such measures; how they are computed here is this column, and no clause is claimed.");
+    body.table(table, "IEC 60308, IEEE 125 and ASME PTC 29 name such measures; the definitions here are this program's and follow no clause of theirs.");
     if !summary.response.is_empty() {
         let mut table = Table::new()
             .numbers("frequency, Hz")
@@ -265,5 +267,6 @@ fn closing(body: &mut PageBody, summary: &AcceptanceSummary, made: &Provenance) 
     let mut inner = PageBody::new();
     inner.facts(made.facts());
     body.details("What this report was made from", inner);
-    body.facts([("measured by", " "), ("accepted by", " "), ("date and signature", " ")]);
+    let line = "_".repeat(30);
+    body.facts(["measured by", "accepted by", "date and signature"].map(|who| (who, line.clone())));
 }

@@ -40,25 +40,36 @@ pub fn page(
     let reached = first.score.measures.iter().filter(|measure| measure.reached == Some(true)).count();
     body.lead(format!("{reached} of {judged} targets reached on {} units whose faults were withheld.", cases.len()));
     let shown = ["false_alarm", "detection", "single_first", "unknown"];
-    body.key_figures(first.score.measures.iter().filter(|measure| shown.contains(&measure.id)).map(|measure| {
-        let value = percent(measure.measured.value);
-        let hint = format!("{} of {} units; target {}", interval(measure), measure.measured.cases, measure.target);
-        KeyFigure::new(measure.name, value, "%").hint(hint)
-    }));
+    body.key_figures(
+        first.score.measures.iter().filter(|measure| shown.contains(&measure.id) && measure.measured.cases > 0).map(
+            |measure| {
+                let value = percent(measure.measured.value);
+                let hint =
+                    format!("{} of {} units; target {}", interval(measure), measure.measured.cases, measure.target);
+                KeyFigure::new(measure.name, value, "%").hint(hint)
+            },
+        ),
+    );
     if let Some(origin) = origin {
         body.note(Tone::Plain, origin);
     }
     body.heading("Measures");
     body.figure(
         svg(&measures_picture(first))?,
-        "Shares with Wilson's 95 % intervals; green where the target is reached, red where it is missed, grey without target.",
+        "Shares with Wilson's 95 % intervals. Filled dots: the target is reached; hollow ones: it is missed; thin lines: there is no target.",
     );
+    // The baselines stand in a table of their own: one with all would be wider than a page.
     body.table(
-        measures_table(methods),
+        measures_table(&methods[..1]),
         "Value, 95 % interval, number of units, and what the misses lie with (see the units below); of some nothing is known. Named verdicts with an \
-         effect that is not there: of all verdicts `named` on units whose faults the catalogue lists, sound ones too. The baselines go through \
-         the same harness.",
+         effect that is not there: of all verdicts `named` on units whose faults the catalogue lists, sound ones too.",
     );
+    if methods.len() > 1 {
+        body.table(
+            methods_table(methods),
+            "The same measures of the baselines, which are run on the same units and scored alike.",
+        );
+    }
     if parts.len() > 1 {
         body.table(measures_table(parts), "The same by part of the units.");
     }
@@ -70,7 +81,7 @@ pub fn page(
     body.heading("Probabilities");
     body.figure(
         svg(&reliability_picture(methods))?,
-        "How often it was so when a probability was given; on the diagonal the probabilities mean what they say.",
+        "How often the stated cause was true, against the probability that was stated; on the diagonal both are equal. Whiskers: 95 %.",
     );
     body.heading("Units");
     if let Some(words) = misses_in_words(cases) {
@@ -110,17 +121,34 @@ fn interval(measure: &ScoredMeasure) -> String {
     }
 }
 
-/// The table of measures: targets, the diagnosis, the baselines.
+/// The methods side by side, by their values alone.
+fn methods_table(methods: &[MethodScore]) -> Table {
+    let mut table = Table::new().words("measure").words("target");
+    for method in methods {
+        table = table.numbers(method.name.replace('_', " "));
+    }
+    for (row, measure) in methods.iter().take(1).flat_map(|first| first.score.measures.iter().enumerate()) {
+        let values = methods.iter().map(|method| method.score.measures.get(row).map_or_else(String::new, value_text));
+        table.row([measure.name.to_owned(), measure.target.to_owned()].into_iter().chain(values));
+    }
+    table
+}
+
+/// The table of measures: targets, the diagnosis, the baselines; what misses lie with where there are any.
 #[must_use]
 pub fn measures_table(methods: &[MethodScore]) -> Table {
     let mut table = Table::new().words("measure").words("target");
+    let any_missed = methods.iter().take(1).flat_map(|first| &first.score.measures).any(|one| one.misses.is_some());
     for (place, method) in methods.iter().enumerate() {
         // The first has room for its intervals; those of the others are in the file of figures.
         if place == 0 {
             let name = method.name.as_str();
-            table = table.numbers_of(name, "value").numbers_of(name, "95 %").numbers_of(name, "units").words("");
-            table = table.numbers_of("misses", "all");
-            for what in MissedBy::ALL {
+            table =
+                table.numbers_of(name, "value").numbers_of(name, "95 %").numbers_of(name, "units").words("target is");
+            if any_missed {
+                table = table.numbers_of("misses", "all");
+            }
+            for what in MissedBy::ALL.iter().filter(|_| any_missed) {
                 table = table.numbers_of("misses", what.id());
             }
         } else {
@@ -142,10 +170,9 @@ pub fn measures_table(methods: &[MethodScore]) -> Table {
                 };
                 cells.extend([own.measured.cases.to_string(), mark.to_owned()]);
                 let counts = own.misses.map(|misses| [[misses.all].as_slice(), &misses.by].concat());
-                cells.extend(
-                    counts
-                        .map_or_else(|| vec![String::new(); 4], |counts| counts.iter().map(usize::to_string).collect()),
-                );
+                let counts = counts
+                    .map_or_else(|| vec![String::new(); 4], |counts| counts.iter().map(usize::to_string).collect());
+                cells.extend(counts.into_iter().filter(|_| any_missed));
             }
         }
         table.row(cells);
@@ -167,13 +194,23 @@ fn measures_picture(method: &MethodScore) -> Picture {
         .x_range(0.0, 1.0)
         .y_range(-0.6, shares.len().max(1) as f64 - 0.4)
         .y_categories(shares.iter().map(|measure| measure.name));
-    for (ink, wanted) in [(Ink::Good, Some(true)), (Ink::Alarm, Some(false)), (Ink::Muted, None)] {
+    // Not by colour alone.
+    let kinds = [
+        (Ink::Good, Some(true), "target reached", 4.5, 0),
+        (Ink::Alarm, Some(false), "target missed", 5.5, 1),
+        (Ink::Muted, None, "no target", 2.5, 0),
+    ];
+    for (ink, wanted, label, width_px, dash) in kinds {
         let own = || shares.iter().enumerate().filter(|(_, measure)| measure.reached == wanted);
         let lines = own().map(|(k, m)| [m.measured.low.max(0.0), height(k), m.measured.high.min(1.0), height(k)]);
-        let dots = own().map(|(k, m)| [m.measured.value, height(k)]).collect();
+        let (line_px, of_lines, of_dots) = if wanted.is_none() { (1.2, label, "") } else { (3.0, "", label) };
+        let dots: Vec<[f64; 2]> = own().map(|(k, m)| [m.measured.value, height(k)]).collect();
+        if dots.is_empty() {
+            continue;
+        }
         panel = panel
-            .mark(Mark { width_px: 3.0, ..Mark::new(MarkShape::Segments(lines.collect()), ink, "") })
-            .mark(Mark { width_px: 4.5, opacity: 1.0, ..Mark::new(MarkShape::Dots(dots), ink, "") });
+            .mark(Mark { width_px: line_px, ..Mark::new(MarkShape::Segments(lines.collect()), ink, of_lines) })
+            .mark(Mark { width_px, opacity: 1.0, dash, ..Mark::new(MarkShape::Dots(dots), ink, of_dots) });
     }
     Picture::grid("Measures with their intervals", 1, vec![panel])
 }
@@ -199,16 +236,17 @@ fn confusion_picture(confusion: &Confusion) -> Picture {
 }
 
 fn reliability_picture(methods: &[MethodScore]) -> Picture {
-    let mut panel = Panel::new("how often it was so")
+    let mut panel = Panel::new("share of true statements")
         .height(300)
         .x_name("stated probability")
         .x_range(0.0, 1.0)
         .y_range(0.0, 1.0)
-        .mark(Mark::new(MarkShape::Segments(vec![[0.0, 0.0, 1.0, 1.0]]), Ink::Muted, "what it should be"));
+        .mark(Mark::new(MarkShape::Segments(vec![[0.0, 0.0, 1.0, 1.0]]), Ink::Muted, "ideal"));
     for (place, (method, ink)) in methods.iter().zip(Ink::SERIES).enumerate() {
         let point = |bin: &Bin| [bin.stated_probability, bin.was.value];
         let points: Vec<[f64; 2]> = method.score.reliability.iter().map(point).collect();
-        panel = panel.line(ink, &method.name, points.clone());
+        let pattern = u8::try_from(place).unwrap_or(0);
+        panel = panel.mark(Mark::new(MarkShape::Line(points.clone()), ink, &method.name).dashed(pattern));
         if place == 0 {
             let whiskers = method
                 .score
@@ -253,7 +291,7 @@ pub fn cases_table(cases: &[ScoredUnit]) -> Table {
         .words("blamed")
         .words("stage")
         .numbers("p(truth)")
-        .words("")
+        .words("answer")
         .numbers("expected")
         .numbers("left")
         .words("missed by");

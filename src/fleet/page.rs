@@ -10,8 +10,10 @@ use crate::report::draw::{DrawError, svg};
 use crate::report::ink::Ink;
 use crate::report::page::{KeyFigure, Page, PageBody, Tone};
 use crate::report::picture::{Mark, MarkShape, Panel, Picture};
-use crate::report::table::{Table, quantity};
+use crate::report::table::{Table, quantity, scaled_unit};
 
+/// Rows that stand open; of more the pictures would come too far down.
+const MOST_OPEN_ROWS: usize = 60;
 /// Rows of a table on the page; all of them are in the CSV file.
 const MOST_ROWS: usize = 2000;
 /// Units in the picture of causes.
@@ -154,8 +156,16 @@ fn rows_table(body: &mut PageBody, gathered: &Gathered, context: &Context) {
             None => table.row(cells),
         }
     }
-    body.table(table, "Every unit in every period, each with its report; all parameters are in fleet.csv.");
-    cut(body, gathered.rows.len());
+    let rows = gathered.rows.len();
+    let caption = "Every unit in every period, each with its report; all parameters are in fleet.csv.";
+    if rows <= MOST_OPEN_ROWS {
+        body.table(table, caption);
+        return;
+    }
+    let mut inner = PageBody::new();
+    inner.table(table, caption);
+    cut(&mut inner, rows);
+    body.details(format!("Every unit in every period ({rows})"), inner);
 }
 
 fn cells(row: &Row) -> [String; 8] {
@@ -164,7 +174,9 @@ fn cells(row: &Row) -> [String; 8] {
         let empty = String::new;
         return [unit, period, row.status.id().to_owned(), row.words.clone(), empty(), empty(), empty(), empty()];
     };
-    let percent = |probability: Option<f64>| probability.map_or_else(String::new, |p| format!("{:.0} %", 100.0 * p));
+    let percent = |probability: Option<f64>| {
+        probability.map_or_else(String::new, |p| format!("{:.0} %", (100.0 * p).max(0.0) + 0.0))
+    };
     let joined =
         |each: &dyn Fn(&super::result::Cause) -> String| found.causes.iter().map(each).collect::<Vec<_>>().join(", ");
     let size = |cause: &super::result::Cause| {
@@ -250,7 +262,7 @@ fn trends(body: &mut PageBody, gathered: &Gathered) -> Result<(), DrawError> {
     let panels = shown.iter().map(|(unit, trend)| panel(unit, trend)).collect();
     let caption = if changed {
         format!(
-            "Sizes that changed beyond their intervals, {} of {total}, with 90 % intervals; red from where the cumulative sum of the change over \
+            "Sizes that changed beyond their intervals, {} of {total}, with 90 % intervals; filled dots from where the cumulative sum of the change over \
              its standard deviation is above {:.1}. At that limit a fleet in which nothing changes gives one false alarm in ten pages.",
             shown.len(),
             gathered.limit
@@ -276,19 +288,22 @@ fn sum(trend: &Trend) -> f64 {
 fn panel(unit: &str, trend: &Trend) -> Panel {
     let at = |place: usize| place as f64;
     let points = || trend.points.iter().enumerate();
+    let largest = points().fold(0.0, |most: f64, (_, point)| most.max(point.value.abs()));
+    let (scale, scaled) = scaled_unit(largest, &trend.unit);
     let dots = |changed: bool| {
-        points().filter(|(_, point)| point.changed == changed).map(|(k, point)| [at(k), point.value]).collect()
+        points().filter(|(_, point)| point.changed == changed).map(|(k, point)| [at(k), scale * point.value]).collect()
     };
-    let whiskers = points().map(|(k, point)| [at(k), point.low, at(k), point.high]).collect();
+    let whiskers = points().map(|(k, point)| [at(k), scale * point.low, at(k), scale * point.high]).collect();
     // So many names fit side by side; the others stay without.
     let every = trend.points.len().div_ceil(6).max(1);
     let names = points().map(|(k, point)| if k % every == 0 { point.period.clone() } else { String::new() });
-    Panel::new(format!("{unit}: {}, {}", trend.name, trend.unit))
+    let name = trend.name.strip_suffix(&format!("_{}", trend.unit)).unwrap_or(&trend.name).replace('_', " ");
+    Panel::new(format!("{unit}: {name}, {scaled}"))
         .height(120)
         .x_categories(names)
         .x_range(-0.5, at(trend.points.len()) - 0.5)
         .mark(Mark::new(MarkShape::Segments(whiskers), Ink::Measured, ""))
-        .dots(Ink::Measured, "", dots(false))
+        .mark(Mark::new(MarkShape::Dots(dots(false)), Ink::Measured, "").dashed(1))
         .mark(Mark { width_px: 4.0, ..Mark::new(MarkShape::Dots(dots(true)), Ink::Alarm, "") })
 }
 

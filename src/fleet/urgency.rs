@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::gathered::{Gathered, Status};
 use crate::diagnosis::result::Verdict;
-use crate::report::table::quantity;
+use crate::report::table::{fixed, quantity};
 
 /// A unit that needs a look.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -37,12 +37,12 @@ pub fn look_first(gathered: &Gathered) -> Vec<Look> {
             let first = trend.points.first().map_or(f64::NAN, |first| first.value);
             let way = if point.cumulative_sum > 0.0 { "rises" } else { "falls" };
             let words = format!(
-                "{} {way} beyond its interval: {} at first, {} in {} (cumulative sum {:.1}, limit {:.1})",
+                "{} {way} beyond its interval: {} at first, {} in {} (cumulative sum {}, limit {:.1})",
                 trend.name,
                 quantity(first, &trend.unit),
                 quantity(point.value, &trend.unit),
                 point.period,
-                point.cumulative_sum,
+                fixed(point.cumulative_sum, 1),
                 gathered.limit
             );
             reasons.push((CHANGES, point.cumulative_sum.abs(), words));
@@ -67,7 +67,12 @@ pub fn look_first(gathered: &Gathered) -> Vec<Look> {
                     format!("a gap in {} that nothing in the catalogue explains{place}", row.period),
                 ));
             } else if is(Verdict::NotExcited) || is(Verdict::NoSuchUnit) {
-                reasons.push((NOT_TOLD, 0.0, format!("{} in {}", found.verdict, row.period)));
+                let words = if is(Verdict::NotExcited) {
+                    "recordings that do not move the unit enough to tell"
+                } else {
+                    "recordings of no such unit"
+                };
+                reasons.push((NOT_TOLD, 0.0, format!("{words}, in {}", row.period)));
             }
         }
         // A stable sort keeps the order of names and periods among equals.

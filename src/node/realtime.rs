@@ -176,10 +176,12 @@ const THIS_THREAD: i32 = 0;
 
 #[expect(unsafe_code, reason = "no safe library in use offers the scheduling policy")]
 fn set_fifo(thread: i32, priority: u8) -> io::Result<()> {
-    let parameter = libc::sched_param { sched_priority: i32::from(priority) };
-    // SAFETY: `parameter` is a whole `sched_param` that outlives the call, which only reads it; a thread that has gone
-    // is an error of the call.
-    let outcome = unsafe { libc::sched_setscheduler(thread, libc::SCHED_FIFO, &raw const parameter) };
+    // Linux' `sched_param` is this one number. The call goes to the kernel, because musl's own wrapper refuses it.
+    let parameter = i32::from(priority);
+    // SAFETY: `parameter` is a whole `sched_param` of the kernel that outlives the call, which only reads it; a thread
+    // that has gone is an error of the call.
+    let outcome =
+        unsafe { libc::syscall(libc::SYS_sched_setscheduler, thread, libc::SCHED_FIFO, &raw const parameter) };
     if outcome == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
 }
 

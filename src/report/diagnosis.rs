@@ -19,6 +19,7 @@ use crate::signal::Signal;
 pub use stage::figure_text;
 pub use summary::summary;
 pub use traces::kept as kept_traces;
+pub(crate) use words::id_words;
 
 #[cfg(test)]
 mod tests;

@@ -10,14 +10,14 @@ use plotters::element::{Circle, PathElement, Polygon, Rectangle};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, FontDesc, FontFamily, FontStyle, RGBAColor, RGBColor, ShapeStyle};
 
-use super::dress::dressed;
+use super::dress::{DASH, dressed};
 use super::ink::Ink;
 use super::layout::{
     self, LABEL_SIZE, LEGEND_SIZE, PanelPlace, RIGHT_PX, ROW_PX, TICKS_PX, TITLE_PX, TITLE_SIZE, label_lines,
     label_rows, legend_px, words_px,
 };
 use super::picture::{Axis, Mark, MarkShape, Panel, Picture};
-use super::table::fixed;
+use super::table::{fixed, significant};
 use super::thin::{clip, clip_segment, runs, thin};
 
 /// The plotting library places things on whole units; this many of them to a pixel keep curves smooth.
@@ -126,7 +126,8 @@ fn draw_panel(canvas: &Canvas, picture: &Picture, panel: &Panel, place: &PanelPl
         }
     }
     let rows = label_rows(&panel.x, right - left);
-    for (k, (value, label)) in ticks(&panel.x, place.x, right - left, 84.0).into_iter().enumerate() {
+    let ticks_x = ticks(&panel.x, place.x, right - left, 84.0);
+    for (k, (value, label)) in ticks_x.into_iter().filter(|(_, label)| !label.is_empty()).enumerate() {
         if panel.x.categories.is_empty() {
             plot.draw(&PathElement::new([(value, place.y[0]), (value, place.y[1])], grid))?;
         }
@@ -172,11 +173,11 @@ fn draw_title_and_legend(canvas: &Canvas, panel: &Panel, place: &PanelPlace) -> 
                 canvas.draw(&PathElement::new([from, to], stroke(mark)))?;
             }
             MarkShape::Dots(_) => {
-                canvas.draw(&Circle::new(
-                    (units(x + 9.0), from.1),
-                    units(3.0),
-                    ink(mark.ink, mark.opacity).filled(),
-                ))?;
+                let at = (units(x + 9.0), from.1);
+                canvas.draw(&Circle::new(at, units(3.0), ink(mark.ink, mark.opacity).filled()))?;
+                if mark.dash > 0 {
+                    canvas.draw(&Circle::new(at, units(1.6), ink(Ink::Paper, 1.0).filled()))?;
+                }
             }
             MarkShape::Band(_) | MarkShape::Blocks(_) | MarkShape::Words(_) | MarkShape::Cells { .. } => {
                 let corners = [(from.0, units(y - 5.0)), (to.0, units(y + 5.0))];
@@ -234,6 +235,10 @@ fn draw_mark(canvas: &Canvas, plot: &Plot, mark: &Mark, place: &PanelPlace) -> R
         MarkShape::Dots(dots) => {
             for dot in dots.iter().filter(|d| d[0] >= x[0] && d[0] <= x[1] && d[1] >= y[0] && d[1] <= y[1]) {
                 plot.draw(&Circle::new((dot[0], dot[1]), units(mark.width_px), fill))?;
+                if mark.dash > 0 {
+                    let inside = units(0.55 * mark.width_px);
+                    plot.draw(&Circle::new((dot[0], dot[1]), inside, ink(Ink::Paper, 1.0).filled()))?;
+                }
             }
         }
         MarkShape::Words(words) => {
@@ -278,6 +283,11 @@ fn ticks(axis: &Axis, [from, to]: [f64; 2], length_px: f64, apart: f64) -> Vec<(
     if !axis.categories.is_empty() {
         return axis.categories.iter().enumerate().map(|(i, name)| (i as f64, name.clone())).collect();
     }
+    if axis.decades {
+        let steps = (-9..=9).flat_map(|power| [1.0, 2.0, 5.0].map(|step| step * 10.0_f64.powi(power)));
+        let inside = steps.filter(|value| value.log10() >= from - 1e-9 && value.log10() <= to + 1e-9);
+        return inside.map(|value| (value.log10(), significant(value, 1))).collect();
+    }
     let coord = RangedCoordf64::from(from..to);
     let wanted = (length_px / apart).max(2.0) as usize;
     // The library takes the wanted number as a limit and at times gives one value; an axis needs a few.
@@ -309,7 +319,8 @@ fn ink(ink: Ink, opacity: f64) -> RGBAColor {
 }
 
 fn stroke(mark: &Mark) -> ShapeStyle {
-    ink(mark.ink, mark.opacity).stroke_width(units(mark.width_px).unsigned_abs())
+    let width = units(mark.width_px).unsigned_abs() + DASH * u32::from(mark.dash);
+    ink(mark.ink, mark.opacity).stroke_width(width)
 }
 
 fn write_bold(canvas: &Canvas, text: &str, [x, y]: [f64; 2]) -> Result<(), Failure> {

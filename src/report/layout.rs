@@ -129,7 +129,11 @@ pub fn label_lines(label: &str, width: f64) -> Vec<String> {
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small and positive")]
 pub fn label_rows(axis: &Axis, width: f64) -> usize {
     let longest = axis.categories.iter().map(|name| words_px(name, LABEL_SIZE) + 8.0).fold(0.0, f64::max);
-    let apart = width / axis.categories.len().max(1) as f64;
+    // Only every so many may have a name.
+    let named = axis.categories.iter().enumerate().filter(|(_, name)| !name.is_empty()).map(|(at, _)| at);
+    let named: Vec<usize> = named.collect();
+    let every = named.windows(2).map(|pair| pair[1] - pair[0]).min().unwrap_or(1);
+    let apart = width * every as f64 / axis.categories.len().max(1) as f64;
     (longest / apart.max(1.0)).ceil().clamp(1.0, 4.0) as usize
 }
 

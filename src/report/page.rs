@@ -232,7 +232,7 @@ fn block(block: &Block) -> Markup {
                     div {
                         dt { (figure.name) }
                         dd { (figure.value) @if !figure.unit.is_empty() { " " span.unit { (figure.unit) } } }
-                        @if !figure.hint.is_empty() { dd.hint { (figure.hint) } }
+                        @if !figure.hint.is_empty() { dd.hint { (spaced(&figure.hint)) } }
                     }
                 }
             },
@@ -305,7 +305,7 @@ fn table_markup(table: &Table, caption: &str) -> Markup {
                                 td.(class(column.numbers)) data-label=(column.label()) {
                                     @match row.link.as_ref().filter(|_| place == 0) {
                                         Some(link) => a href=(link) { (cell) },
-                                        None => (cell),
+                                        None => (spaced(cell)),
                                     }
                                 }
                             }

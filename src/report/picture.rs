@@ -11,6 +11,8 @@ pub struct Axis {
     pub range: Option<[f64; 2]>,
     /// Names for the values 0, 1, 2 …; where given, they stand in place of numbers.
     pub categories: Vec<String>,
+    /// Values are decimal logarithms, and the labels name what they are of.
+    pub decades: bool,
 }
 
 /// The shape of a mark.
@@ -55,6 +57,8 @@ pub struct Mark {
     pub width_px: f64,
     /// 0 clear to 1 solid.
     pub opacity: f64,
+    /// What tells it from its neighbours without its colour: 0 solid; from 1 on a pattern of dashes, and hollow dots.
+    pub dash: u8,
 }
 
 impl Mark {
@@ -68,7 +72,13 @@ impl Mark {
             MarkShape::Dots(_) => (2.5, 0.8),
             MarkShape::Line(_) | MarkShape::Words(_) | MarkShape::Cells { .. } => (1.4, 1.0),
         };
-        Self { shape, ink, label: label.into(), width_px, opacity }
+        Self { shape, ink, label: label.into(), width_px, opacity, dash: 0 }
+    }
+
+    /// The same in a pattern of dashes, or with hollow dots.
+    #[must_use]
+    pub fn dashed(self, pattern: u8) -> Self {
+        Self { dash: pattern, ..self }
     }
 }
 
@@ -105,6 +115,13 @@ impl Panel {
     #[must_use]
     pub fn x_name(mut self, name: impl Into<String>) -> Self {
         self.x.name = name.into();
+        self
+    }
+
+    /// Takes horizontal values for decimal logarithms: the labels name what they are of.
+    #[must_use]
+    pub fn x_decades(mut self) -> Self {
+        self.x.decades = true;
         self
     }
 
@@ -147,6 +164,12 @@ impl Panel {
     #[must_use]
     pub fn line(self, ink: Ink, label: &str, points: Vec<[f64; 2]>) -> Self {
         self.mark(Mark::new(MarkShape::Line(points), ink, label))
+    }
+
+    /// Adds a line of dashes: told from a solid one without its colour.
+    #[must_use]
+    pub fn dashed_line(self, ink: Ink, label: &str, points: Vec<[f64; 2]>) -> Self {
+        self.mark(Mark::new(MarkShape::Line(points), ink, label).dashed(1))
     }
 
     /// Adds a thick line: what a thinner one drawn later is compared with.

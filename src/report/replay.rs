@@ -74,23 +74,23 @@ pub fn page(
         body.table(process_table(&corrected), caption);
     }
     if let Some(ladder) = &summary.ladder {
-        body.heading("Ladder");
-        body.figure(svg(&ladder_picture(ladder))?, "What each unit and each learned residual leaves.");
+        body.heading("Units and residuals compared");
+        body.figure(svg(&ladder_picture(ladder))?, "Mean absolute error with each unit and each learned residual.");
         body.table(ladder_table(ladder), reason_for_stars(ladder).unwrap_or_default());
         for finding in &ladder.findings {
             body.paragraph(finding.clone());
         }
-        body.heading("Spread");
+        body.heading("Distribution of the differences");
     }
     for one in replayed.iter().filter(|one| one.every > 1) {
         let Replayed { recording, rows, every, .. } = one;
         let shown = format!(
-            "{}: pictures and spread show one in {every} of its {rows} rows; all figures are over all rows.",
+            "{}: pictures and distributions show one in {every} of its {rows} rows; all figures are over all rows.",
             recording.name
         );
         body.note(Tone::Plain, shown);
     }
-    body.figure(svg(&errors(summary, replayed, sensors))?, "Left: RMSE by process. Right: how the differences are spread over all rows; the outermost bars hold all that lies further out.");
+    body.figure(svg(&errors(summary, replayed, sensors))?, "RMSE by process, and how the differences are distributed over all rows, of the first unit; the outermost bars hold all that lies further out.");
     let mut inner = PageBody::new();
     inner.table(
         recording_table(summary),
@@ -104,17 +104,17 @@ pub fn page(
 fn opening(body: &mut PageBody, summary: &ReplaySummary) {
     let judged = |signal: Signal| summary.overall.of(signal).filter(|figures| figures.rmse.is_finite());
     let said: Vec<String> = [
-        (Signal::ServomotorPosition, "the servomotor", "its stroke"),
-        (Signal::SpoolPosition, "the spool", "its reference stroke"),
+        (Signal::ServomotorPosition, "servomotor", "its stroke"),
+        (Signal::SpoolPosition, "spool", "its reference stroke"),
     ]
     .into_iter()
     .filter_map(|(signal, what, of)| judged(signal).map(|f| (100.0 * f.rmse, what, of)))
-    .map(|(percent, what, of)| format!("{what} by {} % of {of}", significant(percent, 2)))
+    .map(|(percent, what, of)| format!("{what} {} % of {of}", significant(percent, 2)))
     .collect();
     if said.is_empty() {
         body.lead("Nothing to compare: no position was measured and simulated at once.");
     } else {
-        body.lead(format!("The twin misses {} (RMSE over all rows).{}", said.join(" and "), after(summary)));
+        body.lead(format!("RMS error over all rows: {}.{}", said.join(", "), after(summary)));
     }
     let mut key = vec![];
     for (signal, name) in [(Signal::ServomotorPosition, "servomotor"), (Signal::SpoolPosition, "spool")] {
@@ -163,7 +163,7 @@ fn after(summary: &ReplaySummary) -> String {
     let Some(last) = rungs.rev().find(|rung| rung.model.is_none()) else { return String::new() };
     let of = |(signal, name)| {
         let left = last.overall.of(signal).filter(|f| f.rmse.is_finite())?;
-        Some(format!("the {name} by {} %", percent(left.rmse, 2)))
+        Some(format!("{name} {} %", percent(left.rmse, 2)))
     };
     let positions = [(Signal::ServomotorPosition, "servomotor"), (Signal::SpoolPosition, "spool")];
     format!(" With {}: {}.", last.title, positions.into_iter().filter_map(of).collect::<Vec<_>>().join(", "))

@@ -1,11 +1,18 @@
 //! The page of a watched unit: what has moved, the course of every size, and every process.
 
 use super::history::{Course, ProcessEntry};
+use crate::report::diagnosis::id_words;
 use crate::report::draw::{DrawError, svg};
 use crate::report::ink::Ink;
 use crate::report::page::{KeyFigure, Page, Tone};
 use crate::report::picture::{Mark, MarkShape, Panel, Picture};
 use crate::report::table::{Table, quantity, significant};
+
+/// Sizes that stand above the pictures.
+const MOST_SIZES: usize = 6;
+
+/// How a note begins that every process has, as each is diagnosed alone.
+const ALONE: &str = "One recording";
 
 /// Processes that the table shows, the newest.
 const MOST_ROWS: usize = 200;
@@ -39,24 +46,30 @@ pub fn page(watched: &Watched) -> Result<Page, DrawError> {
         None if courses.is_empty() => body.lead("No fault has been named yet."),
         None => body.lead("No fault's size has moved beyond what its intervals allow."),
     }
-    let newest = times.last().cloned().unwrap_or_default();
-    body.key_figures([
+    let newest = times.last().map_or_else(String::new, |time| format!("the newest of {}", readable(time)));
+    let counts = [
         KeyFigure::new("processes", entries.len().to_string(), "").hint(newest),
-        KeyFigure::new("faults followed", courses.len().to_string(), ""),
-        KeyFigure::new("warnings", warnings.len().to_string(), ""),
-    ]);
+        KeyFigure::new("sizes that have moved", warnings.len().to_string(), "")
+            .hint(format!("of {} followed", courses.len())),
+    ];
+    body.key_figures(counts.into_iter().chain(courses.iter().take(MOST_SIZES).filter_map(latest)));
     for warning in warnings.iter().skip(1) {
         body.note(Tone::Warning, format!("{warning}."));
+    }
+    if !warnings.is_empty() {
+        body.paragraph(
+            "What next: diagnose the latest recordings of several kinds of process together, by `govtwin diagnose`. Each process stands here on \
+             its own, and none confirms another.",
+        );
     }
     if !courses.is_empty() {
         body.heading("Sizes");
         for course in courses {
             let caption = format!(
-                "{}: {}. Above: each process with its interval of nine in ten, blue where the verdict names the fault and grey where it was fitted alone; the dashes are the \
+                "{}. Above: each process with its interval of nine in ten, filled where the verdict names the fault and hollow where it was fitted alone; the short rules are the \
                  mean of those before of the same kind of process. Below: the cumulative sums for growth and shrinkage, with the limit at {} standard deviations, at which one false alarm in {} \
                  processes is expected.",
-                course.effect,
-                course.parameter,
+                title(course),
                 significant(course.limit, 3),
                 significant(between_false_alarms, 3),
             );
@@ -77,12 +90,13 @@ pub fn page(watched: &Watched) -> Result<Page, DrawError> {
         let sizes: Vec<String> = sizes
             .map(|size| {
                 let [low, high] = size.ci90.map(|end| quantity(end, &size.unit));
-                format!("{} {} ({low} to {high})", size.effect, quantity(size.value, &size.unit))
+                format!("{} {} ({low} to {high})", id_words(&size.effect), quantity(size.value, &size.unit))
             })
             .collect();
-        let notes = [entry.warnings.clone(), entry.notes.clone()].concat().join(" ");
+        let own = entry.notes.iter().filter(|note| !note.starts_with(ALONE));
+        let notes = entry.warnings.iter().chain(own).cloned().collect::<Vec<_>>().join(" ");
         let cells = [
-            time.clone(),
+            readable(time),
             entry.process.clone(),
             format!("{} s", significant(entry.duration_s, 3)),
             entry.verdict.clone(),
@@ -92,8 +106,28 @@ pub fn page(watched: &Watched) -> Result<Page, DrawError> {
         ];
         if entry.warnings.is_empty() { table.row(cells) } else { table.strong_row(cells) }
     }
-    body.table(table, "The newest first.");
+    body.table(table, "The newest first. Each process is diagnosed alone, so none confirms another.");
     Ok(page)
+}
+
+/// The size of a course as it was found last.
+fn latest(course: &Course) -> Option<KeyFigure> {
+    let (last, point) = (course.estimates.last()?, course.points.last()?);
+    let [size, low, high] = [last.size, last.low, last.high].map(|value| quantity(value, &course.unit));
+    let moved = if point.alarm { "has moved" } else { "not moved" };
+    Some(KeyFigure::new(title(course), size, "").hint(format!("{low} to {high}; {moved}")))
+}
+
+/// A size by words: the fault and, without its unit, the parameter.
+fn title(course: &Course) -> String {
+    let suffix = format!("_{}", course.unit);
+    let name = course.parameter.strip_suffix(&suffix).unwrap_or(&course.parameter);
+    format!("{}: {}", id_words(&course.effect), name.replace('_', " "))
+}
+
+/// A time as people write it.
+fn readable(time: &str) -> String {
+    time.replace('T', " ").replace('Z', " UTC")
 }
 
 /// Sizes with their intervals over time, and the sums below.
@@ -111,7 +145,7 @@ fn picture(course: &Course, entries: &[ProcessEntry]) -> Picture {
         sizes.iter().any(|size| size.effect == course.effect && size.named)
     };
     let dot = |k: usize| [x(k), factor * course.estimates[k].size];
-    let title = format!("{}, {unit}", course.parameter);
+    let title = format!("{}, {unit}", title(course));
     let dash_h = 0.004 * span_h.max(0.1) / scale_h;
     let dashes = (0..count).map(|k| {
         let mean = factor * course.points[k].mean;
@@ -120,13 +154,13 @@ fn picture(course: &Course, entries: &[ProcessEntry]) -> Picture {
     let mut sizes = Panel::new(title)
         .mark(Mark::new(MarkShape::Segments(whiskers.collect()), Ink::Band, "interval"))
         .mark(Mark::new(MarkShape::Segments(dashes.collect()), Ink::Command, "mean before, of its kind"));
-    let groups: [(Ink, &str, Vec<usize>); 2] = [
-        (Ink::Simulated, "named", (0..count).filter(named).collect()),
-        (Ink::Muted, "fitted alone", (0..count).filter(|k| !named(k)).collect()),
+    let groups: [(Ink, &str, u8, Vec<usize>); 2] = [
+        (Ink::Simulated, "named", 0, (0..count).filter(named).collect()),
+        (Ink::Muted, "fitted alone", 1, (0..count).filter(|k| !named(k)).collect()),
     ];
-    for (ink, label, ks) in groups.into_iter().filter(|group| !group.2.is_empty()) {
-        sizes = sizes
-            .mark(Mark { width_px: 3.5, ..Mark::new(MarkShape::Dots(ks.into_iter().map(dot).collect()), ink, label) });
+    for (ink, label, dash, ks) in groups.into_iter().filter(|group| !group.3.is_empty()) {
+        let dots = Mark::new(MarkShape::Dots(ks.into_iter().map(dot).collect()), ink, label).dashed(dash);
+        sizes = sizes.mark(Mark { width_px: 3.5, ..dots });
     }
     let alarmed: Vec<[f64; 2]> = (0..count).filter(|&k| course.points[k].alarm).map(dot).collect();
     if !alarmed.is_empty() {
@@ -137,7 +171,7 @@ fn picture(course: &Course, entries: &[ProcessEntry]) -> Picture {
     let sums = Panel::new("Cumulative sums, standard deviations")
         .height(90)
         .line(Ink::Extra1, "growth", of(|point| point.sums.growth))
-        .line(Ink::Extra2, "shrinkage", of(|point| point.sums.shrinkage))
+        .dashed_line(Ink::Extra2, "shrinkage", of(|point| point.sums.shrinkage))
         .level(Ink::Alarm, "limit", course.limit)
         .x_name(name);
     Picture::stacked(format!("Size of {} over time", course.effect), vec![sizes, sums])

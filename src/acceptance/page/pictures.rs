@@ -22,21 +22,22 @@ pub(super) fn curves(one: &Drawn) -> Picture {
         .height(110)
         .thick_line(Ink::Measured, "", errors(measured))
         .x_name("time, s");
-    for (ink, label, series) in
-        [(Ink::Simulated, "twin as found", &one.found), (Ink::Good, "twin without the faults", &one.without)]
-    {
-        if let Some(series) = series {
-            position = position.line(ink, label, points(series, &series.position_pu));
-            error = error.line(ink, "", errors(series));
-        }
+    if let Some(series) = &one.found {
+        position = position.line(Ink::Simulated, "twin as found", points(series, &series.position_pu));
+        error = error.line(Ink::Simulated, "", errors(series));
+    }
+    // Dashes let the twin as found be seen where both run alike.
+    if let Some(series) = &one.without {
+        position = position.dashed_line(Ink::Good, "twin without the faults", points(series, &series.position_pu));
+        error = error.dashed_line(Ink::Good, "", errors(series));
     }
     Picture::stacked(format!("Command and position of {}", measured.name), vec![position, error])
 }
 
 /// Gain and phase over frequency.
 pub(super) fn response(summary: &AcceptanceSummary) -> Picture {
-    let mut gain = Panel::new("Gain").x_name("frequency, Hz (log10)");
-    let mut phase = Panel::new("Phase, °").x_name("frequency, Hz (log10)");
+    let mut gain = Panel::new("Gain").x_name("frequency, Hz").x_decades();
+    let mut phase = Panel::new("Phase, °").x_name("frequency, Hz").x_decades();
     for (ink, label, all) in [
         (Ink::Measured, "measured", &summary.response),
         (Ink::Simulated, "twin, standard test", &summary.twin_response),

@@ -63,7 +63,7 @@ pub fn lead(diagnosis: &Diagnosis) -> String {
         (Verdict::Unknown, _) => unknown(diagnosis),
         (Verdict::NoGap, _) => no_gap(diagnosis),
         (Verdict::NotExcited, _) => {
-            "These recordings do not move the unit enough to tell: most faults would leave no more of them unexplained."
+            "These recordings do not move the unit enough to tell: most faults would not show in them at a moderate size."
                 .to_owned()
         }
         (Verdict::NoSuchUnit, _) => {
@@ -202,7 +202,15 @@ fn sureness(diagnosis: &Diagnosis) -> Vec<String> {
         Verdict::NoSuchUnit => {
             (None, vec!["Which law predicts best on pieces left out decides this; it has no probability".to_owned()])
         }
-        Verdict::NoGap | Verdict::NotExcited => {
+        Verdict::NotExcited => {
+            let share = of("none").unwrap_or(f64::NAN);
+            let words = "but that is no finding, as most faults would not show here";
+            (
+                Some(share),
+                vec![format!("Nothing speaks for a fault (probability of none: {}), {words}", probability(share))],
+            )
+        }
+        Verdict::NoGap => {
             let share = of("none").unwrap_or(f64::NAN);
             (Some(share), vec![format!("Probability that no fault of the catalogue acts: {}", probability(share))])
         }
@@ -283,6 +291,9 @@ fn next(diagnosis: &Diagnosis) -> Vec<String> {
     let mut all = next_test::paragraphs(diagnosis);
     match diagnosis.verdict {
         Verdict::NotExcited => {
+            if diagnosis.experiments.is_empty() {
+                all.clear();
+            }
             all.insert(0, "Record a process that travels: a start-up, a step of load, a shutdown by the ESV.".into());
         }
         Verdict::NoSuchUnit => {

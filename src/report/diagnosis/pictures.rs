@@ -1,6 +1,6 @@
 //! The pictures of a diagnosis but for its traces: shares, probabilities, recovered shapes.
 
-use super::words::{id_words, stage_title};
+use super::words::{id_words, is_judged, stage_title};
 use crate::diagnosis::result::{Breakdown, Diagnosis, DiscrepancyTerm, SignalGap, Verdict};
 use crate::report::ink::Ink;
 use crate::report::picture::{Mark, MarkShape, Panel, Picture};
@@ -33,7 +33,7 @@ pub fn residuals(diagnosis: &Diagnosis, explained: bool) -> Picture {
             .lying_bars(Ink::Simulated, "", &values)
             .mark(noise(gap.noise_floor * scale))
     };
-    Picture::grid("RMS errors of the twins", 2, diagnosis.gap.iter().map(panel).collect())
+    Picture::grid("RMS errors of the twins", 2, diagnosis.gap.iter().filter(|gap| is_judged(gap)).map(panel).collect())
 }
 
 /// What noise alone makes, as a line across the bars.
@@ -127,7 +127,7 @@ pub fn shape(discrepancy_term: &DiscrepancyTerm) -> Picture {
             .level(Ink::Band, "", 0.0)
             .line(Ink::Simulated, &format!("discrepancy term, {unit}"), scaled(&curve.points));
         if !curve.named.is_empty() {
-            panel = panel.line(Ink::Good, "of the twin with faults", scaled(&curve.named));
+            panel = panel.dashed_line(Ink::Good, "of the twin with faults", scaled(&curve.named));
         }
         panel
     });

@@ -15,6 +15,6 @@ pub fn fitted_stage(diagnosis: &Diagnosis) -> Option<String> {
 #[must_use]
 pub fn figure_text(one: &StageFigure) -> String {
     let Interval { value, low, high } = one.value;
-    let [value, low, high] = [value, low, high].map(|number| significant(number, 4));
+    let [value, low, high] = [value, low, high].map(|number| significant(number, 3));
     format!("{value} [{low}, {high}] {}", one.unit)
 }

@@ -1,6 +1,6 @@
 //! The tables of a diagnosis.
 
-use super::words::{id_words, percent, percents, value, values};
+use super::words::{id_words, is_judged, percent, percents, value, values};
 use crate::diagnosis::result::{Diagnosis, Fitted, StageOnly};
 use crate::report::table::{Table, fixed, quantity, significant};
 use crate::signal::Signal;
@@ -15,7 +15,7 @@ pub fn gap(diagnosis: &Diagnosis, explained: bool) -> Table {
     if explained {
         table = table.numbers("explained, fitted to all");
     }
-    for gap in &diagnosis.gap {
+    for gap in diagnosis.gap.iter().filter(|gap| is_judged(gap)) {
         let (scale, unit) = if gap.signal == Signal::ControlPressure { (1e-3, "kPa") } else { (100.0, "%") };
         let mut steps = vec![gap.delivered, gap.refitted];
         steps.extend(explained.then_some(gap.with_effects));
@@ -56,7 +56,7 @@ pub fn free_runs(part: &StageOnly) -> Table {
 pub fn stage_figures(part: &StageOnly) -> Table {
     let mut table = Table::new().words("fitted").numbers("value").numbers("90 % from").numbers("to").words("unit");
     for one in &part.figures {
-        let [value, low, high] = [one.value.value, one.value.low, one.value.high].map(|value| significant(value, 4));
+        let [value, low, high] = [one.value.value, one.value.low, one.value.high].map(|value| significant(value, 3));
         table.row([one.title.to_owned(), value, low, high, one.unit.to_owned()]);
     }
     table

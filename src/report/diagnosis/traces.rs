@@ -127,12 +127,12 @@ pub fn picture(trace: &Trace, window_s: Option<[f64; 2]>, explained: bool) -> Pi
         let mut above = Panel::new(format!("{title}, %"))
             .height(150)
             .thick_line(Ink::Measured, "measured", curve(measured))
-            .line(Ink::Difference, "recalibrated", curve(refitted));
+            .dashed_line(Ink::Difference, "recalibrated", curve(refitted));
         let mut below = Panel::new(format!("{title}, twin − measured, %"))
             .height(110)
             .level(Ink::Band, "", 0.0)
             .mark(thin_line(Ink::Command, "data sheet", off(delivered)))
-            .mark(thin_line(Ink::Difference, "recalibrated", off(refitted)));
+            .mark(thin_line(Ink::Difference, "recalibrated", off(refitted)).dashed(1));
         if explained {
             above = above.line(Ink::Simulated, "with faults", curve(with_effects));
             below = below.mark(thin_line(Ink::Simulated, "with faults", off(with_effects)));

@@ -184,9 +184,14 @@ fn error(gap: &SignalGap, of: impl Fn(&SignalGap) -> f64) -> String {
     }
 }
 
+/// Whether a signal is a result of the twin: what drives a stage on its own has neither an error nor noise.
+pub fn is_judged(gap: &SignalGap) -> bool {
+    [gap.noise_floor, gap.delivered, gap.refitted].iter().any(|value| *value != 0.0)
+}
+
 /// How far off the twins are: with the data sheet, recalibrated, with faults, and what noise alone makes.
 pub fn errors(diagnosis: &Diagnosis) -> String {
-    let positions = diagnosis.gap.iter().filter(|gap| gap.signal != Signal::ControlPressure);
+    let positions = diagnosis.gap.iter().filter(|gap| gap.signal != Signal::ControlPressure && is_judged(gap));
     let said: Vec<String> = positions
         .map(|gap| {
             let steps: [fn(&SignalGap) -> f64; 4] =

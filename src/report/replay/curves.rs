@@ -155,7 +155,7 @@ impl<'a> Curves<'a> {
                 .x_name("time from the start, s");
         };
         panel
-            .line(Ink::Difference, "before", self.simulated(self.replayed, signal, scale))
+            .dashed_line(Ink::Difference, "before", self.simulated(self.replayed, signal, scale))
             .line(Ink::Simulated, &format!("after: {title}"), self.simulated(after, signal, scale))
             .x_name("time from the start, s")
     }
@@ -170,7 +170,7 @@ impl<'a> Curves<'a> {
         let before = self.difference(self.replayed, signal, scale);
         match self.after {
             None => panel.line(Ink::Difference, "difference", before),
-            Some((_, after)) => panel.line(Ink::Difference, "before", before).line(
+            Some((_, after)) => panel.dashed_line(Ink::Difference, "before", before).line(
                 Ink::Simulated,
                 "after",
                 self.difference(after, signal, scale),

@@ -48,7 +48,7 @@ pub fn ladder_picture(ladder: &Ladder) -> Picture {
         let values: Vec<f64> = processes.iter().map(value).collect();
         panel = panel.bars(ink, title(rung), &values, k, ladder.rungs.len());
     }
-    Picture::grid("What each rung leaves of the gap", 1, vec![panel])
+    Picture::grid("Mean absolute error by process", 1, vec![panel])
 }
 
 fn title(rung: &Rung) -> &str {
