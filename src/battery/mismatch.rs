@@ -1,6 +1,7 @@
 //! What is odd about every plant of the battery, faults or not: small, within what a sheet never says.
 
 use crate::battery::draws::Draw;
+use crate::battery::laws::Bristles;
 use crate::effects::scaling::{Scaling, UnitSize};
 use crate::parameters::Parameters;
 
@@ -38,12 +39,12 @@ impl Mismatch {
         // Lines of the same length in time: what they hold back goes with pressure over flow, what they hold with the inverse.
         let line_inertance = draw.between(5e4, 1.2e5) / Scaling::MainLeak.factor(size);
         let node_volume_m3 = draw.between(0.04, 0.08) * Scaling::MainLeak.factor(size);
-        let spool_stop_m_n = 1e-9 * size.spool_stroke / size.spool_force;
-        let piston_stop_m_n = 3e-11 / size.servomotor_force;
+        let spool_stop_m_n = 1e-9 * size.spool_stroke_ratio / size.spool_force_ratio;
+        let piston_stop_m_n = 3e-11 / size.servomotor_force_ratio;
         let wave = (line_inertance * p.oil.bulk_modulus_pa / node_volume_m3).sqrt();
         Self {
             overlap_shares: std::array::from_fn(|_| 1.0 + 0.02 * draw.normal()),
-            edge_radius_m: draw.between(4e-6, 1e-5) * size.spool_stroke,
+            edge_radius_m: draw.between(4e-6, 1e-5) * size.spool_stroke_ratio,
             line_inertance,
             node_volume_m3,
             node_resistance_pa_s_m3: draw.between(0.6, 1.0) * wave,
@@ -51,7 +52,7 @@ impl Mismatch {
             filling_gain: 1.0 + 0.005 * draw.normal(),
             draining_gain: 1.0 + 0.005 * draw.normal(),
             esv_travel_s: draw.between(1.5e-3, 3e-3),
-            spool_friction_n: draw.between(3.0, 15.0) * size.spool_force,
+            spool_friction_n: draw.between(3.0, 15.0) * size.spool_force_ratio,
             piston_bend_m: draw.between(3e-5, 8e-5),
             flow_force_ratio: draw.between(0.0, 0.05),
             load_ripple_ratio: 0.01 * draw.normal(),
@@ -60,6 +61,30 @@ impl Mismatch {
             lvdt_lag_s: draw.between(1e-4, 3e-4),
             feedback_lag_s: draw.between(1e-4, 3e-4),
             size: *size,
+        }
+    }
+
+    /// Friction of the spool with so much of a fault.
+    #[must_use]
+    pub fn spool_friction(&self, fault_n: f64) -> Bristles {
+        Bristles {
+            coulomb_n: self.spool_friction_n + fault_n,
+            static_ratio: 1.3,
+            stribeck_m_s: 3e-3,
+            bend_m: 2e-5 * self.size.spool_speed_ratio,
+            damping_n_s_m: 300.0 * self.size.spool_force_ratio / self.size.spool_speed_ratio,
+        }
+    }
+
+    /// Friction of the servomotor with so much of a fault.
+    #[must_use]
+    pub fn piston_friction(&self, coulomb_n: f64, fault_n: f64) -> Bristles {
+        Bristles {
+            coulomb_n: coulomb_n + fault_n,
+            static_ratio: if fault_n > 0.0 { 1.4 } else { 1.05 },
+            stribeck_m_s: 3e-3,
+            bend_m: self.piston_bend_m,
+            damping_n_s_m: 1e6 * self.size.servomotor_force_ratio / self.size.servomotor_speed_ratio,
         }
     }
 }

@@ -95,20 +95,8 @@ impl Rig {
             y[place] = opening_pu;
         }
         y[ESV] = 1.0;
-        let spool_friction = Bristles {
-            coulomb_n: odd.spool_friction_n + faults.spool_friction_n,
-            static_ratio: 1.3,
-            stribeck_m_s: 3e-3,
-            bend_m: 2e-5 * odd.size.spool_speed,
-            damping_n_s_m: 300.0 * odd.size.spool_force / odd.size.spool_speed,
-        };
-        let piston_friction = Bristles {
-            coulomb_n: servo.coulomb_friction_n + faults.servo_friction_n,
-            static_ratio: if faults.servo_friction_n > 0.0 { 1.4 } else { 1.05 },
-            stribeck_m_s: 3e-3,
-            bend_m: odd.piston_bend_m,
-            damping_n_s_m: 1e6 * odd.size.servomotor_force / odd.size.servomotor_speed,
-        };
+        let spool_friction = odd.spool_friction(faults.spool_friction_n);
+        let piston_friction = odd.piston_friction(servo.coulomb_friction_n, faults.servo_friction_n);
         let valve = &p.proportional_valve;
         let ratio = 1.0 + faults.pv_frequency_ratio;
         let pilot_rad_s = valve.natural_frequency_rad_s * ratio.powf(0.7);
@@ -212,8 +200,10 @@ impl Rig {
         };
         let [w_1, w_2, w_3, w_4] = WEAR_SHARES;
         let size = &odd.size;
-        let held_back_pa =
-            held_back_pa(f.return_loss * size.flow * size.flow / size.pressure, y[RETURN] / size.flow) * size.pressure;
+        let held_back_pa = held_back_pa(
+            f.return_loss * size.flow_ratio * size.flow_ratio / size.pressure_ratio,
+            y[RETURN] / size.flow_ratio,
+        ) * size.pressure_ratio;
         let behind_pa = return_pa + held_back_pa;
         let fed_1 = window(x - h_0 * e_1 - opens_m, w_1) * jet(y[NODE] - y[OPENING]);
         let drained_2 = window(x - h_0 * e_2 - opens_m, w_2) * jet(y[CLOSING] - behind_pa);
@@ -233,7 +223,7 @@ impl Rig {
         // Line: inertia of its oil, compressible node, losses part laminar.
         let surplus_m3_s = y[LINE] - drawn_m3_s;
         let at_node_pa = y[NODE] + odd.node_resistance_pa_s_m3 * surplus_m3_s;
-        let loss_pa = f.supply_loss * (0.85 * y[LINE].abs() + 0.15 * 0.02 * odd.size.flow) * y[LINE];
+        let loss_pa = f.supply_loss * (0.85 * y[LINE].abs() + 0.15 * 0.02 * odd.size.flow_ratio) * y[LINE];
         d[LINE] = (hand.tank_pa + moment.ripple_pa - at_node_pa - loss_pa) / odd.line_inertance;
         d[NODE] = surplus_m3_s / (odd.node_volume_m3 * compressibility_1_pa);
 
@@ -256,7 +246,8 @@ impl Rig {
         let (quadratic, linear) = if f.filter_ratio > 0.0 {
             (
                 0.8 * full * full,
-                (0.2 * full * full * 0.3 * valve.rated_flow_m3_s).max(2e8 * odd.size.pressure / odd.size.pilot_flow),
+                (0.2 * full * full * 0.3 * valve.rated_flow_m3_s)
+                    .max(2e8 * odd.size.pressure_ratio / odd.size.pilot_flow_ratio),
             )
         } else {
             (0.0, 0.0)
@@ -281,9 +272,11 @@ impl Rig {
         let dv = &p.distributing_valve;
         let share = x / dv.reference_stroke_m;
         let leaks_m3_s = (dv.leakage_m3_s_pa * (y[NODE] - control_pa)
-            - f.chamber_leak_m3_s_pa * (1.0 + 0.3 * share) * gap(control_pa - return_pa, 3.2e6 * odd.size.pressure))
+            - f.chamber_leak_m3_s_pa
+                * (1.0 + 0.3 * share)
+                * gap(control_pa - return_pa, 3.2e6 * odd.size.pressure_ratio))
             / viscosity
-            - f.relief_m3_s_pa * (control_pa - 3.35e6 * odd.size.pressure).max(0.0);
+            - f.relief_m3_s_pa * (control_pa - 3.35e6 * odd.size.pressure_ratio).max(0.0);
         let soft_1_pa = compressibility_1_pa + gas_compressibility_1_pa(f.air_share, control_pa);
         d[CONTROL] = (passed_m3_s + leaks_m3_s - dv.control_area_m2 * y[SPOOL_SPEED])
             / ((dv.control_volume_m3 + dv.control_area_m2 * x) * soft_1_pa);
@@ -298,16 +291,16 @@ impl Rig {
             (y[NODE] - y[CLOSING]) + (y[OPENING] - behind_pa)
         };
         let jet_ratio = odd.flow_force_ratio + f.flow_force_ratio;
-        let angle = 0.358 + 0.57 * (-travel_m.abs() / (4e-5 * odd.size.spool_stroke)).exp();
+        let angle = 0.358 + 0.57 * (-travel_m.abs() / (4e-5 * odd.size.spool_stroke_ratio)).exp();
         let flow_n = jet_ratio
             * 2.0
             * p.esv.discharge_coefficient
             * p.main_ports.width_m
             * (angle * travel_m * drops_pa.max(0.0)
                 + 0.02
-                    * odd.size.spool_stroke
+                    * odd.size.spool_stroke_ratio
                     * y[SPOOL_SPEED]
-                    * (p.oil.density_kg_m3 * 3e6 * odd.size.pressure).sqrt());
+                    * (p.oil.density_kg_m3 * 3e6 * odd.size.pressure_ratio).sqrt());
         let (bend_m_s, rub_n) = self.spool_friction.rate_and_force(y[SPOOL_SPEED], y[SPOOL_BEND]);
         let stop_n = stop(x, y[SPOOL_SPEED], dv.stroke_min_m, dv.stroke_max_m, odd.spool_stop_n_m, dv.spool_mass_kg);
         d[SPOOL] = y[SPOOL_SPEED];
@@ -323,7 +316,7 @@ impl Rig {
 
         // Servomotor.
         let w = y[PISTON_SPEED];
-        let cross_m3_s = f.servo_leak_m3_s_pa * gap(y[OPENING] - y[CLOSING], 1e6 * odd.size.pressure) / viscosity;
+        let cross_m3_s = f.servo_leak_m3_s_pa * gap(y[OPENING] - y[CLOSING], 1e6 * odd.size.pressure_ratio) / viscosity;
         let z = y[PISTON].clamp(0.0, servo.stroke_m);
         d[OPENING] = (fed_1 - drained_1 - cross_m3_s - servo.opening_area_m2 * w)
             / ((servo.dead_volume_m3 + servo.opening_area_m2 * z) * compressibility_1_pa);

@@ -283,18 +283,9 @@ pub fn misses_in_words(cases: &[ScoredUnit]) -> Option<String> {
 /// Case by case: what is so, what was said.
 #[must_use]
 pub fn cases_table(cases: &[ScoredUnit]) -> Table {
-    let mut table = Table::new()
-        .words("unit")
-        .words("what is in it")
-        .numbers("strength")
-        .words("verdict")
-        .words("blamed")
-        .words("stage")
-        .numbers("p(truth)")
-        .words("answer")
-        .numbers("expected")
-        .numbers("left")
-        .words("missed by");
+    let table = Table::new().words("unit").words("what is in it").numbers("strength").words("verdict").words("blamed");
+    let table = table.words("stage").numbers("p(truth)").words("answer").numbers("expected").numbers("left");
+    let mut table = table.words("missed by");
     for case in cases {
         let truths: Vec<&str> = case.label.effects.iter().map(|truth| truth.id.as_str()).collect();
         let mut truth = if truths.is_empty() { "nothing".to_owned() } else { truths.join(" + ") };

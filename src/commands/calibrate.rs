@@ -12,7 +12,6 @@ use govtwin::benchmark::report_verdict::ReportVerdict;
 use govtwin::benchmark::score::{Score, score};
 use govtwin::benchmark::scored::ScoredUnit;
 use govtwin::diagnosis::decision::weights::Weights;
-use govtwin::diagnosis::hypotheses::table::EvidenceTable;
 use govtwin::diagnosis::result::Interval;
 use govtwin::files::read_text;
 use govtwin::params::labels;

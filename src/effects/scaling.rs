@@ -55,15 +55,15 @@ impl Scaling {
     pub fn factor(self, size: &UnitSize) -> f64 {
         match self {
             Self::Fixed => 1.0,
-            Self::ServomotorForce => size.servomotor_force,
-            Self::SpoolForce => size.spool_force,
-            Self::SpoolStroke => size.spool_stroke,
-            Self::SpringPreload => size.spring_preload,
-            Self::LineLoss => size.pressure / (size.flow * size.flow),
-            Self::MainLeak => size.flow / size.pressure,
-            Self::PilotLeak => size.pilot_flow / size.pressure,
-            Self::Cushion => size.servomotor_force / (size.servomotor_speed * size.servomotor_speed),
-            Self::Pressure => size.pressure,
+            Self::ServomotorForce => size.servomotor_force_ratio,
+            Self::SpoolForce => size.spool_force_ratio,
+            Self::SpoolStroke => size.spool_stroke_ratio,
+            Self::SpringPreload => size.spring_preload_ratio,
+            Self::LineLoss => size.pressure_ratio / (size.flow_ratio * size.flow_ratio),
+            Self::MainLeak => size.flow_ratio / size.pressure_ratio,
+            Self::PilotLeak => size.pilot_flow_ratio / size.pressure_ratio,
+            Self::Cushion => size.servomotor_force_ratio / (size.servomotor_speed_ratio * size.servomotor_speed_ratio),
+            Self::Pressure => size.pressure_ratio,
         }
     }
 }
@@ -72,23 +72,23 @@ impl Scaling {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UnitSize {
     /// Of tank pressures.
-    pub pressure: f64,
+    pub pressure_ratio: f64,
     /// Of flows through the full main ports.
-    pub flow: f64,
+    pub flow_ratio: f64,
     /// Of flows through the full pilot valve at tank pressure.
-    pub pilot_flow: f64,
+    pub pilot_flow_ratio: f64,
     /// Of tank pressure times opening area.
-    pub servomotor_force: f64,
+    pub servomotor_force_ratio: f64,
     /// Of the servomotor's speeds at full flow.
-    pub servomotor_speed: f64,
+    pub servomotor_speed_ratio: f64,
     /// Of tank pressure times control area.
-    pub spool_force: f64,
+    pub spool_force_ratio: f64,
     /// Of the spool's speeds at the pilot valve's full flow.
-    pub spool_speed: f64,
+    pub spool_speed_ratio: f64,
     /// Of the spool's strokes.
-    pub spool_stroke: f64,
+    pub spool_stroke_ratio: f64,
     /// Of precompressions of the spool's spring.
-    pub spring_preload: f64,
+    pub spring_preload_ratio: f64,
 }
 
 /// The same quantities of the reference unit, as `params/reference_unit.yaml` has them.
@@ -143,15 +143,15 @@ impl UnitSize {
         };
         let ratio = |of: fn(&Quantities) -> f64| of(&own) / of(&REFERENCE);
         Self {
-            pressure: ratio(|q| q.pressure_pa),
-            flow: ratio(Quantities::flow),
-            pilot_flow: ratio(Quantities::pilot_flow),
-            servomotor_force: ratio(|q| q.pressure_pa * q.opening_area_m2),
-            servomotor_speed: ratio(|q| q.flow() / q.opening_area_m2),
-            spool_force: ratio(|q| q.pressure_pa * q.control_area_m2),
-            spool_speed: ratio(|q| q.pilot_flow() / q.control_area_m2),
-            spool_stroke: ratio(|q| q.stroke_m),
-            spring_preload: ratio(|q| q.precompression_m),
+            pressure_ratio: ratio(|q| q.pressure_pa),
+            flow_ratio: ratio(Quantities::flow),
+            pilot_flow_ratio: ratio(Quantities::pilot_flow),
+            servomotor_force_ratio: ratio(|q| q.pressure_pa * q.opening_area_m2),
+            servomotor_speed_ratio: ratio(|q| q.flow() / q.opening_area_m2),
+            spool_force_ratio: ratio(|q| q.pressure_pa * q.control_area_m2),
+            spool_speed_ratio: ratio(|q| q.pilot_flow() / q.control_area_m2),
+            spool_stroke_ratio: ratio(|q| q.stroke_m),
+            spring_preload_ratio: ratio(|q| q.precompression_m),
         }
     }
 }
