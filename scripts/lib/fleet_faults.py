@@ -167,7 +167,7 @@ def server(fleet):
         restarts, stopped = [], threading.Event()
 
         def restart():
-            while not stopped.wait(2.0):
+            while not stopped.wait(0.5):
                 proxy.restart(moto)
                 restarts.append(1)
 
