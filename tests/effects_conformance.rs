@@ -62,13 +62,16 @@ fn the_contract_is_kept() {
     assert!(ids.is_sorted_by_key(|(stage, _)| *stage), "the catalogue follows the chain");
 }
 
+/// Files of the catalogue's folder that are no effects.
+const NO_EFFECTS: [&str; 3] = ["own.rs", "on_unit.rs", "scaling.rs"];
+
 #[test]
 fn every_file_is_registered_once() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/src/effects");
     let mut files: Vec<String> = std::fs::read_dir(folder)
         .unwrap()
         .map(|entry| entry.unwrap().path())
-        .filter(|path| path.is_file() && !path.ends_with("own.rs") && !path.ends_with("on_unit.rs"))
+        .filter(|path| path.is_file() && !NO_EFFECTS.iter().any(|name| path.ends_with(name)))
         .map(|path| path.file_stem().unwrap().to_string_lossy().into_owned())
         .collect();
     files.sort();
