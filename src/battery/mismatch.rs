@@ -1,7 +1,7 @@
 //! What is odd about every plant of the battery, faults or not: small, within what a sheet never says.
 
 use crate::battery::draws::Draw;
-use crate::battery::laws::Bristles;
+use crate::battery::laws::{Bristles, held_back_pa};
 use crate::effects::scaling::{Scaling, UnitSize};
 use crate::parameters::Parameters;
 
@@ -86,5 +86,12 @@ impl Mismatch {
             bend_m: self.piston_bend_m,
             damping_n_s_m: 1e6 * self.size.servomotor_force_ratio / self.size.servomotor_speed_ratio,
         }
+    }
+
+    /// Pressure that a return line of this loss holds back at a flow.
+    #[must_use]
+    pub fn held_back_pa(&self, loss_pa_s2_m6: f64, flow_m3_s: f64) -> f64 {
+        let UnitSize { flow_ratio, pressure_ratio, .. } = self.size;
+        held_back_pa(loss_pa_s2_m6 * flow_ratio * flow_ratio / pressure_ratio, flow_m3_s / flow_ratio) * pressure_ratio
     }
 }

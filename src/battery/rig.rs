@@ -5,7 +5,7 @@
 //! Runge–Kutta method at 200 µs.
 
 use crate::battery::faults::Faults;
-use crate::battery::laws::{Bristles, edge, eroded, filtered, gap, gas_compressibility_1_pa, held_back_pa, jet, stop};
+use crate::battery::laws::{Bristles, edge, eroded, filtered, gap, gas_compressibility_1_pa, jet, stop};
 use crate::battery::mismatch::Mismatch;
 use crate::battery::moment::Moment;
 use crate::parameters::Parameters;
@@ -199,12 +199,7 @@ impl Rig {
             port * if wear_m > 0.0 { eroded(beyond_m, wear_m) } else { edge(beyond_m, radius_m) }
         };
         let [w_1, w_2, w_3, w_4] = WEAR_SHARES;
-        let size = &odd.size;
-        let held_back_pa = held_back_pa(
-            f.return_loss * size.flow_ratio * size.flow_ratio / size.pressure_ratio,
-            y[RETURN] / size.flow_ratio,
-        ) * size.pressure_ratio;
-        let behind_pa = return_pa + held_back_pa;
+        let behind_pa = return_pa + odd.held_back_pa(f.return_loss, y[RETURN]);
         let fed_1 = window(x - h_0 * e_1 - opens_m, w_1) * jet(y[NODE] - y[OPENING]);
         let drained_2 = window(x - h_0 * e_2 - opens_m, w_2) * jet(y[CLOSING] - behind_pa);
         let fed_2 = window(-x - h_0 * e_3 - closes_m, w_3) * jet(y[NODE] - y[CLOSING]);
