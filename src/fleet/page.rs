@@ -10,7 +10,7 @@ use crate::report::draw::{DrawError, svg};
 use crate::report::ink::Ink;
 use crate::report::page::{KeyFigure, Page, PageBody, Tone};
 use crate::report::picture::{Mark, MarkShape, Panel, Picture};
-use crate::report::table::{Table, quantity, scaled_unit};
+use crate::report::table::{Table, fixed, quantity, scaled_unit};
 
 /// Rows that stand open; of more the pictures would come too far down.
 const MOST_OPEN_ROWS: usize = 60;
@@ -174,9 +174,8 @@ fn cells(row: &Row) -> [String; 8] {
         let empty = String::new;
         return [unit, period, row.status.id().to_owned(), row.words.clone(), empty(), empty(), empty(), empty()];
     };
-    let percent = |probability: Option<f64>| {
-        probability.map_or_else(String::new, |p| format!("{:.0} %", (100.0 * p).max(0.0) + 0.0))
-    };
+    let percent =
+        |probability: Option<f64>| probability.map_or_else(String::new, |p| format!("{} %", fixed(100.0 * p, 0)));
     let joined =
         |each: &dyn Fn(&super::result::Cause) -> String| found.causes.iter().map(each).collect::<Vec<_>>().join(", ");
     let size = |cause: &super::result::Cause| {
