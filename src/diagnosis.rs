@@ -179,6 +179,7 @@ pub fn diagnose(
     let mut diagnosis = summary::gather(judged, &ready.unit, settings, BeforeVerdict { channels, notes });
     diagnosis.part = stage_only::describe(&ready, &explored, &decision);
     if let Some(part) = diagnosis.part.as_ref().filter(|part| !part.sheet) {
+        diagnosis.sheet_limits = None;
         // What the most flexible law leaves is the error of equations, no transducer's noise.
         let judged = diagnosis.gap.iter_mut().filter(|gap| gap.signal == Signal::ServomotorPosition);
         judged.for_each(|gap| gap.noise_floor = part.transducers_pu);

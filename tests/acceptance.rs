@@ -1,6 +1,8 @@
 //! Acceptance measures: intervals that hold the known values of generated units, counterfactuals against the unit without the fault, the command.
 #![cfg(feature = "cli")]
 
+#[path = "support/acceptance.rs"]
+mod acceptance;
 #[path = "support/program.rs"]
 mod program;
 
@@ -8,38 +10,10 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
+use acceptance::{measured, recordings, true_measures, unit};
+use govtwin::acceptance::Measure;
 use govtwin::acceptance::counterfactual::{SizeKnowledge, compare};
-use govtwin::acceptance::series::Series;
-use govtwin::acceptance::{Measure, Measures, measure};
-use govtwin::generate::{self, Scenario};
-use govtwin::parameters::{EffectSetting, Unit};
-use govtwin::params;
-use govtwin::recording::{Process, Recording};
-use govtwin::replay::simulate;
-use govtwin::twin::Twin;
 use program::Run;
-
-fn unit(seed: u64, effects: &[(&str, &[f64])]) -> Unit {
-    let mut unit = generate::spread(&params::reference(), seed);
-    let setting = |(id, values): &(&str, &[f64])| EffectSetting { id: (*id).to_owned(), values: values.to_vec() };
-    unit.effects = effects.iter().map(setting).collect();
-    unit
-}
-
-fn recordings(unit: &Unit, seed: u64) -> Vec<Recording> {
-    let of = |process| Scenario { unit: unit.clone(), process, rate_hz: 100.0, duration_s: 60.0, rich: false, seed };
-    Process::ALL.into_iter().map(|process| generate::recording(&of(process))).collect()
-}
-
-fn measured(recordings: &[Recording]) -> Measures {
-    measure(&recordings.iter().filter_map(Series::measured).collect::<Vec<_>>())
-}
-
-/// The true unit along the same recordings, without transducers.
-fn true_measures(unit: &Unit, recordings: &[Recording]) -> Measures {
-    let along = |recording: &Recording| Series::simulated(recording, &simulate(&mut Twin::new(unit), recording));
-    measure(&recordings.iter().filter_map(along).collect::<Vec<_>>())
-}
 
 #[test]
 fn intervals_hold_the_known_values_of_generated_units() {
@@ -47,7 +21,7 @@ fn intervals_hold_the_known_values_of_generated_units() {
     for seed in 20..26 {
         let effects: &[(&str, &[f64])] = if seed % 2 == 0 { &[] } else { &[("backlash", &[0.003])] };
         let unit = unit(seed, effects);
-        let recordings = recordings(&unit, seed);
+        let recordings = recordings(&unit, seed, 100.0);
         let (measured, known) = (measured(&recordings), true_measures(&unit, &recordings));
         for one in Measure::ALL {
             let (Some(value), Some(known)) = (measured.value(one), known.value(one)) else { continue };
@@ -75,8 +49,8 @@ fn without_a_fault_the_unit_measures_what_was_foretold() {
         let typical: Vec<f64> = spec.parameters.iter().map(|parameter| parameter.typical).collect();
         let values = if values == [0.0] { typical } else { values.to_vec() };
         let faulty = unit(3, &[(id, &values)]);
-        let compared = compare(&recordings(&faulty, 3), &faulty, &[id.to_owned()], &[], &|| {});
-        let bare = measured(&recordings(&unit(3, &[]), 3));
+        let compared = compare(&recordings(&faulty, 3, 100.0), &faulty, &[id.to_owned()], &[], &|| {});
+        let bare = measured(&recordings(&unit(3, &[]), 3, 100.0));
         let (before, truly) = (compared.measured.value(shows).unwrap(), bare.value(shows).unwrap());
         let foretold = compared.without[0].expected[shows as usize].unwrap();
         assert!(!foretold.simulated, "{id}");
@@ -93,7 +67,7 @@ fn without_a_fault_the_unit_measures_what_was_foretold() {
 #[test]
 fn the_size_of_a_fault_widens_what_is_foretold() {
     let faulty = unit(3, &[("port_overlap", &[3e-4])]);
-    let recordings = &recordings(&faulty, 3)[1..2];
+    let recordings = &recordings(&faulty, 3, 100.0)[1..2];
     let half = |ends: Option<[f64; 2]>| {
         let size = |ends| SizeKnowledge { effect: "port_overlap".to_owned(), parameter: 0, ends };
         let sizes: Vec<SizeKnowledge> = ends.map(size).into_iter().collect();

@@ -5,7 +5,7 @@ use crate::diagnosis::result::DetectableSize;
 use crate::effects::EffectSpec;
 
 /// Gain in cost from which an effect stands out: a log Bayes factor of 10, of which the odds against any effect take half.
-const STANDS_OUT: f64 = 20.0;
+pub(crate) const STANDS_OUT: f64 = 20.0;
 
 /// From this cosine on the marks of two effects cannot be told apart here.
 const ALIKE: f64 = 0.97;
@@ -18,7 +18,15 @@ pub fn detectable_sizes(explored: &Explored, catalogue: &[&'static EffectSpec]) 
         let parameter = spec.parameters[0].on(unit);
         let typical = (parameter.typical - parameter.neutral).abs();
         let smallest = typical * explored.linearisation.minimum_detectable_size(effect, STANDS_OUT);
-        DetectableSize { id: spec.id, parameter: parameter.name, unit: parameter.unit, smallest, typical }
+        let with_known_sheet = smallest / explored.linearisation.sharpest_ratio(effect, STANDS_OUT);
+        DetectableSize {
+            id: spec.id,
+            parameter: parameter.name,
+            unit: parameter.unit,
+            smallest,
+            with_known_sheet,
+            typical,
+        }
     };
     catalogue.iter().enumerate().map(of).collect()
 }

@@ -2,6 +2,7 @@
 
 mod interval;
 pub mod schema;
+mod sheet_limits;
 pub mod test_script;
 
 use serde_json::{Value, json};
@@ -16,6 +17,7 @@ use crate::recording::Process;
 use crate::signal::Signal;
 
 pub use crate::diagnosis::result::interval::Interval;
+pub use crate::diagnosis::result::sheet_limits::{SheetLimits, SheetValue};
 
 /// The six things that a diagnosis may say.
 ///
@@ -197,6 +199,8 @@ pub struct DetectableSize {
     pub unit: &'static str,
     /// Smallest deviation from neutral that would stand out, in the parameter's unit; infinite where none would.
     pub smallest: f64,
+    /// The same if every value of the sheet were known.
+    pub with_known_sheet: f64,
     /// A moderate fault, as deviation from neutral.
     pub typical: f64,
 }
@@ -391,6 +395,8 @@ pub struct Diagnosis {
     /// What could be seen at all.
     #[doc(hidden)]
     pub detectable_sizes: Vec<DetectableSize>,
+    /// How much the sheet's tolerances limit the verdict; none where no sheet was given.
+    pub sheet_limits: Option<SheetLimits>,
     /// Pairs of effects that these recordings cannot tell apart, with how alike they look, 0 to 1.
     #[doc(hidden)]
     pub ambiguous_pairs: Vec<(String, String, f64)>,

@@ -3,12 +3,13 @@
 pub(crate) mod breakdown;
 pub(crate) mod discrepancy_terms;
 pub mod explained_fraction;
+pub(crate) mod sheet_limits;
 pub(crate) mod stages;
 pub(crate) mod traces;
 
 use crate::diagnosis::DiagnosisSettings;
 use crate::diagnosis::decision::Decision;
-use crate::diagnosis::decision::posterior::Posterior;
+use crate::diagnosis::decision::posterior::{CountedNats, Posterior};
 use crate::diagnosis::decision::weights::Weights;
 use crate::diagnosis::detectability::{ambiguous_pairs, detectable_sizes};
 use crate::diagnosis::experiment::design;
@@ -23,6 +24,7 @@ use crate::diagnosis::summary::discrepancy_terms::discrepancy_terms;
 use crate::diagnosis::summary::explained_fraction::{
     HeldOutEstimates, Refitted, explained_fraction, explained_fraction_of, without_parts, without_recordings,
 };
+use crate::diagnosis::summary::sheet_limits::sheet_limits;
 use crate::diagnosis::summary::traces::traces;
 use crate::effects::EffectSpec;
 use crate::estimation::coordinate::Coordinate;
@@ -137,6 +139,12 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &DiagnosisSettings, see
         fitted: chosen.unit(),
         parameters,
         channels,
+        sheet_limits: Some(sheet_limits(
+            explored,
+            (&judged.table, judged.posterior),
+            CountedNats::new(&judged.table, judged.weights),
+            &settings.catalogue,
+        )),
         ambiguous_pairs: ambiguous_pairs(explored, &settings.catalogue),
         detectable_sizes,
         breakdowns: breakdowns(problem, &refitted, &with_effects),

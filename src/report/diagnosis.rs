@@ -3,6 +3,7 @@
 mod answers;
 mod next_test;
 mod pictures;
+mod sheet;
 mod stage;
 mod summary;
 mod tables;
@@ -288,6 +289,18 @@ fn next(body: &mut PageBody, diagnosis: &Diagnosis) {
             inner.paragraph(format!("{}: {}", words::capital(&one.test), next_test::how_to_run(one)));
         }
         body.details("How to run them", inner);
+    }
+    if let Some(limits) = &diagnosis.sheet_limits {
+        for sentence in sheet::sentences(diagnosis) {
+            body.paragraph(format!("Data sheet: {sentence}."));
+        }
+        let mut inner = PageBody::new();
+        inner.table(
+            sheet::table(limits),
+            "The values whose tolerances limit the verdict most. Settles: bits of what is open between the fault sets that the true value is expected \
+             to tell, as the sets want it different. Hides: how much sharper an effect would show were this value known. All stand in report.json.",
+        );
+        body.details("How much the data sheet limits this", inner);
     }
     let mut inner = PageBody::new();
     inner.table(

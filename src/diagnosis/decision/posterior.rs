@@ -151,6 +151,12 @@ impl CountedNats {
     /// Each nat as one.
     pub const FULL: Self = Self { scale: 1.0, scaled: 1.0, logarithm: 0.0 };
 
+    /// By what nats are divided for what the best set leaves beyond a right model.
+    #[must_use]
+    pub fn scale(self) -> f64 {
+        self.scale
+    }
+
     /// What so many nats count for: nothing at least, and no more than they are.
     #[must_use]
     pub fn of(self, nats: f64) -> f64 {

@@ -6,6 +6,8 @@
 //! With `θ ~ N(θ₀, I)`, `w ~ N(0, κ²)`, everything but c is integrated out by one Cholesky factor, and the evidence of a set of effects is
 //! `½ ln Z = −½ cost(ĉ) − ½ ln |I + τ² C G C|` with the projected Gram matrix G of its marks (Bayesian linear regression; Bishop 2006, section 3.5).
 
+mod hidden;
+
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
@@ -70,6 +72,10 @@ pub struct Linearisation {
     /// By how much the free parameters move for nothing, and for each mark.
     rest: DVector<f64>,
     follow: DMatrix<f64>,
+    /// Variances of the free parameters.
+    variances: DVector<f64>,
+    /// Squared lengths of the marks were all free parameters known.
+    at_best: DVector<f64>,
 }
 
 impl Linearisation {
@@ -135,38 +141,24 @@ impl Linearisation {
         for k in slopes..known {
             h[(k, k)] += 1.0 / (kappa * kappa).max(1e-12);
         }
-        let solved =
-            Cholesky::<f64, Dyn>::new(h).map_or_else(|| shared.clone() * 0.0, |cholesky| cholesky.solve(&shared));
-        let projected = gram.view((known, known), (all - known, all - known)) - shared.transpose() * &solved;
         let count = atoms.len();
+        let factor = Cholesky::<f64, Dyn>::new(h.clone());
+        let (solved, variances) = factor.map_or_else(
+            || (shared.clone() * 0.0, DVector::zeros(slopes)),
+            |cholesky| (cholesky.solve(&shared), cholesky.inverse().diagonal().rows(0, slopes).into_owned()),
+        );
+        let projected = gram.view((known, known), (all - known, all - known)) - shared.transpose() * &solved;
+        let at_best = hidden::at_best(&h, &shared, gram, (slopes, count));
         Self {
             slopes,
             towards: projected.view((0, residual), (count, 1)).column(0).into_owned(),
             gram: projected.view((0, 0), (count, count)).into_owned(),
             rest: solved.view((0, residual), (slopes, 1)).column(0).into_owned(),
             follow: solved.view((0, 0), (slopes, count)).into_owned(),
+            variances,
+            at_best,
             atoms,
         }
-    }
-
-    /// Smallest size of each effect that would stand out by this gain in cost, in typical sizes; infinite where none would.
-    #[must_use]
-    pub fn minimum_detectable_size(&self, effect: usize, gain: f64) -> f64 {
-        let visible = |(k, atom): (usize, &Atom)| match atom {
-            Atom::Sized { effect: other, variant } if *other == effect && variant.size > 0.0 => {
-                let strength = self.gram[(k, k)];
-                (strength > 1e-6).then(|| variant.size * (gain / strength).sqrt())
-            }
-            _ => None,
-        };
-        // Of the sizes tried the one nearest to what would stand out knows best.
-        let far = |size: &f64, tried: f64| (size / tried).ln().abs();
-        let all = self.atoms.iter().enumerate().filter_map(|(k, atom)| {
-            let size = visible((k, atom))?;
-            let Atom::Sized { variant, .. } = atom else { return None };
-            Some((size, far(&size, variant.size)))
-        });
-        all.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(f64::INFINITY, |(size, _)| size)
     }
 
     /// How alike the marks of two effects are, sign and range considered: the largest cosine between marks that both may have, 0 to 1.

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use crate::diagnosis::model::consistency::Consistency;
 use crate::diagnosis::result::StageFigure;
-use crate::diagnosis::result::{Diagnosis, Fitted, Interval, StageOnly};
+use crate::diagnosis::result::{Diagnosis, Fitted, Interval, SheetLimits, StageOnly};
 use crate::effects::Stage;
 
 /// The schema's name.
@@ -94,6 +94,7 @@ pub fn report(diagnosis: &Diagnosis, seconds: f64) -> Value {
         "gap": {"signals": signals, "closure": interval(diagnosis.explained_fraction)},
         "fitted_stage": diagnosis.part.as_ref().map(|part| part.figures.iter().map(StageFigure::json).collect::<Vec<_>>()),
         "next_experiment": experiments,
+        "sheet": diagnosis.sheet_limits.as_ref().map(SheetLimits::json),
         "seconds": seconds,
         "notes": diagnosis.notes,
         "evidence": evidence(diagnosis),
@@ -139,7 +140,7 @@ fn evidence(diagnosis: &Diagnosis) -> Value {
         .map(|one| {
             json!({
                 "id": one.id, "parameter": one.parameter, "unit": one.unit,
-                "smallest": one.smallest, "typical": one.typical,
+                "smallest": one.smallest, "smallest_with_known_sheet": one.with_known_sheet, "typical": one.typical,
             })
         })
         .collect();

@@ -2,7 +2,7 @@
 
 use super::stage::figure_text;
 use super::words::{id_words, place, probability, values};
-use super::{answers, next_test};
+use super::{answers, next_test, sheet};
 use crate::diagnosis::result::{Diagnosis, Verdict};
 use crate::report::table::{significant, wrapped};
 
@@ -42,6 +42,9 @@ pub fn summary(diagnosis: &Diagnosis, width: usize) -> String {
             significant(100.0 * run.held_out, 3)
         );
         line("free runs", words);
+    }
+    for (i, words) in sheet::sentences(diagnosis).into_iter().enumerate() {
+        line(if i == 0 { "data sheet" } else { "" }, words);
     }
     for (name, words) in next_test::lines(diagnosis) {
         line(name, words);

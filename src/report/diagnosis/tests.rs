@@ -106,8 +106,10 @@ fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
             parameter: "extra_ratio",
             unit: "1",
             smallest: f64::INFINITY,
+            with_known_sheet: f64::INFINITY,
             typical: 0.2,
         }],
+        sheet_limits: None,
         ambiguous_pairs: vec![("backlash".into(), "load".into(), 0.98)],
         breakdowns: vec![Breakdown {
             signal: Signal::ServomotorPosition,

@@ -11,7 +11,7 @@ use crate::diagnosis::result::StageFigure;
 use crate::diagnosis::result::test_script::{CommandShape, TestScript};
 use crate::diagnosis::result::{
     Blame, Breakdown, BreakdownPart, ChannelReport, DetectableSize, Diagnosis, DiscrepancyTerm, Experiment, Fitted,
-    FreeRun, Ranked, SignalGap, StageOnly, StageTest, Transfer, Tried, Verdict,
+    FreeRun, Ranked, SheetLimits, SheetValue, SignalGap, StageOnly, StageTest, Transfer, Tried, Verdict,
 };
 use crate::effects::Stage;
 use crate::parameters::{ChannelReadings, Parameters, Sensors, Unit};
@@ -58,6 +58,7 @@ pub fn read(report: &Value) -> Result<Diagnosis, ReadError> {
         parameters: rows(&evidence["parameters"]).map(of_sheet).collect(),
         channels: rows(&evidence["channels"]).map(channel).collect::<Result<_, _>>()?,
         detectable_sizes: rows(&evidence["smallest_visible"]).map(detectable_sizes).collect(),
+        sheet_limits: Some(&report["sheet"]).filter(|limits| !limits.is_null()).map(sheet_limits),
         ambiguous_pairs: rows(&evidence["alike"])
             .map(|one| (text(&one["a"]), text(&one["b"]), number(&one["likeness"])))
             .collect(),
@@ -180,8 +181,24 @@ fn detectable_sizes(value: &Value) -> DetectableSize {
         unit: lasting(&value["unit"]),
         // JSON knows no infinity.
         smallest: value["smallest"].as_f64().unwrap_or(f64::INFINITY),
+        with_known_sheet: value["smallest_with_known_sheet"].as_f64().unwrap_or(f64::INFINITY),
         typical: number(&value["typical"]),
     }
+}
+
+fn sheet_limits(value: &Value) -> SheetLimits {
+    let hides = |one: &Value| (text(&one["id"]), number(&one["sharper"]));
+    let of = |one: &Value| SheetValue {
+        key: text(&one["key"]),
+        unit: lasting(&one["unit"]),
+        sheet: number(&one["sheet"]),
+        tolerance: (number(&one["tolerance"][0]), number(&one["tolerance"][1])),
+        information: number(&one["information"]),
+        bits: number(&one["bits"]),
+        hides: rows(&one["hides"]).map(hides).collect(),
+    };
+    let look_up = value["look_up"].as_str().map(str::to_owned);
+    SheetLimits { open_bits: number(&value["open_bits"]), look_up, values: rows(&value["values"]).map(of).collect() }
 }
 
 fn breakdown(value: &Value) -> Result<Breakdown, ReadError> {
