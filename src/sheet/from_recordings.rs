@@ -55,7 +55,9 @@ pub struct FromRecordings {
 /// In a sentence with the way out, where they do not hold what it takes.
 pub fn from_recordings(recordings: &[Recording], reference: &Unit) -> Result<FromRecordings, String> {
     let mut joined = recordings.to_vec();
-    joined.iter_mut().for_each(|recording| join_spool(&mut recording.frames));
+    for recording in &mut joined {
+        join_spool(&mut recording.frames);
+    }
     let pressure_pa = median(all(&joined, |frame| frame.inputs.tank_pressure_pa)).ok_or(
         "no tank pressure was recorded: give it as a constant in an import map, or name a sheet with --params",
     )?;
