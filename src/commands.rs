@@ -3,6 +3,8 @@
 pub mod accept;
 pub mod bags;
 pub mod blind;
+#[cfg(feature = "node")]
+mod bus_map;
 pub mod calibrate;
 pub mod check;
 #[cfg(feature = "residual")]

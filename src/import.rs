@@ -12,18 +12,24 @@ mod dialect;
 mod error;
 pub mod findings;
 mod map;
+mod messages;
 mod number;
 #[cfg(feature = "parquet")]
 mod parquet_file;
+mod recurring;
 mod resample;
 mod row;
 mod run;
 mod source;
+mod streams;
 pub mod suggest;
 mod topics;
 
 pub use error::ImportError;
 pub use map::{FileMap, Map, Repeated, SignalMap, SignalPlace, TimeMap, TripRule, map_text};
+pub use messages::{FieldState, MappedField, MappedTopic, topics_of};
+pub use recurring::Recurring;
 pub use row::{ImportedRow, Target};
 pub use run::{Import, ImportOutcome};
 pub use source::{SourceKind, kind_of};
+pub use streams::RowMessages;

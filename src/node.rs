@@ -20,6 +20,7 @@
 
 pub mod arguments;
 pub mod bus;
+pub mod bus_map;
 pub mod clock;
 pub mod control;
 pub mod core;
@@ -49,6 +50,7 @@ mod spout;
 pub mod startup;
 pub mod stats;
 mod tap;
+pub mod translator;
 pub mod transport;
 pub mod verdict;
 pub mod words;

@@ -27,7 +27,10 @@ pub struct TopicInfo {
 
 impl TopicInfo {
     /// A topic of a type whose definition the crate carries.
-    pub(super) fn of<T: Interface>(name: &str, qos: Qos) -> Result<Self, DefinitionError> {
+    ///
+    /// # Errors
+    /// Where it does not.
+    pub fn of<T: Interface>(name: &str, qos: Qos) -> Result<Self, DefinitionError> {
         Ok(Self {
             name: name.to_owned(),
             type_name: T::TYPE_NAME.to_owned(),

@@ -1,17 +1,19 @@
 //! `govtwin record`: what is heard on DDS, into a bag.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use govtwin::bag::{Writer, broken_off};
+use govtwin::import::{Import, MappedField, topics_of};
 use govtwin::node::arguments::Arguments;
 use govtwin::node::bus::Bus;
 use govtwin::node::recorder::{DEFAULT_TOPICS, OPTIONS, Selection, record};
 
 use serde_json::json;
 
-use super::output;
 use super::run::{duration, environment, stop_on_signals};
+use super::{bus_map, output};
 use crate::commands::{Outcome, number};
 
 /// Record from DDS into a bag.
@@ -28,6 +30,9 @@ pub struct Args {
     /// Only these topics; the type is that of the first publisher unless given as `TOPIC:package/msg/Type`.
     #[arg(long, value_name = "TOPIC", num_args = 1..)]
     topics: Vec<String>,
+    /// The topics that this map of `govtwin import` names, whatever their types: what is recorded is read by the same map.
+    #[arg(long, value_name = "MAP")]
+    map: Option<PathBuf>,
     /// Every topic that anybody publishes, those that come later too.
     #[arg(long)]
     all: bool,
@@ -49,7 +54,10 @@ pub struct Args {
 }
 
 const HELP: &str = "\
-Without --topics and --all, the topics of the servo system are recorded.
+Without --topics, --map and --all, the topics of the servo system are recorded.
+
+With --map, the topics that the map names are recorded as they stand on the wire, so that `govtwin replay RUN --map MAP` reads what `govtwin run --map MAP`
+heard. At the end the bag is held against the map: what of it cannot be read is told, with exit code 3.
 
 What was heard stands in `.NAME.unfinished` beside DIR, a chunk each second, until the recording ends; `govtwin recover DIR` saves it
 where the recorder was killed. Where the disk is full, the recording ends and the bag is completed in 8 MiB that were kept for it.
@@ -58,6 +66,7 @@ Examples:
   govtwin record --out run
   govtwin record --out run --all --duration 60
   govtwin record --out run --topics /clock /rosout /diagnostics /plant/servo_state
+  govtwin record --out run --map unit3_map.yaml
   govtwin record --out run --topics /head:bench_msgs/msg/Head --definitions ~/bench/src
 
 Exit codes: 0 recorded, 1 the bag or the bus refused, 2 wrong usage, 3 recorded, with warnings.";
@@ -70,9 +79,11 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     for remark in &environment.remarks {
         output::warn(remark);
     }
+    let map = args.map.as_deref().map(bus_map::for_recording).transpose()?;
+    let selection = selection(args, map.as_ref().map_or(&[], |(_, fields)| fields));
     let stop = stop_on_signals()?;
     let mut bus = Bus::open(&environment, Arguments::parse(&args.ros, "govtwin_record")?)?;
-    let recorded = record(&mut bus, &selection(args), &args.out, length, &stop, &mut |words| output::say(words))
+    let recorded = record(&mut bus, &selection, &args.out, length, &stop, &mut |words| output::say(words))
         .with_context(|| what_is_kept(&args.out))?;
     for words in bus.arguments().remarks.iter().chain(&bus.idle_arguments()) {
         output::warn(words);
@@ -83,7 +94,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         text.push_str(&format!("{topic:<24}{count:>8} recorded\n"));
     }
     for (topic, type_name) in &recorded.foreign {
-        output::warn(&format!("{topic}: a sender publishes `{type_name}`; its samples are not recorded"));
+        output::warn(&format!("{topic}: a sender publishes {type_name}; its samples are not recorded"));
     }
     for (topic, type_name) in &recorded.undefined {
         output::warn(&format!("{topic}: recorded without the definition of `{type_name}`, which nobody knows"));
@@ -97,6 +108,10 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let silence = recorded.silence(environment.domain);
     for words in &silence {
         output::warn(words);
+    }
+    let unread = map.and_then(|(map, _)| Import::open(std::slice::from_ref(&recorded.bag), &map).err());
+    if let Some(problem) = &unread {
+        output::warn(&format!("by the map the bag cannot be read: {problem}"));
     }
     text.push_str(&format!("bag: {}\n", recorded.bag.display()));
     if args.json {
@@ -112,7 +127,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     output::print(&text)?;
     let complete = recorded.undefined.is_empty() && recorded.unreadable == 0 && !recorded.disk_full;
-    let clean = complete && recorded.foreign.is_empty() && silence.is_empty();
+    let clean = complete && recorded.foreign.is_empty() && silence.is_empty() && unread.is_none();
     Ok(if clean { Outcome::Ok } else { Outcome::Warnings })
 }
 
@@ -131,13 +146,19 @@ fn what_is_kept(out: &Path) -> String {
 }
 
 /// What is to be recorded.
-fn selection(args: &Args) -> Selection {
+fn selection(args: &Args, fields: &[MappedField]) -> Selection {
     let named = args.topics.iter().map(|topic| match topic.split_once(':') {
         Some((name, type_name)) => (name.to_owned(), Some(type_name.to_owned())),
         None => (topic.clone(), usual(topic)),
     });
     let usual = DEFAULT_TOPICS.map(|(topic, type_name)| (topic.to_owned(), Some(type_name.to_owned())));
-    let topics = if args.topics.is_empty() && !args.all { usual.to_vec() } else { named.collect() };
+    let mapped = topics_of(fields).into_iter().map(|topic| (topic, None));
+    let mut topics: Vec<_> = named.chain(mapped).collect();
+    if topics.is_empty() && !args.all {
+        topics = usual.to_vec();
+    }
+    let mut seen = BTreeSet::new();
+    topics.retain(|(topic, _)| seen.insert(topic.clone()));
     Selection { topics, all: args.all, definitions: args.definitions.clone() }
 }
 

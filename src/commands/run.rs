@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use anyhow::Context;
 use govtwin::node::arguments::Arguments;
+use govtwin::node::bus_map::InputNames;
 use govtwin::node::core::{NodeInput, OnStale};
 use govtwin::node::environment::Environment;
 use govtwin::node::live::{self, RunEnd, RunOptions};
@@ -17,11 +18,25 @@ use govtwin::params;
 use govtwin::twin::Twin;
 use serde_json::json;
 
-use super::{model, output};
+use super::{bus_map, model, output};
 use crate::commands::{Outcome, expect, number, usage};
+
+const HELP: &str = "\
+With --map the node takes from the topics of a plant, whatever their types, what the map names: command, ESV and tank pressure, and, with --adapt, the
+measured positions. It is the map by which `govtwin record --map` records and `govtwin replay --map` reads what was recorded. A topic is subscribed to
+when it has a publisher; its definition is found as `govtwin record` finds it. A constant of the map, and what it does not name, stands as the default of its
+input. What cannot be used is said by its signal and field.
+
+Examples:
+  govtwin run --optional esv tank_pressure
+  govtwin run --params unit3.yaml --bag live --ros-args -r __ns:=/unit3
+  govtwin run --params unit3.yaml --map unit3_map.yaml --definitions ~/plant/src
+
+Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 the fail-safe ended the node, or the bag ended before it.";
 
 /// Arguments of `govtwin run`.
 #[derive(Debug, clap::Args)]
+#[command(after_long_help = HELP)]
 #[expect(clippy::struct_excessive_bools, reason = "each is an option of its own")]
 pub struct Args {
     /// Parameter file of the unit; the shipped unit by default.
@@ -39,6 +54,12 @@ pub struct Args {
     /// Let the residual adapt to a unit that ages: watch `plant/servo_state` for drift and follow it by a bounded bias and gain.
     #[arg(long, requires = "residual")]
     adapt: bool,
+    /// Hear the inputs by this map of `govtwin import`, from fields of any type, instead of as messages of our own types.
+    #[arg(long, value_name = "MAP")]
+    map: Option<PathBuf>,
+    /// Folders with definitions of the types that the map needs: DIR/package/msg/Type.msg.
+    #[arg(long, value_name = "DIR", num_args = 1.., requires = "map")]
+    definitions: Vec<PathBuf>,
     /// Ticks of the model per second.
     #[arg(long = "rate", value_name = "HZ", default_value_t = 1000.0, value_parser = number)]
     rate_hz: f64,
@@ -117,10 +138,13 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     };
     let environment = environment(args.lease_s)?;
     let whole = Arguments::parse(&args.ros, "govtwin")?;
+    let map = bus_map::for_node(args.map.as_deref(), &args.definitions, args.adapt)?;
+    let inputs = InputNames::new(map.as_ref());
     let of_one = |arguments: Arguments, params: Option<&Path>, bag: Option<PathBuf>| {
         anyhow::Ok(RunOptions {
             environment: environment.clone(),
             arguments,
+            map: map.clone(),
             unit: unit(params)?,
             residual: args.residual.as_deref().map(model::load).transpose()?,
             adapt: args.adapt,
@@ -150,11 +174,11 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     })?;
     let names = options.iter().map(|one| one.arguments.full_name());
     let (figures, text) = if let ([one], true) = (&ended[..], args.units.is_empty()) {
-        (figures(one), text(one))
+        (figures(one, &inputs), text(one, &inputs))
     } else {
         let named: Vec<_> = names.zip(&ended).collect();
-        let rows = named.iter().map(|(name, one)| (name.clone(), figures(one)));
-        let texts = named.iter().map(|(name, one)| format!("{name}\n{}", text(one)));
+        let rows = named.iter().map(|(name, one)| (name.clone(), figures(one, &inputs)));
+        let texts = named.iter().map(|(name, one)| format!("{name}\n{}", text(one, &inputs)));
         (json!({"units": rows.collect::<serde_json::Map<_, _>>()}), texts.collect())
     };
     let figures = serde_json::to_string_pretty(&figures)? + "\n";
@@ -231,12 +255,16 @@ pub fn duration(seconds_s: Option<f64>, flag: &str) -> anyhow::Result<Option<Dur
     seconds_s.map(convert).transpose()
 }
 
-fn figures(ended: &RunEnd) -> serde_json::Value {
+fn figures(ended: &RunEnd, names: &InputNames) -> serde_json::Value {
     let inputs: serde_json::Map<String, serde_json::Value> = NodeInput::ALL
         .into_iter()
         .map(|input| {
             let counts = ended.counts[input as usize];
-            let row = json!({"used": counts.used, "refused": counts.all_refused(), "restarts": counts.restarts, "lost": counts.lost});
+            let mut row = json!({"used": counts.used, "refused": counts.all_refused(), "restarts": counts.restarts, "lost": counts.lost});
+            let label = &names.labels[input as usize];
+            if label != input.topic() {
+                row["from"] = json!(label);
+            }
             (input.topic().to_owned(), row)
         })
         .collect();
@@ -250,12 +278,13 @@ fn figures(ended: &RunEnd) -> serde_json::Value {
     })
 }
 
-fn text(ended: &RunEnd) -> String {
+fn text(ended: &RunEnd, names: &InputNames) -> String {
     let mut text = ended.summary.text();
     for input in NodeInput::ALL {
         let counts = ended.counts[input as usize];
-        let (topic, used, refused, lost) = (input.topic(), counts.used, counts.all_refused(), counts.lost);
-        text.push_str(&format!("{topic:<24}{used:>8} used {refused:>8} refused {lost:>8} lost on the way\n"));
+        let (name, used, refused, lost) =
+            (&names.labels[input as usize], counts.used, counts.all_refused(), counts.lost);
+        text.push_str(&format!("{name:<24}{used:>8} used {refused:>8} refused {lost:>8} lost on the way\n"));
     }
     for bag in &ended.bags {
         text.push_str(&format!("bag: {}\n", bag.display()));

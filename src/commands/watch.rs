@@ -79,7 +79,11 @@ entered twice, also where a bag was copied, renamed, or read while it grew. `gov
 With --bus a process is recorded into a bag of its own, which waits in OUT/waiting until it is diagnosed while listening goes on. What was being
 recorded when the watch ended is diagnosed as far as it was heard after the next start.
 
+With --map the topics of a plant are heard, whatever their types, and what the map makes of them is cut, kept and diagnosed. The map is that of `govtwin
+import`; it has to name `servomotor_position`.
+
 Examples:
+  govtwin watch --bus --params unit3.yaml --map unit3_map.yaml
   govtwin watch --bus --params unit3.yaml --ros-args -r __ns:=/unit3
   govtwin watch /data/unit3 --params unit3.yaml
   govtwin watch /data/unit3 --params unit3.yaml --publish

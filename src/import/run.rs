@@ -6,14 +6,13 @@ use super::ImportError;
 use super::csv_file::CsvFile;
 use super::findings::{Findings, SignalFindings};
 use super::map::{Map, SignalPlace};
+use super::recurring::Recurring;
 use super::resample::Resampler;
-use super::row::{ImportedRow, Target};
+use super::row::ImportedRow;
 use super::source::table::TableSource;
 use super::source::{Source, SourceKind, kind_of};
 use super::topics::{self, BagRows};
 
-/// Time after which the state of the ESV, and what is constant, is given again, ns.
-const AGAIN_NS: i64 = 1_000_000_000;
 /// Rows between two calls of the progress.
 const ROWS_PER_CALL: u64 = 4096;
 
@@ -111,23 +110,14 @@ impl Import {
     ) -> Result<ImportOutcome, E> {
         let mut findings = Findings::new(&self.map);
         let mut rows = 0_u64;
-        let mut esv = EsvThinning::default();
         let mut resampler = self.map.resample_hz.map(Resampler::new);
-        let constants = self.constants();
+        let mut recurring = Recurring::new(&self.map);
         let mut held: Option<ImportedRow> = None;
         for part in &mut self.sources {
             part.next = part.source.next()?;
         }
-        let mut given_ns: Option<i64> = None;
         let mut hand_on = |row: &mut ImportedRow, rows: &mut u64| {
-            // Constants hold from the first row on, and are given again as the state of the ESV is.
-            if given_ns.is_none_or(|given_ns| row.time_ns - given_ns >= AGAIN_NS) {
-                given_ns = Some(row.time_ns);
-                for (target, value) in &constants {
-                    row.set(*target, *value);
-                }
-            }
-            esv.thin(row);
+            recurring.complete(row);
             *rows += u64::from(!row.is_empty());
             if row.is_empty() { Ok(()) } else { on_row(row) }
         };
@@ -177,15 +167,6 @@ impl Import {
         outcome.signals = signals;
         outcome.warnings.extend(warnings);
         Ok(outcome)
-    }
-
-    /// Values that no file holds.
-    fn constants(&self) -> Vec<(Target, f64)> {
-        let constant = |signal: &super::map::SignalMap| match signal.from {
-            SignalPlace::Constant(value) => Some((signal.target, value)),
-            _ => None,
-        };
-        self.map.signals.iter().filter_map(constant).collect()
     }
 
     /// The earliest row of all sources, of one time that of the file named first.
@@ -241,22 +222,4 @@ pub(super) fn no_parquet(path: &Path) -> ImportError {
         "a Parquet file, which this build cannot read; build with `--features parquet`, or write it as CSV once: \
          `python3 -c \"import pandas; pandas.read_parquet('IN').to_csv('OUT.csv', index=False)\"`",
     )
-}
-
-/// Gives the state of the ESV on change and once a second, as a governor does.
-#[derive(Debug, Default)]
-struct EsvThinning {
-    last: Option<(i64, f64)>,
-}
-
-impl EsvThinning {
-    fn thin(&mut self, row: &mut ImportedRow) {
-        let Some(state) = row.value(Target::Esv) else { return };
-        match self.last {
-            Some((time_ns, last)) if last == state && (0..AGAIN_NS).contains(&(row.time_ns - time_ns)) => {
-                row.set(Target::Esv, f64::NAN);
-            }
-            _ => self.last = Some((row.time_ns, state)),
-        }
-    }
 }

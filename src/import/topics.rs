@@ -4,32 +4,21 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::ImportError;
-use super::map::{Map, SignalPlace};
+use super::map::Map;
+use super::messages::{MappedTopic, topics_of};
 use super::row::ImportedRow;
-use super::source::channel::{ChannelValue, SourceChannel};
+use super::source::channel::SourceChannel;
 use super::source::{Source, SourceNotes};
-use crate::bag::{FieldPath, FieldReader, FieldValue, MergedMessages, TopicInfo, messages};
+use crate::bag::{MergedMessages, TopicInfo, messages};
 use crate::params::nearest;
-
-/// A signal, its field, and the reader of its topic.
-struct MappedSignal {
-    path: FieldPath,
-    reader: usize,
-    channel: SourceChannel,
-    /// Messages that do not hold the field.
-    absent: u64,
-}
 
 /// A bag as a source of rows.
 pub(super) struct BagRows {
     path: PathBuf,
     messages: MergedMessages,
-    readers: Vec<(Arc<TopicInfo>, FieldReader)>,
-    wanted: Vec<MappedSignal>,
-    by_log: bool,
+    topics: Vec<(Arc<TopicInfo>, MappedTopic)>,
     total: u64,
     passed: u64,
-    undated: u64,
     notes: Vec<String>,
 }
 
@@ -38,31 +27,23 @@ impl BagRows {
     pub(super) fn open(path: &Path, map: &Map) -> Result<Self, ImportError> {
         let messages = messages(path)?;
         let wrong = |problem: String| ImportError::file(path, problem);
-        let mut readers: Vec<(Arc<TopicInfo>, FieldReader)> = vec![];
-        let mut wanted = vec![];
-        for (signal, one) in map.signals.iter().enumerate() {
-            let SignalPlace::Field(field) = &one.from else { continue };
-            let id = one.target.id();
-            let field = FieldPath::parse(field).map_err(|problem| wrong(format!("{id}: {problem}")))?;
-            let Some(topic) = messages.topics().iter().find(|topic| topic.name == field.topic) else { continue };
-            let known = readers.iter().position(|(known, _)| known.name == topic.name);
-            let reader = if let Some(known) = known {
-                known
-            } else {
-                let reader =
-                    FieldReader::new(topic).map_err(|problem| wrong(format!("topic `{}`: {problem}", topic.name)))?;
-                readers.push((Arc::clone(topic), reader));
-                readers.len() - 1
-            };
-            readers[reader].1.check(&field).map_err(|problem| wrong(format!("{id}: {problem}")))?;
-            wanted.push(MappedSignal { path: field, reader, channel: SourceChannel::new(signal, one), absent: 0 });
+        let fields = map.fields().map_err(wrong)?;
+        let mut topics = vec![];
+        for name in topics_of(&fields) {
+            let Some(topic) = messages.topics().iter().find(|topic| topic.name == name) else { continue };
+            topics.push((Arc::clone(topic), MappedTopic::new(&name, topic, &fields, map).map_err(wrong)?));
         }
-        let notes =
-            readers.iter().map(|(topic, _)| format!("topic {} of type {}", topic.name, topic.type_name)).collect();
+        let note = |topic: &TopicInfo| format!("topic {} of type {}", topic.name, topic.type_name);
+        let notes = topics.iter().map(|(topic, _)| note(topic)).collect();
         let total = messages.files().iter().map(|file| file.messages).sum();
-        let path = path.to_owned();
-        let by_log = map.time.by_log;
-        Ok(Self { path, messages, readers, wanted, by_log, total, passed: 0, undated: 0, notes })
+        Ok(Self { path: path.to_owned(), messages, topics, total, passed: 0, notes })
+    }
+
+    /// All channels in the order of the map, each with how many messages did not hold its field.
+    fn channels(&self) -> Vec<(&SourceChannel, u64)> {
+        let mut channels: Vec<_> = self.topics.iter().flat_map(|(_, topic)| topic.channels()).collect();
+        channels.sort_by_key(|(channel, _)| channel.signal);
+        channels
     }
 }
 
@@ -86,23 +67,9 @@ impl Source for BagRows {
         for message in self.messages.by_ref() {
             let message = message?;
             self.passed += 1;
-            let Some(reader) = self.readers.iter().position(|(topic, _)| topic.name == message.topic.name) else {
-                continue;
-            };
-            let stamp_ns = self.readers[reader].1.stamp_ns(&message.data).filter(|_| !self.by_log);
-            self.undated += u64::from(stamp_ns.is_none() && !self.by_log);
-            let mut row = ImportedRow::at(stamp_ns.unwrap_or(message.log_time_ns));
-            for wanted in self.wanted.iter_mut().filter(|wanted| wanted.reader == reader) {
-                match self.readers[reader].1.value(&wanted.path, &message.data) {
-                    Some(FieldValue::Number(number)) => {
-                        wanted.channel.take(ChannelValue::Number(number), self.passed, &mut row);
-                    }
-                    Some(FieldValue::Text(text)) => {
-                        wanted.channel.take(ChannelValue::Text(&text), self.passed, &mut row);
-                    }
-                    None => wanted.absent += 1,
-                }
-            }
+            let known = self.topics.iter_mut().find(|(topic, _)| topic.name == message.topic.name);
+            let Some((_, topic)) = known else { continue };
+            let row = topic.take(&message.data, message.log_time_ns, self.passed);
             if !row.is_empty() {
                 return Ok(Some(row));
             }
@@ -115,7 +82,7 @@ impl Source for BagRows {
     }
 
     fn holds(&self) -> Vec<usize> {
-        self.wanted.iter().map(|wanted| wanted.channel.signal).collect()
+        self.channels().iter().map(|(channel, _)| channel.signal).collect()
     }
 
     fn said(&self) -> SourceNotes {
@@ -123,18 +90,19 @@ impl Source for BagRows {
         let mut said =
             SourceNotes { notes: self.notes.iter().map(|note| format!("{path}: {note}")).collect(), warnings: vec![] };
         said.warnings.extend(self.messages.warnings().iter().map(|warning| format!("{path}: {warning}")));
-        if self.undated > 0 {
-            let count = self.undated;
-            said.notes
-                .push(format!("{path}: {count} messages have no stamp of their own; the time of recording stands in"));
+        let undated: u64 = self.topics.iter().map(|(_, topic)| topic.undated()).sum();
+        if undated > 0 {
+            said.notes.push(format!(
+                "{path}: {undated} messages have no stamp of their own; the time of recording stands in"
+            ));
         }
-        for wanted in &self.wanted {
-            let (id, place) = (wanted.channel.map.target.id(), wanted.channel.map.place().unwrap_or_default());
-            if wanted.absent > 0 {
-                said.warnings.push(format!("{path}: {id} (`{place}`): {} messages do not hold it", wanted.absent));
+        for (channel, absent) in self.channels() {
+            let (id, place) = (channel.map.target.id(), channel.map.place().unwrap_or_default());
+            if absent > 0 {
+                said.warnings.push(format!("{path}: {id} (`{place}`): {absent} messages do not hold it"));
             }
-            if let Some((message, text)) = &wanted.channel.bad.first {
-                let count = wanted.channel.bad.count;
+            if let Some((message, text)) = &channel.bad.first {
+                let count = channel.bad.count;
                 said.warnings.push(format!(
                     "{path}: {id} (`{place}`): {count} values are no numbers, the first `{text}` in message {message}"
                 ));

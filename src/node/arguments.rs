@@ -97,6 +97,13 @@ impl Arguments {
         Ok(Self { namespace, name, parameters, log_level, rosout, remarks, rules })
     }
 
+    /// The same for a node that helps this one, under one of the names that ROS 2 hides.
+    #[must_use]
+    pub fn helper(&self, what: &str) -> Self {
+        let name = format!("_{}_{what}", self.name);
+        Self { name, rosout: false, remarks: Vec::new(), ..self.clone() }
+    }
+
     /// The node's full name.
     #[must_use]
     pub fn full_name(&self) -> String {

@@ -16,7 +16,7 @@ use serde::Serialize;
 use super::arguments::Arguments;
 use super::environment::Environment;
 use super::offer::dds_type;
-use super::qos::{self, best_effort, kept, latched, recorded, reliable};
+use super::qos::{self, best_effort, kept, reliable};
 use super::services::call::Calls;
 use super::tap::Tap;
 use super::transport;
@@ -138,17 +138,26 @@ impl Bus {
         self.listen(topic, best_effort())
     }
 
-    /// Listens to a topic of any type for its bytes, with room for what comes while the disk is slow; `is_latched` asks for the samples
-    /// that its publishers keep for those who come later.
+    /// The full name of a topic that is opened later, when it has a publisher.
+    ///
+    /// # Errors
+    /// On a name that is none.
+    pub(super) fn await_topic(&mut self, topic: &str) -> Result<String, BusError> {
+        let full_name = self.arguments.resolve(topic)?;
+        self.opened.insert(self.arguments.expand(topic)?);
+        parse_name(&full_name)?;
+        Ok(full_name)
+    }
+
+    /// Listens to a topic of any type for its bytes.
     ///
     /// # Errors
     /// As [`Bus::subscribe`].
-    pub(super) fn tap(&mut self, topic: &str, type_name: &str, is_latched: bool) -> Result<Tap, BusError> {
-        let qos = if is_latched { latched() } else { recorded() };
+    pub(super) fn tap(&mut self, topic: &str, type_name: &str, qos: &QosProfile) -> Result<Tap, BusError> {
         let (full_name, topic) = self.topic(topic, (type_name, None), "subscription", qos.clone())?;
         let refused = |source: rustdds::dds::CreateError| BusError::open(&full_name, source);
         let subscriber =
-            self.context.domain_participant().create_subscriber(&QosPolicies::from(&qos)).map_err(refused)?;
+            self.context.domain_participant().create_subscriber(&QosPolicies::from(qos)).map_err(refused)?;
         let reader = subscriber.create_simple_datareader_no_key(&topic, None).map_err(refused)?;
         Ok(Tap::new(subscriber, reader))
     }

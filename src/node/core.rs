@@ -173,8 +173,13 @@ impl Core {
                 return;
             }
             InputEvent::Measured { spool_pu, servomotor_pu } => {
-                self.measured.spool_position_pu = spool_pu;
-                self.measured.servomotor_position_pu = servomotor_pu;
+                // Two topics may hold one each: neither forgets what the other said before the same tick.
+                if !spool_pu.is_nan() {
+                    self.measured.spool_position_pu = spool_pu;
+                }
+                if !servomotor_pu.is_nan() {
+                    self.measured.servomotor_position_pu = servomotor_pu;
+                }
                 return;
             }
             InputEvent::Load(load_n) => {

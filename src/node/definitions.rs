@@ -84,6 +84,11 @@ impl Definitions {
         Some(found)
     }
 
+    /// Looks for a definition anew the next time, where nobody knew it.
+    pub(super) fn forget(&mut self, type_name: &str, hash: &str) {
+        self.known.remove(&(type_name.to_owned(), hash.to_owned()));
+    }
+
     fn carried_or_filed(&self, (type_name, hash): &Wanted) -> Option<String> {
         let carried = |name: &str| text_of(name).map(str::to_owned);
         let filed = |name: &str| self.filed(name).map_or_else(|| carried(name), Ok);

@@ -2,6 +2,7 @@
 
 pub mod competing_publishers;
 pub mod joints;
+pub mod mapped;
 
 use std::collections::BTreeMap;
 
@@ -37,11 +38,15 @@ pub enum Refusal {
     ForeignType,
     /// A joint command without position or effort of the servomotor.
     NothingAsked,
+    /// A message without the field that a map names.
+    FieldAbsent,
+    /// A text in a field that a map takes for a number.
+    Text,
 }
 
 impl Refusal {
     /// All reasons, in the order of their counts.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 9] = [
         Self::NotFinite,
         Self::OutOfRange,
         Self::BadStamp,
@@ -49,6 +54,8 @@ impl Refusal {
         Self::Undecodable,
         Self::ForeignType,
         Self::NothingAsked,
+        Self::FieldAbsent,
+        Self::Text,
     ];
 
     /// The reason in words.
@@ -62,6 +69,8 @@ impl Refusal {
             Self::Undecodable => "not of the agreed type",
             Self::ForeignType => "from a sender of another type",
             Self::NothingAsked => "without position or effort of the joint `servomotor`",
+            Self::FieldAbsent => "without the field that the map names",
+            Self::Text => "text, where the map expects a number",
         }
     }
 }
@@ -75,7 +84,7 @@ pub struct TopicCounts {
     pub restarts: u64,
     /// Samples that a sender numbered and that never came.
     pub lost: u64,
-    refused: [u64; 7],
+    refused: [u64; Refusal::ALL.len()],
 }
 
 impl TopicCounts {
@@ -120,8 +129,13 @@ impl TopicGate {
 
     /// Lets a stamped value through or refuses it.
     fn pass<Value>(&mut self, header: &Header, heard: Result<Value, Refusal>) -> Result<Value, Refusal> {
+        let stamp_ns = header.stamp.nanos().ok_or(Refusal::BadStamp);
+        self.pass_at(stamp_ns.unwrap_or(0), heard.and_then(|heard| stamp_ns.map(|_| heard)))
+    }
+
+    /// The same with a stamp that is a time, ns; 0 where there is none.
+    fn pass_at<Value>(&mut self, stamp_ns: i64, heard: Result<Value, Refusal>) -> Result<Value, Refusal> {
         let outcome = heard.and_then(|heard| {
-            let stamp_ns = header.stamp.nanos().ok_or(Refusal::BadStamp)?;
             // Senders without a clock leave the stamp at zero.
             if stamp_ns != 0 {
                 let behind_ns = self.newest_ns.map_or(0, |newest_ns| newest_ns.saturating_sub(stamp_ns));

@@ -1,6 +1,7 @@
 //! The thread that hears: samples are checked and become events, parameter calls are answered.
 
 pub mod event;
+mod mapped;
 mod samples;
 
 use std::cell::{Cell, RefCell};
@@ -8,6 +9,7 @@ use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::thread::Thread;
 
+use futures::channel::mpsc::UnboundedReceiver;
 use futures::channel::oneshot;
 use futures::stream::{LocalBoxStream, StreamExt, select_all};
 use ros2_client::log::LogLevel;
@@ -17,6 +19,8 @@ use rtrb::{Consumer, Producer};
 
 use self::event::{NodeEvent, Teller};
 use super::bus::{Bus, BusError};
+use super::bus_map::InputNames;
+use super::bus_map::subscriber::OpenedTopic;
 use super::clock;
 use super::core::{InputEvent, NodeInput};
 use super::environment::Environment;
@@ -39,9 +43,7 @@ pub const MEASURED: &str = "plant/servo_state";
 
 /// Everything that the node hears through.
 pub struct Subscriptions {
-    command: Subscription<GovernorCommand>,
-    esv: Subscription<EsvState>,
-    tank_pressure: Subscription<FluidPressure>,
+    native: Option<NativeInputs>,
     joint_commands: Subscription<JointState>,
     measured: Option<Subscription<ServoState>>,
     clock: Option<Subscription<Clock>>,
@@ -50,8 +52,16 @@ pub struct Subscriptions {
     parameter_events: Publisher<raw::ParameterEvent>,
 }
 
+/// The inputs in messages of our own types.
+struct NativeInputs {
+    command: Subscription<GovernorCommand>,
+    esv: Subscription<EsvState>,
+    tank_pressure: Subscription<FluidPressure>,
+}
+
 impl Subscriptions {
-    /// Opens all endpoints; the measured state is heard where a residual adapts to it.
+    /// Opens all endpoints; the measured state is heard where a residual adapts to it. Where a map says where inputs come from, those of our own
+    /// types are not heard.
     ///
     /// # Errors
     /// When DDS refuses one.
@@ -60,6 +70,7 @@ impl Subscriptions {
         environment: &Environment,
         settings: &NodeSettings,
         adapts: bool,
+        is_mapped: bool,
     ) -> Result<Self, BusError> {
         let time = settings.pace().time;
         let mut services = Vec::new();
@@ -74,11 +85,17 @@ impl Subscriptions {
         Ok(Self {
             services,
             action: StepsAction::open(bus, time)?,
-            command: bus.subscribe(NodeInput::Command.topic())?,
-            esv: bus.subscribe(NodeInput::Esv.topic())?,
-            tank_pressure: bus.subscribe(NodeInput::TankPressure.topic())?,
+            native: if is_mapped {
+                None
+            } else {
+                Some(NativeInputs {
+                    command: bus.subscribe(NodeInput::Command.topic())?,
+                    esv: bus.subscribe(NodeInput::Esv.topic())?,
+                    tank_pressure: bus.subscribe(NodeInput::TankPressure.topic())?,
+                })
+            },
             joint_commands: bus.subscribe(JOINT_COMMANDS)?,
-            measured: if adapts { Some(bus.subscribe(MEASURED)?) } else { None },
+            measured: if adapts && !is_mapped { Some(bus.subscribe(MEASURED)?) } else { None },
             clock: if settings.use_sim_time { Some(bus.subscribe("/clock")?) } else { None },
             parameter_events: bus.parameter_events()?,
         })
@@ -119,6 +136,11 @@ pub struct Listener<'a> {
     pub clock: &'a clock::ClockHeard,
     /// Stroke of the servomotor, by which metres become pu.
     stroke_m: Cell<f64>,
+    names: InputNames,
+    /// Topics of a map, as they are subscribed to.
+    opened: RefCell<Option<UnboundedReceiver<OpenedTopic>>>,
+    /// A trip that the map lets stay was seen.
+    esv_latched: Cell<bool>,
     gates: RefCell<[TopicGate; NodeInput::COUNT]>,
     competing: RefCell<[CompetingPublishers<Gid>; NodeInput::COUNT]>,
     senders: RefCell<BTreeMap<Gid, bool>>,
@@ -151,12 +173,21 @@ impl<'a> Listener<'a> {
             counts,
             clock,
             stroke_m: Cell::new(1.0),
+            names: InputNames::new(None),
+            opened: RefCell::new(None),
+            esv_latched: Cell::new(false),
             gates: RefCell::default(),
             competing: RefCell::default(),
             senders: RefCell::default(),
             numbers: RefCell::default(),
             full: Cell::new(false),
         }
+    }
+
+    /// The same for inputs that come by a map, from topics as they are subscribed to.
+    #[must_use]
+    pub(super) fn with_map(self, names: InputNames, opened: Option<UnboundedReceiver<OpenedTopic>>) -> Self {
+        Self { names, opened: RefCell::new(opened), ..self }
     }
 
     /// All that arrives, dealt with as it comes.
@@ -168,12 +199,12 @@ impl<'a> Listener<'a> {
         replies: &'s Replies<'p>,
     ) -> Vec<Arrivals<'s>> {
         self.stroke_m.set(services.store.borrow().unit().parameters.servomotor.stroke_m);
-        let mut streams = vec![
-            self.input(&subscriptions.command),
-            self.input(&subscriptions.esv),
-            self.input(&subscriptions.tank_pressure),
-            subscriptions.joint_commands.async_stream().map(|sample| self.asked(sample)).boxed_local(),
-        ];
+        let mut streams =
+            vec![subscriptions.joint_commands.async_stream().map(|sample| self.asked(sample)).boxed_local()];
+        if let Some(native) = &subscriptions.native {
+            streams.extend([self.input(&native.command), self.input(&native.esv), self.input(&native.tank_pressure)]);
+        }
+        streams.extend(self.opened.take().map(|opened| self.mapped(opened)));
         if let Some(measured) = &subscriptions.measured {
             streams.push(measured.async_stream().map(|sample| self.measured(sample)).boxed_local());
         }

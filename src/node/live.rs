@@ -10,6 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::Thread;
 use std::time::Duration;
 
+use futures::channel::mpsc::UnboundedReceiver;
 use futures::channel::oneshot;
 use ros2_client::ServiceMapping;
 use ros2_client::log::LogLevel;
@@ -20,6 +21,8 @@ use supervisor::Supervisor;
 
 use super::arguments::Arguments;
 use super::bus::{Bus, BusError};
+use super::bus_map::subscriber::OpenedTopic;
+use super::bus_map::{BusMap, InputNames};
 use super::core::NodeInput;
 use super::environment::Environment;
 use super::intake::TopicCounts;
@@ -50,11 +53,13 @@ pub struct RunOptions {
     pub environment: Environment,
     /// What stands behind `--ros-args`.
     pub arguments: Arguments,
+    /// Where the inputs come from, where they are not of our own types.
+    pub map: Option<BusMap>,
     /// The unit to simulate.
     pub unit: Unit,
     /// A learned residual of that unit's twin.
     pub residual: Option<Model>,
-    /// Whether it adapts to drift, by what `plant/servo_state` says.
+    /// Whether it adapts to drift, by what `plant/servo_state` says, or the map.
     pub adapt: bool,
     /// Settings before `--ros-args`.
     pub settings: NodeSettings,
@@ -134,7 +139,7 @@ pub fn run_together(
     let tell = |level, words: &str| (say.borrow_mut())(level, words);
     let (mut outlets, mut loops, mut hearers, mut supervisors) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for (((station, parts), journal), replies) in stations.iter().zip(parts).zip(journals).zip(&replies) {
-        let Parts { health, store, fixed_unit, integrator, ends } = parts;
+        let Parts { health, store, fixed_unit, integrator, ends, subscriber, opened, names } = parts;
         let Ends { events, refits, retired, outputs, answers } = ends;
         let (node_events, heard) = way();
         let action = station.subscriptions.action();
@@ -143,8 +148,10 @@ pub fn run_together(
         let name = station.bus.arguments().full_name();
         let prefix = if options.len() > 1 { format!("{name}: ") } else { String::new() };
         let state = Box::new(|| replies.state());
-        supervisors.push(Supervisor::new(station, (health, journal, heard), state, prefix, &tell));
-        hearers.push(Hearer { station, replies, store, fixed_unit, node_events, ways: (events, refits, retired) });
+        let heard = (health, journal, heard);
+        supervisors.push(Supervisor::new(station, heard, state, (prefix, names.clone(), subscriber), &tell));
+        let ways = (events, refits, retired);
+        hearers.push(Hearer { station, replies, store, fixed_unit, node_events, ways, mapped: (names, opened) });
     }
 
     let share = loops.len().div_ceil(threads.max(1));
@@ -231,7 +238,9 @@ fn open(options: &[RunOptions], say: Say<'_>) -> Result<Opened, NodeError> {
         stations.push(station);
         parts.push(of_threads);
     }
-    for words in Bus::idle_arguments_of(&stations.iter().map(|station| &station.bus).collect::<Vec<_>>()) {
+    let mapped = parts.iter().filter_map(|parts: &Parts| Some(parts.subscriber.as_ref()?.bus()));
+    for words in Bus::idle_arguments_of(&stations.iter().map(|station| &station.bus).chain(mapped).collect::<Vec<_>>())
+    {
         say_once(LogLevel::Warn, &words);
     }
     for (station, options) in stations.iter().zip(options) {
@@ -259,6 +268,7 @@ struct Hearer<'a, 'p> {
     fixed_unit: Option<&'static str>,
     node_events: Teller,
     ways: Ways,
+    mapped: (InputNames, Option<UnboundedReceiver<OpenedTopic>>),
 }
 
 /// The ways to the loop and back.
@@ -274,9 +284,11 @@ struct UnitHearing<'a, 'p> {
 
 impl<'a, 'p> Hearer<'a, 'p> {
     fn into_hearing(self, stepper: &Thread, mappings: &[ServiceMapping]) -> UnitHearing<'a, 'p> {
-        let Self { station, replies, store, fixed_unit, node_events, ways: (events, refits, retired) } = self;
+        let Self { station, replies, store, fixed_unit, node_events, ways, mapped: (names, opened) } = self;
+        let (events, refits, retired) = ways;
         let integrator = Loop { events, refits, retired, thread: stepper.clone() };
-        let listener = Listener::new(&station.bus, integrator, node_events, &station.counts, &station.clock);
+        let listener = Listener::new(&station.bus, integrator, node_events, &station.counts, &station.clock)
+            .with_map(names, opened);
         let mut services = ServiceContext::new(store, mappings, &station.least);
         services.fixed_unit = fixed_unit;
         UnitHearing { station, replies, listener, services }

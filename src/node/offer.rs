@@ -39,6 +39,18 @@ impl Offer {
             profile: profile(&qos),
         })
     }
+
+    /// Whether it is of a type by its name and, where both are known, the hash of its definition.
+    pub(super) fn is_of(&self, type_name: &str, hash: &str) -> bool {
+        let same_hash = hash.is_empty() || self.type_hash.is_empty() || hash == self.type_hash;
+        self.type_name == type_name && same_hash
+    }
+
+    /// Its type in words, where it is not of the expected one: that, or another definition of it.
+    pub(super) fn otherwise(&self, expected: &str) -> String {
+        let other = if self.type_name == expected { "another definition of " } else { "" };
+        format!("{other}`{}`", self.type_name)
+    }
 }
 
 /// A service that describes types, and the process that has it.

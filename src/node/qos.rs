@@ -39,6 +39,12 @@ pub fn latched() -> QosProfile {
     }
 }
 
+/// The same, the newest ten: what a map names is read with where its publishers keep it.
+#[must_use]
+pub fn newest_latched() -> QosProfile {
+    QosProfile { history: best_effort().history, ..latched() }
+}
+
 /// Reliable, so that every reader matches, but never waiting: where the window is full the sample is dropped.
 #[must_use]
 pub fn reliable() -> QosProfile {

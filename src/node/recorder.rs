@@ -13,6 +13,7 @@ use super::bus::{Bus, BusError};
 use super::definitions::Definitions;
 use super::intake::Numbering;
 use super::offer::Offer;
+use super::qos::{latched, recorded};
 use super::realtime::{Until, pause};
 use super::tap::{Tap, TappedSample};
 use crate::bag::{BagError, RawMessage, TopicInfo, Writer, WriterOptions};
@@ -235,7 +236,7 @@ impl Deck<'_> {
     /// A topic to be recorded; it is opened now where its type is known.
     fn add(&mut self, given: &str, type_name: Option<String>) -> Result<(), BusError> {
         let name = self.bus.arguments().resolve(given)?;
-        let tap = type_name.as_deref().map(|type_name| self.bus.tap(given, type_name, false)).transpose()?;
+        let tap = type_name.as_deref().map(|type_name| self.bus.tap(given, type_name, &recorded())).transpose()?;
         self.tapes.push(Tape {
             name,
             given: given.to_owned(),
@@ -276,7 +277,8 @@ impl Deck<'_> {
             if tape.tap.is_none() {
                 let type_name = here[0].type_name.clone();
                 let is_latched = here.iter().all(|offer| offer.is_latched);
-                tape.tap = Some(self.bus.tap(&tape.given, &type_name, is_latched)?);
+                let qos = if is_latched { latched() } else { recorded() };
+                tape.tap = Some(self.bus.tap(&tape.given, &type_name, &qos)?);
                 tape.type_name = Some(type_name);
             }
             let type_name = tape.type_name.clone().unwrap_or_default();
@@ -322,7 +324,15 @@ impl Deck<'_> {
                         continue;
                     }
                 };
-                if !believes(&mut tape.senders, sender, self.bus, (&tape.name, type_name), &mut self.recorded.foreign) {
+                let (right, other) = believes(&mut tape.senders, sender, self.bus, (type_name, &topic.type_hash));
+                if let Some(other) = other {
+                    (self.tell)(&format!(
+                        "{}: a sender publishes {other}, expected `{type_name}`; it is not heard",
+                        tape.name
+                    ));
+                    self.recorded.foreign.push((tape.name.clone(), other));
+                }
+                if !right {
                     continue;
                 }
                 self.recorded.lost += self.numbers.take(sender, number);
@@ -337,24 +347,21 @@ impl Deck<'_> {
     }
 }
 
-/// Whether a sender announced the type that the topic should have; asked once for each.
+/// Whether a sender announced the type, and the definition of it, that the topic has; asked once for each, and the first time what it announced
+/// instead.
 fn believes(
     senders: &mut BTreeMap<Gid, bool>,
     sender: Gid,
     bus: &Bus,
-    (name, expected): (&str, &str),
-    foreign: &mut Vec<(String, String)>,
-) -> bool {
+    (expected, hash): (&str, &str),
+) -> (bool, Option<String>) {
     if let Some(&right) = senders.get(&sender) {
-        return right;
+        return (right, None);
     }
-    let Some((_, found)) = bus.writers().remove(&sender) else { return true };
-    let right = found == expected;
+    let Some(offer) = bus.offers().into_iter().find(|offer| offer.sender == sender) else { return (true, None) };
+    let right = offer.is_of(expected, hash);
     senders.insert(sender, right);
-    if !right {
-        foreign.push((name.to_owned(), found));
-    }
-    right
+    (right, (!right).then(|| offer.otherwise(expected)))
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 use ros2_client::log::LogLevel;
 
 use super::bus::Bus;
+use super::bus_map::BusMap;
 use super::environment::Environment;
 use super::integration::TimeSource;
 use super::policy::{NodeInput, OnStale};
@@ -28,7 +29,12 @@ const OUTPUTS: [(&str, &str, &str); 3] = [
 
 /// The node's name, transport, topics and rates.
 #[must_use]
-pub fn words(bus: &Bus, environment: &Environment, settings: &NodeSettings) -> Vec<(LogLevel, String)> {
+pub fn words(
+    bus: &Bus,
+    environment: &Environment,
+    settings: &NodeSettings,
+    map: Option<&BusMap>,
+) -> Vec<(LogLevel, String)> {
     let name = bus.arguments().full_name();
     let networks = if environment.only_networks.is_some() { "this machine only" } else { "all networks" };
     let (domain, lease_s) = (environment.domain, environment.lease.as_secs_f64());
@@ -47,11 +53,11 @@ pub fn words(bus: &Bus, environment: &Environment, settings: &NodeSettings) -> V
             OnStale::Hold => "held for ever".to_owned(),
             other => format!("held {hold_s} s, then {}", other.name()),
         };
-        let topic = full(input.topic());
-        lines.push((
-            LogLevel::Info,
-            format!("hears {topic}: {type_name} [{unit}], {need}, stale after {stale_after_s} s, {then}"),
-        ));
+        let what = match map.and_then(|map| map.words(input)) {
+            Some(words) => words,
+            None => format!("hears {}: {type_name} [{unit}]", full(input.topic())),
+        };
+        lines.push((LogLevel::Info, format!("{what}, {need}, stale after {stale_after_s} s, {then}")));
     }
     let outputs = OUTPUTS.map(|(topic, type_name, units)| format!("{}: {type_name} [{units}]", full(topic)));
     lines.push((LogLevel::Info, format!("publishes at {} Hz {}", settings.publish_rate_hz, outputs.join("; "))));

@@ -2,6 +2,7 @@
 
 use std::io;
 
+use futures::stream::{Stream, StreamExt, unfold};
 use ros2_client::Gid;
 use rustdds::no_key::{Decode, DefaultDecoder, DeserializerAdapter, SimpleDataReader};
 use rustdds::{RepresentationIdentifier as Layout, Subscriber, Timestamp};
@@ -95,14 +96,33 @@ impl Tap {
         match self.reader.try_take_one() {
             Ok(None) => None,
             Ok(Some(change)) => {
-                let received_ns = nanos(change.receive_instant);
-                let sent_ns = change.source_timestamp().map_or(received_ns, nanos);
-                let sender = Gid::from(change.writer_guid());
-                let number = i64::from(change.sequence_number);
-                Some(Ok(TappedSample { sender, received_ns, sent_ns, number, data: change.into_value() }))
+                let (sender, number) = (Gid::from(change.writer_guid()), i64::from(change.sequence_number));
+                let times = (change.receive_instant, change.source_timestamp());
+                Some(Ok(TappedSample::of(sender, number, times, change.into_value())))
             }
             Err(error) => Some(Err(error.to_string())),
         }
+    }
+
+    /// Samples as they come.
+    pub(super) fn into_stream(self) -> impl Stream<Item = Result<TappedSample, String>> {
+        unfold(self, |tap| async move {
+            tap.reader.drain_read_notifications();
+            let next = std::pin::pin!(tap.reader.as_async_stream()).next().await;
+            let sample = next?.map(|change| {
+                let (sender, number) = (Gid::from(change.writer_guid()), i64::from(change.sequence_number));
+                let times = (change.receive_instant, change.source_timestamp());
+                TappedSample::of(sender, number, times, change.into_value())
+            });
+            Some((sample.map_err(|error| error.to_string()), tap))
+        })
+    }
+}
+
+impl TappedSample {
+    fn of(sender: Gid, number: i64, (received, sent): (Timestamp, Option<Timestamp>), data: Vec<u8>) -> Self {
+        let received_ns = nanos(received);
+        Self { sender, received_ns, sent_ns: sent.map_or(received_ns, nanos), number, data }
     }
 }
 

@@ -6,11 +6,15 @@ use super::core::{NodeInput, Notices, OnStale};
 use super::listener::event::NodeEvent;
 use super::settings::NodeSettings;
 
-/// NodeEvent in words, with how urgent they are; `settings` follow what changes while the node runs.
+/// NodeEvent in words, with how urgent they are; `settings` follow what changes while the node runs, `labels` are what inputs are called.
 #[must_use]
-pub fn of(node_events: &NodeEvent, settings: &mut NodeSettings) -> Vec<(LogLevel, String)> {
+pub fn of(
+    node_events: &NodeEvent,
+    settings: &mut NodeSettings,
+    labels: &[String; NodeInput::COUNT],
+) -> Vec<(LogLevel, String)> {
     match node_events {
-        NodeEvent::Output(output) => of_tick(output.tick.notices, settings),
+        NodeEvent::Output(output) => of_tick(output.tick.notices, settings, labels),
         NodeEvent::Said(level, words) => vec![(*level, words.clone())],
         NodeEvent::Settings(new) => {
             *settings = **new;
@@ -20,7 +24,7 @@ pub fn of(node_events: &NodeEvent, settings: &mut NodeSettings) -> Vec<(LogLevel
 }
 
 /// The news of a tick in words.
-fn of_tick(notices: Notices, settings: &NodeSettings) -> Vec<(LogLevel, String)> {
+fn of_tick(notices: Notices, settings: &NodeSettings, labels: &[String; NodeInput::COUNT]) -> Vec<(LogLevel, String)> {
     let mut said = Vec::new();
     if notices.has(Notices::RESET) {
         let words = "time jumped back, or ahead by more than 10 s: the twin forgot everything and waits for inputs";
@@ -34,7 +38,7 @@ fn of_tick(notices: Notices, settings: &NodeSettings) -> Vec<(LogLevel, String)>
         said.push((LogLevel::Info, words.to_owned()));
     }
     for input in NodeInput::ALL {
-        let topic = input.topic();
+        let topic = &labels[input as usize];
         let policy = settings.policies().rules[input as usize].policy;
         let ([stale_after_s, hold_s], on_stale) = (policy.limits_s(), policy.on_stale);
         if notices.has(Notices::missing(input)) {
@@ -91,12 +95,16 @@ mod tests {
     use crate::node::settings::NodeSettings;
     use crate::twin::Twin;
 
+    fn labels() -> [String; NodeInput::COUNT] {
+        NodeInput::ALL.map(|input| input.topic().to_owned())
+    }
+
     #[test]
     fn a_stale_input_is_named_with_its_limits() {
-        let said = of_tick(Notices::stale(NodeInput::Esv), &NodeSettings::default());
+        let said = of_tick(Notices::stale(NodeInput::Esv), &NodeSettings::default(), &labels());
         let expected = "governor/esv: nothing heard for 2.5 s; its last value is held for 1 s, then the ESV trips";
         assert_eq!(said, [(LogLevel::Warn, expected.to_owned())]);
-        assert!(of_tick(Notices::default(), &NodeSettings::default()).is_empty());
+        assert!(of_tick(Notices::default(), &NodeSettings::default(), &labels()).is_empty());
     }
 
     #[test]
@@ -112,12 +120,12 @@ mod tests {
             overruns: 0,
             worst_lateness_us: 0.0,
         }));
-        assert!(of(&stale, &mut settings)[0].1.contains("held for 1 s, then the ESV trips"));
+        assert!(of(&stale, &mut settings, &labels())[0].1.contains("held for 1 s, then the ESV trips"));
         let longer = NodeSettings { hold_s: 30.0, ..settings };
-        assert!(of(&NodeEvent::Settings(Box::new(longer)), &mut settings).is_empty());
-        assert!(of(&stale, &mut settings)[0].1.contains("held for 30 s, then the ESV trips"));
+        assert!(of(&NodeEvent::Settings(Box::new(longer)), &mut settings, &labels()).is_empty());
+        assert!(of(&stale, &mut settings, &labels())[0].1.contains("held for 30 s, then the ESV trips"));
         let holding = NodeSettings { on_stale: OnStale::Hold, ..longer };
-        assert!(of(&NodeEvent::Settings(Box::new(holding)), &mut settings).is_empty());
-        assert!(of(&stale, &mut settings)[0].1.ends_with("its last value is held"));
+        assert!(of(&NodeEvent::Settings(Box::new(holding)), &mut settings, &labels()).is_empty());
+        assert!(of(&stale, &mut settings, &labels())[0].1.ends_with("its last value is held"));
     }
 }

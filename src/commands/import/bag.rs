@@ -5,8 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use govtwin::bag::{self, Qos, Sealed, Topic, Topics, Writer, WriterOptions};
-use govtwin::frame::EsvState;
-use govtwin::import::{Import, ImportError, ImportOutcome, ImportedRow, Map, Target, map_text};
+use govtwin::import::{Import, ImportError, ImportOutcome, ImportedRow, Map, RowMessages, map_text};
 use govtwin::msg;
 
 use super::progress;
@@ -56,38 +55,11 @@ pub fn check(files: &[PathBuf], map: &Map) -> anyhow::Result<ImportOutcome> {
 impl Streams {
     fn put(&mut self, row: &ImportedRow) -> anyhow::Result<()> {
         let time_ns = row.time_ns;
-        let header = || msg::Header::at(time_ns);
-        if let Some(opening) = row.value(Target::OpeningCommand) {
-            self.bag.write(self.command, time_ns, &msg::GovernorCommand { header: header(), opening })?;
-        }
-        if let Some(state) = row.esv() {
-            let state = match state {
-                EsvState::Shutdown => msg::EsvState::SHUTDOWN,
-                EsvState::Normal => msg::EsvState::NORMAL,
-            };
-            self.bag.write(self.esv, time_ns, &msg::EsvState { header: header(), state })?;
-        }
-        if let Some(fluid_pressure) = row.value(Target::TankPressure) {
-            let message = msg::FluidPressure { header: header(), fluid_pressure, variance: 0.0 };
-            self.bag.write(self.tank_pressure, time_ns, &message)?;
-        }
-        let signal = |target: Target| row.value(target).unwrap_or(f64::NAN);
-        let message = msg::ServoState {
-            header: header(),
-            spool_position: signal(Target::SpoolPosition),
-            servomotor_position: signal(Target::ServomotorPosition),
-            pilot_valve_position: signal(Target::PilotValvePosition),
-            control_pressure: signal(Target::ControlPressure),
-        };
-        let all = [
-            message.spool_position,
-            message.servomotor_position,
-            message.pilot_valve_position,
-            message.control_pressure,
-        ];
-        if all.iter().any(|value| !value.is_nan()) {
-            self.bag.write(self.servo_state, time_ns, &message)?;
-        }
+        let RowMessages { command, esv, tank_pressure, servo_state } = RowMessages::of(row);
+        command.map(|message| self.bag.write(self.command, time_ns, &message)).transpose()?;
+        esv.map(|message| self.bag.write(self.esv, time_ns, &message)).transpose()?;
+        tank_pressure.map(|message| self.bag.write(self.tank_pressure, time_ns, &message)).transpose()?;
+        servo_state.map(|message| self.bag.write(self.servo_state, time_ns, &message)).transpose()?;
         Ok(())
     }
 }

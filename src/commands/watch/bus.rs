@@ -15,11 +15,13 @@ use govtwin::node::environment::Environment;
 use govtwin::node::process_recorder::{ProcessRecorder, take_up, waiting};
 use govtwin::node::realtime::wall_ns;
 use govtwin::node::recorder::{Selection, Sink, hear};
+use govtwin::node::translator::Translator;
 use govtwin::node::verdict::{Herald, verdict};
 
 use super::chronicle::Chronicle;
 use super::follow::{self, Follower};
 use super::{Args, look, wait};
+use crate::commands::bus_map::load;
 use crate::commands::output::{say, warn};
 use crate::commands::run::{environment, stop_on_signals};
 use crate::commands::{Outcome, expect};
@@ -48,6 +50,12 @@ pub struct BusArgs {
     /// Recordings of diagnosed processes that stay in OUT/processes, the newest, with --bus [default: 500].
     #[arg(long, value_name = "N")]
     keep: Option<usize>,
+    /// Hear the unit by this map of `govtwin import`, from fields of any type, instead of as messages of our own types, with --bus.
+    #[arg(long, value_name = "MAP", requires = "bus", conflicts_with = "named")]
+    map: Option<PathBuf>,
+    /// Folders with definitions of the types that the map needs: DIR/package/msg/Type.msg.
+    #[arg(long, value_name = "DIR", num_args = 1.., requires = "map")]
+    definitions: Vec<PathBuf>,
     /// Peers drop a node that they did not hear for so long, with --bus or --publish [default: 10].
     #[arg(long = "lease", value_name = "S")]
     lease_s: Option<f64>,
@@ -62,6 +70,9 @@ impl BusArgs {
         let is_node = self.bus || self.publish;
         // clap requires nothing that conflicts with what is there.
         expect(self.bus || self.keep.is_none(), || "--keep is for a watch with --bus".to_owned())?;
+        expect(self.bus || (self.map.is_none() && self.definitions.is_empty()), || {
+            "--map and --definitions are for a watch with --bus; import the bags by the map, and watch what comes of them".to_owned()
+        })?;
         expect(is_node || (self.lease_s.is_none() && self.ros.is_empty()), || {
             "--lease and --ros-args are for a watch with --bus or --publish".to_owned()
         })?;
@@ -148,6 +159,8 @@ pub fn publish(args: &Args, chronicle: Chronicle, mut follower: Follower) -> any
 
 /// Listens to a unit, and diagnoses each process when it has ended.
 pub fn listen(args: &Args, chronicle: Chronicle) -> anyhow::Result<Outcome> {
+    let translate = |path: &PathBuf| Ok::<_, anyhow::Error>(Translator::new(load(path)?, path, &Topics::default())?);
+    let mut translator = args.bus.map.as_ref().map(translate).transpose()?;
     let stop = stop_on_signals()?;
     let [queue, done] = FOLDERS.map(|name| chronicle.out.join(name));
     std::fs::create_dir_all(&queue).with_context(|| format!("cannot make {}", queue.display()))?;
@@ -158,7 +171,13 @@ pub fn listen(args: &Args, chronicle: Chronicle) -> anyhow::Result<Outcome> {
         warn(&words);
     }
     let (mut bus, domain) = open(&args.bus)?;
-    let (selection, topics) = selection(&bus, args)?;
+    if let Some(translator) = &mut translator {
+        translator.resolve(|given| bus.arguments().resolve(given))?;
+    }
+    let (selection, topics) = match &translator {
+        Some(translator) => (mapped(translator, &args.bus.definitions), Topics::default()),
+        None => selection(&bus, args)?,
+    };
     let options = follow::options(topics, &chronicle.unit);
     let herald = Herald::open(&mut bus, &chronicle.name)?;
     let recorder = ProcessRecorder::new(&queue, &options, Box::new(name_of_now));
@@ -170,7 +189,7 @@ pub fn listen(args: &Args, chronicle: Chronicle) -> anyhow::Result<Outcome> {
             wait(SECOND);
         }
     });
-    let mut listener = Listener { recorder, herald, worker };
+    let mut listener = Listener { recorder, translator, herald, worker };
     let heard = hear(&mut bus, &selection, &mut listener, None, &stop, &mut |words| {
         say(if words == "recording" { "listening" } else { words });
     });
@@ -195,18 +214,24 @@ pub fn listen(args: &Args, chronicle: Chronicle) -> anyhow::Result<Outcome> {
 /// Hands on what is heard, and once a second what is to be said.
 struct Listener {
     recorder: ProcessRecorder,
+    /// Makes messages of our own types of those of others.
+    translator: Option<Translator>,
     herald: Herald,
     worker: Worker,
 }
 
 impl Sink for Listener {
     fn take(&mut self, message: RawMessage) -> Result<(), BagError> {
-        self.recorder.take(message)
+        match &mut self.translator {
+            Some(translator) => translator.take(&message).into_iter().try_for_each(|one| self.recorder.take(one)),
+            None => self.recorder.take(message),
+        }
     }
 
     fn second(&mut self, lost: u64) -> Result<(), BagError> {
         self.recorder.second(lost)?;
-        for words in self.recorder.words() {
+        let translator = self.translator.as_mut().map(Translator::words);
+        for words in self.recorder.words().into_iter().chain(translator.into_iter().flatten()) {
             warn(&words);
         }
         self.worker.verdicts.try_iter().for_each(|verdict| self.herald.take(verdict));
@@ -217,6 +242,12 @@ impl Sink for Listener {
     fn is_full(&self) -> bool {
         self.worker.thread.is_finished()
     }
+}
+
+/// The topics of a map.
+fn mapped(translator: &Translator, definitions: &[PathBuf]) -> Selection {
+    let topics = translator.topics().map(|topic| (topic.to_owned(), None)).collect();
+    Selection { topics, definitions: definitions.to_vec(), ..Selection::default() }
 }
 
 /// The topics to listen to, and what they are called in the bags.

@@ -56,13 +56,24 @@ impl SourceChannel {
         Self { signal, map: map.clone(), latched: false, bad: Bad::default() }
     }
 
+    /// Whether a trip was seen that is to stay.
+    pub(in crate::import) fn is_latched(&self) -> bool {
+        self.latched
+    }
+
+    /// Goes on with a trip that was seen before, where trips are to stay.
+    pub(in crate::import) fn latch(&mut self) {
+        self.latched |= self.map.latch;
+    }
+
     /// Puts a value into a row.
     pub(in crate::import) fn take(&mut self, value: ChannelValue<'_>, place: u64, row: &mut ImportedRow) {
         let value = match value {
             ChannelValue::Whole(whole) => ChannelValue::Number(whole as f64),
             other => other,
         };
-        if value == ChannelValue::Missing {
+        // What is no number says nothing: neither a position nor that the unit has not tripped.
+        if value == ChannelValue::Missing || matches!(value, ChannelValue::Number(raw) if raw.is_nan()) {
             return;
         }
         if self.map.target == Target::Esv {
@@ -73,7 +84,6 @@ impl SourceChannel {
         }
         match value {
             ChannelValue::Number(raw) if raw.is_finite() => row.set(self.map.target, self.map.conversion.apply(raw)),
-            ChannelValue::Number(raw) if raw.is_nan() => {}
             ChannelValue::Number(raw) => self.bad.note(place, &raw.to_string()),
             ChannelValue::Text(text) => self.bad.note(place, text),
             _ => self.bad.note(place, "a time"),

@@ -33,7 +33,10 @@ impl Bus {
     /// Services of other nodes that describe types.
     #[must_use]
     pub(in super::super) fn describers(&self) -> Vec<Describer> {
-        self.context.domain_participant().discovered_readers().iter().filter_map(Describer::of).collect()
+        let own = self.context.domain_participant();
+        let own_prefix = prefix_of(own.guid());
+        let describers = own.discovered_readers().iter().filter_map(Describer::of).collect::<Vec<_>>();
+        describers.into_iter().filter(|describer| describer.process[..] != own_prefix[..]).collect()
     }
 
     /// How many writers other participants have on this topic, given by its full name.

@@ -10,7 +10,7 @@ use super::Listener;
 use crate::msg::{Interface, JointState, ServoState};
 
 /// A measured position beyond this is no position, pu of stroke.
-const FARTHEST_PU: f64 = 10.0;
+pub(super) const FARTHEST_PU: f64 = 10.0;
 
 impl Listener<'_> {
     /// Checks one sample and passes it on.
@@ -59,7 +59,7 @@ impl Listener<'_> {
         let refused = match sample {
             Err(ReadError::Deserialization { .. }) => Some((Refusal::Undecodable, gate.refuse(Refusal::Undecodable))),
             Err(error) => {
-                self.say(LogLevel::Warn, format!("{}: {error}", input.topic()));
+                self.say(LogLevel::Warn, format!("{}: {error}", self.names.labels[input as usize]));
                 None
             }
             Ok((_, info)) if self.is_foreign(info.publisher_gid(), type_name) => {
@@ -72,8 +72,7 @@ impl Listener<'_> {
             }
         };
         if let Some((refusal, true)) = refused {
-            let words = format!("{}: a sample was refused: {}; more are only counted", input.topic(), refusal.words());
-            self.say(LogLevel::Warn, words);
+            self.tell_refusal(input, refusal, true);
         }
         if let Ok(mut counts) = self.counts.lock() {
             counts[input as usize] = gate.counts();
@@ -81,7 +80,7 @@ impl Listener<'_> {
     }
 
     /// Tells of a second sender that says something else on the same input.
-    fn compare(&self, input: NodeInput, sender: Gid, said: f64) {
+    pub(super) fn compare(&self, input: NodeInput, sender: Gid, said: f64) {
         let rival = self.competing.borrow_mut()[input as usize].take(sender, said, monotonic_ns());
         if let Some((other, before)) = rival {
             let name = NodeInput::NAMES[input as usize];
@@ -90,7 +89,7 @@ impl Listener<'_> {
                  whoever sent it (`ros2 topic info -v {}` shows who they are)",
                 hexadecimal(sender),
                 hexadecimal(other),
-                input.topic()
+                self.names.topics[input as usize]
             );
             self.say(LogLevel::Error, words);
         }

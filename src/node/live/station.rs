@@ -4,10 +4,13 @@ use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::AtomicU8;
 
+use futures::channel::mpsc;
 use ros2_client::Publisher;
 use ros2_client::log::LogLevel;
 
 use super::super::bus::{Bus, BusError};
+use super::super::bus_map::InputNames;
+use super::super::bus_map::subscriber::{MapSubscriber, OpenedTopic};
 use super::super::clock::ClockHeard;
 use super::super::control::RunState;
 use super::super::core::{Core, NodeInput};
@@ -53,6 +56,9 @@ pub(super) struct Parts {
     pub(super) fixed_unit: Option<&'static str>,
     pub(super) integrator: Integrator,
     pub(super) ends: Ends,
+    pub(super) subscriber: Option<MapSubscriber>,
+    pub(super) opened: Option<mpsc::UnboundedReceiver<OpenedTopic>>,
+    pub(super) names: InputNames,
 }
 
 impl Station {
@@ -73,11 +79,20 @@ impl Station {
             Some(bus) => bus.beside(arguments)?,
             None => Bus::open(&options.environment, arguments)?,
         };
-        for (level, words) in startup::words(&bus, &options.environment, &settings) {
+        for (level, words) in startup::words(&bus, &options.environment, &settings, options.map.as_ref()) {
             say(level, &words);
         }
         // All endpoints are made before anything runs: announcements in a burst later may be lost.
-        let subscriptions = Subscriptions::open(&mut bus, &options.environment, &settings, options.adapt)?;
+        let is_mapped = options.map.is_some();
+        let subscriptions = Subscriptions::open(&mut bus, &options.environment, &settings, options.adapt, is_mapped)?;
+        let (subscriber, opened) = match &options.map {
+            Some(map) => {
+                let (way, opened) = mpsc::unbounded();
+                let arguments = options.arguments.helper("map");
+                (Some(MapSubscriber::new(bus.beside(arguments)?, map, way)?), Some(opened))
+            }
+            None => (None, None),
+        };
         let publishers = Publishers::open(&mut bus, corrector.as_ref().map(Corrector::signal), settings.publish_clock)?;
         let health = bus.publish("/diagnostics", diagnostics::TYPE_NAME)?;
         let fixed_unit = corrector.is_some().then_some(FIXED_UNIT);
@@ -92,7 +107,8 @@ impl Station {
             least: AtomicU8::new(log_level(options.arguments.log_level) as u8),
             counts: Mutex::default(),
         };
-        Ok((station, Parts { health, store, fixed_unit, integrator, ends }))
+        let names = InputNames::new(options.map.as_ref());
+        Ok((station, Parts { health, store, fixed_unit, integrator, ends, subscriber, opened, names }))
     }
 
     /// The state in which its simulation begins.
@@ -118,7 +134,8 @@ fn corrector(options: &RunOptions, unit: &Unit) -> Result<Option<Corrector>, Mod
 
 /// The node's parameters with what was given at start.
 fn parameters(options: &RunOptions, say: Say<'_>) -> Result<ParameterStore, NodeError> {
-    let mut store = ParameterStore::new(&options.settings, &options.unit);
+    let settings = options.map.as_ref().map_or(options.settings, |map| map.settings(options.settings));
+    let mut store = ParameterStore::new(&settings, &options.unit);
     for (name, given) in &options.arguments.parameters {
         if name.starts_with(qos::PREFIX) {
             // The bus knows what to do with them.
@@ -179,6 +196,7 @@ mod tests {
         let options = RunOptions {
             environment: Environment::read(|_| None).unwrap(),
             arguments: Arguments::parse(&words, "govtwin").unwrap(),
+            map: None,
             unit: crate::params::reference(),
             residual: None,
             adapt: false,

@@ -10,6 +10,8 @@ use ros2_client::log::LogLevel;
 use ros2_client::{Gid, Publisher, RosoutRaw};
 
 use super::super::bus::Bus;
+use super::super::bus_map::InputNames;
+use super::super::bus_map::subscriber::MapSubscriber;
 use super::super::clock::{self, Watch};
 use super::super::control::RunState;
 use super::super::core::NodeInput;
@@ -52,6 +54,8 @@ pub(super) struct Supervisor<'a> {
     reported: [TopicCounts; NodeInput::COUNT],
     /// Stands before each word, where there are several units.
     prefix: String,
+    names: InputNames,
+    subscriber: Option<MapSubscriber>,
     say: &'a dyn Fn(LogLevel, &str),
 }
 
@@ -61,7 +65,7 @@ impl<'a> Supervisor<'a> {
         station: &'a Station,
         (health, journal, heard): (Publisher<DiagnosticArray>, Option<Journal>, Taker),
         state: Box<dyn Fn() -> RunState + 'a>,
-        prefix: String,
+        (prefix, names, subscriber): (String, InputNames, Option<MapSubscriber>),
         say: &'a dyn Fn(LogLevel, &str),
     ) -> Self {
         Self {
@@ -82,6 +86,8 @@ impl<'a> Supervisor<'a> {
             newest: None,
             reported: <[TopicCounts; NodeInput::COUNT]>::default(),
             prefix,
+            names,
+            subscriber,
             say,
         }
     }
@@ -96,6 +102,8 @@ impl<'a> Supervisor<'a> {
             }
         }
         self.catch_up();
+        let news = self.subscriber.as_mut().map(MapSubscriber::turn);
+        news.into_iter().flatten().for_each(|(level, words)| self.tell(level, &words));
         if !self.second.comes_round(SECOND) {
             return;
         }
@@ -157,12 +165,28 @@ impl<'a> Supervisor<'a> {
         let types = [GovernorCommand::TYPE_NAME, EsvState::TYPE_NAME, FluidPressure::TYPE_NAME, JointState::TYPE_NAME];
         let names = NodeInput::ALL.map(|input| self.bus.arguments().resolve(input.topic()).unwrap_or_default());
         for (sender, (topic, found)) in self.bus.writers() {
-            let expected = names.iter().zip(types).find(|(name, _)| **name == topic).map(|(_, expected)| expected);
-            if expected.is_some_and(|expected| expected != found) && self.strangers.insert(sender) {
-                let expected = expected.unwrap_or_default();
+            let input = NodeInput::ALL.into_iter().find(|input| names[*input as usize] == topic);
+            let Some(input) = input else { continue };
+            if self.subscriber.is_some() && input != NodeInput::Load {
+                self.look_beside_the_map(input, &topic, sender);
+                continue;
+            }
+            let expected = types[input as usize];
+            if expected != found && self.strangers.insert(sender) {
                 let words = format!("{topic}: a sender publishes `{found}`, expected `{expected}`; it is not heard");
                 self.tell(LogLevel::Error, &words);
             }
+        }
+    }
+
+    /// Tells of a sender on the topic of an input that comes by the map.
+    fn look_beside_the_map(&mut self, input: NodeInput, topic: &str, sender: Gid) {
+        let (label, from) = (&self.names.labels[input as usize], &self.names.topics[input as usize]);
+        let is_heard = label != input.topic() && self.bus.arguments().resolve(from).is_ok_and(|from| from == topic);
+        if !is_heard && self.strangers.insert(sender) {
+            let name = NodeInput::NAMES[input as usize];
+            let words = format!("{topic} is published and not heard: {name} comes as the map says");
+            self.tell(LogLevel::Warn, &words);
         }
     }
 
@@ -208,7 +232,7 @@ impl<'a> Supervisor<'a> {
     }
 
     fn take(&mut self, item: &NodeEvent) {
-        for (level, words) in words::of(item, &mut self.settings) {
+        for (level, words) in words::of(item, &mut self.settings, &self.names.labels) {
             self.tell(level, &words);
         }
         if let NodeEvent::Output(output) = item {
