@@ -17,6 +17,7 @@ pub mod forest;
 pub mod guard;
 pub mod history;
 pub mod inloop;
+pub(crate) mod leaves;
 pub mod model;
 pub mod prepare;
 pub(crate) mod reach;

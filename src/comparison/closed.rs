@@ -18,7 +18,7 @@ use crate::residual::inloop::{self, FEATURES, Pull, at, features};
 use crate::residual::model::Learned;
 use crate::residual::split::RowSplit;
 use crate::residual::table::FeatureTable;
-use crate::residual::training::{self, targets};
+use crate::residual::training::{self, targets, walkable};
 use crate::signal::Signal;
 use crate::solver::Method;
 use crate::twin::Twin;
@@ -152,10 +152,6 @@ pub fn closed_loop(
         spool: field(Signal::SpoolPosition, additive),
         servomotor: field(Signal::ServomotorPosition, untouched),
     })
-}
-
-fn walkable(trees: &[crate::residual::forest::Tree], width: usize) -> Result<Forest, TrainError> {
-    Forest::new(trees, width).map_err(|error| TrainError::Library(error.to_string()))
 }
 
 /// The same rows with another measured signal.

@@ -1,14 +1,17 @@
-//! Adaptation to a unit that ages: a drift detector on the innovation, and a bounded on-line correction by a bias and a gain.
+//! Adaptation to a unit that ages: a drift detector on the innovation, and a bounded on-line correction by a bias and a gain or by retrained leaves.
 //!
 //! The innovation is `e = measured − corrected`, at most one each training period. A two-sided CUSUM (Page 1954, "Continuous
 //! inspection schemes", *Biometrika* 41; the test of Page and Hinkley with a known mean) watches `z = e/σ`, σ from the model's band:
 //! `S± = max(0, S± ± z − k)`, an alarm where one passes `h`. Beside it recursive least squares with exponential forgetting (Ljung 1999,
-//! *System Identification*, section 11.2), each innovation cut to σ since residuals have heavy tails, learns `e ≈ b + g·y`, y the twin's own value. Before the first alarm nothing is added, to the bit.
-//! After it `b + g·y` is added, clamped to stated bounds, for as long as it has proved itself: its forgetting mean of |e| lies below that
-//! without it by a margin. What is added at a sample was learned before that sample.
+//! *System Identification*, section 11.2), each innovation cut to σ since residuals have heavy tails, learns `e ≈ b + g·y`, y the twin's own value;
+//! and the leaves of the model's trees learn e where the row falls into them ([`super::leaves`]). Before the first alarm nothing is added, to the bit.
+//! After it `b + g·y`, or what the leaves say, is added, clamped to stated bounds, for as long as it has proved itself: its forgetting mean of |e| lies
+//! below that without it by a margin, and below that of the other. What is added at a sample was learned before that sample.
 
 use serde::Serialize;
 
+use super::forest::Forest;
+use super::leaves::Leaves;
 use super::model::Model;
 use crate::units::seconds_from_nanos;
 
@@ -39,6 +42,10 @@ const MOST_WIDTHS: f64 = 5.0;
 /// Largest gain, pu of correction per pu of the twin's value.
 const GAIN_LIMIT: f64 = 0.1;
 
+/// Bias and gain, and the leaves, among the two that may be added.
+const BY_GAIN: usize = 0;
+const BY_LEAVES: usize = 1;
+
 /// The share of a normal's rows that a band of 90 % lets outside lies beyond so many σ.
 const BAND_IN_SIGMA: f64 = 1.645;
 
@@ -53,7 +60,9 @@ pub struct Adaptation {
     pub first_alarm_ns: i64,
     /// Rows to which something was added.
     pub adapted: u64,
-    /// Of these, rows at which it was clamped.
+    /// Of these, rows to which the retrained leaves added, and not bias and gain.
+    pub by_leaves: u64,
+    /// Of the adapted rows, those at which what is added was clamped.
     pub clamped: u64,
     /// Bias as learned last; the coefficient's unit is the signal's.
     pub bias: f64,
@@ -70,8 +79,8 @@ impl Adaptation {
         }
         let noun = if self.alarms == 1 { "alarm" } else { "alarms" };
         format!(
-            "{} {noun} of drift in {} samples; {} rows adapted, {} of them clamped; last bias {:.5}, gain {:.5}",
-            self.alarms, self.samples, self.adapted, self.clamped, self.bias, self.gain_ratio
+            "{} {noun} of drift in {} samples; {} rows adapted, {} of them by retrained leaves, {} clamped; last bias {:.5}, gain {:.5}",
+            self.alarms, self.samples, self.adapted, self.by_leaves, self.clamped, self.bias, self.gain_ratio
         )
     }
 }
@@ -90,16 +99,18 @@ pub struct Adapter {
     learned: [f64; 2],
     /// Their covariance over σ²: first, mixed, second.
     spread: [f64; 3],
-    /// Forgetting means of |e| without and with what is learned.
-    innovations: [f64; 2],
-    trusted: bool,
+    leaves: Leaves,
+    /// Forgetting means of |e| without what is learned, with bias and gain, and with the leaves.
+    innovations: [f64; 3],
+    /// Whether bias and gain, and the leaves, have proved themselves.
+    trusted: [bool; 2],
     counts: Adaptation,
 }
 
 impl Adapter {
-    /// For a model with a band; what is added never exceeds the largest correction that its training saw, nor five half widths of the band.
+    /// For a model with a band and its trees; what is added never exceeds the largest correction that its training saw, nor five half widths of the band.
     #[must_use]
-    pub fn new(model: &Model) -> Option<Self> {
+    pub fn new(model: &Model, trees: &Forest) -> Option<Self> {
         let band = model.band?;
         let largest = model.guard.range.iter().fold(0.0_f64, |most, edge| most.max(edge.abs()));
         let width = band.at_rest.max(band.in_motion);
@@ -115,8 +126,9 @@ impl Adapter {
             sums: [0.0; 2],
             learned: [0.0; 2],
             spread: [WIDEST, 0.0, WIDEST],
-            innovations: [0.0; 2],
-            trusted: false,
+            leaves: Leaves::new(trees, limit),
+            innovations: [0.0; 3],
+            trusted: [false; 2],
             counts: Adaptation::default(),
         })
     }
@@ -133,15 +145,18 @@ impl Adapter {
         self.counts.alarms
     }
 
-    /// What is to be added at a row where the twin says `value`; exactly 0 before the first alarm.
+    /// Where the leaves of the row at hand are put, before [`Self::correction`] and [`Self::hear`] are asked of it.
+    pub fn leaves(&mut self) -> &mut [u32] {
+        self.leaves.here()
+    }
+
+    /// What is to be added at the row at hand, where the twin says `value`; exactly 0 before the first alarm.
     pub fn correction(&mut self, value: f64) -> f64 {
-        if self.counts.alarms == 0 || !self.trusted || !value.is_finite() {
-            return 0.0;
-        }
-        let raw = self.raw(value);
-        let bounded = raw.clamp(-self.limit, self.limit);
+        let Some(best) = self.best().filter(|_| value.is_finite()) else { return 0.0 };
+        let bounded = self.offers(value)[best];
         self.counts.adapted += 1;
-        self.counts.clamped += u64::from(raw != bounded);
+        self.counts.by_leaves += u64::from(best == BY_LEAVES);
+        self.counts.clamped += u64::from(bounded.abs() >= self.limit);
         bounded
     }
 
@@ -160,25 +175,39 @@ impl Adapter {
         // Across a pause one sample counts as one.
         let since_s = seconds_from_nanos(since_ns.unwrap_or(self.spacing_ns).min(2 * self.spacing_ns));
         let sigma = if motion > self.moving_above { self.in_motion } else { self.at_rest };
-        let with = innovation - self.raw(value).clamp(-self.limit, self.limit);
-        self.weigh(innovation.abs(), with.abs(), since_s);
-        let published = if self.counts.alarms > 0 && self.trusted { with } else { innovation };
+        let with = self.offers(value).map(|added| innovation - added);
+        let published = self.best().map_or(innovation, |best| with[best]);
+        self.weigh([innovation, with[BY_GAIN], with[BY_LEAVES]], since_s);
         self.watch(published / sigma, time_ns);
         self.learn(innovation, value, sigma, since_s);
+        self.leaves.learn(with[BY_LEAVES].clamp(-sigma, sigma), 1.0 - (-since_s / MEMORY_S).exp());
+    }
+
+    /// What bias and gain, and the leaves, would add to the row at hand.
+    fn offers(&self, value: f64) -> [f64; 2] {
+        [self.raw(value).clamp(-self.limit, self.limit), self.leaves.value()]
+    }
+
+    /// Which of the two is added: of those that have proved themselves the one that leaves less; none before the first alarm.
+    fn best(&self) -> Option<usize> {
+        let proven = [BY_GAIN, BY_LEAVES].into_iter().filter(|one| self.counts.alarms > 0 && self.trusted[*one]);
+        proven.min_by(|a, b| self.innovations[1 + a].total_cmp(&self.innovations[1 + b]))
     }
 
     fn raw(&self, value: f64) -> f64 {
         self.learned[0] + self.learned[1] * value
     }
 
-    /// Compares what was learned so far with nothing, on a sample that it has not seen.
-    fn weigh(&mut self, without: f64, with: f64, since_s: f64) {
+    /// Compares what was learned so far with nothing, on a sample that it has not seen: |e| without, with bias and gain, with the leaves.
+    fn weigh(&mut self, left: [f64; 3], since_s: f64) {
         let keep = (-since_s / TRIAL_S).exp();
-        for (mean, innovation_left) in self.innovations.iter_mut().zip([without, with]) {
-            *mean = keep * *mean + (1.0 - keep) * innovation_left;
+        for (mean, innovation_left) in self.innovations.iter_mut().zip(left) {
+            *mean = keep * *mean + (1.0 - keep) * innovation_left.abs();
         }
-        let share = if self.trusted { 1.0 } else { CONVINCING_SHARE };
-        self.trusted = self.innovations[1] < share * self.innovations[0];
+        for (trusted, with) in self.trusted.iter_mut().zip(&self.innovations[1..]) {
+            let share = if *trusted { 1.0 } else { CONVINCING_SHARE };
+            *trusted = *with < share * self.innovations[0];
+        }
     }
 
     fn watch(&mut self, standardised: f64, time_ns: i64) {
@@ -239,7 +268,7 @@ mod tests {
         model.guard.range = [-0.03, 0.05];
         let half_width = 1.645 * SIGMA;
         model.band = Some(Band { coverage_share: 0.9, moving_above: 0.1, at_rest: half_width, in_motion: half_width });
-        Adapter::new(&model).unwrap()
+        Adapter::new(&model, &model.forest().unwrap()).unwrap()
     }
 
     /// Mean absolute error without and with, over so many samples from `from`.

@@ -76,7 +76,7 @@ impl Corrector {
             found: "missing".to_owned(),
             expected: "a model trained on more rows".to_owned(),
         };
-        self.adapter = Some(Adapter::new(model).ok_or_else(missing)?);
+        self.adapter = Some(Adapter::new(model, &self.forest).ok_or_else(missing)?);
         Ok(self)
     }
 
@@ -116,8 +116,11 @@ impl Corrector {
         let taps = self.history.push(frame.time_ns, &row);
         features::fill(&self.features, taps, self.period_ns, &mut self.values);
         let motion = motion(taps.iter().take(5).map(|tap| tap[RowChannel::Model as usize]));
-        let Passed { value, weight_share, widening } =
-            self.guard.apply(self.forest.value(&self.values), &self.values, &mut self.counts);
+        let said = match &mut self.adapter {
+            Some(adapter) => self.forest.value_and_leaves(&self.values, adapter.leaves()),
+            None => self.forest.value(&self.values),
+        };
+        let Passed { value, weight_share, widening } = self.guard.apply(said, &self.values, &mut self.counts);
         let uncorrected = self.signal.of(&estimate.signals);
         let mut corrected = match self.learned {
             Learned::Residual => uncorrected + value,

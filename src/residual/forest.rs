@@ -136,6 +136,24 @@ impl Forest {
     /// The value of a row; NaN where the row is shorter than the trees' list of features. Allocates nothing.
     #[must_use]
     pub fn value(&self, row: &[f64]) -> f64 {
+        self.walk(row, |_| ())
+    }
+
+    /// The same, and the leaf of each tree that the row falls into, as a place below [`Self::places`]; `leaves` holds one a tree.
+    #[must_use]
+    pub fn value_and_leaves(&self, row: &[f64], leaves: &mut [u32]) -> f64 {
+        let mut rest = leaves.iter_mut();
+        self.walk(row, |found| rest.by_ref().zip(found).for_each(|(leaf, place)| *leaf = *place))
+    }
+
+    /// How many nodes and leaves there are.
+    #[must_use]
+    pub fn places(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// Adds up the leaves of a row and hands the places of each group on.
+    fn walk(&self, row: &[f64], mut found: impl FnMut(&[u32])) -> f64 {
         if row.len() < self.features {
             return f64::NAN;
         }
@@ -149,7 +167,9 @@ impl Forest {
                     *place = node.first + u32::from(node.step & above);
                 }
             }
-            sum = at[..group.trees].iter().fold(sum, |sum, place| sum + self.nodes[*place as usize].threshold);
+            let at = &at[..group.trees];
+            sum = at.iter().fold(sum, |sum, place| sum + self.nodes[*place as usize].threshold);
+            found(at);
         }
         sum
     }
@@ -209,6 +229,12 @@ mod tests {
         assert_eq!(forest.value(&[0.6, 0.0]), 20.25);
         assert!(forest.value(&[0.6]).is_nan());
         assert_eq!(forest.len(), 3);
+        let (mut here, mut there) = ([0; 3], [0; 3]);
+        assert_eq!(forest.value_and_leaves(&[0.5, -1.0], &mut here), 2.25);
+        assert_eq!(forest.value_and_leaves(&[0.6, 0.0], &mut there), 20.25);
+        assert!(here.iter().chain(&there).all(|place| (*place as usize) < forest.places()));
+        // The tree of one leaf has the same for both rows, the others have leaves of their own.
+        assert_eq!([0, 1, 2].map(|tree| here[tree] == there[tree]), [false, true, false]);
     }
 
     #[test]

@@ -124,7 +124,7 @@ fn missed(
             return Ok(vec![]);
         }
         let (trees, _) = fit(table, &fold.train, learned, with, seed)?;
-        let forest = walkable(&trees, table)?;
+        let forest = walkable(&trees, table.layout.features.len())?;
         let targets = targets(table, &fold.test, learned);
         let residual = |(&row, target): (&usize, f64)| (row, target - forest.value(table.row(row)));
         Ok(fold.test.iter().zip(targets).map(residual).collect())
@@ -186,8 +186,9 @@ pub fn guard(
     Ok((guard, Some(band)))
 }
 
-fn walkable(trees: &[Tree], table: &FeatureTable) -> Result<Forest, TrainError> {
-    Forest::new(trees, table.layout.features.len()).map_err(|error| TrainError::Library(error.to_string()))
+/// Trees of the library, for rows of `width` numbers, ready to be walked.
+pub(crate) fn walkable(trees: &[Tree], width: usize) -> Result<Forest, TrainError> {
+    Forest::new(trees, width).map_err(|error| TrainError::Library(error.to_string()))
 }
 
 /// Mean absolute error over the validation rows of all folds: the search's objective (MAE, as the paper's step 5).
