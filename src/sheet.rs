@@ -5,7 +5,6 @@
 //! pass, forces with pressure times area. [`matter`] finds what it would help most to know.
 
 mod derive;
-pub mod from_recordings;
 pub mod item;
 pub mod matter;
 mod ports;

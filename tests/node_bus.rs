@@ -34,6 +34,7 @@ fn options(environment: &Environment, words: &[&str]) -> RunOptions {
         arguments: Arguments::parse(&words, "govtwin").unwrap(),
         environment: environment.clone(),
         unit: params::reference(),
+        map: None,
         residual: None,
         adapt: false,
         settings: NodeSettings { wishes: Wishes::default(), ..NodeSettings::default() },

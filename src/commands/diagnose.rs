@@ -7,7 +7,6 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::{Context, bail};
-use clap::ValueEnum;
 use clap::builder::PossibleValuesParser;
 use govtwin::diagnosis::result::{Diagnosis, Verdict};
 use govtwin::diagnosis::{DiagnosisSettings, diagnose};
@@ -17,7 +16,6 @@ use govtwin::params;
 use govtwin::provenance::Provenance;
 use govtwin::recording::Recording;
 use govtwin::report::diagnosis as report;
-use govtwin::sheet::from_recordings::from_recordings;
 
 use super::bags::{self, MapArgs, Recordings, TopicArgs};
 use super::output::{Output, Progress, print, warn, width};
@@ -53,11 +51,10 @@ pub struct Args {
     /// Tries the effects that a parameter file defines beside the catalogue's; may be repeated.
     #[arg(long = "candidate", value_name = "FILE")]
     candidates: Vec<PathBuf>,
-    /// No data sheet is known. `stage`: judges the servomotor stage alone, driven by the recorded spool, all of it fitted freely, from positions
-    /// in any unit; taken for granted where no recording holds a command and no sheet is given. `chain`: judges the whole chain by a sheet that is
-    /// made of the recordings of command, spool and servomotor, with wide tolerances.
-    #[arg(long = "no-sheet", alias = "free", value_enum, value_name = "PART", num_args = 0..=1, require_equals = true, default_missing_value = "stage", conflicts_with = "params")]
-    no_sheet: Option<Part>,
+    /// No data sheet is known: judges the servomotor stage alone, driven by the recorded spool, all of it fitted freely, from positions
+    /// in any unit. Taken for granted where no recording holds a command and no sheet is given.
+    #[arg(long = "no-sheet", alias = "free", conflicts_with = "params")]
+    free: bool,
     /// Seed of the resampling behind the intervals of explained fractions.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -73,15 +70,6 @@ pub struct Args {
     /// Places that stand in for others, each with the one that reports show.
     #[arg(skip)]
     stand_ins: Vec<(String, String)>,
-}
-
-/// What is judged where no data sheet is known.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Part {
-    /// The servomotor stage.
-    Stage,
-    /// All from the command on.
-    Chain,
 }
 
 /// A diagnosis that another command asks for.
@@ -117,7 +105,7 @@ impl From<Request> for Args {
             overwrite: true,
             without,
             candidates: vec![],
-            no_sheet: None,
+            free: false,
             seed,
             json: false,
             fail_on: vec![],
@@ -187,11 +175,10 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 /// Which unit was taken where no sheet was named.
 fn unit_taken(args: &Args, diagnosis: &Diagnosis) -> Option<&'static str> {
     let is_free = diagnosis.part.as_ref().is_some_and(|part| !part.sheet);
-    match (args.no_sheet, &args.params) {
-        (_, Some(_)) => None,
-        (Some(Part::Chain), _) => Some("made of the recordings, with wide tolerances"),
-        _ if is_free => Some("none; the servomotor stage was fitted freely"),
-        _ => Some("the shipped reference unit, as --params names no data sheet"),
+    match &args.params {
+        Some(_) => None,
+        None if is_free => Some("none; the servomotor stage was fitted freely"),
+        None => Some("the shipped reference unit, as --params names no data sheet"),
     }
 }
 
@@ -209,16 +196,10 @@ pub fn unit(args: &Args) -> anyhow::Result<Diagnosed> {
     let mut made = provenance::new("diagnose", &sheet, Some(args.seed))?;
     let mapped = args.map.open(&args.bags)?;
     let topics = args.topics.topics();
-    let by_chain = args.no_sheet == Some(Part::Chain);
     let (Recordings { recordings, warnings, read }, free) = match args.params {
-        None if !by_chain => bags::read_without_sheet(&mapped.paths, &topics, &unit, args.no_sheet.is_some())?,
-        _ => (bags::read(&mapped.paths, &topics, &unit)?, false),
+        Some(_) => (bags::read(&mapped.paths, &topics, &unit)?, false),
+        None => bags::read_without_sheet(&mapped.paths, &topics, &unit, args.free)?,
     };
-    let made_of = by_chain.then(|| from_recordings(&recordings, &unit)).transpose();
-    let made_of = made_of.map_err(|reason| anyhow::anyhow!("--no-sheet=chain: {reason}"))?;
-    if let Some(made_of) = &made_of {
-        unit.clone_from(&made_of.unit);
-    }
     made.recordings = provenance::inputs(&read, &mapped)?;
     if !args.overwrite {
         files::refuse_to_replace(&out, &made)?;
@@ -228,10 +209,7 @@ pub fn unit(args: &Args) -> anyhow::Result<Diagnosed> {
         warn(warning);
     }
     let settings = DiagnosisSettings { free, ..settings };
-    let (mut diagnosis, seconds) = judge(recordings, &unit, &settings)?;
-    if let Some(made_of) = made_of {
-        diagnosis.notes.splice(0..0, made_of.notes);
-    }
+    let (diagnosis, seconds) = judge(recordings, &unit, &settings)?;
     describe(&mut made, args, &settings, &name, &warnings, &diagnosis)?;
     show(&mut made, &args.stand_ins);
     let json = files::write(output, &diagnosis, &unit, &made, seconds)?;
@@ -249,7 +227,7 @@ fn show(made: &mut Provenance, stand_ins: &[(String, String)]) {
 
 /// What to try; effects of the user's own go into the unit.
 fn settings(args: &Args, unit: &mut Unit) -> anyhow::Result<DiagnosisSettings> {
-    let mut settings = DiagnosisSettings { seed: args.seed, ..DiagnosisSettings::default() };
+    let mut settings = DiagnosisSettings { seed: args.seed, free: args.free, ..DiagnosisSettings::default() };
     for id in &args.without {
         let known = || settings.catalogue.iter().map(|spec| spec.id);
         if govtwin::effects::find(id).is_none() {
@@ -304,11 +282,8 @@ fn describe(
         let files = args.candidates.iter().map(|path| Ok(provenance::file(path)?.to_string()));
         option("candidate", files.collect::<anyhow::Result<Vec<_>>>()?.join(", "));
     }
-    match args.no_sheet {
-        Some(Part::Chain) => option("no-sheet", "the whole chain, by a sheet made of the recordings".to_owned()),
-        Some(Part::Stage) => option("no-sheet", "given".to_owned()),
-        None if settings.free => option("no-sheet", "taken for granted: no command, no sheet".to_owned()),
-        None => None,
-    };
+    if settings.free {
+        option("no-sheet", if args.free { "given" } else { "taken for granted: no command, no sheet" }.to_owned());
+    }
     provenance::options(&args.topics, &args.map, made)
 }
