@@ -66,7 +66,7 @@ pub struct Args {
     #[arg(long, value_name = "MODEL")]
     residual: Vec<PathBuf>,
     /// Let the residual adapt to a unit that ages, from recording to recording in time: watch the measured signal for drift and
-    /// follow it by a bounded bias and gain.
+    /// follow it by a bounded bias and gain, or by retrained leaves.
     #[arg(long, requires = "residual")]
     adapt: bool,
     /// Also replay through this parameter file, such as refitted.yaml and then fitted.yaml of a diagnosis: one table with all of them.

@@ -51,7 +51,7 @@ pub struct Args {
     /// Correct the twin by this model of `govtwin train` and publish `sim/corrected/servo_state` and its band beside `sim/servo_state`.
     #[arg(long, value_name = "MODEL")]
     residual: Option<PathBuf>,
-    /// Let the residual adapt to a unit that ages: watch `plant/servo_state` for drift and follow it by a bounded bias and gain.
+    /// Let the residual adapt to a unit that ages: watch `plant/servo_state` for drift and follow it by a bounded bias and gain, or by retrained leaves.
     #[arg(long, requires = "residual")]
     adapt: bool,
     /// Hear the inputs by this map of `govtwin import`, from fields of any type, instead of as messages of our own types.

@@ -12,7 +12,7 @@
 //!  "processes": [{"process": "startup", "recordings": 4, "signals": [SIGNAL, …]}],
 //!  "overall": {"recordings": 16, "signals": [SIGNAL, …]},
 //!  "residual": {"model": "model.residual", "guard": {"rows": 23293, "clamped": 0, "faded": 3, "shrunk": 0, "outside": 0, "bad": 0},
-//!               "adaptation": {"samples": 23293, "alarms": 1, "first_alarm_ns": 1780008000000000000, "adapted": 9000, "clamped": 0, "bias": 0.003,
+//!               "adaptation": {"samples": 23293, "alarms": 1, "first_alarm_ns": 1780008000000000000, "adapted": 9000, "by_leaves": 0, "clamped": 0, "bias": 0.003,
 //!                              "gain_ratio": 0.01}, "processes": […], "overall": {…}},
 //!  "ladder": {"signal": "spool_position_pu", "findings": ["…"],
 //!             "rungs": [{"title": "fitted.yaml", "model": null, "unseen": [], "processes": […], "overall": {…}}]},

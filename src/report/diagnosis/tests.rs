@@ -60,10 +60,9 @@ fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
             _ => (!blamed.is_empty()).then_some(Stage::Servomotor),
         },
         stages: vec![(Stage::Servomotor, 0.98), (Stage::Spool, 0.02)],
-        ranking: vec![
-            Ranked { id: "backlash".into(), probability: 0.97 },
-            Ranked { id: "unknown".into(), probability: 0.02 },
-        ],
+        ranking: [("backlash", 0.97), ("unknown", 0.02)]
+            .map(|(id, probability)| Ranked { id: id.into(), probability })
+            .into(),
         gap: vec![SignalGap {
             signal: Signal::ServomotorPosition,
             noise_floor: 3.0e-4,
