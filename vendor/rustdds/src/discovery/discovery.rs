@@ -259,6 +259,9 @@ pub(crate) struct Discovery {
   // Announced lease of the local participant
   lease_duration: StdDuration,
 
+  // When the last quick response to new participants was or is due.
+  quick_response_due: Option<std::time::Instant>,
+
   // If security is enabled, this field contains a SecureDiscovery struct, an appendix
   // which is used for Secure functionality
   security_opt: Option<SecureDiscovery>,
@@ -304,10 +307,12 @@ pub(crate) struct Discovery {
 impl Discovery {
   const PARTICIPANT_CLEANUP_PERIOD: StdDuration = StdDuration::from_secs(2);
   const TOPIC_CLEANUP_PERIOD: StdDuration = StdDuration::from_secs(60); // timer for cleaning up inactive topics
-  // The lease is this many times the period of announcements, so that it does not
-  // break if an update fails once or twice.
+                                                                        // The lease is this many times the period of announcements, so that it does not
+                                                                        // break if an update fails once or twice.
   const ANNOUNCEMENTS_PER_LEASE: u32 = 5;
   const CHECK_PARTICIPANT_MESSAGES: StdDuration = StdDuration::from_secs(1);
+  // Least time between two quick responses to new participants.
+  const QUICK_RESPONSE_INTERVAL: StdDuration = StdDuration::from_millis(200);
   #[cfg(feature = "security")]
   const CACHED_SECURE_DISCOVERY_MESSAGE_RESEND_PERIOD: StdDuration = StdDuration::from_secs(1);
 
@@ -684,6 +689,7 @@ impl Discovery {
 
       discovery_timer,
       lease_duration,
+      quick_response_due: None,
 
       security_opt,
       #[cfg(feature = "security")]
@@ -1066,7 +1072,13 @@ impl Discovery {
     &mut self,
     participant_data: &SpdpDiscoveredParticipantData,
   ) {
-    let was_new = discovery_db_write(&self.discovery_db).update_participant(participant_data);
+    let was_new = {
+      let mut db = discovery_db_write(&self.discovery_db);
+      if !db.admit_participant(participant_data) {
+        return;
+      }
+      db.update_participant(participant_data)
+    };
     let guid_prefix = participant_data.participant_guid.prefix;
 
     // Send notification to dp_event_loop. It will update local reader/writer
@@ -1088,13 +1100,8 @@ impl Discovery {
       // a previously unknown Participant, but this behavior is optional."
       //
       // But not to reply to self, because we know that we exist.
-      // TODO: Maybe add some rate-limiting to this to avoid packet storms.
       if guid_prefix != self.domain_participant.guid().prefix {
-        // One-shot quick SPDP response on the shared timer (does not reschedule).
-        self.discovery_timer.borrow_mut().set_timeout(
-          StdDuration::from_millis(10),
-          DiscoveryTimerEvent::SendParticipantInfo { reschedule: false },
-        );
+        self.schedule_quick_response();
       }
 
       // This may be a rediscovery of a previously seen participant that
@@ -1123,6 +1130,24 @@ impl Discovery {
       self.sedp_receive_publication(Some(guid_prefix));
       debug!("Participant rediscovery finished");
     }
+  }
+
+  // One-shot quick SPDP response on the shared timer (does not reschedule). It goes
+  // to every participant, so one answers all who came since the last one.
+  fn schedule_quick_response(&mut self) {
+    let now = std::time::Instant::now();
+    if self.quick_response_due.is_some_and(|due| due > now) {
+      return;
+    }
+    let soon = now + StdDuration::from_millis(10);
+    let due = self
+      .quick_response_due
+      .map_or(soon, |last| soon.max(last + Self::QUICK_RESPONSE_INTERVAL));
+    self.quick_response_due = Some(due);
+    self.discovery_timer.borrow_mut().set_timeout(
+      due - now,
+      DiscoveryTimerEvent::SendParticipantInfo { reschedule: false },
+    );
   }
 
   fn process_participant_dispose(&mut self, participant_guidp: GuidPrefix) {
@@ -1237,7 +1262,9 @@ impl Discovery {
         match d {
           Sample::Value(d) => {
             trace!("sedp_receive_subscription - {d:?}");
-            let drd = discovery_db_write(&self.discovery_db).update_subscription(&d);
+            let Some(drd) = discovery_db_write(&self.discovery_db).update_subscription(&d) else {
+              continue; // too many readers
+            };
             debug!(
               "sedp_receive_subscription - send_discovery_notification ReaderUpdated  {:?}",
               drd
@@ -1316,8 +1343,11 @@ impl Discovery {
         match d {
           Sample::Value(dwd) => {
             trace!("sedp_receive_publication discovered {:?}", dwd);
-            let discovered_writer_data =
-              discovery_db_write(&self.discovery_db).update_publication(&dwd);
+            let Some(discovered_writer_data) =
+              discovery_db_write(&self.discovery_db).update_publication(&dwd)
+            else {
+              continue; // too many writers
+            };
             self.send_discovery_notification(DiscoveryNotificationType::WriterUpdated {
               discovered_writer_data,
             });
@@ -1705,7 +1735,11 @@ impl Discovery {
           Sample::Value(sec_sub) => {
             // Currently we use only the DiscoveredReaderData field, no DataTag
             let drd_from_topic = sec_sub.discovered_reader_data;
-            let drd = discovery_db_write(&self.discovery_db).update_subscription(&drd_from_topic);
+            let Some(drd) =
+              discovery_db_write(&self.discovery_db).update_subscription(&drd_from_topic)
+            else {
+              continue; // too many readers
+            };
             self.send_discovery_notification(DiscoveryNotificationType::ReaderUpdated {
               discovered_reader_data: drd,
             });
@@ -1752,7 +1786,11 @@ impl Discovery {
           Sample::Value(se_pub) => {
             // Currently we use only the DiscoveredWriterData field, no DataTag
             let dwd_from_topic = se_pub.discovered_writer_data;
-            let dwd = discovery_db_write(&self.discovery_db).update_publication(&dwd_from_topic);
+            let Some(dwd) =
+              discovery_db_write(&self.discovery_db).update_publication(&dwd_from_topic)
+            else {
+              continue; // too many writers
+            };
             self.send_discovery_notification(DiscoveryNotificationType::WriterUpdated {
               discovered_writer_data: dwd,
             });
@@ -1793,6 +1831,12 @@ impl Discovery {
         id: guid_prefix,
         reason,
       });
+    }
+    let orphans = discovery_db_write(&self.discovery_db).orphan_cleanup();
+    for guid in orphans {
+      debug!("participant cleanup - nobody announced the participant of {guid:?}");
+      self.send_discovery_notification(DiscoveryNotificationType::ReaderLost { reader_guid: guid });
+      self.send_discovery_notification(DiscoveryNotificationType::WriterLost { writer_guid: guid });
     }
   }
 

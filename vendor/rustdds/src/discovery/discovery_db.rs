@@ -1,5 +1,5 @@
 use std::{
-  collections::BTreeMap,
+  collections::{BTreeMap, BTreeSet},
   sync::{Arc, RwLock, RwLockReadGuard, RwLockWriteGuard},
   time::Instant,
 };
@@ -49,6 +49,29 @@ const PARTICIPANT_LEASE_DURATION_TOLERANCE: Duration = Duration::from_secs(0);
 // again at their next announcement. The one lost longest ago is forgotten first.
 const MAX_ATTIC_PARTICIPANTS: usize = 128;
 
+// What others may announce. Anybody on the network may announce participants,
+// endpoints and topics without end, and each of them costs memory and, as long as
+// it is matched, messages. Beyond these bounds what is new is not taken in, and
+// what is known stays.
+const MAX_PARTICIPANTS: usize = 1024;
+// Readers and writers, each.
+const MAX_EXTERNAL_ENDPOINTS: usize = 16_384;
+const MAX_ENDPOINTS_PER_PARTICIPANT: usize = 2048;
+// Pairs of a topic and one who announced it.
+const MAX_TOPIC_ENTRIES: usize = 32_768;
+
+// New participants are taken in at this rate, after a burst of so many. Those that
+// have to wait announce themselves again, and so many of them are remembered, as
+// their next announcement may be the same sample again.
+const NEW_PARTICIPANTS_BURST: u32 = 256;
+const NEW_PARTICIPANTS_PER_SECOND: u32 = 50;
+const MAX_WAITING_PARTICIPANTS: usize = 128;
+
+// An endpoint whose participant is not known is kept for this long, so that the
+// participant may be announced after it, and at most so many of them.
+const ORPHAN_ENDPOINT_DURATION: std::time::Duration = std::time::Duration::from_secs(60);
+const MAX_ORPHAN_ENDPOINTS: usize = 256;
+
 // TODO: Let DiscoveryDB itself become thread-safe and support smaller-scope
 // lock
 pub(crate) struct DiscoveryDB {
@@ -83,10 +106,49 @@ pub(crate) struct DiscoveryDB {
   // Inner key is topic data sender.
   topics: BTreeMap<String, BTreeMap<GUID, (DiscoveredVia, DiscoveredTopicData)>>,
 
+  // The same the other way round: which topics a sender has an entry in. Entries
+  // go with their endpoint or participant.
+  topics_by_sender: BTreeMap<GUID, BTreeSet<String>>,
+  topic_entry_count: usize,
+
+  // New participants that had to wait, and how many may be taken in now.
+  waiting_participants: BTreeMap<GuidPrefix, (Instant, SpdpDiscoveredParticipantData)>,
+  admissions: AdmissionBudget,
+
+  // External endpoints whose participant is not known, and since when.
+  orphan_endpoints: BTreeMap<GUID, Instant>,
+
   // sender for notifying (potential) waiters in participant.find_topic() call
   topic_updated_sender: std::sync::mpsc::SyncSender<()>,
 
   participant_status_sender: StatusChannelSender<DomainParticipantStatusEvent>,
+}
+
+// How many new participants may be taken in now: a token bucket.
+struct AdmissionBudget {
+  tokens: f64,
+  filled: Instant,
+}
+
+impl AdmissionBudget {
+  fn new(now: Instant) -> Self {
+    Self {
+      tokens: f64::from(NEW_PARTICIPANTS_BURST),
+      filled: now,
+    }
+  }
+
+  fn take(&mut self, now: Instant) -> bool {
+    let elapsed = now.saturating_duration_since(self.filled).as_secs_f64();
+    self.filled = now;
+    self.tokens = f64::from(NEW_PARTICIPANTS_BURST)
+      .min(self.tokens + elapsed * f64::from(NEW_PARTICIPANTS_PER_SECOND));
+    if self.tokens < 1.0 {
+      return false;
+    }
+    self.tokens -= 1.0;
+    true
+  }
 }
 
 // How did we discover this topic
@@ -106,6 +168,13 @@ fn move_by_guid_prefix<D>(
   let to_move: Vec<GUID> = from.range(guid_prefix.range()).map(|(g, _)| *g).collect();
   for guid in to_move {
     from.remove(&guid).map(|d| to.insert(guid, d));
+  }
+}
+
+fn remove_by_guid_prefix<D>(guid_prefix: GuidPrefix, from: &mut BTreeMap<GUID, D>) {
+  let to_remove: Vec<GUID> = from.range(guid_prefix.range()).map(|(g, _)| *g).collect();
+  for guid in to_remove {
+    from.remove(&guid);
   }
 }
 
@@ -147,6 +216,11 @@ impl DiscoveryDB {
       external_topic_readers_attic: BTreeMap::new(),
       external_topic_writers_attic: BTreeMap::new(),
       topics: BTreeMap::new(),
+      topics_by_sender: BTreeMap::new(),
+      topic_entry_count: 0,
+      waiting_participants: BTreeMap::new(),
+      admissions: AdmissionBudget::new(Instant::now()),
+      orphan_endpoints: BTreeMap::new(),
       topic_updated_sender,
       participant_status_sender,
     }
@@ -157,6 +231,39 @@ impl DiscoveryDB {
       .participant_status_sender
       .try_send(event)
       .unwrap_or_else(|e| error!("Cannot report participant status: {e:?}"));
+  }
+
+  // Whether a participant that announces itself may be taken in now. One that is
+  // known may, and so may one that is back after its lease had expired.
+  // One that may not is remembered, so that its next sign of life asks again.
+  pub fn admit_participant(&mut self, data: &SpdpDiscoveredParticipantData) -> bool {
+    self.admit_participant_at(data, Instant::now())
+  }
+
+  fn admit_participant_at(&mut self, data: &SpdpDiscoveredParticipantData, now: Instant) -> bool {
+    let guid_prefix = data.participant_guid.prefix;
+    if guid_prefix == self.my_guid.prefix || self.participant_proxies.contains_key(&guid_prefix) {
+      return true;
+    }
+    let is_back = self.participants_attic.contains_key(&guid_prefix);
+    if self.participant_proxies.len() < MAX_PARTICIPANTS && (is_back || self.admissions.take(now)) {
+      self.waiting_participants.remove(&guid_prefix);
+      return true;
+    }
+    debug!("Participant {guid_prefix:?} has to wait: too many new ones");
+    self
+      .waiting_participants
+      .insert(guid_prefix, (now, data.clone()));
+    if self.waiting_participants.len() > MAX_WAITING_PARTICIPANTS {
+      let first = self
+        .waiting_participants
+        .iter()
+        .min_by_key(|(_, (t, _))| *t);
+      if let Some(prefix) = first.map(|(prefix, _)| *prefix) {
+        self.waiting_participants.remove(&prefix);
+      }
+    }
+    false
   }
 
   // Returns if participant was previously unknown
@@ -204,6 +311,31 @@ impl DiscoveryDB {
         &mut self.external_topic_writers_attic,
         &mut self.external_topic_writers,
       );
+      // Their topics went when the participant was lost.
+      let (readers, writers) = self.external_endpoints_of(guid.prefix);
+      for reader in readers {
+        self.update_topic_data(
+          &DiscoveredTopicData::new(Utc::now(), reader.subscription_topic_data.to_topic_data()),
+          reader.reader_proxy.remote_reader_guid,
+          DiscoveredVia::Subscription,
+        );
+      }
+      for writer in writers {
+        self.update_topic_data(
+          &DiscoveredTopicData::new(Utc::now(), writer.publication_topic_data.to_topic_data()),
+          writer.writer_proxy.remote_writer_guid,
+          DiscoveredVia::Publication,
+        );
+      }
+      // Endpoints that were announced before their participant have one now.
+      let adopted: Vec<GUID> = self
+        .orphan_endpoints
+        .range(guid.prefix.range())
+        .map(|(g, _)| *g)
+        .collect();
+      for endpoint in adopted {
+        self.orphan_endpoints.remove(&endpoint);
+      }
     }
 
     // In any case:
@@ -230,8 +362,10 @@ impl DiscoveryDB {
       }
       *ts = now;
       None
-    } else if let Some((_, data)) = self.participants_attic.remove(&guid_prefix) {
+    } else if let Some((_, data)) = self.participants_attic.get(&guid_prefix) {
       info!("Participant {guid_prefix:?} is back after its lease had expired.");
+      Some(data.clone())
+    } else if let Some((_, data)) = self.waiting_participants.remove(&guid_prefix) {
       Some(data)
     } else {
       info!(
@@ -258,13 +392,26 @@ impl DiscoveryDB {
   // Forget a timed-out participant for good.
   fn remove_from_attic(&mut self, guid_prefix: GuidPrefix) {
     self.participants_attic.remove(&guid_prefix);
-    let in_participant = |guid: &GUID| guid.prefix == guid_prefix;
+    remove_by_guid_prefix(guid_prefix, &mut self.external_topic_readers_attic);
+    remove_by_guid_prefix(guid_prefix, &mut self.external_topic_writers_attic);
+  }
+
+  // Which participant to forget first when too many are in the attic: one without
+  // endpoints, as anybody announces them, and of those the one lost longest ago.
+  fn first_to_forget(&self) -> Option<GuidPrefix> {
+    let has_endpoints = |prefix: &GuidPrefix| {
+      let (readers, writers) = (
+        &self.external_topic_readers_attic,
+        &self.external_topic_writers_attic,
+      );
+      readers.range(prefix.range()).next().is_some()
+        || writers.range(prefix.range()).next().is_some()
+    };
     self
-      .external_topic_readers_attic
-      .retain(|guid, _| !in_participant(guid));
-    self
-      .external_topic_writers_attic
-      .retain(|guid, _| !in_participant(guid));
+      .participants_attic
+      .iter()
+      .min_by_key(|(prefix, (lost, _))| (has_endpoints(prefix), *lost))
+      .map(|(prefix, _)| *prefix)
   }
 
   // active_disposal means that we received a discovery message announcing the
@@ -274,12 +421,14 @@ impl DiscoveryDB {
     info!("removing participant {guid_prefix:?}");
     let proxy = self.participant_proxies.remove(&guid_prefix);
     self.participant_last_life_signs.remove(&guid_prefix);
+    self.waiting_participants.remove(&guid_prefix);
+    self.forget_topics_of_participant(guid_prefix);
     #[cfg(feature = "security")]
     self.authentication_statuses.remove(&guid_prefix);
 
     if active_disposal {
-      self.remove_topic_reader_with_prefix(guid_prefix);
-      self.remove_topic_writer_with_prefix(guid_prefix);
+      remove_by_guid_prefix(guid_prefix, &mut self.external_topic_readers);
+      remove_by_guid_prefix(guid_prefix, &mut self.external_topic_writers);
       self.remove_from_attic(guid_prefix);
     } else {
       // move to attic
@@ -298,9 +447,11 @@ impl DiscoveryDB {
         &mut self.external_topic_writers,
         &mut self.external_topic_writers_attic,
       );
-      while self.participants_attic.len() > MAX_ATTIC_PARTICIPANTS {
-        let longest_ago = self.participants_attic.iter().min_by_key(|(_, (t, _))| *t);
-        match longest_ago.map(|(prefix, _)| *prefix) {
+      while self.participants_attic.len() > MAX_ATTIC_PARTICIPANTS
+        || self.external_topic_readers_attic.len() > MAX_EXTERNAL_ENDPOINTS
+        || self.external_topic_writers_attic.len() > MAX_EXTERNAL_ENDPOINTS
+      {
+        match self.first_to_forget() {
           Some(prefix) => self.remove_from_attic(prefix),
           None => break,
         }
@@ -315,23 +466,12 @@ impl DiscoveryDB {
     self.participant_proxies.get(&guid_prefix)
   }
 
-  fn remove_topic_reader_with_prefix(&mut self, guid_prefix: GuidPrefix) {
-    // TODO: Implement this using .drain_filter() in BTreeMap once it lands in
-    // stable.
-    let to_remove: Vec<GUID> = self
-      .external_topic_readers
-      .range(guid_prefix.range())
-      .map(|(g, _)| *g)
-      .collect();
-    for guid in to_remove {
-      self.external_topic_readers.remove(&guid);
-    }
-  }
-
   pub fn remove_topic_reader(&mut self, guid: GUID) {
     info!("remove_topic_reader {guid:?}");
     self.external_topic_readers.remove(&guid);
     self.external_topic_readers_attic.remove(&guid);
+    self.orphan_endpoints.remove(&guid);
+    self.forget_topics_of(guid);
   }
 
   #[cfg(feature = "security")]
@@ -344,22 +484,92 @@ impl DiscoveryDB {
     self.external_topic_writers.get(guid)
   }
 
-  fn remove_topic_writer_with_prefix(&mut self, guid_prefix: GuidPrefix) {
-    // TODO: Implement this using .drain_filter() in BTreeMap once it lands in
-    // stable.
-    let to_remove: Vec<GUID> = self
-      .external_topic_writers
-      .range(guid_prefix.range())
-      .map(|(g, _)| *g)
-      .collect();
-    for guid in to_remove {
-      self.external_topic_writers.remove(&guid);
-    }
-  }
-
   pub fn remove_topic_writer(&mut self, guid: GUID) {
     self.external_topic_writers.remove(&guid);
     self.external_topic_writers_attic.remove(&guid);
+    self.orphan_endpoints.remove(&guid);
+    self.forget_topics_of(guid);
+  }
+
+  // Removes endpoints whose participant was not announced in time. Returns them.
+  pub fn orphan_cleanup(&mut self) -> Vec<GUID> {
+    self.orphan_cleanup_at(Instant::now())
+  }
+
+  fn orphan_cleanup_at(&mut self, now: Instant) -> Vec<GUID> {
+    let is_old = |since: &Instant| now.saturating_duration_since(*since) > ORPHAN_ENDPOINT_DURATION;
+    let old: Vec<GUID> = self
+      .orphan_endpoints
+      .iter()
+      .filter(|(_, since)| is_old(since))
+      .map(|(guid, _)| *guid)
+      .collect();
+    for guid in &old {
+      // Whoever announced it may have named the other kind.
+      self.remove_topic_reader(*guid);
+      self.remove_topic_writer(*guid);
+    }
+    old
+  }
+
+  // Whether an endpoint may be taken in. `known` are the readers or the writers.
+  fn has_room_for_endpoint<D>(&self, guid: GUID, known: &BTreeMap<GUID, D>) -> bool {
+    if known.contains_key(&guid) || guid.prefix == self.my_guid.prefix {
+      return true;
+    }
+    let is_orphan = !self.participant_proxies.contains_key(&guid.prefix);
+    let has_room = known.len() < MAX_EXTERNAL_ENDPOINTS
+      && known.range(guid.prefix.range()).count() < MAX_ENDPOINTS_PER_PARTICIPANT
+      && (!is_orphan || self.orphan_endpoints.len() < MAX_ORPHAN_ENDPOINTS);
+    if !has_room {
+      debug!("Endpoint {guid:?} is not taken in: too many of them");
+    }
+    has_room
+  }
+
+  // What there is to note when an endpoint was taken in.
+  fn note_endpoint(&mut self, guid: GUID, topic_name: &str) {
+    let has_participant =
+      guid.prefix == self.my_guid.prefix || self.participant_proxies.contains_key(&guid.prefix);
+    if !has_participant {
+      self
+        .orphan_endpoints
+        .entry(guid)
+        .or_insert_with(Instant::now);
+    }
+    // An endpoint has one topic.
+    let has_other_topic = self
+      .topics_by_sender
+      .get(&guid)
+      .is_some_and(|names| names.iter().any(|name| name != topic_name));
+    if has_other_topic {
+      self.forget_topics_of(guid);
+    }
+  }
+
+  // Removes the entries of one sender from the topics.
+  fn forget_topics_of(&mut self, sender: GUID) {
+    for name in self.topics_by_sender.remove(&sender).unwrap_or_default() {
+      if let Some(senders) = self.topics.get_mut(&name) {
+        if senders.remove(&sender).is_some() {
+          self.topic_entry_count -= 1;
+        }
+        if senders.is_empty() {
+          self.topics.remove(&name);
+        }
+      }
+    }
+  }
+
+  fn forget_topics_of_participant(&mut self, guid_prefix: GuidPrefix) {
+    let senders: Vec<GUID> = self
+      .topics_by_sender
+      .range(guid_prefix.range())
+      .map(|(sender, _)| *sender)
+      .collect();
+    for sender in senders {
+      self.forget_topics_of(sender);
+    }
   }
 
   // Delete participant proxies, if we have not heard of them within
@@ -411,54 +621,35 @@ impl DiscoveryDB {
     to_remove
   }
 
-  fn topic_has_writers_or_readers(&self, topic_name: &str) -> bool {
-    // TODO: This entire function has silly implementation.
-    // We should really have a separate map from Topic to Readers & Writers
-    if self
-      .local_topic_readers
-      .iter()
-      .any(|(_, p)| p.subscription_topic_data.topic_name() == topic_name)
-    {
-      return true;
-    }
-
-    if self
-      .local_topic_writers
-      .iter()
-      .any(|(_, p)| p.publication_topic_data.topic_name == topic_name)
-    {
-      return true;
-    }
-
-    if self
-      .external_topic_readers
-      .values()
-      .any(|p| p.subscription_topic_data.topic_name() == topic_name)
-    {
-      return true;
-    }
-
-    if self
-      .external_topic_writers
-      .values()
-      .any(|p| p.publication_topic_data.topic_name == topic_name)
-    {
-      return true;
-    }
-
-    false
-  }
-
   pub fn topic_cleanup(&mut self) {
     // removing topics that have no readers or writers
-    let dead_topics: Vec<_> = self
+    let readers = self
+      .local_topic_readers
+      .values()
+      .chain(self.external_topic_readers.values())
+      .map(|r| r.subscription_topic_data.topic_name());
+    let writers = self
+      .local_topic_writers
+      .values()
+      .chain(self.external_topic_writers.values())
+      .map(|w| w.publication_topic_data.topic_name());
+    let used: BTreeSet<&String> = readers.chain(writers).collect();
+    let dead_topics: Vec<String> = self
       .topics
       .keys()
-      .filter(|tn| !self.topic_has_writers_or_readers(tn))
+      .filter(|name| !used.contains(name))
       .cloned()
       .collect();
     for dt in &dead_topics {
-      self.topics.remove(dt);
+      for sender in self.topics.remove(dt).unwrap_or_default().keys() {
+        self.topic_entry_count -= 1;
+        if let Some(names) = self.topics_by_sender.get_mut(sender) {
+          names.remove(dt);
+          if names.is_empty() {
+            self.topics_by_sender.remove(sender);
+          }
+        }
+      }
     }
   }
 
@@ -484,8 +675,16 @@ impl DiscoveryDB {
   // them from the remote participant.
   //
   // The topic is updated to the topics table.
-  pub fn update_subscription(&mut self, data: &DiscoveredReaderData) -> DiscoveredReaderData {
+  // Returns None, and changes nothing, if there are too many endpoints already.
+  pub fn update_subscription(
+    &mut self,
+    data: &DiscoveredReaderData,
+  ) -> Option<DiscoveredReaderData> {
     let guid = data.reader_proxy.remote_reader_guid;
+    if !self.has_room_for_endpoint(guid, &self.external_topic_readers) {
+      return None;
+    }
+    self.note_endpoint(guid, &data.subscription_topic_data.topic_name);
 
     // fill in the default locators from participant, in case DRD did not provide
     // any
@@ -537,12 +736,20 @@ impl DiscoveryDB {
     // reader update. If there is a DiscoveredVia::Topic record, use QosPolicies
     // from that record and modify by QoS given in the DRD.
 
-    enriched
+    Some(enriched)
   }
 
   // TODO: This is silly. Returns one of the parameters cloned, or None
-  pub fn update_publication(&mut self, data: &DiscoveredWriterData) -> DiscoveredWriterData {
+  // Returns None, and changes nothing, if there are too many endpoints already.
+  pub fn update_publication(
+    &mut self,
+    data: &DiscoveredWriterData,
+  ) -> Option<DiscoveredWriterData> {
     let guid = data.writer_proxy.remote_writer_guid;
+    if !self.has_room_for_endpoint(guid, &self.external_topic_writers) {
+      return None;
+    }
+    self.note_endpoint(guid, &data.publication_topic_data.topic_name);
 
     // fill in the default locators from participant, in case DRD did not provide
     // any
@@ -590,7 +797,7 @@ impl DiscoveryDB {
       DiscoveredVia::Publication,
     );
 
-    enriched
+    Some(enriched)
   }
 
   // This is for local participant updating the topic table
@@ -620,6 +827,23 @@ impl DiscoveryDB {
     let topic_name = dtd.topic_data.name.clone();
     let mut notify = false;
     let mut inconsistency_event_to_send = None;
+
+    let is_known = self
+      .topics_by_sender
+      .get(&updater)
+      .is_some_and(|names| names.contains(&topic_name));
+    if !is_known {
+      if self.topic_entry_count >= MAX_TOPIC_ENTRIES && updater.prefix != self.my_guid.prefix {
+        debug!("Topic {topic_name:?} of {updater:?} is not taken in: too many of them");
+        return;
+      }
+      self.topic_entry_count += 1;
+      self
+        .topics_by_sender
+        .entry(updater)
+        .or_default()
+        .insert(topic_name.clone());
+    }
 
     if let Some(t) = self.topics.get_mut(&dtd.topic_data.name) {
       if let Some(old_dtd) = t.get_mut(&updater) {
@@ -964,6 +1188,206 @@ mod tests {
     assert!(discoverydb.participant_is_alive(prefix).is_none());
 
     // TODO: more operations tests
+  }
+
+  fn empty_db() -> DiscoveryDB {
+    let (topic_updated_sender, _) = std::sync::mpsc::sync_channel::<()>(4);
+    let (status_sender, _) = sync_status_channel(16).unwrap();
+    DiscoveryDB::new(
+      GUID::new_participant_guid(),
+      topic_updated_sender,
+      status_sender,
+    )
+  }
+
+  // The announcement of a participant that nobody saw before.
+  fn stranger(number: u32) -> SpdpDiscoveredParticipantData {
+    let mut prefix = *b"stranger....";
+    prefix[8..].copy_from_slice(&number.to_be_bytes());
+    let mut data = spdp_participant_data().unwrap();
+    data.participant_guid = GUID::new(GuidPrefix::new(&prefix), EntityId::PARTICIPANT);
+    data
+  }
+
+  fn reader_of(prefix: GuidPrefix, number: u32, topic_name: &str) -> DiscoveredReaderData {
+    let [_, key @ ..] = number.to_be_bytes();
+    let guid = GUID::new(
+      prefix,
+      EntityId::new(key, EntityKind::READER_NO_KEY_USER_DEFINED),
+    );
+    DiscoveredReaderData {
+      reader_proxy: ReaderProxy::new(guid, false, vec![], vec![]),
+      subscription_topic_data: SubscriptionBuiltinTopicData::new(
+        guid,
+        None,
+        topic_name.to_string(),
+        "Type".to_string(),
+        &QosPolicies::qos_none(),
+        None,
+      ),
+      content_filter: None,
+      user_data: Vec::new(),
+    }
+  }
+
+  fn is_consistent(db: &DiscoveryDB) -> bool {
+    let entries: usize = db.topics.values().map(BTreeMap::len).sum();
+    let named: usize = db.topics_by_sender.values().map(BTreeSet::len).sum();
+    entries == db.topic_entry_count && named == entries
+  }
+
+  #[test]
+  fn new_participants_are_taken_in_at_a_bounded_rate() {
+    let mut db = empty_db();
+    let begin = Instant::now();
+    let mut try_all = |numbers: std::ops::Range<u32>, now| {
+      let mut taken = Vec::new();
+      for number in numbers {
+        let data = stranger(number);
+        if db.admit_participant_at(&data, now) {
+          db.update_participant(&data);
+          taken.push(number);
+        }
+      }
+      (
+        taken,
+        db.participant_proxies.len(),
+        db.waiting_participants.len(),
+      )
+    };
+    let (taken, known, waiting) = try_all(0..2000, begin);
+    assert_eq!(taken, (0..NEW_PARTICIPANTS_BURST).collect::<Vec<_>>());
+    assert_eq!((known, waiting), (256, MAX_WAITING_PARTICIPANTS));
+    // Those that are known are heard, and some of the others at their next announcement.
+    let later = begin + StdDuration::from_secs(1);
+    let (taken, known, _) = try_all(250..2000, later);
+    assert_eq!(
+      taken,
+      (250..256 + NEW_PARTICIPANTS_PER_SECOND).collect::<Vec<_>>()
+    );
+    assert_eq!(known, 306);
+    // However long they try, there are not more than so many.
+    for seconds in 2..60 {
+      try_all(0..2000, begin + StdDuration::from_secs(seconds));
+    }
+    assert_eq!(db.participant_proxies.len(), MAX_PARTICIPANTS);
+    // One that had to wait asks again by its next sign of life.
+    let (&waiting, _) = db.waiting_participants.iter().next().unwrap();
+    assert!(db.participant_is_alive(waiting).is_some());
+    // One that was lost and comes back need not wait.
+    let lost = stranger(0);
+    db.remove_participant(lost.participant_guid.prefix, false);
+    let soon = begin + StdDuration::from_secs(60);
+    while db.admissions.take(soon) {}
+    let back = db
+      .participant_is_alive(lost.participant_guid.prefix)
+      .unwrap();
+    assert!(db.admit_participant_at(&back, soon));
+    assert!(!db.admit_participant_at(&stranger(9999), soon));
+  }
+
+  #[test]
+  fn topics_and_endpoints_go_with_their_participant() {
+    let mut db = empty_db();
+    let data = stranger(1);
+    let prefix = data.participant_guid.prefix;
+    db.update_participant(&data);
+    for number in 0..100 {
+      db.update_subscription(&reader_of(prefix, number, &format!("topic {number}")));
+    }
+    assert_eq!((db.topics.len(), is_consistent(&db)), (100, true));
+    // Lost, it takes them along; back, it brings them again.
+    db.remove_participant(prefix, false);
+    assert_eq!((db.topics.len(), is_consistent(&db)), (0, true));
+    let back = db.participant_is_alive(prefix).unwrap();
+    db.update_participant(&back);
+    assert_eq!(
+      (db.topics.len(), db.external_topic_readers.len()),
+      (100, 100)
+    );
+    db.remove_topic_reader(reader_of(prefix, 7, "").reader_proxy.remote_reader_guid);
+    assert_eq!((db.topics.len(), is_consistent(&db)), (99, true));
+    db.remove_participant(prefix, true);
+    assert_eq!((db.topics.len(), db.external_topic_readers.len()), (0, 0));
+    assert!(is_consistent(&db) && db.topics_by_sender.is_empty());
+  }
+
+  #[test]
+  fn what_a_participant_announces_is_bounded() {
+    let mut db = empty_db();
+    let data = stranger(1);
+    let prefix = data.participant_guid.prefix;
+    db.update_participant(&data);
+    // One endpoint under ever new topics has one of them.
+    for number in 0..1000 {
+      db.update_subscription(&reader_of(prefix, 0, &format!("topic {number}")));
+    }
+    assert_eq!(db.topics.keys().collect::<Vec<_>>(), ["topic 999"]);
+    for number in 0..3000 {
+      let taken = db.update_subscription(&reader_of(prefix, number, &format!("topic {number}")));
+      assert_eq!(
+        taken.is_some(),
+        (number as usize) < MAX_ENDPOINTS_PER_PARTICIPANT
+      );
+    }
+    assert_eq!(
+      db.external_topic_readers.len(),
+      MAX_ENDPOINTS_PER_PARTICIPANT
+    );
+    assert_eq!(db.topics.len(), MAX_ENDPOINTS_PER_PARTICIPANT);
+    // What is known may be announced again.
+    assert!(db
+      .update_subscription(&reader_of(prefix, 5, "topic 5"))
+      .is_some());
+    // Topics alone are bounded, too.
+    let sender = GUID::new(prefix, EntityId::SEDP_BUILTIN_TOPIC_WRITER);
+    let topic_of = |number: usize| {
+      let reader = reader_of(prefix, 0, &format!("announced {number}"));
+      DiscoveredTopicData::new(Utc::now(), reader.subscription_topic_data.to_topic_data())
+    };
+    for number in 0..MAX_TOPIC_ENTRIES {
+      db.update_topic_data(&topic_of(number), sender, DiscoveredVia::Topic);
+    }
+    assert_eq!(
+      (db.topics.len(), is_consistent(&db)),
+      (MAX_TOPIC_ENTRIES, true)
+    );
+    db.topic_cleanup();
+    assert_eq!(
+      (db.topics.len(), is_consistent(&db)),
+      (MAX_ENDPOINTS_PER_PARTICIPANT, true)
+    );
+    // Many lost participants with many endpoints are not all remembered.
+    for number in 2..12 {
+      let data = stranger(number);
+      db.update_participant(&data);
+      for endpoint in 0..2000 {
+        db.update_subscription(&reader_of(data.participant_guid.prefix, endpoint, "same"));
+      }
+      db.remove_participant(data.participant_guid.prefix, false);
+    }
+    assert!(db.external_topic_readers_attic.len() <= MAX_EXTERNAL_ENDPOINTS);
+  }
+
+  #[test]
+  fn endpoints_of_nobody_are_few_and_go() {
+    let mut db = empty_db();
+    let nobody = GuidPrefix::new(b"nobody......");
+    let somebody = stranger(1);
+    let prefix = somebody.participant_guid.prefix;
+    db.update_subscription(&reader_of(prefix, 1, "early"));
+    for number in 0..1000 {
+      db.update_subscription(&reader_of(nobody, number, &format!("topic {number}")));
+    }
+    assert_eq!(db.external_topic_readers.len(), MAX_ORPHAN_ENDPOINTS);
+    // A participant may be announced after its endpoints.
+    db.update_participant(&somebody);
+    assert!(db.orphan_cleanup_at(Instant::now()).is_empty());
+    let later = Instant::now() + ORPHAN_ENDPOINT_DURATION + StdDuration::from_secs(1);
+    assert_eq!(db.orphan_cleanup_at(later).len(), MAX_ORPHAN_ENDPOINTS - 1);
+    assert_eq!(db.topics.keys().collect::<Vec<_>>(), ["early"]);
+    assert_eq!(db.external_topic_readers.len(), 1);
+    assert!(is_consistent(&db));
   }
 
   #[test]

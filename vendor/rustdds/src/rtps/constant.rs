@@ -52,6 +52,11 @@ pub const HEARTBEAT_PERIOD_SLOW: crate::structure::duration::Duration =
 pub const HEARTBEAT_PERIOD_FAST: crate::structure::duration::Duration =
   crate::structure::duration::Duration::from_millis(100);
 
+// A reader that answers no heartbeat gets one at each of so many ticks, and then
+// at one tick of so many.
+pub const HEARTBEAT_TICKS_BEFORE_BACKOFF: u32 = 20;
+pub const HEARTBEAT_BACKOFF: u32 = 10;
+
 // Fallback upper bound on the number of CacheChanges a Writer retains in its
 // history when the Writer QoS does not specify ResourceLimits.max_samples. This
 // is only a memory-safety backstop: for reliable Writers, samples that matched

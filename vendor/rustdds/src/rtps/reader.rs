@@ -42,8 +42,12 @@ use crate::{
   network::udp_sender::UDPSender,
   polling::{ReadySender, SharedTimer, WakeReceiver},
   rtps::{
-    constant::{MAX_PLAUSIBLE_SEQUENCE_NUMBER, MAX_UNMATCHED_ASSEMBLERS}, fragment_assembler::FragmentAssembler, message_receiver::MessageReceiverState,
-    rtps_writer_proxy::RtpsWriterProxy, timed_event::DpTimerEvent, Message,
+    constant::{MAX_PLAUSIBLE_SEQUENCE_NUMBER, MAX_UNMATCHED_ASSEMBLERS},
+    fragment_assembler::FragmentAssembler,
+    message_receiver::MessageReceiverState,
+    rtps_writer_proxy::RtpsWriterProxy,
+    timed_event::DpTimerEvent,
+    Message,
   },
   structure::{
     cache_change::{CacheChange, ChangeKind},
@@ -770,8 +774,10 @@ impl Reader {
         );
         // This is normal if the DATA was broadcast, but it was from another topic.
         // We just ignore the data in such a case
-        // ... unless it is Discovery traffic.
-        if writer_guid.entity_id.entity_kind.is_user_defined() {
+        // ... unless a participant announces itself. Endpoints are announced
+        // reliably: those of a participant that we do not know yet are asked for as
+        // soon as we match it, and those of nobody are not worth any memory.
+        if writer_guid.entity_id != EntityId::SPDP_BUILTIN_PARTICIPANT_WRITER {
           return;
         }
       }
@@ -1620,6 +1626,66 @@ mod tests {
     );
     // TODO: Should the other notification mechanisms (mio-0.8 & async) be also
     // checked?
+  }
+
+  // Endpoints are announced reliably, by participants that we know. What others say
+  // of endpoints would be kept for nobody.
+  #[test]
+  fn strangers_announce_themselves_and_nothing_else() {
+    let topic_name = "test_name";
+    let qos_policy = QosPolicies::qos_none();
+    let topic_cache_handle = DDSCache::new().add_new_topic(
+      topic_name.to_string(),
+      TypeDesc::new("test_type".to_string()),
+      &qos_policy,
+    );
+    let (notification_sender, notification_receiver) = crate::mio_source::notification_channel(100);
+    let (_notification_event_source, poll_event_sender) = mio_source::make_poll_channel().unwrap();
+    let (status_sender, _status_receiver) = sync_status_channel::<DataReaderStatus>(4).unwrap();
+    let (participant_status_sender, _participant_status_receiver) =
+      sync_status_channel(16).unwrap();
+    let (_reader_command_sender, data_reader_command_receiver) =
+      wake_channel::<ReaderCommand>(10, &LoopWaker::new());
+    let mut reader = Reader::new(
+      ReaderIngredients {
+        guid: GUID::dummy_test_guid(EntityKind::READER_WITH_KEY_BUILT_IN),
+        notification_sender,
+        status_sender,
+        topic_name: topic_name.to_string(),
+        topic_cache_handle,
+        like_stateless: false,
+        qos_policy,
+        data_reader_command_receiver,
+        data_reader_waker: Arc::new(Mutex::new(None)),
+        poll_event_sender,
+        security_plugins: None,
+        discovery_notify: None,
+      },
+      Rc::new(UDPSender::new(0).unwrap()),
+      new_shared_timer(),
+      participant_status_sender,
+    );
+    let from_stranger = MessageReceiverState {
+      source_guid_prefix: GuidPrefix::new(b"stranger...."),
+      ..Default::default()
+    };
+    for (writer_id, is_heard) in [
+      (EntityId::SEDP_BUILTIN_PUBLICATIONS_WRITER, false),
+      (EntityId::SEDP_BUILTIN_SUBSCRIPTIONS_WRITER, false),
+      (EntityId::SEDP_BUILTIN_TOPIC_WRITER, false),
+      (EntityId::P2P_BUILTIN_PARTICIPANT_MESSAGE_WRITER, false),
+      (EntityId::SPDP_BUILTIN_PARTICIPANT_WRITER, true),
+    ] {
+      let data = Data {
+        reader_id: reader.my_guid.entity_id,
+        writer_id,
+        ..Data::default()
+      };
+      let flags = BitFlags::<DATA_Flags>::from_flag(DATA_Flags::Data);
+      reader.handle_data_msg(data, flags, &from_stranger);
+      let was_heard = notification_receiver.try_recv().is_ok();
+      assert_eq!(was_heard, is_heard, "{writer_id:?}");
+    }
   }
 
   #[test]

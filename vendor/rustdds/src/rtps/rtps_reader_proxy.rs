@@ -78,6 +78,8 @@ pub(crate) struct RtpsReaderProxy {
   // Count of the last ACKNACK / NACK_FRAG accepted from this reader. A reader
   // sends one ACKNACK to each of our locators; the copies carry the same count.
   pub last_acknack_count: Option<i32>,
+  // Heartbeat ticks since the last AckNack while something was unacknowledged.
+  heartbeat_ticks_unanswered: u32,
   pub last_nackfrag_count: Option<i32>,
   qos: QosPolicies,
   frags_requested: BTreeMap<SequenceNumber, BitVec>,
@@ -114,6 +116,7 @@ impl RtpsReaderProxy {
       repair_data_scheduled: false,
       repair_frags_scheduled: false,
       last_acknack_count: None,
+      heartbeat_ticks_unanswered: 0,
       last_nackfrag_count: None,
       qos,
       frags_requested: BTreeMap::new(),
@@ -182,6 +185,26 @@ impl RtpsReaderProxy {
     }
   }
 
+  // Whether the reader has not acknowledged everything up to `last_change`.
+  pub fn is_behind(&self, last_change: SequenceNumber) -> bool {
+    self.qos.is_reliable() && last_change >= self.all_acked_before
+  }
+
+  // Counts a tick of the periodic heartbeat while the reader is behind. Returns
+  // whether a heartbeat is due: one that answers gets one at each tick, one that
+  // does not gets ever fewer, as anybody can announce readers that are not there.
+  pub fn heartbeat_tick(&mut self) -> bool {
+    self.heartbeat_ticks_unanswered = self.heartbeat_ticks_unanswered.saturating_add(1);
+    self.heartbeat_ticks_unanswered <= HEARTBEAT_TICKS_BEFORE_BACKOFF
+      || self
+        .heartbeat_ticks_unanswered
+        .is_multiple_of(HEARTBEAT_BACKOFF)
+  }
+
+  pub fn heartbeat_answered(&mut self) {
+    self.heartbeat_ticks_unanswered = 0;
+  }
+
   pub fn qos(&self) -> &QosPolicies {
     &self.qos
   }
@@ -243,6 +266,7 @@ impl RtpsReaderProxy {
       repair_data_scheduled: false,
       repair_frags_scheduled: false,
       last_acknack_count: None,
+      heartbeat_ticks_unanswered: 0,
       last_nackfrag_count: None,
       qos: reader.qos_policy.clone(),
       frags_requested: BTreeMap::new(),
@@ -321,6 +345,7 @@ impl RtpsReaderProxy {
       repair_data_scheduled: false,
       repair_frags_scheduled: false,
       last_acknack_count: None,
+      heartbeat_ticks_unanswered: 0,
       last_nackfrag_count: None,
       qos: discovered_reader_data.subscription_topic_data.qos(),
       frags_requested: BTreeMap::new(),
@@ -758,7 +783,11 @@ mod acknack_tests {
       count: 1,
     };
 
-    rp.handle_ack_nack(&AckSubmessage::AckNack(ack), SequenceNumber::from(100), true);
+    rp.handle_ack_nack(
+      &AckSubmessage::AckNack(ack),
+      SequenceNumber::from(100),
+      true,
+    );
 
     assert_eq!(rp.all_acked_before, SequenceNumber::from(10));
   }
@@ -775,7 +804,11 @@ mod acknack_tests {
       count: 1,
     };
 
-    rp.handle_ack_nack(&AckSubmessage::AckNack(ack), SequenceNumber::from(100), true);
+    rp.handle_ack_nack(
+      &AckSubmessage::AckNack(ack),
+      SequenceNumber::from(100),
+      true,
+    );
 
     assert_eq!(rp.all_acked_before, SequenceNumber::from(50));
   }

@@ -96,8 +96,10 @@ pub struct InterfaceObservation {
 }
 
 /// What we have observed about how to reach a single remote participant.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct ObservedRoutes {
+  /// When we last heard this participant at all.
+  last_heard: Instant,
   /// Local interfaces on which we have seen this participant's traffic.
   by_iface: BTreeMap<InterfaceSelector, InterfaceObservation>,
   /// Most recent source socket address seen for this participant, regardless of
@@ -116,6 +118,18 @@ pub struct ObservedRoutes {
   seen_from_loopback: bool,
 }
 
+impl Default for ObservedRoutes {
+  fn default() -> Self {
+    Self {
+      last_heard: Instant::now(),
+      by_iface: BTreeMap::new(),
+      last_source: None,
+      current_interface: None,
+      seen_from_loopback: false,
+    }
+  }
+}
+
 impl ObservedRoutes {
   fn record(&mut self, iface: Option<InterfaceSelector>, source: SocketAddr) {
     self.record_at(iface, source, Instant::now(), STICKY_SWITCH_MARGIN);
@@ -130,6 +144,7 @@ impl ObservedRoutes {
     now: Instant,
     margin: Duration,
   ) {
+    self.last_heard = now;
     self.last_source = Some(source);
     if source.ip().is_loopback() {
       self.seen_from_loopback = true;
@@ -206,6 +221,10 @@ pub struct InterfaceObservations {
   by_participant: BTreeMap<GuidPrefix, ObservedRoutes>,
 }
 
+/// Participants of which observations are kept. Anybody may send packets in the
+/// name of any number of participants that never announce themselves.
+const MAX_OBSERVED_PARTICIPANTS: usize = 2048;
+
 impl InterfaceObservations {
   pub fn new() -> Self {
     Self::default()
@@ -219,6 +238,21 @@ impl InterfaceObservations {
     iface: Option<InterfaceSelector>,
     source: SocketAddr,
   ) {
+    if self.by_participant.len() >= MAX_OBSERVED_PARTICIPANTS
+      && !self.by_participant.contains_key(&prefix)
+    {
+      // Those heard least recently go, half of them at once. One that is still there
+      // is observed again by its next packet; until then it has the fallback route.
+      let mut heard: Vec<Instant> = self.by_participant.values().map(|o| o.last_heard).collect();
+      let middle = heard.len() / 2;
+      let (_, &mut oldest_kept, _) = heard.select_nth_unstable(middle);
+      self
+        .by_participant
+        .retain(|_, o| o.last_heard >= oldest_kept);
+      if self.by_participant.len() >= MAX_OBSERVED_PARTICIPANTS {
+        self.by_participant.clear(); // all were heard at the same instant
+      }
+    }
     self
       .by_participant
       .entry(prefix)
@@ -695,5 +729,23 @@ mod tests {
       &[iface([10, 0, 0, 1])],
     );
     assert_eq!(route.unicast, Some(udp([10, 0, 0, 5], 7413)));
+  }
+
+  #[test]
+  fn observations_of_strangers_are_bounded() {
+    let mut obs = InterfaceObservations::new();
+    for number in 0..100_000_u32 {
+      let mut prefix = *b"stranger....";
+      prefix[8..].copy_from_slice(&number.to_be_bytes());
+      obs.record(
+        GuidPrefix::new(&prefix),
+        None,
+        sockaddr([127, 0, 0, 1], 7410),
+      );
+      // One that goes on is still known.
+      obs.record(GuidPrefix::UNKNOWN, None, sockaddr([10, 0, 0, 5], 7410));
+      assert!(obs.get(GuidPrefix::UNKNOWN).is_some());
+    }
+    assert!(obs.by_participant.len() <= MAX_OBSERVED_PARTICIPANTS);
   }
 }

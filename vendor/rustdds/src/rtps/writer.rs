@@ -742,10 +742,11 @@ impl Writer {
 
     // One trailing HEARTBEAT for the whole datagram (reliable writers only).
     if hb_reserve > 0 {
+      let (first, last) = self.announced_range(last_seq);
       builder = builder.heartbeat_msg(
         self.entity_id(),
-        self.send_buffer.first_change_sequence_number(),
-        self.send_buffer.last_change_sequence_number(),
+        first,
+        last,
         self.next_heartbeat_count(),
         self.endianness,
         EntityId::UNKNOWN, // to all readers
@@ -769,6 +770,20 @@ impl Writer {
     } else {
       Some(BatchOutcome::Dropped { last_seq })
     }
+  }
+
+  // The range of samples that a HEARTBEAT announces: what was sent, up to `sending`,
+  // which goes with the HEARTBEAT or was sent before. Not what still waits to be
+  // sent: a reader need not ask for that, and Cyclone DDS takes all that the first
+  // HEARTBEAT it sees announces for history, which a VOLATILE reader does not get.
+  fn announced_range(&self, sending: SequenceNumber) -> (SequenceNumber, SequenceNumber) {
+    let last = if self.push_mode {
+      max(self.last_sent, sending)
+    } else {
+      self.send_buffer.last_change_sequence_number()
+    };
+    let first = self.send_buffer.first_change_sequence_number();
+    (min(first, last.plus_1()), last)
   }
 
   pub fn process_pending(&mut self) {
@@ -1069,16 +1084,19 @@ impl Writer {
       self.readers.len()
     );
 
-    let first_change = self.send_buffer.first_change_sequence_number();
-    let last_change = self.send_buffer.last_change_sequence_number();
+    let (first_change, last_change) = self.announced_range(SequenceNumber::zero());
 
-    if self
-      .readers
-      .values()
-      .all(|rp| last_change < rp.all_acked_before)
-    {
-      trace!("heartbeat tick: all readers have all available data.");
-      false
+    let mut any_behind = false;
+    let mut due = BTreeSet::new();
+    for (guid, reader) in &mut self.readers {
+      let is_behind = reader.is_behind(last_change);
+      any_behind |= is_behind;
+      if is_manual_assertion || (is_behind && reader.heartbeat_tick()) {
+        due.insert(*guid);
+      }
+    }
+    if due.is_empty() {
+      trace!("heartbeat tick: nobody to send one to. Somebody is behind: {any_behind}");
     } else {
       // the interface to .heartbeat_msg is silly: we give ref to ourself
       // and that function then queries us.
@@ -1086,8 +1104,8 @@ impl Writer {
         .ts_msg(self.endianness, Some(Timestamp::now()))
         .heartbeat_msg(
           self.entity_id(), // from Writer
-          self.send_buffer.first_change_sequence_number(),
-          self.send_buffer.last_change_sequence_number(),
+          first_change,
+          last_change,
           self.next_heartbeat_count(),
           self.endianness,
           EntityId::UNKNOWN, // to Reader
@@ -1107,27 +1125,23 @@ impl Writer {
       // In the volatile key exchange topic we cannot send to multiple readers by any
       // means, so we handle that separately.
       if self.entity_id() == EntityId::P2P_BUILTIN_PARTICIPANT_VOLATILE_SECURE_WRITER {
-        for rp in self.readers.values() {
-          if last_change < rp.all_acked_before {
-            // Everything we have has been acknowledged already. Do nothing.
-          } else {
-            self.send_control_to_readers(
-              DeliveryMode::Unicast,
-              hb_message.clone(),
-              &mut std::iter::once(rp),
-            );
-          }
+        for rp in due.iter().filter_map(|guid| self.readers.get(guid)) {
+          self.send_control_to_readers(
+            DeliveryMode::Unicast,
+            hb_message.clone(),
+            &mut std::iter::once(rp),
+          );
         }
       } else {
         // Normal case
         self.send_control_to_readers(
           DeliveryMode::Multicast,
           hb_message,
-          &mut self.readers.values(),
+          &mut due.iter().filter_map(|guid| self.readers.get(guid)),
         );
       }
-      true
     }
+    any_behind
   }
 
   /// When receiving an ACKNACK Message indicating a Reader is missing some data
@@ -1181,7 +1195,9 @@ impl Writer {
         let my_topic = self.my_topic_name.clone(); // for debugging
         let keeps_history = !self.qos().is_volatile();
 
+        let (first_announced, last_announced) = self.announced_range(SequenceNumber::zero());
         let mut start_repair = false;
+        let mut is_first_acknack = false;
 
         if let Some(reader_proxy) = self.lookup_reader_proxy_mut(reader_guid) {
           if reader_proxy.last_acknack_count == Some(an.count) {
@@ -1193,7 +1209,9 @@ impl Writer {
             );
             return;
           }
+          is_first_acknack = reader_proxy.last_acknack_count.is_none();
           reader_proxy.last_acknack_count = Some(an.count);
+          reader_proxy.heartbeat_answered();
 
           // Mark requested SNs as "unsent changes"
 
@@ -1273,20 +1291,23 @@ impl Writer {
           // An ACKNACK that requests nothing although the reader has not acknowledged
           // everything means the reader does not know what we have, typically a
           // preemptive ACKNACK from a reader that matched us after our HEARTBEAT.
-          // Answer now instead of at the next heartbeat period.
+          // Answer now instead of at the next heartbeat period. The first one is
+          // answered even if there is nothing yet: only a HEARTBEAT tells a reader
+          // where the samples begin that are for it.
           //
           // The same holds if it acknowledges less than it once did: the reader has
           // lost its state, because its participant lost us for a while.
           if an.reader_sn_state.iter().next().is_none()
-            && (reader_proxy.all_acked_before <= last_seq
+            && (is_first_acknack
+              || reader_proxy.all_acked_before <= last_announced
               || an.reader_sn_state.base() < reader_proxy.all_acked_before)
           {
             let hb_message = MessageBuilder::new()
               .ts_msg(self.endianness, Some(Timestamp::now()))
               .heartbeat_msg(
                 self.entity_id(),
-                self.send_buffer.first_change_sequence_number(),
-                last_seq,
+                first_announced,
+                last_announced,
                 self.next_heartbeat_count(),
                 self.endianness,
                 reader_guid.entity_id,
@@ -2019,8 +2040,7 @@ impl Writer {
           // and the endpoints stay unmatched. Unicast to just the new reader.
           if self.is_reliable() && !self.like_stateless {
             let new_reader_guid = reader_proxy.remote_reader_guid;
-            let first = self.send_buffer.first_change_sequence_number();
-            let last = self.send_buffer.last_change_sequence_number();
+            let (first, last) = self.announced_range(SequenceNumber::zero());
             let hb_message = MessageBuilder::new()
               .ts_msg(self.endianness, Some(Timestamp::now()))
               .heartbeat_msg(
@@ -2522,11 +2542,12 @@ impl<'a> Iterator for FragmentationIter<'a> {
               let final_flag = false; // false = request that readers acknowledge with ACKNACK.
               let liveliness_flag = false; // This is not a manual liveliness assertion (DDS API call), but side-effect of
                                            // writing new data.
+              let (first, last) = writer.announced_range(cc.sequence_number);
               let hb_msg = MessageBuilder::new()
                 .heartbeat_msg(
                   writer.entity_id(), // from Writer
-                  writer.send_buffer.first_change_sequence_number(),
-                  writer.send_buffer.last_change_sequence_number(),
+                  first,
+                  last,
                   writer.next_heartbeat_count(),
                   writer.endianness,
                   reader_entity_id, // to Reader
@@ -2581,10 +2602,11 @@ impl<'a> Iterator for FragmentationIter<'a> {
           let final_flag = false; // false = request that readers acknowledge with ACKNACK.
           let liveliness_flag = false; // This is not a manual liveliness assertion (DDS API call), but side-effect of
                                        // writing new data.
+          let (first, last) = writer.announced_range(cc.sequence_number);
           message_builder = message_builder.heartbeat_msg(
             writer.entity_id(),
-            writer.send_buffer.first_change_sequence_number(),
-            writer.send_buffer.last_change_sequence_number(),
+            first,
+            last,
             writer.next_heartbeat_count(),
             writer.endianness,
             reader_entity_id, // to Reader
@@ -3042,6 +3064,77 @@ mod tests {
       f.ack_nack(1..=5, 2);
       assert_eq!(f.unsent(), 5);
       assert_eq!(f.repair_round(), 5);
+    }
+
+    // The datagrams that a Writer sends, and the samples and HEARTBEATs in them.
+    fn wire_tap(writer: &mut Writer) -> std::net::UdpSocket {
+      let socket = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+      socket
+        .set_read_timeout(Some(StdDuration::from_millis(200)))
+        .unwrap();
+      let address = socket.local_addr().unwrap();
+      writer.set_extra_unicast_destinations(vec![Locator::from(address)]);
+      socket
+    }
+
+    // For each datagram: the sequence numbers of its DATA, and (first, last) of its
+    // HEARTBEAT.
+    fn tapped(socket: &std::net::UdpSocket) -> Vec<(Vec<i64>, Option<(i64, i64)>)> {
+      use crate::messages::submessages::submessages::WriterSubmessage;
+      let mut buffer = [0; 65536];
+      let mut datagrams = Vec::new();
+      while let Ok(length) = socket.recv(&mut buffer) {
+        let message = Message::read_from_buffer(&bytes::Bytes::copy_from_slice(&buffer[..length]));
+        let (mut data, mut heartbeat) = (Vec::new(), None);
+        for submessage in message.unwrap().submessages() {
+          match submessage.body {
+            crate::rtps::SubmessageBody::Writer(WriterSubmessage::Data(d, _)) => {
+              data.push(i64::from(d.writer_sn));
+            }
+            crate::rtps::SubmessageBody::Writer(WriterSubmessage::Heartbeat(h, _)) => {
+              heartbeat = Some((i64::from(h.first_sn), i64::from(h.last_sn)));
+            }
+            _ => (),
+          }
+        }
+        datagrams.push((data, heartbeat));
+      }
+      datagrams
+    }
+
+    // Cyclone DDS takes what its first HEARTBEAT announces for history, and a VOLATILE
+    // reader does not get it: the HEARTBEAT in a burst's first datagram must not
+    // announce what comes in the next ones.
+    #[test]
+    fn heartbeats_in_a_burst_announce_what_was_sent() {
+      let mut f = Fixture::user(200, 72, None);
+      let tap = wire_tap(&mut f.writer);
+      f.writer.process_pending();
+      let datagrams = tapped(&tap);
+      assert!(datagrams.len() > 1, "{datagrams:?}");
+      let mut next = 1;
+      for (data, heartbeat) in datagrams {
+        assert_eq!(data.first(), Some(&next));
+        let last = *data.last().unwrap();
+        assert_eq!(heartbeat, Some((1, last)));
+        next = last + 1;
+      }
+      assert_eq!(next, 201);
+    }
+
+    #[test]
+    fn the_first_acknack_is_answered_although_there_is_nothing() {
+      let mut f = Fixture::user(0, 0, None);
+      let tap = wire_tap(&mut f.writer);
+      f.ack_nack([], 0);
+      assert_eq!(tapped(&tap), [(vec![], Some((1, 0)))]);
+      f.ack_nack([], 1);
+      assert_eq!(tapped(&tap), []);
+      // What is not sent yet is not announced either.
+      let mut f = Fixture::user(5, 8, None);
+      let tap = wire_tap(&mut f.writer);
+      f.ack_nack([], 0);
+      assert_eq!(tapped(&tap), [(vec![], Some((1, 0)))]);
     }
 
     // While the reader's send socket has queued control datagrams, a round

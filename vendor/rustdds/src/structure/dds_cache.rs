@@ -246,6 +246,12 @@ impl TopicCache {
     self.received_reliably_before.remove(&writer);
   }
 
+  // Whether there is anything of this Writer, or anything expected from it.
+  pub fn has_writer(&self, writer: GUID) -> bool {
+    self.received_reliably_before.contains_key(&writer)
+      || self.sequence_numbers.contains_key(&writer)
+  }
+
   // The oldest change that a Reliable DataReader cannot yet take, because an
   // earlier sample from the same Writer is still missing: its receive timestamp,
   // Writer and SequenceNumber.

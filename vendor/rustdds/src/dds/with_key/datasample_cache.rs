@@ -20,6 +20,9 @@ use crate::{
 
 // use std::num::Zero; unstable
 
+// Instances whose samples were all taken are remembered up to this number.
+const MAX_EMPTY_INSTANCES: usize = 16_384;
+
 // DataSampleCache is a structure local to DataReader and DataWriter. It acts as
 // a buffer between e.g. RTPS Reader and the application-facing DataReader. It
 // keeps track of what each DataReader has "read" or "taken".
@@ -135,6 +138,13 @@ where
                                                                         * so start from zero */
         last_generation_accessed: NotAliveGenerationCounts::sub_zero(), // never accessed
       };
+      // What is remembered of an instance without samples is how often it was born
+      // and seen. That goes when there are very many of them.
+      if self.instance_map.len() >= 2 * MAX_EMPTY_INSTANCES {
+        self
+          .instance_map
+          .retain(|_, imd| !imd.instance_samples.is_empty());
+      }
       self.instance_map.insert(instance_key.clone(), imd);
       self
         .instance_map
@@ -508,6 +518,9 @@ where
       let dswm = self.datasamples.remove(ts).unwrap();
       let imd = self.instance_map.get(key).unwrap();
       let sample_info = Self::make_sample_info(&dswm, imd, len - index - 1, mrs_total, mrsic_total);
+      if let Some(imd) = self.instance_map.get_mut(key) {
+        imd.instance_samples.remove(ts);
+      }
       // dwsm.sample_has_been_read = true; // no need to mark read, as the dswm is
       // about to be destroyed
       Self::record_instance_generation_viewed(
@@ -584,6 +597,9 @@ where
 
     for (ts, key) in keys.iter() {
       let dswm = self.datasamples.remove(ts).unwrap();
+      if let Some(imd) = self.instance_map.get_mut(key) {
+        imd.instance_samples.remove(ts);
+      }
       // dwsm.sample_has_been_read = true; // no need to mark read, as the dswm is
       // about to be destroyed
       Self::record_instance_generation_viewed(

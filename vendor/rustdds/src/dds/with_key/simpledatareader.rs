@@ -54,7 +54,43 @@ pub(crate) struct ReadState<K: Key> {
   /// hash_to_key_map is used for decoding received key hashes back to original
   /// key values. This is needed when we receive a dispose message via hash
   /// only.
-  hash_to_key_map: BTreeMap<KeyHash, K>, // TODO: garbage collect this somehow
+  hash_to_key_map: HashToKeyMap<K>,
+}
+
+// So many writers are remembered after they went, in case they come back, before
+// their read pointers are thrown away.
+const MAX_READ_POINTERS: usize = 4096;
+
+// So many instances are remembered after they were last heard of, at least.
+const MAX_REMEMBERED_INSTANCES: usize = 16_384;
+
+// Keys by their hashes, in two halves: when the newer one is full it becomes the
+// older one, and the older one goes. So the memory is bounded, and what goes are
+// the instances that were not heard of for the longest time.
+pub(crate) struct HashToKeyMap<K> {
+  newer: BTreeMap<KeyHash, K>,
+  older: BTreeMap<KeyHash, K>,
+}
+
+impl<K> HashToKeyMap<K> {
+  fn new() -> Self {
+    Self {
+      newer: BTreeMap::new(),
+      older: BTreeMap::new(),
+    }
+  }
+
+  fn insert(&mut self, hash: KeyHash, key: K) {
+    self.older.remove(&hash);
+    self.newer.insert(hash, key);
+    if self.newer.len() >= MAX_REMEMBERED_INSTANCES {
+      self.older = std::mem::take(&mut self.newer);
+    }
+  }
+
+  fn get(&self, hash: &KeyHash) -> Option<&K> {
+    self.newer.get(hash).or_else(|| self.older.get(hash))
+  }
 }
 
 impl<K: Key> ReadState<K> {
@@ -62,7 +98,7 @@ impl<K: Key> ReadState<K> {
     ReadState {
       latest_instant: Timestamp::ZERO,
       last_read_sn: BTreeMap::new(),
-      hash_to_key_map: BTreeMap::<KeyHash, K>::new(),
+      hash_to_key_map: HashToKeyMap::new(),
     }
   }
 
@@ -71,10 +107,7 @@ impl<K: Key> ReadState<K> {
   // borrows.
   fn get_sn_map_and_hash_map(
     &mut self,
-  ) -> (
-    &mut BTreeMap<GUID, SequenceNumber>,
-    &mut BTreeMap<KeyHash, K>,
-  ) {
+  ) -> (&mut BTreeMap<GUID, SequenceNumber>, &mut HashToKeyMap<K>) {
     let ReadState {
       last_read_sn,
       hash_to_key_map,
@@ -215,7 +248,7 @@ where
   }
 
   fn update_hash_to_key_map(
-    hash_to_key_map: &mut BTreeMap<KeyHash, D::K>,
+    hash_to_key_map: &mut HashToKeyMap<D::K>,
     deserialized: &Sample<D, D::K>,
   ) {
     let instance_key = match deserialized {
@@ -229,7 +262,7 @@ where
     &self,
     timestamp: Timestamp,
     cc: &CacheChange,
-    hash_to_key_map: &mut BTreeMap<KeyHash, D::K>,
+    hash_to_key_map: &mut HashToKeyMap<D::K>,
     decoder: S,
   ) -> ReadResult<DeserializedCacheChange<D>>
   where
@@ -379,9 +412,17 @@ where
         // Advance read pointer, error or not, because otherwise
         // the SimpleDatareader is stuck.
         read_state_ref.latest_instant = max(latest_instant, timestamp);
-        read_state_ref
-          .last_read_sn
-          .insert(writer_guid, sequence_number);
+        // Best effort reading goes by time alone.
+        if is_reliable {
+          read_state_ref
+            .last_read_sn
+            .insert(writer_guid, sequence_number);
+          if read_state_ref.last_read_sn.len() > MAX_READ_POINTERS {
+            read_state_ref
+              .last_read_sn
+              .retain(|writer, _| topic_cache.has_writer(*writer));
+          }
+        }
 
         // // Debug sanity check:
         // use crate::Duration;
