@@ -306,8 +306,7 @@ fn an_explained_fraction_below_nothing_is_none() {
 
 #[test]
 fn an_effect_without_a_file_is_called_by_its_id() {
-    let text = summary(&made_up(Verdict::Named, &["my_own_term"]), usize::MAX);
-    assert!(text.starts_with("my own term: play 0.42 %"), "{text}");
+    assert!(summary(&made_up(Verdict::Named, &["my_own_term"]), usize::MAX).starts_with("my own term: play 0.42 %"));
 }
 
 #[test]
