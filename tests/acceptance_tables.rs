@@ -54,7 +54,7 @@ fn print(title: &str, columns: &[(&str, &Coverage)]) {
 
 /// Every second unit has 0.3 % of play.
 fn drawn(seed: u64) -> Unit {
-    unit(seed, if seed % 2 == 0 { &[] } else { &[("backlash", &[0.003])] })
+    unit(seed, if seed.is_multiple_of(2) { &[] } else { &[("backlash", &[0.003])] })
 }
 
 #[test]

@@ -67,11 +67,11 @@ mod tests {
         let wanted = |x: f64| if x <= 0.5 { 0.2 } else { -0.1 };
         for k in 0..3000 {
             let x = f64::from(k % 20) / 10.0 - 1.0;
-            forest.value_and_leaves(&[x], leaves.here());
+            let _ = forest.value_and_leaves(&[x], leaves.here());
             leaves.learn(wanted(x) - leaves.value(), 0.01);
         }
         for x in [-0.9, 0.1, 0.9] {
-            forest.value_and_leaves(&[x], leaves.here());
+            let _ = forest.value_and_leaves(&[x], leaves.here());
             assert!((leaves.value() - wanted(x)).abs() < 0.005, "{x}: {}", leaves.value());
         }
     }
@@ -81,7 +81,7 @@ mod tests {
         let forest = Forest::new(&[stump(0.0), stump(0.5)], 1).unwrap();
         let mut leaves = Leaves::new(&forest, 0.1);
         assert_eq!(leaves.value(), 0.0);
-        forest.value_and_leaves(&[0.2], leaves.here());
+        let _ = forest.value_and_leaves(&[0.2], leaves.here());
         for _ in 0..100 {
             leaves.learn(5.0, 0.01);
         }
