@@ -4,7 +4,7 @@
 //! inspection schemes", *Biometrika* 41; the test of Page and Hinkley with a known mean) watches `z = e/σ`, σ from the model's band:
 //! `S± = max(0, S± ± z − k)`, an alarm where one passes `h`. Beside it recursive least squares with exponential forgetting (Ljung 1999,
 //! *System Identification*, section 11.2), each innovation cut to σ since residuals have heavy tails, learns `e ≈ b + g·y`, y the twin's own value;
-//! and the leaves of the model's trees learn e where the row falls into them ([`super::leaves`]). Before the first alarm nothing is added, to the bit.
+//! and the leaves of the model's trees learn e where the row falls into them (`src/residual/leaves.rs`). Before the first alarm nothing is added, to the bit.
 //! After it `b + g·y`, or what the leaves say, is added, clamped to stated bounds, for as long as it has proved itself: its forgetting mean of |e| lies
 //! below that without it by a margin, and below that of the other. What is added at a sample was learned before that sample.
 
