@@ -107,6 +107,60 @@ fn what_is_in_the_way_is_named_before_any_work() {
     }
 }
 
+#[test]
+fn a_file_of_others_is_replaced_by_none_and_one_of_ours_is() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = bag(dir.path(), "run", |_, _| {});
+    let path = path.to_str().unwrap();
+    let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let table = format!("{}/tests/fixtures/import/pandas_iso.csv", env!("CARGO_MANIFEST_DIR"));
+    let plate = ["tank_pressure=63 bar", "servomotor_stroke=600 mm", "servomotor_volume=120 L"];
+    let sheet: Vec<&str> = [&["sheet", "new", "--quick"][..], &plate.map(|one| ["--set", one]).concat()].concat();
+    let mut commands = vec![
+        (vec!["replay", path], "out", "out/replay.json"),
+        (vec!["replay", path], "out", "out/replay.html"),
+        (vec!["fit", path], "out", "out/fit.json"),
+        (vec!["diagnose", path], "out", "out/report.json"),
+        (vec!["accept", path, "--measure-only"], "out", "out/acceptance.csv"),
+        (vec!["import", "--suggest", &table], "out", "out/map.yaml"),
+        (vec!["man"], "out", "out/govtwin.1"),
+        (vec!["watch", path, "--once"], "out", "out/watch.json"),
+        (vec!["calibrate", path], "out", "out"),
+        (sheet.clone(), "out", "out"),
+    ];
+    if cfg!(feature = "node") {
+        commands.push((vec!["run", "--duration", "0.1", "--priority", "0"], "out", "out"));
+    }
+    for (command, out, file) in &commands {
+        let _ = fs::remove_dir_all(at("out")).or_else(|_| fs::remove_file(at("out")));
+        fs::create_dir_all(Path::new(&at(file)).parent().unwrap()).unwrap();
+        fs::write(at(file), "a diary").unwrap();
+        let run = govtwin(&[&command[..], &["--out", &at(out)]].concat());
+        let said = text(&run.stderr);
+        assert!(run.status.code() == Some(1) && said.contains(&at(file)), "{command:?}: {said}");
+        assert!(run.stdout.is_empty(), "{command:?}");
+        assert_eq!(fs::read_to_string(at(file)).unwrap(), "a diary", "{command:?}");
+    }
+    // What this program made it makes again, but what a person may have worked on.
+    let again = |arguments: &[&str]| {
+        let runs = [0, 1].map(|_| govtwin(arguments));
+        (runs[1].status.code(), text(&runs[1].stderr))
+    };
+    for command in
+        [&["replay", path][..], &["accept", path, "--measure-only"], &["man"], &["import", "--suggest", &table]]
+    {
+        let (code, said) = again(&[command, &["--out", &at(command[0])]].concat());
+        assert!(matches!(code, Some(0 | 3)), "{command:?}: {said}");
+    }
+    let mended = fs::read_to_string(at("import/map.yaml")).unwrap() + "# settled\n";
+    fs::write(at("import/map.yaml"), &mended).unwrap();
+    let (code, said) = again(&["import", "--suggest", &table, "--out", &at("import")]);
+    assert!(code == Some(1) && said.contains("may have been settled by hand"), "{said}");
+    assert_eq!(fs::read_to_string(at("import/map.yaml")).unwrap(), mended);
+    let (code, said) = again(&[&sheet[..], &["--out", &at("unit.yaml")]].concat());
+    assert!(code == Some(1) && said.contains("may have been mended by hand"), "{said}");
+}
+
 #[cfg(unix)]
 #[test]
 fn files_have_the_rights_that_the_umask_leaves() {

@@ -192,7 +192,7 @@ pub fn unit(args: &Args) -> anyhow::Result<Diagnosed> {
     let settings = settings(args, &mut unit)?;
     let name = args.unit.clone().unwrap_or_else(|| provenance::unit_of(&args.bags));
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("diagnosis").join(&name));
-    let output = Output::claim(&out, &files::NAMES)?;
+    let output = Output::claim_over(&out, &files::NAMES, args.overwrite)?;
     let mut made = provenance::new("diagnose", &sheet, Some(args.seed))?;
     let mapped = args.map.open(&args.bags)?;
     let topics = args.topics.topics();

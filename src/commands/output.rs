@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use govtwin::bag::Sealed;
-use govtwin::files::{Claim, Together, journalled};
+use govtwin::files::{Claim, Place, Together, journalled, place_of, try_place};
 use govtwin::report::table::Table;
 
 pub use progress::Progress;
@@ -95,6 +95,29 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     govtwin::files::write_atomically(path, bytes).with_context(|| format!("cannot write {}", path.display()))
 }
 
+/// Refuses a place for a file before the work that it comes from: where nothing can be made, or others' file stands.
+pub fn check_place(option: &str, path: &Path) -> anyhow::Result<()> {
+    let there = place_of(path).with_context(|| format!("{option}: cannot look at {}", path.display()))?;
+    if let Some(found) = in_the_way(there) {
+        anyhow::bail!("{option}: {}: {found}; name another file, or move it away", path.display());
+    }
+    try_place(path).with_context(|| format!("{option}: cannot write {}", path.display()))
+}
+
+/// What must not be replaced.
+fn in_the_way(there: Place) -> Option<&'static str> {
+    match there {
+        Place::Free | Place::Ours => None,
+        Place::Foreign => Some("expected a file of this program or nothing there, found another"),
+        Place::Folder => Some("expected a file or nothing there, found a folder"),
+    }
+}
+
+/// Tables say nothing of who made them: they go with the files beside them.
+fn is_table(name: &str) -> bool {
+    [".csv", ".parquet"].iter().any(|suffix| name.ends_with(suffix))
+}
+
 /// Writes a line for the person who waits to standard error.
 pub fn say(text: &str) {
     // Where even standard error is closed there is nobody left to tell.
@@ -120,14 +143,28 @@ pub struct Output {
 }
 
 impl Output {
-    /// Claims a folder for files of these names; missing folders are made, and go again where nothing comes of it.
+    /// Claims a folder for files of these names; missing folders are made, and go again where nothing comes of it. Where others' files have these
+    /// names it is refused.
     pub fn claim(folder: &Path, names: &[&str]) -> anyhow::Result<Self> {
+        Self::claim_over(folder, names, false)
+    }
+
+    /// The same, over others' files where they are to be replaced.
+    pub fn claim_over(folder: &Path, names: &[&str], replaces_all: bool) -> anyhow::Result<Self> {
         let claim = Claim::folder(folder).context("--out")?;
-        if let Some(name) = names.iter().find(|name| folder.join(name).is_dir()) {
-            anyhow::bail!(
-                "--out: {}: expected a file or nothing there, found a folder; name another folder, or move it away",
-                folder.join(name).display()
-            );
+        let mut places = vec![];
+        for name in names {
+            let path = folder.join(name);
+            let there = place_of(&path).with_context(|| format!("--out: cannot look at {}", path.display()))?;
+            places.push((*name, there));
+        }
+        let any_ours = places.iter().any(|(_, there)| *there == Place::Ours);
+        for (name, there) in places {
+            let let_go = there == Place::Foreign && (replaces_all || any_ours && is_table(name));
+            if let Some(found) = in_the_way(there).filter(|_| !let_go) {
+                let path = folder.join(name);
+                anyhow::bail!("--out: {}: {found}; name another folder, or move it away", path.display());
+            }
         }
         Ok(Self {
             folder: folder.to_owned(),

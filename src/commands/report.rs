@@ -9,7 +9,7 @@ use govtwin::files::is_same;
 use govtwin::provenance::Provenance;
 use govtwin::report::diagnosis as page;
 
-use super::output::{print, width, write_atomically};
+use super::output::{check_place, print, width, write_atomically};
 use super::report_file;
 use crate::commands::Outcome;
 
@@ -50,6 +50,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     if is_same(&out, &args.report) {
         bail!("--out: {}: the page would replace the report itself; name another file", out.display());
     }
+    check_place("--out", &out)?;
     report_file::check(&report).with_context(|| shown.to_string())?;
     let diagnosis = read(&report).with_context(|| shown.to_string())?;
     let made = report_file::made_from(&report).with_context(|| shown.to_string())?.unwrap_or_else(|| Provenance {

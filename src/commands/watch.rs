@@ -168,7 +168,8 @@ fn chronicle(args: &Args) -> anyhow::Result<Chronicle> {
     };
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("watch").join(&name));
     let settings = settings(&args.only)?;
-    let claim = Output::claim(&out, &NAMES)?;
+    // What else stands as a history is told with its line, when it is read.
+    let claim = Output::claim(&out, &NAMES[1..])?;
     let history = out.join(NAMES[0]);
     let text = if history.is_file() {
         govtwin::files::read_text(&history, LARGEST_BYTES)

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use anyhow::Context as _;
+use govtwin::files::{Place, place_of, read_text};
 use govtwin::import::suggest::{SuggestedColumn, Suggestion, suggest};
 use govtwin::import::{Map, SignalMap, map_text};
 use govtwin::report::import::{Guess, ImportView, page};
@@ -17,9 +19,12 @@ use crate::commands::output::{Output, one_line, print, table_text, warn};
 const MAP: &str = "map.yaml";
 /// The page.
 const PAGE: &str = "suggestion.html";
+/// A larger file is none that was proposed here.
+const LARGEST_MAP_BYTES: u64 = 1 << 20;
 
 /// Looks through a file, writes map and page, and prints what was chosen and why.
 pub fn run(file: &Path, given: &Map, out: &Path, as_json: bool) -> anyhow::Result<Outcome> {
+    let mut output = Output::claim(out, &[MAP, PAGE])?;
     let progress = progress();
     let suggestion = suggest(file, given, &mut |share| progress.at(share, "read"))?;
     drop(progress);
@@ -32,8 +37,15 @@ pub fn run(file: &Path, given: &Map, out: &Path, as_json: bool) -> anyhow::Resul
             names.join(", ")
         );
     }
-    let mut output = Output::claim(out, &[MAP, PAGE])?;
     let text = text(file, &suggestion);
+    let there = output.path(MAP);
+    let older = place_of(&there).with_context(|| format!("--out: cannot look at {}", there.display()))?;
+    if older == Place::Ours && read_text(&there, LARGEST_MAP_BYTES).is_ok_and(|older| older != text) {
+        anyhow::bail!(
+            "--out: {}: another map is there, which may have been settled by hand; name another folder, or move it away",
+            there.display()
+        );
+    }
     let look = look(file, &suggestion, &text);
     output.add(MAP, text.as_bytes())?;
     output.add(PAGE, page(&look)?.to_html().as_bytes())?;
