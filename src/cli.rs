@@ -3,6 +3,7 @@
 use std::process::ExitCode;
 use std::sync::LazyLock;
 
+use anyhow::Context as _;
 use clap::{CommandFactory as _, Parser, Subcommand};
 
 use crate::commands;
@@ -120,10 +121,29 @@ fn absent(command: &str, feature: &str) -> anyhow::Result<Outcome> {
     )
 }
 
+/// Starts the threads that share the work: where there is no room for them their library would end the process amid it.
+fn start_threads(command: &Command) -> anyhow::Result<()> {
+    #[cfg(feature = "node")]
+    if matches!(command, Command::Run(_) | Command::Play(_) | Command::Record(_)) {
+        // The node's threads are its own.
+        return Ok(());
+    }
+    if matches!(command, Command::Completions(_) | Command::Man(_)) {
+        return Ok(());
+    }
+    let started = rayon::ThreadPoolBuilder::new().build_global();
+    started.context("cannot start the threads that share the work; RAYON_NUM_THREADS=1 asks for one alone, and `ulimit -a` says what is limited")
+}
+
 /// Runs the command line; exit codes: 0 ok, 1 error, 2 usage, 3 finished with warnings.
 pub fn main() -> ExitCode {
     commands::output::hear_of_file_sizes();
-    let outcome = match Cli::try_parse().unwrap_or_else(|told| commands::output::leave(&told)).command {
+    let command = Cli::try_parse().unwrap_or_else(|told| commands::output::leave(&told)).command;
+    if let Err(error) = commands::parent::follow().and_then(|()| start_threads(&command)) {
+        commands::output::fail(&error);
+        return ExitCode::FAILURE;
+    }
+    let outcome = match command {
         Command::Accept(args) => commands::accept::run(&args),
         Command::Blind(args) => commands::blind::run(&args),
         Command::Calibrate(args) => commands::calibrate::run(&args),

@@ -23,6 +23,7 @@ pub mod learn;
 pub mod man;
 pub mod model;
 pub mod output;
+pub mod parent;
 #[cfg(feature = "node")]
 pub mod play;
 pub mod provenance;

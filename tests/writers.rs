@@ -191,7 +191,14 @@ fn every_command_with_an_output_is_refused_before_its_work_where_another_writes(
     let units = dir.path().join("units");
     fs::create_dir_all(units.join("one")).unwrap();
     fs::copy(&bag, units.join("one/startup.mcap")).unwrap();
+    let table = format!("{}/tests/fixtures/import/pandas_iso.csv", env!("CARGO_MANIFEST_DIR"));
+    let battery = dir.path().join("battery");
     let mut commands = vec![
+        vec!["accept", bag.as_str(), "--measure-only", "--out", out_text],
+        vec!["watch", units.to_str().unwrap(), "--once", "--out", out_text],
+        vec!["import", "--suggest", table.as_str(), "--out", out_text],
+        vec!["man", "--out", out_text],
+        vec!["blind", battery.to_str().unwrap(), "--generate", "1", "--out", out_text],
         vec!["replay", bag.as_str(), "--out", out_text],
         vec!["fit", bag.as_str(), "--out", out_text],
         vec!["diagnose", bag.as_str(), "--out", out_text],
@@ -210,6 +217,40 @@ fn every_command_with_an_output_is_refused_before_its_work_where_another_writes(
         assert!(run.stdout.is_empty(), "{arguments:?}");
     }
     assert_eq!(tree(&out), [out.join(".govtwin.lock")]);
+    assert!(!battery.exists(), "nothing is made for reports that cannot be written");
+}
+
+/// Processes whose command line holds this text.
+#[cfg(target_os = "linux")]
+fn processes(text: &str) -> usize {
+    let lines =
+        fs::read_dir("/proc").unwrap().flatten().filter_map(|entry| fs::read(entry.path().join("cmdline")).ok());
+    lines.filter(|line| String::from_utf8_lossy(line).contains(text)).count()
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_diagnosis_ends_with_the_benchmark_that_started_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let (units, out) = (dir.path().join("units"), dir.path().join("out"));
+    fs::create_dir_all(units.join("one")).unwrap();
+    fs::copy(shipped("startup_01"), units.join("one/startup.mcap")).unwrap();
+    let mut blind = command(&["blind", units.to_str().unwrap(), "--out", out.to_str().unwrap()]).spawn().unwrap();
+    let of_unit = out.join("one");
+    let of_unit = of_unit.to_str().unwrap();
+    let start = Instant::now();
+    let wait = |wanted: usize| {
+        while processes(of_unit) != wanted && start.elapsed() < Duration::from_secs(60) {
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        processes(of_unit)
+    };
+    assert_eq!(wait(1), 1, "the diagnosis has begun");
+    blind.kill().unwrap();
+    blind.wait().unwrap();
+    assert_eq!(wait(0), 0, "and has ended");
+    // Nobody is told to wait for it.
+    drop(Claim::folder(Path::new(of_unit)).unwrap());
 }
 
 #[test]

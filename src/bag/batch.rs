@@ -76,22 +76,27 @@ impl Hand {
     }
 }
 
+fn counted_here<R>(read: impl FnOnce(&mut dyn FnMut(RawView<'_>)) -> R) -> (R, Tallies) {
+    let mut tallies = Tallies::default();
+    (read(&mut |message| tallies.take(message)), tallies)
+}
+
 /// Lets `read` hand its messages on, counts them in a thread of its own meanwhile, and gives what both found. At most four batches are
-/// in memory; in a processor of one core nothing would be won.
+/// in memory; in a processor of one core nothing would be won, and where no thread can be started there is none.
 pub(super) fn counted<R>(read: impl FnOnce(&mut dyn FnMut(RawView<'_>)) -> R) -> (R, Tallies) {
     if std::thread::available_parallelism().is_ok_and(|cores| cores.get() == 1) {
-        let mut tallies = Tallies::default();
-        return (read(&mut |message| tallies.take(message)), tallies);
+        return counted_here(read);
     }
     std::thread::scope(|scope| {
         let (to, from) = sync_channel::<Batch>(2);
-        let counting = scope.spawn(move || {
+        let counting = std::thread::Builder::new().spawn_scoped(scope, move || {
             let mut tallies = Tallies::default();
             for batch in &from {
                 batch.count(&mut tallies);
             }
             tallies
         });
+        let Ok(counting) = counting else { return counted_here(read) };
         let mut hand = Hand { batch: Batch::default(), to };
         let result = read(&mut |message| hand.take(message));
         hand.send();

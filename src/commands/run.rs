@@ -136,6 +136,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         wishes: Wishes { cpu: args.cpu, priority: args.priority },
         ..NodeSettings::default()
     };
+    args.out.iter().try_for_each(|out| output::check_place("--out", out))?;
     let environment = environment(args.lease_s)?;
     let whole = Arguments::parse(&args.ros, "govtwin")?;
     let map = bus_map::for_node(args.map.as_deref(), &args.definitions, args.adapt)?;
@@ -173,7 +174,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         output::say(&format!("{level:?}: {words}"));
     })?;
     let names = options.iter().map(|one| one.arguments.full_name());
-    let (figures, text) = if let ([one], true) = (&ended[..], args.units.is_empty()) {
+    let (mut figures, text) = if let ([one], true) = (&ended[..], args.units.is_empty()) {
         (figures(one, &inputs), text(one, &inputs))
     } else {
         let named: Vec<_> = names.zip(&ended).collect();
@@ -181,6 +182,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         let texts = named.iter().map(|(name, one)| format!("{name}\n{}", text(one, &inputs)));
         (json!({"units": rows.collect::<serde_json::Map<_, _>>()}), texts.collect())
     };
+    figures["program"] = concat!("govtwin ", env!("CARGO_PKG_VERSION")).into();
     let figures = serde_json::to_string_pretty(&figures)? + "\n";
     if let Some(path) = &args.out {
         output::write_atomically(path, figures.as_bytes())?;

@@ -120,13 +120,15 @@ impl FileWalk {
     }
 
     /// The same, but a thread of its own reads and unpacks while parts are taken: at most three are in memory, or one where it is large.
+    /// Where no thread can be started there is none.
     pub(super) fn apart(&mut self, file: &mut RecordFile, take: &mut dyn FnMut(&FilePart)) -> io::Result<()> {
-        std::thread::scope(|scope| {
+        let done = std::thread::scope(|scope| {
             let (to, from) = sync_channel::<FilePart>(1);
             let (give_back, back) = channel::<FilePart>();
-            let reading = scope.spawn(move || {
+            let (walk, file) = (&mut *self, &mut *file);
+            let reading = std::thread::Builder::new().spawn_scoped(scope, move || {
                 let mut out = 0;
-                self.over(file, &mut |part| {
+                walk.over(file, &mut |part| {
                     let large = part.held_bytes() > LARGE_BYTES;
                     // Who takes them is there until the end; should it not be, its panic is met there.
                     out += usize::from(to.send(part).is_ok());
@@ -140,13 +142,15 @@ impl FileWalk {
                     empty.unwrap_or_default()
                 })
             });
+            let reading = reading.ok()?;
             for part in &from {
                 take(&part);
                 // Nobody needs it any more where the reader has ended.
                 let _ = give_back.send(part);
             }
-            reading.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-        })
+            Some(reading.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+        });
+        done.unwrap_or_else(|| self.here(file, take))
     }
 
     fn over(&mut self, file: &mut RecordFile, to: &mut dyn FnMut(FilePart) -> FilePart) -> io::Result<()> {

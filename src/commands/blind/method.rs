@@ -13,6 +13,7 @@ use govtwin::params::Sheet;
 use super::cases::UnitFolder;
 use super::expected::ExpectedDigests;
 use crate::commands::output::write_atomically;
+use crate::commands::parent;
 use crate::commands::scored_report;
 
 /// A method that says something of a unit.
@@ -100,6 +101,7 @@ fn diagnose(case: &UnitFolder, params: Option<&Path>, threads: usize, out: &Path
     let program = std::env::current_exe().context("cannot find this program's own file")?;
     let mut command = Command::new(program);
     command.env("RAYON_NUM_THREADS", threads.to_string()).arg("diagnose").arg("--overwrite").arg("--out").arg(out);
+    parent::tell(&mut command);
     if let Some(params) = params {
         command.arg("--params").arg(params);
     }

@@ -95,11 +95,11 @@ impl Worker {
     fn begin(
         chronicle: Chronicle,
         work: impl FnOnce(Chronicle, &Sender<UnitVerdict>) -> anyhow::Result<()> + Send + 'static,
-    ) -> Self {
+    ) -> anyhow::Result<Self> {
         let (news, verdicts) = channel();
         tell(&chronicle, &news);
-        let thread = std::thread::spawn(move || work(chronicle, &news));
-        Self { thread, verdicts }
+        let thread = std::thread::Builder::new().spawn(move || work(chronicle, &news));
+        Ok(Self { thread: thread.context("cannot start the thread that diagnoses")?, verdicts })
     }
 
     /// What it failed with, once it has.
@@ -147,7 +147,7 @@ pub fn publish(args: &Args, chronicle: Chronicle, mut follower: Follower) -> any
             look(&mut follower, &mut chronicle, false, &mut |chronicle| tell(chronicle, news))?;
             wait(every);
         }
-    });
+    })?;
     while !stop.load(Ordering::Relaxed) && !worker.thread.is_finished() {
         worker.verdicts.try_iter().for_each(|verdict| herald.take(verdict));
         herald.second(None);
@@ -188,7 +188,7 @@ pub fn listen(args: &Args, chronicle: Chronicle) -> anyhow::Result<Outcome> {
             diagnose_waiting(&mut chronicle, &options, [&from, &to], keep, news)?;
             wait(SECOND);
         }
-    });
+    })?;
     let mut listener = Listener { recorder, translator, herald, worker };
     let heard = hear(&mut bus, &selection, &mut listener, None, &stop, &mut |words| {
         say(if words == "recording" { "listening" } else { words });

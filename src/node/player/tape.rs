@@ -75,10 +75,15 @@ impl Tape {
     pub(super) fn run<T>(&self, take: impl FnOnce(&mut dyn Iterator<Item = RawMessage>) -> T) -> Result<T, BagError> {
         std::thread::scope(|scope| {
             let (sender, batches) = sync_channel(BATCHES);
-            scope.spawn(move || {
+            let reading = move || {
                 // Whoever takes has enough: nobody is left to be told.
                 let _ = self.read(&mut |batch| sender.send(batch).is_ok());
-            });
+            };
+            std::thread::Builder::new().spawn_scoped(scope, reading).map_err(|reason| BagError::Io {
+                path: self.bag.clone(),
+                action: "start a thread to read",
+                reason,
+            })?;
             let mut failed = None;
             let taken = take(&mut Taken { batches, batch: Vec::new().into_iter(), failed: &mut failed });
             failed.map_or(Ok(taken), Err)
