@@ -11,6 +11,8 @@ use govtwin::effects::own::expression::Expression;
 use govtwin::effects::own::names;
 use govtwin::files;
 use govtwin::frame::Frame;
+use govtwin::import::suggest::suggest;
+use govtwin::import::{Import, ImportError, Map};
 use govtwin::msg::definition::{difference, parse_schema};
 use govtwin::msg::type_hash::hash_of;
 use govtwin::msg::{EsvState, FluidPressure, GovernorCommand, Interface, JointState, ServoState, TwinStatus};
@@ -21,7 +23,7 @@ use govtwin::residual::model::{Model, SCHEMA};
 pub type Target = fn(&[u8]);
 
 /// All of them by name.
-pub const ALL: [(&str, Target); 10] = [
+pub const ALL: [(&str, Target); 11] = [
     ("bag", bag),
     ("layout", layout),
     ("metadata", metadata),
@@ -32,6 +34,7 @@ pub const ALL: [(&str, Target); 10] = [
     ("model", model),
     ("report", report),
     ("journal", journal),
+    ("import", import),
 ];
 
 /// Memory instead of a disk where there is one.
@@ -231,5 +234,42 @@ pub fn journal(bytes: &[u8]) {
         let _ = files::settle(&folder.join("report.json"));
         assert_eq!(fs::read_to_string(&outside).ok().as_deref(), Some("mine"));
         assert_eq!(fs::read_dir(dir.path()).map_or(0, Iterator::count), 2);
+    }
+}
+
+/// A map, a zero byte, and a table: imported by the map, and by the one that is proposed for it. Every row is
+/// counted, times that go back are told, and what is proposed with nothing open can be read as a map.
+pub fn import(bytes: &[u8]) {
+    let Some(dir) = scratch() else { return };
+    let end = bytes.iter().position(|byte| *byte == 0).unwrap_or(0);
+    let (map, table) = (&bytes[..end], bytes.get(end + 1..).unwrap_or_default());
+    let path = dir.path().join("table.csv");
+    if fs::write(&path, table).is_err() {
+        return;
+    }
+    let run = |map: &Map| {
+        let (mut handed_on, mut warned_back, mut before_ns) = (0, false, i64::MIN);
+        let mut on_row = |row: &govtwin::import::ImportedRow| {
+            handed_on += 1;
+            warned_back |= row.time_ns < before_ns;
+            before_ns = row.time_ns;
+            Ok::<_, ImportError>(())
+        };
+        let outcome =
+            Import::open(std::slice::from_ref(&path), map).and_then(|import| import.run(&mut on_row, &mut |_| {}));
+        if let Ok(outcome) = outcome {
+            assert_eq!(outcome.rows, handed_on, "every row is handed on and counted");
+            assert!(!warned_back || !outcome.warnings.is_empty(), "times that go back are told");
+        }
+    };
+    if let Some(map) = std::str::from_utf8(map).ok().and_then(|text| Map::parse(text, Path::new("map.yaml")).ok()) {
+        run(&map);
+    }
+    if let Ok(proposed) = suggest(&path, &Map::default(), &mut |_| {}) {
+        run(&proposed.map);
+        let text = govtwin::import::map_text(&proposed.map, &[], |_| String::new());
+        if proposed.open.is_empty() && proposed.map.signals.iter().any(|signal| signal.place().is_some()) {
+            Map::parse(&text, Path::new("map.yaml")).expect("what is proposed can be read");
+        }
     }
 }

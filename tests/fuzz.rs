@@ -21,8 +21,11 @@ const ROUNDS: u64 = 300;
 /// Inputs do not grow beyond this, bytes.
 const LONGEST: usize = 1 << 16;
 
-/// Nothing that is fuzzed may take longer; the promise is 2 s for each MB, and machines differ.
-const HUNG: Duration = Duration::from_secs(20);
+/// The most that an input may take for each MB of it, s; inputs below a megabyte count as one.
+const S_FOR_EACH_MB: f64 = 2.0;
+
+/// On a busy machine one that took longer is tried so often, and its shortest time counts.
+const TRIES_OF_SLOW: usize = 5;
 
 /// Words that the formats know, beside those that the seeds hold.
 const WORDS: &[&[u8]] = &[
@@ -124,18 +127,23 @@ fn inputs(target: &str) -> Vec<Vec<u8>> {
 
 /// Runs one input; a broken promise is kept.
 fn run(name: &str, target: Target, bytes: &[u8]) {
-    let start = Instant::now();
-    let result = catch_unwind(AssertUnwindSafe(|| target(bytes)));
-    if result.is_err() || start.elapsed() > HUNG {
+    let most_s = S_FOR_EACH_MB * (bytes.len() as f64 / 1e6).max(1.0);
+    let mut shortest_s = f64::INFINITY;
+    let mut panicked = false;
+    for _ in 0..TRIES_OF_SLOW {
+        let start = Instant::now();
+        panicked = catch_unwind(AssertUnwindSafe(|| target(bytes))).is_err();
+        shortest_s = start.elapsed().as_secs_f64().min(shortest_s);
+        if panicked || shortest_s <= most_s {
+            break;
+        }
+    }
+    if panicked || shortest_s > most_s {
         let place = folder("regressions", name);
         let path = place.join(&sha256(bytes)[..16]);
         fs::create_dir_all(&place).and_then(|()| fs::write(&path, bytes)).unwrap();
-        panic!(
-            "{name}: {} after {:?}; the input is {}",
-            if result.is_err() { "panicked" } else { "hung" },
-            start.elapsed(),
-            path.display()
-        );
+        let what = if panicked { "panicked" } else { "hung" };
+        panic!("{name}: {what} after {shortest_s} s, at most {most_s} s; the input is {}", path.display());
     }
 }
 
@@ -170,7 +178,7 @@ macro_rules! targets {
     };
 }
 
-targets!(bag layout metadata cdr definition yaml expression model report journal);
+targets!(bag layout metadata cdr definition yaml expression model report journal import);
 
 /// For `scripts/fuzz`: the targets named in FUZZ_TARGETS, each for FUZZ_S seconds, other mutations every time unless FUZZ_SEED says which;
 /// the same seed gives the same inputs in the same order.
