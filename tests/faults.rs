@@ -1,12 +1,19 @@
 //! Every step of every writer that the file system may refuse is refused once, and every step that changes something is a kill's moment:
 //! the cause is named, everything under a final name is the old one or the new one, nothing foreign is touched, and the next run
-//! completes and cleans.
+//! completes and cleans. The same where there is no more memory from one request for it on, and where
+//! others of the same command are killed beside it.
 //!
 //! Some steps of each writer in the ordinary tests; all of them by `scripts/faults`.
 #![cfg(all(feature = "cli", target_os = "linux", target_arch = "x86_64"))]
 
+#[path = "faults/beside.rs"]
+mod beside;
 #[path = "faults/cases.rs"]
 mod cases;
+#[path = "faults/laboratory.rs"]
+mod laboratory;
+#[path = "faults/memory.rs"]
+mod memory;
 #[cfg(feature = "node")]
 #[path = "faults/record.rs"]
 mod record;
@@ -64,6 +71,8 @@ struct Outcomes {
     no_matter: usize,
     killed: usize,
     killed_old: usize,
+    starved: memory::Starved,
+    beside: beside::Beside,
 }
 
 struct FaultRun<'a> {
@@ -74,6 +83,7 @@ struct FaultRun<'a> {
     old: Tree,
     new: Tree,
     code: i32,
+    requests: usize,
     /// A copy of everything before the run.
     kept: tempfile::TempDir,
 }
@@ -86,10 +96,11 @@ impl<'a> FaultRun<'a> {
         let kept = tempfile::tempdir().unwrap();
         copy(root, kept.path());
         let old = seen(case, root);
-        let mut run = Self { case, root: root.to_owned(), old, new: Tree::new(), code: 0, kept };
+        let mut run = Self { case, root: root.to_owned(), old, new: Tree::new(), code: 0, requests: 0, kept };
         let first = run.run(None);
         assert!(matches!(first.code, Some(0 | 3)), "{}: {}", case.name, first.stderr);
         run.code = first.code.unwrap();
+        run.requests = first.requests;
         run.new = seen(case, root);
         assert!(run.new != run.old, "{}: nothing came of it", case.name);
         let strange: Vec<_> = run.new.keys().filter(|path| is_hidden(path)).collect();
@@ -190,6 +201,14 @@ impl<'a> FaultRun<'a> {
         if let Some(code) = run.code {
             found.push(format!("not killed: exit code {code}"));
         }
+        outcomes.killed += 1;
+        outcomes.killed_old += usize::from(self.broken_off(&mut found));
+        self.next(&mut found);
+        found
+    }
+
+    /// Judges what one that ended amid its work left; whether that is the old one.
+    fn broken_off(&self, found: &mut Vec<String>) -> bool {
         // What a reader does first.
         for folder in tree(&self.root).into_iter().filter_map(|(path, bytes)| bytes.is_none().then_some(path)) {
             if let Err(error) = govtwin::files::settle(&folder.join("anything")) {
@@ -197,10 +216,7 @@ impl<'a> FaultRun<'a> {
             }
         }
         self.clear_temporary();
-        outcomes.killed += 1;
-        outcomes.killed_old += usize::from(self.old_or_new(&mut found));
-        self.next(&mut found);
-        found
+        self.old_or_new(found)
     }
 
     /// Lets two minutes pass for what is left: younger ones may be in the making.
@@ -290,11 +306,19 @@ fn try_case(case: &Case) {
             format!("killed before step {at}, {:?} of {}", step.kind, step.path.display()),
         );
     }
+    let stride = run.requests.div_ceil(memory::sampled(case)).max(1);
+    for at in (0..run.requests).rev().step_by(stride) {
+        note(run.starve(at, &mut outcomes.starved), format!("no memory from request {at} on"));
+    }
+    // What it says depends on what ran before it.
+    if !case.tells_of_before {
+        note(run.beside(&mut outcomes.beside), "others beside it".to_owned());
+    }
     let mut kinds = BTreeMap::new();
     for step in &steps {
         *kinds.entry(step.kind).or_insert(0) += 1;
     }
-    println!("{}: {} steps {kinds:?}, {outcomes:?}", case.name, steps.len());
+    println!("{}: {} steps {kinds:?}, {} requests for memory, {outcomes:?}", case.name, steps.len(), run.requests);
     assert!(
         wrong.is_empty(),
         "{}: {} faults\n{}",
@@ -305,17 +329,24 @@ fn try_case(case: &Case) {
 }
 
 macro_rules! tests {
-    ($($(#[$mark:meta])* $name:ident)*) => { $(#[test] $(#[$mark])* fn $name() { try_case(&cases::$name()); })* };
+    ($($(#[$mark:meta])* $place:ident::$name:ident)*) => { $(#[test] $(#[$mark])* fn $name() { try_case(&$place::$name()); })* };
 }
 
 tests! {
-    replay generate fit diagnose import fleet_plan fleet_gather recover report sheet
+    cases::replay cases::generate cases::fit cases::diagnose cases::import cases::import_suggest cases::accept cases::man
+    cases::fleet_plan cases::fleet_gather cases::recover cases::report cases::sheet laboratory::calibrate
     #[ignore = "a minute of diagnoses; scripts/faults runs it"]
-    fleet_run
+    cases::fleet_run
     #[ignore = "a minute of diagnoses; scripts/faults runs it"]
-    watch
+    cases::watch
     #[ignore = "a minute of diagnoses; scripts/faults runs it"]
-    blind
+    laboratory::blind
+    #[ignore = "a minute of simulations; scripts/faults runs it"]
+    laboratory::battery
     #[cfg(feature = "residual")]
-    train
+    #[ignore = "minutes of training; scripts/faults runs it"]
+    laboratory::train
+    #[cfg(feature = "residual")]
+    #[ignore = "minutes of training; scripts/faults runs it"]
+    laboratory::compare
 }

@@ -44,21 +44,23 @@ fn file(dir: &Path, records: &[Vec<u8>]) -> PathBuf {
     path
 }
 
+fn arrays_of_nothing(dir: &Path) -> PathBuf {
+    let definition = "Nothing[4000000000000] a\n===\nMSG: p/Nothing\nuint8[0] x\n";
+    let messages = (0..20).map(|k| message(0, BEGIN_NS + k, &[0, 1, 0, 0])).collect::<Vec<_>>().concat();
+    file(dir, &[schema(1, "p/msg/A", definition), channel(0, 1, "/a"), messages])
+}
+
 #[test]
 fn arrays_of_nothing_do_not_fit_their_schema() {
     let dir = tempfile::tempdir().unwrap();
-    let definition = "Nothing[4000000000000] a\n===\nMSG: p/Nothing\nuint8[0] x\n";
-    let messages = (0..20).map(|k| message(0, BEGIN_NS + k, &[0, 1, 0, 0])).collect::<Vec<_>>().concat();
-    let path = file(dir.path(), &[schema(1, "p/msg/A", definition), channel(0, 1, "/a"), messages]);
+    let path = arrays_of_nothing(dir.path());
     assert!(fs::metadata(&path).unwrap().len() < 1100);
     let survey = bag::survey(&path).unwrap();
     assert_eq!((survey.topics[0].messages, survey.topics[0].undecodable), (20, 20));
 }
 
-#[test]
-fn many_topics_of_one_large_type_share_it() {
-    let dir = tempfile::tempdir().unwrap();
-    // 2000 topics of a type with 200 kB of text and 5000 numbers, announced again and again: 400 MB if each had its own.
+/// 2000 topics of a type with 200 kB of text and 5000 numbers, announced again and again: 400 MB if each had its own.
+fn many_topics(dir: &Path) -> PathBuf {
     let definition =
         format!("{}# {}\n", (0..5000).map(|k| format!("float64 a{k}\n")).collect::<String>(), "x".repeat(100_000));
     let mut records = vec![schema(1, "p/msg/A", &definition)];
@@ -68,7 +70,13 @@ fn many_topics_of_one_large_type_share_it() {
             records.push(message(id, BEGIN_NS + round, &[0, 1, 0, 0, 0, 0, 0, 0]));
         }
     }
-    let path = file(dir.path(), &records);
+    file(dir, &records)
+}
+
+#[test]
+fn many_topics_of_one_large_type_share_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = many_topics(dir.path());
     let survey = bag::survey(&path).unwrap();
     assert_eq!((survey.topics.len(), survey.messages), (2000, 40_000));
     let readable = survey.topics.iter().filter(|topic| topic.readable).count();
@@ -149,7 +157,7 @@ fn a_grid_is_counted_before_it_is_laid_and_ends_with_the_last_command_or_measure
 fn hostile_yaml_beside_or_inside_a_bag_is_done_without() {
     let dir = tempfile::tempdir().unwrap();
     let path = heartbeats(dir.path(), 10, &[0, 9]);
-    let bomb: String = (1..40).map(|k| format!("a{k}: &a{k} [*a{0},*a{0}]\n", k - 1)).collect();
+    let bomb = alias_bomb(40);
     for (yaml, words) in [
         (format!("rosbag2_bagfile_information:\n  version: 9\n{bomb}"), "expected at most 10 anchors and aliases"),
         ("{a: ".repeat(50_000), "expected at most 10000 opening brackets, found 50000"),
@@ -203,4 +211,90 @@ fn pipes_and_devices_are_named_and_not_read() {
     }
     let warnings = bag::read(&folder, &ReadOptions::default()).unwrap().health.warnings;
     assert!(warnings[0].to_string().contains("found a pipe"), "{warnings:?}");
+}
+
+fn alias_bomb(count: usize) -> String {
+    (1..count).map(|k| format!("a{k}: &a{k} [*a{0},*a{0}]\n", k - 1)).collect()
+}
+
+/// Seconds of processor that a run of the program took, all its threads together; a shell measures them.
+#[cfg(unix)]
+fn processor_s(arguments: &[&str]) -> f64 {
+    let mut shell = Command::new("sh");
+    shell.args(["-c", "\"$0\" \"$@\" >/dev/null 2>&1; times", env!("CARGO_BIN_EXE_govtwin")]).args(arguments);
+    let said = String::from_utf8(shell.output().unwrap().stdout).unwrap();
+    let seconds = |text: &str| {
+        let (minutes, seconds) = text.trim_end_matches('s').split_once('m')?;
+        Some(60.0 * minutes.parse::<f64>().ok()? + seconds.parse::<f64>().ok()?)
+    };
+    let of_children = said.lines().nth(1).unwrap_or_else(|| panic!("no times in {said:?}"));
+    of_children.split(' ').map(|text| seconds(text).unwrap_or_else(|| panic!("no time: {text:?}"))).sum()
+}
+
+#[cfg(unix)]
+#[test]
+fn nothing_takes_more_than_two_seconds_for_each_megabyte() {
+    // Of the processor, since other tests run beside; the least that is measured is a megabyte.
+    const S_FOR_EACH_MB: f64 = 2.0;
+    type Make = fn(&Path) -> PathBuf;
+    let chunk_of_nothing: Make = |dir| {
+        let chunk = [&[6][..], &40_u64.to_le_bytes(), &[0; 40]].concat();
+        let beyond = [&[5][..], &(1_u64 << 40).to_le_bytes(), &chunk].concat();
+        file(dir, &vec![beyond; 30_000])
+    };
+    let packed_zeros: Make = |dir| {
+        let packed = zstd::bulk::compress(&vec![0; 240 << 20], 1).unwrap();
+        let head = [&[0; 16][..], &(240_u64 << 20).to_le_bytes(), &[0; 4], &text("zstd")].concat();
+        let chunk = [&head[..], &(packed.len() as u64).to_le_bytes(), &packed].concat();
+        file(dir, &vec![record(6, &chunk); 20])
+    };
+    let packed_as_a_whole: Make = |dir| {
+        let path = dir.join("zeros.mcap.zstd");
+        let zeros = [mcap::MAGIC, &vec![0; 1 << 28]].concat();
+        fs::write(&path, zstd::encode_all(&zeros[..], 1).unwrap()).unwrap();
+        path
+    };
+    let beats: Make = |dir| heartbeats(dir, 36_000, &[0, 1, 2]);
+    let dir = tempfile::tempdir().unwrap();
+    let mut tried = 0;
+    for (number, (commands, make)) in [
+        (&["info", "replay", "doctor"][..], arrays_of_nothing as Make),
+        (&["info", "replay", "doctor"], many_topics),
+        (&["info", "replay", "doctor"], chunk_of_nothing),
+        (&["info", "replay", "doctor"], packed_zeros),
+        (&["info", "replay", "doctor"], packed_as_a_whole),
+        (&["info", "replay", "fit"], beats),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let folder = dir.path().join(number.to_string());
+        fs::create_dir(&folder).unwrap();
+        let path = make(&folder);
+        for command in commands {
+            tried += check_time(&[command, path.to_str().unwrap()], bytes_below(&path), S_FOR_EACH_MB);
+        }
+    }
+    for yaml in [alias_bomb(20_000), "{a: ".repeat(60_000), "[".repeat(500_000), "a:\n ".repeat(100_000)] {
+        let path = dir.path().join("sheet.yaml");
+        fs::write(&path, &yaml).unwrap();
+        tried += check_time(&["check", path.to_str().unwrap()], yaml.len() as u64, S_FOR_EACH_MB);
+    }
+    assert_eq!(tried, 22);
+}
+
+/// Bytes of a file, or of all files of a folder.
+#[cfg(unix)]
+fn bytes_below(path: &Path) -> u64 {
+    let entries = fs::read_dir(path).into_iter().flatten().map(|entry| bytes_below(&entry.unwrap().path()));
+    if path.is_dir() { entries.sum() } else { fs::metadata(path).unwrap().len() }
+}
+
+#[cfg(unix)]
+#[track_caller]
+fn check_time(arguments: &[&str], bytes: u64, s_for_each_mb: f64) -> usize {
+    let (took_s, megabytes) = (processor_s(arguments), bytes as f64 / 1e6);
+    println!("{arguments:?}: {took_s:.2} s for {megabytes:.2} MB");
+    assert!(took_s <= s_for_each_mb * megabytes.max(1.0), "{arguments:?}: {took_s} s for {megabytes} MB");
+    1
 }

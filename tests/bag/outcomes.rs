@@ -14,8 +14,11 @@ use crate::make::{Bag, in_file, read_both_ways, small_chunks};
 /// Tries of each kind.
 const TRIES: u64 = 150;
 
-/// Nothing may take longer for so small a bag, s: the promise is 2 s for each MB, and machines differ.
-const HUNG_S: f64 = 5.0;
+/// Nothing may take longer for so small a bag, s: 2 s for each MB begun.
+const HUNG_S: f64 = 2.0;
+
+/// On a busy machine one that took longer is read so often, and its shortest time counts.
+const TRIES_OF_SLOW: usize = 5;
 
 struct RandomStreams(u64);
 
@@ -104,11 +107,21 @@ struct Outcomes {
 }
 
 fn outcome(path: &Path, sound: &str, so_far: &mut Outcomes) {
-    let start = Instant::now();
-    let result = catch_unwind(AssertUnwindSafe(|| read_both_ways(path, &ReadOptions::default())));
+    let read = || {
+        let start = Instant::now();
+        let result = catch_unwind(AssertUnwindSafe(|| read_both_ways(path, &ReadOptions::default())));
+        (result, start.elapsed().as_secs_f64())
+    };
+    let (result, mut shortest_s) = read();
+    for _ in 1..TRIES_OF_SLOW {
+        if shortest_s <= HUNG_S || result.is_err() {
+            break;
+        }
+        shortest_s = read().1.min(shortest_s);
+    }
     match result {
         Err(_) => so_far.panicked += 1,
-        Ok(_) if start.elapsed().as_secs_f64() > HUNG_S => so_far.hung += 1,
+        Ok(_) if shortest_s > HUNG_S => so_far.hung += 1,
         Ok(Err(_)) => so_far.refused += 1,
         Ok(Ok(loaded)) if !loaded.health.warnings.is_empty() => so_far.warned += 1,
         Ok(Ok(loaded)) if format!("{:?}", loaded.recording.frames) == sound => so_far.same += 1,

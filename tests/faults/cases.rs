@@ -28,7 +28,7 @@ pub struct Case {
 fn nothing(_: &Path) {}
 
 /// What most of them are like.
-const PLAIN: Case = Case {
+pub const PLAIN: Case = Case {
     name: "",
     arguments: &[],
     prepare: nothing,
@@ -144,6 +144,48 @@ pub fn import() -> Case {
     }
 }
 
+pub fn import_suggest() -> Case {
+    Case {
+        name: "import --suggest",
+        arguments: &["import", "--suggest", "ROOT/table.csv", "--out", "ROOT/out"],
+        prepare: |root| {
+            let fixture = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/import/pandas_iso.csv");
+            fs::copy(fixture, root.join("table.csv")).unwrap();
+            fs::create_dir(root.join("out")).unwrap();
+            fs::write(root.join("out/suggestion.html"), "older, of govtwin").unwrap();
+            fs::write(root.join("out/diary"), "mine").unwrap();
+        },
+        ..PLAIN
+    }
+}
+
+pub fn accept() -> Case {
+    Case {
+        name: "accept",
+        arguments: &["accept", "ROOT/new/run", "--measure-only", "--params", "ROOT/sheet.yaml", "--out", "ROOT/out"],
+        prepare: |root| {
+            recordings(root);
+            let older = ["accept", "old/run", "--measure-only", "--params", "sheet.yaml", "--out", "out"];
+            govtwin(root, &older);
+            fs::write(root.join("out/diary"), "mine").unwrap();
+        },
+        ..PLAIN
+    }
+}
+
+pub fn man() -> Case {
+    Case {
+        name: "man",
+        arguments: &["man", "--out", "ROOT/out"],
+        prepare: |root| {
+            fs::create_dir(root.join("out")).unwrap();
+            fs::write(root.join("out/govtwin.1"), "older, of govtwin").unwrap();
+            fs::write(root.join("out/diary"), "mine").unwrap();
+        },
+        ..PLAIN
+    }
+}
+
 pub fn watch() -> Case {
     Case {
         name: "watch",
@@ -217,38 +259,6 @@ pub fn fleet_run() -> Case {
     }
 }
 
-pub fn blind() -> Case {
-    Case {
-        name: "blind",
-        arguments: &["blind", "ROOT/new", "--params", "ROOT/sheet.yaml", "--out", "ROOT/out"],
-        prepare: |root| {
-            recordings(root);
-            // A unit is a folder in another.
-            fs::create_dir(root.join("new/unit")).unwrap();
-            fs::rename(root.join("new/run"), root.join("new/unit/run")).unwrap();
-            fs::create_dir(root.join("out")).unwrap();
-            fs::write(root.join("out/diary"), "mine").unwrap();
-        },
-        stepwise: true,
-        costly: true,
-        ..PLAIN
-    }
-}
-
-#[cfg(feature = "residual")]
-pub fn train() -> Case {
-    Case {
-        name: "train",
-        arguments: &["train", "ROOT/new/run", "--manual", "--out", "ROOT/out"],
-        prepare: |root| {
-            recordings(root);
-            govtwin(root, &["train", "old/run", "--manual", "--out", "out"]);
-            fs::write(root.join("out/diary"), "mine").unwrap();
-        },
-        ..PLAIN
-    }
-}
-
 pub fn recover() -> Case {
     Case {
         name: "recover",
@@ -273,7 +283,7 @@ pub fn report() -> Case {
         prepare: |root| {
             recordings(root);
             diagnosis(root);
-            fs::write(root.join("out/report.html"), "older").unwrap();
+            fs::write(root.join("out/report.html"), "older, of govtwin").unwrap();
         },
         ..PLAIN
     }
@@ -287,12 +297,14 @@ pub fn sheet() -> Case {
             let plate = "name: ours\ntank_pressure: 63 bar\nservomotor_stroke: 600 mm\nservomotor_volume: 120 L\n";
             fs::write(root.join("plate.yaml"), plate).unwrap();
         },
+        // A sheet may have been mended by hand: it replaces none.
+        before_next: |root| drop(fs::remove_file(root.join("unit.yaml"))),
         ..PLAIN
     }
 }
 
 /// Runs the program in a folder; exit codes 0 and 3 are good.
-fn govtwin(root: &Path, arguments: &[&str]) {
+pub fn govtwin(root: &Path, arguments: &[&str]) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_govtwin"));
     let run = command.current_dir(root).args(words(root, arguments)).envs(ENVIRONMENT).output().unwrap();
     assert!(matches!(run.status.code(), Some(0 | 3)), "{}", String::from_utf8_lossy(&run.stderr));
@@ -312,7 +324,7 @@ pub fn words(root: &Path, arguments: &[&str]) -> Vec<String> {
 }
 
 /// Two recordings of one name, `old/run` and `new/run`, and a sheet in which nothing has a tolerance, so that a diagnosis is quick.
-fn recordings(root: &Path) {
+pub fn recordings(root: &Path) {
     for (folder, size) in [("old", "1e-4"), ("new", "3e-4")] {
         let effect = format!("port_overlap={size}");
         let fixed = ["generate", "--process", "load_rejection", "--rate", "20", "--spread", "off", "--duration", "30"];
@@ -327,7 +339,7 @@ fn recordings(root: &Path) {
     crate::tight_sheet::write(root);
 }
 
-fn diagnosis(root: &Path) {
+pub fn diagnosis(root: &Path) {
     govtwin(root, &["diagnose", "old/run", "--params", "sheet.yaml", "WITHOUT", "--out", "out"]);
 }
 

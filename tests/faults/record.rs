@@ -1,4 +1,5 @@
-//! `govtwin record`: what it hears differs from run to run, so that each trial is judged by itself and not by a run without a fault.
+//! `govtwin record` and `govtwin run --bag`: what they hear differs from run to run, so that each trial is judged by itself and not by a run
+//! without a fault.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -7,6 +8,7 @@ use std::sync::mpsc::{Sender, channel};
 use std::thread::JoinHandle;
 
 use govtwin::bag;
+use serde_json::Value;
 
 use crate::trace::{self, Fault, Kind, Traced};
 use crate::{is_hidden, tree};
@@ -46,13 +48,30 @@ impl Drop for Playing {
     }
 }
 
+/// Who writes what is heard; the bag is `ROOT/run`.
+#[derive(Clone, Copy)]
+struct Writer {
+    arguments: &'static [&'static str],
+    /// Another output, which appears whole or not at all.
+    figures: Option<&'static str>,
+}
+
+const RECORD: Writer = Writer { arguments: &["record", "--out", "ROOT/run", "--duration", "4"], figures: None };
+
+/// It goes on where its bag cannot: that is told, and nothing else comes of it.
+const NODE: Writer = Writer {
+    arguments: &["run", "--bag", "ROOT/run", "--out", "ROOT/figures.json", "--duration", "4", "--priority", "0"],
+    figures: Some("figures.json"),
+};
+
 /// Records for some seconds; a step has a fault.
-fn run(root: &Path, fault: Option<(usize, Fault)>) -> Traced {
+fn run(writer: Writer, root: &Path, fault: Option<(usize, Fault)>) -> Traced {
     let temporary = root.join("tmp");
     let _ = fs::remove_dir_all(&temporary);
     fs::create_dir(&temporary).unwrap();
-    let out = root.join("run");
-    let command = [env!("CARGO_BIN_EXE_govtwin"), "record", "--out", out.to_str().unwrap(), "--duration", "4"];
+    let mut command = vec![env!("CARGO_BIN_EXE_govtwin").to_owned()];
+    command.extend(crate::cases::words(root, writer.arguments));
+    let command: Vec<&str> = command.iter().map(String::as_str).collect();
     let environment = environment(temporary.to_str().unwrap());
     let environment: Vec<(&str, &str)> = environment.iter().map(|(key, value)| (*key, value.as_str())).collect();
     let traced = trace::run(&command, &environment, root, fault);
@@ -70,8 +89,13 @@ fn wrong(root: &Path) -> Option<String> {
 }
 
 /// Judges what a run left, saves what was kept of it, and lets another one follow.
-fn judge(root: &Path, told: Option<(&Traced, Kind)>) -> Vec<String> {
+fn judge(writer: Writer, root: &Path, told: Option<(&Traced, Kind)>) -> Vec<String> {
     let mut found = vec![];
+    if let Some(figures) = writer.figures.map(|name| root.join(name)).filter(|path| path.exists()) {
+        let whole = fs::read_to_string(&figures).is_ok_and(|text| serde_json::from_str::<Value>(&text).is_ok());
+        found.extend((!whole).then(|| "half of the figures".to_owned()));
+        fs::remove_file(figures).unwrap();
+    }
     let out = root.join("run");
     if let Some((traced, kind)) = told {
         let cause = std::io::Error::from_raw_os_error(kind.error() as i32).to_string();
@@ -80,6 +104,7 @@ fn judge(root: &Path, told: Option<(&Traced, Kind)>) -> Vec<String> {
             Some(1) if !named => found.push(format!("no cause or no place in {}", traced.stderr)),
             Some(1) => {}
             Some(0 | 3) if out.is_dir() => {}
+            Some(3) if writer.figures.is_some() && named => {}
             code => found.push(format!("code {code:?} and no bag: {}", traced.stderr)),
         }
         if traced.stderr.contains("panicked") {
@@ -103,12 +128,15 @@ fn judge(root: &Path, told: Option<(&Traced, Kind)>) -> Vec<String> {
         found.extend(wrong(root));
         fs::remove_dir_all(&out).unwrap();
     }
-    let again = run(root, None);
+    let again = run(writer, root, None);
     if !matches!(again.code, Some(0 | 3)) || !out.exists() {
         found.push(format!("the next run: code {:?}, {}", again.code, again.stderr));
     } else {
         found.extend(wrong(root));
         fs::remove_dir_all(&out).unwrap();
+    }
+    if let Some(name) = writer.figures {
+        found.extend(fs::remove_file(root.join(name)).is_err().then(|| "no figures of the next run".to_owned()));
     }
     let strange = |path: &PathBuf| is_hidden(path) || path.to_string_lossy().contains("unfinished");
     let left: Vec<_> = tree(root).into_keys().filter(strange).collect();
@@ -127,8 +155,19 @@ fn judge(root: &Path, told: Option<(&Traced, Kind)>) -> Vec<String> {
 #[test]
 #[ignore = "records for minutes; scripts/faults runs it"]
 fn record() {
+    try_writer(RECORD);
+}
+
+#[test]
+#[ignore = "records for minutes; scripts/faults runs it"]
+fn run_of_a_node() {
+    try_writer(NODE);
+}
+
+fn try_writer(writer: Writer) {
+    let name = writer.arguments[0];
     if !trace::is_allowed() {
-        println!("record: skipped, ptrace is refused here");
+        println!("{name}: skipped, ptrace is refused here");
         return;
     }
     let dir = tempfile::tempdir().unwrap();
@@ -136,10 +175,11 @@ fn record() {
     fs::create_dir(&root).unwrap();
     fs::write(root.join("diary"), "mine").unwrap();
     let _playing = Playing::new(dir.path().to_str().unwrap());
-    let first = run(&root, None);
+    let first = run(writer, &root, None);
     assert!(matches!(first.code, Some(0 | 3)), "{}", first.stderr);
     assert_eq!(wrong(&root), None);
     fs::remove_dir_all(root.join("run")).unwrap();
+    writer.figures.into_iter().for_each(|name| fs::remove_file(root.join(name)).unwrap());
     let sampled = match std::env::var("FAULTS").as_deref() {
         Ok("all") => usize::MAX,
         Ok(count) => count.parse().unwrap(),
@@ -147,21 +187,21 @@ fn record() {
     };
     let (mut refused, mut killed, mut told, mut faults) = (0, 0, 0, vec![]);
     for at in (0..first.steps.len()).step_by(first.steps.len().div_ceil(sampled)) {
-        let traced = run(&root, Some((at, Fault::Refused)));
+        let traced = run(writer, &root, Some((at, Fault::Refused)));
         // It may have ended before, where it heard less.
         let Some(step) = traced.steps.get(at).cloned() else { continue };
         refused += 1;
         told += usize::from(traced.code == Some(1));
-        let found = judge(&root, Some((&traced, step.kind)));
+        let found = judge(writer, &root, Some((&traced, step.kind)));
         faults.extend(found.into_iter().map(|found| format!("step {at}, {step:?} refused: {found}")));
     }
     let changing: Vec<_> = first.steps.iter().enumerate().filter(|(_, step)| step.kind.changes()).collect();
     for (at, step) in changing.iter().rev().step_by(changing.len().div_ceil(sampled)) {
-        let traced = run(&root, Some((*at, Fault::Killed)));
+        let traced = run(writer, &root, Some((*at, Fault::Killed)));
         killed += usize::from(traced.code.is_none());
-        let found = judge(&root, None);
+        let found = judge(writer, &root, None);
         faults.extend(found.into_iter().map(|found| format!("killed before step {at}, {step:?}: {found}")));
     }
-    println!("record: {} steps, {refused} refused, {told} told, {killed} killed", first.steps.len());
+    println!("{name}: {} steps, {refused} refused, {told} told, {killed} killed", first.steps.len());
     assert!(faults.is_empty(), "{} faults\n{}", faults.len(), faults.join("\n"));
 }

@@ -1,4 +1,5 @@
-//! Runs a program under ptrace, counts what it does to the files below a folder, and refuses one of these steps or kills it there.
+//! Runs a program under ptrace, counts what it does to the files below a folder, and refuses one of these steps or kills it there; counts
+//! its requests for memory as well, and refuses them from one of them on.
 //!
 //! It sees every system call of every thread and every child, whichever library makes it, and needs no change of the program. A kill is that of a
 //! machine that goes down: the children end with the program.
@@ -63,12 +64,16 @@ pub struct Step {
 pub enum Fault {
     Refused,
     Killed,
+    /// Not of a step, but of a request for memory: there is no more from here on, as where a limit is reached.
+    Starved,
 }
 
 /// How a traced program ended.
 #[derive(Debug)]
 pub struct Traced {
     pub steps: Vec<Step>,
+    /// How often memory was asked for.
+    pub requests: usize,
     /// None where it ended by a signal.
     pub code: Option<i32>,
     pub stderr: String,
@@ -98,8 +103,16 @@ pub fn run(command: &[&str], environment: &[(&str, &str)], below: &Path, fault: 
         .spawn()
         .unwrap();
     let leader = Pid::from_raw(child.id().cast_signed());
-    let mut tracer =
-        Tracer { leader, below, fault, steps: vec![], inside: HashMap::new(), seen: BTreeSet::new(), begun: false };
+    let mut tracer = Tracer {
+        leader,
+        below,
+        fault,
+        steps: vec![],
+        requests: 0,
+        inside: HashMap::new(),
+        seen: BTreeSet::new(),
+        begun: false,
+    };
     let options = Options::PTRACE_O_TRACESYSGOOD
         | Options::PTRACE_O_TRACECLONE
         | Options::PTRACE_O_TRACEFORK
@@ -143,7 +156,7 @@ pub fn run(command: &[&str], environment: &[(&str, &str)], below: &Path, fault: 
     let mut stderr = String::new();
     said.rewind().unwrap();
     said.read_to_string(&mut stderr).unwrap();
-    Traced { steps: tracer.steps, code, stderr }
+    Traced { steps: tracer.steps, requests: tracer.requests, code, stderr }
 }
 
 struct Tracer<'a> {
@@ -151,6 +164,7 @@ struct Tracer<'a> {
     below: &'a Path,
     fault: Option<(usize, Fault)>,
     steps: Vec<Step>,
+    requests: usize,
     /// Threads inside a system call, and the error that it is to end with.
     inside: HashMap<Pid, Option<Errno>>,
     /// Threads of the program and of its children.
@@ -202,9 +216,21 @@ impl Tracer<'_> {
                     let _ = nix::sys::signal::kill(pid, Signal::SIGKILL);
                     let _ = nix::sys::signal::kill(self.leader, Signal::SIGKILL);
                 }
-                None => {}
+                Some((_, Fault::Starved)) | None => {}
             }
             self.steps.push(step);
+        } else if self.begun && asks_for_memory(&registers) {
+            if self.fault.is_some_and(|(at, fault)| fault == Fault::Starved && at <= self.requests) {
+                if registers.orig_rax.cast_signed() == libc::SYS_brk {
+                    // It fails by leaving the end where it is, and says where that is.
+                    registers.rdi = 0;
+                } else {
+                    error = Some(Errno::ENOMEM);
+                    registers.orig_rax = u64::MAX;
+                }
+                ptrace::setregs(pid, registers).unwrap();
+            }
+            self.requests += 1;
         }
         self.inside.insert(pid, error);
     }
@@ -239,6 +265,16 @@ impl Tracer<'_> {
         };
         let path = path.filter(|path| path.starts_with(self.below))?;
         Some(Step { kind, path })
+    }
+}
+
+/// Whether a system call asks for memory that no file backs.
+fn asks_for_memory(registers: &libc::user_regs_struct) -> bool {
+    match registers.orig_rax.cast_signed() {
+        libc::SYS_mmap => registers.r10 as i32 & libc::MAP_ANONYMOUS != 0,
+        libc::SYS_brk => registers.rdi != 0,
+        libc::SYS_mremap => registers.rdx > registers.rsi,
+        _ => false,
     }
 }
 
