@@ -2,7 +2,6 @@
 use std::{
   collections::{BTreeMap, HashMap},
   io,
-  io::ErrorKind,
   net::{IpAddr, Ipv4Addr},
   pin::Pin,
   sync::{atomic, Arc, Mutex, RwLock, Weak},
@@ -558,10 +557,6 @@ impl DomainParticipant {
   /// ```
   pub fn participant_id(&self) -> u16 {
     self.dpi.lock().unwrap().participant_id()
-  }
-
-  pub(crate) fn only_networks(&self) -> Option<Arc<[IpAddr]>> {
-    self.dpi.lock().ok().and_then(|g| g.only_networks())
   }
 
   /// Sets the USER_DATA QoS policy that Readers and Writers of a topic announce
@@ -1132,10 +1127,6 @@ impl DomainParticipantDisc {
     self.dpi.dds_cache()
   }
 
-  pub(crate) fn only_networks(&self) -> Option<Arc<[IpAddr]>> {
-    self.dpi.only_networks()
-  }
-
   #[cfg(feature = "security")] // just to avoid warning
   pub(crate) fn qos(&self) -> QosPolicies {
     self.dpi.qos()
@@ -1243,8 +1234,6 @@ pub(crate) struct DomainParticipantInner {
   self_locators: HashMap<mio1::Token, Vec<Locator>>,
 
   security_plugins_handle: Option<SecurityPluginsHandle>,
-
-  only_networks: Option<Arc<[IpAddr]>>,
 }
 
 impl Drop for DomainParticipantInner {
@@ -1272,6 +1261,42 @@ impl Drop for DomainParticipantInner {
 }
 
 impl DomainParticipantInner {
+  // Sockets for discovery and for user traffic on the ports of the lowest
+  // participant id that has both of them free, and this id. Others take participant
+  // ids at the same moment, so that one of the two may be theirs already; a peer
+  // that goes by the numbers would then send to them what is for us.
+  // If no id has both, user traffic gets any port, as long as there is one for
+  // discovery.
+  fn unicast_listeners(
+    domain_id: u16,
+    socket_receive_buffer_size: usize,
+  ) -> CreateResult<(u16, UDPListener, UDPListener)> {
+    let open = |port| {
+      UDPListener::new_unicast_with_buf_size("0.0.0.0", port, socket_receive_buffer_size)
+    };
+    // Magic value 120 below is from RTPS spec 2.5 Section "9.6.2.3 Default Port
+    // Numbers"
+    for participant_id in 0..120 {
+      if let Ok(discovery) = open(spdp_well_known_unicast_port(domain_id, participant_id)) {
+        if let Ok(user_traffic) = open(user_traffic_unicast_port(domain_id, participant_id)) {
+          return Ok((participant_id, discovery, user_traffic));
+        }
+      }
+    }
+    for participant_id in 0..120 {
+      if let Ok(discovery) = open(spdp_well_known_unicast_port(domain_id, participant_id)) {
+        return match open(0) {
+          Ok(user_traffic) => Ok((participant_id, discovery, user_traffic)),
+          Err(e) => create_error_out_of_resources!(
+            "Could not open unicast user traffic listener, any port number: {:?}",
+            e
+          ),
+        };
+      }
+    }
+    create_error_out_of_resources!("Could not find free ParticipantId")
+  }
+
   #[allow(clippy::too_many_arguments)]
   fn new(
     domain_id: u16,
@@ -1310,31 +1335,9 @@ impl DomainParticipantInner {
       Err(e) => warn!("Cannot get multicast discovery listener: {e:?}"),
     }
 
-    let mut participant_id = 0;
-
-    let mut discovery_listener = None;
-
-    // Magic value 120 below is from RTPS spec 2.5 Section "9.6.2.3 Default Port
-    // Numbers"
-    while discovery_listener.is_none() && participant_id < 120 {
-      discovery_listener = UDPListener::new_unicast_with_buf_size(
-        "0.0.0.0",
-        spdp_well_known_unicast_port(domain_id, participant_id),
-        socket_receive_buffer_size,
-      )
-      .ok();
-      if discovery_listener.is_none() {
-        participant_id += 1;
-      }
-    }
-
+    let (participant_id, discovery_listener, user_traffic_listener) =
+      Self::unicast_listeners(domain_id, socket_receive_buffer_size)?;
     info!("ParticipantId {participant_id} selected.");
-
-    // here discovery_listener is redefined (shadowed)
-    let discovery_listener = match discovery_listener {
-      Some(dl) => dl,
-      None => return create_error_out_of_resources!("Could not find free ParticipantId"),
-    };
     listeners.insert(DISCOVERY_LISTENER_TOKEN, discovery_listener);
 
     // Now the user traffic listeners
@@ -1351,28 +1354,6 @@ impl DomainParticipantInner {
       }
       Err(e) => warn!("Cannot get multicast user traffic listener: {e:?}"),
     }
-
-    let user_traffic_listener = UDPListener::new_unicast_with_buf_size(
-      "0.0.0.0",
-      user_traffic_unicast_port(domain_id, participant_id),
-      socket_receive_buffer_size,
-    )
-    .or_else(|e| {
-      if matches!(e.kind(), ErrorKind::AddrInUse) {
-        // If we do not get the preferred listening port,
-        // try again, with "any" port number.
-        UDPListener::new_unicast_with_buf_size("0.0.0.0", 0, socket_receive_buffer_size).or_else(
-          |e| {
-            create_error_out_of_resources!(
-              "Could not open unicast user traffic listener, any port number: {:?}",
-              e
-            )
-          },
-        )
-      } else {
-        create_error_out_of_resources!("Could not open unicast user traffic listener: {e:?}")
-      }
-    })?;
 
     listeners.insert(USER_TRAFFIC_LISTENER_TOKEN, user_traffic_listener);
 
@@ -1428,7 +1409,6 @@ impl DomainParticipantInner {
     // Launch the background thread for DomainParticipant
     let disc_db_clone = discovery_db.clone();
     let security_plugins_clone = security_plugins_handle.clone();
-    let only_networks_for_ev_loop = only_networks.clone();
     let ev_loop_handle = thread::Builder::new()
       .name(format!("RustDDS Participant {participant_id} event loop"))
       .spawn(move || {
@@ -1460,7 +1440,7 @@ impl DomainParticipantInner {
           spdp_liveness_sender,
           status_sender,
           security_plugins_clone,
-          only_networks_for_ev_loop,
+          only_networks,
           socket_send_buffer_size,
           same_host_loopback,
           reader_ready_rx,
@@ -1514,16 +1494,11 @@ impl DomainParticipantInner {
       status_receiver,
       self_locators,
       security_plugins_handle,
-      only_networks,
     })
   }
 
   pub fn dds_cache(&self) -> Arc<RwLock<DDSCache>> {
     self.dds_cache.clone()
-  }
-
-  pub(crate) fn only_networks(&self) -> Option<Arc<[IpAddr]>> {
-    self.only_networks.clone()
   }
 
   #[cfg(feature = "security")] // just to avoid warning
@@ -1824,7 +1799,41 @@ mod tests {
     },
     test::{random_data::RandomData, test_domain::test_domain_id},
   };
-  use super::DomainParticipant;
+  use super::{DomainParticipant, USER_TRAFFIC_LISTENER_TOKEN};
+  use crate::discovery::sedp_messages::DiscoveredWriterData;
+
+  // Another participant that starts at the same moment may have the user traffic
+  // port of an id whose discovery port is free: that id is not taken, and writers
+  // announce the port that is open.
+  #[test]
+  fn user_traffic_port_of_another_is_not_announced() {
+    let domain = test_domain_id(17);
+    let port_of = |id| user_traffic_unicast_port(domain, id);
+    let _others: Vec<_> = (0..3)
+      .map(|id| std::net::UdpSocket::bind(("0.0.0.0", port_of(id))))
+      .collect();
+    let participant = DomainParticipant::new(domain).unwrap();
+    assert!(participant.participant_id() >= 3);
+    let open = participant.self_locators()[&USER_TRAFFIC_LISTENER_TOKEN].clone();
+    let port = SocketAddr::from(*open.first().unwrap()).port();
+    assert_eq!(port, port_of(participant.participant_id()));
+
+    let qos = QosPolicies::qos_none();
+    let publisher = participant.create_publisher(&qos).unwrap();
+    let topic = participant
+      .create_topic(
+        "Aasii".to_string(),
+        "RandomData".to_string(),
+        &qos,
+        TopicKind::WithKey,
+      )
+      .unwrap();
+    let writer = publisher
+      .create_datawriter::<RandomData, CDRSerializerAdapter<RandomData, LittleEndian>>(&topic, None)
+      .unwrap();
+    let announced = DiscoveredWriterData::new(&writer, &topic, &participant, None);
+    assert_eq!(announced.writer_proxy.unicast_locator_list, open);
+  }
 
   // TODO: improve basic test when more or the structure is known
   #[test]

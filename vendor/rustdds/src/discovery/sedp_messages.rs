@@ -28,8 +28,10 @@ use crate::{
     parameter::Parameter,
     parameter_list::{ParameterList, ParameterListable},
   },
-  network::{constant::user_traffic_unicast_port, util::get_local_unicast_locators_filtered},
-  rtps::{rtps_reader_proxy::RtpsReaderProxy, rtps_writer_proxy::RtpsWriterProxy},
+  rtps::{
+    constant::USER_TRAFFIC_LISTENER_TOKEN, rtps_reader_proxy::RtpsReaderProxy,
+    rtps_writer_proxy::RtpsWriterProxy,
+  },
   serialization::{
     pl_cdr_adapters::{
       PlCdrDeserialize, PlCdrDeserializeError, PlCdrSerialize, PlCdrSerializeError,
@@ -800,9 +802,11 @@ impl DiscoveredWriterData {
     dp: &DomainParticipant,
     security_info: Option<EndpointSecurityInfo>,
   ) -> Self {
-    let unicast_port = user_traffic_unicast_port(dp.domain_id(), dp.participant_id());
-    let only_nets = dp.only_networks();
-    let unicast_addresses = get_local_unicast_locators_filtered(unicast_port, only_nets.as_deref());
+    // The port that is open, which need not be the one of our participant id.
+    let unicast_addresses = dp
+      .self_locators()
+      .remove(&USER_TRAFFIC_LISTENER_TOKEN)
+      .unwrap_or_default();
     // TODO: Why empty vector below? No multicast?
     let writer_proxy = WriterProxy::new(writer.guid(), vec![], unicast_addresses);
     let publication_topic_data = PublicationBuiltinTopicData::new_with_qos(
