@@ -25,7 +25,7 @@ use crate::diagnosis::hypotheses::table::EvidenceTable;
 use crate::diagnosis::hypotheses::{Exploration, Explored};
 use crate::diagnosis::result::{Diagnosis, Verdict};
 use crate::diagnosis::summary::{BeforeVerdict, Judged};
-use crate::effects::{CATALOGUE, EffectSpec};
+use crate::effects::{CATALOGUE, EffectSpec, id_words};
 use crate::likelihood::loop_noise::quieter;
 use crate::parameters::Unit;
 use crate::recording::Recording;
@@ -195,7 +195,8 @@ fn stretched(explored: &Explored, decision: &Decision) -> Option<String> {
     let nearest = explored.leader();
     let far = nearest.stretched(FAR_FROM_SHEET);
     let unknown = decision.verdict == Verdict::Unknown;
-    let name = match nearest.ids().join(" and ") {
+    let names: Vec<String> = nearest.ids().iter().map(|id| id_words(id)).collect();
+    let name = match names.join(" and ") {
         name if unknown && !name.is_empty() => format!("Nearest in the catalogue: {name}. "),
         _ => String::new(),
     };

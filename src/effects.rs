@@ -307,6 +307,18 @@ pub fn find(id: &str) -> Option<&'static EffectSpec> {
     CATALOGUE.iter().find(|spec| spec.id == id)
 }
 
+/// An effect's id as words: `pilot-valve overlap` of `pv_overlap`.
+#[must_use]
+pub fn id_words(id: &str) -> String {
+    let word = |part| match part {
+        "pv" => "pilot-valve",
+        "esv" => "ESV",
+        "lvdt" => "LVDT",
+        part => part,
+    };
+    id.split('_').map(word).collect::<Vec<_>>().join(" ")
+}
+
 /// The effect with this id, of the catalogue or of the unit's owner.
 #[must_use]
 pub fn find_in(unit: &Unit, id: &str) -> Option<&'static EffectSpec> {

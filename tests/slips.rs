@@ -122,6 +122,15 @@ fn completions_and_manual_pages_know_every_command() {
             "{name}"
         );
     }
+    // Every page that a page leads to is there.
+    for entry in std::fs::read_dir(dir.path().join("man1")).unwrap() {
+        let page = std::fs::read_to_string(entry.unwrap().path()).unwrap();
+        for named in page.lines().filter_map(|line| line.strip_suffix("(1)")).filter(|named| !named.contains(' ')) {
+            let named = named.replace("\\-", "-");
+            assert!(dir.path().join(format!("man1/{named}.1")).is_file(), "{named}");
+        }
+    }
+    assert!(dir.path().join("man1/govtwin-fleet-plan.1").is_file());
     let page = std::fs::read_to_string(dir.path().join("man1/govtwin-diagnose.1")).unwrap();
     assert!(page.contains("not_excited") && page.contains("Exit codes: 0 ok"), "what --help teaches is in the manual");
 }

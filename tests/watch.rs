@@ -83,7 +83,7 @@ fn a_process_is_entered_once_whatever_happens_to_its_bag() {
     let anew = lines(folder);
     assert_eq!((anew.len(), &anew[0]["digest"], &anew[0]["sizes"]), (1, &entered[0]["digest"], &entered[0]["sizes"]));
     let page = fs::read_to_string(folder.join("seen/watch.html")).unwrap();
-    assert!(page.contains("Cumulative sums") && page.contains("load_rejection"));
+    assert!(page.contains("Cumulative sums") && page.contains("load rejection"));
     let state: serde_json::Value =
         serde_json::from_str(&fs::read_to_string(folder.join("seen/watch.json")).unwrap()).unwrap();
     assert_eq!((&state["processes"], &state["warnings"]), (&1.into(), &serde_json::json!([])));

@@ -1,13 +1,18 @@
 //! The page of a score: the measures beside their targets, the confusion matrix, how far probabilities can be trusted.
 
+mod answers;
+
 use crate::benchmark::score::{Confusion, Score, ScoredMeasure};
 use crate::benchmark::scored::{MissedBy, SEEN, ScoredUnit};
 use crate::benchmark::statistics::{Bin, Measured};
+use crate::report::diagnosis::{id_words, stage_words, verdict_words};
 use crate::report::draw::{DrawError, svg};
 use crate::report::ink::Ink;
 use crate::report::page::{KeyFigure, Page, Tone};
 use crate::report::picture::{Mark, MarkShape, Panel, Picture};
 use crate::report::table::{Table, significant};
+
+pub use answers::misses_in_words;
 
 /// One method with its score, the diagnosis first.
 #[derive(Clone, Debug)]
@@ -36,9 +41,7 @@ pub fn page(
         body.note(Tone::Warning, "Nothing was scored.");
         return Ok(page);
     };
-    let judged = first.score.measures.iter().filter(|measure| measure.reached.is_some()).count();
-    let reached = first.score.measures.iter().filter(|measure| measure.reached == Some(true)).count();
-    body.lead(format!("{reached} of {judged} targets reached on {} units whose faults were withheld.", cases.len()));
+    body.answers(answers::answers(&first.score, cases));
     let shown = ["false_alarm", "detection", "single_first", "unknown"];
     body.key_figures(
         first.score.measures.iter().filter(|measure| shown.contains(&measure.id) && measure.measured.cases > 0).map(
@@ -84,9 +87,6 @@ pub fn page(
         "How often the stated cause was true, against the probability that was stated; on the diagonal both are equal. Whiskers: 95 %.",
     );
     body.heading("Units");
-    if let Some(words) = misses_in_words(cases) {
-        body.note(Tone::Plain, words);
-    }
     body.table(
         cases_table(cases),
         format!(
@@ -97,6 +97,15 @@ pub fn page(
         ),
     );
     Ok(page)
+}
+
+/// A word of a verdict or of a truth, as people say it.
+fn in_words(id: &str) -> String {
+    match id {
+        "unknown" => "unknown".to_owned(),
+        "outside" => "outside the catalogue".to_owned(),
+        id => id_words(id),
+    }
 }
 
 fn percent(share: f64) -> String {
@@ -224,13 +233,14 @@ fn confusion_picture(confusion: &Confusion) -> Picture {
         .collect();
     let full = confusion.counts.iter().flatten().copied().max().unwrap_or(1) as f64;
     let numbered: Vec<String> = confusion.words.iter().enumerate().map(|(k, _)| (k + 1).to_string()).collect();
-    let side = confusion.words.iter().enumerate().map(|(k, word)| format!("{} {word}", k + 1));
+    let words: Vec<String> = confusion.words.iter().map(|word| in_words(word)).collect();
+    let side = confusion.words.iter().enumerate().map(|(k, word)| format!("{} {}", k + 1, in_words(word)));
     let legend = side.collect::<Vec<_>>().join(", ");
     let panel = Panel::new("units")
         .height(24 * u32::try_from(rows.len().max(4)).unwrap_or(10))
         .x_name(if confusion.words.len() > 8 { legend } else { "verdict".to_owned() })
-        .x_categories(if confusion.words.len() > 8 { numbered } else { confusion.words.clone() })
-        .y_categories(confusion.truths.iter().rev().cloned())
+        .x_categories(if confusion.words.len() > 8 { numbered } else { words })
+        .y_categories(confusion.truths.iter().rev().map(|truth| in_words(truth)))
         .mark(Mark::new(MarkShape::Cells { rows, full, below: Ink::Alarm, decimals: 0 }, Ink::Simulated, ""));
     Picture::grid("Confusion matrix: what is in a unit against its verdict", 1, vec![panel])
 }
@@ -259,27 +269,6 @@ fn reliability_picture(methods: &[MethodScore]) -> Picture {
     Picture::grid("Reliability of the probabilities", 1, vec![panel])
 }
 
-/// How many answers missed, and by what; none where nothing was missed.
-#[must_use]
-pub fn misses_in_words(cases: &[ScoredUnit]) -> Option<String> {
-    let missed = cases.iter().filter(|case| case.missed()).count();
-    let by = |what: Option<MissedBy>| cases.iter().filter(|case| case.missed() && case.missed_by() == what).count();
-    let [recordings, tolerance, method] = MissedBy::ALL.map(|what| by(Some(what)));
-    (missed > 0).then(|| {
-        let mut words = format!(
-            "{missed} answers of {} miss something or make something up. {recordings} lie with the recordings: by the catalogue's equations what \
-             was left out is too small in them, or too much like the answer. {tolerance} lie with the method's tolerance: the answer leaves no \
-             more than it lets a right model leave; a stricter method might have told. {method} lie with the method.",
-            cases.len()
-        );
-        let unknown = by(None);
-        if unknown > 0 {
-            words += &format!(" Of {unknown} nothing is known.");
-        }
-        words
-    })
-}
-
 /// Case by case: what is so, what was said.
 #[must_use]
 pub fn cases_table(cases: &[ScoredUnit]) -> Table {
@@ -288,7 +277,8 @@ pub fn cases_table(cases: &[ScoredUnit]) -> Table {
     let mut table = table.words("missed by");
     for case in cases {
         let truths: Vec<&str> = case.label.effects.iter().map(|truth| truth.id.as_str()).collect();
-        let mut truth = if truths.is_empty() { "nothing".to_owned() } else { truths.join(" + ") };
+        let joined = |ids: &[&str], by: &str| ids.iter().map(|id| id_words(id)).collect::<Vec<_>>().join(by);
+        let mut truth = if truths.is_empty() { "nothing".to_owned() } else { joined(&truths, " + ") };
         if !case.label.listed {
             truth += " (not in the catalogue)";
         }
@@ -305,9 +295,9 @@ pub fn cases_table(cases: &[ScoredUnit]) -> Table {
             case.label.name.clone(),
             truth,
             significant(case.label.strength_ratio, 2),
-            case.report.verdict.clone(),
-            blamed.join(", "),
-            case.report.location.stage.clone().unwrap_or_default(),
+            verdict_words(&case.report.verdict).to_owned(),
+            joined(&blamed, ", "),
+            case.report.location.stage.as_deref().map_or("", stage_words).to_owned(),
             significant(case.report.probability(true_word), 2),
             match right {
                 false => "wrong",

@@ -15,7 +15,7 @@ use crate::commands::{Outcome, bags, info};
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = HELP)]
 pub struct Args {
-    /// The parameter file, YAML. A bag is checked as `govtwin info` does.
+    /// The parameter file, YAML. A bag, or a folder of bags, is checked as `govtwin info` does.
     file: PathBuf,
     /// Print JSON instead of a table.
     #[arg(long)]
@@ -49,8 +49,10 @@ Exit codes: 0 valid, 1 not valid or not readable, 2 wrong usage, 3 a bag with wa
 /// Validates the file and prints the merged unit.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     if is_bag(&args.file) {
+        let is_folder = args.file.is_dir() && !bags::is_bag_folder(&args.file);
+        let what = if is_folder { "a folder of recordings" } else { "a bag" };
         warn(&format!(
-            "{} is a bag and no parameter file; here is what `govtwin info` says of it",
+            "{} is {what} and no parameter file; here is what `govtwin info` says of it",
             args.file.display()
         ));
         return info::run(&info::Args::of(args.file.clone(), args.json));
@@ -62,10 +64,10 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     Ok(Outcome::Ok)
 }
 
-/// Whether somebody means a recording: a bag folder, or a file that bags are called like.
+/// Whether somebody means recordings: a folder, or a file that bags are called like.
 fn is_bag(path: &Path) -> bool {
     let named = path.extension().is_some_and(|suffix| suffix == "mcap" || suffix == "db3");
-    named || bags::is_bag_folder(path)
+    named || path.is_dir()
 }
 
 /// One number of the merged unit beside the shipped one.

@@ -13,7 +13,7 @@ use crate::commands::output::{Output, print};
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = HELP)]
 pub struct Args {
-    /// Folder for govtwin.1 and a page for each command, govtwin-COMMAND.1; without it govtwin.1 is printed.
+    /// Folder for govtwin.1 and a page for each command, govtwin-COMMAND.1 or govtwin-fleet-plan.1; without it govtwin.1 is printed.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
@@ -27,17 +27,17 @@ The Debian package has the pages in place.
 Exit codes: 0 ok, 1 not possible, 2 wrong usage.";
 
 /// Prints or writes the pages.
-pub fn run(args: &Args, mut command: Command) -> anyhow::Result<Outcome> {
+pub fn run(args: &Args, command: Command) -> anyhow::Result<Outcome> {
+    // `help` has no page that another could lead to.
+    let of_pages = |of: Command| of.disable_help_subcommand(true);
+    let mut command = of_pages(command).mut_subcommands(of_pages);
     command.build();
     let Some(out) = &args.out else {
         print(&page(command)?)?;
         return Ok(Outcome::Ok);
     };
     let mut pages = vec![("govtwin.1".to_owned(), page(command.clone())?)];
-    for of in command.get_subcommands().filter(|of| !of.is_hide_set() && of.get_name() != "help") {
-        let name = format!("govtwin-{}", of.get_name());
-        pages.push((format!("{name}.1"), page(of.clone().display_name(name))?));
-    }
+    pages_below(&command, "govtwin", &mut pages)?;
     let names: Vec<&str> = pages.iter().map(|(name, _)| name.as_str()).collect();
     let mut output = Output::claim(out, &names)?;
     for (name, text) in &pages {
@@ -46,6 +46,16 @@ pub fn run(args: &Args, mut command: Command) -> anyhow::Result<Outcome> {
     output.place()?;
     print(&format!("{}: {} pages\n", out.display(), pages.len()))?;
     Ok(Outcome::Ok)
+}
+
+/// A page for each command below one, `fleet plan` like `fleet`.
+fn pages_below(command: &Command, name: &str, pages: &mut Vec<(String, String)>) -> anyhow::Result<()> {
+    for of in command.get_subcommands().filter(|of| !of.is_hide_set() && of.get_name() != "help") {
+        let name = format!("{name}-{}", of.get_name());
+        pages.push((format!("{name}.1"), page(of.clone().display_name(&name))?));
+        pages_below(of, &name, pages)?;
+    }
+    Ok(())
 }
 
 fn page(command: Command) -> anyhow::Result<String> {

@@ -23,6 +23,9 @@ pub struct Args {
     /// The page to write [default: FILE.html beside the report].
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// Print the report itself on standard output, as `govtwin diagnose --json` does.
+    #[arg(long)]
+    json: bool,
 }
 
 const HELP: &str = "\
@@ -59,6 +62,11 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     });
     let html = page::page(&diagnosis, &made)?.to_html();
     write_atomically(&out, html.as_bytes())?;
-    print(&format!("{}\npage: {}\n", page::summary(&diagnosis, width()), out.display()))?;
+    let text = if args.json {
+        format!("{report:#}\n")
+    } else {
+        format!("{}\npage: {}\n", page::summary(&diagnosis, width()), out.display())
+    };
+    print(&text)?;
     Ok(Outcome::Ok)
 }

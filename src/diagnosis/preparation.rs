@@ -102,7 +102,7 @@ pub fn prepare(
     }
     if let [only] = qualified.as_slice() {
         notes.push(format!(
-            "One recording only ({}, {}): nothing could be left out of the fit, so explained fractions are not tested on anything new.",
+            "One recording only ({}, {}): explained fractions are tested on parts of it that were held out of the fit, not on another recording.",
             only.name,
             only.process.title()
         ));

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::gathered::{Gathered, Row};
 use super::result::FoundCause;
+use crate::report::diagnosis::{id_words, key_words, verdict_words};
 
 /// How the fleet stood, as far as changes are told by it.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -66,23 +67,23 @@ impl Standing {
         let mut changes = Vec::new();
         for (place, one) in &after {
             match before.get(place) {
-                None => changes.push(change(one, format!("new: {}", one.word))),
+                None => changes.push(change(one, format!("new: {}", said(&one.word)))),
                 Some(there) if there.word != one.word => {
                     let why =
                         if there.key == one.key { "" } else { ", from other recordings, options or another version" };
-                    changes.push(change(one, format!("was {}, is {}{why}", there.word, one.word)));
+                    changes.push(change(one, format!("{}; before {}{why}", said(&one.word), said(&there.word))));
                 }
                 Some(_) => {}
             }
         }
         for (_, one) in before.iter().filter(|(place, _)| !after.contains_key(*place)) {
-            changes.push(change(one, format!("gone: was {}", one.word)));
+            changes.push(change(one, format!("gone; before {}", said(&one.word))));
         }
         for (unit, name) in now.changed.iter().filter(|one| !self.changed.contains(one)) {
             changes.push(Change {
                 unit: unit.clone(),
                 period: String::new(),
-                words: format!("{name} changed beyond its interval"),
+                words: format!("{} changed beyond its interval", key_words(name)),
             });
         }
         changes.sort_by(|a, b| (&a.unit, &a.period, &a.words).cmp(&(&b.unit, &b.period, &b.words)));
@@ -101,6 +102,14 @@ pub fn word(row: &Row) -> String {
 pub fn word_of(found: &FoundCause) -> String {
     let causes: Vec<&str> = found.causes.iter().map(|cause| cause.id.as_str()).collect();
     if causes.is_empty() { found.verdict.clone() } else { format!("{} {}", found.verdict, causes.join(", ")) }
+}
+
+/// The same for people: `cause found (backlash)`.
+fn said(word: &str) -> String {
+    let (verdict, causes) = word.split_once(' ').unwrap_or((word, ""));
+    let causes: Vec<String> = causes.split(", ").filter(|id| !id.is_empty()).map(id_words).collect();
+    let verdict = verdict_words(verdict);
+    if causes.is_empty() { verdict.to_owned() } else { format!("{verdict} ({})", causes.join(", ")) }
 }
 
 #[cfg(test)]
@@ -132,9 +141,9 @@ mod tests {
             words,
             [
                 "a : y changed beyond its interval",
-                "a 2: new: named backlash",
-                "b 1: was failed, is no_gap",
-                "c 1: gone: was no_gap"
+                "a 2: new: cause found (backlash)",
+                "b 1: no fault found; before failed",
+                "c 1: gone; before no fault found"
             ]
         );
     }

@@ -1,11 +1,14 @@
 //! The page of a fleet: who needs a look first, what changed, units and their causes, sizes over time, and what did not run.
 
+mod answers;
+
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::ageing::Trend;
 use super::changes::{Change, word};
 use super::gathered::{Gathered, Row, Status};
 use super::urgency::Look;
+use crate::report::diagnosis::{id_words, key_words, shown_unit, verdict_words};
 use crate::report::draw::{DrawError, svg};
 use crate::report::ink::Ink;
 use crate::report::page::{KeyFigure, Page, PageBody, Tone};
@@ -46,7 +49,7 @@ pub fn page(gathered: &Gathered, context: &Context) -> Result<Page, DrawError> {
     let mut page =
         Page::new("A fleet and its twins", format!("{} units, {} units in periods", units.len(), gathered.rows.len()));
     let body = &mut page.body;
-    body.lead(lead(gathered, context, units.len()));
+    body.answers(answers::answers(gathered, context, units.len()));
     body.key_figures(figures(gathered, context));
     let origins: BTreeSet<&str> = gathered.rows.iter().flat_map(|row| row.origins.iter().map(String::as_str)).collect();
     for origin in origins {
@@ -74,15 +77,9 @@ pub fn page(gathered: &Gathered, context: &Context) -> Result<Page, DrawError> {
     Ok(page)
 }
 
-fn lead(gathered: &Gathered, context: &Context, units: usize) -> String {
-    let changed: BTreeSet<&str> = gathered.changed().map(|(unit, _)| unit).collect();
-    match (context.looks.len(), changed.len()) {
-        (0, _) => format!("None of {units} units needs a look."),
-        (looks, 0) => format!("{looks} of {units} units need a look; no size changed beyond its interval."),
-        (looks, changed) => {
-            format!("{looks} of {units} units need a look; in {changed} a size changed beyond its interval.")
-        }
-    }
+/// A probability as a percentage; empty where there is none.
+fn probability_text(probability: Option<f64>) -> String {
+    probability.map_or_else(String::new, |p| format!("{} %", fixed(100.0 * p, 0)))
 }
 
 fn figures(gathered: &Gathered, context: &Context) -> Vec<KeyFigure> {
@@ -174,24 +171,22 @@ fn cells(row: &Row) -> [String; 8] {
         let empty = String::new;
         return [unit, period, row.status.id().to_owned(), row.words.clone(), empty(), empty(), empty(), empty()];
     };
-    let percent =
-        |probability: Option<f64>| probability.map_or_else(String::new, |p| format!("{} %", fixed(100.0 * p, 0)));
     let joined =
         |each: &dyn Fn(&super::result::Cause) -> String| found.causes.iter().map(each).collect::<Vec<_>>().join(", ");
     let size = |cause: &super::result::Cause| {
         let Some(size) = cause.sizes.first() else { return String::new() };
-        let words = |value: Option<f64>| quantity(value.unwrap_or(f64::NAN), &size.unit);
+        let words = |value: Option<f64>| quantity(value.unwrap_or(f64::NAN), shown_unit(&size.name, &size.unit));
         format!("{} ({} to {})", words(size.value), words(size.low), words(size.high))
     };
     [
         unit,
         period,
-        found.verdict.clone(),
-        joined(&|cause| cause.id.clone()),
-        joined(&|cause| percent(cause.probability)),
+        verdict_words(&found.verdict).to_owned(),
+        joined(&|cause| id_words(&cause.id)),
+        joined(&|cause| probability_text(cause.probability)),
         joined(&size),
-        percent(found.unknown_probability),
-        percent(found.none_probability),
+        probability_text(found.unknown_probability),
+        probability_text(found.none_probability),
     ]
 }
 
@@ -233,7 +228,7 @@ fn causes_picture(gathered: &Gathered, looks: &[Look]) -> Option<Picture> {
     let height = 24 * u32::try_from(rows.len().max(3)).unwrap_or(3);
     let panel = Panel::new("probability, %")
         .height(height)
-        .x_categories(causes.iter().map(|id| id.replace('_', " ")))
+        .x_categories(causes.iter().map(|id| if *id == "unknown" { "unknown".to_owned() } else { id_words(id) }))
         .y_categories(rows.iter().rev().map(|row| row.unit.clone()))
         .mark(Mark::new(shape, Ink::Alarm, ""));
     Some(Picture::grid("Units that need a look, by the causes that the diagnosis blames", 1, vec![panel]))
@@ -288,7 +283,7 @@ fn panel(unit: &str, trend: &Trend) -> Panel {
     let at = |place: usize| place as f64;
     let points = || trend.points.iter().enumerate();
     let largest = points().fold(0.0, |most: f64, (_, point)| most.max(point.value.abs()));
-    let (scale, scaled) = scaled_unit(largest, &trend.unit);
+    let (scale, scaled) = scaled_unit(largest, shown_unit(&trend.name, &trend.unit));
     let dots = |changed: bool| {
         points().filter(|(_, point)| point.changed == changed).map(|(k, point)| [at(k), scale * point.value]).collect()
     };
@@ -296,8 +291,7 @@ fn panel(unit: &str, trend: &Trend) -> Panel {
     // So many names fit side by side; the others stay without.
     let every = trend.points.len().div_ceil(6).max(1);
     let names = points().map(|(k, point)| if k % every == 0 { point.period.clone() } else { String::new() });
-    let name = trend.name.strip_suffix(&format!("_{}", trend.unit)).unwrap_or(&trend.name).replace('_', " ");
-    Panel::new(format!("{unit}: {name}, {scaled}"))
+    Panel::new(format!("{unit}, {}, {scaled}", key_words(&trend.name)))
         .height(120)
         .x_categories(names)
         .x_range(-0.5, at(trend.points.len()) - 0.5)

@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use super::gathered::{Gathered, Status};
 use crate::diagnosis::result::Verdict;
+use crate::report::diagnosis::{capital, id_words, key_words, shown_unit, stage_words};
 use crate::report::table::{fixed, quantity};
 
 /// A unit that needs a look.
@@ -38,9 +39,9 @@ pub fn look_first(gathered: &Gathered) -> Vec<Look> {
             let way = if point.cumulative_sum > 0.0 { "rises" } else { "falls" };
             let words = format!(
                 "{} {way} beyond its interval: {} at first, {} in {} (cumulative sum {}, limit {:.1})",
-                trend.name,
-                quantity(first, &trend.unit),
-                quantity(point.value, &trend.unit),
+                capital(&key_words(&trend.name)),
+                quantity(first, shown_unit(&trend.name, &trend.unit)),
+                quantity(point.value, shown_unit(&trend.name, &trend.unit)),
                 point.period,
                 fixed(point.cumulative_sum, 1),
                 gathered.limit
@@ -53,14 +54,15 @@ pub fn look_first(gathered: &Gathered) -> Vec<Look> {
         let last = gathered.last_found(unit);
         if let Some((row, found)) = last.and_then(|row| Some((row, row.found.as_ref()?))) {
             let fault = 1.0 - found.none_probability.unwrap_or(0.0);
-            let causes: Vec<&str> = found.causes.iter().map(|cause| cause.id.as_str()).collect();
+            let causes: Vec<String> = found.causes.iter().map(|cause| id_words(&cause.id)).collect();
             let is = |verdict: Verdict| found.verdict == verdict.id();
             if is(Verdict::Named) {
                 reasons.push((FAULT, fault, format!("cause found in {}: {}", row.period, causes.join(" and "))));
             } else if is(Verdict::Class) {
                 reasons.push((FAULT, fault, format!("possible causes in {}: {}", row.period, causes.join(" or "))));
             } else if is(Verdict::Unknown) {
-                let place = found.stage.as_deref().map(|stage| format!(", at the {stage}")).unwrap_or_default();
+                let place =
+                    found.stage.as_deref().map(|stage| format!(", at the {}", stage_words(stage))).unwrap_or_default();
                 reasons.push((
                     UNEXPLAINED,
                     fault,
@@ -134,7 +136,7 @@ mod tests {
         let looks = look_first(&gather(Some(&plan), outcomes, &BTreeMap::new(), "p"));
         let units: Vec<_> = looks.iter().map(|look| look.unit.as_str()).collect();
         assert_eq!(units, ["drifting", "worse", "faulty", "odd", "lost"]);
-        assert!(looks[0].reasons[0].contains("x rises beyond its interval: 0"), "{:?}", looks[0]);
+        assert!(looks[0].reasons[0].contains("X rises beyond its interval: 0"), "{:?}", looks[0]);
         assert!(looks[4].reasons[0].contains("missing in 1: no result yet"), "{:?}", looks[4]);
     }
 }

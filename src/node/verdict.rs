@@ -7,6 +7,7 @@ use super::diagnostics::{self, DiagnosticArray, DiagnosticStatus, KeyValue};
 use super::process_recorder::{Hearing, Listening};
 use super::realtime::wall_ns;
 use crate::msg::{FaultSize, Header, Interface, Time, UnitVerdict};
+use crate::report::diagnosis::shown_unit;
 use crate::report::table::quantity;
 use crate::watch::history::{Course, ProcessEntry, ProcessSize};
 
@@ -106,7 +107,7 @@ pub fn report(
     }
     all.push(status("verdict", u8::from(!said.warnings.is_empty()), message, values));
     for size in &said.sizes {
-        let of = |value: f64| quantity(value, &size.unit);
+        let of = |value: f64| quantity(value, shown_unit(&size.parameter, &size.unit));
         let message = if size.moved {
             let verb = if size.growth >= size.shrinkage { "has grown" } else { "has shrunk" };
             format!("{verb}: {}, {} before", of(size.value), of(size.mean_before))
@@ -220,7 +221,7 @@ mod tests {
         let said = verdict("unit3", &entries, &courses(&entries, 1000.0)).unwrap();
         assert_eq!((said.header.frame_id.as_str(), said.verdict.as_str(), said.processes), ("unit3", "named", 30));
         assert_eq!(said.header.stamp, Time { sec: 29, nanosec: 0 });
-        assert!(said.closure.is_nan() && said.warnings[0].starts_with("backlash has grown"));
+        assert!(said.closure.is_nan() && said.warnings[0].starts_with("Backlash has grown"));
         let size = &said.sizes[0];
         assert!(size.moved && size.named && size.growth >= size.limit && size.mean_before < size.low);
         assert!((size.value - 2.28e-3).abs() < 5e-5 && size.low < size.value && size.value < size.high);

@@ -20,7 +20,9 @@ use crate::signal::Signal;
 pub use stage::figure_text;
 pub use summary::summary;
 pub use traces::kept as kept_traces;
-pub(crate) use words::id_words;
+pub(crate) use words::{
+    capital, id_words, key_words, parameter_words, shown_unit, size_words, stage_words, verdict_words,
+};
 
 #[cfg(test)]
 mod tests;

@@ -1,5 +1,6 @@
 //! The page of a replay: pictures of measured, simulated and difference, then the figures.
 
+mod answers;
 mod curves;
 mod ladder;
 mod tables;
@@ -39,7 +40,7 @@ pub fn page(
     };
     let mut page = Page::new("Replay: measured and simulated", format!("{unit}, {mode}"));
     let body = &mut page.body;
-    opening(body, summary);
+    opening(body, summary, sensors);
     for process in Process::ALL {
         let of_process = || summary.recordings.iter().zip(pictures).filter(|(one, _)| one.process == process.id());
         let count = of_process().count();
@@ -101,21 +102,8 @@ pub fn page(
     Ok(page)
 }
 
-fn opening(body: &mut PageBody, summary: &ReplaySummary) {
-    let judged = |signal: Signal| summary.overall.of(signal).filter(|figures| figures.rmse.is_finite());
-    let said: Vec<String> = [
-        (Signal::ServomotorPosition, "servomotor", "its stroke"),
-        (Signal::SpoolPosition, "spool", "its reference stroke"),
-    ]
-    .into_iter()
-    .filter_map(|(signal, what, of)| judged(signal).map(|f| (100.0 * f.rmse, what, of)))
-    .map(|(percent, what, of)| format!("{what} {} % of {of}", significant(percent, 2)))
-    .collect();
-    if said.is_empty() {
-        body.lead("Nothing to compare: no position was measured and simulated at once.");
-    } else {
-        body.lead(format!("RMS error over all rows: {}.{}", said.join(", "), after(summary)));
-    }
+fn opening(body: &mut PageBody, summary: &ReplaySummary, sensors: &Sensors) {
+    body.answers(answers::answers(summary, sensors));
     let mut key = vec![];
     for (signal, name) in [(Signal::ServomotorPosition, "servomotor"), (Signal::SpoolPosition, "spool")] {
         if let Some(f) = summary.overall.of(signal) {
@@ -155,18 +143,6 @@ fn opening(body: &mut PageBody, summary: &ReplaySummary) {
     if warned.len() > 5 {
         body.note(Tone::Warning, format!("{} more recordings have warnings; see the JSON.", warned.len() - 5));
     }
-}
-
-/// What the last unit of a ladder leaves, in a sentence.
-fn after(summary: &ReplaySummary) -> String {
-    let rungs = summary.ladder.iter().flat_map(|ladder| ladder.rungs.iter().skip(1));
-    let Some(last) = rungs.rev().find(|rung| rung.model.is_none()) else { return String::new() };
-    let of = |(signal, name)| {
-        let left = last.overall.of(signal).filter(|f| f.rmse.is_finite())?;
-        Some(format!("{name} {} %", percent(left.rmse, 2)))
-    };
-    let positions = [(Signal::ServomotorPosition, "servomotor"), (Signal::SpoolPosition, "spool")];
-    format!(" With {}: {}.", last.title, positions.into_iter().filter_map(of).collect::<Vec<_>>().join(", "))
 }
 
 /// A share of a stroke in percent.

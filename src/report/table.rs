@@ -280,6 +280,9 @@ pub(crate) fn scaled_unit(value: f64, unit: &str) -> (f64, String) {
         "m" => (1.0e3, "mm".to_owned()),
         "m2" if value.abs() < 0.01 => (1.0e6, "mm²".to_owned()),
         "m3/s" if value.abs() < 1.0 => (1.0e3, "L/s".to_owned()),
+        "m3" if value.abs() < 1.0 => (1.0e3, "L".to_owned()),
+        "m3/(s Pa)" => (1.0e12, "mL/(s MPa)".to_owned()),
+        "m/N" => (1.0e9, "nm/N".to_owned()),
         _ if matches!(first, "s" | "Pa" | "N" | "W" | "A" | "V" | "Hz") && value.is_finite() && value != 0.0 => {
             let thousands = |power: i32| value.abs() * (1.0 + 1e-9) >= 10.0_f64.powi(power);
             let (prefix, power) = PREFIXES.into_iter().find(|(_, power)| thousands(*power)).unwrap_or(("", 0));
@@ -352,6 +355,9 @@ mod tests {
             (85.0, "kg", "85.0 kg"),
             (1.2, "1", "1.20"),
             (6.67e-4, "m3/s", "0.667 L/s"),
+            (4.8e-4, "m3", "0.480 L"),
+            (5.0e-12, "m3/(s Pa)", "5.00 mL/(s MPa)"),
+            (4.72e-10, "m/N", "0.472 nm/N"),
             (1.77e-5, "m2", "17.7 mm²"),
             (0.0314, "m2", "0.0314 m²"),
             (2.87e9, "Pa s2/m6", "2.87 GPa s²/m⁶"),

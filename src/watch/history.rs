@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::diagnosis::result::{Diagnosis, Fitted, Verdict};
 use crate::parameters::ENTRIES;
 use crate::recording::Process;
+use crate::report::diagnosis::{capital, id_words, parameter_words, shown_unit, size_words};
 use crate::trend::{ChartPoint, SizeEstimate, chart, limit};
 
 /// The schema of a line.
@@ -202,24 +203,40 @@ impl Course {
         Process::ALL.get(self.estimates[k].group).map_or("process", |kind| kind.id())
     }
 
+    /// The same for people.
+    fn kind_words(&self, k: usize) -> &'static str {
+        Process::ALL.get(self.estimates[k].group).map_or("process", |kind| kind.title())
+    }
+
+    /// The size by words: the fault and, without its unit, the parameter.
+    #[must_use]
+    pub fn title(&self) -> String {
+        size_words(&self.effect, &self.parameter, &self.unit)
+    }
+
     /// What is to be said of it now: that it has moved; none where it stays.
     #[must_use]
     pub fn warning(&self) -> Option<String> {
         let (point, last) = (self.points.last()?, self.estimates.last()?);
         let since = point.since.filter(|_| point.alarm)?;
         let verb = if point.sums.is_growth() { "has grown" } else { "has shrunk" };
-        let quantity = |value: f64| crate::report::table::quantity(value, &self.unit);
+        let unit = shown_unit(&self.parameter, &self.unit);
+        let quantity = |value: f64| crate::report::table::quantity(value, unit);
         let count = self.estimates.len() - since;
         Some(format!(
-            "{} {verb}: {} is {} ({} to {}) in the last {}, it was {} there before; {count} {} this way since",
-            self.effect,
-            self.parameter,
+            "{} {verb}: the {} is {} ({} to {}) in the last {}, before it was {} there; {}",
+            capital(&id_words(&self.effect)),
+            parameter_words(&self.parameter, &self.unit),
             quantity(last.size),
             quantity(last.low),
             quantity(last.high),
-            self.kind(self.estimates.len() - 1),
+            self.kind_words(self.estimates.len() - 1),
             quantity(point.mean),
-            if count == 1 { "process points" } else { "processes point" },
+            if count == 1 {
+                "it began with this process".to_owned()
+            } else {
+                format!("it began {count} processes ago")
+            },
         ))
     }
 }
@@ -275,7 +292,8 @@ mod tests {
         let grows: Vec<ProcessEntry> =
             (0..30).map(|i| entry(i, 2e-3 + wiggle(i) + 2e-5 * (i - 15).max(0) as f64)).collect();
         let said = courses(&grows, 1000.0)[0].warning().unwrap();
-        assert!(said.starts_with("backlash has grown: play_pu is 0.2"), "{said}");
+        assert!(said.starts_with("Backlash has grown: the play is 0.2"), "{said}");
+        assert!(said.contains(" in the last start-up, before it was ") && said.contains("it began 1"), "{said}");
         assert_eq!(followed(&grows), ["backlash"]);
         // Order in the file does not matter: bags may come late.
         let mut late = grows.clone();

@@ -1,7 +1,8 @@
 //! The page of a watched unit: what has moved, the course of every size, and every process.
 
 use super::history::{Course, ProcessEntry};
-use crate::report::diagnosis::id_words;
+use crate::recording::Process;
+use crate::report::diagnosis::{capital, id_words, shown_unit, verdict_words};
 use crate::report::draw::{DrawError, svg};
 use crate::report::ink::Ink;
 use crate::report::page::{KeyFigure, Page, Tone};
@@ -41,11 +42,7 @@ pub fn page(watched: &Watched) -> Result<Page, DrawError> {
     let mut page = Page::new(format!("Watch: {unit}"), format!("{} processes", entries.len()));
     let body = &mut page.body;
     let warnings: Vec<String> = courses.iter().filter_map(Course::warning).collect();
-    match warnings.first() {
-        Some(first) => body.lead(format!("{first}.")),
-        None if courses.is_empty() => body.lead("No fault has been named yet."),
-        None => body.lead("No fault's size has moved beyond what its intervals allow."),
-    }
+    body.answers(answers(watched, &warnings));
     let newest = times.last().map_or_else(String::new, |time| format!("the newest of {}", readable(time)));
     let counts = [
         KeyFigure::new("processes", entries.len().to_string(), "").hint(newest),
@@ -56,12 +53,6 @@ pub fn page(watched: &Watched) -> Result<Page, DrawError> {
     for warning in warnings.iter().skip(1) {
         body.note(Tone::Warning, format!("{warning}."));
     }
-    if !warnings.is_empty() {
-        body.paragraph(
-            "What next: diagnose the latest recordings of several kinds of process together, by `govtwin diagnose`. Each process stands here on \
-             its own, and none confirms another.",
-        );
-    }
     if !courses.is_empty() {
         body.heading("Sizes");
         for course in courses {
@@ -69,7 +60,7 @@ pub fn page(watched: &Watched) -> Result<Page, DrawError> {
                 "{}. Above: each process with its interval of nine in ten, filled where the verdict names the fault and hollow where it was fitted alone; the short rules are the \
                  mean of those before of the same kind of process. Below: the cumulative sums for growth and shrinkage, with the limit at {} standard deviations, at which one false alarm in {} \
                  processes is expected.",
-                title(course),
+                course.title(),
                 significant(course.limit, 3),
                 significant(between_false_alarms, 3),
             );
@@ -89,17 +80,18 @@ pub fn page(watched: &Watched) -> Result<Page, DrawError> {
         let sizes = entry.sizes.iter().filter(|size| size.named);
         let sizes: Vec<String> = sizes
             .map(|size| {
-                let [low, high] = size.ci90.map(|end| quantity(end, &size.unit));
-                format!("{} {} ({low} to {high})", id_words(&size.effect), quantity(size.value, &size.unit))
+                let unit = shown_unit(&size.parameter, &size.unit);
+                let [low, high] = size.ci90.map(|end| quantity(end, unit));
+                format!("{} {} ({low} to {high})", id_words(&size.effect), quantity(size.value, unit))
             })
             .collect();
         let own = entry.notes.iter().filter(|note| !note.starts_with(ALONE));
         let notes = entry.warnings.iter().chain(own).cloned().collect::<Vec<_>>().join(" ");
         let cells = [
             readable(time),
-            entry.process.clone(),
+            process_words(&entry.process),
             format!("{} s", significant(entry.duration_s, 3)),
-            entry.verdict.clone(),
+            verdict_words(&entry.verdict).to_owned(),
             sizes.join("; "),
             entry.bag.clone(),
             notes,
@@ -110,19 +102,60 @@ pub fn page(watched: &Watched) -> Result<Page, DrawError> {
     Ok(page)
 }
 
+/// What every page answers first, of the unit's history.
+fn answers(watched: &Watched, warnings: &[String]) -> [(&'static str, Vec<String>); 4] {
+    let Watched { entries, courses, between_false_alarms, .. } = *watched;
+    let cause = match warnings.first() {
+        Some(first) => format!("{first}."),
+        None if courses.is_empty() => "No fault has been named yet.".to_owned(),
+        None => "No fault's size has moved beyond what its intervals allow.".to_owned(),
+    };
+    let mut sure = Vec::new();
+    if let Some(moved) = courses.iter().find(|course| course.points.last().is_some_and(|point| point.alarm)) {
+        let sum = moved.points.last().map_or(0.0, |point| point.sums.growth.max(point.sums.shrinkage));
+        let [sum, limit] = [sum, moved.limit].map(|sd| significant(sd, 3));
+        sure.push(format!("The sum of its changes is at {sum} standard deviations, the limit at {limit}."));
+    }
+    sure.push(format!(
+        "Where nothing moves, one false warning of a size is expected in {} processes.",
+        significant(between_false_alarms, 3)
+    ));
+    let named = |course: &Course| {
+        let names = |entry: &&ProcessEntry| entry.sizes.iter().any(|size| size.effect == course.effect && size.named);
+        entries.iter().filter(names).count()
+    };
+    let mut effects: Vec<(&str, usize)> = Vec::new();
+    for course in courses {
+        if effects.iter().all(|(known, _)| *known != course.effect) {
+            effects.push((&course.effect, named(course)));
+        }
+    }
+    let mut far: Vec<String> = vec![format!("{} processes are in the history.", entries.len())];
+    far.extend(effects.iter().map(|(id, count)| format!("{} was named in {count} of them.", capital(&id_words(id)))));
+    let next = if warnings.is_empty() && courses.is_empty() {
+        "Nothing: the next process is diagnosed when it has ended."
+    } else {
+        "Diagnose the latest recordings of several kinds of process together, by `govtwin diagnose`: each process stands here on its own, and \
+         none confirms another."
+    };
+    [("Cause", vec![cause]), ("How sure", sure), ("How far", vec![far.join(" ")]), ("What next", vec![next.to_owned()])]
+}
+
 /// The size of a course as it was found last.
 fn latest(course: &Course) -> Option<KeyFigure> {
     let (last, point) = (course.estimates.last()?, course.points.last()?);
-    let [size, low, high] = [last.size, last.low, last.high].map(|value| quantity(value, &course.unit));
+    let [size, low, high] =
+        [last.size, last.low, last.high].map(|value| quantity(value, shown_unit(&course.parameter, &course.unit)));
     let moved = if point.alarm { "has moved" } else { "not moved" };
-    Some(KeyFigure::new(title(course), size, "").hint(format!("{low} to {high}; {moved}")))
+    Some(KeyFigure::new(course.title(), size, "").hint(format!("{low} to {high}; {moved}")))
 }
 
-/// A size by words: the fault and, without its unit, the parameter.
-fn title(course: &Course) -> String {
-    let suffix = format!("_{}", course.unit);
-    let name = course.parameter.strip_suffix(&suffix).unwrap_or(&course.parameter);
-    format!("{}: {}", id_words(&course.effect), name.replace('_', " "))
+/// A kind of process as people call it.
+fn process_words(id: &str) -> String {
+    Process::ALL
+        .into_iter()
+        .find(|kind| kind.id() == id)
+        .map_or_else(|| id.replace('_', " "), |kind| kind.title().to_owned())
 }
 
 /// A time as people write it.
@@ -136,7 +169,8 @@ fn picture(course: &Course, entries: &[ProcessEntry]) -> Picture {
     let span_h = entries.iter().map(|entry| hours(entry.time_ns - first_ns)).fold(0.0, f64::max);
     let (scale_h, name) = if span_h > 72.0 { (24.0, "time, days") } else { (1.0, "time, h") };
     let x = |k: usize| hours(entries[course.entries[k]].time_ns - first_ns) / scale_h;
-    let (factor, unit) = if course.unit == "pu" { (100.0, "%") } else { (1.0, course.unit.as_str()) };
+    let (factor, unit) =
+        if shown_unit(&course.parameter, &course.unit) == "pu" { (100.0, "%") } else { (1.0, course.unit.as_str()) };
     let count = course.estimates.len();
     let whiskers =
         (0..count).map(|k| [x(k), factor * course.estimates[k].low, x(k), factor * course.estimates[k].high]);
@@ -145,7 +179,7 @@ fn picture(course: &Course, entries: &[ProcessEntry]) -> Picture {
         sizes.iter().any(|size| size.effect == course.effect && size.named)
     };
     let dot = |k: usize| [x(k), factor * course.estimates[k].size];
-    let title = format!("{}, {unit}", title(course));
+    let title = format!("{}, {unit}", course.title());
     let dash_h = 0.004 * span_h.max(0.1) / scale_h;
     let dashes = (0..count).map(|k| {
         let mean = factor * course.points[k].mean;
@@ -174,7 +208,7 @@ fn picture(course: &Course, entries: &[ProcessEntry]) -> Picture {
         .dashed_line(Ink::Extra2, "shrinkage", of(|point| point.sums.shrinkage))
         .level(Ink::Alarm, "limit", course.limit)
         .x_name(name);
-    Picture::stacked(format!("Size of {} over time", course.effect), vec![sizes, sums])
+    Picture::stacked(format!("Size over time of {}", id_words(&course.effect)), vec![sizes, sums])
 }
 
 fn hours(nanos_ns: i64) -> f64 {

@@ -138,7 +138,7 @@ impl Chronicle {
     pub fn closing(&self, courses: &[Course]) -> String {
         let mut text = format!("{}: {} processes in the history\n", self.name, self.entries.len());
         for course in courses {
-            let words = course.warning().unwrap_or_else(|| format!("{}: {} stays", course.effect, course.parameter));
+            let words = course.warning().unwrap_or_else(|| format!("{} stays", course.title()));
             text += &format!("  {words}\n");
         }
         text + &format!("page: {}\n", self.out.join(NAMES[1]).display())

@@ -4,7 +4,7 @@ use crate::diagnosis::decision::weights::Weights;
 use crate::diagnosis::result::{Diagnosis, Fitted, Verdict};
 use crate::report::diagnosis::stage::fitted_stage;
 use crate::report::diagnosis::words::{
-    besides, capital, cause, closing, errors, id_words, listed, of_several, over_noise, parameter_title, percent,
+    besides, capital, cause, closing, errors, id_words, key_words, listed, of_several, over_noise, percent,
     probability, stage_title, symptom, values,
 };
 use crate::report::diagnosis::{next_test, traces};
@@ -117,10 +117,9 @@ fn left(diagnosis: &Diagnosis) -> String {
     if left.is_empty() { left } else { format!(" {left}") }
 }
 
-/// What was found of a value: `port overlap 0.168 mm instead of 0.200 mm (−2.0 σ)`.
+/// What was found of a value: `main ports overlap 0.168 mm instead of 0.200 mm (−2.0 σ)`.
 fn found(one: &Fitted) -> String {
-    let name = one.name.rsplit('.').next().unwrap_or(&one.name).to_owned();
-    let title = parameter_title(&Fitted { name, ..one.clone() });
+    let title = key_words(&one.name).replace(':', "");
     let [value, sheet] = [one.value.value, one.sheet].map(|value| quantity(value, one.unit));
     let sign = if one.position > 0.0 { "+" } else { "" };
     format!("{title} {value} instead of {sheet} ({sign}{} σ)", fixed(one.position, 1))
@@ -215,7 +214,9 @@ fn sureness(diagnosis: &Diagnosis) -> Vec<String> {
             (Some(share), vec![format!("Probability that no fault of the catalogue acts: {}", probability(share))])
         }
     };
-    if matches!(diagnosis.verdict, Verdict::Named | Verdict::Class | Verdict::Unknown) {
+    // Several faults that act at once have no one stage.
+    let several = diagnosis.verdict == Verdict::Named && diagnosis.blamed.len() > 1;
+    if matches!(diagnosis.verdict, Verdict::Named | Verdict::Class | Verdict::Unknown) && !several {
         parts.extend(at_stage);
     }
     let mut all = vec![format!("{}.", parts.join("; "))];

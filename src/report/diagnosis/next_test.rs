@@ -2,16 +2,13 @@
 
 use crate::diagnosis::experiment::LEAST_BITS;
 use crate::diagnosis::result::{Diagnosis, Experiment};
-use crate::effects::Stage;
-use crate::report::diagnosis::words::{id_words, listed, probability, stage_title};
+use crate::report::diagnosis::words::{id_words, listed, probability, stage_words};
 use crate::report::table::significant;
 
 /// A hypothesis of a posterior in words: effects joined by `+`, `none`, or `unknown:STAGE`.
 pub fn hypothesis_words(name: &str) -> String {
     match name.split_once(':') {
-        Some(("unknown", id)) => {
-            format!("something unknown in the {}", Stage::with_id(id).map_or(id, |stage| stage_title(stage)))
-        }
+        Some(("unknown", id)) => format!("something unknown in the {}", stage_words(id)),
         _ => name.split('+').map(id_words).collect::<Vec<_>>().join(" with "),
     }
 }

@@ -1,6 +1,6 @@
 //! The tables of a diagnosis.
 
-use super::words::{id_words, is_judged, percent, percents, value, values};
+use super::words::{id_words, is_judged, parameter_words, percent, percents, shown_unit, value, values};
 use crate::diagnosis::result::{Diagnosis, Fitted, StageOnly};
 use crate::report::table::{Table, fixed, quantity, significant};
 use crate::signal::Signal;
@@ -210,12 +210,13 @@ pub fn detectable_sizes(diagnosis: &Diagnosis) -> Table {
         } else {
             "hidden"
         };
-        let smallest = if one.smallest.is_finite() { quantity(one.smallest, one.unit) } else { "none".to_owned() };
+        let shown = |value: f64| quantity(value, shown_unit(one.parameter, one.unit));
+        let smallest = if one.smallest.is_finite() { shown(one.smallest) } else { "none".to_owned() };
         table.row([
             id_words(one.id),
-            one.parameter.to_owned(),
+            parameter_words(one.parameter, one.unit),
             smallest,
-            quantity(one.typical, one.unit),
+            shown(one.typical),
             seen.to_owned(),
         ]);
     }

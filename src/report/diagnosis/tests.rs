@@ -201,7 +201,7 @@ fn every_verdict_has_a_sentence_of_its_own() {
         (Verdict::Named, &["backlash", "load"], "Two faults act at once: backlash and load"),
         (Verdict::Class, &["backlash", "load"], "Backlash or load; these recordings cannot tell which."),
         (Verdict::Unknown, &[], "nothing in the catalogue explains: look first at the transducers and clocks; "),
-        (Verdict::NoGap, &[], "No fault found; the data sheet is off: position gain"),
+        (Verdict::NoGap, &[], "No fault found; the data sheet is off: regulator position gain"),
         (Verdict::NotExcited, &[], "do not move the unit enough to tell"),
         (Verdict::NoSuchUnit, &[], "of no servomotor stage behind this spool"),
     ];
@@ -253,7 +253,7 @@ fn a_sound_unit_is_told_what_recalibration_found_and_no_place() {
     let text = summary(&diagnosis, usize::MAX);
     assert!(
         text.starts_with(
-            "No fault found; the data sheet is off: overlap 0.168 mm instead of 0.200 mm (\u{2212}2.0 σ). \
+            "No fault found; the data sheet is off: main ports overlap 0.168 mm instead of 0.200 mm (\u{2212}2.0 σ). \
              The error that is left is 6.7 times noise alone in the servomotor position."
         ),
         "{text}"

@@ -52,6 +52,11 @@ pub fn stage_title(stage: Stage) -> &'static str {
     }
 }
 
+/// Where a stage is on the machine, by its id; the id where there is no such stage.
+pub fn stage_words(id: &str) -> &str {
+    Stage::with_id(id).map_or(id, |stage| stage_title(stage))
+}
+
 /// Where it lies, in ids and in words: the stages of several effects that are named together, else the most probable stage.
 pub fn place(diagnosis: &Diagnosis) -> Option<(String, String)> {
     let id = |stage: Stage| stage.id().replace('_', " ");
@@ -70,17 +75,7 @@ pub fn id_words(id: &str) -> String {
     match id {
         "unknown" => "something outside the catalogue".to_owned(),
         "none" => "no effect".to_owned(),
-        id => id.split('_').map(word).collect::<Vec<_>>().join(" "),
-    }
-}
-
-/// A part of an id as it is said.
-fn word(part: &str) -> &str {
-    match part {
-        "pv" => "pilot-valve",
-        "esv" => "ESV",
-        "lvdt" => "LVDT",
-        part => part,
+        id => effects::id_words(id),
     }
 }
 
@@ -122,10 +117,33 @@ pub fn symptom(id: &str) -> String {
 
 /// The name of a parameter without its unit's suffix.
 pub fn parameter_title(parameter: &Fitted) -> String {
-    let spaced: String =
-        parameter.unit.chars().map(|c| if c.is_alphanumeric() { c.to_ascii_lowercase() } else { ' ' }).collect();
+    parameter_words(&parameter.name, parameter.unit)
+}
+
+/// A parameter's key as words, without the suffix that names its unit.
+pub fn parameter_words(key: &str, unit: &str) -> String {
+    let spaced: String = unit.chars().map(|c| if c.is_alphanumeric() { c.to_ascii_lowercase() } else { ' ' }).collect();
     let suffix = spaced.split_whitespace().fold(String::new(), |all, word| all + "_" + word);
-    parameter.name.strip_suffix(suffix.as_str()).unwrap_or(&parameter.name).replace('_', " ")
+    key.strip_suffix(suffix.as_str()).unwrap_or(key).replace('_', " ")
+}
+
+/// The unit in which people say a value: what is a share of something, or more by such a share, in percent.
+pub fn shown_unit<'a>(key: &str, unit: &'a str) -> &'a str {
+    let is_share = ["_share", "extra_ratio", "_excess"].iter().any(|end| key.ends_with(end));
+    if unit == "1" && is_share { "pu" } else { unit }
+}
+
+/// A size as words: a sheet's group or an effect, and the parameter; `backlash: play`.
+pub fn size_words(of: &str, parameter: &str, unit: &str) -> String {
+    format!("{}: {}", id_words(of), parameter_words(parameter, unit))
+}
+
+/// A sheet's key, or an effect and its parameter, as words: `main ports: overlap`.
+pub fn key_words(key: &str) -> String {
+    let Some((of, parameter)) = key.split_once('.') else { return key.replace('_', " ") };
+    let of_effect = || effects::find(of)?.parameters.iter().find(|one| one.name == parameter).map(|one| one.unit);
+    let unit = crate::parameters::entry(key).map(|entry| entry.unit).or_else(of_effect).unwrap_or_default();
+    size_words(of, parameter, unit)
 }
 
 /// A value with its interval in the unit that people use for it.
@@ -134,7 +152,7 @@ pub fn value(parameter: &Fitted) -> String {
     let largest = [parameter.value.low, parameter.value.high]
         .into_iter()
         .fold(parameter.value.value.abs(), |most, end| most.max(end.abs()));
-    let (scale, unit) = scaled_unit(largest, parameter.unit);
+    let (scale, unit) = scaled_unit(largest, shown_unit(&parameter.name, parameter.unit));
     let spread = 0.5 * (parameter.value.high - parameter.value.low).abs() * scale;
     let decimals = if spread > 0.0 && spread.is_finite() { (-spread.log10().floor()).clamp(0.0, 6.0) } else { 3.0 };
     let size = (parameter.value.value * scale).abs();
@@ -175,6 +193,11 @@ pub fn verdict_title(verdict: Verdict) -> &'static str {
         Verdict::NotExcited => "cannot be told",
         Verdict::NoSuchUnit => "no such unit",
     }
+}
+
+/// The same of a verdict's id; the id where there is no such verdict.
+pub fn verdict_words(id: &str) -> &str {
+    Verdict::ALL.into_iter().find(|verdict| verdict.id() == id).map_or(id, |verdict| verdict_title(verdict))
 }
 
 fn error(gap: &SignalGap, of: impl Fn(&SignalGap) -> f64) -> String {

@@ -1,0 +1,57 @@
+//! The four answers at the head of a fleet's page: who needs a look first, how sure, how much is diagnosed, what to do next.
+
+use std::collections::BTreeSet;
+
+use super::{Context, probability_text};
+use crate::fleet::gathered::{Gathered, Status};
+use crate::report::diagnosis::id_words;
+use crate::report::table::fixed;
+
+/// The answers, each under its question.
+pub fn answers(gathered: &Gathered, context: &Context, units: usize) -> [(&'static str, Vec<String>); 4] {
+    let changed: BTreeSet<&str> = gathered.changed().map(|(unit, _)| unit).collect();
+    let (looks, changed) = (context.looks.len(), changed.len());
+    let mut cause = vec![match (looks, changed) {
+        (0, _) => format!("None of {units} units needs a look."),
+        (_, 0) => format!("{looks} of {units} units need a look; no size changed beyond its interval."),
+        _ => format!("{looks} of {units} units need a look; in {changed} a size changed beyond its interval."),
+    }];
+    let first = context.looks.first();
+    cause.extend(first.map(|look| format!("First {}: {}.", look.unit, look.reasons.join("; "))));
+    let last = first.and_then(|look| gathered.last_found(&look.unit)?.found.as_ref());
+    let mut sure = Vec::new();
+    if let Some(found) = last.filter(|found| !found.causes.is_empty()) {
+        let each: Vec<String> = found
+            .causes
+            .iter()
+            .map(|cause| format!("{} {}", id_words(&cause.id), probability_text(cause.probability)))
+            .collect();
+        sure.push(format!("Probability in the last period of the first unit: {}.", each.join(", ")));
+    }
+    sure.push(format!(
+        "A size counts as changed where its cumulative sum is above {:.1}: a fleet in which nothing changes gives one false alarm in ten pages.",
+        gathered.limit
+    ));
+    let (done, failed, missing) =
+        (gathered.count(Status::Done), gathered.count(Status::Failed), gathered.count(Status::Missing));
+    let mut far = vec![format!("{done} of {} units in periods are diagnosed.", gathered.rows.len())];
+    far.extend(last.and_then(|found| found.explained_share).map(|share| {
+        format!(
+            "Of the first unit the cause explains {} % of the error, on data held out of the fit.",
+            fixed(100.0 * share, 0)
+        )
+    }));
+    let mut next = Vec::new();
+    match (first, last.and_then(|found| found.next_test.as_ref())) {
+        (Some(look), Some(test)) => next.push(format!("{}: {test}.", look.unit)),
+        (Some(look), None) => next.push(format!("Open the report of {} below.", look.unit)),
+        (None, _) => next.push("Gather again after the next period.".to_owned()),
+    }
+    if missing > 0 {
+        next.push(format!("{missing} have no result yet: run the plan again; what is done is left out."));
+    }
+    if failed > 0 {
+        next.push(format!("{failed} failed: their recordings cannot be diagnosed, for the reasons below."));
+    }
+    [("Cause", cause), ("How sure", sure), ("How far", far), ("What next", next)]
+}
