@@ -10,6 +10,7 @@ pub(crate) mod mismatch;
 mod moment;
 pub mod plan;
 pub(crate) mod rig;
+pub mod stage;
 pub(crate) mod test_rig;
 
 use rayon::prelude::{IntoParallelIterator, ParallelIterator};
@@ -96,6 +97,16 @@ pub struct Case {
     pub rich: bool,
     /// Decides all else.
     pub seed: u64,
+    /// Of a servomotor stage alone, whether it is judged with a data sheet; none of a whole chain.
+    pub alone: Option<bool>,
+}
+
+impl Case {
+    /// What is recorded of it: of a stage alone one recording, under the process that moves it most.
+    #[must_use]
+    pub fn processes(&self) -> &'static [Process] {
+        if self.alone.is_some() { &[Process::LoadIncrease] } else { &Process::ALL }
+    }
 }
 
 /// One thing that is truly in a unit.
@@ -148,6 +159,10 @@ impl Made {
 /// Makes a case of a type of unit; its label is without strength.
 #[must_use]
 pub fn make(unit: &Unit, case: &Case) -> Made {
+    if case.alone.is_some() {
+        let streams = case.processes().iter().map(|&process| (process, stage::record(unit, case))).collect();
+        return Made { streams, label: stage::label(unit, case) };
+    }
     let (bench, effects) = bench(unit, case);
     let streams = Process::ALL.into_iter().map(|process| (process, bench.record(process).0)).collect();
     Made { streams, label: unmeasured(case, effects) }
@@ -156,12 +171,18 @@ pub fn make(unit: &Unit, case: &Case) -> Made {
 /// The label of a case, without its strength.
 #[must_use]
 pub fn label(unit: &Unit, case: &Case) -> Label {
+    if case.alone.is_some() {
+        return stage::label(unit, case);
+    }
     unmeasured(case, bench(unit, case).1)
 }
 
-/// How far the strongest signal of a case moves over its noise floor, RMS: every process is simulated three times.
+/// How far the strongest signal of a case moves over its noise floor, RMS: every process is simulated three times. Of stages alone nobody measures it.
 #[must_use]
 pub fn strength(unit: &Unit, case: &Case) -> f64 {
+    if case.alone.is_some() {
+        return f64::NAN;
+    }
     let (bench, effects) = bench(unit, case);
     if effects.is_empty() {
         return 0.0;
@@ -347,7 +368,7 @@ mod tests {
         ];
         shown_by.par_iter().for_each(|&(id, process)| {
             let kind = CaseKind::Single(id.to_owned());
-            let case = Case { name: String::new(), kind, rate_hz: 100.0, rich: false, seed: 21 };
+            let case = Case { name: String::new(), kind, rate_hz: 100.0, rich: false, seed: 21, alone: None };
             let (bench, effects) = bench(&unit, &case);
             let recording = PreparedRecording::new(Recording::new(id, bench.record(process).0.rows()));
             let residual = |effects: Vec<EffectSetting>| {

@@ -20,7 +20,7 @@ pub mod summary;
 
 use crate::diagnosis::decision::Decision;
 use crate::diagnosis::decision::posterior::Posterior;
-use crate::diagnosis::decision::weights::Weights;
+use crate::diagnosis::decision::weights::{Questions, Weights};
 use crate::diagnosis::hypotheses::table::EvidenceTable;
 use crate::diagnosis::hypotheses::{Exploration, Explored};
 use crate::diagnosis::result::{Diagnosis, Verdict};
@@ -138,16 +138,9 @@ pub fn diagnose(
         hypotheses::anew::singles(&mut explored, &problem, &sheet, &settings.catalogue);
     }
     progress("tabulating the evidence", 0.85);
-    let table = EvidenceTable::new(&problem, &explored, &settings.catalogue);
-    // Weights are learned on whole chains; of a stage alone nothing is learned, and evidence counts as it is.
-    let mut weights = Weights::shipped();
-    if stage_only {
-        weights = Weights {
-            size_spread: weights.size_spread,
-            explained_fraction_widening: weights.explained_fraction_widening,
-            ..Weights::bayes()
-        };
-    }
+    let mut table = EvidenceTable::new(&problem, &explored, &settings.catalogue);
+    stage_only::left_out::add(&mut table, &problem, &explored, &ready);
+    let weights = Questions::of(&table).shipped();
     let posterior = Posterior::new(&table, &weights, &[]);
     let mut decision = Decision::new(&table, &posterior, &settings.catalogue);
     let mut notes = ready.notes.clone();

@@ -11,7 +11,7 @@ use govtwin::signal::Signal;
 use govtwin::twin::Twin;
 
 fn case(kind: CaseKind, seed: u64) -> Case {
-    Case { name: "case".into(), kind, rate_hz: 100.0, rich: false, seed }
+    Case { name: "case".into(), kind, rate_hz: 100.0, rich: false, seed, alone: None }
 }
 
 /// RMS error of a signal by a twin.

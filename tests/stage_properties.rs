@@ -223,7 +223,8 @@ fn at_rates(recording: &Recording, spool: usize, servomotor: usize) -> Recording
 /// The same recording whose clock runs so many times as slow.
 fn stretched(recording: &Recording, times: i64) -> Recording {
     let mut other = recording.clone();
-    other.frames.iter_mut().for_each(|frame| frame.time_ns *= times);
+    let begins_ns = recording.frames[0].time_ns;
+    other.frames.iter_mut().for_each(|frame| frame.time_ns = begins_ns + times * (frame.time_ns - begins_ns));
     other
 }
 

@@ -110,7 +110,8 @@ pub fn plan(count: usize, seed: u64, rates: BatteryRates) -> Vec<Case> {
                 BatteryRates::Plant => true,
                 BatteryRates::Both => slow,
             };
-            Case { name: format!("case_{:03}", place + 1), kind, rate_hz: if slow { 5.0 } else { 100.0 }, rich, seed }
+            let (name, rate_hz) = (format!("case_{:03}", place + 1), if slow { 5.0 } else { 100.0 });
+            Case { name, kind, rate_hz, rich, seed, alone: None }
         })
         .collect()
 }

@@ -10,8 +10,9 @@ use nalgebra::{DMatrix, DVector};
 use crate::battery::Label;
 use crate::benchmark::report_verdict::ReportVerdict;
 use crate::benchmark::statistics::weight_of_sound;
-use crate::diagnosis::decision::posterior::{Hypotheses, Posterior, score};
-use crate::diagnosis::decision::weights::{OF_SETS, OF_STAGES, OF_UNKNOWN, PosteriorFeature, Weights, beforehand};
+use crate::diagnosis::decision::features::score;
+use crate::diagnosis::decision::posterior::{Hypotheses, Posterior};
+use crate::diagnosis::decision::weights::{PosteriorFeature, Questions, Weights, beforehand};
 use crate::diagnosis::hypotheses::table::{EvidenceRow, EvidenceTable};
 use crate::diagnosis::result::Interval;
 use crate::effects::find;
@@ -192,17 +193,20 @@ fn sound_weight(examples: &[Example]) -> f64 {
 
 /// The weights that score best on these examples; `settled` puts weights in place that are not to be learned. Those of sets come first: how
 /// probable nothing is among them enters the others.
-fn fit(examples: &[Example], settled: &dyn Fn(Weights) -> Weights) -> Weights {
-    let bayes = Weights::bayes();
-    let sets = best(&choices(examples, &bayes.sets, of_sets), &OF_SETS);
+fn fit(examples: &[Example], questions: &Questions, settled: &dyn Fn(Weights) -> Weights) -> Weights {
+    let bayes = questions.bayes();
+    let sets = best(&choices(examples, &bayes.sets, of_sets), questions.sets);
     let sets = settled(Weights { sets, ..bayes }).sets;
-    let unknown = best(&choices(examples, &sets, |example, of| Some(of_unknown(example, of))), &OF_UNKNOWN);
-    let stages = best(&choices(examples, &sets, of_stages), &OF_STAGES);
-    settled(Weights { sets, unknown, stages, ..Weights::bayes() })
+    let unknown = best(&choices(examples, &sets, |example, of| Some(of_unknown(example, of))), questions.unknown);
+    let stages = best(&choices(examples, &sets, of_stages), questions.stages);
+    settled(Weights { sets, unknown, stages, ..questions.bayes() })
 }
 
 /// The weights of one question: Newton's method on the log score with a Gaussian prior about what they are with nothing learned.
 fn best(choices: &[Answered], features: &[PosteriorFeature]) -> Vec<f64> {
+    if features.is_empty() {
+        return Vec::new();
+    }
     let centre = DVector::from_vec(beforehand(features));
     let count = centre.len();
     let mut weights = centre.clone();
@@ -302,24 +306,24 @@ pub struct LearningResult {
     pub of_others: Vec<Weights>,
 }
 
-/// Learns from all parts, and judges each by the others; `settled` puts weights in place that are not to be learned.
+/// Learns the answers to some questions from all parts, and judges each by the others; `settled` puts weights in place that are not to be learned.
 #[must_use]
-pub fn learn(parts: &[Vec<Example>], settled: &dyn Fn(Weights) -> Weights) -> LearningResult {
-    let bayes = Weights::bayes();
+pub fn learn(parts: &[Vec<Example>], questions: &Questions, settled: &dyn Fn(Weights) -> Weights) -> LearningResult {
+    let bayes = questions.bayes();
     let all: Vec<Example> = parts.iter().flatten().cloned().collect();
     let (mut held_out, mut right, mut count) = (0.0, 0.0, 0.0_f64);
     let mut of_others = Vec::new();
     for (left, part) in parts.iter().enumerate() {
         let others: Vec<Example> =
             parts.iter().enumerate().filter(|(k, _)| *k != left).flat_map(|(_, part)| part.iter().cloned()).collect();
-        let weights = fit(&others, settled);
+        let weights = fit(&others, questions, settled);
         let own: Vec<&Example> = part.iter().filter(|example| example.struck.is_empty()).collect();
         held_out += log_score(part, &weights) * own.len() as f64;
         right += own.iter().filter(|example| first_is_right(example, &weights)).count() as f64;
         count += own.len() as f64;
         of_others.push(weights);
     }
-    let weights = fit(&all, settled);
+    let weights = fit(&all, questions, settled);
     let seen = log_score(&all, &weights);
     LearningResult {
         weights,

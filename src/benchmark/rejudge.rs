@@ -81,6 +81,7 @@ pub fn rejudged(report: &ReportVerdict, table: &EvidenceTable, weights: &Weights
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::diagnosis::decision::weights::CHAIN;
     use crate::diagnosis::hypotheses::table::EvidenceRow;
 
     fn table() -> EvidenceTable {
@@ -104,7 +105,7 @@ mod tests {
     #[test]
     fn what_is_left_out_is_gone_and_the_rest_is_judged() {
         let report = ReportVerdict { verdict: "unknown".into(), ..ReportVerdict::default() };
-        let judged = |left_out: EvidenceLeftOut| rejudged(&report, &left_out.of(&table()), &Weights::bayes());
+        let judged = |left_out: EvidenceLeftOut| rejudged(&report, &left_out.of(&table()), &CHAIN.bayes());
         let whole = judged(EvidenceLeftOut::Nothing);
         assert_eq!(whole.verdict, "named");
         assert!(whole.blames("backlash") && whole.blames("load"));

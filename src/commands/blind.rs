@@ -15,6 +15,7 @@ use govtwin::files::is_same;
 use govtwin::params;
 use rayon::prelude::{ParallelBridge, ParallelIterator};
 
+use self::battery::BatteryOf;
 use self::cases::{UnitFolder, find};
 use self::expected::ExpectedDigests;
 use self::method::methods;
@@ -56,6 +57,9 @@ pub struct Args {
     /// Rate of the recordings that --generate makes, Hz.
     #[arg(long = "rate", value_enum, default_value_t = Rate::Both)]
     rate_hz: Rate,
+    /// Makes servomotor stages alone: recordings of spool and servomotor and of nothing else, judged by the data sheet of --params, or without one.
+    #[arg(long, requires = "generate", conflicts_with_all = ["rate_hz", "baselines", "baselines_only"])]
+    stages_alone: bool,
     /// Judge by the baselines too.
     #[arg(long)]
     baselines: bool,
@@ -80,6 +84,9 @@ faults that no catalogue lists, and effects that the catalogue is then made to l
 the first diagnosis; DIR/answers/labels.yaml, with strengths.yaml beside it, is written after the last one, and the explained fraction is checked on recordings
 made after that. Where reports are missing, answers and scores of an earlier run are removed first, so that no diagnosis finds them, and
 written again at the end. A DIR or OUT of another seed, rate or data sheet is refused.
+
+--stages-alone makes servomotor stages of which only spool and position are recorded: the twin's own, and such as follow a plain law, each with an
+error of its law that is no fault. `govtwin calibrate` learns the weights for stages alone from such folders.
 
 --shard I/N does one part; parts may run at once, on one file system, in any order, more than once. The same command without --shard then finds
 all reports there, opens the answers, and scores: the same figures for any split.
@@ -121,7 +128,12 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
                 Rate::Plant => BatteryRates::Plant,
                 Rate::Both => BatteryRates::Both,
             };
-            Some(battery::make((&args.dir, out), unit, count, (args.seed, rates), args.shard.unwrap_or_default())?)
+            let kind = if args.stages_alone {
+                BatteryOf::Stages { with_sheet: args.params.is_some() }
+            } else {
+                BatteryOf::Chains(rates)
+            };
+            Some(battery::make((&args.dir, out), unit, count, (args.seed, kind), args.shard.unwrap_or_default())?)
         }
         None => None,
     };

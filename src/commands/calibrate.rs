@@ -11,7 +11,7 @@ use govtwin::benchmark::rejudge::{EvidenceLeftOut, rejudged};
 use govtwin::benchmark::report_verdict::ReportVerdict;
 use govtwin::benchmark::score::{Score, score};
 use govtwin::benchmark::scored::ScoredUnit;
-use govtwin::diagnosis::decision::weights::Weights;
+use govtwin::diagnosis::decision::weights::{Questions, Weights};
 use govtwin::diagnosis::result::Interval;
 use govtwin::files::read_text;
 use govtwin::params::labels;
@@ -139,8 +139,9 @@ const VARIANTS: [(&str, EvidenceLeftOut, WeightsOf); 6] = [
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     check_place("--out", &args.out)?;
-    let shipped = Weights::shipped();
-    let batteries = args.dirs.iter().map(|dir| read(dir, &shipped)).collect::<anyhow::Result<Vec<_>>>()?;
+    let batteries = args.dirs.iter().map(|dir| read(dir)).collect::<anyhow::Result<Vec<_>>>()?;
+    let questions = questions(&batteries)?;
+    let shipped = questions.shipped();
     let parts: Vec<Vec<&JudgedUnit>> = match batteries.as_slice() {
         [one] => (0..PARTS)
             .map(|part| one.iter().skip(part).step_by(PARTS).collect::<Vec<_>>())
@@ -157,10 +158,10 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             units.iter().flat_map(|unit| examples(&unit.label, &table(&unit.report))).collect()
         };
         let examples: Vec<Vec<Example>> = parts.iter().map(of).collect();
-        let learned = learn(&examples, &|weights| with_kept(weights, &shipped, &args.keep));
+        let learned = learn(&examples, questions, &|weights| with_kept(weights, &shipped, &args.keep));
         let weights = |part: usize| match weights_of {
             WeightsOf::Others => learned.of_others[part].clone(),
-            WeightsOf::Bayes => Weights::bayes(),
+            WeightsOf::Bayes => questions.bayes(),
             WeightsOf::Shipped => shipped.clone(),
         };
         let mut cases = Vec::new();
@@ -234,6 +235,18 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     Ok(Outcome::Ok)
 }
 
+/// What is asked of these units: whole chains, or servomotor stages alone.
+fn questions(batteries: &[Vec<JudgedUnit>]) -> anyhow::Result<&'static Questions> {
+    let mut asked = batteries.iter().flatten().map(|unit| Questions::of(&unit.report.evidence.table));
+    let Some(first) = asked.next() else { bail!("there is nothing to learn from") };
+    if asked.any(|other| !std::ptr::eq(other, first)) {
+        bail!(
+            "expected units of one kind, found whole chains and servomotor stages alone: learn each from folders of its own"
+        );
+    }
+    Ok(first)
+}
+
 /// Questions whose weights were kept, and where these were learned.
 fn kept(questions: &[LearnedQuestion], shipped: &Weights) -> serde_json::Value {
     let names = questions.iter().filter_map(clap::ValueEnum::to_possible_value).map(|name| name.get_name().to_owned());
@@ -258,7 +271,7 @@ fn reliability(scores: &[(String, f64, Score)]) -> Vec<serde_json::Value> {
 }
 
 /// The units of a battery that have a report, with their answers.
-fn read(dir: &Path, shipped: &Weights) -> anyhow::Result<Vec<JudgedUnit>> {
+fn read(dir: &Path) -> anyhow::Result<Vec<JudgedUnit>> {
     let path = dir.join("answers/labels.yaml");
     let text = read_text(&path, LARGEST_BYTES)
         .with_context(|| format!("cannot read {}; was `govtwin blind --generate` run to the end?", path.display()))?;
@@ -280,7 +293,10 @@ fn read(dir: &Path, shipped: &Weights) -> anyhow::Result<Vec<JudgedUnit>> {
         }
         let came_true = scored["closures"][label.name.as_str()].as_f64();
         let strength_ratio = strengths.get(&label.name).copied().unwrap_or(label.strength_ratio);
-        let widened_by = report.evidence.explained_fraction_widened_by.unwrap_or(shipped.explained_fraction_widening);
+        let widened_by = report
+            .evidence
+            .explained_fraction_widened_by
+            .unwrap_or_else(|| Questions::of(&report.evidence.table).shipped().explained_fraction_widening);
         units.push(JudgedUnit { label: Label { strength_ratio, ..label }, report, widened_by, came_true });
     }
     if units.is_empty() {

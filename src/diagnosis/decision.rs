@@ -4,7 +4,9 @@
 //! that holds nine tenths of its probability: effects that all of them share are named, with every other that is likelier there than not; where they
 //! share none, the verdict is the class of them.
 
+pub(crate) mod features;
 pub mod posterior;
+mod stage_alone;
 pub mod weights;
 
 use crate::diagnosis::decision::posterior::Posterior;

@@ -1,5 +1,6 @@
 //! A part of the chain: how well its models predict free runs, and how much of the verdict they bear.
 
+pub(crate) mod left_out;
 pub mod stage_figures;
 
 use crate::diagnosis::decision::Decision;

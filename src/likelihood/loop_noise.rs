@@ -94,7 +94,7 @@ mod tests {
         let unit = params::reference();
         let ratio_of = |seed: u64| {
             let kind = CaseKind::Sound;
-            let case = Case { name: "sound".into(), kind, rate_hz: 100.0, rich: false, seed };
+            let case = Case { name: "sound".into(), kind, rate_hz: 100.0, rich: false, seed, alone: None };
             let recordings = battery::make(&unit, &case).recordings().into_iter().map(PreparedRecording::new).collect();
             let problem = Problem::new(recordings, &unit, &expected(&unit.sensors));
             heard(problem, &unit).loop_noise_ratio()

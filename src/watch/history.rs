@@ -242,10 +242,10 @@ impl Course {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
-    fn entry(i: i64, value: f64) -> ProcessEntry {
+    pub(in crate::watch) fn entry(i: i64, value: f64) -> ProcessEntry {
         let size = ProcessSize {
             effect: "backlash".into(),
             parameter: "play_pu".into(),

@@ -214,3 +214,34 @@ fn picture(course: &Course, entries: &[ProcessEntry]) -> Picture {
 fn hours(nanos_ns: i64) -> f64 {
     crate::units::seconds_from_nanos(nanos_ns) / 3600.0
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::watch::history::courses;
+    use crate::watch::history::tests::entry;
+
+    /// What has moved leads the page, and nothing is said to have moved where nothing has.
+    #[test]
+    fn a_size_that_has_moved_leads_the_page() {
+        let of = |growth: f64| {
+            let entries: Vec<ProcessEntry> = (0..30)
+                .map(|i| entry(i, 2e-3 + 2e-5 * ((i * 7 % 5) as f64 - 2.0) + growth * (i - 15).max(0) as f64))
+                .collect();
+            let courses = courses(&entries, 1000.0);
+            let times: Vec<String> = (0..30).map(|i| format!("2026-11-26T00:{i:02}:00Z")).collect();
+            let watched = Watched {
+                unit: "unit3",
+                entries: &entries,
+                courses: &courses,
+                between_false_alarms: 1000.0,
+                times: &times,
+            };
+            page(&watched).unwrap().to_html()
+        };
+        let (grown, still) = (of(2e-5), of(0.0));
+        let head = |html: &str| html[..html.find("<svg").unwrap()].to_owned();
+        assert!(head(&grown).contains("Backlash has grown") && head(&grown).contains("1</"), "{}", head(&grown));
+        assert!(head(&still).contains("size has moved beyond") && !still.contains("has grown"), "{}", head(&still));
+    }
+}

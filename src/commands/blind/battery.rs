@@ -51,15 +51,31 @@ pub struct Battery {
     seed: u64,
 }
 
+/// What the units of a battery are.
+#[derive(Clone, Copy, Debug)]
+pub enum BatteryOf {
+    /// Whole chains, at these rates.
+    Chains(BatteryRates),
+    /// Servomotor stages alone, with the data sheet or without.
+    Stages {
+        /// Whether they are judged by it.
+        with_sheet: bool,
+    },
+}
+
 /// Makes the bags of a part that are not there yet, and commits to the answers of all.
 pub fn make(
     (dir, out): (&Path, &Path),
     unit: &Unit,
     count: usize,
-    (seed, rates): (u64, BatteryRates),
+    (seed, kind): (u64, BatteryOf),
     shard: Shard,
 ) -> anyhow::Result<Battery> {
-    let key = sha256(format!("seed {seed}, {rates:?}, data sheet {}", params::unit_digest(unit)));
+    let drawn = match kind {
+        BatteryOf::Chains(rates) => format!("{rates:?}"),
+        BatteryOf::Stages { with_sheet } => format!("stages alone, {with_sheet}"),
+    };
+    let key = sha256(format!("seed {seed}, {drawn}, data sheet {}", params::unit_digest(unit)));
     // Where reports stand beside the bags, they are claimed with them.
     let mut claims = vec![(dir, dir.join("answers").join(DRAWN))];
     claims.extend((out != dir).then(|| (out, out.join(DRAWN))));
@@ -74,13 +90,16 @@ pub fn make(
             check_claim(folder, drawn, &key)?;
         }
     }
-    let all = plan(count, seed, rates);
+    let all = match kind {
+        BatteryOf::Chains(rates) => plan(count, seed, rates),
+        BatteryOf::Stages { with_sheet } => battery::stage::plan(count, seed, with_sheet),
+    };
     let labels: Vec<Label> = all.iter().map(|case| battery::label(unit, case)).collect();
     let plans = shard.of(all);
     let progress = Progress::new(plans.len(), "units made");
     let made: anyhow::Result<()> = plans.par_iter().try_for_each(|case| {
         let lacking = |process: Process| !bags::is_bag_folder(&bag(dir, case, process));
-        if Process::ALL.into_iter().any(lacking) {
+        if case.processes().iter().copied().any(lacking) {
             let _unit = Claim::folder(&dir.join(&case.name))?;
             for (process, streams) in battery::make(unit, case).streams {
                 if lacking(process) {
@@ -171,11 +190,15 @@ impl Battery {
             (plan.name.clone(), strength_ratio)
         };
         let mut strengths = self.strengths.clone();
-        strengths.extend(unknown.par_iter().map(measure).collect::<Vec<_>>());
-        let text = labels::write_strengths(&strengths);
-        write_atomically(&self.dir.join(STRENGTHS), text.as_bytes())?;
-        // As the file has them, so that a second score is the same.
-        let strengths = labels::read_strengths(&text)?;
+        // Nobody measures those of stages alone.
+        let measured = unknown.par_iter().map(measure).collect::<Vec<_>>();
+        strengths.extend(measured.into_iter().filter(|(_, strength)| strength.is_finite()));
+        if !strengths.is_empty() {
+            let text = labels::write_strengths(&strengths);
+            write_atomically(&self.dir.join(STRENGTHS), text.as_bytes())?;
+            // As the file has them, so that a second score is the same.
+            strengths = labels::read_strengths(&text)?;
+        }
         let of = |label: &Label| strengths.get(&label.name).copied().unwrap_or(f64::NAN);
         Ok(self.labels.iter().map(|label| Label { strength_ratio: of(label), ..label.clone() }).collect())
     }
@@ -211,7 +234,7 @@ fn realised(out: &Path, sheet: &Unit, plan: &Plan) -> anyhow::Result<Option<f64>
         Ok(if path.is_file() { Some(params::load(&path)?) } else { None })
     };
     let (Some(refitted), Some(improved)) = (at("refitted.yaml")?, at("fitted.yaml")?) else { return Ok(None) };
-    if improved.effects.is_empty() {
+    if improved.effects.is_empty() || plan.alone.is_some() {
         return Ok(None);
     }
     let bags = tempfile::tempdir().context("no temporary folder for its recordings")?;
@@ -230,7 +253,9 @@ mod tests {
     fn what_opens_the_answers_is_gone_before_a_diagnosis() {
         let (dir, out) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
         let unit = params::reference();
-        let battery = make((dir.path(), out.path()), &unit, 0, (3, BatteryRates::Both), Shard::default()).unwrap();
+        let battery =
+            make((dir.path(), out.path()), &unit, 0, (3, BatteryOf::Chains(BatteryRates::Both)), Shard::default())
+                .unwrap();
         let opened = [dir.path().join(LABELS), dir.path().join(STRENGTHS), out.path().join("score.html")];
         for file in &opened {
             std::fs::write(file, "").unwrap();

@@ -6,28 +6,19 @@
 
 use std::collections::BTreeMap;
 
-use crate::diagnosis::decision::weights::{OF_SETS, OF_STAGES, Weights};
+use crate::diagnosis::decision::features::{FARTHEST, FREEDOM, ODDS, by_kind, oddness, score, shares, softmax};
+use crate::diagnosis::decision::stage_alone;
+use crate::diagnosis::decision::weights::{OF_STAGES, Questions, Weights};
 use crate::diagnosis::evidence::parts::PartFit;
 use crate::diagnosis::hypotheses::table::{EvidenceRow, EvidenceTable};
-use crate::diagnosis::model::support::SIZE_PRIOR;
 use crate::effects::{Stage, find};
-use crate::likelihood::noise::log_sum;
 use crate::likelihood::problem::SOUND_MEAN_SQUARE;
-
-/// Logarithm of the odds against each effect by which the best set is chosen whose remainder is looked at.
-const ODDS: f64 = 5.0;
-
-/// Numbers over which what a set leaves beyond a right model is spread: four processes of ten seconds that matter, correlated for about a second.
-const FREEDOM: f64 = 30.0;
 
 /// Spread of the logarithm of χ² between sound units beyond what their number of samples brings: 0.07 of 19 generated ones at 100 Hz.
 const SCATTER: f64 = 0.1;
 
 /// Share that counts for a stage without any known effect.
 const LEAST_SHARE: f64 = 0.03;
-
-/// Loss from which on nothing changes any more: a hypothesis that could not be simulated is as far behind as any.
-const FARTHEST: f64 = 1e3;
 
 /// The hypotheses of a table with their features.
 #[derive(Clone, Debug)]
@@ -44,25 +35,21 @@ pub struct Hypotheses {
     pub scale: f64,
 }
 
-/// Squares of the distances of a set's sizes from the typical one, in deviations of their prior.
-fn oddness(row: &EvidenceRow) -> f64 {
-    let (median, spread) = SIZE_PRIOR;
-    row.sizes.iter().map(|size| ((size.abs().max(1e-3) / median).ln() / spread).powi(2).min(9.0)).sum()
-}
-
 impl Hypotheses {
-    /// Those of a table, without sets of struck effects; none of an empty table. How probable sets are if nothing is unknown is by these weights of [`OF_SETS`].
+    /// Those of a table, without sets of struck effects; none of an empty table. How probable sets are if nothing is unknown is by these weights of sets.
     #[must_use]
     pub fn new(table: &EvidenceTable, struck: &[&str], set_weights: &[f64]) -> Option<Self> {
+        if let Some(stage) = &table.stage_alone {
+            let (sets, of_sets, scale) = stage_alone::sets(table, stage, struck, set_weights)?;
+            // Whether something unknown acts is left to what transducers account for.
+            return Some(Self { sets, of_sets, unknown: Vec::new(), stages: Vec::new(), scale });
+        }
         let allowed = |row: &&EvidenceRow| !row.effects.iter().any(|id| struck.contains(&id.as_str()));
         let rows: Vec<(usize, &EvidenceRow)> = table.rows.iter().enumerate().filter(|(_, row)| allowed(row)).collect();
         let odds = |row: &EvidenceRow| row.evidence() - ODDS * row.effects.len() as f64;
         let leader = rows.iter().map(|(_, row)| *row).max_by(|a, b| odds(a).total_cmp(&odds(b)))?;
         let top = rows.iter().map(|(_, row)| row.evidence()).fold(f64::NEG_INFINITY, f64::max);
-        let shares = [1.0 - table.slow_share, table.slow_share];
-        let by_rate = |features: &[f64]| -> Vec<f64> {
-            shares.iter().flat_map(|share| features.iter().map(move |feature| share * feature)).collect()
-        };
+        let by_rate = |features: &[f64]| by_kind(table, features);
         let expected = (SOUND_MEAN_SQUARE * table.samples).max(1.0);
         let scale = 1.0 + (leader.cost - expected).max(0.0) / FREEDOM;
         let set = |&(k, row): &(usize, &EvidenceRow)| {
@@ -122,13 +109,7 @@ impl Hypotheses {
     }
 }
 
-/// Probabilities of hypotheses of which one is true, by their scores.
-fn softmax(scores: Vec<f64>) -> Vec<f64> {
-    let total = log_sum(scores.iter().copied());
-    scores.into_iter().map(|score| (score - total).exp()).collect()
-}
-
-/// What nats of evidence count for between two sets: in the logarithm of their odds, by the first two of [`OF_SETS`].
+/// What nats of evidence count for between two sets: in the logarithm of their odds, by the first two features of a set.
 #[derive(Clone, Copy, Debug)]
 pub struct CountedNats {
     scale: f64,
@@ -141,10 +122,9 @@ impl CountedNats {
     #[must_use]
     pub fn new(table: &EvidenceTable, weights: &Weights) -> Self {
         let scale = Hypotheses::new(table, &[], &weights.sets).map_or(1.0, |all| all.scale);
-        let of = |feature: usize| {
-            let slow = weights.sets[feature + OF_SETS.len()];
-            -((1.0 - table.slow_share) * weights.sets[feature] + table.slow_share * slow)
-        };
+        let [first, second] = shares(table);
+        let count = Questions::of(table).sets.len();
+        let of = |feature: usize| -(first * weights.sets[feature] + second * weights.sets[feature + count]);
         Self { scale, scaled: of(0), logarithm: of(1) }
     }
 
@@ -221,12 +201,6 @@ impl Posterior {
     }
 }
 
-/// The score of a hypothesis.
-#[must_use]
-pub fn score(features: &[f64], weights: &[f64]) -> f64 {
-    features.iter().zip(weights).map(|(feature, weight)| feature * weight).sum()
-}
-
 /// Probability with these log odds.
 fn logistic(log_odds: f64) -> f64 {
     1.0 / (1.0 + (-log_odds).exp())
@@ -235,7 +209,9 @@ fn logistic(log_odds: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::diagnosis::decision::weights::{CHAIN, STAGE_ALONE};
     use crate::diagnosis::evidence::parts::Part;
+    use crate::diagnosis::hypotheses::table::StageEvidence;
 
     fn row(effects: &[&str], evidence: f64, cost: f64) -> EvidenceRow {
         EvidenceRow {
@@ -256,7 +232,7 @@ mod tests {
             let unknown = [("spool".to_owned(), -0.5 * cost - 30.0)].into();
             Posterior::new(
                 &EvidenceTable { samples: 1e3, rows, unknown, ..EvidenceTable::default() },
-                &Weights::shipped(),
+                &CHAIN.shipped(),
                 &[],
             )
         };
@@ -274,14 +250,14 @@ mod tests {
             row(&[], -8.0, 616.0),
         ];
         let table = EvidenceTable { samples: 1e3, rows, ..EvidenceTable::default() };
-        let posterior = Posterior::new(&table, &Weights::bayes(), &[]);
+        let posterior = Posterior::new(&table, &CHAIN.bayes(), &[]);
         let p = |row: usize| posterior.sets.iter().find(|(k, _)| *k == row).unwrap().1;
         for (a, b, nats) in [(0, 1, 2.0 - 5.0), (1, 2, 1.0), (1, 3, 6.0 - 5.0)] {
             assert!(((p(a) / p(b)).ln() - nats).abs() < 1e-9, "{a} {b}: {}", (p(a) / p(b)).ln());
         }
         let sum: f64 = posterior.sets.iter().map(|(_, p)| p).sum();
         assert!((sum - 1.0).abs() < 1e-12 && (posterior.inclusion(&table, "load") - p(0) - p(2)).abs() < 1e-12);
-        assert_eq!(Posterior::new(&table, &Weights::bayes(), &["load"]).sets.len(), 2);
+        assert_eq!(Posterior::new(&table, &CHAIN.bayes(), &["load"]).sets.len(), 2);
     }
 
     /// Where the best set leaves much, the errors of its equations are correlated: nats count for less, and the first for most.
@@ -292,10 +268,10 @@ mod tests {
             rows: vec![row(&["load"], -0.5 * cost, cost)],
             ..EvidenceTable::default()
         };
-        let counted = |cost: f64, nats: f64| CountedNats::new(&table(cost), &Weights::shipped()).of(nats);
+        let counted = |cost: f64, nats: f64| CountedNats::new(&table(cost), &CHAIN.shipped()).of(nats);
         assert!(counted(920.0, 10.0) > counted(4000.0, 10.0) && counted(4000.0, 10.0) > 0.0);
         assert!(counted(920.0, 20.0) < 2.0 * counted(920.0, 10.0) && counted(920.0, 20.0) > counted(920.0, 10.0));
-        assert!((CountedNats::new(&table(900.0), &Weights::bayes()).of(7.0) - 7.0).abs() < 1e-12);
+        assert!((CountedNats::new(&table(900.0), &CHAIN.bayes()).of(7.0) - 7.0).abs() < 1e-12);
     }
 
     /// What the best set leaves speaks for something unknown, and its stage is where discrepancy terms explain most of a part on its own.
@@ -314,7 +290,7 @@ mod tests {
             let parts = vec![part(Part::Controls, 400.0), part(Part::Servomotor, 0.0)];
             Posterior::new(
                 &EvidenceTable { samples: 1e3, rows, unknown, parts, ..EvidenceTable::default() },
-                &Weights::bayes(),
+                &CHAIN.bayes(),
                 &[],
             )
         };
@@ -324,5 +300,21 @@ mod tests {
         assert!(spool > 0.9 * wrong.unknown(), "{spool} of {}", wrong.unknown());
         let sum: f64 = wrong.sets.iter().map(|(_, p)| p).sum::<f64>() + wrong.unknown();
         assert!((sum - 1.0).abs() < 1e-12);
+    }
+
+    /// Of a stage alone what fits better and predicts worse what was left out of the fit is not the likelier.
+    #[test]
+    fn pieces_left_out_count() {
+        let of = |square: f64| {
+            let left_out = |square, row| EvidenceRow { left_out_square: Some(square), ..row };
+            let rows = vec![left_out(square, row(&["load"], 0.0, 100.0)), left_out(1e-6, row(&[], -9.0, 100.0))];
+            let stage_alone = Some(StageEvidence { sheet: false, pieces: 6 });
+            let table = EvidenceTable { samples: 100.0, rows, stage_alone, ..EvidenceTable::default() };
+            let posterior = Posterior::new(&table, &STAGE_ALONE.bayes(), &[]);
+            let sum: f64 = posterior.sets.iter().map(|(_, p)| p).sum::<f64>() + posterior.unknown();
+            assert!((sum - 1.0).abs() < 1e-12);
+            posterior.nothing(&table) / posterior.inclusion(&table, "load")
+        };
+        assert!(of(1e-6) < 0.1 && of(2e-5) > 10.0 * of(1e-6), "{} {}", of(1e-6), of(2e-5));
     }
 }

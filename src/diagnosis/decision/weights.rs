@@ -1,11 +1,11 @@
 //! The learned numbers of the posterior, and the features that they multiply.
 //!
-//! [`Weights::bayes`] is Bayes' theorem with nothing learned; `govtwin calibrate` learns the weights by log score on generated units.
+//! [`Questions::bayes`] is Bayes' theorem with nothing learned; `govtwin calibrate` learns the weights by log score on generated units. Whole chains
+//! and servomotor stages alone have features and weights of their own.
 
 use serde::{Deserialize, Serialize};
 
-/// The weights as shipped; `govtwin calibrate` writes such a file.
-const SHIPPED: &str = include_str!("../../../params/diagnosis_weights.json");
+use crate::diagnosis::hypotheses::table::EvidenceTable;
 
 /// What a weight multiplies, and its value beforehand.
 #[derive(Clone, Copy, Debug)]
@@ -62,30 +62,99 @@ pub const OF_STAGES: [PosteriorFeature; 8] = [
     feature("the same of the sensors", [0.5; 2]),
 ];
 
-/// Names of the rates, in the order of the weights: each feature counts for both, by their share of the samples.
-const RATES: [&str; 2] = ["at fast rates", "at slow rates"];
+/// Features of a fault set of a servomotor stage alone: [`OF_SETS`], and what it misses on pieces left out of its fit.
+pub const OF_STAGE_SETS: [PosteriorFeature; 8] = [
+    feature("nats of evidence lost against the best set, over what that leaves beyond a right model", [-1.0; 2]),
+    feature("logarithm of 1 and these", [0.0; 2]),
+    feature("number of effects", [-5.0; 2]),
+    feature("nothing at work", [0.0; 2]),
+    feature("prior χ² per parameter", [0.0; 2]),
+    feature("squares of the sizes' distances from the typical one", [0.0; 2]),
+    feature("nats lost on pieces left out against the set that misses least there, a draw each", [-1.0; 2]),
+    feature("logarithm of 1 and these", [0.0; 2]),
+];
 
-/// What the weights multiply, in their order.
-#[must_use]
-pub fn names(features: &[PosteriorFeature]) -> Vec<String> {
-    let of = |rate: &&str| features.iter().map(|feature| format!("{}, {rate}", feature.name)).collect::<Vec<_>>();
-    RATES.iter().flat_map(of).collect()
+/// Three questions with their features: which fault set, whether something is unknown, at which stage. Each feature counts twice, by shares that a
+/// table has of two kinds.
+#[derive(Debug)]
+pub struct Questions {
+    /// Of a fault set, where nothing is unknown.
+    pub sets: &'static [PosteriorFeature],
+    /// Of something unknown against all that is known.
+    pub unknown: &'static [PosteriorFeature],
+    /// Of a stage where something unknown is.
+    pub stages: &'static [PosteriorFeature],
+    /// The two kinds, in the order of the weights.
+    kinds: [&'static str; 2],
+    /// The weights as shipped; `govtwin calibrate` writes such a file.
+    shipped: &'static str,
+}
+
+/// Of whole chains.
+pub static CHAIN: Questions = Questions {
+    sets: &OF_SETS,
+    unknown: &OF_UNKNOWN,
+    stages: &OF_STAGES,
+    kinds: ["at fast rates", "at slow rates"],
+    shipped: include_str!("../../../params/diagnosis_weights.json"),
+};
+
+/// Of servomotor stages alone. Whether something unknown acts there is left to what transducers account for: in real machines the right effect leaves as
+/// much as something unknown does in generated ones.
+pub static STAGE_ALONE: Questions = Questions {
+    sets: &OF_STAGE_SETS,
+    unknown: &[],
+    stages: &[],
+    kinds: ["without a data sheet", "with a data sheet"],
+    shipped: include_str!("../../../params/stage_weights.json"),
+};
+
+impl Questions {
+    /// Those that a table answers.
+    #[must_use]
+    pub fn of(table: &EvidenceTable) -> &'static Self {
+        if table.stage_alone.is_some() { &STAGE_ALONE } else { &CHAIN }
+    }
+
+    /// The weights that come with the program.
+    #[must_use]
+    pub fn shipped(&self) -> Weights {
+        serde_json::from_str(self.shipped).unwrap_or_else(|_| self.bayes())
+    }
+
+    /// Bayes' theorem with odds of e⁵ against each effect, nothing learned.
+    #[must_use]
+    pub fn bayes(&self) -> Weights {
+        let names = |features: &[PosteriorFeature]| -> Vec<String> {
+            let of = |kind: &&str| features.iter().map(|one| format!("{}, {kind}", one.name)).collect::<Vec<_>>();
+            self.kinds.iter().flat_map(of).collect()
+        };
+        Weights {
+            sets: beforehand(self.sets),
+            unknown: beforehand(self.unknown),
+            stages: beforehand(self.stages),
+            features: [names(self.sets), names(self.unknown), names(self.stages)],
+            size_spread: 0.1,
+            explained_fraction_widening: 1.0,
+            provenance: serde_json::Value::Null,
+        }
+    }
 }
 
 /// The weights with nothing learned.
 #[must_use]
 pub fn beforehand(features: &[PosteriorFeature]) -> Vec<f64> {
-    (0..RATES.len()).flat_map(|rate| features.iter().map(move |feature| feature.bayes[rate])).collect()
+    (0..2).flat_map(|kind| features.iter().map(move |feature| feature.bayes[kind])).collect()
 }
 
 /// The learned numbers, with where they come from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Weights {
-    /// One for each of [`OF_SETS`].
+    /// One for each feature of a set, of each kind.
     pub sets: Vec<f64>,
-    /// One for each of [`OF_UNKNOWN`].
+    /// One for each feature of something unknown.
     pub unknown: Vec<f64>,
-    /// One for each of [`OF_STAGES`].
+    /// One for each feature of a stage.
     pub stages: Vec<f64>,
     /// What the weights multiply, group by group, as a reader of the file needs it.
     pub features: [Vec<String>; 3],
@@ -98,42 +167,24 @@ pub struct Weights {
     pub provenance: serde_json::Value,
 }
 
-impl Weights {
-    /// The weights that come with the program.
-    #[must_use]
-    pub fn shipped() -> Self {
-        serde_json::from_str(SHIPPED).unwrap_or_else(|_| Self::bayes())
-    }
-
-    /// Bayes' theorem with odds of e⁵ against each effect, nothing learned.
-    #[must_use]
-    pub fn bayes() -> Self {
-        Self {
-            sets: beforehand(&OF_SETS),
-            unknown: beforehand(&OF_UNKNOWN),
-            stages: beforehand(&OF_STAGES),
-            features: [names(&OF_SETS), names(&OF_UNKNOWN), names(&OF_STAGES)],
-            size_spread: 0.1,
-            explained_fraction_widening: 1.0,
-            provenance: serde_json::Value::Null,
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn the_shipped_weights_are_of_these_features() {
-        let weights: Weights = serde_json::from_str(SHIPPED).unwrap();
-        assert_eq!(weights.features, Weights::bayes().features);
-        for (weights, features) in
-            [(&weights.sets, &OF_SETS[..]), (&weights.unknown, &OF_UNKNOWN[..]), (&weights.stages, &OF_STAGES[..])]
-        {
-            assert_eq!(weights.len(), 2 * features.len());
-            assert!(weights.iter().all(|weight| weight.is_finite()));
+        for questions in [&CHAIN, &STAGE_ALONE] {
+            let weights: Weights = serde_json::from_str(questions.shipped).unwrap();
+            assert_eq!(weights.features, questions.bayes().features);
+            for (weights, features) in [
+                (&weights.sets, questions.sets),
+                (&weights.unknown, questions.unknown),
+                (&weights.stages, questions.stages),
+            ] {
+                assert_eq!(weights.len(), 2 * features.len());
+                assert!(weights.iter().all(|weight| weight.is_finite()));
+            }
+            assert!(weights.size_spread > 0.0 && weights.explained_fraction_widening > 0.0);
         }
-        assert!(weights.size_spread > 0.0 && weights.explained_fraction_widening > 0.0);
     }
 }

@@ -34,6 +34,18 @@ pub struct EvidenceRow {
     pub without_each: Vec<f64>,
     /// Size of each effect, in typical ones.
     pub sizes: Vec<f64>,
+    /// Of a stage alone: mean square of what it misses on pieces left out, geometric mean of the pieces, pu²; none where that was not asked.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub left_out_square: Option<f64>,
+}
+
+/// How a servomotor stage alone was judged.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct StageEvidence {
+    /// Whether a data sheet was believed.
+    pub sheet: bool,
+    /// Pieces, each left out in turn.
+    pub pieces: usize,
 }
 
 /// All of a unit.
@@ -52,6 +64,9 @@ pub struct EvidenceTable {
     /// Parts of the chain on their own, where recordings show them.
     #[serde(default)]
     pub parts: Vec<PartFit>,
+    /// Of a servomotor stage alone, how it was judged.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stage_alone: Option<StageEvidence>,
 }
 
 impl EvidenceRow {
@@ -113,6 +128,7 @@ impl EvidenceTable {
                 grid: grid(hypothesis),
                 without_each: hypothesis.normal.without_each(),
                 sizes: sizes.collect(),
+                left_out_square: None,
             }
         };
         let unknown = |hypothesis: Option<&Hypothesis>| {
@@ -133,6 +149,7 @@ impl EvidenceTable {
             rows: explored.hypotheses.par_iter().map(row).collect(),
             unknown: unknown(explored.hypotheses.iter().find(|one| one.effects.is_empty())),
             parts: if alone { Vec::new() } else { parts(problem, explored.refitted()) },
+            stage_alone: None,
         }
     }
 }

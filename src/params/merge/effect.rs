@@ -1,10 +1,14 @@
 //! One effect of a file, read by its specification in the catalogue or by the owner's own.
 
-use crate::effects::{CATALOGUE, EffectSpec, find_in};
+use crate::effects::{CATALOGUE, EffectSpec, Scaling, find_in};
 use crate::parameters::EffectSetting;
 use crate::params::yaml::Node;
 
 use super::{Merge, get};
+
+/// How far outside its range on this unit an effect that goes with the unit's size may be: a fit moves what says how large a unit is, and the file
+/// that it writes must be read.
+const REFITTED: f64 = 10.0;
 
 impl Merge<'_> {
     pub(super) fn effect(&mut self, section: &str, id: &str, node: &Node) {
@@ -36,8 +40,11 @@ impl Merge<'_> {
         for parameter in spec.parameters {
             let parameter = parameter.on(&self.sheet.unit.parameters);
             let path = [section, id, parameter.name];
+            let slack = if parameter.scaling == Scaling::Fixed { 1.0 } else { REFITTED };
+            let [low, high] =
+                [parameter.min, parameter.max].map(|end| parameter.neutral + slack * (end - parameter.neutral));
             values.extend(match get(map, parameter.name) {
-                Some(node) => self.number(&path, node, parameter.unit, (parameter.min, parameter.max)),
+                Some(node) => self.number(&path, node, parameter.unit, (low, high)),
                 None => Some(parameter.neutral),
             });
         }
@@ -72,7 +79,7 @@ impl Merge<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, Scaling, Stage};
+    use crate::effects::{EffectDefinition, EffectLaw, EffectParameter, Stage};
     use crate::params::sheet::Sheet;
     use crate::params::yaml;
 

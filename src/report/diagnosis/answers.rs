@@ -1,6 +1,6 @@
 //! The four answers at the head of a diagnosis, in this order: what the cause is, how sure, how far it explains the error, what to do next.
 
-use crate::diagnosis::decision::weights::Weights;
+use crate::diagnosis::decision::weights::CHAIN;
 use crate::diagnosis::result::{Diagnosis, Fitted, Verdict};
 use crate::report::diagnosis::stage::fitted_stage;
 use crate::report::diagnosis::words::{
@@ -225,7 +225,7 @@ fn sureness(diagnosis: &Diagnosis) -> Vec<String> {
         all.push("One recording alone: the best explanation of it, not confirmed by another.".to_owned());
     }
     if diagnosis.part.is_none() && !diagnosis.ranking.is_empty() {
-        all.extend(claimed.and_then(|claimed| hit_rate(&Weights::shipped().provenance, claimed)));
+        all.extend(claimed.and_then(|claimed| hit_rate(&CHAIN.shipped().provenance, claimed)));
     }
     all
 }
