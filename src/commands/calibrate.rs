@@ -16,7 +16,7 @@ use govtwin::diagnosis::result::Interval;
 use govtwin::files::read_text;
 use govtwin::params::labels;
 
-use super::output::{check_place, print, write_atomically};
+use super::output::{claim_place, print, write_atomically};
 use super::report_file::LARGEST_BYTES;
 use super::scored_report;
 use crate::commands::Outcome;
@@ -138,7 +138,7 @@ const VARIANTS: [(&str, EvidenceLeftOut, WeightsOf); 6] = [
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    check_place("--out", &args.out)?;
+    let _claim = claim_place("--out", &args.out)?;
     let shipped = Weights::shipped();
     let batteries = args.dirs.iter().map(|dir| read(dir, &shipped)).collect::<anyhow::Result<Vec<_>>>()?;
     let parts: Vec<Vec<&JudgedUnit>> = match batteries.as_slice() {
