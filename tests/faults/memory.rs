@@ -6,7 +6,7 @@ use crate::trace::Fault;
 use crate::{FaultRun, SAMPLED};
 
 /// The most requests of a writer that are tried: `scripts/faults all` would take days for each of thousands.
-const MOST: usize = 100;
+pub const MOST: usize = 100;
 
 /// How often each outcome was met.
 #[derive(Debug, Default)]
