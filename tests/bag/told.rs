@@ -15,7 +15,7 @@ enum Told {
     Warned,
     /// With exit code 0.
     Noted,
-    /// By `replay`, which has nothing to compare or to drive the twin with.
+    /// By `replay`, which has nothing to drive the twin with; `info` says why, and that it is no recording of the whole system.
     Refused,
 }
 
@@ -28,7 +28,7 @@ fn govtwin(arguments: &[&str]) -> Output {
 fn told(bytes: &[u8], how: &Told, words: &[&str]) {
     let (folder, path) = in_file(bytes);
     let path = path.to_str().unwrap();
-    let code = if matches!(how, Told::Noted) { 0 } else { 3 };
+    let code = if matches!(how, Told::Warned) { 3 } else { 0 };
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     for (what, run) in [("info", govtwin(&["info", path])), ("info --json", govtwin(&["info", "--json", path]))] {
         let said = text(&run.stdout);
