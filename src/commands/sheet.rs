@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::bail;
+use anyhow::{Context as _, bail};
 use clap::Subcommand;
 use govtwin::files::{Place, place_of};
 use govtwin::parameters::{ENTRIES, Tolerance};
@@ -84,7 +84,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let _claim = args.out.as_deref().map(|out| claim_place("--out", out)).transpose()?;
     if let Some(out) = &args.out
-        && place_of(out)? == Place::Ours
+        && place_of(out).with_context(|| format!("--out: cannot look at {}", out.display()))? == Place::Ours
     {
         bail!(
             "--out: {}: a sheet is there, which may have been mended by hand; name another file, or move it away",

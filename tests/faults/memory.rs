@@ -41,6 +41,8 @@ impl FaultRun<'_> {
             None | Some(127) => outcomes.ended += 1,
             Some(101) if run.stderr.contains("thread") => outcomes.threadless += 1,
             Some(1) => outcomes.told += 1,
+            // It was a child that ended.
+            Some(3) if run.stderr.contains("failed (") => outcomes.told += 1,
             Some(0 | 3) if self.differs(&self.new).is_empty() => outcomes.no_matter += 1,
             code => found.push(format!("code {code:?}: {}", run.stderr)),
         }

@@ -171,6 +171,7 @@ fn judge(writer: Writer, root: &Path, told: Option<(&Traced, Kind)>) -> Vec<Stri
         found.extend(wrong(root, may_be_empty));
         fs::remove_dir_all(&out).unwrap();
     }
+    crate::age(root);
     let again = run(writer, root, None);
     if !matches!(again.code, Some(0 | 3)) || !out.exists() {
         found.push(format!("the next run: code {:?}, {}", again.code, again.stderr));

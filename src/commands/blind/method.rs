@@ -113,7 +113,7 @@ fn diagnose(case: &UnitFolder, params: Option<&Path>, threads: usize, out: &Path
     let ended = command.stdin(Stdio::null()).output().context("cannot start the diagnosis")?;
     if !matches!(ended.status.code(), Some(0 | 3)) {
         let words = String::from_utf8_lossy(&ended.stderr);
-        bail!("the diagnosis failed: {}", words.trim());
+        bail!("the diagnosis failed ({}): {}", ended.status, words.trim());
     }
     Ok(())
 }
