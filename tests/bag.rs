@@ -33,5 +33,8 @@ mod shipped;
 #[cfg(feature = "sqlite")]
 #[path = "bag/sqlite.rs"]
 mod sqlite;
+#[cfg(feature = "cli")]
+#[path = "bag/told.rs"]
+mod told;
 #[path = "bag/write.rs"]
 mod write;

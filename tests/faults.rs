@@ -62,6 +62,14 @@ fn is_hidden(path: &Path) -> bool {
     path.iter().any(|part| part.to_string_lossy().starts_with(".govtwin"))
 }
 
+/// Lets two minutes pass for what is left: younger ones may be in the making.
+fn age(root: &Path) {
+    let then = fs::FileTimes::new().set_modified(std::time::SystemTime::now() - std::time::Duration::from_secs(120));
+    for path in tree(root).into_keys().filter(|path| is_hidden(path)) {
+        fs::File::open(path).unwrap().set_times(then).unwrap();
+    }
+}
+
 /// How often each outcome was met.
 #[derive(Debug, Default)]
 struct Outcomes {
@@ -219,15 +227,6 @@ impl<'a> FaultRun<'a> {
         self.old_or_new(found)
     }
 
-    /// Lets two minutes pass for what is left: younger ones may be in the making.
-    fn age(&self) {
-        let then =
-            fs::FileTimes::new().set_modified(std::time::SystemTime::now() - std::time::Duration::from_secs(120));
-        for path in tree(&self.root).into_keys().filter(|path| is_hidden(path)) {
-            fs::File::open(path).unwrap().set_times(then).unwrap();
-        }
-    }
-
     fn clear_temporary(&self) {
         let _ = fs::remove_dir_all(self.root.join("tmp"));
         fs::create_dir(self.root.join("tmp")).unwrap();
@@ -237,7 +236,7 @@ impl<'a> FaultRun<'a> {
     fn next(&self, found: &mut Vec<String>) {
         self.clear_temporary();
         (self.case.before_next)(&self.root);
-        self.age();
+        age(&self.root);
         let run = self.run(None);
         if run.code != Some(self.code) {
             found.push(format!("the next run: code {:?}, {}", run.code, run.stderr));

@@ -181,6 +181,101 @@ fn recordings_that_are_killed_in_the_making_leave_no_bag() {
     assert_eq!(hidden(&out), Vec::<PathBuf>::new());
 }
 
+/// A table, a map of it, and what is typed to import it into `bag`.
+fn import_of(folder: &Path, rows: usize) -> Vec<String> {
+    let mut table = "Zeit [s],Y [%],S [%]\n".to_owned();
+    (0..rows).for_each(|row| table += &format!("{}.{:02},{},{}\n", row / 100, row % 100, row % 90, row % 80));
+    fs::write(folder.join("table.csv"), table).unwrap();
+    let map = "time: {column: Zeit, format: seconds, start: 2024-05-02T10:00:00}\nsignals:\n  \
+               opening_command: {column: Y, unit: \"%\"}\n  servomotor_position: {column: S, unit: \"%\"}\n";
+    fs::write(folder.join("map.yaml"), map).unwrap();
+    let at = |name: &str| folder.join(name).display().to_string();
+    vec!["import".into(), at("table.csv"), "--map".into(), at("map.yaml"), "--out".into(), at("bag")]
+}
+
+#[test]
+fn of_two_imports_into_one_bag_one_is_refused_and_a_killed_one_blocks_nobody() {
+    let dir = tempfile::tempdir().unwrap();
+    let (rows, bag, lock) = (400_000, dir.path().join("bag"), dir.path().join(".govtwin-bag.lock"));
+    let arguments = import_of(dir.path(), rows);
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let messages = || bag::survey(&bag).map_or(0, |survey| survey.messages);
+    let mut first = command(&arguments).spawn().unwrap();
+    await_path(&lock, &mut first);
+    let second = govtwin(&arguments);
+    assert_eq!(second.status.code(), Some(1), "{}", stderr(&second));
+    let words = "bag: another process is writing it and holds";
+    assert!(stderr(&second).contains(words) && stderr(&second).contains("choose another name"), "{}", stderr(&second));
+    assert!(second.stdout.is_empty() && first.try_wait().unwrap().is_none(), "refused before any work");
+    // Another bag beside it is nobody's business.
+    let table = dir.path().join("small");
+    fs::create_dir(&table).unwrap();
+    let mut beside = import_of(&table, 500);
+    *beside.last_mut().unwrap() = dir.path().join("beside").display().to_string();
+    let beside = govtwin(&beside.iter().map(String::as_str).collect::<Vec<_>>());
+    assert!(matches!(beside.status.code(), Some(0 | 3)), "{}", stderr(&beside));
+    let first = first.wait_with_output().unwrap();
+    assert!(matches!(first.status.code(), Some(0 | 3)), "{}", stderr(&first));
+    let whole = messages();
+    assert!(whole >= rows as u64, "{whole}");
+    assert_eq!(hidden(dir.path()), Vec::<PathBuf>::new());
+    // Killed while it replaces the older one: that one stands, and the next goes ahead at once.
+    for kill in 0..KILLS {
+        let mut other = command(&arguments).spawn().unwrap();
+        await_path(&lock, &mut other);
+        std::thread::sleep(Duration::from_millis(kill * 20));
+        other.kill().unwrap();
+        other.wait().unwrap();
+        assert_eq!(messages(), whole, "killed at {kill} of {KILLS}");
+    }
+    // What is young may be another's: it goes once it is a minute old.
+    let then = fs::FileTimes::new().set_modified(std::time::SystemTime::now() - Duration::from_secs(120));
+    hidden(dir.path()).iter().for_each(|path| fs::File::open(path).unwrap().set_times(then).unwrap());
+    let next = govtwin(&arguments);
+    assert!(matches!(next.status.code(), Some(0 | 3)), "{}", stderr(&next));
+    assert_eq!((messages(), hidden(dir.path())), (whole, vec![]));
+}
+
+#[test]
+fn single_files_and_bags_have_one_writer_at_a_time() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name).display().to_string();
+    let place = at("out.yaml");
+    let claim = Claim::name(Path::new(&place)).unwrap();
+    let broken = at("broken.mcap");
+    let bytes = fs::read(shipped("startup_01")).unwrap();
+    fs::write(&broken, &bytes[..bytes.len() / 2]).unwrap();
+    fs::create_dir(at("empty")).unwrap();
+    fs::write(at("report.json"), "{\"schema\": \"govtwin-diagnosis/1\"}").unwrap();
+    let table = import_of(dir.path(), 500);
+    let mut commands = vec![
+        vec!["recover", &broken, "--out", &place],
+        vec!["calibrate", dir.path().to_str().unwrap(), "--out", &place],
+        vec!["sheet", "new", "--set", "tank_pressure=63 bar", "--quick", "--out", &place],
+        vec![&table[0], &table[1], &table[2], &table[3], &table[4], &place],
+    ];
+    let (empty, report) = (at("empty/out.html"), at("report.json"));
+    let page = Claim::name(Path::new(&empty)).unwrap();
+    commands.push(vec!["report", &report, "--out", &empty]);
+    if cfg!(feature = "node") {
+        commands.push(vec!["run", "--out", &place, "--duration", "1"]);
+        commands.push(vec!["record", "--out", &place, "--duration", "1"]);
+    }
+    for arguments in commands {
+        let run = govtwin(&arguments);
+        assert_eq!(run.status.code(), Some(1), "{arguments:?}: {}", stderr(&run));
+        let words = stderr(&run);
+        assert!(words.contains("another process is writing it and holds"), "{arguments:?}: {words}");
+        assert!(run.stdout.is_empty(), "{arguments:?}");
+    }
+    assert!(!Path::new(&place).exists() && !Path::new(&empty).exists());
+    drop((claim, page));
+    // A page beside its report is the business of who has the folder.
+    let _claim = Claim::folder(dir.path()).unwrap();
+    let run = govtwin(&["report", &report]);
+    assert!(stderr(&run).contains("another process is writing there"), "{}", stderr(&run));
+}
+
 #[test]
 fn every_command_with_an_output_is_refused_before_its_work_where_another_writes() {
     let dir = tempfile::tempdir().unwrap();

@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 use super::{BagError, WriterOptions, metadata, reserve, source};
 use crate::files::fault::step;
 use crate::files::{
-    exchange, is_held, look_at, look_at_link, make_folder, move_new, remove_abandoned, temporary_folder,
+    Claim, ClaimError, exchange, is_held, look_at, look_at_link, make_folder, move_new, remove_abandoned,
+    temporary_folder,
 };
 
 /// A folder beside the bag's place. Dropped, it is removed, unless it is to be kept.
@@ -19,6 +20,8 @@ pub(super) struct Unfinished {
     keep: bool,
     /// Once it is in its place: whether it replaced another.
     replaced: Option<bool>,
+    /// Of a recording: its name, until the folder has it. Dropped last.
+    _claim: Option<Claim>,
 }
 
 /// Whether a bag may be written at a place: it is free or holds a bag that may be replaced, and no recording is left in the making.
@@ -57,6 +60,15 @@ fn left_or_busy(place: &Path, path: PathBuf) -> BagError {
     }
 }
 
+/// Why the name of a recording cannot be had.
+fn unclaimed(place: &Path, error: ClaimError) -> BagError {
+    match error {
+        ClaimError::NameBusy { path, lock } => BagError::Busy { path, held: lock },
+        ClaimError::Refused { reason, .. } => BagError::io(place, "write")(reason),
+        other => BagError::io(place, "write")(io::Error::other(other)),
+    }
+}
+
 /// Whether a recording was broken off before its first message, so that nothing is lost with it.
 fn holds_nothing(path: &Path) -> bool {
     let Ok(entries) = fs::read_dir(path) else { return false };
@@ -76,7 +88,10 @@ impl Unfinished {
             _ => Path::new("."),
         };
         make_folder(parent).map_err(BagError::io(parent, "create"))?;
+        let mut claim = None;
         let path = if options.keep_unfinished {
+            // Of two that begin at once, neither takes the folder of the other for one that was left.
+            claim = Some(Claim::name(place).map_err(|error| unclaimed(place, error))?);
             let path = kept(place);
             check(place, options)?;
             if fs::symlink_metadata(&path).is_ok() {
@@ -92,7 +107,7 @@ impl Unfinished {
             remove_abandoned(parent);
             temporary_folder(parent).map_err(BagError::io(parent, "write in"))?
         };
-        Ok(Self { path, place: place.to_owned(), options, keep: false, replaced: None })
+        Ok(Self { path, place: place.to_owned(), options, keep: false, replaced: None, _claim: claim })
     }
 
     /// There is something to be kept now, where it should be.

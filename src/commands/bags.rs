@@ -291,6 +291,14 @@ pub fn find(paths: &[PathBuf]) -> anyhow::Result<Vec<Bag>> {
     Ok(found.into_iter().zip(names).map(|(path, name)| Bag { path, name }).collect())
 }
 
+/// Whether a path is a folder with bags in it.
+pub fn holds_bags(path: &Path) -> anyhow::Result<bool> {
+    let mut found = vec![];
+    collect(path, &mut vec![], &mut found)?;
+    // What is no folder stands for itself.
+    Ok(!found.is_empty() && (found != [path] || check_bag_folder(path)?))
+}
+
 /// Whether a folder is one bag, where it can be looked at.
 pub fn is_bag_folder(path: &Path) -> bool {
     check_bag_folder(path).unwrap_or(false)
@@ -336,7 +344,9 @@ fn collect(path: &Path, above: &mut Vec<PathBuf>, found: &mut Vec<PathBuf>) -> a
     entries.sort();
     for entry in entries {
         let hidden = entry.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
-        if !hidden && (entry.is_dir() || is_bag_file(&entry)) {
+        let looking = || format!("cannot look at {}", entry.display());
+        if !hidden && (is_bag_file(&entry) || look_at(&entry).with_context(looking)?.is_some_and(|kind| kind.is_dir()))
+        {
             collect(&entry, above, found)?;
         }
     }

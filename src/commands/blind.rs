@@ -16,7 +16,7 @@ use govtwin::params;
 use rayon::prelude::{ParallelBridge, ParallelIterator};
 
 use self::battery::BatteryOf;
-use self::cases::{UnitFolder, find};
+use self::cases::find;
 use self::expected::ExpectedDigests;
 use self::method::methods;
 use self::shard::Shard;
@@ -24,6 +24,7 @@ use super::bags::TopicArgs;
 use super::output::{Output, Progress, print, table_text, warn};
 use super::provenance;
 use super::replay::origin;
+use super::report_file::is_there;
 use crate::commands::{Outcome, usage};
 
 /// Arguments of `govtwin blind`.
@@ -143,8 +144,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let methods = methods(args.baselines, args.baselines_only);
     if let Some(made) = &made {
-        let unjudged = |case: &UnitFolder| methods.iter().any(|method| !method.report_path(out, &case.name).is_file());
-        if cases.iter().any(unjudged) {
+        let paths = cases.iter().flat_map(|case| methods.iter().map(|method| method.report_path(out, &case.name)));
+        let judged = paths.map(|path| is_there(&path)).collect::<anyhow::Result<Vec<_>>>()?;
+        if judged.contains(&false) {
             made.close(out)?;
         }
     }

@@ -16,8 +16,8 @@ use govtwin::diagnosis::result::Interval;
 use govtwin::files::read_text;
 use govtwin::params::labels;
 
-use super::output::{check_place, print, write_atomically};
-use super::report_file::LARGEST_BYTES;
+use super::output::{claim_place, print, write_atomically};
+use super::report_file::{LARGEST_BYTES, is_there, text_if_there};
 use super::scored_report;
 use crate::commands::Outcome;
 
@@ -138,7 +138,7 @@ const VARIANTS: [(&str, EvidenceLeftOut, WeightsOf); 6] = [
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    check_place("--out", &args.out)?;
+    let _claim = claim_place("--out", &args.out)?;
     let batteries = args.dirs.iter().map(|dir| read(dir)).collect::<anyhow::Result<Vec<_>>>()?;
     let questions = questions(&batteries)?;
     let shipped = questions.shipped();
@@ -276,15 +276,15 @@ fn read(dir: &Path) -> anyhow::Result<Vec<JudgedUnit>> {
     let text = read_text(&path, LARGEST_BYTES)
         .with_context(|| format!("cannot read {}; was `govtwin blind --generate` run to the end?", path.display()))?;
     let known = labels::read(&text).with_context(|| path.display().to_string())?;
-    let strengths = read_text(&dir.join("answers/strengths.yaml"), LARGEST_BYTES).unwrap_or_default();
+    let strengths = text_if_there(&dir.join("answers/strengths.yaml"), LARGEST_BYTES)?.unwrap_or_default();
     let strengths = labels::read_strengths(&strengths).unwrap_or_default();
     // Closures are examined after all units are judged; a battery that was broken off has none.
-    let scored = read_text(&dir.join("score.json"), LARGEST_BYTES).unwrap_or_default();
+    let scored = text_if_there(&dir.join("score.json"), LARGEST_BYTES)?.unwrap_or_default();
     let scored: serde_json::Value = serde_json::from_str(&scored).unwrap_or_default();
     let mut units = Vec::new();
     for label in known {
         let path = dir.join(&label.name).join("report.json");
-        if !path.is_file() {
+        if !is_there(&path)? {
             continue;
         }
         let report = scored_report::read(&path)?;

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::ValueHint;
+use govtwin::files::Claim;
 use govtwin::import::{ImportOutcome as Imported, Map};
 use govtwin::params::number_text;
 use govtwin::report::table::Table;
@@ -86,6 +87,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
                     file.display()
                 );
             }
+            let _claim = Claim::name(out).context("--out")?;
             let (sealed, imported) = bag::write(&args.files, &map, out, true)?;
             sealed.place()?;
             imported

@@ -230,7 +230,7 @@ impl Args {
     ) -> anyhow::Result<Searched> {
         let folds = folds(table, &split.train);
         let (budget, initial) = self.budget();
-        let mut journal = EvaluationJournal::open(&self.out.join("search.json"), table, &split.train, learned, seed);
+        let mut journal = EvaluationJournal::open(&self.out.join("search.json"), table, &split.train, learned, seed)?;
         let progress = Progress::new(budget, job.noun);
         let space = &training::SPACE;
         let trials = search(space, job.kind, [initial, budget], seed, |point| {

@@ -104,6 +104,15 @@ pub fn check_place(option: &str, path: &Path) -> anyhow::Result<()> {
     try_place(path).with_context(|| format!("{option}: cannot write {}", path.display()))
 }
 
+/// The same, and claims the name for the whole command: of two that write there, one is refused before its work.
+pub fn claim_place(option: &'static str, path: &Path) -> anyhow::Result<Claim> {
+    check_place(option, path)?;
+    let claim = Claim::name(path).context(option)?;
+    // Who had it until now may have left something there.
+    check_place(option, path)?;
+    Ok(claim)
+}
+
 /// What must not be replaced.
 fn in_the_way(there: Place) -> Option<&'static str> {
     match there {

@@ -2,7 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+use anyhow::Context as _;
 use govtwin::bag::{self, BagError, Recovered, Warning};
+use govtwin::files::Claim;
 use serde_json::json;
 
 use super::output::{print, warn};
@@ -43,6 +45,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     if out == args.bag && args.bag.exists() {
         return Err(usage("--out names the damaged bag itself; name another folder"));
     }
+    let _claim = Claim::name(&out).context("--out")?;
     let recovered = bag::recover(&source, &out).map_err(|error| match error {
         BagError::InTheWay { path } => {
             anyhow::anyhow!("{}: is there already; name another folder with --out", path.display())

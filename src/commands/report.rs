@@ -1,15 +1,15 @@
 //! `govtwin report`: the page of a diagnosis again from its JSON.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use govtwin::diagnosis::result::schema::SCHEMA;
 use govtwin::diagnosis::result::schema::read::read;
-use govtwin::files::is_same;
+use govtwin::files::{Claim, check_regular, is_same};
 use govtwin::provenance::Provenance;
 use govtwin::report::diagnosis as page;
 
-use super::output::{check_place, print, width, write_atomically};
+use super::output::{check_place, claim_place, print, width, write_atomically};
 use super::report_file;
 use crate::commands::Outcome;
 
@@ -37,6 +37,12 @@ Exit codes: 0 ok, 1 not possible, 2 wrong usage.";
 /// Prints the summary and writes the page.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let shown = args.report.display();
+    let out = args.out.clone().unwrap_or_else(|| args.report.with_extension("html"));
+    if is_same(&out, &args.report) {
+        bail!("--out: {}: the page would replace the report itself; name another file", out.display());
+    }
+    check_regular(&args.report).with_context(|| format!("cannot read {shown}"))?;
+    let _claim = claim(&args.report, &out)?;
     let report: serde_json::Value = serde_json::from_str(&report_file::text(&args.report)?).with_context(|| {
         format!("{shown}: expected JSON as `govtwin diagnose` writes it to report.json, found something else")
     })?;
@@ -49,11 +55,6 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             "{shown} holds the figures of a replay; its pictures come from the bags: `govtwin replay --out DIR BAG` makes them again"
         );
     }
-    let out = args.out.clone().unwrap_or_else(|| args.report.with_extension("html"));
-    if is_same(&out, &args.report) {
-        bail!("--out: {}: the page would replace the report itself; name another file", out.display());
-    }
-    check_place("--out", &out)?;
     report_file::check(&report).with_context(|| shown.to_string())?;
     let diagnosis = read(&report).with_context(|| shown.to_string())?;
     let made = report_file::made_from(&report).with_context(|| shown.to_string())?.unwrap_or_else(|| Provenance {
@@ -69,4 +70,18 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     };
     print(&text)?;
     Ok(Outcome::Ok)
+}
+
+/// Claims the place of the page before the report is read: beside the report the whole folder, since a diagnosis would replace both.
+fn claim(report: &Path, page: &Path) -> anyhow::Result<Claim> {
+    let folder = |path: &Path| match path.parent() {
+        Some(folder) if folder != Path::new("") => folder.to_owned(),
+        _ => PathBuf::from("."),
+    };
+    if !is_same(&folder(report), &folder(page)) {
+        return claim_place("--out", page);
+    }
+    let claim = Claim::folder(&folder(page)).context("--out")?;
+    check_place("--out", page)?;
+    Ok(claim)
 }

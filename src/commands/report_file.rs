@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context, bail};
-use govtwin::files::read_text;
+use govtwin::files::{look_at, read_text};
 use govtwin::provenance::Provenance;
 use serde::Deserialize;
 use serde_json::Value;
@@ -15,6 +15,20 @@ pub const LARGEST_BYTES: u64 = 1 << 24;
 pub fn text(path: &Path) -> anyhow::Result<String> {
     let text = read_text(path, LARGEST_BYTES).with_context(|| format!("cannot read {}", path.display()))?;
     Ok(text.trim_start_matches('\u{feff}').to_owned())
+}
+
+/// Whether a file is there. What cannot be looked at is not taken for absent: nothing would be missed where it was left out.
+pub fn is_there(path: &Path) -> anyhow::Result<bool> {
+    let kind = look_at(path).with_context(|| format!("cannot look at {}", path.display()))?;
+    Ok(kind.is_some_and(|kind| kind.is_file()))
+}
+
+/// The text of a file of at most so many bytes; nothing where none is there.
+pub fn text_if_there(path: &Path, largest_bytes: u64) -> anyhow::Result<Option<String>> {
+    if !is_there(path)? {
+        return Ok(None);
+    }
+    read_text(path, largest_bytes).map(Some).with_context(|| format!("cannot read {}", path.display()))
 }
 
 /// A report as JSON.

@@ -136,7 +136,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         wishes: Wishes { cpu: args.cpu, priority: args.priority },
         ..NodeSettings::default()
     };
-    args.out.iter().try_for_each(|out| output::check_place("--out", out))?;
+    let _claim = args.out.as_deref().map(|out| output::claim_place("--out", out)).transpose()?;
     let environment = environment(args.lease_s)?;
     let whole = Arguments::parse(&args.ros, "govtwin")?;
     let map = bus_map::for_node(args.map.as_deref(), &args.definitions, args.adapt)?;

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::bail;
+use anyhow::{Context as _, bail};
 use clap::Subcommand;
 use govtwin::files::{Place, place_of};
 use govtwin::parameters::{ENTRIES, Tolerance};
@@ -12,7 +12,7 @@ use govtwin::sheet::matter::{Matter, PARTS, matter};
 use govtwin::sheet::{Derived, GivenValue, Plate, derive};
 use serde_json::json;
 
-use super::output::{Progress, check_place, print, table_text, warn, write_atomically};
+use super::output::{Progress, claim_place, print, table_text, warn, write_atomically};
 use crate::commands::Outcome;
 
 /// Seed of the recordings by which it is found out what matters.
@@ -82,14 +82,14 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         print(&params::plate_template())?;
         return Ok(Outcome::Ok);
     }
-    if let Some(out) = &args.out {
-        check_place("--out", out)?;
-        if place_of(out)? == Place::Ours {
-            bail!(
-                "--out: {}: a sheet is there, which may have been mended by hand; name another file, or move it away",
-                out.display()
-            );
-        }
+    let _claim = args.out.as_deref().map(|out| claim_place("--out", out)).transpose()?;
+    if let Some(out) = &args.out
+        && place_of(out).with_context(|| format!("--out: cannot look at {}", out.display()))? == Place::Ours
+    {
+        bail!(
+            "--out: {}: a sheet is there, which may have been mended by hand; name another file, or move it away",
+            out.display()
+        );
     }
     let mut plate = match &args.plate {
         Some(path) => params::load_plate(path)?,

@@ -16,7 +16,7 @@ use govtwin::watch::history;
 
 use super::bags::TopicArgs;
 use super::output::{Output, print, warn};
-use super::provenance;
+use super::{provenance, report_file};
 use crate::commands::{Outcome, expect, number, usage};
 use chronicle::Chronicle;
 use follow::Follower;
@@ -171,12 +171,7 @@ fn chronicle(args: &Args) -> anyhow::Result<Chronicle> {
     // What else stands as a history is told with its line, when it is read.
     let claim = Output::claim(&out, &NAMES[1..])?;
     let history = out.join(NAMES[0]);
-    let text = if history.is_file() {
-        govtwin::files::read_text(&history, LARGEST_BYTES)
-            .with_context(|| format!("cannot read {}", history.display()))?
-    } else {
-        String::new()
-    };
+    let text = report_file::text_if_there(&history, LARGEST_BYTES)?.unwrap_or_default();
     let way_out = "move the file away to begin a new history";
     let (entries, torn) = history::read(&text).with_context(|| format!("{}: {way_out}", history.display()))?;
     if torn {

@@ -1,4 +1,4 @@
-//! One writer for a folder: a lock that ends with its process, taken before any work.
+//! One writer for a folder, or for one file or bag: a lock that ends with its process, taken before any work.
 
 use std::fs::{self, File, OpenOptions};
 use std::io;
@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use super::create::make_folder;
 use super::fault::step;
-use super::journal;
-use super::temporary::{hold, remove_stale};
+use super::temporary::{hold, is_at, name_lock, remove_stale};
+use super::{folder_of, journal};
 
 /// The file that is locked. It stays where its process is killed, and counts for nothing then.
 const LOCK: &str = ".govtwin.lock";
@@ -23,6 +23,14 @@ pub enum ClaimError {
     Busy {
         /// The folder.
         folder: PathBuf,
+        /// The file that is locked.
+        lock: PathBuf,
+    },
+    /// Somebody else writes the file or bag of that name.
+    #[error("{path}: another process is writing it and holds {lock}; wait until it ends, or choose another name")]
+    NameBusy {
+        /// The file or bag.
+        path: PathBuf,
         /// The file that is locked.
         lock: PathBuf,
     },
@@ -44,7 +52,7 @@ pub enum ClaimError {
     },
 }
 
-/// A folder in which no other process writes as long as this stands. Where nothing came of it, what it made goes again.
+/// A folder in which, or a name under which, no other process writes as long as this stands. Where nothing came of it, what it made goes again.
 #[derive(Debug)]
 pub struct Claim {
     /// Open, and so locked.
@@ -61,13 +69,32 @@ impl Claim {
     /// Where another process has claimed it, or nobody can write there.
     pub fn folder(folder: &Path) -> Result<Self, ClaimError> {
         let refused = |reason| ClaimError::Refused { folder: folder.to_owned(), reason };
-        let path = folder.join(LOCK);
+        let busy = |lock| ClaimError::Busy { folder: folder.to_owned(), lock };
+        let claim = Self::take(folder, folder.join(LOCK), busy)?;
+        journal::complete(folder).map_err(refused)?;
+        remove_stale(folder);
+        Ok(claim)
+    }
+
+    /// Claims the name of a single file or bag, which may stand there already; missing folders on the way are made. Others may write beside it.
+    ///
+    /// # Errors
+    /// Where another process has claimed it, or nobody can write there.
+    pub fn name(path: &Path) -> Result<Self, ClaimError> {
+        let busy = |lock| ClaimError::NameBusy { path: path.to_owned(), lock };
+        Self::take(folder_of(path), name_lock(path), busy)
+    }
+
+    /// Locks a file in a folder, which is made where it is missing.
+    fn take(folder: &Path, path: PathBuf, busy: impl Fn(PathBuf) -> ClaimError) -> Result<Self, ClaimError> {
+        let refused = |reason| ClaimError::Refused { folder: folder.to_owned(), reason };
         for _ in 0..TRIES {
             let made = step()
                 .and_then(|()| make(folder))
                 .map_err(|reason| not_a_folder(folder).unwrap_or_else(|| refused(reason)))?;
             if fs::symlink_metadata(&path).is_ok_and(|kind| !kind.is_file()) {
-                return Err(refused(io::Error::other(format!("{LOCK} in it is no regular file; move it away"))));
+                let name = path.file_name().unwrap_or_default().display();
+                return Err(refused(io::Error::other(format!("{name} in it is no regular file; move it away"))));
             }
             let options = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path);
             let lock = match options {
@@ -82,14 +109,8 @@ impl Claim {
             match hold(&lock) {
                 // Between opening and locking its last holder may have removed it.
                 Ok(()) if !is_at(&lock, &path) => {}
-                Ok(()) => {
-                    journal::complete(folder).map_err(refused)?;
-                    remove_stale(folder);
-                    return Ok(Self { _lock: lock, path, made });
-                }
-                Err(error) if error.kind() == io::ErrorKind::ResourceBusy => {
-                    return Err(ClaimError::Busy { folder: folder.to_owned(), lock: path });
-                }
+                Ok(()) => return Ok(Self { _lock: lock, path, made }),
+                Err(error) if error.kind() == io::ErrorKind::ResourceBusy => return Err(busy(path)),
                 Err(error) => {
                     // Of who removes it nobody else can have it: it was made here, or left.
                     let _ = made.first().map(|_| fs::remove_file(&path));
@@ -98,7 +119,7 @@ impl Claim {
                 }
             }
         }
-        Err(ClaimError::Busy { folder: folder.to_owned(), lock: path })
+        Err(busy(path))
     }
 
     /// Whether a name in a claimed folder is that of the claim itself.
@@ -143,20 +164,6 @@ fn not_a_folder(folder: &Path) -> Option<ClaimError> {
     Some(ClaimError::NotAFolder { folder: place.to_owned(), found })
 }
 
-/// Whether an open file is the one at a path.
-#[cfg(unix)]
-fn is_at(file: &File, path: &Path) -> bool {
-    use std::os::unix::fs::MetadataExt as _;
-    let (Ok(open), Ok(there)) = (file.metadata(), fs::symlink_metadata(path)) else { return false };
-    (open.dev(), open.ino()) == (there.dev(), there.ino())
-}
-
-/// Elsewhere an open file cannot be removed.
-#[cfg(not(unix))]
-fn is_at(_: &File, _: &Path) -> bool {
-    true
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -180,6 +187,30 @@ mod tests {
         fs::write(out.join(LOCK), "").unwrap();
         drop(Claim::folder(&out).unwrap());
         assert_eq!(fs::read_dir(&out).unwrap().count(), 1, "only the report");
+    }
+
+    #[test]
+    fn a_name_has_one_writer_and_others_write_beside_it() {
+        let dir = tempfile::tempdir().unwrap();
+        let at = |name: &str| dir.path().join("deep").join(name);
+        let claim = Claim::name(&at("run")).unwrap();
+        let error = Claim::name(&at("run")).unwrap_err().to_string();
+        assert!(error.contains("deep/run: another process is writing it and holds"), "{error}");
+        drop(Claim::name(&at("other")).unwrap());
+        drop(Claim::name(&at(&"long".repeat(60))).unwrap());
+        fs::write(at("run"), "whole").unwrap();
+        drop(claim);
+        assert_eq!(fs::read_dir(at("")).unwrap().count(), 1, "only what was written");
+        // What a killed process leaves is in nobody's way, and goes with the next, of this name or of another in the folder.
+        fs::write(at(".govtwin-run.lock"), "").unwrap();
+        drop(Claim::name(&at("run")).unwrap());
+        assert_eq!(fs::read_dir(at("")).unwrap().count(), 1);
+        fs::write(at(".govtwin-gone.lock"), "").unwrap();
+        let claim = Claim::name(&at("run")).unwrap();
+        drop(Claim::folder(&at("")).unwrap());
+        assert!(at(".govtwin-run.lock").exists() && !at(".govtwin-gone.lock").exists());
+        drop(claim);
+        assert_eq!(fs::read_dir(at("")).unwrap().count(), 1);
     }
 
     #[test]

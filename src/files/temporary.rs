@@ -9,9 +9,15 @@ use std::time::Duration;
 use tempfile::{Builder, NamedTempFile};
 
 use super::fault::step;
+use super::folder_of;
+use crate::digest::sha256;
 
 const PREFIX: &str = ".govtwin-";
 const SUFFIX: &str = ".tmp";
+/// What ends the name of the file that is locked for another's name.
+const LOCK_SUFFIX: &str = ".lock";
+/// A name of up to so many bytes stands in that of its lock as it is.
+const LONGEST_NAME: usize = 200;
 
 /// A file under a temporary name in a folder, held; whoever may read new files of this user may read it.
 pub(super) fn temporary_file(folder: &Path) -> io::Result<NamedTempFile> {
@@ -98,6 +104,29 @@ pub fn is_held(path: &Path) -> bool {
     kind.is_file() && !File::open(path).is_ok_and(|file| file.try_lock().is_ok())
 }
 
+/// The file beside a path that is locked by who writes there.
+pub(super) fn name_lock(path: &Path) -> PathBuf {
+    let name = match path.file_name() {
+        Some(name) if name.len() <= LONGEST_NAME => name.to_string_lossy().into_owned(),
+        _ => sha256(path.file_name().unwrap_or(path.as_os_str()).as_encoded_bytes()),
+    };
+    folder_of(path).join(format!("{PREFIX}{name}{LOCK_SUFFIX}"))
+}
+
+/// Whether an open file is the one at a path.
+#[cfg(unix)]
+pub(super) fn is_at(file: &File, path: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt as _;
+    let (Ok(open), Ok(there)) = (file.metadata(), fs::symlink_metadata(path)) else { return false };
+    (open.dev(), open.ino()) == (there.dev(), there.ino())
+}
+
+/// Elsewhere an open file cannot be removed.
+#[cfg(not(unix))]
+pub(super) fn is_at(_: &File, _: &Path) -> bool {
+    true
+}
+
 /// Whether a path ends with a temporary name.
 pub(super) fn is_temporary(path: &Path) -> bool {
     path.file_name().is_some_and(is_temporary_name)
@@ -131,11 +160,28 @@ fn remove(folder: &Path, counts: impl Fn(&fs::DirEntry) -> bool) {
         let ours = is_temporary_name(&entry.file_name());
         let path = entry.path();
         let Ok(kind) = entry.file_type() else { continue };
+        if kind.is_file() && is_lock_name(&entry.file_name()) && counts(&entry) {
+            remove_lock(&path);
+        }
         if !ours || !counts(&entry) || is_held(&path) {
             continue;
         }
         // What cannot be removed disturbs nobody but by its room.
         let _ = if kind.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
+    }
+}
+
+fn is_lock_name(name: &OsStr) -> bool {
+    let name = name.as_encoded_bytes();
+    name.starts_with(PREFIX.as_bytes()) && name.ends_with(LOCK_SUFFIX.as_bytes())
+}
+
+/// Removes a lock that nobody holds, and holds it meanwhile: who opened it before finds that it is no longer there.
+fn remove_lock(path: &Path) {
+    let Ok(file) = File::open(path) else { return };
+    if file.try_lock().is_ok() && is_at(&file, path) {
+        // What cannot be removed disturbs nobody.
+        let _ = fs::remove_file(path);
     }
 }
 

@@ -44,7 +44,7 @@ fn noise(step: i64) -> f64 {
 }
 
 /// A plant that follows slow ramps of its command, with noise; each row may be spoilt.
-fn plant(seconds: i64, spoil: impl Fn(i64, &mut Row)) -> Bag {
+pub fn plant(seconds: i64, spoil: impl Fn(i64, &mut Row)) -> Bag {
     let mut bag = Bag::default();
     for step in 0..seconds * 100 {
         let time_ns = BEGIN_NS + step * 10 * MS;
@@ -79,14 +79,14 @@ fn plant(seconds: i64, spoil: impl Fn(i64, &mut Row)) -> Bag {
 }
 
 /// One row of all streams; the stamps are of command, pressure and servo state.
-struct Row {
-    stamps_ns: [i64; 3],
-    log_ns: i64,
-    opening: f64,
-    pressure_pa: f64,
-    spool: f64,
-    servomotor: f64,
-    frame_id: &'static str,
+pub struct Row {
+    pub stamps_ns: [i64; 3],
+    pub log_ns: i64,
+    pub opening: f64,
+    pub pressure_pa: f64,
+    pub spool: f64,
+    pub servomotor: f64,
+    pub frame_id: &'static str,
 }
 
 #[test]

@@ -8,7 +8,7 @@ use crate::cases::{self, ENVIRONMENT};
 use crate::{FaultRun, tree};
 
 /// Of the time that the first takes, the second lives for each of these parts in turn.
-const LIVES_MS: [u64; 5] = [3, 10, 30, 100, 300];
+pub const LIVES_MS: [u64; 5] = [3, 10, 30, 100, 300];
 
 /// How often each outcome was met.
 #[derive(Debug, Default)]

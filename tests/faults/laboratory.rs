@@ -81,6 +81,8 @@ pub fn calibrate() -> Case {
             fs::create_dir_all(root.join("units/answers")).unwrap();
             fs::rename(root.join("out"), root.join("units/one")).unwrap();
             fs::write(root.join("units/answers/labels.yaml"), "one: {effects: []}\n").unwrap();
+            fs::write(root.join("units/answers/strengths.yaml"), "one: 1.5\n").unwrap();
+            fs::write(root.join("units/score.json"), r#"{"closures": {"one": 0.5}}"#).unwrap();
             fs::write(root.join("weights.json"), "older, of govtwin").unwrap();
         },
         ..PLAIN

@@ -6,7 +6,7 @@ use crate::trace::Fault;
 use crate::{FaultRun, SAMPLED};
 
 /// The most requests of a writer that are tried: `scripts/faults all` would take days for each of thousands.
-const MOST: usize = 100;
+pub const MOST: usize = 100;
 
 /// How often each outcome was met.
 #[derive(Debug, Default)]
@@ -41,6 +41,8 @@ impl FaultRun<'_> {
             None | Some(127) => outcomes.ended += 1,
             Some(101) if run.stderr.contains("thread") => outcomes.threadless += 1,
             Some(1) => outcomes.told += 1,
+            // It was a child that ended.
+            Some(3) if run.stderr.contains("failed (") => outcomes.told += 1,
             Some(0 | 3) if self.differs(&self.new).is_empty() => outcomes.no_matter += 1,
             code => found.push(format!("code {code:?}: {}", run.stderr)),
         }

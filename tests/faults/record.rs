@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::mpsc::{Sender, channel};
 use std::thread::JoinHandle;
+use std::time::Duration;
 
 use govtwin::bag;
 use serde_json::Value;
@@ -64,11 +65,17 @@ const NODE: Writer = Writer {
     figures: Some("figures.json"),
 };
 
-/// Records for some seconds; a step has a fault.
-fn run(writer: Writer, root: &Path, fault: Option<(usize, Fault)>) -> Traced {
+/// A writer's own folder for temporary files, empty.
+fn temporary(root: &Path) -> PathBuf {
     let temporary = root.join("tmp");
     let _ = fs::remove_dir_all(&temporary);
     fs::create_dir(&temporary).unwrap();
+    temporary
+}
+
+/// Records for some seconds; a step has a fault.
+fn run(writer: Writer, root: &Path, fault: Option<(usize, Fault)>) -> Traced {
+    let temporary = temporary(root);
     let mut command = vec![env!("CARGO_BIN_EXE_govtwin").to_owned()];
     command.extend(crate::cases::words(root, writer.arguments));
     let command: Vec<&str> = command.iter().map(String::as_str).collect();
@@ -79,13 +86,46 @@ fn run(writer: Writer, root: &Path, fault: Option<(usize, Fault)>) -> Traced {
     traced
 }
 
-/// What is wrong with the bag, where there is one.
-fn wrong(root: &Path) -> Option<String> {
+/// Records while others of the same command come and are killed; what is wrong then with what the first one left, and how many others there were.
+fn beside(writer: Writer, root: &Path) -> (Vec<String>, usize) {
+    let temporary = temporary(root);
+    let start = || {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_govtwin"));
+        command.args(crate::cases::words(root, writer.arguments)).envs(environment(temporary.to_str().unwrap()));
+        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
+    };
+    let (mut first, mut others) = (start(), 0);
+    while first.try_wait().unwrap().is_none() && !root.join(".run.unfinished").exists() {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    for life_ms in crate::beside::LIVES_MS.iter().cycle() {
+        if first.try_wait().unwrap().is_some() {
+            break;
+        }
+        let mut other = start();
+        std::thread::sleep(Duration::from_millis(*life_ms));
+        other.kill().unwrap();
+        other.wait().unwrap();
+        others += 1;
+    }
+    let first = first.wait_with_output().unwrap();
+    let _ = fs::remove_dir_all(&temporary);
+    let mut found = vec![];
+    // The node goes on without its bag, which is not what was asked for here.
+    if !matches!(first.status.code(), Some(0 | 3)) || !root.join("run").exists() {
+        found.push(format!("the first: {:?}, {}", first.status, String::from_utf8_lossy(&first.stderr)));
+    }
+    (found, others)
+}
+
+/// What is wrong with the bag, where there is one; one that ended before anything was heard has no message.
+fn wrong(root: &Path, may_be_empty: bool) -> Option<String> {
     let survey = match bag::survey(&root.join("run")) {
         Ok(survey) => survey,
         Err(error) => return Some(error.to_string()),
     };
-    (!survey.warnings.is_empty() || survey.messages == 0).then(|| format!("{survey:?}"))
+    let is_empty = survey.messages == 0 && !may_be_empty;
+    (!survey.warnings.is_empty() || is_empty).then(|| format!("{survey:?}"))
 }
 
 /// Judges what a run left, saves what was kept of it, and lets another one follow.
@@ -112,27 +152,31 @@ fn judge(writer: Writer, root: &Path, told: Option<(&Traced, Kind)>) -> Vec<Stri
         }
     }
     let kept = root.join(".run.unfinished");
+    let mut may_be_empty = false;
     if !out.exists() && kept.exists() {
         let mut recover = Command::new(env!("CARGO_BIN_EXE_govtwin"));
         let recovered = recover.arg("recover").arg(&out).output().unwrap();
-        let nothing = fs::read_dir(&kept).is_ok_and(|mut entries| {
-            entries.all(|entry| entry.unwrap().path().metadata().is_ok_and(|file| file.len() < 4096))
-        });
-        if !out.exists() && !nothing {
-            found.push(format!("what was kept is not saved: {}", String::from_utf8_lossy(&recovered.stderr)));
+        // What had reached the disk; before the first message, nothing had.
+        let held = bag::survey(&kept).map_or(0, |survey| survey.messages);
+        may_be_empty = held == 0;
+        let saved = bag::survey(&out).map_or(0, |survey| survey.messages);
+        if saved != held {
+            let told = String::from_utf8_lossy(&recovered.stderr).into_owned();
+            found.push(format!("{saved} of {held} messages that were kept are saved: {told}"));
         }
         // Saving it leaves it where it is, for the user to throw away.
         fs::remove_dir_all(&kept).unwrap();
     }
     if out.exists() {
-        found.extend(wrong(root));
+        found.extend(wrong(root, may_be_empty));
         fs::remove_dir_all(&out).unwrap();
     }
+    crate::age(root);
     let again = run(writer, root, None);
     if !matches!(again.code, Some(0 | 3)) || !out.exists() {
         found.push(format!("the next run: code {:?}, {}", again.code, again.stderr));
     } else {
-        found.extend(wrong(root));
+        found.extend(wrong(root, false));
         fs::remove_dir_all(&out).unwrap();
     }
     if let Some(name) = writer.figures {
@@ -177,7 +221,7 @@ fn try_writer(writer: Writer) {
     let _playing = Playing::new(dir.path().to_str().unwrap());
     let first = run(writer, &root, None);
     assert!(matches!(first.code, Some(0 | 3)), "{}", first.stderr);
-    assert_eq!(wrong(&root), None);
+    assert_eq!(wrong(&root, false), None);
     fs::remove_dir_all(root.join("run")).unwrap();
     writer.figures.into_iter().for_each(|name| fs::remove_file(root.join(name)).unwrap());
     let sampled = match std::env::var("FAULTS").as_deref() {
@@ -202,6 +246,25 @@ fn try_writer(writer: Writer) {
         let found = judge(writer, &root, None);
         faults.extend(found.into_iter().map(|found| format!("killed before step {at}, {step:?}: {found}")));
     }
-    println!("{name}: {} steps, {refused} refused, {told} told, {killed} killed", first.steps.len());
+    let most = sampled.min(crate::memory::MOST);
+    let (mut starved, mut ended) = (0, 0);
+    for at in (0..first.requests).rev().step_by(first.requests.div_ceil(most).max(1)) {
+        let traced = run(writer, &root, Some((at, Fault::Starved)));
+        starved += 1;
+        ended += usize::from(!matches!(traced.code, Some(0 | 3)));
+        let known = matches!(traced.code, None | Some(0 | 1 | 3 | 127)) || traced.stderr.contains("thread");
+        let mut found = judge(writer, &root, None);
+        found.extend((!known).then(|| format!("code {:?}: {}", traced.code, traced.stderr)));
+        faults.extend(found.into_iter().map(|found| format!("no memory from request {at} on: {found}")));
+    }
+    let (mut found, others) = beside(writer, &root);
+    found.extend(judge(writer, &root, None));
+    faults.extend(found.into_iter().map(|found| format!("others beside it: {found}")));
+    println!(
+        "{name}: {} steps, {refused} refused, {told} told, {killed} killed; {} requests for memory, from {starved} on without, {ended} ended \
+         by it; {others} others beside it",
+        first.steps.len(),
+        first.requests
+    );
     assert!(faults.is_empty(), "{} faults\n{}", faults.len(), faults.join("\n"));
 }

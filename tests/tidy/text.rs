@@ -18,7 +18,7 @@ const KNOWN_BY: &[(&str, &[&str])] = &[
     ("rustdds", &["src/node/", "src/node.rs", "src/msg/", "src/msg.rs"]),
     ("ros2args", &["src/node/", "src/node.rs", "src/commands/"]),
     ("libc", &["src/node/realtime.rs", "tests/faults/trace.rs"]),
-    ("rustix", &["src/node/realtime.rs", "src/files/rename.rs", "src/commands/parent.rs", "benches/"]),
+    ("rustix", &["src/node/realtime.rs", "src/files/rename.rs", "src/commands/parent.rs", "benches/", "tests/fuzz.rs"]),
     ("tempfile", &["src/files/", "src/store/", "src/commands/", "tests/", "benches/", "fuzz/"]),
     ("signal_hook", &["src/node/", "src/node.rs", "src/commands/"]),
     ("lightgbm3", &["src/residual/booster.rs", "src/residual/booster/"]),

@@ -42,7 +42,7 @@ impl FoundFaults {
     /// Of the folder that `govtwin diagnose` wrote.
     pub fn load(folder: &Path) -> anyhow::Result<Self> {
         let report = folder.join(REPORT);
-        if !report.is_file() {
+        if !report_file::is_there(&report)? {
             bail!(
                 "--diagnosis: expected the folder of a diagnosis, found no {}; `govtwin diagnose BAG… --out DIR` makes one",
                 report.display()

@@ -19,6 +19,7 @@ use super::cases::UnitFolder;
 use super::scoring::LARGEST_BYTES;
 use super::shard::Shard;
 use crate::commands::output::{Progress, write_atomically};
+use crate::commands::report_file::{is_there, text_if_there};
 use crate::commands::{bags, generate};
 
 /// Where the answers are opened, below the battery's folder.
@@ -111,7 +112,7 @@ pub fn make(
         Ok(())
     });
     made?;
-    let known = read_text(&dir.join(STRENGTHS), LARGEST_BYTES).ok();
+    let known = text_if_there(&dir.join(STRENGTHS), LARGEST_BYTES)?;
     let strengths = known.and_then(|text| labels::read_strengths(&text).ok()).unwrap_or_default();
     let battery = Battery { dir: dir.to_owned(), sheet: unit.clone(), plans, labels, strengths, seed };
     let key = sha256(battery.text());
@@ -169,9 +170,9 @@ impl Battery {
     /// Removes what opens the answers, so that no diagnosis finds it; all of it is written again at the end.
     pub fn close(&self, out: &Path) -> anyhow::Result<()> {
         let opened = [self.dir.join(LABELS), self.dir.join(STRENGTHS), out.join("score.json"), out.join("score.html")];
-        for file in opened.into_iter().filter(|file| file.is_file()) {
+        for file in opened {
             match std::fs::remove_file(&file) {
-                // Another part was here first.
+                // None of them was written yet, or another part was here first.
                 Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
                 other => other.with_context(|| format!("cannot remove {}", file.display()))?,
             }
@@ -231,7 +232,7 @@ impl Battery {
 fn realised(out: &Path, sheet: &Unit, plan: &Plan) -> anyhow::Result<Option<f64>> {
     let at = |file: &str| -> anyhow::Result<Option<Unit>> {
         let path = out.join(&plan.name).join(file);
-        Ok(if path.is_file() { Some(params::load(&path)?) } else { None })
+        Ok(if is_there(&path)? { Some(params::load(&path)?) } else { None })
     };
     let (Some(refitted), Some(improved)) = (at("refitted.yaml")?, at("fitted.yaml")?) else { return Ok(None) };
     if improved.effects.is_empty() || plan.alone.is_some() {

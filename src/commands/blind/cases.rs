@@ -32,7 +32,7 @@ pub fn find(dir: &Path, topics: &TopicArgs) -> anyhow::Result<Vec<UnitFolder>> {
         let path = entry.with_context(|| format!("cannot read the folder {}", dir.display()))?.path();
         let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         let hidden = name.starts_with('.');
-        if path.is_dir() && !hidden && bags::find(std::slice::from_ref(&path)).is_ok() {
+        if !hidden && bags::holds_bags(&path)? {
             cases.push(UnitFolder { name, dir: path, topics: topics.clone(), without: None });
         }
     }

@@ -14,6 +14,7 @@ use super::cases::UnitFolder;
 use super::expected::ExpectedDigests;
 use crate::commands::output::write_atomically;
 use crate::commands::parent;
+use crate::commands::report_file::is_there;
 use crate::commands::scored_report;
 
 /// A method that says something of a unit.
@@ -49,7 +50,7 @@ impl JudgingMethod {
         case: &str,
     ) -> anyhow::Result<Option<ReportVerdict>> {
         let path = self.report_path(out, case);
-        if !path.is_file() || expected.check(&path, case).is_err() {
+        if !is_there(&path)? || expected.check(&path, case).is_err() {
             return Ok(None);
         }
         scored_report::read(&path).map(Some)
@@ -74,7 +75,7 @@ pub fn judge(
     let ground: OnceCell<Ground> = OnceCell::new();
     for method in methods {
         let path = method.report_path(out, &case.name);
-        if path.is_file() {
+        if is_there(&path)? {
             expected.check(&path, &case.name)?;
             continue;
         }
@@ -112,7 +113,7 @@ fn diagnose(case: &UnitFolder, params: Option<&Path>, threads: usize, out: &Path
     let ended = command.stdin(Stdio::null()).output().context("cannot start the diagnosis")?;
     if !matches!(ended.status.code(), Some(0 | 3)) {
         let words = String::from_utf8_lossy(&ended.stderr);
-        bail!("the diagnosis failed: {}", words.trim());
+        bail!("the diagnosis failed ({}): {}", ended.status, words.trim());
     }
     Ok(())
 }

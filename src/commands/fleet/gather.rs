@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use govtwin::files::{look_at, read_text};
 use govtwin::fleet::changes::{Change, Standing};
 use govtwin::fleet::entry::Entry;
 use govtwin::fleet::gathered::{Gathered, Status, gather};
@@ -22,6 +21,7 @@ use super::entries::PlanFile;
 use crate::commands::Outcome;
 use crate::commands::output::{Output, Progress, print, table_text, warn};
 use crate::commands::provenance::{self, PROGRAM};
+use crate::commands::report_file::text_if_there;
 
 /// Where a gathered fleet stands in its store.
 const FOLDER: &str = "fleet";
@@ -169,12 +169,8 @@ impl<'a> PageTarget<'a> {
 }
 
 fn standing_in(path: &Path) -> anyhow::Result<Option<Standing>> {
-    let there = look_at(path).with_context(|| format!("cannot look at {}", path.display()))?;
-    if !there.is_some_and(|kind| kind.is_file()) {
-        return Ok(None);
-    }
-    let text = read_text(path, LARGEST_BYTES).with_context(|| format!("cannot read {}", path.display()))?;
-    standing(text.as_bytes(), &path.display().to_string()).map(Some)
+    let text = text_if_there(path, LARGEST_BYTES)?;
+    text.map(|text| standing(text.as_bytes(), &path.display().to_string())).transpose()
 }
 
 fn standing(bytes: &[u8], shown: &str) -> anyhow::Result<Standing> {

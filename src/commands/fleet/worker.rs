@@ -13,6 +13,7 @@ use govtwin::store::Store;
 
 use crate::commands::diagnose::{self, Diagnosed, NAMES, Request};
 use crate::commands::provenance::{self, PROGRAM};
+use crate::commands::report_file::is_there;
 
 /// How often an object is read whose bytes are not those of the plan, before it counts as changed.
 const READS: usize = 3;
@@ -92,7 +93,7 @@ fn keep(outcome: &mut EntryResult, diagnosed: &Diagnosed, out: &Path, store: &St
     let folder = format!("reports/{}/{}", outcome.key, &sha256(&diagnosed.json)[..16]);
     for name in NAMES {
         let path = out.join(name);
-        if path.is_file() {
+        if is_there(&path)? {
             store.put(
                 &format!("{folder}/{name}"),
                 &std::fs::read(&path).with_context(|| format!("cannot read {name}"))?,

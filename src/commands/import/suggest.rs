@@ -40,7 +40,9 @@ pub fn run(file: &Path, given: &Map, out: &Path, as_json: bool) -> anyhow::Resul
     let text = text(file, &suggestion);
     let there = output.path(MAP);
     let older = place_of(&there).with_context(|| format!("--out: cannot look at {}", there.display()))?;
-    if older == Place::Ours && read_text(&there, LARGEST_MAP_BYTES).is_ok_and(|older| older != text) {
+    let reading = || format!("--out: cannot read {}", there.display());
+    // One that cannot be read may have been settled by hand, too.
+    if older == Place::Ours && read_text(&there, LARGEST_MAP_BYTES).with_context(reading)? != text {
         anyhow::bail!(
             "--out: {}: another map is there, which may have been settled by hand; name another folder, or move it away",
             there.display()

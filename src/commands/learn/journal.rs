@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use govtwin::digest::Digest;
-use govtwin::files::read_text;
 use govtwin::residual::table::FeatureTable;
 
 use crate::commands::output::write_atomically;
+use crate::commands::report_file::text_if_there;
 
 /// More than the evaluations of many searches.
 const LARGEST_BYTES: u64 = 1 << 26;
@@ -24,8 +24,14 @@ pub struct EvaluationJournal {
 
 impl EvaluationJournal {
     /// Opens the journal; a file that is missing or is none counts as empty. Other rows, another seed or another version of the
-    /// program never share evaluations.
-    pub fn open(path: &Path, table: &FeatureTable, rows: &[usize], learned: impl std::fmt::Debug, seed: u64) -> Self {
+    /// program never share evaluations. One that cannot be read is an error: it would be written anew, and its evaluations lost.
+    pub fn open(
+        path: &Path,
+        table: &FeatureTable,
+        rows: &[usize],
+        learned: impl std::fmt::Debug,
+        seed: u64,
+    ) -> anyhow::Result<Self> {
         let mut hash = Digest::default();
         hash.update(format!("{} {learned:?} {seed} {:?}", env!("CARGO_PKG_VERSION"), table.layout));
         for &row in rows {
@@ -37,8 +43,8 @@ impl EvaluationJournal {
         }
         let mut key = hash.text();
         key.truncate(32);
-        let text = read_text(path, LARGEST_BYTES).unwrap_or_default();
-        Self { path: path.to_owned(), key, all: serde_json::from_str(&text).unwrap_or_default() }
+        let text = text_if_there(path, LARGEST_BYTES)?.unwrap_or_default();
+        Ok(Self { path: path.to_owned(), key, all: serde_json::from_str(&text).unwrap_or_default() })
     }
 
     /// The loss of a point, where it was evaluated before.

@@ -31,7 +31,7 @@ pub fn compete(
     let initial = Args::initial(budget);
     for (kind, id, title, noun) in networks {
         let key = format!("{kind:?}, every {EVERY}");
-        let mut journal = EvaluationJournal::open(&args.out.join("search.json"), table, &split.train, key, seed);
+        let mut journal = EvaluationJournal::open(&args.out.join("search.json"), table, &split.train, key, seed)?;
         let progress = Progress::new(budget, noun);
         let (mut done, search_start) = (0, now());
         let trials = search(&SPACE, "bayesian", [initial, budget], seed, |point| {
