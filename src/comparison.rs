@@ -19,6 +19,7 @@
 //!  "searches": [{"id": "mdhm", "kind": "bayesian", "trials": […], "slices": […]}, …],
 //!  "importance": [{"feature": "model.rate", "group": "model", "gain_share": 0.21}, …],
 //!  "band": {"coverage_share": 0.9, "measured": [{"process": "startup", "coverage_share": 0.93, "mean_half_width": 0.011}, …]},
+//!  "band_by_distance": [as "band" of a process left out],
 //!  "closed_loop": {"spool": [{"id": "mbm", …FIGURES}, {"id": "additive", …}, {"id": "inside", …}], "servomotor": […]}}
 //! ```
 //!

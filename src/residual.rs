@@ -20,6 +20,7 @@ pub mod inloop;
 pub(crate) mod leaves;
 pub mod model;
 pub mod prepare;
+pub mod rate;
 pub(crate) mod reach;
 pub mod row;
 #[cfg(feature = "residual")]

@@ -8,6 +8,8 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use govtwin::params;
+use govtwin::residual::model::Model;
+use govtwin::residual::row::Between;
 
 fn replay(model: &Path, more: &[&str]) -> Output {
     let bag = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/reference/startup_01.mcap");
@@ -88,6 +90,58 @@ fn a_model_that_does_not_fit_or_is_damaged_is_refused_with_its_reason() {
     refused(&text, &["--cut", "servomotor"], "guide-vane opening");
     unit.parameters.oil.bulk_modulus_pa *= 1.01;
     refused(&residual::model(&unit).to_text().unwrap(), &[], "its twin");
+}
+
+#[test]
+fn a_model_of_faster_rows_is_refused_or_says_what_it_assumes() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("model.residual");
+    let keep = |period_ns: i64, between: Between| {
+        let model = Model { period_ns, between, ..residual::model(&params::reference()) };
+        std::fs::write(&path, model.to_text().unwrap()).unwrap();
+    };
+    let said = |output: &Output| {
+        [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned()).concat()
+    };
+    // Of the same rate: said, and nothing to warn of.
+    keep(200_000_000, Between::Hold);
+    let output = replay(&path, &[]);
+    assert_eq!(output.status.code(), Some(0));
+    assert!(said(&output).contains("trained on rows every 0.2 s with the opening simulated"), "{}", said(&output));
+    // Rows every 0.2 s hold no past on a grid of 0.01 s.
+    keep(10_000_000, Between::Hold);
+    let output = replay(&path, &[]);
+    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+    assert!(said(&output).contains("its training period is 0.01 s"), "{}", said(&output));
+    // Driven on a fine grid they do, and what lies between is an assumption.
+    keep(10_000_000, Between::Linear);
+    let output = replay(&path, &[]);
+    assert!(output.status.code() != Some(1), "{}", said(&output));
+    assert!(
+        said(&output).contains("recorded every 0.2 s, while the residual was trained every 0.01 s"),
+        "{}",
+        said(&output)
+    );
+}
+
+#[cfg(feature = "residual")]
+#[test]
+fn every_objective_trains_by_command_and_the_model_says_which() {
+    let dir = tempfile::tempdir().unwrap();
+    let bag = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/reference/load_rejection_01.mcap");
+    let trees = ["l1", "huber", "l2", "quantile"].map(|objective| {
+        let out = dir.path().join(objective);
+        let output = Command::new(env!("CARGO_BIN_EXE_govtwin"))
+            .args(["train", "--manual", "--objective", objective, "--out"])
+            .args([&out, &bag])
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let model = Model::from_text(&std::fs::read_to_string(out.join("model.residual")).unwrap()).unwrap();
+        (model.training["objective"].clone(), model.trees.len())
+    });
+    assert_eq!(trees.each_ref().map(|(name, _)| &**name), ["regression_l1", "huber", "regression", "quantile"]);
+    assert_eq!(trees.map(|(_, count)| count), [200, 200, 200, 600]);
 }
 
 #[cfg(feature = "node")]

@@ -9,6 +9,7 @@ use govtwin::comparison::ablation::{Parents, STEPS, ablation, same_rows};
 use govtwin::comparison::breakdown::{ErrorBreakdown, breakdown};
 use govtwin::comparison::closed::closed_loop;
 use govtwin::comparison::contenders::{LeftOutProcess, leave_one_out};
+use govtwin::comparison::coverage::covered_by_distance;
 use govtwin::comparison::limit::{LimitKnowledge, limit};
 use govtwin::comparison::refit::{refit, teaching};
 use govtwin::comparison::summary::{
@@ -20,6 +21,7 @@ use govtwin::parameters::Unit;
 use govtwin::replay::summary::cut_id;
 use govtwin::report::comparison::{HYBRIDS, Shown, breakdown_table, models_table, page, spread_table};
 use govtwin::report::table::Table as Printed;
+use govtwin::residual::band::Band;
 use govtwin::residual::booster::Hyperparameters;
 use govtwin::residual::model::Model;
 use govtwin::residual::row::Between;
@@ -138,6 +140,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     };
     let of_hybrid = field.contenders.iter().find(|one| one.id == "mdhm").map(|one| &one.estimates[..]);
     let alone = [named("mbm")?, named("ddm")?];
+    let by_distance = |band: Band| -> anyhow::Result<_> {
+        Ok(covered_by_distance(table, &split.test, &field.paper.forest()?, (&field.paper.guard, &band)))
+    };
     let summary = ComparisonSummary {
         schema: SCHEMA,
         program: concat!("govtwin ", env!("CARGO_PKG_VERSION")),
@@ -164,6 +169,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         ablation: spread(&steps),
         breakdown: broken,
         left_out_process: left_out.iter().map(unseen).collect(),
+        band_by_distance: field.paper.band.map(by_distance).transpose()?.unwrap_or_default(),
         searches: field.searches,
         importance: importance(&field.paper),
         band: field.paper.band.zip(of_hybrid).map(|(band, said)| covered(table, &split.test, said, &band)),
@@ -297,6 +303,9 @@ fn say(summary: &ComparisonSummary, unit: &str) -> anyhow::Result<()> {
     if let Some(band) = &summary.band {
         let (stated, found) = (100.0 * band.coverage_share, 100.0 * band.overall_share);
         print(&format!("Band: {stated:.0} % stated, {found:.1} % of the judging rows inside.\n"))?;
+        for at in &summary.band_by_distance {
+            print(&format!("  under the guard, {}, {}: {}\n", at.process, at.distance, at.words(unit)))?;
+        }
     }
     if let Some(origin) = &summary.origin {
         print(&format!("{origin}\n"))?;

@@ -15,6 +15,7 @@ use govtwin::params::{self, Sheet};
 use govtwin::recording::{Process, Recording};
 use govtwin::replay::between::simulate_between;
 use govtwin::replay::simulate;
+use govtwin::residual::booster::{Hyperparameters, Objective};
 use govtwin::residual::history::{LONGEST_PERIOD_NS, SHORTEST_PERIOD_NS};
 use govtwin::residual::model::Learned;
 use govtwin::residual::prepare::{Cleaning, Prepared, prepare};
@@ -230,14 +231,18 @@ impl Args {
     ) -> anyhow::Result<Searched> {
         let folds = folds(table, &split.train);
         let (budget, initial) = self.budget();
-        let mut journal = EvaluationJournal::open(&self.out.join("search.json"), table, &split.train, learned, seed)?;
+        // Evaluations by another objective are others.
+        let of: &dyn std::fmt::Debug =
+            if job.objective == Objective::L1 { &learned } else { &(learned, job.objective) };
+        let mut journal = EvaluationJournal::open(&self.out.join("search.json"), table, &split.train, of, seed)?;
         let progress = Progress::new(budget, job.noun);
         let space = &training::SPACE;
         let trials = search(space, job.kind, [initial, budget], seed, |point| {
             let loss = if let Some(loss) = journal.known(point) {
                 loss
             } else {
-                let loss = training::loss(table, &folds, learned, &training::at(point), seed)?;
+                let with = Hyperparameters { objective: job.objective, ..training::at(point) };
+                let loss = training::loss(table, &folds, learned, &with, seed)?;
                 journal.keep(point, loss)?;
                 loss
             };
@@ -257,6 +262,8 @@ pub struct SearchJob {
     pub kind: &'static str,
     /// What the progress bar counts.
     pub noun: &'static str,
+    /// What the trees make least; trials are judged by their mean absolute error whatever it is.
+    pub objective: Objective,
 }
 
 /// Runs a search of either kind.

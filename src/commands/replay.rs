@@ -24,6 +24,7 @@ use govtwin::report::replay::{ladder_table, process_table, reason_for_dashes, re
 use govtwin::residual::corrector::Corrector;
 use govtwin::residual::guard::GuardCounts;
 use govtwin::residual::model::Model;
+use govtwin::residual::rate;
 use govtwin::residual::row as residual_row;
 use govtwin::twin::{Cut, Twin};
 use govtwin::units::nanos_from_seconds;
@@ -176,6 +177,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let corrector = single.map(|(_, model)| residual::ready(model, &sheet.unit, args.cut.cut())).transpose()?;
     let mut results = replay_all(args, driven, &sheet.unit, &bags, &mapped, corrector.as_ref())?;
+    residual::check_rates(&models, &mut results)?;
     let mut adaptation = None;
     if let Some((_, model)) = single.filter(|_| args.adapt) {
         let corrector = residual::ready(model, &sheet.unit, args.cut.cut())?.adapting(model)?;
@@ -193,10 +195,11 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         summary.ladder = Some(ladder);
         after = last;
     }
-    if let Some((path, _)) = single {
+    if let Some((path, model)) = single {
         let corrected: Vec<_> = results.iter().filter_map(|one| Some((one.corrected.as_ref()?, &one.source))).collect();
         let with = residual::summary(path, &corrected, &summary, args.cut.cut());
-        text += &format!("With the residual of {}:\n{}", path.display(), table_text(&process_table(&with)));
+        let assumed = rate::assumed(model);
+        text += &format!("With the residual of {}, {assumed}:\n{}", path.display(), table_text(&process_table(&with)));
         text.extend(adaptation.as_ref().map(|adaptation| format!("Adaptation: {}.\n", adaptation.words())));
         summary.residual = with.residual.map(|residual| Residual { adaptation, ..residual });
     }

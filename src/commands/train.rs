@@ -8,7 +8,7 @@ use govtwin::comparison::{Contender, ModelStanding};
 use govtwin::recording::Process;
 use govtwin::report::comparison::{models_table, search_blocks};
 use govtwin::report::page::{Page, Tone};
-use govtwin::residual::booster::Hyperparameters;
+use govtwin::residual::booster::{Hyperparameters, Objective};
 use govtwin::residual::model::{LEFT_OUT, Learned};
 use govtwin::residual::prepare::Cleaning;
 use govtwin::residual::split::seven_to_three;
@@ -43,6 +43,9 @@ pub struct Args {
     /// corrects less where they did; `range` is for a unit that does what it did in the recordings.
     #[arg(long, value_enum, default_value_t = GuardBy::Range)]
     guard: GuardBy,
+    /// What trees make least: absolute errors, as the paper; Huber's loss; squares; or errors at the three quartiles, three times the trees.
+    #[arg(long, value_enum, default_value_t = ObjectiveBy::L1)]
+    objective: ObjectiveBy,
     /// No search: the hyperparameters that a person would take.
     #[arg(long)]
     manual: bool,
@@ -62,6 +65,30 @@ impl GuardBy {
         match self {
             Self::Range => GuardKind::Range,
             Self::Processes => GuardKind::Processes,
+        }
+    }
+}
+
+/// What trees make least.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum ObjectiveBy {
+    /// Absolute errors: the middle of what was measured.
+    L1,
+    /// Huber's loss: squares up to 0.01 of the signal's unit, straight beyond.
+    Huber,
+    /// Squares: the mean of what was measured.
+    L2,
+    /// The trimean of its quartiles.
+    Quantile,
+}
+
+impl ObjectiveBy {
+    fn objective(self) -> Objective {
+        match self {
+            Self::L1 => Objective::L1,
+            Self::Huber => Objective::Huber,
+            Self::L2 => Objective::L2,
+            Self::Quantile => Objective::Quantile,
         }
     }
 }
@@ -116,19 +143,21 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         bail!("no rows are left to judge on: {} rows were found; give more or longer recordings", table.marks.len());
     }
     let mut searches = vec![];
-    let mut with = Hyperparameters::MANUAL;
+    let objective = args.objective.objective();
+    let mut with = Hyperparameters { objective, ..Hyperparameters::MANUAL };
     if !args.manual {
-        let job = |kind, noun| SearchJob { id: "hybrid", kind, noun };
+        let job = |kind, noun| SearchJob { id: "hybrid", kind, noun, objective };
         for job in [job("bayesian", "evaluations, Bayesian"), job("random", "evaluations, random")] {
             searches.push(args.learn.search(table, &split, Learned::Residual, job, args.learn.seed)?);
         }
         let (point, _) = searches[0].best().context("no evaluation of the search succeeded")?;
-        with = training::at(point);
+        with = Hyperparameters { objective, ..training::at(point) };
     }
     let unit = &ready.sheet.unit;
     let rows = (&split.train[..], &split.test[..]);
     let (mut model, estimates) =
         trained(table, rows, Learned::Residual, &with, args.learn.seed, unit, args.guard.kind())?;
+    model.training.insert("objective".to_owned(), objective.id().to_owned());
     let names: Vec<&str> = ready.recordings.iter().map(|one| one.name.as_str()).collect();
     model.training.insert("recordings".to_owned(), names.join(", "));
     if !left_out.is_empty() {

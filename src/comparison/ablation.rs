@@ -12,7 +12,7 @@ use crate::residual::table::FeatureTable;
 use crate::residual::training;
 
 /// How many steps there are with a refitted parent; one less without.
-pub const STEPS: usize = 11;
+pub const STEPS: usize = 12;
 
 /// The same rows under several parents.
 #[derive(Clone, Copy, Debug)]
@@ -112,6 +112,7 @@ pub fn ablation(
     steps.extend([
         ("huber", "… that, by Huber's loss", best, Learned::Residual, other(Objective::Huber)),
         ("l2", "… that, by squares", best, Learned::Residual, other(Objective::L2)),
+        ("quantile", "… that, by quartiles", best, Learned::Residual, other(Objective::Quantile)),
         ("direct", "… that, direct with the twin's words", best, Learned::Signal, *with),
     ]);
     let mut contenders =

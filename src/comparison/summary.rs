@@ -53,6 +53,8 @@ pub struct ComparisonSummary {
     pub importance: Vec<Importance>,
     /// The MDHM's band on rows that nobody was trained on.
     pub band: Option<Covered>,
+    /// The same under the guard by processes, by distance from the rows that taught.
+    pub band_by_distance: Vec<CoveredAt>,
     /// The additive residual against the one inside the loop, in closed-loop free run; `null` where the spool is not what is learned.
     pub closed_loop: Option<FreeRunFigures>,
 }

@@ -8,6 +8,7 @@ use super::page::{KeyFigure, Page, PageBody, Tone};
 use super::table::{Table, fixed, significant};
 use crate::comparison::Contender;
 use crate::comparison::breakdown::ErrorBreakdown;
+use crate::comparison::coverage::CoveredAt;
 use crate::comparison::summary::{ComparisonSummary, ModelFigures, SeedSpread};
 use crate::recording::Process;
 use crate::residual::table::FeatureTable as Rows;
@@ -138,6 +139,11 @@ pub fn page(summary: &ComparisonSummary, shown: &Shown) -> Result<Page, DrawErro
     body.paragraph("What the paper does not show: each process left out of training in turn and judged on. The hyperparameters are the manual ones, since a search would have seen the process. The guard fades corrections where rows lie outside what was trained.");
     body.figure(svg(&pictures::left_out(summary, unit))?, "MAE on the process that was left out.");
     body.table(left_out_table(summary, unit), "");
+    let bands = summary.left_out_process.iter().flat_map(|one| &one.band);
+    body.table(
+        band_table(bands, unit),
+        "The band of the guarded hybrid on the process that was left out: near, with its full correction; far, shrunk; outside, where there is no band.",
+    );
     if let Some(run) = &summary.closed_loop {
         body.heading("Inside the loop");
         body.paragraph("Closed-loop free run, nothing measured enters. The additive residual corrects what is said of the spool; the one inside the loop corrects the spool's rate in the twin itself, learned over the twin's own state, and moves the servomotor as well. Both have the manual hyperparameters and their guards.");
@@ -229,6 +235,8 @@ fn opening(body: &mut PageBody, summary: &ComparisonSummary, unit: &str) {
             fixed(100.0 * band.overall_share, 1),
             said.join(", ")
         ));
+        let caption = "The same band under the guard by processes, by distance from the rows that taught.";
+        body.table(band_table(summary.band_by_distance.iter(), unit), caption);
     }
 }
 
@@ -252,6 +260,22 @@ fn left_out_table(summary: &ComparisonSummary, unit: &str) -> Table {
                 fixed(score.r2, 4),
             ]);
         }
+    }
+    table
+}
+
+/// What bands hold, by process and by distance.
+fn band_table<'a>(bands: impl Iterator<Item = &'a CoveredAt>, unit: &str) -> Table {
+    let mut table = Table::new().words("process").words("distance").numbers("rows").numbers("inside, %");
+    table = table.numbers(format!("mean half width, {unit}"));
+    for at in bands {
+        table.row([
+            title(at.process).to_owned(),
+            at.distance.to_owned(),
+            at.rows.to_string(),
+            fixed(100.0 * at.coverage_share, 1),
+            fixed(at.mean_half_width, 4),
+        ]);
     }
     table
 }
@@ -309,6 +333,7 @@ mod tests {
             searches: vec![],
             importance: vec![],
             band: None,
+            band_by_distance: vec![],
             closed_loop: None,
         }
     }
@@ -333,6 +358,23 @@ mod tests {
         search_blocks(&mut page.body, &[search], "pu").unwrap();
         let html = page.to_html();
         assert!(html.contains("best MAE, pu") && html.contains("MAE over the folds, pu"), "{html}");
+    }
+
+    #[test]
+    fn a_band_is_told_by_process_and_distance() {
+        let at = CoveredAt {
+            process: "shutdown",
+            distance: "far",
+            rows: 2612,
+            coverage_share: 0.922,
+            mean_half_width: 0.0196,
+        };
+        let outside = CoveredAt { distance: "outside", coverage_share: f64::NAN, mean_half_width: f64::NAN, ..at };
+        let mut page = Page::new("", "");
+        page.body.table(band_table([at, outside].iter(), "pu"), "");
+        let html = page.to_html();
+        assert!(html.contains("92.2") && html.contains("0.0196") && html.contains("outside"), "{html}");
+        assert!(!html.contains("NaN"), "{html}");
     }
 
     #[test]

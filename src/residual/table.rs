@@ -85,7 +85,8 @@ pub fn slowest_period_ns(recordings: &[Recording], signal: Signal) -> i64 {
     recordings.iter().map(|recording| spacing_ns(recording, signal)).max().unwrap_or(0)
 }
 
-fn spacing_ns(recording: &Recording, signal: Signal) -> i64 {
+/// The usual spacing of a signal's samples, ns; 0 where there are fewer than two.
+pub(super) fn spacing_ns(recording: &Recording, signal: Signal) -> i64 {
     let frames = &recording.frames;
     let sampled: Vec<usize> = (0..frames.len()).filter(|&at| signal.of(&frames[at].measured).is_finite()).collect();
     median_spacing_ns(frames, &sampled)

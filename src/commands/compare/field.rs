@@ -6,7 +6,7 @@ use govtwin::comparison::ablation::{Parents, gated, of_data, of_hybrid};
 use govtwin::comparison::contenders::{self, data_only, mechanism, trained};
 use govtwin::comparison::summary::Searched;
 use govtwin::parameters::Unit;
-use govtwin::residual::booster::Hyperparameters;
+use govtwin::residual::booster::{Hyperparameters, Objective};
 use govtwin::residual::model::{Learned, Model};
 use govtwin::residual::split::RowSplit;
 use govtwin::residual::table::FeatureTable;
@@ -34,8 +34,9 @@ fn searched(
     searches: &mut Vec<Searched>,
 ) -> anyhow::Result<[Hyperparameters; 2]> {
     let [bayesian, random] = nouns;
-    let found = args.search(table, split, learned, SearchJob { id, kind: "bayesian", noun: bayesian }, seed)?;
-    let chance = args.search(table, split, learned, SearchJob { id, kind: "random", noun: random }, seed)?;
+    let job = |kind, noun| SearchJob { id, kind, noun, objective: Objective::L1 };
+    let found = args.search(table, split, learned, job("bayesian", bayesian), seed)?;
+    let chance = args.search(table, split, learned, job("random", random), seed)?;
     let at = |search: &Searched| -> anyhow::Result<Hyperparameters> {
         Ok(training::at(search.best().context("no evaluation of the search succeeded")?.0))
     };

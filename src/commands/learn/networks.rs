@@ -5,9 +5,11 @@ use std::time::Instant;
 use anyhow::Context;
 use govtwin::comparison::Contender;
 use govtwin::comparison::summary::Searched;
+use govtwin::residual::booster::Objective;
 use govtwin::residual::deep::{NetworkKind, SPACE, residuals};
 use govtwin::residual::split::{RowSplit, folds};
 use govtwin::residual::table::FeatureTable;
+use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
 use super::journal::EvaluationJournal;
 use super::{Args, SearchJob, search, searched};
@@ -48,7 +50,8 @@ pub fn compete(
         })?;
         drop(progress);
         let search_s = search_start.elapsed().as_secs_f64();
-        let found = searched(&SPACE, SearchJob { id, kind: "bayesian", noun }, &trials);
+        let job = SearchJob { id, kind: "bayesian", noun, objective: Objective::L1 };
+        let found = searched(&SPACE, job, &trials);
         let best = found.best().context("no evaluation of the search succeeded")?.0.to_vec();
         searches.push(found);
         let fit_start = now();
@@ -69,12 +72,12 @@ fn now() -> Instant {
 /// Mean absolute error over the validation rows of all folds.
 #[expect(clippy::cast_precision_loss, reason = "counts of rows")]
 fn loss(kind: NetworkKind, table: &FeatureTable, folds: &[RowSplit], point: &[f64], seed: u64) -> anyhow::Result<f64> {
-    let (mut sum, mut count) = (0.0, 0);
-    for fold in folds {
+    let of = |fold: &RowSplit| -> anyhow::Result<(f64, usize)> {
         let said = residuals(kind, table, fold, EVERY, point, seed)?;
         let judged = fold.test.iter().step_by(EVERY).zip(&said);
-        sum += judged.map(|(&row, said)| (table.marks[row].residual() - said).abs()).sum::<f64>();
-        count += said.len();
-    }
+        Ok((judged.map(|(&row, said)| (table.marks[row].residual() - said).abs()).sum(), said.len()))
+    };
+    let folds = folds.par_iter().map(of).collect::<anyhow::Result<Vec<_>>>()?;
+    let (sum, count) = folds.iter().fold((0.0, 0), |(sum, count), (more, rows)| (sum + more, count + rows));
     Ok(sum / count as f64)
 }

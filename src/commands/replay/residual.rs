@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use anyhow::Context;
 use govtwin::parameters::Unit;
 use govtwin::replay::Replayed;
 use govtwin::replay::summary::{RecordingSource, ReplaySummary, Residual, summarise};
@@ -9,6 +10,7 @@ use govtwin::residual::adapt::Adaptation;
 use govtwin::residual::corrector::Corrector;
 use govtwin::residual::guard::GuardCounts;
 use govtwin::residual::model::Model;
+use govtwin::residual::rate;
 use govtwin::residual::row::Opening;
 use govtwin::twin::Cut;
 
@@ -24,6 +26,19 @@ pub fn ready(model: &Model, unit: &Unit, cut: Cut) -> anyhow::Result<Corrector> 
     };
     model.check(unit, opening)?;
     Ok(Corrector::new(model)?)
+}
+
+/// Refuses models whose past cannot be taken from these recordings; what the others assume becomes a warning of the recording.
+pub fn check_rates(models: &[(&Path, Model)], results: &mut [Outcome]) -> anyhow::Result<()> {
+    for (path, model) in models {
+        for one in results.iter_mut() {
+            let recording = &one.replayed.recording;
+            let said =
+                rate::check(model, recording).with_context(|| format!("{} on {}", path.display(), recording.name))?;
+            one.source.warnings.extend(said);
+        }
+    }
+    Ok(())
 }
 
 /// The same recording with corrected estimates, and what the guard did.

@@ -28,7 +28,9 @@ use super::{NodeError, RunOptions};
 use crate::parameters::Unit;
 use crate::residual::corrector::Corrector;
 use crate::residual::model::ModelError;
+use crate::residual::rate;
 use crate::residual::row::Opening;
+use crate::units::nanos_from_seconds;
 
 /// Why a unit with a learned residual cannot be changed while the node runs.
 const FIXED_UNIT: &str =
@@ -66,7 +68,10 @@ impl Station {
     pub(super) fn open(options: &RunOptions, beside: Option<&Bus>, say: Say<'_>) -> Result<(Self, Parts), NodeError> {
         let store = parameters(options, say)?;
         let (settings, unit) = (store.settings(), store.unit().clone());
-        let corrector = corrector(options, &unit)?;
+        let corrector = corrector(options, &unit, settings.rate_hz)?;
+        if let Some(model) = &options.residual {
+            say(LogLevel::Info, &format!("the residual was {}", rate::assumed(model)));
+        }
         if beside.is_some() && settings.publish_clock {
             let words = "publish_clock:=true: several units of one process would tell several clocks; leave it out";
             return Err(NodeError::Parameter(words.to_owned()));
@@ -123,9 +128,10 @@ impl Station {
 }
 
 /// The learned residual, where there is one and it is of this unit.
-fn corrector(options: &RunOptions, unit: &Unit) -> Result<Option<Corrector>, ModelError> {
+fn corrector(options: &RunOptions, unit: &Unit, rate_hz: f64) -> Result<Option<Corrector>, ModelError> {
     let corrector = options.residual.as_ref().map(|model| {
         model.check(unit, Opening::Simulated)?;
+        rate::check_spacing(model, nanos_from_seconds(1.0 / rate_hz))?;
         let corrector = Corrector::new(model)?;
         if options.adapt { corrector.adapting(model) } else { Ok(corrector) }
     });
