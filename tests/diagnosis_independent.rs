@@ -24,13 +24,13 @@ fn judged(recordings: Vec<Recording>) -> Diagnosis {
 }
 
 fn generated(kind: CaseKind, seed: u64) -> Diagnosis {
-    let case = Case { name: "unit".to_owned(), kind, rate_hz: 100.0, rich: false, seed };
+    let case = Case { name: "unit".to_owned(), kind, rate_hz: 100.0, rich: false, seed, alone: None };
     judged(battery::make(&reference(), &case).recordings())
 }
 
 /// The same at 5 Hz, its inputs straight between the rows, as a bag at such a rate is read.
 fn generated_slow(kind: CaseKind, seed: u64) -> Diagnosis {
-    let case = Case { name: "unit".to_owned(), kind, rate_hz: 5.0, rich: false, seed };
+    let case = Case { name: "unit".to_owned(), kind, rate_hz: 5.0, rich: false, seed, alone: None };
     judged(battery::make(&reference(), &case).recordings().into_iter().map(straight).collect())
 }
 
