@@ -27,7 +27,7 @@ impl Recurring {
 
     /// Completes a row, which may be empty afterwards.
     pub fn complete(&mut self, row: &mut ImportedRow) {
-        if self.given_ns.is_none_or(|given_ns| row.time_ns - given_ns >= AGAIN_NS) {
+        if self.given_ns.is_none_or(|given_ns| row.time_ns.saturating_sub(given_ns) >= AGAIN_NS) {
             self.given_ns = Some(row.time_ns);
             for (target, value) in &self.constants {
                 row.set(*target, *value);
@@ -35,7 +35,7 @@ impl Recurring {
         }
         let Some(state) = row.value(Target::Esv) else { return };
         match self.esv {
-            Some((time_ns, last)) if last == state && (0..AGAIN_NS).contains(&(row.time_ns - time_ns)) => {
+            Some((time_ns, last)) if last == state && (0..AGAIN_NS).contains(&row.time_ns.saturating_sub(time_ns)) => {
                 row.set(Target::Esv, f64::NAN);
             }
             _ => self.esv = Some((row.time_ns, state)),

@@ -112,11 +112,21 @@ fn time_text<R: TableRecords>(records: &R, columns: &[usize]) -> String {
     columns.iter().map(text).collect::<Vec<_>>().join(" ")
 }
 
+/// 146 years before and after 1970: of any two such times the difference is a number of ns as well.
+const FARTHEST_NS: i64 = 1 << 62;
+
+/// The time of a record, ns since 1970.
 pub(super) fn read_time<R: TableRecords>(
     records: &R,
     columns: &[usize],
     clock: &mut TimeReader,
 ) -> Result<i64, String> {
+    let time_ns = any_time(records, columns, clock)?;
+    let is_near = (-FARTHEST_NS..=FARTHEST_NS).contains(&time_ns);
+    is_near.then_some(time_ns).ok_or_else(|| "expected a time between 1824 and 2116, found one beyond".to_owned())
+}
+
+fn any_time<R: TableRecords>(records: &R, columns: &[usize], clock: &mut TimeReader) -> Result<i64, String> {
     let only = columns.first().filter(|_| columns.len() == 1);
     if let Some(text) = only.and_then(|column| records.text_of(*column)) {
         return clock.read(text);
