@@ -118,7 +118,7 @@ fn the_command_says_what_passes_and_what_would() {
     fs::write(folder.join("limits.yaml"), limits).unwrap();
     let run = govtwin(folder, &["accept", "run", "--limits", "limits.yaml", "--diagnosis", "found", "--out", "report"]);
     assert_eq!(run.code, 3, "a limit is broken: {}", run.stderr);
-    assert!(run.stdout.contains("Without port_overlap the dead band falls from"), "{}", run.stdout);
+    assert!(run.stdout.contains("Without port overlap the dead band falls from"), "{}", run.stdout);
     assert!(run.stdout.contains(": passes."), "{}", run.stdout);
     assert!(run.stdout.contains("Synthetic"), "{}", run.stdout);
     let json: serde_json::Value =
@@ -133,7 +133,11 @@ fn the_command_says_what_passes_and_what_would() {
     let columns = csv.lines().next().unwrap().split(',').count();
     assert!(columns == 12 && csv.contains("dead_band_pu,pu,\"unit without port_overlap\""), "{csv}");
     let page = fs::read_to_string(folder.join("report/acceptance.html")).unwrap();
-    assert!(page.contains("Without port_overlap the dead band falls") && page.contains("signature"));
+    assert!(page.contains("Without port overlap the dead band falls") && page.contains("signature"));
+    for words in ["How sure", "How far", "What next", "Repair port overlap: without it the dead band passes."] {
+        assert!(page.contains(words), "{words}");
+    }
+    assert!(page.contains("without port overlap</th>"));
     let alone = govtwin(folder, &["accept", "run/load_increase", "--measure-only", "--json", "--out", "alone"]);
     assert_eq!(alone.code, 0, "{}", alone.stderr);
     let json: serde_json::Value = serde_json::from_str(&alone.stdout).unwrap();

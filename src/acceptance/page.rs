@@ -1,5 +1,6 @@
 //! The page of an acceptance report, which prints: limits and standings first, then what each fault costs, then how it was measured.
 
+mod answers;
 mod pictures;
 
 use super::Measure;
@@ -7,6 +8,7 @@ use super::limits::{Limit, LimitStanding};
 use super::series::Series;
 use super::summary::{AcceptanceSummary, AskedMeasure, Figure, Subject, text};
 use crate::provenance::Provenance;
+use crate::report::diagnosis::id_words;
 use crate::report::draw::{DrawError, svg};
 use crate::report::page::{KeyFigure, Page, PageBody, Tone};
 use crate::report::table::{Table, significant};
@@ -39,7 +41,7 @@ pub fn page(summary: &AcceptanceSummary, drawn: &[Drawn]) -> Result<Page, DrawEr
     };
     let mut page = Page::new("Acceptance: measures of the servo system", subtitle);
     let body = &mut page.body;
-    body.lead(lead(summary));
+    body.answers(answers::answers(summary));
     let limited = summary.measures.iter().filter_map(|asked| Some((asked, asked.as_found.as_ref()?.standing?)));
     body.key_figures(limited.take(6).map(|(asked, standing)| {
         let figure = asked.as_found.as_ref();
@@ -80,32 +82,6 @@ pub fn page(summary: &AcceptanceSummary, drawn: &[Drawn]) -> Result<Page, DrawEr
 
 fn kind(asked: &AskedMeasure) -> Measure {
     Measure::find(asked.id).unwrap_or(Measure::DeadTime)
-}
-
-/// The one sentence to take away.
-fn lead(summary: &AcceptanceSummary) -> String {
-    let named = |wanted: LimitStanding| {
-        let of = summary
-            .measures
-            .iter()
-            .filter(|asked| asked.as_found.as_ref().and_then(|figure| figure.standing) == Some(wanted));
-        of.map(|asked| asked.title).collect::<Vec<_>>().join(", ")
-    };
-    let head = match summary.standing {
-        None => "Measures without limits: give a file with --limits to judge them.".to_owned(),
-        Some(LimitStanding::Passes) => "The unit keeps every limit.".to_owned(),
-        Some(LimitStanding::Fails) => format!("The unit fails: {}.", named(LimitStanding::Fails)),
-        Some(LimitStanding::Undecided) => {
-            format!("Undecided: {}; the intervals hold values on both sides.", named(LimitStanding::Undecided))
-        }
-        Some(LimitStanding::NotMeasured) => {
-            format!("Not shown by these recordings: {}; the rest passes.", named(LimitStanding::NotMeasured))
-        }
-    };
-    match summary.sentences.first() {
-        Some(first) => format!("{head} {first}"),
-        None => head,
-    }
 }
 
 /// The words of a limit.
@@ -170,7 +146,8 @@ pub fn without_table(summary: &AcceptanceSummary) -> Option<Table> {
     }
     let mut table = Table::new().words("measure").numbers("as it is").numbers("limit");
     for unit in &units {
-        let of = unit.name.trim_start_matches("unit ").to_owned();
+        let faults: Vec<String> = unit.removed.iter().map(|id| id_words(id)).collect();
+        let of = format!("without {}", faults.join(" and "));
         table = table.numbers_of(of.clone(), "value").numbers_of(of.clone(), "interval").numbers_of(of, "standing");
     }
     for (i, asked) in summary.measures.iter().enumerate() {

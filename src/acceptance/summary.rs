@@ -8,6 +8,7 @@ use super::limits::{AcceptanceLimits, Limit, LimitStanding};
 use super::{Measure, MeasureFound};
 use crate::diagnosis::result::Interval;
 use crate::provenance::Provenance;
+use crate::report::diagnosis::id_words;
 use crate::report::table::{quantity, significant};
 
 /// The schema's name.
@@ -191,7 +192,7 @@ pub fn text(value: f64, measure: Measure) -> String {
 fn sentences(compared: &Compared, limits: &AcceptanceLimits) -> Vec<String> {
     let (mut turning, mut moving) = (vec![], vec![]);
     for one in &compared.without {
-        let names = one.removed.join(" and ");
+        let names = one.removed.iter().map(|id| id_words(id)).collect::<Vec<_>>().join(" and ");
         for (measure, (before, after)) in Measure::ALL.into_iter().zip(compared.as_found.iter().zip(&one.expected)) {
             let (Some(before), Some(after)) = (before, after) else { continue };
             let change = after.value.value - before.value.value;

@@ -34,7 +34,7 @@ enum Command {
 const HELP: &str = "\
 A fleet takes three steps, and any engine that runs a command many times does the middle one:
   govtwin fleet plan recordings --units units.csv --out store
-  seq 0 99 | xargs -P 8 -I I govtwin fleet run store --index I --out store
+  seq 0 $(($(wc -l < store/entries.jsonl) - 1)) | xargs -P 8 -I I govtwin fleet run store --index I --out store
   govtwin fleet gather store
 
 What the store holds is all that counts: a result is written in one step where none stands, so that entries may be done twice, by two workers

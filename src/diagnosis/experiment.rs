@@ -316,7 +316,7 @@ fn experiment(one: Weighed, entropy_bits: f64) -> Experiment {
         one.records.iter().copied().filter(|signal| !PILOT.contains(signal)).collect::<Vec<_>>(),
         one.records.iter().copied().filter(|signal| PILOT.contains(signal)).collect(),
     ]
-    .map(|signals| signals.into_iter().map(|signal| signal.title().to_lowercase()).collect::<Vec<_>>().join(", "));
+    .map(|signals| signals.into_iter().map(|signal| signal.title().to_lowercase()).collect::<Vec<_>>().join(" and "));
     let Weighed { candidate, records, separates, drop, .. } = one;
     let (length_s, trips) = (candidate.length_s(), candidate.trips());
     let mut test = candidate.test;

@@ -7,7 +7,7 @@
 //! |---|---|---|
 //! | n | valve position at which no oil passes `null_shift_pu` | pu of valve stroke |
 //!
-//! Without it the real spool stands off its demand by n/K2 at rest, which the large loop turns into an
+//! Without it the real spool stands off its demand at rest, by n over the spool loop's gain, which the large loop turns into an
 //! offset of the servomotor inside the dead band. Limits: in the positions it equals an error of the regulator's current
 //! reference, which the sheet lets vary; the pilot valve's own signal tells them apart.
 

@@ -8,12 +8,12 @@ use super::ageing::Trend;
 use super::changes::{Change, word};
 use super::gathered::{Gathered, Row, Status};
 use super::urgency::Look;
-use crate::report::diagnosis::{id_words, key_words, shown_unit, verdict_words};
+use crate::report::diagnosis::{id_words, key_words, probability as probability_words, shown_unit, verdict_words};
 use crate::report::draw::{DrawError, svg};
 use crate::report::ink::Ink;
 use crate::report::page::{KeyFigure, Page, PageBody, Tone};
 use crate::report::picture::{Mark, MarkShape, Panel, Picture};
-use crate::report::table::{Table, fixed, quantity, scaled_unit};
+use crate::report::table::{Table, quantity, scaled_unit};
 
 /// Rows that stand open; of more the pictures would come too far down.
 const MOST_OPEN_ROWS: usize = 60;
@@ -79,7 +79,7 @@ pub fn page(gathered: &Gathered, context: &Context) -> Result<Page, DrawError> {
 
 /// A probability as a percentage; empty where there is none.
 fn probability_text(probability: Option<f64>) -> String {
-    probability.map_or_else(String::new, |p| format!("{} %", fixed(100.0 * p, 0)))
+    probability.map_or_else(String::new, probability_words)
 }
 
 fn figures(gathered: &Gathered, context: &Context) -> Vec<KeyFigure> {
@@ -142,7 +142,7 @@ fn rows_table(body: &mut PageBody, gathered: &Gathered, context: &Context) {
         .words("period")
         .words("verdict")
         .words("cause or state")
-        .numbers("p")
+        .numbers("probability")
         .words("size (90 %)")
         .numbers_of("probability", "unknown")
         .numbers_of("probability", "none");
@@ -291,7 +291,8 @@ fn panel(unit: &str, trend: &Trend) -> Panel {
     // So many names fit side by side; the others stay without.
     let every = trend.points.len().div_ceil(6).max(1);
     let names = points().map(|(k, point)| if k % every == 0 { point.period.clone() } else { String::new() });
-    Panel::new(format!("{unit}, {}, {scaled}", key_words(&trend.name)))
+    let scaled = if scaled.is_empty() { scaled } else { format!(", {scaled}") };
+    Panel::new(format!("{unit}, {}{scaled}", key_words(&trend.name)))
         .height(120)
         .x_categories(names)
         .x_range(-0.5, at(trend.points.len()) - 0.5)

@@ -105,12 +105,6 @@ impl Format {
             named => NAMED.iter().find(|(_, format)| format == named).map_or("", |(name, _)| name),
         }
     }
-
-    /// Whether its times are those of a wall clock, for which a zone counts.
-    #[must_use]
-    pub fn is_local(&self) -> bool {
-        !matches!(self, Self::Epoch { .. } | Self::Relative { .. })
-    }
 }
 
 /// Reads the times of one file, in their order.

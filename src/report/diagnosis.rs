@@ -21,7 +21,7 @@ pub use stage::figure_text;
 pub use summary::summary;
 pub use traces::kept as kept_traces;
 pub(crate) use words::{
-    capital, id_words, key_words, parameter_words, shown_unit, size_words, stage_words, verdict_words,
+    capital, id_words, key_words, parameter_words, probability, shown_unit, size_words, stage_words, verdict_words,
 };
 
 #[cfg(test)]
@@ -61,12 +61,14 @@ pub fn page(diagnosis: &Diagnosis, made: &Provenance) -> Result<Page, DrawError>
 
 /// Unit, recordings and day.
 fn subtitle(diagnosis: &Diagnosis, made: &Provenance) -> String {
-    let mut names: Vec<&str> = diagnosis.traces.iter().map(|trace| trace.name.as_str()).collect();
-    // Pieces of one recording have names of their own.
+    // Parts of one recording share its name.
+    let whole = |trace: &Trace| trace.name.split(", part ").next().unwrap_or_default().to_owned();
+    let mut names: Vec<String> = diagnosis.traces.iter().map(whole).collect();
     names.dedup();
     let recordings = if names.len() > 6 { format!("{} recordings", names.len()) } else { names.join(", ") };
     let day = made.date.split('T').next().unwrap_or_default();
-    let parts = [made.unit.as_str(), recordings.as_str(), day];
+    let unit = if made.unit == recordings { "" } else { made.unit.as_str() };
+    let parts = [unit, recordings.as_str(), day];
     parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(" · ")
 }
 
@@ -80,7 +82,8 @@ fn opening(body: &mut PageBody, diagnosis: &Diagnosis, made: &Provenance) {
     if let Some((stage, hint)) = words::place(diagnosis).filter(|_| some) {
         key.push(KeyFigure::new("stage", stage, "").hint(hint));
     }
-    if let Some(first) = diagnosis.ranking.first() {
+    let finding = !matches!(diagnosis.verdict, Verdict::NotExcited | Verdict::NoSuchUnit);
+    if let Some(first) = diagnosis.ranking.first().filter(|_| finding) {
         key.push(
             KeyFigure::new("most probable", words::id_words(&first.id), "")
                 .hint(format!("probability {}", words::probability(first.probability))),
@@ -120,12 +123,17 @@ fn opening(body: &mut PageBody, diagnosis: &Diagnosis, made: &Provenance) {
     for origin in made.origins() {
         body.note(Tone::Plain, origin);
     }
-    // What comes nearest to something unknown stands among the answers.
-    let answered = |note: &&String| diagnosis.verdict == Verdict::Unknown && note.starts_with(answers::NEAREST);
+    // What stands among the answers already is not said again.
+    let answered = |note: &&String| {
+        let foreign = diagnosis.part.as_ref().and_then(|part| part.foreign.as_ref());
+        note.starts_with("One recording alone")
+            || diagnosis.verdict == Verdict::Unknown && note.starts_with(answers::NEAREST)
+            || diagnosis.verdict == Verdict::NoSuchUnit && foreign == Some(*note)
+    };
     for note in diagnosis.notes.iter().filter(|note| !answered(note)) {
         body.note(Tone::Warning, note.as_str());
     }
-    let far = answers::moved(diagnosis, answers::FAR);
+    let far = answers::far_off(diagnosis);
     if !far.is_empty() {
         let caption = "Values of the data sheet that recalibration moved by more than three standard deviations of their tolerance.";
         body.table(tables::moved(&far), caption);
@@ -175,7 +183,7 @@ fn recordings(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Re
         let into = if rank == 0 { &mut *body } else { &mut inner };
         let what = match diagnosis.part {
             Some(_) => trace.name.clone(),
-            None if trace.name.replace('_', " ").contains(trace.process.title()) => trace.name.clone(),
+            None if letters(&trace.name).contains(&letters(trace.process.title())) => trace.name.clone(),
             None => format!("{} ({})", trace.name, trace.process.title()),
         };
         let first = if rank == 0 && diagnosis.traces.len() > 1 { " The recording with most of the error." } else { "" };
@@ -193,6 +201,11 @@ fn recordings(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Re
         }
     }
     Ok(())
+}
+
+/// A name's letters: `startup_01` is called like a start-up.
+fn letters(name: &str) -> String {
+    name.chars().filter(|c| c.is_alphabetic()).flat_map(char::to_lowercase).collect()
 }
 
 fn location(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Result<(), DrawError> {
@@ -220,21 +233,22 @@ fn location(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Resu
         );
     }
     if let Some(best) = diagnosis.discrepancy_terms.first() {
-        body.figure(
-            svg(&pictures::shape(best))?,
-            format!(
-                "A discrepancy term on the {} ({}) would explain {} of the error; each panel is its part in one variable.{}",
+        // A term that explains nothing is a flat line.
+        if best.explains >= answers::TOLD {
+            let beside = if best.curves.iter().all(|curve| curve.named.is_empty()) {
+                ""
+            } else {
+                " Beside it what the same term would be if the unit were the twin with faults: where the two lie together, what is named is what \
+                 is missing."
+            };
+            let caption = format!(
+                "A discrepancy term on the {} ({}) would explain {} of the error; each panel is its part in one variable.{beside}",
                 best.place,
                 words::stage_title(best.stage),
                 words::percent(best.explains),
-                if best.curves.iter().all(|curve| curve.named.is_empty()) {
-                    ""
-                } else {
-                    " Beside it what the same term would be if the unit were the twin with faults: where the two lie together, \
-                     what is named is what is missing."
-                }
-            ),
-        );
+            );
+            body.figure(svg(&pictures::shape(best))?, caption);
+        }
         let mut inner = PageBody::new();
         inner.table(
             tables::discrepancy_terms(diagnosis),
@@ -249,7 +263,7 @@ fn causes(body: &mut PageBody, diagnosis: &Diagnosis) -> Result<(), DrawError> {
     body.heading("What causes it");
     let some = matches!(diagnosis.verdict, Verdict::Named | Verdict::Class | Verdict::Unknown);
     let caption = if some {
-        "Left: probability that the error sits in a stage. Right: the most probable effects; several may be present at once."
+        "Probability that the error sits in a stage, and the most probable effects; several may be present at once."
     } else {
         "The most probable effects; several may be present at once."
     };
@@ -281,7 +295,7 @@ fn next(body: &mut PageBody, diagnosis: &Diagnosis) {
             "Pairs that leave the same mark here; 1 is the same to the last bit.",
         );
     }
-    if !diagnosis.experiments.is_empty() {
+    if !diagnosis.experiments.is_empty() && diagnosis.verdict != Verdict::NoSuchUnit {
         body.table(
             tables::experiments(diagnosis),
             "Proposed tests: the best of the candidates, each simulated with every hypothesis that is left; parameters that nobody knows better and errors of equations count against them. The first stands in next_test.mcap where a governor can be sent it.",

@@ -50,11 +50,7 @@ pub struct ImportView {
 pub fn page(look: &ImportView) -> Result<Page, DrawError> {
     let mut page = Page::new(format!("What {} holds", look.file), format!("{} rows", look.rows));
     let body = &mut page.body;
-    body.lead(format!(
-        "{} of {} columns were taken for signals.",
-        look.chosen.len(),
-        look.chosen.len() + look.unused.len()
-    ));
+    body.answers(answers(look));
     for open in &look.open {
         body.note(Tone::Warning, open.clone());
     }
@@ -69,12 +65,7 @@ pub fn page(look: &ImportView) -> Result<Page, DrawError> {
     }
     body.table(table, "Why these columns");
     body.heading("The map");
-    // A table of one column keeps lines apart, whatever they hold.
-    let mut lines = Table::new().words("map.yaml");
-    for line in look.map.lines() {
-        lines.row([line.replace(' ', "\u{a0}")]);
-    }
-    body.table(lines, "");
+    body.file_text(look.map.trim_end());
     if !look.unused.is_empty() {
         body.heading("Columns left aside");
         let drawn: Vec<Guess> =
@@ -97,18 +88,50 @@ pub fn page(look: &ImportView) -> Result<Page, DrawError> {
     Ok(page)
 }
 
+/// What was found, how sure that is, how far it goes, and what to do next.
+fn answers(look: &ImportView) -> [(&'static str, Vec<String>); 4] {
+    let names: Vec<String> = look.chosen.iter().map(|guess| format!("{} ({})", guess.title, guess.column)).collect();
+    let total = look.chosen.len() + look.unused.len();
+    let mut found = vec![format!("{} of {total} columns were taken for signals.", look.chosen.len())];
+    if !names.is_empty() {
+        found.push(format!("{}.", names.join(", ")));
+    }
+    let open = look.open.len();
+    let sure = match open {
+        0 => {
+            "Nothing is open; why each column was taken stands below. The picture shows whether it is right.".to_owned()
+        }
+        1 => "One question is open, below. Why each column was taken stands below the picture.".to_owned(),
+        _ => format!("{open} questions are open, below. Why each column was taken stands below the picture."),
+    };
+    let far = format!("{} rows were read; columns left aside: {}.", look.rows, look.unused.len());
+    let next = if look.chosen.is_empty() {
+        "Write a map by hand: `map.yaml` beside this page has its frame."
+    } else if open > 0 {
+        "Settle what is open in `map.yaml` beside this page, then import with it: `govtwin import FILE --map map.yaml`."
+    } else {
+        "Check the picture, then import with the map beside this page: `govtwin import FILE --map map.yaml`."
+    };
+    [("What", found), ("How sure", vec![sure]), ("How far", vec![far]), ("What next", vec![next.to_owned()])]
+}
+
 fn picture(what: &str, guesses: &[Guess], ink: Ink) -> Picture {
     let panel = |guess: &Guess| {
-        let title = match (guess.title == guess.column, guess.unit.is_empty()) {
+        let largest = guess.points.iter().fold(0.0, |most: f64, point| most.max(point[2].abs()));
+        // Nobody reads an axis of millions of pascals.
+        let (scale, unit) =
+            if guess.unit == "Pa" && largest >= 1e5 { (1e-6, "MPa") } else { (1.0, guess.unit.as_str()) };
+        let points: Vec<[f64; 3]> =
+            guess.points.iter().map(|[time_s, least, most]| [*time_s, scale * least, scale * most]).collect();
+        let title = match (guess.title == guess.column, unit.is_empty()) {
             (true, true) => guess.column.clone(),
-            (true, false) => format!("{}, {}", guess.column, guess.unit),
+            (true, false) => format!("{}, {unit}", guess.column),
             (false, true) => format!("{} ({})", guess.title, guess.column),
-            (false, false) => format!("{}, {} ({})", guess.title, guess.unit, guess.column),
+            (false, false) => format!("{}, {unit} ({})", guess.title, guess.column),
         };
-        let middle = guess.points.iter().map(|[time_s, least, most]| [*time_s, 0.5 * (least + most)]).collect();
+        let middle = points.iter().map(|[time_s, least, most]| [*time_s, 0.5 * (least + most)]).collect();
         let mut panel = Panel::new(title).height(90).x_name("time, s");
-        let ends = guess
-            .points
+        let ends = points
             .iter()
             .fold([f64::INFINITY, f64::NEG_INFINITY], |ends, point| [ends[0].min(point[1]), ends[1].max(point[2])]);
         if ends[0] == ends[1] {
@@ -116,7 +139,7 @@ fn picture(what: &str, guesses: &[Guess], ink: Ink) -> Picture {
             let around = 0.5 * ends[0].abs().max(1.0);
             panel = panel.y_range(ends[0] - around, ends[1] + around);
         }
-        panel.marks.push(Mark::new(MarkShape::Band(guess.points.clone()), ink, ""));
+        panel.marks.push(Mark::new(MarkShape::Band(points), ink, ""));
         panel.marks.push(Mark::new(MarkShape::Line(middle), ink, ""));
         panel
     };
@@ -150,6 +173,7 @@ mod tests {
             "Servomotor position, pu (Y_ist)",
             "its name",
             "range: yours",
+            "Settle what is open in",
             "esv:",
             "1 columns",
             "read as it is",

@@ -55,6 +55,7 @@ enum Block {
     Answers(Vec<(String, Vec<String>)>),
     Heading(String),
     Paragraph(String),
+    Text(String),
     KeyFigures(Vec<KeyFigure>),
     Figure { svg: Svg, caption: String },
     Table { table: Table, caption: String },
@@ -92,6 +93,11 @@ impl PageBody {
     /// A paragraph.
     pub fn paragraph(&mut self, text: impl Into<String>) {
         self.0.push(Block::Paragraph(text.into()));
+    }
+
+    /// The text of a file, line by line as it stands there.
+    pub(crate) fn file_text(&mut self, text: impl Into<String>) {
+        self.0.push(Block::Text(text.into()));
     }
 
     /// The numbers that the reader came for, side by side.
@@ -227,6 +233,7 @@ fn block(block: &Block) -> Markup {
             },
             Block::Heading(text) => h2 id=(slug(text)) { (text) },
             Block::Paragraph(text) => p { (prose(text)) },
+            Block::Text(text) => pre { (text) },
             Block::KeyFigures(figures) => dl.key-figures {
                 @for figure in figures {
                     div {

@@ -86,7 +86,8 @@ pub fn page(watched: &Watched) -> Result<Page, DrawError> {
             })
             .collect();
         let own = entry.notes.iter().filter(|note| !note.starts_with(ALONE));
-        let notes = entry.warnings.iter().chain(own).cloned().collect::<Vec<_>>().join(" ");
+        let warnings = entry.warnings.iter().map(|warning| format!("{warning}."));
+        let notes = warnings.chain(own.cloned()).collect::<Vec<_>>().join(" ");
         let cells = [
             readable(time),
             process_words(&entry.process),

@@ -73,6 +73,18 @@ fn what_a_spool_does_to_a_servomotor_tells_columns_without_names() {
 }
 
 #[test]
+fn a_zone_is_asked_for_once_and_only_where_times_name_none() {
+    for (end, asked) in [("Z", 0), ("+01:00", 0), ("", 1)] {
+        let row = |k: usize| format!("2026-09-22T18:38:{:02}.{}00{end},{}\n", k / 10, k % 10, (k as f64 * 0.1).sin());
+        let text = (0..500).fold("time,spool [%]\n".to_owned(), |text, k| text + &row(k));
+        let (_folder, path) = file("zones.csv", &text);
+        let open = of(&path).open;
+        let zones = open.iter().filter(|question| question.contains("zone")).count();
+        assert_eq!(zones, asked, "{end}: {open:?}");
+    }
+}
+
+#[test]
 fn units_without_a_word_are_guessed_by_size_and_left_open() {
     let mut text = "time,gate setpoint,gate feedback,oil pressure,trip\n".to_owned();
     for k in 0..2000 {

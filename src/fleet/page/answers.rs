@@ -11,13 +11,15 @@ use crate::report::table::fixed;
 pub fn answers(gathered: &Gathered, context: &Context, units: usize) -> [(&'static str, Vec<String>); 4] {
     let changed: BTreeSet<&str> = gathered.changed().map(|(unit, _)| unit).collect();
     let (looks, changed) = (context.looks.len(), changed.len());
-    let mut cause = vec![match (looks, changed) {
+    let mut cause = match (looks, changed) {
         (0, _) => format!("None of {units} units needs a look."),
         (_, 0) => format!("{looks} of {units} units need a look; no size changed beyond its interval."),
         _ => format!("{looks} of {units} units need a look; in {changed} a size changed beyond its interval."),
-    }];
+    };
     let first = context.looks.first();
-    cause.extend(first.map(|look| format!("First {}: {}.", look.unit, look.reasons.join("; "))));
+    if let Some(look) = first {
+        cause += &format!(" First {}: {}.", look.unit, look.reasons.join("; "));
+    }
     let last = first.and_then(|look| gathered.last_found(&look.unit)?.found.as_ref());
     let mut sure = Vec::new();
     if let Some(found) = last.filter(|found| !found.causes.is_empty()) {
@@ -53,5 +55,5 @@ pub fn answers(gathered: &Gathered, context: &Context, units: usize) -> [(&'stat
     if failed > 0 {
         next.push(format!("{failed} failed: their recordings cannot be diagnosed, for the reasons below."));
     }
-    [("Cause", cause), ("How sure", sure), ("How far", far), ("What next", next)]
+    [("Cause", vec![cause]), ("How sure", sure), ("How far", far), ("What next", next)]
 }

@@ -4,7 +4,6 @@ use super::Suggestion;
 use super::column::SuggestedColumn;
 use super::names::score;
 use super::propose::{guessed_pressure, rounded, signal};
-use crate::import::clock::Format;
 use crate::import::convert::{is_travel, pressure, share};
 use crate::import::findings::CorrelationSums;
 use crate::import::map::{Map, SignalMap, SignalPlace};
@@ -95,13 +94,6 @@ pub(super) fn rank(mut map: Map, columns: Vec<SuggestedColumn>, fields: bool) ->
         }
     }
     open.extend(competing(&columns, &related, &relations, &chosen));
-    let local =
-        map.time.format.as_deref().and_then(|name| Format::of(name).ok()).is_some_and(|format| format.is_local());
-    if local && map.time.zone.is_none() {
-        open.push(
-            "time: local times without a zone; give `zone: Europe/Zurich` or an offset such as `\"+01:00\"`".to_owned(),
-        );
-    }
     Suggestion { map, columns, reasons, notes: vec![], open, rows: 0 }
 }
 

@@ -2,16 +2,17 @@
 
 use crate::diagnosis::decision::weights::CHAIN;
 use crate::diagnosis::result::{Diagnosis, Fitted, Verdict};
+use crate::effects::Stage;
 use crate::report::diagnosis::stage::fitted_stage;
 use crate::report::diagnosis::words::{
-    besides, capital, cause, closing, errors, id_words, key_words, listed, of_several, over_noise, percent,
+    besides, capital, cause, errors, explained, id_words, key_words, listed, of_several, over_noise, percent,
     probability, stage_title, symptom, values,
 };
 use crate::report::diagnosis::{next_test, traces};
 use crate::report::table::{fixed, quantity};
 
 /// Share of the gap from which it is worth a word what a discrepancy term would explain.
-const TOLD: f64 = 0.05;
+pub const TOLD: f64 = 0.05;
 
 /// Tolerances from which a recalibrated value is worth a word where nothing else is wrong.
 const MOVED: f64 = 1.0;
@@ -20,7 +21,10 @@ const MOVED: f64 = 1.0;
 const NAMED_VALUES: usize = 3;
 
 /// Tolerances from which a value is far from its sheet: by chance one in 370 is.
-pub const FAR: f64 = 3.0;
+const FAR: f64 = 3.0;
+
+/// Probability of a stage below which the next one is named beside it.
+const OPEN: f64 = 0.5;
 
 /// How a note begins that says what is nearest where nothing has a name.
 pub const NEAREST: &str = "Nearest in the catalogue: ";
@@ -93,6 +97,11 @@ pub fn moved(diagnosis: &Diagnosis, beyond: f64) -> Vec<&Fitted> {
     moved
 }
 
+/// Values that the recalibration moved far off a data sheet, where one is known.
+pub fn far_off(diagnosis: &Diagnosis) -> Vec<&Fitted> {
+    if diagnosis.part.as_ref().is_some_and(|part| !part.sheet) { Vec::new() } else { moved(diagnosis, FAR) }
+}
+
 /// What the recalibration found.
 fn no_gap(diagnosis: &Diagnosis) -> String {
     let moved = moved(diagnosis, MOVED);
@@ -127,12 +136,26 @@ fn found(one: &Fitted) -> String {
 
 /// Where and when the error sits.
 fn unknown(diagnosis: &Diagnosis) -> String {
-    let place = diagnosis.stage.map_or_else(String::new, |stage| format!("look first at the {}", stage_title(stage)));
+    let place = diagnosis.stage.map_or_else(String::new, |stage| {
+        let share = share_of(diagnosis, stage).unwrap_or(1.0);
+        // Where the stage is open, the next one is worth a look as well.
+        let others = diagnosis.stages.iter().filter(|(at, _)| *at != stage);
+        let next = others.max_by(|a, b| a.1.total_cmp(&b.1)).filter(|_| share < OPEN);
+        let then = next.map(|(at, other)| {
+            format!(" ({}), then at the {} ({})", probability(share), stage_title(*at), probability(*other))
+        });
+        format!("look first at the {}{}", stage_title(stage), then.unwrap_or_default())
+    });
     let when = worst(diagnosis)
         .map(|(name, [from_s, to_s])| format!("{name} shows it most, at {} to {} s", fixed(from_s, 1), fixed(to_s, 1)));
     let words: Vec<String> = [place].into_iter().filter(|place| !place.is_empty()).chain(when).collect();
     let nothing = "Something that nothing in the catalogue explains";
     if words.is_empty() { format!("{nothing}.") } else { format!("{nothing}: {}.", words.join("; ")) }
+}
+
+/// The probability that the error sits in a stage.
+fn share_of(diagnosis: &Diagnosis, stage: Stage) -> Option<f64> {
+    diagnosis.stages.iter().find(|(at, _)| *at == stage).map(|(_, share)| *share)
 }
 
 /// The recording with most of the error, and the [`traces::WORST_S`] of it in which the recalibrated twin is farthest off.
@@ -174,8 +197,7 @@ fn nearest(diagnosis: &Diagnosis) -> String {
 fn sureness(diagnosis: &Diagnosis) -> Vec<String> {
     let of = |id: &str| diagnosis.ranking.iter().find(|one| one.id == id).map(|one| one.probability);
     let at_stage = diagnosis.stage.and_then(|stage| {
-        let share = diagnosis.stages.iter().find(|(at, _)| *at == stage)?.1;
-        Some(format!("that it sits in the {}: {}", stage_title(stage), probability(share)))
+        Some(format!("that it sits in the {}: {}", stage_title(stage), probability(share_of(diagnosis, stage)?)))
     });
     let faults = |joint: &str| {
         let each: Vec<String> = diagnosis
@@ -190,7 +212,10 @@ fn sureness(diagnosis: &Diagnosis) -> Vec<String> {
             let least = diagnosis.blamed.iter().map(|one| one.probability).fold(f64::INFINITY, f64::min);
             (Some(least), vec![format!("Probability of {}", faults("and"))])
         }
-        Verdict::Class => (None, vec![format!("Probability of {}", faults("or"))]),
+        Verdict::Class => {
+            let most = diagnosis.blamed.iter().map(|one| one.probability).fold(f64::NEG_INFINITY, f64::max);
+            (most.is_finite().then_some(most), vec![format!("Probability of {}", faults("or"))])
+        }
         Verdict::Unknown => {
             let share = of("unknown").unwrap_or(f64::NAN);
             (
@@ -204,10 +229,7 @@ fn sureness(diagnosis: &Diagnosis) -> Vec<String> {
         Verdict::NotExcited => {
             let share = of("none").unwrap_or(f64::NAN);
             let words = "but that is no finding, as most faults would not show here";
-            (
-                Some(share),
-                vec![format!("Nothing speaks for a fault (probability of none: {}), {words}", probability(share))],
-            )
+            (None, vec![format!("Nothing speaks for a fault (probability of none: {}), {words}", probability(share))])
         }
         Verdict::NoGap => {
             let share = of("none").unwrap_or(f64::NAN);
@@ -221,7 +243,7 @@ fn sureness(diagnosis: &Diagnosis) -> Vec<String> {
     }
     let mut all = vec![format!("{}.", parts.join("; "))];
     all.extend(besides(diagnosis).map(|words| capital(&words)));
-    if is_alone(diagnosis) {
+    if is_alone(diagnosis) && diagnosis.verdict != Verdict::NotExcited {
         all.push("One recording alone: the best explanation of it, not confirmed by another.".to_owned());
     }
     if diagnosis.part.is_none() && !diagnosis.ranking.is_empty() {
@@ -255,8 +277,12 @@ fn hit_rate(learned: &serde_json::Value, claimed: f64) -> Option<String> {
 fn reach(diagnosis: &Diagnosis) -> Vec<String> {
     let mut all = Vec::new();
     if !diagnosis.blamed.is_empty() {
-        let most = if diagnosis.verdict == Verdict::Class { "The most probable one explains" } else { "Explains" };
-        all.push(format!("{most} {}.", closing(diagnosis.explained_fraction, "the error that recalibration leaves")));
+        let subject = match (diagnosis.verdict, diagnosis.blamed.len()) {
+            (Verdict::Class, _) => ["the most probable one", "explains"],
+            (_, 1) => ["the fault", "explains"],
+            _ => ["the faults", "explain"],
+        };
+        all.push(explained(diagnosis.explained_fraction, subject));
     }
     if diagnosis.verdict == Verdict::Unknown {
         all.extend(discrepancy(diagnosis));
@@ -265,7 +291,7 @@ fn reach(diagnosis: &Diagnosis) -> Vec<String> {
         all.push(over_noise(diagnosis));
     }
     all.push(errors(diagnosis));
-    let far = moved(diagnosis, FAR);
+    let far = far_off(diagnosis);
     if !far.is_empty() && diagnosis.verdict != Verdict::NoGap {
         let found: Vec<String> = far.iter().take(NAMED_VALUES).map(|one| found(one)).collect();
         all.push(format!("Only with the data sheet far off: {}.", found.join(", ")));
@@ -298,7 +324,9 @@ fn next(diagnosis: &Diagnosis) -> Vec<String> {
             all.insert(0, "Record a process that travels: a start-up, a step of load, a shutdown by the ESV.".into());
         }
         Verdict::NoSuchUnit => {
-            all.insert(0, "Check which signals were recorded: the spool's position of the main distributing valve, and its servomotor's.".into());
+            // No test of a servomotor stage tells more of what is none.
+            all.clear();
+            all.push(next_test::CHECK_SIGNALS.into());
         }
         Verdict::NoGap => {
             all.push("What would have shown, had it been there, stands below under what could be seen.".into());

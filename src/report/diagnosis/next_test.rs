@@ -1,9 +1,16 @@
 //! The next test in words: what it tells apart, how an operator runs it, and why none is proposed.
 
 use crate::diagnosis::experiment::LEAST_BITS;
-use crate::diagnosis::result::{Diagnosis, Experiment};
+use crate::diagnosis::result::{Diagnosis, Experiment, Verdict};
 use crate::report::diagnosis::words::{id_words, listed, probability, stage_words};
-use crate::report::table::significant;
+use crate::report::table::{fixed, significant};
+
+/// What to do where the recordings are of no servomotor stage.
+pub const CHECK_SIGNALS: &str =
+    "Check which signals were recorded: the spool's position of the main distributing valve, and its servomotor's.";
+
+/// Share of what is open below which a test is no promise.
+const LITTLE: f64 = 0.1;
 
 /// A hypothesis of a posterior in words: effects joined by `+`, `none`, or `unknown:STAGE`.
 pub fn hypothesis_words(name: &str) -> String {
@@ -20,6 +27,12 @@ pub fn how_to_run(one: &Experiment) -> String {
     format!("{}. Record {commanded}{} at {} Hz.", one.unit_state, listed(&signals, "and"), significant(one.rate_hz, 3))
 }
 
+/// The length of a test in seconds; most are whole.
+pub fn length_s(one: &Experiment) -> String {
+    let tenths = (one.length_s * 10.0).round() / 10.0;
+    fixed(tenths, usize::from(tenths.fract() > 0.0))
+}
+
 /// Why no test is proposed.
 fn nothing_to_settle(diagnosis: &Diagnosis) -> String {
     let bits = significant(diagnosis.entropy_bits, 2);
@@ -30,22 +43,38 @@ fn nothing_to_settle(diagnosis: &Diagnosis) -> String {
     }
 }
 
+/// What a test settles: `tell a and b apart`, or `tell whether a acts`.
+fn settles(one: &Experiment) -> String {
+    let acting: Vec<String> =
+        one.separates.iter().filter(|name| *name != "none").map(|name| hypothesis_words(name)).collect();
+    if acting.len() == 1 && acting.len() < one.separates.len() {
+        format!("tell whether {} acts", acting[0])
+    } else {
+        let names: Vec<String> = one.separates.iter().map(|name| hypothesis_words(name)).collect();
+        format!("tell {} apart", listed(&names, "and"))
+    }
+}
+
 /// The best test in paragraphs: what it is, how to run it, and one with a trip that would tell more.
 pub fn paragraphs(diagnosis: &Diagnosis) -> Vec<String> {
     let Some(one) = diagnosis.experiments.first() else {
         return vec![format!("Next test: {}.", nothing_to_settle(diagnosis))];
     };
-    let names: Vec<String> = one.separates.iter().map(|name| hypothesis_words(name)).collect();
     let trips = |trips: u32| if trips == 0 { "no trip".to_owned() } else { format!("{trips} trip of the ESV") };
     let sent = if one.script.is_some() { " `govtwin play next_test.mcap` sends it." } else { "" };
+    let share = one.expected_drop_bits / one.entropy_bits;
+    let purpose = if share < LITTLE {
+        format!("No test that was tried would settle much; the best, to {}", settles(one))
+    } else {
+        format!("To {}", settles(one))
+    };
     let mut all = vec![
         format!(
-            "To tell {} apart: {}. It takes {} s, with {}, and is expected to settle {} of what is open ({} of {} bits).{sent}",
-            listed(&names, "and"),
+            "{purpose}: {}. It takes {} s, with {}, and is expected to settle {} of what is open ({} of {} bits).{sent}",
             one.test,
-            significant(one.length_s, 3),
+            length_s(one),
             trips(one.trips),
-            probability(one.expected_drop_bits / one.entropy_bits),
+            probability(share),
             significant(one.expected_drop_bits, 2),
             significant(one.entropy_bits, 2),
         ),
@@ -60,11 +89,10 @@ pub fn paragraphs(diagnosis: &Diagnosis) -> Vec<String> {
 
 /// Lines of the summary on a terminal: what they are called, and what they say.
 pub fn lines(diagnosis: &Diagnosis) -> Vec<(&'static str, String)> {
+    if diagnosis.verdict == Verdict::NoSuchUnit {
+        return vec![("next", CHECK_SIGNALS.to_owned())];
+    }
     let Some(one) = diagnosis.experiments.first() else { return vec![("next test", nothing_to_settle(diagnosis))] };
-    let names: Vec<String> = one.separates.iter().map(|name| hypothesis_words(name)).collect();
     let bits = significant(one.expected_drop_bits, 2);
-    vec![
-        ("next test", format!("{} (tells {} apart; {bits} bits)", one.test, listed(&names, "and"))),
-        ("how to run", how_to_run(one)),
-    ]
+    vec![("next test", format!("{} (to {}; {bits} bits)", one.test, settles(one))), ("how to run", how_to_run(one))]
 }

@@ -1,7 +1,7 @@
 //! How much the sheet limits a verdict, in words and as a table.
 
 use crate::diagnosis::result::{DetectableSize, Diagnosis, SheetLimits, SheetValue};
-use crate::report::diagnosis::words::{id_words, percent};
+use crate::report::diagnosis::words::{id_words, parameter_words, percent, shown_unit};
 use crate::report::table::{Table, fixed, quantity, significant};
 
 /// Values that are named in a sentence, and that a page shows.
@@ -47,11 +47,13 @@ fn hidden(diagnosis: &Diagnosis) -> Option<String> {
     let finite = diagnosis.detectable_sizes.iter().filter(|one| ratio(one).is_finite());
     let most = finite.max_by(|a, b| ratio(a).total_cmp(&ratio(b)))?;
     (ratio(most) > 1.0).then(|| {
+        let shown = |value: f64| quantity(value, shown_unit(most.parameter, most.unit));
         format!(
-            "its tolerances hide {} most: it shows from {} on, from {} if all values were known",
+            "its tolerances hide {} most: its {} shows from {} on, from {} if all values were known",
             id_words(most.id),
-            quantity(most.smallest, most.unit),
-            quantity(most.with_known_sheet, most.unit)
+            parameter_words(most.parameter, most.unit),
+            shown(most.smallest),
+            shown(most.with_known_sheet)
         )
     })
 }

@@ -5,6 +5,9 @@ use crate::diagnosis::result::{Diagnosis, Fitted, StageOnly};
 use crate::report::table::{Table, fixed, quantity, significant};
 use crate::signal::Signal;
 
+/// Mean square beyond the noise, over that of the noise, below which a recalibrated twin leaves only noise.
+const NEXT_TO_NOTHING: f64 = 0.05;
+
 /// RMS errors of the twins and the noise floor, by signal.
 pub fn gap(diagnosis: &Diagnosis, explained: bool) -> Table {
     let mut table = Table::new().words("signal").numbers("data sheet").numbers("recalibrated");
@@ -26,7 +29,9 @@ pub fn gap(diagnosis: &Diagnosis, explained: bool) -> Table {
         if explained {
             let beyond = gap.refitted.powi(2) - gap.noise_floor.powi(2);
             let closed = gap.refitted.powi(2) - gap.with_effects.powi(2);
-            row.push(if beyond > 0.0 { percent((closed / beyond).min(1.0)) } else { "no error".to_owned() });
+            // Of next to nothing no share is a finding.
+            let some = beyond > NEXT_TO_NOTHING * gap.noise_floor.powi(2);
+            row.push(if some { percent((closed / beyond).min(1.0)) } else { "only noise".to_owned() });
         }
         table.row(row);
     }
@@ -176,13 +181,19 @@ pub fn experiments(diagnosis: &Diagnosis) -> Table {
         table.row([
             one.test.clone(),
             super::words::listed(&names, "and"),
-            format!("{} to {}", significant(one.expected_drop_bits, 2), significant(one.at_most_bits, 2)),
+            span(one.expected_drop_bits, one.at_most_bits),
             significant(one.bits_per_minute, 2),
-            significant(one.length_s, 3),
+            super::next_test::length_s(one),
             one.trips.to_string(),
         ]);
     }
     table
+}
+
+/// `0.14 to 0.17`; one figure where both read the same.
+fn span(low: f64, high: f64) -> String {
+    let [low, high] = [low, high].map(|end| significant(end, 2));
+    if low == high { low } else { format!("{low} to {high}") }
 }
 
 /// Pairs that look alike here.
@@ -211,7 +222,8 @@ pub fn detectable_sizes(diagnosis: &Diagnosis) -> Table {
             "hidden"
         };
         let shown = |value: f64| quantity(value, shown_unit(one.parameter, one.unit));
-        let smallest = if one.smallest.is_finite() { shown(one.smallest) } else { "none".to_owned() };
+        // Many times a moderate fault is a size that no unit has.
+        let smallest = if seen == "hidden" { "none".to_owned() } else { shown(one.smallest) };
         table.row([
             id_words(one.id),
             parameter_words(one.parameter, one.unit),

@@ -179,9 +179,9 @@ fn the_page_says_the_verdict_and_holds_all_it_needs() {
             || html.contains("Play between the servomotor's piston")
     );
     assert!(html.contains("play 0.42 % [0.40, 0.44]"));
-    assert!(
-        html.contains("Explains 88 % [84, 91] of the error that recalibration leaves, on data held out of the fit.")
-    );
+    assert!(html.contains(
+        "The fault explains 88 % [84, 91] of the error that recalibration leaves, on data held out of the fit."
+    ));
     // Cause, how sure, how far, what next, in this order and before everything else.
     let at = |words: &str| html.find(words).unwrap_or_else(|| panic!("{words}"));
     let order = ["<dt>Cause<", "<dt>How sure<", "<dt>How far<", "<dt>What next<", "key-figures\"", "<h2"].map(at);
@@ -286,7 +286,10 @@ fn an_explained_fraction_that_says_nothing_is_not_given_as_a_figure() {
     diagnosis.explained_fraction = Interval { value: 1.0, low: 0.0, high: 1.0 };
     diagnosis.blamed[0].explained_fraction = diagnosis.explained_fraction;
     let text = summary(&diagnosis, usize::MAX);
-    assert!(text.contains("Explains a share of the error that recalibration leaves that cannot be told"), "{text}");
+    assert!(
+        text.contains("How much of the error that recalibration leaves the fault explains cannot be told"),
+        "{text}"
+    );
     assert!(!text.contains("100 %"), "{text}");
     let html = html_of(&diagnosis, &Provenance::default());
     assert!(html.contains("cannot be told<") && !html.contains("[0, 100]"));
@@ -301,7 +304,10 @@ fn an_explained_fraction_below_nothing_is_none() {
     let mut diagnosis = made_up(Verdict::Named, &["backlash"]);
     diagnosis.explained_fraction = Interval { value: -0.12, low: -0.77, high: 0.09 };
     let text = summary(&diagnosis, usize::MAX);
-    assert!(text.contains("Explains nothing of the error that recalibration leaves, on data held out"), "{text}");
+    assert!(
+        text.contains("The fault explains nothing of the error that recalibration leaves, on data held out"),
+        "{text}"
+    );
 }
 
 #[test]

@@ -28,15 +28,16 @@ pub fn percents(interval: Interval) -> String {
     format!("{} [{}, {}]", percent(interval.value), plain(interval.low), plain(interval.high))
 }
 
-/// An explained fraction with what it is a share of.
-pub fn closing(explained_fraction: Interval, of: &str) -> String {
+/// How much of the error an explanation takes, `subject` with its verb: `the fault`, `explains`.
+pub fn explained(explained_fraction: Interval, [subject, explains]: [&str; 2]) -> String {
+    let error = "the error that recalibration leaves";
     if explained_fraction.leaves_all_open() {
         return format!(
-            "a share of {of} that cannot be told: it stands in too few places, or too little above the noise"
+            "How much of {error} {subject} {explains} cannot be told: the error stands in too few places, or too little above the noise."
         );
     }
     let share = if explained_fraction.value > 0.0 { percents(explained_fraction) } else { "nothing".to_owned() };
-    format!("{share} of {of}, on data held out of the fit")
+    format!("{} {explains} {share} of {error}, on data held out of the fit.", capital(subject))
 }
 
 /// Where a stage is on the machine.

@@ -33,12 +33,14 @@ pub fn answers(summary: &ReplaySummary, sensors: &Sensors) -> Vec<(&'static str,
     if !noise.is_empty() {
         sure.push(format!("Noise and steps of the transducers alone would make: {}.", noise.join(", ")));
     }
-    let mut how_far = vec![format!("RMS error over all rows: {}.", far.join(", "))];
-    how_far.extend(after(summary));
+    let how_far = match after(summary) {
+        Some(after) => format!("RMS error over all rows: {}; {after}.", far.join(", ")),
+        None => format!("RMS error over all rows: {}.", far.join(", ")),
+    };
     vec![
         ("Cause", vec![farthest(summary)]),
         ("How sure", sure),
-        ("How far", how_far),
+        ("How far", vec![how_far]),
         ("What next", vec![next(summary)]),
     ]
 }
@@ -68,12 +70,12 @@ fn farthest(summary: &ReplaySummary) -> String {
     format!("{where_most} ({} RMS). {not_why}.", there.join(", "))
 }
 
-/// What the last unit of a ladder leaves, in a sentence.
+/// What the last unit of a ladder leaves, in half a sentence.
 fn after(summary: &ReplaySummary) -> Option<String> {
     let rungs = summary.ladder.iter().flat_map(|ladder| ladder.rungs.iter().skip(1));
     let last = rungs.rev().find(|rung| rung.model.is_none())?;
     let left = said(|signal, name, _| Some(format!("{name} {} %", percent(rmse(&last.overall, signal)?, 2))));
-    Some(format!("With {}: {}.", last.title, left.join(", ")))
+    Some(format!("with {} {}", last.title, left.join(", ")))
 }
 
 fn next(summary: &ReplaySummary) -> String {

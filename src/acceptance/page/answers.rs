@@ -1,0 +1,126 @@
+//! The four answers at the head of an acceptance report: what fails, how sure, how far from the limits, what to do next.
+
+use super::{kind, limit_text, value_text};
+use crate::acceptance::limits::LimitStanding;
+use crate::acceptance::summary::{AcceptanceSummary, AskedMeasure, Figure};
+use crate::report::diagnosis::{capital, id_words, verdict_words};
+
+/// The answers, each under its question.
+pub fn answers(summary: &AcceptanceSummary) -> [(&'static str, Vec<String>); 4] {
+    [
+        ("Cause", cause(summary)),
+        ("How sure", vec![sureness(summary)]),
+        ("How far", vec![reach(summary)]),
+        ("What next", vec![next(summary)]),
+    ]
+}
+
+/// The measures that stand so, each with its figure.
+fn standing(summary: &AcceptanceSummary, wanted: LimitStanding) -> Vec<(usize, &AskedMeasure, &Figure)> {
+    let limited =
+        summary.measures.iter().enumerate().filter_map(|(i, asked)| Some((i, asked, asked.as_found.as_ref()?)));
+    limited.filter(|(_, _, figure)| figure.standing == Some(wanted)).collect()
+}
+
+fn titles(all: &[(usize, &AskedMeasure, &Figure)]) -> String {
+    all.iter().map(|(_, asked, _)| asked.title).collect::<Vec<_>>().join(", ")
+}
+
+fn cause(summary: &AcceptanceSummary) -> Vec<String> {
+    let named = |wanted: LimitStanding| titles(&standing(summary, wanted));
+    let head = match summary.standing {
+        None => "Measures without limits: give a file with --limits to judge them.".to_owned(),
+        Some(LimitStanding::Passes) => "The unit keeps every limit.".to_owned(),
+        Some(LimitStanding::Fails) => format!("The unit fails: {}.", named(LimitStanding::Fails)),
+        Some(LimitStanding::Undecided) => {
+            format!("Undecided: {}; the intervals hold values on both sides.", named(LimitStanding::Undecided))
+        }
+        Some(LimitStanding::NotMeasured) => {
+            format!("Not shown by these recordings: {}; the rest passes.", named(LimitStanding::NotMeasured))
+        }
+    };
+    std::iter::once(head).chain(summary.sentences.first().cloned()).collect()
+}
+
+fn sureness(summary: &AcceptanceSummary) -> String {
+    let mut words =
+        "Intervals hold nine times in ten; a limit passes or fails only where the whole interval does.".to_owned();
+    if !summary.faults.is_empty() {
+        let faults: Vec<String> = summary.faults.iter().map(|id| id_words(id)).collect();
+        words += &format!(
+            " The faults taken out are those of the diagnosis ({}): {}.",
+            verdict_words(&summary.verdict),
+            faults.join(", ")
+        );
+    }
+    words
+}
+
+/// The measures with a limit, those first that do not pass.
+fn reach(summary: &AcceptanceSummary) -> String {
+    let order = [LimitStanding::Fails, LimitStanding::Undecided, LimitStanding::Passes];
+    let each = |(_, asked, figure): &(usize, &AskedMeasure, &Figure)| {
+        let (value, interval) = value_text(figure, kind(asked));
+        let limit = limit_text(asked.limit.as_ref(), kind(asked));
+        format!("{} {value} ({interval}), limit {limit}", asked.title)
+    };
+    let limited: Vec<String> =
+        order.into_iter().flat_map(|wanted| standing(summary, wanted)).map(|one| each(&one)).collect();
+    if limited.is_empty() {
+        let known =
+            summary.measures.iter().filter(|asked| asked.as_found.as_ref().is_some_and(|one| one.value.is_some()));
+        return format!(
+            "{} of {} measures are shown, by the recordings or by the twin's standard test.",
+            known.count(),
+            summary.measures.len()
+        );
+    }
+    format!("{}.", capital(&limited.join("; ")))
+}
+
+fn next(summary: &AcceptanceSummary) -> String {
+    match summary.standing {
+        None => "Write the limits of the contract: `govtwin accept --template > limits.yaml`.".to_owned(),
+        Some(LimitStanding::Passes) => "Sign below.".to_owned(),
+        Some(LimitStanding::Fails) => repair(summary),
+        Some(LimitStanding::Undecided) => {
+            "Record more of the same movements, or the next test of the diagnosis: either narrows the intervals."
+                .to_owned()
+        }
+        Some(LimitStanding::NotMeasured) => {
+            let missing = standing(summary, LimitStanding::NotMeasured);
+            let of = |(i, asked, _): &(usize, &AskedMeasure, &Figure)| {
+                let note =
+                    summary.subjects.first().and_then(|measured| measured.figures.get(*i)).map(|one| one.note.as_str());
+                let note = note.filter(|note| !note.is_empty()).map(|note| format!(" ({note})")).unwrap_or_default();
+                format!("{}{note}", asked.title)
+            };
+            format!("Record what shows: {}.", missing.iter().map(of).collect::<Vec<_>>().join("; "))
+        }
+    }
+}
+
+/// What would help where a limit fails: a fault without which it passes, or a look elsewhere.
+fn repair(summary: &AcceptanceSummary) -> String {
+    let mut helped = Vec::new();
+    let mut left = Vec::new();
+    for (i, asked, _) in standing(summary, LimitStanding::Fails) {
+        let mut without = summary.subjects.iter().filter(|subject| subject.name.starts_with("unit without"));
+        match without.find(|subject| subject.figures[i].standing == Some(LimitStanding::Passes)) {
+            Some(subject) => {
+                let faults: Vec<String> = subject.removed.iter().map(|id| id_words(id)).collect();
+                helped.push(format!("Repair {}: without it the {} passes.", faults.join(" and "), asked.title));
+            }
+            None => left.push(asked.title),
+        }
+    }
+    if !left.is_empty() {
+        let why = if summary.faults.is_empty() {
+            "The diagnosis names no fault"
+        } else {
+            "No fault that is named accounts for it"
+        };
+        helped.push(format!("{why}: check what sets the {}.", left.join(", ")));
+    }
+    helped.join(" ")
+}
