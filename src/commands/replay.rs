@@ -247,13 +247,9 @@ fn describe(
     for (name, paths) in [("then", &args.then), ("residual", &args.residual)] {
         let files: Vec<String> =
             paths.iter().map(|path| Ok(provenance::file(path)?.to_string())).collect::<anyhow::Result<_>>()?;
-        if !files.is_empty() {
-            made.options.insert(name.to_owned(), files.join(", "));
-        }
+        made.options.extend((!files.is_empty()).then(|| (name.to_owned(), files.join(", "))));
     }
-    if args.adapt {
-        made.options.insert("adapt".to_owned(), "given".to_owned());
-    }
+    made.options.extend(args.adapt.then(|| ("adapt".to_owned(), "given".to_owned())));
     provenance::options(&args.topics, &args.map, &mut made)?;
     Ok(made)
 }
