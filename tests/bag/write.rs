@@ -126,13 +126,13 @@ fn after_a_crash_all_that_was_flushed_is_there() {
     write_rows(&mut writer, 500..700);
     // A process that is killed runs no destructor.
     std::mem::forget(writer);
-    assert_eq!(names_in(folder.path()), [".run.unfinished"]);
+    assert_eq!(names_in(folder.path()), [".govtwin-run.lock", ".run.unfinished"]);
     let loaded = bag::read(&folder.path().join(".run.unfinished"), &ReadOptions::default()).unwrap();
     assert!(loaded.recording.frames.len() >= 500, "{}", loaded.recording.frames.len());
     assert!(matches!(&loaded.health.warnings[..], [Warning::Damaged { .. }]), "{:?}", loaded.health.warnings);
     // The next recording of that name does not run over it; this process, which lives on, still holds it.
     let error = Writer::create(&folder.path().join("run"), options).unwrap_err();
-    assert!(matches!(&error, BagError::Busy { held, .. } if held.ends_with(".run.unfinished")), "{error}");
+    assert!(matches!(&error, BagError::Busy { held, .. } if held.ends_with(".govtwin-run.lock")), "{error}");
 }
 
 #[test]
