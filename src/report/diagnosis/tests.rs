@@ -14,6 +14,8 @@ use crate::provenance::{Provenance, RecordingGiven};
 use crate::recording::Process;
 use crate::signal::Signal;
 
+mod findings;
+
 fn play() -> Fitted {
     Fitted {
         name: "play_pu".into(),
@@ -196,8 +198,6 @@ fn the_page_says_the_verdict_and_holds_all_it_needs() {
 
 #[test]
 fn every_verdict_has_a_sentence_of_its_own() {
-    // An effect without a file is called by its id.
-    assert!(summary(&made_up(Verdict::Named, &["my_own_term"]), usize::MAX).starts_with("my own term: play 0.42 %"));
     let cases: [(Verdict, &[&str], &str); 7] = [
         (Verdict::Named, &["backlash"], "Play between"),
         (Verdict::Named, &["backlash", "load"], "Two faults act at once: backlash and load"),
@@ -283,27 +283,8 @@ fn one_recording_alone_confirms_nothing() {
 }
 
 #[test]
-fn an_explained_fraction_that_says_nothing_is_not_given_as_a_figure() {
-    let mut diagnosis = made_up(Verdict::Named, &["backlash"]);
-    diagnosis.explained_fraction = Interval { value: 1.0, low: 0.0, high: 1.0 };
-    diagnosis.blamed[0].explained_fraction = diagnosis.explained_fraction;
-    let (text, words) = (summary(&diagnosis, usize::MAX), "recalibration leaves the fault explains cannot be told");
-    assert!(text.contains(&format!("How much of the error that {words}")), "{text}");
-    assert!(!text.contains("100 %"), "{text}");
-    let html = html_of(&diagnosis, &Provenance::default());
-    assert!(html.contains("cannot be told<") && !html.contains("[0, 100]"));
-    let mut several = made_up(Verdict::Named, &["backlash", "lvdt_bias"]);
-    several.blamed[1].explained_fraction = diagnosis.explained_fraction;
-    let html = html_of(&several, &Provenance::default());
-    assert!(html.contains("Alone it explains a share that cannot be told. ") && !html.contains("[0, 100]"));
-}
-
-#[test]
-fn an_explained_fraction_below_nothing_is_none() {
-    let mut diagnosis = made_up(Verdict::Named, &["backlash"]);
-    diagnosis.explained_fraction = Interval { value: -0.12, low: -0.77, high: 0.09 };
-    let words = "The fault explains nothing of the error that recalibration leaves, on data held out";
-    assert!(summary(&diagnosis, usize::MAX).contains(words));
+fn an_effect_without_a_file_is_called_by_its_id() {
+    assert!(summary(&made_up(Verdict::Named, &["my_own_term"]), usize::MAX).starts_with("my own term: play 0.42 %"));
 }
 
 #[test]
