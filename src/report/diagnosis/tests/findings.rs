@@ -1,6 +1,10 @@
 //! What is no finding is not given as one, and what is open is said to be.
 
-use super::*;
+use super::{html_of, made_up};
+use crate::diagnosis::result::{Interval, Verdict};
+use crate::effects::Stage;
+use crate::provenance::Provenance;
+use crate::report::diagnosis::summary;
 
 #[test]
 fn an_explained_fraction_that_says_nothing_is_not_given_as_a_figure() {
