@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use super::realtime::monotonic_ns;
 use super::recorder::{OPTIONS, Sink};
 use crate::bag::{BagError, Newest, RawMessage, ReadOptions, Stream, Writer, broken_off, intended_place, recover};
+use crate::files::Claim;
 use crate::frame::Frame;
 use crate::units::{NANOS_PER_SECOND, nanos_from_seconds, seconds_from_nanos};
 use crate::watch::cut::{Cutter, GAP_S, LEAD_S};
@@ -290,6 +291,8 @@ pub fn take_up(folder: &Path) -> Vec<String> {
         let outcome = saved.map_err(|error| error.to_string()).and_then(|()| {
             fs::remove_dir_all(&kept).map_err(|error| format!("cannot remove {}: {error}", kept.display()))
         });
+        // A watch that was killed left the lock of its name as well; whoever holds it next removes it.
+        drop(Claim::name(&place));
         words.push(match outcome {
             Ok(()) => {
                 format!("{name} was being recorded when the last watch ended; it is diagnosed as far as it was heard")
@@ -420,7 +423,10 @@ mod tests {
         killed.second(0).unwrap();
         drop(killed);
         assert!(waiting(&queue).is_empty());
+        // A process that is killed leaves its lock.
+        std::fs::write(queue.join(".govtwin-p1.lock"), "").unwrap();
         let words = take_up(&queue);
+        assert_eq!(std::fs::read_dir(&queue).unwrap().count(), 1, "one bag and nothing else");
         assert!(words.len() == 1 && words[0].contains("p1 was being recorded"), "{words:?}");
         let cuts = cuts(&waiting(&queue)[0]);
         assert_eq!((cuts.len(), cuts[0].ended, cuts[0].recording.process), (1, Ended::OfRows, Process::LoadRejection));
