@@ -11,6 +11,21 @@
 //!
 //! A pair in which either side is not finite says nothing about the error: it is left out and counted.
 
+/// The middle value, the upper one of two; NaN of none.
+#[must_use]
+pub fn median(mut values: Vec<f64>) -> f64 {
+    let middle = values.len() / 2;
+    if values.is_empty() { f64::NAN } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
+}
+
+/// Standard deviation of white noise by the sizes of its second differences; what moves evenly adds nothing to them. NaN of none.
+///
+/// The variance of a second difference is six times that of the noise, and the median size of a normal deviate 0.6745 times its deviation.
+#[must_use]
+pub fn noise_of_bends(bends: Vec<f64>) -> f64 {
+    median(bends) / (0.6745 * 6.0_f64.sqrt())
+}
+
 /// Takes pairs one by one, in constant memory; parts of a data set can be merged into the whole.
 ///
 /// The spread of the measured values is kept about their running mean (Welford 1962; merged after
@@ -126,7 +141,7 @@ mod tests {
     use proptest::prelude::{Strategy, any, prop};
     use proptest::{prop_assert, proptest};
 
-    use super::Accumulator;
+    use super::{Accumulator, median, noise_of_bends};
 
     fn pairs() -> impl Strategy<Value = Vec<(f64, f64)>> {
         prop::collection::vec((-2.0..2.0, -2.0..2.0), 2..200)
@@ -146,6 +161,13 @@ mod tests {
         assert_relative_eq!(figures.bias, -0.5);
         assert_relative_eq!(figures.max_abs, 3.0);
         assert_eq!((figures.count, figures.skipped), (4, 0));
+    }
+
+    #[test]
+    fn medians_and_noise_of_few_values() {
+        assert_eq!(median(vec![3.0, 1.0, 2.0]), 2.0);
+        assert!(median(vec![]).is_nan());
+        assert_relative_eq!(noise_of_bends(vec![1.0, 5.0, 2.0]), 2.0 / (0.6745 * 6.0_f64.sqrt()));
     }
 
     #[test]

@@ -2,13 +2,14 @@
 //!
 //! [`Plate`] holds what is known, [`derive()`] makes a whole [`Unit`](crate::parameters::Unit) of it and says of every value where it comes
 //! from. Laws of similarity tie what no plate says to what it does: flows, areas and volumes of a valve scale with the flow that it has to
-//! pass, forces with pressure times area. [`matter`] finds what it would help most to know.
+//! pass, forces with pressure times area. [`matter`] finds what it would help most to know; [`recorded`] reads off recordings what no plate says.
 
 mod derive;
 pub mod item;
 pub mod matter;
 mod ports;
 pub(crate) mod quantity;
+pub mod recorded;
 
 use std::collections::BTreeMap;
 

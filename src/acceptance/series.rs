@@ -1,7 +1,7 @@
 //! Command and position over time, of a recording or of a twin that ran along it.
 
-use super::statistics::median;
 use crate::frame::{Estimate, EsvState};
+use crate::metrics::{median, noise_of_bends};
 use crate::recording::Recording;
 use crate::units::seconds_from_nanos;
 
@@ -79,7 +79,7 @@ impl Series {
         // Second differences of what stands or moves evenly are noise alone, times √6.
         let bends = position_pu.windows(3).map(|y| (y[0] - 2.0 * y[1] + y[2]).abs());
         let still = bends.filter(|bend| *bend > 0.0).collect::<Vec<_>>();
-        let noise_pu = if still.is_empty() { 0.0 } else { median(still) / (0.6745 * 6.0_f64.sqrt()) };
+        let noise_pu = if still.is_empty() { 0.0 } else { noise_of_bends(still) };
         Some(Self {
             name: name.to_owned(),
             time_s,

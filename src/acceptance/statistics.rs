@@ -58,16 +58,9 @@ pub fn missing(measure: Measure, why: impl Into<String>) -> MeasureFound {
     MeasureFound { measure, value: None, events: 0, note: why.into() }
 }
 
-/// The middle value; NaN of none.
-#[must_use]
-pub fn median(mut values: Vec<f64>) -> f64 {
-    let middle = values.len() / 2;
-    if values.is_empty() { f64::NAN } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
-}
-
 #[cfg(test)]
 mod tests {
-    use super::{MeasuredEvent, mean, median};
+    use super::{MeasuredEvent, mean};
 
     #[test]
     fn the_mean_of_events_is_as_wide_as_they_differ_and_no_narrower_than_each_is_known() {
@@ -82,6 +75,5 @@ mod tests {
         let alike = of(&[1.0, 1.0, 1.0, 1.0], 0.2);
         assert!((alike.high - 1.0 - 1.645 * 0.1).abs() < 1e-9);
         assert!(mean(&[]).is_none());
-        assert_eq!(median(vec![3.0, 1.0, 2.0]), 2.0);
     }
 }

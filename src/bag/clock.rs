@@ -1,5 +1,6 @@
 //! The clock of the stamps against the recorder's: how far ahead, and whether one of them runs faster.
 
+use crate::metrics::median;
 use crate::units::seconds_from_nanos;
 
 /// Blocks into which a recording is divided; the least delay of a block is that of a message which nothing held up.
@@ -88,17 +89,12 @@ impl Clock {
             return None;
         }
         let pairs = points.iter().enumerate().flat_map(|(k, a)| points[..k].iter().map(move |b| (a, b)));
-        let slope = median(pairs.filter(|(a, b)| a[0] > b[0]).map(|(a, b)| (a[1] - b[1]) / (a[0] - b[0])).collect())?;
-        let level = median(points.iter().map(|point| point[1] - slope * point[0]).collect())?;
-        let scatter_s = median(points.iter().map(|point| (point[1] - slope * point[0] - level).abs()).collect())?;
+        let slope = median(pairs.filter(|(a, b)| a[0] > b[0]).map(|(a, b)| (a[1] - b[1]) / (a[0] - b[0])).collect());
+        let level = median(points.iter().map(|point| point[1] - slope * point[0]).collect());
+        let scatter_s = median(points.iter().map(|point| (point[1] - slope * point[0] - level).abs()).collect());
         let span_s = seconds_from_nanos(self.last_ns.saturating_sub(first_ns));
-        Some(Drift { rate_excess: slope, shift_s: slope * span_s, scatter_s })
+        slope.is_finite().then(|| Drift { rate_excess: slope, shift_s: slope * span_s, scatter_s })
     }
-}
-
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
 }
 
 #[cfg(test)]

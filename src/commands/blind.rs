@@ -40,6 +40,9 @@ pub struct Args {
     /// The units' data sheet; without it the shipped reference unit.
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
+    /// Judges each unit by a sheet made of its recordings, as `diagnose --no-sheet` does; --params then only says what --generate makes units of.
+    #[arg(long, conflicts_with_all = ["stages_alone", "baselines", "baselines_only"])]
+    no_sheet: bool,
     /// Folder for reports and score; without it the folder of units.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -150,12 +153,17 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             made.close(out)?;
         }
     }
-    let expected = ExpectedDigests::new(&cases, unit, args.unchecked)?;
+    let expected = ExpectedDigests::new(&cases, (!args.no_sheet).then_some(unit), args.unchecked)?;
     let progress = Progress::new(cases.len(), "units");
+    let judged_by = match &args.params {
+        _ if args.no_sheet => vec!["--no-sheet".into()],
+        Some(params) => vec!["--params".into(), params.clone().into_os_string()],
+        None => vec![],
+    };
     let threads = (rayon::current_num_threads() / cases.len().max(1)).max(1);
     // Dealt out one by one, so that what is broken off has the first units and not some of each half.
     let judged = cases.iter().par_bridge().map(|case| {
-        let judged = method::judge(case, (&sheet, &expected), args.params.as_deref(), &methods, threads, out);
+        let judged = method::judge(case, (&sheet, &expected), &judged_by, &methods, threads, out);
         progress.step();
         judged.map_err(|error| format!("{}: {error:#}", case.name))
     });
@@ -195,6 +203,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let mut made_from = provenance::new("blind", &sheet, made.is_some().then_some(args.seed))?;
     made_from.unit = args.dir.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     made_from.recordings = expected.inputs(origin.as_deref());
+    if args.no_sheet {
+        made_from.options.insert("no-sheet".to_owned(), "each unit by a sheet made of its recordings".to_owned());
+    }
     made_from.warnings.clone_from(&failed);
     let unscored = scoring::score_all(
         &labels,

@@ -1,6 +1,7 @@
 //! `govtwin diagnose`: where the gap between a unit and its twin lies, which effect causes it, how far it shrinks.
 
 mod files;
+mod given;
 pub mod next_test;
 
 use std::path::PathBuf;
@@ -11,16 +12,17 @@ use clap::builder::PossibleValuesParser;
 use govtwin::diagnosis::result::{Diagnosis, Verdict};
 use govtwin::diagnosis::{DiagnosisSettings, diagnose};
 use govtwin::effects::own;
-use govtwin::parameters::Unit;
+use govtwin::parameters::{OwnEffect, Unit};
 use govtwin::params;
 use govtwin::provenance::Provenance;
 use govtwin::recording::Recording;
 use govtwin::report::diagnosis as report;
 
-use super::bags::{self, MapArgs, Recordings, TopicArgs};
+use super::bags::{MapArgs, Recordings, TopicArgs};
 use super::output::{Output, Progress, print, warn, width};
 use super::provenance;
 use crate::commands::{Outcome, usage};
+use given::By;
 
 pub use files::NAMES;
 
@@ -51,10 +53,14 @@ pub struct Args {
     /// Tries the effects that a parameter file defines beside the catalogue's; may be repeated.
     #[arg(long = "candidate", value_name = "FILE")]
     candidates: Vec<PathBuf>,
-    /// No data sheet is known: judges the servomotor stage alone, driven by the recorded spool, all of it fitted freely, from positions
-    /// in any unit. Taken for granted where no recording holds a command and no sheet is given.
-    #[arg(long = "no-sheet", alias = "free", conflicts_with = "params")]
-    free: bool,
+    /// No data sheet is known: judges the whole chain by a sheet that is made of the recordings, with wide tolerances (DIR/assumed.yaml). Where they
+    /// do not hold command, tank pressure, spool and servomotor in pu, judges as --stage-alone does, and says why.
+    #[arg(long, conflicts_with = "params")]
+    no_sheet: bool,
+    /// Judges the servomotor stage alone, driven by the recorded spool, all of it fitted freely, from positions in any unit. Taken for granted where
+    /// no recording holds a command and no sheet is given.
+    #[arg(long, alias = "free", conflicts_with_all = ["params", "no_sheet"])]
+    stage_alone: bool,
     /// Seed of the resampling behind the intervals of explained fractions.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -105,7 +111,8 @@ impl From<Request> for Args {
             overwrite: true,
             without,
             candidates: vec![],
-            free: false,
+            no_sheet: false,
+            stage_alone: false,
             seed,
             json: false,
             fail_on: vec![],
@@ -126,6 +133,8 @@ pub struct Diagnosed {
     pub made: Provenance,
     /// The folder of its files.
     out: PathBuf,
+    /// What the recordings were judged by.
+    by: By,
     /// Nothing was to be warned of while the recordings were read.
     is_clean: bool,
 }
@@ -148,6 +157,7 @@ Every file says what it was made from: program, digests of the recordings and of
 
 Examples:
   govtwin diagnose bags/practice/case_03                              # report in diagnosis/case_03
+  govtwin diagnose --no-sheet bags/practice/case_03                   # of which only the recordings are known
   govtwin diagnose --params unit3.yaml monday.mcap tuesday.mcap --out unit3
   govtwin diagnose --json --fail-on named,class,unknown RUN | jq .verdict
 
@@ -155,12 +165,12 @@ Exit codes: 0 ok, 1 not possible or a verdict of --fail-on, 2 wrong usage, 3 fin
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    let Diagnosed { diagnosis, json, out, is_clean, .. } = unit(args)?;
+    let Diagnosed { diagnosis, json, out, by, is_clean, .. } = unit(args)?;
     if args.json {
         print(&json)?;
     } else {
         print(&report::summary(&diagnosis, width()))?;
-        let unit = unit_taken(args, &diagnosis).map_or_else(String::new, |unit| format!("unit: {unit}\n"));
+        let unit = given::unit_taken(&by).map_or_else(String::new, |unit| format!("unit: {unit}\n"));
         print(&format!("\n{unit}report: {}\n", out.join("report.html").display()))?;
     }
     for note in &diagnosis.notes {
@@ -172,34 +182,23 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     Ok(if is_clean && diagnosis.notes.is_empty() { Outcome::Ok } else { Outcome::Warnings })
 }
 
-/// Which unit was taken where no sheet was named.
-fn unit_taken(args: &Args, diagnosis: &Diagnosis) -> Option<&'static str> {
-    let is_free = diagnosis.part.as_ref().is_some_and(|part| !part.sheet);
-    match &args.params {
-        Some(_) => None,
-        None if is_free => Some("none; the servomotor stage was fitted freely"),
-        None => Some("the shipped reference unit, as --params names no data sheet"),
-    }
-}
-
 /// Diagnoses a unit, and writes its report.
 pub fn unit(args: &Args) -> anyhow::Result<Diagnosed> {
     let sheet = match &args.params {
         Some(path) => params::load_sheet(path)?,
         None => params::reference_sheet(),
     };
-    let mut unit = sheet.unit.clone();
-    let settings = settings(args, &mut unit)?;
+    let (settings, own_effects) = settings(args)?;
     let name = args.unit.clone().unwrap_or_else(|| provenance::unit_of(&args.bags));
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("diagnosis").join(&name));
     let output = Output::claim_over(&out, &files::NAMES, args.overwrite)?;
     let mut made = provenance::new("diagnose", &sheet, Some(args.seed))?;
     let mapped = args.map.open(&args.bags)?;
     let topics = args.topics.topics();
-    let (Recordings { recordings, warnings, read }, free) = match args.params {
-        Some(_) => (bags::read(&mapped.paths, &topics, &unit)?, false),
-        None => bags::read_without_sheet(&mapped.paths, &topics, &unit, args.free)?,
-    };
+    let mut given = given::read(args, &mapped.paths, &topics, &sheet.unit)?;
+    given.unit.own_effects.extend(own_effects);
+    given.describe(args, &mut made);
+    let Recordings { recordings, warnings, read } = std::mem::take(&mut given.recordings);
     made.recordings = provenance::inputs(&read, &mapped)?;
     if !args.overwrite {
         files::refuse_to_replace(&out, &made)?;
@@ -208,12 +207,13 @@ pub fn unit(args: &Args) -> anyhow::Result<Diagnosed> {
     for warning in &warnings {
         warn(warning);
     }
-    let settings = DiagnosisSettings { free, ..settings };
-    let (diagnosis, seconds) = judge(recordings, &unit, &settings)?;
-    describe(&mut made, args, &settings, &name, &warnings, &diagnosis)?;
+    let settings = DiagnosisSettings { free: given.is_free(), ..settings };
+    let (mut diagnosis, seconds) = judge(recordings, &given.unit, &settings)?;
+    diagnosis.notes.splice(0..0, given.note().map(str::to_owned));
+    describe(&mut made, args, &name, &warnings, &diagnosis)?;
     show(&mut made, &args.stand_ins);
-    let json = files::write(output, &diagnosis, &unit, &made, seconds)?;
-    Ok(Diagnosed { diagnosis, json, made, out, is_clean: warnings.is_empty() })
+    let json = files::write(output, &diagnosis, &given, &made, seconds)?;
+    Ok(Diagnosed { diagnosis, json, made, out, by: given.by, is_clean: warnings.is_empty() })
 }
 
 /// Puts the places that reports show where others stand in for them.
@@ -225,9 +225,10 @@ fn show(made: &mut Provenance, stand_ins: &[(String, String)]) {
     }
 }
 
-/// What to try; effects of the user's own go into the unit.
-fn settings(args: &Args, unit: &mut Unit) -> anyhow::Result<DiagnosisSettings> {
-    let mut settings = DiagnosisSettings { seed: args.seed, free: args.free, ..DiagnosisSettings::default() };
+/// What to try, and effects of the user's own.
+fn settings(args: &Args) -> anyhow::Result<(DiagnosisSettings, Vec<OwnEffect>)> {
+    let mut settings = DiagnosisSettings { seed: args.seed, ..DiagnosisSettings::default() };
+    let mut own_effects = vec![];
     for id in &args.without {
         let known = || settings.catalogue.iter().map(|spec| spec.id);
         if govtwin::effects::find(id).is_none() {
@@ -244,10 +245,10 @@ fn settings(args: &Args, unit: &mut Unit) -> anyhow::Result<DiagnosisSettings> {
                 bail!("{}: `{}` is in the catalogue already; give it another id", path.display(), own.id);
             }
             settings.catalogue.push(spec);
-            unit.own_effects.push(own);
+            own_effects.push(own);
         }
     }
-    Ok(settings)
+    Ok((settings, own_effects))
 }
 
 /// Diagnoses with a progress bar; also how long it took, s.
@@ -263,7 +264,6 @@ fn judge(recordings: Vec<Recording>, unit: &Unit, settings: &DiagnosisSettings) 
 fn describe(
     made: &mut Provenance,
     args: &Args,
-    settings: &DiagnosisSettings,
     name: &str,
     warnings: &[String],
     diagnosis: &Diagnosis,
@@ -281,9 +281,6 @@ fn describe(
     if !args.candidates.is_empty() {
         let files = args.candidates.iter().map(|path| Ok(provenance::file(path)?.to_string()));
         option("candidate", files.collect::<anyhow::Result<Vec<_>>>()?.join(", "));
-    }
-    if settings.free {
-        option("no-sheet", if args.free { "given" } else { "taken for granted: no command, no sheet" }.to_owned());
     }
     provenance::options(&args.topics, &args.map, made)
 }

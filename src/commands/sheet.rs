@@ -5,13 +5,15 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, bail};
 use clap::Subcommand;
 use govtwin::files::{Place, place_of};
-use govtwin::parameters::{ENTRIES, Tolerance};
+use govtwin::parameters::{ENTRIES, Tolerance, Unit};
 use govtwin::params::{self, WholeSheet, number_text, tolerance_text};
 use govtwin::report::table::Table;
 use govtwin::sheet::matter::{Matter, PARTS, matter};
+use govtwin::sheet::recorded::{Recorded, fill};
 use govtwin::sheet::{Derived, GivenValue, Plate, derive};
 use serde_json::json;
 
+use super::bags::{self, MapArgs, TopicArgs};
 use super::output::{Progress, claim_place, print, table_text, warn, write_atomically};
 use crate::commands::Outcome;
 
@@ -40,14 +42,21 @@ enum Command {
 #[command(after_long_help = HELP)]
 struct New {
     /// A plate file; `--template` shows one.
-    #[arg(value_name = "PLATE", required_unless_present_any = ["template", "set"])]
+    #[arg(value_name = "PLATE", required_unless_present_any = ["template", "set", "from"])]
     plate: Option<PathBuf>,
     /// A value of the plate, such as `--set "tank_pressure=63 bar"`; over the file's where both say it. May be repeated.
     #[arg(long, value_name = "KEY=VALUE", value_parser = params::plate_value)]
     set: Vec<(&'static str, GivenValue)>,
     /// Print a plate file to fill in: every item with its meaning, where it stands, and an example.
-    #[arg(long, conflicts_with_all = ["plate", "set", "out"])]
+    #[arg(long, conflicts_with_all = ["plate", "set", "from", "out"])]
     template: bool,
+    /// Recordings of the unit, which say what the plate does not: tank pressure, stops, stroke times, position gain, noise. May be repeated.
+    #[arg(long, value_name = "BAG")]
+    from: Vec<PathBuf>,
+    #[command(flatten)]
+    topics: TopicArgs,
+    #[command(flatten)]
+    map: MapArgs,
     /// The parameter file to write; without it the sheet is printed.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -71,6 +80,7 @@ Examples:
   govtwin sheet new --template > plate.yaml
   govtwin sheet new plate.yaml --out unit3.yaml
   govtwin sheet new --set \"tank_pressure=63 bar\" --set \"servomotor_stroke=600 mm\" --set \"servomotor_volume=120 L\" --set \"closing_time=6.5 s\"
+  govtwin sheet new plate.yaml --from monday.mcap --from tuesday.mcap --out unit3.yaml   # the recordings say what the plate does not
   govtwin diagnose export.csv --map map.yaml --params unit3.yaml
 
 Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 done, with assumptions to look into.";
@@ -97,8 +107,10 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     };
     plate.values.extend(args.set.iter().cloned());
     let name = args.plate.as_deref().map_or_else(|| "the plate".to_owned(), |path| path.display().to_string());
-    let derived = match derive(&plate, &params::reference()) {
-        Ok(derived) => derived,
+    let reference = params::reference();
+    let recorded = recorded(args, &mut plate, &reference)?;
+    let derived = match derive(&plate, &reference) {
+        Ok(derived) => with_recorded(derived, recorded),
         Err(problems) => {
             bail!("{name}: {}; `govtwin sheet new --template` lists what a plate may say", problems.join("; "))
         }
@@ -128,6 +140,27 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     Ok(if derived.assumed.is_empty() { Outcome::Ok } else { Outcome::Warnings })
 }
 
+/// Puts what recordings say onto the plate.
+fn recorded(args: &New, plate: &mut Plate, reference: &Unit) -> anyhow::Result<Option<Recorded>> {
+    if args.from.is_empty() {
+        return Ok(None);
+    }
+    let mapped = args.map.open(&args.from)?;
+    let read = bags::read(&mapped.paths, &args.topics.topics(), reference)?;
+    mapped.warnings.iter().chain(&read.warnings).for_each(|warning| warn(warning));
+    let filled = fill(plate, &read.recordings, &reference.sensors);
+    Ok(Some(filled.map_err(|reason| anyhow::anyhow!("--from: {reason}"))?))
+}
+
+/// A unit derived from a plate, with what recordings say of its transducers and leave open.
+pub(super) fn with_recorded(mut derived: Derived, recorded: Option<Recorded>) -> Derived {
+    if let Some(Recorded { sensors, assumed }) = recorded {
+        derived.unit.sensors = sensors;
+        derived.assumed.splice(0..0, assumed);
+    }
+    derived
+}
+
 fn effects_text(effects: &[(&'static str, f64)]) -> String {
     let one = |(id, ratio): &(&str, f64)| format!("{id} ×{ratio:.1}");
     let mut words: Vec<String> = effects.iter().take(MOST_EFFECTS).map(one).collect();
@@ -138,10 +171,10 @@ fn effects_text(effects: &[(&'static str, f64)]) -> String {
 }
 
 /// The head of the file and the sources of its values.
-fn whole(plate: &Plate, derived: &Derived, matter: Option<&Matter>) -> WholeSheet {
+pub(super) fn whole(plate: &Plate, derived: &Derived, matter: Option<&Matter>) -> WholeSheet {
     let mut head = vec![
         format!(
-            "Made by govtwin {} sheet new: {} values from plate or manual, the others by the formulas that stand with them.",
+            "Made by govtwin {}: {} values from plate, manual or recordings, the others by the formulas that stand with them.",
             env!("CARGO_PKG_VERSION"),
             plate.values.len()
         ),

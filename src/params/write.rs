@@ -8,7 +8,7 @@ use std::path::Path;
 
 use crate::effects::find_in;
 use crate::files::write_atomically;
-use crate::parameters::{ChannelReading, ChannelReadings, ENTRIES, Tolerance, Unit};
+use crate::parameters::{ChannelReading, ChannelReadings, ENTRIES, Sensors, Tolerance, Unit};
 use crate::params::yaml::quoted;
 
 use super::error::{FileProblem, ParamsError};
@@ -99,16 +99,7 @@ fn text(overlay: &Overlay) -> String {
         lines.push(line(2, name_of(entry), &value, comment.map_or("", String::as_str)));
     }
 
-    let differing = SENSOR_ENTRIES.iter().filter(|entry| (entry.get)(&unit.sensors) != (entry.get)(&shipped.sensors));
-    for (index, entry) in differing.enumerate() {
-        if index == 0 {
-            lines.push(line(0, "sensors", "", ""));
-        }
-        let sensor = (entry.get)(&unit.sensors);
-        let value = format!("{{noise: {}, step: {}}}", number_text(sensor.noise), number_text(sensor.step));
-        lines.push(line(2, entry.name, &value, ""));
-    }
-
+    transducers(&mut lines, &unit.sensors, &shipped.sensors);
     recorded(&mut lines, unit);
     if !unit.effects.is_empty() {
         lines.push(line(0, "effects", "", ""));
@@ -116,6 +107,19 @@ fn text(overlay: &Overlay) -> String {
     }
     lines.push(String::new());
     lines.join("\n")
+}
+
+/// The transducers that differ from the shipped ones.
+fn transducers(lines: &mut Vec<String>, sensors: &Sensors, shipped: &Sensors) {
+    let differing = SENSOR_ENTRIES.iter().filter(|entry| (entry.get)(sensors) != (entry.get)(shipped));
+    for (index, entry) in differing.enumerate() {
+        if index == 0 {
+            lines.push(line(0, "sensors", "", ""));
+        }
+        let sensor = (entry.get)(sensors);
+        let value = format!("{{noise: {}, step: {}}}", number_text(sensor.noise), number_text(sensor.step));
+        lines.push(line(2, entry.name, &value, ""));
+    }
 }
 
 /// How the positions are recorded, where that is not in pu.

@@ -15,17 +15,18 @@ use crate::commands::{provenance, report_file};
 #[derive(Debug)]
 pub struct ExpectedDigests {
     recordings: BTreeMap<String, Vec<FileUsed>>,
-    sheet: String,
+    /// None where each unit is judged by a sheet made of its own recordings.
+    sheet: Option<String>,
     /// Reports that do not say what they are of count as well.
     unchecked: bool,
 }
 
 impl ExpectedDigests {
     /// Looks at all bags.
-    pub fn new(cases: &[UnitFolder], sheet: &Unit, unchecked: bool) -> anyhow::Result<Self> {
+    pub fn new(cases: &[UnitFolder], sheet: Option<&Unit>, unchecked: bool) -> anyhow::Result<Self> {
         let of = |case: &UnitFolder| Ok((case.name.clone(), provenance::files_of_bags(&case.bags()?)));
         let recordings = cases.iter().map(of).collect::<anyhow::Result<_>>()?;
-        Ok(Self { recordings, sheet: unit_digest(sheet), unchecked })
+        Ok(Self { recordings, sheet: sheet.map(unit_digest), unchecked })
     }
 
     /// The recordings of all units, by the names of the units.
@@ -72,7 +73,16 @@ impl ExpectedDigests {
                 named(&made.recordings.iter().map(|one| one.name.as_str()).collect::<Vec<_>>())
             );
         }
-        if made.sheet.sha256 != self.sheet {
+        let Some(sheet) = &self.sheet else {
+            if made.options.contains_key("no-sheet") {
+                return Ok(());
+            }
+            bail!(
+                "{shown} was made with a data sheet ({}); leave --no-sheet out, or remove the report, so that the unit is judged anew",
+                made.sheet.name
+            );
+        };
+        if made.sheet.sha256 != *sheet {
             let name = if made.sheet.files.is_empty() { "the shipped one" } else { &made.sheet.files[0].path };
             bail!(
                 "{shown} was made with another data sheet ({name}); give that one with --params, or remove the report, so that the unit is \

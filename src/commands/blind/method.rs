@@ -1,6 +1,7 @@
 //! The methods that judge a unit: the diagnosis, in a process of its own that is given bags and nothing else, and the baselines.
 
 use std::cell::OnceCell;
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -63,11 +64,11 @@ pub fn methods(baselines: bool, baselines_only: bool) -> Vec<JudgingMethod> {
     Some(JudgingMethod::Diagnosis).filter(|_| !baselines_only).into_iter().chain(others).collect()
 }
 
-/// Lets every method judge a unit, unless its report is there already; the diagnosis on so many threads.
+/// Lets every method judge a unit, unless its report is there already; the diagnosis on so many threads, by the sheet that these arguments name.
 pub fn judge(
     case: &UnitFolder,
     (sheet, expected): (&Sheet, &ExpectedDigests),
-    params: Option<&Path>,
+    judged_by: &[OsString],
     methods: &[JudgingMethod],
     threads: usize,
     out: &Path,
@@ -80,7 +81,7 @@ pub fn judge(
             continue;
         }
         match method {
-            JudgingMethod::Diagnosis => diagnose(case, params, threads, &out.join(&case.name))?,
+            JudgingMethod::Diagnosis => diagnose(case, judged_by, threads, &out.join(&case.name))?,
             JudgingMethod::Baseline(baseline) => {
                 if ground.get().is_none() {
                     let made = Ground::new(case.recordings(&sheet.unit)?, &sheet.unit, &case.catalogue());
@@ -98,14 +99,12 @@ pub fn judge(
 }
 
 /// Runs `govtwin diagnose` on the bags of a unit. Units are judged side by side; figures do not depend on the threads.
-fn diagnose(case: &UnitFolder, params: Option<&Path>, threads: usize, out: &Path) -> anyhow::Result<()> {
+fn diagnose(case: &UnitFolder, judged_by: &[OsString], threads: usize, out: &Path) -> anyhow::Result<()> {
     let program = std::env::current_exe().context("cannot find this program's own file")?;
     let mut command = Command::new(program);
     command.env("RAYON_NUM_THREADS", threads.to_string()).arg("diagnose").arg("--overwrite").arg("--out").arg(out);
     parent::tell(&mut command);
-    if let Some(params) = params {
-        command.arg("--params").arg(params);
-    }
+    command.args(judged_by);
     if let Some(without) = &case.without {
         command.arg("--without").arg(without);
     }

@@ -12,6 +12,7 @@ use govtwin::params::{self, Overlay};
 use govtwin::provenance::Provenance;
 use govtwin::report::diagnosis as report;
 
+use super::given::{By, Given};
 use super::next_test;
 use crate::commands::output::Output;
 use crate::commands::report_file;
@@ -19,8 +20,11 @@ use crate::commands::report_file;
 /// The machine-readable report.
 const REPORT: &str = "report.json";
 
+/// The sheet that was made of the recordings, where no other is known.
+pub const ASSUMED: &str = "assumed.yaml";
+
 /// What a diagnosis leaves.
-pub const NAMES: [&str; 5] = [REPORT, "report.html", "refitted.yaml", "fitted.yaml", schema::NEXT_TEST];
+pub const NAMES: [&str; 6] = [REPORT, "report.html", "refitted.yaml", "fitted.yaml", schema::NEXT_TEST, ASSUMED];
 
 /// Refuses a folder that holds the files of another unit: those of a report that shares no recording with this one, or that says of none.
 pub fn refuse_to_replace(out: &Path, made: &Provenance) -> anyhow::Result<()> {
@@ -52,7 +56,7 @@ pub fn refuse_to_replace(out: &Path, made: &Provenance) -> anyhow::Result<()> {
 pub fn write(
     mut output: Output,
     diagnosis: &Diagnosis,
-    unit: &Unit,
+    given: &Given,
     made: &Provenance,
     seconds: f64,
 ) -> anyhow::Result<String> {
@@ -75,9 +79,13 @@ pub fn write(
         _ => "refitted within tolerances; the diagnosis names no effect",
     };
     overlay(&mut output, "fitted.yaml", &diagnosis.fitted, what, made, &diagnosis.parameters)?;
-    match next_test::file(diagnosis, &output.path(schema::NEXT_TEST), &unit.parameters)? {
+    match next_test::file(diagnosis, &output.path(schema::NEXT_TEST), &given.unit.parameters)? {
         Some(script) => output.add(schema::NEXT_TEST, &script)?,
         None => output.remove(schema::NEXT_TEST),
+    }
+    match &given.by {
+        By::Recordings { text, .. } => output.add(ASSUMED, text.as_bytes())?,
+        _ => output.remove(ASSUMED),
     }
     output.add("report.html", report::page(diagnosis, made)?.to_html().as_bytes())?;
     output.add(REPORT, json.as_bytes())?;

@@ -1,6 +1,7 @@
 //! Admissibility: what each channel of each recording is like, and what is wrong with it.
 
 use crate::diagnosis::result::ChannelReport;
+use crate::metrics::{median, noise_of_bends};
 use crate::recording::Recording;
 use crate::signal::Signal;
 use crate::units::seconds_from_nanos;
@@ -14,11 +15,6 @@ fn samples(recording: &Recording, signal: Signal) -> Vec<(f64, f64)> {
         .map(|frame| (seconds_from_nanos(frame.time_ns - start_ns), signal.of(&frame.measured)))
         .filter(|(_, value)| value.is_finite())
         .collect()
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
 /// The channels of all recordings.
@@ -42,7 +38,7 @@ fn channel(recording: &Recording, signal: Signal, samples: &[(f64, f64)]) -> Cha
     steps.sort_by(f64::total_cmp);
     // Second differences of slow signals are noise: their variance is six times that of one sample.
     let bends: Vec<f64> = samples.windows(3).map(|three| (three[0].1 - 2.0 * three[1].1 + three[2].1).abs()).collect();
-    let noise = median(bends) / (0.6745 * 6.0_f64.sqrt());
+    let noise = noise_of_bends(bends);
     let (low, high) = samples
         .iter()
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), (_, value)| (low.min(*value), high.max(*value)));

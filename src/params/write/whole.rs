@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use super::{line, name_of, quoted, section_of, tolerance_yaml};
+use super::{line, name_of, quoted, section_of, tolerance_yaml, transducers};
 use crate::parameters::{ENTRIES, Unit};
 use crate::params::error::{FileProblem, ParamsError};
 use crate::params::number::number_text;
-use crate::params::sheet_over_reference;
+use crate::params::{reference, sheet_over_reference};
 
 /// What the text of a whole sheet holds beside its values.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -44,13 +44,14 @@ pub fn whole_text(path: &Path, unit: &Unit, whole: &WholeSheet) -> Result<String
         );
         lines.push(line(2, name_of(entry), &value, ""));
     }
+    transducers(&mut lines, &unit.sensors, &reference().sensors);
     lines.push(String::new());
     let text = lines.join("\n");
     let invalid =
         |problems| ParamsError::Invalid { what: crate::params::PARAMETER, path: path.to_path_buf(), problems };
     let read = sheet_over_reference(&text, path).map_err(invalid)?;
     if read.unit != *unit {
-        let message = "the unit has effects, transducers or values that a sheet cannot hold".to_owned();
+        let message = "the unit has effects or values that a sheet cannot hold".to_owned();
         return Err(invalid(vec![FileProblem { line: None, key: String::new(), message }]));
     }
     Ok(text)

@@ -1,0 +1,147 @@
+//! What a diagnosis is given: recordings, and what they are judged by, which is a data sheet, the reference unit, a sheet made of the recordings, or nothing.
+
+use std::path::PathBuf;
+
+use anyhow::Context;
+use govtwin::bag::Topics;
+use govtwin::parameters::Unit;
+use govtwin::params;
+use govtwin::provenance::{Provenance, SheetUsed};
+use govtwin::recording::Recording;
+use govtwin::sheet::recorded::fill;
+use govtwin::sheet::{Derived, Plate, derive};
+
+use super::Args;
+use super::files::ASSUMED;
+use crate::commands::bags::{self, Recordings};
+use crate::commands::sheet;
+
+/// What recordings are judged by.
+#[derive(Debug)]
+pub enum By {
+    /// The data sheet of `--params`.
+    Sheet,
+    /// The shipped reference unit, as no sheet is named.
+    Reference,
+    /// A sheet made of the recordings: its text, and a sentence on it.
+    Recordings {
+        /// The text of its parameter file.
+        text: String,
+        /// What was read off the recordings, and what was assumed.
+        note: String,
+    },
+    /// Nothing: the servomotor stage alone, fitted freely; why not the whole chain, where that was asked for.
+    Nothing {
+        /// A sentence.
+        note: Option<String>,
+    },
+}
+
+/// Recordings and the unit that they are judged by.
+pub struct Given {
+    /// The recordings.
+    pub recordings: Recordings,
+    /// The unit.
+    pub unit: Unit,
+    /// Where it comes from.
+    pub by: By,
+}
+
+/// Reads the recordings that a command line names, and finds what they are judged by.
+pub fn read(args: &Args, paths: &[PathBuf], topics: &Topics, sheet: &Unit) -> anyhow::Result<Given> {
+    let unit = sheet.clone();
+    if args.params.is_some() {
+        return Ok(Given { recordings: bags::read(paths, topics, &unit)?, unit, by: By::Sheet });
+    }
+    let (recordings, only_stages) = bags::read_without_sheet(paths, topics, &unit, args.stage_alone)?;
+    if only_stages {
+        return Ok(Given { recordings, unit, by: By::Nothing { note: None } });
+    }
+    if !args.no_sheet {
+        return Ok(Given { recordings, unit, by: By::Reference });
+    }
+    match made_of(&recordings.recordings, &unit)? {
+        Ok((unit, text, note)) => Ok(Given { recordings, unit, by: By::Recordings { text, note } }),
+        Err(reason) => {
+            let (recordings, _) = bags::read_without_sheet(paths, topics, &unit, true)?;
+            let note = format!("The whole chain is not judged without a data sheet: {reason}.");
+            Ok(Given { recordings, unit, by: By::Nothing { note: Some(note) } })
+        }
+    }
+}
+
+/// A unit made of recordings, the text of its sheet and a sentence on it; or why there is none.
+fn made_of(recordings: &[Recording], reference: &Unit) -> anyhow::Result<Result<(Unit, String, String), String>> {
+    let mut plate = Plate { name: "unit made of its recordings".to_owned(), ..Plate::default() };
+    let recorded = match fill(&mut plate, recordings, &reference.sensors) {
+        Ok(recorded) => recorded,
+        Err(reason) => return Ok(Err(reason.to_string())),
+    };
+    let derived = match derive(&plate, reference) {
+        Ok(derived) => sheet::with_recorded(derived, Some(recorded)),
+        Err(problems) => return Ok(Err(problems.join("; "))),
+    };
+    let conflicts = params::conflicts(&derived.unit.parameters).map(|conflict| conflict.to_string());
+    let conflicts: Vec<String> = conflicts.collect();
+    if !conflicts.is_empty() {
+        return Ok(Err(format!("the recordings make a unit that cannot be: {}", conflicts.join("; "))));
+    }
+    let whole = sheet::whole(&plate, &derived, None);
+    let text = params::whole_text(ASSUMED.as_ref(), &derived.unit, &whole).context("the sheet of the recordings")?;
+    let note = note(&plate, &derived);
+    Ok(Ok((derived.unit, text, note)))
+}
+
+/// What was read off the recordings, and what was assumed.
+fn note(plate: &Plate, derived: &Derived) -> String {
+    let shown = plate.values.iter().filter(|(_, given)| given.tolerance_share != Some(0.0));
+    let shown = shown.map(|(key, given)| format!("{} {}", key.replace('_', " "), given.text));
+    format!(
+        "No data sheet: the unit was made of the recordings ({ASSUMED}). They show: {}. Assumed: {}; all else by the formulas of a name plate, with \
+         wide tolerances.",
+        shown.collect::<Vec<_>>().join("; "),
+        derived.assumed.join("; ")
+    )
+}
+
+impl Given {
+    /// Whether nothing but servomotor stages is judged, fitted freely.
+    pub fn is_free(&self) -> bool {
+        matches!(self.by, By::Nothing { .. })
+    }
+
+    /// What there is to say of the unit, where it was not named.
+    pub fn note(&self) -> Option<&str> {
+        match &self.by {
+            By::Recordings { note, .. } => Some(note),
+            By::Nothing { note } => note.as_deref(),
+            By::Sheet | By::Reference => None,
+        }
+    }
+
+    /// Notes among what a report was made from which unit was taken.
+    pub fn describe(&self, args: &Args, made: &mut Provenance) {
+        let mut option = |name: &str, value: &str| made.options.insert(name.to_owned(), value.to_owned());
+        match &self.by {
+            By::Recordings { .. } => {
+                option("no-sheet", "the whole chain, by a sheet made of the recordings");
+                let sha256 = params::unit_digest(&self.unit);
+                made.sheet = SheetUsed { name: "made of the recordings".to_owned(), files: vec![], sha256 };
+            }
+            By::Nothing { .. } if args.no_sheet => drop(option("no-sheet", "the servomotor stage alone")),
+            By::Nothing { .. } if args.stage_alone => drop(option("stage-alone", "given")),
+            By::Nothing { .. } => drop(option("stage-alone", "taken for granted: no command, no sheet")),
+            By::Sheet | By::Reference => {}
+        }
+    }
+}
+
+/// Which unit was taken where no sheet was named, in the words of the summary.
+pub fn unit_taken(by: &By) -> Option<String> {
+    match by {
+        By::Sheet => None,
+        By::Reference => Some("the shipped reference unit, as --params names no data sheet".to_owned()),
+        By::Recordings { .. } => Some(format!("made of the recordings ({ASSUMED} beside the report)")),
+        By::Nothing { .. } => Some("none; the servomotor stage was fitted freely".to_owned()),
+    }
+}
