@@ -286,6 +286,29 @@ fn a_report_counts_only_for_its_own_recordings_and_sheet() {
     assert!(code == Some(3) && words.contains("another data sheet (the shipped one)"), "{words}");
 }
 
+#[test]
+fn without_a_sheet_only_reports_made_without_one_count() {
+    let dir = tempfile::tempdir().unwrap();
+    unit(dir.path(), "case_1", &report("no_gap", &[]));
+    let labels = dir.path().join("labels.yaml");
+    fs::write(&labels, "case_1: {effects: []}\n").unwrap();
+    let run =
+        |more: &[&str]| blind(&[&[dir.path().to_str().unwrap(), "--labels", labels.to_str().unwrap()], more].concat());
+    let (code, words) = run(&["--no-sheet"]);
+    assert!(code == Some(3) && words.contains("was made with a data sheet"), "{words}");
+    let at = dir.path().join("case_1/report.json");
+    let mut made: Value = serde_json::from_str(&fs::read_to_string(&at).unwrap()).unwrap();
+    made["provenance"]["options"]["no-sheet"] = "the whole chain, by a sheet made of the recordings".into();
+    made["provenance"]["sheet"]["sha256"] = "of its own".into();
+    fs::write(&at, made.to_string()).unwrap();
+    let (code, words) = run(&["--no-sheet"]);
+    assert_eq!(code, Some(0), "{words}");
+    let score: Value = serde_json::from_str(&fs::read_to_string(dir.path().join("score.json")).unwrap()).unwrap();
+    assert_eq!(score["provenance"]["options"]["no-sheet"], "each unit by a sheet made of its recordings");
+    let (code, words) = run(&[]);
+    assert!(code == Some(3) && words.contains("another data sheet (made of its recordings)"), "{words}");
+}
+
 /// What a unit of the sheet does at 5 Hz about a trip, whose stamp is so many rows of 1 ms late; and the row of the trip.
 fn trip_stamped_late(late_rows: usize) -> (Recording, usize) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/reference/shutdown_01.mcap");

@@ -13,7 +13,7 @@ use govtwin::generate::{self, Scenario};
 use govtwin::parameters::{ENTRIES, Unit};
 use govtwin::params;
 use govtwin::recording::{Process, Recording};
-use govtwin::sheet::recorded::{NotEnough, Recorded, fill};
+use govtwin::sheet::recorded::{Filled, NotEnough, fill};
 use govtwin::sheet::{Plate, derive};
 use program::Run;
 use serde_json::Value;
@@ -39,7 +39,7 @@ fn other(seed: u64) -> Unit {
     unit
 }
 
-fn made_of(recordings: &[Recording]) -> (Unit, Plate, Recorded) {
+fn made_of(recordings: &[Recording]) -> (Unit, Plate, Filled) {
     let reference = params::reference();
     let mut plate = Plate::default();
     let recorded = fill(&mut plate, recordings, &reference.sensors).unwrap();
@@ -163,14 +163,35 @@ fn a_sheet_takes_from_recordings_what_its_plate_does_not_say() {
     assert_eq!(run.code, 3, "{}", run.stderr);
     let unit = params::load(&sheet).unwrap();
     assert_eq!(unit.parameters.regulator.position_gain, 30.0);
-    assert!((unit.parameters.oil.tank_pressure_pa / 6.3e6 - 1.0).abs() < 0.05, "{}", unit.parameters.oil.tank_pressure_pa);
+    assert!(
+        (unit.parameters.oil.tank_pressure_pa / 6.3e6 - 1.0).abs() < 0.05,
+        "{}",
+        unit.parameters.oil.tank_pressure_pa
+    );
     let text = fs::read_to_string(&sheet).unwrap();
     assert!(text.contains("recordings: tank_pressure") && text.contains("sensors:"), "{text}");
     assert!(run.stderr.contains("no recording shows the servomotor's size"), "{}", run.stderr);
     // Of what cannot make a sheet it says so, and leaves nothing.
     let stage = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/real");
     let none = dir.path().join("none.yaml");
-    let refused = govtwin(&["sheet", "new", "--from", &stage.display().to_string(), "--out", &none.display().to_string()]);
+    let refused =
+        govtwin(&["sheet", "new", "--from", &stage.display().to_string(), "--out", &none.display().to_string()]);
     assert_eq!(refused.code, 1, "{}", refused.stderr);
     assert!(!none.exists());
+}
+
+#[test]
+fn recordings_that_make_no_sheet_are_judged_by_their_stage_and_the_reason_is_told() {
+    let dir = tempfile::tempdir().unwrap();
+    let bag = format!("{}/load_rejection.mcap", case("case_03"));
+    let out = dir.path().display().to_string();
+    let run =
+        govtwin(&["diagnose", "--no-sheet", &bag, "--topic", "tank_pressure=/nowhere", "--out", &out, "--overwrite"]);
+    assert_eq!(run.code, 3, "{}", run.stderr);
+    let reason = "The whole chain is not judged without a data sheet: no tank pressure was recorded";
+    assert!(run.stderr.contains(reason), "{}", run.stderr);
+    assert!(run.stdout.contains("unit: none; the servomotor stage was fitted freely"), "{}", run.stdout);
+    let report: Value = serde_json::from_str(&fs::read_to_string(dir.path().join("report.json")).unwrap()).unwrap();
+    assert_eq!(report["provenance"]["options"]["no-sheet"], "the servomotor stage alone");
+    assert!(report["part"].is_object() && !dir.path().join("assumed.yaml").exists());
 }

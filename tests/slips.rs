@@ -41,6 +41,8 @@ fn a_wrong_word_on_the_command_line_is_wrong_usage_and_told_with_the_way_out() {
             "[possible values: named, class, unknown, no_gap, not_excited, no_such_unit]",
         ),
         (&["diagnose", "run", "--no-sheet", "--params", "x"], "cannot be used with"),
+        (&["diagnose", "run", "--no-sheet", "--stage-alone"], "cannot be used with"),
+        (&["blind", "b", "--no-sheet", "--baselines"], "cannot be used with"),
         (&["fit", "run", "--free", "oil.densty_kg_m3"], "did you mean `oil.density_kg_m3`?"),
         (&["fit", "run", "--effect", "backlsh"], "did you mean `backlash`?"),
         (&["effects", "backlsh"], "did you mean `backlash`?"),

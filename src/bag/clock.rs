@@ -93,7 +93,7 @@ impl Clock {
         let level = median(points.iter().map(|point| point[1] - slope * point[0]).collect());
         let scatter_s = median(points.iter().map(|point| (point[1] - slope * point[0] - level).abs()).collect());
         let span_s = seconds_from_nanos(self.last_ns.saturating_sub(first_ns));
-        slope.is_finite().then(|| Drift { rate_excess: slope, shift_s: slope * span_s, scatter_s })
+        slope.is_finite().then_some(Drift { rate_excess: slope, shift_s: slope * span_s, scatter_s })
     }
 }
 

@@ -123,7 +123,6 @@ impl Mapped {
 }
 
 /// Recordings read for a fit or a diagnosis, and what there is to say of them.
-#[derive(Default)]
 #[expect(clippy::struct_field_names, reason = "recordings that were read, beside all that were named")]
 pub struct Recordings {
     /// Those that could be read, in the order of the command line.

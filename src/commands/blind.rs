@@ -7,6 +7,7 @@ mod method;
 mod scoring;
 mod shard;
 
+use std::ffi::OsString;
 use std::path::PathBuf;
 
 use clap::ValueEnum;
@@ -155,11 +156,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let expected = ExpectedDigests::new(&cases, (!args.no_sheet).then_some(unit), args.unchecked)?;
     let progress = Progress::new(cases.len(), "units");
-    let judged_by = match &args.params {
-        _ if args.no_sheet => vec!["--no-sheet".into()],
-        Some(params) => vec!["--params".into(), params.clone().into_os_string()],
-        None => vec![],
-    };
+    let judged_by = judged_by(args);
     let threads = (rayon::current_num_threads() / cases.len().max(1)).max(1);
     // Dealt out one by one, so that what is broken off has the first units and not some of each half.
     let judged = cases.iter().par_bridge().map(|case| {
@@ -219,6 +216,15 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     warn_of(&unscored);
     failed.extend(unscored);
     Ok(outcome(&failed))
+}
+
+/// The arguments that say by which sheet the diagnosis judges.
+fn judged_by(args: &Args) -> Vec<OsString> {
+    match &args.params {
+        _ if args.no_sheet => vec!["--no-sheet".into()],
+        Some(params) => vec!["--params".into(), params.clone().into_os_string()],
+        None => vec![],
+    }
 }
 
 fn warn_of(failed: &[String]) {

@@ -22,7 +22,7 @@ use super::bags::{MapArgs, Recordings, TopicArgs};
 use super::output::{Output, Progress, print, warn, width};
 use super::provenance;
 use crate::commands::{Outcome, usage};
-use given::By;
+use given::{By, Given, UnitArgs};
 
 pub use files::NAMES;
 
@@ -37,9 +37,8 @@ pub struct Args {
     topics: TopicArgs,
     #[command(flatten)]
     map: MapArgs,
-    /// The unit's data sheet; without it the shipped reference unit.
-    #[arg(long, value_name = "FILE")]
-    params: Option<PathBuf>,
+    #[command(flatten)]
+    unit_of: UnitArgs,
     /// Folder for report.json, report.html, refitted.yaml, fitted.yaml and next_test.mcap [default: diagnosis/UNIT, UNIT being the folder that
     /// holds the recordings, or the one recording].
     #[arg(long, value_name = "DIR")]
@@ -53,14 +52,6 @@ pub struct Args {
     /// Tries the effects that a parameter file defines beside the catalogue's; may be repeated.
     #[arg(long = "candidate", value_name = "FILE")]
     candidates: Vec<PathBuf>,
-    /// No data sheet is known: judges the whole chain by a sheet that is made of the recordings, with wide tolerances (DIR/assumed.yaml). Where they
-    /// do not hold command, tank pressure, spool and servomotor in pu, judges as --stage-alone does, and says why.
-    #[arg(long, conflicts_with = "params")]
-    no_sheet: bool,
-    /// Judges the servomotor stage alone, driven by the recorded spool, all of it fitted freely, from positions in any unit. Taken for granted where
-    /// no recording holds a command and no sheet is given.
-    #[arg(long, alias = "free", conflicts_with_all = ["params", "no_sheet"])]
-    stage_alone: bool,
     /// Seed of the resampling behind the intervals of explained fractions.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -106,13 +97,11 @@ impl From<Request> for Args {
             bags,
             topics: TopicArgs::default(),
             map: MapArgs { map },
-            params,
+            unit_of: UnitArgs { params, ..UnitArgs::default() },
             out: Some(out),
             overwrite: true,
             without,
             candidates: vec![],
-            no_sheet: false,
-            stage_alone: false,
             seed,
             json: false,
             fail_on: vec![],
@@ -170,7 +159,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         print(&json)?;
     } else {
         print(&report::summary(&diagnosis, width()))?;
-        let unit = given::unit_taken(&by).map_or_else(String::new, |unit| format!("unit: {unit}\n"));
+        let unit = by.unit_taken().map_or_else(String::new, |unit| format!("unit: {unit}\n"));
         print(&format!("\n{unit}report: {}\n", out.join("report.html").display()))?;
     }
     for note in &diagnosis.notes {
@@ -184,7 +173,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 
 /// Diagnoses a unit, and writes its report.
 pub fn unit(args: &Args) -> anyhow::Result<Diagnosed> {
-    let sheet = match &args.params {
+    let sheet = match &args.unit_of.params {
         Some(path) => params::load_sheet(path)?,
         None => params::reference_sheet(),
     };
@@ -195,10 +184,10 @@ pub fn unit(args: &Args) -> anyhow::Result<Diagnosed> {
     let mut made = provenance::new("diagnose", &sheet, Some(args.seed))?;
     let mapped = args.map.open(&args.bags)?;
     let topics = args.topics.topics();
-    let mut given = given::read(args, &mapped.paths, &topics, &sheet.unit)?;
-    given.unit.own_effects.extend(own_effects);
-    given.describe(args, &mut made);
-    let Recordings { recordings, warnings, read } = std::mem::take(&mut given.recordings);
+    let Given { recordings, mut unit, by } = given::read(&args.unit_of, &mapped.paths, &topics, &sheet.unit)?;
+    let Recordings { recordings, warnings, read } = recordings;
+    by.describe(&args.unit_of, &unit, &mut made);
+    unit.own_effects.extend(own_effects);
     made.recordings = provenance::inputs(&read, &mapped)?;
     if !args.overwrite {
         files::refuse_to_replace(&out, &made)?;
@@ -207,13 +196,13 @@ pub fn unit(args: &Args) -> anyhow::Result<Diagnosed> {
     for warning in &warnings {
         warn(warning);
     }
-    let settings = DiagnosisSettings { free: given.is_free(), ..settings };
-    let (mut diagnosis, seconds) = judge(recordings, &given.unit, &settings)?;
-    diagnosis.notes.splice(0..0, given.note().map(str::to_owned));
+    let settings = DiagnosisSettings { free: by.is_free(), ..settings };
+    let (mut diagnosis, seconds) = judge(recordings, &unit, &settings)?;
+    diagnosis.notes.splice(0..0, by.note().map(str::to_owned));
     describe(&mut made, args, &name, &warnings, &diagnosis)?;
     show(&mut made, &args.stand_ins);
-    let json = files::write(output, &diagnosis, &given, &made, seconds)?;
-    Ok(Diagnosed { diagnosis, json, made, out, by: given.by, is_clean: warnings.is_empty() })
+    let json = files::write(output, &diagnosis, (&unit, by.assumed()), &made, seconds)?;
+    Ok(Diagnosed { diagnosis, json, made, out, by, is_clean: warnings.is_empty() })
 }
 
 /// Puts the places that reports show where others stand in for them.

@@ -9,7 +9,7 @@ use govtwin::parameters::{ENTRIES, Tolerance, Unit};
 use govtwin::params::{self, WholeSheet, number_text, tolerance_text};
 use govtwin::report::table::Table;
 use govtwin::sheet::matter::{Matter, PARTS, matter};
-use govtwin::sheet::recorded::{Recorded, fill};
+use govtwin::sheet::recorded::{Filled, fill};
 use govtwin::sheet::{Derived, GivenValue, Plate, derive};
 use serde_json::json;
 
@@ -141,7 +141,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 }
 
 /// Puts what recordings say onto the plate.
-fn recorded(args: &New, plate: &mut Plate, reference: &Unit) -> anyhow::Result<Option<Recorded>> {
+fn recorded(args: &New, plate: &mut Plate, reference: &Unit) -> anyhow::Result<Option<Filled>> {
     if args.from.is_empty() {
         return Ok(None);
     }
@@ -153,8 +153,8 @@ fn recorded(args: &New, plate: &mut Plate, reference: &Unit) -> anyhow::Result<O
 }
 
 /// A unit derived from a plate, with what recordings say of its transducers and leave open.
-pub(super) fn with_recorded(mut derived: Derived, recorded: Option<Recorded>) -> Derived {
-    if let Some(Recorded { sensors, assumed }) = recorded {
+pub(super) fn with_recorded(mut derived: Derived, recorded: Option<Filled>) -> Derived {
+    if let Some(Filled { sensors, assumed }) = recorded {
         derived.unit.sensors = sensors;
         derived.assumed.splice(0..0, assumed);
     }

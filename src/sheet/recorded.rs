@@ -44,7 +44,7 @@ const GAIN_TOLERANCES: (f64, f64) = (0.15, 0.4);
 
 /// What recordings added to a plate.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Recorded {
+pub struct Filled {
     /// Transducers as noisy as their signals are.
     pub sensors: Sensors,
     /// What could not be read off and was taken from the reference unit, in sentences.
@@ -56,7 +56,9 @@ pub struct Recorded {
 #[non_exhaustive]
 pub enum NotEnough {
     /// No pressure.
-    #[error("no tank pressure was recorded; give it as a constant in an import map, or on a plate (`govtwin sheet new`)")]
+    #[error(
+        "no tank pressure was recorded; give it as a constant in an import map, or on a plate (`govtwin sheet new`)"
+    )]
     TankPressure,
     /// No command.
     #[error("no command was recorded")]
@@ -89,7 +91,7 @@ struct Row {
 ///
 /// # Errors
 /// Where the recordings do not hold command, tank pressure, spool and servomotor in pu, or show no movement.
-pub fn fill(plate: &mut Plate, recordings: &[Recording], reference: &Sensors) -> Result<Recorded, NotEnough> {
+pub fn fill(plate: &mut Plate, recordings: &[Recording], reference: &Sensors) -> Result<Filled, NotEnough> {
     let inputs = || recordings.iter().flat_map(|recording| &recording.frames).map(|frame| frame.inputs);
     let pressures_pa: Vec<f64> = inputs().map(|inputs| inputs.tank_pressure_pa).filter(|pa| pa.is_finite()).collect();
     if pressures_pa.is_empty() && plate.get("tank_pressure").is_none() {
@@ -102,7 +104,7 @@ pub fn fill(plate: &mut Plate, recordings: &[Recording], reference: &Sensors) ->
     if runs.is_empty() {
         return Err(NotEnough::Positions);
     }
-    let mut recorded = Recorded { sensors: sensors(recordings, reference), assumed: vec![] };
+    let mut recorded = Filled { sensors: sensors(recordings, reference), assumed: vec![] };
     if !pressures_pa.is_empty() {
         let pressure_pa = median(pressures_pa);
         put(plate, "tank_pressure", pressure_pa, 0.01, format!("{:.3} MPa, median", 1e-6 * pressure_pa));
@@ -122,7 +124,13 @@ pub fn fill(plate: &mut Plate, recordings: &[Recording], reference: &Sensors) ->
     {
         let Some(gain_1_s) = gains[k] else { continue };
         let (stop_pu, tolerance, words) = stop(&runs, [1.0, -1.0][k], farthest[k]);
-        put(plate, stop_key, spool_stroke_m * stop_pu, tolerance, format!("{stop_pu:.3} of the spool's stroke, {words}"));
+        put(
+            plate,
+            stop_key,
+            spool_stroke_m * stop_pu,
+            tolerance,
+            format!("{stop_pu:.3} of the spool's stroke, {words}"),
+        );
         let stop_pu = plate.get(stop_key).map_or(stop_pu, |stop_m| stop_m / spool_stroke_m);
         let time_s = 1.0 / (gain_1_s * (stop_pu - OVERLAP_PU).max(OVERLAP_PU));
         put(plate, time_key, time_s, 0.1, format!("{time_s:.3} s, by its speed where the spool was well open"));
@@ -144,7 +152,7 @@ fn put(plate: &mut Plate, key: &'static str, value: f64, tolerance: f64, text: S
 }
 
 /// Sizes that no position shows.
-fn sizes(plate: &mut Plate, recorded: &mut Recorded) {
+fn sizes(plate: &mut Plate, recorded: &mut Filled) {
     let assumed = "nobody knows; the reference unit's".to_owned();
     if !["servomotor_volume", "opening_area", "piston_diameter"].iter().any(|key| plate.values.contains_key(key)) {
         put(plate, "servomotor_stroke", SERVOMOTOR.0, 0.0, assumed.clone());
@@ -207,7 +215,8 @@ fn stop(runs: &[Vec<Row>], sign: f64, farthest_pu: f64) -> (f64, f64, &'static s
         runs.iter().flat_map(|run| run.chunk_by(|a, b| at(a) && at(b))).filter(|run| at(&run[0])).collect();
     let held_s: f64 = near.iter().map(|run| run[run.len() - 1].time_s - run[0].time_s).sum();
     let deviations: Vec<f64> = near.iter().copied().flatten().map(|row| row.deviation_pu.abs()).collect();
-    let (least, most) = deviations.iter().fold((f64::INFINITY, 0.0_f64), |(least, most), &d| (least.min(d), most.max(d)));
+    let (least, most) =
+        deviations.iter().fold((f64::INFINITY, 0.0_f64), |(least, most), &d| (least.min(d), most.max(d)));
     // A spool that stands because the deviation does is at no stop.
     let pushed = most - least > PUSHED * most || near.iter().copied().flatten().any(|row| row.esv != EsvState::Normal);
     if held_s >= 0.99 * HELD_S && pushed {
@@ -240,8 +249,7 @@ fn position_gain(runs: &[Vec<Row>], farthest: [f64; 2]) -> Option<(f64, f64)> {
         }
     }
     let known = if standing.len() >= FEWEST_ROWS { Some((standing, GAIN_TOLERANCES.0)) } else { None };
-    let (gains, tolerance) =
-        known.or_else(|| (moving.len() >= FEWEST_ROWS).then_some((moving, GAIN_TOLERANCES.1)))?;
+    let (gains, tolerance) = known.or_else(|| (moving.len() >= FEWEST_ROWS).then_some((moving, GAIN_TOLERANCES.1)))?;
     Some((median(gains), tolerance))
 }
 

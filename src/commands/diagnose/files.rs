@@ -12,7 +12,6 @@ use govtwin::params::{self, Overlay};
 use govtwin::provenance::Provenance;
 use govtwin::report::diagnosis as report;
 
-use super::given::{By, Given};
 use super::next_test;
 use crate::commands::output::Output;
 use crate::commands::report_file;
@@ -52,11 +51,11 @@ pub fn refuse_to_replace(out: &Path, made: &Provenance) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Writes the files of a report into a folder; hands out the text of the report.
+/// Writes the files of a report into a folder, with the sheet that was made of the recordings where there is one; hands out the text of the report.
 pub fn write(
     mut output: Output,
     diagnosis: &Diagnosis,
-    given: &Given,
+    (unit, assumed): (&Unit, Option<&str>),
     made: &Provenance,
     seconds: f64,
 ) -> anyhow::Result<String> {
@@ -79,13 +78,13 @@ pub fn write(
         _ => "refitted within tolerances; the diagnosis names no effect",
     };
     overlay(&mut output, "fitted.yaml", &diagnosis.fitted, what, made, &diagnosis.parameters)?;
-    match next_test::file(diagnosis, &output.path(schema::NEXT_TEST), &given.unit.parameters)? {
+    match next_test::file(diagnosis, &output.path(schema::NEXT_TEST), &unit.parameters)? {
         Some(script) => output.add(schema::NEXT_TEST, &script)?,
         None => output.remove(schema::NEXT_TEST),
     }
-    match &given.by {
-        By::Recordings { text, .. } => output.add(ASSUMED, text.as_bytes())?,
-        _ => output.remove(ASSUMED),
+    match assumed {
+        Some(text) => output.add(ASSUMED, text.as_bytes())?,
+        None => output.remove(ASSUMED),
     }
     output.add("report.html", report::page(diagnosis, made)?.to_html().as_bytes())?;
     output.add(REPORT, json.as_bytes())?;

@@ -11,10 +11,25 @@ use govtwin::recording::Recording;
 use govtwin::sheet::recorded::fill;
 use govtwin::sheet::{Derived, Plate, derive};
 
-use super::Args;
 use super::files::ASSUMED;
 use crate::commands::bags::{self, Recordings};
 use crate::commands::sheet;
+
+/// Which unit recordings are judged by, on the command line.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub struct UnitArgs {
+    /// The unit's data sheet; without it the shipped reference unit.
+    #[arg(long, value_name = "FILE")]
+    pub params: Option<PathBuf>,
+    /// No data sheet is known: judges the whole chain by a sheet that is made of the recordings, with wide tolerances (DIR/assumed.yaml). Where they
+    /// do not hold command, tank pressure, spool and servomotor in pu, judges as --stage-alone does, and says why.
+    #[arg(long, conflicts_with = "params")]
+    pub no_sheet: bool,
+    /// Judges the servomotor stage alone, driven by the recorded spool, all of it fitted freely, from positions in any unit. Taken for granted where
+    /// no recording holds a command and no sheet is given.
+    #[arg(long, alias = "free", conflicts_with_all = ["params", "no_sheet"])]
+    pub stage_alone: bool,
+}
 
 /// What recordings are judged by.
 #[derive(Debug)]
@@ -48,7 +63,7 @@ pub struct Given {
 }
 
 /// Reads the recordings that a command line names, and finds what they are judged by.
-pub fn read(args: &Args, paths: &[PathBuf], topics: &Topics, sheet: &Unit) -> anyhow::Result<Given> {
+pub fn read(args: &UnitArgs, paths: &[PathBuf], topics: &Topics, sheet: &Unit) -> anyhow::Result<Given> {
     let unit = sheet.clone();
     if args.params.is_some() {
         return Ok(Given { recordings: bags::read(paths, topics, &unit)?, unit, by: By::Sheet });
@@ -104,44 +119,52 @@ fn note(plate: &Plate, derived: &Derived) -> String {
     )
 }
 
-impl Given {
+impl By {
     /// Whether nothing but servomotor stages is judged, fitted freely.
     pub fn is_free(&self) -> bool {
-        matches!(self.by, By::Nothing { .. })
+        matches!(self, Self::Nothing { .. })
+    }
+
+    /// The text of the sheet that was made of the recordings.
+    pub fn assumed(&self) -> Option<&str> {
+        match self {
+            Self::Recordings { text, .. } => Some(text),
+            _ => None,
+        }
     }
 
     /// What there is to say of the unit, where it was not named.
     pub fn note(&self) -> Option<&str> {
-        match &self.by {
-            By::Recordings { note, .. } => Some(note),
-            By::Nothing { note } => note.as_deref(),
-            By::Sheet | By::Reference => None,
+        match self {
+            Self::Recordings { note, .. } => Some(note),
+            Self::Nothing { note } => note.as_deref(),
+            Self::Sheet | Self::Reference => None,
         }
     }
 
     /// Notes among what a report was made from which unit was taken.
-    pub fn describe(&self, args: &Args, made: &mut Provenance) {
+    pub fn describe(&self, args: &UnitArgs, unit: &Unit, made: &mut Provenance) {
         let mut option = |name: &str, value: &str| made.options.insert(name.to_owned(), value.to_owned());
-        match &self.by {
-            By::Recordings { .. } => {
+        match self {
+            Self::Recordings { .. } => {
                 option("no-sheet", "the whole chain, by a sheet made of the recordings");
-                let sha256 = params::unit_digest(&self.unit);
+                let sha256 = params::unit_digest(unit);
                 made.sheet = SheetUsed { name: "made of the recordings".to_owned(), files: vec![], sha256 };
             }
-            By::Nothing { .. } if args.no_sheet => drop(option("no-sheet", "the servomotor stage alone")),
-            By::Nothing { .. } if args.stage_alone => drop(option("stage-alone", "given")),
-            By::Nothing { .. } => drop(option("stage-alone", "taken for granted: no command, no sheet")),
-            By::Sheet | By::Reference => {}
+            Self::Nothing { .. } if args.no_sheet => drop(option("no-sheet", "the servomotor stage alone")),
+            Self::Nothing { .. } if args.stage_alone => drop(option("stage-alone", "given")),
+            Self::Nothing { .. } => drop(option("stage-alone", "taken for granted: no command, no sheet")),
+            Self::Sheet | Self::Reference => {}
         }
     }
-}
 
-/// Which unit was taken where no sheet was named, in the words of the summary.
-pub fn unit_taken(by: &By) -> Option<String> {
-    match by {
-        By::Sheet => None,
-        By::Reference => Some("the shipped reference unit, as --params names no data sheet".to_owned()),
-        By::Recordings { .. } => Some(format!("made of the recordings ({ASSUMED} beside the report)")),
-        By::Nothing { .. } => Some("none; the servomotor stage was fitted freely".to_owned()),
+    /// Which unit was taken where no sheet was named, in the words of the summary.
+    pub fn unit_taken(&self) -> Option<String> {
+        match self {
+            Self::Sheet => None,
+            Self::Reference => Some("the shipped reference unit, as --params names no data sheet".to_owned()),
+            Self::Recordings { .. } => Some(format!("made of the recordings ({ASSUMED} beside the report)")),
+            Self::Nothing { .. } => Some("none; the servomotor stage was fitted freely".to_owned()),
+        }
     }
 }
