@@ -139,7 +139,7 @@ fn a_unit_without_a_sheet_is_diagnosed_whole_and_its_sheet_lies_beside_the_repor
     let report: Value = serde_json::from_str(&fs::read_to_string(out.join("report.json")).unwrap()).unwrap();
     assert_eq!(report["provenance"]["sheet"]["name"], "made of the recordings");
     assert_eq!(report["provenance"]["options"]["no-sheet"], "the whole chain, by a sheet made of the recordings");
-    assert!(report["part"].is_null(), "the whole chain is judged: {}", report["part"]);
+    assert!(report["fitted_stage"].is_null(), "the whole chain is judged");
     // The sheet reads back as the unit that the recordings were judged by: the same verdict, to the last digit.
     let assumed = out.join("assumed.yaml");
     let sheet = params::load(&assumed).unwrap();
@@ -193,5 +193,5 @@ fn recordings_that_make_no_sheet_are_judged_by_their_stage_and_the_reason_is_tol
     assert!(run.stdout.contains("unit: none; the servomotor stage was fitted freely"), "{}", run.stdout);
     let report: Value = serde_json::from_str(&fs::read_to_string(dir.path().join("report.json")).unwrap()).unwrap();
     assert_eq!(report["provenance"]["options"]["no-sheet"], "the servomotor stage alone");
-    assert!(report["part"].is_object() && !dir.path().join("assumed.yaml").exists());
+    assert!(report["fitted_stage"].is_array() && !dir.path().join("assumed.yaml").exists());
 }
