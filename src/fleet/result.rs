@@ -1,11 +1,9 @@
 //! What is kept of an entry: done or failed, and of a diagnosis what a fleet is compared by.
 
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 
 use super::entry::Entry;
-use crate::diagnosis::result::Verdict;
-use crate::diagnosis::result::schema::values::{rows, text};
+use crate::diagnosis::result::{Blame, Diagnosis, Fitted, Verdict};
 
 /// The schema of a result.
 pub const SCHEMA: &str = "govtwin-fleet-result/1";
@@ -110,6 +108,19 @@ pub struct SizeInterval {
 }
 
 impl SizeInterval {
+    /// A fitted value; what the recordings said of it is left open.
+    fn of(fitted: &Fitted) -> Self {
+        Self {
+            name: fitted.name.clone(),
+            unit: fitted.unit.to_owned(),
+            value: number(fitted.value.value),
+            low: number(fitted.value.low),
+            high: number(fitted.value.high),
+            at_bound: fitted.at_bound,
+            information_share: None,
+        }
+    }
+
     /// Whether the recordings determine it: a value inside its bounds, a finite interval of some width, and not mostly the sheet's word.
     #[must_use]
     pub(crate) fn is_determined(&self) -> bool {
@@ -120,29 +131,25 @@ impl SizeInterval {
 }
 
 impl FoundCause {
-    /// What a report of a diagnosis holds of it.
+    /// What a fleet keeps of a diagnosis.
     #[must_use]
-    pub fn of(report: &Value) -> Self {
+    pub fn of(diagnosis: &Diagnosis) -> Self {
         let probability = |id: &str| {
-            let one = rows(&report["ranking"]).find(|one| one["id"] == id);
-            one.and_then(|one| one["probability"].as_f64())
+            let one = diagnosis.ranking.iter().find(|one| one.id == id);
+            one.and_then(|one| number(one.probability))
         };
+        let of_sheet =
+            |one: &Fitted| SizeInterval { information_share: number(one.information), ..SizeInterval::of(one) };
         Self {
-            verdict: text(&report["verdict"]),
-            stage: report["location"]["stage"].as_str().map(str::to_owned),
+            verdict: diagnosis.verdict.id().to_owned(),
+            stage: diagnosis.stage.map(|stage| stage.id().to_owned()),
             unknown_probability: probability("unknown"),
             none_probability: probability("none"),
-            explained_share: report["gap"]["closure"]["value"].as_f64(),
-            entropy_bits: report["evidence"]["entropy_bits"].as_f64(),
-            causes: rows(&report["effects"]).map(cause).collect(),
-            parameters: rows(&report["evidence"]["parameters"])
-                .map(|one| SizeInterval {
-                    name: text(&one["key"]),
-                    information_share: one["information"].as_f64(),
-                    ..size(one)
-                })
-                .collect(),
-            next_test: rows(&report["next_experiment"]).next().map(|one| text(&one["test"])),
+            explained_share: number(diagnosis.explained_fraction.value),
+            entropy_bits: number(diagnosis.entropy_bits),
+            causes: diagnosis.blamed.iter().map(Cause::of).collect(),
+            parameters: diagnosis.parameters.iter().map(of_sheet).collect(),
+            next_test: diagnosis.experiments.first().map(|one| one.test.clone()),
         }
     }
 
@@ -153,25 +160,20 @@ impl FoundCause {
     }
 }
 
-fn cause(value: &Value) -> Cause {
-    Cause {
-        id: text(&value["id"]),
-        stage: text(&value["stage"]),
-        probability: value["probability"].as_f64(),
-        sizes: rows(&value["parameters"]).map(|one| SizeInterval { name: text(&one["name"]), ..size(one) }).collect(),
+impl Cause {
+    fn of(blame: &Blame) -> Self {
+        Self {
+            id: blame.id.clone(),
+            stage: blame.stage.id().to_owned(),
+            probability: number(blame.probability),
+            sizes: blame.parameters.iter().map(SizeInterval::of).collect(),
+        }
     }
 }
 
-fn size(value: &Value) -> SizeInterval {
-    SizeInterval {
-        name: String::new(),
-        unit: text(&value["unit"]),
-        value: value["value"].as_f64(),
-        low: value["ci90"][0].as_f64(),
-        high: value["ci90"][1].as_f64(),
-        at_bound: value["at_bound"].as_bool().unwrap_or_default(),
-        information_share: None,
-    }
+/// A number; none where it does not exist.
+fn number(value: f64) -> Option<f64> {
+    Some(value).filter(|value| value.is_finite())
 }
 
 /// A result that cannot be taken.
@@ -239,10 +241,12 @@ impl EntryResult {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::diagnosis::result::schema;
 
     #[test]
-    fn a_report_is_taken_as_far_as_a_fleet_is_compared_by_it() {
+    fn a_diagnosis_is_taken_as_far_as_a_fleet_is_compared_by_it() {
         let report = serde_json::json!({
+            "schema": schema::SCHEMA,
             "verdict": "named", "location": {"stage": "servomotor"},
             "effects": [{"id": "backlash", "stage": "servomotor", "probability": 0.93,
                 "parameters": [{"name": "play_pu", "value": 0.01, "ci90": [0.008, 0.012], "unit": "pu", "at_bound": false}]}],
@@ -253,7 +257,7 @@ mod tests {
                 {"key": "oil.bulk_modulus_pa", "unit": "Pa", "value": 1.0, "ci90": [0.5, 1.5], "information": 0.02, "at_bound": false},
                 {"key": "main_ports.width_m", "unit": "m", "value": 0.03, "ci90": [0.029, null], "information": 0.9, "at_bound": false}]},
         });
-        let found = FoundCause::of(&report);
+        let found = FoundCause::of(&schema::read::read(&report).unwrap());
         assert!(found.names_causes() && found.causes[0].sizes[0].is_determined());
         assert_eq!((found.unknown_probability, found.none_probability), (Some(0.05), Some(0.01)));
         assert!(

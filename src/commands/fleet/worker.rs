@@ -88,7 +88,6 @@ fn attempt(entry: &Entry, beside: &Store, store: &Store) -> anyhow::Result<Entry
 
 /// Puts the report into the store, and what a fleet is compared by into the outcome.
 fn keep(outcome: &mut EntryResult, diagnosed: &Diagnosed, out: &Path, store: &Store) -> anyhow::Result<()> {
-    let report: serde_json::Value = serde_json::from_str(&diagnosed.json).context("a report that is no JSON")?;
     // Whoever works on the same entry has a folder of his own: reports differ by date and duration.
     let folder = format!("reports/{}/{}", outcome.key, &sha256(&diagnosed.json)[..16]);
     for name in NAMES {
@@ -100,7 +99,7 @@ fn keep(outcome: &mut EntryResult, diagnosed: &Diagnosed, out: &Path, store: &St
             )?;
         }
     }
-    outcome.found = Some(FoundCause::of(&report));
+    outcome.found = Some(FoundCause::of(&diagnosed.diagnosis));
     outcome.warnings.clone_from(&diagnosed.made.warnings);
     outcome.origins = diagnosed.made.origins().into_iter().map(str::to_owned).collect();
     outcome.report = Some(folder);
