@@ -23,7 +23,7 @@ use crate::diagnosis::decision::posterior::Posterior;
 use crate::diagnosis::decision::weights::{Questions, Weights};
 use crate::diagnosis::hypotheses::table::EvidenceTable;
 use crate::diagnosis::hypotheses::{Exploration, Explored};
-use crate::diagnosis::result::{Diagnosis, Verdict};
+use crate::diagnosis::result::{Diagnosis, JudgedBy, Verdict};
 use crate::diagnosis::summary::{BeforeVerdict, Judged};
 use crate::effects::{CATALOGUE, EffectSpec, id_words};
 use crate::likelihood::loop_noise::quieter;
@@ -45,13 +45,20 @@ pub struct DiagnosisSettings {
     pub catalogue: Vec<&'static EffectSpec>,
     /// Seed of the resampling behind intervals of explained fractions.
     pub seed: u64,
-    /// No data sheet is known: the servomotor stage alone is judged, and fitted freely.
-    pub free: bool,
+    /// What is known of the unit beside its recordings.
+    pub judged_by: JudgedBy,
+}
+
+impl DiagnosisSettings {
+    /// Whether nothing but the servomotor stage is judged, and fitted freely.
+    fn is_free(&self) -> bool {
+        self.judged_by == JudgedBy::Nothing
+    }
 }
 
 impl Default for DiagnosisSettings {
     fn default() -> Self {
-        Self { catalogue: CATALOGUE.iter().collect(), seed: 1, free: false }
+        Self { catalogue: CATALOGUE.iter().collect(), seed: 1, judged_by: JudgedBy::DataSheet }
     }
 }
 

@@ -198,7 +198,7 @@ pub use twin::{Cut, Twin};
 
 // Why a unit differs from its twin.
 pub use diagnosis::result::schema::report as diagnosis_json;
-pub use diagnosis::result::{Blame, Diagnosis, Experiment, Fitted, Interval, Ranked, SignalGap, Verdict};
+pub use diagnosis::result::{Blame, Diagnosis, Experiment, Fitted, Interval, JudgedBy, Ranked, SignalGap, Verdict};
 pub use diagnosis::{DiagnosisError, DiagnosisSettings, diagnose};
 pub use provenance::Provenance;
 pub use report::diagnosis::{page as diagnosis_page, summary as diagnosis_text};

@@ -6,14 +6,14 @@ mod stage;
 use std::path::Path;
 
 use govtwin::bag;
-use govtwin::diagnosis::result::{Diagnosis, FreeRun, Verdict};
+use govtwin::diagnosis::result::{Diagnosis, FreeRun, JudgedBy, Verdict};
 use govtwin::diagnosis::{DiagnosisSettings, diagnose};
 use govtwin::params::reference;
 use govtwin::recording::Recording;
 use stage::{Spool, record, symmetric, with};
 
 fn freely(recordings: Vec<Recording>) -> Diagnosis {
-    let settings = DiagnosisSettings { free: true, ..DiagnosisSettings::default() };
+    let settings = DiagnosisSettings { judged_by: JudgedBy::Nothing, ..DiagnosisSettings::default() };
     diagnose(recordings, &reference(), &settings, &|_, _| ()).unwrap()
 }
 
@@ -121,7 +121,7 @@ fn a_spool_that_drives_something_else_is_refused() {
     for (frame, strange) in other.frames.iter_mut().zip(&one.frames) {
         frame.measured.spool_position_pu = strange.measured.spool_position_pu;
     }
-    let settings = DiagnosisSettings { free: true, ..DiagnosisSettings::default() };
+    let settings = DiagnosisSettings { judged_by: JudgedBy::Nothing, ..DiagnosisSettings::default() };
     match diagnose(vec![other], &reference(), &settings, &|_, _| ()) {
         Err(error) => assert!(error.to_string().contains("no law of the spool"), "{error}"),
         Ok(said) => {

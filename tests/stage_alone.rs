@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use govtwin::bag;
-use govtwin::diagnosis::result::schema;
 use govtwin::diagnosis::result::{Diagnosis, Verdict};
+use govtwin::diagnosis::result::{JudgedBy, schema};
 use govtwin::diagnosis::{DiagnosisSettings, diagnose};
 use govtwin::frame::{EsvState, Frame, Inputs, Signals};
 use govtwin::import::{Import, ImportError, ImportedRow, Map, Target};
@@ -25,7 +25,7 @@ use rand_chacha::ChaCha8Rng;
 use stage::{Spool, record, symmetric, with};
 
 fn freely(recordings: Vec<Recording>) -> Diagnosis {
-    let settings = DiagnosisSettings { free: true, ..DiagnosisSettings::default() };
+    let settings = DiagnosisSettings { judged_by: JudgedBy::Nothing, ..DiagnosisSettings::default() };
     diagnose(recordings, &reference(), &settings, &|_, _| ()).unwrap()
 }
 

@@ -12,8 +12,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use govtwin::bag;
-use govtwin::diagnosis::result::schema;
 use govtwin::diagnosis::result::{Diagnosis, Verdict};
+use govtwin::diagnosis::result::{JudgedBy, schema};
 use govtwin::diagnosis::{DiagnosisSettings, diagnose};
 use govtwin::frame::{Frame, Signals};
 use govtwin::params::reference;
@@ -32,7 +32,7 @@ const FIGURES: [&str; 7] =
     ["spool_zero", "dead_band", "falls_from", "rises_from", "rising_speed", "falling_speed", "lag_s"];
 
 fn freely(recordings: Vec<Recording>) -> Diagnosis {
-    let settings = DiagnosisSettings { free: true, ..DiagnosisSettings::default() };
+    let settings = DiagnosisSettings { judged_by: JudgedBy::Nothing, ..DiagnosisSettings::default() };
     diagnose(recordings, &reference(), &settings, &|_, _| ()).unwrap()
 }
 

@@ -196,7 +196,7 @@ pub fn unit(args: &Args) -> anyhow::Result<Diagnosed> {
     for warning in &warnings {
         warn(warning);
     }
-    let settings = DiagnosisSettings { free: by.is_free(), ..settings };
+    let settings = DiagnosisSettings { judged_by: by.kind(), ..settings };
     let (mut diagnosis, seconds) = judge(recordings, &unit, &settings)?;
     diagnosis.notes.splice(0..0, by.note().map(str::to_owned));
     describe(&mut made, args, &name, &warnings, &diagnosis)?;

@@ -78,8 +78,8 @@ pub fn prepare(
     sheet: &Unit,
     settings: &DiagnosisSettings,
 ) -> Result<Preparation, DiagnosisError> {
-    let stage_only = settings.free || !recordings.iter().any(Recording::has_command);
-    let stands_in = if settings.free { command_for_spool(&mut recordings) } else { None };
+    let stage_only = settings.is_free() || !recordings.iter().any(Recording::has_command);
+    let stands_in = if settings.is_free() { command_for_spool(&mut recordings) } else { None };
     let cut = if stage_only { Cut::Spool } else { Cut::None };
     let QualifiedRecordings { qualified, notes, refused } = qualify_all(recordings, |_| cut);
     if qualified.is_empty() {
@@ -162,7 +162,7 @@ fn servomotor_stage(
         "Servomotor stage only, driven by the recorded spool; the chain before it was not recorded.".to_owned(),
     );
     let (recordings, unit, noise, turned);
-    if settings.free {
+    if settings.is_free() {
         let prepared = sheetless(whole, sheet).ok_or_else(still)?;
         notes.extend(prepared.notes);
         (whole, recordings, unit, noise) = (prepared.whole, prepared.pieces, prepared.unit, prepared.noise);
@@ -184,7 +184,7 @@ fn servomotor_stage(
     let many: Vec<PreparedRecording> =
         pieces(&whole, LAW_PIECES).into_iter().map(PreparedRecording::servomotor_stage).collect();
     let (follows, left) = follows(&Run::all(&many), &law).ok_or_else(still)?;
-    if !settings.free && law.above_1_s + law.below_1_s < 0.0 {
+    if !settings.is_free() && law.above_1_s + law.below_1_s < 0.0 {
         notes.push(
             "The servomotor moves against the spool's sign; is the spool position recorded the other way round?".into(),
         );
@@ -198,7 +198,7 @@ fn servomotor_stage(
         noise,
         catalogue,
         notes,
-        sheet: !settings.free,
+        sheet: !settings.is_free(),
         alone: Some(Alone { seen, law, follows, left }),
     })
 }
@@ -224,6 +224,6 @@ fn acting(
             .pop()
             .is_some_and(|residuals| residuals != model.fit.residuals)
     };
-    let wanted = |spec: &&'static EffectSpec| !settings.free || sheetless::means_something(spec.id);
+    let wanted = |spec: &&'static EffectSpec| !settings.is_free() || sheetless::means_something(spec.id);
     settings.catalogue.iter().copied().filter(wanted).filter(acts).collect()
 }

@@ -43,6 +43,42 @@ pub enum Verdict {
     NoSuchUnit,
 }
 
+/// What a diagnosis knows of a unit beside its recordings.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum JudgedBy {
+    /// A data sheet.
+    #[default]
+    DataSheet,
+    /// A sheet that was made of the recordings ([`crate::sheet::recorded`]).
+    AssumedSheet,
+    /// Nothing: the servomotor stage alone is judged, and fitted freely.
+    Nothing,
+}
+
+impl JudgedBy {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::DataSheet, Self::AssumedSheet, Self::Nothing];
+
+    /// The word in reports.
+    #[must_use]
+    pub fn id(self) -> &'static str {
+        match self {
+            Self::DataSheet => "data_sheet",
+            Self::AssumedSheet => "assumed_sheet",
+            Self::Nothing => "nothing",
+        }
+    }
+
+    /// What the sheet is called in sentences.
+    #[must_use]
+    pub fn sheet_title(self) -> &'static str {
+        match self {
+            Self::AssumedSheet => "assumed sheet",
+            Self::DataSheet | Self::Nothing => "data sheet",
+        }
+    }
+}
+
 impl Verdict {
     /// All of them.
     pub const ALL: [Self; 6] =
@@ -372,6 +408,8 @@ pub struct Diagnosis {
     pub stages: Vec<(Stage, f64)>,
     /// Effects that the verdict blames.
     pub blamed: Vec<Blame>,
+    /// What was known of the unit beside its recordings.
+    pub judged_by: JudgedBy,
     /// The whole catalogue, `unknown` and `none`, most probable first.
     pub ranking: Vec<Ranked>,
     /// The gap in each signal.

@@ -161,6 +161,7 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &DiagnosisSettings, see
         sets: decision.sets.clone(),
         traces: traces(problem, [&delivered, &refitted, &with_effects]),
         blamed,
+        judged_by: settings.judged_by,
         part: None,
         notes,
         simulations: problem.simulations(),

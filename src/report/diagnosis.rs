@@ -12,7 +12,7 @@ mod words;
 
 use super::draw::{DrawError, svg};
 use super::page::{KeyFigure, Page, PageBody, Tone};
-use crate::diagnosis::result::{Diagnosis, Trace, Verdict};
+use crate::diagnosis::result::{Diagnosis, JudgedBy, Trace, Verdict};
 use crate::provenance::Provenance;
 use crate::report::table::significant;
 use crate::signal::Signal;
@@ -135,7 +135,8 @@ fn opening(body: &mut PageBody, diagnosis: &Diagnosis, made: &Provenance) {
     }
     let far = answers::far_off(diagnosis);
     if !far.is_empty() {
-        let caption = "Values of the data sheet that recalibration moved by more than three standard deviations of their tolerance.";
+        let caption =
+            "Values of the sheet that recalibration moved by more than three standard deviations of their tolerance.";
         body.table(tables::moved(&far), caption);
     }
 }
@@ -146,6 +147,9 @@ fn residuals(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Res
         let caption = if diagnosis.part.as_ref().is_some_and(|part| !part.sheet) {
             "Data sheet: a first guess, as none is known. Recalibrated: the same stage fitted freely, alike in both directions. The line is \
              what the transducers alone make a right model miss, by what changes between neighbouring samples."
+        } else if diagnosis.judged_by == JudgedBy::AssumedSheet {
+            "Assumed sheet: made of the recordings. Recalibrated: its values moved within their tolerances. The line is the error of a right \
+             twin, from noise and steps of the transducers."
         } else {
             "Data sheet: its values as they are. Recalibrated: the same values moved within their tolerances. The line is the error of a \
              right twin, from noise and steps of the transducers."
@@ -178,6 +182,8 @@ fn recordings(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Re
     // A report that was read back has the curves of one recording.
     let mut order: Vec<&Trace> = diagnosis.traces.iter().filter(|trace| !trace.time_s.is_empty()).collect();
     order.sort_by(|a, b| traces::gap(b).total_cmp(&traces::gap(a)));
+    let sheet = diagnosis.judged_by.sheet_title();
+    let picture = |trace: &Trace, window_s| traces::picture(trace, window_s, explained, sheet);
     for (rank, trace) in order.into_iter().enumerate() {
         let mut inner = PageBody::new();
         let into = if rank == 0 { &mut *body } else { &mut inner };
@@ -187,14 +193,14 @@ fn recordings(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Re
             None => format!("{} ({})", trace.name, trace.process.title()),
         };
         let first = if rank == 0 && diagnosis.traces.len() > 1 { " The recording with most of the error." } else { "" };
-        into.figure(svg(&traces::picture(trace, None, explained))?, format!("{what}.{first}"));
+        into.figure(svg(&picture(trace, None))?, format!("{what}.{first}"));
         if let Some(window_s) = traces::close_up(trace) {
             let caption = format!("{what}, the stretch in which the recalibrated twin is farthest off.");
-            into.figure(svg(&traces::picture(trace, Some(window_s), explained))?, caption);
+            into.figure(svg(&picture(trace, Some(window_s)))?, caption);
         }
         if let Some(window_s) = traces::worst(trace, traces::WORST_S).filter(|_| rank == 0) {
             let caption = format!("{what}, the worst two seconds: here the error is largest.");
-            into.figure(svg(&traces::picture(trace, Some(window_s), explained))?, caption);
+            into.figure(svg(&picture(trace, Some(window_s)))?, caption);
         }
         if rank > 0 {
             body.details(what, inner);

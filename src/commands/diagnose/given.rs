@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 use govtwin::bag::Topics;
+use govtwin::diagnosis::result::JudgedBy;
 use govtwin::parameters::Unit;
 use govtwin::params;
 use govtwin::provenance::{Provenance, SheetUsed};
@@ -120,9 +121,13 @@ fn note(plate: &Plate, derived: &Derived) -> String {
 }
 
 impl By {
-    /// Whether nothing but servomotor stages is judged, fitted freely.
-    pub fn is_free(&self) -> bool {
-        matches!(self, Self::Nothing { .. })
+    /// In the words of the diagnosis.
+    pub fn kind(&self) -> JudgedBy {
+        match self {
+            Self::Sheet | Self::Reference => JudgedBy::DataSheet,
+            Self::Recordings { .. } => JudgedBy::AssumedSheet,
+            Self::Nothing { .. } => JudgedBy::Nothing,
+        }
     }
 
     /// The text of the sheet that was made of the recordings.

@@ -88,6 +88,7 @@ pub fn report(diagnosis: &Diagnosis, seconds: f64) -> Value {
     json!({
         "schema": SCHEMA,
         "verdict": diagnosis.verdict.id(),
+        "judged_by": diagnosis.judged_by.id(),
         "location": {"stage": diagnosis.stage.map(Stage::id), "probability": stages},
         "effects": effects,
         "ranking": ranking,

@@ -104,10 +104,10 @@ pub fn far_off(diagnosis: &Diagnosis) -> Vec<&Fitted> {
 
 /// What the recalibration found.
 fn no_gap(diagnosis: &Diagnosis) -> String {
-    let moved = moved(diagnosis, MOVED);
+    let (moved, sheet) = (moved(diagnosis, MOVED), diagnosis.judged_by.sheet_title());
     if moved.is_empty() {
         return format!(
-            "No fault found, and the data sheet holds: no value had to move by more than one tolerance.{}",
+            "No fault found, and the {sheet} holds: no value had to move by more than one tolerance.{}",
             left(diagnosis)
         );
     }
@@ -117,7 +117,7 @@ fn no_gap(diagnosis: &Diagnosis) -> String {
         1 => "; one more value by more than a tolerance".to_owned(),
         more => format!("; {more} more values by more than a tolerance"),
     };
-    format!("No fault found; the data sheet is off: {}{more}.{}", found.join(", "), left(diagnosis))
+    format!("No fault found; the {sheet} is off: {}{more}.{}", found.join(", "), left(diagnosis))
 }
 
 /// What recalibration leaves, which may be far from nothing though no fault of the catalogue explains it.
@@ -294,7 +294,7 @@ fn reach(diagnosis: &Diagnosis) -> Vec<String> {
     let far = far_off(diagnosis);
     if !far.is_empty() && diagnosis.verdict != Verdict::NoGap {
         let found: Vec<String> = far.iter().take(NAMED_VALUES).map(|one| found(one)).collect();
-        all.push(format!("Only with the data sheet far off: {}.", found.join(", ")));
+        all.push(format!("Only with the {} far off: {}.", diagnosis.judged_by.sheet_title(), found.join(", ")));
     }
     all
 }

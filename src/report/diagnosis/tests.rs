@@ -6,7 +6,7 @@ use crate::diagnosis::hypotheses::table::EvidenceTable;
 use crate::diagnosis::model::discrepancy::Curve;
 use crate::diagnosis::result::{
     Blame, Breakdown, BreakdownPart, ChannelReport, DetectableSize, Diagnosis, DiscrepancyTerm, Experiment, Fitted,
-    Interval, Ranked, SignalGap, StageTest, Trace, Tried, Verdict,
+    Interval, JudgedBy, Ranked, SignalGap, StageTest, Trace, Tried, Verdict,
 };
 use crate::effects::Stage;
 use crate::parameters::Unit;
@@ -154,6 +154,7 @@ fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
         }],
         blamed: blamed.iter().map(blame).collect(),
         part: None,
+        judged_by: JudgedBy::DataSheet,
         notes: vec!["x < y.".into()],
         simulations: 7,
     }
@@ -268,6 +269,9 @@ fn a_sound_unit_is_told_what_recalibration_found_and_no_place() {
     assert!(html.contains("by more than three standard deviations") && html.contains("main_ports.overlap_m"));
     diagnosis.parameters[0].position = 0.3;
     assert!(summary(&diagnosis, usize::MAX).starts_with("No fault found, and the data sheet holds"));
+    diagnosis.judged_by = JudgedBy::AssumedSheet;
+    assert!(summary(&diagnosis, usize::MAX).starts_with("No fault found, and the assumed sheet holds"));
+    assert!(html_of(&diagnosis, &Provenance::default()).contains("Assumed sheet: made of the recordings"));
 }
 
 #[test]

@@ -111,8 +111,8 @@ fn rows_to_keep(trace: &Trace) -> Vec<usize> {
     rows.into_iter().collect()
 }
 
-/// The picture of one recording; of a stretch of it where `window_s` is given.
-pub fn picture(trace: &Trace, window_s: Option<[f64; 2]>, explained: bool) -> Picture {
+/// The picture of one recording, of a stretch of it where `window_s` is given; `sheet` is what its sheet is called.
+pub fn picture(trace: &Trace, window_s: Option<[f64; 2]>, explained: bool, sheet: &'static str) -> Picture {
     let mut panels = Vec::new();
     for (signal, [measured, delivered, refitted, with_effects]) in &trace.signals {
         if !Signal::POSITIONS.contains(signal) {
@@ -131,7 +131,7 @@ pub fn picture(trace: &Trace, window_s: Option<[f64; 2]>, explained: bool) -> Pi
         let mut below = Panel::new(format!("{title}, twin − measured, %"))
             .height(110)
             .level(Ink::Band, "", 0.0)
-            .mark(thin_line(Ink::Command, "data sheet", off(delivered)))
+            .mark(thin_line(Ink::Command, sheet, off(delivered)))
             .mark(thin_line(Ink::Difference, "recalibrated", off(refitted)).dashed(1));
         if explained {
             above = above.line(Ink::Simulated, "with faults", curve(with_effects));

@@ -226,10 +226,8 @@ pub fn errors(diagnosis: &Diagnosis) -> String {
                 1 => format!(", {with_faults} with the fault"),
                 _ => format!(", {with_faults} with the faults"),
             };
-            let name = gap.signal.title().to_lowercase();
-            format!(
-                "{name} {sheet} with the data sheet, {recalibrated} recalibrated{with_faults} (noise alone {noise})"
-            )
+            let (name, title) = (gap.signal.title().to_lowercase(), diagnosis.judged_by.sheet_title());
+            format!("{name} {sheet} with the {title}, {recalibrated} recalibrated{with_faults} (noise alone {noise})")
         })
         .collect();
     if said.is_empty() { String::new() } else { format!("RMS error: {}.", said.join("; ")) }

@@ -11,7 +11,7 @@ use crate::diagnosis::result::StageFigure;
 use crate::diagnosis::result::test_script::{CommandShape, TestScript};
 use crate::diagnosis::result::{
     Blame, Breakdown, BreakdownPart, ChannelReport, DetectableSize, Diagnosis, DiscrepancyTerm, Experiment, Fitted,
-    FreeRun, Ranked, SheetLimits, SheetValue, SignalGap, StageOnly, StageTest, Transfer, Tried, Verdict,
+    FreeRun, JudgedBy, Ranked, SheetLimits, SheetValue, SignalGap, StageOnly, StageTest, Transfer, Tried, Verdict,
 };
 use crate::effects::Stage;
 use crate::parameters::{ChannelReadings, Parameters, Sensors, Unit};
@@ -39,6 +39,8 @@ pub fn read(report: &Value) -> Result<Diagnosis, ReadError> {
     let stages = location["probability"].as_object().into_iter().flatten();
     Ok(Diagnosis {
         verdict: verdict(&report["verdict"])?,
+        // Reports of before it was said are by a data sheet.
+        judged_by: JudgedBy::ALL.into_iter().find(|one| report["judged_by"] == one.id()).unwrap_or_default(),
         stage: stage_of(&location["stage"])?,
         stages: stages
             .map(|(id, share)| Ok((stage(&Value::from(id.as_str()))?, number(share))))
