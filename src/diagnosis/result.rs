@@ -1,6 +1,7 @@
 //! What a diagnosis says: the verdict and the evidence for it.
 
 mod interval;
+mod judged_by;
 pub mod schema;
 mod sheet_limits;
 pub mod test_script;
@@ -17,6 +18,7 @@ use crate::recording::Process;
 use crate::signal::Signal;
 
 pub use crate::diagnosis::result::interval::Interval;
+pub use crate::diagnosis::result::judged_by::JudgedBy;
 pub use crate::diagnosis::result::sheet_limits::{SheetLimits, SheetValue};
 
 /// The six things that a diagnosis may say.
@@ -41,42 +43,6 @@ pub enum Verdict {
     NotExcited,
     /// The recordings are of no servomotor stage behind this spool.
     NoSuchUnit,
-}
-
-/// What a diagnosis knows of a unit beside its recordings.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum JudgedBy {
-    /// A data sheet.
-    #[default]
-    DataSheet,
-    /// A sheet that was made of the recordings ([`crate::sheet::recorded`]).
-    AssumedSheet,
-    /// Nothing: the servomotor stage alone is judged, and fitted freely.
-    Nothing,
-}
-
-impl JudgedBy {
-    /// All of them.
-    pub const ALL: [Self; 3] = [Self::DataSheet, Self::AssumedSheet, Self::Nothing];
-
-    /// The word in reports.
-    #[must_use]
-    pub fn id(self) -> &'static str {
-        match self {
-            Self::DataSheet => "data_sheet",
-            Self::AssumedSheet => "assumed_sheet",
-            Self::Nothing => "nothing",
-        }
-    }
-
-    /// What the sheet is called in sentences.
-    #[must_use]
-    pub fn sheet_title(self) -> &'static str {
-        match self {
-            Self::AssumedSheet => "assumed sheet",
-            Self::DataSheet | Self::Nothing => "data sheet",
-        }
-    }
 }
 
 impl Verdict {
