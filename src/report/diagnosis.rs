@@ -17,11 +17,14 @@ use crate::provenance::Provenance;
 use crate::report::table::significant;
 use crate::signal::Signal;
 
+pub(crate) use answers::claims_like;
 pub use stage::figure_text;
 pub use summary::summary;
 pub use traces::kept as kept_traces;
+pub(crate) use traces::{WORST_S, worst_stretch};
 pub(crate) use words::{
-    capital, id_words, key_words, parameter_words, probability, shown_unit, size_words, stage_words, verdict_words,
+    capital, id_words, in_words, key_words, parameter_words, probability, shown_unit, size_words, stage_words,
+    verdict_words,
 };
 
 #[cfg(test)]
@@ -131,7 +134,7 @@ fn opening(body: &mut PageBody, diagnosis: &Diagnosis, made: &Provenance) {
             || diagnosis.verdict == Verdict::NoSuchUnit && foreign == Some(*note)
     };
     for note in diagnosis.notes.iter().filter(|note| !answered(note)) {
-        body.note(Tone::Warning, note.as_str());
+        body.note(Tone::Warning, words::in_words(note));
     }
     let far = answers::far_off(diagnosis);
     if !far.is_empty() {

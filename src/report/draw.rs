@@ -174,12 +174,17 @@ fn draw_title_and_legend(canvas: &Canvas, panel: &Panel, place: &PanelPlace) -> 
             }
             MarkShape::Dots(_) => {
                 let at = (units(x + 9.0), from.1);
-                canvas.draw(&Circle::new(at, units(3.0), ink(mark.ink, mark.opacity).filled()))?;
+                let radius_px = mark.width_px.clamp(3.0, 5.5);
+                canvas.draw(&Circle::new(at, units(radius_px), ink(mark.ink, mark.opacity).filled()))?;
                 if mark.dash > 0 {
-                    canvas.draw(&Circle::new(at, units(1.6), ink(Ink::Paper, 1.0).filled()))?;
+                    canvas.draw(&Circle::new(at, units(0.55 * radius_px), ink(Ink::Paper, 1.0).filled()))?;
                 }
             }
-            MarkShape::Band(_) | MarkShape::Blocks(_) | MarkShape::Words(_) | MarkShape::Cells { .. } => {
+            MarkShape::Band(_)
+            | MarkShape::Blocks(_)
+            | MarkShape::Words(_)
+            | MarkShape::Above(_)
+            | MarkShape::Cells { .. } => {
                 let corners = [(from.0, units(y - 5.0)), (to.0, units(y + 5.0))];
                 canvas.draw(&Rectangle::new(corners, ink(mark.ink, mark.opacity).filled()))?;
             }
@@ -245,6 +250,12 @@ fn draw_mark(canvas: &Canvas, plot: &Plot, mark: &Mark, place: &PanelPlace) -> R
             for (at, text) in words {
                 let at = [to_px(place, at[0]) + 5.0, to_py(place, at[1])];
                 write(canvas, text, at, LABEL_SIZE, mark.ink, HPos::Left, VPos::Center)?;
+            }
+        }
+        MarkShape::Above(words) => {
+            for (at, text) in words {
+                let at = [to_px(place, at[0]), to_py(place, at[1].clamp(y[0], y[1])) - 1.0];
+                write(canvas, text, at, LABEL_SIZE, mark.ink, HPos::Center, VPos::Bottom)?;
             }
         }
         MarkShape::Cells { rows, full, below, decimals } => {
