@@ -1,5 +1,7 @@
 //! The page of a watched unit: what has moved, the course of every size, and every process.
 
+use std::cmp::Reverse;
+
 use super::history::{Course, ProcessEntry, origins};
 use crate::recording::Process;
 use crate::report::diagnosis::{capital, id_words, shown_unit, verdict_words};
@@ -43,7 +45,11 @@ pub fn page(watched: &Watched) -> Result<Page, DrawError> {
     let body = &mut page.body;
     let warnings: Vec<String> = courses.iter().filter_map(Course::warning).collect();
     body.answers(answers(watched, &warnings));
-    let newest = times.last().map_or_else(String::new, |time| format!("the newest of {}", readable(time)));
+    // Bags may come late, and those of one look in the order of their names.
+    let mut order: Vec<usize> = (0..entries.len()).collect();
+    order.sort_by_key(|&i| (Reverse(entries[i].time_ns), Reverse(i)));
+    let newest = order.first().and_then(|&i| times.get(i));
+    let newest = newest.map_or_else(String::new, |time| format!("the newest of {}", readable(time)));
     let counts = [
         KeyFigure::new("processes", entries.len().to_string(), "").hint(newest),
         KeyFigure::new("sizes that have moved", warnings.len().to_string(), "")
@@ -80,7 +86,7 @@ pub fn page(watched: &Watched) -> Result<Page, DrawError> {
         .words("bag")
         .words("to know");
     let mixed = entries.iter().any(|entry| entry.synthetic) && !entries.iter().all(|entry| entry.synthetic);
-    for (entry, time) in entries.iter().zip(times).rev().take(MOST_ROWS) {
+    for (entry, time) in order.iter().filter_map(|&i| Some((&entries[i], times.get(i)?))).take(MOST_ROWS) {
         let sizes = entry.sizes.iter().filter(|size| size.named);
         let sizes: Vec<String> = sizes
             .map(|size| {
@@ -258,6 +264,17 @@ mod tests {
         let head = |html: &str| html[..html.find("<svg").unwrap()].to_owned();
         assert!(head(&grown).contains("Backlash has grown") && head(&grown).contains("1</"), "{}", head(&grown));
         assert!(head(&still).contains("size has moved beyond") && !still.contains("has grown"), "{}", head(&still));
+    }
+
+    /// The newest process by its time leads the table, whenever its bag came.
+    #[test]
+    fn the_newest_process_leads_the_table() {
+        let mut entries: Vec<ProcessEntry> = (0..3).map(|i| entry(i, 2e-3)).collect();
+        entries[0].time_ns = 9;
+        let html = html_of(&entries);
+        assert!(html.contains("the newest of 2026-11-26 00:00:00 UTC"), "{html}");
+        let at = |minute: &str| html.rfind(&format!("2026-11-26 00:{minute}:00 UTC")).unwrap();
+        assert!(at("00") < at("02") && at("02") < at("01"), "{html}");
     }
 
     /// Where recordings are marked as synthetic the page says so, and where only some are, of which.

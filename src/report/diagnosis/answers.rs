@@ -1,6 +1,6 @@
 //! The four answers at the head of a diagnosis, in this order: what the cause is, how sure, how far it explains the error, what to do next.
 
-use crate::diagnosis::decision::weights::CHAIN;
+use crate::diagnosis::decision::weights::{CHAIN, STAGE_ALONE};
 use crate::diagnosis::result::{Diagnosis, Fitted, Verdict};
 use crate::effects::Stage;
 use crate::report::diagnosis::stage::fitted_stage;
@@ -251,11 +251,14 @@ fn sureness(diagnosis: &Diagnosis) -> Vec<String> {
         parts.extend(at_stage);
     }
     let mut first = format!("{}.", parts.join("; "));
-    if diagnosis.part.is_none() && !diagnosis.ranking.is_empty() {
-        // In one paragraph, so that a phone shows both.
-        if let Some(rate) = claimed.and_then(claims_like) {
-            first += &format!(" {rate}");
-        }
+    let claimed = claimed.filter(|_| !diagnosis.ranking.is_empty());
+    let rate = claimed.and_then(|claimed| match diagnosis.part {
+        None => claims_like(claimed),
+        Some(_) => hit_rate(&STAGE_ALONE.shipped().provenance, "servomotor stages", claimed),
+    });
+    // In one paragraph, so that a phone shows both.
+    if let Some(rate) = rate {
+        first += &format!(" {rate}");
     }
     let mut all = vec![first];
     all.extend(besides(diagnosis).map(|words| capital(&words)));
@@ -267,11 +270,11 @@ fn sureness(diagnosis: &Diagnosis) -> Vec<String> {
 
 /// How often claims of such a probability on whole chains were right, in a sentence.
 pub fn claims_like(claimed: f64) -> Option<String> {
-    hit_rate(&CHAIN.shipped().provenance, claimed)
+    hit_rate(&CHAIN.shipped().provenance, "units", claimed)
 }
 
 /// How often claims like this one were right on units whose faults are known; by their probability where that was counted, else over all.
-fn hit_rate(learned: &serde_json::Value, claimed: f64) -> Option<String> {
+fn hit_rate(learned: &serde_json::Value, units: &str, claimed: f64) -> Option<String> {
     let counted = |bin: &&serde_json::Value| bin["units"].as_u64().unwrap_or(0) >= LEAST_CLAIMS;
     let off = |bin: &&serde_json::Value| (bin["said"].as_f64().unwrap_or(f64::INFINITY) - claimed).abs();
     let bins = learned["reliability"].as_array().into_iter().flatten().filter(counted);
@@ -279,14 +282,14 @@ fn hit_rate(learned: &serde_json::Value, claimed: f64) -> Option<String> {
         let (said, was) = (bin["said"].as_f64()?, bin["was"].as_f64()?);
         let of = bin["units"].as_u64()?;
         return Some(format!(
-            "Of {of} claims of about {} on unseen generated units {} were right.",
+            "Of {of} claims of about {} on unseen generated {units} {} were right.",
             percent(said),
             percent(was)
         ));
     }
-    let (units, right) = (learned["units"].as_u64()?, learned["first_word_right_held_out"].as_f64()?);
+    let (count, right) = (learned["units"].as_u64()?, learned["first_word_right_held_out"].as_f64()?);
     Some(format!(
-        "Of {units} unseen generated units the most probable answer was right in {}, whatever its probability.",
+        "Of {count} unseen generated {units} the most probable answer was right in {}, whatever its probability.",
         percent(right)
     ))
 }
@@ -371,12 +374,12 @@ mod tests {
     fn a_claim_stands_beside_what_came_of_such_claims() {
         let binned = json!({"units": 79, "first_word_right_held_out": 0.56, "reliability": [
             {"said": 0.95, "was": 0.9, "units": 30}, {"said": 0.96, "was": 0.0, "units": 1}, {"said": 0.5, "was": 0.4, "units": 20}]});
-        assert!(hit_rate(&binned, 0.97).unwrap().starts_with("Of 30 claims of about 95 %"));
-        assert!(hit_rate(&binned, 0.55).unwrap().contains("of about 50 %"));
+        assert!(hit_rate(&binned, "units", 0.97).unwrap().starts_with("Of 30 claims of about 95 %"));
+        assert!(hit_rate(&binned, "units", 0.55).unwrap().contains("of about 50 %"));
         // No such claim was counted.
-        assert!(hit_rate(&binned, 0.75).unwrap().contains("right in 56 %, whatever its probability"));
+        assert!(hit_rate(&binned, "units", 0.75).unwrap().contains("right in 56 %, whatever its probability"));
         let plain = json!({"units": 79, "first_word_right_held_out": 0.56});
-        assert!(hit_rate(&plain, 0.97).unwrap().contains("Of 79 unseen generated units"));
-        assert!(hit_rate(&json!({}), 0.97).is_none(), "weights that were not learned have no record");
+        assert!(hit_rate(&plain, "units", 0.97).unwrap().contains("Of 79 unseen generated units"));
+        assert!(hit_rate(&json!({}), "units", 0.97).is_none(), "weights that were not learned have no record");
     }
 }
