@@ -1,6 +1,7 @@
 //! The page of a diagnosis: the verdict in words first, then the evidence for it.
 
 mod answers;
+mod claims;
 mod next_test;
 mod pictures;
 mod sheet;
@@ -17,7 +18,7 @@ use crate::provenance::Provenance;
 use crate::report::table::significant;
 use crate::signal::Signal;
 
-pub(crate) use answers::claims_like;
+pub(crate) use claims::like as claims_like;
 pub use stage::figure_text;
 pub use summary::summary;
 pub use traces::kept as kept_traces;

@@ -1,6 +1,5 @@
 //! The four answers at the head of a diagnosis, in this order: what the cause is, how sure, how far it explains the error, what to do next.
 
-use crate::diagnosis::decision::weights::{CHAIN, STAGE_ALONE};
 use crate::diagnosis::result::{Diagnosis, Fitted, Verdict};
 use crate::effects::Stage;
 use crate::report::diagnosis::stage::fitted_stage;
@@ -8,7 +7,7 @@ use crate::report::diagnosis::words::{
     besides, capital, cause, errors, explained, id_words, in_words, key_words, listed, of_several, over_noise, percent,
     probability, stage_title, symptom, values,
 };
-use crate::report::diagnosis::{next_test, traces};
+use crate::report::diagnosis::{claims, next_test, traces};
 use crate::report::table::{fixed, quantity};
 use crate::signal::Signal;
 
@@ -32,9 +31,6 @@ const OPEN: f64 = 0.5;
 
 /// How a note begins that says what is nearest where nothing has a name.
 pub const NEAREST: &str = "Nearest in the catalogue: ";
-
-/// Claims of a probability are compared with what came true only where so many were counted.
-const LEAST_CLAIMS: u64 = 5;
 
 /// The answers, each under its question and in one paragraph or more.
 pub fn answers(diagnosis: &Diagnosis) -> [(&'static str, Vec<String>); 4] {
@@ -253,8 +249,8 @@ fn sureness(diagnosis: &Diagnosis) -> Vec<String> {
     let mut first = format!("{}.", parts.join("; "));
     let claimed = claimed.filter(|_| !diagnosis.ranking.is_empty());
     let rate = claimed.and_then(|claimed| match diagnosis.part {
-        None => claims_like(claimed),
-        Some(_) => hit_rate(&STAGE_ALONE.shipped().provenance, "servomotor stages", claimed),
+        None => claims::like(claimed),
+        Some(_) => claims::on_stages(claimed),
     });
     // In one paragraph, so that a phone shows both.
     if let Some(rate) = rate {
@@ -266,32 +262,6 @@ fn sureness(diagnosis: &Diagnosis) -> Vec<String> {
         all.push("One recording alone: the best explanation of it, not confirmed by another.".to_owned());
     }
     all
-}
-
-/// How often claims of such a probability on whole chains were right, in a sentence.
-pub fn claims_like(claimed: f64) -> Option<String> {
-    hit_rate(&CHAIN.shipped().provenance, "units", claimed)
-}
-
-/// How often claims like this one were right on units whose faults are known; by their probability where that was counted, else over all.
-fn hit_rate(learned: &serde_json::Value, units: &str, claimed: f64) -> Option<String> {
-    let counted = |bin: &&serde_json::Value| bin["units"].as_u64().unwrap_or(0) >= LEAST_CLAIMS;
-    let off = |bin: &&serde_json::Value| (bin["said"].as_f64().unwrap_or(f64::INFINITY) - claimed).abs();
-    let bins = learned["reliability"].as_array().into_iter().flatten().filter(counted);
-    if let Some(bin) = bins.min_by(|a, b| off(a).total_cmp(&off(b))).filter(|bin| off(bin) <= 0.15) {
-        let (said, was) = (bin["said"].as_f64()?, bin["was"].as_f64()?);
-        let of = bin["units"].as_u64()?;
-        return Some(format!(
-            "Of {of} claims of about {} on unseen generated {units} {} were right.",
-            percent(said),
-            percent(was)
-        ));
-    }
-    let (count, right) = (learned["units"].as_u64()?, learned["first_word_right_held_out"].as_f64()?);
-    Some(format!(
-        "Of {count} unseen generated {units} the most probable answer was right in {}, whatever its probability.",
-        percent(right)
-    ))
 }
 
 fn reach(diagnosis: &Diagnosis) -> Vec<String> {
@@ -362,24 +332,4 @@ fn next(diagnosis: &Diagnosis) -> Vec<String> {
         _ => {}
     }
     all
-}
-
-#[cfg(test)]
-mod tests {
-    use serde_json::json;
-
-    use super::hit_rate;
-
-    #[test]
-    fn a_claim_stands_beside_what_came_of_such_claims() {
-        let binned = json!({"units": 79, "first_word_right_held_out": 0.56, "reliability": [
-            {"said": 0.95, "was": 0.9, "units": 30}, {"said": 0.96, "was": 0.0, "units": 1}, {"said": 0.5, "was": 0.4, "units": 20}]});
-        assert!(hit_rate(&binned, "units", 0.97).unwrap().starts_with("Of 30 claims of about 95 %"));
-        assert!(hit_rate(&binned, "units", 0.55).unwrap().contains("of about 50 %"));
-        // No such claim was counted.
-        assert!(hit_rate(&binned, "units", 0.75).unwrap().contains("right in 56 %, whatever its probability"));
-        let plain = json!({"units": 79, "first_word_right_held_out": 0.56});
-        assert!(hit_rate(&plain, "units", 0.97).unwrap().contains("Of 79 unseen generated units"));
-        assert!(hit_rate(&json!({}), "units", 0.97).is_none(), "weights that were not learned have no record");
-    }
 }
