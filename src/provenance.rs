@@ -87,24 +87,7 @@ impl Provenance {
     /// What bags and folders say of where the recordings come from, each saying once.
     #[must_use]
     pub fn origins(&self) -> Vec<&str> {
-        let mut all: Vec<&str> = Vec::new();
-        for origin in self.recordings.iter().filter_map(|one| one.origin.as_deref()) {
-            if !all.contains(&origin) {
-                all.push(origin);
-            }
-        }
-        let (marked, unsaid) = (
-            self.recordings.iter().filter(|one| one.synthetic).count(),
-            self.recordings.iter().any(|one| one.synthetic && one.origin.is_none()),
-        );
-        if unsaid {
-            all.push(if marked == self.recordings.len() {
-                "Synthetic data: the bags say that they were simulated, not measured."
-            } else {
-                "Synthetic data among the recordings: some of the bags say that they were simulated, not measured."
-            });
-        }
-        all
+        origins(self.recordings.iter().map(|one| (one.synthetic, one.origin.as_deref())))
     }
 
     /// Names and values for a page.
@@ -121,7 +104,7 @@ impl Provenance {
         facts.extend(self.seed.map(|seed| ("seed".to_owned(), seed.to_string())));
         facts.push((
             "warnings".to_owned(),
-            if self.warnings.is_empty() { "none".to_owned() } else { self.warnings.join("; ") },
+            if self.warnings.is_empty() { "none".to_owned() } else { listed(&self.warnings) },
         ));
         facts
     }
@@ -140,6 +123,26 @@ impl Provenance {
         lines.extend(self.warnings.iter().map(|warning| format!("Warning: {warning}")));
         lines
     }
+}
+
+/// The same of recordings by whether they are marked as synthetic, and by what is said of where they come from.
+pub(crate) fn origins<'a>(recordings: impl Iterator<Item = (bool, Option<&'a str>)>) -> Vec<&'a str> {
+    let mut all: Vec<&str> = Vec::new();
+    let (mut count, mut marked, mut unsaid) = (0, 0, false);
+    for (synthetic, origin) in recordings {
+        all.extend(origin.filter(|origin| !all.contains(origin)));
+        count += 1;
+        marked += usize::from(synthetic);
+        unsaid |= synthetic && origin.is_none();
+    }
+    if unsaid {
+        all.push(if marked == count {
+            "Synthetic data: the bags say that they were simulated, not measured."
+        } else {
+            "Synthetic data among the recordings: some of the bags say that they were simulated, not measured."
+        });
+    }
+    all
 }
 
 impl RecordingGiven {
@@ -165,6 +168,11 @@ impl SheetUsed {
         let files = if files.is_empty() { "the shipped reference unit".to_owned() } else { files.join(" over ") };
         format!("{files}, values {}", short(&self.sha256))
     }
+}
+
+/// Warnings in a line: some end in a full stop, some do not.
+fn listed(warnings: &[String]) -> String {
+    warnings.iter().map(|warning| warning.trim_end_matches('.')).collect::<Vec<_>>().join("; ")
 }
 
 /// The first digits of a digest.

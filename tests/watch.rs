@@ -84,6 +84,8 @@ fn a_process_is_entered_once_whatever_happens_to_its_bag() {
     assert_eq!((anew.len(), &anew[0]["digest"], &anew[0]["sizes"]), (1, &entered[0]["digest"], &entered[0]["sizes"]));
     let page = fs::read_to_string(folder.join("seen/watch.html")).unwrap();
     assert!(page.contains("Cumulative sums") && page.contains("load rejection"));
+    assert!(page.contains("Synthetic data: the bags say") && anew[0]["synthetic"] == true, "{}", anew[0]);
+    assert!(torn.stdout.contains("Synthetic data: the bags say"), "{}", torn.stdout);
     let state: serde_json::Value =
         serde_json::from_str(&fs::read_to_string(folder.join("seen/watch.json")).unwrap()).unwrap();
     assert_eq!((&state["processes"], &state["warnings"]), (&1.into(), &serde_json::json!([])));
@@ -150,6 +152,7 @@ fn a_bag_that_grows_gives_each_process_as_it_ends_and_none_twice() {
     watching.wait().unwrap();
     let early = lines(folder);
     assert_eq!((early.len(), &early[0]["bag"]), (1, &"today".into()), "the process ended while the bag grew");
+    assert_eq!(early[0]["synthetic"], true, "a bag that grows says so as well: {}", early[0]);
     fs::write(growing.join("today_0.mcap"), &bytes).unwrap();
     fs::rename(&growing, folder.join("unit/today")).unwrap();
     let after = watch(folder, &[]);

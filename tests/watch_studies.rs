@@ -65,6 +65,8 @@ fn watched(frames: &[Frame]) -> Vec<ProcessEntry> {
             schema: history::SCHEMA.to_owned(),
             digest: cut.digest,
             bag: "day".to_owned(),
+            synthetic: true,
+            origin: None,
             time_ns,
             duration_s: 0.0,
             process: process.id().to_owned(),

@@ -8,7 +8,7 @@ use super::limits::{Limit, LimitStanding};
 use super::series::Series;
 use super::summary::{AcceptanceSummary, AskedMeasure, Figure, Subject, text};
 use crate::provenance::Provenance;
-use crate::report::diagnosis::id_words;
+use crate::report::diagnosis::{id_words, in_words};
 use crate::report::draw::{DrawError, svg};
 use crate::report::page::{KeyFigure, Page, PageBody, Tone};
 use crate::report::table::{Table, significant};
@@ -54,7 +54,7 @@ pub fn page(summary: &AcceptanceSummary, drawn: &[Drawn]) -> Result<Page, DrawEr
         body.note(Tone::Plain, origin);
     }
     for warning in made.warnings.iter().take(5) {
-        body.note(Tone::Warning, warning.clone());
+        body.note(Tone::Warning, in_words(warning));
     }
     body.heading("Measures and limits");
     body.table(
@@ -109,13 +109,14 @@ fn value_text(figure: &Figure, measure: Measure) -> (String, String) {
 /// The measures of the unit as it is, beside the limits.
 #[must_use]
 pub fn measures_table(summary: &AcceptanceSummary) -> Table {
-    let mut table = Table::new()
-        .words("measure")
-        .numbers("value")
-        .numbers("interval")
-        .numbers("limit")
-        .words("standing")
-        .words("limit of");
+    // Without limits there is nothing to say of them.
+    let limited = summary.measures.iter().any(|asked| asked.limit.is_some());
+    let mut table = Table::new().words("measure").numbers("value").numbers("interval");
+    if limited {
+        table = table.numbers("limit").words("standing").words("limit of");
+    } else {
+        table = table.words("");
+    }
     for (i, asked) in summary.measures.iter().enumerate() {
         let measure = kind(asked);
         let limit = limit_text(asked.limit.as_ref(), measure);
@@ -130,7 +131,12 @@ pub fn measures_table(summary: &AcceptanceSummary) -> Table {
             None if value == "–" => note().unwrap_or_default(),
             None => String::new(),
         };
-        let cells = [asked.title.to_owned(), value, interval, limit, words, source];
+        let mut cells = vec![asked.title.to_owned(), value, interval];
+        if limited {
+            cells.extend([limit, words, source]);
+        } else {
+            cells.push(words);
+        }
         if standing == Some(LimitStanding::Fails) { table.strong_row(cells) } else { table.row(cells) }
     }
     table
@@ -144,20 +150,29 @@ pub fn without_table(summary: &AcceptanceSummary) -> Option<Table> {
     if units.is_empty() {
         return None;
     }
-    let mut table = Table::new().words("measure").numbers("as it is").numbers("limit");
+    let limited = summary.measures.iter().any(|asked| asked.limit.is_some());
+    let mut table = Table::new().words("measure").numbers("as it is");
+    if limited {
+        table = table.numbers("limit");
+    }
     for unit in &units {
         let faults: Vec<String> = unit.removed.iter().map(|id| id_words(id)).collect();
         let of = format!("without {}", faults.join(" and "));
-        table = table.numbers_of(of.clone(), "value").numbers_of(of.clone(), "interval").numbers_of(of, "standing");
+        table = table.numbers_of(of.clone(), "value").numbers_of(of.clone(), "interval");
+        if limited {
+            table = table.numbers_of(of, "standing");
+        }
     }
     for (i, asked) in summary.measures.iter().enumerate() {
         let measure = kind(asked);
         let before = asked.as_found.as_ref().map_or("–".to_owned(), |figure| value_text(figure, measure).0);
-        let mut cells = vec![asked.title.to_owned(), before, limit_text(asked.limit.as_ref(), measure)];
+        let mut cells = vec![asked.title.to_owned(), before];
+        cells.extend(limited.then(|| limit_text(asked.limit.as_ref(), measure)));
         for unit in &units {
             let (value, interval) = value_text(&unit.figures[i], measure);
             let standing = unit.figures[i].standing.map_or("", LimitStanding::word).to_owned();
-            cells.extend([value, interval, standing]);
+            cells.extend([value, interval]);
+            cells.extend(limited.then_some(standing));
         }
         table.row(cells);
     }
@@ -195,7 +210,8 @@ fn without(body: &mut PageBody, summary: &AcceptanceSummary) {
         summary.subjects.iter().filter(|subject| !subject.name.starts_with("unit without")).collect();
     let mut table = Table::new().words("measure");
     for twin in &twins {
-        table = table.numbers_of(twin.name.clone(), "value").numbers_of(twin.name.clone(), "interval");
+        let name = in_words(&twin.name);
+        table = table.numbers_of(name.clone(), "value").numbers_of(name, "interval");
     }
     for (i, asked) in summary.measures.iter().enumerate() {
         let cells = twins.iter().flat_map(|twin| {

@@ -73,6 +73,12 @@ impl Growing {
         self.rows.measured
     }
 
+    /// What the bag has said of itself so far, under a key; the first of its files that says anything counts.
+    #[must_use]
+    pub fn about(&self, key: &str) -> Option<&str> {
+        self.files.iter().find_map(|known| known.file.about(key))
+    }
+
     /// Whether the bag at a path is the one that was read, be it under another name.
     #[must_use]
     pub fn is_at(&self, path: &Path) -> bool {

@@ -128,16 +128,17 @@ pub fn inputs(read: &[GivenBag], mapped: &Mapped) -> anyhow::Result<Vec<Recordin
 
 /// Whether bag or folder say that the data is synthetic, and where it comes from.
 pub fn marked(health: Option<&Health>, given: &Path) -> anyhow::Result<RecordingGiven> {
-    let origin = match health.and_then(|health| health.about(bag::ORIGIN)) {
+    marked_by(|key| health.and_then(|health| health.about(key)), given)
+}
+
+/// The same of a bag that says under each key what `about` gives.
+pub fn marked_by<'a>(about: impl Fn(&str) -> Option<&'a str>, given: &Path) -> anyhow::Result<RecordingGiven> {
+    let origin = match about(bag::ORIGIN) {
         Some(stated) => Some(stated.to_owned()),
         None => origin::read(given)?,
     };
-    let by_folder = origin.as_deref().is_some_and(says_synthetic);
-    Ok(RecordingGiven {
-        synthetic: by_folder || health.is_some_and(Health::is_synthetic),
-        origin,
-        ..RecordingGiven::default()
-    })
+    let synthetic = origin.as_deref().is_some_and(says_synthetic) || about(bag::SYNTHETIC) == Some("true");
+    Ok(RecordingGiven { synthetic, origin, ..RecordingGiven::default() })
 }
 
 /// Whether a note of origin begins by saying that the data is synthetic.

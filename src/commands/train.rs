@@ -6,8 +6,7 @@ use govtwin::comparison::coverage::{CoveredAt, covered_by_distance};
 use govtwin::comparison::summary::{Covered, ModelFigures, Searched, covered};
 use govtwin::comparison::{Contender, ModelStanding};
 use govtwin::recording::Process;
-use govtwin::report::comparison::{models_table, search_blocks};
-use govtwin::report::page::{Page, Tone};
+use govtwin::report::comparison::{Training, models_table, training_page};
 use govtwin::residual::booster::{Hyperparameters, Objective};
 use govtwin::residual::model::{LEFT_OUT, Learned};
 use govtwin::residual::prepare::Cleaning;
@@ -180,8 +179,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     output.add("model.residual", text.as_bytes())?;
 
     let scored: Vec<ModelFigures> = standings.iter().map(ModelFigures::from).collect();
-    let table_of_models = models_table(&scored, model.unit.as_str());
-    let mut said = table_text(&table_of_models);
+    let mut said = table_text(&models_table(&scored, model.unit.as_str()));
     said.extend(ready.origin.iter().map(|origin| format!("{origin}\n")));
     if let Some(band) = &band {
         let (stated, found) = (100.0 * band.coverage_share, 100.0 * band.overall_share);
@@ -191,14 +189,15 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     for at in &band_by_distance {
         said += &format!("  guarded, {}, {}: {}\n", at.process, at.distance, at.words(&model.unit));
     }
-    let mut page =
-        Page::new("Training of the residual", format!("{} rows teach, {} judge", rows.0.len(), rows.1.len()));
-    if let Some(origin) = &ready.origin {
-        page.body.note(Tone::Plain, origin.clone());
-    }
-    page.body.table(table_of_models, "On the last 30 % of each process, which nobody was trained on.");
-    search_blocks(&mut page.body, &searches, model.unit.as_str())?;
-    output.add("train.html", page.to_html().as_bytes())?;
+    let training = Training {
+        signal: table.layout.signal,
+        rows: [rows.0.len(), rows.1.len()],
+        origin: ready.origin.as_deref(),
+        models: &scored,
+        searches: &searches,
+        band: band.as_ref(),
+    };
+    output.add("train.html", training_page(&training)?.to_html().as_bytes())?;
     let figures = Trained {
         schema: "govtwin-training/1",
         program: concat!("govtwin ", env!("CARGO_PKG_VERSION")),

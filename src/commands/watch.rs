@@ -141,8 +141,8 @@ fn look(
     only_look: bool,
     entered: &mut dyn FnMut(&Chronicle),
 ) -> anyhow::Result<()> {
-    let troubles = follower.look(only_look, &mut |bag, cut| {
-        if chronicle.take(bag, cut)? {
+    let troubles = follower.look(only_look, &mut |given, cut| {
+        if chronicle.take(given, cut)? {
             entered(chronicle);
         }
         Ok(())

@@ -201,6 +201,8 @@ mod tests {
                 schema: SCHEMA.into(),
                 digest: i.to_string(),
                 bag: "a".into(),
+                synthetic: false,
+                origin: None,
                 time_ns: 1_000_000_000 * i64::from(i),
                 duration_s: 40.0,
                 process: "startup".into(),

@@ -1,7 +1,9 @@
 //! The page of a comparison: the views of the paper's Figures 12 to 16, the searches, and what the paper does not show.
 
+mod answers;
 mod pictures;
 mod searches;
+mod training;
 
 use super::draw::{DrawError, svg};
 use super::page::{KeyFigure, Page, PageBody, Tone};
@@ -14,6 +16,7 @@ use crate::recording::Process;
 use crate::residual::table::FeatureTable as Rows;
 
 pub use searches::search_blocks;
+pub use training::{Training, training_page};
 
 /// What the pictures are drawn of.
 pub struct Shown<'a> {
@@ -204,8 +207,7 @@ fn why(body: &mut PageBody, summary: &ComparisonSummary, shown: &Shown) -> Resul
 }
 
 fn opening(body: &mut PageBody, summary: &ComparisonSummary, unit: &str) {
-    let order: Vec<&str> = summary.ranking.iter().map(|id| model_title(summary, id)).collect();
-    body.lead(format!("Hybrids by MAE over all judging rows: {}.", order.join(" < ")));
+    body.answers(answers::of_comparison(summary, unit));
     if let Some(origin) = &summary.origin {
         body.note(Tone::Plain, origin.clone());
     }
@@ -238,10 +240,6 @@ fn opening(body: &mut PageBody, summary: &ComparisonSummary, unit: &str) {
         let caption = "The same band under the guard by processes, by distance from the rows that taught.";
         body.table(band_table(summary.band_by_distance.iter(), unit), caption);
     }
-}
-
-fn model_title<'a>(summary: &'a ComparisonSummary, id: &'a str) -> &'a str {
-    summary.models.iter().find(|model| model.id == id).map_or(id, |model| model.title)
 }
 
 fn left_out_table(summary: &ComparisonSummary, unit: &str) -> Table {
@@ -347,6 +345,7 @@ mod tests {
         opening(&mut page.body, &summary, "pu");
         let html = page.to_html();
         assert!(html.contains("RMSE 0.0200 pu") && !html.contains("synthetic"), "{html}");
+        assert!(html.contains("Of the hybrids MDHM is closest") && html.contains("0\u{a0}% less than the twin alone"));
         let search = Searched {
             id: "hybrid",
             kind: "random",
@@ -358,6 +357,38 @@ mod tests {
         search_blocks(&mut page.body, &[search], "pu").unwrap();
         let html = page.to_html();
         assert!(html.contains("best MAE, pu") && html.contains("MAE over the folds, pu"), "{html}");
+    }
+
+    #[test]
+    fn a_training_answers_first_and_says_where_its_data_come_from() {
+        let halved = |mut model: ModelFigures| {
+            model.overall.mae *= 0.5;
+            model.processes.iter_mut().for_each(|one| one.score.mae *= 0.5);
+            model
+        };
+        let twin = model("mbm", "MBM", [0.5, 0.6]);
+        let of = |models: &[ModelFigures]| {
+            let training = Training {
+                signal: crate::signal::Signal::SpoolPosition,
+                rows: [16_305, 20],
+                origin: Some("Synthetic data: made up."),
+                models,
+                searches: &[],
+                band: None,
+            };
+            training_page(&training).unwrap().to_html().replace('\u{a0}', " ")
+        };
+        let html = of(&[twin.clone(), halved(model("guarded", "hybrid, guarded", [0.5, 0.6]))]);
+        let at = |words: &str| html.find(words).unwrap_or_else(|| panic!("{words}: {html}"));
+        let order = [
+            "takes 50 % of the twin",
+            "Judged on 10 rows",
+            "start-up 50 % less",
+            "replay --residual",
+            "Synthetic data",
+        ];
+        assert!(order.map(at).is_sorted() && html.contains("16,305 rows teach"), "{html}");
+        assert!(of(&[twin.clone(), twin]).contains("takes nothing of the twin"));
     }
 
     #[test]

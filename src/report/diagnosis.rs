@@ -1,6 +1,7 @@
 //! The page of a diagnosis: the verdict in words first, then the evidence for it.
 
 mod answers;
+mod claims;
 mod next_test;
 mod pictures;
 mod sheet;
@@ -17,11 +18,14 @@ use crate::provenance::Provenance;
 use crate::report::table::significant;
 use crate::signal::Signal;
 
+pub(crate) use claims::like as claims_like;
 pub use stage::figure_text;
 pub use summary::summary;
 pub use traces::kept as kept_traces;
+pub(crate) use traces::{WORST_S, worst_stretch};
 pub(crate) use words::{
-    capital, id_words, key_words, parameter_words, probability, shown_unit, size_words, stage_words, verdict_words,
+    capital, id_words, in_words, key_words, parameter_words, probability, shown_unit, size_words, stage_words,
+    verdict_words,
 };
 
 #[cfg(test)]
@@ -131,7 +135,7 @@ fn opening(body: &mut PageBody, diagnosis: &Diagnosis, made: &Provenance) {
             || diagnosis.verdict == Verdict::NoSuchUnit && foreign == Some(*note)
     };
     for note in diagnosis.notes.iter().filter(|note| !answered(note)) {
-        body.note(Tone::Warning, note.as_str());
+        body.note(Tone::Warning, words::in_words(note));
     }
     let far = answers::far_off(diagnosis);
     if !far.is_empty() {

@@ -3,7 +3,6 @@
 use plotters::backend::SVGBackend;
 use plotters::coord::Shift;
 use plotters::coord::cartesian::Cartesian2d;
-use plotters::coord::ranged1d::Ranged;
 use plotters::coord::types::RangedCoordf64;
 use plotters::drawing::{DrawingArea, DrawingAreaErrorKind, IntoDrawingArea};
 use plotters::element::{Circle, PathElement, Polygon, Rectangle};
@@ -16,9 +15,10 @@ use super::layout::{
     self, LABEL_SIZE, LEGEND_SIZE, PanelPlace, RIGHT_PX, ROW_PX, TICKS_PX, TITLE_PX, TITLE_SIZE, label_lines,
     label_rows, legend_px, words_px,
 };
-use super::picture::{Axis, Mark, MarkShape, Panel, Picture};
-use super::table::{fixed, significant};
+use super::picture::{Mark, MarkShape, Panel, Picture};
+use super::table::fixed;
 use super::thin::{clip, clip_segment, runs, thin};
+use super::ticks::ticks;
 
 /// The plotting library places things on whole units; this many of them to a pixel keep curves smooth.
 const SCALE: f64 = 8.0;
@@ -174,12 +174,17 @@ fn draw_title_and_legend(canvas: &Canvas, panel: &Panel, place: &PanelPlace) -> 
             }
             MarkShape::Dots(_) => {
                 let at = (units(x + 9.0), from.1);
-                canvas.draw(&Circle::new(at, units(3.0), ink(mark.ink, mark.opacity).filled()))?;
+                let radius_px = mark.width_px.clamp(3.0, 5.5);
+                canvas.draw(&Circle::new(at, units(radius_px), ink(mark.ink, mark.opacity).filled()))?;
                 if mark.dash > 0 {
-                    canvas.draw(&Circle::new(at, units(1.6), ink(Ink::Paper, 1.0).filled()))?;
+                    canvas.draw(&Circle::new(at, units(0.55 * radius_px), ink(Ink::Paper, 1.0).filled()))?;
                 }
             }
-            MarkShape::Band(_) | MarkShape::Blocks(_) | MarkShape::Words(_) | MarkShape::Cells { .. } => {
+            MarkShape::Band(_)
+            | MarkShape::Blocks(_)
+            | MarkShape::Words(_)
+            | MarkShape::Above(_)
+            | MarkShape::Cells { .. } => {
                 let corners = [(from.0, units(y - 5.0)), (to.0, units(y + 5.0))];
                 canvas.draw(&Rectangle::new(corners, ink(mark.ink, mark.opacity).filled()))?;
             }
@@ -247,6 +252,12 @@ fn draw_mark(canvas: &Canvas, plot: &Plot, mark: &Mark, place: &PanelPlace) -> R
                 write(canvas, text, at, LABEL_SIZE, mark.ink, HPos::Left, VPos::Center)?;
             }
         }
+        MarkShape::Above(words) => {
+            for (at, text) in words {
+                let at = [to_px(place, at[0]), to_py(place, at[1].clamp(y[0], y[1])) - 1.0];
+                write(canvas, text, at, LABEL_SIZE, mark.ink, HPos::Center, VPos::Bottom)?;
+            }
+        }
         MarkShape::Cells { rows, full, below, decimals } => {
             draw_cells(canvas, plot, place, mark, (rows, *full, *below, *decimals))?;
         }
@@ -274,28 +285,6 @@ fn draw_cells(
         }
     }
     Ok(())
-}
-
-/// Values and labels of an axis, about one in `apart` px.
-#[expect(clippy::cast_precision_loss, reason = "a handful of categories")]
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small and positive")]
-fn ticks(axis: &Axis, [from, to]: [f64; 2], length_px: f64, apart: f64) -> Vec<(f64, String)> {
-    if !axis.categories.is_empty() {
-        return axis.categories.iter().enumerate().map(|(i, name)| (i as f64, name.clone())).collect();
-    }
-    if axis.decades {
-        let steps = (-9..=9).flat_map(|power| [1.0, 2.0, 5.0].map(|step| step * 10.0_f64.powi(power)));
-        let inside = steps.filter(|value| value.log10() >= from - 1e-9 && value.log10() <= to + 1e-9);
-        return inside.map(|value| (value.log10(), significant(value, 1))).collect();
-    }
-    let coord = RangedCoordf64::from(from..to);
-    let wanted = (length_px / apart).max(2.0) as usize;
-    // The library takes the wanted number as a limit and at times gives one value; an axis needs a few.
-    let values = (wanted..wanted + 6).map(|most| coord.key_points(most)).find(|values| values.len() >= 3);
-    let values = values.unwrap_or_else(|| coord.key_points(wanted));
-    let step = values.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min);
-    let decimals = if step.is_finite() { (-(step * 1.0001).log10().floor()).clamp(0.0, 6.0) as usize } else { 3 };
-    values.into_iter().map(|value| (value, fixed(value, decimals))).collect()
 }
 
 fn to_px(place: &PanelPlace, x: f64) -> f64 {

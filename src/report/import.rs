@@ -4,6 +4,7 @@ use super::draw::{DrawError, svg};
 use super::ink::Ink;
 use super::page::{Page, PageBody, Tone};
 use super::picture::{Mark, MarkShape, Panel, Picture};
+use super::replay::thousands;
 use super::table::Table;
 
 /// Columns that are drawn although nothing was made of them.
@@ -35,6 +36,8 @@ pub struct ImportView {
     pub chosen: Vec<Guess>,
     /// Columns of which nothing was made.
     pub unused: Vec<Guess>,
+    /// What the file's folder says of where it comes from.
+    pub origin: Option<String>,
     /// How the file was understood.
     pub notes: Vec<String>,
     /// What its reader must settle.
@@ -48,9 +51,12 @@ pub struct ImportView {
 /// # Errors
 /// Where a picture cannot be drawn.
 pub fn page(look: &ImportView) -> Result<Page, DrawError> {
-    let mut page = Page::new(format!("What {} holds", look.file), format!("{} rows", look.rows));
+    let mut page = Page::new(format!("What {} holds", look.file), format!("{} rows", thousands(look.rows)));
     let body = &mut page.body;
     body.answers(answers(look));
+    if let Some(origin) = &look.origin {
+        body.note(Tone::Plain, origin.clone());
+    }
     for open in &look.open {
         body.note(Tone::Warning, open.clone());
     }
@@ -79,7 +85,8 @@ pub fn page(look: &ImportView) -> Result<Page, DrawError> {
         if !empty.is_empty() {
             inner.paragraph(format!("Without numbers: {}.", empty.join(", ")));
         }
-        body.details(format!("{} columns", look.unused.len()), inner);
+        let noun = if look.unused.len() == 1 { "column" } else { "columns" };
+        body.details(format!("{} {noun}", look.unused.len()), inner);
     }
     body.heading("How the file was read");
     for note in &look.notes {
@@ -104,7 +111,7 @@ fn answers(look: &ImportView) -> [(&'static str, Vec<String>); 4] {
         1 => "One question is open, below. Why each column was taken stands below the picture.".to_owned(),
         _ => format!("{open} questions are open, below. Why each column was taken stands below the picture."),
     };
-    let far = format!("{} rows were read; columns left aside: {}.", look.rows, look.unused.len());
+    let far = format!("{} rows were read; columns left aside: {}.", thousands(look.rows), look.unused.len());
     let next = if look.chosen.is_empty() {
         "Write a map by hand: `map.yaml` beside this page has its frame."
     } else if open > 0 {
@@ -164,6 +171,7 @@ mod tests {
             rows: 2,
             chosen: vec![guess("Servomotor position", "its name")],
             unused: vec![guess("x", "")],
+            origin: Some("Synthetic data: made up.".into()),
             notes: vec!["read as it is".into()],
             open: vec!["range: yours".into()],
             map: "signals:\n  esv: normal\n".into(),
@@ -172,10 +180,11 @@ mod tests {
         for words in [
             "Servomotor position, pu (Y_ist)",
             "its name",
+            "Synthetic data: made up.",
             "range: yours",
             "Settle what is open in",
             "esv:",
-            "1 columns",
+            "1 column<",
             "read as it is",
             "<svg",
         ] {

@@ -251,7 +251,7 @@ fn span(shape: &MarkShape, axis: usize, x: [f64; 2]) -> [f64; 2] {
             take(s[0].max(x[0]), s[axis]);
             take(s[2].min(x[1]), s[axis + 2]);
         }),
-        MarkShape::Words(words) => words.iter().for_each(|(p, _)| take(p[0], p[axis])),
+        MarkShape::Words(words) | MarkShape::Above(words) => words.iter().for_each(|(p, _)| take(p[0], p[axis])),
         MarkShape::Cells { rows, .. } => {
             let across = rows.first().map_or(0, Vec::len);
             let count = if axis == 0 { across } else { rows.len() };

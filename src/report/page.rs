@@ -264,7 +264,17 @@ fn prose(text: &str) -> Markup {
     }
     html! {
         @for (place, part) in parts.iter().enumerate() {
-            @if place % 2 == 1 { code { (part) } } @else { (spaced(part)) }
+            @if place % 2 == 1 { code { (typed(part)) } } @else { (spaced(part)) }
+        }
+    }
+}
+
+/// What a reader types, in which no line ends within the dashes of an option.
+fn typed(text: &str) -> Markup {
+    html! {
+        @for (place, word) in text.split(' ').enumerate() {
+            @if place > 0 { " " }
+            @if word.starts_with("--") { span { (word) } } @else { (word) }
         }
     }
 }
@@ -375,6 +385,7 @@ mod tests {
     fn what_stands_between_backticks_is_typed() {
         let of = |text: &str| prose(text).into_string();
         assert_eq!(of("see `a <b>` and `c`."), "see <code>a &lt;b&gt;</code> and <code>c</code>.");
+        assert_eq!(of("`a --map b`"), "<code>a <span>--map</span> b</code>");
         assert_eq!(of("one ` alone"), "one ` alone");
         assert_eq!(of("none"), "none");
         assert_eq!(of("2 % of 20 seconds, 3 s"), "2\u{a0}% of 20 seconds, 3\u{a0}s");

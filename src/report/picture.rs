@@ -30,6 +30,8 @@ pub enum MarkShape {
     Dots(Vec<[f64; 2]>),
     /// Words beside x, y.
     Words(Vec<([f64; 2], String)>),
+    /// Words above x, y.
+    Above(Vec<([f64; 2], String)>),
     /// A heat map: rows from the bottom up, on whole coordinates; strength is |value| / full, its
     /// ink for values above zero and the second ink for those below. Cells show their value.
     Cells {
@@ -70,7 +72,7 @@ impl Mark {
             MarkShape::Blocks(_) => (0.0, 0.85),
             MarkShape::Segments(_) => (1.2, 1.0),
             MarkShape::Dots(_) => (2.5, 0.8),
-            MarkShape::Line(_) | MarkShape::Words(_) | MarkShape::Cells { .. } => (1.4, 1.0),
+            MarkShape::Line(_) | MarkShape::Words(_) | MarkShape::Above(_) | MarkShape::Cells { .. } => (1.4, 1.0),
         };
         Self { shape, ink, label: label.into(), width_px, opacity, dash: 0 }
     }
@@ -190,7 +192,8 @@ impl Panel {
         self.mark(Mark::new(MarkShape::Dots(points), ink, label))
     }
 
-    /// Adds the bars of one of `of` series side by side: bar `i` stands at category `i`.
+    /// Adds the bars of one of `of` series side by side: bar `i` stands at category `i`. Of several each has its number, in the legend and above
+    /// its bars, so that nobody needs colours to tell them apart.
     #[must_use]
     #[expect(clippy::cast_precision_loss, reason = "a handful of bars")]
     pub fn bars(self, ink: Ink, label: &str, values: &[f64], series: usize, of: usize) -> Self {
@@ -199,7 +202,16 @@ impl Panel {
             let left = i as f64 - 0.4 + slot * series as f64;
             [left + 0.04 * slot, left + 0.96 * slot, 0.0, value]
         });
-        self.mark(Mark::new(MarkShape::Blocks(blocks.collect()), ink, label))
+        let bars = MarkShape::Blocks(blocks.collect());
+        if of < 2 {
+            return self.mark(Mark::new(bars, ink, label));
+        }
+        let number = (series + 1).to_string();
+        let middle = |i: usize| i as f64 - 0.4 + slot * (series as f64 + 0.5);
+        let standing = values.iter().enumerate().filter(|(_, value)| value.is_finite());
+        let above = standing.map(|(i, &value)| ([middle(i), value.max(0.0)], number.clone()));
+        let above = MarkShape::Above(above.collect());
+        self.mark(Mark::new(bars, ink, format!("{number} {label}"))).mark(Mark::new(above, Ink::Muted, ""))
     }
 
     /// Adds lying bars from zero: bar `i` lies at category `i` of the vertical axis.
@@ -295,5 +307,21 @@ impl Picture {
             events: Vec::new(),
             spans: Vec::new(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{MarkShape, Panel};
+    use crate::report::ink::Ink;
+
+    /// Bars that stand beside each other are told apart without their colours.
+    #[test]
+    fn bars_of_several_series_have_their_numbers() {
+        let alone = Panel::new("a").bars(Ink::Simulated, "one", &[1.0], 0, 1);
+        assert!(alone.marks.len() == 1 && alone.marks[0].label == "one");
+        let second = Panel::new("a").bars(Ink::Simulated, "other", &[1.0, f64::NAN], 1, 2);
+        assert_eq!(second.marks[0].label, "2 other");
+        assert_eq!(second.marks[1].shape, MarkShape::Above(vec![([0.2, 1.0], "2".to_owned())]));
     }
 }

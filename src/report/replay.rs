@@ -14,10 +14,11 @@ use crate::recording::Process;
 use crate::replay::Replayed;
 use crate::replay::summary::ReplaySummary;
 use crate::signal::Signal;
-use tables::{errors, r2_words, recording_table, thousands};
+use tables::{errors, r2_words, recording_table};
 
 pub use curves::Pictures;
 pub use ladder::{ladder_picture, ladder_table, reason_for_stars};
+pub(super) use tables::thousands;
 pub use tables::{process_table, reason_for_dashes};
 
 /// The page: `pictures` stand in the order of the summary's recordings, `replayed` too.
@@ -61,7 +62,7 @@ pub fn page(
         }
     }
     body.heading("Figures");
-    body.table(process_table(summary), "Over all rows of a process; MAE and RMSE in pu of stroke.");
+    body.table(process_table(summary), "Over all rows of a process; MAE and RMSE in % of the stroke.");
     if let Some(residual) = &summary.residual {
         let corrected = ReplaySummary {
             processes: residual.processes.clone(),
@@ -95,7 +96,7 @@ pub fn page(
     let mut inner = PageBody::new();
     inner.table(
         recording_table(summary),
-        "MAE, RMSE, bias (mean of simulated − measured) and largest error in pu of stroke.",
+        "MAE, RMSE, bias (mean of simulated − measured) and largest error in % of the stroke.",
     );
     body.details("Every recording", inner);
     closing(body, summary);
@@ -155,6 +156,9 @@ fn show(body: &mut PageBody, name: &str, pictures: &Pictures) {
     body.figure(pictures.whole.clone(), format!("{name}. {band}"));
     if let Some(close_up) = &pictures.close_up {
         body.figure(close_up.clone(), format!("{name}, the liveliest stretch. {band}"));
+    }
+    if let Some(worst) = &pictures.worst {
+        body.figure(worst.clone(), format!("{name}, the worst two seconds: here the error is largest. {band}"));
     }
     if let Some(pilot) = &pictures.pilot {
         let mut inner = PageBody::new();

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::diagnosis::result::{Diagnosis, Fitted, Verdict};
 use crate::parameters::ENTRIES;
+use crate::provenance;
 use crate::recording::Process;
 use crate::report::diagnosis::{capital, id_words, parameter_words, shown_unit, size_words};
 use crate::trend::{ChartPoint, SizeEstimate, chart, limit};
@@ -37,6 +38,12 @@ pub struct ProcessEntry {
     pub digest: String,
     /// The bag that it was cut from.
     pub bag: String,
+    /// True where bag or folder say that it was simulated; false where they do not.
+    #[serde(default)]
+    pub synthetic: bool,
+    /// What bag or folder say of where it comes from.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub origin: Option<String>,
     /// When it began, ns since 1970.
     pub time_ns: i64,
     /// How long it is, s.
@@ -191,6 +198,12 @@ pub fn courses(entries: &[ProcessEntry], between_false_alarms: f64) -> Vec<Cours
     courses
 }
 
+/// What bags and folders say of where the processes come from, each saying once.
+#[must_use]
+pub fn origins(entries: &[ProcessEntry]) -> Vec<&str> {
+    provenance::origins(entries.iter().map(|entry| (entry.synthetic, entry.origin.as_deref())))
+}
+
 /// The kinds of process, by which sizes differ although nothing moves: a process shows a fault by those of its movements that it has.
 fn group(process: &str) -> usize {
     Process::ALL.iter().position(|kind| kind.id() == process).unwrap_or(Process::ALL.len())
@@ -258,6 +271,8 @@ pub(super) mod tests {
             schema: SCHEMA.into(),
             digest: format!("{i}"),
             bag: "a.mcap".into(),
+            synthetic: false,
+            origin: None,
             time_ns: i,
             duration_s: 30.0,
             process: "startup".into(),

@@ -1,13 +1,15 @@
 //! The page of a watched unit: what has moved, the course of every size, and every process.
 
-use super::history::{Course, ProcessEntry};
+use std::cmp::Reverse;
+
+use super::history::{Course, ProcessEntry, origins};
 use crate::recording::Process;
 use crate::report::diagnosis::{capital, id_words, shown_unit, verdict_words};
 use crate::report::draw::{DrawError, svg};
 use crate::report::ink::Ink;
 use crate::report::page::{KeyFigure, Page, Tone};
 use crate::report::picture::{Mark, MarkShape, Panel, Picture};
-use crate::report::table::{Table, quantity, significant};
+use crate::report::table::{Table, quantity, scaled_unit, significant};
 
 /// Sizes that stand above the pictures.
 const MOST_SIZES: usize = 6;
@@ -43,13 +45,20 @@ pub fn page(watched: &Watched) -> Result<Page, DrawError> {
     let body = &mut page.body;
     let warnings: Vec<String> = courses.iter().filter_map(Course::warning).collect();
     body.answers(answers(watched, &warnings));
-    let newest = times.last().map_or_else(String::new, |time| format!("the newest of {}", readable(time)));
+    // Bags may come late, and those of one look in the order of their names.
+    let mut order: Vec<usize> = (0..entries.len()).collect();
+    order.sort_by_key(|&i| (Reverse(entries[i].time_ns), Reverse(i)));
+    let newest = order.first().and_then(|&i| times.get(i));
+    let newest = newest.map_or_else(String::new, |time| format!("the newest of {}", readable(time)));
     let counts = [
         KeyFigure::new("processes", entries.len().to_string(), "").hint(newest),
         KeyFigure::new("sizes that have moved", warnings.len().to_string(), "")
             .hint(format!("of {} followed", courses.len())),
     ];
     body.key_figures(counts.into_iter().chain(courses.iter().take(MOST_SIZES).filter_map(latest)));
+    for origin in origins(entries) {
+        body.note(Tone::Plain, origin);
+    }
     for warning in warnings.iter().skip(1) {
         body.note(Tone::Warning, format!("{warning}."));
     }
@@ -57,7 +66,7 @@ pub fn page(watched: &Watched) -> Result<Page, DrawError> {
         body.heading("Sizes");
         for course in courses {
             let caption = format!(
-                "{}. Above: each process with its interval of nine in ten, filled where the verdict names the fault and hollow where it was fitted alone; the short rules are the \
+                "{}. Above: each process with its interval of nine in ten, filled where the verdict names the fault and hollow where it was fitted alone, large where it has moved; the short rules are the \
                  mean of those before of the same kind of process. Below: the cumulative sums for growth and shrinkage, with the limit at {} standard deviations, at which one false alarm in {} \
                  processes is expected.",
                 course.title(),
@@ -76,7 +85,8 @@ pub fn page(watched: &Watched) -> Result<Page, DrawError> {
         .words("sizes")
         .words("bag")
         .words("to know");
-    for (entry, time) in entries.iter().zip(times).rev().take(MOST_ROWS) {
+    let mixed = entries.iter().any(|entry| entry.synthetic) && !entries.iter().all(|entry| entry.synthetic);
+    for (entry, time) in order.iter().filter_map(|&i| Some((&entries[i], times.get(i)?))).take(MOST_ROWS) {
         let sizes = entry.sizes.iter().filter(|size| size.named);
         let sizes: Vec<String> = sizes
             .map(|size| {
@@ -87,7 +97,8 @@ pub fn page(watched: &Watched) -> Result<Page, DrawError> {
             .collect();
         let own = entry.notes.iter().filter(|note| !note.starts_with(ALONE));
         let warnings = entry.warnings.iter().map(|warning| format!("{warning}."));
-        let notes = warnings.chain(own.cloned()).collect::<Vec<_>>().join(" ");
+        let synthetic = (mixed && entry.synthetic).then(|| "Synthetic.".to_owned());
+        let notes = warnings.chain(synthetic).chain(own.cloned()).collect::<Vec<_>>().join(" ");
         let cells = [
             readable(time),
             process_words(&entry.process),
@@ -168,10 +179,16 @@ fn readable(time: &str) -> String {
 fn picture(course: &Course, entries: &[ProcessEntry]) -> Picture {
     let first_ns = entries.iter().map(|entry| entry.time_ns).min().unwrap_or_default();
     let span_h = entries.iter().map(|entry| hours(entry.time_ns - first_ns)).fold(0.0, f64::max);
-    let (scale_h, name) = if span_h > 72.0 { (24.0, "time, days") } else { (1.0, "time, h") };
+    let (scale_h, name) = match span_h {
+        span_h if span_h > 72.0 => (24.0, "time, days"),
+        span_h if span_h > 2.0 => (1.0, "time, h"),
+        _ => (1.0 / 60.0, "time, min"),
+    };
+    // Processes of one instant have a place as well.
+    let span = span_h.max(1.0 / 60.0) / scale_h;
     let x = |k: usize| hours(entries[course.entries[k]].time_ns - first_ns) / scale_h;
-    let (factor, unit) =
-        if shown_unit(&course.parameter, &course.unit) == "pu" { (100.0, "%") } else { (1.0, course.unit.as_str()) };
+    let ends = course.estimates.iter().flat_map(|one| [one.low.abs(), one.high.abs()]);
+    let (factor, unit) = scaled_unit(ends.fold(0.0, f64::max), shown_unit(&course.parameter, &course.unit));
     let count = course.estimates.len();
     let whiskers =
         (0..count).map(|k| [x(k), factor * course.estimates[k].low, x(k), factor * course.estimates[k].high]);
@@ -180,15 +197,17 @@ fn picture(course: &Course, entries: &[ProcessEntry]) -> Picture {
         sizes.iter().any(|size| size.effect == course.effect && size.named)
     };
     let dot = |k: usize| [x(k), factor * course.estimates[k].size];
-    let title = format!("{}, {unit}", course.title());
-    let dash_h = 0.004 * span_h.max(0.1) / scale_h;
+    let title = if unit.is_empty() { course.title() } else { format!("{}, {unit}", course.title()) };
+    let dash = 0.004 * span;
     let dashes = (0..count).map(|k| {
         let mean = factor * course.points[k].mean;
-        [x(k) - dash_h, mean, x(k) + dash_h, mean]
+        [x(k) - dash, mean, x(k) + dash, mean]
     });
+    let mean = Mark::new(MarkShape::Segments(dashes.collect()), Ink::Command, "mean before, of its kind");
     let mut sizes = Panel::new(title)
+        .x_range(-0.03 * span, 1.03 * span)
         .mark(Mark::new(MarkShape::Segments(whiskers.collect()), Ink::Band, "interval"))
-        .mark(Mark::new(MarkShape::Segments(dashes.collect()), Ink::Command, "mean before, of its kind"));
+        .mark(Mark { width_px: 3.0, ..mean });
     let groups: [(Ink, &str, u8, Vec<usize>); 2] = [
         (Ink::Simulated, "named", 0, (0..count).filter(named).collect()),
         (Ink::Muted, "fitted alone", 1, (0..count).filter(|k| !named(k)).collect()),
@@ -199,12 +218,13 @@ fn picture(course: &Course, entries: &[ProcessEntry]) -> Picture {
     }
     let alarmed: Vec<[f64; 2]> = (0..count).filter(|&k| course.points[k].alarm).map(dot).collect();
     if !alarmed.is_empty() {
-        sizes = sizes.mark(Mark { width_px: 4.5, ..Mark::new(MarkShape::Dots(alarmed), Ink::Alarm, "moved") });
+        sizes = sizes.mark(Mark { width_px: 5.5, ..Mark::new(MarkShape::Dots(alarmed), Ink::Alarm, "moved") });
     }
     let of =
         |value: fn(&crate::trend::ChartPoint) -> f64| (0..count).map(|k| [x(k), value(&course.points[k])]).collect();
     let sums = Panel::new("Cumulative sums, standard deviations")
         .height(90)
+        .x_range(-0.03 * span, 1.03 * span)
         .line(Ink::Extra1, "growth", of(|point| point.sums.growth))
         .dashed_line(Ink::Extra2, "shrinkage", of(|point| point.sums.shrinkage))
         .level(Ink::Alarm, "limit", course.limit)
@@ -222,6 +242,15 @@ mod tests {
     use crate::watch::history::courses;
     use crate::watch::history::tests::entry;
 
+    /// The page of a history; a process begins every minute.
+    fn html_of(entries: &[ProcessEntry]) -> String {
+        let courses = courses(entries, 1000.0);
+        let times: Vec<String> = (0..entries.len()).map(|i| format!("2026-11-26T00:{i:02}:00Z")).collect();
+        let watched =
+            Watched { unit: "unit3", entries, courses: &courses, between_false_alarms: 1000.0, times: &times };
+        page(&watched).unwrap().to_html()
+    }
+
     /// What has moved leads the page, and nothing is said to have moved where nothing has.
     #[test]
     fn a_size_that_has_moved_leads_the_page() {
@@ -229,20 +258,37 @@ mod tests {
             let entries: Vec<ProcessEntry> = (0..30)
                 .map(|i| entry(i, 2e-3 + 2e-5 * ((i * 7 % 5) as f64 - 2.0) + growth * (i - 15).max(0) as f64))
                 .collect();
-            let courses = courses(&entries, 1000.0);
-            let times: Vec<String> = (0..30).map(|i| format!("2026-11-26T00:{i:02}:00Z")).collect();
-            let watched = Watched {
-                unit: "unit3",
-                entries: &entries,
-                courses: &courses,
-                between_false_alarms: 1000.0,
-                times: &times,
-            };
-            page(&watched).unwrap().to_html()
+            html_of(&entries)
         };
         let (grown, still) = (of(2e-5), of(0.0));
         let head = |html: &str| html[..html.find("<svg").unwrap()].to_owned();
         assert!(head(&grown).contains("Backlash has grown") && head(&grown).contains("1</"), "{}", head(&grown));
         assert!(head(&still).contains("size has moved beyond") && !still.contains("has grown"), "{}", head(&still));
+    }
+
+    /// The newest process by its time leads the table, whenever its bag came.
+    #[test]
+    fn the_newest_process_leads_the_table() {
+        let mut entries: Vec<ProcessEntry> = (0..3).map(|i| entry(i, 2e-3)).collect();
+        entries[0].time_ns = 9;
+        let html = html_of(&entries);
+        assert!(html.contains("the newest of 2026-11-26 00:00:00 UTC"), "{html}");
+        let at = |minute: &str| html.rfind(&format!("2026-11-26 00:{minute}:00 UTC")).unwrap();
+        assert!(at("00") < at("02") && at("02") < at("01"), "{html}");
+    }
+
+    /// Where recordings are marked as synthetic the page says so, and where only some are, of which.
+    #[test]
+    fn what_is_synthetic_is_told() {
+        let mut entries: Vec<ProcessEntry> = (0..3).map(|i| entry(i, 2e-3)).collect();
+        assert!(!html_of(&entries).contains("ynthetic"));
+        entries[1].synthetic = true;
+        let some = html_of(&entries);
+        assert!(some.contains("Synthetic data among the recordings") && some.matches(">Synthetic.<").count() == 1);
+        for entry in &mut entries {
+            (entry.synthetic, entry.origin) = (true, Some("All units are synthetic: made by a simulator.".to_owned()));
+        }
+        let all = html_of(&entries);
+        assert!(all.matches("made by a simulator.").count() == 1 && !all.contains(">Synthetic.<"), "{all}");
     }
 }

@@ -29,7 +29,7 @@ fn titles(all: &[(usize, &AskedMeasure, &Figure)]) -> String {
 fn cause(summary: &AcceptanceSummary) -> Vec<String> {
     let named = |wanted: LimitStanding| titles(&standing(summary, wanted));
     let head = match summary.standing {
-        None => "Measures without limits: give a file with --limits to judge them.".to_owned(),
+        None => "Measures without limits: give a file with `--limits` to judge them.".to_owned(),
         Some(LimitStanding::Passes) => "The unit keeps every limit.".to_owned(),
         Some(LimitStanding::Fails) => format!("The unit fails: {}.", named(LimitStanding::Fails)),
         Some(LimitStanding::Undecided) => {

@@ -4,7 +4,7 @@ use super::Drawn;
 use crate::acceptance::series::Series;
 use crate::acceptance::summary::AcceptanceSummary;
 use crate::report::ink::Ink;
-use crate::report::picture::{Panel, Picture};
+use crate::report::picture::{Mark, MarkShape, Panel, Picture};
 
 /// Command and position of a recording, with the twins.
 pub(super) fn curves(one: &Drawn) -> Picture {
@@ -38,14 +38,17 @@ pub(super) fn curves(one: &Drawn) -> Picture {
 pub(super) fn response(summary: &AcceptanceSummary) -> Picture {
     let mut gain = Panel::new("Gain").x_name("frequency, Hz").x_decades();
     let mut phase = Panel::new("Phase, °").x_name("frequency, Hz").x_decades();
-    for (ink, label, all) in [
-        (Ink::Measured, "measured", &summary.response),
-        (Ink::Simulated, "twin, standard test", &summary.twin_response),
+    // Dashes and hollow dots are the twin's, whoever sees the colours.
+    for (ink, label, all, dash) in [
+        (Ink::Measured, "measured", &summary.response, 0),
+        (Ink::Simulated, "twin, standard test", &summary.twin_response, 1),
     ] {
         if all.is_empty() {
             continue;
         }
         let x = |hz: f64| hz.log10();
+        let line = |points| Mark::new(MarkShape::Line(points), ink, label).dashed(dash);
+        let dots = |points| Mark::new(MarkShape::Dots(points), ink, "").dashed(dash);
         gain = gain
             .band(
                 ink,
@@ -54,8 +57,8 @@ pub(super) fn response(summary: &AcceptanceSummary) -> Picture {
                     .map(|one| [x(one.frequency_hz), one.gain - one.gain_half, one.gain + one.gain_half])
                     .collect(),
             )
-            .line(ink, label, all.iter().map(|one| [x(one.frequency_hz), one.gain]).collect())
-            .dots(ink, "", all.iter().map(|one| [x(one.frequency_hz), one.gain]).collect());
+            .mark(line(all.iter().map(|one| [x(one.frequency_hz), one.gain]).collect()))
+            .mark(dots(all.iter().map(|one| [x(one.frequency_hz), one.gain]).collect()));
         phase = phase
             .band(
                 ink,
@@ -66,8 +69,8 @@ pub(super) fn response(summary: &AcceptanceSummary) -> Picture {
                     })
                     .collect(),
             )
-            .line(ink, label, all.iter().map(|one| [x(one.frequency_hz), one.phase_deg]).collect())
-            .dots(ink, "", all.iter().map(|one| [x(one.frequency_hz), one.phase_deg]).collect());
+            .mark(line(all.iter().map(|one| [x(one.frequency_hz), one.phase_deg]).collect()))
+            .mark(dots(all.iter().map(|one| [x(one.frequency_hz), one.phase_deg]).collect()));
     }
     Picture::grid("Frequency response from command to position", 2, vec![gain, phase])
 }

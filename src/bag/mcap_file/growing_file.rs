@@ -33,6 +33,11 @@ impl GrowingFile {
         self.scan.found.channels.topics().map(|(_, topic)| &**topic)
     }
 
+    /// What it has said of itself so far, under a key.
+    pub(in crate::bag) fn about(&self, key: &str) -> Option<&str> {
+        self.scan.found.health.about.get(key).map(String::as_str)
+    }
+
     /// Hands on the messages that came since, in file order, and gives the bytes that it read. A record that is not whole waits for the rest
     /// of it; of a file that has ended what there is of it counts.
     pub(in crate::bag) fn more(

@@ -41,8 +41,9 @@ pub fn misses_in_words(cases: &[ScoredUnit]) -> Option<String> {
     let by = |what: Option<MissedBy>| cases.iter().filter(|case| case.missed() && case.missed_by() == what).count();
     let [recordings, tolerance, method] = MissedBy::ALL.map(|what| by(Some(what)));
     (missed > 0).then(|| {
+        let [miss, make] = if missed == 1 { ["misses", "makes"] } else { ["miss", "make"] };
         let mut words = format!(
-            "{missed} answers of {} miss something or make something up. {recordings} lie with the recordings: by the catalogue's equations what \
+            "{missed} of {} answers {miss} something or {make} something up. {recordings} lie with the recordings: by the catalogue's equations what \
              was left out is too small in them, or too much like the answer. {tolerance} lie with the method's tolerance: the answer leaves no \
              more than it lets a right model leave; a stricter method might have told. {method} lie with the method.",
             cases.len()

@@ -14,6 +14,7 @@ use serde_json::json;
 use super::progress;
 use crate::commands::Outcome;
 use crate::commands::output::{Output, one_line, print, table_text, warn};
+use crate::commands::replay::origin;
 
 /// The map.
 const MAP: &str = "map.yaml";
@@ -136,6 +137,7 @@ fn look(file: &Path, suggestion: &Suggestion, text: &str) -> ImportView {
         rows: suggestion.rows,
         chosen: chosen.collect(),
         unused: unused.collect(),
+        origin: origin::of(file),
         notes: suggestion.notes.clone(),
         open: suggestion.open.clone(),
         map: text.to_owned(),

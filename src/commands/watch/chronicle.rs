@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use anyhow::Context;
 use govtwin::diagnosis::{DiagnosisSettings, diagnose};
 use govtwin::parameters::Unit;
+use govtwin::provenance::RecordingGiven;
 use govtwin::report::table::quantity;
 use govtwin::watch::cut::{CutProcess, Ended};
 use govtwin::watch::history::{self, Course, ProcessEntry, SCHEMA};
@@ -45,11 +46,11 @@ impl Chronicle {
     }
 
     /// Diagnoses a process that is not in the history yet, and enters it; false of one that is.
-    pub fn take(&mut self, bag: &str, cut: CutProcess) -> anyhow::Result<bool> {
+    pub fn take(&mut self, given: &RecordingGiven, cut: CutProcess) -> anyhow::Result<bool> {
         if self.entries.iter().any(|entry| entry.digest == cut.digest) {
             return Ok(false);
         }
-        let mut entry = self.entry(bag, cut);
+        let mut entry = self.entry(given, cut);
         self.entries.push(entry.clone());
         let said: Vec<String> = self.courses().iter().filter_map(Course::warning).collect();
         entry.warnings = said;
@@ -67,13 +68,15 @@ impl Chronicle {
         Ok(true)
     }
 
-    fn entry(&self, bag: &str, cut: CutProcess) -> ProcessEntry {
+    fn entry(&self, given: &RecordingGiven, cut: CutProcess) -> ProcessEntry {
         let CutProcess { mut recording, digest, ended } = cut;
-        bag.clone_into(&mut recording.name);
+        given.name.clone_into(&mut recording.name);
         let mut entry = ProcessEntry {
             schema: SCHEMA.to_owned(),
             digest,
-            bag: bag.to_owned(),
+            bag: given.name.clone(),
+            synthetic: given.synthetic,
+            origin: given.origin.clone(),
             time_ns: recording.frames.first().map_or(0, |frame| frame.time_ns),
             duration_s: recording.duration_s(),
             process: recording.process.id().to_owned(),
@@ -140,6 +143,9 @@ impl Chronicle {
         for course in courses {
             let words = course.warning().unwrap_or_else(|| format!("{} stays", course.title()));
             text += &format!("  {words}\n");
+        }
+        for origin in history::origins(&self.entries) {
+            text += &format!("{origin}\n");
         }
         text + &format!("page: {}\n", self.out.join(NAMES[1]).display())
     }

@@ -4,12 +4,16 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use govtwin::bag::{self, BagError, Growing, Grown, Interpolation, Positions, ReadOptions, Rows, Stream, Topics};
+use govtwin::bag::{
+    self, BagError, Growing, Grown, Health, Interpolation, Positions, ReadOptions, Rows, Stream, Topics,
+};
 use govtwin::frame::Frame;
 use govtwin::parameters::Unit;
+use govtwin::provenance::RecordingGiven;
 use govtwin::watch::cut::{CutProcess, Cutter};
 
 use crate::commands::bags::{self, is_bag_folder};
+use crate::commands::provenance;
 
 /// Time between rows, ns: the twin's own tick.
 const TICK_NS: i64 = 1_000_000;
@@ -23,13 +27,24 @@ struct KnownBag {
     read: Option<(u64, bool)>,
     /// How far it was read; none where it has to be read as a whole.
     growing: Option<Growing>,
+    /// What a bag that was read as a whole says of itself.
+    health: Option<Health>,
     cutting: Cutting,
 }
 
 impl KnownBag {
     fn new(bytes: u64, since: Instant, options: &ReadOptions) -> Self {
         let growing = Some(Growing::new(options.clone()));
-        Self { bytes, since, read: None, growing, cutting: Cutting::default() }
+        Self { bytes, since, read: None, growing, health: None, cutting: Cutting::default() }
+    }
+
+    /// What it is called, and what bag or folder say of where its data comes from.
+    fn given(&self, path: &Path) -> anyhow::Result<RecordingGiven> {
+        let about = |key: &str| match (&self.growing, &self.health) {
+            (Some(growing), _) => growing.about(key),
+            (None, health) => health.as_ref().and_then(|health| health.about(key)),
+        };
+        Ok(RecordingGiven { name: shown(path), ..provenance::marked_by(about, path)? })
     }
 
     /// The processes that have ended since the last look, with the last one of a bag that has ended.
@@ -43,7 +58,7 @@ impl KnownBag {
         };
         if grown == Grown::NeedsAll {
             (self.growing, self.cutting) = (None, Cutting::default());
-            bag::read_rows(path, options, &mut self.cutting)?;
+            self.health = Some(bag::read_rows(path, options, &mut self.cutting)?);
         } else if !self.growing.as_ref().is_some_and(Growing::is_measured) {
             return Ok(vec![]);
         }
@@ -115,7 +130,7 @@ impl Follower {
     pub fn look(
         &mut self,
         only_look: bool,
-        take: &mut dyn FnMut(&str, CutProcess) -> anyhow::Result<()>,
+        take: &mut dyn FnMut(&RecordingGiven, CutProcess) -> anyhow::Result<()>,
     ) -> anyhow::Result<Vec<String>> {
         let mut troubles = vec![];
         let now = Instant::now();
@@ -136,9 +151,12 @@ impl Follower {
                 continue;
             }
             seen.read = Some((bytes, ended));
-            let name = shown(&path);
             match seen.more(&path, ended, &self.options) {
-                Ok(cuts) => cuts.into_iter().try_for_each(|cut| take(&name, cut))?,
+                Ok(cuts) if cuts.is_empty() => {}
+                Ok(cuts) => {
+                    let given = seen.given(&path)?;
+                    cuts.into_iter().try_for_each(|cut| take(&given, cut))?;
+                }
                 // One that is being written may lack anything.
                 Err(_) if !ended => {}
                 Err(error) => troubles.push(format!("{error} (left out)")),

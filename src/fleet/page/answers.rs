@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use super::{Context, probability_text};
 use crate::fleet::gathered::{Gathered, Status};
-use crate::report::diagnosis::id_words;
+use crate::report::diagnosis::{claims_like, id_words};
 use crate::report::table::fixed;
 
 /// The answers, each under its question.
@@ -28,7 +28,17 @@ pub fn answers(gathered: &Gathered, context: &Context, units: usize) -> [(&'stat
             .iter()
             .map(|cause| format!("{} {}", id_words(&cause.id), probability_text(cause.probability)))
             .collect();
-        sure.push(format!("Probability in the last period of the first unit: {}.", each.join(", ")));
+        let claimed = found.causes.iter().filter_map(|cause| cause.probability).reduce(f64::max);
+        let rate = claimed.and_then(claims_like).map_or_else(String::new, |rate| format!(" {rate}"));
+        sure.push(format!("Probability in the last period of the first unit: {}.{rate}", each.join(", ")));
+    } else if let Some(unknown) =
+        last.filter(|found| found.verdict == "unknown").and_then(|found| found.unknown_probability)
+    {
+        let rate = claims_like(unknown).map_or_else(String::new, |rate| format!(" {rate}"));
+        sure.push(format!(
+            "Probability in the last period of the first unit that something outside the catalogue acts: {}.{rate}",
+            probability_text(Some(unknown))
+        ));
     }
     sure.push(format!(
         "A size counts as changed where its cumulative sum is above {:.1}: a fleet in which nothing changes gives one false alarm in ten pages.",
@@ -37,7 +47,8 @@ pub fn answers(gathered: &Gathered, context: &Context, units: usize) -> [(&'stat
     let (done, failed, missing) =
         (gathered.count(Status::Done), gathered.count(Status::Failed), gathered.count(Status::Missing));
     let mut far = vec![format!("{done} of {} units in periods are diagnosed.", gathered.rows.len())];
-    far.extend(last.and_then(|found| found.explained_share).map(|share| {
+    let some = last.filter(|found| !found.causes.is_empty());
+    far.extend(some.and_then(|found| found.explained_share).map(|share| {
         format!(
             "Of the first unit the cause explains {} % of the error, on data held out of the fit.",
             fixed(100.0 * share, 0)

@@ -5,7 +5,7 @@ use crate::report::draw::{DrawError, svg};
 use crate::report::ink::Ink;
 use crate::report::page::PageBody;
 use crate::report::picture::{Mark, MarkShape, Panel, Picture};
-use crate::report::table::{Table, significant};
+use crate::report::table::{Table, fixed, significant};
 
 /// Shows searches, whose losses have this unit: traces, what they found, and the surrogate along each dimension.
 ///
@@ -30,18 +30,27 @@ pub fn search_blocks(body: &mut PageBody, searches: &[Searched], unit: &str) -> 
     let mut table = Table::new().words("search").words("kind").numbers("evaluations").numbers(best).words("at");
     for search in searches {
         let Some((point, loss)) = search.best() else { continue };
-        let at = search.dimensions.iter().zip(point).map(|(name, value)| format!("{name} {}", significant(*value, 3)));
+        let at = search
+            .dimensions
+            .iter()
+            .zip(point)
+            .map(|(name, value)| format!("{} {}", name.replace('_', " "), short(*value)));
         let at: Vec<String> = at.collect();
         table.row([
             search.id.to_owned(),
             search.kind.to_owned(),
             search.losses.len().to_string(),
-            significant(loss, 5),
+            significant(loss, 3),
             at.join(", "),
         ]);
     }
     body.table(table, "What the searches found: mean absolute error over the validation rows of five folds.");
     Ok(())
+}
+
+/// A hyperparameter; counts have no digits after the point.
+fn short(value: f64) -> String {
+    if value.fract() == 0.0 { fixed(value, 0) } else { significant(value, 3) }
 }
 
 #[expect(clippy::cast_precision_loss, reason = "tens of evaluations")]
@@ -55,9 +64,11 @@ fn traces(searches: &[Searched], unit: &str) -> Picture {
     let panel = |id: &str| {
         let mut panel = Panel::new(format!("{id}: MAE over the folds, {unit}")).x_name("evaluation").height(190);
         for search in searches.iter().filter(|search| search.id == id) {
-            let ink = if search.kind == "random" { Ink::Measured } else { Ink::Simulated };
-            panel =
-                panel.line(ink, search.kind, numbered(&search.best_so_far())).dots(ink, "", numbered(&search.losses));
+            // Dashes and hollow dots tell the two apart as well as colours do.
+            let (ink, dash) = if search.kind == "random" { (Ink::Measured, 1) } else { (Ink::Simulated, 0) };
+            let best = Mark::new(MarkShape::Line(numbered(&search.best_so_far())), ink, search.kind);
+            let each = Mark::new(MarkShape::Dots(numbered(&search.losses)), ink, "");
+            panel = panel.mark(best.dashed(dash)).mark(each.dashed(dash));
         }
         panel
     };

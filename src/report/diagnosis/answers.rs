@@ -1,21 +1,24 @@
 //! The four answers at the head of a diagnosis, in this order: what the cause is, how sure, how far it explains the error, what to do next.
 
-use crate::diagnosis::decision::weights::CHAIN;
 use crate::diagnosis::result::{Diagnosis, Fitted, Verdict};
 use crate::effects::Stage;
 use crate::report::diagnosis::stage::fitted_stage;
 use crate::report::diagnosis::words::{
-    besides, capital, cause, errors, explained, id_words, key_words, listed, of_several, over_noise, percent,
+    besides, capital, cause, errors, explained, id_words, in_words, key_words, listed, of_several, over_noise, percent,
     probability, stage_title, symptom, values,
 };
-use crate::report::diagnosis::{next_test, traces};
+use crate::report::diagnosis::{claims, next_test, traces};
 use crate::report::table::{fixed, quantity};
+use crate::signal::Signal;
 
 /// Share of the gap from which it is worth a word what a discrepancy term would explain.
 pub const TOLD: f64 = 0.05;
 
 /// Tolerances from which a recalibrated value is worth a word where nothing else is wrong.
 const MOVED: f64 = 1.0;
+
+/// Errors in multiples of the noise from which the first sentence on a sound unit tells of them.
+const MUCH: f64 = 2.0;
 
 /// Values that are named in a sentence.
 const NAMED_VALUES: usize = 3;
@@ -28,9 +31,6 @@ const OPEN: f64 = 0.5;
 
 /// How a note begins that says what is nearest where nothing has a name.
 pub const NEAREST: &str = "Nearest in the catalogue: ";
-
-/// Claims of a probability are compared with what came true only where so many were counted.
-const LEAST_CLAIMS: u64 = 5;
 
 /// The answers, each under its question and in one paragraph or more.
 pub fn answers(diagnosis: &Diagnosis) -> [(&'static str, Vec<String>); 4] {
@@ -122,8 +122,13 @@ fn no_gap(diagnosis: &Diagnosis) -> String {
 
 /// What recalibration leaves, which may be far from nothing though no fault of the catalogue explains it.
 fn left(diagnosis: &Diagnosis) -> String {
-    let left = over_noise(diagnosis);
-    if left.is_empty() { left } else { format!(" {left}") }
+    if leaves_much(diagnosis) { format!(" {}", over_noise(diagnosis)) } else { String::new() }
+}
+
+/// Whether recalibration leaves more than noise in a position.
+fn leaves_much(diagnosis: &Diagnosis) -> bool {
+    let mut positions = diagnosis.gap.iter().filter(|gap| Signal::POSITIONS.contains(&gap.signal));
+    positions.any(|gap| gap.noise_floor > 0.0 && gap.refitted > MUCH * gap.noise_floor)
 }
 
 /// What was found of a value: `main ports overlap 0.168 mm instead of 0.200 mm (−2.0 σ)`.
@@ -180,7 +185,7 @@ fn causes(diagnosis: &Diagnosis) -> Vec<String> {
 /// What comes nearest, and what speaks against it.
 fn nearest(diagnosis: &Diagnosis) -> String {
     if let Some(note) = diagnosis.notes.iter().find(|note| note.starts_with(NEAREST)) {
-        return note.clone();
+        return in_words(note);
     }
     let known = |id: &str| id != "unknown" && id != "none";
     let Some(one) = diagnosis.ranking.iter().find(|ranked| known(&ranked.id)) else { return String::new() };
@@ -241,37 +246,22 @@ fn sureness(diagnosis: &Diagnosis) -> Vec<String> {
     if matches!(diagnosis.verdict, Verdict::Named | Verdict::Class | Verdict::Unknown) && !several {
         parts.extend(at_stage);
     }
-    let mut all = vec![format!("{}.", parts.join("; "))];
+    let mut first = format!("{}.", parts.join("; "));
+    let claimed = claimed.filter(|_| !diagnosis.ranking.is_empty());
+    let rate = claimed.and_then(|claimed| match diagnosis.part {
+        None => claims::like(claimed),
+        Some(_) => claims::on_stages(claimed),
+    });
+    // In one paragraph, so that a phone shows both.
+    if let Some(rate) = rate {
+        first += &format!(" {rate}");
+    }
+    let mut all = vec![first];
     all.extend(besides(diagnosis).map(|words| capital(&words)));
     if is_alone(diagnosis) && diagnosis.verdict != Verdict::NotExcited {
         all.push("One recording alone: the best explanation of it, not confirmed by another.".to_owned());
     }
-    if diagnosis.part.is_none() && !diagnosis.ranking.is_empty() {
-        all.extend(claimed.and_then(|claimed| hit_rate(&CHAIN.shipped().provenance, claimed)));
-    }
     all
-}
-
-/// How often claims like this one were right on units whose faults are known; by their probability where that was counted, else over all.
-fn hit_rate(learned: &serde_json::Value, claimed: f64) -> Option<String> {
-    let counted = |bin: &&serde_json::Value| bin["units"].as_u64().unwrap_or(0) >= LEAST_CLAIMS;
-    let off = |bin: &&serde_json::Value| (bin["said"].as_f64().unwrap_or(f64::INFINITY) - claimed).abs();
-    let bins = learned["reliability"].as_array().into_iter().flatten().filter(counted);
-    if let Some(bin) = bins.min_by(|a, b| off(a).total_cmp(&off(b))).filter(|bin| off(bin) <= 0.15) {
-        let (said, was) = (bin["said"].as_f64()?, bin["was"].as_f64()?);
-        let of = bin["units"].as_u64()?;
-        return Some(format!(
-            "Of {of} claims of about {} on generated units that the program had not seen, {} were right.",
-            percent(said),
-            percent(was)
-        ));
-    }
-    let (units, right) = (learned["units"].as_u64()?, learned["first_word_right_held_out"].as_f64()?);
-    Some(format!(
-        "How often such claims are right: on {units} generated units that the program had not seen, the most probable answer was right in {}, \
-         whatever its probability.",
-        percent(right)
-    ))
 }
 
 fn reach(diagnosis: &Diagnosis) -> Vec<String> {
@@ -287,7 +277,8 @@ fn reach(diagnosis: &Diagnosis) -> Vec<String> {
     if diagnosis.verdict == Verdict::Unknown {
         all.extend(discrepancy(diagnosis));
     }
-    if diagnosis.verdict != Verdict::NoGap {
+    // Of a sound unit the first sentence says it where it is much.
+    if diagnosis.verdict != Verdict::NoGap || !leaves_much(diagnosis) {
         all.push(over_noise(diagnosis));
     }
     all.push(errors(diagnosis));
@@ -341,24 +332,4 @@ fn next(diagnosis: &Diagnosis) -> Vec<String> {
         _ => {}
     }
     all
-}
-
-#[cfg(test)]
-mod tests {
-    use serde_json::json;
-
-    use super::hit_rate;
-
-    #[test]
-    fn a_claim_stands_beside_what_came_of_such_claims() {
-        let binned = json!({"units": 79, "first_word_right_held_out": 0.56, "reliability": [
-            {"said": 0.95, "was": 0.9, "units": 30}, {"said": 0.96, "was": 0.0, "units": 1}, {"said": 0.5, "was": 0.4, "units": 20}]});
-        assert!(hit_rate(&binned, 0.97).unwrap().starts_with("Of 30 claims of about 95 %"));
-        assert!(hit_rate(&binned, 0.55).unwrap().contains("of about 50 %"));
-        // No such claim was counted.
-        assert!(hit_rate(&binned, 0.75).unwrap().contains("right in 56 %, whatever its probability"));
-        let plain = json!({"units": 79, "first_word_right_held_out": 0.56});
-        assert!(hit_rate(&plain, 0.97).unwrap().contains("on 79 generated units"));
-        assert!(hit_rate(&json!({}), 0.97).is_none(), "weights that were not learned have no record");
-    }
 }

@@ -54,7 +54,13 @@ fn slim(values: &[f64]) -> Mark {
 fn shares(title: &str, ink: Ink, bars: &[(String, f64)]) -> Panel {
     let values: Vec<f64> = bars.iter().rev().map(|(_, share)| 100.0 * share).collect();
     let word = |(i, value): (usize, &f64)| {
-        ([*value, i as f64], if *value < 0.5 { "< 1".into() } else { format!("{value:.0}") })
+        // None is certain, and none is nothing.
+        let beside = match value {
+            value if *value < 0.5 => "< 1".to_owned(),
+            value if *value > 99.5 => "> 99".to_owned(),
+            value => format!("{value:.0}"),
+        };
+        ([*value, i as f64], beside)
     };
     let beside = MarkShape::Words(values.iter().enumerate().map(word).collect());
     Panel::new(title)

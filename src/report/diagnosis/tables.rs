@@ -1,6 +1,8 @@
 //! The tables of a diagnosis.
 
-use super::words::{id_words, is_judged, parameter_words, percent, percents, shown_unit, value, values};
+use super::words::{
+    id_words, is_judged, key_words, parameter_words, percent, percents, probability, shown_unit, value, values,
+};
 use crate::diagnosis::result::{Diagnosis, Fitted, StageOnly};
 use crate::report::table::{Table, fixed, quantity, significant};
 use crate::signal::Signal;
@@ -155,7 +157,7 @@ pub fn blamed(diagnosis: &Diagnosis) -> Table {
         let mut row = vec![
             id_words(&one.id),
             super::words::stage_title(one.stage).to_owned(),
-            percent(one.probability),
+            probability(one.probability),
             values(&one.parameters),
             percents(one.explained_fraction),
         ];
@@ -238,22 +240,24 @@ pub fn detectable_sizes(diagnosis: &Diagnosis) -> Table {
 /// The sheet's parameters as fitted, those most moved first.
 pub fn parameters(diagnosis: &Diagnosis) -> Table {
     let mut table = Table::new()
-        .words("parameter")
-        .numbers("sheet")
+        .words("value")
+        .numbers("data sheet")
         .numbers("fitted, with 90 % interval")
         .numbers("σ from sheet")
         .numbers("from recordings")
-        .words("");
+        .words("")
+        .words("key in the sheet");
     let mut all: Vec<&Fitted> = diagnosis.parameters.iter().collect();
     all.sort_by(|a, b| b.position.abs().total_cmp(&a.position.abs()));
     for one in all {
         table.row([
-            one.name.clone(),
+            key_words(&one.name),
             quantity(one.sheet, one.unit),
             value(one),
             fixed(one.position, 2),
             percent(one.information),
             if one.at_bound { "at its bound".to_owned() } else { String::new() },
+            one.name.clone(),
         ]);
     }
     table
@@ -261,15 +265,21 @@ pub fn parameters(diagnosis: &Diagnosis) -> Table {
 
 /// Values of the data sheet that moved far, farthest first.
 pub fn moved(far: &[&Fitted]) -> Table {
-    let mut table =
-        Table::new().words("value").numbers("data sheet").numbers("recalibrated").numbers("σ from sheet").words("");
+    let mut table = Table::new()
+        .words("value")
+        .numbers("data sheet")
+        .numbers("recalibrated")
+        .numbers("σ from sheet")
+        .words("")
+        .words("key in the sheet");
     for one in far {
         table.row([
-            one.name.clone(),
+            key_words(&one.name),
             quantity(one.sheet, one.unit),
             quantity(one.value.value, one.unit),
             fixed(one.position, 1),
             if one.at_bound { "at its bound".to_owned() } else { String::new() },
+            one.name.clone(),
         ]);
     }
     table

@@ -238,12 +238,17 @@ fn something_unknown_is_looked_for_where_and_when_the_page_places_it() {
         page_of(&diagnosis)
             .contains("Nearest in the catalogue: backlash, fitted play 0.42 % [0.40, 0.44]. What speaks against it")
     );
-    diagnosis.notes.push("Nearest in the catalogue: load. It leaves more of the gap than a right one.".into());
+    let nearest = "Nearest in the catalogue: servo_friction and load. It leaves more than a right one; servomotor.load_closed_n is 6.0 tolerances off.";
+    diagnosis.notes.push(nearest.into());
+    diagnosis.notes.push("oil.bulk_modulus_pa was fitted onto the end of its range.".into());
     // What a part of the chain leaves on its own.
     let unknown = [("servomotor".to_owned(), 185.0)].into();
     diagnosis.table.parts = vec![PartFit { part: Part::Servomotor, cost: 9e3, samples: 8e2, evidence: 0.0, unknown }];
     let page = page_of(&diagnosis);
-    assert!(page.contains("<p>Nearest in the catalogue: load. It leaves"));
+    assert!(page.contains("<p>Nearest in the catalogue: servo friction and load. It leaves"));
+    assert!(
+        page.contains("; servomotor load closed is 6.0 tolerances") && page.contains(">oil bulk modulus was fitted")
+    );
     assert!(page.contains("main ports and servomotor (185 nats)"));
 }
 
@@ -266,7 +271,8 @@ fn a_sound_unit_is_told_what_recalibration_found_and_no_place() {
     assert!(!html.contains("by more than three standard deviations"));
     diagnosis.parameters[0].position = -3.4;
     let html = html_of(&diagnosis, &Provenance::default());
-    assert!(html.contains("by more than three standard deviations") && html.contains("main_ports.overlap_m"));
+    assert!(html.contains("by more than three standard deviations") && html.contains(">main ports: overlap<"));
+    assert!(html.contains(">main_ports.overlap_m<"), "the key beside it, to be looked up in the sheet");
     diagnosis.parameters[0].position = 0.3;
     assert!(summary(&diagnosis, usize::MAX).starts_with("No fault found, and the data sheet holds"));
     diagnosis.judged_by = JudgedBy::AssumedSheet;

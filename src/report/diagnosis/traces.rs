@@ -52,16 +52,21 @@ pub fn close_up(trace: &Trace) -> Option<[f64; 2]> {
 
 /// The stretch of so many seconds with most of the gap; none where the recording is hardly longer.
 pub fn worst(trace: &Trace, length_s: f64) -> Option<[f64; 2]> {
-    let (first_s, last_s) = (*trace.time_s.first()?, *trace.time_s.last()?);
+    worst_stretch(&trace.time_s, &squares(trace), length_s)
+}
+
+/// The stretch of so many seconds in which the squares of an error add up to most; none where there is hardly more, or no error.
+pub fn worst_stretch(time_s: &[f64], squares: &[f64], length_s: f64) -> Option<[f64; 2]> {
+    let (first_s, last_s) = (*time_s.first()?, *time_s.last()?);
     if last_s - first_s < 1.5 * length_s {
         return None;
     }
     let mut sums = vec![0.0];
-    for square in squares(trace) {
+    for square in squares {
         sums.push(sums.last().copied().unwrap_or(0.0) + square);
     }
     let inside = |from_s: f64| {
-        let at = |time_s: f64| sums[trace.time_s.partition_point(|t| *t < time_s)];
+        let at = |at_s: f64| sums[time_s.partition_point(|t| *t < at_s)];
         at(from_s + length_s) - at(from_s)
     };
     // A window on the way is as good as any other to a quarter of its length.

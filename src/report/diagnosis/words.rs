@@ -2,12 +2,12 @@
 
 use crate::diagnosis::result::{Blame, Diagnosis, Fitted, Interval, SignalGap, Verdict};
 use crate::effects::{self, Stage};
-use crate::report::table::{scaled_unit, significant};
+use crate::report::table::{fixed, scaled_unit, significant};
 use crate::signal::Signal;
 
 /// A share as a percentage.
 pub fn percent(share: f64) -> String {
-    if share.is_finite() { format!("{:.0} %", 100.0 * share).replace('-', "\u{2212}") } else { "–".into() }
+    if share.is_finite() { format!("{} %", fixed(100.0 * share, 0)) } else { "–".into() }
 }
 
 /// A probability, or a share that is expected, as a percentage; none is certain, and none is nothing.
@@ -147,6 +147,31 @@ pub fn key_words(key: &str) -> String {
     size_words(of, parameter, unit)
 }
 
+/// A sentence in which keys of the sheet and ids of effects stand as words; what is to be typed, between backticks, stays.
+pub fn in_words(text: &str) -> String {
+    let is_part = |c: char| c.is_ascii_alphanumeric() || "_.".contains(c);
+    let word = |name: &str| {
+        let bare = name.trim_end_matches('.');
+        let known = crate::parameters::entry(bare).map(|_| key_words(bare).replace(':', ""));
+        let known = known.or_else(|| effects::find(bare).filter(|_| bare.contains('_')).map(|_| id_words(bare)));
+        known.map_or_else(|| name.to_owned(), |words| words + &name[bare.len()..])
+    };
+    let prose = |part: &str| {
+        let mut all = String::new();
+        let mut rest = part;
+        while let Some(at) = rest.find(is_part) {
+            let (before, from) = rest.split_at(at);
+            let (name, after) = from.split_at(from.find(|c| !is_part(c)).unwrap_or(from.len()));
+            all += before;
+            all += &word(name);
+            rest = after;
+        }
+        all + rest
+    };
+    let parts = text.split('`').enumerate();
+    parts.map(|(place, part)| if place % 2 == 1 { part.to_owned() } else { prose(part) }).collect::<Vec<_>>().join("`")
+}
+
 /// A value with its interval in the unit that people use for it.
 pub fn value(parameter: &Fitted) -> String {
     // One unit for the value and its interval.
@@ -162,7 +187,7 @@ pub fn value(parameter: &Fitted) -> String {
             return significant(value * scale, 3);
         }
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped before")]
-        crate::report::table::fixed(value * scale, decimals as usize)
+        fixed(value * scale, decimals as usize)
     };
     let Interval { value, low, high } = parameter.value;
     let space = if unit.is_empty() { "" } else { " " };

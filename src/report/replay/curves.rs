@@ -4,6 +4,7 @@ use crate::frame::EsvState;
 use crate::parameters::{Sensor, Sensors};
 use crate::recording::Recording;
 use crate::replay::Replayed;
+use crate::report::diagnosis::{WORST_S, worst_stretch};
 use crate::report::draw::{DrawError, Svg, svg};
 use crate::report::ink::Ink;
 use crate::report::picture::{EventLine, Panel, Picture, Span};
@@ -27,6 +28,8 @@ pub struct Pictures {
     pub whole: Svg,
     /// Its liveliest stretch, where the whole is too long to show it.
     pub close_up: Option<Svg>,
+    /// The two seconds in which the twin is farthest off, where the recording is much longer.
+    pub worst: Option<Svg>,
     /// The pilot signals, where they were measured.
     pub pilot: Option<Svg>,
 }
@@ -44,6 +47,7 @@ impl Pictures {
         Ok(Self {
             whole: svg(&curves.positions(sensors, None))?,
             close_up: close_up.map(|window_s| svg(&curves.positions(sensors, Some(window_s)))).transpose()?,
+            worst: curves.worst_s().map(|window_s| svg(&curves.positions(sensors, Some(window_s)))).transpose()?,
             pilot: pilot.then(|| svg(&curves.pilot(sensors, close_up))).transpose()?,
         })
     }
@@ -85,11 +89,11 @@ impl<'a> Curves<'a> {
         self.time_s.iter().zip(difference).filter(|(_, y)| y.is_finite()).map(|(&t, y)| [t, y]).collect()
     }
 
-    /// The command as the regulator sees it, held from row to row.
+    /// The command as the regulator sees it, %, held from row to row.
     fn command(&self) -> Vec<[f64; 2]> {
         let mut points: Vec<[f64; 2]> = Vec::new();
         for (&time_s, frame) in self.time_s.iter().zip(&self.replayed.recording.frames) {
-            let value = frame.inputs.opening_command_pu;
+            let value = 100.0 * frame.inputs.opening_command_pu;
             match points.last() {
                 Some(&[_, last]) if last.to_bits() == value.to_bits() => {}
                 Some(&[_, last]) => points.extend([[time_s, last], [time_s, value]]),
@@ -143,6 +147,23 @@ impl<'a> Curves<'a> {
         around(begins_s)
     }
 
+    /// The stretch of [`WORST_S`] in which the positions are farthest off, each over its error in the whole recording.
+    fn worst_s(&self) -> Option<[f64; 2]> {
+        let mut squares = vec![0.0; self.time_s.len()];
+        for signal in Signal::POSITIONS {
+            let pairs = self.replayed.recording.frames.iter().zip(&self.replayed.estimates);
+            let off: Vec<f64> = pairs
+                .map(|(frame, estimate)| (signal.of(&estimate.signals) - signal.of(&frame.measured)).powi(2))
+                .map(|square| if square.is_finite() { square } else { 0.0 })
+                .collect();
+            let all: f64 = off.iter().sum();
+            if all > 0.0 {
+                squares.iter_mut().zip(off).for_each(|(sum, square)| *sum += square / all);
+            }
+        }
+        worst_stretch(&self.time_s, &squares, WORST_S)
+    }
+
     fn compared(&self, signal: Signal, title: &str, scale: f64) -> Panel {
         let panel = if self.has(signal) {
             Panel::new(title).thick_line(Ink::Measured, "measured", self.measured(signal, scale))
@@ -179,22 +200,25 @@ impl<'a> Curves<'a> {
     }
 
     fn positions(&self, sensors: &Sensors, window_s: Option<[f64; 2]>) -> Picture {
-        let servomotor = self.compared(Signal::ServomotorPosition, "Guide-vane opening, pu of stroke", 1.0);
+        let servomotor = self.compared(Signal::ServomotorPosition, "Guide-vane opening, % of stroke", 100.0);
         let servomotor = Panel {
             marks: [Panel::new("").line(Ink::Command, "command", self.command()).marks, servomotor.marks].concat(),
             ..servomotor
         };
-        let spool = |title: &str| self.compared(Signal::SpoolPosition, title, 1.0);
+        let spool = |title: &str| self.compared(Signal::SpoolPosition, title, 100.0);
+        // Where the spool rests shows in the whole, or in the long stretch that stands for it.
+        let is_whole = window_s.is_none_or(|[from_s, to_s]| to_s - from_s > WORST_S);
         let mut panels = vec![servomotor.height(180)];
         if self.has(Signal::ServomotorPosition) {
-            panels.push(self.missed(Signal::ServomotorPosition, "pu of stroke", 1.0, sensors));
+            panels.push(self.missed(Signal::ServomotorPosition, "% of stroke", 100.0, sensors));
         }
-        panels.push(spool("Spool position, pu of reference stroke").height(150));
-        panels.push(
-            spool("Spool near neutral, pu of reference stroke").height(110).y_range(-NEAR_NEUTRAL_PU, NEAR_NEUTRAL_PU),
-        );
+        panels.push(spool("Spool position, % of reference stroke").height(150));
+        if is_whole {
+            let range = 100.0 * NEAR_NEUTRAL_PU;
+            panels.push(spool("Spool near neutral, % of reference stroke").height(110).y_range(-range, range));
+        }
         if self.has(Signal::SpoolPosition) {
-            panels.push(self.missed(Signal::SpoolPosition, "pu of reference stroke", 1.0, sensors));
+            panels.push(self.missed(Signal::SpoolPosition, "% of reference stroke", 100.0, sensors));
         }
         self.stacked("positions", panels, window_s)
     }
@@ -202,7 +226,7 @@ impl<'a> Curves<'a> {
     fn pilot(&self, sensors: &Sensors, window_s: Option<[f64; 2]>) -> Picture {
         let mut panels = vec![];
         for (signal, unit, scale) in
-            [(Signal::PilotValvePosition, "pu of stroke", 1.0), (Signal::ControlPressure, "MPa", 1e-6)]
+            [(Signal::PilotValvePosition, "% of stroke", 100.0), (Signal::ControlPressure, "MPa", 1e-6)]
         {
             if self.has(signal) {
                 panels.push(self.compared(signal, &format!("{}, {unit}", signal.title()), scale).height(130));

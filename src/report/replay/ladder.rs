@@ -4,21 +4,23 @@ use crate::recording::Process;
 use crate::replay::ladder::{Ladder, Rung};
 use crate::report::ink::Ink;
 use crate::report::picture::{Panel, Picture};
-use crate::report::table::{Table, fixed};
+use crate::report::table::{Table, significant};
+use crate::signal::Signal;
 
 /// The figures of every rung; a star marks a process that a residual was not trained on.
 #[must_use]
 pub fn ladder_table(ladder: &Ladder) -> Table {
     let signal = ladder.judged();
     let processes: Vec<Option<Process>> = ladder.processes().into_iter().map(Some).chain([None]).collect();
-    let mut table = Table::new().words(format!("{}: MAE, {}", signal.title(), signal.unit()));
+    let (scale, unit) = shown(signal);
+    let mut table = Table::new().words(format!("{}: MAE, {unit}", signal.title()));
     for process in &processes {
         table = table.numbers(process.map_or("overall", Process::title));
     }
     for rung in &ladder.rungs {
         let cell = |process: &Option<Process>| {
             let star = process.is_some_and(|process| rung.unseen.iter().any(|id| id == process.id()));
-            let value = rung.mae(*process, signal).map_or_else(|| "–".to_owned(), |mae| fixed(mae, 5));
+            let value = rung.mae(*process, signal).map_or_else(|| "–".to_owned(), |mae| significant(scale * mae, 3));
             if star { format!("{value}*") } else { value }
         };
         let title = std::iter::once(rung.title.clone());
@@ -40,15 +42,21 @@ pub fn ladder_picture(ladder: &Ladder) -> Picture {
     let signal = ladder.judged();
     let processes = ladder.processes();
     let inks = [Ink::Command, Ink::Measured, Ink::Good, Ink::Simulated, Ink::Extra1, Ink::Extra2, Ink::Extra3];
-    let mut panel = Panel::new(format!("{}: MAE, {}", signal.title(), signal.unit()))
+    let (scale, unit) = shown(signal);
+    let mut panel = Panel::new(format!("{}: MAE, {unit}", signal.title()))
         .height(230)
         .x_categories(processes.iter().map(|process| process.title()));
     for (k, (rung, ink)) in ladder.rungs.iter().zip(inks.into_iter().cycle()).enumerate() {
-        let value = |process: &Process| rung.mae(Some(*process), signal).unwrap_or(0.0);
+        let value = |process: &Process| scale * rung.mae(Some(*process), signal).unwrap_or(0.0);
         let values: Vec<f64> = processes.iter().map(value).collect();
         panel = panel.bars(ink, title(rung), &values, k, ladder.rungs.len());
     }
     Picture::grid("Mean absolute error by process", 1, vec![panel])
+}
+
+/// What a signal's errors are multiplied by, and the unit that they then have.
+fn shown(signal: Signal) -> (f64, &'static str) {
+    if signal == Signal::ControlPressure { (1e-3, "kPa") } else { (100.0, "%") }
 }
 
 fn title(rung: &Rung) -> &str {

@@ -1,6 +1,7 @@
 //! The tables of a replay, and the pictures of its figures.
 
 use super::curves::spread;
+use super::percent;
 use crate::parameters::Sensors;
 use crate::recording::Process;
 use crate::replay::Replayed;
@@ -28,7 +29,7 @@ pub fn reason_for_dashes(summary: &ReplaySummary) -> Option<String> {
 pub fn process_table(summary: &ReplaySummary) -> Table {
     let mut table = Table::new().words("process").numbers("recordings").numbers("rows");
     for name in ["servomotor", "spool"] {
-        table = table.numbers_of(name, "MAE, pu").numbers_of(name, "RMSE, pu").numbers_of(name, "R²");
+        table = table.numbers_of(name, "MAE, %").numbers_of(name, "RMSE, %").numbers_of(name, "R²");
     }
     for group in summary.processes.iter().chain([&summary.overall]) {
         let process = group.process.and_then(process_of);
@@ -62,7 +63,7 @@ pub fn recording_table(summary: &ReplaySummary) -> Table {
         ];
         for figures in one.signals.iter().take(2) {
             cells.extend(figure_cells(figures));
-            cells.extend([fixed(figures.bias, 5), fixed(figures.max_abs, 5)]);
+            cells.extend([percent(figures.bias, 3), percent(figures.max_abs, 3)]);
         }
         table.row(cells);
     }
@@ -75,7 +76,7 @@ fn process_of(id: &str) -> Option<Process> {
 }
 
 fn figure_cells(figures: &SignalFigures) -> Vec<String> {
-    vec![fixed(figures.mae, 5), fixed(figures.rmse, 5), r2_words(figures.r2)]
+    vec![percent(figures.mae, 3), percent(figures.rmse, 3), r2_words(figures.r2)]
 }
 
 /// R² cut off rather than rounded, so that only a perfect twin shows a one.
@@ -104,23 +105,24 @@ pub fn errors(summary: &ReplaySummary, replayed: &[&Replayed], sensors: &Sensors
     let titles: Vec<&str> = titles.collect();
     for (signal, name) in [(Signal::ServomotorPosition, "servomotor"), (Signal::SpoolPosition, "spool")] {
         let Some(overall) = summary.overall.of(signal).filter(|f| f.rmse.is_finite()) else { continue };
-        let rmse: Vec<f64> = summary.processes.iter().filter_map(|group| group.of(signal)).map(|f| f.rmse).collect();
+        let rmse: Vec<f64> =
+            summary.processes.iter().filter_map(|group| group.of(signal)).map(|f| 100.0 * f.rmse).collect();
         panels.push(
-            Panel::new(format!("RMSE of the {name}, pu"))
+            Panel::new(format!("RMSE of the {name}, %"))
                 .x_categories(titles.clone())
                 .bars(Ink::Difference, "", &rmse, 0, 1)
-                .level(Ink::Text, "noise of the transducer", spread(signal.sensor(sensors))),
+                .level(Ink::Text, "noise of the transducer", 100.0 * spread(signal.sensor(sensors))),
         );
         let differences: Vec<f64> = replayed
             .iter()
             .flat_map(|one| one.recording.frames.iter().zip(&one.estimates))
-            .map(|(frame, estimate)| signal.of(&estimate.signals) - signal.of(&frame.measured))
+            .map(|(frame, estimate)| 100.0 * (signal.of(&estimate.signals) - signal.of(&frame.measured)))
             .collect();
-        let reach = (3.0 * overall.rmse).max(4.0 * spread(signal.sensor(sensors)));
+        let reach = 100.0 * (3.0 * overall.rmse).max(4.0 * spread(signal.sensor(sensors)));
         panels.push(
             Panel::new(format!("Differences of the {name}, share of rows"))
                 .histogram(Ink::Difference, "", &differences, [-reach, reach], 61)
-                .x_name("simulated − measured, pu"),
+                .x_name("simulated − measured, %"),
         );
     }
     Picture::grid("Errors by process and their spread", 2, panels)
