@@ -384,7 +384,7 @@ mod tests {
             "takes 50 % of the twin",
             "Judged on 10 rows",
             "start-up 50 % less",
-            "replay --residual",
+            "replay <span>--residual",
             "Synthetic data",
         ];
         assert!(order.map(at).is_sorted() && html.contains("16,305 rows teach"), "{html}");

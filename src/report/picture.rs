@@ -322,6 +322,7 @@ mod tests {
         assert!(alone.marks.len() == 1 && alone.marks[0].label == "one");
         let second = Panel::new("a").bars(Ink::Simulated, "other", &[1.0, f64::NAN], 1, 2);
         assert_eq!(second.marks[0].label, "2 other");
-        assert_eq!(second.marks[1].shape, MarkShape::Above(vec![([0.2, 1.0], "2".to_owned())]));
+        let MarkShape::Above(words) = &second.marks[1].shape else { panic!("{:?}", second.marks[1]) };
+        assert!(words.len() == 1 && words[0].1 == "2" && (words[0].0[0] - 0.2).abs() < 1e-9, "{words:?}");
     }
 }

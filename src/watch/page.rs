@@ -4,7 +4,7 @@ use std::cmp::Reverse;
 
 use super::history::{Course, ProcessEntry, origins};
 use crate::recording::Process;
-use crate::report::diagnosis::{capital, id_words, shown_unit, verdict_words};
+use crate::report::diagnosis::{capital, id_words, in_words, shown_unit, verdict_words};
 use crate::report::draw::{DrawError, svg};
 use crate::report::ink::Ink;
 use crate::report::page::{KeyFigure, Page, Tone};
@@ -98,7 +98,7 @@ pub fn page(watched: &Watched) -> Result<Page, DrawError> {
         let own = entry.notes.iter().filter(|note| !note.starts_with(ALONE));
         let warnings = entry.warnings.iter().map(|warning| format!("{warning}."));
         let synthetic = (mixed && entry.synthetic).then(|| "Synthetic.".to_owned());
-        let notes = warnings.chain(synthetic).chain(own.cloned()).collect::<Vec<_>>().join(" ");
+        let notes = warnings.chain(synthetic).chain(own.map(|note| in_words(note))).collect::<Vec<_>>().join(" ");
         let cells = [
             readable(time),
             process_words(&entry.process),
@@ -283,12 +283,16 @@ mod tests {
         let mut entries: Vec<ProcessEntry> = (0..3).map(|i| entry(i, 2e-3)).collect();
         assert!(!html_of(&entries).contains("ynthetic"));
         entries[1].synthetic = true;
+        entries[1].notes.push("oil.bulk_modulus_pa was fitted onto the end of its range.".to_owned());
         let some = html_of(&entries);
-        assert!(some.contains("Synthetic data among the recordings") && some.matches(">Synthetic.<").count() == 1);
+        assert!(
+            some.contains("Synthetic data among the recordings")
+                && some.matches(">Synthetic. oil bulk modulus was").count() == 1
+        );
         for entry in &mut entries {
             (entry.synthetic, entry.origin) = (true, Some("All units are synthetic: made by a simulator.".to_owned()));
         }
         let all = html_of(&entries);
-        assert!(all.matches("made by a simulator.").count() == 1 && !all.contains(">Synthetic.<"), "{all}");
+        assert!(all.matches("made by a simulator.").count() == 1 && !all.contains(">Synthetic."), "{all}");
     }
 }

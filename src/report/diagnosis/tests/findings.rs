@@ -65,5 +65,5 @@ fn what_decides_nothing_has_no_probability_and_what_is_no_stage_no_test() {
 #[test]
 fn possible_causes_stand_beside_how_often_such_claims_were_right() {
     let text = summary(&made_up(Verdict::Class, &["backlash", "load"]), usize::MAX);
-    assert!(text.contains("on generated units that the program had not seen"), "{text}");
+    assert!(text.contains("on unseen generated units"), "{text}");
 }
