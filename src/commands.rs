@@ -27,6 +27,7 @@ pub mod parent;
 #[cfg(feature = "node")]
 pub mod play;
 pub mod provenance;
+mod rate_of_inputs;
 #[cfg(feature = "node")]
 pub mod record;
 pub mod recover;

@@ -120,7 +120,7 @@ pub(super) mod tests {
     use crate::recording::Process;
     use crate::recording::Recording;
     use crate::residual::features;
-    use crate::residual::row::{Between, Opening};
+    use crate::residual::row::{Opening, RateOfInputs};
     use crate::residual::table::{FeatureTable, RowMark, TableLayout};
     use crate::signal::Signal;
     use crate::twin::Twin;
@@ -138,8 +138,8 @@ pub(super) mod tests {
             frame
         };
         let recordings = [Recording::new("a", (0..rows).map(frame).collect())];
-        let (signal, opening, between) = (Signal::SpoolPosition, Opening::Simulated, Between::Hold);
-        let layout = TableLayout { signal, opening, between, period_ns: 200_000_000, features: features::all() };
+        let (signal, opening, rate_of_inputs) = (Signal::SpoolPosition, Opening::Simulated, RateOfInputs::Hold);
+        let layout = TableLayout { signal, opening, rate_of_inputs, period_ns: 200_000_000, features: features::all() };
         let table = crate::residual::table::table(&recordings, &[estimates], layout);
         let [recording] = recordings;
         (recording, table)
@@ -155,8 +155,8 @@ pub(super) mod tests {
             model: frame as f64 + 1.0,
             motion: 0.0,
         };
-        let (signal, opening, between) = (Signal::SpoolPosition, Opening::Simulated, Between::Hold);
-        let layout = TableLayout { signal, opening, between, period_ns: 200_000_000, features: features::all() };
+        let (signal, opening, rate_of_inputs) = (Signal::SpoolPosition, Opening::Simulated, RateOfInputs::Hold);
+        let layout = TableLayout { signal, opening, rate_of_inputs, period_ns: 200_000_000, features: features::all() };
         FeatureTable { layout, values: vec![], marks: (0..20).map(mark).collect(), left_out: 0 }
     }
 

@@ -46,12 +46,12 @@ pub enum Solver {
 }
 
 /// One step of so many seconds.
-type Step = fn(&Plant, &mut State, &Drive, f64, Rates);
+type SolverStep = fn(&Plant, &mut State, &Drive, f64, Rates);
 
 /// A method that takes the whole plant at once, in whole steps.
 #[derive(Clone, Debug)]
 pub struct Stepwise {
-    step: Step,
+    step: SolverStep,
     count: u32,
     step_s: f64,
 }
@@ -71,7 +71,7 @@ impl Solver {
     /// Prepares a method for ticks of `tick_s`.
     #[must_use]
     pub fn new(method: Method, plant: &Plant, tick_s: f64) -> Self {
-        let (step, max_step_s): (Step, f64) = match method {
+        let (step, max_step_s): (SolverStep, f64) = match method {
             Method::Split { max_step_s } => return Self::Split(Split::new(plant, tick_s, max_step_s)),
             Method::Rk4 { max_step_s } => (rk4::step, max_step_s),
             Method::Rosenbrock { max_step_s } => (rosenbrock::step, max_step_s),

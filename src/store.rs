@@ -57,10 +57,10 @@ pub enum StoreError {
 
 /// A folder or an object store.
 #[derive(Debug)]
-pub struct Store(Kind);
+pub struct Store(StoreKind);
 
 #[derive(Debug)]
-enum Kind {
+enum StoreKind {
     Folder(Folder),
     #[cfg(feature = "cloud")]
     Remote(Remote),
@@ -70,9 +70,9 @@ enum Kind {
 macro_rules! either {
     ($self:expr, $store:ident => $call:expr) => {
         match &$self.0 {
-            Kind::Folder($store) => $call,
+            StoreKind::Folder($store) => $call,
             #[cfg(feature = "cloud")]
-            Kind::Remote($store) => $call,
+            StoreKind::Remote($store) => $call,
         }
     };
 }
@@ -85,7 +85,7 @@ impl Store {
     /// Where it is no address, holds credentials, or is of a store that this build does not know. A folder need not exist.
     pub fn open(address: &str) -> Result<Self, StoreError> {
         let Some((scheme, rest)) = address.split_once("://") else {
-            return Ok(Self(Kind::Folder(Folder::new(PathBuf::from(address)))));
+            return Ok(Self(StoreKind::Folder(Folder::new(PathBuf::from(address)))));
         };
         let host = rest.split('/').next().unwrap_or_default();
         let wrong = |words: String| StoreError::Address { address: format!("{scheme}://…"), words };
@@ -94,7 +94,7 @@ impl Store {
             return Err(wrong(words.to_owned()));
         }
         match scheme {
-            "file" => Ok(Self(Kind::Folder(Folder::new(PathBuf::from(rest))))),
+            "file" => Ok(Self(StoreKind::Folder(Folder::new(PathBuf::from(rest))))),
             "s3" | "s3a" | "gs" | "az" => Self::remote(address),
             _ => Err(wrong("expected a folder, or an address with s3://, gs:// or az://".to_owned())),
         }
@@ -102,7 +102,7 @@ impl Store {
 
     #[cfg(feature = "cloud")]
     fn remote(address: &str) -> Result<Self, StoreError> {
-        Remote::open(address).map(|remote| Self(Kind::Remote(remote)))
+        Remote::open(address).map(|remote| Self(StoreKind::Remote(remote)))
     }
 
     #[cfg(not(feature = "cloud"))]
@@ -122,9 +122,9 @@ impl Store {
     #[must_use]
     pub fn local(&self, path: &str) -> Option<PathBuf> {
         match &self.0 {
-            Kind::Folder(folder) => Some(folder.path(path)),
+            StoreKind::Folder(folder) => Some(folder.path(path)),
             #[cfg(feature = "cloud")]
-            Kind::Remote(_) => None,
+            StoreKind::Remote(_) => None,
         }
     }
 

@@ -225,7 +225,7 @@ fn write_the_model() {
     use govtwin::residual::forest::Tree;
     use govtwin::residual::guard::Guard;
     use govtwin::residual::model::{Learned, Model, fingerprint};
-    use govtwin::residual::row::{Between, Opening};
+    use govtwin::residual::row::{Opening, RateOfInputs};
     let features: Vec<String> = features::all().iter().map(features::Feature::name).collect();
     let count = features.len();
     let stump =
@@ -238,7 +238,7 @@ fn write_the_model() {
         unit: "pu".into(),
         learned: Learned::Residual,
         opening: Opening::Simulated,
-        between: Between::Hold,
+        rate_of_inputs: RateOfInputs::Hold,
         period_ns: 200_000_000,
         twin: fingerprint(&govtwin::params::reference()),
         features,

@@ -9,7 +9,7 @@ use std::process::{Command, Output};
 
 use govtwin::params;
 use govtwin::residual::model::Model;
-use govtwin::residual::row::Between;
+use govtwin::residual::row::RateOfInputs;
 
 fn replay(model: &Path, more: &[&str]) -> Output {
     let bag = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/reference/startup_01.mcap");
@@ -96,25 +96,25 @@ fn a_model_that_does_not_fit_or_is_damaged_is_refused_with_its_reason() {
 fn a_model_of_faster_rows_is_refused_or_says_what_it_assumes() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("model.residual");
-    let keep = |period_ns: i64, between: Between| {
-        let model = Model { period_ns, between, ..residual::model(&params::reference()) };
+    let keep = |period_ns: i64, rate_of_inputs: RateOfInputs| {
+        let model = Model { period_ns, rate_of_inputs, ..residual::model(&params::reference()) };
         std::fs::write(&path, model.to_text().unwrap()).unwrap();
     };
     let said = |output: &Output| {
         [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned()).concat()
     };
     // Of the same rate: said, and nothing to warn of.
-    keep(200_000_000, Between::Hold);
+    keep(200_000_000, RateOfInputs::Hold);
     let output = replay(&path, &[]);
     assert_eq!(output.status.code(), Some(0));
     assert!(said(&output).contains("trained on rows every 0.2 s with the opening simulated"), "{}", said(&output));
     // Rows every 0.2 s hold no past on a grid of 0.01 s.
-    keep(10_000_000, Between::Hold);
+    keep(10_000_000, RateOfInputs::Hold);
     let output = replay(&path, &[]);
     assert_eq!(output.status.code(), Some(1), "{}", said(&output));
     assert!(said(&output).contains("its training period is 0.01 s"), "{}", said(&output));
     // Driven on a fine grid they do, and what lies between is an assumption.
-    keep(10_000_000, Between::Linear);
+    keep(10_000_000, RateOfInputs::Linear);
     let output = replay(&path, &[]);
     assert!(output.status.code() != Some(1), "{}", said(&output));
     assert!(

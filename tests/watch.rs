@@ -1,6 +1,9 @@
 //! `govtwin watch` through the binary: processes entered once whatever happens to bags, histories that survive, slips.
 #![cfg(feature = "cli")]
 
+#[cfg(feature = "node")]
+#[path = "watch/bus.rs"]
+mod bus;
 #[path = "support/program.rs"]
 mod program;
 #[path = "support/tight_sheet.rs"]

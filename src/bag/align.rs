@@ -1,6 +1,6 @@
 //! Rows out of streams, by points 3 to 6 of the rule that `bag` states.
 
-use super::streams::{Command, Pressure, Sample};
+use super::streams::{OpeningCommand, Pressure, Sample};
 use super::{BagError, Interpolation};
 use crate::frame::{EsvState, Frame, Inputs, Signals};
 use crate::units::seconds_from_nanos;
@@ -14,7 +14,7 @@ pub(super) const FARTHEST_NS: i64 = 86_400_000_000_000;
 /// The four streams, each strictly rising in stamp. An absent input is one sample at the beginning of time.
 #[derive(Debug, Default)]
 pub(super) struct Streams {
-    pub(super) command: Vec<Sample<Command>>,
+    pub(super) command: Vec<Sample<OpeningCommand>>,
     pub(super) esv: Vec<Sample<EsvState>>,
     pub(super) tank_pressure: Vec<Sample<Pressure>>,
     pub(super) servo_state: Vec<Sample<Signals>>,
@@ -195,11 +195,11 @@ mod tests {
     use super::*;
 
     /// A ramp that begins between two samples, sampled at 5 Hz.
-    fn ramp(begins_s: f64, rate: f64) -> Vec<Sample<Command>> {
+    fn ramp(begins_s: f64, rate: f64) -> Vec<Sample<OpeningCommand>> {
         (0..20)
             .map(|k| {
                 let stamp_ns = k * 200_000_000;
-                let value = Command(0.9 + rate * (seconds_from_nanos(stamp_ns) - begins_s).max(0.0));
+                let value = OpeningCommand(0.9 + rate * (seconds_from_nanos(stamp_ns) - begins_s).max(0.0));
                 Sample { stamp_ns, log_time_ns: stamp_ns, value }
             })
             .collect()
@@ -225,10 +225,14 @@ mod tests {
         for shape in
             [|t: f64| 0.1 * t * t, |t: f64| if t > 1.87 { 0.2 } else { 0.9 }, |t: f64| 0.5 + 0.1 * (3.0 * t).sin()]
         {
-            let samples: Vec<Sample<Command>> = (0..20)
+            let samples: Vec<Sample<OpeningCommand>> = (0..20)
                 .map(|k| {
                     let stamp_ns = k * 200_000_000;
-                    Sample { stamp_ns, log_time_ns: stamp_ns, value: Command(shape(seconds_from_nanos(stamp_ns))) }
+                    Sample {
+                        stamp_ns,
+                        log_time_ns: stamp_ns,
+                        value: OpeningCommand(shape(seconds_from_nanos(stamp_ns))),
+                    }
                 })
                 .collect();
             let mut cursor = Cursor::new(&samples);

@@ -58,12 +58,12 @@ impl Batch {
 }
 
 /// Where messages are handed to.
-struct Hand {
+struct MessageTaker {
     batch: Batch,
     to: SyncSender<Batch>,
 }
 
-impl Hand {
+impl MessageTaker {
     fn take(&mut self, message: RawView<'_>) {
         if self.batch.take(message) {
             self.send();
@@ -97,7 +97,7 @@ pub(super) fn counted<R>(read: impl FnOnce(&mut dyn FnMut(RawView<'_>)) -> R) ->
             tallies
         });
         let Ok(counting) = counting else { return counted_here(read) };
-        let mut hand = Hand { batch: Batch::default(), to };
+        let mut hand = MessageTaker { batch: Batch::default(), to };
         let result = read(&mut |message| hand.take(message));
         hand.send();
         drop(hand);

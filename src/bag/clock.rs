@@ -11,7 +11,7 @@ const FEWEST_BLOCKS: usize = 8;
 
 /// The least delay among messages that follow each other.
 #[derive(Clone, Copy, Debug)]
-struct Block {
+struct DelayBlock {
     stamp_ns: i64,
     delay_ns: i64,
     messages: u64,
@@ -20,7 +20,7 @@ struct Block {
 /// What the stamps of one stream show, message by message.
 #[derive(Clone, Debug)]
 pub(super) struct Clock {
-    blocks: Vec<Block>,
+    blocks: Vec<DelayBlock>,
     /// Messages that make a block.
     size: u64,
     first_ns: Option<i64>,
@@ -71,11 +71,11 @@ impl Clock {
             self.size *= 2;
             let pairs = self.blocks.chunks(2).filter_map(|pair| {
                 let least = pair.iter().min_by_key(|block| block.delay_ns)?;
-                Some(Block { messages: pair.iter().map(|block| block.messages).sum(), ..*least })
+                Some(DelayBlock { messages: pair.iter().map(|block| block.messages).sum(), ..*least })
             });
             self.blocks = pairs.collect();
         }
-        self.blocks.push(Block { stamp_ns, delay_ns, messages: 1 });
+        self.blocks.push(DelayBlock { stamp_ns, delay_ns, messages: 1 });
     }
 
     /// The drift, by the median of the slopes between all blocks (Theil 1950, Sen 1968).

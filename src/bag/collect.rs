@@ -7,7 +7,7 @@ use super::align::Streams;
 use super::evidence::StreamEvidence;
 use super::order::{self, Jump, Silence};
 use super::pace::Pace;
-use super::streams::{Command, Pressure, Sample, Value, decode};
+use super::streams::{OpeningCommand, Pressure, Sample, Value, decode};
 use super::topic::{RawView, TopicInfo, shown};
 use super::{Positions, ReadOptions, Stream, StreamHealth, Warning};
 use crate::frame::{EsvState, Signals};
@@ -135,7 +135,7 @@ impl<V: Value> AnyCollector for Collector<V> {
 
 /// All four.
 pub(super) struct Collected {
-    pub(super) command: Collector<Command>,
+    pub(super) command: Collector<OpeningCommand>,
     pub(super) esv: Collector<EsvState>,
     pub(super) tank_pressure: Collector<Pressure>,
     pub(super) servo_state: Collector<Signals>,

@@ -13,7 +13,7 @@ const FINEST_BITS: u32 = 14;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Distribution {
     /// In rising order, each of its own key.
-    buckets: Vec<Bucket>,
+    buckets: Vec<KeyBucket>,
     /// Not in a bucket yet.
     waiting: Vec<i64>,
     /// Bits that a bucket keeps; `None` where each value stands for itself.
@@ -22,13 +22,13 @@ pub(super) struct Distribution {
 
 /// Values of one key.
 #[derive(Clone, Copy, Debug)]
-struct Bucket {
+struct KeyBucket {
     least_ns: i64,
     count: u64,
     sum_ns: i128,
 }
 
-impl Bucket {
+impl KeyBucket {
     fn mean_ns(&self) -> i64 {
         let mean_ns = self.sum_ns / i128::from(self.count).max(1);
         i64::try_from(mean_ns).unwrap_or(if mean_ns < 0 { i64::MIN } else { i64::MAX })
@@ -82,7 +82,7 @@ impl Distribution {
     /// The distance from a value that this share of the values keeps, in hundredths.
     pub(super) fn distance_at(&mut self, from_ns: i64, hundredths: u64) -> i64 {
         self.settle();
-        let distance = |bucket: &Bucket| (bucket.mean_ns().saturating_sub(from_ns).saturating_abs(), bucket.count);
+        let distance = |bucket: &KeyBucket| (bucket.mean_ns().saturating_sub(from_ns).saturating_abs(), bucket.count);
         let mut distances: Vec<(i64, u64)> = self.buckets.iter().map(distance).collect();
         distances.sort_unstable();
         let count: u64 = distances.iter().map(|(_, count)| count).sum();
@@ -129,10 +129,10 @@ impl Distribution {
 }
 
 /// The buckets of values in rising order.
-fn runs(values: &[i64], bits: Option<u32>) -> Vec<Bucket> {
-    let mut found: Vec<Bucket> = vec![];
+fn runs(values: &[i64], bits: Option<u32>) -> Vec<KeyBucket> {
+    let mut found: Vec<KeyBucket> = vec![];
     for value_ns in values {
-        let one = Bucket { least_ns: key(*value_ns, bits), count: 1, sum_ns: i128::from(*value_ns) };
+        let one = KeyBucket { least_ns: key(*value_ns, bits), count: 1, sum_ns: i128::from(*value_ns) };
         match found.last_mut() {
             Some(last) if last.least_ns == one.least_ns => last.add(&one),
             _ => found.push(one),
@@ -142,7 +142,7 @@ fn runs(values: &[i64], bits: Option<u32>) -> Vec<Bucket> {
 }
 
 /// Two lists in rising order as one; what is in both becomes one bucket.
-fn in_order(some: Vec<Bucket>, others: Vec<Bucket>) -> Vec<Bucket> {
+fn in_order(some: Vec<KeyBucket>, others: Vec<KeyBucket>) -> Vec<KeyBucket> {
     let mut merged = Vec::with_capacity(some.len() + others.len());
     let mut left = some.into_iter().peekable();
     for other in others {

@@ -26,11 +26,11 @@ pub enum FieldValue {
 pub struct FieldPath {
     /// The topic.
     pub topic: String,
-    steps: Vec<Step>,
+    steps: Vec<FieldStep>,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]
-struct Step {
+struct FieldStep {
     name: String,
     index: Option<Index>,
 }
@@ -68,7 +68,7 @@ impl FieldPath {
             if name.is_empty() {
                 return Err(wanted());
             }
-            steps.push(Step { name: name.to_owned(), index });
+            steps.push(FieldStep { name: name.to_owned(), index });
             match after.strip_prefix('.') {
                 Some(next) => rest = next,
                 None if after.is_empty() => break,
@@ -203,7 +203,7 @@ impl<'a> Visit<'a, '_> {
     fn structure(
         &mut self,
         definition: &'a Definition,
-        wanted: Option<&[Step]>,
+        wanted: Option<&[FieldStep]>,
         path: &str,
         depth: usize,
     ) -> Option<()> {
@@ -213,7 +213,7 @@ impl<'a> Visit<'a, '_> {
         let open = self.names.len();
         for field in &definition.fields {
             let step = wanted.and_then(|steps| steps.first()).filter(|step| step.name == field.name);
-            let below: Option<&[Step]> = match wanted {
+            let below: Option<&[FieldStep]> = match wanted {
                 None => None,
                 Some(steps) if step.is_some() => Some(&steps[1..]),
                 Some(_) => Some(&[]),
@@ -233,7 +233,7 @@ impl<'a> Visit<'a, '_> {
     fn field(
         &mut self,
         field: &'a Field,
-        (wanted, step, below): (bool, Option<&Step>, Option<&[Step]>),
+        (wanted, step, below): (bool, Option<&FieldStep>, Option<&[FieldStep]>),
         path: &str,
         depth: usize,
     ) -> Option<()> {
@@ -285,7 +285,14 @@ impl<'a> Visit<'a, '_> {
         Some(())
     }
 
-    fn one(&mut self, base: &'a str, wanted: bool, below: Option<&[Step]>, path: &str, depth: usize) -> Option<()> {
+    fn one(
+        &mut self,
+        base: &'a str,
+        wanted: bool,
+        below: Option<&[FieldStep]>,
+        path: &str,
+        depth: usize,
+    ) -> Option<()> {
         self.walk.step()?;
         if let Some(size) = size_of(base) {
             let value = self.walk.number(base, size)?;

@@ -8,7 +8,7 @@ use std::collections::VecDeque;
 
 use super::Interpolation;
 use super::align::{Cursor, ROW_LIMIT};
-use super::streams::{Command, Pressure, Sample};
+use super::streams::{OpeningCommand, Pressure, Sample};
 use crate::frame::{Frame, Signals};
 use crate::units::NANOS_PER_SECOND;
 
@@ -81,7 +81,7 @@ pub(super) struct Grid {
     sharp: bool,
     /// How far ahead of a row samples play a part in it.
     ahead_ns: i64,
-    command: Window<Command>,
+    command: Window<OpeningCommand>,
     pressure: Window<Pressure>,
     /// Rows that wait for the samples behind them.
     rows: VecDeque<Frame>,
@@ -116,7 +116,7 @@ impl Grid {
     }
 
     /// Takes a sample in the order of stamps.
-    pub(super) fn command(&mut self, sample: Sample<Command>) {
+    pub(super) fn command(&mut self, sample: Sample<OpeningCommand>) {
         self.command.push(sample);
     }
 

@@ -20,7 +20,7 @@ const STEPS_PER_BYTE: usize = DEEPEST + 8;
 
 /// One step of the walk.
 #[derive(Clone, Debug, PartialEq)]
-enum Node {
+enum WalkStep {
     /// A value without interest, of this size in bytes.
     Skip(usize),
     /// A floating-point number of this size with the number of its name.
@@ -29,14 +29,14 @@ enum Node {
         name: usize,
     },
     Text,
-    Struct(Vec<Node>),
-    Many(Count, Box<Node>),
+    Struct(Vec<WalkStep>),
+    Many(Count, Box<WalkStep>),
 }
 
 /// How the bytes of a type are laid out.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Layout {
-    root: Node,
+    root: WalkStep,
     /// Paths of the floating-point fields, `pose.position.x`.
     names: Vec<String>,
     /// The message begins with a time: its own, or that of its header.
@@ -57,7 +57,7 @@ impl Layout {
             .or_else(|| closure_of(&topic.type_name).ok())?;
         // Of a name that is defined twice the first definition counts.
         let by_name = types.iter().rev().map(|definition| (definition.type_name.as_str(), definition)).collect();
-        let mut build = Build { types: by_name, names: vec![], fields: 0, names_bytes: 0 };
+        let mut build = LayoutBuild { types: by_name, names: vec![], fields: 0, names_bytes: 0 };
         let root = build.structure(types.first()?, "", 0)?;
         let names = build.names;
         let first = types.first()?.fields.first();
@@ -104,15 +104,15 @@ fn steps(bytes: usize) -> usize {
 }
 
 /// A layout in the making.
-struct Build<'a> {
+struct LayoutBuild<'a> {
     types: BTreeMap<&'a str, &'a Definition>,
     names: Vec<String>,
     fields: usize,
     names_bytes: usize,
 }
 
-impl<'a> Build<'a> {
-    fn structure(&mut self, definition: &'a Definition, path: &str, depth: usize) -> Option<Node> {
+impl<'a> LayoutBuild<'a> {
+    fn structure(&mut self, definition: &'a Definition, path: &str, depth: usize) -> Option<WalkStep> {
         let mut nodes = vec![];
         for field in &definition.fields {
             self.fields += 1;
@@ -122,27 +122,27 @@ impl<'a> Build<'a> {
             }
             let path = if path.is_empty() { field.name.clone() } else { format!("{path}.{}", field.name) };
             let one = match field.base.as_str() {
-                "bool" | "byte" | "char" | "int8" | "uint8" => Node::Skip(1),
-                "int16" | "uint16" => Node::Skip(2),
-                "int32" | "uint32" => Node::Skip(4),
-                "int64" | "uint64" => Node::Skip(8),
+                "bool" | "byte" | "char" | "int8" | "uint8" => WalkStep::Skip(1),
+                "int16" | "uint16" => WalkStep::Skip(2),
+                "int32" | "uint32" => WalkStep::Skip(4),
+                "int64" | "uint64" => WalkStep::Skip(8),
                 "float32" | "float64" => {
                     self.names.push(path);
-                    Node::Float { size: if field.base == "float32" { 4 } else { 8 }, name: self.names.len() - 1 }
+                    WalkStep::Float { size: if field.base == "float32" { 4 } else { 8 }, name: self.names.len() - 1 }
                 }
-                "string" => Node::Text,
+                "string" => WalkStep::Text,
                 nested => {
                     let nested = *self.types.get(nested)?;
                     self.structure(nested, &path, depth + 1)?
                 }
             };
-            nodes.push(if field.count == Count::One { one } else { Node::Many(field.count, Box::new(one)) });
+            nodes.push(if field.count == Count::One { one } else { WalkStep::Many(field.count, Box::new(one)) });
         }
         if nodes.is_empty() {
             // An empty structure has one byte on the wire.
-            nodes.push(Node::Skip(1));
+            nodes.push(WalkStep::Skip(1));
         }
-        Some(Node::Struct(nodes))
+        Some(WalkStep::Struct(nodes))
     }
 }
 
@@ -225,28 +225,28 @@ impl<'a> Walk<'a> {
         }
     }
 
-    fn over(&mut self, node: &Node, on_float: &mut dyn FnMut(usize, f64)) -> Option<()> {
+    fn over(&mut self, node: &WalkStep, on_float: &mut dyn FnMut(usize, f64)) -> Option<()> {
         self.steps_left = self.steps_left.checked_sub(1)?;
         match node {
-            Node::Skip(size) => drop(self.take(*size)?),
-            Node::Float { size, name } => on_float(*name, self.float(*size)?),
-            Node::Text => {
+            WalkStep::Skip(size) => drop(self.take(*size)?),
+            WalkStep::Float { size, name } => on_float(*name, self.float(*size)?),
+            WalkStep::Text => {
                 let len = self.word()?;
                 self.bytes(self.at, usize::try_from(len).ok()?)?;
             }
-            Node::Struct(nodes) => {
+            WalkStep::Struct(nodes) => {
                 for node in nodes {
                     self.over(node, on_float)?;
                 }
             }
-            Node::Many(count, node) => {
+            WalkStep::Many(count, node) => {
                 let count = match count {
                     Count::Exactly(count) => *count,
                     _ => u64::from(self.word()?),
                 };
                 match **node {
                     // Pictures and point clouds are not walked byte by byte.
-                    Node::Skip(size) if count > 0 => {
+                    WalkStep::Skip(size) if count > 0 => {
                         self.take(size)?;
                         let rest = usize::try_from(count - 1).ok()?.checked_mul(size)?;
                         self.bytes(self.at, rest)?;

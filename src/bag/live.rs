@@ -13,7 +13,7 @@ use super::grid::{Grid, Irregular};
 use super::order;
 use super::pace::Pace;
 use super::read::Read;
-use super::streams::{Command, Pressure, Sample, Value, note};
+use super::streams::{OpeningCommand, Pressure, Sample, Value, note};
 use super::topic::RawView;
 use super::{ReadOptions, Stream, StreamHealth};
 use crate::frame::{EsvState, Frame, Inputs, Signals};
@@ -143,7 +143,7 @@ impl<V: Value> Track<V> {
 /// The four streams on their way into rows, which are handed on one by one.
 pub(super) struct Live {
     pub(super) collected: Collected,
-    command: Track<Command>,
+    command: Track<OpeningCommand>,
     esv: Track<EsvState>,
     tank_pressure: Track<Pressure>,
     servo_state: Track<Signals>,

@@ -19,15 +19,15 @@ pub struct MergedMessages {
     topics: Vec<Arc<TopicInfo>>,
     span_ns: Option<(i64, i64)>,
     warnings: Vec<Warning>,
-    loaders: Vec<Loader>,
+    loaders: Vec<PieceLoader>,
     /// Segments not loaded yet with the number of their file, by the time of their first message.
     waiting: VecDeque<(usize, Segment)>,
-    loaded: BinaryHeap<Entry>,
+    loaded: BinaryHeap<QueuedMessage>,
 }
 
 /// Loads pieces of one file, which stays unpacked as long as this is there.
 #[derive(Debug)]
-struct Loader {
+struct PieceLoader {
     file: BagFile,
     stored: Stored,
     unpack: unpack::Messages,
@@ -41,7 +41,7 @@ enum Stored {
     Sqlite(super::db3::Db3Loader),
 }
 
-impl Loader {
+impl PieceLoader {
     fn open(file: BagFile, channels: Channels) -> Result<Self, BagError> {
         let path = file.readable();
         let bytes = std::fs::metadata(path).map_err(BagError::io(path, "read"))?.len();
@@ -69,37 +69,37 @@ impl Loader {
 
 /// A loaded message with its place in the order, earliest greatest.
 #[derive(Debug)]
-struct Entry {
+struct QueuedMessage {
     /// File, place of the segment in it, number in the segment.
     place: (usize, u64, usize),
     message: RawMessage,
 }
 
-impl Entry {
+impl QueuedMessage {
     fn key(&self) -> (i64, (usize, u64, usize)) {
         (self.message.log_time_ns, self.place)
     }
 }
 
-impl Ord for Entry {
+impl Ord for QueuedMessage {
     fn cmp(&self, other: &Self) -> Ordering {
         other.key().cmp(&self.key())
     }
 }
 
-impl PartialOrd for Entry {
+impl PartialOrd for QueuedMessage {
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         Some(self.cmp(other))
     }
 }
 
-impl PartialEq for Entry {
+impl PartialEq for QueuedMessage {
     fn eq(&self, other: &Self) -> bool {
         self.key() == other.key()
     }
 }
 
-impl Eq for Entry {}
+impl Eq for QueuedMessage {}
 
 impl MergedMessages {
     /// How the files are.
@@ -137,7 +137,7 @@ impl MergedMessages {
             let loaded = &mut self.loaded;
             let mut number = 0;
             loader.load(&segment, &mut |message| {
-                loaded.push(Entry { place: (file, segment.at, number), message: message.to_owned() });
+                loaded.push(QueuedMessage { place: (file, segment.at, number), message: message.to_owned() });
                 number += 1;
             })?;
         }
@@ -184,7 +184,7 @@ pub fn messages(path: &Path) -> Result<MergedMessages, BagError> {
     let mut waiting = vec![];
     for (number, (file, (mut channels, segments))) in source.files.into_iter().zip(scanned.parts).enumerate() {
         channels.complete(&known);
-        loaders.push(Loader::open(file, channels)?);
+        loaders.push(PieceLoader::open(file, channels)?);
         waiting.extend(segments.into_iter().map(|segment| (number, segment)));
     }
     waiting.sort_by_key(|(number, segment)| (segment.first_ns, *number, segment.at));

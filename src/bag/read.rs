@@ -8,7 +8,7 @@ use super::collect::{AnyCollector, Collected};
 use super::edges::{self, Edges};
 use super::evidence::{RowEvidence, StreamEvidence};
 use super::source::{self, BagSource, Scanned};
-use super::streams::{Command, Pressure};
+use super::streams::{OpeningCommand, Pressure};
 use super::topic::{TopicInfo, shown};
 use super::{
     BagError, FileHealth, Finding, Health, Kind, Loaded, ReadOptions, Severity, Stream, StreamHealth, Warning,
@@ -120,7 +120,7 @@ fn simulated(topics: &[Arc<TopicInfo>]) -> Option<&str> {
 /// Constants in the place of absent inputs.
 fn fill(streams: &mut Streams) {
     if streams.command.is_empty() {
-        streams.command = align::constant(Command(f64::NAN));
+        streams.command = align::constant(OpeningCommand(f64::NAN));
     }
     if streams.esv.is_empty() {
         streams.esv = align::constant(EsvState::Normal);

@@ -41,9 +41,9 @@ pub(super) trait Value: Copy + Sized {
 
 /// Opening command, pu.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Command(pub(super) f64);
+pub(super) struct OpeningCommand(pub(super) f64);
 
-impl Value for Command {
+impl Value for OpeningCommand {
     type Message = msg::GovernorCommand;
 
     fn of(message: &Self::Message, _: Positions, _: &mut Vec<String>) -> Result<Self, String> {

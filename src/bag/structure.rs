@@ -11,7 +11,7 @@ const LIMIT: usize = 16;
 
 /// Where a chunk stands by the file's index, and when its messages were recorded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-struct Place {
+struct ChunkPlace {
     at: u64,
     len: u64,
     first_ns: u64,
@@ -20,12 +20,12 @@ struct Place {
 
 /// Messages of a chunk, or of the file.
 #[derive(Clone, Debug, Default)]
-struct Tally {
+struct ChunkTally {
     counts: BTreeMap<u16, u64>,
     times_ns: Option<(u64, u64)>,
 }
 
-impl Tally {
+impl ChunkTally {
     fn take(&mut self, channel_id: u16, log_time_ns: u64) {
         *self.counts.entry(channel_id).or_default() += 1;
         let (first_ns, last_ns) = self.times_ns.unwrap_or((log_time_ns, log_time_ns));
@@ -54,7 +54,7 @@ struct Stated {
 /// Compares a file's own account of itself with what is read of it.
 #[derive(Debug, Default)]
 pub(super) struct Structure {
-    index: Vec<Place>,
+    index: Vec<ChunkPlace>,
     stated: Option<Stated>,
     /// Channels by number with their schemas, and schemas with a digest of what they say.
     channels: BTreeMap<u16, (u16, u32)>,
@@ -62,8 +62,8 @@ pub(super) struct Structure {
     in_summary: bool,
     chunks: u32,
     indexed: u32,
-    chunk: Tally,
-    all: Tally,
+    chunk: ChunkTally,
+    all: ChunkTally,
     /// Messages by channel of the index behind the last chunk.
     message_index: BTreeMap<u16, u64>,
     found: Vec<String>,
@@ -121,7 +121,7 @@ impl Structure {
         }
         self.message_index.clear();
         self.all.add(&self.chunk);
-        self.chunk = Tally::default();
+        self.chunk = ChunkTally::default();
         self.chunks += u32::from(begins);
     }
 
@@ -144,7 +144,7 @@ impl Structure {
             if place.is_some_and(|place| place.len != len) {
                 self.note(format!("the index states another length of the chunk at byte {at} than its {len} bytes"));
             }
-            let fits = |place: Place| (place.first_ns, place.last_ns) == (first_ns, last_ns);
+            let fits = |place: ChunkPlace| (place.first_ns, place.last_ns) == (first_ns, last_ns);
             if self.chunk.times_ns.is_some() && !place.is_some_and(fits) {
                 self.note(format!("the index states other times of the chunk at byte {at} than its messages have"));
             }
@@ -205,10 +205,10 @@ fn digest(parts: &[&[u8]]) -> u32 {
 }
 
 /// An entry of the index of chunks.
-fn place(body: &[u8]) -> Option<Place> {
+fn place(body: &[u8]) -> Option<ChunkPlace> {
     let mut fields = Fields(body);
     let (first_ns, last_ns) = (fields.u64()?, fields.u64()?);
-    Some(Place { first_ns, last_ns, at: fields.u64()?, len: fields.u64()? })
+    Some(ChunkPlace { first_ns, last_ns, at: fields.u64()?, len: fields.u64()? })
 }
 
 /// The channel of a message index, and how many messages it names.

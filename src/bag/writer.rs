@@ -50,7 +50,7 @@ impl<T> Copy for Topic<T> {}
 
 /// One topic of the file.
 #[derive(Debug)]
-struct Channel {
+struct TopicChannel {
     info: TopicInfo,
     message_count: u64,
 }
@@ -66,7 +66,7 @@ pub struct Writer {
     folder: Unfinished,
     file_name: String,
     file_path: PathBuf,
-    channels: BTreeMap<u16, Channel>,
+    channels: BTreeMap<u16, TopicChannel>,
     by_topic: BTreeMap<TopicInfo, u16>,
     /// By the address of what copied messages of one topic share, which is kept so that nothing else gets that address.
     by_address: BTreeMap<usize, (Arc<TopicInfo>, u16)>,
@@ -278,7 +278,7 @@ impl Writer {
         let id =
             self.file.add_channel(schema_id, &info.name, &info.encoding, &info.channel_metadata()).map_err(refused())?;
         self.by_topic.insert(info.clone(), id);
-        self.channels.insert(id, Channel { info: info.clone(), message_count: 0 });
+        self.channels.insert(id, TopicChannel { info: info.clone(), message_count: 0 });
         Ok(id)
     }
 
@@ -301,7 +301,7 @@ impl Writer {
 
     fn summary(&self) -> Summary {
         let (first_ns, last_ns) = self.times_ns.unwrap_or_default();
-        let topic = |channel: &Channel| TopicSummary {
+        let topic = |channel: &TopicChannel| TopicSummary {
             name: channel.info.name.clone(),
             type_name: channel.info.type_name.clone(),
             encoding: channel.info.encoding.clone(),

@@ -21,7 +21,7 @@ const WEAR_SHARES: [f64; 4] = [1.2, 0.9, 1.1, 0.8];
 /// Time in which the oil of the return line comes up to speed, s.
 const RETURN_S: f64 = 3e-3;
 
-type Vector = [f64; STATES];
+type RigVector = [f64; STATES];
 
 // Places of the states in the vector.
 const COIL: usize = 0;
@@ -73,7 +73,7 @@ pub struct Rig {
     pilot_rad_s: f64,
     /// Lag of its coil.
     coil_s: f64,
-    y: Vector,
+    y: RigVector,
 }
 
 impl Rig {
@@ -179,7 +179,7 @@ impl Rig {
     }
 
     #[expect(clippy::too_many_lines, reason = "one system of equations")]
-    fn rates(&self, y: &Vector, hand: &Hand, moment: &Moment) -> Vector {
+    fn rates(&self, y: &RigVector, hand: &Hand, moment: &Moment) -> RigVector {
         let (p, f, odd) = (&self.p, &self.faults, &self.odd);
         let mut d = [0.0; STATES];
         let return_pa = p.oil.return_pressure_pa;
@@ -354,7 +354,7 @@ impl Rig {
 }
 
 #[inline]
-fn plus(y: &Vector, by: f64, k: &Vector) -> Vector {
+fn plus(y: &RigVector, by: f64, k: &RigVector) -> RigVector {
     std::array::from_fn(|i| y[i] + by * k[i])
 }
 

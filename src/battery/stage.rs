@@ -210,7 +210,7 @@ impl StageRig {
         let rows = draw.between(ROWS.0, ROWS.1).clamp(LENGTH_S.0 * rate_hz, LENGTH_S.1 * rate_hz);
         let mut twin = Twin::new(&self.unit).with_cut(Cut::Spool);
         let mut plain = self.plain;
-        let mut spool = Spool { position_pu: 0.0, target_pu: 0.0, until_s: 0.0 };
+        let mut spool = MovedSpool { position_pu: 0.0, target_pu: 0.0, until_s: 0.0 };
         let mut strange = Strange::new(self.stranger.as_ref(), &mut draw);
         let mut opening = draw.between(0.35, 0.65);
         let mut before = f64::NAN;
@@ -280,13 +280,13 @@ fn alike(sheet: &Unit, draw: &mut Draw) -> Unit {
 }
 
 /// Somebody's spool.
-struct Spool {
+struct MovedSpool {
     position_pu: f64,
     target_pu: f64,
     until_s: f64,
 }
 
-impl Spool {
+impl MovedSpool {
     /// On to where it is wanted: away from an end that is near, sometimes to rest.
     fn go(&mut self, rig: &StageRig, opening: f64, time_s: f64, step_s: f64, draw: &mut Draw) {
         if time_s >= self.until_s {

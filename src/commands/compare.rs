@@ -24,7 +24,7 @@ use govtwin::report::table::Table as Printed;
 use govtwin::residual::band::Band;
 use govtwin::residual::booster::Hyperparameters;
 use govtwin::residual::model::Model;
-use govtwin::residual::row::Between;
+use govtwin::residual::row::RateOfInputs;
 use govtwin::residual::split::{RowSplit, seven_to_three};
 use govtwin::residual::table::FeatureTable;
 use govtwin::signal::Signal;
@@ -77,7 +77,7 @@ impl Args {
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let output = Output::claim(&args.learn.out, &["compare.html", "compare.json"])?;
-    let ready = args.learn.prepare(args.cut, Between::Hold)?;
+    let ready = args.learn.prepare(args.cut, RateOfInputs::Hold)?;
     let split = seven_to_three(&ready.table);
     if split.test.is_empty() {
         bail!(
@@ -85,10 +85,10 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             ready.table.marks.len()
         );
     }
-    let drawn = ready.table_of(&ready.sheet.unit, Between::Linear);
+    let drawn = ready.table_of(&ready.sheet.unit, RateOfInputs::Linear);
     let refitted = args.refit.then(|| refitted(args, &ready, &split)).transpose()?;
     let unit = refitted.unwrap_or_else(|| ready.sheet.unit.clone());
-    let refitted = args.refit.then(|| ready.table_of(&unit, Between::Linear));
+    let refitted = args.refit.then(|| ready.table_of(&unit, RateOfInputs::Linear));
     let parents = Parents { plain: &ready.table, drawn: &drawn, refitted: refitted.as_ref() };
     if !same_rows(parents.plain, parents.drawn) || !parents.refitted.is_none_or(|table| same_rows(parents.plain, table))
     {
@@ -222,7 +222,7 @@ fn free_run(args: &Args, ready: &TrainingData) -> anyhow::Result<Option<FreeRunF
     if ready.table.layout.signal != Signal::SpoolPosition {
         return Ok(None);
     }
-    let ready = &args.learn.prepare(OpeningFrom::None, Between::Linear)?;
+    let ready = &args.learn.prepare(OpeningFrom::None, RateOfInputs::Linear)?;
     let progress = Progress::new(3, "steps towards a residual inside the loop");
     let split = seven_to_three(&ready.table);
     let (unit, seed) = (&ready.sheet.unit, args.learn.seed);

@@ -179,7 +179,7 @@ fn describe(args: &Args, sheet: &Sheet, mapped: &Mapped, read: &Recordings) -> a
 }
 
 /// A recording with the cut that it is judged at.
-type Taken = (Recording, Cut);
+type CutRecording = (Recording, Cut);
 
 /// Reads all bags.
 fn read(args: &Args, paths: &[PathBuf], unit: &Unit) -> anyhow::Result<Recordings> {
@@ -191,7 +191,7 @@ fn read(args: &Args, paths: &[PathBuf], unit: &Unit) -> anyhow::Result<Recording
 }
 
 /// Takes in what can be used, recordings without a command as those of the servomotor stage; also warnings.
-fn taken(read: Recordings, made: &mut Provenance) -> anyhow::Result<(Vec<Taken>, Vec<String>)> {
+fn taken(read: Recordings, made: &mut Provenance) -> anyhow::Result<(Vec<CutRecording>, Vec<String>)> {
     let Recordings { recordings, mut warnings, .. } = read;
     let whole_or_stage = |recording: &Recording| if recording.has_command() { Cut::None } else { Cut::Spool };
     let QualifiedRecordings { qualified, notes, refused } = qualify_all(recordings, whole_or_stage);
@@ -208,7 +208,7 @@ fn taken(read: Recordings, made: &mut Provenance) -> anyhow::Result<(Vec<Taken>,
 }
 
 /// Recordings as they are fitted to with a sheet.
-fn prepared(recordings: Vec<Taken>, warnings: &mut Vec<String>) -> Vec<PreparedRecording> {
+fn prepared(recordings: Vec<CutRecording>, warnings: &mut Vec<String>) -> Vec<PreparedRecording> {
     let each = recordings.into_iter().map(|(recording, cut)| {
         if cut == Cut::Spool {
             warnings.push(format!("{}: no command: only the servomotor stage, driven by its spool", recording.name));

@@ -19,7 +19,7 @@ use govtwin::residual::booster::{Hyperparameters, Objective};
 use govtwin::residual::history::{LONGEST_PERIOD_NS, SHORTEST_PERIOD_NS};
 use govtwin::residual::model::Learned;
 use govtwin::residual::prepare::{Cleaning, Prepared, prepare};
-use govtwin::residual::row::{Between, Opening};
+use govtwin::residual::row::{Opening, RateOfInputs};
 use govtwin::residual::search::{Evaluation, Hyperparameter, bayesian, random, slices};
 use govtwin::residual::split::{RowSplit, folds};
 use govtwin::residual::table::{FeatureTable, TableLayout, slowest_period_ns, table};
@@ -86,25 +86,6 @@ pub enum OpeningFrom {
     Servomotor,
 }
 
-/// What drives the twin between two recorded rows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum RateOfInputs {
-    /// Inputs hold until the next row.
-    Hold,
-    /// Inputs run straight from row to row, and a trip comes amid the pause in which it was recorded.
-    Linear,
-}
-
-impl RateOfInputs {
-    /// The same for a model.
-    pub fn between(self) -> Between {
-        match self {
-            Self::Hold => Between::Hold,
-            Self::Linear => Between::Linear,
-        }
-    }
-}
-
 /// Everything that training needs.
 pub struct TrainingData {
     /// The unit.
@@ -123,15 +104,15 @@ pub struct TrainingData {
 
 impl TrainingData {
     /// The same rows under another unit's twin, or with other inputs between them.
-    pub fn table_of(&self, unit: &Unit, between: Between) -> FeatureTable {
+    pub fn table_of(&self, unit: &Unit, rate_of_inputs: RateOfInputs) -> FeatureTable {
         let twin = Twin::new(unit).with_cut(self.cut);
         let period_ns = grid_ns(unit);
-        let run = |one: &Recording| match between {
-            Between::Hold => simulate(&mut twin.clone(), one),
-            Between::Linear => simulate_between(&mut twin.clone(), one, period_ns),
+        let run = |one: &Recording| match rate_of_inputs {
+            RateOfInputs::Hold => simulate(&mut twin.clone(), one),
+            RateOfInputs::Linear => simulate_between(&mut twin.clone(), one, period_ns),
         };
         let estimates: Vec<_> = self.recordings.par_iter().map(run).collect();
-        table(&self.recordings, &estimates, TableLayout { between, ..self.table.layout.clone() })
+        table(&self.recordings, &estimates, TableLayout { rate_of_inputs, ..self.table.layout.clone() })
     }
 }
 
@@ -158,15 +139,15 @@ impl Args {
     }
 
     /// Reads, prepares and simulates the recordings, and makes the rows.
-    pub fn prepare(&self, cut: OpeningFrom, between: Between) -> anyhow::Result<TrainingData> {
-        self.prepare_without(cut, between, &[])
+    pub fn prepare(&self, cut: OpeningFrom, rate_of_inputs: RateOfInputs) -> anyhow::Result<TrainingData> {
+        self.prepare_without(cut, rate_of_inputs, &[])
     }
 
     /// The same without some processes.
     pub fn prepare_without(
         &self,
         cut: OpeningFrom,
-        between: Between,
+        rate_of_inputs: RateOfInputs,
         left_out: &[Process],
     ) -> anyhow::Result<TrainingData> {
         let sheet = match &self.params {
@@ -205,11 +186,11 @@ impl Args {
                 seconds_from_nanos(period_ns)
             );
         }
-        let layout = TableLayout { signal, opening, between, period_ns, features: features::all() };
+        let layout = TableLayout { signal, opening, rate_of_inputs, period_ns, features: features::all() };
         let nothing = FeatureTable { layout, values: vec![], marks: vec![], left_out: 0 };
         let origin = (!origins.is_empty()).then(|| origins.join(" "));
         let mut ready = TrainingData { sheet, recordings, cleanings, table: nothing, origin, cut };
-        ready.table = ready.table_of(&ready.sheet.unit, between);
+        ready.table = ready.table_of(&ready.sheet.unit, rate_of_inputs);
         for cleaning in ready.cleanings.iter().filter(|cleaning| !cleaning.is_clean()) {
             warn(&format!("{}: {}", cleaning.name, cleaning.words()));
         }

@@ -25,14 +25,14 @@ use govtwin::residual::corrector::Corrector;
 use govtwin::residual::guard::GuardCounts;
 use govtwin::residual::model::Model;
 use govtwin::residual::rate;
-use govtwin::residual::row as residual_row;
+use govtwin::residual::row::RateOfInputs;
 use govtwin::twin::{Cut, Twin};
 use govtwin::units::nanos_from_seconds;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
 use super::bags::{self, Bag, GivenBag, MapArgs, Mapped, TopicArgs};
 use super::output::{Output, Progress, print, table_text, warn};
-use super::{model, provenance};
+use super::{model, provenance, rate_of_inputs};
 use crate::commands::{Outcome, usage};
 
 /// The page.
@@ -74,8 +74,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     then: Vec<PathBuf>,
     /// What drives the twin between two recorded samples; without it what the residual was trained with, else `hold`.
-    #[arg(long, value_enum)]
-    rate_of_inputs: Option<Between>,
+    #[arg(long, value_parser = rate_of_inputs::parser())]
+    rate_of_inputs: Option<RateOfInputs>,
     /// Folder for the page, the figures and the simulated bags; made where missing. Of the bags there only those of an earlier
     /// replay are replaced.
     #[arg(long, value_name = "DIR")]
@@ -107,26 +107,13 @@ impl CutAt {
     }
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Between {
-    /// They hold, as for the live node.
-    Hold,
-    /// Command and tank pressure run straight from sample to sample, which a slow recording of a fast command needs; a trip that was recorded
-    /// with a slow sample comes amid the pause before it.
-    Linear,
-}
-
 impl Args {
     /// What drives the twin between samples: as asked for, or as the residuals were trained.
-    fn between(&self, models: &[(&Path, Model)]) -> anyhow::Result<Between> {
-        let of = |model: &Model| match model.between {
-            residual_row::Between::Hold => Between::Hold,
-            residual_row::Between::Linear => Between::Linear,
-        };
+    fn rate_of_inputs(&self, models: &[(&Path, Model)]) -> anyhow::Result<RateOfInputs> {
         let asked = self.rate_of_inputs;
-        let wanted = asked.or_else(|| models.first().map(|(_, model)| of(model))).unwrap_or(Between::Hold);
-        if let Some((path, model)) = models.iter().find(|(_, model)| of(model) != wanted) {
-            let trained = model.between.id();
+        let wanted = asked.or_else(|| models.first().map(|(_, model)| model.rate_of_inputs)).unwrap_or_default();
+        if let Some((path, model)) = models.iter().find(|(_, model)| model.rate_of_inputs != wanted) {
+            let trained = model.rate_of_inputs.id();
             return Err(usage(if asked.is_some() {
                 let path = path.display();
                 format!(
@@ -168,7 +155,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let models = args.residual.iter().map(|path| Ok((path.as_path(), model::load(path)?)));
     let models = models.collect::<anyhow::Result<Vec<_>>>()?;
-    let driven = args.between(&models)?;
+    let driven = args.rate_of_inputs(&models)?;
     let climbs = !args.then.is_empty() || models.len() > 1;
     // On a ladder every model stands on a unit of its own.
     let single = models.first().filter(|_| !climbs);
@@ -184,8 +171,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         adaptation = residual::adapt(corrector, &mut results);
     }
     let together: Vec<_> = results.iter().map(|one| (&one.replayed, &one.source)).collect();
-    let between = if driven == Between::Hold { "hold" } else { "linear" };
-    let mut summary = summarise(parameters(&sheet), args.cut.cut(), between, &together);
+    let mut summary = summarise(parameters(&sheet), args.cut.cut(), driven.id(), &together);
     let mut text = table_text(&process_table(&summary));
     text.extend(reason_for_dashes(&summary).map(|reason| format!("{reason}\n")));
     let mut after = None;
@@ -203,7 +189,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         text.extend(adaptation.as_ref().map(|adaptation| format!("Adaptation: {}.\n", adaptation.words())));
         summary.residual = with.residual.map(|residual| Residual { adaptation, ..residual });
     }
-    let made = describe(args, &sheet, between, &mapped, &results)?;
+    let made = describe(args, &sheet, driven.id(), &mapped, &results)?;
     made.origins().iter().for_each(|origin| text += &format!("{origin}\n"));
     summary.provenance = Some(made);
     if args.json {
@@ -261,10 +247,10 @@ fn ladder_text(ladder: &Ladder) -> String {
 }
 
 /// How the bags are read.
-fn options(args: &Args, driven: Between, unit: &Unit) -> ReadOptions {
+fn options(args: &Args, driven: RateOfInputs, unit: &Unit) -> ReadOptions {
     let positions = Positions::of(unit.recorded);
     let mut options = ReadOptions { topics: args.topics.topics(), positions, ..ReadOptions::default() };
-    if driven == Between::Linear {
+    if driven == RateOfInputs::Linear {
         let period_ns = nanos_from_seconds(unit.parameters.regulator.large_loop_period_s).max(1);
         options.interpolation = Interpolation::Linear { period_ns };
     }
@@ -280,7 +266,7 @@ fn options(args: &Args, driven: Between, unit: &Unit) -> ReadOptions {
 /// Replays every bag, in parallel, with results in the order of the bags; all that cannot be read are named at once.
 fn replay_all(
     args: &Args,
-    driven: Between,
+    driven: RateOfInputs,
     unit: &Unit,
     bags: &[Bag],
     mapped: &Mapped,
@@ -289,7 +275,7 @@ fn replay_all(
     let twin = Twin::new(unit).with_cut(args.cut.cut());
     let options = options(args, driven, unit);
     // A further unit or a learned residual runs along all rows again; a trip is put where a later row tells of it.
-    let whole = !args.then.is_empty() || !args.residual.is_empty() || driven == Between::Linear;
+    let whole = !args.then.is_empty() || !args.residual.is_empty() || driven == RateOfInputs::Linear;
     let progress = Progress::new(bags.len(), "recordings");
     let results: Vec<anyhow::Result<Result>> = bags
         .par_iter()

@@ -10,12 +10,14 @@ use govtwin::report::comparison::{Training, models_table, training_page};
 use govtwin::residual::booster::{Hyperparameters, Objective};
 use govtwin::residual::model::{LEFT_OUT, Learned};
 use govtwin::residual::prepare::Cleaning;
+use govtwin::residual::row::RateOfInputs;
 use govtwin::residual::split::seven_to_three;
 use govtwin::residual::training::{self, GuardKind};
 use serde::Serialize;
 
-use super::learn::{self, OpeningFrom, RateOfInputs, SearchJob};
+use super::learn::{self, OpeningFrom, SearchJob};
 use super::output::{Output, print, table_text};
+use super::rate_of_inputs;
 use crate::commands::Outcome;
 
 /// Train a model of the twin's residual.
@@ -33,7 +35,7 @@ pub struct Args {
     cut: OpeningFrom,
     /// What drives the twin between two recorded rows; a model runs only on a twin that is driven so again. A live node holds what it heard
     /// last: where its commands come far faster than the rows here, that is `linear`.
-    #[arg(long, value_enum, default_value_t = RateOfInputs::Linear)]
+    #[arg(long, default_value = "linear", value_parser = rate_of_inputs::parser())]
     rate_of_inputs: RateOfInputs,
     /// Processes that neither teach nor judge, so that `replay --then` can show how far the model carries.
     #[arg(long, value_name = "PROCESS", value_enum, value_delimiter = ',')]
@@ -135,7 +137,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let left_out: Vec<Process> =
         Process::ALL.into_iter().filter(|own| args.leave_out.iter().any(|which| which.is(*own))).collect();
     let mut output = Output::claim(&args.learn.out, &["model.residual", "train.html", "train.json"])?;
-    let ready = args.learn.prepare_without(args.cut, args.rate_of_inputs.between(), &left_out)?;
+    let ready = args.learn.prepare_without(args.cut, args.rate_of_inputs, &left_out)?;
     let table = &ready.table;
     let split = seven_to_three(table);
     if split.test.is_empty() {

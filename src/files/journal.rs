@@ -27,7 +27,7 @@ const TRIES: usize = 10_000;
 /// What is to be done in a folder. The paths lie in it.
 #[derive(Debug, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Journal {
+struct FolderJournal {
     schema: String,
     moves: Vec<Move>,
     /// Files that are outdated by then.
@@ -62,7 +62,7 @@ pub fn journalled<R>(
     let root = std::path::absolute(folder)?;
     let inside =
         |path: &Path| std::path::absolute(path)?.strip_prefix(&root).map(Path::to_owned).map_err(io::Error::other);
-    let mut journal = Journal { schema: SCHEMA.to_owned(), ..Journal::default() };
+    let mut journal = FolderJournal { schema: SCHEMA.to_owned(), ..FolderJournal::default() };
     for (from, to) in moves {
         let inode = inode(from)?.ok_or(io::ErrorKind::NotFound)?;
         journal.moves.push(Move { from: inside(from)?, to: inside(to)?, inode });
@@ -92,7 +92,7 @@ pub(super) fn complete(folder: &Path) -> io::Result<()> {
         return Ok(());
     }
     let text = bounded_text(&path, LARGEST_BYTES)?;
-    let journal: Journal = serde_json::from_str(&text).map_err(|error| foreign(&path, &error.to_string()))?;
+    let journal: FolderJournal = serde_json::from_str(&text).map_err(|error| foreign(&path, &error.to_string()))?;
     if journal.schema != SCHEMA {
         return Err(foreign(&path, "another schema"));
     }

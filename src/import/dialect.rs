@@ -7,7 +7,7 @@ use super::number::{NumberCell, Numbers};
 /// Lines of a sample that are looked at.
 const MOST_LINES: usize = 200;
 /// Separators that are tried, in this order: a comma may be a decimal sign, the others hardly anything else.
-const SEPARATORS: [u8; 4] = [b';', b'\t', b'|', b','];
+const SEPARATORS: [u8; 4] = *b";\t|,";
 /// The share of lines that must have as many cells as most.
 const CONSISTENT: f64 = 0.8;
 /// Lines of names, units and words that may stand above the data.

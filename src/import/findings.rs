@@ -70,7 +70,7 @@ struct AtEnd {
 
 /// One signal while it passes.
 #[derive(Clone, Debug)]
-struct Watch {
+struct SignalWatch {
     target: Target,
     place: String,
     unit: String,
@@ -84,7 +84,7 @@ struct Watch {
     at_end: [AtEnd; 2],
 }
 
-impl Watch {
+impl SignalWatch {
     fn take(&mut self, time_ns: i64, value: f64) {
         self.pace.push(time_ns);
         let before = self.range.ends();
@@ -144,7 +144,7 @@ impl Watch {
 /// All signals of an import while its rows pass.
 #[derive(Debug)]
 pub struct Findings {
-    watched: Vec<Watch>,
+    watched: Vec<SignalWatch>,
     meant: meant::Meant,
 }
 
@@ -152,7 +152,7 @@ impl Findings {
     /// Begins to watch the signals of a map.
     #[must_use]
     pub fn new(map: &Map) -> Self {
-        let watch = |signal: &super::map::SignalMap| Watch {
+        let watch = |signal: &super::map::SignalMap| SignalWatch {
             target: signal.target,
             place: signal.place().unwrap_or_default().to_owned(),
             unit: signal.unit.clone(),
@@ -182,7 +182,7 @@ impl Findings {
     #[must_use]
     pub fn finish(self) -> (Vec<SignalFindings>, Vec<String>) {
         let mut warnings = vec![];
-        let moves = |watch: &&Watch| {
+        let moves = |watch: &&SignalWatch| {
             !watch.target.is_pressure() && watch.target != Target::Esv && watch.range.span() > MOVES_PU
         };
         let something_moves = self.watched.iter().any(|watch| moves(&watch));
@@ -227,7 +227,7 @@ impl Findings {
             watch.pace.warnings(watch.target == Target::Esv).into_iter().for_each(say);
         }
         warnings.extend(self.meant.warnings());
-        let found = |watch: Watch| SignalFindings {
+        let found = |watch: SignalWatch| SignalFindings {
             target: watch.target,
             place: watch.place,
             unit: watch.unit,

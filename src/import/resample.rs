@@ -10,7 +10,7 @@ const WIDEST_NS: i64 = 2_000_000_000;
 
 /// The last sample of a signal.
 #[derive(Clone, Copy, Debug)]
-struct Sample {
+struct LastSample {
     time_ns: i64,
     value: f64,
 }
@@ -19,7 +19,7 @@ struct Sample {
 #[derive(Debug)]
 pub(super) struct Resampler {
     period_ns: i64,
-    last: [Option<Sample>; Target::ALL.len()],
+    last: [Option<LastSample>; Target::ALL.len()],
     /// Rows of the grid that some signal may still enter, the earliest first.
     open: VecDeque<ImportedRow>,
     newest_ns: i64,
@@ -46,7 +46,7 @@ impl Resampler {
         self.newest_ns = self.newest_ns.max(row.time_ns);
         for target in Target::ALL {
             let Some(value) = row.value(target) else { continue };
-            let sample = Sample { time_ns: row.time_ns, value };
+            let sample = LastSample { time_ns: row.time_ns, value };
             let place = target.place();
             match self.last[place] {
                 Some(before) if before.time_ns >= sample.time_ns => continue,
@@ -64,7 +64,7 @@ impl Resampler {
     }
 
     /// Fills the grid strictly between two samples.
-    fn draw(&mut self, target: Target, from: Sample, to: Sample) {
+    fn draw(&mut self, target: Target, from: LastSample, to: LastSample) {
         let mut time_ns = (from.time_ns.div_euclid(self.period_ns) + 1) * self.period_ns;
         while time_ns < to.time_ns {
             let share = (time_ns - from.time_ns) as f64 / (to.time_ns - from.time_ns) as f64;

@@ -44,7 +44,7 @@ pub struct SignalSamples {
 
 /// One block of samples in a limit cycle.
 #[derive(Clone, Debug)]
-struct Block {
+struct CycleBlock {
     samples: Range<usize>,
     measured: Powers,
     noise_square: f64,
@@ -53,7 +53,7 @@ struct Block {
 /// Where a recording is in a limit cycle, and how one of its signals moves there.
 #[derive(Clone, Debug)]
 pub struct LimitCycles {
-    blocks: Vec<Block>,
+    blocks: Vec<CycleBlock>,
     octaves: usize,
     /// What of the limit cycle counts as noise at each sample, in the signal's unit squared.
     pub ignored_squares: Vec<f64>,
@@ -90,7 +90,7 @@ pub fn limit_cycles(looks: &[SignalSamples], period_s: f64) -> Vec<LimitCycles> 
             let end = blocks[(k + AFTER).min(blocks.len() - 1)].end;
             ignored_squares[blocks[k].start..end].fill(IGNORED * about[about.len() / 2]);
         }
-        let whole = |block: &&Block| block.measured.iter().all(|power| power.is_finite());
+        let whole = |block: &&CycleBlock| block.measured.iter().all(|power| power.is_finite());
         let blocks = swinging.iter().map(|&k| &signal[k].block).filter(whole).cloned().collect();
         LimitCycles { blocks, octaves, ignored_squares }
     };
@@ -99,7 +99,7 @@ pub fn limit_cycles(looks: &[SignalSamples], period_s: f64) -> Vec<LimitCycles> 
 
 /// A block and the powers of its reference.
 struct ComparedBlock {
-    block: Block,
+    block: CycleBlock,
     reference: Powers,
 }
 
@@ -108,7 +108,7 @@ impl SignalSamples {
         let samples = samples.clone();
         let noise_square = self.noise_squares[samples.clone()].iter().sum::<f64>() / samples.len() as f64;
         let [measured, reference] = [&self.measured, &self.reference].map(|signal| powers(&signal[samples.clone()]));
-        ComparedBlock { block: Block { samples, measured, noise_square }, reference }
+        ComparedBlock { block: CycleBlock { samples, measured, noise_square }, reference }
     }
 }
 

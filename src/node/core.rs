@@ -81,7 +81,7 @@ impl Tick {
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Held {
+struct HeldInput {
     heard_ns: Option<i64>,
     stale: bool,
 }
@@ -97,7 +97,7 @@ pub struct Core {
     measured: Signals,
     policies: Policies,
     inputs: Inputs,
-    held: [Held; NodeInput::COUNT],
+    held: [HeldInput; NodeInput::COUNT],
     began_ns: Option<i64>,
     previous: Option<Inputs>,
     fail_safe: bool,
@@ -113,7 +113,7 @@ impl Core {
         let tank_pressure_pa = *policies.default_tank_pressure_pa.get_or_insert(tank_pressure_pa);
         let inputs =
             Inputs { opening_command_pu: policies.default_command_pu, esv: policies.default_esv, tank_pressure_pa };
-        let held = [Held { heard_ns: None, stale: false }; NodeInput::COUNT];
+        let held = [HeldInput { heard_ns: None, stale: false }; NodeInput::COUNT];
         let plant = twin.plant();
         let strokes_m = [plant.spool.reference_stroke_m, plant.servomotor.stroke_m];
         Self {
@@ -205,7 +205,7 @@ impl Core {
             corrector.reset();
         }
         self.measured = Signals::NONE;
-        self.held = [Held { heard_ns: None, stale: false }; NodeInput::COUNT];
+        self.held = [HeldInput { heard_ns: None, stale: false }; NodeInput::COUNT];
         self.began_ns = None;
         self.load_n = 0.0;
         self.previous = None;

@@ -29,11 +29,11 @@ pub struct Journal {
     folder: PathBuf,
     names: Names,
     finished: Vec<PathBuf>,
-    bag: Bag,
+    bag: OpenBag,
 }
 
 #[derive(Debug)]
-struct Bag {
+struct OpenBag {
     writer: Writer,
     command: Topic<GovernorCommand>,
     esv: Topic<EsvState>,
@@ -51,7 +51,7 @@ impl Journal {
     /// # Errors
     /// Where something is in the way, or the system refuses.
     pub fn create(folder: &Path, names: &Names) -> Result<Self, BagError> {
-        let bag = Bag::create(folder, names)?;
+        let bag = OpenBag::create(folder, names)?;
         Ok(Self { folder: folder.to_owned(), names: names.clone(), finished: Vec::new(), bag })
     }
 
@@ -66,7 +66,7 @@ impl Journal {
         if begins && self.bag.previous.is_some() {
             let mut name = self.folder.file_name().unwrap_or_default().to_owned();
             name.push(format!("_{}", self.finished.len() + 2));
-            let next = Bag::create(&self.folder.with_file_name(name), &self.names)?;
+            let next = OpenBag::create(&self.folder.with_file_name(name), &self.names)?;
             self.finished.push(std::mem::replace(&mut self.bag, next).writer.finish()?);
         }
         self.bag.write(tick)
@@ -96,7 +96,7 @@ impl Journal {
     }
 }
 
-impl Bag {
+impl OpenBag {
     fn create(folder: &Path, names: &Names) -> Result<Self, BagError> {
         let mut writer = Writer::create(folder, WriterOptions { keep_unfinished: true, ..WriterOptions::default() })?;
         Ok(Self {

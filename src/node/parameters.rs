@@ -36,7 +36,7 @@ const ESV_NAMES: [&str; 2] = ["shutdown", "normal"];
 
 /// One parameter.
 #[derive(Clone, Debug)]
-struct Entry {
+struct NodeParameter {
     name: String,
     value: ParameterValue,
     domain: Domain,
@@ -47,7 +47,7 @@ struct Entry {
 /// All parameters of the node, in the order of their names.
 #[derive(Clone, Debug)]
 pub struct ParameterStore {
-    entries: Vec<Entry>,
+    entries: Vec<NodeParameter>,
     unit: Unit,
 }
 
@@ -57,7 +57,7 @@ impl ParameterStore {
     pub fn new(settings: &NodeSettings, unit: &Unit) -> Self {
         let mut entries = Vec::new();
         let mut add = |name: &str, value, domain, read_only, description: &str| {
-            entries.push(Entry {
+            entries.push(NodeParameter {
                 name: name.to_owned(),
                 value,
                 domain,
@@ -328,7 +328,7 @@ impl ParameterStore {
     }
 
     fn unknown(&self, name: &str) -> String {
-        let near = |entry: &&Entry| strsim::jaro_winkler(&entry.name, name);
+        let near = |entry: &&NodeParameter| strsim::jaro_winkler(&entry.name, name);
         let nearest = self.entries.iter().max_by(|a, b| near(a).total_cmp(&near(b)));
         let hint = nearest.map(|entry| format!("; did you mean `{}`?", entry.name)).unwrap_or_default();
         format!("there is no parameter `{name}`{hint}")

@@ -105,7 +105,7 @@ impl Recorded {
 }
 
 /// One topic that is recorded.
-struct Tape {
+struct TopicTape {
     /// Full name.
     name: String,
     /// What opens it: the name that was given, which remappings change.
@@ -151,12 +151,12 @@ impl Sink for Writer {
 }
 
 /// What listens.
-struct Deck<'a> {
+struct RecordingSession<'a> {
     bus: &'a mut Bus,
     sink: &'a mut dyn Sink,
     numbers: Numbering<Gid>,
     definitions: Definitions,
-    tapes: Vec<Tape>,
+    tapes: Vec<TopicTape>,
     recorded: Recorded,
     tell: &'a mut dyn FnMut(&str),
 }
@@ -202,7 +202,7 @@ pub fn hear(
 ) -> Result<(Recorded, Vec<Arc<TopicInfo>>), RecordError> {
     let definitions = Definitions::new(&selection.definitions);
     let (tapes, recorded, numbers) = (Vec::new(), Recorded::default(), Numbering::default());
-    let mut deck = Deck { bus, sink, numbers, definitions, tapes, recorded, tell };
+    let mut deck = RecordingSession { bus, sink, numbers, definitions, tapes, recorded, tell };
     for (given, type_name) in &selection.topics {
         deck.add(given, type_name.clone())?;
     }
@@ -225,19 +225,19 @@ pub fn hear(
         }
         pause(ROUND);
     }
-    let Deck { tapes, mut recorded, .. } = deck;
+    let RecordingSession { tapes, mut recorded, .. } = deck;
     for tape in &tapes {
         recorded.messages.entry(tape.name.clone()).or_default();
     }
     Ok((recorded, tapes.into_iter().filter_map(|tape| tape.topic).collect()))
 }
 
-impl Deck<'_> {
+impl RecordingSession<'_> {
     /// A topic to be recorded; it is opened now where its type is known.
     fn add(&mut self, given: &str, type_name: Option<String>) -> Result<(), BusError> {
         let name = self.bus.arguments().resolve(given)?;
         let tap = type_name.as_deref().map(|type_name| self.bus.tap(given, type_name, &recorded())).transpose()?;
-        self.tapes.push(Tape {
+        self.tapes.push(TopicTape {
             name,
             given: given.to_owned(),
             type_name,

@@ -12,7 +12,7 @@ use crate::msg::definition::DefinitionError;
 use crate::msg::{EsvState, FluidPressure, GovernorCommand, ServoState};
 
 /// A topic of the map.
-struct Source {
+struct TranslatedTopic {
     given: String,
     /// Full name.
     name: String,
@@ -25,7 +25,7 @@ struct Source {
 pub struct Translator {
     map: Map,
     fields: Vec<MappedField>,
-    sources: Vec<Source>,
+    sources: Vec<TranslatedTopic>,
     recurring: Recurring,
     /// Command, ESV, tank pressure, measured state.
     native: [Arc<TopicInfo>; 4],
@@ -59,7 +59,7 @@ impl Translator {
             Arc::new(TopicInfo::of::<FluidPressure>(&topics.tank_pressure, Qos::SENSOR).map_err(carried)?),
             Arc::new(TopicInfo::of::<ServoState>(&topics.servo_state, Qos::SENSOR).map_err(carried)?),
         ];
-        let source = |given: String| Source { name: given.clone(), given, info: None, mapped: None, taken: 0 };
+        let source = |given: String| TranslatedTopic { name: given.clone(), given, info: None, mapped: None, taken: 0 };
         let sources = topics_of(&fields).into_iter().map(source).collect();
         Ok(Self { recurring: Recurring::new(&map), map, fields, sources, native, told: vec![], words: vec![] })
     }

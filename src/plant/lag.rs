@@ -9,11 +9,11 @@ use crate::plant::term::{Point, Term, View};
 #[must_use]
 pub fn lag(point: Point, time_constant_s: f64, tick_s: f64) -> Arc<dyn Term> {
     let ticks = time_constant_s / tick_s;
-    Arc::new(Lag { point, decay_ratio: (-1.0 / ticks).exp(), ticks_count: ticks })
+    Arc::new(LagLaw { point, decay_ratio: (-1.0 / ticks).exp(), ticks_count: ticks })
 }
 
 #[derive(Debug)]
-struct Lag {
+struct LagLaw {
     point: Point,
     /// What a tick leaves of a difference.
     decay_ratio: f64,
@@ -21,7 +21,7 @@ struct Lag {
     ticks_count: f64,
 }
 
-impl Term for Lag {
+impl Term for LagLaw {
     fn point(&self) -> Point {
         self.point
     }

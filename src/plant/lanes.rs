@@ -96,14 +96,14 @@ impl Width {
 
     /// Does a job compiled for this width.
     pub fn run<J: LaneWork>(self, job: J) -> J::Output {
-        if self.pair { self.arch.dispatch(Double(job)) } else { self.arch.dispatch(Single(job)) }
+        if self.pair { self.arch.dispatch(Double(job)) } else { self.arch.dispatch(SingleRegister(job)) }
     }
 }
 
 /// A job in one register.
-struct Single<J>(J);
+struct SingleRegister<J>(J);
 
-impl<J: LaneWork> WithSimd for Single<J> {
+impl<J: LaneWork> WithSimd for SingleRegister<J> {
     type Output = J::Output;
 
     #[inline(always)]

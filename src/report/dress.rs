@@ -47,7 +47,7 @@ fn relative(svg: &str) -> String {
             text += &format!("<path{head} d=\"");
             let numbers = points.split([' ', ',']).map_while(|number| number.parse::<i32>().ok()).collect::<Vec<_>>();
             let mut last = [0, 0];
-            for (i, point) in numbers.chunks_exact(2).enumerate() {
+            for (i, point) in numbers.as_chunks::<2>().0.iter().enumerate() {
                 let separator = [" ", "m", "l"][if i < 2 { i + 1 } else { 0 }];
                 text += &format!("{separator}{},{}", point[0] - last[0], point[1] - last[1]);
                 last = [point[0], point[1]];

@@ -276,8 +276,12 @@ mod tests {
     fn rows(count: usize) -> (Vec<f64>, Vec<f64>) {
         let mut random = ChaCha8Rng::seed_from_u64(7);
         let values: Vec<f64> = (0..count * WIDTH).map(|_| random.random_range(-1.0..1.0)).collect();
-        let targets =
-            values.chunks_exact(WIDTH).map(|row| 0.02 * (3.0 * row[0]).sin() + 0.01 * row[1] * row[2]).collect();
+        let targets = values
+            .as_chunks::<WIDTH>()
+            .0
+            .iter()
+            .map(|row| 0.02 * (3.0 * row[0]).sin() + 0.01 * row[1] * row[2])
+            .collect();
         (values, targets)
     }
 
@@ -292,7 +296,7 @@ mod tests {
         let reference = Reference::train(&values, WIDTH, &targets, &quick(), 1).unwrap();
         let forest = Forest::new(&grown.trees, WIDTH).unwrap();
         let fresh = rows(4000).0;
-        for row in fresh.chunks_exact(WIDTH) {
+        for row in fresh.as_chunks::<WIDTH>().0 {
             assert_eq!(forest.value(row).to_bits(), reference.plain(row).to_bits());
             assert_eq!(forest.value(row).to_bits(), reference.fast(row).to_bits());
         }
@@ -306,7 +310,7 @@ mod tests {
         assert_ne!(grown.trees, grow(&values, WIDTH, &targets, &quick(), 2).unwrap().trees);
         let forest = Forest::new(&grown.trees, WIDTH).unwrap();
         let (before, after) =
-            values.chunks_exact(WIDTH).zip(&targets).fold((0.0, 0.0), |(before, after), (row, target)| {
+            values.as_chunks::<WIDTH>().0.iter().zip(&targets).fold((0.0, 0.0), |(before, after), (row, target)| {
                 (before + target.abs(), after + (target - forest.value(row)).abs())
             });
         assert!(after < 0.3 * before, "{after} against {before}");
@@ -326,7 +330,12 @@ mod tests {
             let grown = grow(&values, WIDTH, &dirty, &with, 1).unwrap();
             assert_eq!(grown.trees.len(), 60 * objective.parts().len());
             let forest = Forest::new(&grown.trees, WIDTH).unwrap();
-            let missed = values.chunks_exact(WIDTH).zip(&clean).map(|(row, target)| (target - forest.value(row)).abs());
+            let missed = values
+                .as_chunks::<WIDTH>()
+                .0
+                .iter()
+                .zip(&clean)
+                .map(|(row, target)| (target - forest.value(row)).abs());
             missed.sum::<f64>() / 3000.0
         });
         assert!(l1 < 0.5 * l2 && quantile < 0.5 * l2, "{l1} {huber} {l2} {quantile}");

@@ -44,7 +44,7 @@ pub const SPACE: [Hyperparameter; 5] = [
     },
 ];
 
-struct Shape {
+struct NetShape {
     width: usize,
     layers: usize,
     length: usize,
@@ -52,7 +52,7 @@ struct Shape {
     rate_coefficient: f64,
 }
 
-impl Shape {
+impl NetShape {
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -78,7 +78,7 @@ struct Network {
 }
 
 impl Network {
-    fn new(kind: NetworkKind, shape: &Shape, features: usize, vars: &VarBuilder) -> Result<Self> {
+    fn new(kind: NetworkKind, shape: &NetShape, features: usize, vars: &VarBuilder) -> Result<Self> {
         let width = shape.width;
         let layers = match kind {
             NetworkKind::Lstm => {
@@ -190,7 +190,7 @@ pub fn residuals(
     if train.is_empty() || test.is_empty() {
         candle_core::bail!("{} rows teach and {} judge: too little data", train.len(), test.len());
     }
-    let shape = Shape::at(point);
+    let shape = NetShape::at(point);
     let features = table.layout.features.len();
     let column = |index: usize| train.iter().map(move |&row| table.row(row)[index]);
     let (middles, spreads) = (0..features).map(|index| middle_and_spread(column(index))).unzip();

@@ -49,7 +49,7 @@ impl FeatureGroup {
 
 /// How a feature is made of the taps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+enum FeatureKind {
     Now,
     Times(RowChannel),
     Lag(usize),
@@ -68,7 +68,7 @@ enum Kind {
 pub struct Feature {
     group: FeatureGroup,
     channel: RowChannel,
-    kind: Kind,
+    kind: FeatureKind,
 }
 
 const LAGS: [usize; 4] = [1, 2, 3, 5];
@@ -81,48 +81,56 @@ pub fn all() -> Vec<Feature> {
     let mut list = vec![];
     let mut add = |group, channel, kind| list.push(Feature { group, channel, kind });
     for channel in [Command, Opening, TankPressure, Esv] {
-        add(FeatureGroup::Original, channel, Kind::Now);
+        add(FeatureGroup::Original, channel, FeatureKind::Now);
     }
-    add(FeatureGroup::Interaction, Error, Kind::Now);
+    add(FeatureGroup::Interaction, Error, FeatureKind::Now);
     for (one, other) in
         [(Error, TankPressure), (Error, Esv), (Error, Opening), (Command, TankPressure), (Opening, TankPressure)]
     {
-        add(FeatureGroup::Interaction, one, Kind::Times(other));
+        add(FeatureGroup::Interaction, one, FeatureKind::Times(other));
     }
     for channel in [Command, Opening, Error] {
         for lag in LAGS {
-            add(FeatureGroup::Lag, channel, Kind::Lag(lag));
+            add(FeatureGroup::Lag, channel, FeatureKind::Lag(lag));
         }
     }
     for channel in [Command, Opening, Error] {
-        add(FeatureGroup::Lag, channel, Kind::Rate);
-        add(FeatureGroup::Lag, channel, Kind::Bend);
+        add(FeatureGroup::Lag, channel, FeatureKind::Rate);
+        add(FeatureGroup::Lag, channel, FeatureKind::Bend);
     }
     for (channel, lag) in [(TankPressure, 1), (TankPressure, 5), (Esv, 1), (Esv, 2), (Esv, 5)] {
-        add(FeatureGroup::Lag, channel, Kind::Lag(lag));
+        add(FeatureGroup::Lag, channel, FeatureKind::Lag(lag));
     }
     for channel in [Command, Opening, Error, TankPressure] {
         for window in WINDOWS {
-            add(FeatureGroup::Rolling, channel, Kind::Mean(window));
-            add(FeatureGroup::Rolling, channel, Kind::Spread(window));
+            add(FeatureGroup::Rolling, channel, FeatureKind::Mean(window));
+            add(FeatureGroup::Rolling, channel, FeatureKind::Spread(window));
         }
     }
     for window in WINDOWS {
-        add(FeatureGroup::Rolling, Error, Kind::Lowest(window));
-        add(FeatureGroup::Rolling, Error, Kind::Highest(window));
+        add(FeatureGroup::Rolling, Error, FeatureKind::Lowest(window));
+        add(FeatureGroup::Rolling, Error, FeatureKind::Highest(window));
     }
     for channel in RowChannel::ALL.into_iter().filter(|channel| channel.is_model()) {
-        add(FeatureGroup::Model, channel, Kind::Now);
+        add(FeatureGroup::Model, channel, FeatureKind::Now);
     }
-    for kind in [Kind::Rate, Kind::Bend, Kind::Lag(1), Kind::Lag(2), Kind::Lag(3), Kind::Mean(5), Kind::Spread(5)] {
+    for kind in [
+        FeatureKind::Rate,
+        FeatureKind::Bend,
+        FeatureKind::Lag(1),
+        FeatureKind::Lag(2),
+        FeatureKind::Lag(3),
+        FeatureKind::Mean(5),
+        FeatureKind::Spread(5),
+    ] {
         add(FeatureGroup::Model, Model, kind);
     }
     for channel in [Command, Opening, Error] {
-        add(FeatureGroup::Trend, channel, Kind::Slope(5));
-        add(FeatureGroup::Trend, channel, Kind::Strength(PAST));
+        add(FeatureGroup::Trend, channel, FeatureKind::Slope(5));
+        add(FeatureGroup::Trend, channel, FeatureKind::Strength(PAST));
     }
-    add(FeatureGroup::Trend, Model, Kind::Slope(5));
-    add(FeatureGroup::Trend, Model, Kind::Strength(PAST));
+    add(FeatureGroup::Trend, Model, FeatureKind::Slope(5));
+    add(FeatureGroup::Trend, Model, FeatureKind::Strength(PAST));
     list
 }
 
@@ -148,13 +156,13 @@ impl Feature {
     /// Whether it is a channel as it stands now.
     #[must_use]
     pub fn is_now(&self) -> bool {
-        self.kind == Kind::Now
+        self.kind == FeatureKind::Now
     }
 
     /// Whether it is the rate or the bend of an input, which the paper's list lacks.
     #[must_use]
     pub fn is_rate_of_input(&self) -> bool {
-        !self.channel.is_model() && matches!(self.kind, Kind::Rate | Kind::Bend)
+        !self.channel.is_model() && matches!(self.kind, FeatureKind::Rate | FeatureKind::Bend)
     }
 
     /// The name in model files: channel, then what is made of it, with periods as the unit of lags and windows.
@@ -162,17 +170,17 @@ impl Feature {
     pub fn name(&self) -> String {
         let channel = self.channel.id();
         match self.kind {
-            Kind::Now => channel.to_owned(),
-            Kind::Times(other) => format!("{channel}*{}", other.id()),
-            Kind::Lag(lag) => format!("{channel}.lag{lag}"),
-            Kind::Rate => format!("{channel}.rate"),
-            Kind::Bend => format!("{channel}.bend"),
-            Kind::Mean(window) => format!("{channel}.mean{window}"),
-            Kind::Spread(window) => format!("{channel}.spread{window}"),
-            Kind::Lowest(window) => format!("{channel}.lowest{window}"),
-            Kind::Highest(window) => format!("{channel}.highest{window}"),
-            Kind::Slope(window) => format!("{channel}.slope{window}"),
-            Kind::Strength(window) => format!("{channel}.strength{window}"),
+            FeatureKind::Now => channel.to_owned(),
+            FeatureKind::Times(other) => format!("{channel}*{}", other.id()),
+            FeatureKind::Lag(lag) => format!("{channel}.lag{lag}"),
+            FeatureKind::Rate => format!("{channel}.rate"),
+            FeatureKind::Bend => format!("{channel}.bend"),
+            FeatureKind::Mean(window) => format!("{channel}.mean{window}"),
+            FeatureKind::Spread(window) => format!("{channel}.spread{window}"),
+            FeatureKind::Lowest(window) => format!("{channel}.lowest{window}"),
+            FeatureKind::Highest(window) => format!("{channel}.highest{window}"),
+            FeatureKind::Slope(window) => format!("{channel}.slope{window}"),
+            FeatureKind::Strength(window) => format!("{channel}.strength{window}"),
         }
     }
 
@@ -182,20 +190,20 @@ impl Feature {
         let at = |k: usize| taps[k][self.channel as usize];
         let window = |len: usize| taps[..len].iter().map(|tap| tap[self.channel as usize]);
         match self.kind {
-            Kind::Now => at(0),
-            Kind::Times(other) => at(0) * taps[0][other as usize],
-            Kind::Lag(lag) => at(lag),
-            Kind::Rate => (at(0) - at(1)) / period_s,
-            Kind::Bend => (at(0) - 2.0 * at(1) + at(2)) / (period_s * period_s),
-            Kind::Mean(len) => mean(window(len), len),
-            Kind::Spread(len) => {
+            FeatureKind::Now => at(0),
+            FeatureKind::Times(other) => at(0) * taps[0][other as usize],
+            FeatureKind::Lag(lag) => at(lag),
+            FeatureKind::Rate => (at(0) - at(1)) / period_s,
+            FeatureKind::Bend => (at(0) - 2.0 * at(1) + at(2)) / (period_s * period_s),
+            FeatureKind::Mean(len) => mean(window(len), len),
+            FeatureKind::Spread(len) => {
                 let mean = mean(window(len), len);
                 (window(len).map(|value| (value - mean) * (value - mean)).sum::<f64>() / count(len)).sqrt()
             }
-            Kind::Lowest(len) => window(len).fold(f64::INFINITY, f64::min),
-            Kind::Highest(len) => window(len).fold(f64::NEG_INFINITY, f64::max),
-            Kind::Slope(len) => slope(window(len), len) / period_s,
-            Kind::Strength(len) => strength(window(len), len),
+            FeatureKind::Lowest(len) => window(len).fold(f64::INFINITY, f64::min),
+            FeatureKind::Highest(len) => window(len).fold(f64::NEG_INFINITY, f64::max),
+            FeatureKind::Slope(len) => slope(window(len), len) / period_s,
+            FeatureKind::Strength(len) => strength(window(len), len),
         }
     }
 }

@@ -40,7 +40,7 @@ const LANES: usize = 16;
 
 /// A node, or a leaf, which is a node that leads to itself.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Node {
+struct TreeNode {
     /// In the unit of the feature that it splits, or a leaf's value: the coefficient's unit is the feature's or the target's.
     threshold: f64,
     /// The left child; the right one lies behind it.
@@ -52,7 +52,7 @@ struct Node {
 
 /// Trees that are walked side by side.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Group {
+struct TreeGroup {
     roots: [u32; LANES],
     /// How many of the roots count.
     trees: usize,
@@ -63,8 +63,8 @@ struct Group {
 /// Trees in walking order, checked: no walk leaves them or runs in a circle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Forest {
-    nodes: Vec<Node>,
-    groups: Vec<Group>,
+    nodes: Vec<TreeNode>,
+    groups: Vec<TreeGroup>,
     features: usize,
 }
 
@@ -81,7 +81,7 @@ impl Forest {
             let (root, levels) =
                 forest.lay_out(tree).ok_or_else(|| wrong("more nodes than can be counted".to_owned()))?;
             if index % LANES == 0 {
-                forest.groups.push(Group { roots: [root; LANES], trees: 0, levels: 0 });
+                forest.groups.push(TreeGroup { roots: [root; LANES], trees: 0, levels: 0 });
             }
             if let Some(group) = forest.groups.last_mut() {
                 group.roots[group.trees] = root;
@@ -97,20 +97,20 @@ impl Forest {
         let root = u32::try_from(self.nodes.len()).ok()?;
         // Nodes, or leaves below zero, whose place is taken; both children of a node are taken together.
         let mut level = vec![(if tree.feature.is_empty() { -1 } else { 0 }, self.nodes.len())];
-        self.nodes.push(Node { threshold: 0.0, first: 0, feature: 0, step: 0 });
+        self.nodes.push(TreeNode { threshold: 0.0, first: 0, feature: 0, step: 0 });
         let mut levels = 0;
         loop {
             let mut next = vec![];
             for (child, place) in level {
                 self.nodes[place] = if let Ok(node) = usize::try_from(child) {
                     let first = self.nodes.len();
-                    self.nodes.extend([Node { threshold: 0.0, first: 0, feature: 0, step: 0 }; 2]);
+                    self.nodes.extend([TreeNode { threshold: 0.0, first: 0, feature: 0, step: 0 }; 2]);
                     next.extend([(tree.left[node], first), (tree.right[node], first + 1)]);
                     let (first, feature) = (u32::try_from(first).ok()?, u16::try_from(tree.feature[node]).ok()?);
-                    Node { threshold: tree.threshold[node], first, feature, step: 1 }
+                    TreeNode { threshold: tree.threshold[node], first, feature, step: 1 }
                 } else {
                     let leaf = usize::try_from(-1 - i64::from(child)).ok()?;
-                    Node { threshold: tree.leaf[leaf], first: u32::try_from(place).ok()?, feature: 0, step: 0 }
+                    TreeNode { threshold: tree.leaf[leaf], first: u32::try_from(place).ok()?, feature: 0, step: 0 }
                 };
             }
             if next.is_empty() {

@@ -12,7 +12,7 @@ use super::features::{self, Feature};
 use super::forest::{Forest, ForestError, Tree};
 use super::guard::Guard;
 use super::history::{LONGEST_PERIOD_NS, SHORTEST_PERIOD_NS};
-use super::row::{Between, Opening};
+use super::row::{Opening, RateOfInputs};
 use crate::digest::{Digest, sha256};
 use crate::parameters::{ENTRIES, Unit};
 use crate::signal::Signal;
@@ -48,8 +48,8 @@ pub struct Model {
     /// Where the opening came from in training; a model runs only where it comes from there again.
     pub opening: Opening,
     /// What drove the twin between rows in training; a file that does not say so held them.
-    #[serde(default)]
-    pub between: Between,
+    #[serde(default, rename = "between")]
+    pub rate_of_inputs: RateOfInputs,
     /// Training period, ns: the grid on which features are taken at any rate.
     pub period_ns: i64,
     /// [`fingerprint`] of the unit whose twin it corrects.
@@ -254,7 +254,7 @@ pub(super) mod tests {
     use crate::residual::features;
     use crate::residual::forest::Tree;
     use crate::residual::guard::Guard;
-    use crate::residual::row::{Between, Opening};
+    use crate::residual::row::{Opening, RateOfInputs};
 
     /// A model that says 0.01 wherever the command is above a half and −0.01 elsewhere.
     pub fn model() -> Model {
@@ -266,7 +266,7 @@ pub(super) mod tests {
             unit: "pu".into(),
             learned: Learned::Residual,
             opening: Opening::Simulated,
-            between: Between::Hold,
+            rate_of_inputs: RateOfInputs::Hold,
             period_ns: 200_000_000,
             twin: fingerprint(&crate::params::reference()),
             features,

@@ -18,7 +18,7 @@ pub fn assumed(model: &Model) -> String {
         "trained on rows every {} s with the opening {} and inputs between rows by `{}`; its past is taken every {} s whatever the rate here",
         seconds_from_nanos(model.period_ns),
         model.opening.id(),
-        model.between.id(),
+        model.rate_of_inputs.id(),
         seconds_from_nanos(model.period_ns)
     )
 }

@@ -26,18 +26,21 @@ impl Opening {
     }
 }
 
-/// What drove the twin between two recorded rows.
+/// What drives the twin between two recorded rows: the option `--rate-of-inputs`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Between {
-    /// Inputs held until the next row, as a live node holds what it heard last.
+pub enum RateOfInputs {
+    /// Inputs hold until the next row, as a live node holds what it heard last.
     #[default]
     Hold,
-    /// Inputs ran straight from row to row (the option `--rate-of-inputs linear`), as a node has them whose commands come fast.
+    /// Inputs run straight from row to row, as a node has them whose commands come fast.
     Linear,
 }
 
-impl Between {
+impl RateOfInputs {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Hold, Self::Linear];
+
     /// The name in files and words.
     #[must_use]
     pub fn id(self) -> &'static str {

@@ -4,7 +4,7 @@ use super::corrector::motion;
 use super::features::{self, Feature};
 use super::history::History;
 use super::prepare::median_spacing_ns;
-use super::row::{Between, Opening, RowChannel, RowMaker};
+use super::row::{Opening, RateOfInputs, RowChannel, RowMaker};
 use crate::frame::Estimate;
 use crate::recording::{Process, Recording};
 use crate::signal::Signal;
@@ -17,7 +17,7 @@ pub struct TableLayout {
     /// Where the opening comes from.
     pub opening: Opening,
     /// What drove the twin between rows.
-    pub between: Between,
+    pub rate_of_inputs: RateOfInputs,
     /// Training period, ns.
     pub period_ns: i64,
     /// The features, in order.
@@ -137,7 +137,7 @@ pub(super) mod tests {
     use crate::frame::{EsvState, Frame, Inputs, Signals};
     use crate::recording::Recording;
     use crate::residual::features;
-    use crate::residual::row::{Between, Opening};
+    use crate::residual::row::{Opening, RateOfInputs};
     use crate::signal::Signal;
     use crate::twin::Twin;
 
@@ -164,8 +164,8 @@ pub(super) mod tests {
 
     pub fn layout() -> TableLayout {
         let period_ns = 200_000_000;
-        let (signal, opening, between) = (Signal::SpoolPosition, Opening::Simulated, Between::Hold);
-        TableLayout { signal, opening, between, period_ns, features: features::all() }
+        let (signal, opening, rate_of_inputs) = (Signal::SpoolPosition, Opening::Simulated, RateOfInputs::Hold);
+        TableLayout { signal, opening, rate_of_inputs, period_ns, features: features::all() }
     }
 
     pub fn of(recordings: &[Recording]) -> FeatureTable {

@@ -234,7 +234,7 @@ pub fn model(
         unit: layout.signal.unit().to_owned(),
         learned,
         opening: layout.opening,
-        between: layout.between,
+        rate_of_inputs: layout.rate_of_inputs,
         period_ns: layout.period_ns,
         twin: fingerprint(unit),
         features,

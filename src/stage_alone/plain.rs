@@ -33,7 +33,7 @@ pub struct Plain {
 }
 
 /// Where the search stands: time of the lag, zero, half width.
-type Place = [f64; 3];
+type SearchPlace = [f64; 3];
 
 impl Plain {
     /// Position at each sample of a run from its first.
@@ -65,7 +65,7 @@ impl Plain {
     }
 }
 
-fn beyond([_, zero, half]: Place, spool: f64) -> [f64; 2] {
+fn beyond([_, zero, half]: SearchPlace, spool: f64) -> [f64; 2] {
     [(spool - zero - half).max(0.0), (spool - zero + half).min(0.0)]
 }
 
@@ -87,7 +87,7 @@ pub fn plain(runs: &[Run]) -> Option<Plain> {
     }
     let length_s = typical_s(runs);
     let coarse: Vec<Run> = runs.iter().map(|run| run.thinned(LOOKED_AT.0)).collect();
-    let mut best: Option<(f64, Lag, Place)> = None;
+    let mut best: Option<(f64, Lag, SearchPlace)> = None;
     for lag in Lag::tried(length_s) {
         let lagged = Lagged::of(&coarse, lag);
         for zero in (0..=ZEROS).filter_map(|k| at(k as f64 / ZEROS as f64)) {
@@ -102,7 +102,7 @@ pub fn plain(runs: &[Run]) -> Option<Plain> {
     }
     let (_, lag, mut place) = best?;
     let fine: Vec<Run> = runs.iter().map(|run| run.thinned(LOOKED_AT.1)).collect();
-    let missed = |place: Place| Lagged::of(&fine, lag.with_time(place[0])).gains(place).2;
+    let missed = |place: SearchPlace| Lagged::of(&fine, lag.with_time(place[0])).gains(place).2;
     let mut least = missed(place);
     let mut steps = [STEPS[0] * length_s, STEPS[1] * travel, STEPS[2] * travel];
     for _ in 0..WALKS.0 {
@@ -149,7 +149,7 @@ impl Lagged {
     }
 
     /// The best gains above and below, and the sum of squares that is missed; one gain for both where two would turn one way round.
-    fn gains(&self, place: Place) -> (f64, f64, f64) {
+    fn gains(&self, place: SearchPlace) -> (f64, f64, f64) {
         let (mut aa, mut ab, mut bb, mut ay, mut by, mut yy) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
         for run in &self.steps {
             let (mut a, mut b) = (0.0, 0.0);

@@ -33,7 +33,7 @@ pub struct BatchRow {
 /// `rows` are those of each twin, or those of all; they agree in everything but command and ESV. No more twins than the width has lanes.
 #[must_use]
 pub fn estimates<I: Iterator<Item = BatchRow>>(width: Width, twins: &mut [Twin], rows: Vec<I>) -> Vec<Vec<Estimate>> {
-    let mut watch = Watch { wanted: None, estimates: vec![Vec::new(); twins.len()], traces: Vec::new() };
+    let mut watch = KeptRows { wanted: None, estimates: vec![Vec::new(); twins.len()], traces: Vec::new() };
     run(width, twins, rows, &mut watch);
     watch.estimates
 }
@@ -47,20 +47,20 @@ pub fn signals<I: Iterator<Item = BatchRow>>(
     wanted: [bool; Signal::ALL.len()],
 ) -> Vec<[Vec<f64>; Signal::ALL.len()]> {
     let traces = vec![Default::default(); twins.len()];
-    let mut watch = Watch { wanted: Some(wanted), estimates: Vec::new(), traces };
+    let mut watch = KeptRows { wanted: Some(wanted), estimates: Vec::new(), traces };
     run(width, twins, rows, &mut watch);
     watch.traces
 }
 
 /// What is kept of the twins at the rows at which somebody looks.
-struct Watch {
+struct KeptRows {
     /// Which signals; everything where none are named.
     wanted: Option<[bool; Signal::ALL.len()]>,
     estimates: Vec<Vec<Estimate>>,
     traces: Vec<[Vec<f64>; Signal::ALL.len()]>,
 }
 
-impl Watch {
+impl KeptRows {
     #[inline(always)]
     fn look<T: Wide>(&mut self, time_ns: i64, (spool_pu, servomotor_pu): (T, T), now: &Now<T>) {
         let Some(wanted) = self.wanted else {
@@ -94,24 +94,24 @@ pub fn fit(twins: &[Twin]) -> bool {
 }
 
 /// Runs twins side by side.
-fn run<I: Iterator<Item = BatchRow>>(width: Width, twins: &mut [Twin], rows: Vec<I>, watch: &mut Watch) {
+fn run<I: Iterator<Item = BatchRow>>(width: Width, twins: &mut [Twin], rows: Vec<I>, watch: &mut KeptRows) {
     debug_assert!(twins.len() <= width.lanes() && (rows.len() == 1 || rows.len() == twins.len()));
-    width.run(Run { twins, rows, watch });
+    width.run(BatchRun { twins, rows, watch });
 }
 
-struct Run<'a, I> {
+struct BatchRun<'a, I> {
     twins: &'a mut [Twin],
     rows: Vec<I>,
-    watch: &'a mut Watch,
+    watch: &'a mut KeptRows,
 }
 
-impl<I: Iterator<Item = BatchRow>> LaneWork for Run<'_, I> {
+impl<I: Iterator<Item = BatchRow>> LaneWork for BatchRun<'_, I> {
     type Output = ();
 
     #[inline(always)]
     fn run<T: Wide>(self, zero: T) {
         let Self { twins, mut rows, watch } = self;
-        let Some(mut row) = Rows::first(&mut rows) else { return };
+        let Some(mut row) = TwinRows::first(&mut rows) else { return };
         for (lane, twin) in twins.iter_mut().enumerate() {
             twin.reset();
             twin.advance(&row.of(lane).frame);
@@ -119,7 +119,7 @@ impl<I: Iterator<Item = BatchRow>> LaneWork for Run<'_, I> {
         let setting = twins[0].setting;
         let started: Vec<&Now> = twins.iter().map(|twin| &twin.now).collect();
         let Some(mut now) = Now::abreast(&started, zero) else { return };
-        let Some(mut side) = Side::new(twins, zero) else { return };
+        let Some(mut side) = LaneSide::new(twins, zero) else { return };
         loop {
             let BatchRow { frame, is_sample } = row.all[0];
             if is_sample {
@@ -142,12 +142,12 @@ impl<I: Iterator<Item = BatchRow>> LaneWork for Run<'_, I> {
 }
 
 /// The row at which all twins are: one for all, or one for each.
-struct Rows {
+struct TwinRows {
     all: [BatchRow; MOST_LANES],
     count: usize,
 }
 
-impl Rows {
+impl TwinRows {
     fn first<I: Iterator<Item = BatchRow>>(rows: &mut [I]) -> Option<Self> {
         let all = [rows.first_mut()?.next()?; MOST_LANES];
         let mut first = Self { all, count: rows.len().min(MOST_LANES) };
@@ -195,7 +195,7 @@ impl Rows {
 }
 
 /// Plants in lanes, with what terms and large loops remember in each.
-struct Side<'a, T> {
+struct LaneSide<'a, T> {
     twins: &'a mut [Twin],
     bank: Bank<T>,
     steps: Split<T>,
@@ -205,7 +205,7 @@ struct Side<'a, T> {
     occupied: [bool; POINTS],
 }
 
-impl<'a, T: Wide> Side<'a, T> {
+impl<'a, T: Wide> LaneSide<'a, T> {
     fn new(twins: &'a mut [Twin], zero: T) -> Option<Self> {
         let plants: Vec<&Plant> = twins.iter().map(|twin| &*twin.plant).collect();
         let steps: Vec<&Split> = twins.iter().filter_map(|twin| twin.solver.split()).collect();
@@ -221,7 +221,7 @@ impl<'a, T: Wide> Side<'a, T> {
     }
 }
 
-impl<T: Wide> Chain<T> for Side<'_, T> {
+impl<T: Wide> Chain<T> for LaneSide<'_, T> {
     #[inline(always)]
     fn blocks(&self) -> Blocks<'_, T> {
         self.bank.blocks()

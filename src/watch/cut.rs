@@ -52,14 +52,14 @@ pub enum Ended {
 
 /// Where command and position were when they last moved.
 #[derive(Clone, Copy, Debug)]
-struct Anchor {
+struct LastMove {
     time_ns: i64,
     command_pu: f64,
     position_pu: f64,
     esv: EsvState,
 }
 
-impl Anchor {
+impl LastMove {
     fn at(frame: &Frame) -> Self {
         Self {
             time_ns: frame.time_ns,
@@ -92,7 +92,7 @@ impl Anchor {
 pub struct Cutter {
     /// The rows of the process, or the last few at rest.
     rows: VecDeque<Frame>,
-    anchor: Option<Anchor>,
+    anchor: Option<LastMove>,
     moving: bool,
     /// The stroke in the numbers of recorded positions.
     stroke: f64,
@@ -118,13 +118,13 @@ impl Cutter {
             !(0.0..=GAP_S).contains(&step_s)
         });
         let broken = if jumped { self.finish(Ended::Gap) } else { None };
-        let anchor = self.anchor.get_or_insert_with(|| Anchor::at(frame));
+        let anchor = self.anchor.get_or_insert_with(|| LastMove::at(frame));
         anchor.complete(frame);
         self.rows.push_back(*frame);
         let since_s = |time_ns: i64| seconds_from_nanos(frame.time_ns - time_ns);
         if self.moving {
             if anchor.is_left(frame, GOES_ON_PU, self.stroke) {
-                *anchor = Anchor::at(frame);
+                *anchor = LastMove::at(frame);
                 anchor.complete(frame);
             }
             let rests = since_s(anchor.time_ns) >= REST_S;
@@ -135,7 +135,7 @@ impl Cutter {
             }
         } else if anchor.is_left(frame, BEGINS_PU, self.stroke) {
             self.moving = true;
-            *anchor = Anchor::at(frame);
+            *anchor = LastMove::at(frame);
         } else {
             while self.rows.front().is_some_and(|first| since_s(first.time_ns) > LEAD_S) {
                 self.rows.pop_front();
@@ -143,7 +143,7 @@ impl Cutter {
             // A slow wander is no movement: the anchor follows what was a little while ago.
             if let Some(first) = self.rows.front().filter(|_| since_s(anchor.time_ns) > LEAD_S) {
                 let before = *anchor;
-                *anchor = Anchor::at(first);
+                *anchor = LastMove::at(first);
                 let known = |new: f64, old: f64| if new.is_finite() { new } else { old };
                 anchor.command_pu = known(anchor.command_pu, before.command_pu);
                 anchor.position_pu = known(anchor.position_pu, before.position_pu);

@@ -251,9 +251,9 @@ pub fn choose(found: &[Vec<FoundProcess>], room: usize) -> Vec<BTreeSet<usize>> 
     let mut kinds: Vec<_> = all.iter().map(|(_, _, one)| one.kind()).collect();
     kinds.sort_unstable();
     kinds.dedup();
-    let mut groups: Vec<Group<'_>> = kinds
+    let mut groups: Vec<ProcessesOfKind<'_>> = kinds
         .iter()
-        .map(|kind| Group {
+        .map(|kind| ProcessesOfKind {
             members: all.iter().filter(|(_, _, one)| one.kind() == *kind).copied().collect(),
             kept: vec![],
             goes_on: kind.0,
@@ -288,13 +288,13 @@ pub fn choose(found: &[Vec<FoundProcess>], room: usize) -> Vec<BTreeSet<usize>> 
 }
 
 /// Processes of a kind, and which of them are kept.
-struct Group<'a> {
+struct ProcessesOfKind<'a> {
     members: Vec<(usize, usize, &'a FoundProcess)>,
     kept: Vec<usize>,
     goes_on: bool,
 }
 
-impl Group<'_> {
+impl ProcessesOfKind<'_> {
     /// Of so many even parts the member that moved most, the first of those that moved alike.
     fn best(&self, parts: usize) -> Vec<usize> {
         let count = self.members.len();

@@ -44,8 +44,8 @@ struct Half<'a> {
 }
 
 impl Half<'_> {
-    fn runs(&self) -> impl Iterator<Item = (&[f64], &[f64])> {
-        self.input.chunks_exact(RUN).zip(self.displacement.chunks_exact(RUN))
+    fn runs(&self) -> impl Iterator<Item = (&[f64; RUN], &[f64; RUN])> {
+        self.input.as_chunks::<RUN>().0.iter().zip(self.displacement.as_chunks::<RUN>().0)
     }
 
     /// Root mean square of the errors of all free runs, mm.

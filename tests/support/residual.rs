@@ -8,7 +8,7 @@ use govtwin::residual::features;
 use govtwin::residual::forest::Tree;
 use govtwin::residual::guard::Guard;
 use govtwin::residual::model::{Learned, Model, fingerprint};
-use govtwin::residual::row::{Between, Opening};
+use govtwin::residual::row::{Opening, RateOfInputs};
 
 /// A model of the spool that says +0.01 where the command is above 0.4 pu and −0.01 elsewhere, with a band of ±0.02.
 pub fn model(unit: &Unit) -> Model {
@@ -20,7 +20,7 @@ pub fn model(unit: &Unit) -> Model {
         unit: "pu".into(),
         learned: Learned::Residual,
         opening: Opening::Simulated,
-        between: Between::Hold,
+        rate_of_inputs: RateOfInputs::Hold,
         period_ns: 200_000_000,
         twin: fingerprint(unit),
         features,

@@ -62,12 +62,12 @@ pub(super) struct FileWalk {
 }
 
 /// Where parts go, each for an empty one; records outside of chunks are gathered before.
-struct Hand<'a> {
+struct PartTaker<'a> {
     part: FilePart,
     to: &'a mut dyn FnMut(FilePart) -> FilePart,
 }
 
-impl Hand<'_> {
+impl PartTaker<'_> {
     fn send(&mut self) {
         let part = std::mem::take(&mut self.part);
         self.part = (self.to)(part);
@@ -154,13 +154,13 @@ impl FileWalk {
     }
 
     fn over(&mut self, file: &mut RecordFile, to: &mut dyn FnMut(FilePart) -> FilePart) -> io::Result<()> {
-        let mut hand = Hand { part: FilePart::default(), to };
+        let mut hand = PartTaker { part: FilePart::default(), to };
         let result = self.parts(file, &mut hand);
         hand.flush();
         result
     }
 
-    fn parts(&mut self, file: &mut RecordFile, hand: &mut Hand<'_>) -> io::Result<()> {
+    fn parts(&mut self, file: &mut RecordFile, hand: &mut PartTaker<'_>) -> io::Result<()> {
         let mut body = vec![];
         loop {
             let at = file.at();
@@ -218,7 +218,7 @@ impl FileWalk {
         }
     }
 
-    fn chunk(&mut self, at: u64, body: &mut Vec<u8>, stated_len: u64, hand: &mut Hand<'_>) {
+    fn chunk(&mut self, at: u64, body: &mut Vec<u8>, stated_len: u64, hand: &mut PartTaker<'_>) {
         let unpacked_bytes = hand.chunk(at, body, stated_len, self.unpack_left);
         self.unpack_left = self.unpack_left.saturating_sub(unpacked_bytes);
     }

@@ -57,7 +57,7 @@ fn note(entry: &Entry, store: &Store, error: &anyhow::Error) {
 
 /// Diagnoses an entry. What fails for reasons of its data is an outcome; what may go well another time is an error.
 fn attempt(entry: &Entry, beside: &Store, store: &Store) -> anyhow::Result<EntryResult> {
-    let clock = Clock::start();
+    let clock = Stopwatch::start();
     let folder = tempfile::tempdir().context("no temporary folder")?;
     let inputs = EntryFiles::gather(entry, beside, folder.path())?;
     let out = folder.path().join("out");
@@ -185,12 +185,12 @@ fn fetch(store: &Store, wanted: &FileUsed, folder: &Path) -> anyhow::Result<Path
 }
 
 /// Time and memory of a piece of work.
-struct Clock {
+struct Stopwatch {
     start: Instant,
     processor_s: Option<f64>,
 }
 
-impl Clock {
+impl Stopwatch {
     #[expect(clippy::disallowed_methods, reason = "a result says how long it took")]
     fn start() -> Self {
         Self { start: Instant::now(), processor_s: processor_s() }

@@ -14,7 +14,7 @@ use super::progress;
 const OPTIONS: WriterOptions = WriterOptions { mark: Some("govtwin.import"), keep_unfinished: false };
 
 /// The topics of a bag in the making.
-struct Streams {
+struct BagTopics {
     bag: Writer,
     command: Topic<msg::GovernorCommand>,
     esv: Topic<msg::EsvState>,
@@ -32,7 +32,7 @@ pub fn write(files: &[PathBuf], map: &Map, out: &Path, bar: bool) -> anyhow::Res
     let mut bag = Writer::create(out, OPTIONS).with_context(failed)?;
     bag.describe(bag::GOVTWIN, about(files, map))?;
     let topics = Topics::default();
-    let mut streams = Streams {
+    let mut streams = BagTopics {
         command: bag.topic(&topics.command, Qos::DEFAULT)?,
         esv: bag.topic(&topics.esv, Qos::DEFAULT)?,
         tank_pressure: bag.topic(&topics.tank_pressure, Qos::SENSOR)?,
@@ -52,7 +52,7 @@ pub fn check(files: &[PathBuf], map: &Map) -> anyhow::Result<ImportOutcome> {
     Ok(import.run(&mut |_| Ok::<(), ImportError>(()), &mut |share| progress.at(share, "read"))?)
 }
 
-impl Streams {
+impl BagTopics {
     fn put(&mut self, row: &ImportedRow) -> anyhow::Result<()> {
         let time_ns = row.time_ns;
         let RowMessages { command, esv, tank_pressure, servo_state } = RowMessages::of(row);

@@ -8,11 +8,12 @@ use govtwin::parameters::Unit;
 use govtwin::replay::Replayed;
 use govtwin::replay::summary::ReplaySummary;
 use govtwin::report::replay::{Pictures, page};
+use govtwin::residual::row::RateOfInputs;
 use govtwin::twin::Twin;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 use super::ladder::After;
-use super::{Args, Between, FIGURES, PAGE, Result, options, rows, simulated};
+use super::{Args, FIGURES, PAGE, Result, options, rows, simulated};
 use crate::commands::bags::Bag;
 use crate::commands::output::{Output, Progress, print};
 
@@ -55,7 +56,7 @@ fn write_bag(bag: &Bag, dir: &Path, one: &Result, unit: &Unit, args: &Args) -> a
         return simulated::write(&bag.path, dir, replayed, &topics, about);
     }
     // Only a replay row by row leaves rows out, and there inputs hold.
-    let options = options(args, Between::Hold, unit);
+    let options = options(args, RateOfInputs::Hold, unit);
     let mut twin = Twin::new(unit).with_cut(args.cut.cut());
     let measured = replayed.scores.are_measured();
     if let Some(sealed) = rows::write((&bag.path, about), dir, &options, &mut twin, measured, &topics)? {

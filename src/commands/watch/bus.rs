@@ -189,7 +189,7 @@ pub fn listen(args: &Args, chronicle: Chronicle) -> anyhow::Result<Outcome> {
             wait(SECOND);
         }
     })?;
-    let mut listener = Listener { recorder, translator, herald, worker };
+    let mut listener = WatchListener { recorder, translator, herald, worker };
     let heard = hear(&mut bus, &selection, &mut listener, None, &stop, &mut |words| {
         say(if words == "recording" { "listening" } else { words });
     });
@@ -212,7 +212,7 @@ pub fn listen(args: &Args, chronicle: Chronicle) -> anyhow::Result<Outcome> {
 }
 
 /// Hands on what is heard, and once a second what is to be said.
-struct Listener {
+struct WatchListener {
     recorder: ProcessRecorder,
     /// Makes messages of our own types of those of others.
     translator: Option<Translator>,
@@ -220,7 +220,7 @@ struct Listener {
     worker: Worker,
 }
 
-impl Sink for Listener {
+impl Sink for WatchListener {
     fn take(&mut self, message: RawMessage) -> Result<(), BagError> {
         match &mut self.translator {
             Some(translator) => translator.take(&message).into_iter().try_for_each(|one| self.recorder.take(one)),

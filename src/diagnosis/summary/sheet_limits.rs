@@ -24,7 +24,7 @@ const LEAST_DEVIATION: f64 = 1e-4;
 const NAMED: usize = 3;
 
 /// A set's probability, and mean and deviation of a parameter under it.
-type Held = (f64, f64, f64);
+type MeanUnderSet = (f64, f64, f64);
 
 /// How much the sheet limits the verdict.
 #[must_use]
@@ -43,7 +43,8 @@ pub fn sheet_limits(
         .collect();
     let refitted = explored.refitted();
     let value = |(k, free_parameter): (usize, &FreeParameter)| {
-        let held: Vec<Held> = sets.iter().map(|(probability, model)| held(model, k, *probability, counted)).collect();
+        let held: Vec<MeanUnderSet> =
+            sets.iter().map(|(probability, model)| held(model, k, *probability, counted)).collect();
         let (key, unit) = free_parameter.key(&refitted.base);
         let at = |position: f64| free_parameter.value(&refitted.base, position);
         let ratio = |effect: usize, spec: &&'static EffectSpec| {
@@ -81,7 +82,7 @@ fn model<'a>(explored: &'a Explored, ids: &[String]) -> Option<&'a FittedModel> 
 }
 
 /// What a set holds of a parameter of the sheet, which all sets have at the same place.
-fn held(model: &FittedModel, k: usize, probability: f64, counted: CountedNats) -> Held {
+fn held(model: &FittedModel, k: usize, probability: f64, counted: CountedNats) -> MeanUnderSet {
     let mean = model.fit.positions.get(k).copied().unwrap_or(0.0);
     let variance = if k < model.spread.nrows() { model.spread[(k, k)] } else { 1.0 };
     // The tolerance is 1; the rest is what the recordings said.
@@ -90,12 +91,12 @@ fn held(model: &FittedModel, k: usize, probability: f64, counted: CountedNats) -
 }
 
 /// Bits that the true value tells of the set.
-fn bits(held: &[Held]) -> f64 {
+fn bits(held: &[MeanUnderSet]) -> f64 {
     let log_density = |x: f64, mean: f64, deviation: f64| -0.5 * ((x - mean) / deviation).powi(2) - deviation.ln();
     let step = 2.0 * REACH / f64::from(POINTS - 1);
     let points = || (0..POINTS).map(|k| f64::from(k) * step - REACH);
     let all: f64 = points().map(|z| (-0.5 * z * z).exp()).sum();
-    let of = |&(probability, mean, deviation): &Held| {
+    let of = |&(probability, mean, deviation): &MeanUnderSet| {
         let at = |z: f64| {
             let x = mean + z * deviation;
             let own = log_density(x, mean, deviation);

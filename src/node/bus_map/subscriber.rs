@@ -50,7 +50,7 @@ pub(in crate::node) struct OpenedTopic {
 }
 
 /// What is known of a topic.
-enum State {
+enum TopicState {
     /// Nobody published it so far.
     Awaited,
     /// Nobody describes its type so far.
@@ -70,7 +70,7 @@ struct MapTopic {
     given: String,
     /// Full name.
     name: String,
-    state: State,
+    state: TopicState,
     is_silence_told: bool,
     changes: u32,
 }
@@ -100,7 +100,7 @@ impl MapSubscriber {
         let mut topics = vec![];
         for given in topics_of(&map.fields) {
             let name = bus.await_topic(&given)?;
-            topics.push(MapTopic { given, name, state: State::Awaited, is_silence_told: false, changes: 0 });
+            topics.push(MapTopic { given, name, state: TopicState::Awaited, is_silence_told: false, changes: 0 });
         }
         Ok(Self {
             bus,
@@ -142,7 +142,7 @@ impl MapSubscriber {
         let topic = &mut self.topics[index];
         let here: Vec<&Offer> = offers.iter().filter(|offer| offer.topic == topic.name).collect();
         if here.is_empty() {
-            let is_awaited = matches!(topic.state, State::Awaited);
+            let is_awaited = matches!(topic.state, TopicState::Awaited);
             if is_awaited && self.silent.is_past() && !std::mem::replace(&mut topic.is_silence_told, true) {
                 let names: Vec<String> = offers.iter().map(|offer| offer.topic.clone()).collect();
                 let near = nearest(&topic.name, names.iter()).map(|near| format!("; did you mean `{near}`?"));
@@ -152,7 +152,7 @@ impl MapSubscriber {
             return;
         }
         let offer = match &topic.state {
-            State::Heard(type_name, hash, _) if here.iter().any(|offer| offer.is_of(type_name, hash)) => {
+            TopicState::Heard(type_name, hash, _) if here.iter().any(|offer| offer.is_of(type_name, hash)) => {
                 for offer in here.iter().filter(|offer| !offer.is_of(type_name, hash)) {
                     if self.told.insert(offer.sender) {
                         let (name, other) = (&topic.name, offer.otherwise(type_name));
@@ -163,12 +163,12 @@ impl MapSubscriber {
                 }
                 return;
             }
-            State::Refused(type_name, hash) => {
+            TopicState::Refused(type_name, hash) => {
                 // Another publisher may have what the map needs.
                 let same = |offer: &Offer| offer.type_name == *type_name && offer.type_hash == *hash;
                 here.into_iter().find(|offer| !same(offer))
             }
-            State::Undescribed { patience, is_told: true } if !patience.is_past() => None,
+            TopicState::Undescribed { patience, is_told: true } if !patience.is_past() => None,
             _ => here.first().copied(),
         };
         let Some(offer) = offer.cloned() else { return };
@@ -210,11 +210,11 @@ impl MapSubscriber {
             Err(problem) => {
                 let words = format!("{}: it is not heard: {problem}; mend the map, and start anew", topic.name);
                 said.push((LogLevel::Error, words));
-                topic.state = State::Refused(type_name.clone(), type_hash.clone());
+                topic.state = TopicState::Refused(type_name.clone(), type_hash.clone());
                 return;
             }
         };
-        if let State::Heard(before, ..) = &topic.state {
+        if let TopicState::Heard(before, ..) = &topic.state {
             let before =
                 if before == type_name { "another definition of it".to_owned() } else { format!("`{before}`") };
             let words = format!("{}: its type has changed, now `{type_name}` instead of {before}", topic.name);
@@ -225,7 +225,7 @@ impl MapSubscriber {
         said.push((LogLevel::Info, format!("{} is a `{type_name}`: {}", topic.name, signals.join(", "))));
         let (end, ends) = oneshot::channel();
         let (type_name, type_hash) = (type_name.clone(), type_hash.clone());
-        topic.state = State::Heard(type_name.clone(), type_hash.clone(), end);
+        topic.state = TopicState::Heard(type_name.clone(), type_hash.clone(), end);
         // Nobody takes it where the node is about to end.
         let _ = self.opened.unbounded_send(OpenedTopic { topic: mapped, tap, type_name, type_hash, ends });
     }
@@ -235,8 +235,8 @@ impl MapSubscriber {
         let Offer { type_name, type_hash, .. } = offer;
         self.definitions.forget(type_name, type_hash);
         let topic = &mut self.topics[index];
-        let State::Undescribed { patience, is_told } = &mut topic.state else {
-            topic.state = State::Undescribed { patience: Until::after(Some(PATIENCE)), is_told: false };
+        let TopicState::Undescribed { patience, is_told } = &mut topic.state else {
+            topic.state = TopicState::Undescribed { patience: Until::after(Some(PATIENCE)), is_told: false };
             return;
         };
         if patience.is_past() && !std::mem::replace(is_told, true) {

@@ -24,7 +24,7 @@ use super::super::publishers::Publishers;
 use super::super::refit::Refit;
 use super::super::settings::NodeSettings;
 use super::super::{qos, startup};
-use super::{NodeError, RunOptions};
+use super::{NodeError, RunOptions, Say};
 use crate::parameters::Unit;
 use crate::residual::corrector::Corrector;
 use crate::residual::model::ModelError;
@@ -35,9 +35,6 @@ use crate::units::nanos_from_seconds;
 /// Why a unit with a learned residual cannot be changed while the node runs.
 const FIXED_UNIT: &str =
     "a learned residual is of the unit as it was at start: start anew with the changed unit, or without --residual";
-
-/// Where words go at start.
-type Say<'a> = &'a mut dyn FnMut(LogLevel, &str);
 
 /// What the threads share of a unit.
 pub(super) struct Station {

@@ -17,7 +17,7 @@ const BATCH_BYTES: usize = 1 << 20;
 const BATCHES: usize = 8;
 
 /// Messages handed over together.
-type Batch = Result<Vec<RawMessage>, BagError>;
+type Handover = Result<Vec<RawMessage>, BagError>;
 
 /// What of a bag is to be played.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -85,13 +85,13 @@ impl Tape {
                 reason,
             })?;
             let mut failed = None;
-            let taken = take(&mut Taken { batches, batch: Vec::new().into_iter(), failed: &mut failed });
+            let taken = take(&mut TakenMessages { batches, batch: Vec::new().into_iter(), failed: &mut failed });
             failed.map_or(Ok(taken), Err)
         })
     }
 
     /// Reads and hands over while `give` takes.
-    fn read(&self, give: &mut dyn FnMut(Batch) -> bool) -> Option<()> {
+    fn read(&self, give: &mut dyn FnMut(Handover) -> bool) -> Option<()> {
         let messages = match bag::messages(&self.bag) {
             Ok(messages) => messages,
             Err(error) => return give(Err(error)).then_some(()),
@@ -117,13 +117,13 @@ impl Tape {
 }
 
 /// The messages as they are handed over.
-struct Taken<'a> {
-    batches: Receiver<Batch>,
+struct TakenMessages<'a> {
+    batches: Receiver<Handover>,
     batch: std::vec::IntoIter<RawMessage>,
     failed: &'a mut Option<BagError>,
 }
 
-impl Iterator for Taken<'_> {
+impl Iterator for TakenMessages<'_> {
     type Item = RawMessage;
 
     fn next(&mut self) -> Option<RawMessage> {

@@ -1,0 +1,18 @@
+//! The option `--rate-of-inputs`, the same wherever it stands.
+
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use govtwin::residual::row::RateOfInputs;
+
+/// Reads the option's value.
+pub fn parser() -> impl TypedValueParser<Value = RateOfInputs> {
+    let help = |rate| match rate {
+        RateOfInputs::Hold => "They hold, as for the live node",
+        RateOfInputs::Linear => {
+            "Command and tank pressure run straight from row to row, which a slow recording of a fast command needs; a trip that was recorded \
+             with a slow row comes amid the pause before it"
+        }
+    };
+    let values = RateOfInputs::ALL.map(|rate| PossibleValue::new(rate.id()).help(help(rate)));
+    PossibleValuesParser::new(values)
+        .try_map(|id| RateOfInputs::ALL.into_iter().find(|rate| rate.id() == id).ok_or("expected one of these values"))
+}
