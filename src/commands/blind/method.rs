@@ -61,7 +61,7 @@ impl JudgingMethod {
 /// The methods asked for.
 pub fn methods(baselines: bool, baselines_only: bool) -> Vec<JudgingMethod> {
     let others = BASELINES.iter().map(JudgingMethod::Baseline).filter(|_| baselines || baselines_only);
-    Some(JudgingMethod::Diagnosis).filter(|_| !baselines_only).into_iter().chain(others).collect()
+    (!baselines_only).then_some(JudgingMethod::Diagnosis).into_iter().chain(others).collect()
 }
 
 /// Lets every method judge a unit, unless its report is there already; the diagnosis on so many threads, by the sheet that these arguments name.
