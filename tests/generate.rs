@@ -10,6 +10,7 @@ use govtwin::generate::{self, Scenario};
 use govtwin::parameters::{EffectSetting, Unit};
 use govtwin::recording::{Process, Recording};
 use govtwin::replay::{self, Scores};
+use govtwin::report::table::significant;
 use govtwin::signal::Signal;
 use govtwin::twin::Twin;
 use rayon::prelude::{IntoParallelIterator, ParallelIterator};
@@ -214,7 +215,8 @@ fn effects_of_a_parameter_file_are_replayed() {
         let recording = bag::read(&dir.path().join("made/shutdown"), &ReadOptions::default()).unwrap().recording;
         let text = String::from_utf8_lossy(&output.stdout).into_owned();
         let miss = miss_pu(&unit, &recording);
-        assert!(text.contains(&format!("{miss:.5}")), "{miss:.5} is not in\n{text}");
+        let percent = significant(100.0 * miss, 3);
+        assert!(text.contains(&percent), "{percent} is not in\n{text}");
         miss
     };
     assert!(rmse("with.yaml") < 2.5e-4);

@@ -79,7 +79,7 @@ pub enum NotEnough {
 
 /// One instant at which spool and servomotor are known.
 #[derive(Clone, Copy, Debug)]
-struct Row {
+struct PositionRow {
     time_s: f64,
     spool_pu: f64,
     servomotor_pu: f64,
@@ -100,7 +100,7 @@ pub fn fill(plate: &mut Plate, recordings: &[Recording], reference: &Sensors) ->
     if !inputs().any(|inputs| inputs.opening_command_pu.is_finite()) {
         return Err(NotEnough::Command);
     }
-    let runs: Vec<Vec<Row>> = recordings.iter().map(rows).filter(|rows| !rows.is_empty()).collect();
+    let runs: Vec<Vec<PositionRow>> = recordings.iter().map(rows).filter(|rows| !rows.is_empty()).collect();
     if runs.is_empty() {
         return Err(NotEnough::Positions);
     }
@@ -168,10 +168,10 @@ fn sizes(plate: &mut Plate, recorded: &mut Filled) {
 }
 
 /// Rows of a recording at which spool and servomotor are known.
-fn rows(recording: &Recording) -> Vec<Row> {
+fn rows(recording: &Recording) -> Vec<PositionRow> {
     let mut frames = recording.frames.clone();
     join_spool(&mut frames);
-    let row = |frame: &crate::frame::Frame| Row {
+    let row = |frame: &crate::frame::Frame| PositionRow {
         time_s: seconds_from_nanos(frame.time_ns - recording.frames[0].time_ns),
         spool_pu: frame.measured.spool_position_pu,
         servomotor_pu: frame.measured.servomotor_position_pu,
@@ -182,14 +182,14 @@ fn rows(recording: &Recording) -> Vec<Row> {
 }
 
 /// How far the spool goes towards one side, pu.
-fn farthest(runs: &[Vec<Row>], sign: f64) -> f64 {
+fn farthest(runs: &[Vec<PositionRow>], sign: f64) -> f64 {
     runs.iter().flatten().map(|row| sign * row.spool_pu).fold(0.0, f64::max)
 }
 
 /// Speed of the servomotor over the spool beyond its overlap, 1/s, where the spool is well open towards one side.
-fn speed_gain(runs: &[Vec<Row>], sign: f64, farthest_pu: f64) -> Option<f64> {
+fn speed_gain(runs: &[Vec<PositionRow>], sign: f64, farthest_pu: f64) -> Option<f64> {
     let least_pu = (FAST * farthest_pu).max(3.0 * OVERLAP_PU);
-    let fast = |row: &Row| {
+    let fast = |row: &PositionRow| {
         sign * row.spool_pu >= least_pu && (AWAY_FROM_ENDS_PU.0..=AWAY_FROM_ENDS_PU.1).contains(&row.servomotor_pu)
     };
     let mut gains = vec![];
@@ -209,9 +209,9 @@ fn speed_gain(runs: &[Vec<Row>], sign: f64, farthest_pu: f64) -> Option<f64> {
 }
 
 /// Where the stop towards one side is, pu, with its tolerance and how it is known.
-fn stop(runs: &[Vec<Row>], sign: f64, farthest_pu: f64) -> (f64, f64, &'static str) {
-    let at = |row: &Row| sign * row.spool_pu >= (1.0 - AT_FARTHEST) * farthest_pu;
-    let near: Vec<&[Row]> =
+fn stop(runs: &[Vec<PositionRow>], sign: f64, farthest_pu: f64) -> (f64, f64, &'static str) {
+    let at = |row: &PositionRow| sign * row.spool_pu >= (1.0 - AT_FARTHEST) * farthest_pu;
+    let near: Vec<&[PositionRow]> =
         runs.iter().flat_map(|run| run.chunk_by(|a, b| at(a) && at(b))).filter(|run| at(&run[0])).collect();
     let held_s: f64 = near.iter().map(|run| run[run.len() - 1].time_s - run[0].time_s).sum();
     let deviations: Vec<f64> = near.iter().copied().flatten().map(|row| row.deviation_pu.abs()).collect();
@@ -228,7 +228,7 @@ fn stop(runs: &[Vec<Row>], sign: f64, farthest_pu: f64) -> (f64, f64, &'static s
 }
 
 /// Gain of the position loop, and its tolerance: the spool beyond the jump over its overlap, over the deviation from the command.
-fn position_gain(runs: &[Vec<Row>], farthest: [f64; 2]) -> Option<(f64, f64)> {
+fn position_gain(runs: &[Vec<PositionRow>], farthest: [f64; 2]) -> Option<(f64, f64)> {
     let (mut standing, mut moving) = (vec![], vec![]);
     for run in runs {
         for (k, row) in run.iter().enumerate() {
@@ -243,7 +243,7 @@ fn position_gain(runs: &[Vec<Row>], farthest: [f64; 2]) -> Option<(f64, f64)> {
             }
             let before = run[..k].iter().rev().find(|other| row.time_s - other.time_s >= 0.99 * OVER_S);
             let behind = run[k..].iter().find(|other| other.time_s - row.time_s >= 0.99 * OVER_S);
-            let stands = |other: &Row| (other.spool_pu - row.spool_pu).abs() <= STANDS * spool_pu;
+            let stands = |other: &PositionRow| (other.spool_pu - row.spool_pu).abs() <= STANDS * spool_pu;
             let both = before.zip(behind).is_some_and(|(before, behind)| stands(before) && stands(behind));
             if both { standing.push(gain) } else { moving.push(gain) }
         }

@@ -1,6 +1,6 @@
 //! The four answers at the head of a diagnosis, in this order: what the cause is, how sure, how far it explains the error, what to do next.
 
-use crate::diagnosis::result::{Diagnosis, Fitted, Verdict};
+use crate::diagnosis::result::{Diagnosis, Fitted, JudgedBy, Verdict};
 use crate::effects::Stage;
 use crate::report::diagnosis::stage::fitted_stage;
 use crate::report::diagnosis::words::{
@@ -249,6 +249,7 @@ fn sureness(diagnosis: &Diagnosis) -> Vec<String> {
     let mut first = format!("{}.", parts.join("; "));
     let claimed = claimed.filter(|_| !diagnosis.ranking.is_empty());
     let rate = claimed.and_then(|claimed| match diagnosis.part {
+        None if diagnosis.judged_by == JudgedBy::AssumedSheet => claims::by_assumed_sheet(claimed),
         None => claims::like(claimed),
         Some(_) => claims::on_stages(claimed),
     });

@@ -11,6 +11,12 @@ pub fn like(claimed: f64) -> Option<String> {
     hit_rate(&CHAIN.shipped().provenance, "units", claimed)
 }
 
+/// The same where the sheet was made of the recordings: too few such claims were counted for a share of their own.
+pub fn by_assumed_sheet(claimed: f64) -> Option<String> {
+    like(claimed)
+        .map(|said| format!("{said} Those units had a data sheet; with an assumed one fewer claims are right."))
+}
+
 /// The same of servomotor stages alone.
 pub fn on_stages(claimed: f64) -> Option<String> {
     hit_rate(&STAGE_ALONE.shipped().provenance, "servomotor stages", claimed)

@@ -44,7 +44,7 @@ pub fn summary(diagnosis: &Diagnosis, width: usize) -> String {
         line("free runs", words);
     }
     for (i, words) in sheet::sentences(diagnosis).into_iter().enumerate() {
-        line(if i == 0 { diagnosis.judged_by.sheet_title() } else { "" }, words);
+        line(if i == 0 { "sheet" } else { "" }, words);
     }
     for (name, words) in next_test::lines(diagnosis) {
         line(name, words);

@@ -277,6 +277,7 @@ fn a_sound_unit_is_told_what_recalibration_found_and_no_place() {
     assert!(summary(&diagnosis, usize::MAX).starts_with("No fault found, and the data sheet holds"));
     diagnosis.judged_by = JudgedBy::AssumedSheet;
     assert!(summary(&diagnosis, usize::MAX).starts_with("No fault found, and the assumed sheet holds"));
+    assert!(summary(&diagnosis, usize::MAX).contains("with an assumed one fewer claims are right"));
     assert!(html_of(&diagnosis, &Provenance::default()).contains("Assumed sheet: made of the recordings"));
 }
 
