@@ -42,7 +42,7 @@ fn other(seed: u64) -> Unit {
 fn made_of(recordings: &[Recording]) -> (Unit, Plate, Filled) {
     let reference = params::reference();
     let mut plate = Plate::default();
-    let recorded = fill(&mut plate, recordings, &reference.sensors).unwrap();
+    let recorded = fill(&mut plate, recordings, &reference).unwrap();
     let derived = derive(&plate, &reference).unwrap_or_else(|problems| panic!("{problems:?}"));
     (derived.unit, plate, recorded)
 }
@@ -76,13 +76,26 @@ fn what_the_plate_says_is_kept() {
         let (key, given) = params::plate_value(text).unwrap();
         plate.values.insert(key, given);
     }
-    let recorded = fill(&mut plate, &recordings, &params::reference().sensors).unwrap();
+    let recorded = fill(&mut plate, &recordings, &params::reference()).unwrap();
     assert_eq!(plate.get("position_gain"), Some(25.0));
     assert_eq!(plate.get("servomotor_volume"), Some(0.06));
     // Stops are shares of the spool's stroke.
     let stop_m = plate.get("spool_closing_stop").unwrap();
     assert!((stop_m / (0.02 * 11.0 / 15.0) - 1.0).abs() < 0.08, "{stop_m}");
     assert!(recorded.assumed.is_empty(), "{:?}", recorded.assumed);
+}
+
+#[test]
+fn a_stop_on_the_plate_says_how_long_the_spools_stroke_is() {
+    let recordings = recordings(&other(5), 5, 100.0);
+    let mut plate = Plate::default();
+    let (key, given) = params::plate_value("spool_closing_stop=20 mm").unwrap();
+    plate.values.insert(key, given);
+    fill(&mut plate, &recordings, &params::reference()).unwrap();
+    let (_, without, _) = made_of(&recordings);
+    let shown = without.get("spool_opening_stop").unwrap() / 0.015;
+    let stop_m = plate.get("spool_opening_stop").unwrap();
+    assert!((stop_m / 0.02 - shown).abs() < 1e-9, "{stop_m} m for {shown} of the stroke");
 }
 
 #[test]
@@ -96,7 +109,7 @@ fn a_spool_that_stands_with_its_deviation_is_at_no_stop() {
         frame.inputs.opening_command_pu = 0.1 + 0.01 * time_s + 0.007;
     }
     let mut plate = Plate::default();
-    fill(&mut plate, &[recording], &params::reference().sensors).unwrap();
+    fill(&mut plate, &[recording], &params::reference()).unwrap();
     let opening = &plate.values["spool_opening_stop"];
     assert!((opening.value - 1.25 * 0.2 * 0.015).abs() < 1e-9, "{opening:?}");
     assert!(opening.text.contains("nothing shows the stop") && opening.tolerance_share > Some(0.1), "{opening:?}");
@@ -109,7 +122,7 @@ fn what_cannot_make_a_unit_is_refused_by_its_reason() {
     let refused = |change: &dyn Fn(&mut Frame)| {
         let mut changed = recordings.clone();
         changed.iter_mut().flat_map(|recording| &mut recording.frames).for_each(change);
-        fill(&mut Plate::default(), &changed, &params::reference().sensors).unwrap_err()
+        fill(&mut Plate::default(), &changed, &params::reference()).unwrap_err()
     };
     assert_eq!(refused(&|frame| frame.inputs.tank_pressure_pa = f64::NAN), NotEnough::TankPressure);
     assert_eq!(refused(&|frame| frame.inputs.opening_command_pu = f64::NAN), NotEnough::Command);

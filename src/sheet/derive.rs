@@ -5,9 +5,14 @@ mod valve;
 
 use std::collections::BTreeMap;
 
+pub(super) use size::{STROKES_PER_OVERLAP, spool_stroke_m};
+
 use super::Plate;
 use super::ports::time_s;
 use crate::parameters::{ENTRIES, Parameters, Tolerance, Unit};
+
+/// What says how large a servomotor is, as keys of a plate: one of them is needed.
+pub(super) const SIZED_BY: [&str; 3] = ["servomotor_volume", "opening_area", "piston_diameter"];
 
 /// A value's source, and whether plate or manual gave it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -134,7 +139,7 @@ fn missing(plate: &Plate) -> Result<(), Vec<String>> {
             "tank_pressure is missing: expected the nominal oil pressure, such as `tank_pressure: 63 bar`".to_owned(),
         );
     }
-    if !["servomotor_volume", "opening_area", "piston_diameter"].iter().any(|key| has(key)) {
+    if !SIZED_BY.iter().any(|key| has(key)) {
         found.push(
             "the servomotor's size is missing: expected one of servomotor_volume (120 L), opening_area (0.2 m2), piston_diameter (505 mm)"
                 .to_owned(),

@@ -4,20 +4,18 @@
 //! is cannot: positions are shares of strokes. [`fill`] then takes a servomotor of the reference unit's size, so that sizes of effects are those of
 //! such a unit. What a plate says already is left as it is.
 
+use super::derive::{SIZED_BY, STROKES_PER_OVERLAP, spool_stroke_m};
 use super::{GivenValue, Plate};
-use crate::frame::EsvState;
+use crate::frame::{EsvState, Frame};
 use crate::likelihood::prepared::join_spool;
 use crate::metrics::{median, noise_of_bends};
-use crate::parameters::{Sensor, Sensors};
+use crate::parameters::{Sensor, Sensors, Unit};
 use crate::recording::Recording;
 use crate::signal::Signal;
 use crate::units::seconds_from_nanos;
 
-/// Stroke and volume of a servomotor whose size nobody knows, m and m³, and the spool's stroke, m: the reference unit's.
-const SERVOMOTOR: (f64, f64) = (0.6, 0.12);
-const SPOOL_STROKE_M: f64 = 0.015;
-/// Overlap of the main ports over the spool's stroke where it is not given, as [`super::derive()`] has it.
-const OVERLAP_PU: f64 = 1.0 / 75.0;
+/// Overlap of the main ports over the spool's stroke, as it is where a plate does not give it.
+const OVERLAP_PU: f64 = 1.0 / STROKES_PER_OVERLAP;
 /// Speeds are taken where the spool is at least so far towards its farthest position, and the servomotor is away from cushion and ends, pu.
 const FAST: f64 = 0.4;
 const AWAY_FROM_ENDS_PU: (f64, f64) = (0.08, 0.92);
@@ -87,11 +85,11 @@ struct PositionRow {
     esv: EsvState,
 }
 
-/// Puts onto a plate what recordings say of the unit and the plate does not.
+/// Puts onto a plate what recordings say of the unit and the plate does not; what neither says of sizes is the reference unit's.
 ///
 /// # Errors
 /// Where the recordings do not hold command, tank pressure, spool and servomotor in pu, or show no movement.
-pub fn fill(plate: &mut Plate, recordings: &[Recording], reference: &Sensors) -> Result<Filled, NotEnough> {
+pub fn fill(plate: &mut Plate, recordings: &[Recording], reference: &Unit) -> Result<Filled, NotEnough> {
     let inputs = || recordings.iter().flat_map(|recording| &recording.frames).map(|frame| frame.inputs);
     let pressures_pa: Vec<f64> = inputs().map(|inputs| inputs.tank_pressure_pa).filter(|pa| pa.is_finite()).collect();
     if pressures_pa.is_empty() && plate.get("tank_pressure").is_none() {
@@ -104,12 +102,12 @@ pub fn fill(plate: &mut Plate, recordings: &[Recording], reference: &Sensors) ->
     if runs.is_empty() {
         return Err(NotEnough::Positions);
     }
-    let mut recorded = Filled { sensors: sensors(recordings, reference), assumed: vec![] };
+    let mut recorded = Filled { sensors: sensors(recordings, &reference.sensors), assumed: vec![] };
     if !pressures_pa.is_empty() {
         let pressure_pa = median(pressures_pa);
         put(plate, "tank_pressure", pressure_pa, 0.01, format!("{:.3} MPa, median", 1e-6 * pressure_pa));
     }
-    sizes(plate, &mut recorded);
+    let spool_stroke_m = sizes(plate, reference, &mut recorded);
     let farthest = [1.0, -1.0].map(|sign| farthest(&runs, sign));
     let gains = [1.0, -1.0].map(|sign| speed_gain(&runs, sign, farthest[usize::from(sign < 0.0)]));
     if gains == [None, None] {
@@ -118,7 +116,6 @@ pub fn fill(plate: &mut Plate, recordings: &[Recording], reference: &Sensors) ->
     if gains.iter().flatten().any(|gain| *gain <= 0.0) {
         return Err(NotEnough::Turned);
     }
-    let spool_stroke_m = plate.get("spool_stroke").unwrap_or(SPOOL_STROKE_M);
     for (k, [stop_key, time_key]) in
         [["spool_opening_stop", "opening_time"], ["spool_closing_stop", "closing_time"]].into_iter().enumerate()
     {
@@ -151,27 +148,31 @@ fn put(plate: &mut Plate, key: &'static str, value: f64, tolerance: f64, text: S
     plate.values.entry(key).or_insert_with(given);
 }
 
-/// Sizes that no position shows.
-fn sizes(plate: &mut Plate, recorded: &mut Filled) {
+/// Sizes that no position shows; hands out the travel of the spool that counts as 1 pu, m.
+fn sizes(plate: &mut Plate, reference: &Unit, recorded: &mut Filled) -> f64 {
     let assumed = "nobody knows; the reference unit's".to_owned();
-    if !["servomotor_volume", "opening_area", "piston_diameter"].iter().any(|key| plate.values.contains_key(key)) {
-        put(plate, "servomotor_stroke", SERVOMOTOR.0, 0.0, assumed.clone());
-        put(plate, "servomotor_volume", SERVOMOTOR.1, 0.0, assumed.clone());
+    if !SIZED_BY.iter().any(|key| plate.values.contains_key(key)) {
+        let servomotor = &reference.parameters.servomotor;
+        let volume_m3 = servomotor.opening_area_m2 * servomotor.stroke_m;
+        put(plate, "servomotor_stroke", servomotor.stroke_m, 0.0, assumed.clone());
+        put(plate, "servomotor_volume", volume_m3, 0.0, assumed.clone());
         recorded.assumed.push(format!(
             "no recording shows the servomotor's size: sizes of effects are those of a servomotor of {:.0} L, and carry over as ratios",
-            1e3 * SERVOMOTOR.1
+            1e3 * volume_m3
         ));
     }
-    if !["spool_stroke", "spool_opening_stop", "spool_closing_stop"].iter().any(|key| plate.values.contains_key(key)) {
-        put(plate, "spool_stroke", SPOOL_STROKE_M, 0.0, assumed);
-    }
+    spool_stroke_m(plate).unwrap_or_else(|| {
+        let stroke_m = reference.parameters.distributing_valve.reference_stroke_m;
+        put(plate, "spool_stroke", stroke_m, 0.0, assumed);
+        stroke_m
+    })
 }
 
 /// Rows of a recording at which spool and servomotor are known.
 fn rows(recording: &Recording) -> Vec<PositionRow> {
     let mut frames = recording.frames.clone();
     join_spool(&mut frames);
-    let row = |frame: &crate::frame::Frame| PositionRow {
+    let row = |frame: &Frame| PositionRow {
         time_s: seconds_from_nanos(frame.time_ns - recording.frames[0].time_ns),
         spool_pu: frame.measured.spool_position_pu,
         servomotor_pu: frame.measured.servomotor_position_pu,

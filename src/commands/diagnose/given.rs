@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use anyhow::Context;
 use govtwin::bag::Topics;
 use govtwin::diagnosis::result::JudgedBy;
 use govtwin::parameters::Unit;
@@ -76,7 +75,7 @@ pub fn read(args: &UnitArgs, paths: &[PathBuf], topics: &Topics, sheet: &Unit) -
     if !args.no_sheet {
         return Ok(Given { recordings, unit, by: By::Reference });
     }
-    match made_of(&recordings.recordings, &unit)? {
+    match made_of(&recordings.recordings, &unit) {
         Ok((unit, text, note)) => Ok(Given { recordings, unit, by: By::Recordings { text, note } }),
         Err(reason) => {
             let (recordings, _) = bags::read_without_sheet(paths, topics, &unit, true)?;
@@ -87,25 +86,16 @@ pub fn read(args: &UnitArgs, paths: &[PathBuf], topics: &Topics, sheet: &Unit) -
 }
 
 /// A unit made of recordings, the text of its sheet and a sentence on it; or why there is none.
-fn made_of(recordings: &[Recording], reference: &Unit) -> anyhow::Result<Result<(Unit, String, String), String>> {
+fn made_of(recordings: &[Recording], reference: &Unit) -> Result<(Unit, String, String), String> {
     let mut plate = Plate { name: "unit made of its recordings".to_owned(), ..Plate::default() };
-    let recorded = match fill(&mut plate, recordings, &reference.sensors) {
-        Ok(recorded) => recorded,
-        Err(reason) => return Ok(Err(reason.to_string())),
-    };
-    let derived = match derive(&plate, reference) {
-        Ok(derived) => sheet::with_recorded(derived, Some(recorded)),
-        Err(problems) => return Ok(Err(problems.join("; "))),
-    };
-    let conflicts = params::conflicts(&derived.unit.parameters).map(|conflict| conflict.to_string());
-    let conflicts: Vec<String> = conflicts.collect();
-    if !conflicts.is_empty() {
-        return Ok(Err(format!("the recordings make a unit that cannot be: {}", conflicts.join("; "))));
-    }
-    let whole = sheet::whole(&plate, &derived, None);
-    let text = params::whole_text(ASSUMED.as_ref(), &derived.unit, &whole).context("the sheet of the recordings")?;
+    let recorded = fill(&mut plate, recordings, reference).map_err(|reason| reason.to_string())?;
+    let derived = derive(&plate, reference).map_err(|problems| problems.join("; "))?;
+    let derived = sheet::with_recorded(derived, Some(recorded));
+    // Reads back what it writes, and refuses a unit that cannot be.
+    let text = params::whole_text(ASSUMED.as_ref(), &derived.unit, &sheet::whole(&plate, &derived, None));
+    let text = text.map_err(|error| error.to_string())?;
     let note = note(&plate, &derived);
-    Ok(Ok((derived.unit, text, note)))
+    Ok((derived.unit, text, note))
 }
 
 /// What was read off the recordings, and what was assumed.

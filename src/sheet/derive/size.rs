@@ -1,10 +1,19 @@
 //! The size of a valve by the times of its servomotor: port width, stops, overlap.
 
 use super::{Making, relative};
+use crate::sheet::Plate;
 use crate::sheet::ports::area_m2;
 
 /// Opening and closing times where none is given, s: usual ones.
 pub(super) const USUAL_TIMES_S: [f64; 2] = [10.0, 8.0];
+
+/// The spool's stroke over the overlap of its edges, where the overlap is not given: fitted edges have 50 to 150.
+pub const STROKES_PER_OVERLAP: f64 = 75.0;
+
+/// Travel of the spool that counts as 1 pu, m, as far as a plate says it: its own value, else that of a stop.
+pub fn spool_stroke_m(plate: &Plate) -> Option<f64> {
+    ["spool_stroke", "spool_closing_stop", "spool_opening_stop"].into_iter().find_map(|key| plate.get(key))
+}
 
 impl Making<'_> {
     /// Ports and stops by the times; the ratio of lengths to the reference unit's valve.
@@ -39,7 +48,7 @@ impl Making<'_> {
         let size = (area[1] / shipped_m2).sqrt().clamp(0.05, 20.0);
         let given = |item: &str| self.plate.get(item);
         let strokes = [given("spool_opening_stop"), given("spool_closing_stop")];
-        let stroke_m = given("spool_stroke").or(strokes[1]).or(strokes[0]).unwrap_or(0.015 * size);
+        let stroke_m = spool_stroke_m(self.plate).unwrap_or(0.015 * size);
         if !self.taken("distributing_valve.reference_stroke_m", "spool_stroke", 0.0) {
             let source = if strokes.iter().any(Option::is_some) {
                 "the stop that is given"
@@ -51,7 +60,7 @@ impl Making<'_> {
         if !self.taken("main_ports.overlap_m", "port_overlap", 0.1) {
             self.by(
                 "main_ports.overlap_m",
-                stroke_m / 75.0,
+                stroke_m / STROKES_PER_OVERLAP,
                 0.4,
                 "1/75 of the spool's stroke; fitted edges have 1/150 to 1/50",
             );
