@@ -60,6 +60,15 @@ fn unit(dir: &Path, name: &str, report: &str) {
     }
 }
 
+/// A folder with the report of one unit, and its labels: nothing is in it.
+fn one_sound_unit() -> (tempfile::TempDir, PathBuf) {
+    let dir = tempfile::tempdir().unwrap();
+    unit(dir.path(), "case_1", &report("no_gap", &[]));
+    let labels = dir.path().join("labels.yaml");
+    fs::write(&labels, "case_1: {effects: []}\n").unwrap();
+    (dir, labels)
+}
+
 /// Runs the command: its exit code and what it says.
 fn blind(args: &[&str]) -> (Option<i32>, String) {
     let out = Command::new(env!("CARGO_BIN_EXE_govtwin")).arg("blind").args(args).output().unwrap();
@@ -259,10 +268,7 @@ fn what_is_not_scored_is_told() {
 
 #[test]
 fn a_report_counts_only_for_its_own_recordings_and_sheet() {
-    let dir = tempfile::tempdir().unwrap();
-    unit(dir.path(), "case_1", &report("no_gap", &[]));
-    let labels = dir.path().join("labels.yaml");
-    fs::write(&labels, "case_1: {effects: []}\n").unwrap();
+    let (dir, labels) = one_sound_unit();
     let run =
         |more: &[&str]| blind(&[&[dir.path().to_str().unwrap(), "--labels", labels.to_str().unwrap()], more].concat());
     assert_eq!(run(&[]).0, Some(0));
@@ -288,10 +294,7 @@ fn a_report_counts_only_for_its_own_recordings_and_sheet() {
 
 #[test]
 fn without_a_sheet_only_reports_made_without_one_count() {
-    let dir = tempfile::tempdir().unwrap();
-    unit(dir.path(), "case_1", &report("no_gap", &[]));
-    let labels = dir.path().join("labels.yaml");
-    fs::write(&labels, "case_1: {effects: []}\n").unwrap();
+    let (dir, labels) = one_sound_unit();
     let run =
         |more: &[&str]| blind(&[&[dir.path().to_str().unwrap(), "--labels", labels.to_str().unwrap()], more].concat());
     let (code, words) = run(&["--no-sheet"]);
