@@ -11,7 +11,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use govtwin::{
-    DiagnosisSettings, Interpolation, Provenance, ReadOptions, Recording, Stream, diagnose, diagnosis_json,
+    DiagnosisReport, DiagnosisSettings, Interpolation, Provenance, ReadOptions, Recording, Stream, diagnose,
     diagnosis_page, diagnosis_text, read_bag, reference_unit,
 };
 
@@ -42,7 +42,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     fs::create_dir_all(&out)?;
     let made = Provenance { unit: out.display().to_string(), ..Provenance::default() };
     fs::write(out.join("report.html"), diagnosis_page(&diagnosis, &made)?.to_html())?;
-    fs::write(out.join("report.json"), serde_json::to_string_pretty(&diagnosis_json(&diagnosis, f64::NAN))?)?;
+    fs::write(out.join("report.json"), serde_json::to_string_pretty(&DiagnosisReport::of(&diagnosis, f64::NAN))?)?;
     println!("report: {}", out.join("report.html").display());
     Ok(())
 }

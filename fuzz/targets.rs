@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use govtwin::bag::{self, ReadOptions, Rows, cdr};
-use govtwin::benchmark::report_verdict::ReportVerdict;
+use govtwin::diagnosis::result::schema::DiagnosisReport;
 use govtwin::digest::sha256;
 use govtwin::effects::own::expression::Expression;
 use govtwin::effects::own::names;
@@ -216,9 +216,11 @@ pub fn model(bytes: &[u8]) {
 /// Any text as a report of a diagnosis.
 pub fn report(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
-    if let Ok(said) = ReportVerdict::read(text) {
-        assert!(said.verdict().is_some());
-        let _ = said.to_json();
+    if let Ok(report) = DiagnosisReport::read(text) {
+        let json = report.json();
+        let again = DiagnosisReport::of_json(&json).unwrap();
+        assert_eq!(again.json(), json);
+        let (_, _, _) = (report.word(), report.leaves(), report.explained_fraction());
     }
 }
 

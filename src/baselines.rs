@@ -10,8 +10,8 @@ pub(crate) mod least_squares;
 pub(crate) mod sparse;
 
 use crate::baselines::ground::Ground;
-use crate::benchmark::report_verdict::{Blamed, Location, Rank, ReportVerdict, ReportedSize};
-use crate::diagnosis::result::Verdict;
+use crate::diagnosis::result::schema::DiagnosisReport;
+use crate::diagnosis::result::{Blame, Fitted, Interval, Ranked, Verdict};
 use crate::effects::EffectSpec;
 use crate::parameters::Unit;
 use crate::units::NORMAL_90;
@@ -24,7 +24,7 @@ pub struct Baseline {
     /// What it does.
     pub name: &'static str,
     /// Its rule.
-    pub judge: fn(&Ground) -> ReportVerdict,
+    pub judge: fn(&Ground) -> DiagnosisReport,
 }
 
 /// All baselines.
@@ -47,40 +47,45 @@ struct EffectFound {
 }
 
 /// A verdict on a unit: probabilities in proportion to `exp(evidence)`, with nothing at evidence 0.
-fn report(found: &[EffectFound], unit: &Unit) -> ReportVerdict {
+fn report(found: &[EffectFound], unit: &Unit) -> DiagnosisReport {
     let highest = found.iter().map(|one| one.evidence).fold(0.0, f64::max);
     let weight = |evidence: f64| (evidence - highest).exp();
     let sum: f64 = weight(0.0) + found.iter().map(|one| weight(one.evidence)).sum::<f64>();
-    let rank = |id: &str, evidence: f64| Rank { id: id.to_owned(), probability: Some(weight(evidence) / sum) };
-    let mut ranking: Vec<Rank> = found.iter().map(|one| rank(one.spec.id, one.evidence)).collect();
+    let rank = |id: &str, evidence: f64| Ranked { id: id.to_owned(), probability: weight(evidence) / sum };
+    let mut ranking: Vec<Ranked> = found.iter().map(|one| rank(one.spec.id, one.evidence)).collect();
     ranking.push(rank("none", 0.0));
-    ranking.sort_by(|a, b| b.probability.unwrap_or(0.0).total_cmp(&a.probability.unwrap_or(0.0)));
+    ranking.sort_by(|a, b| b.probability.total_cmp(&a.probability));
     let mut blamed: Vec<&EffectFound> = found.iter().filter(|one| one.blamed).collect();
     blamed.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
-    let verdict = if blamed.is_empty() { Verdict::NoGap } else { Verdict::Named };
-    ReportVerdict {
-        verdict: verdict.id().to_owned(),
-        location: Location { stage: blamed.first().map(|one| one.spec.stage.id().to_owned()) },
-        effects: blamed.iter().map(|one| blame(one, unit)).collect(),
-        ranking,
-        ..ReportVerdict::default()
-    }
+    let mut report = DiagnosisReport::of_verdict(if blamed.is_empty() { Verdict::NoGap } else { Verdict::Named });
+    report.location.stage = blamed.first().map(|one| one.spec.stage);
+    report.effects = blamed.iter().map(|one| blame(one, weight(one.evidence) / sum, unit)).collect();
+    report.ranking = ranking;
+    report
 }
 
-fn blame(found: &EffectFound, unit: &Unit) -> Blamed {
+fn blame(found: &EffectFound, probability: f64, unit: &Unit) -> Blame {
     let first = found.spec.parameters.first().map(|parameter| parameter.on(&unit.parameters));
     let size = first.zip(found.size).map(|(parameter, (position, deviation))| {
         let at = |position: f64| parameter.neutral + (parameter.typical - parameter.neutral) * position;
         let (a, b) = (at(position - NORMAL_90 * deviation), at(position + NORMAL_90 * deviation));
-        ReportedSize { value: Some(at(position)), ci90: Some([Some(a.min(b)), Some(a.max(b))]) }
+        Fitted {
+            name: parameter.name.to_owned(),
+            unit: parameter.unit,
+            value: Interval { value: at(position), low: a.min(b), high: a.max(b) },
+            sheet: parameter.neutral,
+            position,
+            information: f64::NAN,
+            at_bound: false,
+        }
     });
-    Blamed { id: found.spec.id.to_owned(), parameters: size.into_iter().collect() }
+    Blame { parameters: size.into_iter().collect(), ..Blame::unsized_effect(found.spec, probability) }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::find;
+    use crate::effects::{Stage, find};
 
     #[test]
     fn evidence_becomes_probabilities_and_a_verdict() {
@@ -92,11 +97,11 @@ mod tests {
             blamed,
         };
         let verdict = report(&[found("backlash", 2.0_f64.ln(), true), found("pv_bandwidth", 0.0, false)], &unit);
-        assert!(verdict.word() == "backlash" && verdict.location.stage.as_deref() == Some("servomotor"));
+        assert!(verdict.word() == "backlash" && verdict.location.stage == Some(Stage::Servomotor));
         assert!((verdict.probability("backlash") - 0.5).abs() < 1e-12);
         assert!((verdict.probability("none") - 0.25).abs() < 1e-12);
-        let [low, high] = verdict.effects[0].parameters[0].ci90.unwrap();
-        assert!(low.unwrap() < 4.0e-3 && high.unwrap() > 4.0e-3);
+        let Interval { low, high, .. } = verdict.effects[0].parameters[0].value;
+        assert!(low < 4.0e-3 && high > 4.0e-3);
         assert_eq!(report(&[found("backlash", -1.0, false)], &unit).word(), "none");
     }
 }

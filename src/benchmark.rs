@@ -1,14 +1,14 @@
 //! The benchmark: verdicts of diagnoses against what is truly in the units.
 //!
-//! The scorer is the only one that sees labels ([`crate::battery::Label`]); what it judges is [`report_verdict::ReportVerdict`], read back from
+//! The scorer is the only one that sees labels ([`crate::battery::Label`]); what it judges is [`scored_report::ReportVerdict`], read back from
 //! reports, so that a diagnosis made elsewhere or long ago is scored alike.
 
 pub mod isolability;
 pub mod learn;
 pub mod page;
 pub mod rejudge;
-pub mod report_verdict;
 pub mod score;
 pub mod scored;
+pub mod scored_report;
 pub mod statistics;
 pub mod validation;

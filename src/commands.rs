@@ -36,7 +36,6 @@ pub mod report;
 pub mod report_file;
 #[cfg(feature = "node")]
 pub mod run;
-pub mod scored_report;
 pub mod sheet;
 #[cfg(feature = "residual")]
 pub mod train;

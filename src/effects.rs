@@ -47,6 +47,7 @@ pub use crate::effects::scaling::Scaling;
 use crate::effects::scaling::UnitSize;
 use crate::parameters::{Parameters, Unit};
 use crate::plant::Plant;
+use crate::stored::held_by_id;
 
 /// The stage of the chain in which an effect sits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -93,6 +94,8 @@ impl Stage {
         }
     }
 }
+
+held_by_id!(Stage, "a stage of the chain");
 
 /// One parameter of an effect.
 #[derive(Clone, Copy, Debug, PartialEq)]

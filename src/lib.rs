@@ -79,6 +79,7 @@ pub mod recording;
 pub mod signal;
 #[doc(hidden)]
 pub mod state;
+pub(crate) mod stored;
 #[doc(hidden)]
 pub mod units;
 
@@ -197,7 +198,7 @@ pub use solver::Method;
 pub use twin::{Cut, Twin};
 
 // Why a unit differs from its twin.
-pub use diagnosis::result::schema::report as diagnosis_json;
+pub use diagnosis::result::schema::DiagnosisReport;
 pub use diagnosis::result::{Blame, Diagnosis, Experiment, Fitted, Interval, JudgedBy, Ranked, SignalGap, Verdict};
 pub use diagnosis::{DiagnosisError, DiagnosisSettings, diagnose};
 pub use provenance::Provenance;

@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 
 use crate::frame::{EsvState, Frame};
+use crate::stored::held_by_id;
 use crate::units::seconds_from_nanos;
 
 /// The four dynamic processes of a governor (Liu et al. 2025, section 4.2); there are no others.
@@ -58,6 +59,8 @@ impl Process {
         watch.process()
     }
 }
+
+held_by_id!(Process, "a process");
 
 /// Recognises a process row by row.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -2,6 +2,7 @@
 
 use crate::frame::{Estimate, Signals};
 use crate::parameters::{Sensor, Sensors};
+use crate::stored::held_by_id;
 
 /// One of the signals that a recording may hold and a twin simulates.
 ///
@@ -104,6 +105,8 @@ impl Signal {
         }
     }
 }
+
+held_by_id!(Signal, "a measured signal");
 
 /// The least and the greatest value so far, with one more; what is not finite is none.
 #[must_use]

@@ -86,7 +86,7 @@ fn govtwin(folder: &Path, arguments: &[&str]) -> Run {
 fn diagnosed(folder: &Path) {
     fs::create_dir(folder).unwrap();
     let report = r#"{"schema": "govtwin-diagnosis/1", "verdict": "named", "location": {"stage": "servomotor", "probability": {"servomotor": 0.99}},
-        "effects": [{"id": "port_overlap", "stage": "servomotor", "probability": 0.99, "closure": {"value": 0.9, "ci90": [0.8, 1.0]},
+        "effects": [{"id": "port_overlap", "stage": "servomotor", "probability": 0.99, "closure": {"value": 0.9, "ci90": [0.8, 1.0]}, "closure_last_in": null, "closure_shapley": null,
         "parameters": [{"name": "extra_overlap_m", "value": 3e-4, "ci90": [2.8e-4, 3.2e-4], "unit": "m"}]}], "gap": {"closure": {"value": 0.9, "ci90": [0.8, 1.0]}}}"#;
     fs::write(folder.join("report.json"), report).unwrap();
     fs::write(folder.join("fitted.yaml"), "effects:\n  port_overlap: {extra_overlap_m: 3.0e-4}\n").unwrap();

@@ -23,7 +23,12 @@ use serde_json::Value;
 fn report(verdict: &str, blamed: &[(&str, f64)]) -> String {
     let effects: Vec<String> = blamed
         .iter()
-        .map(|(id, _)| format!(r#"{{"id": "{id}", "parameters": [{{"value": 1.0, "ci90": [0.9, 1.2]}}]}}"#))
+        .map(|(id, p)| {
+            format!(
+                r#"{{"id": "{id}", "stage": "servomotor", "probability": {p}, "closure": {{"value": null, "ci90": [null, null]}},
+                    "parameters": [{{"name": "size", "unit": "1", "value": 1.0, "ci90": [0.9, 1.2]}}]}}"#
+            )
+        })
         .collect();
     let ranking: Vec<String> =
         blamed.iter().map(|(id, p)| format!(r#"{{"id": "{id}", "probability": {p}}}"#)).collect();

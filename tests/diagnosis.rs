@@ -2,7 +2,7 @@
 
 use govtwin::diagnosis::hypotheses::explore;
 use govtwin::diagnosis::model::FittedModel;
-use govtwin::diagnosis::result::schema::report;
+use govtwin::diagnosis::result::schema::DiagnosisReport;
 use govtwin::diagnosis::result::{Diagnosis, Verdict};
 use govtwin::diagnosis::{DiagnosisError, DiagnosisSettings, diagnose};
 use govtwin::effects::find;
@@ -65,7 +65,7 @@ fn a_planted_bias_is_named_with_its_size_and_closes_the_gap() {
     };
     let (apart, all) = (square(|free, named| free - named), square(|free, _| free));
     assert!(all > 0.0 && apart < 0.1 * all, "{apart} of {all}");
-    let json = report(&said, 1.0);
+    let json = DiagnosisReport::of(&said, 1.0).json();
     assert_eq!(json["schema"], "govtwin-diagnosis/1");
     assert_eq!(json["effects"][0]["parameters"][0]["name"], "bias_pu");
     let rmse = json["gap"]["signals"][0]["rmse"].as_object().unwrap();
@@ -177,7 +177,8 @@ fn the_number_of_threads_changes_nothing() {
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let recordings = recordings.clone();
-        report(&pool.install(|| diagnose(recordings, &reference(), &few, &|_, _| ()).unwrap()), 0.0).to_string()
+        let said = pool.install(|| diagnose(recordings, &reference(), &few, &|_, _| ()).unwrap());
+        DiagnosisReport::of(&said, 0.0).json().to_string()
     };
     assert_eq!(run(1), run(2));
 }

@@ -163,7 +163,15 @@ fn what_is_no_report_of_a_diagnosis_is_named_for_what_it_is() {
         ),
         (
             r#"{"schema": "govtwin-diagnosis/1", "verdict": "perhaps"}"#,
-            "verdict: expected named, class, unknown, no_gap, not_excited or no_such_unit, found `perhaps`",
+            "verdict: expected a verdict (named, class, unknown, no_gap, not_excited, no_such_unit), found `perhaps`",
+        ),
+        (
+            r#"{"schema": "govtwin-diagnosis/1", "verdict": "named", "effects": [{"id": "backlash", "stage": "rotor", "probability": 0.9}]}"#,
+            "effects[0].stage: expected a stage of the chain (regulator, pilot_valve, esv, spool, servomotor, supply, sensor), found `rotor`",
+        ),
+        (
+            r#"{"schema": "govtwin-diagnosis/1", "verdict": "no_gap", "ranking": [{"id": "none", "probability": "high"}]}"#,
+            "ranking[0].probability: invalid type: string \"high\", expected f64",
         ),
         ("[]", "found JSON that states none"),
         ("{", "report.json"),

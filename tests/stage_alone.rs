@@ -10,8 +10,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use govtwin::bag;
+use govtwin::diagnosis::result::JudgedBy;
+use govtwin::diagnosis::result::schema::DiagnosisReport;
 use govtwin::diagnosis::result::{Diagnosis, Verdict};
-use govtwin::diagnosis::result::{JudgedBy, schema};
 use govtwin::diagnosis::{DiagnosisSettings, diagnose};
 use govtwin::frame::{EsvState, Frame, Inputs, Signals};
 use govtwin::import::{Import, ImportError, ImportedRow, Map, Target};
@@ -77,7 +78,7 @@ fn zero_dead_band_and_speeds_are_told_in_the_numbers_of_a_signal_about_a_half() 
     for words in ["dead band, from end to end", "rising at the farthest spool position", "lag behind the spool"] {
         assert!(text.contains(words) && page.contains(words), "{words}: {text}");
     }
-    let json = schema::report(&said, 0.0);
+    let json = DiagnosisReport::of(&said, 0.0).json();
     let figures = json["fitted_stage"].as_array().unwrap();
     assert!(figures.iter().any(|one| one["id"] == "dead_band" && one["ci90"].is_array()), "{figures:?}");
 }
@@ -168,7 +169,7 @@ fn a_follower_and_a_stranger_are_of_no_such_unit() {
     }
     let said = freely(vec![stranger]);
     assert_eq!(said.verdict, Verdict::NoSuchUnit, "{}", shown(&said));
-    assert_eq!(schema::report(&said, 0.0)["verdict"], "no_such_unit");
+    assert_eq!(DiagnosisReport::of(&said, 0.0).json()["verdict"], "no_such_unit");
     assert!(said.stage.is_none() && said.blamed.is_empty());
 }
 

@@ -12,8 +12,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use govtwin::bag;
+use govtwin::diagnosis::result::JudgedBy;
+use govtwin::diagnosis::result::schema::DiagnosisReport;
 use govtwin::diagnosis::result::{Diagnosis, Verdict};
-use govtwin::diagnosis::result::{JudgedBy, schema};
 use govtwin::diagnosis::{DiagnosisSettings, diagnose};
 use govtwin::frame::{Frame, Signals};
 use govtwin::params::reference;
@@ -62,7 +63,7 @@ fn farthest(recording: &Recording, sign: f64) -> f64 {
 /// All figures stand in result, text, page and file, with intervals.
 fn all_told(said: &Diagnosis) {
     let figures = &said.part.as_ref().unwrap().figures;
-    let json = schema::report(said, 0.0);
+    let json = DiagnosisReport::of(said, 0.0).json();
     let (text, page) = (report::summary(said, 200), report::page(said, &Provenance::default()).unwrap().to_html());
     for id in FIGURES {
         let one = figures.iter().find(|one| one.id == id).unwrap_or_else(|| panic!("{id}: {}", shown(said)));

@@ -5,12 +5,12 @@
 
 use crate::baselines::ground::Ground;
 use crate::baselines::{EffectFound, report};
-use crate::benchmark::report_verdict::ReportVerdict;
+use crate::diagnosis::result::schema::DiagnosisReport;
 use crate::estimation::coordinate::square;
 
 /// The rule.
 #[must_use]
-pub fn judge(ground: &Ground) -> ReportVerdict {
+pub fn judge(ground: &Ground) -> DiagnosisReport {
     let nominal = square(&ground.fit.residuals);
     let best = ground.best_tries();
     let least = best.iter().map(|one| square(&one.residuals)).fold(nominal, f64::min);

@@ -4,14 +4,14 @@ use nalgebra::DMatrix;
 
 use crate::baselines::ground::Ground;
 use crate::baselines::{EffectFound, report};
-use crate::benchmark::report_verdict::ReportVerdict;
+use crate::diagnosis::result::schema::DiagnosisReport;
 
 /// Standard deviations from nothing at which an effect is blamed.
 const SIGNIFICANT: f64 = 3.0;
 
 /// The rule.
 #[must_use]
-pub fn judge(ground: &Ground) -> ReportVerdict {
+pub fn judge(ground: &Ground) -> DiagnosisReport {
     let tries = ground.best_tries();
     let (gram, product) = ground.projected(&tries);
     let variance = ground.variance();

@@ -4,7 +4,7 @@
 
 use crate::baselines::ground::Ground;
 use crate::baselines::{EffectFound, report};
-use crate::benchmark::report_verdict::ReportVerdict;
+use crate::diagnosis::result::schema::DiagnosisReport;
 use crate::estimation::fit::{Effort, fit};
 use crate::estimation::linear::normal;
 
@@ -13,7 +13,7 @@ const ROUNDS: usize = 3;
 
 /// The rule.
 #[must_use]
-pub fn judge(ground: &Ground) -> ReportVerdict {
+pub fn judge(ground: &Ground) -> DiagnosisReport {
     let n = ground.count();
     let criterion = |cost: f64, extra: usize| n * (cost / n).ln() + extra as f64 * n.ln();
     let nominal = criterion(ground.fit.cost(), 0);

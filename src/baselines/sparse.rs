@@ -7,14 +7,14 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::baselines::ground::Ground;
 use crate::baselines::{EffectFound, report};
-use crate::benchmark::report_verdict::ReportVerdict;
+use crate::diagnosis::result::schema::DiagnosisReport;
 
 /// Most effects at once.
 const MOST: usize = 3;
 
 /// The rule.
 #[must_use]
-pub fn judge(ground: &Ground) -> ReportVerdict {
+pub fn judge(ground: &Ground) -> DiagnosisReport {
     let tries = ground.best_tries();
     let (gram, product) = ground.projected(&tries);
     let (variance, price) = (ground.variance(), ground.count().ln());

@@ -8,13 +8,13 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::battery::Label;
-use crate::benchmark::report_verdict::ReportVerdict;
 use crate::benchmark::statistics::weight_of_sound;
 use crate::diagnosis::decision::features::score;
 use crate::diagnosis::decision::posterior::{Hypotheses, Posterior};
 use crate::diagnosis::decision::weights::{PosteriorFeature, Questions, Weights, beforehand};
 use crate::diagnosis::hypotheses::table::{EvidenceRow, EvidenceTable};
 use crate::diagnosis::result::Interval;
+use crate::diagnosis::result::schema::DiagnosisReport;
 use crate::effects::find;
 use crate::units::NORMAL_90;
 
@@ -246,14 +246,14 @@ fn best(choices: &[Answered], features: &[PosteriorFeature]) -> Vec<f64> {
 /// Spread of the relative error of sizes where a single effect was named rightly, one standard deviation: a tenth of them lie outside `NORMAL_90` of
 /// it.
 #[must_use]
-pub fn size_spread(units: &[(&Label, &ReportVerdict)]) -> f64 {
+pub fn size_spread(units: &[(&Label, &DiagnosisReport)]) -> f64 {
     let mut errors: Vec<f64> = units
         .iter()
         .filter_map(|(label, report)| {
             let ([truth], [named]) = (label.effects.as_slice(), report.effects.as_slice()) else { return None };
             let neutral = find(&truth.id)?.parameters.first()?.neutral;
-            let fitted = named.parameters.first().filter(|_| named.id == truth.id)?.value?;
-            Some(((fitted - neutral) / (truth.size - neutral) - 1.0).abs())
+            let fitted = named.parameters.first().filter(|_| named.id == truth.id)?.value.value;
+            fitted.is_finite().then(|| ((fitted - neutral) / (truth.size - neutral) - 1.0).abs())
         })
         .collect();
     errors.sort_by(f64::total_cmp);

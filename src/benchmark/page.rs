@@ -295,9 +295,9 @@ pub fn cases_table(cases: &[ScoredUnit]) -> Table {
             case.label.name.clone(),
             truth,
             significant(case.label.strength_ratio, 2),
-            verdict_words(&case.report.verdict).to_owned(),
+            verdict_words(case.report.verdict.id()).to_owned(),
             joined(&blamed, ", "),
-            case.report.location.stage.as_deref().map_or("", stage_words).to_owned(),
+            case.report.location.stage.map_or("", |stage| stage_words(stage.id())).to_owned(),
             significant(case.report.probability(true_word), 2),
             match right {
                 false => "wrong",

@@ -1,13 +1,13 @@
 //! What would have been said of a judged unit by other weights: read off its evidence table, without a simulation.
 
-use crate::benchmark::report_verdict::{Blamed, Gap, Location, Rank, ReportVerdict};
 use crate::diagnosis::decision::Decision;
 use crate::diagnosis::decision::posterior::Posterior;
 use crate::diagnosis::decision::weights::Weights;
 use crate::diagnosis::evidence::KAPPAS;
 use crate::diagnosis::evidence::law_error::LAW_ERRORS;
 use crate::diagnosis::hypotheses::table::EvidenceTable;
-use crate::diagnosis::result::Verdict;
+use crate::diagnosis::result::schema::{DiagnosisReport, GapLocation, ReportedGap};
+use crate::diagnosis::result::{Blame, Interval, Ranked, Verdict};
 use crate::effects::{EffectSpec, find};
 
 /// What is left out of the evidence, to see what it is worth.
@@ -44,37 +44,42 @@ impl EvidenceLeftOut {
 
 /// The verdict on a unit by these weights and this table; sizes and explained fraction stay those of the report where it blames the same.
 #[must_use]
-pub fn rejudged(report: &ReportVerdict, table: &EvidenceTable, weights: &Weights) -> ReportVerdict {
+pub fn rejudged(report: &DiagnosisReport, table: &EvidenceTable, weights: &Weights) -> DiagnosisReport {
     let mut ids: Vec<&str> = table.rows.iter().flat_map(|row| &row.effects).map(String::as_str).collect();
     ids.sort_unstable();
     ids.dedup();
     let catalogue: Vec<&'static EffectSpec> = ids.into_iter().filter_map(find).collect();
     let decision = Decision::new(table, &Posterior::new(table, weights, &[]), &catalogue);
-    let rank = |id: &str, p: f64| Rank { id: id.to_owned(), probability: Some(p) };
-    let mut ranking: Vec<Rank> = decision.effects.iter().map(|(spec, p)| rank(spec.id, *p)).collect();
+    let rank = |id: &str, p: f64| Ranked { id: id.to_owned(), probability: p };
+    let mut ranking: Vec<Ranked> = decision.effects.iter().map(|(spec, p)| rank(spec.id, *p)).collect();
     ranking.extend([rank("unknown", decision.unknown), rank("none", decision.none)]);
     let stages = decision.stages();
-    let likeliest = stages.into_iter().reduce(|a, b| if b.1 > a.1 { b } else { a });
+    let likeliest = stages.iter().copied().reduce(|a, b| if b.1 > a.1 { b } else { a });
     let has_gap = decision.verdict != Verdict::NoGap;
-    let blamed = decision.blamed.iter().map(|id| {
-        let known = report.effects.iter().find(|effect| effect.id == *id);
-        known.cloned().unwrap_or_else(|| Blamed { id: (*id).to_owned(), parameters: Vec::new() })
+    let blamed = decision.blamed.iter().filter_map(|id| {
+        let known = report.effects.iter().find(|effect| effect.id == *id).cloned();
+        known.or_else(|| {
+            decision.effects.iter().find(|(spec, _)| spec.id == *id).map(|(spec, p)| Blame::unsized_effect(spec, *p))
+        })
     });
-    let effects: Vec<Blamed> = blamed.collect();
+    let effects: Vec<Blame> = blamed.collect();
     let same = report.effects.len() == effects.len() && effects.iter().all(|effect| report.blames(&effect.id));
-    ReportVerdict {
+    let explained_fraction = if same { report.gap.explained_fraction } else { Interval::default() };
+    DiagnosisReport {
         // What moves too little to tell is told by the recordings, not by the weights.
-        verdict: if decision.verdict == Verdict::NoGap && report.verdict() == Some(Verdict::NotExcited) {
-            report.verdict.clone()
+        verdict: if decision.verdict == Verdict::NoGap && report.verdict == Verdict::NotExcited {
+            report.verdict
         } else {
-            decision.verdict.id().to_owned()
+            decision.verdict
         },
-        location: Location { stage: likeliest.filter(|_| has_gap).map(|(stage, _)| stage.id().to_owned()) },
+        location: GapLocation {
+            stage: likeliest.filter(|_| has_gap).map(|(stage, _)| stage),
+            probability: stages.into_iter().map(|(stage, share)| (stage, Some(share))).collect(),
+        },
         effects,
         ranking,
-        gap: if same { report.gap.clone() } else { Gap::default() },
-        seconds: report.seconds,
-        evidence: report.evidence.clone(),
+        gap: ReportedGap { explained_fraction, ..report.gap.clone() },
+        ..report.clone()
     }
 }
 
@@ -104,16 +109,16 @@ mod tests {
 
     #[test]
     fn what_is_left_out_is_gone_and_the_rest_is_judged() {
-        let report = ReportVerdict { verdict: "unknown".into(), ..ReportVerdict::default() };
+        let report = DiagnosisReport::of_verdict(Verdict::Unknown);
         let judged = |left_out: EvidenceLeftOut| rejudged(&report, &left_out.of(&table()), &CHAIN.bayes());
         let whole = judged(EvidenceLeftOut::Nothing);
-        assert_eq!(whole.verdict, "named");
+        assert_eq!(whole.verdict, Verdict::Named);
         assert!(whole.blames("backlash") && whole.blames("load"));
         let alone = judged(EvidenceLeftOut::SeveralEffects);
         assert!(alone.blames("load") && !alone.blames("backlash"), "{alone:?}");
         assert_eq!(judged(EvidenceLeftOut::Unknown).probability("unknown"), 0.0);
         assert_eq!(EvidenceLeftOut::ModelError.of(&table()).rows[0].grid, [[-140.0; 3]; 4]);
-        let sum: f64 = whole.ranking.iter().filter_map(|rank| rank.probability).sum();
+        let sum: f64 = whole.ranking.iter().map(|rank| rank.probability).sum();
         assert!(sum > 1.0 && whole.probability("none") < 1e-9);
     }
 }

@@ -66,7 +66,7 @@ pub fn score(cases: &[ScoredUnit]) -> Score {
     for case in cases {
         let weight = if case.sound() { sound } else { 1.0 };
         claims.extend(case.report.ranking.iter().map(|rank| StatedProbability {
-            stated_probability: rank.probability.unwrap_or(0.0),
+            stated_probability: if rank.probability.is_nan() { 0.0 } else { rank.probability },
             was: case.holds(&rank.id),
             weight,
         }));
@@ -204,9 +204,10 @@ fn confusion(cases: &[ScoredUnit]) -> Confusion {
 mod tests {
     use super::*;
     use crate::battery::{Label, TrueFault};
-    use crate::benchmark::report_verdict::{Blamed, Evidence, Gap, Location, Rank, ReportVerdict, ReportedSize};
     use crate::diagnosis::hypotheses::table::{EvidenceRow, EvidenceTable};
-    use crate::effects::Stage;
+    use crate::diagnosis::result::schema::DiagnosisReport;
+    use crate::diagnosis::result::{Blame, Fitted, Interval, Ranked, Verdict};
+    use crate::effects::{Stage, find};
 
     fn truth(id: &str, stage: Stage) -> TrueFault {
         TrueFault { id: id.into(), stage, size: 1.0, unit: "1".into(), meaning: String::new() }
@@ -221,22 +222,30 @@ mod tests {
         stage: &str,
         blamed: &[(&str, f64)],
     ) -> ScoredUnit {
-        let size = |low, high| ReportedSize { value: Some(1.0), ci90: Some([Some(low), Some(high)]) };
-        let mut ranking: Vec<Rank> =
-            blamed.iter().map(|(id, p)| Rank { id: (*id).into(), probability: Some(*p) }).collect();
-        ranking.push(Rank { id: "unknown".into(), probability: Some(if verdict == "unknown" { 0.95 } else { 0.01 }) });
-        ranking.push(Rank { id: "none".into(), probability: Some(if verdict == "no_gap" { 0.95 } else { 0.01 }) });
-        let effects = blamed.iter().map(|(id, _)| Blamed { id: (*id).into(), parameters: vec![size(0.9, 1.2)] });
+        let share = |low, high| Interval { value: 1.0, low, high };
+        let said = |word: &str| if verdict == word { 0.95 } else { 0.01 };
+        let ranking = blamed.iter().copied().chain([("unknown", said("unknown")), ("none", said("no_gap"))]);
+        let size = Fitted {
+            name: "size".into(),
+            unit: "1",
+            value: share(0.9, 1.2),
+            sheet: 0.0,
+            position: 1.0,
+            information: 1.0,
+            at_bound: false,
+        };
+        let verdict = Verdict::ALL.into_iter().find(|known| known.id() == verdict).unwrap();
+        let mut report = DiagnosisReport::of_verdict(verdict);
+        report.location.stage = Stage::with_id(stage);
+        report.effects = blamed
+            .iter()
+            .map(|(id, p)| Blame { parameters: vec![size.clone()], ..Blame::unsized_effect(find(id).unwrap(), *p) })
+            .collect();
+        report.ranking = ranking.map(|(id, probability)| Ranked { id: id.into(), probability }).collect();
+        report.gap.explained_fraction = share(0.8, 0.95);
+        report.seconds = Some(10.0);
         ScoredUnit {
-            report: ReportVerdict {
-                verdict: verdict.into(),
-                location: Location { stage: (!stage.is_empty()).then(|| stage.into()) },
-                effects: effects.collect(),
-                ranking,
-                gap: Gap { explained_fraction: size(0.8, 0.95) },
-                seconds: Some(10.0),
-                evidence: Evidence::default(),
-            },
+            report,
             label: Label {
                 name: String::new(),
                 effects: truths.iter().map(|id| truth(id, Stage::Servomotor)).collect(),
@@ -290,7 +299,7 @@ mod tests {
         assert!((of("probability").measured.value - (0.9 + 0.4 + 0.0) / 3.0).abs() < 1e-12);
         let mut open = case(&["backlash"], true, 9.0, "named", "servomotor", &[("backlash", 0.9)]);
         assert_eq!(open.explained_fraction_is_covered(), Some(true));
-        open.report.gap.explained_fraction.ci90 = Some([Some(0.0), Some(1.0)]);
+        open.report.gap.explained_fraction = Interval { value: 0.5, low: 0.0, high: 1.0 };
         assert_eq!(open.explained_fraction_is_covered(), None, "what says nothing is no claim");
         assert_eq!(of("seconds").measured.value, 10.0);
         assert_eq!(of("false_alarm").reached, Some(false));

@@ -1,8 +1,8 @@
 //! One unit before the scorer: what verdict beside what is in it.
 
 use crate::battery::{Label, TrueFault};
-use crate::benchmark::report_verdict::ReportVerdict;
 use crate::diagnosis::result::Verdict;
+use crate::diagnosis::result::schema::DiagnosisReport;
 
 /// Gain in likelihood, as −2 ln, from which something can be told: a log Bayes factor of 10, of which the odds against any effect take half.
 pub const SEEN: f64 = 20.0;
@@ -18,7 +18,7 @@ pub enum MissedBy {
     /// What was left out gains less than an effect must ([`SEEN`]) once sheet and answer are fitted against it
     /// ([`expected_log_bayes_factor`](crate::benchmark::isolability::expected_log_bayes_factor)).
     Recordings,
-    /// It gains more, or nobody knows how much; but the answer leaves no more than the method lets a right model leave ([`ReportVerdict::leaves`]).
+    /// It gains more, or nobody knows how much; but the answer leaves no more than the method lets a right model leave ([`DiagnosisReport::leaves`]).
     Tolerance,
     /// The rest: what was left out could have been seen, or there is nothing left out and something made up.
     Method,
@@ -43,7 +43,7 @@ impl MissedBy {
 #[derive(Clone, Debug)]
 pub struct ScoredUnit {
     /// What was said.
-    pub report: ReportVerdict,
+    pub report: DiagnosisReport,
     /// What is so.
     pub label: Label,
     /// Explained fraction on recordings that the diagnosis never saw; none where nobody tried.
@@ -76,12 +76,12 @@ impl ScoredUnit {
     }
 
     pub(super) fn says(&self, verdict: Verdict) -> bool {
-        self.report.verdict() == Some(verdict)
+        self.report.verdict == verdict
     }
 
     pub(super) fn stage_is_right(&self) -> bool {
-        let stage = self.report.location.stage.as_deref();
-        self.label.effects.iter().any(|truth| Some(truth.stage.id()) == stage)
+        let stage = self.report.location.stage;
+        self.label.effects.iter().any(|truth| Some(truth.stage) == stage)
     }
 
     /// Whether the verdict leaves out or makes up anything: a class is one effect, and right where it holds what is there.
@@ -155,8 +155,8 @@ impl ScoredUnit {
     pub(super) fn size_is_covered(&self) -> Option<bool> {
         let truth = self.label.effects.first().filter(|_| self.single())?;
         let blamed = self.report.effects.iter().find(|effect| effect.id == truth.id)?;
-        let [low, high] = blamed.parameters.first()?.ci90?;
-        Some((low?..=high?).contains(&truth.size))
+        let claim = blamed.parameters.first()?.value;
+        claim.is_bounded().then(|| (claim.low..=claim.high).contains(&truth.size))
     }
 
     pub(super) fn explained_fraction_is_covered(&self) -> Option<bool> {

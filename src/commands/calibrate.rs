@@ -8,17 +8,17 @@ use govtwin::benchmark::learn::{
     Example, LearningResult, examples, explained_fraction_widening, learn, log_score, size_spread,
 };
 use govtwin::benchmark::rejudge::{EvidenceLeftOut, rejudged};
-use govtwin::benchmark::report_verdict::ReportVerdict;
 use govtwin::benchmark::score::{Score, score};
 use govtwin::benchmark::scored::ScoredUnit;
 use govtwin::diagnosis::decision::weights::{Questions, Weights};
 use govtwin::diagnosis::result::Interval;
+use govtwin::diagnosis::result::schema::DiagnosisReport;
 use govtwin::files::read_text;
 use govtwin::params::labels;
 
 use super::output::{claim_place, print, write_atomically};
+use super::report_file;
 use super::report_file::{LARGEST_BYTES, is_there, text_if_there};
-use super::scored_report;
 use crate::commands::Outcome;
 
 /// Parts that a single battery is cut into, each judged by what the others taught.
@@ -86,7 +86,7 @@ Exit codes: 0 ok, 1 not possible, 2 wrong usage.";
 /// A unit: its answer, what was said of it, and which share of the gap was closed on recordings made afterwards.
 struct JudgedUnit {
     label: Label,
-    report: ReportVerdict,
+    report: DiagnosisReport,
     /// By how much the interval of the share explained was widened.
     widened_by: f64,
     came_true: Option<f64>,
@@ -94,7 +94,7 @@ struct JudgedUnit {
 
 impl JudgedUnit {
     /// What it claims of the share explained, with the interval as it was before it was widened.
-    fn explained_fraction(&self, report: &ReportVerdict) -> Option<Interval> {
+    fn explained_fraction(&self, report: &DiagnosisReport) -> Option<Interval> {
         Some(report.explained_fraction()?.widened(1.0 / self.widened_by))
     }
 
@@ -102,8 +102,7 @@ impl JudgedUnit {
     fn rejudged(&self, left_out: EvidenceLeftOut, weights: &Weights, widening: f64) -> ScoredUnit {
         let mut report = rejudged(&self.report, &left_out.of(&self.report.evidence.table), weights);
         if let Some(claim) = self.explained_fraction(&report) {
-            let Interval { low, high, .. } = claim.widened(widening);
-            report.gap.explained_fraction.ci90 = Some([Some(low), Some(high)]);
+            report.gap.explained_fraction = claim.widened(widening);
         }
         let (label, realised_fraction) = (self.label.clone(), self.came_true);
         ScoredUnit { report, label, realised_fraction, expected_log_bayes_factor: None }
@@ -154,7 +153,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let mut whole: Option<LearningResult> = None;
     for (name, left_out, weights_of) in VARIANTS {
         let of = |units: &Vec<&JudgedUnit>| -> Vec<Example> {
-            let table = |report: &ReportVerdict| left_out.of(&report.evidence.table);
+            let table = |report: &DiagnosisReport| left_out.of(&report.evidence.table);
             units.iter().flat_map(|unit| examples(&unit.label, &table(&unit.report))).collect()
         };
         let examples: Vec<Vec<Example>> = parts.iter().map(of).collect();
@@ -191,7 +190,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let Some(learned) = whole else { bail!("there is nothing to learn from") };
     let all: Vec<&JudgedUnit> = batteries.iter().flatten().collect();
-    let pairs: Vec<(&Label, &ReportVerdict)> = all.iter().map(|unit| (&unit.label, &unit.report)).collect();
+    let pairs: Vec<(&Label, &DiagnosisReport)> = all.iter().map(|unit| (&unit.label, &unit.report)).collect();
     let claims: Vec<(Interval, f64)> = all.iter().filter_map(|unit| unit.claim()).collect();
     let learned_weights = Weights {
         size_spread: size_spread(&pairs),
@@ -287,7 +286,7 @@ fn read(dir: &Path) -> anyhow::Result<Vec<JudgedUnit>> {
         if !is_there(&path)? {
             continue;
         }
-        let report = scored_report::read(&path)?;
+        let report = report_file::diagnosis(&path)?;
         if report.evidence.table.rows.is_empty() {
             bail!("{}: expected an evidence table, found none; is it a report of an older program?", path.display());
         }

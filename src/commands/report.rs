@@ -3,8 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use govtwin::diagnosis::result::schema::SCHEMA;
-use govtwin::diagnosis::result::schema::read::read;
+use govtwin::diagnosis::result::schema::{DiagnosisReport, SCHEMA};
 use govtwin::files::{Claim, check_regular, is_same};
 use govtwin::provenance::Provenance;
 use govtwin::report::diagnosis as page;
@@ -56,11 +55,12 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         );
     }
     report_file::check(&report).with_context(|| shown.to_string())?;
-    let diagnosis = read(&report).with_context(|| shown.to_string())?;
-    let made = report_file::made_from(&report).with_context(|| shown.to_string())?.unwrap_or_else(|| Provenance {
+    let mut read = DiagnosisReport::of_json(&report).with_context(|| shown.to_string())?;
+    let made = read.provenance.take().unwrap_or_else(|| Provenance {
         warnings: vec!["the report does not say what it was made from".to_owned()],
         ..Provenance::default()
     });
+    let diagnosis = read.into();
     let html = page::page(&diagnosis, &made)?.to_html();
     write_atomically(&out, html.as_bytes())?;
     let text = if args.json {

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context, bail};
+use govtwin::diagnosis::result::schema::DiagnosisReport;
 use govtwin::files::{look_at, read_text};
 use govtwin::provenance::Provenance;
 use serde::Deserialize;
@@ -34,6 +35,14 @@ pub fn text_if_there(path: &Path, largest_bytes: u64) -> anyhow::Result<Option<S
 /// A report as JSON.
 pub fn read(path: &Path) -> anyhow::Result<Value> {
     serde_json::from_str(&text(path)?).with_context(|| path.display().to_string())
+}
+
+/// The report of a diagnosis, or of a baseline.
+pub fn diagnosis(path: &Path) -> anyhow::Result<DiagnosisReport> {
+    let shown = || path.display().to_string();
+    let value = read(path)?;
+    check(&value).with_context(shown)?;
+    DiagnosisReport::of_json(&value).with_context(shown)
 }
 
 /// What the report in a file was made from; none where it does not say.

@@ -21,8 +21,8 @@ use crate::diagnosis::experiment::survivors::{Survivor, deviations, survivors};
 use crate::diagnosis::hypotheses::Explored;
 use crate::diagnosis::hypotheses::table::EvidenceTable;
 use crate::diagnosis::model::FittedModel;
-use crate::diagnosis::result::Experiment;
 use crate::diagnosis::result::test_script::CANDIDATES;
+use crate::diagnosis::result::{Experiment, NEXT_TEST};
 use crate::estimation::coordinate::Residuals;
 use crate::estimation::fit::slopes;
 use crate::likelihood::prepared::PreparedRecording;
@@ -307,7 +307,11 @@ fn chosen(mut weighed: Vec<Weighed>, entropy_bits: f64) -> Vec<Experiment> {
         }
     }
     best.sort_by_key(|one| one.candidate.trips());
-    best.into_iter().map(|one| experiment(one, entropy_bits)).collect()
+    let mut all: Vec<Experiment> = best.into_iter().map(|one| experiment(one, entropy_bits)).collect();
+    if let Some(first) = all.first_mut() {
+        first.bag = first.script.map(|_| NEXT_TEST.to_owned());
+    }
+    all
 }
 
 fn experiment(one: Weighed, entropy_bits: f64) -> Experiment {
@@ -341,5 +345,6 @@ fn experiment(one: Weighed, entropy_bits: f64) -> Experiment {
         records,
         rate_hz: candidate.rate_hz,
         script: candidate.script,
+        bag: None,
     }
 }

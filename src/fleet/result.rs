@@ -241,30 +241,45 @@ impl EntryResult {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnosis::result::schema;
+    use crate::diagnosis::result::schema::{DiagnosisReport, SheetParameter};
+    use crate::diagnosis::result::{Blame, Fitted, Interval, Ranked, Verdict};
+    use crate::effects::{Stage, find};
 
     #[test]
     fn a_diagnosis_is_taken_as_far_as_a_fleet_is_compared_by_it() {
-        let report = serde_json::json!({
-            "schema": schema::SCHEMA,
-            "verdict": "named", "location": {"stage": "servomotor"},
-            "effects": [{"id": "backlash", "stage": "servomotor", "probability": 0.93,
-                "parameters": [{"name": "play_pu", "value": 0.01, "ci90": [0.008, 0.012], "unit": "pu", "at_bound": false}]}],
-            "ranking": [{"id": "backlash", "probability": 0.93}, {"id": "unknown", "probability": 0.05}, {"id": "none", "probability": 0.01}],
-            "gap": {"closure": {"value": 0.9, "ci90": [0.8, 1.0]}},
-            "next_experiment": [{"test": "step the command"}],
-            "evidence": {"entropy_bits": 0.4, "parameters": [
-                {"key": "oil.bulk_modulus_pa", "unit": "Pa", "value": 1.0, "ci90": [0.5, 1.5], "information": 0.02, "at_bound": false},
-                {"key": "main_ports.width_m", "unit": "m", "value": 0.03, "ci90": [0.029, null], "information": 0.9, "at_bound": false}]},
-        });
-        let found = FoundCause::of(&schema::read::read(&report).unwrap());
+        let interval = |value, low, high| Interval { value, low, high };
+        let fitted = |name: &str, value, information| Fitted {
+            name: name.into(),
+            unit: "1",
+            value,
+            sheet: f64::NAN,
+            position: f64::NAN,
+            information,
+            at_bound: false,
+        };
+        let mut report = DiagnosisReport::of_verdict(Verdict::Named);
+        report.location.stage = Some(Stage::Servomotor);
+        report.effects = vec![Blame {
+            parameters: vec![fitted("play_pu", interval(0.01, 0.008, 0.012), f64::NAN)],
+            ..Blame::unsized_effect(find("backlash").unwrap(), 0.93)
+        }];
+        report.ranking = [("backlash", 0.93), ("unknown", 0.05), ("none", 0.01)]
+            .map(|(id, probability)| Ranked { id: id.into(), probability })
+            .into();
+        report.evidence.parameters = [
+            fitted("oil.bulk_modulus_pa", interval(1.0, 0.5, 1.5), 0.02),
+            fitted("main_ports.width_m", interval(0.03, 0.029, f64::NAN), 0.9),
+        ]
+        .iter()
+        .map(SheetParameter::from)
+        .collect();
+        let found = FoundCause::of(&report.into());
         assert!(found.names_causes() && found.causes[0].sizes[0].is_determined());
         assert_eq!((found.unknown_probability, found.none_probability), (Some(0.05), Some(0.01)));
         assert!(
             found.parameters.iter().all(|one| !one.is_determined()),
             "one by its tolerance alone, one without an end"
         );
-        assert_eq!(found.next_test.as_deref(), Some("step the command"));
         let bound = SizeInterval { at_bound: true, ..found.causes[0].sizes[0].clone() };
         assert!(!bound.is_determined());
     }

@@ -37,12 +37,12 @@ mod tests;
 /// Where a picture cannot be drawn.
 ///
 /// ```no_run
-/// use govtwin::{Diagnosis, Provenance, diagnosis_json, diagnosis_page};
+/// use govtwin::{Diagnosis, DiagnosisReport, Provenance, diagnosis_page};
 ///
 /// fn keep(diagnosis: &Diagnosis, seconds: f64) -> Result<(), Box<dyn std::error::Error>> {
 ///     let made = Provenance { unit: "unit 3".to_owned(), ..Provenance::default() };
 ///     std::fs::write("report.html", diagnosis_page(diagnosis, &made)?.to_html())?;
-///     std::fs::write("report.json", diagnosis_json(diagnosis, seconds).to_string())?;
+///     std::fs::write("report.json", DiagnosisReport::of(diagnosis, seconds).json().to_string())?;
 ///     Ok(())
 /// }
 /// ```

@@ -34,7 +34,7 @@ const FLOORS: &[(&str, &[&str])] = &[
     ("heart", &["twin"]),
     ("corrections", &["effects", "residual"]),
     ("physics", &["plant", "solver"]),
-    ("words", &["digest", "frame", "parameters", "provenance", "recording", "signal", "state", "units"]),
+    ("words", &["digest", "frame", "parameters", "provenance", "recording", "signal", "state", "stored", "units"]),
 ];
 
 /// How far from the top a module's floor lies.

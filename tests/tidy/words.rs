@@ -33,7 +33,7 @@ const GONE: [(&str, &str); 37] = [
     ("Miss", "SignalResidual"),
     ("exam", "fresh recordings"),
     ("exams", "validations"),
-    ("SaidError", "ReportVerdictError"),
+    ("SaidError", "ReportError"),
     ("rivals", "competing hypotheses"),
     ("Visible", "DetectableSize"),
     ("Admission", "Data qualification"),

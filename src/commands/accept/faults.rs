@@ -2,9 +2,8 @@
 
 use std::path::Path;
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 use govtwin::acceptance::counterfactual::SizeKnowledge;
-use govtwin::diagnosis::result::schema;
 use govtwin::diagnosis::result::{Blame, Verdict};
 use govtwin::diagnosis::{DiagnosisSettings, diagnose};
 use govtwin::effects::find_in;
@@ -48,12 +47,9 @@ impl FoundFaults {
                 report.display()
             );
         }
-        let shown = report.display();
-        let value = report_file::read(&report)?;
-        let diagnosis = schema::read::read(&value).with_context(|| shown.to_string())?;
+        let diagnosis = report_file::diagnosis(&report)?;
         let unit = params::load(&folder.join(FITTED))?;
-        let made = report_file::made_from(&value).with_context(|| shown.to_string())?;
-        Ok(Self::of(diagnosis.verdict, &diagnosis.blamed, unit, vec![], made))
+        Ok(Self::of(diagnosis.verdict, &diagnosis.effects, unit, vec![], diagnosis.provenance))
     }
 
     /// Of a fresh diagnosis.

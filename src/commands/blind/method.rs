@@ -8,15 +8,14 @@ use std::process::{Command, Stdio};
 use anyhow::{Context, bail};
 use govtwin::baselines::ground::Ground;
 use govtwin::baselines::{BASELINES, Baseline};
-use govtwin::benchmark::report_verdict::ReportVerdict;
+use govtwin::diagnosis::result::schema::DiagnosisReport;
 use govtwin::params::Sheet;
 
 use super::cases::UnitFolder;
 use super::expected::ExpectedDigests;
 use crate::commands::output::write_atomically;
 use crate::commands::parent;
-use crate::commands::report_file::is_there;
-use crate::commands::scored_report;
+use crate::commands::report_file::{self, is_there};
 
 /// A method that says something of a unit.
 #[derive(Clone, Copy, Debug)]
@@ -49,12 +48,12 @@ impl JudgingMethod {
         self,
         (out, expected): (&Path, &ExpectedDigests),
         case: &str,
-    ) -> anyhow::Result<Option<ReportVerdict>> {
+    ) -> anyhow::Result<Option<DiagnosisReport>> {
         let path = self.report_path(out, case);
         if !is_there(&path)? || expected.check(&path, case).is_err() {
             return Ok(None);
         }
-        scored_report::read(&path).map(Some)
+        report_file::diagnosis(&path).map(Some)
     }
 }
 
@@ -89,9 +88,9 @@ pub fn judge(
                     let _ = ground.set(made);
                 }
                 let Some(ground) = ground.get() else { continue };
-                let mut report = serde_json::to_value((baseline.judge)(ground))?;
-                report["provenance"] = serde_json::to_value(expected.made(case, baseline.id, sheet)?)?;
-                write_atomically(&path, format!("{report:#}\n").as_bytes())?;
+                let mut report = (baseline.judge)(ground);
+                report.provenance = Some(expected.made(case, baseline.id, sheet)?);
+                write_atomically(&path, format!("{:#}\n", report.json()).as_bytes())?;
             }
         }
     }

@@ -7,10 +7,12 @@ use anyhow::Context;
 use govtwin::battery::Label;
 use govtwin::benchmark::isolability::{self, Sized};
 use govtwin::benchmark::page::{self, measures_table};
-use govtwin::benchmark::report_verdict::{Blamed, ReportVerdict};
 use govtwin::benchmark::score::{Misses, Score, ScoredMeasure, score};
 use govtwin::benchmark::scored::{MissedBy, ScoredUnit};
 use govtwin::benchmark::statistics::Measured;
+use govtwin::diagnosis::result::Blame;
+use govtwin::diagnosis::result::schema::DiagnosisReport;
+use govtwin::effects::Stage;
 use govtwin::params::{self, labels};
 use govtwin::provenance::Provenance;
 use govtwin::report::page::PageBody;
@@ -33,7 +35,7 @@ pub fn read_labels(path: &Path) -> anyhow::Result<Vec<Label>> {
 }
 
 /// What a method said of a unit: the unit's name, the method's, and the report.
-pub type MethodVerdict = (String, &'static str, ReportVerdict);
+pub type MethodVerdict = (String, &'static str, DiagnosisReport);
 
 /// What every method said of every unit, where nobody knows the truth.
 pub fn verdicts(
@@ -60,9 +62,9 @@ pub fn verdicts_table(verdicts: &[MethodVerdict]) -> Table {
         table.row([
             unit.clone(),
             (*method).to_owned(),
-            report.verdict.clone(),
+            report.verdict.id().to_owned(),
             blamed.join(", "),
-            report.location.stage.clone().unwrap_or_default(),
+            report.location.stage.map_or("", Stage::id).to_owned(),
             significant(report.probability(report.word()), 2),
         ]);
     }
@@ -187,7 +189,9 @@ fn expected_log_bayes_factor(case: &ScoredUnit, units: &[UnitFolder], out: &Path
     let unit = units.iter().find(|unit| unit.name == case.label.name)?;
     let refitted = params::load(&out.join(&unit.name).join("refitted.yaml")).ok()?;
     let hidden: Vec<Sized> = case.hidden().map(|truth| (truth.id.as_str(), vec![truth.size])).collect();
-    let values = |blamed: &Blamed| blamed.parameters.iter().map_while(|parameter| parameter.value).collect();
+    let values = |blamed: &Blame| {
+        blamed.parameters.iter().map(|one| one.value.value).take_while(|value| !value.is_nan()).collect()
+    };
     // Of a class what is taken for left out is no part of the answer.
     let answers = case.report.effects.iter().filter(|blamed| hidden.iter().all(|(id, _)| *id != blamed.id));
     let answer: Vec<Sized> = answers.map(|blamed| (blamed.id.as_str(), values(blamed))).collect();

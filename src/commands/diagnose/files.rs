@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context, bail};
-use govtwin::diagnosis::result::schema;
-use govtwin::diagnosis::result::{Diagnosis, Fitted, Verdict};
+use govtwin::diagnosis::result::schema::DiagnosisReport;
+use govtwin::diagnosis::result::{Diagnosis, Fitted, NEXT_TEST, Verdict};
 use govtwin::files::look_at;
 use govtwin::parameters::Unit;
 use govtwin::params::{self, Overlay};
 use govtwin::provenance::Provenance;
-use govtwin::report::diagnosis as report;
+use govtwin::report::diagnosis as page;
 
 use super::next_test;
 use crate::commands::output::Output;
@@ -23,7 +23,7 @@ const REPORT: &str = "report.json";
 pub const ASSUMED: &str = "assumed.yaml";
 
 /// What a diagnosis leaves.
-pub const NAMES: [&str; 6] = [REPORT, "report.html", "refitted.yaml", "fitted.yaml", schema::NEXT_TEST, ASSUMED];
+pub const NAMES: [&str; 6] = [REPORT, "report.html", "refitted.yaml", "fitted.yaml", NEXT_TEST, ASSUMED];
 
 /// Refuses a folder that holds the files of another unit: those of a report that shares no recording with this one, or that says of none.
 pub fn refuse_to_replace(out: &Path, made: &Provenance) -> anyhow::Result<()> {
@@ -59,11 +59,10 @@ pub fn write(
     made: &Provenance,
     seconds: f64,
 ) -> anyhow::Result<String> {
-    let mut report = schema::report(diagnosis, seconds);
-    report["provenance"] = serde_json::to_value(made).context("cannot write the provenance as JSON")?;
-    report["evidence"]["traces"] = schema::curves::traces(&report::kept_traces(&diagnosis.traces));
-    let mut json = serde_json::to_string_pretty(&report).context("cannot write the report as JSON")?;
-    json.push('\n');
+    let mut report = DiagnosisReport::of(diagnosis, seconds);
+    report.provenance = Some(made.clone());
+    report.evidence.traces = page::kept_traces(&diagnosis.traces);
+    let json = format!("{:#}\n", report.json());
     overlay(
         &mut output,
         "refitted.yaml",
@@ -78,15 +77,15 @@ pub fn write(
         _ => "refitted within tolerances; the diagnosis names no effect",
     };
     overlay(&mut output, "fitted.yaml", &diagnosis.fitted, what, made, &diagnosis.parameters)?;
-    match next_test::file(diagnosis, &output.path(schema::NEXT_TEST), &unit.parameters)? {
-        Some(script) => output.add(schema::NEXT_TEST, &script)?,
-        None => output.remove(schema::NEXT_TEST),
+    match next_test::file(diagnosis, &output.path(NEXT_TEST), &unit.parameters)? {
+        Some(script) => output.add(NEXT_TEST, &script)?,
+        None => output.remove(NEXT_TEST),
     }
     match assumed {
         Some(text) => output.add(ASSUMED, text.as_bytes())?,
         None => output.remove(ASSUMED),
     }
-    output.add("report.html", report::page(diagnosis, made)?.to_html().as_bytes())?;
+    output.add("report.html", page::page(diagnosis, made)?.to_html().as_bytes())?;
     output.add(REPORT, json.as_bytes())?;
     output.place()?;
     Ok(json)

@@ -141,7 +141,7 @@ pub fn json(
         "leftover": Signal::ALL.into_iter().zip(fitted.leftover).filter_map(|(signal, ratio)| Some((signal.id(), ratio?)))
             .collect::<std::collections::BTreeMap<_, _>>(),
         "correlations": correlations,
-        "fitted_stage": told.iter().map(StageFigure::json).collect::<Vec<_>>(),
+        "fitted_stage": told,
         "identifiability": fitted.identifiability(),
         "warnings": warnings,
     })

@@ -1,12 +1,15 @@
 //! Whether what a model leaves is noise: size and whiteness of its innovations, signal by signal.
 
+use serde::{Deserialize, Serialize};
+
 use crate::diagnosis::model::FittedModel;
 use crate::likelihood::problem::Problem;
 use crate::signal::Signal;
+use crate::stored::figure;
 
 /// Innovations of one signal over all recordings (Bar-Shalom, Li & Kirubarajan 2001, *Estimation with Applications to Tracking and Navigation*,
 /// section 5.4).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Consistency {
     /// Which signal.
     pub signal: Signal,
@@ -14,8 +17,10 @@ pub struct Consistency {
     pub samples: usize,
     /// Mean square of the normalised innovations over what a right model has: 1 where the noise is as expected, far above where the model
     /// lacks something.
+    #[serde(deserialize_with = "figure")]
     pub mean_square: f64,
     /// Correlation of each innovation with the next: 0 but for some 2/√samples where they are white.
+    #[serde(rename = "lag1_correlation", deserialize_with = "figure")]
     pub correlation: f64,
 }
 

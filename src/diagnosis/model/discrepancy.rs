@@ -7,6 +7,7 @@
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
 
 use crate::diagnosis::model::FittedModel;
 use crate::effects::{self, Stage};
@@ -15,6 +16,7 @@ use crate::likelihood::problem::{METHOD, Problem};
 use crate::parameters::Unit;
 use crate::plant::Plant;
 use crate::plant::term::{Point, Term, View};
+use crate::stored::{LastingText, lasting, points};
 use crate::twin::Twin;
 
 /// A place for a discrepancy term.
@@ -179,14 +181,17 @@ fn changes(moved: &[Residuals], at: &Residuals, recording: usize, step: f64) -> 
 }
 
 /// A recovered shape.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Curve {
     /// What it is drawn against, with the unit.
-    pub against: &'static str,
+    #[serde(deserialize_with = "lasting")]
+    pub against: LastingText,
     /// Points of the free term.
+    #[serde(deserialize_with = "points")]
     pub points: Vec<(f64, f64)>,
     /// The same for the improved twin in the unit's stead: the free term that would stand for the named effects. Of the leading place only, and
     /// none where nothing is named.
+    #[serde(default, deserialize_with = "points")]
     pub named: Vec<(f64, f64)>,
 }
 

@@ -1,7 +1,12 @@
 //! A value with the interval that is expected to hold it.
 
+use serde::{Deserialize, Serialize};
+
+use crate::stored::{ends, figure};
+
 /// A value with the interval that holds the truth nine times in ten.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(from = "IntervalForm", into = "IntervalForm")]
 #[non_exhaustive]
 pub struct Interval {
     /// Best value.
@@ -12,7 +17,41 @@ pub struct Interval {
     pub high: f64,
 }
 
+/// The same as reports hold it.
+#[derive(Serialize, Deserialize)]
+struct IntervalForm {
+    #[serde(deserialize_with = "figure")]
+    value: f64,
+    #[serde(deserialize_with = "ends")]
+    ci90: (f64, f64),
+}
+
+impl From<IntervalForm> for Interval {
+    fn from(IntervalForm { value, ci90: (low, high) }: IntervalForm) -> Self {
+        Self { value, low, high }
+    }
+}
+
+impl From<Interval> for IntervalForm {
+    fn from(Interval { value, low, high }: Interval) -> Self {
+        Self { value, ci90: (low, high) }
+    }
+}
+
+/// Nothing is known of it.
+impl Default for Interval {
+    fn default() -> Self {
+        Self { value: f64::NAN, low: f64::NAN, high: f64::NAN }
+    }
+}
+
 impl Interval {
+    /// Whether it has both ends.
+    #[must_use]
+    pub fn is_bounded(self) -> bool {
+        self.low.is_finite() && self.high.is_finite()
+    }
+
     /// Of a share: whether it leaves everything open, from nothing to the whole.
     #[must_use]
     pub fn leaves_all_open(self) -> bool {

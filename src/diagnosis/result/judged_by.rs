@@ -1,5 +1,7 @@
 //! What a unit is judged by.
 
+use crate::stored::held_by_id;
+
 /// What a diagnosis knows of a unit beside its recordings.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum JudgedBy {
@@ -35,3 +37,5 @@ impl JudgedBy {
         }
     }
 }
+
+held_by_id!(JudgedBy, "what a unit is judged by");

@@ -1,236 +1,379 @@
 //! The machine-readable report, `govtwin-diagnosis/1`: the agreed fields first, the evidence behind them below `evidence`.
 
-pub mod curves;
-pub mod read;
-pub(crate) mod values;
+use std::collections::BTreeMap;
 
-use serde_json::{Value, json};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
+use crate::diagnosis::hypotheses::table::EvidenceTable;
 use crate::diagnosis::model::consistency::Consistency;
-use crate::diagnosis::result::StageFigure;
-use crate::diagnosis::result::{Diagnosis, Fitted, Interval, SheetLimits, StageOnly};
+use crate::diagnosis::result::{
+    Blame, Breakdown, ChannelReport, DetectableSize, Diagnosis, DiscrepancyTerm, Experiment, Fitted, Interval,
+    JudgedBy, Ranked, SheetLimits, SignalGap, StageFigure, StageOnly, StageTest, Trace, Transfer, Tried, Verdict,
+};
 use crate::effects::Stage;
+use crate::parameters::{ChannelReadings, Parameters, Sensors, Unit};
+use crate::provenance::Provenance;
+use crate::stored::{LastingText, figure, lasting};
 
 /// The schema's name.
 pub const SCHEMA: &str = "govtwin-diagnosis/1";
 
-/// The file beside the report that holds the best test as a script.
-pub const NEXT_TEST: &str = "next_test.mcap";
-
-fn interval(interval: Interval) -> Value {
-    json!({"value": interval.value, "ci90": [interval.low, interval.high]})
+/// A report of the schema [`SCHEMA`]: what is written is what is read. A section that is missing counts as empty, a field that
+/// is missing in a row is an error. Every figure is in the unit that its key names or that stands beside it as
+/// `unit`; numbers that do not exist are null.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct DiagnosisReport {
+    /// The schema's name.
+    pub schema: String,
+    /// The verdict.
+    pub verdict: Verdict,
+    /// What was known of the unit beside its recordings. Reports of before it was said are by a data sheet.
+    #[serde(default)]
+    pub judged_by: JudgedBy,
+    /// Where the gap lies.
+    #[serde(default)]
+    pub location: GapLocation,
+    /// Effects that the verdict blames.
+    #[serde(default)]
+    pub effects: Vec<Blame>,
+    /// The whole catalogue, `unknown` and `none`, most probable first.
+    #[serde(default)]
+    pub ranking: Vec<Ranked>,
+    /// The gap and what closes it.
+    #[serde(default)]
+    pub gap: ReportedGap,
+    /// Figures of a stage that was judged alone.
+    #[serde(default)]
+    pub fitted_stage: Option<Vec<StageFigure>>,
+    /// Tests that would tell more, best first.
+    #[serde(default, rename = "next_experiment")]
+    pub experiments: Vec<Experiment>,
+    /// How much the sheet's tolerances limit the verdict.
+    #[serde(default, rename = "sheet")]
+    pub sheet_limits: Option<SheetLimits>,
+    /// Time that it took, s.
+    #[serde(default)]
+    pub seconds: Option<f64>,
+    /// What a reader must know beside the verdict.
+    #[serde(default)]
+    pub notes: Vec<String>,
+    /// What the verdict rests on.
+    #[serde(default)]
+    pub evidence: ReportedEvidence,
+    /// What the report was made from.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub provenance: Option<Provenance>,
 }
 
-fn parameter(fitted: &Fitted) -> Value {
-    json!({
-        "name": fitted.name,
-        "value": fitted.value.value,
-        "ci90": [fitted.value.low, fitted.value.high],
-        "unit": fitted.unit,
-        "at_bound": fitted.at_bound,
-    })
+/// Where the gap lies.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct GapLocation {
+    /// The stage; none where there is no gap.
+    pub stage: Option<Stage>,
+    /// Probability of each stage.
+    #[serde(default)]
+    pub probability: BTreeMap<Stage, Option<f64>>,
 }
 
-/// The report of a diagnosis that took `seconds`, as JSON of the schema [`SCHEMA`]: every figure in the unit that its key names or that stands
-/// beside it as `unit`. Numbers that do not exist are null.
-#[must_use]
-pub fn report(diagnosis: &Diagnosis, seconds: f64) -> Value {
-    let stages: serde_json::Map<String, Value> =
-        diagnosis.stages.iter().map(|(stage, share)| (stage.id().to_owned(), json!(share))).collect();
-    let effects: Vec<Value> = diagnosis
-        .blamed
-        .iter()
-        .map(|blame| {
-            json!({
-                "id": blame.id,
-                "stage": blame.stage.id(),
-                "probability": blame.probability,
-                "parameters": blame.parameters.iter().map(parameter).collect::<Vec<_>>(),
-                "closure": interval(blame.explained_fraction),
-                "closure_last_in": blame.last_in,
-                "closure_shapley": blame.shapley,
-            })
-        })
-        .collect();
-    let ranking: Vec<Value> =
-        diagnosis.ranking.iter().map(|one| json!({"id": one.id, "probability": one.probability})).collect();
-    let signals: Vec<Value> = diagnosis
-        .gap
-        .iter()
-        .map(|gap| {
-            json!({
-                "name": gap.signal.id(),
-                "noise_floor": gap.noise_floor,
-                // A learned residual is no part of a diagnosis; `replay --residual` tells what one leaves on top of `fitted.yaml`.
-                "rmse": {
-                    "delivered": gap.delivered, "refitted": gap.refitted, "with_effects": gap.with_effects, "with_residual": null,
-                },
-            })
-        })
-        .collect();
-    let experiments: Vec<Value> = diagnosis
-        .experiments
-        .iter()
-        .enumerate()
-        .map(|(place, one)| {
-            // The first is written as a bag where a governor can be sent it.
-            let bag = one.script.filter(|_| place == 0).map(|_| NEXT_TEST);
-            json!({
-                "separates": one.separates, "test": one.test, "separation": one.separation,
-                "expected_drop_bits": one.expected_drop_bits, "expected_drop_at_most_bits": one.at_most_bits,
-                "entropy_bits": one.entropy_bits, "bits_per_minute": one.bits_per_minute,
-                "length_s": one.length_s, "trips": one.trips, "unit_state": one.unit_state,
-                "record": one.records.iter().map(|signal| signal.id()).collect::<Vec<_>>(), "rate_hz": one.rate_hz,
-                "bag": bag,
-            })
-        })
-        .collect();
-    json!({
-        "schema": SCHEMA,
-        "verdict": diagnosis.verdict.id(),
-        "judged_by": diagnosis.judged_by.id(),
-        "location": {"stage": diagnosis.stage.map(Stage::id), "probability": stages},
-        "effects": effects,
-        "ranking": ranking,
-        "gap": {"signals": signals, "closure": interval(diagnosis.explained_fraction)},
-        "fitted_stage": diagnosis.part.as_ref().map(|part| part.figures.iter().map(StageFigure::json).collect::<Vec<_>>()),
-        "next_experiment": experiments,
-        "sheet": diagnosis.sheet_limits.as_ref().map(SheetLimits::json),
-        "seconds": seconds,
-        "notes": diagnosis.notes,
-        "evidence": evidence(diagnosis),
-    })
+/// The gap and what closes it.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct ReportedGap {
+    /// In each signal.
+    #[serde(default)]
+    pub signals: Vec<SignalGap>,
+    /// Share of the gap that the blamed effects close together, on data left out of the fit.
+    #[serde(rename = "closure")]
+    pub explained_fraction: Interval,
 }
 
-/// What the verdict rests on.
-fn evidence(diagnosis: &Diagnosis) -> Value {
-    let parameters: Vec<Value> = diagnosis
-        .parameters
-        .iter()
-        .map(|one| {
-            json!({
-                "key": one.name, "unit": one.unit, "sheet": one.sheet, "value": one.value.value,
-                "ci90": [one.value.low, one.value.high], "deviations_from_sheet": one.position,
-                "information": one.information, "at_bound": one.at_bound,
-            })
-        })
-        .collect();
-    let tried: Vec<Value> = diagnosis
-        .tried
-        .iter()
-        .map(|one| {
-            json!({
-                "effects": one.ids, "gain": one.gain, "held_out_gain": one.held_out_gain,
-                "parameters": one.parameters.iter().map(parameter).collect::<Vec<_>>(),
-            })
-        })
-        .collect();
-    let channels: Vec<Value> = diagnosis
-        .channels
-        .iter()
-        .map(|one| {
-            json!({
-                "recording": one.recording, "signal": one.signal.id(), "samples": one.samples,
-                "rate_hz": one.rate_hz, "step": one.step, "noise": one.noise, "troubles": one.troubles,
-            })
-        })
-        .collect();
-    let detectable_sizes: Vec<Value> = diagnosis
-        .detectable_sizes
-        .iter()
-        .map(|one| {
-            json!({
-                "id": one.id, "parameter": one.parameter, "unit": one.unit,
-                "smallest": one.smallest, "smallest_with_known_sheet": one.with_known_sheet, "typical": one.typical,
-            })
-        })
-        .collect();
-    let breakdowns: Vec<Value> = diagnosis
-        .breakdowns
-        .iter()
-        .map(|breakdown| {
-            let parts: Vec<Value> = breakdown
-                .parts
-                .iter()
-                .map(|part| {
-                    json!({
-                        "name": part.name, "samples": part.samples,
-                        "refitted": part.refitted, "with_effects": part.with_effects,
-                    })
-                })
-                .collect();
-            json!({"signal": breakdown.signal.id(), "by": breakdown.by, "parts": parts})
-        })
-        .collect();
-    let tests: Vec<Value> = diagnosis
-        .stage_tests
-        .iter()
-        .map(|one| json!({"stage": one.stage, "signal": one.signal.id(), "zero_error_pu": one.zero_error_pu, "rmse": one.rmse, "excess": one.excess}))
-        .collect();
-    let discrepancy_terms: Vec<Value> = diagnosis
-        .discrepancy_terms
-        .iter()
-        .map(|one| {
-            let curves: Vec<Value> = one
-                .curves
-                .iter()
-                .map(|curve| json!({"against": curve.against, "points": curve.points, "named": curve.named}))
-                .collect();
-            json!({
-                "place": one.place, "stage": one.stage.id(), "unit": one.unit,
-                "explains": one.explains, "curves": curves,
-            })
-        })
-        .collect();
-    let ambiguous_pairs: Vec<Value> = diagnosis
-        .ambiguous_pairs
-        .iter()
-        .map(|(a, b, likeness)| json!({"a": a, "b": b, "likeness": likeness}))
-        .collect();
-    let transfers: Vec<Value> = diagnosis
-        .transfers
-        .iter()
-        .map(|one| json!({"recording": one.recording, "closure": interval(one.explained_fraction)}))
-        .collect();
-    let sets: Vec<Value> =
-        diagnosis.sets.iter().map(|(effects, p)| json!({"effects": effects, "probability": p})).collect();
-    json!({
-        "innovations": innovations(diagnosis),
-        "values": diagnosis.samples, "entropy_bits": diagnosis.entropy_bits, "fault_sets": sets, "table": diagnosis.table, "closure_without_recording": transfers,
-        "closure_widened_by": diagnosis.explained_fraction_widened_by,
-        "parameters": parameters, "tried": tried, "channels": channels, "smallest_visible": detectable_sizes,
-        "alike": ambiguous_pairs, "ledgers": breakdowns, "stage_tests": tests, "free_terms": discrepancy_terms,
-        "simulations": diagnosis.simulations,
-        "servomotor_stage_only": diagnosis.part.as_ref().map(stage_only),
-    })
+/// What a verdict rests on.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct ReportedEvidence {
+    /// How the innovations look.
+    pub innovations: Innovations,
+    /// How many values were measured.
+    #[serde(rename = "values")]
+    pub samples: usize,
+    /// Entropy of the posterior over the hypotheses that are left, bits.
+    #[serde(deserialize_with = "figure")]
+    pub entropy_bits: f64,
+    /// Fault sets that hold nine tenths of the probability of something known, likeliest first.
+    pub fault_sets: Vec<FaultSet>,
+    /// The evidence of all fault sets.
+    pub table: EvidenceTable,
+    /// Explained fraction on each recording by fits to the others.
+    #[serde(rename = "closure_without_recording")]
+    pub transfers: Vec<Transfer>,
+    /// By how much intervals of the explained share were widened; none of an older program.
+    #[serde(default, rename = "closure_widened_by")]
+    pub explained_fraction_widened_by: Option<f64>,
+    /// The sheet's parameters as fitted.
+    pub parameters: Vec<SheetParameter>,
+    /// What was tried, best first.
+    pub tried: Vec<Tried>,
+    /// Channels as found.
+    pub channels: Vec<ChannelReport>,
+    /// What could be seen at all.
+    #[serde(rename = "smallest_visible")]
+    pub detectable_sizes: Vec<DetectableSize>,
+    /// Pairs of effects that these recordings cannot tell apart.
+    #[serde(rename = "alike")]
+    pub ambiguous_pairs: Vec<AmbiguousPair>,
+    /// The squared gap in parts.
+    #[serde(rename = "ledgers")]
+    pub breakdowns: Vec<Breakdown>,
+    /// Stages driven by recorded signals.
+    pub stage_tests: Vec<StageTest>,
+    /// Free terms.
+    #[serde(rename = "free_terms")]
+    pub discrepancy_terms: Vec<DiscrepancyTerm>,
+    /// Number of simulated recordings that it took.
+    pub simulations: usize,
+    /// Where the servomotor stage alone was judged.
+    #[serde(default, rename = "servomotor_stage_only")]
+    pub part: Option<StageOnly>,
+    /// Curves for pictures.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub traces: Vec<Trace>,
 }
 
-/// How the innovations look, of the refitted sheet and of the likeliest fault set.
-fn innovations(diagnosis: &Diagnosis) -> Value {
-    let of = |one: &Consistency| {
-        json!({
-            "signal": one.signal.id(), "samples": one.samples,
-            "mean_square": one.mean_square, "lag1_correlation": one.correlation,
-        })
-    };
-    let [refitted, likeliest] = diagnosis.consistency.each_ref().map(|all| all.iter().map(of).collect::<Vec<_>>());
-    json!({"refitted": refitted, "likeliest": likeliest})
+/// Innovations of the refitted sheet, and of the likeliest fault set.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct Innovations {
+    /// Of the refitted sheet.
+    pub refitted: Vec<Consistency>,
+    /// Of the likeliest fault set.
+    pub likeliest: Vec<Consistency>,
 }
 
-/// What to know where the servomotor stage alone was judged.
-fn stage_only(part: &StageOnly) -> Value {
-    let runs: Vec<Value> = part
-        .free_runs
-        .iter()
-        .map(|run| {
-            json!({
-                "effects": run.model, "fitted_on": run.fitted_on, "rmse_pu": run.seen, "held_out_rmse_pu": run.held_out,
-            })
-        })
-        .collect();
-    json!({
-        "data_sheet": part.sheet, "pieces": part.pieces, "piece_s": part.piece_s,
-        "transducers_rmse_pu": part.transducers_pu, "of_no_such_stage": part.foreign,
-        "free_run_s": part.free_run_s, "free_runs": runs,
-    })
+/// A fault set and its probability.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct FaultSet {
+    /// Ids of its effects.
+    pub effects: Vec<String>,
+    /// Its probability.
+    #[serde(deserialize_with = "figure")]
+    pub probability: f64,
+}
+
+/// Two effects that look alike.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct AmbiguousPair {
+    /// One.
+    pub a: String,
+    /// The other.
+    pub b: String,
+    /// How alike they look, 0 to 1.
+    #[serde(deserialize_with = "figure")]
+    pub likeness: f64,
+}
+
+/// A parameter of the sheet as fitted.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct SheetParameter {
+    /// The key of parameter files.
+    pub key: String,
+    /// Its unit.
+    #[serde(deserialize_with = "lasting")]
+    pub unit: LastingText,
+    /// Fitted value, in the unit.
+    #[serde(flatten)]
+    pub value: Interval,
+    /// Value of the sheet.
+    #[serde(deserialize_with = "figure")]
+    pub sheet: f64,
+    /// Distance from the sheet in standard deviations of its tolerance.
+    #[serde(deserialize_with = "figure")]
+    pub deviations_from_sheet: f64,
+    /// Share of what is known of it that these recordings said.
+    #[serde(deserialize_with = "figure")]
+    pub information: f64,
+    /// True where it stands on a bound.
+    pub at_bound: bool,
+}
+
+impl From<&Fitted> for SheetParameter {
+    fn from(one: &Fitted) -> Self {
+        let Fitted { name: key, unit, value, sheet, position: deviations_from_sheet, information, at_bound } =
+            one.clone();
+        Self { key, unit, value, sheet, deviations_from_sheet, information, at_bound }
+    }
+}
+
+impl From<SheetParameter> for Fitted {
+    fn from(one: SheetParameter) -> Self {
+        let SheetParameter { key: name, unit, value, sheet, deviations_from_sheet: position, information, at_bound } =
+            one;
+        Self { name, unit, value, sheet, position, information, at_bound }
+    }
+}
+
+/// A report that cannot be read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReportError {
+    /// No JSON.
+    #[error("expected a report of the schema {SCHEMA}: {0}")]
+    Malformed(#[from] serde_json::Error),
+    /// Another schema, or none.
+    #[error("expected a report of the schema {SCHEMA}, found `{0}`; was it made by another version?")]
+    Schema(String),
+    /// A field that is missing or is none of those that may stand there.
+    #[error("{0}")]
+    Field(#[from] serde_path_to_error::Error<serde_json::Error>),
+}
+
+impl DiagnosisReport {
+    /// A report that holds a verdict and nothing else.
+    #[must_use]
+    pub fn of_verdict(verdict: Verdict) -> Self {
+        Self {
+            schema: SCHEMA.to_owned(),
+            verdict,
+            judged_by: JudgedBy::default(),
+            location: GapLocation::default(),
+            effects: Vec::new(),
+            ranking: Vec::new(),
+            gap: ReportedGap::default(),
+            fitted_stage: None,
+            experiments: Vec::new(),
+            sheet_limits: None,
+            seconds: None,
+            notes: Vec::new(),
+            evidence: ReportedEvidence::default(),
+            provenance: None,
+        }
+    }
+
+    /// The report of a diagnosis that took `seconds`, without curves.
+    #[must_use]
+    pub fn of(diagnosis: &Diagnosis, seconds: f64) -> Self {
+        let Diagnosis { stages, blamed, ranking, gap, explained_fraction, experiments, part, .. } = diagnosis.clone();
+        let [refitted, likeliest] = diagnosis.consistency.clone();
+        let sets = diagnosis.sets.iter().cloned();
+        let pairs = diagnosis.ambiguous_pairs.iter().cloned();
+        Self {
+            judged_by: diagnosis.judged_by,
+            location: GapLocation {
+                stage: diagnosis.stage,
+                probability: stages.into_iter().map(|(stage, share)| (stage, Some(share))).collect(),
+            },
+            effects: blamed,
+            ranking,
+            gap: ReportedGap { signals: gap, explained_fraction },
+            fitted_stage: part.as_ref().map(|part| part.figures.clone()),
+            experiments,
+            sheet_limits: diagnosis.sheet_limits.clone(),
+            seconds: Some(seconds),
+            notes: diagnosis.notes.clone(),
+            evidence: ReportedEvidence {
+                innovations: Innovations { refitted, likeliest },
+                samples: diagnosis.samples,
+                entropy_bits: diagnosis.entropy_bits,
+                fault_sets: sets.map(|(effects, probability)| FaultSet { effects, probability }).collect(),
+                table: diagnosis.table.clone(),
+                transfers: diagnosis.transfers.clone(),
+                explained_fraction_widened_by: Some(diagnosis.explained_fraction_widened_by),
+                parameters: diagnosis.parameters.iter().map(SheetParameter::from).collect(),
+                tried: diagnosis.tried.clone(),
+                channels: diagnosis.channels.clone(),
+                detectable_sizes: diagnosis.detectable_sizes.clone(),
+                ambiguous_pairs: pairs.map(|(a, b, likeness)| AmbiguousPair { a, b, likeness }).collect(),
+                breakdowns: diagnosis.breakdowns.clone(),
+                stage_tests: diagnosis.stage_tests.clone(),
+                discrepancy_terms: diagnosis.discrepancy_terms.clone(),
+                simulations: diagnosis.simulations,
+                part,
+                traces: Vec::new(),
+            },
+            ..Self::of_verdict(diagnosis.verdict)
+        }
+    }
+
+    /// Reads a report.
+    ///
+    /// # Errors
+    /// Where it is none of this schema, or a field is missing or holds what cannot stand there; the error names the field.
+    pub fn read(text: &str) -> Result<Self, ReportError> {
+        Self::of_json(&serde_json::from_str(text)?)
+    }
+
+    /// The same of JSON.
+    ///
+    /// # Errors
+    /// As [`DiagnosisReport::read`].
+    pub fn of_json(report: &Value) -> Result<Self, ReportError> {
+        let schema = report["schema"].as_str().unwrap_or_default();
+        if schema != SCHEMA {
+            return Err(ReportError::Schema(schema.to_owned()));
+        }
+        Ok(serde_path_to_error::deserialize(report)?)
+    }
+
+    /// The same as JSON, keys in the order of the alphabet.
+    #[must_use]
+    pub fn json(&self) -> Value {
+        serde_json::to_value(self).unwrap_or_default()
+    }
+}
+
+/// As far as a page shows it: the units are left out.
+impl From<DiagnosisReport> for Diagnosis {
+    fn from(report: DiagnosisReport) -> Self {
+        let DiagnosisReport { location, evidence, gap, fitted_stage, .. } = report;
+        let unit = Unit {
+            parameters: Parameters::default(),
+            tolerances: vec![],
+            sensors: Sensors::default(),
+            effects: vec![],
+            own_effects: vec![],
+            recorded: ChannelReadings::default(),
+        };
+        let share = |(stage, share): (Stage, Option<f64>)| (stage, share.unwrap_or(f64::NAN));
+        let mut stages: Vec<(Stage, f64)> = location.probability.into_iter().map(share).collect();
+        stages.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let figures = fitted_stage.unwrap_or_default();
+        Self {
+            verdict: report.verdict,
+            judged_by: report.judged_by,
+            stage: location.stage,
+            stages,
+            blamed: report.effects,
+            ranking: report.ranking,
+            gap: gap.signals,
+            explained_fraction: gap.explained_fraction,
+            explained_fraction_widened_by: evidence.explained_fraction_widened_by.unwrap_or(f64::NAN),
+            experiments: report.experiments,
+            entropy_bits: evidence.entropy_bits,
+            refitted: unit.clone(),
+            fitted: unit,
+            parameters: evidence.parameters.into_iter().map(Fitted::from).collect(),
+            channels: evidence.channels,
+            detectable_sizes: evidence.detectable_sizes,
+            sheet_limits: report.sheet_limits,
+            ambiguous_pairs: evidence.ambiguous_pairs.into_iter().map(|one| (one.a, one.b, one.likeness)).collect(),
+            breakdowns: evidence.breakdowns,
+            stage_tests: evidence.stage_tests,
+            discrepancy_terms: evidence.discrepancy_terms,
+            tried: evidence.tried,
+            transfers: evidence.transfers,
+            sets: evidence.fault_sets.into_iter().map(|one| (one.effects, one.probability)).collect(),
+            table: evidence.table,
+            consistency: [evidence.innovations.refitted, evidence.innovations.likeliest],
+            samples: evidence.samples,
+            traces: evidence.traces,
+            part: evidence.part.map(|part| StageOnly { figures, ..part }),
+            notes: report.notes,
+            simulations: evidence.simulations,
+        }
+    }
 }

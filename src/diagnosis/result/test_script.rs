@@ -1,5 +1,7 @@
 //! Tests that an operator could run next: the state of the unit, the command and the ESV over time, in words and as rows.
 
+use serde::{Deserialize, Serialize};
+
 use crate::frame::{EsvState, Frame, Inputs, Signals};
 use crate::units::{nanos_from_seconds, seconds_from_nanos};
 
@@ -10,7 +12,8 @@ pub const PERIOD_S: f64 = 0.01;
 const DWELL_S: f64 = 4.0;
 
 /// How the command goes on from the first opening.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum CommandShape {
     /// Stays where it is.
     Hold,
@@ -46,7 +49,7 @@ pub enum CommandShape {
 }
 
 /// A test.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TestScript {
     /// First opening, pu.
     pub start_pu: f64,

@@ -11,7 +11,7 @@ use crate::diagnosis::experiment::LEAST_BITS;
 use crate::diagnosis::hypotheses::Explored;
 use crate::diagnosis::hypotheses::table::EvidenceTable;
 use crate::diagnosis::model::FittedModel;
-use crate::diagnosis::result::{SheetLimits, SheetValue};
+use crate::diagnosis::result::{HiddenEffect, SheetLimits, SheetValue};
 use crate::effects::EffectSpec;
 use crate::identification::free_parameter::FreeParameter;
 
@@ -48,12 +48,13 @@ pub fn sheet_limits(
         let (key, unit) = free_parameter.key(&refitted.base);
         let at = |position: f64| free_parameter.value(&refitted.base, position);
         let ratio = |effect: usize, spec: &&'static EffectSpec| {
-            (spec.id.to_owned(), explored.linearisation.sharper_ratio(effect, STANDS_OUT, k))
+            let sharper = explored.linearisation.sharper_ratio(effect, STANDS_OUT, k);
+            HiddenEffect { id: spec.id.to_owned(), sharper }
         };
-        let mut hides: Vec<(String, f64)> =
+        let mut hides: Vec<HiddenEffect> =
             catalogue.iter().enumerate().map(|(effect, spec)| ratio(effect, spec)).collect();
-        hides.sort_by(|a, b| b.1.total_cmp(&a.1));
-        let sharper: f64 = hides.iter().map(|(_, ratio)| ratio.ln()).sum();
+        hides.sort_by(|a, b| b.sharper.total_cmp(&a.sharper));
+        let sharper: f64 = hides.iter().map(|one| one.sharper.ln()).sum();
         hides.truncate(NAMED);
         let tolerance = (at(-1.0).min(at(1.0)), at(-1.0).max(at(1.0)));
         let information = refitted.information(k);

@@ -61,7 +61,7 @@ pub fn paragraphs(diagnosis: &Diagnosis) -> Vec<String> {
         return vec![format!("Next test: {}.", nothing_to_settle(diagnosis))];
     };
     let trips = |trips: u32| if trips == 0 { "no trip".to_owned() } else { format!("{trips} trip of the ESV") };
-    let sent = if one.script.is_some() { " `govtwin play next_test.mcap` sends it." } else { "" };
+    let sent = if one.bag.is_some() { " `govtwin play next_test.mcap` sends it." } else { "" };
     let share = one.expected_drop_bits / one.entropy_bits;
     let purpose = if share < LITTLE {
         format!("No test that was tried would settle much; the best, to {}", settles(one))

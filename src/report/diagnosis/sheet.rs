@@ -75,7 +75,7 @@ pub fn table(limits: &SheetLimits) -> Table {
         .words("hides, sharper by");
     for one in limits.values.iter().take(SHOWN) {
         let hides: Vec<String> =
-            one.hides.iter().map(|(id, ratio)| format!("{} {}", id_words(id), significant(*ratio, 2))).collect();
+            one.hides.iter().map(|one| format!("{} {}", id_words(&one.id), significant(one.sharper, 2))).collect();
         table.row([
             one.key.clone(),
             quantity(one.sheet, one.unit),

@@ -15,6 +15,7 @@ use crate::recording::Process;
 use crate::signal::Signal;
 
 mod findings;
+mod read_back;
 
 fn play() -> Fitted {
     Fitted {
@@ -88,6 +89,7 @@ fn made_up(verdict: Verdict, blamed: &[&str]) -> Diagnosis {
             records: Signal::POSITIONS.to_vec(),
             rate_hz: 100.0,
             script: None,
+            bag: None,
         }],
         entropy_bits: 0.2,
         refitted: unit.clone(),

@@ -1,0 +1,70 @@
+//! What a diagnosis of a servomotor stage alone says beside the verdict.
+
+use serde::{Deserialize, Serialize};
+
+use crate::diagnosis::result::interval::Interval;
+use crate::stored::{LastingText, figure, lasting};
+
+/// How well a model predicts free runs of a fixed length, each from its own measured start.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct FreeRun {
+    /// The model, in words.
+    #[serde(rename = "effects")]
+    pub model: String,
+    /// The half of the recordings that it was fitted to.
+    #[serde(deserialize_with = "lasting")]
+    pub fitted_on: LastingText,
+    /// RMS error of the servomotor in the half that it was fitted to, pu.
+    #[serde(rename = "rmse_pu", deserialize_with = "figure")]
+    pub seen: f64,
+    /// The same in the other half.
+    #[serde(rename = "held_out_rmse_pu", deserialize_with = "figure")]
+    pub held_out: f64,
+}
+
+/// One figure of a fitted stage, in the numbers of its recordings.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct StageFigure {
+    /// Its id in reports.
+    #[serde(deserialize_with = "lasting")]
+    pub id: LastingText,
+    /// What it is.
+    #[serde(rename = "words", deserialize_with = "lasting")]
+    pub title: LastingText,
+    /// Its unit, as recorded.
+    #[serde(deserialize_with = "lasting")]
+    pub unit: LastingText,
+    /// Value and interval.
+    #[serde(flatten)]
+    pub value: Interval,
+}
+
+/// What to know of a diagnosis of a part of the chain.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct StageOnly {
+    /// Whether a data sheet was given; without one everything is fitted freely.
+    #[serde(rename = "data_sheet")]
+    pub sheet: bool,
+    /// Number of pieces that the recordings were cut into.
+    pub pieces: usize,
+    /// Length of a piece, s.
+    #[serde(deserialize_with = "figure")]
+    pub piece_s: f64,
+    /// What was fitted, in the numbers of the recordings.
+    #[serde(skip)]
+    pub figures: Vec<StageFigure>,
+    /// RMS that the transducers alone make a right model residual over a piece, pu of stroke.
+    #[serde(rename = "transducers_rmse_pu", deserialize_with = "figure")]
+    pub transducers_pu: f64,
+    /// Why the recordings are of no such stage; none where they are.
+    #[serde(rename = "of_no_such_stage")]
+    pub foreign: Option<String>,
+    /// Length of a free run, s.
+    #[serde(deserialize_with = "figure")]
+    pub free_run_s: f64,
+    /// Free runs on the other half.
+    pub free_runs: Vec<FreeRun>,
+}
