@@ -76,6 +76,8 @@ impl Args {
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
+    #[cfg(feature = "deep")]
+    learn::networks::one_thread_each();
     let output = Output::claim(&args.learn.out, &["compare.html", "compare.json"])?;
     let ready = args.learn.prepare(args.cut, RateOfInputs::Hold)?;
     let split = seven_to_three(&ready.table);

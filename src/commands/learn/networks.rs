@@ -1,5 +1,6 @@
 //! The networks of the comparison: their searches and what they say.
 
+use std::process::Command;
 use std::time::Instant;
 
 use anyhow::Context;
@@ -15,8 +16,24 @@ use super::journal::EvaluationJournal;
 use super::{Args, SearchJob, search, searched};
 use crate::commands::output::{Progress, print};
 
+/// The processors that candle may use, as it reads them when it starts: one, for every fold.
+const PROCESSORS: &str = "CANDLE_CPU_MASK";
+
 /// In searches every so many-th row of a fold teaches and judges: a network takes ten times as long as trees.
 const EVERY: usize = 4;
+
+/// Starts the program anew with one thread for each network. Left alone, candle keeps one pool of threads that wait in a spin and serve one caller at
+/// a time, and networks are trained side by side here: they take several times as long. The environment is all that it listens to.
+pub fn one_thread_each() {
+    #[cfg(unix)]
+    if std::env::var_os(PROCESSORS).is_none() {
+        use std::os::unix::process::CommandExt;
+
+        let Ok(program) = std::env::current_exe() else { return };
+        // This only returns where it failed; the networks are then slow, and nothing else.
+        let _ = Command::new(program).args(std::env::args_os().skip(1)).env(PROCESSORS, "0").exec();
+    }
+}
 
 /// Searches, trains and asks both networks by one seed; `budget` is the number of evaluations of each search.
 pub fn compete(
