@@ -36,9 +36,7 @@ pub struct Bag {
 /// Where the streams are, for the commands that read recordings.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct TopicArgs {
-    /// Topic of a stream, if the bags have another name for it; may be repeated.
-    ///
-    /// STREAM is command, esv, tank_pressure or servo_state.
+    /// Topic of STREAM (command, esv, tank_pressure or servo_state), if the bags have another name for it; may be repeated.
     #[arg(long = "topic", value_name = "STREAM=NAME", value_parser = stream_and_name)]
     pub(super) named: Vec<(Stream, String)>,
 }
@@ -73,9 +71,7 @@ fn stream_and_name(text: &str) -> Result<(Stream, String), String> {
 /// Files that are no bags of this project, for the commands that read recordings.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct MapArgs {
-    /// Import map (`govtwin import`), to read tables and bags with other topics and types.
-    ///
-    /// Each file is a separate recording.
+    /// Import map (`govtwin import`), to read tables and bags with other topics and types; each file is a separate recording.
     #[arg(long = "map", value_name = "MAP", conflicts_with = "named")]
     pub(super) map: Option<PathBuf>,
 }
