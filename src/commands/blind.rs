@@ -122,7 +122,7 @@ enum Rate {
     /// As in a plant's archive.
     #[value(name = "5")]
     Plant,
-    /// A third of the units at 5 Hz.
+    /// Both: a third of the units at 5 Hz, the others at 100 Hz.
     Both,
 }
 

@@ -52,7 +52,7 @@ enum LearnedQuestion {
     Sets,
     /// Whether something unknown is present.
     Unknown,
-    /// At which stage it is.
+    /// At which stage the unknown is.
     Stages,
     /// How wide the intervals of sizes and of the explained fraction are.
     Intervals,

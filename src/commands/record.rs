@@ -27,7 +27,10 @@ pub struct Args {
     /// Bag folder to write.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Topics to record; `TOPIC:package/msg/Type` states a type, else that of the first publisher is recorded.
+    /// Topics to record.
+    ///
+    /// The type is the one stated as `TOPIC:package/msg/Type`, else that of this project for the topics of the servo
+    /// system, else that of the first publisher.
     #[arg(long, value_name = "TOPIC", num_args = 1..)]
     topics: Vec<String>,
     /// Import map (`govtwin import`): record the topics that it names, of any type.

@@ -56,7 +56,7 @@ pub struct Args {
     /// Data sheet (parameter file) of the unit; without it, the shipped reference unit.
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
-    /// Measured signal that replaces the simulated one, to compare a stage for its own input.
+    /// Measured signal that replaces the simulated one, to compare a single stage with its own recorded input.
     #[arg(long, value_enum, default_value_t = CutAt::None)]
     cut: CutAt,
     /// Add the correction of this residual model of `govtwin train`, and report the remaining error; may be repeated.
