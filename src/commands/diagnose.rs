@@ -139,12 +139,13 @@ alone and together, and reports one of six verdicts:
   unknown       no effect of the catalogue explains the difference; the report shows where and how
   no_gap        no difference beyond noise and tolerances
   not_excited   the recordings do not move the unit enough to decide
-  no_such_unit  servomotor stage alone: the position follows another law than a servomotor's
+  no_such_unit  servomotor stage alone: the position follows another law than a servomotor's, or does
+                not depend on the spool
 
 Files in DIR:
   report.html     the page; report.json holds the same as JSON
   refitted.yaml   the twin with fitted parameters and no effect
-  fitted.yaml     the improved twin, with the effects that the verdict names
+  fitted.yaml     the improved twin, with the effects of the verdict (of a class, the likeliest)
   next_test.mcap  the best next test: command, ESV and tank pressure; absent if none is proposed
   assumed.yaml    the estimated data sheet, with --no-sheet
 
