@@ -19,59 +19,69 @@ static LONG_VERSION: LazyLock<String> = LazyLock::new(|| {
     text
 });
 
-/// Simulate a hydro-turbine governor's servo system, and find out why it differs from the real one.
+/// Simulate the servo system of a hydro-turbine governor, and diagnose why a real unit differs from it.
 #[derive(Debug, Parser)]
-#[command(version, long_version = LONG_VERSION.as_str(), arg_required_else_help = true)]
+#[command(version, long_version = LONG_VERSION.as_str(), arg_required_else_help = true, after_long_help = HELP)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
 }
 
+const HELP: &str = "\
+Examples:
+  govtwin replay bags/reference --out look     # measured against simulated signals, as a page
+  govtwin diagnose bags/practice/case_03       # why this unit differs from its twin
+  govtwin run --optional esv tank_pressure     # the twin as a ROS 2 node, driven by a command
+
+`govtwin COMMAND --help` describes all options of a command.
+
+Exit codes: 0 ok, 1 error, 2 wrong usage, 3 finished with warnings.";
+
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Measure a unit against the limits of an acceptance test, as it is and without each of its faults.
+    /// Measure a unit against acceptance limits, as found and without each of its faults.
     Accept(commands::accept::Args),
-    /// Diagnose every unit of a folder, and score it where the truth is known.
+    /// Diagnose every unit of a folder, and score the verdicts if the true faults are known.
     #[command(visible_alias = "benchmark")]
     Blind(commands::blind::Args),
-    /// Learn how far the diagnosis can trust its evidence, from judged units whose faults are known.
+    /// Learn the weights of the posterior from diagnosed units whose faults are known.
     Calibrate(commands::calibrate::Args),
-    /// Validate a parameter file and print the merged unit.
+    /// Validate a parameter file, and print the unit that it describes.
     Check(commands::check::Args),
-    /// Find out why a unit and its twin differ: where, which effect, how much of the gap it closes.
+    /// Diagnose why a unit differs from its twin: where, which effect, and how much it explains.
     Diagnose(commands::diagnose::Args),
-    /// Check whether bags are whole, and say the way out where they are not.
+    /// Check the integrity of bags, and report how to repair damaged ones.
     Doctor(commands::doctor::Args),
-    /// List what a real unit may do beyond the nominal model, or document one such effect.
+    /// List the effects that a real unit may show beyond the nominal model, or document one of them.
     Effects(commands::effects::Args),
-    /// Fit parameters and chosen effects to recordings, and say how far they are determined.
+    /// Fit parameters and chosen effects to recordings, and report how well the recordings determine them.
     Fit(commands::fit::Args),
-    /// Diagnose many units over many periods on any engine that runs commands, and gather the results into one page.
+    /// Diagnose many units over many periods on any engine that runs commands, and gather the results.
     Fleet(commands::fleet::Args),
-    /// Make synthetic recordings of the four processes, with chosen effects, for trying a bench or a diagnosis.
+    /// Generate synthetic recordings of the four processes, to test a bench or a diagnosis.
     Generate(commands::generate::Args),
-    /// Make a bag of recordings as plants have them: CSV, Parquet, bags with other types.
+    /// Convert a plant's recordings to a bag: CSV, Parquet, or bags with other types.
     Import(commands::import::Args),
-    /// Say what is in a bag: topics, types, counts, rates, gaps, health.
+    /// Report what a bag contains: topics, types, counts, rates, gaps, health.
     Info(commands::info::Args),
-    /// Save every message of a damaged bag into a new bag.
+    /// Save every readable message of a damaged or unfinished bag into a new bag.
     Recover(commands::recover::Args),
-    /// Simulate recordings and compare with what was measured.
+    /// Simulate recordings, and compare simulated with measured signals.
     Replay(commands::replay::Args),
-    /// Make a parameter file from a name plate.
+    /// Make a data sheet (parameter file) from a name plate.
     Sheet(commands::sheet::Args),
-    /// Make the page of a diagnosis again from its JSON.
+    /// Make the page of a diagnosis again from its JSON report.
     Report(commands::report::Args),
-    /// Train a model of the twin's residual.
+    /// Train a learned correction of the twin, the residual model of `replay` and `run`.
     #[cfg(feature = "residual")]
     Train(commands::train::Args),
-    /// Train a model of the twin's residual (not in this build).
+    /// Train a learned correction of the twin, the residual model of `replay` and `run` (not in this build).
     #[cfg(not(feature = "residual"))]
     Train(Absent),
-    /// Compare the twin, data-only models and hybrids as the paper does.
+    /// Compare the twin, data-only models and hybrids, as in Liu et al. 2025.
     #[cfg(feature = "residual")]
     Compare(commands::compare::Args),
-    /// Compare the twin, data-only models and hybrids as the paper does (not in this build).
+    /// Compare the twin, data-only models and hybrids, as in Liu et al. 2025 (not in this build).
     #[cfg(not(feature = "residual"))]
     Compare(Absent),
     /// Run the twin as a ROS 2 node.
@@ -86,17 +96,17 @@ enum Command {
     /// Publish a recording over DDS with its timing (not in this build).
     #[cfg(not(feature = "node"))]
     Play(Absent),
-    /// Record from DDS into a bag.
+    /// Record topics from DDS into a bag.
     #[cfg(feature = "node")]
     Record(commands::record::Args),
-    /// Record from DDS into a bag (not in this build).
+    /// Record topics from DDS into a bag (not in this build).
     #[cfg(not(feature = "node"))]
     Record(Absent),
-    /// Follow what a unit records, diagnose each process, and say when a fault has grown.
+    /// Watch a unit: diagnose each process that it records, and warn when a fault has grown.
     Watch(commands::watch::Args),
-    /// Print what a shell needs to complete commands, options and values.
+    /// Print the completion script of a shell for commands, options and values.
     Completions(commands::completions::Args),
-    /// Print the manual page, or write one for each command.
+    /// Print the manual page, or write one for every command.
     Man(commands::man::Args),
 }
 

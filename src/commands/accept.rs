@@ -30,46 +30,54 @@ const NAMES: [&str; 3] = ["acceptance.json", "acceptance.csv", "acceptance.html"
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = HELP)]
 pub struct Args {
-    /// Recordings of one unit: bags, bag folders, or folders that hold them.
+    /// Recordings of one unit: bags, bag folders, or folders that contain them.
     #[arg(value_name = "BAG", required_unless_present = "template")]
     bags: Vec<PathBuf>,
     #[command(flatten)]
     topics: TopicArgs,
     #[command(flatten)]
     map: MapArgs,
-    /// What the unit must keep; `--template` prints such a file. Without it measures are shown and nothing is judged.
+    /// Limits that the unit must keep; `--template` prints a file to fill in. Without limits, measures are only
+    /// shown.
     #[arg(long, value_name = "FILE")]
     limits: Option<PathBuf>,
-    /// The unit's data sheet; without it the shipped reference unit.
+    /// Data sheet (parameter file) of the unit; without it, the shipped reference unit.
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
-    /// A diagnosis of the unit: the folder of `govtwin diagnose`, with report.json and fitted.yaml. Without it the recordings are diagnosed anew.
+    /// Folder of an existing diagnosis of the unit; without it, the recordings are diagnosed.
+    ///
+    /// The folder is that of `govtwin diagnose`, with report.json and fitted.yaml.
     #[arg(long, value_name = "DIR", conflicts_with = "measure_only")]
     diagnosis: Option<PathBuf>,
-    /// Measure the recordings alone: no diagnosis, no twin.
+    /// Only measure the recordings: no diagnosis and no twin.
     #[arg(long)]
     measure_only: bool,
-    /// Print a limits file to fill in: every measure with how it is computed.
+    /// Print a limits file to fill in, with every measure and how it is computed.
     #[arg(long, conflicts_with_all = ["bags", "limits", "out"])]
     template: bool,
-    /// Folder for acceptance.html, acceptance.json and acceptance.csv [default: acceptance/UNIT, UNIT being the folder that holds the recordings,
-    /// or the one recording]. Files of an earlier report there are replaced.
+    /// Folder for the report [default: acceptance/UNIT].
+    ///
+    /// The files are acceptance.html, acceptance.json and acceptance.csv; those of an earlier report are replaced.
+    /// UNIT is the folder that contains the recordings, or the name of the single recording.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Print JSON instead of tables: what DIR/acceptance.json holds.
+    /// Print JSON instead of tables: the content of DIR/acceptance.json.
     #[arg(long)]
     json: bool,
 }
 
 const HELP: &str = "\
-Measures dead time, dead band, hysteresis, opening and closing times, cushion time, overshoot, settling time, tracking error and frequency
-response, each with an interval that holds nine times in ten, from command and position alone. Then takes each fault that the diagnosis names
-out of the twin and says what the unit would measure without it:
+Measures dead time, dead band, hysteresis, opening and closing times, cushion time, overshoot,
+settling time, tracking error and frequency response, each with a 90 % interval. All measures use
+only the opening command and the servomotor position. For each fault that the diagnosis names, the
+report states what the unit would measure without it:
   Without backlash the dead time falls from 0.174 s to 0.108 s (0.0471 s to 0.168 s): passes.
-What the recordings do not show (nobody opens a running unit at its full rate) is measured on the twin in simulated tests, and marked so.
+A measure that no recording shows, such as the full rate of a running unit, is taken on the twin in
+a simulated test and marked.
 
-A measure passes where its whole interval keeps the limit, fails where its whole interval breaks it, and is undecided in between.
-The page prints to PDF from any browser. docs/acceptance.md explains the measures.
+A limit passes if the whole interval keeps it, fails if the whole interval breaks it, and is
+undecided otherwise. The page has room for signatures and prints to PDF from any browser.
+docs/acceptance.md defines the measures.
 
 Examples:
   govtwin accept --template > limits.yaml
@@ -77,7 +85,8 @@ Examples:
   govtwin accept RUN --limits limits.yaml --params unit3.yaml --diagnosis diagnosis/unit3
   govtwin accept RUN --measure-only --json | jq '.measures[] | {id, as_found}'
 
-Exit codes: 0 every limit is kept, or there is none; 1 not possible; 2 wrong usage; 3 a limit is broken, undecided or not shown, or there are warnings.";
+Exit codes: 0 all limits are kept, or there are none; 1 not possible; 2 wrong usage; 3 a limit is
+broken, undecided or not shown, or there are warnings.";
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
@@ -148,7 +157,7 @@ fn judge(
     };
     let named: Vec<String> = faults.named.clone();
     let unit = Unit { recorded: sheet.recorded, ..faults.unit.clone() };
-    let progress = Progress::new(counterfactual::simulations(&unit, &named, &faults.sizes), "twins measured");
+    let progress = Progress::new(counterfactual::simulations(&unit, &named, &faults.sizes), "simulated units");
     let compared: Compared = counterfactual::compare(recordings, &unit, &named, &faults.sizes, &|| progress.step());
     drop(progress);
     let diagnosed = DiagnosedTwin { verdict: faults.verdict.clone(), faults: named.clone() };
@@ -196,7 +205,7 @@ fn text(summary: &AcceptanceSummary) -> String {
     let mut text = table_text(&measures_table(summary));
     if summary.measures.iter().any(|asked| asked.as_found.as_ref().is_some_and(|figure| figure.from == "standard test"))
     {
-        text += "* by the twin's simulated test; the recordings do not show it.\n";
+        text += "* measured on the twin in a simulated test; the recordings do not show it.\n";
     }
     if let Some(table) = without_table(summary) {
         text += &format!("\n{}", table_text(&table));
@@ -205,7 +214,7 @@ fn text(summary: &AcceptanceSummary) -> String {
         text += &format!("\n{sentence}");
     }
     if !summary.verdict.is_empty() && summary.faults.is_empty() {
-        text += &format!("\nThe diagnosis names no fault ({}), so there is none to take out.", summary.verdict);
+        text += &format!("\nThe diagnosis names no fault ({}), so there is no counterfactual.", summary.verdict);
     }
     for origin in summary.provenance.iter().flat_map(Provenance::origins) {
         text += &format!("\n{origin}");

@@ -36,7 +36,7 @@ pub struct Bag {
 /// Where the streams are, for the commands that read recordings.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct TopicArgs {
-    /// The topic of a stream that the bags name otherwise, STREAM being command, esv, tank_pressure or servo_state; may be repeated.
+    /// Topic of STREAM (command, esv, tank_pressure or servo_state), if the bags have another name for it; may be repeated.
     #[arg(long = "topic", value_name = "STREAM=NAME", value_parser = stream_and_name)]
     pub(super) named: Vec<(Stream, String)>,
 }
@@ -71,7 +71,7 @@ fn stream_and_name(text: &str) -> Result<(Stream, String), String> {
 /// Files that are no bags of this project, for the commands that read recordings.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct MapArgs {
-    /// A map of `govtwin import`, by which tables and bags with other topics and types are read; each file is then a recording of its own.
+    /// Import map (`govtwin import`), to read tables and bags with other topics and types; each file is a separate recording.
     #[arg(long = "map", value_name = "MAP", conflicts_with = "named")]
     pub(super) map: Option<PathBuf>,
 }

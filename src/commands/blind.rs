@@ -33,68 +33,83 @@ use crate::commands::{Outcome, usage};
 #[command(after_long_help = HELP)]
 #[expect(clippy::struct_excessive_bools, reason = "each is an option of its own")]
 pub struct Args {
-    /// Folder of units: each folder in it with bags is one unit. With --generate it is made.
+    /// Folder of units: each folder in it that contains bags is one unit; --generate creates it.
     #[arg(value_name = "DIR")]
     dir: PathBuf,
     #[command(flatten)]
     topics: TopicArgs,
-    /// The units' data sheet; without it the shipped reference unit.
+    /// Data sheet (parameter file) of the units; without it, the shipped reference unit.
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
-    /// Judges each unit by a sheet made of its recordings, as `diagnose --no-sheet` does; --params then only says what --generate makes units of.
+    /// Diagnose each unit with a sheet estimated from its recordings, as `diagnose --no-sheet` does.
+    ///
+    /// --params is then only the sheet from which --generate makes units.
     #[arg(long, conflicts_with_all = ["stages_alone", "baselines", "baselines_only"])]
     no_sheet: bool,
-    /// Folder for reports and score; without it the folder of units.
+    /// Folder for reports and score; without it, DIR.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// What is truly in the units: scores the reports.
+    /// True faults of the units, against which the verdicts are scored.
     #[arg(long, value_name = "FILE", conflicts_with = "generate")]
     labels: Option<PathBuf>,
-    /// First makes this many units with known faults, and scores at the end.
+    /// First generate N units with known faults, and score their verdicts at the end.
     #[arg(long, value_name = "N", conflicts_with = "named")]
     generate: Option<usize>,
-    /// Makes and judges one of N parts of the units of --generate, counted from 1, and scores nothing: for engines that run a command many times.
+    /// Generate and diagnose only part I of N of --generate, counted from 1, without a score.
     #[arg(long, value_name = "I/N", requires = "generate")]
     shard: Option<Shard>,
-    /// Decides every draw of --generate.
+    /// Seed of all random numbers of --generate.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Rate of the recordings that --generate makes, Hz.
+    /// Rate of the generated recordings, Hz.
     #[arg(long = "rate", value_enum, default_value_t = Rate::Both)]
     rate_hz: Rate,
-    /// Makes servomotor stages alone: recordings of spool and servomotor and of nothing else, judged by the data sheet of --params, or without one.
+    /// Generate servomotor stages alone: recordings of spool and servomotor only.
+    ///
+    /// They are diagnosed with the data sheet of --params, or without a sheet.
     #[arg(long, requires = "generate", conflicts_with_all = ["rate_hz", "baselines", "baselines_only"])]
     stages_alone: bool,
-    /// Judge by the baselines too.
+    /// Also diagnose with the baseline methods.
     #[arg(long)]
     baselines: bool,
-    /// Judge by the baselines only.
+    /// Diagnose only with the baseline methods.
     #[arg(long, conflicts_with = "baselines")]
     baselines_only: bool,
-    /// Also take reports that do not say which recordings and data sheet they are of, as those of early programs.
+    /// Also use reports that do not state their recordings and data sheet, such as those of early programs.
     #[arg(long)]
     unchecked: bool,
-    /// Print JSON instead of tables: what DIR/score.json holds, or the verdicts where there are no answers.
+    /// Print JSON instead of tables: the content of OUT/score.json, or the verdicts if there is no score.
     #[arg(long)]
     json: bool,
 }
 
 const HELP: &str = "\
-Each unit's reports stand in OUT/UNIT; those that are there already are kept where they are of the unit's recordings and data sheet, by their
-digests, so that a check that was broken off goes on where it stopped; others are named and not counted. With --labels or --generate, OUT/score.json and OUT/score.html hold all measures with 95 % intervals.
+The reports of a unit are in OUT/UNIT. Existing reports are used if they are of the same recordings
+and data sheet, by digest, so an interrupted benchmark continues where it stopped. Others are
+reported and not counted. With --labels or --generate, OUT/score.json and OUT/score.html contain all
+measures with 95 % intervals.
 
---generate makes the units with a simulator of its own, which shares the data sheet with the twin but not its equations: bristle
-friction, contact gaps, rounded edges, polytropic gas, inertia in lines. It makes sound units, single effects, two or three at once,
-faults that no catalogue lists, and effects that the catalogue is then made to lack. DIR/answers/keys.sha256 commits to the answers before
-the first diagnosis; DIR/answers/labels.yaml, with strengths.yaml beside it, is written after the last one, and the explained fraction is checked on recordings
-made after that. Where reports are missing, answers and scores of an earlier run are removed first, so that no diagnosis finds them, and
-written again at the end. A DIR or OUT of another seed, rate or data sheet is refused.
+--generate makes units with a separate simulator. It shares the data sheet with the twin but not
+its equations: bristle friction, contact gaps, rounded edges, polytropic gas, inertia of lines. The
+units are fault-free, have one effect, or two or three at once, have faults that no catalogue
+lists, or effects that are then left out of the catalogue. DIR/answers/keys.sha256 commits to the
+answers before the first diagnosis. DIR/answers/labels.yaml and strengths.yaml are written after
+the last one, and explained fractions are validated on recordings made after that. If reports are
+missing, answers and scores of an earlier run are removed first, so that no diagnosis can find
+them, and written again at the end. A DIR or OUT of another seed, rate or data sheet is refused.
 
---stages-alone makes servomotor stages of which only spool and position are recorded: the twin's own, and such as follow a plain law, each with an
-error of its law that is no fault. `govtwin calibrate` learns the weights for stages alone from such folders.
+--stages-alone makes servomotor stages of which only spool and position are recorded. They follow
+the twin's law or a plain law, each with an error of the law that is not a fault. `govtwin
+calibrate` learns the weights for stages alone from such folders.
 
---shard I/N does one part; parts may run at once, on one file system, in any order, more than once. The same command without --shard then finds
-all reports there, opens the answers, and scores: the same figures for any split.
+--shard I/N processes one part. Parts may run at once on one file system, in any order, and more
+than once. The same command without --shard then reads all reports and scores them; the score is
+the same for any split.
+
+Examples:
+  govtwin blind bags/practice --labels bags/practice/labels.yaml --out practice
+  govtwin blind units --generate 50 --seed 9301
+  seq 1 8 | xargs -P 8 -I I govtwin blind units --generate 50 --seed 9301 --shard I/8
 
 Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 finished with warnings.";
 
@@ -107,7 +122,7 @@ enum Rate {
     /// As in a plant's archive.
     #[value(name = "5")]
     Plant,
-    /// A third of the units at 5 Hz.
+    /// Both: a third of the units at 5 Hz, the others at 100 Hz.
     Both,
 }
 

@@ -28,14 +28,16 @@ const PARTS: usize = 5;
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = HELP)]
 pub struct Args {
-    /// Folders that `govtwin blind --generate` made and judged to the end.
+    /// Folders that `govtwin blind --generate` has generated, diagnosed and scored.
     #[arg(value_name = "DIR", required = true)]
     dirs: Vec<PathBuf>,
-    /// Keep the weights that the program ships with for a question whose evidence is what it was: they were learned on units that may not be at hand
-    /// any more; may be repeated.
+    /// Keep the shipped weights for this question; may be repeated.
+    ///
+    /// Use it for a question whose evidence has not changed, if the units from which the shipped weights were learned
+    /// are not available.
     #[arg(long, value_name = "QUESTION")]
     keep: Vec<LearnedQuestion>,
-    /// File to write the weights to.
+    /// File for the learned weights.
     #[arg(long, value_name = "FILE", default_value = "diagnosis_weights.json")]
     out: PathBuf,
     /// Print JSON instead of tables: the weights, as in FILE.
@@ -46,13 +48,13 @@ pub struct Args {
 /// A question that is answered by weights of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum LearnedQuestion {
-    /// Which fault set, where nothing is unknown.
+    /// Which fault set is present, if nothing is unknown.
     Sets,
-    /// Whether something is unknown.
+    /// Whether something unknown is present.
     Unknown,
-    /// At which stage it is.
+    /// At which stage the unknown is.
     Stages,
-    /// How wide the intervals of sizes and of the explained share are.
+    /// How wide the intervals of sizes and of the explained fraction are.
     Intervals,
 }
 
@@ -73,13 +75,24 @@ fn with_kept(mut weights: Weights, shipped: &Weights, kept: &[LearnedQuestion]) 
 }
 
 const HELP: &str = "\
-The diagnosis weighs every fault set by its evidence; how far evidence can be trusted where no equation is exact, it has to learn. This
-command reads the evidence tables in DIR/UNIT/report.json and the answers in DIR/answers/labels.yaml, fits the few weights by log score, and
-says how they do on units that they have not seen: with several folders each is judged by the others, with one it is cut into five parts.
-Beside the learned weights it judges the same units by the weights that the program ships with (which flatters where they were learned on these
-folders: they name theirs), with nothing learned (evidence as it is), and without the error of equations, without sets of several effects and without anything unknown, each learned anew: what a part is worth. Nothing is simulated.
+Because no equation is exact, the posterior gives the evidence learned weights. This command reads
+the evidence tables in DIR/UNIT/report.json and the answers in DIR/answers/labels.yaml, and fits
+the few weights by log score. It scores them on units that were not used in learning: with several
+folders each is scored with the weights of the others; one folder is cut into five parts.
 
-The program ships with the weights in params/diagnosis_weights.json; it takes others when it is built anew with that file replaced.
+For comparison, the same units are scored with
+  as shipped       the shipped weights; too favourable if they were learned on these folders
+  not learned      the evidence as it is, by Bayes' theorem
+  no model error   evidence without the equation error, learned again
+  single effects   evidence without sets of several effects, learned again
+  no unknown       evidence without something unknown, learned again
+Nothing is simulated.
+
+The program contains the weights of params/diagnosis_weights.json; to use others, replace that file
+and rebuild.
+
+Example:
+  govtwin calibrate 8201 8202 8203 8204    # folders of `blind --generate`
 
 Exit codes: 0 ok, 1 not possible, 2 wrong usage.";
 
@@ -212,8 +225,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     text.push('\n');
     write_atomically(&args.out, text.as_bytes())?;
     let mut lines = format!(
-        "{} units. Mean log score: {:.3} with nothing learned, {:.3} learned, on units not seen; {:.3} on those seen.\n\
-         First word right on units not seen: {:.0} %.\n\n",
+        "{} units. Mean log score: {:.3} not learned; {:.3} learned, on held-out units; {:.3} learned, on the same units.\n\
+         Most probable answer right on held-out units: {:.0} %.\n\n",
         all.len(),
         learned.bayes,
         learned.held_out,
@@ -227,9 +240,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             lines += &format!("{weight:9.3}  {name}\n");
         }
     }
-    lines += &told("On units not seen", &scores);
+    lines += &told("On held-out units", &scores);
     lines += &bins(&scores);
-    lines += &told("The same, folder by folder, each by weights of the others", &by_folder);
+    lines += &told("By folder, each with the weights of the others", &by_folder);
     print(if args.json { &text } else { &lines })?;
     Ok(Outcome::Ok)
 }
@@ -330,7 +343,7 @@ fn told(title: &str, scores: &[(String, f64, Score)]) -> String {
 
 /// Probabilities said on units not seen, and how often it was so.
 fn bins(scores: &[(String, f64, Score)]) -> String {
-    let mut text = "\nProbability said, how often it was so:\n".to_owned();
+    let mut text = "\nStated probability, and share that was true:\n".to_owned();
     for bin in scores.first().into_iter().flat_map(|(_, _, learned)| &learned.reliability) {
         let was = bin.was;
         text += &format!(

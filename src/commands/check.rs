@@ -15,7 +15,7 @@ use crate::commands::{Outcome, bags, info};
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = HELP)]
 pub struct Args {
-    /// The parameter file, YAML. A bag, or a folder of bags, is checked as `govtwin info` does.
+    /// Parameter file, YAML; a bag or a folder of bags is checked as by `govtwin info`.
     file: PathBuf,
     /// Print JSON instead of a table.
     #[arg(long)]
@@ -23,26 +23,32 @@ pub struct Args {
 }
 
 const HELP: &str = "\
-A parameter file holds only what differs from the shipped unit:
+A parameter file contains only the differences from the shipped unit:
 
   name: unit 2 after the overhaul
-  base: station.yaml               # optional: differs from that file instead; reference_unit is the shipped unit
-  source: overhaul protocol        # optional: where all values come from
+  base: station.yaml         # optional: differs from that file; reference_unit is the shipped unit
+  source: overhaul protocol  # optional: source of all values
   oil:
-    bulk_modulus_pa: 1.1e9         # a bare number keeps the tolerance
+    bulk_modulus_pa: 1.1e9   # a bare number keeps the tolerance
     density_kg_m3: {value: 865.0, unit: kg/m3, tol: 0.01, source: laboratory}
   sensors:
     spool_position_pu: {noise: 5.0e-4, step: 1.22e-4}
 
-`tol` is the standard deviation from unit to unit, the prior of a fit: a share of the value; with `abs: true` in the
-value's unit; with `log: true` of its natural logarithm. `tol: ~` takes a tolerance away. `unit` is
-optional and must be the one expected: nothing is converted. All values are SI, pressures are gauge.
+`tol` is the tolerance, the standard deviation from unit to unit and the prior of a fit: a share of
+the value; with `abs: true` in the unit of the value; with `log: true` of its natural logarithm.
+`tol: ~` removes it. `unit` is optional and must be the expected unit: nothing is converted. All
+values are in SI units; pressures are gauge.
 
-Effects stand below `effects:`, those of `govtwin effects` as `backlash: {play_pu: 0.004}`; one of your own, with an
-expression in the state, as in docs/own_effect.md.
+Effects stand under `effects:`: those of `govtwin effects` as `backlash: {play_pu: 0.004}`, your own
+with an expression in the state, as in docs/own_effect.md.
 
-Unknown keys, wrong types and units, values outside their physical range and values that contradict each other are
-errors, all of a file at once. To see every key with its unit and the shipped values, check an empty file.
+All errors of a file are reported together: unknown keys, wrong types and units, values outside
+their physical range, and values that contradict each other. An empty file shows every key with its
+unit and the shipped value.
+
+Examples:
+  govtwin check params/reference_unit.yaml
+  touch empty.yaml && govtwin check empty.yaml
 
 Exit codes: 0 valid, 1 not valid or not readable, 2 wrong usage, 3 a bag with warnings.";
 

@@ -35,36 +35,48 @@ use super::output::{Output, Progress, print, table_text};
 use crate::commands::Outcome;
 use field::{Competitors, field};
 
-/// Compare the twin, data-only models and hybrids as the paper does.
-///
-/// One split (the first 70 % of each process teach, the last 30 % judge) and one list of features for all: MBM, the twin alone; DDM, data
-/// only; LightGBM hybrids with manual and with Bayesian-optimised hyperparameters (MDHM), on the paper's twin; the same on a better twin, whose inputs run
-/// straight between rows, and under a gate; BO-LSTM and BO-TCN hybrids where the program was built with the cargo feature `deep`. Then where
-/// the MDHM loses to the DDM, row by row; what each step to the better hybrid brings; every process left out of training in turn; and in
-/// closed-loop free run a residual inside the loop beside the additive one. Writes DIR/compare.html and DIR/compare.json.
-///
-/// A run that was ended goes on where it stopped. `--quick` takes a few minutes for the shipped recordings.
+/// Arguments of `govtwin compare`.
 #[derive(Debug, clap::Args)]
+#[command(after_long_help = HELP)]
 pub struct Args {
     #[command(flatten)]
     learn: learn::Args,
-    /// Where the guide-vane opening comes from; the paper's mode is `servomotor`.
+    /// Source of the guide-vane opening; that of Liu et al. 2025 is `servomotor`.
     #[arg(long, value_enum, default_value_t = OpeningFrom::Servomotor)]
     cut: OpeningFrom,
-    /// From so many seeds, each with its own searches; the spread is shown.
+    /// Number of seeds, each with its own searches; the spread is shown.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=100))]
     seeds: u64,
-    /// Refit the better twin on the rows that teach: several minutes.
+    /// Also refit the better twin on the training rows, which takes several minutes.
     #[arg(long)]
     refit: bool,
-    /// An effect of `govtwin effects` to fit with it, such as a diagnosis of the rows that teach named.
+    /// Effect of `govtwin effects` to fit as well, such as one that a diagnosis of the training rows names; may be
+    /// repeated.
     #[arg(long = "effect", value_name = "ID", requires = "refit")]
     effects: Vec<String>,
-    /// Evaluations of each network's search; without it as many as those for trees, so that the effort is equal.
+    /// Evaluations of the search for each network; without it, as many as for the trees.
     #[cfg(feature = "deep")]
     #[arg(long, value_name = "N")]
     network_iterations: Option<usize>,
 }
+
+const HELP: &str = "\
+All models have the same features and the same split: the first 70 % of each process for training,
+the last 30 % for testing.
+  MBM               the twin alone
+  DDM               data-only model
+  LightGBM hybrid   twin and trees with manual hyperparameters
+  MDHM              the same with Bayesian-optimised hyperparameters
+  better twin       hybrids on a twin whose inputs are linear between rows, also with a gate
+  LSTM, TCN         network hybrids, with the cargo feature `deep`
+Also compares row by row where the MDHM loses to the DDM, the gain of each step to the better
+hybrid, each process left out of training, and a residual inside the loop with the additive one in
+a closed-loop free run. Writes DIR/compare.html and DIR/compare.json. An interrupted run continues.
+
+Example:
+  govtwin compare bags/reference --quick --out compared    # some minutes
+
+Exit codes: 0 ok, 1 not possible, 2 wrong usage.";
 
 #[cfg(feature = "deep")]
 impl Args {
@@ -191,7 +203,7 @@ fn write(args: &Args, mut output: Output, summary: &ComparisonSummary, shown: &S
         print(&(serde_json::to_string_pretty(summary)? + "\n"))?;
     } else {
         say(summary, shown.rows.layout.signal.unit())?;
-        print(&format!("Pictures: {}\n", html.display()))?;
+        print(&format!("Page: {}\n", html.display()))?;
     }
     Ok(Outcome::Ok)
 }
@@ -225,7 +237,7 @@ fn free_run(args: &Args, ready: &TrainingData) -> anyhow::Result<Option<FreeRunF
         return Ok(None);
     }
     let ready = &args.learn.prepare(OpeningFrom::None, RateOfInputs::Linear)?;
-    let progress = Progress::new(3, "steps towards a residual inside the loop");
+    let progress = Progress::new(3, "steps of the residual inside the loop");
     let split = seven_to_three(&ready.table);
     let (unit, seed) = (&ready.sheet.unit, args.learn.seed);
     let judged = closed_loop(unit, (&ready.recordings, grid_ns(unit)), &ready.table, &split, seed, || progress.step())?;

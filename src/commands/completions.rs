@@ -10,7 +10,7 @@ use crate::commands::output::print;
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = HELP)]
 pub struct Args {
-    /// The shell.
+    /// Shell for which to print the script.
     #[arg(value_name = "SHELL", value_enum)]
     shell: Shell,
 }
@@ -18,9 +18,9 @@ pub struct Args {
 const HELP: &str = "\
 Prints the script to standard output. Where shells look for it:
   bash  govtwin completions bash > ~/.local/share/bash-completion/completions/govtwin
-  zsh   govtwin completions zsh > ~/.zfunc/_govtwin            # with fpath+=~/.zfunc before compinit
+  zsh   govtwin completions zsh > ~/.zfunc/_govtwin    # with fpath+=~/.zfunc before compinit
   fish  govtwin completions fish > ~/.config/fish/completions/govtwin.fish
-The Debian package has them in place.
+The Debian package installs these scripts.
 
 Exit codes: 0 ok, 2 wrong usage.";
 

@@ -30,7 +30,7 @@ pub use files::NAMES;
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = HELP)]
 pub struct Args {
-    /// Recordings of one unit: bags, bag folders, or folders that hold them.
+    /// Recordings of one unit: bags, bag folders, or folders that contain them.
     #[arg(value_name = "BAG", required = true)]
     bags: Vec<PathBuf>,
     #[command(flatten)]
@@ -39,26 +39,28 @@ pub struct Args {
     map: MapArgs,
     #[command(flatten)]
     unit_of: UnitArgs,
-    /// Folder for report.json, report.html, refitted.yaml, fitted.yaml and next_test.mcap [default: diagnosis/UNIT, UNIT being the folder that
-    /// holds the recordings, or the one recording].
+    /// Folder for the results [default: diagnosis/UNIT].
+    ///
+    /// UNIT is the folder that contains the recordings, or the name of the single recording.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Replaces the report of another unit in the folder; without it such a report is never touched.
+    /// Replace the report of another unit in the folder; without it, such a report is kept and the command ends with
+    /// an error.
     #[arg(long)]
     overwrite: bool,
-    /// Leaves an effect out of the catalogue; may be repeated.
+    /// Leave an effect out of the catalogue; may be repeated.
     #[arg(long, value_name = "ID")]
     without: Vec<String>,
-    /// Tries the effects that a parameter file defines beside the catalogue's; may be repeated.
+    /// Add the effects that a parameter file defines to the catalogue (docs/own_effect.md); may be repeated.
     #[arg(long = "candidate", value_name = "FILE")]
     candidates: Vec<PathBuf>,
-    /// Seed of the resampling behind the intervals of explained fractions.
+    /// Seed of the bootstrap that gives the intervals of explained fractions.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Print JSON instead of a summary: the report that DIR/report.json holds.
+    /// Print JSON instead of a summary: the content of DIR/report.json.
     #[arg(long)]
     json: bool,
-    /// End with exit code 1 on these verdicts, for checks that run by themselves; the report is written all the same.
+    /// End with exit code 1 on these verdicts, separated by commas; the report is written in any case.
     #[arg(long, value_name = "VERDICTS", value_delimiter = ',', value_parser = PossibleValuesParser::new(Verdict::ALL.map(Verdict::id)))]
     fail_on: Vec<String>,
     /// What the unit is called, where whoever asks knows.
@@ -129,24 +131,35 @@ pub struct Diagnosed {
 }
 
 const HELP: &str = "\
-First refits the sheet's parameters within their tolerances: most gaps are parameters. Then tries every effect of the catalogue
-(`govtwin effects`) on top, alone and together, and says one of six things:
-  named        these effects, all present at once
-  class        one of these effects; the recordings cannot tell which, and the report says which test would
-  unknown      a gap that nothing in the catalogue explains, with its place and shape
-  no_gap       nothing beyond noise and tolerances
-  not_excited  the recordings do not move the unit enough to tell
-  no_such_unit of a stage alone: the position follows another law than a servomotor's, or nothing of the spool
-DIR/next_test.mcap is the test that is expected to settle most of what is open, a script of command, ESV and tank pressure: `govtwin play` sends
-it to a governor or to the twin. Record the answer as NEW; `govtwin diagnose OLD NEW` then judges both. Where nothing is open there is no such file.
-`govtwin replay --params DIR/fitted.yaml BAG` tries the claim on another recording, refitted.yaml the twin without it.
+The diagnosis first fits the parameters of the data sheet within their tolerances, because most
+differences are parameter errors. It then adds the effects of the catalogue (`govtwin effects`),
+alone and together, and reports one of six verdicts:
+  named         cause found: these effects, all present at once
+  class         possible causes: one of these effects; the recordings cannot distinguish them
+  unknown       no effect of the catalogue explains the difference; the report shows where and how
+  no_gap        no difference beyond noise and tolerances
+  not_excited   the recordings do not move the unit enough to decide
+  no_such_unit  servomotor stage alone: the position follows another law than a servomotor's, or does
+                not depend on the spool
 
-Every file says what it was made from: program, digests of the recordings and of the data sheet, options, seed, warnings and date
-(SOURCE_DATE_EPOCH in its place where that is set). A report is replaced by one that shares a recording with it.
+Files in DIR:
+  report.html     the page; report.json holds the same as JSON
+  refitted.yaml   the twin with fitted parameters and no effect
+  fitted.yaml     the improved twin, with the effects of the verdict (of a class, the likeliest)
+  next_test.mcap  the best next test: command, ESV and tank pressure; absent if none is proposed
+  assumed.yaml    the estimated data sheet, with --no-sheet
+
+`govtwin play DIR/next_test.mcap` sends the test to a governor or to the twin. Record the response
+as NEW; `govtwin diagnose OLD NEW` then evaluates both. To check the result on another recording,
+compare `govtwin replay --params DIR/fitted.yaml BAG` with refitted.yaml.
+
+Reports, pages and parameter files state their provenance: program, digests of the recordings and
+of the data sheet, options, seed, warnings and date (that of SOURCE_DATE_EPOCH, if set). A report is
+replaced only by one that shares a recording with it, or with --overwrite.
 
 Examples:
-  govtwin diagnose bags/practice/case_03                              # report in diagnosis/case_03
-  govtwin diagnose --no-sheet bags/practice/case_03                   # of which only the recordings are known
+  govtwin diagnose bags/practice/case_03               # report in diagnosis/case_03
+  govtwin diagnose --no-sheet bags/practice/case_03    # if no data sheet is known
   govtwin diagnose --params unit3.yaml monday.mcap tuesday.mcap --out unit3
   govtwin diagnose --json --fail-on named,class,unknown RUN | jq .verdict
 

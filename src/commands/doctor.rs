@@ -9,13 +9,11 @@ use super::info::topics_in_doubt;
 use super::output::{Progress, one_line, print};
 use crate::commands::{Outcome, bags};
 
-/// Check whether bags are whole: checksums, indices, counts, times, schemas, metadata.
-///
-/// Reads every byte, and says only what is wrong and the way out; `govtwin info` says the same beside what is in a bag.
+/// Arguments of `govtwin doctor`.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = HELP)]
 pub struct Args {
-    /// Bags: files, bag folders, or folders that hold bags.
+    /// Bags: files, bag folders, or folders that contain bags.
     #[arg(value_name = "BAG", required = true)]
     bags: Vec<PathBuf>,
     /// Print JSON instead of text.
@@ -24,11 +22,17 @@ pub struct Args {
 }
 
 const HELP: &str = "\
-lost      a part that cannot be read; `govtwin recover` saves the rest
-warning   what other readers may stumble over, such as an index that leaves chunks out; `govtwin recover` writes it anew
-note      what nothing protects or describes: no checksums, no definition of a type
+Reads every byte, and checks checksums, indices, counts, times, schemas and metadata. Only findings
+are reported; `govtwin info` reports them together with the contents of the bag.
+  lost      a part that cannot be read; `govtwin recover` saves the rest
+  warning   a problem for other readers, such as an index without some chunks; `govtwin recover`
+            writes a new bag
+  note      something that nothing protects or describes: no checksums, no definition of a type
 
-Exit codes: 0 sound, 1 not readable as a bag, 2 wrong usage, 3 something is wrong.";
+Example:
+  govtwin doctor bags/reference bags/practice
+
+Exit codes: 0 sound, 1 not readable as a bag, 2 wrong usage, 3 a bag is damaged or has warnings.";
 
 /// Checks all bags.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
@@ -99,10 +103,7 @@ impl Report {
         lines.push(if self.is_sound() {
             "  sound".to_owned()
         } else {
-            format!(
-                "  way out    govtwin recover {} writes every message that can be read into a new bag",
-                path.display()
-            )
+            format!("  repair     govtwin recover {} writes every readable message into a new bag", path.display())
         });
         let lines: Vec<String> = lines.iter().map(|line| one_line(line)).collect();
         lines.join("\n") + "\n"

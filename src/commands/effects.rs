@@ -12,7 +12,7 @@ use crate::commands::{Outcome, usage};
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = HELP)]
 pub struct Args {
-    /// Show the documentation of this effect.
+    /// Effect to document; without it, all effects are listed.
     id: Option<String>,
     /// Print JSON instead of text.
     #[arg(long)]
@@ -20,17 +20,22 @@ pub struct Args {
 }
 
 const HELP: &str = "\
-An effect is something that a real unit may do beyond the nominal model: a dead zone, a delay, a clogged filter. Each has
-one to three parameters and a neutral value at which it vanishes exactly. Named in a parameter file it is simulated by
-every command that takes parameters:
+An effect is a departure of a real unit from the nominal model: a dead zone, a delay, a clogged
+filter. Each effect has one to three parameters, and neutral values at which it is exactly absent.
+Every command that takes a parameter file simulates the effects that the file names:
 
   effects:
     port_overlap: {extra_overlap_m: 2.0e-4}
     esv_delay: {delay_s: 0.3}
 
-A parameter that is not given is neutral. Effects combine; their order does not matter.
+A parameter that is not given is neutral. Effects combine, and their order does not matter.
 
-Exit codes: 0 ok, 2 wrong usage, such as an effect that is not there.";
+Examples:
+  govtwin effects
+  govtwin effects backlash
+  govtwin effects --json | jq '.effects[] | {id, summary}'
+
+Exit codes: 0 ok, 2 wrong usage, such as an effect that does not exist.";
 
 /// Prints the catalogue, or one effect.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {

@@ -31,40 +31,39 @@ use super::output::{Output, Progress, print, warn};
 use super::provenance;
 use crate::commands::{Outcome, usage};
 
-/// Fit parameters and chosen effects to recordings, and say how far they are determined.
-///
-/// Every parameter with a tolerance in the data sheet is fitted, and held back by it: the sum of squared residuals, each over
-/// the noise to be expected, and of squared distances from the sheet, each over its tolerance, is made least.
+/// Arguments of `govtwin fit`.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = HELP)]
 pub struct Args {
-    /// Bags: files, bag folders, or folders that hold bags.
+    /// Bags: files, bag folders, or folders that contain bags.
     #[arg(value_name = "BAG", required = true)]
     bags: Vec<PathBuf>,
     #[command(flatten)]
     topics: TopicArgs,
     #[command(flatten)]
     map: MapArgs,
-    /// Parameter file of the unit. Without it recordings that hold a command are fitted by the shipped reference unit's, and servomotor stages
-    /// freely, from positions in any unit.
+    /// Data sheet (parameter file) of the unit.
+    ///
+    /// Without it, recordings with a command are fitted with the shipped reference unit, and recordings of a
+    /// servomotor stage alone are fitted freely, from positions in any unit.
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
-    /// An effect to fit as well, of `govtwin effects` or of the parameter file.
+    /// Also fit this effect, of `govtwin effects` or of the parameter file; may be repeated.
     #[arg(long = "effect", value_name = "ID")]
     effects: Vec<String>,
-    /// A parameter of the sheet to fit without a tolerance, over its whole physical range.
+    /// Fit this parameter of the sheet over its whole physical range, without a tolerance; may be repeated.
     #[arg(long = "free", value_name = "KEY")]
     free: Vec<String>,
-    /// A file with effects of your own to fit as well (docs/own_effect.md).
+    /// Also fit the effects that this parameter file defines (docs/own_effect.md); may be repeated.
     #[arg(long = "candidate", value_name = "FILE")]
     candidates: Vec<PathBuf>,
-    /// From how many starts to search.
+    /// Number of starting points of the search.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u16).range(1..=100))]
     starts: u16,
     /// Print JSON instead of a table.
     #[arg(long)]
     json: bool,
-    /// Folder for fitted.yaml and fit.json; made where missing.
+    /// Folder for fitted.yaml and fit.json; created if missing.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// After the fit, answer each line of free parameter positions on standard input with the residuals, as JSON: for other solvers.
@@ -73,14 +72,24 @@ pub struct Args {
 }
 
 const HELP: &str = "\
-`learned` is how much the recordings said beyond the sheet: 1 − variance after over variance before the fit. Intervals
-hold 90 % or more, are local, and count twenty residuals as one, as what a model lacks shows in many samples alike.
+Every parameter with a tolerance in the data sheet is fitted. The fit minimises the sum of squared
+residuals, each divided by its expected noise, and of squared distances from the sheet, each divided
+by its tolerance. Signals that a recording lacks are ignored. Recordings may have different rates.
 
-DIR/fitted.yaml is a parameter file that every command takes, with the intervals as comments. Signals that a recording lacks
-are passed over; recordings of several rates go together.
+The table shows for each parameter
+  ci90 from, to  interval of at least 90 %; local, with twenty residuals counted as one, because a
+                 model error affects many samples alike
+  sd from sheet  distance from the sheet in tolerances
+  learned        1 − variance after / variance before the fit: what the recordings add to the sheet
 
-Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 finished with warnings: a parameter at a bound, too little
-excitation, a recording left out, or a gap that no fitted parameter explains.";
+DIR/fitted.yaml is a parameter file for every command, with the intervals as comments.
+
+Examples:
+  govtwin fit bags/practice/case_03 --effect backlash --out fit_03
+  govtwin fit bags/reference --free oil.bulk_modulus_pa --json
+
+Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 finished with warnings: a parameter at a bound,
+too little excitation, a recording left out, or an error that no fitted parameter explains.";
 
 /// Fits, prints the tables, writes the files.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {

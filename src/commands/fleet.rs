@@ -23,23 +23,25 @@ pub struct Args {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// List the work: an entry for each unit and period, and every object that is in none with its reason.
+    /// Plan the work: an entry for each unit and period, and a list of what is in no entry.
     Plan(plan::Args),
-    /// Do one entry of a plan, or all of them, and keep the result in a store.
+    /// Diagnose one entry of a plan, or all of them, and store the results.
     Run(run::Args),
     /// Gather the results of a store into one page and one table.
     Gather(gather::Args),
 }
 
 const HELP: &str = "\
-A fleet takes three steps, and any engine that runs a command many times does the middle one:
+A fleet is diagnosed in three steps; any engine that runs a command many times does the second:
   govtwin fleet plan recordings --units units.csv --out store
-  seq 0 $(($(wc -l < store/entries.jsonl) - 1)) | xargs -P 8 -I I govtwin fleet run store --index I --out store
+  seq 0 $(($(wc -l < store/entries.jsonl) - 1)) |
+      xargs -P 8 -I I govtwin fleet run store --index I --out store
   govtwin fleet gather store
 
-What the store holds is all that counts: a result is written in one step where none stands, so that entries may be done twice, by two workers
-at once, or again after a kill, and nothing is lost or doubled. A folder is a store; with the cargo feature `cloud` so are s3://, gs:// and az://.
-docs/fleet.md holds recipes for xargs, GNU parallel, HyperQueue, Slurm and Kubernetes.
+A store is a folder or, with the cargo feature `cloud`, an address s3://, gs:// or az://. A result
+is written in one step, and only if none exists. An entry may therefore run twice, on two workers
+at once, or again after a kill: exactly one result is kept. docs/fleet.md has recipes for xargs,
+GNU parallel, HyperQueue, Slurm and Kubernetes.
 
 Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 finished with warnings.";
 

@@ -32,13 +32,13 @@ const COMMAND: &str = "generate";
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = HELP)]
 pub struct Args {
-    /// What the unit goes through.
+    /// Processes to record, separated by commas.
     #[arg(long, value_enum, value_name = "PROCESS", value_delimiter = ',', default_value = "all")]
     process: Vec<ProcessesMade>,
-    /// An effect beyond the nominal model: `ID=VALUE[,VALUE…]` in the order of its parameters, or `ID.parameter=VALUE`.
+    /// Effect to add: `ID=VALUE[,VALUE…]` in the order of its parameters, or `ID.parameter=VALUE`; may be repeated.
     #[arg(long = "effect", value_name = "ID=VALUE")]
     effects: Vec<String>,
-    /// The unit's data sheet; without it the shipped reference unit.
+    /// Data sheet (parameter file) of the unit; without it, the shipped reference unit.
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
     /// Rate of command and servo state, Hz.
@@ -47,37 +47,43 @@ pub struct Args {
     /// Length of each recording, s.
     #[arg(long = "duration", value_name = "S", default_value_t = 40.0, value_parser = number)]
     duration_s: f64,
-    /// Record pilot-valve position and control pressure too.
+    /// Also record pilot-valve position and control pressure.
     #[arg(long)]
     rich: bool,
-    /// Draw the parameters within the sheet's tolerances.
+    /// Draw the parameters of the unit from the tolerances of the sheet; `off` takes the sheet as it is.
     #[arg(long, value_enum, default_value_t = Switch::On)]
     spread: Switch,
-    /// Decides every draw.
+    /// Seed of all random numbers.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// When the recordings begin, such as 2024-03-01T06:00:00Z [default: 2023-11-14T22:13:20Z].
+    /// Time at which the recordings begin, such as 2024-03-01T06:00:00Z [default: 2023-11-14T22:13:20Z].
     #[arg(long, value_name = "TIME")]
     start: Option<Timestamp>,
-    /// Folder for the bags and `truth.yaml`; must not exist, or be empty.
+    /// Folder for the bags and `truth.yaml`; must be empty or not exist.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Print JSON instead of text: the bags, the file of the truth, and the effects.
+    /// Print JSON instead of text: the bags, the file of the true unit, and the effects.
     #[arg(long)]
     json: bool,
 }
 
 const HELP: &str = "\
-Each process becomes a bag folder DIR/PROCESS. DIR/truth.yaml is the unit that was simulated, a parameter file: `replay
---params DIR/truth.yaml DIR` shows what a perfect model leaves. The bags say in a metadata record that they are synthetic, and
-nothing of the truth.
+Each process is written to a bag folder DIR/PROCESS, and the simulated unit to the parameter file
+DIR/truth.yaml. `govtwin replay --params DIR/truth.yaml DIR` shows the error that remains with a
+perfect model. The metadata of the bags states that they are synthetic, but not the true parameters.
 
-A recording passes through a governor with start-up limit, PID and droop around a simple machine with rotor and water
-column; transducers have the noise and steps of the sheet, also those that the regulator reads. The same seed gives the
-same recordings on any number of cores, and one machine in all processes.
+The command comes from a governor with start-up limit, PID and droop, in a loop with a simple
+machine of rotor and water column. Transducers have the noise and steps of the sheet, including those that
+the regulator reads. All processes are of the same unit, and the same seed gives the same recordings
+on any number of cores.
 
-These recordings come from the twin's own equations. Real units, and the units under bags/, which come from an independent
-simulator, differ from it in more than what was asked for here.
+The recordings come from the twin's own equations. Real units, and the units under bags/, which come
+from an independent simulator, differ from the twin by more than the effects chosen here.
+
+Examples:
+  govtwin generate --effect backlash=0.004 --out made
+  govtwin replay --params made/truth.yaml made
+  govtwin diagnose made --out found
 
 Exit codes: 0 ok, 1 not possible, 2 wrong usage.";
 
@@ -85,15 +91,15 @@ Exit codes: 0 ok, 1 not possible, 2 wrong usage.";
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 #[value(rename_all = "snake_case")]
 enum ProcessesMade {
-    /// All four.
+    /// All four processes.
     All,
     /// From closed to speed-no-load.
     Startup,
-    /// On load, towards a larger opening.
+    /// On load, to a larger opening.
     LoadIncrease,
-    /// Down to closed, with the emergency shutdown valve.
+    /// To closed, with the emergency shutdown valve (ESV).
     Shutdown,
-    /// A sudden closure from load.
+    /// Sudden closure from load.
     LoadRejection,
 }
 

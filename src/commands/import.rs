@@ -23,18 +23,21 @@ use crate::commands::{Outcome, usage};
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = HELP)]
 pub struct Args {
-    /// Tables or bags of one recording: parts that follow each other in time, or that hold some of the signals each.
+    /// Tables or bags of one recording: parts that follow each other in time, or that each hold some of the signals.
     #[arg(value_name = "FILE", required = true, value_hint = ValueHint::AnyPath)]
     files: Vec<PathBuf>,
-    /// The map.
+    /// Map that assigns columns or fields to signals.
     #[arg(long, value_name = "MAP", required_unless_present = "suggest")]
     map: Option<PathBuf>,
-    /// Propose a map of one file by names, units, ranges and shapes of its columns, with a picture of what was understood. A map given
-    /// with --map counts for what it says of `file` and `time`.
+    /// Propose a map for one file, with a page that shows how each column was understood.
+    ///
+    /// The proposal uses names, units, ranges and shapes of the columns. Of a map given with --map, `file` and `time`
+    /// are used.
     #[arg(long)]
     suggest: bool,
-    /// The bag folder to write; without it the files are only checked. With --suggest the folder for map.yaml and suggestion.html, `import`
-    /// where none is given.
+    /// Bag folder to write; without it, the files are only checked.
+    ///
+    /// With --suggest: folder for map.yaml and suggestion.html, by default `import`.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print JSON instead of a table.
@@ -43,8 +46,8 @@ pub struct Args {
 }
 
 const HELP: &str = "\
-A map (docs/import.md has every key):
-  file: {separator: \";\", decimal: \",\"}            # found out where not given
+A map (docs/import.md describes every key):
+  file: {separator: \";\", decimal: \",\"}            # inferred if missing
   time: {column: Zeit, format: \"%d.%m.%Y %H:%M:%S%.f\", zone: Europe/Zurich}
   signals:
     opening_command:     {column: Y_soll, unit: \"%\"}
@@ -52,16 +55,17 @@ A map (docs/import.md has every key):
     spool_position:      {column: HSV, unit: V, range: [0, -10]}         # neutral, full opening
     tank_pressure:       {column: p_tank, unit: bar}                     # gauge; `bara` is absolute
     esv:                 {column: Trip, shutdown: 1}                     # or `esv: normal`
-In a bag a signal is a field: `{field: \"/joint_states.position[servomotor]\", unit: m, range: [0, 0.6]}`.
+In a bag a signal is a field:
+    servomotor_position: {field: \"/joint_states.position[servomotor]\", unit: m, range: [0, 0.6]}
 
-replay, fit and diagnose take the same files directly with the same --map.
+`replay`, `fit` and `diagnose` take the same files directly with the same --map.
 
 Examples:
   govtwin import --suggest export.csv --out first_look
   govtwin import export.csv --map first_look/map.yaml --out bags/rejection
   govtwin diagnose export.csv --map first_look/map.yaml --params unit3.yaml
 
-Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 done, with warnings to look into.";
+Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 finished with warnings to check.";
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {

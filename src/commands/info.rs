@@ -18,12 +18,12 @@ use crate::commands::Outcome;
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = HELP)]
 pub struct Args {
-    /// Bags: files, bag folders, or folders that hold bags.
+    /// Bags: files, bag folders, or folders that contain bags.
     #[arg(value_name = "BAG", required = true)]
     bags: Vec<PathBuf>,
     #[command(flatten)]
     topics: TopicArgs,
-    /// Print JSON instead of tables: everything below and more, such as the range of each number.
+    /// Print JSON instead of tables: all of the tables and more, such as the range of each number.
     #[arg(long)]
     json: bool,
 }
@@ -36,25 +36,25 @@ impl Args {
 }
 
 const HELP: &str = "\
-What the table says of a topic:
-  rate        messages per second: one over the median interval
-  jitter      how far intervals are from the median; 99 of 100 are nearer
-  gaps        intervals longer than five times the median, and the longest interval
+Columns of the table of topics:
+  rate        messages per second: 1 / the median interval
+  jitter      deviation of the intervals from the median, 99th percentile
+  gaps        number of intervals longer than five times the median, and the longest interval
   late        stamps that are earlier than one before them
-  delay       time of recording less stamp: median, and the extremes
-  NaN, inf    numbers in the messages that are none, or infinite
+  delay       time of recording minus stamp: median, smallest and largest
+  NaN, inf    numbers in the messages that are not a number, or infinite
 
-Warnings are what may make results wrong; notes are what a reader of results should know, and change no exit code.
+Rate, jitter and gaps are computed from `header.stamp`, or from the time of recording (*) if messages
+have no stamp. Times are UTC. Warnings report what may make results wrong. Notes report what a reader
+of the results should know; they do not change the exit code.
 
-Rate, jitter and gaps are taken from `header.stamp`, from the time of recording (*) where a message has no
-stamp. Times are UTC.
-
-A recording of the servo system is recognised by its topics (/governor/command, /governor/esv, /governor/tank_pressure,
-/plant/servo_state, or others named with --topic). For one, the process that it shows is named, and what reading it would drop, sort or fill is said.
+A recording of the servo system is recognised by its topics (/governor/command, /governor/esv,
+/governor/tank_pressure, /plant/servo_state, or others given with --topic). For such a recording the
+table also names its process, and what a reader would drop, sort or fill.
 
 Examples:
   govtwin info bags/reference/startup_01.mcap
-  govtwin info --json RUN | jq '.[0].topics[] | {name, messages}'
+  govtwin info --json bags/practice/case_03 | jq '.[0].topics[] | {name, messages}'
 
 Exit codes: 0 sound, 1 not readable as a bag, 2 wrong usage, 3 read, with warnings.";
 

@@ -38,40 +38,40 @@ use journal::EvaluationJournal;
 #[derive(Debug, clap::Args)]
 #[group(id = "learning")]
 pub struct Args {
-    /// Bags: files, bag folders, or folders that hold bags.
+    /// Bags: files, bag folders, or folders that contain bags.
     #[arg(value_name = "BAG", required = true)]
     bags: Vec<PathBuf>,
     #[command(flatten)]
     topics: TopicArgs,
-    /// Parameter file of the unit; without it the shipped reference unit.
+    /// Data sheet (parameter file) of the unit; without it, the shipped reference unit.
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
-    /// The signal to correct.
+    /// Signal to correct.
     #[arg(long, value_enum, default_value_t = Corrected::Spool)]
     signal: Corrected,
-    /// Training period, s; without it the slowest usual spacing among the recordings.
+    /// Period of the training rows, s; without it, the longest median sample interval of the recordings.
     #[arg(long = "period", value_name = "S")]
     period_s: Option<f64>,
-    /// Evaluations of each search.
+    /// Number of evaluations of each hyperparameter search.
     #[arg(long, value_name = "N", default_value_t = 50)]
     pub iterations: usize,
-    /// Decides every draw.
+    /// Seed of all random numbers.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
-    /// A tenth of the evaluations: to see that everything works.
+    /// Use a tenth of the evaluations, to check that everything works.
     #[arg(long)]
     quick: bool,
-    /// Folder for what comes out; made where missing. Evaluations done before are taken from there.
+    /// Folder for the results; created if missing. Evaluations of an interrupted run are read from it.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Print JSON instead of tables: all figures, as in the folder's JSON file.
+    /// Print JSON instead of tables: all figures, as in the JSON file of the folder.
     #[arg(long)]
     pub json: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Corrected {
-    /// Main distributing valve spool.
+    /// Spool of the main distributing valve.
     Spool,
     /// Guide-vane servomotor.
     Servomotor,
@@ -80,9 +80,9 @@ enum Corrected {
 /// Where the guide-vane opening comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum OpeningFrom {
-    /// Everything is simulated: what the node does.
+    /// Everything is simulated, as in the node.
     None,
-    /// The measured servomotor position feeds the regulator (the paper's mode).
+    /// The measured servomotor position feeds the regulator, as in Liu et al. 2025.
     Servomotor,
 }
 

@@ -13,16 +13,19 @@ use crate::commands::output::{Output, print};
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = HELP)]
 pub struct Args {
-    /// Folder for govtwin.1 and a page for each command, govtwin-COMMAND.1 or govtwin-fleet-plan.1; without it govtwin.1 is printed.
+    /// Folder for govtwin.1 and a page for every command; without it, govtwin.1 is printed.
+    ///
+    /// Pages are called govtwin-COMMAND.1, such as govtwin-diagnose.1 or govtwin-fleet-plan.1.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
 
 const HELP: &str = "\
+The Debian package installs these pages.
+
 Examples:
   govtwin man | man -l -
   govtwin man --out ~/.local/share/man/man1    # then `man govtwin-diagnose`
-The Debian package has the pages in place.
 
 Exit codes: 0 ok, 1 not possible, 2 wrong usage.";
 

@@ -16,38 +16,54 @@ use crate::commands::{Outcome, expect, number};
 
 /// Arguments of `govtwin play`.
 #[derive(Debug, clap::Args)]
+#[command(after_long_help = HELP)]
 pub struct Args {
-    /// The recording: a bag folder or an MCAP file.
+    /// Recording: a bag folder or an MCAP file.
     #[arg(value_name = "BAG")]
     bag: PathBuf,
-    /// Speed, 2 for twice as fast.
+    /// Speed of playback; 2 is twice as fast.
     #[arg(long = "speed", alias = "rate", value_name = "FACTOR", default_value_t = 1.0, value_parser = number)]
     speed: f64,
-    /// Start again at the end, until told to stop.
+    /// Start again at the end, until stopped.
     #[arg(long = "loop")]
     repeat: bool,
-    /// Publish the recording's time on `/clock`, so often and before each message.
+    /// Publish the time of the recording on `/clock`.
+    ///
+    /// It is published HZ times per second of the recording (100 if HZ is not given), and before each message.
     #[arg(long = "clock", value_name = "HZ", num_args = 0..=1, default_missing_value = "100", require_equals = true, value_parser = number)]
     clock_hz: Option<f64>,
-    /// Only these topics, by their names in the recording.
+    /// Publish only these topics, by their names in the recording.
     #[arg(long, value_name = "TOPIC", num_args = 1..)]
     topics: Vec<String>,
-    /// Only the first seconds of the recording.
+    /// Publish only the first seconds of the recording, s.
     #[arg(long = "duration", value_name = "S", value_parser = number)]
     duration_s: Option<f64>,
-    /// Wait so long for somebody to listen; 0 not to wait.
+    /// Longest time to wait for a subscriber, s; 0 starts at once.
     #[arg(long = "wait", value_name = "S", default_value_t = 10.0, value_parser = number)]
     wait_s: f64,
-    /// Peers drop a node that they did not hear for so long; it is announced five times in that span.
+    /// Time after which other nodes drop this node if they hear nothing from it, s.
+    ///
+    /// The node announces itself five times in this time.
     #[arg(long = "lease", value_name = "S", default_value_t = 10.0, value_parser = number)]
     lease_s: f64,
     /// Print JSON instead of text.
     #[arg(long)]
     json: bool,
-    /// What every ROS 2 program takes: `-r FROM:=TO`, `-r __ns:=/NAME`.
+    /// ROS 2 arguments: `-r FROM:=TO`, `-r __ns:=/NAME`.
     #[arg(long = "ros-args", num_args = 0.., allow_hyphen_values = true, value_terminator = "--", value_name = "ARGS")]
     ros: Vec<String>,
 }
+
+const HELP: &str = "\
+Every topic is published byte by byte as recorded, of any type. Topics that cannot be played are
+reported; with --clock, these include a recorded `/clock`.
+
+Examples:
+  govtwin play bags/reference/load_rejection_01.mcap --clock
+  govtwin play bags/reference/startup_01.mcap --topics /governor/command --loop
+  govtwin play diagnosis/case_03/next_test.mcap    # the next test that `diagnose` proposes
+
+Exit codes: 0 played, 1 not possible, 2 wrong usage, 3 played, but samples were lost.";
 
 /// Plays a recording to its end, or until a signal.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
@@ -112,6 +128,6 @@ fn text(played: &Played) -> String {
         text.push_str(&format!("{topic:<24}{count:>8} published\n"));
     }
     let (lost, passes, delay_ms) = (played.lost, played.passes, played.worst_delay_s * 1e3);
-    text.push_str(&format!("{lost} lost, {passes} passes, at most {delay_ms:.1} ms behind its time\n"));
+    text.push_str(&format!("{lost} samples lost; passes: {passes}; largest delay: {delay_ms:.1} ms\n"));
     text
 }

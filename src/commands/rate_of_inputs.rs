@@ -6,10 +6,10 @@ use govtwin::residual::row::RateOfInputs;
 /// Reads the option's value.
 pub fn parser() -> impl TypedValueParser<Value = RateOfInputs> {
     let help = |rate| match rate {
-        RateOfInputs::Hold => "They hold, as for the live node",
+        RateOfInputs::Hold => "Inputs keep their last value, as in the live node",
         RateOfInputs::Linear => {
-            "Command and tank pressure run straight from row to row, which a slow recording of a fast command needs; a trip that was recorded \
-             with a slow row comes amid the pause before it"
+            "Command and tank pressure change linearly from row to row, which a slow recording of a fast command needs; a trip that was \
+             recorded with a slow row is placed in the middle of the interval before it"
         }
     };
     let values = RateOfInputs::ALL.map(|rate| PossibleValue::new(rate.id()).help(help(rate)));

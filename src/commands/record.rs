@@ -24,43 +24,50 @@ use crate::commands::{Outcome, number};
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = HELP)]
 pub struct Args {
-    /// Folder of the bag to write.
+    /// Bag folder to write.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Only these topics; the type is that of the first publisher unless given as `TOPIC:package/msg/Type`.
+    /// Topics to record.
+    ///
+    /// The type is the one stated as `TOPIC:package/msg/Type`, else that of this project for the topics of the servo
+    /// system, else that of the first publisher.
     #[arg(long, value_name = "TOPIC", num_args = 1..)]
     topics: Vec<String>,
-    /// The topics that this map of `govtwin import` names, whatever their types: what is recorded is read by the same map.
+    /// Import map (`govtwin import`): record the topics that it names, of any type.
     #[arg(long, value_name = "MAP")]
     map: Option<PathBuf>,
-    /// Every topic that anybody publishes, those that come later too.
+    /// Record every published topic, including those that appear later.
     #[arg(long)]
     all: bool,
     /// Folders with definitions of types: DIR/package/msg/Type.msg.
     #[arg(long, value_name = "DIR", num_args = 1..)]
     definitions: Vec<PathBuf>,
-    /// End after so many seconds; record until told to stop by default.
+    /// Duration of the recording, s; without it, the recorder runs until it is stopped.
     #[arg(long = "duration", value_name = "S", value_parser = number)]
     duration_s: Option<f64>,
-    /// Peers drop a node that they did not hear for so long; it is announced five times in that span.
+    /// Time after which other nodes drop this node if they hear nothing from it, s.
+    ///
+    /// The node announces itself five times in this time.
     #[arg(long = "lease", value_name = "S", default_value_t = 10.0, value_parser = number)]
     lease_s: f64,
     /// Print JSON instead of text.
     #[arg(long)]
     json: bool,
-    /// What every ROS 2 program takes: `-r FROM:=TO`, `-r __ns:=/NAME`.
+    /// ROS 2 arguments: `-r FROM:=TO`, `-r __ns:=/NAME`.
     #[arg(long = "ros-args", num_args = 0.., allow_hyphen_values = true, value_terminator = "--", value_name = "ARGS")]
     ros: Vec<String>,
 }
 
 const HELP: &str = "\
-Without --topics, --map and --all, the topics of the servo system are recorded.
+Without --topics, --map and --all, the topics of the servo system are recorded (docs/ros2.md).
 
-With --map, the topics that the map names are recorded as they stand on the wire, so that `govtwin replay RUN --map MAP` reads what `govtwin run --map MAP`
-heard. At the end the bag is held against the map: what of it cannot be read is told, with exit code 3.
+With --map, the topics of the map are recorded unchanged, so that `govtwin replay RUN --map MAP`
+reads the values that `govtwin run --map MAP` received. At the end the bag is checked by the map: if
+it cannot be read, the reason is reported and the exit code is 3.
 
-What was heard stands in `.NAME.unfinished` beside DIR, a chunk each second, until the recording ends; `govtwin recover DIR` saves it
-where the recorder was killed. Where the disk is full, the recording ends and the bag is completed in 8 MiB that were kept for it.
+Until the recording ends it is in `.NAME.unfinished` beside DIR, with a complete chunk each second.
+If the recorder is killed, `govtwin recover DIR` saves it. If the disk is full, the recording ends,
+and the bag is completed in 8 MiB that are reserved for this.
 
 Examples:
   govtwin record --out run
@@ -69,7 +76,7 @@ Examples:
   govtwin record --out run --map unit3_map.yaml
   govtwin record --out run --topics /head:bench_msgs/msg/Head --definitions ~/bench/src
 
-Exit codes: 0 recorded, 1 the bag or the bus refused, 2 wrong usage, 3 recorded, with warnings.";
+Exit codes: 0 recorded, 1 the bag or the bus failed, 2 wrong usage, 3 recorded, with warnings.";
 
 /// Records until a signal or the duration ends it.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {

@@ -19,10 +19,10 @@ use crate::commands::{Outcome, usage};
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = HELP)]
 pub struct Args {
-    /// The bag: a file, a folder, or the name of a recording that was broken off.
+    /// Bag to recover: a file, a folder, or the name of a recording that was interrupted.
     #[arg(value_name = "BAG")]
     bag: PathBuf,
-    /// Folder of the new bag; by default BAG_recovered, or for a broken-off recording the name it would have had.
+    /// Folder of the new bag; by default BAG_recovered, or the intended name of an interrupted recording.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print JSON instead of text.
@@ -31,12 +31,13 @@ pub struct Args {
 }
 
 const HELP: &str = "\
-A recorder that is killed leaves `.NAME.unfinished` beside where NAME should be:
+The damaged bag is not changed. A recorder that is killed leaves `.NAME.unfinished` beside NAME:
 
   govtwin record --out run         # killed
   govtwin recover run              # reads .run.unfinished, writes run
 
-Exit codes: 0 everything was saved, 1 not readable as a bag or not writable, 2 wrong usage, 3 saved, and something was lost.";
+Exit codes: 0 all messages were saved, 1 not readable as a bag or not writable, 2 wrong usage,
+3 saved, but something was lost.";
 
 /// Saves what can be saved.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
@@ -86,10 +87,9 @@ fn text(recovered: &Recovered, source: &Path, saved: u64) -> String {
         text.push_str(&format!("{topic:<32}{count:>9} saved\n"));
     }
     let lost_bytes = recovered.lost_bytes();
-    let lost =
-        if lost_bytes > 0 { format!("; {lost_bytes} bytes held nothing that can be read") } else { String::new() };
+    let lost = if lost_bytes > 0 { format!("; {lost_bytes} bytes could not be read") } else { String::new() };
     text.push_str(&format!("{saved} messages saved{lost}\n"));
     text.push_str(&format!("bag: {}\n", recovered.bag.display()));
-    text.push_str(&format!("{} is as it was; remove it once you have looked at the new bag\n", source.display()));
+    text.push_str(&format!("{} is unchanged; remove it once you have checked the new bag\n", source.display()));
     text
 }

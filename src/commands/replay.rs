@@ -41,58 +41,75 @@ const PAGE: &str = "replay.html";
 /// The figures.
 const FIGURES: &str = "replay.json";
 
-/// Simulate recordings and compare with what was measured.
-///
-/// Prints MAE, RMSE and R² of servomotor and spool per process and overall. With --out, also writes
-/// replay.html (pictures), replay.json (all figures) and, for each recording, a bag with the
-/// simulated state on /sim/servo_state beside everything that was recorded.
+/// Arguments of `govtwin replay`.
 #[derive(Debug, clap::Args)]
+#[command(after_long_help = HELP)]
 pub struct Args {
-    /// Bags: files, bag folders, or folders that hold bags. A folder without metadata.yaml stands
-    /// for the separate bags in it.
+    /// Bags: files, bag folders, or folders that contain bags. In a folder without metadata.yaml each bag is
+    /// separate.
     #[arg(value_name = "BAG", required = true)]
     bags: Vec<PathBuf>,
     #[command(flatten)]
     topics: TopicArgs,
     #[command(flatten)]
     map: MapArgs,
-    /// Parameter file of the unit; without it the shipped reference unit.
+    /// Data sheet (parameter file) of the unit; without it, the shipped reference unit.
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
-    /// The measured signal that stands in for the simulated one, so that a stage is judged by its own input.
+    /// Measured signal that replaces the simulated one, to compare a single stage with its own recorded input.
     #[arg(long, value_enum, default_value_t = CutAt::None)]
     cut: CutAt,
-    /// Also correct the twin by this model of `govtwin train`, and show what that leaves. Several may be given, then or with
-    /// `--then` each on top of the unit that it was trained for, as rungs of a ladder.
+    /// Add the correction of this residual model of `govtwin train`, and report the remaining error; may be repeated.
+    ///
+    /// With several models, or with --then, each model is applied to the unit for which it was trained, and one table
+    /// compares all units and models.
     #[arg(long, value_name = "MODEL")]
     residual: Vec<PathBuf>,
-    /// Let the residual adapt to a unit that ages, from recording to recording in time: watch the measured signal for drift and
-    /// follow it by a bounded bias and gain, or by retrained leaves.
+    /// Adapt the residual model to a unit that ages, from recording to recording in order of time.
+    ///
+    /// A test of the measured signal detects drift. The correction then follows by a bounded bias and gain, or by
+    /// retrained leaves of its trees. Not with --then or several models.
     #[arg(long, requires = "residual")]
     adapt: bool,
-    /// Also replay through this parameter file, such as refitted.yaml and then fitted.yaml of a diagnosis: one table with all of them.
+    /// Also replay with this parameter file, such as refitted.yaml and then fitted.yaml of a diagnosis; may be
+    /// repeated.
+    ///
+    /// One table compares all units.
     #[arg(long, value_name = "FILE")]
     then: Vec<PathBuf>,
-    /// What drives the twin between two recorded samples; without it what the residual was trained with, else `hold`.
+    /// Inputs of the twin between two recorded samples; without it, those of the training of the residual model, else
+    /// `hold`.
     #[arg(long, value_parser = rate_of_inputs::parser())]
     rate_of_inputs: Option<RateOfInputs>,
-    /// Folder for the page, the figures and the simulated bags; made where missing. Of the bags there only those of an earlier
-    /// replay are replaced.
+    /// Folder for the page, the figures and bags with the simulated state; created if missing.
+    ///
+    /// Of the bags in the folder, only those of an earlier replay are replaced.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Print JSON instead of tables: the figures that DIR/replay.json holds.
+    /// Print JSON instead of tables: the content of DIR/replay.json.
     #[arg(long)]
     json: bool,
 }
+
+const HELP: &str = "\
+Prints MAE, RMSE and R² of servomotor and spool per process and overall. With --out, also writes
+replay.html (plots), replay.json (all figures) and, for each recording, a bag with the simulated
+state on /sim/servo_state next to the recorded topics.
+
+Examples:
+  govtwin replay bags/reference --out look
+  govtwin replay bags/practice/case_03 --then diagnosis/case_03/fitted.yaml    # after `diagnose`
+
+Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 finished with warnings.";
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum CutAt {
     /// Everything is simulated.
     None,
-    /// The measured servomotor position feeds the regulator: judges the spool (the paper's mode).
+    /// The measured servomotor position feeds the regulator: compares the spool (as in Liu et al. 2025).
     #[value(alias = "servo", alias = "guide-vane", alias = "servomotor_position")]
     Servomotor,
-    /// The measured spool position drives the servomotor: judges the servomotor stage alone.
+    /// The measured spool position drives the servomotor: compares the servomotor stage alone.
     #[value(alias = "valve", alias = "main-valve", alias = "distributing-valve", alias = "spool_position")]
     Spool,
 }
@@ -195,7 +212,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     if args.json {
         text = serde_json::to_string_pretty(&summary)? + "\n";
     } else if args.out.is_none() {
-        text += "Add --out DIR for pictures, all figures and bags with the simulated state.\n";
+        text += "Add --out DIR for plots, all figures and bags with the simulated state.\n";
     }
     print(&text)?;
     if let Some(output) = output {

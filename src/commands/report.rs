@@ -16,20 +16,24 @@ use crate::commands::Outcome;
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = HELP)]
 pub struct Args {
-    /// The report of a diagnosis, report.json.
+    /// Report of a diagnosis, report.json.
     #[arg(value_name = "FILE.json")]
     report: PathBuf,
-    /// The page to write [default: FILE.html beside the report].
+    /// Page to write [default: FILE.html beside the report].
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Print the report itself on standard output, as `govtwin diagnose --json` does.
+    /// Print the report itself, as `govtwin diagnose --json` does.
     #[arg(long)]
     json: bool,
 }
 
 const HELP: &str = "\
-Prints the summary that `govtwin diagnose` prints, and makes its page: for a report that came without one, or with the words of a newer program.
-A report keeps the curves of the recording with most of the error, and those alone are drawn.
+Prints the summary that `govtwin diagnose` prints, and writes its page: for a report without a page,
+or to get the page in the wording of a newer program. A report contains the signals of the recording
+with the largest error; only these are plotted.
+
+Example:
+  govtwin report diagnosis/case_03/report.json --out case_03.html    # after `diagnose`
 
 Exit codes: 0 ok, 1 not possible, 2 wrong usage.";
 

@@ -22,90 +22,108 @@ use super::{bus_map, model, output};
 use crate::commands::{Outcome, expect, number, usage};
 
 const HELP: &str = "\
-With --map the node takes from the topics of a plant, whatever their types, what the map names: command, ESV and tank pressure, and, with --adapt, the
-measured positions. It is the map by which `govtwin record --map` records and `govtwin replay --map` reads what was recorded. A topic is subscribed to
-when it has a publisher; its definition is found as `govtwin record` finds it. A constant of the map, and what it does not name, stands as the default of its
-input. What cannot be used is said by its signal and field.
+Subscribes to governor/command, governor/esv and governor/tank_pressure, and publishes the simulated
+state on sim/servo_state and sim/joint_states. docs/ros2.md describes all topics and services.
+
+With --map, the node takes command, ESV and tank pressure, and with --adapt also the measured
+positions, from the topics of a plant, of any type. `govtwin record --map` records these topics, and
+`govtwin replay --map` reads the recording, by the same map. The node subscribes to a topic when it
+has a publisher, and finds its definition as `govtwin record` does. A constant of the map is the
+default of its input; an input that the map does not name keeps its default. Fields that cannot be
+used are reported with their signal.
 
 Examples:
-  govtwin run --optional esv tank_pressure
+  govtwin run --optional esv tank_pressure         # a command alone is enough
   govtwin run --params unit3.yaml --bag live --ros-args -r __ns:=/unit3
   govtwin run --params unit3.yaml --map unit3_map.yaml --definitions ~/plant/src
 
-Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 the fail-safe ended the node, or the bag ended before it.";
+Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 ended by the fail-safe, or the bag ended early.";
 
 /// Arguments of `govtwin run`.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = HELP)]
 #[expect(clippy::struct_excessive_bools, reason = "each is an option of its own")]
 pub struct Args {
-    /// Parameter file of the unit; the shipped unit by default.
+    /// Data sheet (parameter file) of the unit; without it, the shipped reference unit.
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
-    /// Run several units in this process, each as a node in the namespace NAME: from its parameter file, or as the shipped unit.
+    /// Run several units in this process, each as a node in the namespace NAME; may be repeated.
+    ///
+    /// FILE is the data sheet of the unit; without it, the shipped reference unit.
     #[arg(long = "unit", value_name = "NAME[=FILE]", conflicts_with_all = ["params", "residual", "publish_clock"])]
     units: Vec<String>,
-    /// Threads that integrate, among which the units are shared out.
+    /// Integration threads, over which the units of --unit are distributed.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=64), requires = "units")]
     threads: u8,
-    /// Correct the twin by this model of `govtwin train` and publish `sim/corrected/servo_state` and its band beside `sim/servo_state`.
+    /// Correct the twin with this residual model of `govtwin train`.
+    ///
+    /// The corrected state is published on `sim/corrected/servo_state`, and the limits of its band on
+    /// `sim/corrected/lower` and `sim/corrected/upper`, in addition to `sim/servo_state`.
     #[arg(long, value_name = "MODEL")]
     residual: Option<PathBuf>,
-    /// Let the residual adapt to a unit that ages: watch `plant/servo_state` for drift and follow it by a bounded bias and gain, or by retrained leaves.
+    /// Adapt the residual model to a unit that ages.
+    ///
+    /// A test of `plant/servo_state` detects drift. The correction then follows by a bounded bias and gain, or by
+    /// retrained leaves of its trees.
     #[arg(long, requires = "residual")]
     adapt: bool,
-    /// Hear the inputs by this map of `govtwin import`, from fields of any type, instead of as messages of our own types.
+    /// Import map (`govtwin import`): take the inputs from fields of any type instead of the topics of this project.
     #[arg(long, value_name = "MAP")]
     map: Option<PathBuf>,
     /// Folders with definitions of the types that the map needs: DIR/package/msg/Type.msg.
     #[arg(long, value_name = "DIR", num_args = 1.., requires = "map")]
     definitions: Vec<PathBuf>,
-    /// Ticks of the model per second.
+    /// Ticks of the model per second, Hz.
     #[arg(long = "rate", value_name = "HZ", default_value_t = 1000.0, value_parser = number)]
     rate_hz: f64,
-    /// Published states per second.
+    /// Published states per second, Hz.
     #[arg(long = "publish-rate", value_name = "HZ", default_value_t = 100.0, value_parser = number)]
     publish_rate_hz: f64,
-    /// Keep the integration thread on this core, further ones on those after it.
+    /// Core of the integration thread; further integration threads use the cores after it.
     #[arg(long, value_name = "CORE")]
     cpu: Option<usize>,
     /// `SCHED_FIFO` priority of the integration thread, 1 to 99; 0 for an ordinary thread.
     #[arg(long, value_name = "N", default_value_t = 80, value_parser = clap::value_parser!(u8).range(0..=99))]
     priority: u8,
-    /// End after so many seconds; run until told to stop by default.
+    /// Duration of the run, s; without it, the node runs until it is stopped.
     #[arg(long = "duration", value_name = "S", value_parser = number)]
     duration_s: Option<f64>,
-    /// An input older than this is stale; the ESV state comes only once a second.
+    /// Age from which an input is stale, s; the ESV state arrives only once a second.
     #[arg(long = "stale-after", value_name = "S", default_value_t = 2.5, value_parser = number)]
     stale_after_s: f64,
-    /// Hold a stale input for so long before the fail-safe.
+    /// Time for which a stale input is held before the fail-safe acts, s.
     #[arg(long = "hold", value_name = "S", default_value_t = 1.0, value_parser = number)]
     hold_s: f64,
-    /// The fail-safe: treat a stale input as an ESV trip, hold it for ever, stop the node, or go back to its default.
+    /// Fail-safe of a stale input.
+    ///
+    /// `trip` treats it as an ESV trip, `hold` keeps the last value, `stop` ends the node, and `default` returns to
+    /// the default of the input.
     #[arg(long, value_name = "WHAT", default_value = "trip", value_parser = OnStale::NAMES)]
     on_stale: String,
-    /// Peers drop a node that they did not hear for so long; it is announced five times in that span.
+    /// Time after which other nodes drop this node if they hear nothing from it, s.
+    ///
+    /// The node announces itself five times in this time.
     #[arg(long = "lease", value_name = "S", default_value_t = 10.0, value_parser = number)]
     lease_s: f64,
-    /// Count time from 0 and publish it as `/clock`, for others to follow.
+    /// Count time from 0, and publish it on `/clock` for other nodes.
     #[arg(long = "publish-clock")]
     publish_clock: bool,
-    /// Stand still at first, until `~/step_simulation` or `~/set_simulation_state` lets the simulation go.
+    /// Start paused, until `~/step_simulation` or `~/set_simulation_state` starts the simulation.
     #[arg(long)]
     paused: bool,
-    /// Inputs that may stay away: their defaults are taken until they are heard.
+    /// Inputs that may be absent; their defaults apply until the first sample.
     #[arg(long, value_name = "INPUT", num_args = 1.., value_delimiter = ',', value_parser = NodeInput::NAMES)]
     optional: Vec<String>,
-    /// Write a bag of the inputs as the twin took them and of its estimates.
+    /// Write a bag of the inputs as the twin used them, and of its estimates.
     #[arg(long, value_name = "DIR")]
     bag: Option<PathBuf>,
-    /// Write the figures of the run as JSON to this file.
+    /// Write the figures of the run to this file, as JSON.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Print the figures of the run as JSON instead of text.
     #[arg(long)]
     json: bool,
-    /// What every ROS 2 program takes: `-r FROM:=TO`, `-p NAME:=VALUE`, `--params-file FILE`, `--log-level LEVEL`.
+    /// ROS 2 arguments: `-r FROM:=TO`, `-p NAME:=VALUE`, `--params-file FILE`, `--log-level LEVEL`.
     #[arg(long = "ros-args", num_args = 0.., allow_hyphen_values = true, value_terminator = "--", value_name = "ARGS")]
     ros: Vec<String>,
 }
@@ -286,7 +304,7 @@ fn text(ended: &RunEnd, names: &InputNames) -> String {
         let counts = ended.counts[input as usize];
         let (name, used, refused, lost) =
             (&names.labels[input as usize], counts.used, counts.all_refused(), counts.lost);
-        text.push_str(&format!("{name:<24}{used:>8} used {refused:>8} refused {lost:>8} lost on the way\n"));
+        text.push_str(&format!("{name:<24}{used:>8} used {refused:>8} refused {lost:>8} lost in transport\n"));
     }
     for bag in &ended.bags {
         text.push_str(&format!("bag: {}\n", bag.display()));

@@ -33,7 +33,7 @@ pub struct Args {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Make a whole parameter file from a plate, and say which missing values matter most.
+    /// Make a complete data sheet from a name plate, and report which missing values matter most.
     New(New),
 }
 
@@ -41,49 +41,54 @@ enum Command {
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = HELP)]
 struct New {
-    /// A plate file; `--template` shows one.
+    /// Plate file; `--template` prints one to fill in.
     #[arg(value_name = "PLATE", required_unless_present_any = ["template", "set", "from"])]
     plate: Option<PathBuf>,
-    /// A value of the plate, such as `--set "tank_pressure=63 bar"`; over the file's where both say it. May be repeated.
+    /// Value of the plate, such as `--set "tank_pressure=63 bar"`; replaces that of the file; may be repeated.
     #[arg(long, value_name = "KEY=VALUE", value_parser = params::plate_value)]
     set: Vec<(&'static str, GivenValue)>,
-    /// Print a plate file to fill in: every item with its meaning, where it stands, and an example.
+    /// Print a plate file to fill in: every item with its meaning, where to find it, and an example.
     #[arg(long, conflicts_with_all = ["plate", "set", "from", "out"])]
     template: bool,
-    /// Recordings of the unit, which say what the plate does not: tank pressure, stops, stroke times, position gain, noise. May be repeated.
+    /// Recordings of the unit, to estimate what the plate does not state; may be repeated.
+    ///
+    /// They give tank pressure, stops, stroke times, position gain and noise.
     #[arg(long, value_name = "BAG")]
     from: Vec<PathBuf>,
     #[command(flatten)]
     topics: TopicArgs,
     #[command(flatten)]
     map: MapArgs,
-    /// The parameter file to write; without it the sheet is printed.
+    /// Parameter file to write, which must not exist; without it, the sheet is printed.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Do not simulate which missing values matter most for which faults.
+    /// Skip the simulation of which missing values matter most for which faults.
     #[arg(long)]
     quick: bool,
-    /// Print JSON of values, sources and what matters instead of tables.
+    /// Print JSON instead of tables: values, sources, and what matters most.
     #[arg(long)]
     json: bool,
 }
 
 const HELP: &str = "\
-What the plate does not say follows from the reference unit by similarity: the ports from the opening and closing times, valve sizes from
-the ports, forces from pressure times area, volumes from strokes. Every value of the file has its formula or its place on the plate as
-`source`, and a tolerance as wide as the guess. docs/import.md lists the formulas.
+Values that the plate does not state follow from the reference unit by similarity: the ports from
+the opening and closing times, valve sizes from the ports, forces from pressure times area, volumes from
+strokes. Every value of the file has its formula or its place on the plate as `source`, and a
+tolerance as wide as the estimate is uncertain. docs/import.md lists the formulas.
 
-Which missing values matter is found out by simulating the four processes with each tolerance and each fault of the catalogue: a fault
-counts as hidden where tolerances can imitate it to within the noise.
+To find out which missing values matter most, the four processes are simulated with each tolerance
+and each fault of the catalogue. A fault counts as hidden if tolerances can imitate it to within the
+noise.
 
 Examples:
   govtwin sheet new --template > plate.yaml
   govtwin sheet new plate.yaml --out unit3.yaml
-  govtwin sheet new --set \"tank_pressure=63 bar\" --set \"servomotor_stroke=600 mm\" --set \"servomotor_volume=120 L\" --set \"closing_time=6.5 s\"
-  govtwin sheet new plate.yaml --from monday.mcap --from tuesday.mcap --out unit3.yaml   # the recordings say what the plate does not
+  govtwin sheet new --set \"tank_pressure=63 bar\" --set \"servomotor_stroke=600 mm\" \\
+      --set \"servomotor_volume=120 L\" --set \"closing_time=6.5 s\"
+  govtwin sheet new plate.yaml --from monday.mcap --from tuesday.mcap --out unit3.yaml
   govtwin diagnose export.csv --map map.yaml --params unit3.yaml
 
-Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 done, with assumptions to look into.";
+Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 finished, with assumptions to check.";
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
@@ -121,7 +126,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         bail!("{name}: makes a unit that cannot be:\n  {}", conflicts.join("\n  "));
     }
     let matter = (!args.quick).then(|| {
-        let progress = Progress::new(PARTS, "parts of what matters");
+        let progress = Progress::new(PARTS, "simulations of missing values");
         matter(&derived.unit, &plate, SEED, &|| progress.step())
     });
     let path = args.out.clone().unwrap_or_else(|| PathBuf::from("sheet.yaml"));
@@ -216,16 +221,16 @@ fn summary(derived: &Derived, matter: Option<&Matter>, out: &Path) -> String {
     );
     if let Some(matter) = matter {
         let mut table =
-            Table::new().words("worth finding out").words("what it is").words("faults that it shows sharper");
+            Table::new().words("value to look up").words("meaning").words("faults that it shows more clearly");
         for help in matter.missing.iter().filter(|help| !help.effects.is_empty()).take(MOST_ITEMS) {
             table.row([help.item.key.to_owned(), help.item.doc.to_owned(), effects_text(&help.effects)]);
         }
         text.push_str(&format!("\n{}", table_text(&table)));
         let hidden: Vec<&str> = matter.hidden().map(|fault| fault.effect).collect();
         if hidden.is_empty() {
-            text.push_str("No fault of typical size hides behind the tolerances.\n");
+            text.push_str("The tolerances hide no fault of typical size.\n");
         } else {
-            text.push_str(&format!("Hidden behind the tolerances at their typical sizes: {}.\n", hidden.join(", ")));
+            text.push_str(&format!("Faults that the tolerances hide at their typical sizes: {}.\n", hidden.join(", ")));
         }
     }
     text.push_str(&format!("Sheet: {}\n", out.display()));

@@ -27,37 +27,59 @@ use crate::commands::Outcome;
 /// teaching part. Writes DIR/model.residual for `run --residual` and `replay --residual`, and the trace of the search with the surrogate's
 /// picture beside random search at the same budget as DIR/train.html and DIR/train.json.
 #[derive(Debug, clap::Args)]
+#[command(after_long_help = HELP)]
 pub struct Args {
     #[command(flatten)]
     learn: learn::Args,
-    /// Where the guide-vane opening comes from; a model runs only where it comes from there again.
+    /// Source of the guide-vane opening; the model can be used only with the same source.
     #[arg(long, value_enum, default_value_t = OpeningFrom::None)]
     cut: OpeningFrom,
-    /// What drives the twin between two recorded rows; a model runs only on a twin that is driven so again. A live node holds what it heard
-    /// last: where its commands come far faster than the rows here, that is `linear`.
+    /// Inputs of the twin between two recorded rows; the model can be used only with the same option.
+    ///
+    /// A live node holds its last inputs. If its commands arrive much faster than the rows here, train with `linear`.
     #[arg(long, default_value = "linear", value_parser = rate_of_inputs::parser())]
     rate_of_inputs: RateOfInputs,
-    /// Processes that neither teach nor judge, so that `replay --then` can show how far the model carries.
+    /// Processes to leave out of training and testing, separated by commas.
+    ///
+    /// `replay --then` then shows whether the model extrapolates to them.
     #[arg(long, value_name = "PROCESS", value_enum, value_delimiter = ',')]
     leave_out: Vec<NamedProcess>,
-    /// What bounds corrections. `processes` never makes a process worse that no row taught, as far as those that taught can tell, and
-    /// corrects less where they did; `range` is for a unit that does what it did in the recordings.
+    /// Guard that bounds the corrections.
+    ///
+    /// `range` is for a unit that keeps doing what it did in the recordings. `processes` is for other processes too:
+    /// as far as the training rows can show, it makes no unknown process worse, and corrects less in the known ones.
     #[arg(long, value_enum, default_value_t = GuardBy::Range)]
     guard: GuardBy,
-    /// What trees make least: absolute errors, as the paper; Huber's loss; squares; or errors at the three quartiles, three times the trees.
+    /// Objective that the trees minimise.
     #[arg(long, value_enum, default_value_t = ObjectiveBy::L1)]
     objective: ObjectiveBy,
-    /// No search: the hyperparameters that a person would take.
+    /// No search: use the manual hyperparameters.
     #[arg(long)]
     manual: bool,
 }
 
+const HELP: &str = "\
+Trains gradient-boosted trees (LightGBM) on the residual of the twin, the measured minus the
+simulated signal. The first 70 % of each process are for training, the last 30 % for testing. The
+hyperparameters are found by Bayesian optimisation; an equal random search is run for comparison.
+Files in DIR:
+  model.residual   the model, for `replay --residual` and `run --residual`
+  train.html       errors of twin, model and guarded model; train.json holds the same as JSON
+
+Examples:
+  govtwin train bags/reference --out learned --quick
+  govtwin replay bags/reference --residual learned/model.residual
+
+docs/residual.md describes the model, its guard and its band.
+
+Exit codes: 0 ok, 1 not possible, 2 wrong usage.";
+
 /// What bounds corrections.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum GuardBy {
-    /// The range of each feature, and of the corrections, among the rows that taught.
+    /// Range of each feature, and of the corrections, in the training rows.
     Range,
-    /// That, and the distance from those rows, with weights learned on folds that leave a process out.
+    /// Also the distance from those rows, with weights learned on folds that leave a process out.
     Processes,
 }
 
@@ -73,13 +95,13 @@ impl GuardBy {
 /// What trees make least.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum ObjectiveBy {
-    /// Absolute errors: the middle of what was measured.
+    /// Absolute errors (median), as in Liu et al. 2025.
     L1,
-    /// Huber's loss: squares up to 0.01 of the signal's unit, straight beyond.
+    /// Huber's loss: squared up to 0.01 of the signal's unit, linear beyond.
     Huber,
-    /// Squares: the mean of what was measured.
+    /// Squared errors (mean).
     L2,
-    /// The trimean of its quartiles.
+    /// Errors at the three quartiles, combined as the trimean; three times as many trees.
     Quantile,
 }
 
@@ -99,11 +121,11 @@ impl ObjectiveBy {
 enum NamedProcess {
     /// From closed to speed-no-load.
     Startup,
-    /// On load, towards a larger opening.
+    /// On load, to a larger opening.
     LoadIncrease,
-    /// Down to closed, with the emergency shutdown valve.
+    /// To closed, with the emergency shutdown valve (ESV).
     Shutdown,
-    /// A sudden closure from load.
+    /// Sudden closure from load.
     LoadRejection,
 }
 

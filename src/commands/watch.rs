@@ -31,7 +31,7 @@ const LARGEST_BYTES: u64 = 1 << 28;
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = HELP)]
 pub struct Args {
-    /// What one unit records: folders in which bags appear, and bags, which may still grow.
+    /// Recordings of one unit: folders in which bags appear, and bags, which may still grow.
     #[cfg_attr(feature = "node", arg(value_name = "FOLDER|BAG", required_unless_present = "bus"))]
     #[cfg_attr(not(feature = "node"), arg(value_name = "FOLDER|BAG", required = true))]
     paths: Vec<PathBuf>,
@@ -40,47 +40,57 @@ pub struct Args {
     bus: bus::BusArgs,
     #[command(flatten)]
     topics: TopicArgs,
-    /// The unit's data sheet; without it the shipped reference unit.
+    /// Data sheet (parameter file) of the unit; without it, the shipped reference unit.
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
-    /// Folder of the history, history.jsonl, with watch.html and watch.json [default: watch/UNIT, UNIT being the folder that holds the recordings].
+    /// Folder of history.jsonl, watch.html and watch.json [default: watch/UNIT].
+    ///
+    /// UNIT is the folder that contains the recordings.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Diagnose what is there and end, for a timer; the history goes on with the next run.
+    /// Diagnose what is there, then end; for a timer. The next run continues the history.
     #[arg(long)]
     once: bool,
-    /// Time between two looks, s.
+    /// Time between two looks at the recordings, s.
     #[arg(long, value_name = "S", default_value_t = 5, value_parser = RangedU64ValueParser::<u64>::new().range(1..=86_400))]
     every: u64,
-    /// A bag that has not grown for so long has ended, s; the last process in it then counts as ended too.
+    /// Time without growth after which a bag, and the last process in it, counts as ended, s.
     #[arg(long, value_name = "S", default_value_t = 30, value_parser = RangedU64ValueParser::<u64>::new().range(1..=86_400))]
     settled: u64,
-    /// Processes between two false warnings of one size, where nothing moves: the limit of the cumulative sum follows from it.
+    /// Mean number of processes between two false warnings of one size, if nothing changes.
+    ///
+    /// The limit of the cumulative sum follows from it.
     #[arg(long, value_name = "N", default_value_t = 1000.0, value_parser = number)]
     between_false_alarms: f64,
-    /// Tries these effects alone, which is faster; may be repeated.
+    /// Consider only this effect, which is faster; may be repeated.
     #[arg(long, value_name = "ID")]
     only: Vec<String>,
-    /// Print a line of JSON for each process instead of words: the line that the history holds.
+    /// Print a line of JSON for each process, as in the history, instead of text.
     #[arg(long)]
     json: bool,
 }
 
 const HELP: &str = "\
-Cuts start-ups, load changes, shutdowns and load rejections out of what is recorded or, with --bus, heard, diagnoses each alone once nothing has
-moved for 25 s or its bag has ended, and enters verdict and sizes with intervals into the history. A fault that was named once is followed from then on, also in
-processes whose verdict does not name it. Each size is ranked, by its distance over its interval, among those of the same kind of process; ranks of
-all kinds go into a cumulative sum, and a warning says that the size has moved, from which process on, and how far. The limit is not set by hand: it
-follows from --between-false-alarms.
+Start-ups, load changes, shutdowns and load rejections are cut out of the recordings or, with --bus,
+out of the received topics. Each process is diagnosed alone, once nothing has moved for 25 s or its
+bag has ended. Its verdict, and sizes with intervals, enter the history. A fault that was named once
+is followed from then on, also in processes whose verdict does not name it.
 
-The history is whole at any moment: stop and start as you like. What is in it is known by the digest of its rows, so that nothing is
-entered twice, also where a bag was copied, renamed, or read while it grew. `govtwin record` into a watched folder is followed while it records.
+A warning reports that a size has moved, since which process, and how far. To detect this, each size
+is ranked among the earlier sizes from the same kind of process, by its distance from their mean
+divided by its interval. The ranks of all kinds enter one cumulative sum, whose limit follows from
+--between-false-alarms.
 
-With --bus a process is recorded into a bag of its own, which waits in OUT/waiting until it is diagnosed while listening goes on. What was being
-recorded when the watch ended is diagnosed as far as it was heard after the next start.
+The history is complete at any moment, so the watch may be stopped and restarted. A process is
+identified by the digest of its rows and entered only once, even if its bag is copied, renamed or
+still growing. A recording of `govtwin record` in a watched folder is followed while it is written.
 
-With --map the topics of a plant are heard, whatever their types, and what the map makes of them is cut, kept and diagnosed. The map is that of `govtwin
-import`; it has to name `servomotor_position`.
+With --bus, each process is recorded into a bag of its own, which waits in OUT/waiting for its
+diagnosis while listening continues. A process that is being recorded when the watch ends is
+diagnosed after the next start, as far as it was recorded.
+
+With --map, the topics of a plant are received, of any type. The map is that of `govtwin import`,
+and must name `servomotor_position`.
 
 Examples:
   govtwin watch --bus --params unit3.yaml --map unit3_map.yaml
@@ -90,8 +100,8 @@ Examples:
   govtwin watch /data/unit3 --once || mail -s 'unit 3' operator < watch/unit3/watch.json
   govtwin watch /data/unit3 --json | jq -c 'select(.warnings != [])'
 
-Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 (with --once) a size has moved, or something could not be read. Without --once it goes on until it is
-stopped; with --bus 3 then says that samples or processes were lost.";
+Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 with --once: a size has moved, or something could
+not be read; with --bus: samples or processes were lost. Without --once it runs until it is stopped.";
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {

@@ -97,7 +97,7 @@ pub fn make(
     };
     let labels: Vec<Label> = all.iter().map(|case| battery::label(unit, case)).collect();
     let plans = shard.of(all);
-    let progress = Progress::new(plans.len(), "units made");
+    let progress = Progress::new(plans.len(), "units generated");
     let made: anyhow::Result<()> = plans.par_iter().try_for_each(|case| {
         let lacking = |process: Process| !bags::is_bag_folder(&bag(dir, case, process));
         if case.processes().iter().copied().any(lacking) {

@@ -178,7 +178,7 @@ pub fn score_all(
 /// Asks the recordings of every missed unit whether they could have told.
 fn tell(cases: &mut [ScoredUnit], units: &[UnitFolder], out: &Path) {
     let missed: Vec<&mut ScoredUnit> = cases.iter_mut().filter(|case| case.missed()).collect();
-    let progress = Progress::new(missed.len(), "misses looked into");
+    let progress = Progress::new(missed.len(), "missed units examined");
     missed.into_par_iter().for_each(|case| {
         case.expected_log_bayes_factor = expected_log_bayes_factor(case, units, out);
         progress.step();

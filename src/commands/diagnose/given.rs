@@ -18,15 +18,21 @@ use crate::commands::sheet;
 /// Which unit recordings are judged by, on the command line.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct UnitArgs {
-    /// The unit's data sheet; without it the shipped reference unit.
+    /// Data sheet (parameter file) of the unit; without it, the shipped reference unit.
     #[arg(long, value_name = "FILE")]
     pub params: Option<PathBuf>,
-    /// No data sheet is known: judges the whole chain by a sheet that is made of the recordings, with wide tolerances (DIR/assumed.yaml). Where they
-    /// do not hold command, tank pressure, spool and servomotor in pu, judges as --stage-alone does, and says why.
+    /// Estimate a data sheet from the recordings, with wide tolerances.
+    ///
+    /// The estimated sheet is written to DIR/assumed.yaml, and the whole chain is diagnosed with it. If the
+    /// recordings are not sufficient for a sheet (they must contain command, tank pressure, spool and servomotor,
+    /// with positions in pu), the servomotor stage alone is diagnosed as with --stage-alone, and the report gives the
+    /// reason.
     #[arg(long, conflicts_with = "params")]
     pub no_sheet: bool,
-    /// Judges the servomotor stage alone, driven by the recorded spool, all of it fitted freely, from positions in any unit. Taken for granted where
-    /// no recording holds a command and no sheet is given.
+    /// Diagnose only the servomotor stage, without a data sheet, from positions in any unit.
+    ///
+    /// The recorded spool drives the stage; if no spool was recorded, the command replaces it. All parameters of the stage
+    /// are fitted freely. This is the default if no recording contains a command and no sheet is given.
     #[arg(long, alias = "free", conflicts_with_all = ["params", "no_sheet"])]
     pub stage_alone: bool,
 }

@@ -34,7 +34,7 @@ pub fn text(problem: &Problem, base: &Unit, fitted: &Calibration, told: &[StageF
     let mut text = format!("{}\n{}", table_text(&table), table_text(&residuals(problem, base, fitted)));
     let costs: Vec<String> = fitted.starts.iter().map(|cost| significant(*cost, 5)).collect();
     text += &format!(
-        "\nLeft over, in times the noise to be expected: {}. Costs of the starts: {}.\n",
+        "\nRemaining error, in multiples of the expected noise: {}. Cost from each start: {}.\n",
         leftover(fitted),
         costs.join(", ")
     );
@@ -45,7 +45,7 @@ pub fn text(problem: &Problem, base: &Unit, fitted: &Calibration, told: &[StageF
         text += &format!("Correlated {:+.2}: {} and {}\n", pair.coefficient, pair.keys[0], pair.keys[1]);
     }
     if !told.is_empty() {
-        text += "\nIn the numbers of the recordings:\n";
+        text += "\nIn the units of the recordings:\n";
     }
     for one in told {
         text += &format!("  {}: {}\n", one.title, figure_text(one));

@@ -41,25 +41,33 @@ pub struct Args {
     /// Folder or object store of results.
     #[arg(value_name = "STORE")]
     store: String,
-    /// The plan: what is in it and has no result is named as missing [default: entries.jsonl in STORE, where it is there].
+    /// Plan; its entries without a result are listed as missing [default: entries.jsonl in STORE, if there is one].
     #[arg(long, value_name = "UNITS")]
     plan: Option<String>,
     /// Folder for fleet.html, fleet.csv, fleet.parquet and fleet.json [default: STORE/fleet].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Print JSON instead of a summary: what fleet.json holds.
+    /// Print JSON instead of a summary: the content of fleet.json.
     #[arg(long)]
     json: bool,
 }
 
 const HELP: &str = "\
-fleet.html names the units that need a look first, what changed since the last time, all units with their causes and sizes, sizes that changed over
-time, and what did not run; units lead to their own reports. fleet.csv and fleet.parquet hold a line for each unit and period (`row` is `entry`) and
-below it one for each cause and each parameter, with probabilities, sizes, 90 % intervals, whether the recordings determine it, and the cumulative
-sum of its change. The tables are the same to the last byte whoever did the entries, and in whatever order. The Parquet table needs the cargo
-feature `parquet`.
+fleet.html lists the units that need attention first, the changes since the last `gather`, the
+causes of each unit with sizes, sizes that changed over time, and failed or missing entries. Units
+link to their own reports.
 
-Without a plan all results of this program version count, of several of a unit and period the one with the most recordings.
+fleet.csv and fleet.parquet (cargo feature `parquet`) have one line per unit and period (`row` is
+`entry`), followed by one line per cause and per parameter, with probabilities, sizes, 90 %
+intervals, whether the recordings determine it, and the cumulative sum of its change. They are the
+same to the last byte on every engine and in any order of the work.
+
+Without a plan, all results of this program version count; if a unit and period has several results,
+the one with the most recordings counts.
+
+Examples:
+  govtwin fleet gather store
+  govtwin fleet gather s3://plant/diagnosis --out fleet
 
 Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 some entries failed or are missing.";
 

@@ -16,7 +16,7 @@ pub enum Period {
     Quarter,
     /// A year, such as 2024.
     Year,
-    /// All recordings of a unit at once.
+    /// All recordings of a unit in one entry.
     All,
 }
 

@@ -29,19 +29,19 @@ pub struct Args {
     /// Folder or object store of recordings: a path, or s3://BUCKET/PREFIX, gs://… or az://….
     #[arg(value_name = "SOURCE")]
     source: String,
-    /// The units, a CSV table: `unit`, and where wanted `folder`, `sheet`, `map`, `without`.
+    /// CSV table of the units: column `unit`, and optionally `folder`, `sheet`, `map`, `without`.
     #[arg(long, value_name = "FILE")]
     units: PathBuf,
     /// Folder or store for the plan: entries.jsonl, left_out.csv, sheets and maps.
     #[arg(long, value_name = "STORE")]
     out: String,
-    /// How much goes into one entry: the recordings of a unit that begin in one such period, UTC.
+    /// Length of the period of one entry: it holds the recordings of a unit that begin in that period, UTC.
     #[arg(long, value_enum, default_value_t = Period::Month)]
     period: Period,
-    /// Leaves an effect out of the catalogue of every unit; may be repeated.
+    /// Leave an effect out of the catalogue of every unit; may be repeated.
     #[arg(long, value_name = "ID")]
     without: Vec<String>,
-    /// Seed of the resampling behind the intervals of explained fractions.
+    /// Seed of the bootstrap that gives the intervals of explained fractions.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
     /// Print JSON instead of a summary.
@@ -50,23 +50,28 @@ pub struct Args {
 }
 
 const HELP: &str = "\
-units.csv has a line for each unit:
+units.csv has one line per unit:
   unit,folder,sheet,map,without
   Alpha 1,alpha/1,sheets/alpha.yaml,,
   Alpha 2,alpha/2,sheets/alpha.yaml,maps/historian.yaml,supply_loss return_loss
-`folder` is below SOURCE and the unit's name where the column is missing; `sheet` and `map` are files beside the table; without a sheet the
-shipped reference unit is taken; `without` are effects left out of the catalogue.
+  folder    folder below SOURCE; the name of the unit if the column is missing
+  sheet     data sheet, relative to the table; the shipped reference unit if empty
+  map       import map, relative to the table
+  without   effects left out of the catalogue
 
-Recordings are recognised by their content, whatever they are called, and belong to the unit in whose folder they lie and the period in which
-they begin. STORE/entries.jsonl holds a line of JSON for each entry, STORE/left_out.csv every object that is in none: duplicates, what cannot be
-read, recordings of no unit, of two, or of another than they state, and files that are no recordings. Sheets and maps are copied beside the
-plan, so that workers need nothing but the plan and the recordings.
+Recordings are recognised by content, whatever their names. A recording belongs to the unit in whose
+folder it is, and to the period in which it begins. Files in STORE:
+  entries.jsonl   one line of JSON per entry; sheets and maps are copied next to it, so that workers
+                  need only the plan and the recordings
+  left_out.csv    every object that is in no entry: duplicates, unreadable files, recordings of no
+                  unit, of two units or of another unit than they state, and other files
 
 Examples:
   govtwin fleet plan recordings --units units.csv --out store
-  govtwin fleet plan s3://plant/recordings --units units.csv --out s3://plant/diagnosis --period quarter
+  govtwin fleet plan s3://plant/recordings --units units.csv --out s3://plant/diagnosis
 
-Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 something that should be a recording is in no entry, or a unit has none.";
+Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 something that should be a recording is in no
+entry, or a unit has none.";
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
@@ -94,7 +99,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 
 fn make(source: &Store, items: &[Item], units: &Units, period: Period) -> anyhow::Result<Plan> {
     let by_folder: BTreeMap<&str, &UnitRow> = units.rows.iter().map(|row| (row.folder.as_str(), row)).collect();
-    let progress = Progress::new(items.len(), "objects looked at");
+    let progress = Progress::new(items.len(), "objects read");
     let looked: Vec<anyhow::Result<Result<_, LeftOut>>> = items
         .par_iter()
         .map(|item| {

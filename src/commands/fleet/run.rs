@@ -16,33 +16,44 @@ use crate::commands::output::{print, warn};
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = HELP)]
 pub struct Args {
-    /// The plan: entries.jsonl, or the folder or store that holds it.
+    /// Plan: entries.jsonl, or the folder or store that holds it.
     #[arg(value_name = "UNITS")]
     plan: String,
-    /// Which entry, counted from 0; without it HQ_ENTRY, SLURM_ARRAY_TASK_ID or JOB_COMPLETION_INDEX of the environment, and without those all
-    /// entries, one after the other.
+    /// Index of the entry, counted from 0; without it, that of the environment, else all entries.
+    ///
+    /// The environment variables are HQ_ENTRY, SLURM_ARRAY_TASK_ID and JOB_COMPLETION_INDEX. All entries are
+    /// processed one after the other.
     #[arg(long, value_name = "I")]
     index: Option<usize>,
     /// Folder or object store of results.
     #[arg(long, value_name = "STORE")]
     out: String,
-    /// Does entries again whose result is a failure.
+    /// Repeat entries whose result is a failure.
     #[arg(long)]
     retry_failed: bool,
-    /// Print a line of JSON for each entry instead of words.
+    /// Print a line of JSON for each entry instead of text.
     #[arg(long)]
     json: bool,
 }
 
 const HELP: &str = "\
-An entry whose result is in STORE already is skipped. The result's name is the SHA-256 of recordings, sheet, map, options and program version, and
-it is written in one step where none stands: workers that are killed, that come twice, or that work on one entry at once lose and double nothing.
-An entry that cannot be diagnosed has a result as well: its error, which `govtwin fleet gather` counts. Where the machine or the store is at
-fault, such as a full disk, there is none; STORE/notes says why, and the entry can be tried again.
+An entry whose result is in STORE is skipped. The name of a result is the SHA-256 of recordings,
+sheet, map, options and program version. It is written in one step, and only if none exists, so
+workers may be killed, repeated, or work on the same entry at once.
 
-HQ_ENTRY may hold the entry itself, a line of entries.jsonl, as HyperQueue's --each-line hands it over; then the plan's list is not read.
+If an entry cannot be diagnosed, its result is the error, which `govtwin fleet gather` counts. If
+the machine or the store fails, such as with a full disk, there is no result: STORE/notes has the
+reason, and the entry can be tried again.
 
-Exit codes: 0 every entry that was asked for has its result, be it a failure, 1 at least one has none, 2 wrong usage.";
+HQ_ENTRY may hold the entry itself, a line of entries.jsonl, as HyperQueue's --each-line passes it;
+the list of the plan is then not read.
+
+Examples:
+  govtwin fleet run store --index 0 --out store
+  RAYON_NUM_THREADS=1 govtwin fleet run store --out store     # all entries, on one core
+
+Exit codes: 0 every requested entry has its result, even if it is a failure; 1 at least one has
+none; 2 wrong usage.";
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {

@@ -62,7 +62,7 @@ pub fn run(file: &Path, given: &Map, out: &Path, as_json: bool) -> anyhow::Resul
         }
         print(&table_text(&table(&suggestion)))?;
         print(&format!(
-            "Map: {}\nPicture: {}\nNext, once what is open is settled: govtwin import {} --map {} --out BAG\n",
+            "Map: {}\nPage: {}\nNext, once all open questions are answered: govtwin import {} --map {} --out BAG\n",
             map_path.display(),
             page_path.display(),
             file.display(),

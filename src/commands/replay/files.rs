@@ -95,7 +95,7 @@ pub fn write_all(
     output.add(PAGE, page.to_html().as_bytes())?;
     output.add_json(FIGURES, summary)?;
     output.place()?;
-    if args.json { Ok(()) } else { print(&format!("Pictures: {}\n", html_path.display())) }
+    if args.json { Ok(()) } else { print(&format!("Page: {}\n", html_path.display())) }
 }
 
 /// The pictures of all recordings, in their order.

@@ -41,7 +41,7 @@ pub fn climb(
     let given: Vec<Replayed> = results.iter().map(|one| one.replayed.clone()).collect();
     let first = args.params.as_deref().map_or_else(|| "as shipped".to_owned(), title);
     let mut units = vec![Unitary { title: first, unit: unit.clone(), replayed: given }];
-    let progress = Progress::new(args.then.len() + models.len(), "rungs");
+    let progress = Progress::new(args.then.len() + models.len(), "units and models");
     for path in &args.then {
         let unit = params::load(path)?;
         let twin = Twin::new(&unit).with_cut(args.cut.cut());

@@ -41,25 +41,27 @@ const SECOND: Duration = Duration::from_secs(1);
 /// Arguments of a watch on the bus.
 #[derive(Debug, clap::Args)]
 pub struct BusArgs {
-    /// Listen on DDS instead of following bags: processes are recorded into OUT/waiting, a bag each, and diagnosed while listening goes on.
+    /// Listen on DDS instead of following bags.
+    ///
+    /// Each process is recorded into a bag in OUT/waiting, and diagnosed while listening continues.
     #[arg(long, conflicts_with_all = ["paths", "once", "settled", "every", "publish"])]
     pub bus: bool,
-    /// Publish verdict and sizes on `~/verdict` and `/diagnostics` while bags are followed; a watch on the bus always does.
+    /// Publish verdict and sizes on `~/verdict` and `/diagnostics` while bags are followed; --bus always does.
     #[arg(long, conflicts_with = "once")]
     pub publish: bool,
-    /// Recordings of diagnosed processes that stay in OUT/processes, the newest, with --bus [default: 500].
+    /// With --bus: number of recordings of diagnosed processes to keep in OUT/processes [default: 500].
     #[arg(long, value_name = "N")]
     keep: Option<usize>,
-    /// Hear the unit by this map of `govtwin import`, from fields of any type, instead of as messages of our own types, with --bus.
+    /// With --bus: import map (`govtwin import`), to take the signals from fields of any type.
     #[arg(long, value_name = "MAP", requires = "bus", conflicts_with = "named")]
     map: Option<PathBuf>,
     /// Folders with definitions of the types that the map needs: DIR/package/msg/Type.msg.
     #[arg(long, value_name = "DIR", num_args = 1.., requires = "map")]
     definitions: Vec<PathBuf>,
-    /// Peers drop a node that they did not hear for so long, with --bus or --publish [default: 10].
+    /// With --bus or --publish: time after which other nodes drop this silent node, s [default: 10].
     #[arg(long = "lease", value_name = "S")]
     lease_s: Option<f64>,
-    /// What every ROS 2 program takes, with --bus or --publish: `-r FROM:=TO`, `-r __ns:=/NAME`, `-r __node:=NAME`.
+    /// With --bus or --publish: ROS 2 arguments, `-r FROM:=TO`, `-r __ns:=/NAME`, `-r __node:=NAME`.
     #[arg(long = "ros-args", num_args = 0.., allow_hyphen_values = true, value_terminator = "--", value_name = "ARGS")]
     ros: Vec<String>,
 }

@@ -141,7 +141,7 @@ impl Chronicle {
     pub fn closing(&self, courses: &[Course]) -> String {
         let mut text = format!("{}: {} processes in the history\n", self.name, self.entries.len());
         for course in courses {
-            let words = course.warning().unwrap_or_else(|| format!("{} stays", course.title()));
+            let words = course.warning().unwrap_or_else(|| format!("{}: no change", course.title()));
             text += &format!("  {words}\n");
         }
         for origin in history::origins(&self.entries) {
