@@ -216,7 +216,9 @@ fn rests_on(table: &EvidenceTable, weights: &Weights, decision: &Decision, recor
         return None;
     }
     if recordings.len() < 2 {
-        return Some("One recording alone: the best explanation of it, not confirmed by another.".to_owned());
+        return Some(
+            "One recording alone: this is its best explanation, not confirmed by another recording.".to_owned(),
+        );
     }
     let without = |left: usize| Posterior::new(&table.without(left), weights, &[]);
     let kept = |left: usize| {
