@@ -283,7 +283,7 @@ mod tests {
         let mut entries: Vec<ProcessEntry> = (0..3).map(|i| entry(i, 2e-3)).collect();
         assert!(!html_of(&entries).contains("ynthetic"));
         entries[1].synthetic = true;
-        entries[1].notes.push("oil.bulk_modulus_pa was fitted onto the end of its range.".to_owned());
+        entries[1].notes.push("oil.bulk_modulus_pa was fitted to the end of its range.".to_owned());
         let some = html_of(&entries);
         assert!(
             some.contains("Synthetic data among the recordings")

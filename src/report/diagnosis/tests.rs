@@ -249,7 +249,7 @@ fn something_unknown_is_looked_for_where_and_when_the_page_places_it() {
     );
     let nearest = "Nearest in the catalogue: servo_friction and load. It leaves more than a right one; servomotor.load_closed_n is 6.0 tolerances off.";
     diagnosis.notes.push(nearest.into());
-    diagnosis.notes.push("oil.bulk_modulus_pa was fitted onto the end of its range.".into());
+    diagnosis.notes.push("oil.bulk_modulus_pa was fitted to the end of its range.".into());
     // What a part of the chain leaves on its own.
     let unknown = [("servomotor".to_owned(), 185.0)].into();
     diagnosis.table.parts = vec![PartFit { part: Part::Servomotor, cost: 9e3, samples: 8e2, evidence: 0.0, unknown }];
