@@ -153,10 +153,10 @@ fn residuals(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Res
              from transducer noise alone, estimated from the differences between neighbouring samples."
         } else if diagnosis.judged_by == JudgedBy::AssumedSheet {
             "Assumed sheet: estimated from the recordings. Recalibrated: its values fitted within their tolerances. Line: expected error of \
-             a correct twin, from noise and resolution of the transducers."
+             a correct twin, from transducer noise and chatter of the regulator."
         } else {
             "Data sheet: its values as stated. Recalibrated: the same values fitted within their tolerances. Line: expected error of a \
-             correct twin, from noise and resolution of the transducers."
+             correct twin, from transducer noise and chatter of the regulator."
         };
         body.figure(svg(&pictures::residuals(diagnosis, explained))?, caption);
     }
