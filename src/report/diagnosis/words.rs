@@ -33,7 +33,8 @@ pub fn explained(explained_fraction: Interval, [subject, explains]: [&str; 2]) -
     let error = "the squared error that recalibration leaves beyond noise";
     if explained_fraction.leaves_all_open() {
         return format!(
-            "The share of {error} that {subject} {explains} cannot be determined: the error occurs in too few places or is too close to noise."
+            "{} {explains} an undetermined share of {error}: the error occurs in too few places or is too close to noise.",
+            capital(subject)
         );
     }
     let share = if explained_fraction.value > 0.0 { percents(explained_fraction) } else { "nothing".to_owned() };

@@ -13,7 +13,9 @@ fn an_explained_fraction_that_says_nothing_is_not_given_as_a_figure() {
     diagnosis.blamed[0].explained_fraction = diagnosis.explained_fraction;
     let text = summary(&diagnosis, usize::MAX);
     assert!(
-        text.contains("The share of the squared error that recalibration leaves beyond noise that the fault explains cannot be determined"),
+        text.contains(
+            "The fault explains an undetermined share of the squared error that recalibration leaves beyond noise"
+        ),
         "{text}"
     );
     assert!(!text.contains("100 %"), "{text}");
