@@ -145,8 +145,9 @@ fn careful(problem: &Problem, found: &Explored, ready: &Preparation, decision: D
     let calm = found.refitted().cost() < CALM_ENOUGH * problem.independent_samples() + LEAST_GAIN;
     if !ready.sheet && calm && !predicts_better(problem, found, &decision) {
         let blamed = decision.verdict != Verdict::NoGap;
-        let said =
-            blamed.then(|| "The most flexible law of the spool leaves as much error as the fitted stage.".to_owned());
+        let words = "The fitted stage leaves little more error than the most flexible law of the spool, and no effect predicts held-out \
+                     pieces better.";
+        let said = blamed.then(|| words.to_owned());
         return (decision.forced(Verdict::NoGap), said.into_iter().collect());
     }
     let probability = |id: &str| decision.effects.iter().find(|(spec, _)| spec.id == id).map_or(0.0, |(_, p)| *p);

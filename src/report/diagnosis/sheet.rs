@@ -19,7 +19,7 @@ fn looking_up(limits: &SheetLimits) -> String {
     let open = significant(limits.open_bits, 2);
     let Some(first) = limits.next() else {
         return format!(
-            "no value is worth looking up: none would settle 0.01 bit of the {open} bits that are open between the fault sets"
+            "no value is worth looking up, as none is expected to settle 0.01 bit or more; {open} bits are open between the fault sets"
         );
     };
     let mut text = format!(
@@ -49,7 +49,7 @@ fn hidden(diagnosis: &Diagnosis) -> Option<String> {
     (ratio(most) > 1.0).then(|| {
         let shown = |value: f64| quantity(value, shown_unit(most.parameter, most.unit));
         format!(
-            "its tolerances hide {} most: the minimum detectable {} is {}, or {} if all values were known exactly",
+            "its tolerances hide {} most; the minimum detectable {} is {}, or {} if all values were known exactly",
             id_words(most.id),
             parameter_words(most.parameter, most.unit),
             shown(most.smallest),
