@@ -125,34 +125,34 @@ impl Measure {
     pub fn definition(self) -> &'static str {
         match self {
             Self::DeadTime => {
-                "from the instant at which a quiet command has moved by 0.1 % of stroke to the instant at which the position has; commands of 2 %/s or faster"
+                "from the instant at which the command has moved by 0.1 % of stroke to the instant at which the position has; commands that start from rest at 2 %/s or faster"
             }
             Self::DeadBand => {
-                "full width of the play that, with a delay, takes the command to the position with the least error, over slow movement"
+                "full width of the play that, together with a delay, maps the command to the position with the smallest error; movement slower than 1 %/s"
             }
             Self::Hysteresis => {
-                "mean distance between the positions of falling and of rising commands at equal commands, over movement slower than 1 %/s; lag included"
+                "mean distance between the positions of falling and of rising commands at equal commands, movement slower than 1 %/s; includes lag"
             }
             Self::OpeningTime => {
-                "full stroke over the opening speed where the command is more than 5 % ahead, cushion left out"
+                "full stroke divided by the opening speed where the command is more than 5 % ahead, without the cushion"
             }
             Self::ClosingTime => {
-                "full stroke over the closing speed where the command is more than 5 % ahead, cushion left out"
+                "full stroke divided by the closing speed where the command is more than 5 % ahead, without the cushion"
             }
             Self::TripClosingTime => {
-                "full stroke over the closing speed after the emergency shutdown valve has tripped"
+                "full stroke divided by the closing speed after a trip of the emergency shutdown valve"
             }
             Self::CushionTime => {
                 "from the instant at which a full-rate closing stroke slows below 80 % of its speed to the instant at which it is within 0.2 % of closed"
             }
             Self::Overshoot => {
-                "largest movement beyond the final position, over the change; commands that come to rest after 1 % or more"
+                "largest movement beyond the final position divided by the change; commands that come to rest after 1 % or more"
             }
             Self::SettlingTime => {
-                "from the command's arrival until the position stays within 2 % of the change, at least 0.1 % of stroke, of its final value"
+                "from the instant at which the command reaches its final value until the position stays within 2 % of the change, at least 0.1 % of stroke, of its final value"
             }
             Self::TrackingError => {
-                "RMS of command less position wherever the command is less than 5 % ahead, transducer noise taken off"
+                "RMS of command − position where the command is less than 5 % ahead, without transducer noise"
             }
             Self::Bandwidth => {
                 "frequency at which the position's amplitude is 0.707 of the command's, where the command excites it"

@@ -201,10 +201,10 @@ fn stretched(explored: &Explored, decision: &Decision) -> Option<String> {
         _ => String::new(),
     };
     if far.is_empty() {
-        return (!name.is_empty()).then(|| format!("{name}It leaves more of the gap than a right equation would."));
+        return (!name.is_empty()).then(|| format!("{name}It leaves more of the error than the right effect would."));
     }
     Some(format!(
-        "{name}The twin follows these recordings only if {}: the sheet is wrong there, or something acts that has nearly the same mark. Correct \
+        "{name}The twin follows these recordings only if {}: the sheet is wrong there, or an effect with nearly the same signature acts. Correct \
          the sheet or widen its tolerances if you know better.",
         far.join(" and ")
     ))
@@ -216,7 +216,9 @@ fn rests_on(table: &EvidenceTable, weights: &Weights, decision: &Decision, recor
         return None;
     }
     if recordings.len() < 2 {
-        return Some("One recording alone: the best explanation of it, not confirmed by another.".to_owned());
+        return Some(
+            "One recording alone: this is its best explanation, not confirmed by another recording.".to_owned(),
+        );
     }
     let without = |left: usize| Posterior::new(&table.without(left), weights, &[]);
     let kept = |left: usize| {
@@ -226,9 +228,6 @@ fn rests_on(table: &EvidenceTable, weights: &Weights, decision: &Decision, recor
     let needed: Vec<&str> =
         (0..recordings.len()).filter(|&left| !kept(left)).map(|left| recordings[left].as_str()).collect();
     (!needed.is_empty()).then(|| {
-        format!(
-            "The verdict rests on {}: without it the other recordings would not name the same.",
-            needed.join(", or on ")
-        )
+        format!("Without {}, the other recordings would not name the same cause.", needed.join(", or without "))
     })
 }

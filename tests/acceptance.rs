@@ -134,7 +134,13 @@ fn the_command_says_what_passes_and_what_would() {
     assert!(columns == 12 && csv.contains("dead_band_pu,pu,\"unit without port_overlap\""), "{csv}");
     let page = fs::read_to_string(folder.join("report/acceptance.html")).unwrap();
     assert!(page.contains("Without port overlap the dead band falls") && page.contains("signature"));
-    for words in ["How sure", "How far", "What next", "Repair port overlap: without it the dead band passes."] {
+    for words in [
+        "<dt>Result<",
+        "<dt>How sure<",
+        "<dt>Values<",
+        "<dt>What next<",
+        "Repair port overlap: without it the dead band passes.",
+    ] {
         assert!(page.contains(words), "{words}");
     }
     assert!(page.contains("without port overlap</th>"));

@@ -105,7 +105,7 @@ fn the_same_recording_twice_counts_once() {
     }
     three.push(copy);
     let said = judge(three).unwrap();
-    noted(&said, &["a copy under another name", "counts once"]);
+    noted(&said, &["a copy under another name", "the two count once"]);
     assert!(said.traces.len() == 2, "{}", said.traces.len());
 }
 

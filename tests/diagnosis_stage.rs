@@ -67,7 +67,7 @@ fn unequal_ports_are_among_the_few_whatever_the_units_of_the_recording() {
     }
     let other = freely(vec![plain]);
     assert!(ids(&other).contains(&"port_asymmetry"), "{}", shown(&other));
-    for words in ["turned round", "taken as full stroke", "5 % to 95 %"] {
+    for words in ["sign of the spool position was reversed", "taken as full stroke", "5 % to 95 %"] {
         assert!(other.notes.iter().any(|note| note.contains(words)), "{words}: {:?}", other.notes);
     }
 }
@@ -126,7 +126,11 @@ fn a_spool_that_drives_something_else_is_refused() {
         Err(error) => assert!(error.to_string().contains("no law of the spool"), "{error}"),
         Ok(said) => {
             assert_eq!(said.verdict, Verdict::NoSuchUnit, "{}", shown(&said));
-            assert!(said.notes.iter().any(|note| note.contains("says nothing")), "{:?}", said.notes);
+            assert!(
+                said.notes.iter().any(|note| note.contains("The spool does not predict the servomotor's movement")),
+                "{:?}",
+                said.notes
+            );
         }
     }
 }

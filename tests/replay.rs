@@ -191,7 +191,10 @@ fn a_cut_shows_dashes_and_says_why() {
             .output()
             .unwrap();
         let text = String::from_utf8(output.stdout).unwrap();
-        assert!(output.status.success() && text.contains(word) && text.contains("cannot be judged"), "{text}");
+        assert!(
+            output.status.success() && text.contains(word) && text.contains("its error is not evaluated"),
+            "{text}"
+        );
         let overall = text.lines().find(|line| line.starts_with("overall")).unwrap();
         let figures: Vec<bool> = overall.split_whitespace().skip(3).map(|cell| cell == "–").collect();
         assert_eq!(figures, [[dashes_first; 3], [!dashes_first; 3]].concat(), "{overall}");

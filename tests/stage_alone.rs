@@ -75,7 +75,7 @@ fn zero_dead_band_and_speeds_are_told_in_the_numbers_of_a_signal_about_a_half() 
     // The same stands in the text, on the page and in the file.
     let text = report::summary(&said, 120);
     let page = report::page(&said, &Provenance::default()).unwrap().to_html();
-    for words in ["dead band, from end to end", "rising at the farthest spool position", "lag behind the spool"] {
+    for words in ["dead band, full width", "rising speed at the farthest spool position", "lag behind the spool"] {
         assert!(text.contains(words) && page.contains(words), "{words}: {text}");
     }
     let json = DiagnosisReport::of(&said, 0.0).json();
@@ -284,7 +284,7 @@ fn a_table_in_percent_is_diagnosed_fitted_and_replayed_by_its_map() {
     assert!(r2.unwrap() > 0.99, "{text}");
     // A fit without a sheet is one of a stage of unknown size, and says so; with the reference unit's it says what it moved.
     let free = govtwin(&["fit", &csv, "--map", &map, "--out", &at("free")]);
-    assert!(free.contains("No data sheet") && free.contains("dead band, from end to end"), "{free}");
+    assert!(free.contains("No data sheet") && free.contains("dead band, full width"), "{free}");
     let [csv, map] = table(dir.path(), &plain).map(|path| path.display().to_string());
     let sheet = Path::new(env!("CARGO_MANIFEST_DIR")).join("params/reference_unit.yaml").display().to_string();
     govtwin(&["fit", &csv, "--map", &map, "--params", &sheet, "--out", &at("sheet")]);

@@ -216,7 +216,7 @@ pub fn dead_band(all: &[Series]) -> MeasureFound {
     let value = least(&widths, &profile(None));
     let near = widths.iter().rposition(|width| *width <= value).unwrap_or(0);
     if turns[near] < FEWEST_TURNS {
-        return missing(measure, "the slow movement turns fewer than three times");
+        return missing(measure, "the slow movement reverses fewer than three times");
     }
     let left_out: Vec<f64> = (0..blocks).map(|left| least(&widths, &profile(Some(left)))).collect();
     let count = blocks as f64;

@@ -39,7 +39,7 @@ pub fn page(summary: &AcceptanceSummary, drawn: &[Drawn]) -> Result<Page, DrawEr
         "" => made.unit.clone(),
         limits => format!("{}, against {limits}", made.unit),
     };
-    let mut page = Page::new("Acceptance: measures of the servo system", subtitle);
+    let mut page = Page::new("Acceptance report: measures of the servo system", subtitle);
     let body = &mut page.body;
     body.answers(answers::answers(summary));
     let limited = summary.measures.iter().filter_map(|asked| Some((asked, asked.as_found.as_ref()?.standing?)));
@@ -59,22 +59,25 @@ pub fn page(summary: &AcceptanceSummary, drawn: &[Drawn]) -> Result<Page, DrawEr
     body.heading("Measures and limits");
     body.table(
         measures_table(summary),
-        "The unit as it is, with intervals that hold nine times in ten. It passes where the whole interval keeps the limit, fails where the whole \
-         interval breaks it. Recordings show a measure or, marked *, only the twin's standard test does.",
+        "The unit as it is, with 90 % intervals. A limit passes if the whole interval keeps it, fails if the whole interval breaks it, and is \
+         undecided otherwise. *: not shown by the recordings, taken from the twin's standard test.",
     );
     if !summary.verdict.is_empty() {
-        body.heading("Without each fault");
+        body.heading("Expected values without each fault");
         without(body, summary);
     }
     if !drawn.is_empty() {
         body.heading("Recordings");
         for one in drawn.iter().take(MOST_DRAWN) {
-            body.figure(svg(&curves(one))?, one.measured.name.clone());
+            body.figure(
+                svg(&curves(one))?,
+                format!("{}: command and position, and below them position − command.", one.measured.name),
+            );
         }
     }
     if !summary.response.is_empty() || !summary.twin_response.is_empty() {
         body.heading("Frequency response");
-        body.figure(svg(&response(summary))?, "Amplitude of the position over that of the command, and how far it lags, where the command excites it. Bands: nine times in ten.");
+        body.figure(svg(&response(summary))?, "Gain and phase from command to position, at the frequencies that the command excites. Bands: 90 % intervals.");
     }
     closing(body, summary, &made);
     Ok(page)
@@ -113,7 +116,7 @@ pub fn measures_table(summary: &AcceptanceSummary) -> Table {
     let limited = summary.measures.iter().any(|asked| asked.limit.is_some());
     let mut table = Table::new().words("measure").numbers("value").numbers("interval");
     if limited {
-        table = table.numbers("limit").words("standing").words("limit of");
+        table = table.numbers("limit").words("result").words("source of the limit");
     } else {
         table = table.words("");
     }
@@ -160,7 +163,7 @@ pub fn without_table(summary: &AcceptanceSummary) -> Option<Table> {
         let of = format!("without {}", faults.join(" and "));
         table = table.numbers_of(of.clone(), "value").numbers_of(of.clone(), "interval");
         if limited {
-            table = table.numbers_of(of, "standing");
+            table = table.numbers_of(of, "result");
         }
     }
     for (i, asked) in summary.measures.iter().enumerate() {
@@ -182,12 +185,12 @@ pub fn without_table(summary: &AcceptanceSummary) -> Option<Table> {
 fn without(body: &mut PageBody, summary: &AcceptanceSummary) {
     match without_table(summary) {
         None => body.paragraph(format!(
-            "The diagnosis names no fault (verdict: {}), so there is none to take out.",
+            "The diagnosis names no fault (verdict: {}), so no values without a fault are computed.",
             summary.verdict
         )),
         Some(table) => {
             if summary.sentences.is_empty() {
-                body.paragraph("Taking out the faults named changes no measure by more than its interval.");
+                body.paragraph("Removing the named faults changes no measure by more than its interval.");
             }
             for sentence in &summary.sentences {
                 body.paragraph(sentence.clone());
@@ -195,13 +198,13 @@ fn without(body: &mut PageBody, summary: &AcceptanceSummary) {
             if summary.verdict == "class" {
                 body.note(
                     Tone::Warning,
-                    "The diagnosis could not tell a few faults apart; the most probable of them stands for all here.",
+                    "The recordings could not distinguish a few faults; the most probable one represents all of them here.",
                 );
             }
             body.table(
                 table,
-                "The unit is expected at what was measured, plus the twin without the fault less the twin as found. Intervals hold the measurement, \
-                 the sizes of the faults and the twin's own error. *: by the twin's standard test alone.",
+                "Expected value: measured + (twin without the fault − twin as found). Its interval includes the uncertainty of the measurement, of \
+                 the fault sizes and of the twin. *: from the twin's standard test only.",
             );
         }
     }
@@ -220,25 +223,26 @@ fn without(body: &mut PageBody, summary: &AcceptanceSummary) {
         });
         table.row(std::iter::once(asked.title.to_owned()).chain(cells));
     }
-    inner.table(table, "Measured, beside the twins: along the recordings, and through the standard tests.");
-    body.details("What the twins themselves measure", inner);
+    inner.table(table, "Measures of the unit and of the twins, along the recordings and in the standard tests.");
+    body.details("Measures of the twins", inner);
 }
 
 fn closing(body: &mut PageBody, summary: &AcceptanceSummary, made: &Provenance) {
-    body.heading("How it was measured");
+    body.heading("Definitions of the measures");
     let events = summary.subjects.first().map(|subject| &subject.figures);
-    let mut table = Table::new().words("measure").words("definition").words("from");
+    let mut table = Table::new().words("measure").words("definition").words("evidence");
     for (i, asked) in summary.measures.iter().enumerate() {
         let figure = events.and_then(|figures| figures.get(i));
         let from = figure.map_or(0, |figure| figure.events);
         let what = if from == 0 {
             figure.map(|figure| figure.note.clone()).unwrap_or_default()
         } else {
-            format!("{from} {}", if from == 1 { "event or stretch" } else { "events or stretches" })
+            format!("{from} {}", if from == 1 { "event or segment" } else { "events or segments" })
         };
         table.row([asked.title.to_owned(), asked.definition.to_owned(), what]);
     }
-    body.table(table, "IEC 60308, IEEE 125 and ASME PTC 29 name such measures; the definitions here are this program's and follow no clause of theirs.");
+    body.table(table, "IEC 60308, IEEE 125 and ASME PTC 29 name such measures. The definitions here are the program's own and follow no clause of these \
+         standards.");
     if !summary.response.is_empty() {
         let mut table = Table::new()
             .numbers("frequency, Hz")
@@ -254,12 +258,12 @@ fn closing(body: &mut PageBody, summary: &AcceptanceSummary, made: &Provenance) 
             );
         }
         let mut inner = PageBody::new();
-        inner.table(table, "As measured.");
-        body.details("Frequency response in figures", inner);
+        inner.table(table, "Measured gain and phase, with the half widths of their 90 % intervals.");
+        body.details("Values of the frequency response", inner);
     }
     let mut inner = PageBody::new();
     inner.facts(made.facts());
-    body.details("What this report was made from", inner);
+    body.details("How these figures were made", inner);
     let line = "_".repeat(30);
     body.facts(["measured by", "accepted by", "date and signature"].map(|who| (who, line.clone())));
 }

@@ -35,10 +35,10 @@ pub fn page(
     subtitle: &str,
     origin: Option<&str>,
 ) -> Result<Page, DrawError> {
-    let mut page = Page::new("Benchmark: verdicts against what is in the units", subtitle);
+    let mut page = Page::new("Benchmark: verdicts compared with the true faults", subtitle);
     let body = &mut page.body;
     let Some(first) = methods.first() else {
-        body.note(Tone::Warning, "Nothing was scored.");
+        body.note(Tone::Warning, "No unit was scored.");
         return Ok(page);
     };
     body.answers(answers::answers(&first.score, cases));
@@ -59,41 +59,41 @@ pub fn page(
     body.heading("Measures");
     body.figure(
         svg(&measures_picture(first))?,
-        "Shares with Wilson's 95 % intervals. Filled dots: the target is reached; hollow ones: it is missed; thin lines: there is no target.",
+        "Shares of units with Wilson's 95 % intervals. Filled dots: target reached. Hollow dots: target missed. Thin lines: no target.",
     );
     // The baselines stand in a table of their own: one with all would be wider than a page.
     body.table(
         measures_table(&methods[..1]),
-        "Value, 95 % interval, number of units, and what the misses lie with (see the units below); of some nothing is known. Named verdicts with an \
-         effect that is not there: of all verdicts `named` on units whose faults the catalogue lists, sound ones too.",
+        "Value, 95 % interval, number of units, and number of misses by cause (defined under Units; some causes are not known). Named verdicts \
+         with an effect that is not there: share of all verdicts `named` on units whose faults are in the catalogue, fault-free units included.",
     );
     if methods.len() > 1 {
         body.table(
             methods_table(methods),
-            "The same measures of the baselines, which are run on the same units and scored alike.",
+            "The same measures for the baselines, which are run on the same units and scored in the same way.",
         );
     }
     if parts.len() > 1 {
-        body.table(measures_table(parts), "The same by part of the units.");
+        body.table(measures_table(parts), "The same measures for groups of the units.");
     }
     body.heading("Confusion matrix");
     body.figure(
         svg(&confusion_picture(&first.score.confusion))?,
-        "Rows: what is in the unit. Columns: the first word of the verdict. Units with two or three effects are not in it.",
+        "Number of units by true fault (rows) and by the first answer of the verdict (columns). Units with two or three effects are left out.",
     );
-    body.heading("Probabilities");
+    body.heading("Reliability of the probabilities");
     body.figure(
         svg(&reliability_picture(methods))?,
-        "How often the stated cause was true, against the probability that was stated; on the diagonal both are equal. Whiskers: 95 %.",
+        "Share of true statements against their stated probability. On the diagonal both are equal. Whiskers: 95 % intervals.",
     );
     body.heading("Units");
     body.table(
         cases_table(cases),
         format!(
-            "Strength: RMS by which the faults move the strongest recorded signal, over its noise floor. Expected: gain in likelihood (twice the expected log Bayes factor) that what was \
-             left out could bring by the catalogue's equation, when sheet and answer are fitted against it. Left: what the answer's model leaves \
-             above what the method lets a right model leave. A miss lies with the recordings where the expected gain is below {SEEN}; else with the method's \
-             tolerance where left is; else, or where nothing was left out, with the method."
+            "Strength: RMS change of the most affected recorded signal due to the faults, over its noise floor. Of missed units, expected: twice \
+             the log Bayes factor that the missed fault should gain by the catalogue's equation, with data sheet and answer fitted against it; \
+             left: χ² of the answer's model above that of a right model. A miss is due to the recordings if expected is below {SEEN}; otherwise \
+             to the method's tolerance if left is below {SEEN}; otherwise, or if no fault was missed, to the method."
         ),
     );
     Ok(page)
@@ -152,8 +152,7 @@ pub fn measures_table(methods: &[MethodScore]) -> Table {
         // The first has room for its intervals; those of the others are in the file of figures.
         if place == 0 {
             let name = method.name.as_str();
-            table =
-                table.numbers_of(name, "value").numbers_of(name, "95 %").numbers_of(name, "units").words("target is");
+            table = table.numbers_of(name, "value").numbers_of(name, "95 %").numbers_of(name, "units").words("result");
             if any_missed {
                 table = table.numbers_of("misses", "all");
             }
@@ -236,13 +235,13 @@ fn confusion_picture(confusion: &Confusion) -> Picture {
     let words: Vec<String> = confusion.words.iter().map(|word| in_words(word)).collect();
     let side = confusion.words.iter().enumerate().map(|(k, word)| format!("{} {}", k + 1, in_words(word)));
     let legend = side.collect::<Vec<_>>().join(", ");
-    let panel = Panel::new("units")
+    let panel = Panel::new("number of units")
         .height(24 * u32::try_from(rows.len().max(4)).unwrap_or(10))
         .x_name(if confusion.words.len() > 8 { legend } else { "verdict".to_owned() })
         .x_categories(if confusion.words.len() > 8 { numbered } else { words })
         .y_categories(confusion.truths.iter().rev().map(|truth| in_words(truth)))
         .mark(Mark::new(MarkShape::Cells { rows, full, below: Ink::Alarm, decimals: 0 }, Ink::Simulated, ""));
-    Picture::grid("Confusion matrix: what is in a unit against its verdict", 1, vec![panel])
+    Picture::grid("Confusion matrix: true fault against verdict", 1, vec![panel])
 }
 
 fn reliability_picture(methods: &[MethodScore]) -> Picture {
@@ -272,13 +271,14 @@ fn reliability_picture(methods: &[MethodScore]) -> Picture {
 /// Case by case: what is so, what was said.
 #[must_use]
 pub fn cases_table(cases: &[ScoredUnit]) -> Table {
-    let table = Table::new().words("unit").words("what is in it").numbers("strength").words("verdict").words("blamed");
+    let table =
+        Table::new().words("unit").words("true faults").numbers("strength").words("verdict").words("named effects");
     let table = table.words("stage").numbers("p(truth)").words("answer").numbers("expected").numbers("left");
     let mut table = table.words("missed by");
     for case in cases {
         let truths: Vec<&str> = case.label.effects.iter().map(|truth| truth.id.as_str()).collect();
         let joined = |ids: &[&str], by: &str| ids.iter().map(|id| id_words(id)).collect::<Vec<_>>().join(by);
-        let mut truth = if truths.is_empty() { "nothing".to_owned() } else { joined(&truths, " + ") };
+        let mut truth = if truths.is_empty() { "no fault".to_owned() } else { joined(&truths, " + ") };
         if !case.label.listed {
             truth += " (not in the catalogue)";
         }
@@ -301,7 +301,7 @@ pub fn cases_table(cases: &[ScoredUnit]) -> Table {
             significant(case.report.probability(true_word), 2),
             match right {
                 false => "wrong",
-                true if case.makes_up() => "and made up",
+                true if case.makes_up() => "false effect as well",
                 true => "",
             }
             .to_owned(),

@@ -325,7 +325,7 @@ fn experiment(one: Weighed, entropy_bits: f64) -> Experiment {
     let (length_s, trips) = (candidate.length_s(), candidate.trips());
     let mut test = candidate.test;
     if one.further {
-        test = format!("{test}; record {further} beside {signals}");
+        test = format!("{test}; record {further} in addition to {signals}");
     }
     if candidate.faster {
         test = format!("{test}; record at {} Hz", candidate.rate_hz);

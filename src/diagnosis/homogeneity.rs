@@ -60,8 +60,8 @@ pub fn disagreement(problem: &Problem, found: &Explored) -> Option<String> {
     let telling = order.iter().filter(|&&k| alone[k].gain > 0.25 * gain);
     let names: Vec<&str> = telling.map(|&k| problem.recordings[k].name.as_str()).collect();
     Some(format!(
-        "The recordings do not fit one set of parameters, though each fits one of its own: {apart}. Are they of different units? Farthest from \
-         the rest: {}. No effect is named on such ground.",
+        "One set of parameters does not fit all recordings, although each recording fits its own: {apart}. Are they of different units? Farthest \
+         from the rest: {}. No effect is named for such recordings.",
         names.join(", ")
     ))
 }

@@ -125,11 +125,7 @@ impl FittedModel {
         far.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
         let words = |(free_parameter, position): (&FreeParameter, f64)| {
             let than = if position > 0.0 { "above" } else { "below" };
-            format!(
-                "{} is {:.1} tolerances {than} what the sheet says",
-                free_parameter.key(&self.base).0,
-                position.abs()
-            )
+            format!("{} is {:.1} tolerances {than} the sheet value", free_parameter.key(&self.base).0, position.abs())
         };
         far.into_iter().filter(|(_, position)| position.abs() >= least).take(2).map(words).collect()
     }

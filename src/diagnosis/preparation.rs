@@ -102,7 +102,7 @@ pub fn prepare(
     }
     if let [only] = qualified.as_slice() {
         notes.push(format!(
-            "One recording only ({}, {}): explained fractions are tested on parts of it that were held out of the fit, not on another recording.",
+            "One recording only ({}, {}): explained fractions are tested on held-out parts of it, not on another recording.",
             only.name,
             only.process.title()
         ));
@@ -125,8 +125,9 @@ fn without_copies(recordings: Vec<Recording>) -> (Vec<Recording>, Vec<String>) {
     let (mut kept, mut notes): (Vec<Recording>, Vec<String>) = (Vec::new(), Vec::new());
     for recording in recordings {
         match kept.iter().find(|other| is_copy(other, &recording)) {
-            Some(first) => notes
-                .push(format!("{} holds the same samples as {} and counts once with it.", recording.name, first.name)),
+            Some(first) => {
+                notes.push(format!("{} holds the same samples as {}; the two count once.", recording.name, first.name))
+            }
             None => kept.push(recording),
         }
     }
@@ -159,7 +160,8 @@ fn servomotor_stage(
     };
     notes.insert(
         0,
-        "Servomotor stage only, driven by the recorded spool; the chain before it was not recorded.".to_owned(),
+        "Servomotor stage only, driven by the recorded spool position; the chain before it was not diagnosed."
+            .to_owned(),
     );
     let (recordings, unit, noise, turned);
     if settings.is_free() {
@@ -186,7 +188,7 @@ fn servomotor_stage(
     let (follows, left) = follows(&Run::all(&many), &law).ok_or_else(still)?;
     if !settings.is_free() && law.above_1_s + law.below_1_s < 0.0 {
         notes.push(
-            "The servomotor moves against the spool's sign; is the spool position recorded the other way round?".into(),
+            "The servomotor moves against the sign of the spool; was the spool position recorded with the opposite sign?".into(),
         );
     }
     let catalogue = acting(&recordings, &unit, settings, &noise);

@@ -69,13 +69,13 @@ fn foreign(alone: &Alone) -> Option<String> {
     match alone.follows {
         Follows::Sum => None,
         Follows::Spool { settles_s } => Some(format!(
-            "The position does not sum the spool up, as a servomotor does, but settles within {settles_s:.2} s to what the spool says: on pieces \
-             left out such a law leaves {spool} of the squared movement, the best law of a servomotor {sum}. Is the spool signal a set point, or the \
-             recording of another machine?"
+            "The position does not integrate the spool position, as a servomotor does, but settles within {settles_s:.2} s to a value set by the \
+             spool: on held-out pieces such a law leaves {spool} of the squared movement, the best law of a servomotor {sum}. Is the spool signal a \
+             set point, or from another machine?"
         )),
         Follows::Nothing => Some(format!(
-            "The spool says nothing of the servomotor's movement: on pieces left out the best law of the spool leaves {sum} of its square, and that it \
-             stands or drifts {nothing}. Are both of one unit, and is the spool's the main distributing valve's?"
+            "The spool does not predict the servomotor's movement: on held-out pieces the best law of the spool leaves {sum} of the squared movement, \
+             a servomotor that stands or drifts leaves {nothing}. Are both signals from one unit, and is the spool that of the main distributing valve?"
         )),
     }
 }
@@ -96,8 +96,8 @@ fn beyond_transducers(problem: &Problem, model: &FittedModel, floor_square: f64)
     let mean_square = left_out_square(problem, model);
     is_beyond(problem, mean_square / floor_square).then(|| {
         format!(
-            "The fitted stage misses {:.2} % of stroke on pieces left out, where the transducers make it miss {:.2} %, and no effect of the catalogue \
-             explains more of it than chance would.",
+            "On held-out pieces the fitted stage has an RMS error of {:.2} % of stroke. The transducers account for {:.2} %, and no effect of the \
+             catalogue explains more of the rest than chance would.",
             100.0 * mean_square.sqrt(),
             100.0 * floor_square.sqrt()
         )
@@ -145,8 +145,9 @@ fn careful(problem: &Problem, found: &Explored, ready: &Preparation, decision: D
     let calm = found.refitted().cost() < CALM_ENOUGH * problem.independent_samples() + LEAST_GAIN;
     if !ready.sheet && calm && !predicts_better(problem, found, &decision) {
         let blamed = decision.verdict != Verdict::NoGap;
-        let said = blamed
-            .then(|| "What the fitted stage misses, the most flexible law of the spool misses as well.".to_owned());
+        let words = "The fitted stage leaves little more error than the most flexible law of the spool, and no effect predicts held-out \
+                     pieces better.";
+        let said = blamed.then(|| words.to_owned());
         return (decision.forced(Verdict::NoGap), said.into_iter().collect());
     }
     let probability = |id: &str| decision.effects.iter().find(|(spec, _)| spec.id == id).map_or(0.0, |(_, p)| *p);
@@ -158,9 +159,9 @@ fn careful(problem: &Problem, found: &Explored, ready: &Preparation, decision: D
     let mut said = Vec::new();
     if decision.verdict == Verdict::Named && !doubtful.is_empty() {
         said.push(format!(
-            "On top of {} something like {} would fit somewhat better, but too little for a second name.",
-            kept.join(", "),
-            doubtful.join(" or ")
+            "Adding {} to {} would fit slightly better, but not enough to name a second effect.",
+            doubtful.join(" or "),
+            kept.join(", ")
         ));
         decision.blamed = kept;
     }
@@ -193,7 +194,7 @@ fn single_instead(problem: &Problem, found: &Explored, ready: &Preparation, deci
         return None;
     }
     let said = format!(
-        "{} together predict pieces left out little better than {best} alone, or as well as the transducers let anything.",
+        "{} together predict held-out pieces hardly better than {best} alone, or {best} alone leaves no more than the transducers account for.",
         decision.blamed.join(" and ")
     );
     decision.blamed = vec![best];
@@ -211,7 +212,7 @@ fn without_idle(problem: &Problem, found: &Explored, decision: &mut Decision) ->
     }
     decision.verdict = if kept.len() == 1 { Verdict::Named } else { Verdict::Class };
     decision.blamed = kept;
-    Some(format!("{} would fit as well, but predicts no piece better that was left out.", idle.join(" or ")))
+    Some(format!("{} would fit as well, but does not predict held-out pieces better.", idle.join(" or ")))
 }
 
 /// The single effects that explain nearly as much as the best one, best first.

@@ -88,7 +88,7 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &DiagnosisSettings, see
     if verdict == Verdict::NoGap && shown * 2 < detectable_sizes.len() {
         verdict = Verdict::NotExcited;
         notes.push(format!(
-            "Only {shown} of {} effects could show in these recordings; nothing speaks for any of them.",
+            "Only {shown} of {} effects could show in these recordings; there is no evidence of any of them.",
             detectable_sizes.len()
         ));
     }
@@ -116,7 +116,7 @@ pub fn gather(judged: Judged<'_>, unit: &Unit, settings: &DiagnosisSettings, see
     let of_sheet = |free_parameter: &FreeParameter| !matches!(free_parameter, FreeParameter::Effect { effect, .. } if *effect >= known);
     let parameters = fitted(chosen, spread, of_sheet);
     for parameter in parameters.iter().filter(|parameter| parameter.at_bound) {
-        notes.push(format!("{} was fitted onto the end of its range.", parameter.name));
+        notes.push(format!("{} was fitted to the end of its range.", parameter.name));
     }
     notes.extend(problem.limit_cycle_note());
     for channel in &channels {

@@ -46,8 +46,10 @@ pub struct Context<'a> {
 /// Where a picture cannot be drawn.
 pub fn page(gathered: &Gathered, context: &Context) -> Result<Page, DrawError> {
     let units: BTreeSet<&str> = gathered.rows.iter().map(|row| row.unit.as_str()).collect();
-    let mut page =
-        Page::new("A fleet and its twins", format!("{} units, {} units in periods", units.len(), gathered.rows.len()));
+    let mut page = Page::new(
+        "Fleet: diagnoses of all units",
+        format!("{} units, {} entries (one per unit and period)", units.len(), gathered.rows.len()),
+    );
     let body = &mut page.body;
     body.answers(answers::answers(gathered, context, units.len()));
     body.key_figures(figures(gathered, context));
@@ -60,12 +62,12 @@ pub fn page(gathered: &Gathered, context: &Context) -> Result<Page, DrawError> {
     }
     look_first(body, gathered, context);
     changes(body, context);
-    body.heading("Units and causes");
+    body.heading("Causes by unit and period");
     if let Some(picture) = causes_picture(gathered, context.looks) {
         body.figure(
             svg(&picture)?,
-            "Probability, in %, of what the diagnosis blames in the last period of each unit; the units are those that need a look first. Possible \
-             causes of one gap exclude each other; causes found act together.",
+            "Probability, in %, of the causes in the last period of each unit, for the units that need attention first. Possible causes exclude each \
+             other; causes found act together.",
         );
     }
     rows_table(body, gathered, context);
@@ -85,24 +87,24 @@ fn probability_text(probability: Option<f64>) -> String {
 fn figures(gathered: &Gathered, context: &Context) -> Vec<KeyFigure> {
     let count = |status: Status| gathered.count(status).to_string();
     let mut figures = vec![
-        KeyFigure::new("diagnosed", count(Status::Done), "").hint(format!("of {} planned", gathered.rows.len())),
-        KeyFigure::new("failed", count(Status::Failed), "").hint("recordings that cannot be diagnosed"),
-        KeyFigure::new("missing", count(Status::Missing), "").hint("planned, without a result"),
+        KeyFigure::new("diagnosed", count(Status::Done), "").hint(format!("of {} entries", gathered.rows.len())),
+        KeyFigure::new("failed", count(Status::Failed), "").hint("recordings cannot be diagnosed"),
+        KeyFigure::new("missing", count(Status::Missing), "").hint("planned, no result yet"),
         KeyFigure::new("sizes that changed", gathered.changed().count().to_string(), "").hint("beyond their intervals"),
     ];
     if context.before.is_some() {
-        figures.push(KeyFigure::new("changes", context.changes.len().to_string(), "").hint("since the last time"));
+        figures.push(KeyFigure::new("changes", context.changes.len().to_string(), "").hint("since the previous page"));
     }
     figures
 }
 
 fn look_first(body: &mut PageBody, gathered: &Gathered, context: &Context) {
-    body.heading("Look first");
+    body.heading("Units that need attention first");
     if context.looks.is_empty() {
-        body.paragraph("No unit: all are diagnosed, without a gap in the last period, and nothing changed.");
+        body.paragraph("None: all units are diagnosed, none has a fault in its last period, and no size changed.");
         return;
     }
-    let mut table = Table::new().words("unit").words("why").words("next test");
+    let mut table = Table::new().words("unit").words("reasons").words("next test");
     for look in context.looks.iter().take(MOST_ROWS) {
         let last = gathered.last_found(&look.unit);
         let test = last.and_then(|row| row.found.as_ref()?.next_test.clone()).unwrap_or_default();
@@ -112,16 +114,16 @@ fn look_first(body: &mut PageBody, gathered: &Gathered, context: &Context) {
             None => table.row(cells),
         }
     }
-    let caption = "Units in which a size changed first, then causes that were found, gaps that nothing explains, and what did not run. A unit leads \
-                   to the report of its last period.";
+    let caption = "Order: units in which a size changed, units with a cause or possible causes, units with an unknown cause, then missing or failed \
+                   diagnoses and insufficient recordings. Each unit links to the report of its last period.";
     body.table(table, caption);
     cut(body, context.looks.len());
 }
 
 fn changes(body: &mut PageBody, context: &Context) {
-    body.heading("Since the last time");
+    body.heading("Changes since the previous page");
     let Some(before) = context.before else {
-        body.paragraph("This is the first time; the next page will name what changed.");
+        body.paragraph("This is the first page of the fleet; the next one will list the changes.");
         return;
     };
     if context.changes.is_empty() {
@@ -132,7 +134,7 @@ fn changes(body: &mut PageBody, context: &Context) {
     for change in context.changes.iter().take(MOST_ROWS) {
         table.row([change.unit.clone(), change.period.clone(), change.words.clone()]);
     }
-    body.table(table, format!("What is different from {before}."));
+    body.table(table, format!("Differences from the page of {before}."));
     cut(body, context.changes.len());
 }
 
@@ -141,7 +143,7 @@ fn rows_table(body: &mut PageBody, gathered: &Gathered, context: &Context) {
         .words("unit")
         .words("period")
         .words("verdict")
-        .words("cause or state")
+        .words("cause, or reason")
         .numbers("probability")
         .words("size (90 %)")
         .numbers_of("probability", "unknown")
@@ -154,7 +156,7 @@ fn rows_table(body: &mut PageBody, gathered: &Gathered, context: &Context) {
         }
     }
     let rows = gathered.rows.len();
-    let caption = "Every unit in every period, each with its report; all parameters are in fleet.csv.";
+    let caption = "All units in all periods, with links to their reports. fleet.csv contains all parameters.";
     if rows <= MOST_OPEN_ROWS {
         body.table(table, caption);
         return;
@@ -162,7 +164,7 @@ fn rows_table(body: &mut PageBody, gathered: &Gathered, context: &Context) {
     let mut inner = PageBody::new();
     inner.table(table, caption);
     cut(&mut inner, rows);
-    body.details(format!("Every unit in every period ({rows})"), inner);
+    body.details(format!("All units in all periods ({rows})"), inner);
 }
 
 fn cells(row: &Row) -> [String; 8] {
@@ -231,12 +233,12 @@ fn causes_picture(gathered: &Gathered, looks: &[Look]) -> Option<Picture> {
         .x_categories(causes.iter().map(|id| if *id == "unknown" { "unknown".to_owned() } else { id_words(id) }))
         .y_categories(rows.iter().rev().map(|row| row.unit.clone()))
         .mark(Mark::new(shape, Ink::Alarm, ""));
-    Some(Picture::grid("Units that need a look, by the causes that the diagnosis blames", 1, vec![panel]))
+    Some(Picture::grid("Probability of the causes, for the units that need attention first", 1, vec![panel]))
 }
 
 /// Sizes over time: those that changed, and where none did those that are determined most often.
 fn trends(body: &mut PageBody, gathered: &Gathered) -> Result<(), DrawError> {
-    body.heading("Sizes over time");
+    body.heading("Fault sizes and parameters over time");
     let mut shown: Vec<(&str, &Trend)> = gathered.changed().collect();
     shown.sort_by(|a, b| sum(b.1).total_cmp(&sum(a.1)).then((a.0, &a.1.name).cmp(&(b.0, &b.1.name))));
     let (total, changed) = (shown.len(), !shown.is_empty());
@@ -248,7 +250,7 @@ fn trends(body: &mut PageBody, gathered: &Gathered) -> Result<(), DrawError> {
     }
     if shown.is_empty() {
         body.paragraph(
-            "No size is determined by the recordings of two periods of a unit, so nothing can be said of changes.",
+            "No unit has a size that is determined by the recordings of two periods, so changes cannot be detected.",
         );
         return Ok(());
     }
@@ -256,21 +258,21 @@ fn trends(body: &mut PageBody, gathered: &Gathered) -> Result<(), DrawError> {
     let panels = shown.iter().map(|(unit, trend)| panel(unit, trend)).collect();
     let caption = if changed {
         format!(
-            "Sizes that changed beyond their intervals, {} of {total}, with 90 % intervals; filled dots from where the cumulative sum of the change over \
-             its standard deviation is above {:.1}. At that limit a fleet in which nothing changes gives one false alarm in ten pages.",
+            "Sizes that changed beyond their intervals, {} of {total}, with 90 % intervals. Dots are filled where the cumulative sum of the changes, \
+             in standard deviations, is above {:.1}. At this limit a fleet in which nothing changes gives one false alarm in ten pages.",
             shown.len(),
             gathered.limit
         )
     } else {
         format!(
-            "No size changed beyond its interval: the cumulative sums of all are below {:.1}. These came closest, with 90 % intervals.",
+            "No size changed beyond its interval: all cumulative sums are below {:.1}. Shown are the largest ones, with 90 % intervals.",
             gathered.limit
         )
     };
     body.figure(svg(&Picture::grid("Sizes over periods with their intervals", 2, panels))?, caption);
     body.paragraph(
-        "Only sizes that the recordings determine are compared: of a parameter at least half of what is known must come from the recordings and \
-         not from the sheet's tolerance, of an effect the diagnosis must name it, and neither may stand on a bound.",
+        "Only sizes that the recordings determine are compared: parameters of which at least half of the information comes from the recordings and \
+         not from the sheet's tolerance, and effects that the diagnosis names as cause found. Sizes at a bound are left out.",
     );
     Ok(())
 }
@@ -306,11 +308,11 @@ fn not_run(body: &mut PageBody, gathered: &Gathered) {
     if rows.is_empty() {
         return;
     }
-    body.heading("Without a diagnosis");
-    let mut table = Table::new().words("unit").words("period").words("state").words("why");
+    body.heading("Failed and missing diagnoses");
+    let mut table = Table::new().words("unit").words("period").words("state").words("reason");
     for row in rows.iter().take(MOST_ROWS) {
         table.row([row.unit.clone(), row.period.clone(), word(row), row.words.clone()]);
     }
-    body.table(table, "Failed: the recordings cannot be diagnosed. Missing: planned, and no worker has left a result; run the plan again.");
+    body.table(table, "Failed: the recordings cannot be diagnosed. Missing: planned, but no worker has written a result; run the plan again.");
     cut(body, rows.len());
 }

@@ -62,17 +62,13 @@ pub fn look_first(gathered: &Gathered) -> Vec<Look> {
                 reasons.push((FAULT, fault, format!("possible causes in {}: {}", row.period, causes.join(" or "))));
             } else if is(Verdict::Unknown) {
                 let place =
-                    found.stage.as_deref().map(|stage| format!(", at the {}", stage_words(stage))).unwrap_or_default();
-                reasons.push((
-                    UNEXPLAINED,
-                    fault,
-                    format!("a gap in {} that nothing in the catalogue explains{place}", row.period),
-                ));
+                    found.stage.as_deref().map(|stage| format!(", in the {}", stage_words(stage))).unwrap_or_default();
+                reasons.push((UNEXPLAINED, fault, format!("unknown cause in {}{place}", row.period)));
             } else if is(Verdict::NotExcited) || is(Verdict::NoSuchUnit) {
                 let words = if is(Verdict::NotExcited) {
-                    "recordings that do not move the unit enough to tell"
+                    "too little movement in the recordings for a verdict"
                 } else {
-                    "recordings of no such unit"
+                    "recordings not of a servomotor stage"
                 };
                 reasons.push((NOT_TOLD, 0.0, format!("{words}, in {}", row.period)));
             }

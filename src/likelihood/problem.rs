@@ -244,8 +244,8 @@ impl Problem {
             .collect();
         (!said.is_empty()).then(|| {
             format!(
-                "Signals swing of themselves in {}: no twin can keep step there, and every figure told of them compares how \
-                 loud and how fast they swing.",
+                "Limit cycles in {}: no twin can follow their phase, so all figures for them compare power and frequency \
+                 instead of samples.",
                 said.join(", ")
             )
         })

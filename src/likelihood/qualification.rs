@@ -93,8 +93,8 @@ fn qualify(mut recording: Recording, cut: Cut) -> Result<Qualified, String> {
         moved |= command_span_pu > CLEAR_MOVE_PU;
         if command_span_pu < LEAST_MOVE_PU && !tripped {
             notes.push(format!(
-                "the command moves by {command_span_pu:.4} pu only and the emergency valve rests: too little excitation to tell \
-                 much; a start-up, a load change or a trip would"
+                "the command moves by only {command_span_pu:.4} pu and the ESV does not trip: too little excitation for a reliable result; \
+                 record a start-up, a load change or a trip"
             ));
         }
     }
@@ -102,11 +102,14 @@ fn qualify(mut recording: Recording, cut: Cut) -> Result<Qualified, String> {
         let values: Vec<f64> =
             recording.frames.iter().map(|frame| signal.of(&frame.measured)).filter(|v| v.is_finite()).collect();
         if moved && values.len() > 1 && span(values.iter().copied()) == Some(0.0) {
-            notes.push(format!("{} is constant while the unit moves: left out, its transducer is stuck", signal.id()));
+            notes.push(format!(
+                "{} is constant while the unit moves: left out, as its transducer is stuck",
+                signal.id()
+            ));
             recording.frames.iter_mut().for_each(|frame| forget(signal, &mut frame.measured));
         } else if let Some((end, count)) = saturated(&values) {
             notes.push(format!(
-                "{} stands at {end:.4} {} in {count} of {} samples, again and again to the last digit: saturated there, passed over",
+                "{} stands at {end:.4} {} in {count} of {} samples, equal to the last digit: saturated, so these samples are ignored",
                 signal.id(),
                 signal.unit(),
                 values.len()
@@ -140,16 +143,19 @@ fn check_samples(recording: &Recording, cut: Cut, notes: &mut Vec<String>) -> Re
     let silence = |pair: &[&Frame]| seconds_from_nanos(pair[1].time_ns - pair[0].time_ns);
     let longest_s = rows.windows(2).map(silence).fold(0.0, f64::max);
     if longest_s > SILENCE_S.max(20.0 * length_s / samples as f64) {
-        notes.push(format!("nothing was measured for {longest_s:.1} s: passed over"));
+        notes.push(format!("nothing was measured for {longest_s:.1} s: this gap is ignored"));
     }
     for signal in Signal::ALL {
         let there = rows.iter().filter(|frame| has(frame, signal)).count();
         let missing = 1.0 - there as f64 / samples as f64;
         if there == 0 && Signal::POSITIONS.contains(&signal) {
-            notes.push(format!("{} was not recorded, or cannot be used: what only it shows stays unseen", signal.id()));
+            notes.push(format!(
+                "{} was not recorded or cannot be used: faults that only it shows cannot be found",
+                signal.id()
+            ));
         } else if there > 0 && missing > GAPS_SHARE {
             let percent = missing * 100.0;
-            notes.push(format!("{} is missing in {percent:.0} % of the samples; they are passed over", signal.id()));
+            notes.push(format!("{} is missing in {percent:.0} % of the samples, which are ignored", signal.id()));
         }
     }
     Ok(())

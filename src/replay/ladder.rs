@@ -87,19 +87,19 @@ fn finding(signal: Signal, rungs: &[Rung], process: Process) -> Option<String> {
     for boxed in rungs.iter().filter(|rung| rung.model.is_some() && rung.has_not_seen(process)) {
         let mae = boxed.mae(Some(process), signal)?;
         let verdict = if mae > delivered {
-            "it makes the twin worse there"
+            "it makes the twin worse in this process"
         } else if mae > 1.25 * of_unit {
-            "what it learned elsewhere does not replace the better unit"
+            "what it learned in other processes does not replace the better unit"
         } else if mae < 0.8 * of_unit {
-            "it knows something that the better unit does not"
+            "it corrects an error that the better unit does not"
         } else {
             "the two are about equal"
         };
-        said.push(format!("“{}” takes {:.0} % of the error: {verdict}", boxed.title, reduction(mae)));
+        said.push(format!("“{}” removes {:.0} % of the error: {verdict}", boxed.title, reduction(mae)));
     }
     (!said.is_empty()).then(|| {
         format!(
-            "{} was left out of training. There “{}” takes {:.0} % of the error; {}.",
+            "{} was left out of training. There “{}” removes {:.0} % of the error; {}.",
             capitalised(process.title()),
             unit.title,
             reduction(of_unit),
@@ -158,11 +158,14 @@ mod tests {
         assert_eq!(ladder.processes(), [Process::Startup, Process::LoadRejection]);
         assert_eq!(ladder.findings.len(), 1);
         let said = &ladder.findings[0];
-        assert!(said.starts_with("Load rejection was left out of training. There “b” takes 75 %"), "{said}");
-        assert!(said.contains("“a + m” takes 25 % of the error: what it learned elsewhere does not replace"), "{said}");
-        assert!(of([0.009, 0.05]).findings[0].contains("makes the twin worse"));
+        assert!(said.starts_with("Load rejection was left out of training. There “b” removes 75 %"), "{said}");
+        assert!(
+            said.contains("“a + m” removes 25 % of the error: what it learned in other processes does not replace"),
+            "{said}"
+        );
+        assert!(of([0.009, 0.05]).findings[0].contains("makes the twin worse in this process"));
         assert!(of([0.009, 0.0105]).findings[0].contains("about equal"));
-        assert!(of([0.009, 0.002]).findings[0].contains("knows something"));
+        assert!(of([0.009, 0.002]).findings[0].contains("corrects an error that the better unit does not"));
         let rungs = ladder.rungs[..2].to_vec();
         assert!(Ladder::new(Signal::SpoolPosition, rungs).findings.is_empty());
     }

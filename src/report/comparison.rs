@@ -85,7 +85,7 @@ pub fn spread_table(models: &[SeedSpread], unit: &str) -> Table {
 pub fn breakdown_table(broken: &ErrorBreakdown, unit: &str) -> Table {
     let mut table = Table::new().words("process").words("phase").numbers("rows");
     for model in &broken.models {
-        table = table.numbers(format!("{model}, MAE, {unit}")).numbers("squares, %");
+        table = table.numbers(format!("{model}, MAE, {unit}")).numbers("squared error, %");
     }
     for one in &broken.processes {
         for part in &one.parts {
@@ -114,54 +114,59 @@ pub fn page(summary: &ComparisonSummary, shown: &Shown) -> Result<Page, DrawErro
     let unit = shown.rows.layout.signal.unit();
     let mut page = Page::new(
         "Comparison of models",
-        format!("{}, on rows that no model was trained on", shown.rows.layout.signal.title()),
+        format!("{}, on test rows that no model was trained on", shown.rows.layout.signal.title()),
     );
     let body = &mut page.body;
     opening(body, summary, unit);
-    body.heading("Traces");
+    body.heading("Measured and predicted signals");
     body.figure(
         svg(&pictures::traces(shown))?,
-        "Measured, MBM, DDM and MDHM in each process, a stretch of the judging rows (after Figure 12).",
+        "Measured signal, twin alone (MBM), data alone (DDM) and hybrid (MDHM) on part of the test rows of each process (as Figure 12 of the paper).",
     );
-    body.heading("Errors");
-    let caption = format!("MAE, RMSE and R² by process (after Figure 13).{}", pictures::below_zero(summary));
+    body.heading("Errors by process");
+    let caption =
+        format!("MAE, RMSE and R² on the test rows of each process (as Figure 13).{}", pictures::below_zero(summary));
     body.figure(svg(&pictures::bars(summary, unit))?, caption);
-    body.table(models_table(&summary.models, unit), "Rows of the last 30 % of each process.");
-    body.heading("Hybrids");
+    body.table(models_table(&summary.models, unit), "Errors on the test rows, the last 30 % of each process.");
+    body.heading("Errors of the hybrids");
     body.figure(
         svg(&pictures::residuals(shown))?,
-        "Simulated − measured of the hybrids over the judging rows (after Figure 14).",
+        "Error of each hybrid (predicted − measured) on the test rows (as Figure 14).",
     );
     body.figure(
         svg(&pictures::spreads(shown))?,
-        "The same as histograms with kernel density estimates (after Figure 15).",
+        "Distribution of these errors: kernel density estimates, and a histogram of the first model (as Figure 15).",
     );
-    body.figure(svg(&pictures::heatmap(summary, unit))?, "Figures of the hybrids by process (after Figure 16).");
+    body.figure(svg(&pictures::heatmap(summary, unit))?, "MAE, RMSE and R² of the hybrids by process (as Figure 16).");
     why(body, summary, shown)?;
-    body.heading("A process left out");
-    body.paragraph("What the paper does not show: each process left out of training in turn and judged on. The hyperparameters are the manual ones, since a search would have seen the process. The guard fades corrections where rows lie outside what was trained.");
-    body.figure(svg(&pictures::left_out(summary, unit))?, "MAE on the process that was left out.");
-    body.table(left_out_table(summary, unit), "");
+    body.heading("Test with a process left out of training");
+    body.paragraph("Each process is left out of training in turn and used as the test set; the paper does not show this. The hyperparameters are the \
+         manual ones, because a search would have seen the process. The guard reduces corrections for rows outside the training range.");
+    body.figure(svg(&pictures::left_out(summary, unit))?, "MAE of each model on the process that was left out.");
+    body.table(left_out_table(summary, unit), "Errors on the process that was left out.");
     let bands = summary.left_out_process.iter().flat_map(|one| &one.band);
     body.table(
         band_table(bands, unit),
-        "The band of the guarded hybrid on the process that was left out: near, with its full correction; far, shrunk; outside, where there is no band.",
+        "Prediction band of the guarded hybrid on the process that was left out, by distance from the training rows: near (full \
+         correction), far (reduced correction) and outside (no band).",
     );
     if let Some(run) = &summary.closed_loop {
-        body.heading("Inside the loop");
-        body.paragraph("Closed-loop free run, nothing measured enters. The additive residual corrects what is said of the spool; the one inside the loop corrects the spool's rate in the twin itself, learned over the twin's own state, and moves the servomotor as well. Both have the manual hyperparameters and their guards.");
+        body.heading("Correction inside the loop");
+        body.paragraph("Closed-loop free run without measured positions. The additive residual corrects only the predicted spool position. The residual \
+             inside the loop corrects the spool's rate in the twin, from the twin's own state, and therefore changes the servomotor as well. \
+             Both have the manual hyperparameters and their guards.");
         body.table(models_table(&run.spool, "pu"), "Spool position.");
         body.table(
             models_table(&run.servomotor, "pu"),
-            "Servomotor position, which the additive residual leaves as it is.",
+            "Servomotor position, which the additive residual does not change.",
         );
     }
-    body.heading("Features");
+    body.heading("Feature importance");
     body.figure(
         svg(&pictures::importance(summary))?,
-        "Share of the trees' gain in the MDHM, the strongest features, and Table 1's groups.",
+        "Share of the total gain of the trees in the MDHM: the most important features, and the feature groups of Table 1.",
     );
-    body.heading("Searches");
+    body.heading("Hyperparameter searches");
     search_blocks(body, &summary.searches, unit)?;
     closing(body, summary);
     Ok(page)
@@ -170,16 +175,20 @@ pub fn page(summary: &ComparisonSummary, shown: &Shown) -> Result<Page, DrawErro
 /// Why the paper's hybrid loses to data alone, and what each step against it brings.
 fn why(body: &mut PageBody, summary: &ComparisonSummary, shown: &Shown) -> Result<(), DrawError> {
     let unit = shown.rows.layout.signal.unit();
-    body.heading("Where the MDHM loses to the DDM");
+    body.heading("Where the MDHM is worse than the DDM");
     for one in &summary.breakdown.processes {
         let shifts: Vec<String> =
             one.shift_s.iter().map(|(id, shift_s)| format!("{id} {} s", fixed(*shift_s, 2))).collect();
-        let decided = one.decided_share.map_or("it loses nothing in squared error".to_owned(), |share| {
-            format!("{} % of what it loses in squared error lies in {} rows", fixed(100.0 * share, 0), one.worst.len())
+        let decided = one.decided_share.map_or("the MDHM has no larger squared error".to_owned(), |share| {
+            format!(
+                "{} % of the additional squared error of the MDHM is in {} rows",
+                fixed(100.0 * share, 0),
+                one.worst.len()
+            )
         });
         let guard = &one.guard;
         body.paragraph(format!(
-            "{}: {decided}; the twin's trace comes too late by: {}; of {} rows the guard would clamp {}, fade {}, shrink {} and refuse {}.",
+            "{}: {decided}. Delay of the simulated signal: {}. Of {} rows the guard would clamp {}, fade {}, shrink {} and refuse {}.",
             title(one.process),
             shifts.join(", "),
             guard.rows,
@@ -189,19 +198,25 @@ fn why(body: &mut PageBody, summary: &ComparisonSummary, shown: &Shown) -> Resul
             guard.outside + guard.bad
         ));
     }
-    body.figure(svg(&pictures::worst(summary, shown))?, "Around the row of each process on which the MDHM loses most.");
+    body.figure(
+        svg(&pictures::worst(summary, shown))?,
+        "Signals around the row of each process where the squared error of the MDHM exceeds that of the DDM most.",
+    );
     body.table(
         breakdown_table(&summary.breakdown, unit),
-        "Errors by process and phase, and the share of each model's squared error in a process.",
+        "MAE by process and phase, and the share of the squared error of each model within the process.",
     );
-    body.heading("What each step brings");
+    body.heading("Ablation: the effect of each step");
     body.table(
         spread_table(&summary.ablation, unit),
-        "The manual hyperparameters throughout; mean over the seeds, lowest and highest in brackets.",
+        "All models with manual hyperparameters. Mean over the seeds, with the lowest and the highest value in brackets.",
     );
     if summary.seeds.len() > 1 {
-        body.heading("Seeds");
-        body.table(spread_table(&summary.spread, unit), "Every seed with its own searches; mean, lowest and highest.");
+        body.heading("Spread over seeds");
+        body.table(
+            spread_table(&summary.spread, unit),
+            "Each seed with its own searches. Mean, with the lowest and the highest value in brackets.",
+        );
     }
     Ok(())
 }
@@ -224,7 +239,7 @@ fn opening(body: &mut PageBody, summary: &ComparisonSummary, unit: &str) {
     for claim in &summary.claims {
         table.row([&*claim.what, claim.paper, &claim.here, claim.unit]);
     }
-    body.table(table, "The paper's claims on its own plant's data, which is confidential, beside the figures on these recordings; spans are over processes.");
+    body.table(table, "Results of the paper on its own plant data, which is confidential, and on these recordings. Ranges are over processes.");
     if let Some(band) = &summary.band {
         let said: Vec<String> = band
             .processes
@@ -232,12 +247,12 @@ fn opening(body: &mut PageBody, summary: &ComparisonSummary, unit: &str) {
             .map(|one| format!("{} {} %", title(one.process), fixed(100.0 * one.coverage_share, 1)))
             .collect();
         body.paragraph(format!(
-            "Conformal band of the MDHM: {} % stated, {} % of the judging rows inside ({}).",
+            "Conformal prediction band of the MDHM: nominal coverage {} %; {} % of the test rows are inside ({}).",
             fixed(100.0 * band.coverage_share, 0),
             fixed(100.0 * band.overall_share, 1),
             said.join(", ")
         ));
-        let caption = "The same band under the guard by processes, by distance from the rows that taught.";
+        let caption = "Coverage of this band with the guard, by process and by distance from the training rows.";
         body.table(band_table(summary.band_by_distance.iter(), unit), caption);
     }
 }
@@ -291,8 +306,8 @@ fn closing(body: &mut PageBody, summary: &ComparisonSummary) {
         .collect();
     inner.facts(found);
     inner.paragraph(
-        "Each process is cut for itself: the first 70 % of its rows in time teach, the last 30 % judge; where the cut falls inside a \
-         recording, rows whose windows reach across it are left out. Searches see five folds by time inside the teaching part only.",
+        "Each process is split separately: the first 70 % of its rows in time are training rows, the last 30 % test rows. Where the split falls \
+         inside a recording, rows whose windows cross it are left out. Searches use five folds by time within the training rows only.",
     );
     body.details("How these figures were made", inner);
 }
@@ -345,7 +360,10 @@ mod tests {
         opening(&mut page.body, &summary, "pu");
         let html = page.to_html();
         assert!(html.contains("RMSE 0.0200 pu") && !html.contains("synthetic"), "{html}");
-        assert!(html.contains("Of the hybrids MDHM is closest") && html.contains("0\u{a0}% less than the twin alone"));
+        assert!(
+            html.contains("The best hybrid is MDHM: mean absolute error ")
+                && html.contains("0\u{a0}% less than the twin alone")
+        );
         let search = Searched {
             id: "hybrid",
             kind: "random",
@@ -381,14 +399,14 @@ mod tests {
         let html = of(&[twin.clone(), halved(model("guarded", "hybrid, guarded", [0.5, 0.6]))]);
         let at = |words: &str| html.find(words).unwrap_or_else(|| panic!("{words}: {html}"));
         let order = [
-            "takes 50 % of the twin",
-            "Judged on 10 rows",
+            "removes 50 % of the twin",
+            "Evaluated on 10 test rows",
             "start-up 50 % less",
             "replay <span>--residual",
             "Synthetic data",
         ];
-        assert!(order.map(at).is_sorted() && html.contains("16,305 rows teach"), "{html}");
-        assert!(of(&[twin.clone(), twin]).contains("takes nothing of the twin"));
+        assert!(order.map(at).is_sorted() && html.contains("16,305 training rows, 20 test rows"), "{html}");
+        assert!(of(&[twin.clone(), twin]).contains("removes none of the twin"));
     }
 
     #[test]

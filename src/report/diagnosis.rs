@@ -105,19 +105,19 @@ fn opening(body: &mut PageBody, diagnosis: &Diagnosis, made: &Provenance) {
     for gap in errors_left.filter(|_| diagnosis.blamed.is_empty()) {
         let times = format!("{} × noise", significant(gap.refitted / gap.noise_floor, 2));
         key.push(
-            KeyFigure::new(format!("error left, {}", gap.signal.title().to_lowercase()), times, "")
-                .hint("a right twin: 1"),
+            KeyFigure::new(format!("remaining error, {}", gap.signal.title().to_lowercase()), times, "")
+                .hint("1 for a correct twin"),
         );
     }
     if !diagnosis.blamed.is_empty() {
         let explained_fraction = diagnosis.explained_fraction;
         let hint = format!(
-            "on data held out; 90 %: {} to {}",
+            "held-out data; 90 %: {} to {}",
             words::percent(explained_fraction.low),
             words::percent(explained_fraction.high)
         );
         let value = if explained_fraction.leaves_all_open() {
-            "cannot be told".to_owned()
+            "undetermined".to_owned()
         } else {
             words::percent(explained_fraction.value)
         };
@@ -140,31 +140,36 @@ fn opening(body: &mut PageBody, diagnosis: &Diagnosis, made: &Provenance) {
     let far = answers::far_off(diagnosis);
     if !far.is_empty() {
         let caption =
-            "Values of the sheet that recalibration moved by more than three standard deviations of their tolerance.";
+            "Data-sheet values that recalibration moved by more than three standard deviations of their tolerance.";
         body.table(tables::moved(&far), caption);
     }
 }
 
 fn residuals(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Result<(), DrawError> {
-    body.heading("How far off the twin is");
+    body.heading("RMS error of the twin");
     if !diagnosis.gap.is_empty() {
         let caption = if diagnosis.part.as_ref().is_some_and(|part| !part.sheet) {
-            "Data sheet: a first guess, as none is known. Recalibrated: the same stage fitted freely, alike in both directions. The line is \
-             what the transducers alone make a right model miss, by what changes between neighbouring samples."
+            "Data sheet: a first guess, as none is known. Recalibrated: the stage fitted freely, equal in both directions. Line: error \
+             from transducer noise alone, estimated from the differences between neighbouring samples."
         } else if diagnosis.judged_by == JudgedBy::AssumedSheet {
-            "Assumed sheet: made of the recordings. Recalibrated: its values moved within their tolerances. The line is the error of a right \
-             twin, from noise and steps of the transducers."
+            "Assumed sheet: estimated from the recordings. Recalibrated: its values fitted within their tolerances. Line: expected error of \
+             a correct twin, from transducer noise and chatter of the regulator."
         } else {
-            "Data sheet: its values as they are. Recalibrated: the same values moved within their tolerances. The line is the error of a \
-             right twin, from noise and steps of the transducers."
+            "Data sheet: its values as stated. Recalibrated: the same values fitted within their tolerances. Line: expected error of a \
+             correct twin, from transducer noise and chatter of the regulator."
         };
         body.figure(svg(&pictures::residuals(diagnosis, explained))?, caption);
     }
-    body.table(tables::gap(diagnosis, explained), "RMS error over all recordings; positions in % of their stroke.");
+    let caption = if explained {
+        "RMS error over all recordings; positions in % of stroke. Explained: share of the squared error beyond noise, on the fitted data."
+    } else {
+        "RMS error over all recordings; positions in % of stroke."
+    };
+    body.table(tables::gap(diagnosis, explained), caption);
     if let Some(part) = diagnosis.part.as_ref().filter(|part| !part.free_runs.is_empty()) {
         let caption = format!(
-            "Free runs of {} s, each from its own measured start: fitted to one half of the recordings, the other predicted. RMS error of the \
-             servomotor in % of its stroke. The plain law knows a zero, a dead band, a gain each way and a lag, and no physics.",
+            "Free runs of {} s from measured starts: each model is fitted to one half of the recordings and predicts the other. RMS error of the \
+             servomotor position in % of stroke. Plain law: a zero, a dead band, a gain in each direction and a lag, without physics.",
             significant(part.free_run_s, 3)
         );
         body.table(tables::free_runs(part), caption);
@@ -172,17 +177,20 @@ fn residuals(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Res
     if let Some(part) = diagnosis.part.as_ref().filter(|part| !part.figures.is_empty()) {
         body.table(
             tables::stage_figures(part),
-            "What was fitted, in the numbers of the recordings; intervals hold the truth nine times in ten.",
+            "The fitted stage in the units of the recordings, with 90 % intervals.",
         );
     }
     if diagnosis.blamed.len() > 1 {
-        body.table(tables::blamed(diagnosis), "The causes; shares of the error explained on data held out of the fit.");
+        body.table(
+            tables::blamed(diagnosis),
+            "Causes found, with the share of the error that each explains on held-out data.",
+        );
     }
     Ok(())
 }
 
 fn recordings(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Result<(), DrawError> {
-    body.heading("Before and after");
+    body.heading("Measured and simulated signals");
     // A report that was read back has the curves of one recording.
     let mut order: Vec<&Trace> = diagnosis.traces.iter().filter(|trace| !trace.time_s.is_empty()).collect();
     order.sort_by(|a, b| traces::gap(b).total_cmp(&traces::gap(a)));
@@ -196,14 +204,14 @@ fn recordings(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Re
             None if letters(&trace.name).contains(&letters(trace.process.title())) => trace.name.clone(),
             None => format!("{} ({})", trace.name, trace.process.title()),
         };
-        let first = if rank == 0 && diagnosis.traces.len() > 1 { " The recording with most of the error." } else { "" };
+        let first = if rank == 0 && diagnosis.traces.len() > 1 { " The recording with the largest error." } else { "" };
         into.figure(svg(&picture(trace, None))?, format!("{what}.{first}"));
         if let Some(window_s) = traces::close_up(trace) {
-            let caption = format!("{what}, the stretch in which the recalibrated twin is farthest off.");
+            let caption = format!("{what}: the 15 s with the largest error of the recalibrated twin.");
             into.figure(svg(&picture(trace, Some(window_s)))?, caption);
         }
         if let Some(window_s) = traces::worst(trace, traces::WORST_S).filter(|_| rank == 0) {
-            let caption = format!("{what}, the worst two seconds: here the error is largest.");
+            let caption = format!("{what}: the 2 s with the largest error of the recalibrated twin.");
             into.figure(svg(&picture(trace, Some(window_s)))?, caption);
         }
         if rank > 0 {
@@ -219,12 +227,12 @@ fn letters(name: &str) -> String {
 }
 
 fn location(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Result<(), DrawError> {
-    body.heading("Where the error sits");
+    body.heading("Where the error occurs");
     for signal in Signal::POSITIONS {
         let breakdowns: Vec<_> = diagnosis.breakdowns.iter().filter(|breakdown| breakdown.signal == signal).collect();
         if !breakdowns.is_empty() {
             let caption = format!(
-                "{}: where the squared error of the recalibrated twin comes from, %; the parts of each cut sum to 100.",
+                "{}: share of the squared error of the recalibrated twin in each condition, %. The shares in each panel sum to 100.",
                 signal.title()
             );
             body.figure(svg(&pictures::breakdown(&breakdowns, signal, explained))?, caption);
@@ -233,13 +241,13 @@ fn location(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Resu
     if !diagnosis.table.parts.is_empty() {
         body.table(
             tables::parts(diagnosis),
-            "Parts of the chain, each refitted on its own within the tolerances. One that leaves 1 to 2 times what a right model would is not where an \
-             unknown effect acts; terms of the supply explain a little of everything.",
+            "Parts of the chain, each driven by the recorded signal at its input and refitted within the tolerances. If χ² is 1 to 2 times the \
+             expected value, no unknown effect acts there. Terms of the oil supply explain a little of every error.",
         );
     } else if !diagnosis.stage_tests.is_empty() {
         body.table(
             tables::stage_tests(diagnosis),
-            "Stages of the recalibrated twin, driven by recorded signals. Over noise: 1 where only noise is left.",
+            "Stages of the recalibrated twin, each driven by the recorded signal at its input. Mean square over noise: 1 if only noise is left.",
         );
     }
     if let Some(best) = diagnosis.discrepancy_terms.first() {
@@ -248,11 +256,11 @@ fn location(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Resu
             let beside = if best.curves.iter().all(|curve| curve.named.is_empty()) {
                 ""
             } else {
-                " Beside it what the same term would be if the unit were the twin with faults: where the two lie together, what is named is what \
-                 is missing."
+                " Dashed: the same term if the unit were the twin with faults. Where both curves agree, the named faults account for the error."
             };
             let caption = format!(
-                "A discrepancy term on the {} ({}) would explain {} of the error; each panel is its part in one variable.{beside}",
+                "A discrepancy term, a free addition to one signal: on the {} ({}) it would explain {} of the error beyond noise. Each panel shows \
+                 its dependence on one variable.{beside}",
                 best.place,
                 words::stage_title(best.stage),
                 words::percent(best.explains),
@@ -262,59 +270,61 @@ fn location(body: &mut PageBody, diagnosis: &Diagnosis, explained: bool) -> Resu
         let mut inner = PageBody::new();
         inner.table(
             tables::discrepancy_terms(diagnosis),
-            "Share of the error beyond noise that a discrepancy term would explain there.",
+            "Share of the error beyond noise that a free addition to each of these signals would explain.",
         );
-        body.details("Discrepancy terms at all places", inner);
+        body.details("Discrepancy terms on all signals", inner);
     }
     Ok(())
 }
 
 fn causes(body: &mut PageBody, diagnosis: &Diagnosis) -> Result<(), DrawError> {
-    body.heading("What causes it");
+    body.heading("Probable causes");
     let some = matches!(diagnosis.verdict, Verdict::Named | Verdict::Class | Verdict::Unknown);
     let caption = if some {
-        "Probability that the error sits in a stage, and the most probable effects; several may be present at once."
+        "Probability that the fault is in each stage, and that each effect is present. Several effects may be present at once."
     } else {
-        "The most probable effects; several may be present at once."
+        "Probability that each effect is present. Several effects may be present at once."
     };
     if !diagnosis.ranking.is_empty() {
         body.figure(svg(&pictures::probabilities(diagnosis))?, caption);
     }
     if !diagnosis.transfers.is_empty() {
-        let caption = "What each recording alone says: the error explained on it when both twins are fitted to the others only; low where no other \
-                       recording shows what this one does.";
+        let caption = "Error explained on each recording when both twins are fitted to the other recordings only. It is low if no other \
+                       recording shows the same error.";
         body.table(tables::transfers(diagnosis), caption);
     }
     if !diagnosis.tried.is_empty() {
-        let caption = "Fitted on top of the recalibrated twin, best first: by how much the cost (errors over their noise, squared, and the \
-                       tolerances) falls, and the same on processes held out of the fit, which only the leaders were put through.";
+        let caption = "Fault sets fitted together with the data-sheet values, highest evidence first. Cost reduction: decrease of χ², priors \
+                       included. Held out: decrease of χ² on each recording with a fit to the others, for the leading sets only.";
         let mut inner = PageBody::new();
         inner.table(tables::tried(diagnosis), caption);
-        body.details(format!("What was tried: {} models", diagnosis.tried.len()), inner);
+        body.details(format!("All fitted fault sets ({})", diagnosis.tried.len()), inner);
     }
     Ok(())
 }
 
 fn next(body: &mut PageBody, diagnosis: &Diagnosis) {
-    body.heading("What these recordings cannot say");
+    body.heading("Limits of these recordings");
     if diagnosis.ambiguous_pairs.is_empty() {
-        body.paragraph("No two effects of those that were tried leave the same mark here.");
+        body.paragraph("These recordings can distinguish all effects of the catalogue from each other.");
     } else {
         body.table(
             tables::ambiguous_pairs(diagnosis),
-            "Pairs that leave the same mark here; 1 is the same to the last bit.",
+            "Pairs of effects that these recordings cannot distinguish. Cosine of their signatures: 1 if they are identical.",
         );
     }
     if !diagnosis.experiments.is_empty() && diagnosis.verdict != Verdict::NoSuchUnit {
         body.table(
             tables::experiments(diagnosis),
-            "Proposed tests: the best of the candidates, each simulated with every hypothesis that is left; parameters that nobody knows better and errors of equations count against them. The first stands in next_test.mcap where a governor can be sent it.",
+            "Proposed tests: the most informative candidates, each simulated with all remaining hypotheses. Entropy drop: expected information \
+             about the cause, with parameter uncertainty and equation error included. next_test.mcap holds the first test if a governor can \
+             run it.",
         );
         let mut inner = PageBody::new();
         for one in &diagnosis.experiments {
             inner.paragraph(format!("{}: {}", words::capital(&one.test), next_test::how_to_run(one)));
         }
-        body.details("How to run them", inner);
+        body.details("How to run these tests", inner);
     }
     if let Some(limits) = &diagnosis.sheet_limits {
         for sentence in sheet::sentences(diagnosis) {
@@ -323,44 +333,48 @@ fn next(body: &mut PageBody, diagnosis: &Diagnosis) {
         let mut inner = PageBody::new();
         inner.table(
             sheet::table(limits),
-            "The values whose tolerances limit the verdict most. Settles: bits of what is open between the fault sets that the true value is expected \
-             to tell, as the sets want it different. Hides: how much sharper an effect would show were this value known. All stand in report.json.",
+            "Data-sheet values whose tolerances limit the verdict most. Settles: information about the fault set that the true value is expected to \
+             give. Hides: factor by which an effect would stand out more if this value were known. report.json lists all values.",
         );
-        body.details("How much the data sheet limits this", inner);
+        body.details("How the data sheet limits the verdict", inner);
     }
     let mut inner = PageBody::new();
     inner.table(
         tables::detectable_sizes(diagnosis),
-        "Smallest deviation from a sound unit that would stand out, beside a moderate fault.",
+        "Minimum detectable deviation from a fault-free unit in these recordings, compared with a moderate fault.",
     );
     let none = matches!(diagnosis.verdict, Verdict::NoGap | Verdict::NotExcited);
     if none {
         body.table(
             tables::detectable_sizes(diagnosis),
-            "What could be seen: the smallest deviation that would stand out.",
+            "Minimum detectable deviation from a fault-free unit in these recordings, compared with a moderate fault.",
         );
     } else {
-        body.details("What could be seen at all", inner);
+        body.details("Minimum detectable sizes", inner);
     }
 }
 
 fn closing(body: &mut PageBody, diagnosis: &Diagnosis, made: &Provenance) {
-    body.heading("Fitted values and channels");
+    body.heading("Fitted parameters and recorded signals");
     let mut inner = PageBody::new();
     inner.table(
         tables::parameters(diagnosis),
-        "Most moved first. σ from sheet: distance from the sheet in standard deviations of its tolerance. From recordings: 0 % where \
-         the tolerance alone speaks.",
+        "Largest change first. σ from sheet: change in standard deviations of the tolerance. From recordings: share of the information \
+         that the recordings contribute; 0 % if only the tolerance determines the value.",
     );
-    body.details(format!("The sheet's parameters as fitted ({})", diagnosis.parameters.len()), inner);
+    body.details(format!("Data-sheet parameters as fitted ({})", diagnosis.parameters.len()), inner);
     let mut inner = PageBody::new();
-    inner.table(tables::channels(diagnosis), "Noise is judged where the signal moves slowly; positions in %.");
-    body.details("Channels of the recordings", inner);
+    inner.table(
+        tables::channels(diagnosis),
+        "Resolution: smallest step between two values. Noise: standard deviation, estimated where the signal moves slowly. Positions in % \
+         of stroke.",
+    );
+    body.details("Recorded signals", inner);
     let mut inner = PageBody::new();
     inner.paragraph(
-        "Error explained: (MSE recalibrated − MSE with faults) / (MSE recalibrated − noise²) over all recorded signals, each weighed by its \
-         noise, on data held out of the fit; its interval from blocks of 2 s drawn anew. Intervals hold the truth nine times in ten where \
-         the twin's equations are right.",
+        "Error explained: (MSE recalibrated − MSE with faults) / (MSE recalibrated − noise²) over all recorded signals, each weighted by its \
+         noise, on held-out data; its interval by a bootstrap of blocks of 2 s. All intervals are 90 % intervals, which hold if the twin's \
+         equations are right.",
     );
     let simulations = ("simulations of a recording".to_owned(), diagnosis.simulations.to_string());
     inner.facts(made.facts().into_iter().chain([simulations]));

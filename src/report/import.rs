@@ -51,7 +51,7 @@ pub struct ImportView {
 /// # Errors
 /// Where a picture cannot be drawn.
 pub fn page(look: &ImportView) -> Result<Page, DrawError> {
-    let mut page = Page::new(format!("What {} holds", look.file), format!("{} rows", thousands(look.rows)));
+    let mut page = Page::new(format!("Proposed import of {}", look.file), format!("{} rows", thousands(look.rows)));
     let body = &mut page.body;
     body.answers(answers(look));
     if let Some(origin) = &look.origin {
@@ -60,30 +60,30 @@ pub fn page(look: &ImportView) -> Result<Page, DrawError> {
     for open in &look.open {
         body.note(Tone::Warning, open.clone());
     }
-    body.heading("Signals as the map would read them");
+    body.heading("Signals as the proposed map reads them");
     if !look.chosen.is_empty() {
-        let picture = picture("signals as the map would read them", &look.chosen, Ink::Measured);
-        body.figure(svg(&picture)?, "Least and greatest value over time, in the units after the import.");
+        let picture = picture("signals as the proposed map reads them", &look.chosen, Ink::Measured);
+        body.figure(svg(&picture)?, "Minimum and maximum over time, in the units after the import.");
     }
-    let mut table = Table::new().words("signal").words("column").words("because of");
+    let mut table = Table::new().words("signal").words("column").words("reason");
     for guess in &look.chosen {
         table.row([guess.title.clone(), guess.column.clone(), guess.why.clone()]);
     }
-    body.table(table, "Why these columns");
-    body.heading("The map");
+    body.table(table, "Columns chosen for the signals, with the reason.");
+    body.heading("Proposed map");
     body.file_text(look.map.trim_end());
     if !look.unused.is_empty() {
-        body.heading("Columns left aside");
+        body.heading("Unused columns");
         let drawn: Vec<Guess> =
             look.unused.iter().filter(|guess| !guess.points.is_empty()).take(MOST_UNUSED).cloned().collect();
         let mut inner = PageBody::new();
         if !drawn.is_empty() {
-            inner.figure(svg(&picture("columns left aside", &drawn, Ink::Muted))?, "As the file holds them.");
+            inner.figure(svg(&picture("unused columns", &drawn, Ink::Muted))?, "Values as in the file.");
         }
         let empty: Vec<&str> =
             look.unused.iter().filter(|guess| guess.points.is_empty()).map(|guess| guess.column.as_str()).collect();
         if !empty.is_empty() {
-            inner.paragraph(format!("Without numbers: {}.", empty.join(", ")));
+            inner.paragraph(format!("Without numeric values: {}.", empty.join(", ")));
         }
         let noun = if look.unused.len() == 1 { "column" } else { "columns" };
         body.details(format!("{} {noun}", look.unused.len()), inner);
@@ -95,31 +95,29 @@ pub fn page(look: &ImportView) -> Result<Page, DrawError> {
     Ok(page)
 }
 
-/// What was found, how sure that is, how far it goes, and what to do next.
+/// What was found, how sure that is, how much of the file it covers, and what to do next.
 fn answers(look: &ImportView) -> [(&'static str, Vec<String>); 4] {
     let names: Vec<String> = look.chosen.iter().map(|guess| format!("{} ({})", guess.title, guess.column)).collect();
     let total = look.chosen.len() + look.unused.len();
-    let mut found = vec![format!("{} of {total} columns were taken for signals.", look.chosen.len())];
+    let mut found = vec![format!("{} of {total} columns are used as signals.", look.chosen.len())];
     if !names.is_empty() {
         found.push(format!("{}.", names.join(", ")));
     }
     let open = look.open.len();
     let sure = match open {
-        0 => {
-            "Nothing is open; why each column was taken stands below. The picture shows whether it is right.".to_owned()
-        }
-        1 => "One question is open, below. Why each column was taken stands below the picture.".to_owned(),
-        _ => format!("{open} questions are open, below. Why each column was taken stands below the picture."),
+        0 => "No question is open. The plot and the reasons below show whether each column is right.".to_owned(),
+        1 => "One question is open (below). The reason for each column is given below the plot.".to_owned(),
+        _ => format!("{open} questions are open (below). The reason for each column is given below the plot."),
     };
-    let far = format!("{} rows were read; columns left aside: {}.", thousands(look.rows), look.unused.len());
+    let far = format!("{} rows were read; {} columns are not used.", thousands(look.rows), look.unused.len());
     let next = if look.chosen.is_empty() {
-        "Write a map by hand: `map.yaml` beside this page has its frame."
+        "Complete the map by hand: `map.yaml` next to this page is a template."
     } else if open > 0 {
-        "Settle what is open in `map.yaml` beside this page, then import with it: `govtwin import FILE --map map.yaml`."
+        "Answer the open questions in `map.yaml` next to this page, then import with it: `govtwin import FILE --map map.yaml`."
     } else {
-        "Check the picture, then import with the map beside this page: `govtwin import FILE --map map.yaml`."
+        "Check the plot, then import with the map next to this page: `govtwin import FILE --map map.yaml`."
     };
-    [("What", found), ("How sure", vec![sure]), ("How far", vec![far]), ("What next", vec![next.to_owned()])]
+    [("Result", found), ("How sure", vec![sure]), ("Coverage", vec![far]), ("What next", vec![next.to_owned()])]
 }
 
 fn picture(what: &str, guesses: &[Guess], ink: Ink) -> Picture {
@@ -182,7 +180,7 @@ mod tests {
             "its name",
             "Synthetic data: made up.",
             "range: yours",
-            "Settle what is open in",
+            "Answer the open questions in",
             "esv:",
             "1 column<",
             "read as it is",

@@ -61,8 +61,8 @@ pub fn page(
             body.details(format!("{} more {noun} of this process", count - 1), others);
         }
     }
-    body.heading("Figures");
-    body.table(process_table(summary), "Over all rows of a process; MAE and RMSE in % of the stroke.");
+    body.heading("Errors by process");
+    body.table(process_table(summary), "Errors over all rows of each process; MAE and RMSE in % of stroke.");
     if let Some(residual) = &summary.residual {
         let corrected = ReplaySummary {
             processes: residual.processes.clone(),
@@ -70,35 +70,36 @@ pub fn page(
             ..summary.clone()
         };
         let caption = format!(
-            "The same with the learned residual of {} on top; rows that taught it are among them.",
+            "The same with the learned residual of {} added. The rows include those that it was trained on.",
             residual.model
         );
         body.table(process_table(&corrected), caption);
     }
     if let Some(ladder) = &summary.ladder {
-        body.heading("Units and residuals compared");
+        body.heading("Comparison of units and learned residuals");
         body.figure(svg(&ladder_picture(ladder))?, "Mean absolute error with each unit and each learned residual.");
         body.table(ladder_table(ladder), reason_for_stars(ladder).unwrap_or_default());
         for finding in &ladder.findings {
             body.paragraph(finding.clone());
         }
-        body.heading("Distribution of the differences");
+        body.heading("Distribution of the errors");
     }
     for one in replayed.iter().filter(|one| one.every > 1) {
         let Replayed { recording, rows, every, .. } = one;
         let shown = format!(
-            "{}: pictures and distributions show one in {every} of its {rows} rows; all figures are over all rows.",
+            "{}: plots and histograms show one in {every} of {rows} rows; tables and RMSE bars use all rows.",
             recording.name
         );
         body.note(Tone::Plain, shown);
     }
-    body.figure(svg(&errors(summary, replayed, sensors))?, "RMSE by process, and how the differences are distributed over all rows, of the first unit; the outermost bars hold all that lies further out.");
+    body.figure(svg(&errors(summary, replayed, sensors))?, "RMSE by process, with the transducer noise as a line, and histogram of the error (simulated − measured), for the first unit. The \
+         outermost bars include all larger errors.");
     let mut inner = PageBody::new();
     inner.table(
         recording_table(summary),
-        "MAE, RMSE, bias (mean of simulated − measured) and largest error in % of the stroke.",
+        "MAE, RMSE, bias (mean of simulated − measured) and largest error in % of stroke.",
     );
-    body.details("Every recording", inner);
+    body.details("Errors by recording", inner);
     closing(body, summary);
     Ok(page)
 }
@@ -152,17 +153,17 @@ fn percent(share: f64, digits: u32) -> String {
 }
 
 fn show(body: &mut PageBody, name: &str, pictures: &Pictures) {
-    let band = "Grey band: twice the standard deviation of the transducer's noise and step.";
-    body.figure(pictures.whole.clone(), format!("{name}. {band}"));
+    let band = "Grey band: ±2 standard deviations of transducer noise and resolution.";
+    body.figure(pictures.whole.clone(), format!("{name}: signals, and below them simulated − measured. {band}"));
     if let Some(close_up) = &pictures.close_up {
-        body.figure(close_up.clone(), format!("{name}, the liveliest stretch. {band}"));
+        body.figure(close_up.clone(), format!("{name}: 20 s around the ESV trip or the largest movement. {band}"));
     }
     if let Some(worst) = &pictures.worst {
-        body.figure(worst.clone(), format!("{name}, the worst two seconds: here the error is largest. {band}"));
+        body.figure(worst.clone(), format!("{name}: the 2 s with the largest error. {band}"));
     }
     if let Some(pilot) = &pictures.pilot {
         let mut inner = PageBody::new();
-        inner.figure(pilot.clone(), format!("{name}, pilot signals. {band}"));
+        inner.figure(pilot.clone(), format!("{name}: pilot signals. {band}"));
         body.details(format!("Pilot signals of {name}"), inner);
     }
 }
@@ -186,7 +187,7 @@ fn closing(body: &mut PageBody, summary: &ReplaySummary) {
     inner.facts(facts.into_iter().chain(made.filter(|(name, _)| name != "program")));
     inner.paragraph(
         "MAE = mean |y − ŷ|, RMSE = √ mean (y − ŷ)², R² = 1 − Σ(y − ŷ)² / Σ(y − ȳ)², with y measured and ŷ simulated \
-         (Liu et al. 2025, section 4.2). Rows at which a signal was not measured do not count for it.",
+         (Liu et al. 2025, section 4.2). Rows without a measured value of a signal are ignored for that signal.",
     );
     body.details("How these figures were made", inner);
 }

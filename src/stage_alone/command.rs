@@ -39,7 +39,8 @@ pub fn command_for_spool(recordings: &mut [Recording]) -> Option<StandIn> {
     let runs = Run::all(&prepared);
     let (what, _) = follows(&runs, &plain(&runs)?)?;
     let Follows::Spool { settles_s } = what else {
-        let note = "No spool position was recorded: the command stands in for it, as that of the valve.".to_owned();
+        let note =
+            "No spool position was recorded: the command stands in for it, as the command of the valve.".to_owned();
         return Some(StandIn { note, is_deviation: false });
     };
     let (slope, level) = settled(&runs, settles_s)?;

@@ -86,7 +86,7 @@ pub fn sheetless(mut whole: Vec<Recording>, reference: &Unit) -> Option<Sheetles
     let mut noise = expected(&reference.sensors);
     noise[Signal::ServomotorPosition as usize] = seen.noise;
     notes.push(
-        "No data sheet: speed, overlap, damping, friction, mass and the spool's zero are fitted freely, about a stage that is alike in both \
+        "No data sheet: speed, overlap, damping, friction, mass and the spool's zero are fitted freely, from a stage that is equal in both \
          directions. Sizes are those of a servomotor with the reference unit's geometry; only ratios carry over."
             .to_owned(),
     );
@@ -97,8 +97,8 @@ pub fn sheetless(mut whole: Vec<Recording>, reference: &Unit) -> Option<Sheetles
 /// What is taken for noise where no sheet names a transducer.
 fn error_of_equations(seen: &Flexible) -> String {
     format!(
-        "No transducer is known: by what changes between neighbouring samples they make a right model miss {:.2} % of what was travelled; effects \
-         are weighed against what the most flexible law of spool and opening leaves, {:.2} %.",
+        "No transducer data: from the changes between neighbouring samples, their noise causes an error of {:.2} % of the travel; effects are \
+         compared with the error of the most flexible law of spool and opening, {:.2} %.",
         100.0 * seen.transducers / TRAVELLED.0,
         100.0 * seen.noise.wander.hypot(seen.noise.white) / TRAVELLED.0
     )
@@ -190,12 +190,15 @@ fn into_pu(recordings: &mut [Recording], law: &Plain) -> Option<(ChannelReadings
     let full = if faster_above { zero + farthest } else { zero - farthest };
     let rises = faster_above != turned;
     let mut notes = vec![format!(
-        "The spool position is recorded from {:.4} to {:.4}: {zero:.4} is taken as its zero, by the speed of the servomotor, and {full:.4} is taken as \
-         full stroke, on the side on which the servomotor is the faster.",
+        "The spool position is recorded from {:.4} to {:.4}: {zero:.4} is taken as its zero, from the speed of the servomotor, and {full:.4} is \
+         taken as full stroke, on the side where the servomotor is faster.",
         spool.0, spool.1
     )];
     if turned {
-        notes.push("The servomotor moves against the spool's sign: the spool position was turned round.".to_owned());
+        notes.push(
+            "The servomotor moves against the sign of the spool: the sign of the spool position was reversed."
+                .to_owned(),
+        );
     }
     notes.push(format!(
         "The servomotor position runs from {:.4} to {:.4}: taken as 5 % to 95 % of its stroke; opening is where it {}.",

@@ -237,7 +237,7 @@ impl Course {
         let quantity = |value: f64| crate::report::table::quantity(value, unit);
         let count = self.estimates.len() - since;
         Some(format!(
-            "{} {verb}: the {} is {} ({} to {}) in the last {}, before it was {} there; {}",
+            "{} {verb}: the {} is {} ({} to {}) in the last {}, earlier it was {} there; {}",
             capital(&id_words(&self.effect)),
             parameter_words(&self.parameter, &self.unit),
             quantity(last.size),
@@ -246,9 +246,9 @@ impl Course {
             self.kind_words(self.estimates.len() - 1),
             quantity(point.mean),
             if count == 1 {
-                "it began with this process".to_owned()
+                "the change began with this process".to_owned()
             } else {
-                format!("it began {count} processes ago")
+                format!("the change began {count} processes ago")
             },
         ))
     }
@@ -308,7 +308,10 @@ pub(super) mod tests {
             (0..30).map(|i| entry(i, 2e-3 + wiggle(i) + 2e-5 * (i - 15).max(0) as f64)).collect();
         let said = courses(&grows, 1000.0)[0].warning().unwrap();
         assert!(said.starts_with("Backlash has grown: the play is 0.2"), "{said}");
-        assert!(said.contains(" in the last start-up, before it was ") && said.contains("it began 1"), "{said}");
+        assert!(
+            said.contains(" in the last start-up, earlier it was ") && said.contains("the change began 1"),
+            "{said}"
+        );
         assert_eq!(followed(&grows), ["backlash"]);
         // Order in the file does not matter: bags may come late.
         let mut late = grows.clone();

@@ -41,7 +41,7 @@ pub struct Watched<'a> {
 /// Where a picture cannot be drawn.
 pub fn page(watched: &Watched) -> Result<Page, DrawError> {
     let Watched { unit, entries, courses, between_false_alarms, times } = *watched;
-    let mut page = Page::new(format!("Watch: {unit}"), format!("{} processes", entries.len()));
+    let mut page = Page::new(format!("Watched unit: {unit}"), format!("{} processes", entries.len()));
     let body = &mut page.body;
     let warnings: Vec<String> = courses.iter().filter_map(Course::warning).collect();
     body.answers(answers(watched, &warnings));
@@ -49,7 +49,7 @@ pub fn page(watched: &Watched) -> Result<Page, DrawError> {
     let mut order: Vec<usize> = (0..entries.len()).collect();
     order.sort_by_key(|&i| (Reverse(entries[i].time_ns), Reverse(i)));
     let newest = order.first().and_then(|&i| times.get(i));
-    let newest = newest.map_or_else(String::new, |time| format!("the newest of {}", readable(time)));
+    let newest = newest.map_or_else(String::new, |time| format!("newest: {}", readable(time)));
     let counts = [
         KeyFigure::new("processes", entries.len().to_string(), "").hint(newest),
         KeyFigure::new("sizes that have moved", warnings.len().to_string(), "")
@@ -63,12 +63,12 @@ pub fn page(watched: &Watched) -> Result<Page, DrawError> {
         body.note(Tone::Warning, format!("{warning}."));
     }
     if !courses.is_empty() {
-        body.heading("Sizes");
+        body.heading("Fault sizes over time");
         for course in courses {
             let caption = format!(
-                "{}. Above: each process with its interval of nine in ten, filled where the verdict names the fault and hollow where it was fitted alone, large where it has moved; the short rules are the \
-                 mean of those before of the same kind of process. Below: the cumulative sums for growth and shrinkage, with the limit at {} standard deviations, at which one false alarm in {} \
-                 processes is expected.",
+                "{}. Above: size in each process with its 90 % interval; filled if the verdict names the fault, hollow if it does not, large if the \
+                 size has moved. Short lines: mean of the earlier sizes from the same kind of process. Below: cumulative sums for growth and \
+                 shrinkage. At their limit of {} standard deviations one false alarm in {} processes is expected.",
                 course.title(),
                 significant(course.limit, 3),
                 significant(between_false_alarms, 3),
@@ -76,7 +76,7 @@ pub fn page(watched: &Watched) -> Result<Page, DrawError> {
             body.figure(svg(&picture(course, entries))?, caption);
         }
     }
-    body.heading("Processes");
+    body.heading("Diagnosed processes");
     let mut table = Table::new()
         .words("began")
         .words("process")
@@ -84,7 +84,7 @@ pub fn page(watched: &Watched) -> Result<Page, DrawError> {
         .words("verdict")
         .words("sizes")
         .words("bag")
-        .words("to know");
+        .words("remarks");
     let mixed = entries.iter().any(|entry| entry.synthetic) && !entries.iter().all(|entry| entry.synthetic);
     for (entry, time) in order.iter().filter_map(|&i| Some((&entries[i], times.get(i)?))).take(MOST_ROWS) {
         let sizes = entry.sizes.iter().filter(|size| size.named);
@@ -110,7 +110,7 @@ pub fn page(watched: &Watched) -> Result<Page, DrawError> {
         ];
         if entry.warnings.is_empty() { table.row(cells) } else { table.strong_row(cells) }
     }
-    body.table(table, "The newest first. Each process is diagnosed alone, so none confirms another.");
+    body.table(table, "Newest first. Each process is diagnosed alone, so the results do not confirm each other.");
     Ok(page)
 }
 
@@ -126,10 +126,10 @@ fn answers(watched: &Watched, warnings: &[String]) -> [(&'static str, Vec<String
     if let Some(moved) = courses.iter().find(|course| course.points.last().is_some_and(|point| point.alarm)) {
         let sum = moved.points.last().map_or(0.0, |point| point.sums.growth.max(point.sums.shrinkage));
         let [sum, limit] = [sum, moved.limit].map(|sd| significant(sd, 3));
-        sure.push(format!("The sum of its changes is at {sum} standard deviations, the limit at {limit}."));
+        sure.push(format!("Its cumulative sum is {sum} standard deviations; the limit is {limit}."));
     }
     sure.push(format!(
-        "Where nothing moves, one false warning of a size is expected in {} processes.",
+        "If nothing changes, one false warning of each size is expected in {} processes.",
         significant(between_false_alarms, 3)
     ));
     let named = |course: &Course| {
@@ -145,12 +145,17 @@ fn answers(watched: &Watched, warnings: &[String]) -> [(&'static str, Vec<String
     let mut far: Vec<String> = vec![format!("{} processes are in the history.", entries.len())];
     far.extend(effects.iter().map(|(id, count)| format!("{} was named in {count} of them.", capital(&id_words(id)))));
     let next = if warnings.is_empty() && courses.is_empty() {
-        "Nothing: the next process is diagnosed when it has ended."
+        "Nothing to do: the next process is diagnosed after it ends."
     } else {
-        "Diagnose the latest recordings of several kinds of process together, by `govtwin diagnose`: each process stands here on its own, and \
-         none confirms another."
+        "Diagnose the latest recordings of several kinds of process together with `govtwin diagnose`: here each process is diagnosed alone, so \
+         the results do not confirm each other."
     };
-    [("Cause", vec![cause]), ("How sure", sure), ("How far", vec![far.join(" ")]), ("What next", vec![next.to_owned()])]
+    [
+        ("Result", vec![cause]),
+        ("How sure", sure),
+        ("Coverage", vec![far.join(" ")]),
+        ("What next", vec![next.to_owned()]),
+    ]
 }
 
 /// The size of a course as it was found last.
@@ -203,14 +208,14 @@ fn picture(course: &Course, entries: &[ProcessEntry]) -> Picture {
         let mean = factor * course.points[k].mean;
         [x(k) - dash, mean, x(k) + dash, mean]
     });
-    let mean = Mark::new(MarkShape::Segments(dashes.collect()), Ink::Command, "mean before, of its kind");
+    let mean = Mark::new(MarkShape::Segments(dashes.collect()), Ink::Command, "earlier mean, same kind");
     let mut sizes = Panel::new(title)
         .x_range(-0.03 * span, 1.03 * span)
-        .mark(Mark::new(MarkShape::Segments(whiskers.collect()), Ink::Band, "interval"))
+        .mark(Mark::new(MarkShape::Segments(whiskers.collect()), Ink::Band, "90 % interval"))
         .mark(Mark { width_px: 3.0, ..mean });
     let groups: [(Ink, &str, u8, Vec<usize>); 2] = [
         (Ink::Simulated, "named", 0, (0..count).filter(named).collect()),
-        (Ink::Muted, "fitted alone", 1, (0..count).filter(|k| !named(k)).collect()),
+        (Ink::Muted, "not named", 1, (0..count).filter(|k| !named(k)).collect()),
     ];
     for (ink, label, dash, ks) in groups.into_iter().filter(|group| !group.3.is_empty()) {
         let dots = Mark::new(MarkShape::Dots(ks.into_iter().map(dot).collect()), ink, label).dashed(dash);
@@ -272,7 +277,7 @@ mod tests {
         let mut entries: Vec<ProcessEntry> = (0..3).map(|i| entry(i, 2e-3)).collect();
         entries[0].time_ns = 9;
         let html = html_of(&entries);
-        assert!(html.contains("the newest of 2026-11-26 00:00:00 UTC"), "{html}");
+        assert!(html.contains("newest: 2026-11-26 00:00:00 UTC"), "{html}");
         let at = |minute: &str| html.rfind(&format!("2026-11-26 00:{minute}:00 UTC")).unwrap();
         assert!(at("00") < at("02") && at("02") < at("01"), "{html}");
     }
@@ -283,7 +288,7 @@ mod tests {
         let mut entries: Vec<ProcessEntry> = (0..3).map(|i| entry(i, 2e-3)).collect();
         assert!(!html_of(&entries).contains("ynthetic"));
         entries[1].synthetic = true;
-        entries[1].notes.push("oil.bulk_modulus_pa was fitted onto the end of its range.".to_owned());
+        entries[1].notes.push("oil.bulk_modulus_pa was fitted to the end of its range.".to_owned());
         let some = html_of(&entries);
         assert!(
             some.contains("Synthetic data among the recordings")

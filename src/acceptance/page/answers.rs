@@ -1,4 +1,4 @@
-//! The four answers at the head of an acceptance report: what fails, how sure, how far from the limits, what to do next.
+//! The four answers at the head of an acceptance report: what fails, how sure, the measured values, what to do next.
 
 use super::{kind, limit_text, value_text};
 use crate::acceptance::limits::LimitStanding;
@@ -8,9 +8,9 @@ use crate::report::diagnosis::{capital, id_words, verdict_words};
 /// The answers, each under its question.
 pub fn answers(summary: &AcceptanceSummary) -> [(&'static str, Vec<String>); 4] {
     [
-        ("Cause", cause(summary)),
+        ("Result", cause(summary)),
         ("How sure", vec![sureness(summary)]),
-        ("How far", vec![reach(summary)]),
+        ("Values", vec![reach(summary)]),
         ("What next", vec![next(summary)]),
     ]
 }
@@ -29,26 +29,25 @@ fn titles(all: &[(usize, &AskedMeasure, &Figure)]) -> String {
 fn cause(summary: &AcceptanceSummary) -> Vec<String> {
     let named = |wanted: LimitStanding| titles(&standing(summary, wanted));
     let head = match summary.standing {
-        None => "Measures without limits: give a file with `--limits` to judge them.".to_owned(),
-        Some(LimitStanding::Passes) => "The unit keeps every limit.".to_owned(),
+        None => "Measured without limits; `--limits FILE` compares the measures with limits.".to_owned(),
+        Some(LimitStanding::Passes) => "The unit meets all limits.".to_owned(),
         Some(LimitStanding::Fails) => format!("The unit fails: {}.", named(LimitStanding::Fails)),
         Some(LimitStanding::Undecided) => {
-            format!("Undecided: {}; the intervals hold values on both sides.", named(LimitStanding::Undecided))
+            format!("Undecided: {}; the intervals include the limits.", named(LimitStanding::Undecided))
         }
         Some(LimitStanding::NotMeasured) => {
-            format!("Not shown by these recordings: {}; the rest passes.", named(LimitStanding::NotMeasured))
+            format!("Not shown by these recordings: {}; all other limits pass.", named(LimitStanding::NotMeasured))
         }
     };
     std::iter::once(head).chain(summary.sentences.first().cloned()).collect()
 }
 
 fn sureness(summary: &AcceptanceSummary) -> String {
-    let mut words =
-        "Intervals hold nine times in ten; a limit passes or fails only where the whole interval does.".to_owned();
+    let mut words = "Intervals are 90 % intervals; a limit passes or fails only if the whole interval does.".to_owned();
     if !summary.faults.is_empty() {
         let faults: Vec<String> = summary.faults.iter().map(|id| id_words(id)).collect();
         words += &format!(
-            " The faults taken out are those of the diagnosis ({}): {}.",
+            " The removed faults are those of the diagnosis ({}): {}.",
             verdict_words(&summary.verdict),
             faults.join(", ")
         );
@@ -70,7 +69,7 @@ fn reach(summary: &AcceptanceSummary) -> String {
         let known =
             summary.measures.iter().filter(|asked| asked.as_found.as_ref().is_some_and(|one| one.value.is_some()));
         return format!(
-            "{} of {} measures are shown, by the recordings or by the twin's standard test.",
+            "{} of {} measures have a value, from the recordings or from the twin's standard test.",
             known.count(),
             summary.measures.len()
         );
@@ -80,11 +79,11 @@ fn reach(summary: &AcceptanceSummary) -> String {
 
 fn next(summary: &AcceptanceSummary) -> String {
     match summary.standing {
-        None => "Write the limits of the contract: `govtwin accept --template > limits.yaml`.".to_owned(),
+        None => "Enter the limits of the contract in the file that `govtwin accept --template > limits.yaml` writes.".to_owned(),
         Some(LimitStanding::Passes) => "Sign below.".to_owned(),
         Some(LimitStanding::Fails) => repair(summary),
         Some(LimitStanding::Undecided) => {
-            "Record more of the same movements, or the next test of the diagnosis: either narrows the intervals."
+            "Record more of the same movements, or the next test that the diagnosis proposes: both narrow the intervals."
                 .to_owned()
         }
         Some(LimitStanding::NotMeasured) => {
@@ -95,7 +94,7 @@ fn next(summary: &AcceptanceSummary) -> String {
                 let note = note.filter(|note| !note.is_empty()).map(|note| format!(" ({note})")).unwrap_or_default();
                 format!("{}{note}", asked.title)
             };
-            format!("Record what shows: {}.", missing.iter().map(of).collect::<Vec<_>>().join("; "))
+            format!("Record movements that show: {}.", missing.iter().map(of).collect::<Vec<_>>().join("; "))
         }
     }
 }
@@ -113,18 +112,15 @@ fn repair(summary: &AcceptanceSummary) -> String {
         if let Some(faults) = without(LimitStanding::Passes) {
             helped.push(format!("Repair {faults}: without it the {} passes.", asked.title));
         } else if let Some(faults) = without(LimitStanding::Undecided) {
-            helped.push(format!("Repair {faults}: without it the {} may pass; longer recordings tell.", asked.title));
+            helped.push(format!("Repair {faults}: without it the {} may pass; longer recordings decide.", asked.title));
         } else {
             left.push(asked.title);
         }
     }
     if !left.is_empty() {
-        let why = if summary.faults.is_empty() {
-            "The diagnosis names no fault"
-        } else {
-            "No fault that is named accounts for it"
-        };
-        helped.push(format!("{why}: check what sets the {}.", left.join(", ")));
+        let why =
+            if summary.faults.is_empty() { "The diagnosis names no fault" } else { "No named fault explains this" };
+        helped.push(format!("{why}: check what determines the {}.", left.join(", ")));
     }
     helped.join(" ")
 }

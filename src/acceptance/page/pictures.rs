@@ -18,7 +18,7 @@ pub(super) fn curves(one: &Drawn) -> Picture {
     let mut position = Panel::new("Servomotor position, %")
         .line(Ink::Command, "command", points(measured, &measured.command_pu))
         .thick_line(Ink::Measured, "measured", points(measured, &measured.position_pu));
-    let mut error = Panel::new("Position less command, %")
+    let mut error = Panel::new("Position − command, %")
         .height(110)
         .thick_line(Ink::Measured, "", errors(measured))
         .x_name("time, s");

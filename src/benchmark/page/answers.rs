@@ -1,4 +1,4 @@
-//! The four answers at the head of a benchmark's page: how often verdicts are right, how sure, how far, and what the misses lie with.
+//! The four answers at the head of a benchmark's page: how often verdicts are right, how sure, whether intervals hold, and the causes of the misses.
 
 use super::{interval, value_text};
 use crate::benchmark::score::Score;
@@ -14,11 +14,11 @@ pub fn answers(score: &Score, cases: &[ScoredUnit]) -> [(&'static str, Vec<Strin
     cause.extend(sentence(score, &["single_first", "single_in_class", "stage"]));
     let sure = sentence(score, &["false_alarm", "detection", "false_unknown", "unknown", "probability"]);
     let far = sentence(score, &["closure_coverage", "size_coverage"]);
-    let next = misses_in_words(cases).unwrap_or_else(|| "Nothing was missed.".to_owned());
+    let next = misses_in_words(cases).unwrap_or_else(|| "No fault was missed.".to_owned());
     [
-        ("Cause", cause),
+        ("Result", cause),
         ("How sure", sure.into_iter().collect()),
-        ("How far", far.into_iter().collect()),
+        ("Intervals", far.into_iter().collect()),
         ("What next", vec![next]),
     ]
 }
@@ -41,16 +41,16 @@ pub fn misses_in_words(cases: &[ScoredUnit]) -> Option<String> {
     let by = |what: Option<MissedBy>| cases.iter().filter(|case| case.missed() && case.missed_by() == what).count();
     let [recordings, tolerance, method] = MissedBy::ALL.map(|what| by(Some(what)));
     (missed > 0).then(|| {
-        let [miss, make] = if missed == 1 { ["misses", "makes"] } else { ["miss", "make"] };
+        let [miss, name] = if missed == 1 { ["misses", "names"] } else { ["miss", "name"] };
         let mut words = format!(
-            "{missed} of {} answers {miss} something or {make} something up. {recordings} lie with the recordings: by the catalogue's equations what \
-             was left out is too small in them, or too much like the answer. {tolerance} lie with the method's tolerance: the answer leaves no \
-             more than it lets a right model leave; a stricter method might have told. {method} lie with the method.",
+            "{missed} of {} answers {miss} a fault or {name} a false one. Due to the recordings: {recordings}; by the catalogue's equations the missed \
+             fault is too small in them or too similar to the answer. Due to the method's tolerance: {tolerance}; the answer leaves no more \
+             than a right model may, and a stricter method might have found the fault. Due to the method: {method}.",
             cases.len()
         );
         let unknown = by(None);
         if unknown > 0 {
-            words += &format!(" Of {unknown} nothing is known.");
+            words += &format!(" Cause unknown: {unknown}.");
         }
         words
     })

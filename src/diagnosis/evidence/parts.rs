@@ -55,8 +55,8 @@ impl Part {
     #[must_use]
     pub fn words(self) -> &'static str {
         match self {
-            Self::Controls => "regulator, pilot valve and spool, fed the recorded servomotor position",
-            Self::Servomotor => "main ports and servomotor, fed the recorded spool position",
+            Self::Controls => "regulator, pilot valve and spool, driven by the recorded servomotor position",
+            Self::Servomotor => "main ports and servomotor, driven by the recorded spool position",
         }
     }
 

@@ -18,7 +18,7 @@ struct SpoolCourse {
 
 const TESTS: [SpoolCourse; 4] = [
     SpoolCourse {
-        words: "hold the spool at 10 %, 25 %, 50 % and 100 % of its stroke in turn, each as long one way as the other, from half opening",
+        words: "hold the spool at 10 %, 25 %, 50 % and 100 % of its stroke in turn, equally long in both directions, from half opening",
         length: 4.0,
         spool_pu: |t| [0.1, -0.1, 0.25, -0.25, 0.5, -0.5, 1.0, -1.0][index(t, 0.5, 8)] * hold(t),
         start_pu: 0.5,
@@ -30,7 +30,7 @@ const TESTS: [SpoolCourse; 4] = [
         start_pu: 0.5,
     },
     SpoolCourse {
-        words: "centre the spool at half opening and watch the servomotor creep, then drive it both ways at half spool stroke",
+        words: "centre the spool at half opening and record the creep of the servomotor, then drive it in both directions at half spool stroke",
         length: 10.0,
         spool_pu: |t| {
             if t < 8.0 {
@@ -44,7 +44,7 @@ const TESTS: [SpoolCourse; 4] = [
         start_pu: 0.5,
     },
     SpoolCourse {
-        words: "drive the servomotor over its whole stroke and back with the spool fully open",
+        words: "drive the servomotor over its full stroke and back with the spool fully open",
         length: 3.0,
         spool_pu: |t| if t < 1.5 { 1.0 } else { -1.0 },
         start_pu: 0.05,

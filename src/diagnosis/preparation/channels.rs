@@ -49,7 +49,7 @@ fn channel(recording: &Recording, signal: Signal, samples: &[(f64, f64)]) -> Cha
         let at_edge = samples.iter().filter(|(_, value)| *value == low || *value == high).count();
         let still = samples.windows(2).filter(|pair| pair[0].1 == pair[1].1).count();
         if at_edge * 5 > samples.len() && still * 2 < samples.len() {
-            troubles.push(format!("{at_edge} of {} samples stand at the ends of its range: saturated?", samples.len()));
+            troubles.push(format!("{at_edge} of {} samples are at the ends of its range: saturated?", samples.len()));
         }
     }
     let longest = periods.iter().copied().fold(0.0, f64::max);

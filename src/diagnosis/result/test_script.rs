@@ -181,21 +181,21 @@ impl TestScript {
             CommandShape::Triangle { by_pu, period_s } => {
                 let (by, rate) = (percent(by_pu), percent(4.0 * by_pu / period_s));
                 format!(
-                    "move the opening command in triangles of ±{by} about {start}, {rate} a second, two periods of {period_s} s"
+                    "move the opening command in triangles of ±{by} about {start} at {rate} per second, two periods of {period_s} s"
                 )
             }
             CommandShape::Sweep { by_pu, between_hz: (from_hz, to_hz) } => {
                 let (by, swept_s) = (percent(by_pu), self.length_s - DWELL_S);
                 format!(
-                    "sweep the opening command as a sine of ±{by} about {start} from {from_hz} to {to_hz} Hz in {swept_s} s"
+                    "sweep the opening command with a sine of ±{by} about {start} from {from_hz} to {to_hz} Hz in {swept_s} s"
                 )
             }
             CommandShape::Ramp { to_pu } => {
                 let rate = percent(2.0 * (to_pu - self.start_pu).abs() / (self.length_s - DWELL_S));
-                format!("ramp the opening command from {start} to {} and back at {rate} a second", percent(to_pu))
+                format!("ramp the opening command from {start} to {} and back at {rate} per second", percent(to_pu))
             }
             CommandShape::Trip { by_pu: 0.0 } => {
-                format!("trip the ESV from {start} opening and record until the servomotor stands closed")
+                format!("trip the ESV at {start} opening and record until the servomotor is closed")
             }
             CommandShape::Trip { by_pu } => {
                 let to = percent(self.start_pu + by_pu);
@@ -211,15 +211,15 @@ impl TestScript {
     pub fn unit_state(&self) -> String {
         let start = percent(self.start_pu);
         let state = if self.trips() > 0 {
-            "Unit at standstill or prepared for a trip, oil supply on, wicket gates free to move"
+            "Unit at standstill or prepared for a trip, oil supply on, guide vanes free to move"
         } else if self.travel_pu() > ON_LOAD_PU {
-            "Unit at standstill with the intake closed, oil supply on, wicket gates free to move"
+            "Unit at standstill with the intake closed, oil supply on, guide vanes free to move"
         } else {
-            "Unit at standstill with wicket gates free to move, or on load where the grid bears the swing"
+            "Unit at standstill with guide vanes free to move, or on load if the grid tolerates the load swing"
         };
         format!(
-            "{state}; governor in opening control. Bring the opening to {start} and let it stand for 30 s. What is predicted holds for the \
-             guide-vane load of the recordings: without water on the vanes set `servomotor.load_closed_n` and `servomotor.load_slope_n` for it"
+            "{state}; governor in opening control. Bring the opening to {start} and hold it for 30 s. The prediction assumes the \
+             guide-vane load of the recordings; for a test without water on the vanes, adapt `servomotor.load_closed_n` and `servomotor.load_slope_n`"
         )
     }
 }

@@ -31,12 +31,12 @@ const SPEED: &str = "of the servomotor as recorded, per second";
 
 /// Id, title and unit of each figure, in the order of [`figures`].
 const FIGURES: [(&str, &str, &str); 7] = [
-    ("spool_zero", "zero", SPOOL),
-    ("dead_band", "dead band, from end to end", SPOOL),
-    ("falls_from", "end of the dead band where falling begins", SPOOL),
-    ("rises_from", "end of the dead band where rising begins", SPOOL),
-    ("rising_speed", "rising at the farthest spool position", SPEED),
-    ("falling_speed", "falling at the farthest spool position", SPEED),
+    ("spool_zero", "spool zero", SPOOL),
+    ("dead_band", "dead band, full width", SPOOL),
+    ("falls_from", "dead-band end where falling begins", SPOOL),
+    ("rises_from", "dead-band end where rising begins", SPOOL),
+    ("rising_speed", "rising speed at the farthest spool position", SPEED),
+    ("falling_speed", "falling speed at the farthest spool position", SPEED),
     ("lag_s", "lag behind the spool", "s"),
 ];
 

@@ -21,8 +21,8 @@ type Division = (&'static str, &'static [&'static str], fn(&SampleRow<'_>) -> us
 
 const DIVISIONS: [Division; 6] = [
     ("process", &["start-up", "load increase", "shutdown", "load rejection"], |row| row.recording.process as usize),
-    ("phase", &["servomotor stands", "servomotor moves"], |row| usize::from(row.speed_pu_s.abs() > STANDING_PU_S)),
-    ("direction", &["closing", "standing", "opening"], |row| {
+    ("phase", &["servomotor at rest", "servomotor moves"], |row| usize::from(row.speed_pu_s.abs() > STANDING_PU_S)),
+    ("direction", &["closing", "at rest", "opening"], |row| {
         if row.speed_pu_s.abs() <= STANDING_PU_S { 1 } else { 2 * usize::from(row.speed_pu_s > 0.0) }
     }),
     ("spool band", &["below −3.5 %", "−3.5 to 2 %", "above 2 %"], |row| {

@@ -11,8 +11,12 @@ use crate::twin::Cut;
 const TESTS: [(&str, Cut, Signal); 4] = [
     ("the whole chain, closed loop", Cut::None, Signal::ServomotorPosition),
     ("the whole chain, closed loop", Cut::None, Signal::SpoolPosition),
-    ("regulator, pilot valve and spool, fed the measured servomotor", Cut::Servomotor, Signal::SpoolPosition),
-    ("main ports and servomotor, fed the measured spool", Cut::Spool, Signal::ServomotorPosition),
+    (
+        "regulator, pilot valve and spool, driven by the measured servomotor position",
+        Cut::Servomotor,
+        Signal::SpoolPosition,
+    ),
+    ("main ports and servomotor, driven by the measured spool position", Cut::Spool, Signal::ServomotorPosition),
 ];
 
 /// Change of the fed spool for a slope, pu.

@@ -1,4 +1,4 @@
-//! The four answers at the head of a fleet's page: who needs a look first, how sure, how much is diagnosed, what to do next.
+//! The four answers at the head of a fleet's page: which unit needs attention first, how sure, how much is diagnosed, what to do next.
 
 use std::collections::BTreeSet;
 
@@ -12,9 +12,9 @@ pub fn answers(gathered: &Gathered, context: &Context, units: usize) -> [(&'stat
     let changed: BTreeSet<&str> = gathered.changed().map(|(unit, _)| unit).collect();
     let (looks, changed) = (context.looks.len(), changed.len());
     let mut cause = match (looks, changed) {
-        (0, _) => format!("None of {units} units needs a look."),
-        (_, 0) => format!("{looks} of {units} units need a look; no size changed beyond its interval."),
-        _ => format!("{looks} of {units} units need a look; in {changed} a size changed beyond its interval."),
+        (0, _) => format!("None of {units} units needs attention."),
+        (_, 0) => format!("{looks} of {units} units need attention; no size changed beyond its interval."),
+        _ => format!("{looks} of {units} units need attention; in {changed} a size changed beyond its interval."),
     };
     let first = context.looks.first();
     if let Some(look) = first {
@@ -30,41 +30,39 @@ pub fn answers(gathered: &Gathered, context: &Context, units: usize) -> [(&'stat
             .collect();
         let claimed = found.causes.iter().filter_map(|cause| cause.probability).reduce(f64::max);
         let rate = claimed.and_then(claims_like).map_or_else(String::new, |rate| format!(" {rate}"));
-        sure.push(format!("Probability in the last period of the first unit: {}.{rate}", each.join(", ")));
+        sure.push(format!("First unit, last period: probability of {}.{rate}", each.join(", ")));
     } else if let Some(unknown) =
         last.filter(|found| found.verdict == "unknown").and_then(|found| found.unknown_probability)
     {
         let rate = claims_like(unknown).map_or_else(String::new, |rate| format!(" {rate}"));
         sure.push(format!(
-            "Probability in the last period of the first unit that something outside the catalogue acts: {}.{rate}",
+            "First unit, last period: probability of a cause outside the catalogue {}.{rate}",
             probability_text(Some(unknown))
         ));
     }
     sure.push(format!(
-        "A size counts as changed where its cumulative sum is above {:.1}: a fleet in which nothing changes gives one false alarm in ten pages.",
+        "A size counts as changed if its cumulative sum is above {:.1}; at this limit a fleet in which nothing changes gives one false alarm in ten pages.",
         gathered.limit
     ));
     let (done, failed, missing) =
         (gathered.count(Status::Done), gathered.count(Status::Failed), gathered.count(Status::Missing));
-    let mut far = vec![format!("{done} of {} units in periods are diagnosed.", gathered.rows.len())];
+    let mut far =
+        vec![format!("{done} of {} entries are diagnosed (one entry per unit and period).", gathered.rows.len())];
     let some = last.filter(|found| !found.causes.is_empty());
     far.extend(some.and_then(|found| found.explained_share).map(|share| {
-        format!(
-            "Of the first unit the cause explains {} % of the error, on data held out of the fit.",
-            fixed(100.0 * share, 0)
-        )
+        format!("In the first unit the cause explains {} % of the error (held-out data).", fixed(100.0 * share, 0))
     }));
     let mut next = Vec::new();
     match (first, last.and_then(|found| found.next_test.as_ref())) {
         (Some(look), Some(test)) => next.push(format!("{}: {test}.", look.unit)),
         (Some(look), None) => next.push(format!("Open the report of {} below.", look.unit)),
-        (None, _) => next.push("Gather again after the next period.".to_owned()),
+        (None, _) => next.push("Run `govtwin fleet gather` again after the next period.".to_owned()),
     }
     if missing > 0 {
-        next.push(format!("{missing} have no result yet: run the plan again; what is done is left out."));
+        next.push(format!("{missing} have no result yet: run the plan again; it skips finished diagnoses."));
     }
     if failed > 0 {
-        next.push(format!("{failed} failed: their recordings cannot be diagnosed, for the reasons below."));
+        next.push(format!("{failed} failed: their recordings cannot be diagnosed; the reasons are below."));
     }
-    [("Cause", vec![cause]), ("How sure", sure), ("How far", far), ("What next", next)]
+    [("Result", vec![cause]), ("How sure", sure), ("Coverage", far), ("What next", next)]
 }

@@ -1,4 +1,4 @@
-//! What the pages of a comparison and of a training answer first: what was found, how sure that is, how far it goes, and what to do next.
+//! What the pages of a comparison and of a training answer first: the result, how sure it is, the error by process, and what to do next.
 
 use super::title;
 use crate::comparison::summary::{ComparisonSummary, Covered, ModelFigures};
@@ -17,27 +17,30 @@ pub fn of_comparison(summary: &ComparisonSummary, unit: &str) -> Answers {
         let beside = [(twin, "the twin alone (MBM)"), (of("ddm"), "data alone (DDM)")];
         let beside = beside.iter().filter_map(|(other, name)| Some(format!("{} {name}", less(best, (*other)?))));
         what.push(format!(
-            "Of the hybrids {} is closest: a mean absolute error of {} {unit}, {}.",
+            "The best hybrid is {}: mean absolute error {} {unit}, {}.",
             best.title,
             significant(best.overall.mae, 3),
             beside.collect::<Vec<_>>().join(" and ")
         ));
     }
     let order: Vec<&str> = summary.ranking.iter().filter_map(|id| of(id)).map(|model| model.title).collect();
-    what.push(format!("Hybrids by MAE over all judging rows: {}.", order.join(" < ")));
+    what.push(format!("Hybrids by MAE on all test rows: {}.", order.join(" < ")));
     let seeds = match summary.seeds.len() {
         1 => "one seed".to_owned(),
         more => format!("{more} seeds"),
     };
     let rows = best.map_or(0, |best| best.overall.rows);
     let mut sure = vec![format!(
-        "Judged on {rows} rows, the last 30 % of each process, which no model was trained on, with {seeds}."
+        "Evaluated on {rows} test rows, the last 30 % of each process, which no model was trained on, with {seeds}."
     )];
     sure.extend(summary.band.as_ref().map(banded));
     let mut far: Vec<String> = best.zip(twin).map(|(best, twin)| by_process(best, twin)).into_iter().collect();
-    far.push("How far it carries to a process that no row taught stands below, under the process left out.".to_owned());
-    let next = "Train the model that is to run with `govtwin train`; `govtwin replay --residual` shows what it leaves.";
-    [("What", what), ("How sure", sure), ("How far", far), ("What next", vec![next.to_owned()])]
+    far.push(
+        "The test with a process left out of training, below, shows how well it generalises to a new process."
+            .to_owned(),
+    );
+    let next = "Train the chosen model with `govtwin train`; `govtwin replay --residual` shows the remaining error.";
+    [("Result", what), ("How sure", sure), ("By process", far), ("What next", vec![next.to_owned()])]
 }
 
 /// Of a training: of the twin, and of the twin with the model as it runs.
@@ -51,28 +54,28 @@ pub fn of_training(
     let [before, after] = [twin, with].map(|model| model.overall.mae);
     let what = if after < before {
         format!(
-            "The learned residual takes {} % of the twin's mean absolute error of the {name}: {} {unit} are left of {}.",
+            "The learned residual removes {} % of the twin's mean absolute error of the {name}: {} {unit} of {} remain.",
             fixed(100.0 * (1.0 - after / before), 0),
             significant(after, 3),
             significant(before, 3)
         )
     } else {
         format!(
-            "The learned residual takes nothing of the twin's mean absolute error of the {name}: {} {unit} with it, {} without.",
+            "The learned residual removes none of the twin's mean absolute error of the {name}: {} {unit} with it, {} without.",
             significant(after, 3),
             significant(before, 3)
         )
     };
     let mut sure = vec![format!(
-        "Judged on {} rows, the last 30 % of each process, which taught nothing; they are of the recordings that taught.",
+        "Evaluated on {} test rows, the last 30 % of each process, which were not used for training but come from the same recordings.",
         with.overall.rows
     )];
     sure.extend(band.map(banded));
-    let next = "`govtwin replay --residual` with recordings of another day shows how far it carries; `--leave-out` trains without a process.";
+    let next = "`govtwin replay --residual` with recordings of another day shows how well it generalises; `--leave-out` trains without a process.";
     [
-        ("What", vec![what]),
+        ("Result", vec![what]),
         ("How sure", sure),
-        ("How far", vec![by_process(with, twin)]),
+        ("By process", vec![by_process(with, twin)]),
         ("What next", vec![next.to_owned()]),
     ]
 }
@@ -94,11 +97,11 @@ fn by_process(model: &ModelFigures, twin: &ModelFigures) -> String {
         .processes
         .iter()
         .filter_map(|one| Some(format!("{} {}", title(one.process), change(one.score.mae, of(one.process)?))));
-    format!("Beside the twin alone, by process: {}.", changes.collect::<Vec<_>>().join(", "))
+    format!("Mean absolute error compared with the twin alone: {}.", changes.collect::<Vec<_>>().join(", "))
 }
 
 /// What the band holds beside what it states.
 fn banded(band: &Covered) -> String {
     let [stated, found] = [band.coverage_share, band.overall_share].map(|share| fixed(100.0 * share, 0));
-    format!("Of the rows {found} % lie in the band that states {stated} %.")
+    format!("The band with a nominal coverage of {stated} % contains {found} % of the test rows.")
 }

@@ -61,7 +61,7 @@ pub fn traces(shown: &Shown) -> Picture {
         }
         panel
     };
-    Picture::grid("Measured and simulated in four processes", 2, processes(shown).into_iter().map(panel).collect())
+    Picture::grid("Measured and predicted signals by process", 2, processes(shown).into_iter().map(panel).collect())
 }
 
 /// A few rows around the one of each process that costs the MDHM most against the DDM.
@@ -88,7 +88,11 @@ pub fn worst(summary: &ComparisonSummary, shown: &Shown) -> Picture {
         }
         Some(panel)
     };
-    Picture::grid("The rows that decide", 2, summary.breakdown.processes.iter().filter_map(panel).collect())
+    Picture::grid(
+        "Rows with the largest additional error",
+        2,
+        summary.breakdown.processes.iter().filter_map(panel).collect(),
+    )
 }
 
 fn processes(shown: &Shown) -> Vec<Process> {
@@ -123,7 +127,7 @@ pub fn below_zero(summary: &ComparisonSummary) -> String {
     if below.is_empty() {
         return String::new();
     }
-    format!(" R² below 0, worse than the mean of what was measured, shows no bar: {}.", below.join(", "))
+    format!(" R² below 0 (worse than the mean of the measured signal) has no bar: {}.", below.join(", "))
 }
 
 fn titles(models: &[ModelFigures]) -> Vec<&str> {
@@ -155,15 +159,15 @@ fn residuals_of(shown: &Shown, contender: &Contender, process: Process) -> Vec<f
 #[expect(clippy::cast_precision_loss, reason = "counts of rows")]
 pub fn residuals(shown: &Shown) -> Picture {
     let panel = |process: Process| {
-        let mut panel = Panel::new(format!("{}: residual, {}", process.title(), shown.rows.layout.signal.unit()));
+        let mut panel = Panel::new(format!("{}: error, {}", process.title(), shown.rows.layout.signal.unit()));
         for contender in shown.of(&HYBRIDS).into_iter().rev() {
             let values = residuals_of(shown, contender, process);
             let line = values.iter().enumerate().map(|(k, value)| [k as f64, *value]).collect();
             panel = panel.line(ink(contender.id), contender.title, line);
         }
-        panel.x_name("judging row")
+        panel.x_name("test row")
     };
-    Picture::grid("Residuals of the hybrids", 1, processes(shown).into_iter().map(panel).collect())
+    Picture::grid("Errors of the hybrids", 1, processes(shown).into_iter().map(panel).collect())
 }
 
 pub fn spreads(shown: &Shown) -> Picture {
@@ -189,9 +193,9 @@ pub fn spreads(shown: &Shown) -> Picture {
                 density(values, range, 2.0 * reach / f64::from(bins_u32(bins))),
             );
         }
-        panel.x_name(format!("simulated − measured, {}", shown.rows.layout.signal.unit()))
+        panel.x_name(format!("predicted − measured, {}", shown.rows.layout.signal.unit()))
     };
-    Picture::grid("Residuals of the hybrids, spread", 2, processes(shown).into_iter().map(panel).collect())
+    Picture::grid("Distribution of the errors of the hybrids", 2, processes(shown).into_iter().map(panel).collect())
 }
 
 fn bins_u32(bins: usize) -> u32 {
@@ -230,7 +234,7 @@ pub fn heatmap(summary: &ComparisonSummary, unit: &str) -> Picture {
             .y_categories(hybrids.iter().map(|model| model.title))
             .mark(Mark::new(shape, Ink::Simulated, ""))
     };
-    Picture::grid("Figures of the hybrids by process", 1, FIGURES.iter().map(panel).collect())
+    Picture::grid("MAE, RMSE and R² of the hybrids by process", 1, FIGURES.iter().map(panel).collect())
 }
 
 pub fn left_out(summary: &ComparisonSummary, unit: &str) -> Picture {
@@ -260,14 +264,14 @@ pub fn importance(summary: &ComparisonSummary) -> Picture {
     groups.sort_by(|a, b| a.1.total_cmp(&b.1));
     let group_shares: Vec<f64> = groups.iter().map(|(_, share)| *share).collect();
     let panels = vec![
-        Panel::new("share of gain, strongest features")
+        Panel::new("share of gain, most important features")
             .height(380)
             .y_categories(strongest.iter().map(|one| one.feature.clone()))
             .lying_bars(Ink::Simulated, "", &shares),
-        Panel::new("share of gain, groups")
+        Panel::new("share of gain, feature groups")
             .height(380)
             .y_categories(groups.iter().map(|(name, _)| (*name).to_owned()))
             .lying_bars(Ink::Good, "", &group_shares),
     ];
-    Picture::grid("Importance of features", 2, panels)
+    Picture::grid("Feature importance", 2, panels)
 }

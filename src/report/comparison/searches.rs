@@ -17,17 +17,18 @@ pub fn search_blocks(body: &mut PageBody, searches: &[Searched], unit: &str) -> 
     }
     body.figure(
         svg(&traces(searches, unit))?,
-        "Best cross-validated MAE so far, and every evaluation as a dot: Bayesian optimisation beside random search with as many \
+        "Lines: best cross-validated MAE so far. Dots: single evaluations. Bayesian optimisation and random search have equally many \
          evaluations and the same first points.",
     );
     for search in searches.iter().filter(|search| !search.slices.is_empty()) {
         body.figure(
             svg(&surrogate(search))?,
-            format!("{}: the MAE in {unit} that the Gaussian process makes of all evaluations, along each hyperparameter through the best point, with two standard deviations.", search.id),
+            format!("{}: MAE in {unit} predicted by the Gaussian process along each hyperparameter through the best point (dot), with ±2 standard deviations.", search.id),
         );
     }
     let best = format!("best MAE, {unit}");
-    let mut table = Table::new().words("search").words("kind").numbers("evaluations").numbers(best).words("at");
+    let mut table =
+        Table::new().words("search").words("kind").numbers("evaluations").numbers(best).words("hyperparameters");
     for search in searches {
         let Some((point, loss)) = search.best() else { continue };
         let at = search
@@ -44,7 +45,10 @@ pub fn search_blocks(body: &mut PageBody, searches: &[Searched], unit: &str) -> 
             at.join(", "),
         ]);
     }
-    body.table(table, "What the searches found: mean absolute error over the validation rows of five folds.");
+    body.table(
+        table,
+        "Best result of each search: MAE over the validation rows of five folds, with its hyperparameters.",
+    );
     Ok(())
 }
 

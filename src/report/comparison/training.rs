@@ -32,14 +32,14 @@ pub struct Training<'a> {
 pub fn training_page(training: &Training) -> Result<Page, DrawError> {
     let Training { signal, rows, origin, models, searches, band } = *training;
     let [teach, judge] = rows.map(|count| thousands(count as u64));
-    let mut page = Page::new("Training of the residual", format!("{teach} rows teach, {judge} judge"));
+    let mut page = Page::new("Training of the learned residual", format!("{teach} training rows, {judge} test rows"));
     if let [twin, .., with] = models {
         page.body.answers(of_training(twin, with, &signal.title().to_lowercase(), signal.unit(), band));
     }
     if let Some(origin) = origin {
         page.body.note(Tone::Plain, origin);
     }
-    page.body.table(models_table(models, signal.unit()), "On the last 30 % of each process, which taught nothing.");
+    page.body.table(models_table(models, signal.unit()), "Errors on the test rows, the last 30 % of each process.");
     search_blocks(&mut page.body, searches, signal.unit())?;
     Ok(page)
 }

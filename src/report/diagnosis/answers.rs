@@ -1,4 +1,4 @@
-//! The four answers at the head of a diagnosis, in this order: what the cause is, how sure, how far it explains the error, what to do next.
+//! The four answers at the head of a diagnosis, in this order: what the cause is, how sure, how large the error is and how much of it is explained, what to do next.
 
 use crate::diagnosis::result::{Diagnosis, Fitted, JudgedBy, Verdict};
 use crate::effects::Stage;
@@ -38,7 +38,7 @@ pub fn answers(diagnosis: &Diagnosis) -> [(&'static str, Vec<String>); 4] {
     [
         ("Cause", paragraphs(causes(diagnosis))),
         ("How sure", paragraphs(sureness(diagnosis))),
-        ("How far", paragraphs(reach(diagnosis))),
+        ("Error", paragraphs(reach(diagnosis))),
         ("What next", paragraphs(next(diagnosis))),
     ]
 }
@@ -62,23 +62,24 @@ pub fn lead(diagnosis: &Diagnosis) -> String {
         }
         (Verdict::Class, competing) => {
             let names: Vec<String> = competing.iter().map(|one| id_words(&one.id)).collect();
-            format!("{}; these recordings cannot tell which.", capital(&listed(&names, "or")))
+            format!("{}; these recordings cannot distinguish them.", capital(&listed(&names, "or")))
         }
         (Verdict::Unknown, _) => unknown(diagnosis),
         (Verdict::NoGap, _) => no_gap(diagnosis),
         (Verdict::NotExcited, _) => {
-            "These recordings do not move the unit enough to tell: most faults would not show in them at a moderate size."
+            "These recordings do not move the unit enough for a verdict: most faults would not show in them even at three times \
+             a moderate size."
                 .to_owned()
         }
         (Verdict::NoSuchUnit, _) => {
             let why = diagnosis.part.as_ref().and_then(|part| part.foreign.as_deref()).unwrap_or_default();
-            format!("These recordings are of no servomotor stage behind this spool. {why}").trim_end().to_owned()
+            format!("These recordings are not of a servomotor stage driven by this spool. {why}").trim_end().to_owned()
         }
     }
 }
 
 fn confirmed(diagnosis: &Diagnosis) -> &'static str {
-    if is_alone(diagnosis) { " (not confirmed: one recording alone says so)" } else { "" }
+    if is_alone(diagnosis) { " (not confirmed: based on one recording)" } else { "" }
 }
 
 fn count(number: usize) -> String {
@@ -107,15 +108,15 @@ fn no_gap(diagnosis: &Diagnosis) -> String {
     let (moved, sheet) = (moved(diagnosis, MOVED), diagnosis.judged_by.sheet_title());
     if moved.is_empty() {
         return format!(
-            "No fault found, and the {sheet} holds: no value had to move by more than one tolerance.{}",
+            "No fault found, and the {sheet} is right: recalibration moved no value by more than one tolerance.{}",
             left(diagnosis)
         );
     }
     let found: Vec<String> = moved.iter().take(NAMED_VALUES).map(|one| found(one)).collect();
     let more = match moved.len().saturating_sub(NAMED_VALUES) {
         0 => String::new(),
-        1 => "; one more value by more than a tolerance".to_owned(),
-        more => format!("; {more} more values by more than a tolerance"),
+        1 => "; one more value is off by more than one tolerance".to_owned(),
+        more => format!("; {more} more values are off by more than one tolerance"),
     };
     format!("No fault found; the {sheet} is off: {}{more}.{}", found.join(", "), left(diagnosis))
 }
@@ -151,10 +152,11 @@ fn unknown(diagnosis: &Diagnosis) -> String {
         });
         format!("look first at the {}{}", stage_title(stage), then.unwrap_or_default())
     });
-    let when = worst(diagnosis)
-        .map(|(name, [from_s, to_s])| format!("{name} shows it most, at {} to {} s", fixed(from_s, 1), fixed(to_s, 1)));
+    let when = worst(diagnosis).map(|(name, [from_s, to_s])| {
+        format!("it is largest in {name} at {} to {} s", fixed(from_s, 1), fixed(to_s, 1))
+    });
     let words: Vec<String> = [place].into_iter().filter(|place| !place.is_empty()).chain(when).collect();
-    let nothing = "Something that nothing in the catalogue explains";
+    let nothing = "No effect in the catalogue explains the error";
     if words.is_empty() { format!("{nothing}.") } else { format!("{nothing}: {}.", words.join("; ")) }
 }
 
@@ -193,7 +195,7 @@ fn nearest(diagnosis: &Diagnosis) -> String {
         diagnosis.tried.iter().find(|tried| tried.ids == [one.id.clone()]).map(|tried| values(&tried.parameters));
     let size = fitted.filter(|size| !size.is_empty()).map(|size| format!(", fitted {size}")).unwrap_or_default();
     format!(
-        "{NEAREST}{}{size}. What speaks against it: its probability is {}, as it leaves more of the error than a right equation would.",
+        "{NEAREST}{}{size}. Its probability is {}, because it leaves more of the error than the right effect would.",
         id_words(&one.id),
         probability(one.probability)
     )
@@ -202,7 +204,7 @@ fn nearest(diagnosis: &Diagnosis) -> String {
 fn sureness(diagnosis: &Diagnosis) -> Vec<String> {
     let of = |id: &str| diagnosis.ranking.iter().find(|one| one.id == id).map(|one| one.probability);
     let at_stage = diagnosis.stage.and_then(|stage| {
-        Some(format!("that it sits in the {}: {}", stage_title(stage), probability(share_of(diagnosis, stage)?)))
+        Some(format!("that the fault is in the {}: {}", stage_title(stage), probability(share_of(diagnosis, stage)?)))
     });
     let faults = |joint: &str| {
         let each: Vec<String> = diagnosis
@@ -223,22 +225,26 @@ fn sureness(diagnosis: &Diagnosis) -> Vec<String> {
         }
         Verdict::Unknown => {
             let share = of("unknown").unwrap_or(f64::NAN);
-            (
-                Some(share),
-                vec![format!("Probability that something outside the catalogue acts: {}", probability(share))],
-            )
+            (Some(share), vec![format!("Probability of a cause outside the catalogue: {}", probability(share))])
         }
-        Verdict::NoSuchUnit => {
-            (None, vec!["Which law predicts best on pieces left out decides this; it has no probability".to_owned()])
-        }
+        Verdict::NoSuchUnit => (
+            None,
+            vec!["This verdict follows from which law predicts held-out pieces best; it has no probability".to_owned()],
+        ),
         Verdict::NotExcited => {
             let share = of("none").unwrap_or(f64::NAN);
-            let words = "but that is no finding, as most faults would not show here";
-            (None, vec![format!("Nothing speaks for a fault (probability of none: {}), {words}", probability(share))])
+            let words = "but this is no finding: most faults would not show in these recordings";
+            (
+                None,
+                vec![format!(
+                    "There is no evidence of a fault (probability of no fault: {}), {words}",
+                    probability(share)
+                )],
+            )
         }
         Verdict::NoGap => {
             let share = of("none").unwrap_or(f64::NAN);
-            (Some(share), vec![format!("Probability that no fault of the catalogue acts: {}", probability(share))])
+            (Some(share), vec![format!("Probability of no fault: {}", probability(share))])
         }
     };
     // Several faults that act at once have no one stage.
@@ -260,7 +266,7 @@ fn sureness(diagnosis: &Diagnosis) -> Vec<String> {
     let mut all = vec![first];
     all.extend(besides(diagnosis).map(|words| capital(&words)));
     if is_alone(diagnosis) && diagnosis.verdict != Verdict::NotExcited {
-        all.push("One recording alone: the best explanation of it, not confirmed by another.".to_owned());
+        all.push("One recording alone: this is its best explanation, not confirmed by another recording.".to_owned());
     }
     all
 }
@@ -286,7 +292,11 @@ fn reach(diagnosis: &Diagnosis) -> Vec<String> {
     let far = far_off(diagnosis);
     if !far.is_empty() && diagnosis.verdict != Verdict::NoGap {
         let found: Vec<String> = far.iter().take(NAMED_VALUES).map(|one| found(one)).collect();
-        all.push(format!("Only with the {} far off: {}.", diagnosis.judged_by.sheet_title(), found.join(", ")));
+        all.push(format!(
+            "This holds only if the {} is far off: {}.",
+            diagnosis.judged_by.sheet_title(),
+            found.join(", ")
+        ));
     }
     all
 }
@@ -300,7 +310,7 @@ fn discrepancy(diagnosis: &Diagnosis) -> Option<String> {
         .filter(|discrepancy_term| discrepancy_term.stage == stage && discrepancy_term.explains >= TOLD);
     let best = there.max_by(|a, b| a.explains.total_cmp(&b.explains))?;
     Some(format!(
-        "A discrepancy term on the {} would explain {} of it; its shape stands below.",
+        "A discrepancy term on the {} would explain {} of the error beyond noise; its shape is shown below.",
         best.place,
         percent(best.explains)
     ))
@@ -313,7 +323,10 @@ fn next(diagnosis: &Diagnosis) -> Vec<String> {
             if diagnosis.experiments.is_empty() {
                 all.clear();
             }
-            all.insert(0, "Record a process that travels: a start-up, a step of load, a shutdown by the ESV.".into());
+            all.insert(
+                0,
+                "Record a process that moves the servomotor: a start-up, a load step or a shutdown by the ESV.".into(),
+            );
         }
         Verdict::NoSuchUnit => {
             // No test of a servomotor stage tells more of what is none.
@@ -321,12 +334,14 @@ fn next(diagnosis: &Diagnosis) -> Vec<String> {
             all.push(next_test::CHECK_SIGNALS.into());
         }
         Verdict::NoGap => {
-            all.push("What would have shown, had it been there, stands below under what could be seen.".into());
+            all.push(
+                "The minimum detectable sizes below show which faults these recordings would have revealed.".into(),
+            );
         }
         Verdict::Named if is_alone(diagnosis) => {
             all.insert(
                 0,
-                "Record another process of the same unit and diagnose both: that confirms the cause, or refutes it."
+                "Record another process of the same unit and diagnose both together: this confirms or refutes the cause."
                     .into(),
             );
         }

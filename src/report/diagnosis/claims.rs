@@ -14,7 +14,7 @@ pub fn like(claimed: f64) -> Option<String> {
 /// The same where the sheet was made of the recordings: too few such claims were counted for a share of their own.
 pub fn by_assumed_sheet(claimed: f64) -> Option<String> {
     like(claimed)
-        .map(|said| format!("{said} Those units had a data sheet; with an assumed one fewer claims are right."))
+        .map(|said| format!("{said} Those units had a data sheet; with an assumed sheet fewer statements are true."))
 }
 
 /// The same of servomotor stages alone.
@@ -31,14 +31,14 @@ fn hit_rate(learned: &serde_json::Value, units: &str, claimed: f64) -> Option<St
         let (said, was) = (bin["said"].as_f64()?, bin["was"].as_f64()?);
         let of = bin["units"].as_u64()?;
         return Some(format!(
-            "Of {of} claims of about {} on unseen generated {units} {} were right.",
+            "On held-out generated {units}, {of} statements had a probability of about {}; {} of them were true.",
             percent(said),
             percent(was)
         ));
     }
     let (count, right) = (learned["units"].as_u64()?, learned["first_word_right_held_out"].as_f64()?);
     Some(format!(
-        "Of {count} unseen generated {units} the most probable answer was right in {}, whatever its probability.",
+        "On {count} held-out generated {units}, the most probable answer was right in {}, whatever its probability.",
         percent(right)
     ))
 }
@@ -53,12 +53,16 @@ mod tests {
     fn a_claim_stands_beside_what_came_of_such_claims() {
         let binned = json!({"units": 79, "first_word_right_held_out": 0.56, "reliability": [
             {"said": 0.95, "was": 0.9, "units": 30}, {"said": 0.96, "was": 0.0, "units": 1}, {"said": 0.5, "was": 0.4, "units": 20}]});
-        assert!(hit_rate(&binned, "units", 0.97).unwrap().starts_with("Of 30 claims of about 95 %"));
-        assert!(hit_rate(&binned, "units", 0.55).unwrap().contains("of about 50 %"));
+        assert!(
+            hit_rate(&binned, "units", 0.97)
+                .unwrap()
+                .starts_with("On held-out generated units, 30 statements had a probability of about 95 %")
+        );
+        assert!(hit_rate(&binned, "units", 0.55).unwrap().contains("a probability of about 50 %"));
         // No such claim was counted.
         assert!(hit_rate(&binned, "units", 0.75).unwrap().contains("right in 56 %, whatever its probability"));
         let plain = json!({"units": 79, "first_word_right_held_out": 0.56});
-        assert!(hit_rate(&plain, "units", 0.97).unwrap().contains("Of 79 unseen generated units"));
+        assert!(hit_rate(&plain, "units", 0.97).unwrap().contains("On 79 held-out generated units"));
         assert!(hit_rate(&json!({}), "units", 0.97).is_none(), "weights that were not learned have no record");
     }
 }

@@ -6,8 +6,8 @@ use crate::report::diagnosis::words::{id_words, listed, probability, stage_words
 use crate::report::table::{fixed, significant};
 
 /// What to do where the recordings are of no servomotor stage.
-pub const CHECK_SIGNALS: &str =
-    "Check which signals were recorded: the spool's position of the main distributing valve, and its servomotor's.";
+pub const CHECK_SIGNALS: &str = "Check which signals were recorded: the spool position of the main distributing valve and the position of its \
+                                 servomotor are needed.";
 
 /// Share of what is open below which a test is no promise.
 const LITTLE: f64 = 0.1;
@@ -37,21 +37,21 @@ pub fn length_s(one: &Experiment) -> String {
 fn nothing_to_settle(diagnosis: &Diagnosis) -> String {
     let bits = significant(diagnosis.entropy_bits, 2);
     if diagnosis.entropy_bits < LEAST_BITS {
-        format!("nothing to settle: the posterior's entropy is {bits} bits")
+        format!("none needed, as the posterior's entropy is only {bits} bits")
     } else {
-        format!("none of the candidates would take a hundredth of a bit off the posterior's entropy of {bits} bits")
+        format!("no candidate is expected to lower the posterior's entropy of {bits} bits by 0.01 bit")
     }
 }
 
-/// What a test settles: `tell a and b apart`, or `tell whether a acts`.
+/// What a test settles: `distinguish a from b`, or `find out whether a is present`.
 fn settles(one: &Experiment) -> String {
     let acting: Vec<String> =
         one.separates.iter().filter(|name| *name != "none").map(|name| hypothesis_words(name)).collect();
     if acting.len() == 1 && acting.len() < one.separates.len() {
-        format!("tell whether {} acts", acting[0])
+        format!("find out whether {} is present", acting[0])
     } else {
         let names: Vec<String> = one.separates.iter().map(|name| hypothesis_words(name)).collect();
-        format!("tell {} apart", listed(&names, "and"))
+        format!("distinguish {}", listed(&names, "from"))
     }
 }
 
@@ -60,17 +60,17 @@ pub fn paragraphs(diagnosis: &Diagnosis) -> Vec<String> {
     let Some(one) = diagnosis.experiments.first() else {
         return vec![format!("Next test: {}.", nothing_to_settle(diagnosis))];
     };
-    let trips = |trips: u32| if trips == 0 { "no trip".to_owned() } else { format!("{trips} trip of the ESV") };
+    let trips = |trips: u32| if trips == 0 { "no ESV trip".to_owned() } else { format!("{trips} ESV trip") };
     let sent = if one.bag.is_some() { " `govtwin play next_test.mcap` sends it." } else { "" };
     let share = one.expected_drop_bits / one.entropy_bits;
     let purpose = if share < LITTLE {
-        format!("No test that was tried would settle much; the best, to {}", settles(one))
+        format!("No candidate test would settle much; the best one, to {}", settles(one))
     } else {
         format!("To {}", settles(one))
     };
     let mut all = vec![
         format!(
-            "{purpose}: {}. It takes {} s, with {}, and is expected to settle {} of what is open ({} of {} bits).{sent}",
+            "{purpose}: {}. It takes {} s, with {}, and is expected to remove {} of the posterior's entropy ({} of {} bits).{sent}",
             one.test,
             length_s(one),
             trips(one.trips),
@@ -82,7 +82,7 @@ pub fn paragraphs(diagnosis: &Diagnosis) -> Vec<String> {
     ];
     if let Some(other) = diagnosis.experiments.iter().find(|other| one.trips == 0 && other.trips > 0) {
         let bits = significant(other.bits_per_minute, 2);
-        all.push(format!("With a trip more can be had: {}, {bits} bits a minute.", other.test));
+        all.push(format!("With an ESV trip more can be learnt per minute: {} ({bits} bits/min).", other.test));
     }
     all
 }

@@ -100,9 +100,9 @@ pub fn probabilities(diagnosis: &Diagnosis) -> Picture {
         diagnosis.stages.iter().map(|(stage, share)| (stage_title(*stage).to_owned(), *share)).collect();
     let ranked: Vec<_> =
         diagnosis.ranking.iter().take(RANKED).map(|one| (id_words(&one.id), one.probability)).collect();
-    let mut panels = vec![shares("probability of presence, %", Ink::Simulated, &ranked)];
+    let mut panels = vec![shares("probability that the effect is present, %", Ink::Simulated, &ranked)];
     if some {
-        panels.insert(0, shares("probability that the error sits there, %", Ink::Good, &stages));
+        panels.insert(0, shares("probability of the stage, %", Ink::Good, &stages));
     }
     Picture::grid("Probability of each stage and of the leading effects", 2, panels)
 }
@@ -127,13 +127,13 @@ pub fn shape(discrepancy_term: &DiscrepancyTerm) -> Picture {
     let air = 0.06 * (high - low);
     let panels = discrepancy_term.curves.iter().map(|curve| {
         let scaled = |from: &[(f64, f64)]| points(&from.iter().map(|&(x, y)| (x, scale * y)).collect::<Vec<_>>());
-        let mut panel = Panel::new(format!("against {}", curve.against))
+        let mut panel = Panel::new(format!("dependence on {}", curve.against))
             .x_name(curve.against)
             .y_range(low - air, high + air)
             .level(Ink::Band, "", 0.0)
             .line(Ink::Simulated, &format!("discrepancy term, {unit}"), scaled(&curve.points));
         if !curve.named.is_empty() {
-            panel = panel.dashed_line(Ink::Good, "of the twin with faults", scaled(&curve.named));
+            panel = panel.dashed_line(Ink::Good, "expected with the faults", scaled(&curve.named));
         }
         panel
     });

@@ -19,11 +19,11 @@ fn looking_up(limits: &SheetLimits) -> String {
     let open = significant(limits.open_bits, 2);
     let Some(first) = limits.next() else {
         return format!(
-            "no value of the sheet would settle a hundredth of the {open} bits that are open between the fault sets"
+            "no value is worth looking up, as none is expected to settle 0.01 bit or more; {open} bits are open between the fault sets"
         );
     };
     let mut text = format!(
-        "look up {} ({}): expected to settle {} of the {open} bits that are open between the fault sets",
+        "look up {} ({}): it is expected to settle {} of the {open} bits that are open between the fault sets",
         first.key,
         tolerance(first),
         significant(first.bits, 2)
@@ -49,7 +49,7 @@ fn hidden(diagnosis: &Diagnosis) -> Option<String> {
     (ratio(most) > 1.0).then(|| {
         let shown = |value: f64| quantity(value, shown_unit(most.parameter, most.unit));
         format!(
-            "its tolerances hide {} most: its {} shows from {} on, from {} if all values were known",
+            "its tolerances hide {} most; the minimum detectable {} is {}, or {} if all values were known exactly",
             id_words(most.id),
             parameter_words(most.parameter, most.unit),
             shown(most.smallest),
@@ -67,12 +67,12 @@ pub fn sentences(diagnosis: &Diagnosis) -> Vec<String> {
 /// The values that limit the verdict most.
 pub fn table(limits: &SheetLimits) -> Table {
     let mut table = Table::new()
-        .words("value of the sheet")
-        .numbers("sheet")
-        .numbers("one tolerance")
+        .words("key in the sheet")
+        .numbers("data sheet")
+        .numbers("± one tolerance")
         .numbers("from recordings")
         .numbers("settles, bits")
-        .words("hides, sharper by");
+        .words("hides, by a factor of");
     for one in limits.values.iter().take(SHOWN) {
         let hides: Vec<String> =
             one.hides.iter().map(|one| format!("{} {}", id_words(&one.id), significant(one.sharper, 2))).collect();

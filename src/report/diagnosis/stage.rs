@@ -8,7 +8,7 @@ use crate::report::table::significant;
 pub fn fitted_stage(diagnosis: &Diagnosis) -> Option<String> {
     let figures = &diagnosis.part.as_ref()?.figures;
     let said: Vec<String> = figures.iter().map(|one| format!("{} {}", one.title, figure_text(one))).collect();
-    (!said.is_empty()).then(|| format!("As fitted, in the numbers of the recordings: {}.", said.join("; ")))
+    (!said.is_empty()).then(|| format!("Fitted stage, in the units of the recordings: {}.", said.join("; ")))
 }
 
 /// Value, interval and unit of a figure of a fitted stage.

@@ -25,7 +25,7 @@ pub fn summary(diagnosis: &Diagnosis, width: usize) -> String {
     }
     let [(_, causes), (_, sure), (_, far), _] = answers::answers(diagnosis);
     let nearest: Vec<String> = causes.into_iter().skip(1).filter(|_| diagnosis.verdict == Verdict::Unknown).collect();
-    for (question, words) in [("nearest", nearest), ("how sure", sure), ("how far", far)] {
+    for (question, words) in [("nearest", nearest), ("how sure", sure), ("error", far)] {
         for (i, words) in words.into_iter().enumerate() {
             line(if i == 0 { question } else { "" }, words);
         }
@@ -36,7 +36,7 @@ pub fn summary(diagnosis: &Diagnosis, width: usize) -> String {
     for run in diagnosis.part.iter().flat_map(|part| &part.free_runs) {
         let model = if run.model.is_empty() { "no effect".to_owned() } else { id_words(&run.model) };
         let words = format!(
-            "{model}, fitted to the {}: {} % there, {} % in the other half",
+            "{model}, fitted to the {}: RMS error {} % there, {} % in the other half",
             run.fitted_on,
             significant(100.0 * run.seen, 3),
             significant(100.0 * run.held_out, 3)
@@ -44,7 +44,7 @@ pub fn summary(diagnosis: &Diagnosis, width: usize) -> String {
         line("free runs", words);
     }
     for (i, words) in sheet::sentences(diagnosis).into_iter().enumerate() {
-        line(if i == 0 { "sheet" } else { "" }, words);
+        line(if i == 0 { "data sheet" } else { "" }, words);
     }
     for (name, words) in next_test::lines(diagnosis) {
         line(name, words);

@@ -18,7 +18,7 @@ pub fn gap(diagnosis: &Diagnosis, explained: bool) -> Table {
     }
     table = table.numbers("noise alone").words("unit");
     if explained {
-        table = table.numbers("explained, fitted to all");
+        table = table.numbers("explained");
     }
     for gap in diagnosis.gap.iter().filter(|gap| is_judged(gap)) {
         let (scale, unit) = if gap.signal == Signal::ControlPressure { (1e-3, "kPa") } else { (100.0, "%") };
@@ -42,11 +42,8 @@ pub fn gap(diagnosis: &Diagnosis, explained: bool) -> Table {
 
 /// Free runs of a servomotor stage on its own.
 pub fn free_runs(part: &StageOnly) -> Table {
-    let mut table = Table::new()
-        .words("model")
-        .words("fitted to the")
-        .numbers("RMS error there, %")
-        .numbers("in the other half, %");
+    let mut table =
+        Table::new().words("model").words("fitted to").numbers("RMS error there, %").numbers("in the other half, %");
     for run in &part.free_runs {
         let model = if run.model.is_empty() { "no effect".to_owned() } else { id_words(&run.model) };
         table.row([
@@ -61,7 +58,7 @@ pub fn free_runs(part: &StageOnly) -> Table {
 
 /// What was fitted of a stage alone, in the numbers of its recordings.
 pub fn stage_figures(part: &StageOnly) -> Table {
-    let mut table = Table::new().words("fitted").numbers("value").numbers("90 % from").numbers("to").words("unit");
+    let mut table = Table::new().words("quantity").numbers("value").numbers("90 % from").numbers("to").words("unit");
     for one in &part.figures {
         let [value, low, high] = [one.value.value, one.value.low, one.value.high].map(|value| significant(value, 3));
         table.row([one.title.to_owned(), value, low, high, one.unit.to_owned()]);
@@ -72,9 +69,9 @@ pub fn stage_figures(part: &StageOnly) -> Table {
 /// Stages driven by recorded signals.
 pub fn stage_tests(diagnosis: &Diagnosis) -> Table {
     let mut table = Table::new()
-        .words("driven")
-        .words("judged by")
-        .numbers("zero error taken off, %")
+        .words("driven part")
+        .words("compared signal")
+        .numbers("zero error removed, %")
         .numbers("RMS error, %")
         .numbers("mean square over noise");
     for one in &diagnosis.stage_tests {
@@ -91,10 +88,8 @@ pub fn stage_tests(diagnosis: &Diagnosis) -> Table {
 
 /// Parts of the chain, each refitted on its own.
 pub fn parts(diagnosis: &Diagnosis) -> Table {
-    let mut table = Table::new()
-        .words("part")
-        .numbers("χ² over a right model's")
-        .words("a discrepancy term would explain most in the");
+    let mut table =
+        Table::new().words("part").numbers("χ² over expected").words("a discrepancy term gains most in the");
     for one in &diagnosis.table.parts {
         let most = one.likeliest().map_or_else(String::new, |(stage, gained)| {
             format!("{} ({} nats)", super::words::stage_title(stage), significant(gained, 2))
@@ -106,7 +101,7 @@ pub fn parts(diagnosis: &Diagnosis) -> Table {
 
 /// Places of free terms.
 pub fn discrepancy_terms(diagnosis: &Diagnosis) -> Table {
-    let mut table = Table::new().words("discrepancy term on the").words("stage").numbers("would explain");
+    let mut table = Table::new().words("signal").words("stage").numbers("would explain");
     for one in &diagnosis.discrepancy_terms {
         table.row([one.place.to_owned(), super::words::stage_title(one.stage).to_owned(), percent(one.explains)]);
     }
@@ -115,11 +110,8 @@ pub fn discrepancy_terms(diagnosis: &Diagnosis) -> Table {
 
 /// What was tried, best first.
 pub fn tried(diagnosis: &Diagnosis) -> Table {
-    let mut table = Table::new()
-        .words("effects")
-        .numbers("cost falls by")
-        .numbers("left out, by")
-        .words("fitted, with 90 % interval");
+    let mut table =
+        Table::new().words("effects").numbers("cost reduction").numbers("held out").words("fitted, with 90 % interval");
     for one in &diagnosis.tried {
         let ids: Vec<String> = one.ids.iter().map(|id| id_words(id)).collect();
         let cells =
@@ -134,7 +126,7 @@ pub fn tried(diagnosis: &Diagnosis) -> Table {
 
 /// Explained fraction on recordings that were left out.
 pub fn transfers(diagnosis: &Diagnosis) -> Table {
-    let mut table = Table::new().words("recording left out").numbers("error explained, with 90 % interval");
+    let mut table = Table::new().words("held-out recording").numbers("error explained, with 90 % interval");
     for one in &diagnosis.transfers {
         table.row([one.recording.clone(), percents(one.explained_fraction)]);
     }
@@ -151,7 +143,7 @@ pub fn blamed(diagnosis: &Diagnosis) -> Table {
         .numbers("explains alone");
     let two = diagnosis.blamed.iter().any(|one| one.last_in.is_some());
     if two {
-        table = table.numbers("on top of the other").numbers("Shapley share");
+        table = table.numbers("in addition to the other").numbers("Shapley share");
     }
     for one in &diagnosis.blamed {
         let mut row = vec![
@@ -173,16 +165,16 @@ pub fn blamed(diagnosis: &Diagnosis) -> Table {
 pub fn experiments(diagnosis: &Diagnosis) -> Table {
     let mut table = Table::new()
         .words("test")
-        .words("tells apart")
-        .numbers("entropy falls by, bits")
-        .numbers("bits a minute")
+        .words("distinguishes")
+        .numbers("entropy drop, bits")
+        .numbers("bits/min")
         .numbers("length, s")
-        .numbers("trips");
+        .numbers("ESV trips");
     for one in &diagnosis.experiments {
         let names: Vec<String> = one.separates.iter().map(|name| super::next_test::hypothesis_words(name)).collect();
         table.row([
             one.test.clone(),
-            super::words::listed(&names, "and"),
+            super::words::listed(&names, "from"),
             span(one.expected_drop_bits, one.at_most_bits),
             significant(one.bits_per_minute, 2),
             super::next_test::length_s(one),
@@ -200,7 +192,7 @@ fn span(low: f64, high: f64) -> String {
 
 /// Pairs that look alike here.
 pub fn ambiguous_pairs(diagnosis: &Diagnosis) -> Table {
-    let mut table = Table::new().words("effect").words("looks like").numbers("likeness");
+    let mut table = Table::new().words("effect").words("similar to").numbers("cosine");
     for (one, other, likeness) in &diagnosis.ambiguous_pairs {
         table.row([id_words(one), id_words(other), fixed(*likeness, 3)]);
     }
@@ -212,20 +204,20 @@ pub fn detectable_sizes(diagnosis: &Diagnosis) -> Table {
     let mut table = Table::new()
         .words("effect")
         .words("parameter")
-        .numbers("smallest that shows")
+        .numbers("minimum detectable")
         .numbers("moderate fault")
         .words("here");
     for one in &diagnosis.detectable_sizes {
         let seen = if one.smallest <= one.typical.abs() {
-            "shows"
+            "detectable"
         } else if one.smallest <= 10.0 * one.typical.abs() {
-            "only a large one"
+            "only if large"
         } else {
-            "hidden"
+            "not detectable"
         };
         let shown = |value: f64| quantity(value, shown_unit(one.parameter, one.unit));
         // Many times a moderate fault is a size that no unit has.
-        let smallest = if seen == "hidden" { "none".to_owned() } else { shown(one.smallest) };
+        let smallest = if seen == "not detectable" { "none".to_owned() } else { shown(one.smallest) };
         table.row([
             id_words(one.id),
             parameter_words(one.parameter, one.unit),
@@ -292,7 +284,7 @@ pub fn channels(diagnosis: &Diagnosis) -> Table {
         .words("signal")
         .numbers("samples")
         .numbers("rate, Hz")
-        .numbers("step")
+        .numbers("resolution")
         .numbers("noise")
         .words("unit")
         .words("remarks");

@@ -185,13 +185,13 @@ fn the_page_says_the_verdict_and_holds_all_it_needs() {
     );
     assert!(html.contains("play 0.42 % [0.40, 0.44]"));
     assert!(html.contains(
-        "The fault explains 88 % [84, 91] of the error that recalibration leaves, on data held out of the fit."
+        "On held-out data, the fault explains 88 % [84, 91] of the squared error that recalibration leaves beyond noise."
     ));
-    // Cause, how sure, how far, what next, in this order and before everything else.
+    // Cause, how sure, error, what next, in this order and before everything else.
     let at = |words: &str| html.find(words).unwrap_or_else(|| panic!("{words}"));
-    let order = ["<dt>Cause<", "<dt>How sure<", "<dt>How far<", "<dt>What next<", "key-figures\"", "<h2"].map(at);
+    let order = ["<dt>Cause<", "<dt>How sure<", "<dt>Error<", "<dt>What next<", "key-figures\"", "<h2"].map(at);
     assert!(order.is_sorted(), "{order:?}");
-    assert!(html.contains("while the twin lacks it, the real reading starts late"));
+    assert!(html.contains("Symptom: compared with a twin without it, the real reading starts late"));
     assert!(html.contains("Synthetic data.") && html.contains("x &lt; y."));
     assert!(html.contains("&lt;b&gt;one&lt;/b&gt; &amp; only") && !html.contains("<b>one"));
     assert!(html.contains("<svg"));
@@ -204,11 +204,15 @@ fn every_verdict_has_a_sentence_of_its_own() {
     let cases: [(Verdict, &[&str], &str); 7] = [
         (Verdict::Named, &["backlash"], "Play between"),
         (Verdict::Named, &["backlash", "load"], "Two faults act at once: backlash and load"),
-        (Verdict::Class, &["backlash", "load"], "Backlash or load; these recordings cannot tell which."),
-        (Verdict::Unknown, &[], "nothing in the catalogue explains: look first at the transducers and clocks; "),
+        (Verdict::Class, &["backlash", "load"], "Backlash or load; these recordings cannot distinguish them."),
+        (
+            Verdict::Unknown,
+            &[],
+            "No effect in the catalogue explains the error: look first at the transducers and clocks; ",
+        ),
         (Verdict::NoGap, &[], "No fault found; the data sheet is off: regulator position gain"),
-        (Verdict::NotExcited, &[], "do not move the unit enough to tell"),
-        (Verdict::NoSuchUnit, &[], "of no servomotor stage behind this spool"),
+        (Verdict::NotExcited, &[], "do not move the unit enough for a verdict"),
+        (Verdict::NoSuchUnit, &[], "not of a servomotor stage driven by this spool"),
     ];
     for (verdict, blamed, expected) in cases {
         let diagnosis = made_up(verdict, blamed);
@@ -228,8 +232,11 @@ fn something_unknown_is_looked_for_where_and_when_the_page_places_it() {
     diagnosis.traces[0].name = "one".into();
     diagnosis.discrepancy_terms[0].explains = 0.4;
     let text = summary(&diagnosis, usize::MAX);
-    assert!(text.contains("look first at the transducers and clocks; one shows it most, at "), "{text}");
-    assert!(text.contains("A discrepancy term on the servomotor transducer would explain 40 % of it"), "{text}");
+    assert!(text.contains("look first at the transducers and clocks; it is largest in one at "), "{text}");
+    assert!(
+        text.contains("A discrepancy term on the servomotor transducer would explain 40 % of the error beyond noise"),
+        "{text}"
+    );
     for (stage, explains) in [(Stage::Sensor, 0.01), (Stage::Spool, 0.4)] {
         (diagnosis.stage, diagnosis.discrepancy_terms[0].explains) = (Some(stage), explains);
         assert!(!summary(&diagnosis, usize::MAX).contains("discrepancy term"));
@@ -238,11 +245,11 @@ fn something_unknown_is_looked_for_where_and_when_the_page_places_it() {
     let page_of = |diagnosis: &Diagnosis| html_of(diagnosis, &Provenance::default());
     assert!(
         page_of(&diagnosis)
-            .contains("Nearest in the catalogue: backlash, fitted play 0.42 % [0.40, 0.44]. What speaks against it")
+            .contains("Nearest in the catalogue: backlash, fitted play 0.42 % [0.40, 0.44]. Its probability is ")
     );
     let nearest = "Nearest in the catalogue: servo_friction and load. It leaves more than a right one; servomotor.load_closed_n is 6.0 tolerances off.";
     diagnosis.notes.push(nearest.into());
-    diagnosis.notes.push("oil.bulk_modulus_pa was fitted onto the end of its range.".into());
+    diagnosis.notes.push("oil.bulk_modulus_pa was fitted to the end of its range.".into());
     // What a part of the chain leaves on its own.
     let unknown = [("servomotor".to_owned(), 185.0)].into();
     diagnosis.table.parts = vec![PartFit { part: Part::Servomotor, cost: 9e3, samples: 8e2, evidence: 0.0, unknown }];
@@ -264,32 +271,32 @@ fn a_sound_unit_is_told_what_recalibration_found_and_no_place() {
     assert!(
         text.starts_with(
             "No fault found; the data sheet is off: main ports overlap 0.168 mm instead of 0.200 mm (\u{2212}2.0 σ). \
-             The error that is left is 6.7 times noise alone in the servomotor position."
+             The remaining RMS error is 6.7 times noise alone in the servomotor position."
         ),
         "{text}"
     );
     let html = html_of(&diagnosis, &Provenance::default());
-    assert!(!html.contains("error sits there, %"), "no stage of an error that is not there");
+    assert!(!html.contains("probability of the stage, %"), "no stage of an error that is not there");
     assert!(!html.contains("by more than three standard deviations"));
     diagnosis.parameters[0].position = -3.4;
     let html = html_of(&diagnosis, &Provenance::default());
     assert!(html.contains("by more than three standard deviations") && html.contains(">main ports: overlap<"));
     assert!(html.contains(">main_ports.overlap_m<"), "the key beside it, to be looked up in the sheet");
     diagnosis.parameters[0].position = 0.3;
-    assert!(summary(&diagnosis, usize::MAX).starts_with("No fault found, and the data sheet holds"));
+    assert!(summary(&diagnosis, usize::MAX).starts_with("No fault found, and the data sheet is right"));
     diagnosis.judged_by = JudgedBy::AssumedSheet;
-    assert!(summary(&diagnosis, usize::MAX).starts_with("No fault found, and the assumed sheet holds"));
-    assert!(summary(&diagnosis, usize::MAX).contains("with an assumed one fewer claims are right"));
-    assert!(html_of(&diagnosis, &Provenance::default()).contains("Assumed sheet: made of the recordings"));
+    assert!(summary(&diagnosis, usize::MAX).starts_with("No fault found, and the assumed sheet is right"));
+    assert!(summary(&diagnosis, usize::MAX).contains("with an assumed sheet fewer statements are true"));
+    assert!(html_of(&diagnosis, &Provenance::default()).contains("Assumed sheet: estimated from the recordings"));
 }
 
 #[test]
 fn one_recording_alone_confirms_nothing() {
     let mut diagnosis = made_up(Verdict::Named, &["backlash"]);
     let text = summary(&diagnosis, usize::MAX);
-    assert!(text.contains("(not confirmed: one recording alone says so)"), "{text}");
+    assert!(text.contains("(not confirmed: based on one recording)"), "{text}");
     let html = html_of(&diagnosis, &Provenance::default());
-    assert!(html.contains("not confirmed</dd>") && html.contains("that confirms the cause, or refutes it"));
+    assert!(html.contains("not confirmed</dd>") && html.contains("this confirms or refutes the cause"));
     let second = diagnosis.traces[0].clone();
     diagnosis.traces.push(second);
     assert!(!summary(&diagnosis, usize::MAX).contains("not confirmed"));
@@ -302,7 +309,7 @@ fn an_effect_without_a_file_is_called_by_its_id() {
 
 #[test]
 fn a_named_effect_that_leaves_something_unknown_says_so() {
-    let words = "omething outside the catalogue acts besides, probability 97 %";
+    let words = "nother cause outside the catalogue is probable (97 %)";
     for (probability, said) in [(0.97, true), (0.3, false)] {
         let mut diagnosis = made_up(Verdict::Named, &["backlash", "load"]);
         diagnosis.ranking[1].probability = probability;

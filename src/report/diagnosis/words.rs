@@ -22,7 +22,7 @@ pub fn probability(share: f64) -> String {
 /// A share with its interval, as percentages; what leaves everything open is no figure.
 pub fn percents(interval: Interval) -> String {
     if interval.leaves_all_open() {
-        return "cannot be told".to_owned();
+        return "undetermined".to_owned();
     }
     let plain = |share: f64| percent(share).replace(" %", "");
     format!("{} [{}, {}]", percent(interval.value), plain(interval.low), plain(interval.high))
@@ -30,14 +30,15 @@ pub fn percents(interval: Interval) -> String {
 
 /// How much of the error an explanation takes, `subject` with its verb: `the fault`, `explains`.
 pub fn explained(explained_fraction: Interval, [subject, explains]: [&str; 2]) -> String {
-    let error = "the error that recalibration leaves";
+    let error = "the squared error that recalibration leaves beyond noise";
     if explained_fraction.leaves_all_open() {
         return format!(
-            "How much of {error} {subject} {explains} cannot be told: the error stands in too few places, or too little above the noise."
+            "{} {explains} an undetermined share of {error}: the error occurs in too few places or is too close to noise.",
+            capital(subject)
         );
     }
     let share = if explained_fraction.value > 0.0 { percents(explained_fraction) } else { "nothing".to_owned() };
-    format!("{} {explains} {share} of {error}, on data held out of the fit.", capital(subject))
+    format!("On held-out data, {subject} {explains} {share} of {error}.")
 }
 
 /// Where a stage is on the machine.
@@ -110,7 +111,7 @@ pub fn symptom(id: &str) -> String {
         .collect();
     let meant = if meant.is_empty() { String::new() } else { format!(" ({})", meant.join("; ")) };
     let text = match head.symptom.strip_prefix("Without it ") {
-        Some(rest) => format!("How it shows: while the twin lacks it, {rest}"),
+        Some(rest) => format!("Symptom: compared with a twin without it, {rest}"),
         None => head.symptom.clone(),
     };
     if meant.is_empty() { text } else { format!("{}{meant}.", text.trim_end_matches('.')) }
@@ -216,8 +217,8 @@ pub fn verdict_title(verdict: Verdict) -> &'static str {
         Verdict::Class => "possible causes",
         Verdict::Unknown => "unknown cause",
         Verdict::NoGap => "no fault found",
-        Verdict::NotExcited => "cannot be told",
-        Verdict::NoSuchUnit => "no such unit",
+        Verdict::NotExcited => "too little movement",
+        Verdict::NoSuchUnit => "not a servomotor stage",
     }
 }
 
@@ -268,7 +269,7 @@ pub fn over_noise(diagnosis: &Diagnosis) -> String {
         format!("{times} times{noise} in the {}", gap.signal.title().to_lowercase())
     };
     let all: Vec<String> = diagnosis.gap.iter().filter(known).enumerate().map(of).collect();
-    if all.is_empty() { String::new() } else { format!("The error that is left is {}.", listed(&all, "and")) }
+    if all.is_empty() { String::new() } else { format!("The remaining RMS error is {}.", listed(&all, "and")) }
 }
 
 /// A text with a capital letter.
@@ -288,7 +289,7 @@ fn lower(text: &str) -> String {
 
 /// One of several faults, in a paragraph.
 pub fn of_several(diagnosis: &Diagnosis, blame: &Blame) -> String {
-    let open = if blame.explained_fraction.leaves_all_open() { "a share that " } else { "" };
+    let open = if blame.explained_fraction.leaves_all_open() { "a share that is " } else { "" };
     format!(
         "{} ({}, probability {}): {}. Alone it explains {open}{}. {}",
         capital(&id_words(&blame.id)),
@@ -306,8 +307,7 @@ pub fn besides(diagnosis: &Diagnosis) -> Option<String> {
     let unknown = diagnosis.ranking.iter().find(|ranked| ranked.id == "unknown" && ranked.probability > 0.5);
     unknown.filter(|_| named).map(|unknown| {
         format!(
-            "something outside the catalogue acts besides, probability {}: what is named leaves more than noise and the error of its \
-             equations.",
+            "another cause outside the catalogue is probable ({}): the named effects leave more than noise and equation error.",
             probability(unknown.probability)
         )
     })

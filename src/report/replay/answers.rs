@@ -1,4 +1,4 @@
-//! The four answers at the head of a replay: where the twin is farthest off, how sure, how far, and what to do next.
+//! The four answers at the head of a replay: where the error is largest, how sure that is, how large the error is, and what to do next.
 
 use super::curves::spread;
 use super::{percent, r2_words};
@@ -6,7 +6,6 @@ use crate::parameters::Sensors;
 use crate::recording::Process;
 use crate::replay::figures::RecordingGroup;
 use crate::replay::summary::ReplaySummary;
-use crate::report::diagnosis::capital;
 use crate::signal::Signal;
 
 /// The judged positions, as people call them, with what their percent is of.
@@ -20,9 +19,9 @@ pub fn answers(summary: &ReplaySummary, sensors: &Sensors) -> Vec<(&'static str,
     let far =
         said(|signal, name, of| Some(format!("{name} {} % of {of}", percent(rmse(&summary.overall, signal)?, 2))));
     if far.is_empty() {
-        let nothing = "Nothing to compare: no position was measured and simulated at once.";
-        let next = "Look with `govtwin info BAG` which signals the recordings have.";
-        return vec![("Cause", vec![nothing.to_owned()]), ("What next", vec![next.to_owned()])];
+        let nothing = "Nothing to compare: no position was both measured and simulated.";
+        let next = "`govtwin info BAG` lists the signals of a recording.";
+        return vec![("Result", vec![nothing.to_owned()]), ("What next", vec![next.to_owned()])];
     }
     let noise = said(|signal, name, _| {
         let share = rmse(&summary.overall, signal).map(|_| spread(signal.sensor(sensors)))?;
@@ -31,16 +30,16 @@ pub fn answers(summary: &ReplaySummary, sensors: &Sensors) -> Vec<(&'static str,
     let r2 = said(|signal, name, _| summary.overall.of(signal).map(|f| format!("{name} {}", r2_words(f.r2))));
     let mut sure = vec![format!("R²: {}.", r2.join(", "))];
     if !noise.is_empty() {
-        sure.push(format!("Noise and steps of the transducers alone would make: {}.", noise.join(", ")));
+        sure.push(format!("RMS error from noise and resolution of the transducers alone: {}.", noise.join(", ")));
     }
     let how_far = match after(summary) {
         Some(after) => format!("RMS error over all rows: {}; {after}.", far.join(", ")),
         None => format!("RMS error over all rows: {}.", far.join(", ")),
     };
     vec![
-        ("Cause", vec![farthest(summary)]),
+        ("Result", vec![farthest(summary)]),
         ("How sure", sure),
-        ("How far", vec![how_far]),
+        ("Error", vec![how_far]),
         ("What next", vec![next(summary)]),
     ]
 }
@@ -56,18 +55,17 @@ fn rmse(group: &RecordingGroup, signal: Signal) -> Option<f64> {
 
 /// In which process the twin is farthest off.
 fn farthest(summary: &ReplaySummary) -> String {
-    let not_why = "A replay shows how far twin and unit differ, not why";
-    let signal =
-        POSITIONS.into_iter().map(|(signal, ..)| signal).find(|signal| rmse(&summary.overall, *signal).is_some());
+    let not_why = "A replay shows how much twin and unit differ, not why";
+    let judged = POSITIONS.into_iter().find(|(signal, ..)| rmse(&summary.overall, *signal).is_some());
     let known = summary.processes.iter().filter_map(|group| {
         let process = Process::ALL.into_iter().find(|process| Some(process.id()) == group.process)?;
-        Some((process, group, rmse(group, signal?)?))
+        Some((process, group, rmse(group, judged?.0)?))
     });
     let Some((process, group, _)) = known.max_by(|a, b| a.2.total_cmp(&b.2)) else { return format!("{not_why}.") };
     let there = said(|signal, name, _| Some(format!("{name} {} %", percent(rmse(group, signal)?, 2))));
-    let most = if summary.processes.len() > 1 { "the twin is farthest off in the " } else { "" };
-    let where_most = capital(&format!("{most}{}", process.title()));
-    format!("{where_most} ({} RMS). {not_why}.", there.join(", "))
+    let judged = judged.map_or("", |(_, name, _)| name);
+    let most = if summary.processes.len() > 1 { format!("The {judged} error is largest") } else { "Error".to_owned() };
+    format!("{most} in the {}: {} (RMS). {not_why}.", process.title(), there.join(", "))
 }
 
 /// What the last unit of a ladder leaves, in half a sentence.
@@ -80,7 +78,7 @@ fn after(summary: &ReplaySummary) -> Option<String> {
 
 fn next(summary: &ReplaySummary) -> String {
     if summary.ladder.is_some() {
-        return "Compare the units process by process below: what is a law of the unit helps in all of them."
+        return "Compare the units by process below: a change that reflects the real unit lowers the error in all of them."
             .to_owned();
     }
     "`govtwin diagnose` with the same recordings finds out why.".to_owned()

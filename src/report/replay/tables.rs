@@ -18,7 +18,7 @@ pub fn reason_for_dashes(summary: &ReplaySummary) -> Option<String> {
     let cut = summary.overall.signals.iter().find(|figures| figures.stands_in)?;
     let signal = Signal::ALL.into_iter().find(|signal| signal.id() == cut.name)?;
     Some(format!(
-        "Cut at the {}: the measured {} stands in for the simulated one, which therefore cannot be judged.",
+        "Cut at the {}: the measured {} stands in for the simulated one, so its error is not evaluated.",
         summary.cut,
         signal.title().to_lowercase(),
     ))
@@ -48,7 +48,7 @@ pub fn process_table(summary: &ReplaySummary) -> Table {
 }
 
 pub fn recording_table(summary: &ReplaySummary) -> Table {
-    let mut table = Table::new().words("recording").words("process").numbers("rows").numbers("s");
+    let mut table = Table::new().words("recording").words("process").numbers("rows").numbers("length, s");
     for name in ["servomotor", "spool"] {
         for figure in ["MAE", "RMSE", "R²", "bias", "largest"] {
             table = table.numbers_of(name, figure);
@@ -111,7 +111,7 @@ pub fn errors(summary: &ReplaySummary, replayed: &[&Replayed], sensors: &Sensors
             Panel::new(format!("RMSE of the {name}, %"))
                 .x_categories(titles.clone())
                 .bars(Ink::Difference, "", &rmse, 0, 1)
-                .level(Ink::Text, "noise of the transducer", 100.0 * spread(signal.sensor(sensors))),
+                .level(Ink::Text, "transducer noise", 100.0 * spread(signal.sensor(sensors))),
         );
         let differences: Vec<f64> = replayed
             .iter()
@@ -120,7 +120,7 @@ pub fn errors(summary: &ReplaySummary, replayed: &[&Replayed], sensors: &Sensors
             .collect();
         let reach = 100.0 * (3.0 * overall.rmse).max(4.0 * spread(signal.sensor(sensors)));
         panels.push(
-            Panel::new(format!("Differences of the {name}, share of rows"))
+            Panel::new(format!("Error of the {name}, share of rows"))
                 .histogram(Ink::Difference, "", &differences, [-reach, reach], 61)
                 .x_name("simulated − measured, %"),
         );

@@ -13,16 +13,18 @@ fn an_explained_fraction_that_says_nothing_is_not_given_as_a_figure() {
     diagnosis.blamed[0].explained_fraction = diagnosis.explained_fraction;
     let text = summary(&diagnosis, usize::MAX);
     assert!(
-        text.contains("How much of the error that recalibration leaves the fault explains cannot be told"),
+        text.contains(
+            "The fault explains an undetermined share of the squared error that recalibration leaves beyond noise"
+        ),
         "{text}"
     );
     assert!(!text.contains("100 %"), "{text}");
     let html = html_of(&diagnosis, &Provenance::default());
-    assert!(html.contains("cannot be told<") && !html.contains("[0, 100]"));
+    assert!(html.contains("undetermined<") && !html.contains("[0, 100]"));
     let mut several = made_up(Verdict::Named, &["backlash", "lvdt_bias"]);
     several.blamed[1].explained_fraction = diagnosis.explained_fraction;
     let html = html_of(&several, &Provenance::default());
-    assert!(html.contains("Alone it explains a share that cannot be told. ") && !html.contains("[0, 100]"));
+    assert!(html.contains("Alone it explains a share that is undetermined. ") && !html.contains("[0, 100]"));
 }
 
 #[test]
@@ -31,7 +33,9 @@ fn an_explained_fraction_below_nothing_is_none() {
     diagnosis.explained_fraction = Interval { value: -0.12, low: -0.77, high: 0.09 };
     let text = summary(&diagnosis, usize::MAX);
     assert!(
-        text.contains("The fault explains nothing of the error that recalibration leaves, on data held out"),
+        text.contains(
+            "On held-out data, the fault explains nothing of the squared error that recalibration leaves beyond noise."
+        ),
         "{text}"
     );
 }
@@ -44,11 +48,11 @@ fn an_open_stage_has_a_second_one_and_a_test_that_settles_little_says_so() {
     let text = summary(&open, usize::MAX);
     assert!(text.contains("main ports and servomotor (30 %), then at the control chamber and spool (20 %)"), "{text}");
     let html = html_of(&open, &Provenance::default());
-    assert!(html.contains("To tell backlash and load apart: a full stroke. It takes 34 s,"), "{html}");
+    assert!(html.contains("To distinguish backlash from load: a full stroke. It takes 34 s,"), "{html}");
     open.experiments[0].expected_drop_bits = 0.004;
     open.experiments[0].separates = vec!["none".into(), "load".into()];
     let html = html_of(&open, &Provenance::default());
-    assert!(html.contains("No test that was tried would settle much; the best, to tell whether load acts: "));
+    assert!(html.contains("No candidate test would settle much; the best one, to find out whether load is present: "));
 }
 
 #[test]
@@ -65,5 +69,5 @@ fn what_decides_nothing_has_no_probability_and_what_is_no_stage_no_test() {
 #[test]
 fn possible_causes_stand_beside_how_often_such_claims_were_right() {
     let text = summary(&made_up(Verdict::Class, &["backlash", "load"]), usize::MAX);
-    assert!(text.contains("on unseen generated units"), "{text}");
+    assert!(text.contains("On held-out generated units"), "{text}");
 }
