@@ -104,12 +104,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let unit = refitted.unwrap_or_else(|| ready.sheet.unit.clone());
     let refitted = args.refit.then(|| ready.table_of(&unit, RateOfInputs::Linear));
     let parents = Parents { plain: &ready.table, drawn: &drawn, refitted: refitted.as_ref() };
-    if !same_rows(parents.plain, parents.drawn) || !parents.refitted.is_none_or(|table| same_rows(parents.plain, table))
-    {
-        bail!(
-            "the twin says nothing finite of some rows where inputs run straight between rows, so that no two models can be compared"
-        );
-    }
+    check_rows(&parents)?;
     let seeds: Vec<u64> = (0..args.seeds).map(|k| args.learn.seed + k).collect();
     let standings_of = |contenders: &[Contender]| -> Vec<ModelStanding> {
         contenders.iter().map(|one| ModelStanding::of(&ready.table, &split.test, one)).collect()
@@ -191,6 +186,17 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     };
     let shown = Shown { rows: table, judging: &split.test, contenders: &field.contenders };
     write(args, output, &summary, &shown)
+}
+
+/// Refuses twins of which one says nothing finite of some rows: no two models could be compared.
+fn check_rows(parents: &Parents<'_>) -> anyhow::Result<()> {
+    if !same_rows(parents.plain, parents.drawn) || !parents.refitted.is_none_or(|table| same_rows(parents.plain, table))
+    {
+        bail!(
+            "the twin says nothing finite of some rows where inputs run straight between rows, so that no two models can be compared"
+        );
+    }
+    Ok(())
 }
 
 /// Leaves page and JSON, and says what is in them.

@@ -126,7 +126,7 @@ fn without_copies(recordings: Vec<Recording>) -> (Vec<Recording>, Vec<String>) {
     for recording in recordings {
         match kept.iter().find(|other| is_copy(other, &recording)) {
             Some(first) => {
-                notes.push(format!("{} holds the same samples as {}; the two count once.", recording.name, first.name))
+                notes.push(format!("{} holds the same samples as {}; the two count once.", recording.name, first.name));
             }
             None => kept.push(recording),
         }
