@@ -228,7 +228,7 @@ pub enum ReportError {
     #[error("expected a report of the schema {SCHEMA}, found `{0}`; was it made by another version?")]
     Schema(String),
     /// A field that is missing or is none of those that may stand there.
-    #[error("{0}")]
+    #[error(transparent)]
     Field(#[from] serde_path_to_error::Error<serde_json::Error>),
 }
 
