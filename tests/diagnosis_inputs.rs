@@ -28,11 +28,13 @@ fn of(unit: &Unit, process: Process, rate_hz: f64) -> Recording {
     recording(&Scenario { unit: unit.clone(), process, rate_hz, duration_s: 30.0, rich: false, seed: 4 })
 }
 
-/// A recording of the reference unit at 5 Hz, read from a bag as `diagnose` does: between samples the command goes straight.
-fn archived(process: Process) -> Recording {
+/// A recording of the reference unit, read from a bag as `diagnose` does: between slow samples the command goes straight.
+fn archived(process: Process, rate_hz: &str, more: &[&str]) -> Recording {
     let dir = tempfile::tempdir().unwrap();
     let made = Command::new(env!("CARGO_BIN_EXE_govtwin"))
-        .args(["generate", "--process", process.id(), "--rate", "5", "--duration", "150", "--seed", "4", "--out"])
+        .args(["generate", "--process", process.id(), "--rate", rate_hz, "--seed", "4"])
+        .args(more)
+        .arg("--out")
         .arg(dir.path())
         .output()
         .unwrap();
@@ -158,7 +160,10 @@ fn a_saturated_transducer_is_no_fault_of_the_unit() {
 
 #[test]
 fn five_hertz_and_two_processes_are_enough_to_say_nothing_wrong() {
-    let said = judge(vec![archived(Process::Startup), archived(Process::Shutdown)]).unwrap();
+    let said = judge(
+        [Process::Startup, Process::Shutdown].map(|process| archived(process, "5", &["--duration", "150"])).into(),
+    )
+    .unwrap();
     nothing_claimed(&said);
 }
 
@@ -183,4 +188,21 @@ fn an_effect_is_not_taken_for_different_units() {
     let said = judge(pair(&unit)).unwrap();
     assert_eq!(said.verdict, Verdict::Named, "{:?}", said.ranking);
     assert!(!said.notes.iter().any(|note| note.contains("different units")), "{:?}", said.notes);
+}
+
+/// Between a recorder of 5 Hz and a bench of 100 Hz: at 20 to 30 Hz the inputs between samples once passed for known, and such units were called
+/// unknown.
+#[test]
+fn a_bias_is_named_at_rates_between_a_recorder_and_a_bench() {
+    for rate_hz in ["20", "30"] {
+        let with = ["--duration", "40", "--spread", "off", "--effect", "lvdt_bias=0.01"];
+        let said = judge(Process::ALL.map(|process| archived(process, rate_hz, &with)).into()).unwrap();
+        let blamed: Vec<&str> = said.blamed.iter().map(|blame| blame.id.as_str()).collect();
+        assert_eq!(
+            (said.verdict, &blamed[..]),
+            (Verdict::Named, &["lvdt_bias"][..]),
+            "{rate_hz} Hz: {:?}",
+            said.ranking
+        );
+    }
 }

@@ -11,8 +11,8 @@ use crate::twin::batch::{self, BatchRow};
 use crate::twin::{Cut, Twin};
 use crate::units::{nanos_from_seconds, seconds_from_nanos};
 
-/// Samples farther apart than this leave open what inputs do between them, s.
-const SLOW_S: f64 = 0.05;
+/// Samples farther apart than this leave open what inputs do between them, s: the spool, which settles within it, shows none of it.
+const SLOW_S: f64 = 0.03;
 
 /// Median size of the second difference of white jitter, over its standard deviation.
 const MEDIAN_BEND: f64 = 1.652;
