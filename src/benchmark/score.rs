@@ -66,7 +66,7 @@ pub fn score(cases: &[ScoredUnit]) -> Score {
     for case in cases {
         let weight = if case.sound() { sound } else { 1.0 };
         claims.extend(case.report.ranking.iter().map(|rank| StatedProbability {
-            stated_probability: if rank.probability.is_nan() { 0.0 } else { rank.probability },
+            stated_probability: case.report.probability(&rank.id),
             was: case.holds(&rank.id),
             weight,
         }));

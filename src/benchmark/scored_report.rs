@@ -23,7 +23,7 @@ impl DiagnosisReport {
     #[must_use]
     pub fn first(&self) -> &str {
         let mut best: Option<&Ranked> = None;
-        for rank in &self.ranking {
+        for rank in self.ranking.iter().filter(|rank| !rank.probability.is_nan()) {
             if best.is_none_or(|best| rank.probability > best.probability) {
                 best = Some(rank);
             }
@@ -101,7 +101,9 @@ mod tests {
             rows: vec![row(&["port_overlap"], 950.0), row(&[], 1420.0)],
             ..EvidenceTable::default()
         };
-        assert!(report.detects() && report.word() == "port_overlap" && report.blames("port_overlap"));
+        report.ranking.rotate_right(1);
+        assert!(report.detects() && report.first() == "port_overlap" && report.word() == "port_overlap");
+        assert!(report.blames("port_overlap") && !report.blames("load"));
         assert_eq!(["backlash", "load"].map(|id| report.probability(id)), [0.0; 2]);
         assert_eq!((report.leaves(), report.explained_fraction()), (Some(30.0), None));
         report.gap.explained_fraction = Interval { value: 0.91, low: 0.87, high: 0.94 };
