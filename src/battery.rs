@@ -331,7 +331,7 @@ mod tests {
         let mut unit = crate::sheet::derive(&plate, &crate::params::reference()).unwrap().unit;
         // Wide tolerances of a plate are no spread of units.
         unit.tolerances.iter_mut().for_each(|tolerance| *tolerance = None);
-        for case in plan::plan(6, 4, plan::BatteryRates::TestRig) {
+        for case in plan::plan(6, 4, &plan::BatteryRates::OneOf(vec![100.0])) {
             for (process, streams) in make(&unit, &case).streams {
                 let rows = &streams.servo_state;
                 assert!(rows.len() > 1000, "{}, {process:?}: {} rows", case.name, rows.len());

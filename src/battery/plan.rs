@@ -6,14 +6,12 @@ use crate::battery::{Case, CaseKind};
 use crate::effects::of_the_chain;
 
 /// Which rates a battery's recordings have.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum BatteryRates {
-    /// 100 Hz, as on a bench.
-    TestRig,
-    /// 5 Hz, as in a plant's archive.
-    Plant,
-    /// Two thirds at 100 Hz, one third at 5 Hz.
+    /// Two thirds of the units at 100 Hz, as on a bench, one third at 5 Hz, as in a plant's archive.
     Both,
+    /// One of these for each unit, drawn, Hz; at least one.
+    OneOf(Vec<f64>),
 }
 
 /// What the positions hardly show: more of these units have the pilot signals recorded.
@@ -70,10 +68,11 @@ const PATTERN: [Slot; 24] = [
 ///
 /// Each part goes through all effects before one comes again.
 #[must_use]
-pub fn plan(count: usize, seed: u64, rates: BatteryRates) -> Vec<Case> {
+pub fn plan(count: usize, seed: u64, rates: &BatteryRates) -> Vec<Case> {
     let mut draw = Draw::new(seed, Question::Plan, 0);
     // Triples have a stream of their own, so that they leave the other kinds as they were.
     let mut of_triples = Draw::new(seed, Question::Plan, 1);
+    let mut of_rates = Draw::new(seed, Question::Plan, 2);
     let ids: Vec<&'static str> = of_the_chain().map(|spec| spec.id).collect();
     let seconds = ids.clone();
     let strangers: Vec<&str> = STRANGERS.iter().map(|stranger| stranger.id).collect();
@@ -105,13 +104,12 @@ pub fn plan(count: usize, seed: u64, rates: BatteryRates) -> Vec<Case> {
             let (slow, rich, seed) = (draw.chance(1.0 / 3.0), draw.between(0.0, 1.0), draw.seed());
             let hidden = kind.ids().iter().any(|id| HIDDEN.contains(id));
             let rich = rich < if hidden { 0.7 } else { 0.3 };
-            let slow = match rates {
-                BatteryRates::TestRig => false,
-                BatteryRates::Plant => true,
-                BatteryRates::Both => slow,
+            let rate_hz = match rates {
+                BatteryRates::Both if slow => 5.0,
+                BatteryRates::Both => 100.0,
+                BatteryRates::OneOf(rates_hz) => rates_hz[of_rates.below(rates_hz.len())],
             };
-            let (name, rate_hz) = (format!("case_{:03}", place + 1), if slow { 5.0 } else { 100.0 });
-            Case { name, kind, rate_hz, rich, seed, alone: None }
+            Case { name: format!("case_{:03}", place + 1), kind, rate_hz, rich, seed, alone: None }
         })
         .collect()
 }
@@ -155,7 +153,7 @@ mod tests {
     #[test]
     fn a_round_of_units_has_their_shares_of_each_kind() {
         let of = |kind: &str| {
-            plan(PATTERN.len(), 9, BatteryRates::Both).iter().filter(|case| case.kind.id() == kind).count()
+            plan(PATTERN.len(), 9, &BatteryRates::Both).iter().filter(|case| case.kind.id() == kind).count()
         };
         let shares = ["sound", "single", "pair", "triple", "stranger", "left_out"].map(of);
         assert_eq!(shares, [4, 10, 3, 1, 2, 4]);
@@ -163,9 +161,9 @@ mod tests {
 
     #[test]
     fn a_longer_battery_begins_with_the_shorter_and_covers_every_effect() {
-        let (short, long) = (plan(12, 7, BatteryRates::Both), plan(200, 7, BatteryRates::Both));
+        let (short, long) = (plan(12, 7, &BatteryRates::Both), plan(200, 7, &BatteryRates::Both));
         assert_eq!(short, long[..12]);
-        assert_ne!(short, plan(12, 8, BatteryRates::Both));
+        assert_ne!(short, plan(12, 8, &BatteryRates::Both));
         for spec in of_the_chain() {
             let single = |case: &&Case| matches!(&case.kind, CaseKind::Single(id) if id == spec.id);
             assert!(long.iter().filter(single).count() >= 2, "{}", spec.id);
@@ -191,6 +189,19 @@ mod tests {
         assert!(triples.len() == 8 && triples.iter().all(|case| case.kind.ids().len() == 3));
         let slow = long.iter().filter(|case| case.rate_hz == 5.0).count();
         assert!((40..100).contains(&slow), "{slow}");
-        assert!(plan(12, 7, BatteryRates::Plant).iter().all(|case| case.rate_hz == 5.0));
+        assert!(plan(12, 7, &BatteryRates::OneOf(vec![5.0])).iter().all(|case| case.rate_hz == 5.0));
+    }
+
+    #[test]
+    fn other_rates_are_drawn_and_leave_the_units_as_they_are() {
+        let (both, others) =
+            (plan(60, 7, &BatteryRates::Both), plan(60, 7, &BatteryRates::OneOf(vec![50.0, 20.0, 10.0])));
+        for rate_hz in [50.0, 20.0, 10.0] {
+            let share = others.iter().filter(|case| case.rate_hz == rate_hz).count();
+            assert!((10..30).contains(&share), "{share} at {rate_hz} Hz");
+        }
+        for (one, other) in both.iter().zip(&others) {
+            assert_eq!((&one.kind, one.seed, one.rich), (&other.kind, other.seed, other.rich));
+        }
     }
 }

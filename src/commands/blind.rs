@@ -10,7 +10,6 @@ mod shard;
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-use clap::ValueEnum;
 use govtwin::battery::plan::BatteryRates;
 use govtwin::files::is_same;
 use govtwin::params;
@@ -61,13 +60,15 @@ pub struct Args {
     /// Seed of all random numbers of --generate.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Rate of the generated recordings, Hz.
-    #[arg(long = "rate", value_enum, default_value_t = Rate::Both)]
-    rate_hz: Rate,
+    /// Rate of the generated recordings, Hz: `both` or a list.
+    ///
+    /// `both` is 5 Hz for a third of the units and 100 Hz for the others. Of a list one rate is drawn for each unit.
+    #[arg(long, value_name = "HZ,...", default_value = "both", value_parser = rates)]
+    rate: BatteryRates,
     /// Generate servomotor stages alone: recordings of spool and servomotor only.
     ///
     /// They are diagnosed with the data sheet of --params, or without a sheet.
-    #[arg(long, requires = "generate", conflicts_with_all = ["rate_hz", "baselines", "baselines_only"])]
+    #[arg(long, requires = "generate", conflicts_with_all = ["rate", "baselines", "baselines_only"])]
     stages_alone: bool,
     /// Also diagnose with the baseline methods.
     #[arg(long)]
@@ -113,17 +114,20 @@ Examples:
 
 Exit codes: 0 ok, 1 not possible, 2 wrong usage, 3 finished with warnings.";
 
-/// Rates of a battery.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Rate {
-    /// As on a bench.
-    #[value(name = "100")]
-    TestRig,
-    /// As in a plant's archive.
-    #[value(name = "5")]
-    Plant,
-    /// Both: a third of the units at 5 Hz, the others at 100 Hz.
-    Both,
+/// Rates of a battery as they are written in a command: each a whole number of milliseconds apart, since the plant runs in such steps.
+fn rates(text: &str) -> Result<BatteryRates, String> {
+    if text == "both" {
+        return Ok(BatteryRates::Both);
+    }
+    let one = |text: &str| {
+        let rate_hz: f64 = text.trim().parse().ok()?;
+        let period_ms = 1000.0 / rate_hz;
+        ((1.0..=1000.0).contains(&period_ms) && (period_ms - period_ms.round()).abs() < 1e-9).then_some(rate_hz)
+    };
+    let rates_hz: Option<Vec<f64>> = text.split(',').map(one).collect();
+    rates_hz.map(BatteryRates::OneOf).ok_or_else(|| {
+        "expected `both` or rates of 1 to 1000 Hz with whole milliseconds between samples, such as 50,20,10".to_owned()
+    })
 }
 
 /// Runs the command.
@@ -143,17 +147,12 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let made = match args.generate {
         Some(0) => return Err(usage("--generate: expected at least 1 unit, found 0")),
         Some(count) => {
-            let rates = match args.rate_hz {
-                Rate::TestRig => BatteryRates::TestRig,
-                Rate::Plant => BatteryRates::Plant,
-                Rate::Both => BatteryRates::Both,
-            };
             let kind = if args.stages_alone {
                 BatteryOf::Stages { with_sheet: args.params.is_some() }
             } else {
-                BatteryOf::Chains(rates)
+                BatteryOf::Chains(args.rate.clone())
             };
-            Some(battery::make((&args.dir, out), unit, count, (args.seed, kind), args.shard.unwrap_or_default())?)
+            Some(battery::make((&args.dir, out), unit, count, (args.seed, &kind), args.shard.unwrap_or_default())?)
         }
         None => None,
     };

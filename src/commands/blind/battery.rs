@@ -53,7 +53,7 @@ pub struct Battery {
 }
 
 /// What the units of a battery are.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub enum BatteryOf {
     /// Whole chains, at these rates.
     Chains(BatteryRates),
@@ -69,7 +69,7 @@ pub fn make(
     (dir, out): (&Path, &Path),
     unit: &Unit,
     count: usize,
-    (seed, kind): (u64, BatteryOf),
+    (seed, kind): (u64, &BatteryOf),
     shard: Shard,
 ) -> anyhow::Result<Battery> {
     let drawn = match kind {
@@ -93,7 +93,7 @@ pub fn make(
     }
     let all = match kind {
         BatteryOf::Chains(rates) => plan(count, seed, rates),
-        BatteryOf::Stages { with_sheet } => battery::stage::plan(count, seed, with_sheet),
+        BatteryOf::Stages { with_sheet } => battery::stage::plan(count, seed, *with_sheet),
     };
     let labels: Vec<Label> = all.iter().map(|case| battery::label(unit, case)).collect();
     let plans = shard.of(all);
@@ -255,7 +255,7 @@ mod tests {
         let (dir, out) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
         let unit = params::reference();
         let battery =
-            make((dir.path(), out.path()), &unit, 0, (3, BatteryOf::Chains(BatteryRates::Both)), Shard::default())
+            make((dir.path(), out.path()), &unit, 0, (3, &BatteryOf::Chains(BatteryRates::Both)), Shard::default())
                 .unwrap();
         let opened = [dir.path().join(LABELS), dir.path().join(STRENGTHS), out.path().join("score.html")];
         for file in &opened {

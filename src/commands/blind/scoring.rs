@@ -120,11 +120,13 @@ pub fn score_all(
         }
     }
     let mut parts: Vec<page::MethodScore> = Vec::new();
-    for (name, rate_hz) in [("100 Hz", 100.0), ("5 Hz", 5.0)] {
+    let mut rates_hz: Vec<f64> =
+        first.iter().map(|case| case.label.rate_hz).filter(|rate_hz| rate_hz.is_finite()).collect();
+    rates_hz.sort_by(|one, other| other.total_cmp(one));
+    rates_hz.dedup();
+    for rate_hz in rates_hz {
         let own: Vec<ScoredUnit> = first.iter().filter(|case| case.label.rate_hz == rate_hz).cloned().collect();
-        if !own.is_empty() {
-            parts.push(page::MethodScore { name: name.to_owned(), score: score(&own) });
-        }
+        parts.push(page::MethodScore { name: format!("{rate_hz} Hz"), score: score(&own) });
     }
     if !as_json {
         let words = page::misses_in_words(&first).map(|words| format!("{words}\n\n")).unwrap_or_default();
