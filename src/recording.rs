@@ -6,6 +6,9 @@ use crate::frame::{EsvState, Frame};
 use crate::stored::held_by_id;
 use crate::units::seconds_from_nanos;
 
+/// Samples farther apart than this leave open what inputs do between them, ns: the spool, which settles within it, shows none of it.
+pub(crate) const SLOW_NS: i64 = 30_000_000;
+
 /// The four dynamic processes of a governor (Liu et al. 2025, section 4.2); there are no others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Process {

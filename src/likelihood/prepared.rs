@@ -5,14 +5,11 @@ use std::ops::Range;
 use crate::frame::{Estimate, Frame};
 use crate::likelihood::idle::idle_segments;
 use crate::plant::lanes::Width;
-use crate::recording::{Process, Recording};
+use crate::recording::{Process, Recording, SLOW_NS};
 use crate::signal::Signal;
 use crate::twin::batch::{self, BatchRow};
 use crate::twin::{Cut, Twin};
 use crate::units::{nanos_from_seconds, seconds_from_nanos};
-
-/// Samples farther apart than this leave open what inputs do between them, s: the spool, which settles within it, shows none of it.
-const SLOW_S: f64 = 0.03;
 
 /// Median size of the second difference of white jitter, over its standard deviation.
 const MEDIAN_BEND: f64 = 1.652;
@@ -72,7 +69,7 @@ impl PreparedRecording {
         }
         bends.sort_by(f64::total_cmp);
         let bend = bends.get(bends.len() / 2).copied().unwrap_or(0.0);
-        let command_jitter_pu = if period_s > SLOW_S { bend / MEDIAN_BEND } else { 0.0 };
+        let command_jitter_pu = if is_slow(period_s) { bend / MEDIAN_BEND } else { 0.0 };
         Self {
             name,
             process,
@@ -106,7 +103,7 @@ impl PreparedRecording {
     /// Whether its samples are so far apart that nobody knows what drives the unit between them.
     #[must_use]
     pub(crate) fn is_slow(&self) -> bool {
-        self.period_s > SLOW_S
+        is_slow(self.period_s)
     }
 
     /// Whether its recorded spool drives all that is judged.
@@ -290,4 +287,9 @@ fn leave_out(frames: &mut Vec<Frame>, ranges: &[Range<usize>]) -> Vec<(usize, i6
         gone += range.len();
     }
     seams
+}
+
+/// Whether samples so far apart leave open what inputs do between them.
+fn is_slow(period_s: f64) -> bool {
+    period_s > seconds_from_nanos(SLOW_NS)
 }

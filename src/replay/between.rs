@@ -7,11 +7,8 @@
 
 use super::simulate;
 use crate::frame::{Estimate, EsvState, Frame, Signals};
-use crate::recording::Recording;
+use crate::recording::{Recording, SLOW_NS};
 use crate::twin::Twin;
-
-/// Rows nearer than this leave nothing open between them, ns.
-const SLOW_NS: i64 = 50_000_000;
 
 /// Rows farther apart than this are a gap: where in it a trip came, nobody can say, ns.
 const GAP_NS: i64 = 1_000_000_000;
@@ -136,14 +133,18 @@ mod tests {
     #[test]
     fn a_slow_recording_drawn_in_is_nearer_to_the_fast_one_than_with_inputs_held() {
         let mut twin = Twin::new(&crate::params::reference());
-        let (fast, slow) = (recording(10), recording(200));
-        let truth: Vec<f64> =
-            simulate(&mut twin, &fast).iter().step_by(20).map(|one| one.signals.spool_position_pu).collect();
-        let rms_error = |estimates: &[crate::frame::Estimate]| -> f64 {
-            estimates.iter().zip(&truth).map(|(one, truth)| (one.signals.spool_position_pu - truth).abs()).sum()
-        };
-        let (held, drawn) = (simulate(&mut twin, &slow), simulate_between(&mut twin, &slow, 10 * MS));
-        assert!(rms_error(&drawn) < 0.5 * rms_error(&held), "{} against {}", rms_error(&drawn), rms_error(&held));
+        let fast = simulate(&mut twin, &recording(10));
+        for rows in [4, 20] {
+            let slow = recording(10 * rows);
+            let truth = fast.iter().step_by(usize::try_from(rows).unwrap());
+            let error_pu = |estimates: &[crate::frame::Estimate]| -> f64 {
+                let spools = estimates.iter().zip(truth.clone());
+                spools.map(|(one, truth)| (one.signals.spool_position_pu - truth.signals.spool_position_pu).abs()).sum()
+            };
+            let held_pu = error_pu(&simulate(&mut twin, &slow));
+            let drawn_pu = error_pu(&simulate_between(&mut twin, &slow, 10 * MS));
+            assert!(drawn_pu < 0.5 * held_pu, "every {rows}0 ms: {drawn_pu} against {held_pu}");
+        }
     }
 
     #[test]
