@@ -53,7 +53,7 @@ pub struct StageEvidence {
 pub struct EvidenceTable {
     /// Independent samples, all signals together.
     pub samples: f64,
-    /// Share of these at rates too slow to show the inputs between samples.
+    /// How slow the rates are: 0 at 100 Hz, 1 at 5 Hz, a mean over independent samples.
     pub slow_share: f64,
     /// Whether pilot signals were recorded.
     pub pilot: bool,
@@ -138,8 +138,8 @@ impl EvidenceTable {
         };
         let samples = problem.independent_samples();
         let slow: f64 = (0..problem.recordings.len())
-            .filter(|&recording| problem.recordings[recording].is_slow())
-            .map(|recording| problem.only(recording).independent_samples())
+            .map(|recording| (slowness(problem.recordings[recording].period_s), problem.only(recording)))
+            .map(|(slowness, only)| if slowness > 0.0 { slowness * only.independent_samples() } else { 0.0 })
             .sum();
         let pilot = crate::signal::Signal::PilotValvePosition;
         Self {
@@ -151,5 +151,26 @@ impl EvidenceTable {
             parts: if alone { Vec::new() } else { parts(problem, explored.refitted()) },
             stage_alone: None,
         }
+    }
+}
+
+/// Periods at which the weights of fast and of slow rates were learned, s.
+const LEARNED_AT_S: [f64; 2] = [0.01, 0.2];
+
+/// How slow a rate is: 0 and 1 at the rates at which weights were learned, in between by the logarithm of the period.
+fn slowness(period_s: f64) -> f64 {
+    let [fast_s, slow_s] = LEARNED_AT_S;
+    ((period_s / fast_s).ln() / (slow_s / fast_s).ln()).clamp(0.0, 1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::slowness;
+
+    #[test]
+    fn a_rate_in_between_is_in_between() {
+        let at = [0.001, 0.01, 0.02, 0.05, 0.1, 0.2, 1.0].map(slowness);
+        assert_eq!([at[0], at[1], at[5], at[6]], [0.0, 0.0, 1.0, 1.0]);
+        assert!((at[2] - 0.231).abs() < 1e-3 && (at[3] - 0.537).abs() < 1e-3 && (at[4] - 0.769).abs() < 1e-3, "{at:?}");
     }
 }
