@@ -223,7 +223,8 @@ fn causes_picture(gathered: &Gathered, looks: &[Look]) -> Option<Picture> {
         let Some(found) = &row.found else { return f64::NAN };
         let cause = found.causes.iter().find(|cause| cause.id == id).and_then(|cause| cause.probability);
         let p = if id == "unknown" { found.unknown_probability } else { cause };
-        p.map_or(f64::NAN, |p| 100.0 * p)
+        // Nothing is certain: 99 is "over 99 %" elsewhere.
+        p.map_or(f64::NAN, |p| (100.0 * p).min(99.0))
     };
     let cells = rows.iter().rev().map(|row| causes.iter().map(|id| value(row, id)).collect()).collect();
     let shape = MarkShape::Cells { rows: cells, full: 100.0, below: Ink::Muted, decimals: 0 };
