@@ -19,18 +19,6 @@ impl DiagnosisReport {
         rank.map(|rank| rank.probability).filter(|probability| !probability.is_nan()).unwrap_or(0.0)
     }
 
-    /// The most probable id of all; `none` where the ranking is empty.
-    #[must_use]
-    pub fn first(&self) -> &str {
-        let mut best: Option<&Ranked> = None;
-        for rank in self.ranking.iter().filter(|rank| !rank.probability.is_nan()) {
-            if best.is_none_or(|best| rank.probability > best.probability) {
-                best = Some(rank);
-            }
-        }
-        best.map_or("none", |rank| rank.id.as_str())
-    }
-
     /// The one word that the verdict comes down to: an effect's id, `unknown` or `none`.
     #[must_use]
     pub fn word(&self) -> &str {
@@ -102,7 +90,7 @@ mod tests {
             ..EvidenceTable::default()
         };
         report.ranking.rotate_right(1);
-        assert!(report.detects() && report.first() == "port_overlap" && report.word() == "port_overlap");
+        assert!(report.detects() && report.word() == "port_overlap");
         assert!(report.blames("port_overlap") && !report.blames("load"));
         assert_eq!(["backlash", "load"].map(|id| report.probability(id)), [0.0; 2]);
         assert_eq!((report.leaves(), report.explained_fraction()), (Some(30.0), None));
@@ -110,6 +98,6 @@ mod tests {
         assert_eq!(report.explained_fraction(), Some(report.gap.explained_fraction));
         assert_eq!(DiagnosisReport { verdict: Verdict::Unknown, ..report }.leaves(), Some(500.0));
         let silent = DiagnosisReport::of_verdict(Verdict::NoGap);
-        assert!(silent.word() == "none" && !silent.detects() && silent.first() == "none" && silent.leaves().is_none());
+        assert!(silent.word() == "none" && !silent.detects() && silent.leaves().is_none());
     }
 }
