@@ -154,7 +154,13 @@ impl<'a> FaultRun<'a> {
     /// Whether everything is the old one or everything the new one; where names are taken one after the other, each for itself.
     fn old_or_new(&self, found: &mut Vec<String>) -> bool {
         let (from_old, from_new) = (self.differs(&self.old), self.differs(&self.new));
-        let each = self.case.stepwise && from_old.iter().all(|path| !from_new.contains(path));
+        let grown = |path: &Path| {
+            !self.case.journal.is_empty()
+                && path.ends_with(self.case.journal)
+                && fs::read(self.root.join(path))
+                    .is_ok_and(|text| serde_json::from_slice::<serde_json::Value>(&text).is_ok())
+        };
+        let each = self.case.stepwise && from_old.iter().all(|path| !from_new.contains(path) || grown(path));
         if !(from_old.is_empty() || from_new.is_empty() || each) {
             found.push(format!("neither old (other: {from_old:?}) nor new (other: {from_new:?})"));
         }

@@ -2,7 +2,7 @@
 
 use crate::diagnosis::hypotheses::table::EvidenceRow;
 use crate::diagnosis::result::schema::DiagnosisReport;
-use crate::diagnosis::result::{Blame, Interval, Ranked, Verdict};
+use crate::diagnosis::result::{Blame, Interval, Verdict};
 use crate::likelihood::problem::SOUND_MEAN_SQUARE;
 
 impl DiagnosisReport {
@@ -70,6 +70,7 @@ impl DiagnosisReport {
 mod tests {
     use super::*;
     use crate::diagnosis::hypotheses::table::EvidenceTable;
+    use crate::diagnosis::result::Ranked;
     use crate::effects::find;
 
     #[test]

@@ -21,6 +21,8 @@ pub struct Case {
     pub tells_of_before: bool,
     /// Takes seconds a run: one step of it is tried in the ordinary tests.
     pub costly: bool,
+    /// Name of a journal that grows while it works, whole JSON at any moment; empty where there is none.
+    pub journal: &'static str,
     /// Draws the names of its reports, and leaves a note of each try that failed: the one are compared whatever their names, the other not at all.
     pub drawn: bool,
 }
@@ -36,6 +38,7 @@ pub const PLAIN: Case = Case {
     before_next: nothing,
     tells_of_before: false,
     costly: false,
+    journal: "",
     drawn: false,
 };
 

@@ -47,7 +47,8 @@ pub fn compare() -> Case {
             fs::write(root.join("out/compare.json"), "older, of govtwin").unwrap();
             fs::write(root.join("out/diary"), "mine").unwrap();
         },
-        // Its journal of searches grows, so that a run that was broken off goes on.
+        // So that a run that was broken off goes on.
+        journal: "search.json",
         stepwise: true,
         costly: true,
         ..PLAIN
