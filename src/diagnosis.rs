@@ -146,6 +146,7 @@ pub fn diagnose(
     }
     progress("tabulating the evidence", 0.85);
     let mut table = EvidenceTable::new(&problem, &explored, &settings.catalogue);
+    table.assumed_sheet = settings.judged_by == JudgedBy::AssumedSheet;
     stage_only::left_out::add(&mut table, &problem, &explored, &ready);
     let weights = Questions::of(&table).shipped();
     let posterior = Posterior::new(&table, &weights, &[]);

@@ -11,7 +11,7 @@ use crate::battery::Label;
 use crate::benchmark::statistics::weight_of_sound;
 use crate::diagnosis::decision::features::score;
 use crate::diagnosis::decision::posterior::{Hypotheses, Posterior};
-use crate::diagnosis::decision::weights::{PosteriorFeature, Questions, Weights, beforehand};
+use crate::diagnosis::decision::weights::{Questions, Weights};
 use crate::diagnosis::hypotheses::table::{EvidenceRow, EvidenceTable};
 use crate::diagnosis::result::Interval;
 use crate::diagnosis::result::schema::DiagnosisReport;
@@ -194,20 +194,20 @@ fn sound_weight(examples: &[Example]) -> f64 {
 /// The weights that score best on these examples; `settled` puts weights in place that are not to be learned. Those of sets come first: how
 /// probable nothing is among them enters the others.
 fn fit(examples: &[Example], questions: &Questions, settled: &dyn Fn(Weights) -> Weights) -> Weights {
-    let bayes = questions.bayes();
-    let sets = best(&choices(examples, &bayes.sets, of_sets), questions.sets);
-    let sets = settled(Weights { sets, ..bayes }).sets;
-    let unknown = best(&choices(examples, &sets, |example, of| Some(of_unknown(example, of))), questions.unknown);
-    let stages = best(&choices(examples, &sets, of_stages), questions.stages);
-    settled(Weights { sets, unknown, stages, ..questions.bayes() })
+    let before = questions.beforehand();
+    let sets = best(&choices(examples, &before.sets, of_sets), &before.sets);
+    let sets = settled(Weights { sets, ..before.clone() }).sets;
+    let unknown = best(&choices(examples, &sets, |example, of| Some(of_unknown(example, of))), &before.unknown);
+    let stages = best(&choices(examples, &sets, of_stages), &before.stages);
+    settled(Weights { sets, unknown, stages, ..before })
 }
 
-/// The weights of one question: Newton's method on the log score with a Gaussian prior about what they are with nothing learned.
-fn best(choices: &[Answered], features: &[PosteriorFeature]) -> Vec<f64> {
-    if features.is_empty() {
+/// The weights of one question: Newton's method on the log score with a Gaussian prior about what they are beforehand.
+fn best(choices: &[Answered], beforehand: &[f64]) -> Vec<f64> {
+    if beforehand.is_empty() {
         return Vec::new();
     }
-    let centre = DVector::from_vec(beforehand(features));
+    let centre = DVector::from_column_slice(beforehand);
     let count = centre.len();
     let mut weights = centre.clone();
     let value = |weights: &DVector<f64>| {

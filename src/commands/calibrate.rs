@@ -88,8 +88,10 @@ For comparison, the same units are scored with
   no unknown       evidence without something unknown, learned again
 Nothing is simulated.
 
-The program contains the weights of params/diagnosis_weights.json; to use others, replace that file
-and rebuild.
+The program contains the weights of params/diagnosis_weights.json, of assumed_sheet_weights.json
+for units without a data sheet (`blind --no-sheet`), and of stage_weights.json for servomotor stages
+alone; to use others, replace that file and rebuild. Weights for units without a data sheet are
+learned as deviations from those for units with one.
 
 Example:
   govtwin calibrate 8201 8202 8203 8204    # folders of `blind --generate`
@@ -253,7 +255,8 @@ fn questions(batteries: &[Vec<JudgedUnit>]) -> anyhow::Result<&'static Questions
     let Some(first) = asked.next() else { bail!("there is nothing to learn from") };
     if asked.any(|other| !std::ptr::eq(other, first)) {
         bail!(
-            "expected units of one kind, found whole chains and servomotor stages alone: learn each from folders of its own"
+            "expected units of one kind, found several of whole chains with a data sheet, without one, and servomotor stages alone: learn \
+             each from folders of its own"
         );
     }
     Ok(first)

@@ -1,7 +1,7 @@
 //! The learned numbers of the posterior, and the features that they multiply.
 //!
 //! [`Questions::bayes`] is Bayes' theorem with nothing learned; `govtwin calibrate` learns the weights by log score on generated units. Whole chains
-//! and servomotor stages alone have features and weights of their own.
+//! and servomotor stages alone have features and weights of their own; whole chains without a data sheet have weights of their own.
 
 use serde::{Deserialize, Serialize};
 
@@ -86,17 +86,31 @@ pub struct Questions {
     pub stages: &'static [PosteriorFeature],
     /// The two kinds, in the order of the weights.
     kinds: [&'static str; 2],
+    /// Whose shipped weights are these beforehand; none where nothing learned is.
+    begins_with: Option<&'static Questions>,
     /// The weights as shipped; `govtwin calibrate` writes such a file.
     shipped: &'static str,
 }
 
 /// Of whole chains.
-pub static CHAIN: Questions = Questions {
+pub static CHAIN: Questions = CHAIN_QUESTIONS;
+
+const CHAIN_QUESTIONS: Questions = Questions {
     sets: &OF_SETS,
     unknown: &OF_UNKNOWN,
     stages: &OF_STAGES,
     kinds: ["at fast rates", "at slow rates"],
+    begins_with: None,
     shipped: include_str!("../../../params/diagnosis_weights.json"),
+};
+
+/// Of whole chains whose sheet was made of the recordings: wherever that is wrong, it leaves and forgives other things than a manufacturer's sheet.
+///
+/// Units without a sheet are few beside those with one, so learning begins with what the latter taught.
+pub static ASSUMED_SHEET: Questions = Questions {
+    begins_with: Some(&CHAIN),
+    shipped: include_str!("../../../params/assumed_sheet_weights.json"),
+    ..CHAIN_QUESTIONS
 };
 
 /// Of servomotor stages alone. Whether something unknown acts there is left to what transducers account for: in real machines the right effect leaves as
@@ -106,6 +120,7 @@ pub static STAGE_ALONE: Questions = Questions {
     unknown: &[],
     stages: &[],
     kinds: ["without a data sheet", "with a data sheet"],
+    begins_with: None,
     shipped: include_str!("../../../params/stage_weights.json"),
 };
 
@@ -113,13 +128,25 @@ impl Questions {
     /// Those that a table answers.
     #[must_use]
     pub fn of(table: &EvidenceTable) -> &'static Self {
-        if table.stage_alone.is_some() { &STAGE_ALONE } else { &CHAIN }
+        if table.stage_alone.is_some() {
+            &STAGE_ALONE
+        } else if table.assumed_sheet {
+            &ASSUMED_SHEET
+        } else {
+            &CHAIN
+        }
     }
 
     /// The weights that come with the program.
     #[must_use]
     pub fn shipped(&self) -> Weights {
         serde_json::from_str(self.shipped).unwrap_or_else(|_| self.bayes())
+    }
+
+    /// The weights before anything is learned on units of this kind.
+    #[must_use]
+    pub fn beforehand(&self) -> Weights {
+        self.begins_with.map_or_else(|| self.bayes(), Self::shipped)
     }
 
     /// Bayes' theorem with odds of e⁵ against each effect, nothing learned.
@@ -130,9 +157,9 @@ impl Questions {
             self.kinds.iter().flat_map(of).collect()
         };
         Weights {
-            sets: beforehand(self.sets),
-            unknown: beforehand(self.unknown),
-            stages: beforehand(self.stages),
+            sets: unlearned(self.sets),
+            unknown: unlearned(self.unknown),
+            stages: unlearned(self.stages),
             features: [names(self.sets), names(self.unknown), names(self.stages)],
             size_spread: 0.1,
             explained_fraction_widening: 1.0,
@@ -141,9 +168,7 @@ impl Questions {
     }
 }
 
-/// The weights with nothing learned.
-#[must_use]
-pub fn beforehand(features: &[PosteriorFeature]) -> Vec<f64> {
+fn unlearned(features: &[PosteriorFeature]) -> Vec<f64> {
     (0..2).flat_map(|kind| features.iter().map(move |feature| feature.bayes[kind])).collect()
 }
 
@@ -172,8 +197,17 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_table_without_a_sheet_has_weights_of_its_own_that_begin_with_those_of_a_sheet() {
+        let table = |assumed_sheet| EvidenceTable { assumed_sheet, ..EvidenceTable::default() };
+        assert!(std::ptr::eq(Questions::of(&table(true)), &raw const ASSUMED_SHEET));
+        assert!(std::ptr::eq(Questions::of(&table(false)), &raw const CHAIN));
+        assert_eq!(ASSUMED_SHEET.beforehand().sets, CHAIN.shipped().sets);
+        assert_eq!(CHAIN.beforehand().sets, CHAIN.bayes().sets);
+    }
+
+    #[test]
     fn the_shipped_weights_are_of_these_features() {
-        for questions in [&CHAIN, &STAGE_ALONE] {
+        for questions in [&CHAIN, &ASSUMED_SHEET, &STAGE_ALONE] {
             let weights: Weights = serde_json::from_str(questions.shipped).unwrap();
             assert_eq!(weights.features, questions.bayes().features);
             for (weights, features) in [

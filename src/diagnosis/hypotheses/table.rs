@@ -13,6 +13,7 @@ use crate::diagnosis::hypotheses::explorer::{Hypothesis, is_stage_alone};
 use crate::effects::{EffectSpec, Stage};
 use crate::likelihood::noise::log_sum;
 use crate::likelihood::problem::Problem;
+use crate::stored::{evidence, evidence_grid, unbounded};
 
 /// What the recordings say of one fault set.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -21,7 +22,8 @@ pub struct EvidenceRow {
     pub effects: Vec<String>,
     /// Whether it was fitted with care.
     pub refined: bool,
-    /// Cost of the fit: squares of residuals and priors.
+    /// Cost of the fit: squares of residuals and priors; infinite where the set could not be simulated.
+    #[serde(deserialize_with = "unbounded")]
     pub cost: f64,
     /// Squares of the priors in it, in tolerances.
     pub prior: f64,
@@ -29,8 +31,10 @@ pub struct EvidenceRow {
     #[serde(rename = "strain")]
     pub prior_per_parameter: f64,
     /// Logarithm of the evidence at each size of the error of equations ([`KAPPAS`]) and of laws (`LAW_ERRORS`).
+    #[serde(deserialize_with = "evidence_grid")]
     pub grid: [[f64; LAW_ERRORS.len()]; KAPPAS.len()],
     /// Logarithm of the evidence without each recording.
+    #[serde(deserialize_with = "evidence")]
     pub without_each: Vec<f64>,
     /// Size of each effect, in typical ones.
     pub sizes: Vec<f64>,
@@ -55,6 +59,9 @@ pub struct EvidenceTable {
     pub samples: f64,
     /// How slow the rates are: 0 at 100 Hz, 1 at 5 Hz, a mean over independent samples.
     pub slow_share: f64,
+    /// Whether the sheet was made of the recordings themselves.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub assumed_sheet: bool,
     /// Whether pilot signals were recorded.
     pub pilot: bool,
     /// Fitted fault sets, likeliest first.
@@ -145,6 +152,7 @@ impl EvidenceTable {
         Self {
             samples,
             slow_share: slow / samples.max(1e-9),
+            assumed_sheet: false,
             pilot: problem.recordings.iter().any(|recording| recording.has[pilot as usize]),
             rows: explored.hypotheses.par_iter().map(row).collect(),
             unknown: unknown(explored.hypotheses.iter().find(|one| one.effects.is_empty())),
@@ -165,7 +173,22 @@ fn slowness(period_s: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::slowness;
+    use super::{EvidenceRow, slowness};
+    use crate::diagnosis::evidence::KAPPAS;
+    use crate::diagnosis::evidence::law_error::LAW_ERRORS;
+
+    /// JSON has no infinity.
+    #[test]
+    fn a_set_that_could_not_be_simulated_is_read_back() {
+        let row = EvidenceRow {
+            cost: f64::INFINITY,
+            grid: [[f64::NEG_INFINITY; LAW_ERRORS.len()]; KAPPAS.len()],
+            without_each: vec![f64::NEG_INFINITY, -3.0],
+            ..EvidenceRow::default()
+        };
+        let text = serde_json::to_string(&row).unwrap();
+        assert_eq!(serde_json::from_str::<EvidenceRow>(&text).unwrap(), row, "{text}");
+    }
 
     #[test]
     fn a_rate_in_between_is_in_between() {

@@ -1,6 +1,6 @@
 //! How often claims of a probability were right.
 
-use crate::diagnosis::decision::weights::{CHAIN, STAGE_ALONE};
+use crate::diagnosis::decision::weights::{ASSUMED_SHEET, CHAIN, STAGE_ALONE};
 use crate::report::diagnosis::words::percent;
 
 /// Claims of a probability are compared with what came true only where so many were counted.
@@ -11,10 +11,9 @@ pub fn like(claimed: f64) -> Option<String> {
     hit_rate(&CHAIN.shipped().provenance, "units", claimed)
 }
 
-/// The same where the sheet was made of the recordings: too few such claims were counted for a share of their own.
+/// The same where the sheet was made of the recordings.
 pub fn by_assumed_sheet(claimed: f64) -> Option<String> {
-    like(claimed)
-        .map(|said| format!("{said} Those units had a data sheet; with an assumed sheet fewer statements are true."))
+    hit_rate(&ASSUMED_SHEET.shipped().provenance, "units without a data sheet", claimed)
 }
 
 /// The same of servomotor stages alone.
