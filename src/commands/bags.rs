@@ -3,10 +3,12 @@
 mod excerpts;
 
 use std::collections::BTreeSet;
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use govtwin::bag::{Health, Interpolation, Positions, ReadOptions, Stream, Topics, Warning};
+use govtwin::diagnosis::result::NEXT_TEST;
 use govtwin::files::look_at;
 use govtwin::import::Map;
 use govtwin::parameters::Unit;
@@ -343,7 +345,9 @@ fn collect(path: &Path, above: &mut Vec<PathBuf>, found: &mut Vec<PathBuf>) -> a
     }
     entries.sort();
     for entry in entries {
-        let hidden = entry.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
+        // A proposed test is a script for a governor, and stands beside the recordings where a diagnosis is written into their folder.
+        let is_no_recording = |name: &OsStr| name.as_encoded_bytes().starts_with(b".") || name == NEXT_TEST;
+        let hidden = entry.file_name().is_some_and(is_no_recording);
         let looking = || format!("cannot look at {}", entry.display());
         if !hidden && (is_bag_file(&entry) || look_at(&entry).with_context(looking)?.is_some_and(|kind| kind.is_dir()))
         {
@@ -393,6 +397,16 @@ mod tests {
 
     fn names(paths: &[std::path::PathBuf]) -> Vec<String> {
         find(paths).unwrap().into_iter().map(|bag| bag.name).collect()
+    }
+
+    #[test]
+    fn a_proposed_test_is_a_recording_only_where_it_is_named() {
+        let dir = tempfile::tempdir().unwrap();
+        for file in ["shutdown.mcap", "next_test.mcap"] {
+            std::fs::write(dir.path().join(file), "").unwrap();
+        }
+        assert_eq!(names(&[dir.path().to_owned()]), ["shutdown"]);
+        assert_eq!(names(&[dir.path().join("next_test.mcap")]), ["next_test"]);
     }
 
     #[test]
