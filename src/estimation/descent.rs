@@ -43,6 +43,10 @@ pub(super) fn step<C: Coordinate>(
         }
         let Some(cholesky) = h.cholesky() else { return positions.to_vec() };
         let change = cholesky.solve(&g);
+        if change.iter().any(|one| !one.is_finite()) {
+            // Where the start could not be simulated, its residuals lead nowhere.
+            return positions.to_vec();
+        }
         let mut next: Vec<f64> = positions.iter().zip(change.iter()).map(|(p, c)| p - c).collect();
         let mut hit = false;
         for k in 0..n {
@@ -56,5 +60,25 @@ pub(super) fn step<C: Coordinate>(
         if !hit {
             return next;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::identification::free_parameter::FreeParameter;
+    use crate::params;
+
+    #[test]
+    fn residuals_that_are_no_numbers_lead_nowhere() {
+        let unit = params::reference();
+        let all = FreeParameter::nuisances(&unit);
+        let positions = vec![0.0; all.len()];
+        let hessian = DMatrix::identity(all.len(), all.len());
+        let gradient = |value: f64| DVector::from_element(all.len(), value);
+        let next = |value: f64| step(&unit, &all, &positions, &hessian, &gradient(value), 0.0);
+        assert_eq!(next(f64::NAN), positions);
+        assert_eq!(next(f64::INFINITY), positions);
+        assert_ne!(next(0.1), positions);
     }
 }

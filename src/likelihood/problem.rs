@@ -31,6 +31,11 @@ pub const METHOD: Method = Method::Split { max_step_s: 1.0e-3 };
 /// What stands for a simulated value that is no number, in any signal's unit: far from everything, so that no fit ends there.
 const ASTRAY: f64 = 1.0e12;
 
+/// Whether a simulated value is no number, or so far off that its square soon will be none.
+fn is_astray(value: f64) -> bool {
+    value.is_nan() || value.abs() > ASTRAY
+}
+
 /// A set of recordings with the noise to expect of them, against which units are judged.
 #[derive(Debug)]
 pub struct Problem {
@@ -273,7 +278,7 @@ impl Problem {
         for (signal, whitener) in data.signals().zip(&self.whiteners[index]) {
             let start = all.len();
             let simulated = &mut traces[signal as usize];
-            simulated.iter_mut().filter(|value| !value.is_finite()).for_each(|value| *value = ASTRAY);
+            simulated.iter_mut().filter(|value| is_astray(**value)).for_each(|value| *value = ASTRAY);
             let measured = data.measured(signal).into_iter();
             all.extend(measured.zip(&*simulated).map(|(measured, simulated)| measured - simulated));
             whitener.apply(&mut all[start..]);

@@ -71,7 +71,11 @@ pub(crate) fn without_parts(problem: &Problem, model: &FittedModel) -> HeldOutEs
         }
         hessian += DMatrix::identity(model.free_parameters.len(), model.free_parameters.len()) * 1e-9;
         let Some(cholesky) = hessian.cholesky() else { continue };
-        let unit = subject_at(&model.base, &model.free_parameters, &moved(model, &cholesky.solve(&gradient)));
+        let step = cholesky.solve(&gradient);
+        if step.iter().any(|one| !one.is_finite()) {
+            continue;
+        }
+        let unit = subject_at(&model.base, &model.free_parameters, &moved(model, &step));
         for recording in recordings.clone() {
             let anew = problem.simulate(&unit, recording);
             for block in part_of(&problem.recordings[recording], part) {
