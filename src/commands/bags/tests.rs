@@ -1,3 +1,5 @@
+//! Finding bags in folders, and reading them as recordings.
+
 use std::path::PathBuf;
 
 use govtwin::bag::Topics;
