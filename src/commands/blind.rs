@@ -250,3 +250,20 @@ fn warn_of(failed: &[String]) {
 fn outcome(failed: &[String]) -> Outcome {
     if failed.is_empty() { Outcome::Ok } else { Outcome::Warnings }
 }
+
+#[cfg(test)]
+mod tests {
+    use govtwin::battery::plan::BatteryRates;
+
+    use super::rates;
+
+    #[test]
+    fn rates_are_both_or_a_list_whose_periods_the_plant_can_step() {
+        assert_eq!(rates("both"), Ok(BatteryRates::Both));
+        assert_eq!(rates("5"), Ok(BatteryRates::OneOf(vec![5.0])));
+        assert_eq!(rates("50, 20,10"), Ok(BatteryRates::OneOf(vec![50.0, 20.0, 10.0])));
+        for refused in ["", "3", "0", "-10", "nan", "2000", "50,,10", "bench"] {
+            assert!(rates(refused).unwrap_err().contains("such as 50,20,10"), "{refused}");
+        }
+    }
+}
