@@ -145,8 +145,9 @@ impl EvidenceTable {
         };
         let samples = problem.independent_samples();
         let slow: f64 = (0..problem.recordings.len())
-            .map(|recording| (slowness(problem.recordings[recording].period_s), problem.only(recording)))
-            .map(|(slowness, only)| if slowness > 0.0 { slowness * only.independent_samples() } else { 0.0 })
+            .map(|recording| (recording, slowness(problem.recordings[recording].period_s)))
+            .filter(|(_, slowness)| *slowness > 0.0)
+            .map(|(recording, slowness)| slowness * problem.only(recording).independent_samples())
             .sum();
         let pilot = crate::signal::Signal::PilotValvePosition;
         Self {
